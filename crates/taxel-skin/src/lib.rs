@@ -1,0 +1,14 @@
+//! The words of robot skin as types: units, time, identifiers, layout, geometry.
+//!
+//! Nothing here does I/O or reads a clock. Every other crate speaks in these types.
+
+// mod geometry;
+mod ids;
+mod layout;
+mod time;
+mod units;
+
+pub use ids::{BoardAddress, BusIndex, IdError, Module, TaxelIndex};
+pub use layout::{Board, LayoutError, ModuleKind, ModuleSite, Patch, TaxelSite, VALUES_PER_MODULE};
+pub use time::Time;
+pub use units::{Kilopascal, Newton, SquareMillimetre};

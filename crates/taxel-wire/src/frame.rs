@@ -1,0 +1,76 @@
+//! A CAN frame as the rest of the house knows it, independent of any socket library.
+
+use std::fmt;
+use taxel_skin::Time;
+
+/// Standard (11 bit) or extended (29 bit) identifier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum CanId {
+    /// 11 bits, 0 to 0x7FF.
+    Standard(u16),
+    /// 29 bits, 0 to 0x1FFF_FFFF.
+    Extended(u32),
+}
+
+impl fmt::Display for CanId {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Standard(id) => write!(f, "{id:03X}"),
+            Self::Extended(id) => write!(f, "{id:08X}"),
+        }
+    }
+}
+
+/// What a frame is, beside its identifier.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum FrameKind {
+    /// Carries data.
+    #[default]
+    Data,
+    /// Asks for data; `len` is the length asked for.
+    Remote,
+    /// Made by the kernel or the controller: the identifier holds the error class bits.
+    Error,
+}
+
+/// A classic CAN frame: up to eight bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Frame {
+    /// Identifier; for [`FrameKind::Error`] the class bits as an extended identifier.
+    pub id: CanId,
+    /// Data, remote or error.
+    pub kind: FrameKind,
+    len: u8,
+    data: [u8; 8],
+}
+
+impl Frame {
+    /// A data frame; `None` if there are more than eight bytes.
+    #[must_use]
+    pub fn data(id: CanId, bytes: &[u8]) -> Option<Self> {
+        Self::new(id, FrameKind::Data, bytes)
+    }
+
+    /// A frame of any kind; `None` if there are more than eight bytes.
+    #[must_use]
+    pub fn new(id: CanId, kind: FrameKind, bytes: &[u8]) -> Option<Self> {
+        let mut data = [0; 8];
+        data.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        Some(Self { id, kind, len: bytes.len() as u8, data })
+    }
+
+    /// The frame's bytes, at most eight.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        &self.data[..usize::from(self.len)]
+    }
+}
+
+/// A frame and when the kernel received it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TimedFrame {
+    /// Receive time on the run's clock.
+    pub time: Time,
+    /// The frame.
+    pub frame: Frame,
+}
