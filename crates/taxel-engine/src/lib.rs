@@ -1,1 +1,33 @@
-//! Being written.
+//! The one owner of live state: frames and commands go in, snapshots, records and frames to send come out.
+//!
+//! No I/O, no clock, no runtime: [`Now`] is part of every call, so that the live bus, a log replay and the simulator
+//! run the very same engine, and a replay gives bit-identical results every time.
+
+pub mod boards;
+pub mod bring_up;
+pub mod command;
+mod commands;
+pub mod contact;
+mod engine;
+pub mod evaluate;
+pub mod faults;
+pub mod force;
+pub mod gauge;
+mod health;
+pub mod io;
+pub mod live;
+pub mod model_set;
+mod patch;
+pub mod plan;
+mod procedure;
+mod publish;
+pub mod record;
+pub mod rest;
+pub mod route;
+pub mod session;
+pub mod snapshot;
+pub mod tare;
+mod zero;
+
+pub use engine::Engine;
+pub use io::{BusNotice, Input, Now, Output, Restored};

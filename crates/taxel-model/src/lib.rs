@@ -1,1 +1,59 @@
-//! Being written.
+//! The mathematics of one taxel: from samples of (count, pressure) to a curve that turns counts into pressure.
+//!
+//! ```
+//! use taxel_model::{Accumulator, FitOptions, FixedPressure};
+//! let mut sums = Accumulator::new(); // or `fit` on slices: any real abscissa, any number of samples
+//! for k in 0..700_u32 {
+//!     let kpa = f64::from(k) / 10.0;
+//!     let count = 240.0 - 80.0 * kpa / (kpa + 40.0);
+//!     sums.add(count.round() as u8, FixedPressure::from_kpa(kpa), 0);
+//! }
+//! let model = sums.fit(&FitOptions::default());
+//! assert!(model.is_usable());
+//! let reading = model.evaluate(200.0).unwrap();
+//! assert!((reading.kpa - 40.0).abs() < 1.0);
+//! let table = model.tabulate(0.0); // 256 pressures and deviations for the live path
+//! assert_eq!(table.pressure_kpa[200], reading.kpa as f32);
+//! ```
+//!
+//! 1. Reduce: exact sums per count or per bin of pressure stand for all samples ([`Accumulator`], `reduce`).
+//! 2. Solve on polynomials orthonormal over the reduced rows, refined in double-double (`orthogonal`, `refine`).
+//! 3. Choose the order (`order`), prove the shape or repair it (`shape`), tell the error (`uncertainty`).
+//! 4. Judge: [`Status`] says whether the curve may be used, [`Flag`]s what else there is to know.
+//!
+//! Nothing here does I/O, and nothing panics on data: what has no curve says why. Equal samples give bit-identical
+//! models in whatever order they come.
+
+mod accumulate;
+mod curve;
+mod dd;
+mod decimal;
+mod fit;
+mod model;
+mod nnls;
+mod options;
+mod order;
+mod orthogonal;
+mod reduce;
+mod refine;
+mod samples;
+mod series;
+mod shape;
+mod status;
+mod table;
+mod uncertainty;
+
+pub use accumulate::{Accumulator, FixedPressure};
+pub use curve::Curve;
+pub use dd::Dd;
+pub use decimal::parse_decimal;
+pub use fit::fit;
+pub use model::{Quality, RangeState, Reading, Sign, TaxelModel};
+pub use options::{
+    Estimator, Exclusion, FitOptions, GaugeUncertainty, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Rails, Shape,
+};
+pub use order::OrderScore;
+pub use samples::{MAX_MAGNITUDE, Samples};
+pub use status::{Flag, Status};
+pub use table::Table;
+pub use uncertainty::{SigmaProfile, student_975};

@@ -1,1 +1,15 @@
-//! Being written.
+//! The service `taxel.v1` as Rust types, clients and servers, generated from `proto/` at build time.
+//!
+//! What every message, field and call means is written in the `.proto` files; the same text is the documentation of
+//! the items here.
+
+/// Package `taxel.v1`.
+#[allow(missing_docs, clippy::all, clippy::too_many_lines)] // generated, and documented in the .proto files
+pub mod v1 {
+    tonic::include_proto!("taxel.v1");
+}
+
+/// The compiled `.proto` files with their comments, a serialised `google.protobuf.FileDescriptorSet`.
+pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/taxel_descriptors.bin"));
+
+pub use prost_types::Timestamp;

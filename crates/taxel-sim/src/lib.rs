@@ -1,1 +1,33 @@
-//! Being written.
+//! A skin in a vacuum bag, without hardware: physics, boards, pump, gauge and masses that speak the real frames.
+//!
+//! No I/O, no clock: [`World::advance`] takes time as data and gives back frames. The same seed and the same commands
+//! at the same times give the same bytes, however time is cut.
+//!
+//! The physics is independent of anything that a calibration fits: springs that stiffen by a power law under plates of
+//! a capacitor, friction and creep, drift of temperature, converters that round and clip. What is true (pressures,
+//! forces, which taxels are insensitive) can be asked for, so that a calibration can be judged.
+
+mod bag;
+mod board;
+mod bus;
+mod config;
+mod converter;
+mod dielectric;
+mod faults;
+mod gauge;
+mod load;
+mod rng;
+mod skin;
+mod thermal;
+mod world;
+
+pub use bag::{BagConfig, PumpCommand};
+pub use board::{BoardKind, BoardsConfig, CONVERSION, HOST_BOARD_CONFIG, bring_up};
+pub use config::{Config, ConfigError};
+pub use dielectric::{DielectricConfig, LSB_PER_COUNT};
+pub use faults::{Fault, FaultError};
+pub use gauge::GaugeConfig;
+pub use load::{Footprint, LoadError, Mass, STANDARD_GRAVITY};
+pub use skin::{Pose, Skin};
+pub use thermal::ThermalConfig;
+pub use world::{FrameCounts, World};

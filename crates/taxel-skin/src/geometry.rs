@@ -1,1 +1,279 @@
-//! placeholder
+//! Where the taxels are and which way they face: iCub position files as they are in the wild.
+//!
+//! Such a file has header lines (`name`, `spatial_sampling`, `taxel2Repr (...)`), a line `[calibration]` and then one row
+//! a port index: `x y z nx ny nz` in metres, in the link's frame. Six zeros mean "no such taxel". Files differ in how
+//! `taxel2Repr` is written and in whether thermal pads have coordinates, so neither decides what a taxel is: the
+//! patch's layout does.
+
+use std::collections::HashMap;
+use thiserror::Error;
+
+use crate::Patch;
+
+/// Position and outward unit normal of a taxel, metres, in the frame of the link.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TaxelPose {
+    /// Position in metres.
+    pub position: [f64; 3],
+    /// Outward unit normal; zero if the file has none for this taxel.
+    pub normal: [f64; 3],
+}
+
+/// Whether directions can be served.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NormalsVerdict {
+    /// Every positioned taxel has a normal and they differ as those of a surface do.
+    Usable,
+    /// All normals are the same: the file's author filled the columns in.
+    Placeholder,
+    /// Some or all normals are zero.
+    Missing,
+}
+
+/// The geometry of a patch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Geometry {
+    /// One per taxel of the patch; `None` where the file has no position.
+    pub poses: Vec<Option<TaxelPose>>,
+    /// Whether directions can be served.
+    pub normals: NormalsVerdict,
+    /// What the file has that a user should know, a line each.
+    pub remarks: Vec<String>,
+}
+
+/// A position file that cannot be read.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum GeometryError {
+    /// There is no `[calibration]` line.
+    #[error("no line `[calibration]`: the rows of positions must follow it")]
+    NoSection,
+    /// A row is not six finite numbers.
+    #[error("line {line}: `{text}`: expected six finite numbers x y z nx ny nz")]
+    Row {
+        /// Line in the file, from 1.
+        line: usize,
+        /// The row, shortened.
+        text: String,
+    },
+    /// A coordinate cannot be on a robot.
+    #[error("line {line}: position {value} m is beyond 10 m: the file must be in metres")]
+    NotMetres {
+        /// Line in the file, from 1.
+        line: usize,
+        /// The coordinate.
+        value: String,
+    },
+    /// Too few rows for the patch.
+    #[error("{rows} rows of positions, but taxel {taxel} of the patch is row {row}")]
+    TooFewRows {
+        /// Rows in the file.
+        rows: usize,
+        /// First taxel without a row.
+        taxel: usize,
+        /// Where its row would be.
+        row: usize,
+    },
+    /// No taxel of the patch has a position.
+    #[error("none of the {taxels} taxels of the patch has a position in the file")]
+    NothingPlaced {
+        /// Taxels of the patch.
+        taxels: usize,
+    },
+}
+
+impl Geometry {
+    /// Reads an iCub position file for `patch`. Carriage returns, tabs, `#` comments and blank lines are tolerated,
+    /// normals are renormalised.
+    ///
+    /// # Errors
+    /// [`GeometryError`] with the line.
+    pub fn parse(text: &str, patch: &Patch) -> Result<Self, GeometryError> {
+        let rows = parse_rows(text)?;
+        let mut poses = Vec::with_capacity(patch.taxels().len());
+        for taxel in 0..patch.taxels().len() {
+            let row = patch.port_index(taxel).unwrap_or(usize::MAX);
+            let pose = rows.get(row).ok_or(GeometryError::TooFewRows { rows: rows.len(), taxel, row })?;
+            poses.push(*pose);
+        }
+        if poses.iter().all(Option::is_none) {
+            return Err(GeometryError::NothingPlaced { taxels: poses.len() });
+        }
+        Ok(Self::from_poses(poses))
+    }
+
+    /// A geometry from poses made elsewhere; normals are renormalised.
+    #[must_use]
+    pub fn from_poses(mut poses: Vec<Option<TaxelPose>>) -> Self {
+        let mut furthest = 0.0_f64;
+        for pose in poses.iter_mut().flatten() {
+            let norm = length(pose.normal);
+            if norm > 0.0 {
+                furthest = furthest.max((norm - 1.0).abs());
+                pose.normal = pose.normal.map(|n| n / norm);
+            }
+        }
+        let normals = judge_normals(&poses);
+        let remarks = remarks(&poses, normals, furthest);
+        Self { poses, normals, remarks }
+    }
+}
+
+fn parse_rows(text: &str) -> Result<Vec<Option<TaxelPose>>, GeometryError> {
+    let mut lines = text.lines().enumerate();
+    lines.find(|(_, line)| line.trim().eq_ignore_ascii_case("[calibration]")).ok_or(GeometryError::NoSection)?;
+    let mut rows = Vec::new();
+    for (index, line) in lines {
+        let content = line.split('#').next().unwrap_or("").trim();
+        if content.starts_with('[') {
+            break; // the next section
+        }
+        if !content.is_empty() {
+            rows.push(parse_row(content, index + 1)?);
+        }
+    }
+    Ok(rows)
+}
+
+fn parse_row(content: &str, line: usize) -> Result<Option<TaxelPose>, GeometryError> {
+    let wrong = || GeometryError::Row { line, text: content.chars().take(60).collect() };
+    let mut numbers = [0.0; 6];
+    let mut words = content.split_whitespace();
+    for number in &mut numbers {
+        *number = words.next().and_then(|w| w.parse().ok()).filter(|v: &f64| v.is_finite()).ok_or_else(wrong)?;
+    }
+    if words.next().is_some() {
+        return Err(wrong());
+    }
+    let [x, y, z, nx, ny, nz] = numbers;
+    if let Some(value) = [x, y, z].into_iter().find(|v| v.abs() > 10.0) {
+        return Err(GeometryError::NotMetres { line, value: value.to_string() });
+    }
+    let somewhere = [x, y, z] != [0.0; 3];
+    Ok(somewhere.then_some(TaxelPose { position: [x, y, z], normal: [nx, ny, nz] }))
+}
+
+fn judge_normals(poses: &[Option<TaxelPose>]) -> NormalsVerdict {
+    let mut placed = poses.iter().flatten();
+    let Some(first) = placed.clone().next() else { return NormalsVerdict::Missing };
+    if placed.clone().any(|p| p.normal == [0.0; 3]) {
+        return NormalsVerdict::Missing;
+    }
+    // A single module may well be flat; a whole patch of more than one module whose normals all agree to the last
+    // digit is a column that somebody filled in.
+    let many = poses.len() > 12;
+    if many && placed.all(|p| p.normal == first.normal) { NormalsVerdict::Placeholder } else { NormalsVerdict::Usable }
+}
+
+fn remarks(poses: &[Option<TaxelPose>], normals: NormalsVerdict, furthest: f64) -> Vec<String> {
+    let mut remarks = Vec::new();
+    let missing = poses.iter().filter(|p| p.is_none()).count();
+    if missing > 0 {
+        remarks.push(format!("{missing} of {} taxels have no position", poses.len()));
+    }
+    let mut places: HashMap<[u64; 3], usize> = HashMap::new();
+    for pose in poses.iter().flatten() {
+        *places.entry(pose.position.map(f64::to_bits)).or_default() += 1;
+    }
+    let repeated: usize = places.values().map(|n| n - 1).sum();
+    if repeated > 0 {
+        remarks.push(format!("{repeated} taxels repeat the position of another"));
+    }
+    match normals {
+        NormalsVerdict::Usable => {}
+        NormalsVerdict::Placeholder => remarks.push("all normals are equal, a placeholder: no vector is served".into()),
+        NormalsVerdict::Missing => remarks.push("normals are zero or missing: no vector is served".into()),
+    }
+    if furthest > 0.01 {
+        remarks
+            .push(format!("normals were up to {:.0} % off unit length and have been renormalised", furthest * 100.0));
+    }
+    remarks
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Board, BoardAddress, BusIndex, Module, ModuleKind};
+    use proptest::prelude::*;
+
+    fn patch(boards: &[(u8, &[u8])]) -> Patch {
+        let boards = boards
+            .iter()
+            .map(|&(address, modules)| Board {
+                bus: BusIndex(0),
+                address: BoardAddress::new(address).unwrap(),
+                modules: modules.iter().map(|&m| (Module::from_nibble(m), ModuleKind::Triangle)).collect(),
+            })
+            .collect();
+        Patch::new("p", boards).unwrap()
+    }
+
+    fn file(rows: &[&str]) -> String {
+        format!("name p\nspatial_sampling taxel\ntaxel2Repr ( 3 3 -1 )\n[calibration]\n{}\n", rows.join("\n"))
+    }
+
+    #[test]
+    fn rows_are_found_by_port_index_and_normals_renormalised() {
+        let mut rows = vec!["0 0 0 0 0 0"; 24];
+        rows[12] = "0.01\t0.02 0.03  0 0 -0.61";
+        rows[13] = "0.01 0.03 0.03 0 0.5 0 # trailing words";
+        let geometry = Geometry::parse(&file(&rows), &patch(&[(13, &[0, 1])])).unwrap();
+        assert_eq!(geometry.poses[0], None);
+        assert_eq!(geometry.poses[10].unwrap().normal, [0.0, 0.0, -1.0]);
+        assert_eq!(geometry.normals, NormalsVerdict::Usable);
+        assert!(geometry.remarks.iter().any(|r| r.contains("18 of 20 taxels have no position")));
+        assert!(geometry.remarks.iter().any(|r| r.contains("50 % off unit length")));
+    }
+
+    #[test]
+    fn placeholder_and_missing_normals_are_recognised() {
+        let rows: Vec<String> = (0..24).map(|i| format!("0.01 {} 0.03 1 0 0", 0.001 * f64::from(i))).collect();
+        let rows: Vec<&str> = rows.iter().map(String::as_str).collect();
+        let patch = patch(&[(13, &[0, 1])]);
+        assert_eq!(Geometry::parse(&file(&rows), &patch).unwrap().normals, NormalsVerdict::Placeholder);
+        let bare = file(&rows).replace("1 0 0", "0 0 0");
+        assert_eq!(Geometry::parse(&bare, &patch).unwrap().normals, NormalsVerdict::Missing);
+    }
+
+    #[test]
+    fn errors_name_the_line() {
+        let patch = patch(&[(13, &[0])]);
+        let text = file(&["1 2 3 4 5"]);
+        assert!(Geometry::parse(&text, &patch).unwrap_err().to_string().starts_with("line 5: `1 2 3 4 5`"));
+        assert!(matches!(Geometry::parse(&file(&["nan 0 0 0 0 0"]), &patch), Err(GeometryError::Row { .. })));
+        assert!(matches!(Geometry::parse(&file(&["30.8 0 0 0 0 1"]), &patch), Err(GeometryError::NotMetres { .. })));
+        assert!(matches!(Geometry::parse(&file(&["0 0 1 0 0 1"]), &patch), Err(GeometryError::TooFewRows { .. })));
+        assert_eq!(Geometry::parse("name x", &patch), Err(GeometryError::NoSection));
+    }
+
+    #[test]
+    fn icubs_own_forearm_files() {
+        let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/icub_positions");
+        let Ok(mesh) = std::fs::read_to_string(format!("{dir}/left_forearm_mesh.txt")) else {
+            eprintln!("SKIPPED icubs_own_forearm_files: no data folder beside the repository");
+            return;
+        };
+        let first: Vec<u8> = (0..16).collect();
+        let v1 = patch(&[(13, &first), (12, &[1, 5, 8, 9, 10, 12, 13])]);
+        let geometry = Geometry::parse(&mesh, &v1).unwrap();
+        assert_eq!(geometry.normals, NormalsVerdict::Usable);
+        assert_eq!(geometry.poses.iter().flatten().count(), 230);
+        for pose in geometry.poses.iter().flatten() {
+            assert!((length(pose.normal) - 1.0).abs() < 1e-12);
+        }
+        let v2 = std::fs::read_to_string(format!("{dir}/left_forearm_V2.txt")).unwrap();
+        let geometry = Geometry::parse(&v2, &patch(&[(13, &first), (12, &[0, 1, 3, 6, 8, 9, 12, 13])])).unwrap();
+        assert!(geometry.remarks.iter().any(|r| r.contains("92 taxels repeat the position")), "{:?}", geometry.remarks);
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "(?s).{0,200}") {
+            let _ = Geometry::parse(&format!("[calibration]\n{text}"), &patch(&[(1, &[0])]));
+        }
+    }
+}

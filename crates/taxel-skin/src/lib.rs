@@ -2,12 +2,13 @@
 //!
 //! Nothing here does I/O or reads a clock. Every other crate speaks in these types.
 
-// mod geometry;
+mod geometry;
 mod ids;
 mod layout;
 mod time;
 mod units;
 
+pub use geometry::{Geometry, GeometryError, NormalsVerdict, TaxelPose};
 pub use ids::{BoardAddress, BusIndex, IdError, Module, TaxelIndex};
 pub use layout::{Board, LayoutError, ModuleKind, ModuleSite, Patch, TaxelSite, VALUES_PER_MODULE};
 pub use time::Time;

@@ -52,11 +52,29 @@ impl Frame {
     }
 
     /// A frame of any kind; `None` if there are more than eight bytes.
+    ///
+    /// Of a remote frame's bytes only the number is kept, because only the length asked for travels on the bus.
     #[must_use]
     pub fn new(id: CanId, kind: FrameKind, bytes: &[u8]) -> Option<Self> {
         let mut data = [0; 8];
         data.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        if kind == FrameKind::Remote {
+            data = [0; 8];
+        }
         Some(Self { id, kind, len: bytes.len() as u8, data })
+    }
+
+    /// A data frame of a length that the compiler checks: more than eight bytes do not build.
+    #[must_use]
+    pub const fn of<const N: usize>(id: CanId, bytes: [u8; N]) -> Self {
+        const { assert!(N <= 8, "a classic CAN frame holds at most eight bytes") };
+        let mut data = [0; 8];
+        let mut i = 0;
+        while i < N {
+            data[i] = bytes[i];
+            i += 1;
+        }
+        Self { id, kind: FrameKind::Data, len: N as u8, data }
     }
 
     /// The frame's bytes, at most eight.

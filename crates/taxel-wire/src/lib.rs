@@ -1,5 +1,18 @@
 //! Bytes to meaning and back, without I/O and total over all byte strings.
+//!
+//! - [`Frame`]: a classic CAN frame, independent of any socket library.
+//! - [`icub`]: what skin boards say, what the host tells them, and how two frames become one module scan.
+//! - [`signal`]: where any other sensor keeps its pressure in a frame.
+//! - [`candump`]: the log text of can-utils.
+//!
+//! Every decoder takes any frame or line there is: what it does not accept is refused with the reason, never lost
+//! and never a panic.
 
+pub mod candump;
 mod frame;
+pub mod icub;
+#[cfg(test)]
+mod insole_log_tests;
+pub mod signal;
 
 pub use frame::{CanId, Frame, FrameKind, TimedFrame};

@@ -1,0 +1,121 @@
+//! Commands and their answers. Reads need no command: they are served from snapshots.
+
+use std::sync::Arc;
+use taxel_skin::Kilopascal;
+use thiserror::Error;
+
+use crate::model_set::ModelSet;
+use crate::session::SessionView;
+use crate::snapshot::TareView;
+
+/// Which request an answer belongs to; made by the shell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct RequestId(pub u64);
+
+/// Something that changes the engine's state.
+#[derive(Clone, Debug)]
+pub enum Command {
+    /// Take the zero of a patch.
+    Tare {
+        /// The patch; empty for the only one.
+        patch: String,
+        /// An operator who vouches that nothing touches the skin; kept with the tare.
+        confirmed_by: Option<String>,
+    },
+    /// Configure the boards of a patch again; its zero is lost.
+    BringUp {
+        /// The patch; empty for the only one.
+        patch: String,
+    },
+    /// Begin a calibration: tare, then the first ramp.
+    StartSession {
+        /// The patch; empty for the only one.
+        patch: String,
+        /// Where a ramp ends by itself; the plan's target if absent.
+        target: Option<Kilopascal>,
+        /// As in [`Command::Tare`].
+        confirmed_by: Option<String>,
+    },
+    /// Begin a further ramp after venting, also of an interrupted session.
+    StartRamp {
+        /// Number of the session.
+        session: u64,
+    },
+    /// End the ramp and fit.
+    FinishRamp {
+        /// Number of the session.
+        session: u64,
+    },
+    /// Stop a session; its samples are kept.
+    AbortSession {
+        /// Number of the session.
+        session: u64,
+    },
+    /// Lay a session aside: its model set cannot be activated any more.
+    DiscardSession {
+        /// Number of the session.
+        session: u64,
+    },
+    /// Use a model set from now on.
+    Activate {
+        /// The patch; empty for the only one.
+        patch: String,
+        /// The model set's id.
+        model_set: String,
+        /// If given, refuse unless this one is active now (empty: none is).
+        expected: Option<String>,
+    },
+    /// Take in a model set made elsewhere.
+    Import {
+        /// The set; its patch must be one of this daemon's.
+        model_set: Arc<ModelSet>,
+    },
+}
+
+/// A command's answer.
+pub type Reply = Result<Done, Rejection>;
+
+/// What a command did.
+#[derive(Clone, Debug)]
+pub enum Done {
+    /// The zero was taken.
+    Tared(TareView),
+    /// Boards are being configured; see the health.
+    BringUpStarted,
+    /// The session after the command.
+    Session(Arc<SessionView>),
+    /// The model set is active.
+    Activated {
+        /// The set that is active now.
+        model_set: String,
+        /// The set that was active before.
+        previous: Option<String>,
+    },
+    /// The model set is stored under its id.
+    Imported {
+        /// The set's id.
+        model_set: String,
+    },
+}
+
+/// Why a command was refused. The text is for people and names the value and what was expected.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum Rejection {
+    /// A field is not what it can be.
+    #[error("{field}: {problem}")]
+    InvalidArgument {
+        /// The field's name in the request.
+        field: &'static str,
+        /// What is wrong and what was expected.
+        problem: String,
+    },
+    /// Not in this state.
+    #[error("{0}")]
+    FailedPrecondition(String),
+    /// There is no such thing.
+    #[error("there is no {0}")]
+    NotFound(String),
+    /// The store or the bus cannot do it now.
+    #[error("{0}")]
+    Unavailable(String),
+}

@@ -1,0 +1,203 @@
+//! Live counts of one patch: whole modules come in, scans come out, silence is noticed.
+
+use std::time::Duration;
+use taxel_skin::{Patch, Time};
+use taxel_wire::icub::{ModuleScan, Pairer};
+
+/// A head and its tail are a few frames apart; half the board's period keeps them from pairing across scans.
+const PAIRING_SHARE: u32 = 2;
+
+/// One module's live state.
+#[derive(Debug)]
+pub struct ModuleLive {
+    /// Head and tail to whole modules.
+    pub pairer: Pairer,
+    /// When it was last received whole.
+    pub last: Option<Time>,
+    /// Whether it has been silent for too long, or was never heard.
+    pub stale: bool,
+    /// Whole modules received.
+    pub scans: u64,
+    /// Its thermal pads, if it has any, as last received.
+    pub thermal: [u8; 2],
+    /// Whether it is part of the scan being assembled.
+    fresh: bool,
+}
+
+/// Counts of all taxels and how fresh they are.
+#[derive(Debug)]
+pub struct Live {
+    modules: Vec<ModuleLive>,
+    counts: Vec<u8>,
+    fresh: usize,
+    not_stale: usize,
+    newest: Time,
+}
+
+/// A scan that has just ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ScanEnd {
+    /// Whether every module of the patch was fresh.
+    pub whole: bool,
+    /// Mean time of the modules.
+    pub time: Time,
+}
+
+impl Live {
+    /// Nothing received yet: every module is stale.
+    #[must_use]
+    pub fn new(patch: &Patch, period: Duration) -> Self {
+        let module = |_: &_| ModuleLive {
+            pairer: Pairer::new(period / PAIRING_SHARE),
+            last: None,
+            stale: true,
+            scans: 0,
+            thermal: [0; 2],
+            fresh: false,
+        };
+        Self {
+            modules: patch.modules().iter().map(module).collect(),
+            counts: vec![0; patch.taxels().len()],
+            fresh: 0,
+            not_stale: 0,
+            newest: Time::default(),
+        }
+    }
+
+    /// The pairer of a module, for its halves.
+    pub fn pairer(&mut self, module: usize) -> &mut Pairer {
+        &mut self.modules[module].pairer
+    }
+
+    /// Takes a whole module. Returns the scan that it completes: all modules that are not stale have come, or one
+    /// came twice, so that the scan before it is over.
+    pub fn on_module(&mut self, patch: &Patch, index: usize, scan: &ModuleScan) -> Option<ScanEnd> {
+        let overrun = self.modules[index].fresh.then(|| self.end_scan());
+        let site = &patch.modules()[index];
+        let first = site.first_taxel as usize;
+        for (taxel, &slot) in site.kind.taxel_slots().iter().enumerate() {
+            self.counts[first + taxel] = scan.values[slot as usize];
+        }
+        let module = &mut self.modules[index];
+        for (pad, &slot) in module.thermal.iter_mut().zip(site.kind.thermal_slots()) {
+            *pad = scan.values[slot as usize];
+        }
+        self.not_stale += usize::from(module.stale);
+        module.stale = false;
+        module.last = Some(scan.time);
+        module.scans += 1;
+        module.fresh = true;
+        self.fresh += 1;
+        self.newest = self.newest.max(scan.time);
+        // With every other module in, this one completes the scan; it wins over the overrun that it caused.
+        if self.fresh >= self.not_stale { Some(self.end_scan()) } else { overrun }
+    }
+
+    fn end_scan(&mut self) -> ScanEnd {
+        let (mut sum, mut count) = (0_i128, 0);
+        for module in &mut self.modules {
+            if module.fresh {
+                sum += i128::from(module.last.unwrap_or_default().as_nanos());
+                count += 1;
+            }
+            module.fresh = false;
+        }
+        self.fresh = 0;
+        let mean = (sum / count.max(1)) as i64;
+        ScanEnd { whole: count as usize == self.modules.len(), time: Time::from_nanos(mean) }
+    }
+
+    /// Marks modules that have been silent for longer than `limit`; returns the positions of those that fell silent now.
+    pub fn mark_stale(&mut self, now: Time, limit: Duration) -> Vec<usize> {
+        let mut silent = Vec::new();
+        for (index, module) in self.modules.iter_mut().enumerate() {
+            let quiet = module.last.is_none_or(|last| now.since(last) > limit);
+            if quiet && !module.stale {
+                module.stale = true;
+                self.not_stale -= 1;
+                self.fresh -= usize::from(std::mem::take(&mut module.fresh));
+                silent.push(index);
+            }
+            module.pairer.expire(now);
+        }
+        silent
+    }
+
+    /// One raw count per taxel as last received.
+    #[must_use]
+    pub fn counts(&self) -> &[u8] {
+        &self.counts
+    }
+
+    /// All modules, in the patch's order.
+    #[must_use]
+    pub fn modules(&self) -> &[ModuleLive] {
+        &self.modules
+    }
+
+    /// Receive time of the newest frame.
+    #[must_use]
+    pub const fn newest(&self) -> Time {
+        self.newest
+    }
+
+    /// How many modules are fresh enough to be used.
+    #[must_use]
+    pub const fn not_stale(&self) -> usize {
+        self.not_stale
+    }
+
+    /// Whether every module was received within `limit` of the newest one.
+    #[must_use]
+    pub fn is_whole(&self, limit: Duration) -> bool {
+        self.modules.iter().all(|m| !m.stale && m.last.is_some_and(|last| self.newest.since(last) <= limit))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind};
+    use taxel_wire::icub::StatusWord;
+
+    fn patch(modules: u8) -> Patch {
+        let modules = (0..modules).map(|m| (Module::from_nibble(m), ModuleKind::Triangle)).collect();
+        let board = Board { bus: BusIndex(0), address: BoardAddress::new(13).unwrap(), modules };
+        Patch::new("p", vec![board]).unwrap()
+    }
+
+    fn scan(ms: i64, value: u8) -> ModuleScan {
+        ModuleScan { time: Time::from_nanos(ms * 1_000_000), values: [value; 12], status: StatusWord(0) }
+    }
+
+    const PERIOD: Duration = Duration::from_millis(50);
+
+    #[test]
+    fn a_scan_ends_when_every_module_has_come() {
+        let (patch, mut live) = (patch(3), Live::new(&patch(3), PERIOD));
+        for m in 0..3 {
+            live.on_module(&patch, m, &scan(m as i64, 1)); // the first modules complete scans of those heard so far
+        }
+        assert_eq!(live.on_module(&patch, 0, &scan(50, 2)), None);
+        assert_eq!(live.on_module(&patch, 1, &scan(51, 2)), None);
+        let end = live.on_module(&patch, 2, &scan(52, 2)).unwrap();
+        assert!(end.whole);
+        assert_eq!(end.time, Time::from_nanos(51_000_000));
+        assert!(live.is_whole(PERIOD));
+    }
+
+    #[test]
+    fn a_silent_module_neither_blocks_the_scan_nor_counts_as_whole() {
+        let (patch, mut live) = (patch(2), Live::new(&patch(2), PERIOD));
+        live.on_module(&patch, 0, &scan(0, 1));
+        live.on_module(&patch, 1, &scan(1, 1));
+        assert_eq!(live.on_module(&patch, 0, &scan(50, 2)), None);
+        let overrun = live.on_module(&patch, 0, &scan(100, 3)).unwrap();
+        assert!(!overrun.whole, "module 1 missed this scan");
+        let now = Time::from_nanos(200_000_000);
+        assert_eq!(live.mark_stale(now, 3 * PERIOD), vec![1]);
+        assert!(!live.on_module(&patch, 0, &scan(205, 4)).unwrap().whole);
+        assert_eq!(live.counts()[0], 4);
+        assert_eq!(live.counts()[10], 1, "the stale count is kept, with its age");
+    }
+}

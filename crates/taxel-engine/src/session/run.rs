@@ -1,0 +1,249 @@
+//! One session under way: from scans and pressure to samples, and what the operator sees of it.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use taxel_skin::{Kilopascal, Time};
+
+use crate::gauge::GaugeHistory;
+use crate::io::Now;
+use crate::plan::SessionLimits;
+use crate::record::{Record, Sample};
+use crate::rest::TaxelBaseline;
+use crate::session::ramp::{Gate, Ramp};
+use crate::session::{RampBaseline, SampleRefusal, SessionSamples, SessionState, SessionView};
+
+/// Scans that wait for the gauge: at the longest gauge timeout of 1 s and the shortest period of 10 ms there are 100.
+const PENDING_MAX: usize = 128;
+
+/// A scan on its way into the session.
+#[derive(Clone, Debug)]
+pub struct Pending {
+    /// Mean time of its modules.
+    pub time: Time,
+    /// One raw count per taxel.
+    pub counts: Arc<[u8]>,
+}
+
+/// What a step of the session came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// It goes on.
+    On,
+    /// The ramp reached its target, or the session is full.
+    RampEnded,
+    /// It can not succeed; the view has the reason.
+    Failed,
+}
+
+/// A session that holds its patch or waits for review.
+#[derive(Debug)]
+pub struct SessionRun {
+    view: SessionView,
+    limits: SessionLimits,
+    samples: Arc<SessionSamples>,
+    ramp: Ramp,
+    pending: VecDeque<Pending>,
+    /// One flag per 1 kPa step from 0 to the target.
+    covered: Vec<bool>,
+    /// Least and greatest count per taxel so far.
+    extremes: Vec<(u8, u8)>,
+    /// Scans whose modules were not all fresh, since the last sample: they explain a failure.
+    stale_since_progress: u64,
+}
+
+impl SessionRun {
+    /// A session that is about to watch the skin at rest.
+    #[must_use]
+    pub fn new(now: Now, view: SessionView, mut limits: SessionLimits, taxels: usize) -> Self {
+        limits.target = Kilopascal(view.target_kpa);
+        let mut run = Self {
+            covered: vec![false; view.target_kpa.ceil().max(1.0) as usize],
+            extremes: vec![(u8::MAX, u8::MIN); taxels],
+            ramp: Ramp::new(now.time),
+            view,
+            limits,
+            samples: Arc::default(),
+            pending: VecDeque::new(),
+            stale_since_progress: 0,
+        };
+        run.view.responding = (0, taxels as u32);
+        run
+    }
+
+    /// Takes up an interrupted session with the samples that were on disk.
+    #[must_use]
+    pub fn resume(now: Now, view: SessionView, limits: SessionLimits, taxels: usize, samples: SessionSamples) -> Self {
+        let mut run = Self::new(now, view, limits, taxels);
+        for sample in &samples.samples {
+            run.cover(sample.pressure_kpa);
+            run.note_extremes(&sample.counts);
+        }
+        run.view.accepted = samples.samples.len() as u64;
+        run.view.durable = run.view.accepted;
+        run.view.ramps = samples.ramps.len() as u16;
+        run.samples = Arc::new(samples);
+        run.count_responding();
+        run
+    }
+
+    /// What the world sees.
+    #[must_use]
+    pub const fn view(&self) -> &SessionView {
+        &self.view
+    }
+
+    /// Everything gathered so far.
+    #[must_use]
+    pub const fn samples(&self) -> &Arc<SessionSamples> {
+        &self.samples
+    }
+
+    /// Changes the state; the reason is for people.
+    pub fn enter(&mut self, now: Now, state: SessionState, reason: impl Into<String>) {
+        self.view.state = state;
+        self.view.reason = reason.into();
+        self.view.changed_wall_ns = now.wall_ns;
+        self.view.remaining_s = None;
+        if state != SessionState::Ramping {
+            self.pending.clear();
+        }
+    }
+
+    /// The model set of the fit.
+    pub fn set_model_set(&mut self, id: Arc<str>) {
+        self.view.model_set = Some(id);
+    }
+
+    /// Samples on disk.
+    pub fn set_durable(&mut self, samples: u64) {
+        self.view.durable = self.view.durable.max(samples);
+    }
+
+    /// Rest is proven: the ramp begins at this zero.
+    pub fn begin_ramp(&mut self, now: Now, baseline: Vec<TaxelBaseline>) -> Record {
+        let ramp = self.view.ramps;
+        self.view.ramps += 1;
+        self.ramp = Ramp::new(now.time);
+        self.stale_since_progress = 0;
+        let samples = Arc::make_mut(&mut self.samples);
+        samples.ramps.push(RampBaseline { ramp, taxels: baseline.clone() });
+        self.enter(now, SessionState::Ramping, "");
+        Record::Ramp { session: self.view.number, ramp, baseline }
+    }
+
+    /// Takes one scan; `None` if some module was silent.
+    pub fn on_scan(&mut self, scan: Option<Pending>) {
+        if self.view.state != SessionState::Ramping {
+            return;
+        }
+        let Some(scan) = scan else {
+            self.stale_since_progress += 1;
+            self.view.refused.add(SampleRefusal::StaleModule);
+            return;
+        };
+        if self.pending.len() >= PENDING_MAX {
+            self.pending.pop_front();
+            self.view.refused.add(SampleRefusal::NoPressure);
+        }
+        self.pending.push_back(scan);
+    }
+
+    /// Moves waiting scans through the gates, as far as the gauge has come. New samples go to `records`.
+    pub fn advance(&mut self, now: Time, gauge: &GaugeHistory, records: &mut Vec<Record>) -> Progress {
+        if self.view.state != SessionState::Ramping {
+            return Progress::On;
+        }
+        while let Some(time) = self.pending.front().map(|scan| scan.time) {
+            let gate = self.ramp.judge(now, time, gauge, &self.limits);
+            if gate == Gate::Wait {
+                break;
+            }
+            let Some(scan) = self.pending.pop_front() else { break };
+            match gate {
+                Gate::Accept(pressure) => {
+                    if self.samples.samples.len() >= self.limits.scans_max {
+                        self.view.refused.add(SampleRefusal::Full);
+                        return Progress::RampEnded;
+                    }
+                    records.push(self.accept(scan, pressure));
+                    if pressure >= self.limits.target {
+                        return Progress::RampEnded;
+                    }
+                }
+                Gate::Refuse(reason) => self.view.refused.add(reason),
+                Gate::Wait => {}
+            }
+        }
+        self.fail_if_hopeless(now, gauge)
+    }
+
+    fn accept(&mut self, scan: Pending, pressure: Kilopascal) -> Record {
+        self.cover(pressure.0);
+        self.note_extremes(&scan.counts);
+        self.stale_since_progress = 0;
+        let sample = Sample {
+            ramp: self.view.ramps.saturating_sub(1),
+            time_ns: scan.time.as_nanos(),
+            pressure_kpa: pressure.0,
+            counts: scan.counts,
+        };
+        let index = self.view.accepted;
+        self.view.accepted += 1;
+        Arc::make_mut(&mut self.samples).samples.push(sample.clone());
+        Record::Sample { session: self.view.number, index, sample }
+    }
+
+    fn cover(&mut self, kpa: f64) {
+        if let Some(step) = self.covered.get_mut(kpa.max(0.0) as usize) {
+            *step = true;
+        }
+    }
+
+    fn note_extremes(&mut self, counts: &[u8]) {
+        for ((low, high), &count) in self.extremes.iter_mut().zip(counts) {
+            *low = count.min(*low);
+            *high = count.max(*high);
+        }
+    }
+
+    fn fail_if_hopeless(&mut self, now: Time, gauge: &GaugeHistory) -> Progress {
+        let patience = self.limits.patience;
+        if now.since(self.ramp.progress()) <= patience {
+            return Progress::On;
+        }
+        let seconds = patience.as_secs();
+        self.view.reason = match gauge.newest() {
+            None => format!("no pressure frame came in {seconds} s: is the gauge on, and is its CAN identifier right?"),
+            Some((time, _)) if now.since(time) > self.limits.gauge_timeout => {
+                format!("the last pressure frame came {:.1} s ago", now.since(time).as_secs_f64())
+            }
+            Some(_) if self.stale_since_progress > 0 => {
+                format!("{} scans in {seconds} s had silent modules; the health names them", self.stale_since_progress)
+            }
+            Some((_, Kilopascal(kpa))) => format!(
+                "the pressure did not rise for {seconds} s: it is {kpa:.1} kPa, the target is {:.1} kPa",
+                self.limits.target.0
+            ),
+        };
+        Progress::Failed
+    }
+
+    /// Brings pressure, rate, coverage and the time left up to date.
+    pub fn refresh(&mut self, now: Time, gauge: &GaugeHistory) {
+        let fresh = gauge.newest().filter(|&(time, _)| now.since(time) <= self.limits.gauge_timeout);
+        self.view.pressure_kpa = fresh.map(|(_, p)| p.0);
+        self.view.rate_kpa_per_s = fresh.and_then(|(time, _)| gauge.rate_kpa_per_s(time));
+        self.view.coverage = self.covered.iter().filter(|c| **c).count() as f64 / self.covered.len() as f64;
+        self.count_responding();
+        let left = self.view.pressure_kpa.map(|kpa| (self.limits.target.0 - kpa).max(0.0));
+        let rate = self.view.rate_kpa_per_s.filter(|&rate| rate > 0.02);
+        let ramping = self.view.state == SessionState::Ramping;
+        self.view.remaining_s = left.zip(rate).filter(|_| ramping).map(|(left, rate)| left / rate);
+    }
+
+    fn count_responding(&mut self) {
+        let least = self.limits.responding_counts;
+        let moved = self.extremes.iter().filter(|(low, high)| high.saturating_sub(*low) >= least).count();
+        self.view.responding.0 = moved as u32;
+    }
+}

@@ -1,0 +1,175 @@
+//! The zero of a patch: watched, judged, kept with its proof, and lost when something may have moved it.
+
+use std::time::Duration;
+use taxel_skin::Time;
+
+use crate::command::RequestId;
+use crate::rest::{RestStatistics, RestVerdict, TaxelBaseline};
+use crate::snapshot::TareView;
+
+/// Fewest scans that a zero may rest on.
+const SCANS_MIN: u64 = 3;
+
+/// How much longer than planned a watch may take before it is given up.
+const GRACE: Duration = Duration::from_secs(2);
+
+/// Who asked for a zero.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Nobody: after start, against the active model set.
+    AtStart,
+    /// An operator; `confirmed_by` vouches that nothing touches the skin.
+    Operator {
+        /// Whom to answer.
+        request: RequestId,
+        /// Who vouches.
+        confirmed_by: Option<String>,
+    },
+    /// A calibration session, before a ramp.
+    Session {
+        /// Who vouches.
+        confirmed_by: Option<String>,
+    },
+}
+
+impl Purpose {
+    /// Who vouches that nothing touches the skin.
+    #[must_use]
+    pub fn confirmed_by(&self) -> Option<&str> {
+        match self {
+            Self::AtStart => None,
+            Self::Operator { confirmed_by, .. } | Self::Session { confirmed_by } => confirmed_by.as_deref(),
+        }
+    }
+}
+
+/// A watch that has seen enough, or that never will.
+#[derive(Debug)]
+pub struct Watched {
+    /// Who asked.
+    pub purpose: Purpose,
+    /// What was seen; `None` if too few scans came in time.
+    pub statistics: Option<RestStatistics>,
+}
+
+/// The zero of one patch.
+#[derive(Debug, Default)]
+pub struct Tare {
+    view: TareView,
+    baseline: Option<Vec<TaxelBaseline>>,
+    watch: Option<Watch>,
+}
+
+#[derive(Debug)]
+struct Watch {
+    statistics: RestStatistics,
+    begun: Time,
+    purpose: Purpose,
+}
+
+impl Tare {
+    /// Begins to watch. An earlier watch is given up and returned.
+    pub fn watch(&mut self, now: Time, taxels: usize, purpose: Purpose) -> Option<Purpose> {
+        let watch = Watch { statistics: RestStatistics::new(taxels), begun: now, purpose };
+        self.watch.replace(watch).map(|old| old.purpose)
+    }
+
+    /// Who asked for the watch that is under way.
+    #[must_use]
+    pub fn watching(&self) -> Option<&Purpose> {
+        self.watch.as_ref().map(|w| &w.purpose)
+    }
+
+    /// Gives up the watch.
+    pub fn stop_watching(&mut self) -> Option<Purpose> {
+        self.watch.take().map(|w| w.purpose)
+    }
+
+    /// Takes one complete scan; a taxel with a fault is `None`.
+    pub fn on_scan(
+        &mut self,
+        now: Time,
+        duration: Duration,
+        scan: impl IntoIterator<Item = Option<f64>>,
+    ) -> Option<Watched> {
+        let watch = self.watch.as_mut()?;
+        watch.statistics.push(scan);
+        let enough = watch.statistics.count() >= SCANS_MIN && now.since(watch.begun) >= duration;
+        let watch = if enough { self.watch.take()? } else { return None };
+        Some(Watched { purpose: watch.purpose, statistics: Some(watch.statistics) })
+    }
+
+    /// Time passed: a watch that gets no scans ends.
+    pub fn tick(&mut self, now: Time, duration: Duration) -> Option<Watched> {
+        let late = self.watch.as_ref().is_some_and(|w| now.since(w.begun) > duration + GRACE);
+        let watch = if late { self.watch.take()? } else { return None };
+        Some(Watched { purpose: watch.purpose, statistics: None })
+    }
+
+    /// The zero was proven, or somebody vouches for it.
+    pub fn accept(
+        &mut self,
+        wall_ns: i64,
+        baseline: Vec<TaxelBaseline>,
+        verdict: &RestVerdict,
+        confirmed_by: Option<&str>,
+    ) {
+        let reason = match confirmed_by {
+            Some(who) => format!("{who} confirms that nothing touches the skin; {verdict}"),
+            None => verdict.to_string(),
+        };
+        self.view = TareView {
+            epoch: self.view.epoch + 1,
+            valid: true,
+            wall_ns,
+            reason,
+            baseline_median: median(baseline.iter().map(|t| t.mean)),
+            noise_median: median(baseline.iter().map(|t| t.noise)),
+        };
+        self.baseline = Some(baseline);
+    }
+
+    /// Something may have moved the zero: live force is invalid until it is taken again.
+    pub fn lose(&mut self, reason: impl Into<String>) {
+        if self.view.valid || self.view.reason.is_empty() {
+            self.view.epoch += 1;
+            self.view.valid = false;
+            self.view.reason = reason.into();
+        }
+    }
+
+    /// Replaces the reason for which there is no zero; a valid one is left alone.
+    pub fn explain(&mut self, reason: impl Into<String>) {
+        if !self.view.valid {
+            self.view.reason = reason.into();
+        }
+    }
+
+    /// What the world sees of it.
+    #[must_use]
+    pub const fn view(&self) -> &TareView {
+        &self.view
+    }
+
+    /// The zero, one per taxel, if it is valid.
+    #[must_use]
+    pub fn baseline(&self) -> Option<&[TaxelBaseline]> {
+        self.baseline.as_deref().filter(|_| self.view.valid)
+    }
+
+    /// Whether a zero was ever taken.
+    #[must_use]
+    pub const fn ever_taken(&self) -> bool {
+        self.baseline.is_some()
+    }
+}
+
+/// Median of the finite values; NaN without any.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut finite: Vec<f64> = values.filter(|v| v.is_finite()).collect();
+    finite.sort_by(f64::total_cmp);
+    match finite.len() {
+        0 => f64::NAN,
+        n => (finite[(n - 1) / 2] + finite[n / 2]) / 2.0,
+    }
+}

@@ -1,0 +1,153 @@
+//! How a patch takes its zero and loses it.
+
+use taxel_model::{Sign, TaxelModel};
+use taxel_skin::Time;
+
+use crate::command::{Done, Rejection, RequestId};
+use crate::io::{Now, Output};
+use crate::live::ScanEnd;
+use crate::patch::PatchEngine;
+use crate::record::Record;
+use crate::rest::{RestVerdict, TaxelBaseline, judge};
+use crate::tare::{Purpose, Watched};
+
+impl PatchEngine {
+    /// Something may have moved the zero: live force is invalid until rest is proven again.
+    pub(crate) fn lose_zero(&mut self, reason: impl Into<String>) {
+        self.tare.lose(reason);
+        self.rebuild_tables();
+    }
+
+    /// An operator asks for a zero.
+    pub(crate) fn start_tare(&mut self, now: Now, request: RequestId, confirmed_by: Option<String>, out: &mut Vec<Output>) {
+        if let Some(session) = self.session.as_ref().filter(|s| s.view().state.is_open()) {
+            let (number, state) = (session.view().number, session.view().state.name());
+            let why = format!("session {number} is {state} and takes the zero itself; abort it first");
+            out.push(Output::Reply(request, Err(Rejection::FailedPrecondition(why))));
+            return;
+        }
+        self.watch(now, Purpose::Operator { request, confirmed_by }, out);
+    }
+
+    pub(crate) fn watch(&mut self, now: Now, purpose: Purpose, out: &mut Vec<Output>) {
+        let taxels = self.plan.patch.taxels().len();
+        if let Some(Purpose::Operator { request, .. }) = self.tare.watch(now.time, taxels, purpose) {
+            let why = "another tare began before this one had seen enough".to_owned();
+            out.push(Output::Reply(request, Err(Rejection::FailedPrecondition(why))));
+        }
+    }
+
+    /// Whole scans are what rest is judged by.
+    pub(crate) fn watch_rest(&mut self, now: Now, end: ScanEnd, out: &mut Vec<Output>) {
+        let by_itself = self.plan.tare.at_start && !self.tare.ever_taken() && self.model_set.is_some();
+        if by_itself && self.tare.watching().is_none() && self.is_set_up() {
+            self.watch(now, Purpose::AtStart, out);
+        }
+        // A session needs every module. A live zero does without the silent ones: they have none, and no force.
+        let partial = matches!(self.tare.watching(), Some(Purpose::AtStart | Purpose::Operator { .. }));
+        if self.tare.watching().is_none() || !(end.whole || partial) {
+            return;
+        }
+        let (faults, modules, sites) = (&self.faults, self.live.modules(), self.plan.patch.taxels());
+        let scan = self.live.counts().iter().zip(sites).enumerate().map(|(taxel, (&count, site))| {
+            let sound = faults.faults(taxel).is_empty() && !modules[site.module as usize].stale;
+            sound.then_some(f64::from(count))
+        });
+        if let Some(watched) = self.tare.on_scan(now.time, self.plan.tare.duration, scan) {
+            self.conclude(now, watched, out);
+        }
+    }
+
+    pub(crate) fn tick_rest(&mut self, now: Now, out: &mut Vec<Output>) {
+        if let Some(watched) = self.tare.tick(now.time, self.plan.tare.duration) {
+            self.conclude(now, watched, out);
+        }
+    }
+
+    /// The watch is over: rest is proven, vouched for, or refused.
+    fn conclude(&mut self, now: Now, watched: Watched, out: &mut Vec<Output>) {
+        let Some(statistics) = watched.statistics else {
+            let why = format!("no rest could be watched: {}", self.silence(now.time));
+            self.refuse_zero(now, watched.purpose, why, out);
+            return;
+        };
+        let set = self.model_set.as_deref();
+        let reference = set.map(|set| set.baseline.as_slice());
+        let signs: Vec<i8> = set.map(|set| set.taxels.iter().map(sign_of).collect()).unwrap_or_default();
+        let verdict = judge(&statistics, reference, &signs, &self.plan.tare.rest);
+        let rest = matches!(verdict, RestVerdict::Rest { .. });
+        let enough = !matches!(verdict, RestVerdict::NotEnough { .. });
+        let vouched = watched.purpose.confirmed_by().map(str::to_owned);
+        if rest || (enough && vouched.is_some()) {
+            self.take_zero(now, watched.purpose, statistics.baseline(), &verdict, vouched.as_deref(), out);
+        } else {
+            self.refuse_zero(now, watched.purpose, verdict.to_string(), out);
+        }
+    }
+
+    fn take_zero(
+        &mut self,
+        now: Now,
+        purpose: Purpose,
+        baseline: Vec<TaxelBaseline>,
+        verdict: &RestVerdict,
+        vouched: Option<&str>,
+        out: &mut Vec<Output>,
+    ) {
+        self.tare.accept(now.wall_ns, baseline.clone(), verdict, vouched);
+        self.rebuild_tables();
+        let (patch, tare) = (self.plan.patch.name().to_owned(), self.tare.view().clone());
+        out.push(Output::Record(Record::Tared { patch, tare: tare.clone(), baseline: baseline.clone() }));
+        match purpose {
+            Purpose::AtStart => {}
+            Purpose::Operator { request, .. } => out.push(Output::Reply(request, Ok(Done::Tared(tare)))),
+            Purpose::Session { .. } => self.session_zeroed(now, baseline, out),
+        }
+    }
+
+    fn refuse_zero(&mut self, now: Now, purpose: Purpose, why: String, out: &mut Vec<Output>) {
+        match purpose {
+            Purpose::AtStart => self.tare.explain(format!("rest is not proven: {why}")),
+            Purpose::Operator { request, .. } => {
+                let hint = "if nothing touches the skin, say so with confirmed_by";
+                let why = format!("rest is not proven: {why}; {hint}");
+                out.push(Output::Reply(request, Err(Rejection::FailedPrecondition(why))));
+            }
+            Purpose::Session { confirmed_by } => self.session_restless(now, why, confirmed_by, out),
+        }
+        self.dirty = true;
+    }
+
+    /// Which modules keep a scan from being whole, in words.
+    pub(crate) fn silence(&self, now: Time) -> String {
+        let silent: Vec<String> = self
+            .live
+            .modules()
+            .iter()
+            .zip(self.plan.patch.modules())
+            .filter(|(live, _)| live.stale)
+            .map(|(live, site)| {
+                let address = self.plan.patch.boards()[site.board as usize].address;
+                let since = live.last.map_or_else(
+                    || "never heard".to_owned(),
+                    |last| format!("silent for {:.1} s", now.since(last).as_secs_f64()),
+                );
+                format!("board {address} module {} ({since})", site.module)
+            })
+            .collect();
+        match silent.len() {
+            0 => "too few whole scans came in time".to_owned(),
+            n @ 1..=4 => format!("{n} modules are silent: {}", silent.join(", ")),
+            n => format!("{n} modules are silent: {} and {} more", silent[..3].join(", "), n - 3),
+        }
+    }
+}
+
+/// Which way pressure moves the count, 0 where no model says.
+fn sign_of(model: &TaxelModel) -> i8 {
+    match (model.is_usable(), model.sign) {
+        (false, _) => 0,
+        (true, Sign::Rising) => 1,
+        (true, Sign::Falling) => -1,
+    }
+}

@@ -1,0 +1,81 @@
+//! A taxel's curve in the form it is served in.
+
+use crate::series::{Chebyshev, powers_of, powers_of_raw};
+use serde::{Deserialize, Serialize};
+
+/// P(C) = sum c_k T_k(s), s = (C - centre) / half_width, in kPa.
+///
+/// T_k are the Chebyshev polynomials. In this form rounding a coefficient changes the pressure by no more than that
+/// rounding; in powers of the raw count it can change it by hundreds of pascal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Curve {
+    /// Count at s = 0; an integer where the range is 4 counts and more, so that C - centre is exact.
+    pub centre: f64,
+    /// Counts from the centre to the farther end of the range; positive.
+    pub half_width: f64,
+    /// Coefficients of T_0, T_1, ... in kPa; 1 to 11 of them.
+    pub chebyshev: Vec<f64>,
+}
+
+impl Curve {
+    /// Centre and half-width for the range `low..high`.
+    pub(crate) fn frame(low: f64, high: f64) -> (f64, f64) {
+        let middle = low + (high - low) / 2.0;
+        let centre = if high - low >= 4.0 { middle.round() } else { middle };
+        let half = (high - centre).max(centre - low);
+        (centre, if half > 0.0 { half } else { 1.0 })
+    }
+
+    /// The pressure at `count`, kPa, by Clenshaw's rule; also outside the range, where it means nothing.
+    #[must_use]
+    pub fn evaluate(&self, count: f64) -> f64 {
+        let s = (count - self.centre) / self.half_width;
+        let (mut b1, mut b2) = (0.0, 0.0);
+        for c in self.chebyshev.iter().skip(1).rev() {
+            (b1, b2) = (2.0 * s * b1 - b2 + c, b1);
+        }
+        s * b1 - b2 + self.chebyshev.first().unwrap_or(&0.0)
+    }
+
+    /// The slope at `count`, kPa per count: P' = sum k c_k U_{k-1}(s) / half_width.
+    #[must_use]
+    pub fn slope(&self, count: f64) -> f64 {
+        let s = (count - self.centre) / self.half_width;
+        let (mut u_last, mut u) = (0.0, 1.0);
+        let mut sum = 0.0;
+        for (k, c) in self.chebyshev.iter().enumerate().skip(1) {
+            sum += k as f64 * c * u;
+            (u_last, u) = (u, 2.0 * s * u - u_last);
+        }
+        sum / self.half_width
+    }
+
+    /// The order of the polynomial.
+    #[must_use]
+    pub fn order(&self) -> usize {
+        self.chebyshev.len().saturating_sub(1)
+    }
+
+    pub(crate) fn new(series: &Chebyshev, centre: f64, half_width: f64) -> Self {
+        Self { centre, half_width, chebyshev: series.iter().map(|c| c.to_f64()).collect() }
+    }
+
+    /// Coefficients in powers of the raw count of a series before its rounding to f64, each correctly rounded.
+    pub(crate) fn raw_coefficients(series: &Chebyshev, centre: f64, half_width: f64) -> Vec<f64> {
+        powers_of_raw(&powers_of(series), centre, half_width).iter().map(|c| c.to_f64()).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn value_and_slope_of_a_cubic() {
+        // 4 s^3 - 3 s = T_3 with s = (C - 200) / 32.
+        let curve = Curve { centre: 200.0, half_width: 32.0, chebyshev: vec![0.0, 0.0, 0.0, 1.0] };
+        assert_eq!(curve.evaluate(216.0), -1.0);
+        assert_eq!(curve.slope(216.0), (12.0 * 0.25 - 3.0) / 32.0);
+        assert_eq!(curve.slope(232.0), 9.0 / 32.0);
+    }
+}

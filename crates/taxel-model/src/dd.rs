@@ -1,0 +1,197 @@
+//! Double-double arithmetic: an unevaluated sum of two f64, about 32 decimal digits.
+//!
+//! Dekker (1971) and Knuth's error-free sums and products. The product splits its factors instead of using a fused
+//! multiply-add: on a processor or build without FMA that is a library call, the split is the same everywhere.
+//! Valid for magnitudes between about 1e-140 and 1e150, which the fits stay far inside.
+
+use std::ops::{Add, Mul, Neg, Sub};
+
+/// A number `hi + lo` with |lo| <= ulp(hi) / 2.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Dd {
+    /// The number rounded to f64.
+    pub hi: f64,
+    /// What that rounding left out.
+    pub lo: f64,
+}
+
+/// `a + b` and its rounding error (Knuth).
+#[inline]
+fn two_sum(a: f64, b: f64) -> (f64, f64) {
+    let s = a + b;
+    let v = s - a;
+    (s, (a - (s - v)) + (b - v))
+}
+
+/// `a + b` and its rounding error where |a| >= |b| (Dekker).
+#[inline]
+fn quick_two_sum(a: f64, b: f64) -> (f64, f64) {
+    let s = a + b;
+    (s, b - (s - a))
+}
+
+/// `a` as two halves of 26 bits (Veltkamp).
+#[inline]
+fn split(a: f64) -> (f64, f64) {
+    const SPLITTER: f64 = 134_217_729.0; // 2^27 + 1
+    let c = SPLITTER * a;
+    let hi = c - (c - a);
+    (hi, a - hi)
+}
+
+/// `a * b` and its rounding error (Dekker).
+#[inline]
+fn two_prod(a: f64, b: f64) -> (f64, f64) {
+    let p = a * b;
+    let (ah, al) = split(a);
+    let (bh, bl) = split(b);
+    (p, ((ah * bh - p) + ah * bl + al * bh) + al * bl)
+}
+
+impl Dd {
+    /// Zero.
+    pub const ZERO: Self = Self { hi: 0.0, lo: 0.0 };
+
+    /// The sum of two f64 of any size, exact.
+    #[inline]
+    #[must_use]
+    pub fn sum(a: f64, b: f64) -> Self {
+        let (hi, lo) = two_sum(a, b);
+        Self { hi, lo }
+    }
+
+    /// An integer; exact up to 106 bits.
+    #[must_use]
+    pub fn from_i128(n: i128) -> Self {
+        let hi = n as f64;
+        // The rounded value may exceed the type's range only for inputs near its end, which saturate.
+        Self::sum(hi, n.saturating_sub(hi as i128) as f64)
+    }
+
+    /// The product with an f64.
+    #[inline]
+    #[must_use]
+    pub fn scale(self, b: f64) -> Self {
+        let (p, e) = two_prod(self.hi, b);
+        let (hi, lo) = quick_two_sum(p, e + self.lo * b);
+        Self { hi, lo }
+    }
+
+    /// The product with a power of two, exact.
+    #[inline]
+    #[must_use]
+    pub fn scale_exact(self, power_of_two: f64) -> Self {
+        Self { hi: self.hi * power_of_two, lo: self.lo * power_of_two }
+    }
+
+    /// The quotient, by long division with two corrections.
+    #[must_use]
+    pub fn div(self, b: Self) -> Self {
+        let q1 = self.hi / b.hi;
+        let r = self - b.scale(q1);
+        let q2 = r.hi / b.hi;
+        let r = r - b.scale(q2);
+        let q3 = r.hi / b.hi;
+        let (hi, lo) = quick_two_sum(q1, q2);
+        Self { hi, lo } + Self::from(q3)
+    }
+
+    /// The square root, one Newton step from the f64 root; 0 for arguments that are not positive.
+    #[must_use]
+    pub fn sqrt(self) -> Self {
+        if self.hi <= 0.0 {
+            return Self::ZERO;
+        }
+        let root = Self::from(self.hi.sqrt());
+        let correction = (self - root * root).hi / (2.0 * root.hi);
+        root + Self::from(correction)
+    }
+
+    /// The nearest f64.
+    #[inline]
+    #[must_use]
+    pub const fn to_f64(self) -> f64 {
+        self.hi
+    }
+}
+
+impl From<f64> for Dd {
+    #[inline]
+    fn from(hi: f64) -> Self {
+        Self { hi, lo: 0.0 }
+    }
+}
+
+impl Add for Dd {
+    type Output = Self;
+    #[inline]
+    fn add(self, b: Self) -> Self {
+        let (s, e) = two_sum(self.hi, b.hi);
+        let (t, f) = two_sum(self.lo, b.lo);
+        let (s, e) = quick_two_sum(s, e + t);
+        let (hi, lo) = quick_two_sum(s, e + f);
+        Self { hi, lo }
+    }
+}
+
+impl Neg for Dd {
+    type Output = Self;
+    #[inline]
+    fn neg(self) -> Self {
+        Self { hi: -self.hi, lo: -self.lo }
+    }
+}
+
+impl Sub for Dd {
+    type Output = Self;
+    #[inline]
+    fn sub(self, b: Self) -> Self {
+        self + -b
+    }
+}
+
+impl Mul for Dd {
+    type Output = Self;
+    #[inline]
+    fn mul(self, b: Self) -> Self {
+        let (p, e) = two_prod(self.hi, b.hi);
+        let (hi, lo) = quick_two_sum(p, e + (self.hi * b.lo + self.lo * b.hi));
+        Self { hi, lo }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn a_third_has_thirty_two_digits() {
+        let third = Dd::from(1.0).div(Dd::from(3.0));
+        let back = third.scale(3.0) - Dd::from(1.0);
+        assert!(back.hi.abs() < 1e-31, "{back:?}");
+        let two = Dd::from(2.0).sqrt();
+        assert!((two * two - Dd::from(2.0)).hi.abs() < 1e-31);
+    }
+
+    #[test]
+    fn integers_of_a_hundred_bits_are_exact() {
+        let n = (1_i128 << 100) + 12_345;
+        let d = Dd::from_i128(n);
+        assert_eq!(d.hi as i128 + d.lo as i128, n);
+    }
+
+    proptest! {
+        #[test]
+        fn products_of_integers_are_exact(a in -(1_i64 << 52)..(1_i64 << 52), b in -(1_i64 << 52)..(1_i64 << 52)) {
+            let (p, e) = two_prod(a as f64, b as f64);
+            prop_assert_eq!(p as i128 + e as i128, i128::from(a) * i128::from(b));
+        }
+
+        #[test]
+        fn sums_are_exact(a in -(1_i64 << 52)..(1_i64 << 52), b in -(1_i64 << 20)..(1_i64 << 20)) {
+            let s = Dd::sum(a as f64 * 1024.0, b as f64 / 4.0);
+            prop_assert_eq!((s.hi * 4.0) as i128 + (s.lo * 4.0) as i128, i128::from(a) * 4096 + i128::from(b));
+        }
+    }
+}

@@ -1,0 +1,123 @@
+//! Decimal text to double-double, so that data are used as they are written and not as an f64 stores them.
+
+use crate::dd::Dd;
+
+/// Digits that an exact integer of 106 bits holds.
+const EXACT_DIGITS: usize = 31;
+
+/// Reads a decimal number (`-12.5`, `0.486e-3`, no `inf` or `nan`) to about 31 digits.
+///
+/// `hi` is the correctly rounded f64, `hi + lo` is within 2^-100 of the text relatively. `None` if the text is not a
+/// finite decimal number of magnitude below 1e120.
+#[must_use]
+pub fn parse_decimal(text: &str) -> Option<Dd> {
+    let text = text.trim();
+    let hi: f64 = text.parse().ok()?;
+    if !hi.is_finite() || hi.abs() >= 1e120 {
+        return None;
+    }
+    if hi == 0.0 || hi.abs() < 1e-120 {
+        return Some(Dd::from(hi));
+    }
+    let (mantissa, exponent) = match text.find(['e', 'E']) {
+        Some(at) => (&text[..at], text[at + 1..].parse::<i32>().ok()?),
+        None => (text, 0),
+    };
+    let (value, exponent) = integer_and_exponent(mantissa, exponent);
+    let value = if mantissa.starts_with('-') { -value } else { value };
+    let exact = times_power_of_ten(value, exponent);
+    let rest = exact - Dd::from(hi);
+    Some(Dd { hi, lo: rest.hi })
+}
+
+/// The first 31 significant digits as an integer, and the power of ten that goes with it.
+fn integer_and_exponent(mantissa: &str, exponent: i32) -> (Dd, i32) {
+    let mut digits: i128 = 0;
+    let mut used = 0;
+    let mut exponent = exponent;
+    let mut fraction = false;
+    for byte in mantissa.bytes() {
+        match byte {
+            b'.' => fraction = true,
+            b'0'..=b'9' => {
+                let kept = used < EXACT_DIGITS;
+                if kept {
+                    digits = digits * 10 + i128::from(byte - b'0');
+                    used += usize::from(digits != 0);
+                }
+                exponent += i32::from(!kept) - i32::from(fraction);
+            }
+            _ => {}
+        }
+    }
+    (Dd::from_i128(digits), exponent)
+}
+
+/// `value * 10^exponent`; powers up to 10^22 are exact f64.
+fn times_power_of_ten(mut value: Dd, exponent: i32) -> Dd {
+    let mut left = exponent.unsigned_abs();
+    while left > 0 {
+        let step = left.min(22);
+        let power = (0..step).fold(1.0, |power: f64, _| power * 10.0);
+        value = if exponent < 0 { value.div(Dd::from(power)) } else { value.scale(power) };
+        left -= step;
+    }
+    value
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use num_bigint::BigInt;
+    use num_rational::BigRational;
+    use proptest::prelude::*;
+
+    fn exact(d: Dd) -> BigRational {
+        BigRational::from_float(d.hi).unwrap() + BigRational::from_float(d.lo).unwrap()
+    }
+
+    #[test]
+    fn a_tenth_is_a_tenth() {
+        let tenth = exact(parse_decimal("0.1").unwrap());
+        let error = tenth - BigRational::new(BigInt::from(1), BigInt::from(10));
+        let bound = BigRational::new(BigInt::from(1), BigInt::from(10).pow(31));
+        assert!(error < bound.clone() && -error < bound);
+    }
+
+    #[test]
+    fn what_is_no_finite_number_is_refused() {
+        for text in ["", "nan", "inf", "-inf", "1e400", "1.2.3", "x", "1e", "--1"] {
+            assert_eq!(parse_decimal(text), None, "{text}");
+        }
+        assert_eq!(parse_decimal(" +7 ").unwrap().hi, 7.0);
+        assert_eq!(parse_decimal("-0.0").unwrap().hi, 0.0);
+    }
+
+    proptest! {
+        #[test]
+        fn any_decimal_within_two_to_minus_hundred(
+            digits in 1_i64..=i64::MAX, exponent in -60_i32..40, negative: bool, point in 1_usize..18,
+        ) {
+            let mut text = digits.to_string();
+            if point < text.len() {
+                text.insert(point, '.');
+            }
+            let text = format!("{}{text}e{exponent}", if negative { "-" } else { "" });
+            let got = parse_decimal(&text).unwrap();
+            let shift = exponent - if point < digits.to_string().len() {
+                (digits.to_string().len() - point) as i32
+            } else {
+                0
+            };
+            let ten = BigRational::from_integer(BigInt::from(10));
+            let mut want = BigRational::from_integer(BigInt::from(digits)) * ten.pow(shift);
+            if negative {
+                want = -want;
+            }
+            let relative = (exact(got) - &want) / want;
+            let bound = BigRational::new(BigInt::from(1), BigInt::from(2).pow(100));
+            prop_assert!(relative < bound.clone() && relative > -bound);
+            prop_assert_eq!(got.hi, text.parse::<f64>().unwrap());
+        }
+    }
+}

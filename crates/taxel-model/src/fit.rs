@@ -1,0 +1,353 @@
+//! One fit from end to end.
+
+use crate::curve::Curve;
+use crate::dd::Dd;
+use crate::model::{Quality, Sign, TaxelModel};
+use crate::options::{Estimator, FitOptions, MIN_BINNED_SAMPLES, Order, Shape};
+use crate::order::{choose, press_by_order};
+use crate::orthogonal::Basis;
+use crate::reduce::Reduced;
+use crate::refine::solve;
+use crate::samples::{Samples, reduce};
+use crate::series::{Chebyshev, chebyshev_of};
+use crate::shape::{Problem, repair, wrong_slope};
+use crate::status::{Flag, Status};
+use crate::uncertainty::{Evidence, Scatter, profile, student_975};
+
+/// A monotone curve that fits this much worse than the free one is contradicted by the samples: on simulated skin the
+/// ratio stays below 1.06, because there only noise has to be bent.
+const MAX_REPAIR_RATIO: f64 = 1.5;
+
+/// A sample with more leverage than this decides the curve at its count alone.
+const HIGH_LEVERAGE: f64 = 0.9;
+
+/// An interval without a sample of this share of the range is a gap.
+const GAP_SHARE: f64 = 0.25;
+
+/// Share of the samples that the range of real counts loses at each end.
+const REAL_TRIM: f64 = 0.002;
+
+/// Below this standard deviation of the pressure, kPa, squares vanish: no gauge means it.
+const LEAST_PRESSURE_SD_KPA: f64 = 1e-100;
+
+/// Fits the model of one taxel. Never panics: [`TaxelModel::status`] says why there is no usable curve.
+#[must_use]
+pub fn fit(samples: &Samples<'_>, options: &FitOptions) -> TaxelModel {
+    fit_reduced(&reduce(samples, options), options)
+}
+
+pub(crate) fn fit_reduced(data: &Reduced, options: &FitOptions) -> TaxelModel {
+    let mut flags: Vec<Flag> =
+        data.dropped.iter().map(|&(count, share)| Flag::RailDropped { count, share }).collect();
+    if data.rejected > 0 {
+        flags.push(Flag::Rejected { samples: data.rejected });
+    }
+    let samples = data.samples() as u64;
+    if options.estimator == Estimator::PressureBinned && !data.binned {
+        flags.push(Flag::NotBinned { samples });
+    }
+    let quality = Quality { samples, distinct_counts: data.codes.len() as u32, ..Quality::default() };
+    let none = |status, flags| TaxelModel {
+        flags,
+        quality: quality.clone(),
+        ..TaxelModel::without_curve(status, options.gauge)
+    };
+    let (Some(first), false) = (data.codes.first(), data.rows.is_empty()) else {
+        return none(Status::NoData, flags);
+    };
+    let spread = data.pressure_spread();
+    let silent = spread.sd_kpa <= (10.0 * options.gauge.noise_kpa).max(LEAST_PRESSURE_SD_KPA);
+    if silent && samples > 1 {
+        return none(Status::NoExcitation { pressure_sd_kpa: spread.sd_kpa }, flags);
+    }
+    if data.codes.len() == 1 {
+        let count = first.x.to_f64();
+        let status = if samples > 1 { Status::Dead { count } } else { Status::Unproven { samples } };
+        let mut model = none(status, flags);
+        model.range = Some([count, count]);
+        model.curve = Some(Curve { centre: count, half_width: 1.0, chebyshev: vec![first.mean.to_f64()] });
+        model.raw_coefficients = vec![first.mean.to_f64()];
+        model.quality.rank = 1;
+        return model;
+    }
+    Fit::new(data, options).model(flags, quality, spread.range_kpa)
+}
+
+/// The pieces that a fit is made of, from the frame of its variable to the curve.
+struct Fit<'a> {
+    data: &'a Reduced,
+    options: &'a FitOptions,
+    range: [f64; 2],
+    centre: f64,
+    half: f64,
+    /// Power of two not below `half`: t = (x - centre) / scale is exact.
+    scale: f64,
+    basis: Basis,
+    /// sqrt(n) y, and its coefficients in the basis.
+    z: Vec<f64>,
+    d: Vec<f64>,
+    t: Vec<Dd>,
+}
+
+impl<'a> Fit<'a> {
+    fn new(data: &'a Reduced, options: &'a FitOptions) -> Self {
+        let range = calibrated_range(data, options);
+        let (centre, half) = Curve::frame(range[0], range[1]);
+        let scale = 2.0_f64.powi(half.log2().ceil() as i32);
+        let t: Vec<Dd> = data
+            .rows
+            .iter()
+            .map(|row| (Dd::sum(row.x.hi, -centre) + Dd::from(row.x.lo)).scale_exact(1.0 / scale))
+            .collect();
+        let rounded: Vec<f64> = t.iter().map(|t| t.to_f64()).collect();
+        let n: Vec<f64> = data.rows.iter().map(|row| row.n).collect();
+        let max_order = options.max_order().min(data.codes.len() - 1);
+        let basis = Basis::new(&rounded, &n, max_order);
+        let z: Vec<f64> = data.rows.iter().map(|row| row.n.sqrt() * row.y.hi).collect();
+        let d = basis.project(&z);
+        Self { data, options, range, centre, half, scale, basis, z, d, t }
+    }
+
+    fn sign(&self) -> Sign {
+        if self.d.get(1).is_some_and(|slope| *slope > 0.0) { Sign::Rising } else { Sign::Falling }
+    }
+
+    /// The ends of the range in s.
+    fn ends(&self) -> (Dd, Dd) {
+        let s = |count: f64| Dd::sum(count, -self.centre).div(Dd::from(self.half));
+        (s(self.range[0]), s(self.range[1]))
+    }
+
+    fn scatter(&self, curve: &Curve) -> Vec<Scatter> {
+        let [low, high] = self.range;
+        let of = |code: &crate::reduce::CodeStat| {
+            let count = code.x.to_f64();
+            let residual = code.mean.to_f64() - curve.evaluate(count.max(low).min(high));
+            Scatter { count, n: code.n, squares: code.ss + code.n * residual * residual }
+        };
+        self.data.codes.iter().map(of).collect()
+    }
+
+    fn rmse(&self, curve: &Curve) -> f64 {
+        (self.scatter(curve).iter().map(|s| s.squares).sum::<f64>() / self.data.samples()).sqrt()
+    }
+
+    /// The curve that is served, with the status and flags that its shape earns.
+    fn shaped(&self, order: usize, flags: &mut Vec<Flag>) -> (Chebyshev, Option<Status>) {
+        let free = chebyshev_of(&solve(&self.basis, &self.data.rows, &self.t, order, self.options.exact), self.half / self.scale);
+        let (from, to) = self.ends();
+        let sign = self.sign().as_f64();
+        let Some(place) = wrong_slope(&free, from, to, sign) else { return (free, None) };
+        let small = (self.data.samples() as u64) < MIN_BINNED_SAMPLES;
+        let report = match self.options.shape {
+            Shape::Auto => small && !self.data.integer,
+            Shape::Repair => false,
+            Shape::Report => true,
+        };
+        if report {
+            flags.push(Flag::NotMonotone { count: self.centre + place * self.half });
+            return (free, None);
+        }
+        let s: Vec<f64> = self.t.iter().map(|t| t.to_f64() * (self.scale / self.half)).collect();
+        let n: Vec<f64> = self.data.rows.iter().map(|row| row.n).collect();
+        let problem = Problem { basis: &self.basis, s: &s, n: &n, d: &self.d, order, sign };
+        let monotone = repair(&problem, from, to, self.data.pressure_spread().range_kpa);
+        let rmse = |series: &Chebyshev| self.rmse(&Curve::new(series, self.centre, self.half));
+        let rmse_ratio = rmse(&monotone) / rmse(&free);
+        if wrong_slope(&monotone, from, to, sign).is_some() || rmse_ratio > MAX_REPAIR_RATIO {
+            return (free, Some(Status::NotMonotone { rmse_ratio }));
+        }
+        flags.push(Flag::Repaired { rmse_ratio });
+        (monotone, None)
+    }
+
+    fn model(&self, mut flags: Vec<Flag>, mut quality: Quality, pressure_range_kpa: f64) -> TaxelModel {
+        let (data, options) = (self.data, self.options);
+        let scores = press_by_order(&self.basis, &self.z, &self.d);
+        let carried = self.basis.order();
+        let order = match options.order {
+            Order::Fixed(_) => carried,
+            Order::Auto => choose(&scores),
+        };
+        if let Order::Fixed(_) = options.order
+            && carried < options.max_order()
+        {
+            flags.push(Flag::RankReduced { asked: options.max_order() as u8, used: carried as u8 });
+        }
+        let (series, shape_status) = self.shaped(order, &mut flags);
+        let curve = Curve::new(&series, self.centre, self.half);
+        let repaired = flags.iter().any(|flag| matches!(flag, Flag::Repaired { .. }));
+        self.flag_support(order, &mut flags, &mut quality);
+        let scatter = self.scatter(&curve);
+        quality.rank = carried as u8 + 1;
+        quality.swing_counts = self.range[1] - self.range[0];
+        quality.dof = (data.samples() - (order + 1) as f64).max(0.0);
+        quality.rmse_kpa = self.rmse(&curve);
+        quality.press_kpa = scores.get(order).and_then(|score| score.press_kpa);
+        quality.press_by_order = scores;
+        self.lack_of_fit(&scatter, order, &mut quality);
+        quality.repeatability_kpa = self.repeatability(&curve);
+        let evidence = Evidence {
+            scatter: &scatter,
+            range: self.range,
+            integer: data.integer,
+            dof: quality.dof,
+            basis: &self.basis,
+            d: &self.d,
+            order,
+            to_t: &|count| (count - self.centre) / self.scale,
+            slope: &|count| curve.slope(count),
+        };
+        let sigma = profile(&evidence).map(|(sigma, support)| {
+            let full_scale = options.exclusion.full_scale_kpa.unwrap_or(pressure_range_kpa);
+            let half_width = student_975(quality.dof) * weighted_median(&sigma.sigma_kpa, &support);
+            quality.interval_kpa = Some(half_width);
+            quality.interval_share = Some(half_width / full_scale).filter(|share| share.is_finite());
+            sigma
+        });
+        let status = shape_status.unwrap_or_else(|| self.status(&quality));
+        TaxelModel {
+            status,
+            flags,
+            estimator: if data.binned { Estimator::PressureBinned } else { Estimator::PerSample },
+            order: order as u8,
+            sign: self.sign(),
+            range: Some(self.range),
+            raw_coefficients: Curve::raw_coefficients(&series, self.centre, self.half),
+            curve: Some(curve),
+            sigma,
+            gauge: options.gauge,
+            quality,
+            repaired,
+        }
+    }
+
+    fn status(&self, quality: &Quality) -> Status {
+        let exclusion = &self.options.exclusion;
+        if quality.swing_counts < exclusion.min_swing_counts {
+            let (swing_counts, needed_counts) = (quality.swing_counts, exclusion.min_swing_counts);
+            return Status::InsufficientSwing { swing_counts, needed_counts };
+        }
+        if quality.dof <= 0.0 {
+            return Status::Unproven { samples: quality.samples };
+        }
+        match quality.interval_share {
+            Some(share) if share <= exclusion.max_interval_share => Status::Ok,
+            share => Status::IntervalTooWide {
+                share: share.unwrap_or(f64::MAX),
+                limit: exclusion.max_interval_share,
+            },
+        }
+    }
+
+    /// Flags where few or single samples carry the curve.
+    fn flag_support(&self, order: usize, flags: &mut Vec<Flag>, quality: &mut Quality) {
+        let wanted = 2 * (order as u32 + 1);
+        if quality.distinct_counts < wanted {
+            flags.push(Flag::FewDistinctCounts { distinct: quality.distinct_counts, wanted });
+        }
+        for (r, row) in self.data.rows.iter().enumerate() {
+            let leverage = self.basis.vectors[..=order].iter().map(|q| q[r] * q[r]).sum::<f64>() / row.n;
+            if leverage > quality.max_leverage {
+                quality.max_leverage = leverage;
+                if leverage > HIGH_LEVERAGE {
+                    flags.retain(|flag| !matches!(flag, Flag::HighLeverage { .. }));
+                    flags.push(Flag::HighLeverage { count: row.x.to_f64(), leverage });
+                }
+            }
+        }
+        let counts: Vec<f64> = self.data.codes.iter().map(|code| code.x.to_f64()).collect();
+        let inside = |pair: &&[f64]| pair[0] >= self.range[0] && pair[1] <= self.range[1];
+        let widest = counts.windows(2).filter(inside).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
+        if let Some(&[from, to]) = widest
+            && to - from > GAP_SHARE * (self.range[1] - self.range[0])
+            && to - from > 1.0
+        {
+            flags.push(Flag::Gap { from, to });
+        }
+    }
+
+    fn lack_of_fit(&self, scatter: &[Scatter], order: usize, quality: &mut Quality) {
+        let (samples, codes) = (self.data.samples(), self.data.codes.len() as f64);
+        let pure: f64 = self.data.codes.iter().map(|code| code.ss).sum();
+        let (pure_dof, lack_dof) = (samples - codes, codes - (order + 1) as f64);
+        if pure_dof <= 0.0 {
+            return;
+        }
+        quality.pure_error_kpa = Some((pure / pure_dof).sqrt());
+        let lack = (scatter.iter().map(|s| s.squares).sum::<f64>() - pure).max(0.0);
+        if lack_dof > 0.0 && pure > 0.0 {
+            quality.lack_of_fit_f = Some((lack / lack_dof) / (pure / pure_dof));
+        }
+    }
+
+    /// Standard deviation between ramps of the mean residual, kPa.
+    fn repeatability(&self, curve: &Curve) -> Option<f64> {
+        let [low, high] = self.range;
+        let means: Vec<f64> = self
+            .data
+            .ramps
+            .iter()
+            .filter_map(|ramp| {
+                let n: f64 = ramp.groups.iter().map(|group| group.1).sum();
+                let residual = |&(count, n, sum): &(f64, f64, f64)| sum - n * curve.evaluate(count.max(low).min(high));
+                (n > 0.0).then(|| ramp.groups.iter().map(residual).sum::<f64>() / n)
+            })
+            .collect();
+        let n = means.len() as f64;
+        if n < 2.0 {
+            return None;
+        }
+        let mean = means.iter().sum::<f64>() / n;
+        Some((means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt())
+    }
+}
+
+/// The range of counts in which the curve may be evaluated.
+///
+/// A recording's rare outermost counts are noise, and bins of pressure say nothing about counts beyond their means: a
+/// polynomial must not be extended to either.
+fn calibrated_range(data: &Reduced, options: &FitOptions) -> [f64; 2] {
+    let hull = |mut counts: Box<dyn DoubleEndedIterator<Item = f64> + '_>| {
+        let first = counts.next()?;
+        Some([first, counts.next_back().unwrap_or(first)])
+    };
+    let samples = data.samples();
+    let all = hull(Box::new(data.codes.iter().map(|code| code.x.to_f64()))).unwrap_or([0.0, 0.0]);
+    let mut range = all;
+    if samples >= MIN_BINNED_SAMPLES as f64 {
+        let trimmed = if data.integer {
+            let often = data.codes.iter().filter(|code| code.n >= f64::from(options.min_samples_at_ends));
+            hull(Box::new(often.map(|code| code.x.to_f64())))
+        } else {
+            let mut below = 0.0;
+            let kept = data.codes.iter().filter(move |code| {
+                below += code.n;
+                below > REAL_TRIM * samples && below - code.n < (1.0 - REAL_TRIM) * samples
+            });
+            let kept: Vec<f64> = kept.map(|code| code.x.to_f64()).collect();
+            hull(Box::new(kept.into_iter()))
+        };
+        range = trimmed.filter(|range| range[1] > range[0]).unwrap_or(all);
+    }
+    let rows = hull(Box::new(data.rows.iter().map(|row| row.x.to_f64())));
+    if let (true, Some([low, high])) = (data.binned, rows) {
+        let (low, high) = if data.integer { (low.floor(), high.ceil()) } else { (low, high) };
+        let inner = [range[0].max(low), range[1].min(high)];
+        range = if inner[1] > inner[0] { inner } else { range };
+    }
+    range
+}
+
+/// The value below which half of the weight lies.
+fn weighted_median(values: &[f64], weights: &[f64]) -> f64 {
+    let mut pairs: Vec<(f64, f64)> = values.iter().copied().zip(weights.iter().copied()).collect();
+    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let half = weights.iter().sum::<f64>() / 2.0;
+    let mut sum = 0.0;
+    let found = pairs.iter().find(|(_, weight)| {
+        sum += weight;
+        sum >= half
+    });
+    found.map_or(f64::INFINITY, |pair| pair.0)
+}

@@ -1,0 +1,101 @@
+//! The least that a fit needs to know of the samples.
+//!
+//! Weighted least squares on the mean pressure of each distinct count has the same solution as least squares on all
+//! samples, so that a few hundred rows stand for any number of scans without loss.
+
+use crate::dd::Dd;
+
+/// A bin with a larger share of clipped readings than this has no honest mean count.
+pub(crate) const MAX_RAIL_SHARE_OF_BIN: f64 = 0.05;
+
+/// A rail with a larger share of all samples than this is clipping; a smaller one may be a true reading.
+const MAX_RAIL_SHARE: f64 = 0.01;
+
+/// A rail this many counts away from every other reading is a dropout, however rare.
+const DROPOUT_GAP_COUNTS: f64 = 8.0;
+
+/// A row of the least-squares problem: `n` samples of mean count `x` and mean pressure `y`, kPa.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    pub x: Dd,
+    pub y: Dd,
+    pub n: f64,
+}
+
+/// All samples of one count: how many, their mean pressure in kPa, and the sum of squares about it, kPa^2.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CodeStat {
+    pub x: Dd,
+    pub n: f64,
+    pub mean: Dd,
+    pub ss: f64,
+}
+
+/// One ramp as groups of (count, samples, sum of their pressures in kPa).
+#[derive(Clone, Debug)]
+pub(crate) struct RampGroup {
+    pub groups: Vec<(f64, f64, f64)>,
+}
+
+/// Samples reduced.
+#[derive(Clone, Debug)]
+pub(crate) struct Reduced {
+    /// Ascending in count, clipped counts left out.
+    pub codes: Vec<CodeStat>,
+    /// Rows of the problem, ascending in count.
+    pub rows: Vec<Row>,
+    /// Samples that were not finite or out of range.
+    pub rejected: u64,
+    /// Every count is an integer.
+    pub integer: bool,
+    /// The rows are bins of pressure and not counts.
+    pub binned: bool,
+    /// Clipped counts and their share of the samples.
+    pub dropped: Vec<(f64, f64)>,
+    /// For the repeatability.
+    pub ramps: Vec<RampGroup>,
+}
+
+impl Reduced {
+    /// Number of samples behind the codes.
+    pub fn samples(&self) -> f64 {
+        self.codes.iter().map(|c| c.n).sum()
+    }
+
+    /// Mean, standard deviation, least and greatest code mean of the pressure, kPa.
+    pub fn pressure_spread(&self) -> Spread {
+        let n = self.samples().max(1.0);
+        let mean = self.codes.iter().map(|c| c.n * c.mean.hi).sum::<f64>() / n;
+        let ss: f64 = self.codes.iter().map(|c| c.ss + c.n * (c.mean.hi - mean).powi(2)).sum();
+        let means = self.codes.iter().chain(&[]).map(|c| c.mean.hi);
+        let rows = self.rows.iter().map(|r| r.y.hi);
+        let (low, high) = means.chain(rows).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), y| (lo.min(y), hi.max(y)));
+        Spread { mean_kpa: mean, sd_kpa: (ss / n).sqrt(), range_kpa: (high - low).max(0.0) }
+    }
+}
+
+/// How the pressures are spread.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spread {
+    pub mean_kpa: f64,
+    pub sd_kpa: f64,
+    pub range_kpa: f64,
+}
+
+/// Which of the two rail counts must stay out of the fit, with their share of the samples.
+pub(crate) fn rails_to_drop(codes: &[CodeStat], rails: Option<(f64, f64)>) -> Vec<(f64, f64)> {
+    let Some((low, high)) = rails else { return Vec::new() };
+    let total: f64 = codes.iter().map(|c| c.n).sum();
+    let inner: Vec<f64> = codes.iter().map(|c| c.x.hi).filter(|x| *x > low && *x < high).collect();
+    // A taxel that only ever reads rails is dead, and is told so from its counts.
+    let (Some(first), Some(last)) = (inner.first(), inner.last()) else { return Vec::new() };
+    codes
+        .iter()
+        .filter(|c| c.x.hi <= low || c.x.hi >= high)
+        .filter(|c| {
+            let gap = if c.x.hi <= low { first - c.x.hi } else { c.x.hi - last };
+            c.n > MAX_RAIL_SHARE * total || gap >= DROPOUT_GAP_COUNTS
+        })
+        .map(|c| (c.x.hi, c.n / total))
+        .collect()
+}

@@ -1,0 +1,174 @@
+//! Polynomials in double-double, and the changes of basis between the forms in which a curve is solved, served,
+//! proven and printed. Orders are small (10 at most), so the plain O(p^2) recurrences do.
+
+use crate::dd::Dd;
+use crate::refine::Solution;
+
+/// Coefficients of T_0 .. T_p in s.
+pub(crate) type Chebyshev = Vec<Dd>;
+
+/// Coefficients of 1, s, s^2, ...
+pub(crate) type Powers = Vec<Dd>;
+
+/// Coefficients of the Bernstein polynomials of order p over an interval.
+pub(crate) type Bernstein = Vec<Dd>;
+
+/// s times a Chebyshev series: s T_0 = T_1, s T_k = (T_{k+1} + T_{k-1}) / 2.
+fn times_s(series: &[Dd]) -> Chebyshev {
+    let mut out = vec![Dd::ZERO; series.len() + 1];
+    for (k, c) in series.iter().enumerate() {
+        if k == 0 {
+            out[1] = out[1] + *c;
+        } else {
+            let half = c.scale_exact(0.5);
+            out[k + 1] = out[k + 1] + half;
+            out[k - 1] = out[k - 1] + half;
+        }
+    }
+    out
+}
+
+/// The least-squares solution as a Chebyshev series in s, where t = ratio s.
+pub(crate) fn chebyshev_of(solution: &Solution, ratio: f64) -> Chebyshev {
+    let recurrence = &solution.recurrence;
+    let mut last: Chebyshev = Vec::new();
+    let mut phi: Chebyshev = vec![recurrence.first];
+    let mut sum = vec![Dd::ZERO; solution.d.len()];
+    for (k, d) in solution.d.iter().enumerate() {
+        sum.iter_mut().zip(&phi).for_each(|(sum, c)| *sum = *sum + *c * *d);
+        let Some(beta) = recurrence.beta.get(k) else { break };
+        let mut next: Chebyshev = times_s(&phi).iter().map(|c| c.scale(ratio)).collect();
+        next.iter_mut().zip(&phi).for_each(|(next, c)| *next = *next - *c * recurrence.alpha[k]);
+        if k > 0 {
+            next.iter_mut().zip(&last).for_each(|(next, c)| *next = *next - *c * recurrence.beta[k - 1]);
+        }
+        next.iter_mut().for_each(|c| *c = c.div(*beta));
+        last = std::mem::replace(&mut phi, next);
+    }
+    sum
+}
+
+/// Powers of s of a Chebyshev series.
+pub(crate) fn powers_of(series: &[Dd]) -> Powers {
+    let mut sum = vec![Dd::ZERO; series.len()];
+    let mut last = vec![0.0; series.len() + 1];
+    let mut t = last.clone();
+    t[0] = 1.0;
+    for (k, c) in series.iter().enumerate() {
+        for (sum, t) in sum.iter_mut().zip(&t) {
+            *sum = *sum + c.scale(*t);
+        }
+        // T_1 = s, T_{k+1} = 2 s T_k - T_{k-1}; the coefficients are small integers.
+        let factor = if k == 0 { 1.0 } else { 2.0 };
+        let mut next = vec![0.0; t.len()];
+        for j in 0..t.len() {
+            let shifted = if j == 0 { 0.0 } else { factor * t[j - 1] };
+            next[j] = shifted - if k == 0 { 0.0 } else { last[j] };
+        }
+        last = std::mem::replace(&mut t, next);
+    }
+    sum
+}
+
+/// A Chebyshev series of powers of s, by Horner's rule.
+pub(crate) fn chebyshev_of_powers(powers: &[Dd]) -> Chebyshev {
+    let mut series: Chebyshev = Vec::new();
+    for c in powers.iter().rev() {
+        if series.is_empty() {
+            series.push(*c);
+        } else {
+            series = times_s(&series);
+            series[0] = series[0] + *c;
+        }
+    }
+    series
+}
+
+/// The coefficients in x of sum a_k ((x - centre) / half)^k.
+pub(crate) fn powers_of_raw(powers: &[Dd], centre: f64, half: f64) -> Powers {
+    let mut a = powers.to_vec();
+    let mut scale = Dd::from(1.0);
+    for a in &mut a {
+        *a = a.div(scale);
+        scale = scale.scale(half);
+    }
+    shift(&mut a, Dd::from(-centre));
+    a
+}
+
+/// p(x) -> p(x + by), by repeated synthetic division.
+fn shift(a: &mut [Dd], by: Dd) {
+    for i in 0..a.len() {
+        for j in (i..a.len().saturating_sub(1)).rev() {
+            a[j] = a[j] + a[j + 1] * by;
+        }
+    }
+}
+
+fn binomial(n: usize, k: usize) -> f64 {
+    (0..k).fold(1.0, |b, i| b * (n - i) as f64 / (i + 1) as f64).round()
+}
+
+/// Bernstein coefficients over `from..to` of powers of s.
+pub(crate) fn bernstein_of(powers: &[Dd], from: Dd, to: Dd) -> Bernstein {
+    let mut q = powers.to_vec();
+    shift(&mut q, from);
+    let width = to - from;
+    let mut scale = Dd::from(1.0);
+    for q in &mut q {
+        *q = *q * scale;
+        scale = scale * width;
+    }
+    let p = powers.len() - 1;
+    (0..=p)
+        .map(|j| {
+            (0..=j).fold(Dd::ZERO, |sum, i| sum + q[i].scale(binomial(j, i)).div(Dd::from(binomial(p, i))))
+        })
+        .collect()
+}
+
+/// Powers of s of Bernstein coefficients over `from..to`.
+pub(crate) fn powers_of_bernstein(bernstein: &[Dd], from: Dd, to: Dd) -> Powers {
+    let p = bernstein.len() - 1;
+    let mut differences = bernstein.to_vec();
+    let mut q: Powers = Vec::with_capacity(p + 1);
+    let mut scale = Dd::from(1.0);
+    let inverse = Dd::from(1.0).div(to - from);
+    for i in 0..=p {
+        q.push(differences[0].scale(binomial(p, i)) * scale);
+        scale = scale * inverse;
+        for j in 0..p - i {
+            differences[j] = differences[j + 1] - differences[j];
+        }
+    }
+    shift(&mut q, -from);
+    q
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn at(powers: &[Dd], x: f64) -> f64 {
+        powers.iter().rev().fold(Dd::ZERO, |sum, c| sum.scale(x) + *c).hi
+    }
+
+    proptest! {
+        #[test]
+        fn every_change_of_basis_keeps_the_polynomial(
+            c in proptest::collection::vec(-9.0..9.0_f64, 1..11), from in -3.0..0.0_f64, width in 0.5..4.0_f64,
+        ) {
+            let powers: Vec<Dd> = c.iter().copied().map(Dd::from).collect();
+            let (from, to) = (Dd::from(from), Dd::from(from + width));
+            let back = powers_of(&chebyshev_of_powers(&powers));
+            let over = powers_of_bernstein(&bernstein_of(&powers, from, to), from, to);
+            for k in 0..c.len() {
+                prop_assert!((back[k] - powers[k]).hi.abs() < 1e-27, "chebyshev {k}");
+                prop_assert!((over[k] - powers[k]).hi.abs() < 1e-20, "bernstein {k}");
+            }
+            let raw = powers_of_raw(&powers, 200.0, 32.0);
+            prop_assert!((at(&raw, 216.0) - at(&powers, 0.5)).abs() <= 1e-12);
+        }
+    }
+}

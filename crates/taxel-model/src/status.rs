@@ -1,0 +1,178 @@
+//! Why a taxel has no usable curve, and what else its fit has to say.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// Whether a curve may be used, and if not, why.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Status {
+    /// The curve may be used.
+    Ok,
+    /// No valid sample.
+    NoData,
+    /// The pressure did not vary.
+    NoExcitation {
+        /// Standard deviation of the pressure, kPa.
+        pressure_sd_kpa: f64,
+    },
+    /// The count never changed.
+    Dead {
+        /// The one count seen.
+        count: f64,
+    },
+    /// The counts move less than the threshold asks for.
+    InsufficientSwing {
+        /// C_max - C_min, counts.
+        swing_counts: f64,
+        /// The threshold, counts.
+        needed_counts: f64,
+    },
+    /// As many coefficients as samples: the curve passes through all of them and nothing tells its error.
+    Unproven {
+        /// Valid samples.
+        samples: u64,
+    },
+    /// The samples contradict a monotone curve: a count would mean two pressures.
+    NotMonotone {
+        /// RMSE of the best monotone curve over RMSE of the unconstrained one.
+        rmse_ratio: f64,
+    },
+    /// The median 95 % prediction interval is too wide.
+    IntervalTooWide {
+        /// Its half-width over full scale.
+        share: f64,
+        /// The limit.
+        limit: f64,
+    },
+}
+
+impl Status {
+    /// Whether the curve may be used.
+    #[must_use]
+    pub const fn is_ok(&self) -> bool {
+        matches!(self, Self::Ok)
+    }
+
+    /// A short stable word for files and interfaces, for example `ok` or `interval_too_wide`.
+    #[must_use]
+    pub const fn code(&self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::NoData => "no_data",
+            Self::NoExcitation { .. } => "no_excitation",
+            Self::Dead { .. } => "dead",
+            Self::InsufficientSwing { .. } => "insufficient_swing",
+            Self::Unproven { .. } => "unproven",
+            Self::NotMonotone { .. } => "not_monotone",
+            Self::IntervalTooWide { .. } => "interval_too_wide",
+        }
+    }
+}
+
+impl fmt::Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Ok => write!(f, "ok"),
+            Self::NoData => write!(f, "no valid sample"),
+            Self::NoExcitation { pressure_sd_kpa } => {
+                write!(f, "the pressure did not vary (standard deviation {pressure_sd_kpa:.3} kPa)")
+            }
+            Self::Dead { count } => write!(f, "the count stayed at {count}"),
+            Self::InsufficientSwing { swing_counts, needed_counts } => {
+                write!(f, "the counts moved by {swing_counts:.1}, at least {needed_counts:.1} are needed")
+            }
+            Self::Unproven { samples } => write!(f, "{samples} samples leave nothing to tell the error of the curve"),
+            Self::NotMonotone { rmse_ratio } => {
+                write!(f, "the samples contradict a monotone curve (RMSE grows {rmse_ratio:.2}-fold)")
+            }
+            Self::IntervalTooWide { share, limit } => write!(
+                f,
+                "half-width of the 95 % interval is {:.1} % of full scale, the limit is {:.1} %",
+                100.0 * share,
+                100.0 * limit
+            ),
+        }
+    }
+}
+
+/// Something to know about a fit that does not by itself forbid its use.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Flag {
+    /// The distinct counts carry a lower order than was asked for.
+    RankReduced {
+        /// Order asked for.
+        asked: u8,
+        /// Order fitted.
+        used: u8,
+    },
+    /// Fewer distinct counts than twice the coefficients.
+    FewDistinctCounts {
+        /// Distinct counts.
+        distinct: u32,
+        /// 2 (order + 1).
+        wanted: u32,
+    },
+    /// One sample alone decides the curve at its count.
+    HighLeverage {
+        /// The count.
+        count: f64,
+        /// Leverage of one sample there, 0..1.
+        leverage: f64,
+    },
+    /// Clipped readings were left out of the fit.
+    RailDropped {
+        /// The rail, counts.
+        count: f64,
+        /// Share of the samples, 0..1.
+        share: f64,
+    },
+    /// No sample lies in a wide part of the range.
+    Gap {
+        /// Last count before the gap.
+        from: f64,
+        /// First count after it.
+        to: f64,
+    },
+    /// The least-squares curve was not monotone; the curve served is the best monotone one.
+    Repaired {
+        /// RMSE after over RMSE before.
+        rmse_ratio: f64,
+    },
+    /// The curve served is not monotone on its range, as the caller wished.
+    NotMonotone {
+        /// A count where the slope has the wrong sign.
+        count: f64,
+    },
+    /// Too few samples to bin: fitted per sample.
+    NotBinned {
+        /// Valid samples.
+        samples: u64,
+    },
+    /// Samples that were not finite or out of range were left out.
+    Rejected {
+        /// How many.
+        samples: u64,
+    },
+}
+
+impl fmt::Display for Flag {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::RankReduced { asked, used } => write!(f, "order {asked} was asked for, the counts carry {used}"),
+            Self::FewDistinctCounts { distinct, wanted } => {
+                write!(f, "{distinct} distinct counts, {wanted} or more are wanted")
+            }
+            Self::HighLeverage { count, leverage } => {
+                write!(f, "one sample at count {count} decides the curve there (leverage {leverage:.2})")
+            }
+            Self::RailDropped { count, share } => {
+                write!(f, "clipped readings at count {count} left out ({:.1} % of the samples)", 100.0 * share)
+            }
+            Self::Gap { from, to } => write!(f, "no sample between counts {from} and {to}"),
+            Self::Repaired { rmse_ratio } => write!(f, "repaired to be monotone (RMSE x {rmse_ratio:.4})"),
+            Self::NotMonotone { count } => write!(f, "not monotone near count {count:.1}"),
+            Self::NotBinned { samples } => write!(f, "{samples} samples are too few to bin, fitted per sample"),
+            Self::Rejected { samples } => write!(f, "{samples} samples were not finite or out of range"),
+        }
+    }
+}

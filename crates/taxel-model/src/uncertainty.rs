@@ -1,0 +1,143 @@
+//! The standard deviation of one reading's pressure, as a profile over the counts.
+//!
+//! var(C) = v(C) + s^2 h(C). v is the mean square of the residuals at and next to the count, shrunk towards the pooled
+//! s^2 where samples are few: skin is noisier, in kPa, where it is flat, and a pooled value alone covers only four
+//! of five readings there. h is the leverage of a new sample. What gauge and area share among taxels is not in it.
+
+use crate::orthogonal::Basis;
+use serde::{Deserialize, Serialize};
+
+/// Samples that the pooled variance counts for.
+const PRIOR_SAMPLES: f64 = 8.0;
+
+/// Knots over a range of real counts, or of more than this many integer ones.
+const REAL_KNOTS: usize = 64;
+const MAX_KNOTS: f64 = 1024.0;
+
+/// Standard deviation at equally spaced counts, linear between them, constant beyond.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SigmaProfile {
+    /// Count of the first knot.
+    pub first_count: f64,
+    /// Counts from knot to knot.
+    pub step_counts: f64,
+    /// Standard deviation of one reading at each knot, kPa, quantisation included.
+    pub sigma_kpa: Vec<f64>,
+}
+
+impl SigmaProfile {
+    /// The standard deviation of one reading at `count`, kPa; infinite for an empty profile.
+    #[must_use]
+    pub fn at(&self, count: f64) -> f64 {
+        let Some(last) = self.sigma_kpa.len().checked_sub(1) else { return f64::INFINITY };
+        let place = ((count - self.first_count) / self.step_counts).clamp(0.0, last as f64);
+        let k = (place as usize).min(last.saturating_sub(1));
+        let part = place - k as f64;
+        let next = self.sigma_kpa[(k + 1).min(last)];
+        self.sigma_kpa[k] + part * (next - self.sigma_kpa[k])
+    }
+}
+
+/// Residual statistics at one count: samples, and the sum of squared residuals about the served curve, kPa^2.
+pub(crate) struct Scatter {
+    pub count: f64,
+    pub n: f64,
+    pub squares: f64,
+}
+
+/// What a profile is made from.
+pub(crate) struct Evidence<'a> {
+    pub scatter: &'a [Scatter],
+    pub range: [f64; 2],
+    /// Counts are integers: one knot each, and quantisation is a floor.
+    pub integer: bool,
+    /// Samples less coefficients.
+    pub dof: f64,
+    pub basis: &'a Basis,
+    /// Coefficients in the basis.
+    pub d: &'a [f64],
+    pub order: usize,
+    /// Count to the variable of the basis.
+    pub to_t: &'a dyn Fn(f64) -> f64,
+    /// Slope of the curve, kPa per count.
+    pub slope: &'a dyn Fn(f64) -> f64,
+}
+
+/// A profile, and how many samples support each knot.
+pub(crate) fn profile(evidence: &Evidence<'_>) -> Option<(SigmaProfile, Vec<f64>)> {
+    if evidence.dof <= 0.0 {
+        return None;
+    }
+    let [low, high] = evidence.range;
+    let by_count = evidence.integer && high - low < MAX_KNOTS;
+    let intervals = if by_count { (high - low).max(0.0) as usize } else { REAL_KNOTS };
+    let step = if by_count { 1.0 } else { (high - low) / REAL_KNOTS as f64 };
+    let knot = |count: f64| ((count - low) / step).round().clamp(0.0, intervals as f64) as usize;
+    let (mut n, mut squares) = (vec![0.0; intervals + 1], vec![0.0; intervals + 1]);
+    for code in evidence.scatter {
+        n[knot(code.count)] += code.n;
+        squares[knot(code.count)] += code.squares;
+    }
+    let samples: f64 = n.iter().sum();
+    let pooled = squares.iter().sum::<f64>() / evidence.dof;
+    let sigma_kpa = (0..=intervals)
+        .map(|k| {
+            let count = low + k as f64 * step;
+            let window = k.saturating_sub(1)..(k + 2).min(intervals + 1);
+            let near: f64 = n[window.clone()].iter().sum();
+            let sum = squares[window].iter().sum::<f64>() * samples / evidence.dof;
+            let local = (sum + PRIOR_SAMPLES * pooled) / (near + PRIOR_SAMPLES);
+            let quantum = if evidence.integer { (evidence.slope)(count).powi(2) / 12.0 } else { 0.0 };
+            let phi = evidence.basis.values((evidence.to_t)(count), evidence.order);
+            let leverage: f64 = phi.iter().map(|phi| phi * phi).sum();
+            // Where no sample vouches for the curve, the step from the next lower order stands for its error.
+            let unseen = if near > 0.0 { 0.0 } else { evidence.d[evidence.order] * phi[evidence.order] };
+            // Quantisation is in the residuals of integer counts already: it is a floor, not a term.
+            (local.max(quantum) + pooled * leverage + unseen * unseen).sqrt()
+        })
+        .collect();
+    Some((SigmaProfile { first_count: low, step_counts: step, sigma_kpa }, n))
+}
+
+/// 97.5 % quantile of Student's distribution, for two-sided 95 % intervals.
+///
+/// Cornish-Fisher expansion in 1 / dof (Abramowitz and Stegun 26.7.5), within 1 % from three degrees of freedom on;
+/// exact values for one and two.
+#[must_use]
+pub fn student_975(dof: f64) -> f64 {
+    if dof.is_nan() || dof <= 0.0 {
+        return f64::INFINITY;
+    }
+    if dof < 1.5 {
+        return 12.706_204_736;
+    }
+    if dof < 2.5 {
+        return 4.302_652_730;
+    }
+    let z = 1.959_963_985_f64;
+    let (z3, z5, z7) = (z.powi(3), z.powi(5), z.powi(7));
+    z + (z3 + z) / (4.0 * dof)
+        + (5.0 * z5 + 16.0 * z3 + 3.0 * z) / (96.0 * dof.powi(2))
+        + (3.0 * z7 + 19.0 * z5 + 17.0 * z3 - 15.0 * z) / (384.0 * dof.powi(3))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn students_quantiles_are_those_of_the_tables() {
+        for (dof, want) in [(1.0, 12.706), (2.0, 4.303), (3.0, 3.182), (5.0, 2.571), (10.0, 2.228), (100.0, 1.984)] {
+            assert!((student_975(dof) / want - 1.0).abs() < 0.01, "{dof}: {}", student_975(dof));
+        }
+        assert_eq!(student_975(0.0), f64::INFINITY);
+    }
+
+    #[test]
+    fn a_profile_is_linear_between_knots_and_constant_beyond() {
+        let profile = SigmaProfile { first_count: 10.0, step_counts: 2.0, sigma_kpa: vec![1.0, 3.0, 2.0] };
+        for (count, want) in [(0.0, 1.0), (10.0, 1.0), (11.0, 2.0), (13.0, 2.5), (14.0, 2.0), (99.0, 2.0)] {
+            assert_eq!(profile.at(count), want, "{count}");
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! Compiles `proto/` in pure Rust, so that no protoc is needed, and keeps the descriptors for reflection.
+
+use prost::Message;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+const FILES: [&str; 4] =
+    ["taxel/v1/force.proto", "taxel/v1/skin.proto", "taxel/v1/calibration.proto", "taxel/v1/model.proto"];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../proto");
+    for file in FILES {
+        println!("cargo:rerun-if-changed={}", root.join(file).display());
+    }
+    let descriptors = protox::compile(FILES, [&root])?;
+    let out = PathBuf::from(env::var_os("OUT_DIR").ok_or("OUT_DIR is not set")?);
+    fs::write(out.join("taxel_descriptors.bin"), descriptors.encode_to_vec())?;
+    tonic_prost_build::configure()
+        .compile_fds(descriptors)?;
+    Ok(())
+}

@@ -1,0 +1,335 @@
+//! A skin board: its firmware's states, commands and clock.
+
+use crate::converter::{Arithmetic, Converter, Surroundings};
+use crate::dielectric::{Fabric, LSB_PER_COUNT};
+use crate::rng::{Rng, Stream};
+use std::time::Duration;
+use taxel_skin::{BoardAddress, Module, ModuleKind, Time, VALUES_PER_MODULE};
+use taxel_wire::Frame;
+use taxel_wire::icub::{BoardConfig, Command, FirmwareVersion, Message, StatusWord, TriangleConfig};
+
+/// Modules that a board can carry.
+const MODULES: usize = 16;
+/// The converter's twelve stages at decimation 256 (AD7147, data sheet table 10): 27.1 conversions a second.
+pub const CONVERSION: Duration = Duration::from_micros(36_864);
+/// Readings without acknowledge after which the firmware silently tares the board.
+const NO_ACKS_BEFORE_RETARE: u8 = 5;
+/// What a robot's host writes into every board.
+pub const HOST_BOARD_CONFIG: BoardConfig = BoardConfig { kind: 0, period_ms: 50, no_load: 240 };
+/// Shift and offset that a robot's host writes into every module.
+const HOST_SHIFT: u8 = 2;
+const HOST_CDC_OFFSET: u16 = 0x2200;
+/// What the firmware starts with.
+const POWER_ON_CONFIG: BoardConfig = BoardConfig { kind: 0, period_ms: 50, no_load: 245 };
+
+/// Which generation of board is simulated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BoardKind {
+    /// Third generation: streams again by itself three periods after a 0x50; its period wraps above 209 ms.
+    Mtb,
+    /// Fourth generation: stops at a 0x50 until it is started again.
+    #[default]
+    Mtb4,
+}
+
+/// The boards of the skin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BoardsConfig {
+    /// Their generation.
+    pub kind: BoardKind,
+    /// Whether they stream from the first moment with a host's usual settings; otherwise they wait for commands.
+    pub start_streaming: bool,
+    /// Each board's clock is off by up to this, in millionths.
+    pub clock_ppm: f64,
+    /// The firmware's drift compensation in 128ths, used in kinds 0 and 8. The firmware has a table per dot, whose
+    /// numbers are not ours; any imperfect number does.
+    pub drift_gain: u8,
+}
+
+impl Default for BoardsConfig {
+    fn default() -> Self {
+        Self { kind: BoardKind::Mtb4, start_streaming: false, clock_ppm: 30.0, drift_gain: 96 }
+    }
+}
+
+/// The commands with which a robot's host brings up a board that carries `modules`: settings, modules, start.
+///
+/// A host waits 500 ms before the last one. The simulated boards need no more than one conversion.
+#[must_use]
+pub fn bring_up(modules: &[Module]) -> Vec<Command> {
+    let enable = |module: &Module| {
+        Command::SetTriangles(TriangleConfig {
+            first: *module,
+            last: *module,
+            shift: HOST_SHIFT,
+            enabled: true,
+            cdc_offset: HOST_CDC_OFFSET,
+        })
+    };
+    let mut commands = vec![Command::SetBoardConfig(HOST_BOARD_CONFIG)];
+    commands.extend(modules.iter().map(enable));
+    commands.push(Command::Start);
+    commands
+}
+
+/// A module position and its settings.
+#[derive(Clone, Debug)]
+struct Slot {
+    converter: Converter,
+    enabled: bool,
+    shift: u8,
+    cdc_offset: u16,
+}
+
+/// One board.
+#[derive(Clone, Debug)]
+pub(crate) struct Board {
+    pub(crate) address: BoardAddress,
+    kind: BoardKind,
+    drift_gain: u8,
+    residue_lsb: f64,
+    slots: Vec<Slot>,
+    config: BoardConfig,
+    streaming: bool,
+    /// The next conversion becomes the zero.
+    tare_pending: bool,
+    /// There is a zero; nothing is sent before.
+    zeroed: bool,
+    no_acks: u8,
+    pub(crate) powered: bool,
+    pub(crate) silent: bool,
+    /// Nominal time over the time of this board's clock.
+    clock: f64,
+    phase: f64,
+    thermometer_s: u8,
+    pub(crate) next_conversion: Time,
+    pub(crate) next_scan: Option<Time>,
+    pub(crate) next_thermometer: Option<Time>,
+    pub(crate) power_on_at: Option<Time>,
+    noise: Rng,
+    tares: Rng,
+    faults: Rng,
+}
+
+impl Board {
+    /// Board number `index` of the skin with `modules` plugged in, the first of its taxels being `first_taxel`.
+    pub(crate) fn new(
+        (index, address): (usize, BoardAddress),
+        modules: &[(Module, ModuleKind)],
+        mut first_taxel: usize,
+        fabric: &mut Fabric<'_>,
+        config: &BoardsConfig,
+        (seed, start): (u64, Time),
+    ) -> Self {
+        let mut slots: Vec<Slot> = (0..MODULES).map(|_| Slot::new(Converter::new(Vec::new(), false))).collect();
+        for &(module, kind) in modules {
+            let mut dots = Vec::with_capacity(VALUES_PER_MODULE);
+            for slot in 0..VALUES_PER_MODULE as u8 {
+                if kind.taxel_slots().contains(&slot) {
+                    dots.push(fabric.taxel(first_taxel));
+                    first_taxel += 1;
+                } else {
+                    dots.push(fabric.pad());
+                }
+            }
+            slots[usize::from(module.get())] = Slot::new(Converter::new(dots, kind == ModuleKind::Triangle));
+        }
+        let mut clock_rng = Rng::new(seed, Stream::BoardClock(index));
+        let clock = 1.0 + config.clock_ppm * 1e-6 * clock_rng.between(-1.0, 1.0);
+        let mut board = Self {
+            address,
+            kind: config.kind,
+            drift_gain: config.drift_gain,
+            residue_lsb: fabric.tare_residue_counts() * LSB_PER_COUNT,
+            slots,
+            config: POWER_ON_CONFIG,
+            streaming: false,
+            tare_pending: true,
+            zeroed: false,
+            no_acks: 0,
+            powered: true,
+            silent: false,
+            clock,
+            phase: clock_rng.uniform(),
+            thermometer_s: 0,
+            next_conversion: start + CONVERSION.mul_f64(clock_rng.uniform()),
+            next_scan: None,
+            next_thermometer: None,
+            power_on_at: None,
+            noise: Rng::new(seed, Stream::Conversion(index)),
+            tares: Rng::new(seed, Stream::Tare(index)),
+            faults: Rng::new(seed, Stream::BoardFault(index)),
+        };
+        if config.start_streaming {
+            let fitted: Vec<Module> = modules.iter().map(|(module, _)| *module).collect();
+            for command in bring_up(&fitted) {
+                board.command(start, command);
+            }
+        }
+        board
+    }
+
+    /// Carries out a command; the answer, if the command has one. Commands to a board without power are lost.
+    pub(crate) fn command(&mut self, now: Time, command: Command) -> Option<Message> {
+        if !self.powered || self.silent {
+            return None;
+        }
+        match command {
+            Command::SetBoardConfig(config) => {
+                self.config = config;
+                for slot in &mut self.slots {
+                    slot.enabled = false;
+                }
+            }
+            Command::SetTriangles(triangles) => self.set_triangles(now, triangles),
+            Command::Start => self.start(now),
+            Command::Stop => (self.streaming, self.next_scan) = (false, None),
+            Command::QueryFirmware { protocol } => return Some(self.firmware(protocol)),
+            Command::SetThermometerPeriod { seconds } => {
+                self.thermometer_s = seconds;
+                let period = self.local(Duration::from_secs(u64::from(seconds)));
+                self.next_thermometer = (seconds > 0).then(|| now + period);
+            }
+        }
+        None
+    }
+
+    fn set_triangles(&mut self, now: Time, triangles: TriangleConfig) {
+        for slot in &mut self.slots[usize::from(triangles.first.get())..=usize::from(triangles.last.get())] {
+            slot.enabled = triangles.enabled;
+            slot.shift = triangles.shift;
+            slot.cdc_offset = triangles.cdc_offset;
+        }
+        (self.tare_pending, self.zeroed) = (true, false);
+        match self.kind {
+            BoardKind::Mtb4 => (self.streaming, self.next_scan) = (false, None),
+            BoardKind::Mtb if self.streaming => self.next_scan = Some(now + 3 * self.period()),
+            BoardKind::Mtb => {}
+        }
+    }
+
+    fn start(&mut self, now: Time) {
+        if !self.streaming {
+            self.streaming = true;
+            self.next_scan = Some(now + self.period().mul_f64(self.phase));
+        }
+    }
+
+    fn firmware(&self, required: (u8, u8)) -> Message {
+        let (board_type, app, protocol) = match self.kind {
+            BoardKind::Mtb => (5, (2, 17, 0), (1, 0)),
+            BoardKind::Mtb4 => (11, (1, 25, 0), (2, 0)),
+        };
+        let compatible = protocol.0 == required.0 && protocol.1 >= required.1;
+        let version = FirmwareVersion { board_type, app, protocol, compatible };
+        Message::FirmwareVersion { board: self.address, version }
+    }
+
+    /// The time between scans on the run's clock.
+    fn period(&self) -> Duration {
+        let ms = u64::from(self.config.period_ms.max(1));
+        let nominal = match self.kind {
+            BoardKind::Mtb4 => Duration::from_millis(ms),
+            // A 16-bit timer at 312.5 ticks a millisecond.
+            BoardKind::Mtb => Duration::from_nanos(((ms * 625 / 2) % 65_536).max(1) * 3_200),
+        };
+        self.local(nominal)
+    }
+
+    fn local(&self, nominal: Duration) -> Duration {
+        nominal.mul_f64(self.clock)
+    }
+
+    /// Converts all dots. Goes on without power too: the fabric has its history whoever looks.
+    pub(crate) fn convert(&mut self, pressures_kpa: &[f64], temperature_k: f64) {
+        let period = self.local(CONVERSION);
+        self.next_conversion = self.next_conversion + period;
+        let around = Surroundings { pressures_kpa, temperature_k, elapsed_s: period.as_secs_f64() };
+        for slot in &mut self.slots {
+            let tare = self.tare_pending.then_some((&mut self.tares, self.residue_lsb));
+            slot.converter.convert(&around, slot.cdc_offset, &mut self.noise, &mut self.faults, tare);
+        }
+        (self.tare_pending, self.zeroed) = (false, true);
+    }
+
+    /// The frames of one scan, modules ascending, head before tail; plans the next scan.
+    pub(crate) fn scan(&mut self, now: Time, mut send: impl FnMut(Frame)) {
+        self.next_scan = Some(now + self.period());
+        if !self.zeroed {
+            return;
+        }
+        let compensates = matches!(self.config.kind, 0 | 8);
+        for number in 0..MODULES as u8 {
+            let slot = &self.slots[usize::from(number)];
+            if !slot.enabled || slot.converter.ailments.silent {
+                continue;
+            }
+            let reading = slot.converter.reading(Arithmetic {
+                no_load: self.config.no_load,
+                shift: slot.shift,
+                cdc_offset: slot.cdc_offset,
+                drift_gain: if compensates { i32::from(self.drift_gain) } else { 0 },
+            });
+            self.no_acks += u8::from(reading.no_ack());
+            if self.no_acks >= NO_ACKS_BEFORE_RETARE {
+                self.retare();
+            }
+            let (board, module) = (self.address, Module::from_nibble(number));
+            let [v0, v1, v2, v3, v4, v5, v6, tail @ ..] = reading.values;
+            send(Message::Head { board, module, values: [v0, v1, v2, v3, v4, v5, v6] }.encode());
+            send(Message::Tail { board, module, values: tail, status: StatusWord(reading.status) }.encode());
+        }
+    }
+
+    /// The thermometer's frame; plans the next.
+    pub(crate) fn thermometer(&mut self, now: Time, celsius: f64) -> Frame {
+        let period = self.local(Duration::from_secs(u64::from(self.thermometer_s)));
+        self.next_thermometer = (self.thermometer_s > 0).then(|| now + period);
+        Message::Thermometer { board: self.address, deci_celsius: (celsius * 10.0).round() as i16 }.encode()
+    }
+
+    /// The next conversion becomes the zero of all modules; the stream goes on meanwhile.
+    pub(crate) const fn retare(&mut self) {
+        self.no_acks = 0;
+        self.tare_pending = true;
+    }
+
+    pub(crate) fn power_off(&mut self, back_at: Time) {
+        (self.powered, self.streaming) = (false, false);
+        (self.next_scan, self.next_thermometer, self.thermometer_s) = (None, None, 0);
+        self.power_on_at = Some(back_at);
+    }
+
+    /// Comes back as from the factory: nothing enabled, a fresh zero.
+    pub(crate) fn power_on(&mut self) {
+        self.powered = true;
+        self.power_on_at = None;
+        self.config = POWER_ON_CONFIG;
+        for slot in &mut self.slots {
+            *slot = Slot::new(slot.converter.clone());
+        }
+        self.retare();
+        self.zeroed = false;
+    }
+
+    /// The module position `module`, for faults.
+    pub(crate) fn converter(&mut self, module: Module) -> &mut Converter {
+        &mut self.slots[usize::from(module.get())].converter
+    }
+
+    /// Whether the board's frames reach the bus.
+    pub(crate) const fn speaks(&self) -> bool {
+        self.powered && !self.silent
+    }
+
+    /// What a sender does whose queue is full: the third generation throws it away and says so.
+    pub(crate) fn overflow(&self) -> Option<Frame> {
+        (self.kind == BoardKind::Mtb).then(|| Message::BoardOverflow { board: self.address }.encode())
+    }
+}
+
+impl Slot {
+    fn new(converter: Converter) -> Self {
+        Self { converter, enabled: false, shift: HOST_SHIFT, cdc_offset: HOST_CDC_OFFSET }
+    }
+}

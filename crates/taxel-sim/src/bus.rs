@@ -1,0 +1,173 @@
+//! The wire at 1 Mbit/s: one frame at a time, the lowest identifier first, so that boards interleave.
+
+use crate::rng::{Rng, Stream};
+use std::collections::VecDeque;
+use std::time::Duration;
+use taxel_skin::Time;
+use taxel_wire::{CanId, Frame, TimedFrame};
+
+/// Frames that a sender can hold: two scans of a full board. What a sender has not sent by then is out of date.
+const QUEUE_FRAMES: usize = 64;
+
+/// A sender on the bus.
+#[derive(Clone, Debug, Default)]
+struct Port {
+    queue: VecDeque<Frame>,
+    /// When its controller contends for the bus again.
+    ready: Time,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Transfer {
+    port: usize,
+    frame: Frame,
+    end: Time,
+}
+
+/// The wire and the send queues on it.
+#[derive(Clone, Debug)]
+pub(crate) struct Bus {
+    ports: Vec<Port>,
+    transfer: Option<Transfer>,
+    free: Time,
+    rng: Rng,
+    loss: Rng,
+    /// Chance that the receiver loses a frame.
+    pub(crate) loss_probability: f64,
+    /// Frames on the wire that the receiver lost.
+    pub(crate) frames_lost: u64,
+}
+
+impl Bus {
+    pub(crate) fn new(ports: usize, seed: u64, start: Time) -> Self {
+        Self {
+            ports: vec![Port { queue: VecDeque::new(), ready: start }; ports],
+            transfer: None,
+            free: start,
+            rng: Rng::new(seed, Stream::Bus),
+            loss: Rng::new(seed, Stream::Loss),
+            loss_probability: 0.0,
+            frames_lost: 0,
+        }
+    }
+
+    /// Queues a frame; false if the sender's queue is full, and then the frame is not taken.
+    #[must_use]
+    pub(crate) fn queue(&mut self, port: usize, now: Time, frame: Frame) -> bool {
+        let port = &mut self.ports[port];
+        if port.queue.len() >= QUEUE_FRAMES {
+            return false;
+        }
+        if port.queue.is_empty() {
+            port.ready = port.ready.max(now);
+        }
+        port.queue.push_back(frame);
+        true
+    }
+
+    /// Throws away what a sender has not sent, and counts it. A frame on the wire is finished.
+    pub(crate) fn discard(&mut self, port: usize) -> u64 {
+        let sending = usize::from(self.transfer.is_some_and(|transfer| transfer.port == port));
+        let queue = &mut self.ports[port].queue;
+        let discarded = queue.len().saturating_sub(sending);
+        queue.truncate(sending);
+        discarded as u64
+    }
+
+    /// When the bus next starts or ends a frame.
+    pub(crate) fn next(&self) -> Option<Time> {
+        match self.transfer {
+            Some(transfer) => Some(transfer.end),
+            None => {
+                let ready = self.ports.iter().filter(|port| !port.queue.is_empty()).map(|port| port.ready).min()?;
+                Some(ready.max(self.free))
+            }
+        }
+    }
+
+    /// Starts or ends a frame at `now`, which must be [`Self::next`]. A frame counts as received at its end.
+    pub(crate) fn step(&mut self, now: Time) -> Option<TimedFrame> {
+        let Some(Transfer { port, frame, end }) = self.transfer.take() else {
+            self.start(now);
+            return None;
+        };
+        let sender = &mut self.ports[port];
+        sender.queue.pop_front();
+        // The firmware hands one frame at a time to its controller, so others get their turn in between.
+        sender.ready = end + Duration::from_nanos(self.rng.between(4_000.0, 11_000.0) as u64);
+        self.free = end;
+        if self.loss_probability > 0.0 && self.loss.chance(self.loss_probability) {
+            self.frames_lost += 1;
+            return None;
+        }
+        Some(TimedFrame { time: end, frame })
+    }
+
+    fn start(&mut self, now: Time) {
+        let contenders = self.ports.iter().enumerate().filter(|(_, port)| port.ready <= now);
+        let heads = contenders.filter_map(|(index, port)| port.queue.front().map(|frame| (index, *frame)));
+        if let Some((port, frame)) = heads.min_by_key(|(_, frame)| priority(frame.id)) {
+            self.transfer = Some(Transfer { port, frame, end: now + self.duration(&frame) });
+        }
+    }
+
+    /// 47 bits (67 with a long identifier) and the data, plus the stuff bits: for skin data 2 to 9 of at most 24.
+    fn duration(&mut self, frame: &Frame) -> Duration {
+        let overhead = if matches!(frame.id, CanId::Extended(_)) { 67 } else { 47 };
+        let bits = overhead + 8 * frame.bytes().len();
+        let stuffed = (bits as f64 * self.rng.between(0.02, 0.09)).round() as u64;
+        Duration::from_micros(bits as u64 + stuffed)
+    }
+}
+
+/// Arbitration: the first eleven bits decide, and among equals the standard frame wins.
+const fn priority(id: CanId) -> (u32, u32) {
+    match id {
+        CanId::Standard(id) => (id as u32, 0),
+        CanId::Extended(id) => (id >> 18, 1 + (id & 0x3_FFFF)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drain(bus: &mut Bus) -> Vec<TimedFrame> {
+        let mut out = Vec::new();
+        while let Some(time) = bus.next() {
+            out.extend(bus.step(time));
+        }
+        out
+    }
+
+    fn frame(id: u16) -> Frame {
+        Frame::data(CanId::Standard(id), &[0; 8]).unwrap()
+    }
+
+    #[test]
+    fn frames_follow_each_other_in_time_and_low_identifiers_first() {
+        let mut bus = Bus::new(2, 1, Time::default());
+        for n in 0..10 {
+            assert!(bus.queue(0, Time::default(), frame(0x400 + n)));
+            assert!(bus.queue(1, Time::default(), frame(0x300 + n)));
+        }
+        let out = drain(&mut bus);
+        assert_eq!(out.len(), 20);
+        for pair in out.windows(2) {
+            let gap = pair[1].time.since(pair[0].time).as_nanos();
+            assert!((111_000..=140_000).contains(&gap), "{gap} ns between frames");
+        }
+        assert_eq!(out[0].frame, frame(0x300));
+        assert_eq!(out[1].frame, frame(0x400), "the loser goes while the winner fetches its next");
+    }
+
+    #[test]
+    fn a_full_queue_refuses_and_a_discard_keeps_the_frame_on_the_wire() {
+        let mut bus = Bus::new(1, 1, Time::default());
+        let taken = (0..100).filter(|n| bus.queue(0, Time::default(), frame(*n))).count();
+        assert_eq!(taken, QUEUE_FRAMES);
+        assert!(bus.step(Time::default()).is_none(), "starts the first");
+        assert_eq!(bus.discard(0), QUEUE_FRAMES as u64 - 1);
+        assert_eq!(drain(&mut bus).len(), 1);
+    }
+}

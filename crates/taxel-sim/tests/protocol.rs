@@ -1,0 +1,321 @@
+//! What a host sees of the boards, the gauge and the bus.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+mod common;
+use common::*;
+use proptest::prelude::*;
+use std::time::Duration;
+use taxel_sim::{BoardKind, Config, Fault, FaultError, GaugeConfig, Mass, PumpCommand, Skin, World, bring_up};
+use taxel_skin::{Module, TaxelIndex};
+use taxel_wire::TimedFrame;
+use taxel_wire::icub::{BoardConfig, Command, Message, TriangleConfig};
+
+fn tell(world: &mut World, address: u8, command: Command) {
+    let now = world.now();
+    world.send(now, &command.encode(board(address)));
+}
+
+fn skin_frames(frames: &[TimedFrame], address: u8) -> usize {
+    let of_board = |message: &Message| match message {
+        Message::Head { board, .. } | Message::Tail { board, .. } => board.get() == address,
+        _ => false,
+    };
+    messages(frames).iter().filter(|(_, message)| of_board(message)).count()
+}
+
+#[test]
+fn the_forearm_sends_920_skin_frames_and_100_readings_a_second_in_order() {
+    let mut world = streaming(1);
+    advance(&mut world, 1.0);
+    let frames = advance(&mut world, 11.0);
+    let skin = skin_frames(&frames, 13) + skin_frames(&frames, 12);
+    assert!(skin.abs_diff(9200) <= 46, "{skin} skin frames in 10 s");
+    assert!((frames.len() - skin).abs_diff(1000) <= 1);
+    for pair in frames.windows(2) {
+        assert!(pair[1].time.since(pair[0].time) > Duration::from_micros(70), "one frame at a time");
+    }
+    let spec = GaugeConfig::default().signal;
+    assert!(frames.iter().filter_map(|timed| spec.decode(&timed.frame).ok()).all(|p| p.0.abs() < 0.1));
+    assert_eq!(world.frame_counts().unsent, 0);
+}
+
+#[test]
+fn a_scan_is_modules_ascending_head_before_tail_and_boards_have_their_own_phase() {
+    let mut world = streaming(2);
+    advance(&mut world, 1.0);
+    let all = messages(&advance(&mut world, 2.0));
+    let of = |address: u8| -> Vec<(f64, u8, bool)> {
+        let read = |(time, message): &(taxel_skin::Time, Message)| match message {
+            Message::Head { board, module, .. } if board.get() == address => {
+                Some((time.as_seconds(), module.get(), true))
+            }
+            Message::Tail { board, module, .. } if board.get() == address => {
+                Some((time.as_seconds(), module.get(), false))
+            }
+            _ => None,
+        };
+        all.iter().filter_map(read).collect()
+    };
+    for (address, modules) in [(13, 16), (12, 7)] {
+        let halves = of(address);
+        let start = halves.iter().position(|(_, module, head)| *module == 0 && *head).unwrap();
+        for (n, (time, module, head)) in halves[start..].iter().enumerate() {
+            assert_eq!((usize::from(*module), *head), (n / 2 % modules, n % 2 == 0), "board {address} at {time} s");
+        }
+        let scan = &halves[start..start + 2 * modules];
+        let length = scan[scan.len() - 1].0 - scan[0].0;
+        let per_frame_us = length / (scan.len() - 1) as f64 * 1e6;
+        assert!((115.0..270.0).contains(&per_frame_us), "{per_frame_us} us a frame");
+        let period = halves[start + 2 * modules].0 - halves[start].0;
+        assert!((period - 0.05).abs() < 0.002, "period {period} s");
+    }
+    let phase = |address| of(address).iter().find(|(_, module, head)| *module == 0 && *head).unwrap().0 % 0.05;
+    assert!((phase(13_u8) - phase(12)).abs() > 1e-4);
+}
+
+#[test]
+fn boards_wait_for_the_whole_start_sequence() {
+    let mut world = silent(1);
+    assert_eq!(skin_frames(&advance(&mut world, 1.0), 13), 0);
+    tell(&mut world, 13, Command::Start);
+    assert_eq!(skin_frames(&advance(&mut world, 2.0), 13), 0, "nothing is enabled");
+    world.bring_up_boards(seconds(2.0));
+    advance(&mut world, 2.2);
+    let frames = advance(&mut world, 3.2);
+    assert_eq!((skin_frames(&frames, 13), skin_frames(&frames, 12)), (640, 280));
+
+    tell(&mut world, 13, Command::SetBoardConfig(BoardConfig { kind: 0, period_ms: 50, no_load: 240 }));
+    let frames = advance(&mut world, 4.2);
+    assert!(skin_frames(&frames, 13) <= 32, "0x4D clears the mask");
+    tell(&mut world, 12, Command::Stop);
+    advance(&mut world, 4.3);
+    assert_eq!(skin_frames(&advance(&mut world, 5.0), 12), 0, "07 01 stops");
+}
+
+#[test]
+fn configuring_a_module_takes_a_new_zero_and_stops_the_fourth_generation_alone() {
+    for (kind, streams_on) in [(BoardKind::Mtb4, false), (BoardKind::Mtb, true)] {
+        let mut config = Config::seeded(5);
+        config.boards.start_streaming = true;
+        config.boards.kind = kind;
+        let mut world = World::new(Skin::forearm().unwrap(), config).unwrap();
+        world.pump(ramp(40.0, 20.0));
+        advance(&mut world, 4.0);
+        let before_frames = advance(&mut world, 5.0);
+        let before = mean_and_sd(&taxel_means(&world, &before_frames)[..160]).0;
+        assert!(before < 195.0, "{before}");
+        let module = Module::from_nibble(3);
+        let again = TriangleConfig { first: module, last: module, shift: 2, enabled: true, cdc_offset: 0x2200 };
+        tell(&mut world, 13, Command::SetTriangles(again));
+        advance(&mut world, 5.3);
+        assert_eq!(skin_frames(&advance(&mut world, 6.0), 13) > 0, streams_on, "{kind:?}");
+        tell(&mut world, 13, Command::Start);
+        advance(&mut world, 6.2);
+        let after_frames = advance(&mut world, 7.0);
+        let after = taxel_means(&world, &after_frames);
+        assert!((mean_and_sd(&after[..160]).0 - 240.0).abs() < 2.0, "the hand on the skin became the zero");
+        assert!(mean_and_sd(&after[160..]).0 < 195.0, "the other board kept its own");
+    }
+}
+
+#[test]
+fn queries_and_thermometers_are_answered() {
+    let mut world = silent(1);
+    tell(&mut world, 12, Command::QueryFirmware { protocol: (2, 0) });
+    tell(&mut world, 12, Command::SetThermometerPeriod { seconds: 1 });
+    let heard = messages(&advance(&mut world, 5.5));
+    let versions = heard.iter().filter(|(_, message)| {
+        matches!(message, Message::FirmwareVersion { version, .. } if version.board_type == 11 && version.compatible)
+    });
+    assert_eq!(versions.count(), 1);
+    let warm = |message: &Message| matches!(message, Message::Thermometer { deci_celsius: 290..=330, .. });
+    assert_eq!(heard.iter().filter(|(_, message)| warm(message)).count(), 5);
+    tell(&mut world, 12, Command::SetThermometerPeriod { seconds: 0 });
+    tell(&mut world, 9, Command::Start);
+    assert_eq!(messages(&advance(&mut world, 9.0)).len(), 0);
+    assert_eq!(world.frame_counts().ignored, 1, "there is no board 9");
+}
+
+#[test]
+fn an_empty_position_says_that_nothing_is_connected() {
+    let mut world = silent(1);
+    for command in bring_up(&[Module::from_nibble(6), Module::from_nibble(7)]) {
+        tell(&mut world, 12, command);
+    }
+    advance(&mut world, 0.2);
+    for (_, message) in messages(&advance(&mut world, 1.0)) {
+        if let Message::Tail { module, status, .. } = message {
+            assert_eq!(status.not_connected(), module.get() == 7);
+        }
+    }
+}
+
+/// A story with every kind of intervention, told at fixed times; `cuts` are further points at which time is cut.
+fn story(seed: u64, cuts: &[f64]) -> Vec<TimedFrame> {
+    let mut world = silent(seed);
+    let mut out = Vec::new();
+    let mut reach = |world: &mut World, from: f64, until: f64| {
+        for cut in cuts.iter().filter(|cut| (from..until).contains(*cut)) {
+            world.advance(seconds(*cut), &mut out);
+        }
+        world.advance(seconds(until), &mut out);
+    };
+    world.bring_up_boards(seconds(0.1));
+    reach(&mut world, 0.0, 0.5);
+    world.pump(ramp(30.0, 15.0));
+    reach(&mut world, 0.5, 2.0);
+    world.pump(PumpCommand::Vent);
+    world.lay(Mass::on_disc(0.5, TaxelIndex(77), 600.0)).unwrap();
+    world.inject(Fault::FramesLost { probability: 0.1 }).unwrap();
+    let flicker =
+        Fault::ModuleFlicker { board: board(13), module: Module::from_nibble(2), probability: 0.3, depth_counts: 30.0 };
+    world.inject(flicker).unwrap();
+    world.inject(Fault::PowerCycle { board: board(12), off: Duration::from_millis(300) }).unwrap();
+    reach(&mut world, 2.0, 4.0);
+    out
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn the_same_seed_tells_the_same_story_however_time_is_cut(
+        seed in 0_u64..1000, mut cuts in proptest::collection::vec(0.0_f64..4.0, 0..60),
+    ) {
+        cuts.sort_by(f64::total_cmp);
+        let whole = story(seed, &[]);
+        prop_assert!(whole.len() > 2000);
+        prop_assert_eq!(&whole, &story(seed, &cuts));
+        prop_assert_ne!(&whole, &story(seed + 1, &[]));
+    }
+}
+
+#[test]
+fn a_silent_or_dead_board_stops_and_comes_back_as_it_should() {
+    let mut world = streaming(1);
+    advance(&mut world, 1.0);
+    world.inject(Fault::BoardSilent(board(13))).unwrap();
+    let frames = advance(&mut world, 2.0);
+    assert!(skin_frames(&frames, 13) <= 1 && skin_frames(&frames, 12) > 250);
+    world.repair(Fault::BoardSilent(board(13))).unwrap();
+    assert!(skin_frames(&advance(&mut world, 3.0), 13) > 600, "it kept its settings");
+
+    world.inject(Fault::PowerCycle { board: board(13), off: Duration::from_secs(1) }).unwrap();
+    assert!(skin_frames(&advance(&mut world, 6.0), 13) <= 1, "a board that lost power waits for its configuration");
+    world.bring_up_boards(seconds(6.0));
+    advance(&mut world, 6.3);
+    assert!(skin_frames(&advance(&mut world, 7.3), 13) > 600);
+    assert_eq!(world.inject(Fault::BoardSilent(board(3))), Err(FaultError::Board(board(3))));
+}
+
+#[test]
+fn module_faults_show_in_frames_and_status() {
+    let mut world = streaming(1);
+    let module = Module::from_nibble;
+    advance(&mut world, 1.0);
+    world.inject(Fault::ModuleSilent(board(13), module(1))).unwrap();
+    world.inject(Fault::ModuleUnplugged(board(13), module(2))).unwrap();
+    world.inject(Fault::ModuleNoAck(board(12), module(3))).unwrap();
+    advance(&mut world, 1.1);
+    for (_, message) in messages(&advance(&mut world, 2.0)) {
+        if let Message::Tail { board, module, values, status } = message {
+            match (board.get(), module.get()) {
+                (13, 1) => panic!("module 1 is silent"),
+                (13, 2) => assert!(status.not_connected() && status.out_of_range(7) && values == [0; 5]),
+                (12, 3) => assert!(status.no_ack() && values == [255; 5]),
+                _ => assert!(status.is_ok()),
+            }
+        }
+    }
+    world.repair(Fault::ModuleSilent(board(13), module(1))).unwrap();
+    world.repair(Fault::ModuleUnplugged(board(13), module(2))).unwrap();
+    world.repair(Fault::ModuleNoAck(board(12), module(3))).unwrap();
+    advance(&mut world, 2.1);
+    let frames = advance(&mut world, 3.1);
+    assert_eq!(skin_frames(&frames, 13), 640);
+}
+
+#[test]
+fn five_missing_acknowledges_move_the_zero_of_the_board_without_a_word() {
+    let mut world = streaming(1);
+    world.lay(Mass::on_disc(1.0, TaxelIndex(200), 500.0)).unwrap();
+    world.clear();
+    advance(&mut world, 1.0);
+    world.pump(ramp(30.0, 20.0));
+    advance(&mut world, 4.0);
+    world.inject(Fault::ModuleNoAck(board(12), Module::from_nibble(0))).unwrap();
+    advance(&mut world, 4.5);
+    world.repair(Fault::ModuleNoAck(board(12), Module::from_nibble(0))).unwrap();
+    world.inject(Fault::SilentRetare(board(13))).unwrap();
+    advance(&mut world, 4.7);
+    let frames = advance(&mut world, 5.7);
+    let means = taxel_means(&world, &frames);
+    assert!((mean_and_sd(&means).0 - 240.0).abs() < 2.0, "30 kPa became the zero");
+    assert_eq!(skin_frames(&frames, 13), 640, "the stream went on");
+}
+
+#[test]
+fn frozen_flickering_and_lost() {
+    let mut world = streaming(9);
+    let flicker =
+        Fault::ModuleFlicker { board: board(13), module: Module::from_nibble(0), probability: 0.3, depth_counts: 40.0 };
+    advance(&mut world, 1.0);
+    world.inject(flicker).unwrap();
+    world.inject(Fault::TaxelFrozen(TaxelIndex(13))).unwrap();
+    let (mut flickers, mut scans, mut frozen) = (0, 0, Vec::new());
+    for (_, message) in messages(&advance(&mut world, 11.0)) {
+        if let Message::Head { board, module, values } = message {
+            match (board.get(), module.get()) {
+                (13, 0) => {
+                    scans += 1;
+                    flickers += usize::from(values[..6].iter().all(|v| *v < 222));
+                }
+                (13, 1) => frozen.push(values[3]),
+                _ => {}
+            }
+        }
+    }
+    assert!((scans / 5..scans / 2).contains(&flickers), "{flickers} of {scans} scans");
+    frozen.dedup();
+    assert!(frozen.len() <= 2, "frozen from the next scan on: {frozen:?}");
+
+    world.inject(Fault::FramesLost { probability: 0.2 }).unwrap();
+    let got = advance(&mut world, 21.0).len();
+    assert!((7700..8600).contains(&got), "{got} of 10200 frames arrive");
+    assert!(world.frame_counts().lost.abs_diff(2040) < 250);
+}
+
+#[test]
+fn gauge_faults() {
+    let mut world = silent(1);
+    let read = |frames: &[TimedFrame]| -> Vec<f64> {
+        let spec = GaugeConfig::default().signal;
+        frames.iter().filter_map(|timed| Some(spec.decode(&timed.frame).ok()?.0)).collect()
+    };
+    world.pump(ramp(50.0, 10.0));
+    let rising = read(&advance(&mut world, 2.0));
+    assert!(rising.len() >= 199 && rising[rising.len() - 1] > 18.0);
+    world.inject(Fault::GaugeStuck).unwrap();
+    let stuck = read(&advance(&mut world, 3.0));
+    assert!(stuck.len() >= 99 && stuck.iter().all(|p| *p == stuck[0]));
+    world.inject(Fault::GaugeSilent).unwrap();
+    assert!(read(&advance(&mut world, 4.0)).len() <= 1, "a reading may be on its way");
+    world.repair(Fault::GaugeStuck).unwrap();
+    world.repair(Fault::GaugeSilent).unwrap();
+    let back = read(&advance(&mut world, 5.0));
+    assert!(back[0] > 39.0);
+}
+
+#[test]
+fn too_fast_a_period_fills_the_bus_and_what_does_not_fit_is_counted() {
+    let mut world = streaming(1);
+    for address in [12, 13] {
+        tell(&mut world, address, Command::SetBoardConfig(BoardConfig { kind: 0, period_ms: 4, no_load: 240 }));
+        for command in bring_up(&(0..16).map(Module::from_nibble).collect::<Vec<_>>()).split_off(1) {
+            tell(&mut world, address, command);
+        }
+    }
+    advance(&mut world, 1.0);
+    let frames = advance(&mut world, 2.0);
+    assert!((7000..9000).contains(&frames.len()), "{} frames/s is what the wire carries", frames.len());
+    assert!(world.frame_counts().unsent > 5000);
+}

@@ -1,0 +1,119 @@
+//! What can go wrong with a store, in words an operator can act on.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+use rusqlite::ErrorCode;
+use thiserror::Error;
+
+/// Why the store could not be opened, or could not write.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+pub enum StoreError {
+    /// The file cannot be opened or created.
+    #[error("{}: cannot open the store: {reason}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        reason: String,
+    },
+    /// Another process has it.
+    #[error("{}: the store is in use by another process", path.display())]
+    InUse {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file is not a store of this programme.
+    #[error("{}: not a store of taxeld: {reason}", path.display())]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+        /// What it is instead.
+        reason: String,
+    },
+    /// The file was written by a newer version of this programme.
+    #[error("{}: the store has schema version {found}, this programme knows versions up to {newest}", path.display())]
+    TooNew {
+        /// The file.
+        path: PathBuf,
+        /// The version found.
+        found: i64,
+        /// The newest version that is understood.
+        newest: i64,
+    },
+    /// The file's structure is broken.
+    #[error("{}: the store is damaged: {findings}; restore a backup, or move the file away to start anew", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What the check said.
+        findings: String,
+    },
+    /// No space is left for it.
+    #[error("no space is left for the store: {0}")]
+    Full(String),
+    /// Writing or reading failed.
+    #[error("the store failed: {0}")]
+    Io(String),
+    /// A record that cannot be kept as it is.
+    #[error("{what} cannot be stored: {reason}")]
+    Unstorable {
+        /// The record.
+        what: String,
+        /// What is wrong with it and what was expected.
+        reason: String,
+    },
+    /// An earlier write failed, so that nothing more is written: what is on disk stays a prefix of what happened.
+    #[error("the store takes no more writes until the programme is started again, because {reason}")]
+    ReadOnly {
+        /// The first failure.
+        reason: String,
+    },
+    /// The writer has ended.
+    #[error("the store is closed")]
+    Closed,
+}
+
+impl StoreError {
+    /// Sorts an error met while opening `path`.
+    pub(crate) fn opening(path: &Path, error: &rusqlite::Error) -> Self {
+        let path = path.to_path_buf();
+        match error.sqlite_error_code() {
+            Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => Self::InUse { path },
+            Some(ErrorCode::NotADatabase) => Self::Foreign { path, reason: "it is no SQLite file".to_owned() },
+            Some(ErrorCode::DatabaseCorrupt) => Self::Damaged { path, findings: error.to_string() },
+            Some(ErrorCode::DiskFull) => Self::Full(error.to_string()),
+            _ => Self::Open { path, reason: error.to_string() },
+        }
+    }
+}
+
+impl From<rusqlite::Error> for StoreError {
+    fn from(error: rusqlite::Error) -> Self {
+        match error.sqlite_error_code() {
+            Some(ErrorCode::DiskFull) => Self::Full(error.to_string()),
+            _ => Self::Io(error.to_string()),
+        }
+    }
+}
+
+/// Something on disk that is not what was written. It is left where it is, reported, and never served.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Quarantined {
+    /// What it is, for example `model set m-0123456789abcdef`.
+    pub what: String,
+    /// Why it is not trusted.
+    pub reason: String,
+}
+
+impl Quarantined {
+    pub(crate) fn new(what: impl Into<String>, reason: impl fmt::Display) -> Self {
+        Self { what: what.into(), reason: reason.to_string() }
+    }
+}
+
+impl fmt::Display for Quarantined {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} is damaged on disk and not used: {}", self.what, self.reason)
+    }
+}

@@ -1,0 +1,231 @@
+//! What a start finds: every row is proven before it is believed.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use rusqlite::{Connection, Row};
+use taxel_engine::io::RestoredSession;
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::record::Sample;
+use taxel_engine::session::{RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_engine::Restored;
+
+use crate::error::Quarantined;
+use crate::models_json;
+use crate::rows;
+
+/// Reads all that the engine starts from. Errors are those of reading; a row that is wrong is quarantined instead.
+pub(crate) fn read(connection: &Connection) -> rusqlite::Result<(Restored, Vec<Quarantined>)> {
+    let mut quarantined = Vec::new();
+    let model_sets = model_sets(connection, &mut quarantined)?;
+    let active = active(connection, &model_sets, &mut quarantined)?;
+    let (sessions, next_session) = sessions(connection, &mut quarantined)?;
+    Ok((Restored { model_sets, active, sessions, next_session }, quarantined))
+}
+
+fn model_sets(
+    connection: &Connection,
+    quarantined: &mut Vec<Quarantined>,
+) -> rusqlite::Result<Vec<Arc<ModelSet>>> {
+    let mut statement = connection.prepare("SELECT seq, id, sha256, json FROM model_sets ORDER BY seq")?;
+    let mut rows = statement.query([])?;
+    let mut sets: Vec<Arc<ModelSet>> = Vec::new();
+    while let Some(row) = rows.next()? {
+        let id: String = match row.get(1) {
+            Ok(id) => id,
+            Err(error) => {
+                let seq: i64 = row.get(0)?;
+                quarantined.push(Quarantined::new(format!("model set in row {seq}"), error));
+                continue;
+            }
+        };
+        match model_set(row, &id) {
+            Ok(set) if sets.iter().any(|other| other.id == set.id) => {}
+            Ok(set) => sets.push(Arc::new(set)),
+            Err(reason) => quarantined.push(Quarantined::new(format!("model set {id}"), reason)),
+        }
+    }
+    Ok(sets)
+}
+
+fn model_set(row: &Row<'_>, id: &str) -> Result<ModelSet, String> {
+    let (hash, json): (Vec<u8>, Vec<u8>) = (row.get(2).map_err(text)?, row.get(3).map_err(text)?);
+    if hash != rows::sha256_of(&json) {
+        return Err("its hash is not that of its content".to_owned());
+    }
+    let json = std::str::from_utf8(&json).map_err(|error| error.to_string())?;
+    let set = models_json::from_json(json).map_err(|error| error.to_string())?;
+    if set.id == id { Ok(set) } else { Err(format!("its row names it `{id}`, its content is {}", set.id)) }
+}
+
+/// The newest activation of each patch.
+///
+/// A damaged row may have been any patch's, so that nothing older than it can be called active any more: no model is
+/// served rather than one that was replaced.
+fn active(
+    connection: &Connection,
+    sets: &[Arc<ModelSet>],
+    quarantined: &mut Vec<Quarantined>,
+) -> rusqlite::Result<Vec<(String, String)>> {
+    let mut statement =
+        connection.prepare("SELECT seq, patch, model_set, wall_ns, checksum FROM activations ORDER BY seq")?;
+    let mut rows = statement.query([])?;
+    let mut active = BTreeMap::new();
+    while let Some(row) = rows.next()? {
+        match activation(row) {
+            Ok((patch, set)) => {
+                active.insert(patch, set);
+            }
+            Err(reason) => {
+                active.clear();
+                quarantined.push(Quarantined::new(format!("activation {}", row.get::<_, i64>(0)?), reason));
+            }
+        }
+    }
+    active.retain(|patch, id| {
+        let served = sets.iter().any(|set| set.id == *id && set.patch == *patch);
+        if !served {
+            let reason = format!("it names model set {id}, which is not there or not of this patch");
+            quarantined.push(Quarantined::new(format!("the choice of the active model set of patch `{patch}`"), reason));
+        }
+        served
+    });
+    Ok(active.into_iter().collect())
+}
+
+fn activation(row: &Row<'_>) -> Result<(String, String), String> {
+    let (patch, set): (String, String) = (row.get(1).map_err(text)?, row.get(2).map_err(text)?);
+    let (wall_ns, checksum): (i64, Vec<u8>) = (row.get(3).map_err(text)?, row.get(4).map_err(text)?);
+    if checksum == rows::activation_checksum(&patch, &set, wall_ns) {
+        Ok((patch, set))
+    } else {
+        Err("its checksum is wrong".to_owned())
+    }
+}
+
+fn sessions(
+    connection: &Connection,
+    quarantined: &mut Vec<Quarantined>,
+) -> rusqlite::Result<(Vec<RestoredSession>, u64)> {
+    let mut statement = connection.prepare("SELECT number, view, checksum FROM sessions ORDER BY number")?;
+    let mut rows = statement.query([])?;
+    let mut sessions = Vec::new();
+    let mut next_session = 1;
+    while let Some(row) = rows.next()? {
+        let number: i64 = row.get(0)?;
+        next_session = next_session.max(u64::try_from(number).unwrap_or(0) + 1);
+        match session_view(row, number) {
+            Ok(view) => sessions.push(restored_session(connection, view, quarantined)),
+            Err(reason) => quarantined.push(Quarantined::new(format!("session {number}"), reason)),
+        }
+    }
+    Ok((sessions, next_session))
+}
+
+fn session_view(row: &Row<'_>, number: i64) -> Result<SessionView, String> {
+    let (view, checksum): (String, Vec<u8>) = (row.get(1).map_err(text)?, row.get(2).map_err(text)?);
+    let number = u64::try_from(number).map_err(|_| format!("{number} is no session number"))?;
+    if checksum != rows::view_checksum(number, &view) {
+        return Err("its checksum is wrong".to_owned());
+    }
+    rows::view_from_text(&view)
+}
+
+/// A session that was under way is interrupted and gets its samples; one whose samples are damaged has failed.
+fn restored_session(
+    connection: &Connection,
+    mut view: SessionView,
+    quarantined: &mut Vec<Quarantined>,
+) -> RestoredSession {
+    if view.state.is_open() {
+        view.reason = format!("the daemon stopped while the session was {}", view.state.name());
+        view.state = SessionState::Interrupted;
+    }
+    if view.state != SessionState::Interrupted {
+        return RestoredSession { view: Arc::new(view), samples: None };
+    }
+    match gathered(connection, view.number) {
+        Ok(samples) => {
+            // The view was written when the state changed; more may have come since.
+            view.ramps = u16::try_from(samples.ramps.len()).unwrap_or(u16::MAX);
+            view.accepted = samples.samples.len() as u64;
+            view.durable = view.accepted;
+            RestoredSession { view: Arc::new(view), samples: Some(samples) }
+        }
+        Err(reason) => {
+            view.state = SessionState::Failed;
+            view.reason = format!("its samples are damaged on disk: {reason}");
+            quarantined.push(Quarantined::new(format!("samples of session {}", view.number), reason));
+            RestoredSession { view: Arc::new(view), samples: None }
+        }
+    }
+}
+
+/// Every ramp and sample of a session, or why they cannot be trusted.
+fn gathered(connection: &Connection, session: u64) -> Result<SessionSamples, String> {
+    let ramps = collect(
+        connection,
+        "SELECT ramp, baseline, checksum FROM ramps WHERE session = ?1 ORDER BY ramp",
+        session,
+        |position, row| ramp(session, position, row),
+    )?;
+    let samples = collect(
+        connection,
+        "SELECT idx, ramp, time_ns, pressure_kpa, counts, checksum FROM samples WHERE session = ?1 ORDER BY idx",
+        session,
+        |position, row| sample(session, position, row),
+    )?;
+    Ok(SessionSamples { ramps, samples })
+}
+
+/// All rows of a session, each proven by `read`, which also gets the row's position.
+fn collect<T>(
+    connection: &Connection,
+    query: &str,
+    session: u64,
+    read: impl Fn(u64, &Row<'_>) -> Result<T, String>,
+) -> Result<Vec<T>, String> {
+    let mut statement = connection.prepare(query).map_err(text)?;
+    let mut rows = statement.query([session]).map_err(text)?;
+    let mut all = Vec::new();
+    while let Some(row) = rows.next().map_err(text)? {
+        all.push(read(all.len() as u64, row)?);
+    }
+    Ok(all)
+}
+
+fn ramp(session: u64, position: u64, row: &Row<'_>) -> Result<RampBaseline, String> {
+    let (ramp, blob): (u16, Vec<u8>) = (row.get(0).map_err(text)?, row.get(1).map_err(text)?);
+    let checksum: Vec<u8> = row.get(2).map_err(text)?;
+    if u64::from(ramp) != position {
+        return Err(format!("ramp {position} is missing"));
+    }
+    if checksum != rows::ramp_checksum(session, ramp, &blob) {
+        return Err(format!("the checksum of ramp {ramp} is wrong"));
+    }
+    let taxels = rows::baseline_from_blob(&blob).ok_or_else(|| format!("ramp {ramp} has a torn baseline"))?;
+    Ok(RampBaseline { ramp, taxels })
+}
+
+fn sample(session: u64, position: u64, row: &Row<'_>) -> Result<Sample, String> {
+    let index: u64 = row.get(0).map_err(text)?;
+    let counts: Vec<u8> = row.get(4).map_err(text)?;
+    let sample = Sample {
+        ramp: row.get(1).map_err(text)?,
+        time_ns: row.get(2).map_err(text)?,
+        pressure_kpa: row.get(3).map_err(text)?,
+        counts: counts.into(),
+    };
+    let checksum: Vec<u8> = row.get(5).map_err(text)?;
+    if index != position {
+        return Err(format!("sample {position} is missing"));
+    }
+    if checksum != rows::sample_checksum(session, index, &sample) {
+        return Err(format!("the checksum of sample {index} is wrong"));
+    }
+    Ok(sample)
+}
+
+fn text(error: rusqlite::Error) -> String {
+    error.to_string()
+}

@@ -1,0 +1,199 @@
+//! How records look in a row: blobs, checksums, and the text of a session's view.
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use taxel_engine::record::Sample;
+use taxel_engine::rest::TaxelBaseline;
+use taxel_engine::session::{RefusalCounts, SampleRefusal, SessionState, SessionView};
+
+/// Bytes of a row's checksum: enough against chance, small beside a sample of 230 counts.
+const CHECKSUM_BYTES: usize = 8;
+
+/// The first bytes of the SHA-256 of the parts, each preceded by its length so that bytes cannot move between them.
+fn checksum(parts: &[&[u8]]) -> Vec<u8> {
+    let mut hash = Sha256::new();
+    for part in parts {
+        hash.update((part.len() as u64).to_le_bytes());
+        hash.update(part);
+    }
+    hash.finalize()[..CHECKSUM_BYTES].to_vec()
+}
+
+/// SHA-256 of the bytes of a model set's file.
+pub(crate) fn sha256_of(bytes: &[u8]) -> Vec<u8> {
+    Sha256::digest(bytes).to_vec()
+}
+
+/// Checksum of a session's row.
+pub(crate) fn view_checksum(session: u64, view: &str) -> Vec<u8> {
+    checksum(&[&session.to_le_bytes(), view.as_bytes()])
+}
+
+/// Checksum of a sample's row.
+pub(crate) fn sample_checksum(session: u64, index: u64, sample: &Sample) -> Vec<u8> {
+    checksum(&[
+        &session.to_le_bytes(),
+        &index.to_le_bytes(),
+        &sample.ramp.to_le_bytes(),
+        &sample.time_ns.to_le_bytes(),
+        // Adding zero turns -0 into 0: SQLite does not keep the difference.
+        &(sample.pressure_kpa + 0.0).to_le_bytes(),
+        &sample.counts,
+    ])
+}
+
+/// Checksum of a ramp's row.
+pub(crate) fn ramp_checksum(session: u64, ramp: u16, baseline: &[u8]) -> Vec<u8> {
+    checksum(&[&session.to_le_bytes(), &ramp.to_le_bytes(), baseline])
+}
+
+/// Checksum of an activation's row.
+pub(crate) fn activation_checksum(patch: &str, model_set: &str, wall_ns: i64) -> Vec<u8> {
+    checksum(&[patch.as_bytes(), model_set.as_bytes(), &wall_ns.to_le_bytes()])
+}
+
+/// Mean and noise of each taxel as little-endian f64, 16 bytes a taxel; NaN is kept.
+pub(crate) fn baseline_to_blob(baseline: &[TaxelBaseline]) -> Vec<u8> {
+    baseline.iter().flat_map(|taxel| [taxel.mean.to_le_bytes(), taxel.noise.to_le_bytes()]).flatten().collect()
+}
+
+/// The inverse of [`baseline_to_blob`]; `None` if the length is not a multiple of 16.
+pub(crate) fn baseline_from_blob(blob: &[u8]) -> Option<Vec<TaxelBaseline>> {
+    let (numbers, rest) = blob.as_chunks::<8>();
+    let (taxels, odd) = numbers.as_chunks::<2>();
+    (rest.is_empty() && odd.is_empty()).then(|| {
+        let number = |bytes: [u8; 8]| f64::from_le_bytes(bytes);
+        taxels.iter().map(|&[mean, noise]| TaxelBaseline { mean: number(mean), noise: number(noise) }).collect()
+    })
+}
+
+/// What is kept of a [`SessionView`]: all but the readings of the moment.
+#[derive(Serialize, Deserialize)]
+struct StoredView {
+    number: u64,
+    patch: String,
+    state: String,
+    reason: String,
+    started_wall_ns: i64,
+    changed_wall_ns: i64,
+    confirmed_by: Option<String>,
+    target_kpa: Option<f64>,
+    ramps: u16,
+    accepted: u64,
+    refused: Vec<(String, u64)>,
+    coverage: Option<f64>,
+    responding: (u32, u32),
+    model_set: Option<String>,
+}
+
+/// The view as JSON.
+pub(crate) fn view_to_text(view: &SessionView) -> Result<String, serde_json::Error> {
+    serde_json::to_string(&StoredView {
+        number: view.number,
+        patch: view.patch.clone(),
+        state: view.state.name().to_owned(),
+        reason: view.reason.clone(),
+        started_wall_ns: view.started_wall_ns,
+        changed_wall_ns: view.changed_wall_ns,
+        confirmed_by: view.confirmed_by.clone(),
+        target_kpa: view.target_kpa.is_finite().then_some(view.target_kpa),
+        ramps: view.ramps,
+        accepted: view.accepted,
+        refused: SampleRefusal::ALL.iter().map(|&why| (why.name().to_owned(), view.refused.get(why))).collect(),
+        coverage: view.coverage.is_finite().then_some(view.coverage),
+        responding: view.responding,
+        model_set: view.model_set.as_deref().map(str::to_owned),
+    })
+}
+
+/// The inverse of [`view_to_text`]; a refusal reason that this version does not know is left out.
+pub(crate) fn view_from_text(text: &str) -> Result<SessionView, String> {
+    let stored: StoredView = serde_json::from_str(text).map_err(|error| error.to_string())?;
+    let state =
+        SessionState::from_name(&stored.state).ok_or_else(|| format!("there is no session state `{}`", stored.state))?;
+    let mut refused = RefusalCounts::default();
+    for (name, count) in &stored.refused {
+        if let Some(why) = SampleRefusal::ALL.into_iter().find(|why| why.name() == name) {
+            refused.0[why as usize] = *count;
+        }
+    }
+    Ok(SessionView {
+        number: stored.number,
+        patch: stored.patch,
+        state,
+        reason: stored.reason,
+        started_wall_ns: stored.started_wall_ns,
+        changed_wall_ns: stored.changed_wall_ns,
+        confirmed_by: stored.confirmed_by,
+        target_kpa: stored.target_kpa.unwrap_or_default(),
+        ramps: stored.ramps,
+        accepted: stored.accepted,
+        refused,
+        durable: stored.accepted,
+        coverage: stored.coverage.unwrap_or_default(),
+        responding: stored.responding,
+        model_set: stored.model_set.map(Into::into),
+        ..SessionView::default()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn a_view() -> impl Strategy<Value = SessionView> {
+        let words = (".*", ".*", proptest::option::of(".*"), proptest::option::of("m-[0-9a-f]{16}"));
+        let numbers = (any::<u64>(), any::<i64>(), any::<i64>(), 0.0..100.0_f64, any::<u16>(), any::<u64>());
+        (words, numbers, 0..SessionState::ALL.len(), any::<[u64; 5]>(), any::<(u32, u32)>()).prop_map(
+            |((patch, reason, confirmed_by, model_set), numbers, state, refused, responding)| SessionView {
+                number: numbers.0,
+                patch,
+                state: SessionState::ALL[state],
+                reason,
+                started_wall_ns: numbers.1,
+                changed_wall_ns: numbers.2,
+                confirmed_by,
+                target_kpa: numbers.3,
+                ramps: numbers.4,
+                accepted: numbers.5,
+                refused: RefusalCounts(refused),
+                durable: numbers.5,
+                coverage: numbers.3 / 100.0,
+                responding,
+                model_set: model_set.map(Into::into),
+                ..SessionView::default()
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn a_view_comes_back_as_it_went(view in a_view()) {
+            let text = view_to_text(&view).unwrap();
+            prop_assert_eq!(view_from_text(&text).unwrap(), view);
+        }
+
+        #[test]
+        fn a_baseline_comes_back_bit_for_bit(numbers in proptest::collection::vec(any::<(u64, u64)>(), 0..40)) {
+            let taxel = |(mean, noise)| TaxelBaseline { mean: f64::from_bits(mean), noise: f64::from_bits(noise) };
+            let baseline: Vec<_> = numbers.iter().copied().map(taxel).collect();
+            let back = baseline_from_blob(&baseline_to_blob(&baseline)).unwrap();
+            let bits: Vec<_> = back.iter().map(|taxel| (taxel.mean.to_bits(), taxel.noise.to_bits())).collect();
+            prop_assert_eq!(bits, numbers);
+        }
+    }
+
+    #[test]
+    fn a_torn_baseline_is_refused() {
+        assert!(baseline_from_blob(&[0; 15]).is_none());
+        assert!(baseline_from_blob(&[0; 24]).is_none());
+    }
+
+    #[test]
+    fn what_is_no_view_is_refused_with_the_reason() {
+        assert!(view_from_text("{}").unwrap_err().contains("number"));
+        let text = view_to_text(&SessionView::default()).unwrap().replace("TARING", "DANCING");
+        assert!(view_from_text(&text).unwrap_err().contains("DANCING"));
+    }
+}

@@ -1,0 +1,91 @@
+//! The tables. Every row but a session's newest view is written once and never touched again; triggers hold that, also
+//! against other programmes.
+
+/// `taxl`: marks the file as ours in its header.
+pub(crate) const APPLICATION_ID: i64 = 0x7461_786C;
+
+/// The version that this programme writes. A file with a higher one is refused.
+pub(crate) const VERSION: i64 = 1;
+
+/// Creates everything in an empty file.
+///
+/// `checksum` columns hold the first bytes of a SHA-256 over the row's content: SQLite itself notices a flipped bit
+/// only in its own structure. Numbers that may be NaN are blobs of little-endian f64, because SQLite stores NaN as NULL.
+pub(crate) const CREATE: &str = "
+CREATE TABLE sessions (
+    number   INTEGER PRIMARY KEY,
+    view     TEXT NOT NULL,
+    checksum BLOB NOT NULL
+) STRICT;
+
+CREATE TABLE ramps (
+    session  INTEGER NOT NULL REFERENCES sessions (number),
+    ramp     INTEGER NOT NULL,
+    baseline BLOB NOT NULL,
+    checksum BLOB NOT NULL,
+    PRIMARY KEY (session, ramp)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE samples (
+    session      INTEGER NOT NULL REFERENCES sessions (number),
+    idx          INTEGER NOT NULL,
+    ramp         INTEGER NOT NULL,
+    time_ns      INTEGER NOT NULL,
+    pressure_kpa REAL NOT NULL,
+    counts       BLOB NOT NULL,
+    checksum     BLOB NOT NULL,
+    PRIMARY KEY (session, idx)
+) STRICT, WITHOUT ROWID;
+
+-- `id` is not unique: a set whose row is damaged can be imported again.
+CREATE TABLE model_sets (
+    seq    INTEGER PRIMARY KEY,
+    id     TEXT NOT NULL,
+    sha256 BLOB NOT NULL,
+    json   BLOB NOT NULL
+) STRICT;
+
+-- The active set of a patch is its newest activation: pointer and history are one and cannot disagree.
+CREATE TABLE activations (
+    seq       INTEGER PRIMARY KEY,
+    patch     TEXT NOT NULL,
+    model_set TEXT NOT NULL,
+    wall_ns   INTEGER NOT NULL,
+    checksum  BLOB NOT NULL
+) STRICT;
+
+CREATE TABLE tares (
+    seq             INTEGER PRIMARY KEY,
+    patch           TEXT NOT NULL,
+    epoch           INTEGER NOT NULL,
+    valid           INTEGER NOT NULL,
+    wall_ns         INTEGER NOT NULL,
+    reason          TEXT NOT NULL,
+    baseline_median REAL,
+    noise_median    REAL,
+    baseline        BLOB NOT NULL
+) STRICT;
+
+CREATE TRIGGER sessions_stay BEFORE DELETE ON sessions
+    BEGIN SELECT RAISE(ABORT, 'sessions are never deleted'); END;
+CREATE TRIGGER ramps_stay BEFORE DELETE ON ramps
+    BEGIN SELECT RAISE(ABORT, 'ramps are append-only'); END;
+CREATE TRIGGER ramps_keep BEFORE UPDATE ON ramps
+    BEGIN SELECT RAISE(ABORT, 'ramps are append-only'); END;
+CREATE TRIGGER samples_stay BEFORE DELETE ON samples
+    BEGIN SELECT RAISE(ABORT, 'samples are append-only'); END;
+CREATE TRIGGER samples_keep BEFORE UPDATE ON samples
+    BEGIN SELECT RAISE(ABORT, 'samples are append-only'); END;
+CREATE TRIGGER model_sets_stay BEFORE DELETE ON model_sets
+    BEGIN SELECT RAISE(ABORT, 'model_sets are append-only'); END;
+CREATE TRIGGER model_sets_keep BEFORE UPDATE ON model_sets
+    BEGIN SELECT RAISE(ABORT, 'model_sets are append-only'); END;
+CREATE TRIGGER activations_stay BEFORE DELETE ON activations
+    BEGIN SELECT RAISE(ABORT, 'activations are append-only'); END;
+CREATE TRIGGER activations_keep BEFORE UPDATE ON activations
+    BEGIN SELECT RAISE(ABORT, 'activations are append-only'); END;
+CREATE TRIGGER tares_stay BEFORE DELETE ON tares
+    BEGIN SELECT RAISE(ABORT, 'tares are append-only'); END;
+CREATE TRIGGER tares_keep BEFORE UPDATE ON tares
+    BEGIN SELECT RAISE(ABORT, 'tares are append-only'); END;
+";

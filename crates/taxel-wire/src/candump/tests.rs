@@ -1,0 +1,191 @@
+use super::*;
+use proptest::prelude::*;
+
+fn frame(id: CanId, kind: FrameKind, bytes: &[u8]) -> Frame {
+    Frame::new(id, kind, bytes).unwrap()
+}
+
+fn read(line: &str) -> Frame {
+    parse_line(line).unwrap().frame
+}
+
+fn refusal(line: &str) -> String {
+    parse_line(line).unwrap_err().to_string()
+}
+
+#[test]
+fn the_lines_of_candump() {
+    let line = parse_line("(1600000000.000120) can0 4D0#40F0EFEFF1F1EEF0").unwrap();
+    let bytes = [0x40, 0xF0, 0xEF, 0xEF, 0xF1, 0xF1, 0xEE, 0xF0];
+    let expected = LogLine {
+        time: Time::from_nanos(1_600_000_000_000_120_000),
+        interface: "can0",
+        frame: frame(CanId::Standard(0x4D0), FrameKind::Data, &bytes),
+        direction: None,
+    };
+    assert_eq!(line, expected);
+
+    assert_eq!(read("(0.1) can0 001#"), frame(CanId::Standard(1), FrameKind::Data, &[]));
+    assert_eq!(read("(0.1) can0 1fffffff#aB"), frame(CanId::Extended(0x1FFF_FFFF), FrameKind::Data, &[0xAB]));
+    assert_eq!(read("(0.1) can0 00000001#").id, CanId::Extended(1));
+    assert_eq!(read("(0.1) can0 3A1#R"), frame(CanId::Standard(0x3A1), FrameKind::Remote, &[]));
+    assert_eq!(read("(0.1) can0 3A1#R8"), frame(CanId::Standard(0x3A1), FrameKind::Remote, &[0; 8]));
+    let error = read("(0.1) can0 20000040#0000000000000000");
+    assert_eq!(error, frame(CanId::Extended(0x40), FrameKind::Error, &[0; 8]));
+}
+
+#[test]
+fn direction_padding_and_line_ends() {
+    let of =
+        |text: &str| parse_line(text).map(|line| (line.interface.to_owned(), line.frame.bytes().len(), line.direction));
+    assert_eq!(of("(0.1) can0 001#11 R"), Ok(("can0".into(), 1, Some(Direction::Received))));
+    assert_eq!(of("(0.1) can0 001#R4 T\r\n"), Ok(("can0".into(), 4, Some(Direction::Transmitted))));
+    assert_eq!(of("(0.1) can0 001# R\n"), Ok(("can0".into(), 0, Some(Direction::Received))));
+    assert_eq!(of("(0.1)   vcan0 001#\n"), Ok(("vcan0".into(), 0, None)), "candump pads names");
+}
+
+#[test]
+fn times_to_the_nanosecond_and_to_the_end_of_the_clock() {
+    let nanos = |text: &str| parse_line(&format!("({text}) c 001#")).map(|line| line.time.as_nanos());
+    assert_eq!(nanos("0.5"), Ok(500_000_000));
+    assert_eq!(nanos("0000000012.000000001"), Ok(12_000_000_001));
+    assert_eq!(nanos("9223372036.854775807"), Ok(i64::MAX));
+    assert_eq!(nanos("9223372036.854775808"), Err(LogError::TimeRange { column: 2 }));
+    assert_eq!(nanos("99999999999999999999999999.0"), Err(LogError::TimeRange { column: 2 }));
+}
+
+#[test]
+fn refusals_name_column_and_expectation() {
+    let table = [
+        ("", "column 1: found the line's end, expected `(` and a time"),
+        ("# comment", "column 1: found `#`, expected `(` and a time"),
+        ("(-1.0) c 001#", "column 2: found `-`, expected a digit of the seconds"),
+        ("(1) c 001#", "column 3: found `)`, expected `.` and the fraction of the seconds"),
+        ("(1.) c 001#", "column 4: found `)`, expected a digit of the fraction"),
+        ("(1.0123456789) c 001#", "column 13: found `9`, expected `)` after one to nine digits of the fraction"),
+        ("(1.0)c 001#", "column 6: found `c`, expected a space"),
+        ("(1.0) ", "column 7: found the line's end, expected an interface name of 1 to 15 visible ASCII characters"),
+        (
+            "(1.0) \u{e9}th 001#",
+            "column 7: found `\\xc3`, expected an interface name of 1 to 15 visible ASCII characters",
+        ),
+        (
+            "(1.0) abcdefghijklmnop 001#",
+            "column 22: found `p`, expected a space: an interface name has at most 15 characters",
+        ),
+        ("(1.0) c 01#", "column 11: found `#`, expected an identifier of three or eight hexadecimal digits"),
+        ("(1.0) c 0123#", "column 13: found `#`, expected an identifier of three or eight hexadecimal digits"),
+        ("(1.0) c 012345678#", "column 17: found `8`, expected `#` after three or eight digits of the identifier"),
+        ("(1.0) c 00G#", "column 11: found `G`, expected an identifier of three or eight hexadecimal digits"),
+        ("(1.0) c 001 11", "column 12: found ` `, expected `#` after the identifier"),
+        ("(1.0) c 800#", "column 9: identifier 800 is too large, expected at most 7FF"),
+        ("(1.0) c 40000001#", "column 9: identifier 40000001 is too large, expected at most 3FFFFFFF"),
+        ("(1.0) c 001##011", "column 13: a CAN FD frame (`##`), expected a classic CAN frame (`#`)"),
+        ("(1.0) c 001#1", "column 14: found the line's end, expected the second hexadecimal digit of a data byte"),
+        ("(1.0) c 001#1 R", "column 14: found ` `, expected the second hexadecimal digit of a data byte"),
+        (
+            "(1.0) c 001#112233445566778899",
+            "column 29: found `9`, expected the end of up to eight data bytes, two hexadecimal digits each",
+        ),
+        (
+            "(1.0) c 001#11.22",
+            "column 15: found `.`, expected the end of up to eight data bytes, two hexadecimal digits each",
+        ),
+        ("(1.0) c 001#R9", "column 14: found `9`, expected a length from 0 to 8"),
+        ("(1.0) c 001#R12", "column 15: found `2`, expected the line's end, or a space and the direction"),
+        (
+            "(1.0) c 20000040#R",
+            "column 18: found `R`, expected the end of up to eight data bytes, two hexadecimal digits each",
+        ),
+        ("(1.0) c 001#11 X", "column 16: found `X`, expected the direction, `R` or `T`"),
+        ("(1.0) c 001#11 ", "column 16: found the line's end, expected the direction, `R` or `T`"),
+        ("(1.0) c 001#11 RT", "column 17: found `T`, expected the line's end"),
+    ];
+    for (line, expected) in table {
+        assert_eq!(refusal(line), expected, "line {line:?}");
+    }
+}
+
+#[test]
+fn written_as_candump_writes() {
+    let written = |nanos, id, kind, bytes: &[u8]| {
+        let mut out = String::new();
+        write_line(&mut out, Time::from_nanos(nanos), "can0", &frame(id, kind, bytes)).unwrap();
+        out
+    };
+    let standard = CanId::Standard(0x4D);
+    assert_eq!(
+        written(1_600_000_000_000_120_000, standard, FrameKind::Data, &[0x40, 0xF]),
+        "(1600000000.000120) can0 04D#400F\n"
+    );
+    assert_eq!(written(1, standard, FrameKind::Remote, &[1; 4]), "(0.000000001) can0 04D#R4\n");
+    assert_eq!(written(-1, standard, FrameKind::Remote, &[]), "(0.000000) can0 04D#R\n");
+    assert_eq!(written(0, CanId::Extended(0x4D), FrameKind::Data, &[]), "(0.000000) can0 0000004D#\n");
+    assert_eq!(written(0, CanId::Extended(0x40), FrameKind::Error, &[0]), "(0.000000) can0 20000040#00\n");
+}
+
+fn any_frame() -> impl Strategy<Value = Frame> {
+    let standard = (0..=0x7FF_u16).prop_map(CanId::Standard);
+    let extended = (0..=0x1FFF_FFFF_u32).prop_map(CanId::Extended);
+    let plain =
+        (prop_oneof![standard, extended.clone()], prop::sample::select(vec![FrameKind::Data, FrameKind::Remote]));
+    let error = extended.prop_map(|id| (id, FrameKind::Error));
+    (prop_oneof![3 => plain, 1 => error], prop::collection::vec(any::<u8>(), 0..=8))
+        .prop_map(|((id, kind), bytes)| frame(id, kind, &bytes))
+}
+
+/// Lines that are nearly right: the bytes of a log, a few of them changed.
+fn any_near_line() -> impl Strategy<Value = Vec<u8>> {
+    let seeds = prop::sample::select(vec![
+        "(1600000000.000120) can0 4D0#40F0EFEFF1F1EEF0",
+        "(1600000000.000000001) can0 18AAA301#0102 R",
+        "(9223372036.854775807) abcdefghijklmno 20000040#R8 T",
+    ]);
+    let byte = prop_oneof![prop::sample::select(b"()#. R0F9\r\n".to_vec()), any::<u8>()];
+    let changes = prop::collection::vec((any::<prop::sample::Index>(), 0..3_u8, byte), 0..4);
+    (seeds, changes).prop_map(|(seed, changes)| {
+        let mut line = seed.as_bytes().to_vec();
+        for (index, what, byte) in changes {
+            match what {
+                0 if !line.is_empty() => drop(line.remove(index.index(line.len()))),
+                1 => line.insert(index.index(line.len() + 1), byte),
+                _ if !line.is_empty() => {
+                    let at = index.index(line.len());
+                    line[at] = byte;
+                }
+                _ => {}
+            }
+        }
+        line
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4096))]
+
+    #[test]
+    fn lines_survive_writing_and_reading(frame in any_frame(), nanos in 0..=i64::MAX, interface in "[!-~]{1,15}") {
+        let mut line = String::new();
+        write_line(&mut line, Time::from_nanos(nanos), &interface, &frame).unwrap();
+        let expected = LogLine { time: Time::from_nanos(nanos), interface: &interface, frame, direction: None };
+        prop_assert_eq!(parse_line(&line), Ok(expected));
+    }
+
+    #[test]
+    fn reading_is_total(line in prop_oneof![any_near_line(), prop::collection::vec(any::<u8>(), 0..80)]) {
+        match parse_line_bytes(&line) {
+            Ok(read) => {
+                let mut again = String::new();
+                write_line(&mut again, read.time, read.interface, &read.frame).unwrap();
+                prop_assert_eq!(parse_line(&again), Ok(LogLine { direction: None, ..read }));
+            }
+            Err(LogError::Syntax { column, found, .. }) => {
+                let text = line.strip_suffix(b"\n").unwrap_or(&line);
+                let text = text.strip_suffix(b"\r").unwrap_or(text);
+                prop_assert!(column <= text.len() + 1);
+                prop_assert_eq!(found, text.get(column - 1).copied());
+            }
+            Err(error) => prop_assert!(!error.to_string().is_empty()),
+        }
+    }
+}

@@ -1,0 +1,332 @@
+//! Where any other sensor keeps its pressure in a CAN frame, and what the number means.
+//!
+//! `pressure = raw * scale + offset` in the sensor's unit, as in a DBC file; then kilopascal; then, for a sensor that
+//! reads the absolute pressure in the bag, ambient minus bag.
+
+use crate::{CanId, Frame, FrameKind};
+use taxel_skin::Kilopascal;
+use thiserror::Error;
+
+/// Which end of a number comes first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum ByteOrder {
+    /// Least significant byte first ("Intel" in DBC files).
+    #[default]
+    Little,
+    /// Most significant byte first ("Motorola" in DBC files).
+    Big,
+}
+
+/// The unit of `raw * scale + offset`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum PressureUnit {
+    /// Pa.
+    Pascal,
+    /// kPa.
+    #[default]
+    Kilopascal,
+    /// bar, 100 kPa.
+    Bar,
+    /// mbar, 0.1 kPa.
+    Millibar,
+    /// Pound-force per square inch, 6.894757293168361 kPa (0.45359237 kg * 9.80665 m/s2 / (25.4 mm)2).
+    Psi,
+}
+
+/// 1 psi in kPa.
+const PSI_KPA: f64 = 6.894_757_293_168_361;
+
+impl PressureUnit {
+    /// `value` of this unit in kPa.
+    ///
+    /// Divides where the factor is a fraction, because 1/1000 has no exact double and 1000 has.
+    #[must_use]
+    pub fn to_kilopascal(self, value: f64) -> f64 {
+        match self {
+            Self::Pascal => value / 1e3,
+            Self::Kilopascal => value,
+            Self::Bar => value * 1e2,
+            Self::Millibar => value / 1e1,
+            Self::Psi => value * PSI_KPA,
+        }
+    }
+
+    /// `kpa` in this unit.
+    #[must_use]
+    pub fn from_kilopascal(self, kpa: f64) -> f64 {
+        match self {
+            Self::Pascal => kpa * 1e3,
+            Self::Kilopascal => kpa,
+            Self::Bar => kpa / 1e2,
+            Self::Millibar => kpa * 1e1,
+            Self::Psi => kpa / PSI_KPA,
+        }
+    }
+}
+
+/// What the sensor measures.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum PressureMeaning {
+    /// Ambient minus bag, what loads the skin, by itself.
+    #[default]
+    Differential,
+    /// The absolute pressure in the bag; the differential is ambient minus it.
+    AbsoluteBag {
+        /// The air pressure around the bag in kPa, above 0; 101.325 at sea level.
+        ambient_kpa: f64,
+    },
+}
+
+/// One pressure in the frames of one identifier.
+///
+/// `start_bit` counts as DBC files do: bit n is bit n % 8 of byte n / 8, where bit 0 of a byte is its least
+/// significant. It names the number's *least* significant bit in little endian and its *most* significant bit in big
+/// endian. So 16 bits in bytes 2 and 3 start at 16 in little endian, at 23 in big endian; 12 bits of big endian that
+/// fill byte 0 and the upper half of byte 1 start at 7.
+///
+/// Numbers of more than 53 bits are rounded to the nearest double.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SignalSpec {
+    /// The identifier of the sensor's frames.
+    pub id: CanId,
+    /// First bit, 0 to 63, in the counting above.
+    pub start_bit: u16,
+    /// Width of the number, 1 to 64.
+    pub length_bits: u16,
+    /// Which end comes first.
+    pub byte_order: ByteOrder,
+    /// Two's complement, or unsigned.
+    pub signed: bool,
+    /// Unit per raw step; finite, not 0.
+    pub scale: f64,
+    /// Unit at raw 0; finite.
+    pub offset: f64,
+    /// The unit.
+    pub unit: PressureUnit,
+    /// What is measured.
+    pub meaning: PressureMeaning,
+}
+
+/// What is wrong with a spec, or with a pressure that it should carry.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum SignalError {
+    /// The identifier has too many bits.
+    #[error("identifier {id} is too large, expected at most {max}")]
+    Id {
+        /// The identifier.
+        id: CanId,
+        /// The largest of its kind.
+        max: CanId,
+    },
+    /// No number, or one longer than a frame.
+    #[error("length is {length_bits} bits, expected 1 to 64")]
+    Length {
+        /// The length.
+        length_bits: u16,
+    },
+    /// The number sticks out of the frame.
+    #[error("{length_bits} bits from start bit {start_bit} ({byte_order:?} endian) do not fit into eight bytes")]
+    OutsideFrame {
+        /// First bit.
+        start_bit: u16,
+        /// Width.
+        length_bits: u16,
+        /// Which end comes first.
+        byte_order: ByteOrder,
+    },
+    /// A step of zero or of no size at all.
+    #[error("scale is {0}, expected a finite number other than 0")]
+    Scale(f64),
+    /// Not a number to add.
+    #[error("offset is {0}, expected a finite number")]
+    Offset(f64),
+    /// Not an air pressure.
+    #[error("ambient pressure is {0} kPa, expected a finite number above 0")]
+    Ambient(f64),
+    /// The pressure to send needs a raw number that the width does not hold.
+    #[error("{kpa} kPa needs the raw number {raw}, expected {min} to {max}")]
+    Overflow {
+        /// The pressure.
+        kpa: f64,
+        /// What it would be; may be NaN.
+        raw: f64,
+        /// Smallest raw number.
+        min: i128,
+        /// Largest raw number.
+        max: i128,
+    },
+}
+
+/// Why a frame gives no pressure.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum SignalRefusal {
+    /// Another identifier: of no concern.
+    #[error("frame {found} is not of the signal")]
+    NotThisSignal {
+        /// The frame's identifier.
+        found: CanId,
+    },
+    /// A remote frame, which asks for the signal.
+    #[error("a {0:?} frame, expected a data frame")]
+    Kind(FrameKind),
+    /// The frame ends before the number does.
+    #[error("frame {id} has {found} bytes, expected at least {needed}")]
+    Short {
+        /// The frame's identifier.
+        id: CanId,
+        /// Its number of bytes.
+        found: u8,
+        /// Bytes up to the number's end.
+        needed: u8,
+    },
+    /// Scale and offset take the raw number out of what a double holds.
+    #[error("frame {id}: raw number {raw} is no finite pressure")]
+    NotFinite {
+        /// The frame's identifier.
+        id: CanId,
+        /// The raw number.
+        raw: i128,
+    },
+    /// The spec was never valid.
+    #[error(transparent)]
+    Spec(#[from] SignalError),
+}
+
+/// Where the number lies in the frame read as one 64-bit number of its byte order.
+#[derive(Clone, Copy)]
+struct Field {
+    shift: u32,
+    mask: u64,
+    bytes_needed: u8,
+}
+
+impl SignalSpec {
+    /// # Errors
+    /// [`SignalError`] for the first field that is out of its range. Every other method says the same.
+    pub fn validate(&self) -> Result<(), SignalError> {
+        let max = match self.id {
+            CanId::Standard(_) => CanId::Standard(0x7FF),
+            CanId::Extended(_) => CanId::Extended(0x1FFF_FFFF),
+        };
+        if self.id > max {
+            return Err(SignalError::Id { id: self.id, max });
+        }
+        self.field()?;
+        if !self.scale.is_finite() || self.scale == 0.0 {
+            return Err(SignalError::Scale(self.scale));
+        }
+        if !self.offset.is_finite() {
+            return Err(SignalError::Offset(self.offset));
+        }
+        match self.meaning {
+            PressureMeaning::AbsoluteBag { ambient_kpa } if !(ambient_kpa.is_finite() && ambient_kpa > 0.0) => {
+                Err(SignalError::Ambient(ambient_kpa))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The differential pressure in `frame`, always finite. Bytes after the number may hold anything.
+    ///
+    /// # Errors
+    /// [`SignalRefusal::NotThisSignal`] for another identifier, else what is wrong with the frame.
+    pub fn decode(&self, frame: &Frame) -> Result<Kilopascal, SignalRefusal> {
+        if frame.id != self.id || frame.kind == FrameKind::Error {
+            return Err(SignalRefusal::NotThisSignal { found: frame.id });
+        }
+        if frame.kind != FrameKind::Data {
+            return Err(SignalRefusal::Kind(frame.kind));
+        }
+        self.validate()?;
+        let field = self.field()?;
+        let bytes = frame.bytes();
+        if bytes.len() < usize::from(field.bytes_needed) {
+            let found = bytes.len() as u8;
+            return Err(SignalRefusal::Short { id: frame.id, found, needed: field.bytes_needed });
+        }
+        let raw = self.extract(field, bytes);
+        let pressure = self.unit.to_kilopascal(raw as f64 * self.scale + self.offset);
+        let kpa = match self.meaning {
+            PressureMeaning::Differential => pressure,
+            PressureMeaning::AbsoluteBag { ambient_kpa } => ambient_kpa - pressure,
+        };
+        if kpa.is_finite() { Ok(Kilopascal(kpa)) } else { Err(SignalRefusal::NotFinite { id: frame.id, raw }) }
+    }
+
+    /// The shortest data frame that holds the number nearest to `pressure`, all other bits 0.
+    ///
+    /// # Errors
+    /// [`SignalError::Overflow`] if the number does not fit or `pressure` is not finite, else a fault of the spec.
+    pub fn encode(&self, pressure: Kilopascal) -> Result<Frame, SignalError> {
+        self.validate()?;
+        let field = self.field()?;
+        let kpa = match self.meaning {
+            PressureMeaning::Differential => pressure.0,
+            PressureMeaning::AbsoluteBag { ambient_kpa } => ambient_kpa - pressure.0,
+        };
+        let raw = ((self.unit.from_kilopascal(kpa) - self.offset) / self.scale).round();
+        let (min, max) = self.raw_range();
+        let overflow = SignalError::Overflow { kpa: pressure.0, raw, min, max };
+        // The cast saturates far outside of any range and makes NaN zero, hence the test before it.
+        if !raw.is_finite() || !(min..=max).contains(&(raw as i128)) {
+            return Err(overflow);
+        }
+        let data = self.insert(field, raw as i128);
+        Frame::data(self.id, &data[..usize::from(field.bytes_needed)]).ok_or(overflow)
+    }
+
+    /// Smallest and largest raw number.
+    fn raw_range(&self) -> (i128, i128) {
+        let span = 1_i128 << self.length_bits;
+        if self.signed { (-(span / 2), span / 2 - 1) } else { (0, span - 1) }
+    }
+
+    fn field(&self) -> Result<Field, SignalError> {
+        let Self { start_bit, length_bits, byte_order, .. } = *self;
+        if !(1..=64).contains(&length_bits) {
+            return Err(SignalError::Length { length_bits });
+        }
+        // Bits from the frame's first sent bit in big endian, from the lowest bit in little endian.
+        let first = match byte_order {
+            ByteOrder::Little => start_bit,
+            ByteOrder::Big => start_bit ^ 7,
+        };
+        if first > 64 - length_bits {
+            return Err(SignalError::OutsideFrame { start_bit, length_bits, byte_order });
+        }
+        let shift = match byte_order {
+            ByteOrder::Little => first,
+            ByteOrder::Big => 64 - length_bits - first,
+        };
+        Ok(Field {
+            shift: u32::from(shift),
+            mask: u64::MAX >> (64 - length_bits),
+            bytes_needed: (first + length_bits).div_ceil(8) as u8,
+        })
+    }
+
+    fn extract(&self, field: Field, bytes: &[u8]) -> i128 {
+        let mut word = [0; 8];
+        for (to, from) in word.iter_mut().zip(bytes) {
+            *to = *from;
+        }
+        let word = match self.byte_order {
+            ByteOrder::Little => u64::from_le_bytes(word),
+            ByteOrder::Big => u64::from_be_bytes(word),
+        };
+        let bits = i128::from(word >> field.shift & field.mask);
+        if bits > self.raw_range().1 { bits - (1 << self.length_bits) } else { bits }
+    }
+
+    /// `raw` must be in [`Self::raw_range`].
+    fn insert(&self, field: Field, raw: i128) -> [u8; 8] {
+        let word = (raw as u64 & field.mask) << field.shift;
+        match self.byte_order {
+            ByteOrder::Little => word.to_le_bytes(),
+            ByteOrder::Big => word.to_be_bytes(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

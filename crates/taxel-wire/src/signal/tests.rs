@@ -1,0 +1,241 @@
+use super::*;
+use proptest::prelude::*;
+
+/// The chamber pressure of the insole recordings: signed, little endian, pascal.
+const INSOLE: SignalSpec = SignalSpec {
+    id: CanId::Standard(0x3A1),
+    start_bit: 0,
+    length_bits: 32,
+    byte_order: ByteOrder::Little,
+    signed: true,
+    scale: 1.0,
+    offset: 0.0,
+    unit: PressureUnit::Pascal,
+    meaning: PressureMeaning::Differential,
+};
+
+fn frame(bytes: &[u8]) -> Frame {
+    Frame::data(INSOLE.id, bytes).unwrap()
+}
+
+/// Reads the number bit by bit, as the DBC format words it.
+fn bit_by_bit(spec: &SignalSpec, data: [u8; 8]) -> i128 {
+    let bit_at = |position: u16| i128::from(data[usize::from(position / 8)] >> (position % 8) & 1);
+    let mut value = 0;
+    let mut position = spec.start_bit;
+    for n in 0..spec.length_bits {
+        match spec.byte_order {
+            ByteOrder::Little => value |= bit_at(spec.start_bit + n) << n,
+            ByteOrder::Big => {
+                value = value << 1 | bit_at(position);
+                // Down within a byte, then to the top of the next one.
+                position = if position.is_multiple_of(8) { position + 15 } else { position.wrapping_sub(1) };
+            }
+        }
+    }
+    if spec.signed && value >> (spec.length_bits - 1) & 1 == 1 { value - (1 << spec.length_bits) } else { value }
+}
+
+prop_compose! {
+    fn any_place()(first in 0..64_u16, wish in 1..=64_u16, big: bool, signed: bool) -> SignalSpec {
+        let length_bits = wish.min(64 - first);
+        let (start_bit, byte_order) =
+            if big { (first ^ 7, ByteOrder::Big) } else { (first, ByteOrder::Little) };
+        SignalSpec { start_bit, length_bits, byte_order, signed, ..INSOLE }
+    }
+}
+
+fn any_number() -> impl Strategy<Value = f64> {
+    prop_oneof![prop::num::f64::ANY, -1e3..1e3, Just(1.0), Just(0.0)]
+}
+
+fn any_unit() -> impl Strategy<Value = PressureUnit> {
+    use PressureUnit::*;
+    prop::sample::select(vec![Pascal, Kilopascal, Bar, Millibar, Psi])
+}
+
+fn meaning_of(ambient_kpa: Option<f64>) -> PressureMeaning {
+    match ambient_kpa {
+        Some(ambient_kpa) => PressureMeaning::AbsoluteBag { ambient_kpa },
+        None => PressureMeaning::Differential,
+    }
+}
+
+prop_compose! {
+    /// Any spec at all, most of them faulty.
+    fn any_spec()(
+        place in any_place(), start_shift in prop_oneof![Just(0), any::<u16>()],
+        length_bits in prop_oneof![Just(None), any::<u16>().prop_map(Some)],
+        scale in any_number(), offset in any_number(), unit in any_unit(), ambient in prop::option::of(any_number()),
+    ) -> SignalSpec {
+        let meaning = meaning_of(ambient);
+        SignalSpec {
+            start_bit: place.start_bit.wrapping_add(start_shift),
+            length_bits: length_bits.unwrap_or(place.length_bits),
+            scale, offset, unit, meaning, ..place
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4096))]
+
+    #[test]
+    fn places_are_those_of_dbc_files(spec in any_place(), data: [u8; 8]) {
+        let field = spec.field().unwrap();
+        let raw = spec.extract(field, &data[..usize::from(field.bytes_needed)]);
+        prop_assert_eq!(raw, bit_by_bit(&spec, data));
+        let (min, max) = spec.raw_range();
+        prop_assert!((min..=max).contains(&raw));
+        let written = spec.insert(field, raw);
+        prop_assert_eq!(bit_by_bit(&spec, written), raw);
+        let ones: u32 = written.iter().map(|byte| byte.count_ones()).sum();
+        prop_assert_eq!(ones, (raw as u64 & field.mask).count_ones(), "no other bit is set");
+        prop_assert!(written[usize::from(field.bytes_needed)..].iter().all(|&byte| byte == 0));
+    }
+
+    #[test]
+    fn decoding_is_total_and_never_infinite(spec in any_spec(), bytes in prop::collection::vec(any::<u8>(), 0..=8)) {
+        match spec.decode(&Frame::data(spec.id, &bytes).unwrap()) {
+            Ok(pressure) => prop_assert!(pressure.0.is_finite() && spec.validate().is_ok()),
+            Err(SignalRefusal::Spec(error)) => {
+                // As text, because a NaN in the error is unequal to itself.
+                prop_assert_eq!(error.to_string(), spec.validate().unwrap_err().to_string());
+            }
+            Err(refusal) => prop_assert!(spec.validate().is_ok() && !refusal.to_string().is_empty()),
+        }
+    }
+
+    #[test]
+    fn encoding_is_total_and_what_it_makes_is_decoded(spec in any_spec(), pressure in any_number()) {
+        if let Ok(frame) = spec.encode(Kilopascal(pressure)) {
+            prop_assert!(pressure.is_finite());
+            // A spec at the end of a double's range may still overflow on the way back; it must say so.
+            let told = matches!(spec.decode(&frame), Ok(_) | Err(SignalRefusal::NotFinite { .. }));
+            prop_assert!(told, "{:?}", spec.decode(&frame));
+        }
+    }
+
+    #[test]
+    fn raw_numbers_survive_the_wire(place in any_place(), unit in any_unit(), bits: u64, absolute: bool) {
+        // Up to 40 bits, so that the arithmetic's rounding stays far below half a raw step.
+        let length_bits = place.length_bits.min(40);
+        let meaning = meaning_of(absolute.then_some(101.325));
+        let spec = SignalSpec { length_bits, scale: 0.25, offset: -3.0, unit, meaning, ..place };
+        let field = spec.field().unwrap();
+        let raw = spec.insert(field, i128::from(bits & field.mask));
+        let sent = Frame::data(spec.id, &raw[..usize::from(field.bytes_needed)]).unwrap();
+        let pressure = spec.decode(&sent).unwrap();
+        prop_assert_eq!(spec.encode(pressure).unwrap(), sent);
+    }
+
+    #[test]
+    fn a_short_frame_is_refused(spec in any_place(), data: [u8; 8], length in 0..=8_usize) {
+        let needed = usize::from(spec.field().unwrap().bytes_needed);
+        let decoded = spec.decode(&Frame::data(spec.id, &data[..length]).unwrap());
+        prop_assert_eq!(matches!(decoded, Err(SignalRefusal::Short { .. })), length < needed);
+    }
+}
+
+#[test]
+fn the_insoles_chamber_pressure() {
+    assert_eq!(INSOLE.decode(&frame(&[0xEB, 0x15, 0, 0])), Ok(Kilopascal(5.611)));
+    assert_eq!(
+        INSOLE.decode(&frame(&[0xFE, 0xFF, 0xFF, 0xFF, 7])),
+        Ok(Kilopascal(-0.002)),
+        "later bytes do not matter"
+    );
+    assert_eq!(INSOLE.encode(Kilopascal(5.6113)), Ok(frame(&[0xEB, 0x15, 0, 0])), "to the nearest pascal");
+}
+
+#[test]
+fn units_and_the_absolute_bag() {
+    let in_unit = |unit| SignalSpec { length_bits: 8, signed: false, unit, ..INSOLE };
+    let kpa = |unit| in_unit(unit).decode(&frame(&[100])).unwrap().0;
+    assert_eq!(kpa(PressureUnit::Pascal), 0.1);
+    assert_eq!(kpa(PressureUnit::Kilopascal), 100.0);
+    assert_eq!(kpa(PressureUnit::Bar), 10_000.0);
+    assert_eq!(kpa(PressureUnit::Millibar), 10.0);
+    assert_eq!(kpa(PressureUnit::Psi), 689.475_729_316_836_1);
+    let meaning = PressureMeaning::AbsoluteBag { ambient_kpa: 101.0 };
+    let bag = SignalSpec { meaning, ..in_unit(PressureUnit::Kilopascal) };
+    assert_eq!(bag.decode(&frame(&[31])), Ok(Kilopascal(70.0)));
+    assert_eq!(bag.encode(Kilopascal(70.0)), Ok(frame(&[31])));
+}
+
+#[test]
+fn documented_places() {
+    let sixteen = SignalSpec { length_bits: 16, signed: false, unit: PressureUnit::Kilopascal, ..INSOLE };
+    let little = SignalSpec { start_bit: 16, ..sixteen };
+    assert_eq!(little.decode(&frame(&[0xFF, 0xFF, 0x01, 0x02])), Ok(Kilopascal(f64::from(0x0201))));
+    let big = SignalSpec { start_bit: 23, byte_order: ByteOrder::Big, ..sixteen };
+    assert_eq!(big.decode(&frame(&[0xFF, 0xFF, 0x01, 0x02])), Ok(Kilopascal(f64::from(0x0102))));
+    let twelve = SignalSpec { start_bit: 7, length_bits: 12, byte_order: ByteOrder::Big, ..sixteen };
+    assert_eq!(twelve.decode(&frame(&[0xAB, 0xCD])), Ok(Kilopascal(f64::from(0xABC))));
+}
+
+#[test]
+fn all_64_bits() {
+    let spec = SignalSpec { length_bits: 64, signed: false, unit: PressureUnit::Kilopascal, ..INSOLE };
+    assert_eq!(spec.decode(&frame(&[0xFF; 8])), Ok(Kilopascal(18_446_744_073_709_551_615.0)));
+    assert!(matches!(spec.encode(Kilopascal(18_446_744_073_709_551_616.0)), Err(SignalError::Overflow { .. })));
+    let signed = SignalSpec { signed: true, ..spec };
+    assert_eq!(signed.encode(Kilopascal(-9_223_372_036_854_775_808.0)), Ok(frame(&[0, 0, 0, 0, 0, 0, 0, 0x80])));
+}
+
+#[test]
+fn faulty_specs_are_named() {
+    let faults = [
+        (SignalSpec { id: CanId::Standard(0x800), ..INSOLE }, "identifier 800 is too large, expected at most 7FF"),
+        (
+            SignalSpec { id: CanId::Extended(0x2000_0000), ..INSOLE },
+            "identifier 20000000 is too large, expected at most 1FFFFFFF",
+        ),
+        (SignalSpec { length_bits: 0, ..INSOLE }, "length is 0 bits, expected 1 to 64"),
+        (SignalSpec { length_bits: 65, ..INSOLE }, "length is 65 bits, expected 1 to 64"),
+        (
+            SignalSpec { start_bit: 33, ..INSOLE },
+            "32 bits from start bit 33 (Little endian) do not fit into eight bytes",
+        ),
+        (
+            SignalSpec { start_bit: 32, byte_order: ByteOrder::Big, ..INSOLE },
+            "32 bits from start bit 32 (Big endian) do not fit into eight bytes",
+        ),
+        (SignalSpec { scale: 0.0, ..INSOLE }, "scale is 0, expected a finite number other than 0"),
+        (SignalSpec { offset: f64::NAN, ..INSOLE }, "offset is NaN, expected a finite number"),
+        (
+            SignalSpec { meaning: PressureMeaning::AbsoluteBag { ambient_kpa: f64::INFINITY }, ..INSOLE },
+            "ambient pressure is inf kPa, expected a finite number above 0",
+        ),
+    ];
+    for (spec, message) in faults {
+        assert_eq!(spec.validate().unwrap_err().to_string(), message);
+    }
+    assert_eq!(INSOLE.validate(), Ok(()));
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let byte = SignalSpec { length_bits: 8, signed: true, unit: PressureUnit::Kilopascal, ..INSOLE };
+    assert!(byte.encode(Kilopascal(127.4)).is_ok() && byte.encode(Kilopascal(-128.4)).is_ok());
+    let refused = byte.encode(Kilopascal(127.6)).unwrap_err();
+    assert_eq!(refused.to_string(), "127.6 kPa needs the raw number 128, expected -128 to 127");
+    assert!(byte.encode(Kilopascal(f64::NAN)).is_err());
+    assert!(byte.encode(Kilopascal(f64::NEG_INFINITY)).is_err());
+}
+
+#[test]
+fn other_frames_are_refused() {
+    let other = Frame::data(CanId::Extended(0x3A1), &[0; 4]).unwrap();
+    assert!(matches!(INSOLE.decode(&other), Err(SignalRefusal::NotThisSignal { .. })));
+    let remote = Frame::new(INSOLE.id, FrameKind::Remote, &[0; 4]).unwrap();
+    assert_eq!(INSOLE.decode(&remote), Err(SignalRefusal::Kind(FrameKind::Remote)));
+    let extended = SignalSpec { id: CanId::Extended(0x40), ..INSOLE };
+    let error = Frame::new(CanId::Extended(0x40), FrameKind::Error, &[0; 8]).unwrap();
+    assert!(
+        matches!(extended.decode(&error), Err(SignalRefusal::NotThisSignal { .. })),
+        "class bits are no identifier"
+    );
+    let huge = SignalSpec { scale: f64::MAX, ..INSOLE };
+    assert!(matches!(huge.decode(&frame(&[0xFF, 0xFF, 0, 0])), Err(SignalRefusal::NotFinite { raw: 0xFFFF, .. })));
+}

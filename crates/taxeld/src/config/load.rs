@@ -1,0 +1,129 @@
+//! Reading the file, and errors that a person can act on: place, value, and the nearest known key.
+
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+use super::Config;
+
+/// A configuration that cannot be used.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("{path}: {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// The file is not what it should be.
+    #[error("{path}:{line}: {problem}")]
+    Invalid {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong and what was expected.
+        problem: String,
+    },
+    /// The values do not fit together.
+    #[error("{path}: {problem}")]
+    Unusable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong and what was expected.
+        problem: String,
+    },
+}
+
+/// Reads a configuration file.
+///
+/// # Errors
+/// [`ConfigError`] with file, line and what was expected.
+pub fn load(path: &Path) -> Result<Config, ConfigError> {
+    let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.into(), source })?;
+    parse(path, &text)
+}
+
+/// Reads the text of a configuration file; `path` is for messages.
+///
+/// # Errors
+/// [`ConfigError`] with file, line and what was expected.
+pub fn parse(path: &Path, text: &str) -> Result<Config, ConfigError> {
+    toml::from_str(text).map_err(|error| {
+        let at = error.span().map_or(0, |span| span.start.min(text.len()));
+        let line = 1 + text.as_bytes()[..at].iter().filter(|&&b| b == b'\n').count();
+        ConfigError::Invalid { path: path.into(), line, problem: explain(error.message()) }
+    })
+}
+
+/// Adds the nearest known key to "unknown field `x`, expected one of `a`, `b`".
+fn explain(message: &str) -> String {
+    let words: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    let Some((unknown, known)) = words.split_first().filter(|_| message.starts_with("unknown field")) else {
+        return message.to_owned();
+    };
+    let nearest = known.iter().max_by(|a, b| {
+        let closeness = |word: &str| strsim::jaro_winkler(unknown, word);
+        closeness(a).total_cmp(&closeness(b))
+    });
+    let known = known.join(", ");
+    match nearest {
+        Some(nearest) => format!("unknown key `{unknown}`; did you mean `{nearest}`? Known here: {known}"),
+        None => format!("unknown key `{unknown}`; nothing is known here"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const EXAMPLE: &str = include_str!("../../../../deploy/taxeld.toml");
+
+    fn error(text: &str) -> String {
+        parse(Path::new("t.toml"), text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn the_example_is_complete_and_resolves() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../deploy/taxeld.toml");
+        let config = load(Path::new(path)).unwrap();
+        let scene = super::super::resolve(&config, Path::new(path)).unwrap();
+        assert_eq!(scene.plan.patches[0].patch.taxels().len(), 230);
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_with_line_and_nearest_key() {
+        let text = EXAMPLE.replace("period_ms = 50", "periode_ms = 50");
+        let line = 1 + text.lines().position(|l| l.starts_with("periode_ms")).unwrap();
+        let message = error(&text);
+        assert!(message.starts_with(&format!("t.toml:{line}: unknown key `periode_ms`")), "{message}");
+        assert!(message.contains("did you mean `period_ms`?"), "{message}");
+    }
+
+    #[test]
+    fn a_wrong_type_names_the_line() {
+        let text = EXAMPLE.replace("area_mm2 = 32.4", "area_mm2 = \"much\"");
+        let line = 1 + text.lines().position(|l| l.contains("\"much\"")).unwrap();
+        assert!(error(&text).starts_with(&format!("t.toml:{line}: ")));
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "(?s).{0,300}") {
+            let _ = parse(Path::new("t.toml"), &text);
+        }
+
+        #[test]
+        fn no_damage_to_the_example_panics(at in 0..EXAMPLE.len(), byte in 0_u8..128) {
+            let mut bytes = EXAMPLE.as_bytes().to_vec();
+            bytes[at] = byte;
+            if let Ok(text) = String::from_utf8(bytes)
+                && let Ok(config) = parse(Path::new("t.toml"), &text)
+            {
+                let _ = super::super::resolve(&config, Path::new("t.toml"));
+            }
+        }
+    }
+}

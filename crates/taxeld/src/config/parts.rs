@@ -1,0 +1,375 @@
+//! The sections of the configuration file. Defaults are the ones of `deploy/taxeld.toml`.
+
+use serde::Deserialize;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// `[store]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StoreSection {
+    /// The SQLite file; made if absent.
+    pub path: PathBuf,
+}
+
+/// `[service]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServiceSection {
+    /// Where gRPC is served; loopback only.
+    pub listen: SocketAddr,
+    /// Most streams at a time.
+    pub subscribers_max: usize,
+    /// Most connections at a time.
+    pub connections_max: usize,
+}
+
+impl Default for ServiceSection {
+    fn default() -> Self {
+        Self { listen: SocketAddr::from(([127, 0, 0, 1], 50_051)), subscribers_max: 128, connections_max: 128 }
+    }
+}
+
+/// `[[bus]]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BusSection {
+    /// How patches and gauges name it.
+    pub name: String,
+    /// Where its frames come from.
+    #[serde(default)]
+    pub source: BusSource,
+    /// The network interface, for `socketcan`; in a replay, the interface of the log.
+    pub interface: Option<String>,
+    /// Seed of the simulated skin, for `sim`.
+    #[serde(default = "one")]
+    pub seed: u64,
+}
+
+fn one() -> u64 {
+    1
+}
+
+/// Where frames come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BusSource {
+    /// A network interface.
+    #[default]
+    SocketCan,
+    /// The simulator: a forearm in a bag.
+    Sim,
+}
+
+/// `[[patch]]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PatchSection {
+    /// Its name in the service.
+    pub name: String,
+    /// The bus that its boards sit on.
+    pub bus: String,
+    /// Whether the daemon sends nothing to the boards.
+    #[serde(default)]
+    pub listen_only: bool,
+    /// Period at which the boards send, 1 to 209 ms.
+    #[serde(default = "fifty")]
+    pub period_ms: u8,
+    /// A position file, relative to this one.
+    pub geometry: Option<PathBuf>,
+    /// Area per taxel.
+    #[serde(default = "icub_taxel")]
+    pub area_mm2: f64,
+    /// Relative standard uncertainty of the area.
+    #[serde(default = "five_percent")]
+    pub area_uncertainty: f64,
+    /// What a force sample carries beside the total: `resultant`, `moment`, `contacts`.
+    #[serde(default)]
+    pub outputs: Vec<OutputWord>,
+    /// The boards, in the order of the taxels.
+    pub board: Vec<BoardSection>,
+    /// The bag's pressure sensor.
+    pub gauge: Option<GaugeSection>,
+    /// Touch and silence.
+    #[serde(default)]
+    pub live: LiveSection,
+    /// The zero.
+    #[serde(default)]
+    pub tare: TareSection,
+    /// Rules of a session.
+    #[serde(default)]
+    pub session: SessionSection,
+    /// How models are fitted.
+    #[serde(default)]
+    pub fit: FitSection,
+}
+
+fn fifty() -> u8 {
+    50
+}
+
+fn icub_taxel() -> f64 {
+    taxel_skin::SquareMillimetre::ICUB_TAXEL.0
+}
+
+fn five_percent() -> f64 {
+    0.05
+}
+
+/// A part of the force sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OutputWord {
+    /// Force vector.
+    Resultant,
+    /// Moment and centre of pressure.
+    Moment,
+    /// Clusters of touched taxels.
+    Contacts,
+}
+
+/// `[[patch.board]]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BoardSection {
+    /// CAN address, 1 to 14.
+    pub address: u8,
+    /// Enabled modules: `"0-15"`, `"0-3, 7"`.
+    pub modules: String,
+    /// What the modules are.
+    #[serde(default)]
+    pub kind: KindWord,
+    /// Type in command 0x4D.
+    #[serde(default)]
+    pub board_type: u8,
+    /// The count of an unloaded value.
+    #[serde(default = "no_load")]
+    pub no_load: u8,
+    /// Right shift from converter units to counts.
+    #[serde(default = "two")]
+    pub shift: u8,
+    /// Converter offset.
+    #[serde(default = "cdc_offset")]
+    pub cdc_offset: u16,
+    /// Modules with other values.
+    #[serde(default)]
+    pub exception: Vec<ExceptionSection>,
+}
+
+fn no_load() -> u8 {
+    240
+}
+
+fn two() -> u8 {
+    2
+}
+
+fn cdc_offset() -> u16 {
+    0x2200
+}
+
+/// `[[patch.board.exception]]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExceptionSection {
+    /// Which modules, as in the board.
+    pub modules: String,
+    /// Right shift.
+    pub shift: u8,
+    /// Converter offset.
+    pub cdc_offset: u16,
+}
+
+/// What modules are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum KindWord {
+    /// Ten taxels, two thermal pads.
+    #[default]
+    Triangle,
+    /// Twelve taxels.
+    Fingertip,
+    /// A palm module with its pad at value 11.
+    PalmPad11,
+    /// A palm module with its pad at value 7.
+    PalmPad7,
+}
+
+/// `[patch.gauge]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GaugeSection {
+    /// Its bus, if it is not the patch's.
+    pub bus: Option<String>,
+    /// Identifier of its frames.
+    pub id: u32,
+    /// Whether the identifier has 29 bits.
+    #[serde(default)]
+    pub extended: bool,
+    /// First bit, counted as in DBC files.
+    #[serde(default)]
+    pub start_bit: u16,
+    /// Bits.
+    pub length_bits: u16,
+    /// `little` or `big` endian.
+    #[serde(default)]
+    pub byte_order: OrderOfBytes,
+    /// Two's complement.
+    #[serde(default)]
+    pub signed: bool,
+    /// Unit per step.
+    #[serde(default = "unity")]
+    pub scale: f64,
+    /// Unit at 0.
+    #[serde(default)]
+    pub offset: f64,
+    /// Unit.
+    pub unit: UnitWord,
+    /// If the sensor reads the absolute bag pressure: the ambient pressure in kPa.
+    pub ambient_kpa: Option<f64>,
+    /// Relative standard uncertainty of its gain.
+    #[serde(default)]
+    pub gain_uncertainty: f64,
+    /// Standard uncertainty of its zero in kPa.
+    #[serde(default)]
+    pub offset_uncertainty_kpa: f64,
+    /// Standard deviation of one reading in kPa.
+    #[serde(default)]
+    pub noise_kpa: f64,
+}
+
+fn unity() -> f64 {
+    1.0
+}
+
+/// Byte order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OrderOfBytes {
+    /// Least significant first.
+    #[default]
+    Little,
+    /// Most significant first.
+    Big,
+}
+
+/// Pressure unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub enum UnitWord {
+    /// Pascal.
+    Pa,
+    /// Kilopascal.
+    #[serde(rename = "kPa")]
+    Kpa,
+    /// Bar.
+    #[serde(rename = "bar")]
+    Bar,
+    /// Millibar.
+    #[serde(rename = "mbar")]
+    Mbar,
+    /// Pound-force per square inch.
+    #[serde(rename = "psi")]
+    Psi,
+}
+
+/// `[patch.live]`; absent keys keep the engine's defaults.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LiveSection {
+    /// Active beyond so many times the rest noise.
+    pub activation_sigmas: Option<f64>,
+    /// Least activation distance in counts.
+    pub activation_floor_counts: Option<f64>,
+    /// A module is stale after so many periods of silence.
+    pub stale_periods: Option<u32>,
+    /// Share of stale taxels above which there is no force.
+    pub stale_share_max: Option<f64>,
+}
+
+/// `[patch.tare]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TareSection {
+    /// How long the skin is watched.
+    pub seconds: f64,
+    /// Whether the zero is taken by itself after start, once rest is proven.
+    pub at_start: bool,
+}
+
+impl Default for TareSection {
+    fn default() -> Self {
+        Self { seconds: 1.0, at_start: true }
+    }
+}
+
+/// `[patch.session]`; absent keys keep the engine's defaults.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SessionSection {
+    /// A ramp ends by itself here.
+    pub target_kpa: Option<f64>,
+    /// A sample may lie so far below the highest pressure so far.
+    pub noise_band_kpa: Option<f64>,
+    /// Steepest rise that enters.
+    pub rise_max_kpa_per_s: Option<f64>,
+    /// The gauge is silent after so long.
+    pub gauge_timeout_s: Option<f64>,
+    /// A session without progress fails after so long.
+    pub patience_s: Option<f64>,
+    /// A ramp begins only below this.
+    pub vented_below_kpa: Option<f64>,
+}
+
+/// `[patch.fit]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FitSection {
+    /// 1 to 10, or `auto`.
+    pub order: OrderWord,
+    /// `pressure-binned` or `per-sample`.
+    pub estimator: EstimatorWord,
+    /// Taxels whose counts move less are excluded; 0 is off.
+    pub min_swing_counts: f64,
+    /// Taxels whose 95 % interval is wider than this share of full scale are excluded.
+    pub max_interval_share: Option<f64>,
+}
+
+impl Default for FitSection {
+    fn default() -> Self {
+        Self {
+            order: OrderWord::Fixed(5),
+            estimator: EstimatorWord::default(),
+            min_swing_counts: 0.0,
+            max_interval_share: None,
+        }
+    }
+}
+
+/// Order of the polynomial.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(untagged)]
+pub enum OrderWord {
+    /// This one.
+    Fixed(u8),
+    /// Chosen per taxel.
+    Auto(AutoWord),
+}
+
+/// The word `auto`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum AutoWord {
+    /// Chosen per taxel by its prediction error.
+    Auto,
+}
+
+/// Least-squares problem.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum EstimatorWord {
+    /// Counts averaged in bins of equal pressure first.
+    #[default]
+    PressureBinned,
+    /// The paper's equation.
+    PerSample,
+}

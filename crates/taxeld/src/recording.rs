@@ -1,0 +1,227 @@
+//! DATA.csv: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or gzipped.
+
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use flate2::read::MultiGzDecoder;
+use taxel_model::parse_decimal;
+
+/// Most bad rows that are told one by one.
+const TOLD_MAX: usize = 5;
+
+/// A recording, column by column. A cell that is empty or not finite is NaN.
+#[derive(Debug, Default)]
+pub struct Recording {
+    /// Time of each scan in seconds.
+    pub time_s: Vec<f64>,
+    /// Pressure in kPa; `None` if the file has no such column.
+    pub pressure_kpa: Option<Column>,
+    /// One column per taxel.
+    pub counts: Vec<Column>,
+    /// Rows that were left out, and cells that were not numbers.
+    pub refused: Refused,
+}
+
+/// A column of decimals: the nearest doubles, and what they leave over of the text.
+#[derive(Debug, Default)]
+pub struct Column {
+    /// Nearest double.
+    pub hi: Vec<f64>,
+    /// Rest; `None` while every value was a double.
+    pub lo: Option<Vec<f64>>,
+}
+
+impl Column {
+    fn push(&mut self, hi: f64, lo: f64) {
+        if lo != 0.0 && self.lo.is_none() {
+            self.lo = Some(vec![0.0; self.hi.len()]);
+        }
+        self.hi.push(hi);
+        if let Some(rest) = &mut self.lo {
+            rest.push(lo);
+        }
+    }
+}
+
+/// What of a file could not be used.
+#[derive(Debug, Default)]
+pub struct Refused {
+    /// Rows left out.
+    pub rows: u64,
+    /// Cells that are not finite numbers; they count as missing.
+    pub cells: u64,
+    /// The first few, with their places.
+    pub told: Vec<String>,
+}
+
+impl Refused {
+    fn tell(&mut self, what: impl FnOnce() -> String) {
+        if self.told.len() < TOLD_MAX {
+            self.told.push(what());
+        }
+    }
+}
+
+/// Opens a file, plain or gzipped by its first bytes.
+///
+/// # Errors
+/// The file's path and the system's reason.
+pub fn open(path: &Path) -> anyhow::Result<Box<dyn Read>> {
+    let mut file = BufReader::with_capacity(1 << 16, File::open(path).with_context(|| path.display().to_string())?);
+    let gzipped = std::io::BufRead::fill_buf(&mut file)?.starts_with(&[0x1F, 0x8B]);
+    Ok(if gzipped { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) })
+}
+
+impl Recording {
+    /// Reads a recording.
+    ///
+    /// # Errors
+    /// A missing file, a header that is not `t_s[,pressure_kpa],c0,...`, or not one usable row.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        Self::parse(open(path)?).with_context(|| path.display().to_string())
+    }
+
+    fn parse(input: impl Read) -> anyhow::Result<Self> {
+        let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(input);
+        let header = reader.headers()?.clone();
+        let has_pressure = check_header(&header)?;
+        let first = 1 + usize::from(has_pressure);
+        let mut recording = Self {
+            pressure_kpa: has_pressure.then(Column::default),
+            counts: (first..header.len()).map(|_| Column::default()).collect(),
+            ..Self::default()
+        };
+        let mut row = csv::ByteRecord::new();
+        loop {
+            match reader.read_byte_record(&mut row) {
+                Ok(true) => recording.take_row(&row, header.len()),
+                Ok(false) => break,
+                Err(error) if matches!(error.kind(), csv::ErrorKind::Io(_)) => return Err(error.into()),
+                Err(error) => {
+                    recording.refused.rows += 1;
+                    recording.refused.tell(|| error.to_string());
+                }
+            }
+        }
+        if recording.time_s.is_empty() {
+            let reason = recording.refused.told.first().map_or("there is none", String::as_str);
+            bail!("not one usable row: {reason}");
+        }
+        Ok(recording)
+    }
+
+    fn take_row(&mut self, row: &csv::ByteRecord, columns: usize) {
+        let line = row.position().map_or(0, csv::Position::line);
+        if row.len() != columns {
+            self.refused.rows += 1;
+            let cells = row.len();
+            return self.refused.tell(|| format!("line {line}: {cells} cells, the header has {columns}"));
+        }
+        let Some((time, _)) = row.get(0).and_then(number) else {
+            self.refused.rows += 1;
+            let text = String::from_utf8_lossy(row.get(0).unwrap_or_default()).into_owned();
+            return self.refused.tell(|| format!("line {line}: t_s is `{text}`, expected seconds"));
+        };
+        self.time_s.push(time);
+        let pressure = self.pressure_kpa.as_mut().into_iter();
+        for (cell, column) in row.iter().skip(1).zip(pressure.chain(&mut self.counts)) {
+            let (hi, lo) = number(cell).unwrap_or((f64::NAN, 0.0));
+            column.push(hi, lo);
+            if hi.is_nan() && !cell.is_empty() {
+                self.refused.cells += 1;
+                let at = column.hi.len();
+                let text = String::from_utf8_lossy(cell).into_owned();
+                self.refused.tell(|| format!("line {line}: `{text}` (row {at}) is not a finite number"));
+            }
+        }
+    }
+
+    /// How many scans.
+    pub fn scans(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Prints what could not be used.
+    pub fn report_refused(&self, path: &Path) {
+        if self.refused.rows + self.refused.cells == 0 {
+            return;
+        }
+        let (rows, cells) = (self.refused.rows, self.refused.cells);
+        eprintln!("{}: left out {rows} rows and {cells} cells that could not be read:", path.display());
+        for line in &self.refused.told {
+            eprintln!("  {line}");
+        }
+    }
+}
+
+/// Whether there is a pressure column.
+fn check_header(header: &csv::StringRecord) -> anyhow::Result<bool> {
+    let columns: Vec<&str> = header.iter().collect();
+    let (has_pressure, taxels) = match columns.as_slice() {
+        ["t_s", "pressure_kpa", taxels @ ..] => (true, taxels),
+        ["t_s", taxels @ ..] => (false, taxels),
+        _ => bail!("line 1: the header begins with `{}`, expected `t_s,pressure_kpa,c0,c1,...`", columns.join(",")),
+    };
+    if taxels.is_empty() {
+        bail!("line 1: the header has no taxel column: expected `t_s,pressure_kpa,c0,c1,...`");
+    }
+    for (i, name) in taxels.iter().enumerate() {
+        if *name != format!("c{i}") {
+            bail!("line 1: column {} is `{name}`, expected `c{i}`", i + 2 + usize::from(has_pressure));
+        }
+    }
+    Ok(has_pressure)
+}
+
+/// A finite decimal; short integers, the bulk of all cells, without the long way.
+fn number(cell: &[u8]) -> Option<(f64, f64)> {
+    if !cell.is_empty() && cell.len() <= 6 && cell.iter().all(u8::is_ascii_digit) {
+        let value = cell.iter().fold(0_u32, |v, d| v * 10 + u32::from(d - b'0'));
+        return Some((f64::from(value), 0.0));
+    }
+    let value = parse_decimal(std::str::from_utf8(cell).ok()?)?;
+    value.hi.is_finite().then_some((value.hi, value.lo))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn cells_and_rows_that_cannot_be_read_are_counted_with_their_places() {
+        let text = "t_s,pressure_kpa,c0,c1\n0.0,1.5,240,239\n0.1,,238,nan\nx,1,2,3\n0.2,1.0,2\n0.3,2.5,1e3,0.1\n";
+        let r = Recording::parse(text.as_bytes()).unwrap();
+        assert_eq!(r.time_s, [0.0, 0.1, 0.3]);
+        assert_eq!((r.refused.rows, r.refused.cells), (2, 1));
+        assert!(r.pressure_kpa.as_ref().unwrap().hi[1].is_nan());
+        assert_eq!(r.counts[0].hi, [240.0, 238.0, 1000.0]);
+        assert!(r.counts[1].lo.as_ref().unwrap()[2] != 0.0, "0.1 is not a double");
+        assert!(r.refused.told[1].starts_with("line 4: t_s is `x`"), "{:?}", r.refused.told);
+    }
+
+    #[test]
+    fn a_header_that_is_something_else_is_refused() {
+        for (text, says) in [
+            ("time,c0\n0,1\n", "begins with `time,c0`"),
+            ("t_s,pressure_kpa\n0,1\n", "no taxel column"),
+            ("t_s,c0,c2\n0,1,2\n", "column 3 is `c2`, expected `c1`"),
+            ("t_s,c0\n", "not one usable row"),
+            ("", "header"),
+        ] {
+            let error = Recording::parse(text.as_bytes()).unwrap_err().to_string();
+            assert!(error.contains(says), "{text:?}: {error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+            let mut text = b"t_s,pressure_kpa,c0\n".to_vec();
+            text.extend(bytes);
+            let _ = Recording::parse(&text[..]);
+        }
+    }
+}
