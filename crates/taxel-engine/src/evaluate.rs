@@ -47,6 +47,9 @@ pub struct Activation {
     pub floor_counts: f64,
 }
 
+/// Beside an activated taxel this share of the threshold suffices.
+const WEAK_SHARE: f64 = 0.375;
+
 /// The tables of a patch.
 #[derive(Clone, Debug)]
 pub struct Evaluator {
@@ -56,6 +59,10 @@ pub struct Evaluator {
     table_of: Vec<Option<u16>>,
     /// Force in newton by position in `tables` and count; zero below the activation threshold.
     force_n: Vec<[f32; 256]>,
+    /// The same with the weaker threshold that holds beside an activated taxel.
+    weak_n: Vec<[f32; 256]>,
+    /// Which tables count, by taxel.
+    selected: Vec<bool>,
     /// The tables that count now: usable, fresh and free of faults.
     selection: Vec<(u16, u16)>,
 }
@@ -70,6 +77,8 @@ impl Evaluator {
             tables: Vec::new(),
             table_of: vec![None; set.taxels.len()],
             force_n: Vec::new(),
+            weak_n: Vec::new(),
+            selected: Vec::new(),
             selection: Vec::new(),
             set: Arc::clone(&set),
         };
@@ -84,13 +93,16 @@ impl Evaluator {
             let table = model.tabulate(then.mean - now.mean);
             let range = std::array::from_fn(|code| in_pressure(table.range_state(code as u8), model.sign));
             let distance = (activation.sigmas * now.noise.max(NOISE_FLOOR_COUNTS)).max(activation.floor_counts);
-            let force = std::array::from_fn(|code| {
-                let pressed = model.sign.as_f64() * (code as f64 - now.mean);
-                let newton = f64::from(table.pressure_kpa[code]) * area.0 * 1e-3;
-                if pressed > distance { newton.max(0.0) as f32 } else { 0.0 }
-            });
+            let beyond = |distance: f64| {
+                std::array::from_fn(|code| {
+                    let pressed = model.sign.as_f64() * (code as f64 - now.mean);
+                    let newton = f64::from(table.pressure_kpa[code]) * area.0 * 1e-3;
+                    if pressed > distance { newton.max(0.0) as f32 } else { 0.0 }
+                })
+            };
             evaluator.table_of[taxel] = Some(evaluator.tables.len() as u16);
-            evaluator.force_n.push(force);
+            evaluator.force_n.push(beyond(distance));
+            evaluator.weak_n.push(beyond(WEAK_SHARE * distance));
             evaluator.tables.push(TaxelTable {
                 taxel: taxel as u16,
                 pressure_kpa: table.pressure_kpa,
@@ -112,6 +124,10 @@ impl Evaluator {
     pub fn select(&mut self, counts_now: impl Fn(usize) -> bool) {
         let kept = self.tables.iter().enumerate().filter(|(_, table)| counts_now(table.taxel as usize));
         self.selection = kept.map(|(position, table)| (position as u16, table.taxel)).collect();
+        self.selected = vec![false; self.table_of.len()];
+        for &(_, taxel) in &self.selection {
+            self.selected[taxel as usize] = true;
+        }
     }
 
     /// The taxels that count in the sum now, ascending.
@@ -148,6 +164,13 @@ impl Evaluator {
     pub fn active<'a>(&'a self, counts: &'a [u8]) -> impl Iterator<Item = (usize, f64)> + 'a {
         let forces = self.selection.iter().map(|&entry| (entry.1 as usize, self.force(entry, counts)));
         forces.filter(|&(_, force)| force > 0.0)
+    }
+
+    /// Force in newton of a taxel beside an activated one, where a weaker touch counts; `None` if it is not selected.
+    #[must_use]
+    pub fn weak_n(&self, taxel: usize, count: u8) -> Option<f64> {
+        let position = (*self.table_of.get(taxel)?)? as usize;
+        self.selected[taxel].then(|| f64::from(self.weak_n[position][count as usize]))
     }
 
     /// What `count` means for `taxel`; `None` without a usable model.

@@ -17,6 +17,7 @@ mod health;
 pub mod io;
 pub mod live;
 pub mod model_set;
+pub mod neighbours;
 mod patch;
 pub mod plan;
 mod procedure;

@@ -76,6 +76,8 @@ pub struct Outputs {
     pub moment: bool,
     /// Clusters of touched taxels; needs positions.
     pub contacts: bool,
+    /// The total includes pressures of excluded taxels, taken from their neighbours; needs positions.
+    pub fill: bool,
 }
 
 /// When a taxel counts as touched or stale.

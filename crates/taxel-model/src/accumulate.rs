@@ -64,23 +64,51 @@ impl Bin {
         self.p_railed += other.p_railed;
     }
 
+    #[inline]
+    fn add_sample(&mut self, count: u8, p: i64) {
+        if count == 0 || count == u8::MAX {
+            self.low += u32::from(count == 0);
+            self.high += u32::from(count != 0);
+            self.p_railed += p;
+        } else {
+            self.n += 1;
+            self.c += u64::from(count);
+            self.p += p;
+        }
+    }
+
     fn is_used(&self) -> bool {
         self.n + self.low + self.high > 0
+    }
+}
+
+/// Samples of one count: number, sum of P, sum of P^2.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Code {
+    /// Narrower than the sums on purpose: as a pair of equal width the compiler updates `n` and `p` in one vector,
+    /// whose store the next sample's load would wait for.
+    n: u32,
+    p: i64,
+    p2: u128,
+}
+
+impl Code {
+    fn add(&mut self, other: &Self) {
+        self.n += other.n;
+        self.p += other.p;
+        self.p2 += other.p2;
     }
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Ramp {
     number: u16,
-    /// Samples and sum of P for each count.
-    codes: Box<[(u32, i64); 256]>,
+    codes: Box<[Code; 256]>,
 }
 
 /// Sums over the samples of one taxel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Accumulator {
-    /// Sum of P^2 for each count.
-    squares: Box<[u128; 256]>,
     /// Base bin of `bins[0]`.
     first_bin: i32,
     bins: Vec<Bin>,
@@ -99,19 +127,19 @@ impl Accumulator {
     /// No samples.
     #[must_use]
     pub fn new() -> Self {
-        Self { squares: Box::new([0; 256]), first_bin: 0, bins: Vec::new(), ramps: Vec::new(), rejected: 0 }
+        Self { first_bin: 0, bins: Vec::new(), ramps: Vec::new(), rejected: 0 }
     }
 
     /// Valid samples so far.
     #[must_use]
     pub fn samples(&self) -> u64 {
-        self.ramps.iter().flat_map(|ramp| ramp.codes.iter()).map(|code| u64::from(code.0)).sum()
+        self.ramps.iter().flat_map(|ramp| ramp.codes.iter()).map(|code| u64::from(code.n)).sum()
     }
 
     /// Least and greatest count so far.
     #[must_use]
     pub fn count_range(&self) -> Option<(u8, u8)> {
-        let seen = |c: &u8| self.ramps.iter().any(|ramp| ramp.codes[usize::from(*c)].0 > 0);
+        let seen = |c: &u8| self.ramps.iter().any(|ramp| ramp.codes[usize::from(*c)].n > 0);
         Some(((0..=255).find(seen)?, (0..=255).rfind(seen)?))
     }
 
@@ -123,34 +151,36 @@ impl Accumulator {
     /// Adds samples of one ramp.
     pub fn extend(&mut self, samples: impl IntoIterator<Item = (u8, Option<FixedPressure>)>, ramp: u16) {
         let at = self.ramp_index(ramp);
+        // A ramp stays in one bin for many samples: its sums are kept at hand meanwhile.
+        let (mut number, mut bin) = (0, Bin::default());
         for (count, pressure) in samples {
             let Some(FixedPressure(p)) = pressure else {
                 self.rejected += 1;
                 continue;
             };
-            let bin = self.bin_index(p >> BIN_SHIFT);
-            let bin = &mut self.bins[bin];
-            self.squares[usize::from(count)] += u128::from(i64::from(p).unsigned_abs().pow(2));
-            if count == 0 || count == u8::MAX {
-                bin.low += u32::from(count == 0);
-                bin.high += u32::from(count != 0);
-                bin.p_railed += i64::from(p);
-            } else {
-                bin.n += 1;
-                bin.c += u64::from(count);
-                bin.p += i64::from(p);
+            let p = i64::from(p);
+            let code = &mut self.ramps[at].codes[usize::from(count)];
+            code.n += 1;
+            code.p += p;
+            code.p2 += u128::from((p * p) as u64);
+            if p >> BIN_SHIFT != number {
+                self.add_bin(number, &bin);
+                (number, bin) = (p >> BIN_SHIFT, Bin::default());
             }
-            let (n, sum) = &mut self.ramps[at].codes[usize::from(count)];
-            *n += 1;
-            *sum += i64::from(p);
+            bin.add_sample(count, p);
+        }
+        self.add_bin(number, &bin);
+    }
+
+    fn add_bin(&mut self, number: i64, bin: &Bin) {
+        if bin.is_used() {
+            let at = self.bin_index(number as i32);
+            self.bins[at].add(bin);
         }
     }
 
     /// Adds all samples of another accumulator.
     pub fn merge(&mut self, other: &Self) {
-        for (into, from) in self.squares.iter_mut().zip(other.squares.iter()) {
-            *into += from;
-        }
         for (k, from) in other.bins.iter().enumerate() {
             let at = self.bin_index(other.first_bin + k as i32);
             self.bins[at].add(from);
@@ -158,8 +188,7 @@ impl Accumulator {
         for ramp in &other.ramps {
             let at = self.ramp_index(ramp.number);
             for (into, from) in self.ramps[at].codes.iter_mut().zip(ramp.codes.iter()) {
-                into.0 += from.0;
-                into.1 += from.1;
+                into.add(from);
             }
         }
         self.rejected += other.rejected;
@@ -202,7 +231,7 @@ impl Accumulator {
         match self.ramps.binary_search_by_key(&number, |ramp| ramp.number) {
             Ok(at) => at,
             Err(at) => {
-                self.ramps.insert(at, Ramp { number, codes: Box::new([(0, 0); 256]) });
+                self.ramps.insert(at, Ramp { number, codes: Box::new([Code::default(); 256]) });
                 at
             }
         }
@@ -231,17 +260,16 @@ impl Accumulator {
     }
 
     fn code_stat(&self, code: usize) -> Option<CodeStat> {
-        let sums = self.ramps.iter().map(|ramp| ramp.codes[code]);
-        let (n, p) = sums.fold((0_i128, 0_i128), |sum, ramp| (sum.0 + i128::from(ramp.0), sum.1 + i128::from(ramp.1)));
-        if n == 0 {
+        let mut sums = Code::default();
+        self.ramps.iter().for_each(|ramp| sums.add(&ramp.codes[code]));
+        if sums.n == 0 {
             return None;
         }
         // n sum P^2 - (sum P)^2, exact: below 2^124 for 2^32 samples.
-        let scatter = n * self.squares[code] as i128 - p.pow(2);
-        let weight = n as f64;
-        let ss = scatter as f64 / weight / (UNITS_PER_KPA * UNITS_PER_KPA);
-        let mean = Dd::from_i128(p).div(Dd::from(weight * UNITS_PER_KPA));
-        Some(CodeStat { x: Dd::from(code as f64), n: weight, mean, ss })
+        let scatter = i128::from(sums.n) * sums.p2 as i128 - i128::from(sums.p).pow(2);
+        let n = f64::from(sums.n);
+        let ss = scatter as f64 / n / (UNITS_PER_KPA * UNITS_PER_KPA);
+        Some(CodeStat { x: Dd::from(code as f64), n, mean: Dd::from_i64(sums.p).div_f64(n * UNITS_PER_KPA), ss })
     }
 
     /// Base bins merged to the width asked for, at absolute multiples of it, so that the rows do not depend on where
@@ -267,10 +295,6 @@ impl Accumulator {
     }
 }
 
-fn to_kpa(sum: i64) -> Dd {
-    Dd::from_i128(i128::from(sum)).div(Dd::from(UNITS_PER_KPA))
-}
-
 fn bin_row(bins: &[Bin], without_rails: bool) -> Option<Row> {
     let mut sum = Bin::default();
     for bin in bins {
@@ -290,12 +314,12 @@ fn bin_row(bins: &[Bin], without_rails: bool) -> Option<Row> {
     if n == 0 {
         return None;
     }
-    let weight = Dd::from(n as f64);
-    let x = Dd::from_i128(i128::from(c)).div(weight);
-    Some(Row { x, y: to_kpa(p).div(weight), n: n as f64 })
+    let weight = n as f64;
+    let mean = |sum: i64, units: f64| Dd::from_i64(sum).div_f64(weight * units);
+    Some(Row { x: mean(c as i64, 1.0), y: mean(p, UNITS_PER_KPA), n: weight })
 }
 
 fn ramp_group(ramp: &Ramp, is_dropped: &dyn Fn(f64) -> bool) -> RampGroup {
-    let groups = ramp.codes.iter().enumerate().filter(|(c, sums)| sums.0 > 0 && !is_dropped(*c as f64));
-    RampGroup { groups: groups.map(|(c, &(n, p))| (c as f64, f64::from(n), to_kpa(p).hi)).collect() }
+    let groups = ramp.codes.iter().enumerate().filter(|(c, sums)| sums.n > 0 && !is_dropped(*c as f64));
+    RampGroup { groups: groups.map(|(c, sums)| (c as f64, f64::from(sums.n), sums.p as f64 / UNITS_PER_KPA)).collect() }
 }

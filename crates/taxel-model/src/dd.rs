@@ -60,6 +60,14 @@ impl Dd {
         Self { hi, lo }
     }
 
+    /// An integer, exact.
+    #[must_use]
+    pub fn from_i64(n: i64) -> Self {
+        let hi = n as f64;
+        // In the wider type, because the rounded value may be 2^63.
+        Self { hi, lo: (i128::from(n) - hi as i128) as f64 }
+    }
+
     /// An integer; exact up to 106 bits.
     #[must_use]
     pub fn from_i128(n: i128) -> Self {
@@ -94,6 +102,17 @@ impl Dd {
         let q3 = r.hi / b.hi;
         let (hi, lo) = quick_two_sum(q1, q2);
         Self { hi, lo } + Self::from(q3)
+    }
+
+    /// The quotient with an f64, cheaper than [`Self::div`] and as good but for the last two bits.
+    #[inline]
+    #[must_use]
+    pub fn div_f64(self, b: f64) -> Self {
+        let q1 = self.hi / b;
+        let (p, e) = two_prod(q1, b);
+        let rest = ((self.hi - p) - e) + self.lo;
+        let (hi, lo) = quick_two_sum(q1, rest / b);
+        Self { hi, lo }
     }
 
     /// The square root, one Newton step from the f64 root; 0 for arguments that are not positive.

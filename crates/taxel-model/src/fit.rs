@@ -10,13 +10,13 @@ use crate::reduce::Reduced;
 use crate::refine::solve;
 use crate::samples::{Samples, reduce};
 use crate::series::{Chebyshev, chebyshev_of};
-use crate::shape::{Problem, repair, wrong_slope};
+use crate::shape::{Problem, isotonic_squares, repair, wrong_slope};
 use crate::status::{Flag, Status};
 use crate::uncertainty::{Evidence, Scatter, profile, student_975};
 
-/// A monotone curve that fits this much worse than the free one is contradicted by the samples: on simulated skin the
-/// ratio stays below 1.06, because there only noise has to be bent.
-const MAX_REPAIR_RATIO: f64 = 1.5;
+/// The samples contradict monotony if the best monotone function of any form has this much more RMSE than the curve
+/// has. A polynomial that cannot follow monotone samples without a wave is another matter: that one is repaired.
+const CONTRADICTION: f64 = 1.25;
 
 /// A sample with more leverage than this decides the curve at its count alone.
 const HIGH_LEVERAGE: f64 = 0.9;
@@ -52,7 +52,7 @@ pub(crate) fn fit_reduced(data: &Reduced, options: &FitOptions) -> TaxelModel {
         quality: quality.clone(),
         ..TaxelModel::without_curve(status, options.gauge)
     };
-    let (Some(first), false) = (data.codes.first(), data.rows.is_empty()) else {
+    let Some(first) = data.codes.first() else {
         return none(Status::NoData, flags);
     };
     let spread = data.pressure_spread();
@@ -69,6 +69,9 @@ pub(crate) fn fit_reduced(data: &Reduced, options: &FitOptions) -> TaxelModel {
         model.raw_coefficients = vec![first.mean.to_f64()];
         model.quality.rank = 1;
         return model;
+    }
+    if data.rows.is_empty() {
+        return none(Status::Clipped, flags);
     }
     Fit::new(data, options).model(flags, quality, spread.range_kpa)
 }
@@ -132,9 +135,18 @@ impl<'a> Fit<'a> {
         (self.scatter(curve).iter().map(|s| s.squares).sum::<f64>() / self.data.samples()).sqrt()
     }
 
+    /// RMSE of the best monotone function of the count.
+    fn isotonic_rmse(&self, sign: f64) -> f64 {
+        let codes = &self.data.codes;
+        let within: f64 = codes.iter().map(|code| code.ss).sum();
+        let between = isotonic_squares(codes.iter().map(|code| (code.n, code.mean.to_f64())), sign);
+        ((within + between) / self.data.samples()).sqrt()
+    }
+
     /// The curve that is served, with the status and flags that its shape earns.
     fn shaped(&self, order: usize, flags: &mut Vec<Flag>) -> (Chebyshev, Option<Status>) {
-        let free = chebyshev_of(&solve(&self.basis, &self.data.rows, &self.t, order, self.options.exact), self.half / self.scale);
+        let solution = solve(&self.basis, &self.data.rows, &self.t, &self.d, order, self.options.exact);
+        let free = chebyshev_of(&solution, self.half / self.scale);
         let (from, to) = self.ends();
         let sign = self.sign().as_f64();
         let Some(place) = wrong_slope(&free, from, to, sign) else { return (free, None) };
@@ -151,10 +163,14 @@ impl<'a> Fit<'a> {
         let s: Vec<f64> = self.t.iter().map(|t| t.to_f64() * (self.scale / self.half)).collect();
         let n: Vec<f64> = self.data.rows.iter().map(|row| row.n).collect();
         let problem = Problem { basis: &self.basis, s: &s, n: &n, d: &self.d, order, sign };
-        let monotone = repair(&problem, from, to, self.data.pressure_spread().range_kpa);
         let rmse = |series: &Chebyshev| self.rmse(&Curve::new(series, self.centre, self.half));
+        let isotonic_ratio = self.isotonic_rmse(sign) / rmse(&free);
+        if isotonic_ratio > CONTRADICTION {
+            return (free, Some(Status::NotMonotone { rmse_ratio: isotonic_ratio }));
+        }
+        let monotone = repair(&problem, from, to, self.data.pressure_spread().range_kpa);
         let rmse_ratio = rmse(&monotone) / rmse(&free);
-        if wrong_slope(&monotone, from, to, sign).is_some() || rmse_ratio > MAX_REPAIR_RATIO {
+        if wrong_slope(&monotone, from, to, sign).is_some() {
             return (free, Some(Status::NotMonotone { rmse_ratio }));
         }
         flags.push(Flag::Repaired { rmse_ratio });

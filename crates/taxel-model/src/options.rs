@@ -114,7 +114,8 @@ pub struct FitOptions {
     pub order: Order,
     /// Least-squares problem.
     pub estimator: Estimator,
-    /// Build the basis in double-double as well and refine until nothing changes, for audits and reference values.
+    /// Refine in double-double until nothing changes, for audits and reference values. Without it the refinement
+    /// ends where what is left cannot be seen in f64.
     pub exact: bool,
     /// Width of a pressure bin, kPa; `None` gives about [`DEFAULT_BINS`] bins. An [`crate::Accumulator`] rounds it
     /// to a multiple of its own bins of 0.256 kPa.

@@ -83,15 +83,16 @@ impl Basis {
         d
     }
 
-    /// Values phi_0(t) .. phi_order(t).
-    pub fn values(&self, t: f64, order: usize) -> Vec<f64> {
-        let mut phi = Vec::with_capacity(order + 1);
-        phi.push(1.0 / self.weight.sqrt());
+    /// Leverage sum phi_k(t)^2 of one new sample at `t` over the orders 0..=`order`, and phi_order(t).
+    pub fn leverage(&self, t: f64, order: usize) -> (f64, f64) {
+        let (mut last, mut phi) = (0.0, 1.0 / self.weight.sqrt());
+        let mut leverage = phi * phi;
         for k in 0..order.min(self.order()) {
-            let last = if k == 0 { 0.0 } else { self.beta[k - 1] * phi[k - 1] };
-            phi.push(((t - self.alpha[k]) * phi[k] - last) / self.beta[k]);
+            let earlier = if k == 0 { 0.0 } else { self.beta[k - 1] * last };
+            (last, phi) = (phi, ((t - self.alpha[k]) * phi - earlier) / self.beta[k]);
+            leverage += phi * phi;
         }
-        phi
+        (leverage, phi)
     }
 }
 
@@ -112,7 +113,8 @@ mod tests {
             }
         }
         for (r, (t, n)) in t.iter().zip(&n).enumerate() {
-            for (k, phi) in basis.values(*t, 10).iter().enumerate() {
+            for k in 0..=10 {
+                let phi = basis.leverage(*t, k).1;
                 assert!((phi * n.sqrt() - basis.vectors[k][r]).abs() < 1e-12, "recurrence {k} at row {r}");
             }
         }

@@ -62,22 +62,21 @@ impl Reduced {
         self.codes.iter().map(|c| c.n).sum()
     }
 
-    /// Mean, standard deviation, least and greatest code mean of the pressure, kPa.
+    /// Standard deviation of the pressure and the range of its means, kPa.
     pub fn pressure_spread(&self) -> Spread {
         let n = self.samples().max(1.0);
         let mean = self.codes.iter().map(|c| c.n * c.mean.hi).sum::<f64>() / n;
         let ss: f64 = self.codes.iter().map(|c| c.ss + c.n * (c.mean.hi - mean).powi(2)).sum();
-        let means = self.codes.iter().chain(&[]).map(|c| c.mean.hi);
+        let means = self.codes.iter().map(|c| c.mean.hi);
         let rows = self.rows.iter().map(|r| r.y.hi);
         let (low, high) = means.chain(rows).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), y| (lo.min(y), hi.max(y)));
-        Spread { mean_kpa: mean, sd_kpa: (ss / n).sqrt(), range_kpa: (high - low).max(0.0) }
+        Spread { sd_kpa: (ss / n).sqrt(), range_kpa: (high - low).max(0.0) }
     }
 }
 
 /// How the pressures are spread.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spread {
-    pub mean_kpa: f64,
     pub sd_kpa: f64,
     pub range_kpa: f64,
 }

@@ -110,7 +110,7 @@ fn group_by_count(list: &[Sample]) -> Vec<CodeStat> {
     list.chunk_by(|a, b| a.x == b.x)
         .map(|group| {
             let n = group.len() as f64;
-            let mean = group.iter().fold(Dd::ZERO, |sum, s| sum + s.y).div(Dd::from(n));
+            let mean = group.iter().fold(Dd::ZERO, |sum, s| sum + s.y).div_f64(n);
             let ss = group.iter().map(|s| (s.y - mean).hi.powi(2)).sum();
             CodeStat { x: group[0].x, n, mean, ss }
         })
@@ -132,7 +132,7 @@ fn bins(list: &[Sample], options: &FitOptions, railed: &dyn Fn(f64) -> bool) -> 
                 return None;
             }
             let sum = measured().fold((Dd::ZERO, Dd::ZERO), |sum, s| (sum.0 + s.x, sum.1 + s.y));
-            Some(Row { x: sum.0.div(Dd::from(n)), y: sum.1.div(Dd::from(n)), n })
+            Some(Row { x: sum.0.div_f64(n), y: sum.1.div_f64(n), n })
         })
         .collect();
     rows.sort_by(|a, b| order(a.x, b.x).then(order(a.y, b.y)));

@@ -32,17 +32,17 @@ fn times_s(series: &[Dd]) -> Chebyshev {
 pub(crate) fn chebyshev_of(solution: &Solution, ratio: f64) -> Chebyshev {
     let recurrence = &solution.recurrence;
     let mut last: Chebyshev = Vec::new();
-    let mut phi: Chebyshev = vec![recurrence.first];
+    let mut phi: Chebyshev = vec![Dd::from(recurrence.first)];
     let mut sum = vec![Dd::ZERO; solution.d.len()];
     for (k, d) in solution.d.iter().enumerate() {
         sum.iter_mut().zip(&phi).for_each(|(sum, c)| *sum = *sum + *c * *d);
-        let Some(beta) = recurrence.beta.get(k) else { break };
+        let (Some(alpha), Some(gain)) = (recurrence.alpha.get(k), recurrence.gain.get(k)) else { break };
         let mut next: Chebyshev = times_s(&phi).iter().map(|c| c.scale(ratio)).collect();
-        next.iter_mut().zip(&phi).for_each(|(next, c)| *next = *next - *c * recurrence.alpha[k]);
+        next.iter_mut().zip(&phi).for_each(|(next, c)| *next = *next - c.scale(*alpha));
         if k > 0 {
-            next.iter_mut().zip(&last).for_each(|(next, c)| *next = *next - *c * recurrence.beta[k - 1]);
+            next.iter_mut().zip(&last).for_each(|(next, c)| *next = *next - c.scale(recurrence.beta[k - 1]));
         }
-        next.iter_mut().for_each(|c| *c = c.div(*beta));
+        next.iter_mut().for_each(|c| *c = c.scale(*gain));
         last = std::mem::replace(&mut phi, next);
     }
     sum
@@ -122,7 +122,7 @@ pub(crate) fn bernstein_of(powers: &[Dd], from: Dd, to: Dd) -> Bernstein {
     let p = powers.len() - 1;
     (0..=p)
         .map(|j| {
-            (0..=j).fold(Dd::ZERO, |sum, i| sum + q[i].scale(binomial(j, i)).div(Dd::from(binomial(p, i))))
+            (0..=j).fold(Dd::ZERO, |sum, i| sum + q[i].scale(binomial(j, i)).div_f64(binomial(p, i)))
         })
         .collect()
 }

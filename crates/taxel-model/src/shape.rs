@@ -101,6 +101,24 @@ pub(crate) fn repair(problem: &Problem<'_>, from: Dd, to: Dd, y_range: f64) -> C
     chebyshev_of_powers(&powers_of_bernstein(&bernstein, from, to))
 }
 
+/// The least sum of squares about any monotone function of the count, polynomial or not, by pooling adjacent
+/// violators. `groups` are (samples, mean), ascending in count; what scatters within a group is not in the sum.
+pub(crate) fn isotonic_squares(groups: impl Iterator<Item = (f64, f64)>, sign: f64) -> f64 {
+    let mut pools: Vec<(f64, f64)> = Vec::new();
+    let mut squares = 0.0;
+    for (n, mean) in groups {
+        let mut pool = (n, sign * mean);
+        while let Some(&last) = pools.last().filter(|last| last.1 > pool.1) {
+            pools.pop();
+            let n = last.0 + pool.0;
+            squares += last.0 * pool.0 / n * (last.1 - pool.1).powi(2);
+            pool = (n, (last.0 * last.1 + pool.0 * pool.1) / n);
+        }
+        pools.push(pool);
+    }
+    squares
+}
+
 /// J_1(x) .. J_p(x), where J_i is the sum of the Bernstein polynomials i..p of order p.
 fn cumulative(x: f64, p: usize) -> Vec<f64> {
     let mut bernstein = vec![1.0];
@@ -134,6 +152,14 @@ mod tests {
         let dent = wrong_slope(&series(&[0.0, -0.01, 0.0, 1.0]), from, to, 1.0).unwrap();
         assert!(dent.abs() < 0.06, "{dent}");
         assert!(wrong_slope(&series(&[0.0, 0.01, 0.0, 1.0]), from, to, -1.0).is_some());
+    }
+
+    #[test]
+    fn pooling_finds_the_least_squares() {
+        // 3, 1 pool to 2 (2 squares); falling data pool to their mean.
+        assert_eq!(isotonic_squares([(1.0, 3.0), (1.0, 1.0), (1.0, 5.0)].into_iter(), 1.0), 2.0);
+        assert_eq!(isotonic_squares([(1.0, 3.0), (1.0, 2.0), (1.0, 1.0)].into_iter(), 1.0), 2.0);
+        assert_eq!(isotonic_squares([(1.0, 3.0), (1.0, 2.0), (1.0, 1.0)].into_iter(), -1.0), 0.0);
     }
 
     proptest! {

@@ -20,6 +20,8 @@ pub enum Status {
         /// The one count seen.
         count: f64,
     },
+    /// No pressure has enough readings off the ends of the converter.
+    Clipped,
     /// The counts move less than the threshold asks for.
     InsufficientSwing {
         /// C_max - C_min, counts.
@@ -34,7 +36,7 @@ pub enum Status {
     },
     /// The samples contradict a monotone curve: a count would mean two pressures.
     NotMonotone {
-        /// RMSE of the best monotone curve over RMSE of the unconstrained one.
+        /// RMSE of the best monotone function of any form over RMSE of the unconstrained curve.
         rmse_ratio: f64,
     },
     /// The median 95 % prediction interval is too wide.
@@ -61,6 +63,7 @@ impl Status {
             Self::NoData => "no_data",
             Self::NoExcitation { .. } => "no_excitation",
             Self::Dead { .. } => "dead",
+            Self::Clipped => "clipped",
             Self::InsufficientSwing { .. } => "insufficient_swing",
             Self::Unproven { .. } => "unproven",
             Self::NotMonotone { .. } => "not_monotone",
@@ -78,6 +81,7 @@ impl fmt::Display for Status {
                 write!(f, "the pressure did not vary (standard deviation {pressure_sd_kpa:.3} kPa)")
             }
             Self::Dead { count } => write!(f, "the count stayed at {count}"),
+            Self::Clipped => write!(f, "the counts are clipped at every pressure"),
             Self::InsufficientSwing { swing_counts, needed_counts } => {
                 write!(f, "the counts moved by {swing_counts:.1}, at least {needed_counts:.1} are needed")
             }

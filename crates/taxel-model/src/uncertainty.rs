@@ -88,10 +88,9 @@ pub(crate) fn profile(evidence: &Evidence<'_>) -> Option<(SigmaProfile, Vec<f64>
             let sum = squares[window].iter().sum::<f64>() * samples / evidence.dof;
             let local = (sum + PRIOR_SAMPLES * pooled) / (near + PRIOR_SAMPLES);
             let quantum = if evidence.integer { (evidence.slope)(count).powi(2) / 12.0 } else { 0.0 };
-            let phi = evidence.basis.values((evidence.to_t)(count), evidence.order);
-            let leverage: f64 = phi.iter().map(|phi| phi * phi).sum();
+            let (leverage, last) = evidence.basis.leverage((evidence.to_t)(count), evidence.order);
             // Where no sample vouches for the curve, the step from the next lower order stands for its error.
-            let unseen = if near > 0.0 { 0.0 } else { evidence.d[evidence.order] * phi[evidence.order] };
+            let unseen = if near > 0.0 { 0.0 } else { evidence.d[evidence.order] * last };
             // Quantisation is in the residuals of integer counts already: it is a floor, not a term.
             (local.max(quantum) + pooled * leverage + unseen * unseen).sqrt()
         })

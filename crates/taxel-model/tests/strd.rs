@@ -76,6 +76,36 @@ fn every_set_of_the_collection_at_hand() {
     }
 }
 
+/// Filip's certified coefficients, of order ten.
+const FILIP: [&str; 11] = [
+    "-1467.48961422980",
+    "-2772.17959193342",
+    "-2316.37108160893",
+    "-1127.97394098372",
+    "-354.478233703349",
+    "-75.1242017393757",
+    "-10.8753180355343",
+    "-1.06221498588947",
+    "-0.670191154593408E-01",
+    "-0.246781078275479E-02",
+    "-0.402962525080404E-04",
+];
+
+#[test]
+fn filip_order_ten_has_all_digits() {
+    let rows: Vec<(&str, &str)> =
+        include_str!("filip.csv").lines().skip(1).filter_map(|line| line.split_once(',')).collect();
+    let (x, y): (Vec<&str>, Vec<&str>) = rows.into_iter().unzip();
+    let rational = |text: &[&str]| text.iter().map(|t| decimal(t)).collect::<Vec<_>>();
+    let want = least_squares(&rational(&x), &rational(&y), 10);
+    for (exact, certified) in want.iter().zip(FILIP) {
+        assert!(correct_digits(&[common::to_f64(exact)], &[decimal(certified)]) > 14.0, "the data are Filip's");
+    }
+    let [default, exact, rounded] = digits(&x, &y, 10, &want);
+    eprintln!("filip: as written {default:.1}, exact {exact:.1}, decimals rounded to f64 {rounded:.1}");
+    assert!(default >= 15.6 && exact >= 15.6 && rounded >= 13.0, "{default:.1} {exact:.1} {rounded:.1}");
+}
+
 #[test]
 fn an_ill_conditioned_set_of_order_ten() {
     // Like Filip: 82 decimals between -9 and -3, a raw Vandermonde matrix of condition 1e15.

@@ -44,13 +44,7 @@ impl Appender {
         }
     }
 
-    fn sample(
-        &mut self,
-        connection: &Connection,
-        session: u64,
-        index: u64,
-        sample: &Sample,
-    ) -> Result<(), StoreError> {
+    fn sample(&mut self, connection: &Connection, session: u64, index: u64, sample: &Sample) -> Result<(), StoreError> {
         let unstorable = |reason: String| {
             Err(StoreError::Unstorable { what: format!("sample {index} of session {session}"), reason })
         };
@@ -134,12 +128,7 @@ fn session(connection: &Connection, view: &SessionView) -> Result<(), StoreError
     Ok(())
 }
 
-fn append_ramp(
-    connection: &Connection,
-    session: u64,
-    ramp: u16,
-    baseline: &[TaxelBaseline],
-) -> Result<(), StoreError> {
+fn append_ramp(connection: &Connection, session: u64, ramp: u16, baseline: &[TaxelBaseline]) -> Result<(), StoreError> {
     let blob = rows::baseline_to_blob(baseline);
     connection.execute(
         "INSERT INTO ramps (session, ramp, baseline, checksum) VALUES (?1, ?2, ?3, ?4)",
@@ -148,12 +137,7 @@ fn append_ramp(
     Ok(())
 }
 
-fn tared(
-    connection: &Connection,
-    patch: &str,
-    tare: &TareView,
-    baseline: &[TaxelBaseline],
-) -> Result<(), StoreError> {
+fn tared(connection: &Connection, patch: &str, tare: &TareView, baseline: &[TaxelBaseline]) -> Result<(), StoreError> {
     connection.execute(
         "INSERT INTO tares (patch, epoch, valid, wall_ns, reason, baseline_median, noise_median, baseline)
          VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8)",

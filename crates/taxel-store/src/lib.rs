@@ -11,6 +11,8 @@ pub mod models_json;
 mod restore;
 mod rows;
 mod schema;
+#[cfg(test)]
+mod tests;
 mod writer;
 
 pub use error::{Quarantined, StoreError};

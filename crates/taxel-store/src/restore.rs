@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use rusqlite::{Connection, Row};
+use taxel_engine::Restored;
 use taxel_engine::io::RestoredSession;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Sample;
 use taxel_engine::session::{RampBaseline, SessionSamples, SessionState, SessionView};
-use taxel_engine::Restored;
 
 use crate::error::Quarantined;
 use crate::models_json;
@@ -23,10 +23,7 @@ pub(crate) fn read(connection: &Connection) -> rusqlite::Result<(Restored, Vec<Q
     Ok((Restored { model_sets, active, sessions, next_session }, quarantined))
 }
 
-fn model_sets(
-    connection: &Connection,
-    quarantined: &mut Vec<Quarantined>,
-) -> rusqlite::Result<Vec<Arc<ModelSet>>> {
+fn model_sets(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> rusqlite::Result<Vec<Arc<ModelSet>>> {
     let mut statement = connection.prepare("SELECT seq, id, sha256, json FROM model_sets ORDER BY seq")?;
     let mut rows = statement.query([])?;
     let mut sets: Vec<Arc<ModelSet>> = Vec::new();
@@ -86,7 +83,8 @@ fn active(
         let served = sets.iter().any(|set| set.id == *id && set.patch == *patch);
         if !served {
             let reason = format!("it names model set {id}, which is not there or not of this patch");
-            quarantined.push(Quarantined::new(format!("the choice of the active model set of patch `{patch}`"), reason));
+            quarantined
+                .push(Quarantined::new(format!("the choice of the active model set of patch `{patch}`"), reason));
         }
         served
     });

@@ -109,8 +109,8 @@ pub(crate) fn view_to_text(view: &SessionView) -> Result<String, serde_json::Err
 /// The inverse of [`view_to_text`]; a refusal reason that this version does not know is left out.
 pub(crate) fn view_from_text(text: &str) -> Result<SessionView, String> {
     let stored: StoredView = serde_json::from_str(text).map_err(|error| error.to_string())?;
-    let state =
-        SessionState::from_name(&stored.state).ok_or_else(|| format!("there is no session state `{}`", stored.state))?;
+    let state = SessionState::from_name(&stored.state)
+        .ok_or_else(|| format!("there is no session state `{}`", stored.state))?;
     let mut refused = RefusalCounts::default();
     for (name, count) in &stored.refused {
         if let Some(why) = SampleRefusal::ALL.into_iter().find(|why| why.name() == name) {

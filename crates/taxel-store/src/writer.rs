@@ -48,10 +48,7 @@ pub struct Batch {
 
 impl fmt::Debug for Batch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Batch")
-            .field("records", &self.records)
-            .field("on_durable", &self.on_durable.is_some())
-            .finish()
+        f.debug_struct("Batch").field("records", &self.records).field("on_durable", &self.on_durable.is_some()).finish()
     }
 }
 

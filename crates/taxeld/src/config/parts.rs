@@ -83,7 +83,7 @@ pub struct PatchSection {
     /// Relative standard uncertainty of the area.
     #[serde(default = "five_percent")]
     pub area_uncertainty: f64,
-    /// What a force sample carries beside the total: `resultant`, `moment`, `contacts`.
+    /// What a force sample carries beside the total: `resultant`, `moment`, `contacts`, `fill`.
     #[serde(default)]
     pub outputs: Vec<OutputWord>,
     /// The boards, in the order of the taxels.
@@ -126,6 +126,8 @@ pub enum OutputWord {
     Moment,
     /// Clusters of touched taxels.
     Contacts,
+    /// Excluded taxels take the pressure of their neighbours.
+    Fill,
 }
 
 /// `[[patch.board]]`

@@ -215,6 +215,7 @@ fn outputs(section: &PatchSection, geometry: Option<&Geometry>, scene: &mut Scen
         resultant: decide(OutputWord::Resultant, "resultant", directed, no_normals),
         moment: decide(OutputWord::Moment, "moment and centre of pressure", directed, no_normals),
         contacts: decide(OutputWord::Contacts, "contacts", geometry.is_some(), "there is no geometry"),
+        fill: decide(OutputWord::Fill, "fill of excluded taxels", geometry.is_some(), "there is no geometry"),
     }
 }
 

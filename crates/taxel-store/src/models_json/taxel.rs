@@ -1,0 +1,278 @@
+//! One taxel's entry in MODELS.json.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use taxel_model::{
+    Curve, Estimator, Flag, GaugeUncertainty, MAX_ORDER, Quality, SigmaProfile, Sign, Status, TaxelModel,
+};
+
+/// The entry, field by field; the names are the format. `curve` is what the daemon serves from.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Entry {
+    taxel: usize,
+    /// `ok`, or the word for why the curve may not be used.
+    status: String,
+    /// The status in words, for people; not read.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reason: Option<String>,
+    /// The numbers that belong to the status.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    figures: BTreeMap<String, f64>,
+    order: u8,
+    /// Ascending powers of the raw count, a + b C + c C^2 + ...; `null` without a curve.
+    coefficients: Option<Vec<f64>>,
+    range: Option<[f64; 2]>,
+    sign: String,
+    curve: Option<Curve>,
+    sigma: Option<SigmaProfile>,
+    estimator: String,
+    repaired: bool,
+    gauge: GaugeUncertainty,
+    quality: Quality,
+    flags: Vec<Flag>,
+}
+
+/// The entry of a model.
+pub(super) fn mirror(taxel: usize, model: &TaxelModel) -> Entry {
+    Entry {
+        taxel,
+        status: model.status.code().to_owned(),
+        reason: (!model.status.is_ok()).then(|| model.status.to_string()),
+        figures: status_figures(&model.status).into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        order: model.order,
+        coefficients: (!model.raw_coefficients.is_empty()).then(|| model.raw_coefficients.clone()),
+        range: model.range,
+        sign: sign_name(model.sign).to_owned(),
+        curve: model.curve.clone(),
+        sigma: model.sigma.clone(),
+        estimator: estimator_name(model.estimator).to_owned(),
+        repaired: model.repaired,
+        gauge: model.gauge,
+        quality: model.quality.clone(),
+        flags: model.flags.clone(),
+    }
+}
+
+/// The model of an entry, which must be the one of `taxel`. What [`check`] looks at is not looked at here.
+pub(super) fn read(taxel: usize, value: Value) -> Result<TaxelModel, String> {
+    let entry: Entry = serde_json::from_value(value).map_err(|error| error.to_string())?;
+    if entry.taxel != taxel {
+        return Err(format!("its entry says `taxel` {}, expected {taxel}", entry.taxel));
+    }
+    Ok(TaxelModel {
+        status: status(&entry.status, &entry.figures)?,
+        flags: entry.flags,
+        estimator: named(
+            "estimator",
+            &entry.estimator,
+            &[Estimator::PerSample, Estimator::PressureBinned],
+            estimator_name,
+        )?,
+        order: entry.order,
+        sign: named("sign", &entry.sign, &[Sign::Rising, Sign::Falling], sign_name)?,
+        range: entry.range,
+        curve: entry.curve,
+        raw_coefficients: entry.coefficients.unwrap_or_default(),
+        sigma: entry.sigma,
+        gauge: entry.gauge,
+        quality: entry.quality,
+        repaired: entry.repaired,
+    })
+}
+
+const fn sign_name(sign: Sign) -> &'static str {
+    match sign {
+        Sign::Rising => "rising",
+        Sign::Falling => "falling",
+    }
+}
+
+const fn estimator_name(estimator: Estimator) -> &'static str {
+    match estimator {
+        Estimator::PerSample => "per-sample",
+        Estimator::PressureBinned => "pressure-binned",
+    }
+}
+
+/// The one of `all` that `word` names.
+fn named<T: Copy>(field: &str, word: &str, all: &[T], name: impl Fn(T) -> &'static str) -> Result<T, String> {
+    all.iter().copied().find(|&one| name(one) == word).ok_or_else(|| {
+        let known: Vec<_> = all.iter().map(|&one| name(one)).collect();
+        format!("`{field}` is \"{word}\", expected {}", known.join(" or "))
+    })
+}
+
+/// The numbers of a status.
+fn status_figures(status: &Status) -> Vec<(&'static str, f64)> {
+    match *status {
+        Status::Ok | Status::NoData => vec![],
+        Status::NoExcitation { pressure_sd_kpa } => vec![("pressure_sd_kpa", pressure_sd_kpa)],
+        Status::Dead { count } => vec![("count", count)],
+        Status::InsufficientSwing { swing_counts, needed_counts } => {
+            vec![("swing_counts", swing_counts), ("needed_counts", needed_counts)]
+        }
+        Status::Unproven { samples } => vec![("samples", samples as f64)],
+        Status::NotMonotone { rmse_ratio } => vec![("rmse_ratio", rmse_ratio)],
+        Status::IntervalTooWide { share, limit } => vec![("share", share), ("limit", limit)],
+    }
+}
+
+fn status(code: &str, figures: &BTreeMap<String, f64>) -> Result<Status, String> {
+    let figure =
+        |name: &str| figures.get(name).copied().ok_or_else(|| format!("`figures` of status \"{code}\" lacks `{name}`"));
+    let status = match code {
+        "ok" => Status::Ok,
+        "no_data" => Status::NoData,
+        "no_excitation" => Status::NoExcitation { pressure_sd_kpa: figure("pressure_sd_kpa")? },
+        "dead" => Status::Dead { count: figure("count")? },
+        "insufficient_swing" => {
+            Status::InsufficientSwing { swing_counts: figure("swing_counts")?, needed_counts: figure("needed_counts")? }
+        }
+        "unproven" => Status::Unproven { samples: whole("samples", figure("samples")?)? },
+        "not_monotone" => Status::NotMonotone { rmse_ratio: figure("rmse_ratio")? },
+        "interval_too_wide" => Status::IntervalTooWide { share: figure("share")?, limit: figure("limit")? },
+        other => return Err(format!("there is no `status` \"{other}\"")),
+    };
+    let known = status_figures(&status);
+    match figures.keys().find(|name| known.iter().all(|(known, _)| known != name)) {
+        Some(name) => Err(format!("`figures` of status \"{code}\" has no `{name}`")),
+        None => Ok(status),
+    }
+}
+
+/// A number of things, exact in an f64.
+fn whole(name: &str, value: f64) -> Result<u64, String> {
+    const MAX: f64 = (1_u64 << 53) as f64;
+    let is_whole = (0.0..=MAX).contains(&value) && value.fract() == 0.0;
+    if is_whole { Ok(value as u64) } else { Err(format!("`{name}` is {value}, expected a whole number of 0 or more")) }
+}
+
+/// Everything that a model's types cannot say.
+pub(super) fn check(model: &TaxelModel) -> Result<(), String> {
+    for (name, value) in numbers(model) {
+        if !value.is_finite() {
+            return Err(format!("`{name}` is {value}, expected a finite number"));
+        }
+    }
+    if model.order > MAX_ORDER {
+        return Err(format!("`order` is {}, expected 0 to {MAX_ORDER}", model.order));
+    }
+    if let Some([low, high]) = model.range
+        && low > high
+    {
+        return Err(format!("`range` goes from {low} to {high}, expected it ascending"));
+    }
+    if let Some(sigma) = &model.sigma {
+        if sigma.step_counts <= 0.0 {
+            return Err(format!("`step_counts` of `sigma` is {}, expected a positive number", sigma.step_counts));
+        }
+        if sigma.sigma_kpa.is_empty() || sigma.sigma_kpa.iter().any(|sigma| *sigma < 0.0) {
+            return Err("`sigma_kpa` of `sigma` is empty or negative somewhere, expected 0 or more".to_owned());
+        }
+    }
+    match (&model.curve, model.range) {
+        (Some(curve), Some(range)) => check_curve(model, curve, range)?,
+        (Some(_), None) => return Err("it has a `curve` but no `range`".to_owned()),
+        (None, _) if !model.raw_coefficients.is_empty() || model.order != 0 => {
+            return Err("it has `coefficients` or an `order` but no `curve`".to_owned());
+        }
+        (None, _) => {}
+    }
+    if model.status.is_ok() && (model.curve.is_none() || model.sigma.is_none()) {
+        return Err("its `status` is \"ok\", but `curve`, `range` or `sigma` is missing".to_owned());
+    }
+    Ok(())
+}
+
+fn check_curve(model: &TaxelModel, curve: &Curve, [low, high]: [f64; 2]) -> Result<(), String> {
+    let terms = usize::from(model.order) + 1;
+    if curve.half_width <= 0.0 {
+        return Err(format!("`half_width` of `curve` is {}, expected a positive number", curve.half_width));
+    }
+    if curve.chebyshev.len() != terms {
+        let given = curve.chebyshev.len();
+        return Err(format!("`curve` has {given} terms, expected {terms} for `order` {}", model.order));
+    }
+    if model.raw_coefficients.len() != terms {
+        let given = model.raw_coefficients.len();
+        return Err(format!("`coefficients` has {given} entries, expected {terms} for `order` {}", model.order));
+    }
+    for count in [low, low + (high - low) / 2.0, high] {
+        let (printed, error) = horner(&model.raw_coefficients, count);
+        let served = curve.evaluate(count);
+        if !served.is_finite() {
+            return Err(format!("`curve` gives {served} kPa at count {count}, expected a finite number"));
+        }
+        let error = error + ROUNDING * curve.chebyshev.iter().map(|c| c.abs()).sum::<f64>();
+        if (printed - served).abs() > error {
+            return Err(format!(
+                "at count {count} `coefficients` give {printed} kPa and `curve` gives {served} kPa: they are not the \
+                 same polynomial (the daemon serves `curve`)"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Bound on the relative rounding of an evaluation at order 10, with a factor in hand: 64 x 2^-52.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// The polynomial in powers of the count, and what its evaluation may be off by: gamma_2n sum |a_k| |C|^k
+/// (Higham, Accuracy and Stability of Numerical Algorithms, 2002, 5.1).
+fn horner(coefficients: &[f64], count: f64) -> (f64, f64) {
+    let value = coefficients.iter().rev().fold(0.0, |sum, a| sum * count + a);
+    let size = coefficients.iter().rev().fold(0.0, |sum, a| sum * count.abs() + a.abs());
+    (value, ROUNDING * size)
+}
+
+/// Every f64 of a model that JSON could not hold if it were not finite, with its name.
+fn numbers(model: &TaxelModel) -> Vec<(&'static str, f64)> {
+    let quality = &model.quality;
+    let mut numbers = vec![
+        ("gain_rel", model.gauge.gain_rel),
+        ("offset_kpa", model.gauge.offset_kpa),
+        ("noise_kpa", model.gauge.noise_kpa),
+        ("swing_counts", quality.swing_counts),
+        ("dof", quality.dof),
+        ("rmse_kpa", quality.rmse_kpa),
+        ("max_leverage", quality.max_leverage),
+    ];
+    let known = |name, value: Option<f64>| value.map(|value| (name, value));
+    let all = |name, values: &[f64]| values.iter().map(|&value| (name, value)).collect::<Vec<_>>();
+    numbers.extend(known("pure_error_kpa", quality.pure_error_kpa));
+    numbers.extend(known("press_kpa", quality.press_kpa));
+    numbers.extend(known("lack_of_fit_f", quality.lack_of_fit_f));
+    numbers.extend(known("repeatability_kpa", quality.repeatability_kpa));
+    numbers.extend(known("interval_kpa", quality.interval_kpa));
+    numbers.extend(known("interval_share", quality.interval_share));
+    numbers.extend(quality.press_by_order.iter().filter_map(|score| known("press_by_order", score.press_kpa)));
+    numbers.extend(status_figures(&model.status));
+    numbers.extend(model.flags.iter().flat_map(flag_numbers));
+    numbers.extend(model.range.iter().flat_map(|range| all("range", range)));
+    numbers.extend(all("coefficients", &model.raw_coefficients));
+    if let Some(curve) = &model.curve {
+        numbers.extend([("centre", curve.centre), ("half_width", curve.half_width)]);
+        numbers.extend(all("chebyshev", &curve.chebyshev));
+    }
+    if let Some(sigma) = &model.sigma {
+        numbers.extend([("first_count", sigma.first_count), ("step_counts", sigma.step_counts)]);
+        numbers.extend(all("sigma_kpa", &sigma.sigma_kpa));
+    }
+    numbers
+}
+
+fn flag_numbers(flag: &Flag) -> Vec<(&'static str, f64)> {
+    match *flag {
+        Flag::RankReduced { .. } | Flag::FewDistinctCounts { .. } | Flag::NotBinned { .. } | Flag::Rejected { .. } => {
+            vec![]
+        }
+        Flag::HighLeverage { count, leverage } => vec![("count", count), ("leverage", leverage)],
+        Flag::RailDropped { count, share } => vec![("count", count), ("share", share)],
+        Flag::Gap { from, to } => vec![("from", from), ("to", to)],
+        Flag::Repaired { rmse_ratio } => vec![("rmse_ratio", rmse_ratio)],
+        Flag::NotMonotone { count } => vec![("count", count)],
+    }
+}

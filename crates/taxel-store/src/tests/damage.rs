@@ -1,0 +1,146 @@
+//! Files that are not what was written.
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use rusqlite::Connection;
+use taxel_engine::record::Record;
+use taxel_engine::session::SessionState;
+
+use super::fixture::*;
+use crate::db::Db;
+use crate::{StoreError, schema};
+
+/// Flips one bit of the only place in the file that holds `text`.
+fn flip_in(path: &Path, text: &str) {
+    let mut bytes = fs::read(path).unwrap();
+    let places: Vec<_> =
+        bytes.windows(text.len()).enumerate().filter(|(_, window)| *window == text.as_bytes()).collect();
+    assert_eq!(places.len(), 1, "{text}");
+    let at = places[0].0;
+    bytes[at] ^= 1;
+    fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn a_flipped_bit_in_a_model_set_quarantines_it_and_nothing_else() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let [first, second] = filled(&path);
+    flip_in(&path, r#""created_wall_ns":2,"#);
+    let (store, restored, quarantined, _events) = open(&path);
+    assert_eq!(restored.model_sets.len(), 1);
+    assert_eq!(restored.model_sets[0].id, first.id);
+    assert_eq!(restored.active, [], "the older set does not become active by itself");
+    let text: Vec<_> = quarantined.iter().map(ToString::to_string).collect();
+    assert!(text[0].contains(&second.id) && text[0].contains("hash"), "{text:?}");
+    assert!(text[1].contains(PATCH), "{text:?}");
+    // The same set can be imported again, and is served again.
+    write(&store, vec![Record::ModelSet(Arc::new(second.clone()))]).unwrap();
+    store.close().unwrap();
+    let (_, restored, quarantined) = Db::open(&path).unwrap();
+    assert_eq!(restored.model_sets.len(), 2);
+    assert_eq!(restored.active, [(PATCH.to_owned(), second.id)]);
+    assert_eq!(quarantined.len(), 1, "the damaged row stays reported");
+}
+
+#[test]
+fn a_damaged_activation_leaves_no_set_active() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    filled(&path);
+    let other = Connection::open(&path).unwrap();
+    other.execute_batch("DROP TRIGGER activations_keep; UPDATE activations SET patch = 'x' WHERE seq = 2").unwrap();
+    drop(other);
+    let (_, restored, quarantined) = Db::open(&path).unwrap();
+    assert_eq!(restored.active, []);
+    assert_eq!(restored.model_sets.len(), 2);
+    assert!(quarantined[0].what.contains("activation 2"), "{quarantined:?}");
+}
+
+#[test]
+fn a_damaged_sample_fails_its_session_only() {
+    for damage in ["UPDATE samples SET counts = x'00010203' WHERE idx = 7", "DELETE FROM samples WHERE idx = 7"] {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        filled(&path);
+        let other = Connection::open(&path).unwrap();
+        other.execute_batch(&format!("DROP TRIGGER samples_keep; DROP TRIGGER samples_stay; {damage}")).unwrap();
+        drop(other);
+        let (_, restored, quarantined) = Db::open(&path).unwrap();
+        assert_eq!(restored.sessions[1].view.state, SessionState::Failed);
+        assert!(restored.sessions[1].view.reason.contains("sample 7"), "{}", restored.sessions[1].view.reason);
+        assert!(restored.sessions[1].samples.is_none());
+        assert_eq!(quarantined.len(), 1);
+        assert_eq!((restored.model_sets.len(), restored.active.len(), restored.next_session), (2, 1, 3));
+    }
+}
+
+#[test]
+fn files_that_are_no_store_are_refused_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let error = || Db::open(&path).err().unwrap();
+
+    fs::write(&path, "# taxeld.toml\n".repeat(100)).unwrap();
+    assert!(matches!(error(), StoreError::Foreign { .. }), "{}", error());
+    fs::remove_file(&path).unwrap();
+
+    Connection::open(&path).unwrap().execute_batch("CREATE TABLE t (x)").unwrap();
+    assert!(error().to_string().contains("application id is 0x0"), "{}", error());
+    fs::remove_file(&path).unwrap();
+
+    filled(&path);
+    let newer = schema::VERSION + 1;
+    Connection::open(&path).unwrap().pragma_update(None, "user_version", newer).unwrap();
+    assert_eq!(error(), StoreError::TooNew { path: path.clone(), found: newer, newest: schema::VERSION });
+
+    let nowhere = dir.path().join("no/such/folder/store.db");
+    assert!(Db::open(&nowhere).err().unwrap().to_string().contains("no/such/folder/store.db"));
+}
+
+#[test]
+fn a_truncated_file_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    filled(&path);
+    let whole = fs::read(&path).unwrap();
+    for length in [1, 60, 100, 1000, 4096, whole.len() / 2, whole.len() - 4096, whole.len() - 1] {
+        fs::write(&path, &whole[..length]).unwrap();
+        let error = Db::open(&path).err().unwrap();
+        assert!(
+            matches!(error, StoreError::Damaged { .. } | StoreError::Foreign { .. }),
+            "{length} of {}: {error}",
+            whole.len()
+        );
+    }
+}
+
+#[test]
+fn whatever_bit_flips_no_false_model_or_sample_is_served() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let sets = filled(&path).map(|set| format!("{set:?}"));
+    let samples: Vec<_> = (0..40).map(sample).collect();
+    let whole = fs::read(&path).unwrap();
+    let (mut opened, mut reported) = (0, 0);
+    for at in (0..whole.len()).step_by(241) {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 1 << (at % 8);
+        fs::write(&path, bytes).unwrap();
+        let Ok((db, restored, quarantined)) = Db::open(&path) else {
+            continue;
+        };
+        opened += 1;
+        reported += usize::from(!quarantined.is_empty());
+        for set in &restored.model_sets {
+            assert!(sets.contains(&format!("{set:?}")), "byte {at} changed a model set");
+        }
+        for found in restored.sessions.iter().filter_map(|session| session.samples.as_ref()) {
+            assert_eq!(found.samples, samples, "byte {at} changed a sample");
+        }
+        db.close().unwrap();
+    }
+    assert!(opened > 20 && reported > 10, "{opened} opened, {reported} with something reported");
+}

@@ -1,0 +1,100 @@
+//! The disk fails, the queue fills, the engine errs.
+
+use std::sync::Arc;
+use std::sync::mpsc::channel;
+
+use taxel_engine::record::Record;
+use taxel_engine::session::SessionState;
+
+use super::fixture::*;
+use crate::db::Db;
+use crate::{Batch, QUEUE_BATCHES, QueueFull, Store, StoreError, StoreEvent};
+
+#[test]
+fn a_full_disk_ends_all_writing_and_loses_nothing_acknowledged() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let (db, ..) = Db::open(&path).unwrap();
+    db.limit_growth(8);
+    let (tell, events) = channel();
+    let store = Store::start(db, Box::new(move |event| drop(tell.send(event))), QUEUE_BATCHES).unwrap();
+    write(&store, vec![session(1, SessionState::Ramping)]).unwrap();
+    let mut acknowledged = 0;
+    let refused = loop {
+        match write(&store, vec![sample_record(1, acknowledged)]) {
+            Ok(_) => acknowledged += 1,
+            Err(error) => break error,
+        }
+    };
+    assert!(matches!(refused, StoreError::Full(_)), "{refused}");
+    let later = write(&store, vec![session(1, SessionState::Aborted)]).unwrap_err();
+    assert_eq!(later, StoreError::ReadOnly { reason: refused.to_string() });
+    assert_eq!(store.close(), Err(refused.clone()));
+    let failures: Vec<_> = events.iter().filter(|event| matches!(event, StoreEvent::Failed(_))).collect();
+    assert_eq!(failures, [StoreEvent::Failed(refused.to_string())], "told once");
+    let (_, restored, quarantined) = Db::open(&path).unwrap();
+    assert_eq!(quarantined, []);
+    assert_eq!(restored.sessions[0].view.accepted, acknowledged);
+    assert!(acknowledged > 0);
+}
+
+#[test]
+fn a_full_queue_is_told_and_never_waits() {
+    let (release, hold) = channel::<()>();
+    let store = Store::in_memory(Box::new(|_| ())).unwrap();
+    let (tell, told) = channel();
+    let blocker = Box::new(move |_| {
+        tell.send(()).unwrap();
+        hold.recv().unwrap();
+    });
+    store.submit(Batch { records: vec![session(1, SessionState::Ramping)], on_durable: Some(blocker) }).unwrap();
+    told.recv().unwrap(); // the writer is in the callback now
+    for index in 0..QUEUE_BATCHES as u64 {
+        store.submit(quiet(vec![sample_record(1, index)])).unwrap();
+    }
+    let QueueFull(batch) = store.submit(quiet(vec![sample_record(1, 9999)])).unwrap_err();
+    assert!(matches!(batch.records[..], [Record::Sample { index: 9999, .. }]));
+    release.send(()).unwrap();
+    store.close().unwrap();
+}
+
+#[test]
+fn a_batch_is_there_whole_or_not_at_all() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let (store, ..) = open(&path);
+    let set = model_set(1);
+    let unknown = Record::Activated { patch: PATCH.to_owned(), model_set: "m-0".to_owned(), wall_ns: 0 };
+    let records = vec![Record::ModelSet(Arc::new(set)), session(1, SessionState::Review), unknown];
+    let refused = write(&store, records).unwrap_err();
+    assert!(refused.to_string().contains("`m-0`"), "{refused}");
+    assert_eq!(store.close(), Err(refused));
+    let (_, restored, quarantined) = Db::open(&path).unwrap();
+    assert!(restored.model_sets.is_empty() && restored.sessions.is_empty() && quarantined.is_empty());
+}
+
+#[test]
+fn records_that_do_not_follow_are_refused_with_the_reason() {
+    let gap = vec![session(1, SessionState::Ramping), sample_record(1, 0), sample_record(1, 2)];
+    let twice = vec![session(1, SessionState::Ramping), sample_record(1, 0), sample_record(1, 0)];
+    let mut silent = sample(0);
+    silent.pressure_kpa = f64::NAN;
+    let silent = vec![session(1, SessionState::Ramping), Record::Sample { session: 1, index: 0, sample: silent }];
+    let orphan = vec![sample_record(7, 0)];
+    let mut foreign = model_set(1);
+    foreign.id = "m-0000000000000000".to_owned();
+    let mut broken = model_set(1);
+    broken.baseline[1].mean = f64::INFINITY;
+    for (records, expected) in [
+        (gap, "sample 2 of session 1 cannot be stored: sample 1 is the next one"),
+        (twice, "sample 1 is the next one"),
+        (silent, "its pressure is NaN kPa"),
+        (orphan, "FOREIGN KEY"),
+        (vec![Record::ModelSet(Arc::new(foreign))], "m-0000000000000000"),
+        (vec![Record::ModelSet(Arc::new(with_id(broken)))], "taxel 1"),
+    ] {
+        let store = Store::in_memory(Box::new(|_| ())).unwrap();
+        let refused = write(&store, records).unwrap_err().to_string();
+        assert!(refused.contains(expected), "{refused}");
+    }
+}

@@ -1,0 +1,127 @@
+//! Small sessions and model sets, each a function of a few numbers.
+
+use std::path::Path;
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, LazyLock};
+
+use taxel_engine::Restored;
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::record::{Record, Sample};
+use taxel_engine::rest::TaxelBaseline;
+use taxel_engine::session::{SessionState, SessionView};
+use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
+
+use crate::{Batch, Durability, Quarantined, Store, StoreError, StoreEvent, models_json};
+
+pub const PATCH: &str = "left_forearm";
+
+/// One taxel of each sort: good and falling, good and rising, dead, without data.
+static TAXELS: LazyLock<Vec<TaxelModel>> = LazyLock::new(|| {
+    let fit = |count: fn(f64) -> f64, samples: u32| {
+        let mut sums = Accumulator::new();
+        for k in 0..samples {
+            let kpa = f64::from(k) / 10.0;
+            sums.add(count(kpa).round() as u8, FixedPressure::from_kpa(kpa), 0);
+        }
+        sums.fit(&FitOptions::default())
+    };
+    vec![
+        fit(|kpa| 240.0 - 80.0 * kpa / (kpa + 40.0), 700),
+        fit(|kpa| 20.0 + 90.0 * kpa / (kpa + 60.0), 700),
+        fit(|_| 128.0, 700),
+        fit(|_| 0.0, 0),
+    ]
+});
+
+/// A set that differs from others by its time.
+pub fn model_set(created_wall_ns: i64) -> ModelSet {
+    with_id(ModelSet {
+        id: String::new(),
+        patch: PATCH.to_owned(),
+        created_wall_ns,
+        session: Some(1),
+        method: "order 5, pressure-binned".to_owned(),
+        board_settings: vec!["board 13: period 50 ms".to_owned()],
+        baseline: TAXELS
+            .iter()
+            .enumerate()
+            .map(|(taxel, _)| TaxelBaseline { mean: 240.0 + taxel as f64 / 3.0, noise: 0.7 })
+            .collect(),
+        pressure_max_kpa: 69.9,
+        gauge_gain_rel: 0.005,
+        gauge_offset_kpa: 0.1,
+        taxels: TAXELS.clone(),
+    })
+}
+
+pub fn with_id(mut set: ModelSet) -> ModelSet {
+    set.id = models_json::content_id(&set);
+    set
+}
+
+pub fn session(number: u64, state: SessionState) -> Record {
+    Record::Session(Arc::new(SessionView {
+        number,
+        patch: PATCH.to_owned(),
+        state,
+        target_kpa: 70.0,
+        ..SessionView::default()
+    }))
+}
+
+pub fn ramp(session: u64, ramp: u16) -> Record {
+    Record::Ramp { session, ramp, baseline: model_set(0).baseline }
+}
+
+pub fn sample(index: u64) -> Sample {
+    Sample {
+        ramp: 0,
+        time_ns: index as i64 * 50_000_000,
+        pressure_kpa: index as f64 / 7.0,
+        counts: (0..4).map(|taxel| (index * 31 + taxel * 7) as u8).collect(),
+    }
+}
+
+pub fn sample_record(session: u64, index: u64) -> Record {
+    Record::Sample { session, index, sample: sample(index) }
+}
+
+pub fn activated(set: &ModelSet) -> Record {
+    Record::Activated { patch: set.patch.clone(), model_set: set.id.clone(), wall_ns: set.created_wall_ns }
+}
+
+/// A batch that nobody waits for.
+pub fn quiet(records: Vec<Record>) -> Batch {
+    Batch { records, on_durable: None }
+}
+
+/// Submits and waits for the answer.
+pub fn write(store: &Store, records: Vec<Record>) -> Result<Durability, StoreError> {
+    let (tell, told) = channel();
+    let on_durable = Box::new(move |outcome| tell.send(outcome).unwrap());
+    store.submit(Batch { records, on_durable: Some(on_durable) }).unwrap();
+    told.recv().unwrap()
+}
+
+/// A store whose events can be received.
+pub fn open(path: &Path) -> (Store, Restored, Vec<Quarantined>, Receiver<StoreEvent>) {
+    let (tell, told) = channel();
+    let notify = Box::new(move |event| drop(tell.send(event)));
+    let (store, restored, quarantined) = Store::open(path, notify).unwrap();
+    (store, restored, quarantined, told)
+}
+
+/// A closed store with two model sets, the second active, an ended session and one under way with 40 samples.
+pub fn filled(path: &Path) -> [ModelSet; 2] {
+    let sets = [model_set(1), model_set(2)];
+    let (store, ..) = open(path);
+    let [first, second] = sets.clone();
+    let made = vec![Record::ModelSet(Arc::new(first)), session(1, SessionState::Active), activated(&sets[0])];
+    write(&store, made).unwrap();
+    write(&store, vec![Record::ModelSet(Arc::new(second)), activated(&sets[1])]).unwrap();
+    let mut records = vec![session(2, SessionState::Ramping), ramp(2, 0)];
+    records.extend((0..40).map(|index| sample_record(2, index)));
+    write(&store, records).unwrap();
+    store.close().unwrap();
+    sets
+}

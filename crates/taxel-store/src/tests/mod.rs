@@ -1,0 +1,8 @@
+//! What the store promises, tried on real files.
+
+mod codec;
+mod crash;
+mod damage;
+mod failure;
+mod fixture;
+mod store;

@@ -1,0 +1,153 @@
+//! The engine driven by data alone: no runtime, no clock, no disk. Replays and the demo run on it.
+//!
+//! Time is cut into slots of 10 ms; a slot's frames are one input and its end is a tick, so that the result does not
+//! depend on how the frames were read, and a log gives bit-identical results every time.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::command::{Command, Reply, RequestId};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::plan::Plan;
+use taxel_engine::record::Record;
+use taxel_engine::session::SessionView;
+use taxel_engine::snapshot::{Health, PatchSnapshot};
+use taxel_engine::{Engine, Input, Now, Output, Restored};
+use taxel_skin::{BusIndex, Time};
+fn content_id(set: &ModelSet) -> String { format!("m-{}", set.created_wall_ns) } // TEMP
+use taxel_wire::{Frame, TimedFrame};
+
+const SLOT: Duration = Duration::from_millis(10);
+
+/// A gap in the data is ticked through for so long, which is beyond every deadline of the engine but a session's
+/// patience; then time jumps.
+const TICKED_GAP: Duration = Duration::from_secs(120);
+
+/// The engine and all that came out of it.
+pub struct Offline {
+    engine: Engine,
+    out: Vec<Output>,
+    now: Time,
+    slot_end: Option<Time>,
+    requests: u64,
+    reply: Option<(RequestId, Reply)>,
+    /// Newest state per patch.
+    pub snapshots: Vec<Arc<PatchSnapshot>>,
+    /// Snapshots published.
+    pub published: u64,
+    /// Newest session per patch.
+    pub sessions: Vec<Option<Arc<SessionView>>>,
+    /// Newest health.
+    pub health: Arc<Health>,
+    /// Model sets made, oldest first.
+    pub model_sets: Vec<Arc<ModelSet>>,
+    /// Frames that the engine wants sent, for whoever plays the bus.
+    pub to_send: Vec<(BusIndex, Frame)>,
+}
+
+impl Offline {
+    /// An engine that knows nothing yet.
+    pub fn new(plan: Arc<Plan>) -> Self {
+        let patches = plan.patches.len();
+        Self {
+            engine: Engine::new(plan, Restored::default()),
+            out: Vec::new(),
+            now: Time::default(),
+            slot_end: None,
+            requests: 0,
+            reply: None,
+            snapshots: vec![Arc::default(); patches],
+            published: 0,
+            sessions: vec![None; patches],
+            health: Arc::default(),
+            model_sets: Vec::new(),
+            to_send: Vec::new(),
+        }
+    }
+
+    /// Frames of one bus in the order of reception.
+    pub fn frames(&mut self, bus: BusIndex, mut frames: &[TimedFrame]) {
+        while let Some(first) = frames.first() {
+            self.advance(first.time);
+            let slot_end = self.slot_end.unwrap_or(first.time);
+            // Frames out of order belong to the present slot, whatever they say.
+            let in_slot = frames.iter().position(|f| f.time >= slot_end).unwrap_or(frames.len()).max(1);
+            let (slot, rest) = frames.split_at(in_slot);
+            self.now = slot.iter().map(|f| f.time).fold(self.now, Time::max);
+            self.step(Input::Frames(bus, slot));
+            frames = rest;
+        }
+    }
+
+    /// Time passes up to `until`.
+    pub fn advance(&mut self, until: Time) {
+        let mut slot_end = match self.slot_end {
+            None => {
+                self.now = until;
+                until + SLOT
+            }
+            Some(end) if until.since(end) > TICKED_GAP => {
+                self.tick_through(end, end + TICKED_GAP);
+                until
+            }
+            Some(end) => end,
+        };
+        slot_end = self.tick_through(slot_end, until);
+        self.slot_end = Some(slot_end);
+    }
+
+    fn tick_through(&mut self, mut slot_end: Time, until: Time) -> Time {
+        while slot_end <= until {
+            self.now = self.now.max(slot_end);
+            self.step(Input::Tick);
+            slot_end = slot_end + SLOT;
+        }
+        slot_end
+    }
+
+    /// Gives a command now. A reply that takes time comes out of [`Offline::take_reply`] later.
+    pub fn command(&mut self, command: Command) -> Option<Reply> {
+        self.requests += 1;
+        self.step(Input::Command(RequestId(self.requests), command));
+        self.take_reply()
+    }
+
+    /// The reply to the last command, once it is there.
+    pub fn take_reply(&mut self) -> Option<Reply> {
+        self.reply.take().map(|(_, reply)| reply)
+    }
+
+    /// The present, as the data have it.
+    pub fn now(&self) -> Time {
+        self.now
+    }
+
+    fn step(&mut self, input: Input<'_>) {
+        let now = Now { time: self.now, wall_ns: self.now.as_nanos() };
+        let mut out = std::mem::take(&mut self.out);
+        self.engine.step(now, input, &mut out);
+        for output in out.drain(..) {
+            self.apply(output);
+        }
+        self.out = out;
+    }
+
+    fn apply(&mut self, output: Output) {
+        match output {
+            Output::Patch(index, snapshot) => {
+                self.snapshots[index] = snapshot;
+                self.published += 1;
+            }
+            Output::Session(index, view) => self.sessions[index] = Some(view),
+            Output::Health(health) => self.health = health,
+            Output::Send(bus, frame) => self.to_send.push((bus, frame)),
+            Output::Fit(job) => {
+                let outcome = job.run(content_id);
+                self.step(Input::Fitted(outcome));
+            }
+            Output::Record(Record::ModelSet(set)) => self.model_sets.push(set),
+            Output::Reply(request, reply) => self.reply = Some((request, reply)),
+            Output::Record(_) | Output::Catalogue(_) => {}
+        }
+    }
+}
