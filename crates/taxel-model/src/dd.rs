@@ -4,7 +4,7 @@
 //! multiply-add: on a processor or build without FMA that is a library call, the split is the same everywhere.
 //! Valid for magnitudes between about 1e-140 and 1e150, which the fits stay far inside.
 
-use std::ops::{Add, Mul, Neg, Sub};
+use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// A number `hi + lo` with |lo| <= ulp(hi) / 2.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -92,19 +92,7 @@ impl Dd {
         Self { hi: self.hi * power_of_two, lo: self.lo * power_of_two }
     }
 
-    /// The quotient, by long division with two corrections.
-    #[must_use]
-    pub fn div(self, b: Self) -> Self {
-        let q1 = self.hi / b.hi;
-        let r = self - b.scale(q1);
-        let q2 = r.hi / b.hi;
-        let r = r - b.scale(q2);
-        let q3 = r.hi / b.hi;
-        let (hi, lo) = quick_two_sum(q1, q2);
-        Self { hi, lo } + Self::from(q3)
-    }
-
-    /// The quotient with an f64, cheaper than [`Self::div`] and as good but for the last two bits.
+    /// The quotient with an f64, cheaper than a full division and as good but for the last two bits.
     #[inline]
     #[must_use]
     pub fn div_f64(self, b: f64) -> Self {
@@ -113,17 +101,6 @@ impl Dd {
         let rest = ((self.hi - p) - e) + self.lo;
         let (hi, lo) = quick_two_sum(q1, rest / b);
         Self { hi, lo }
-    }
-
-    /// The square root, one Newton step from the f64 root; 0 for arguments that are not positive.
-    #[must_use]
-    pub fn sqrt(self) -> Self {
-        if self.hi <= 0.0 {
-            return Self::ZERO;
-        }
-        let root = Self::from(self.hi.sqrt());
-        let correction = (self - root * root).hi / (2.0 * root.hi);
-        root + Self::from(correction)
     }
 
     /// The nearest f64.
@@ -179,6 +156,19 @@ impl Mul for Dd {
     }
 }
 
+impl Div for Dd {
+    type Output = Self;
+    /// Long division with two corrections.
+    fn div(self, b: Self) -> Self {
+        let q1 = self.hi / b.hi;
+        let rest = self - b.scale(q1);
+        let q2 = rest.hi / b.hi;
+        let rest = rest - b.scale(q2);
+        let (hi, lo) = quick_two_sum(q1, q2);
+        Self { hi, lo } + Self::from(rest.hi / b.hi)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -186,11 +176,11 @@ mod tests {
 
     #[test]
     fn a_third_has_thirty_two_digits() {
-        let third = Dd::from(1.0).div(Dd::from(3.0));
+        let third = Dd::from(1.0) / Dd::from(3.0);
         let back = third.scale(3.0) - Dd::from(1.0);
         assert!(back.hi.abs() < 1e-31, "{back:?}");
-        let two = Dd::from(2.0).sqrt();
-        assert!((two * two - Dd::from(2.0)).hi.abs() < 1e-31);
+        let other = Dd::from(1.0).div_f64(3.0) - third;
+        assert!(other.hi.abs() < 1e-31, "{other:?}");
     }
 
     #[test]

@@ -59,7 +59,7 @@ fn times_power_of_ten(mut value: Dd, exponent: i32) -> Dd {
     while left > 0 {
         let step = left.min(22);
         let power = (0..step).fold(1.0, |power: f64, _| power * 10.0);
-        value = if exponent < 0 { value.div(Dd::from(power)) } else { value.scale(power) };
+        value = if exponent < 0 { value.div_f64(power) } else { value.scale(power) };
         left -= step;
     }
     value

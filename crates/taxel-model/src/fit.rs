@@ -37,8 +37,7 @@ pub fn fit(samples: &Samples<'_>, options: &FitOptions) -> TaxelModel {
 }
 
 pub(crate) fn fit_reduced(data: &Reduced, options: &FitOptions) -> TaxelModel {
-    let mut flags: Vec<Flag> =
-        data.dropped.iter().map(|&(count, share)| Flag::RailDropped { count, share }).collect();
+    let mut flags: Vec<Flag> = data.dropped.iter().map(|&(count, share)| Flag::RailDropped { count, share }).collect();
     if data.rejected > 0 {
         flags.push(Flag::Rejected { samples: data.rejected });
     }
@@ -117,7 +116,7 @@ impl<'a> Fit<'a> {
 
     /// The ends of the range in s.
     fn ends(&self) -> (Dd, Dd) {
-        let s = |count: f64| Dd::sum(count, -self.centre).div(Dd::from(self.half));
+        let s = |count: f64| Dd::sum(count, -self.centre).div_f64(self.half);
         (s(self.range[0]), s(self.range[1]))
     }
 
@@ -249,10 +248,7 @@ impl<'a> Fit<'a> {
         }
         match quality.interval_share {
             Some(share) if share <= exclusion.max_interval_share => Status::Ok,
-            share => Status::IntervalTooWide {
-                share: share.unwrap_or(f64::MAX),
-                limit: exclusion.max_interval_share,
-            },
+            share => Status::IntervalTooWide { share: share.unwrap_or(f64::MAX), limit: exclusion.max_interval_share },
         }
     }
 

@@ -25,6 +25,7 @@
 //! models in whatever order they come.
 
 mod accumulate;
+mod bins;
 mod curve;
 mod dd;
 mod decimal;

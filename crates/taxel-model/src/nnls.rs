@@ -17,7 +17,8 @@ pub(crate) fn nnls(columns: &[Vec<f64>], b: &[f64]) -> Vec<f64> {
         loop {
             let free = solve(columns, b, &passive);
             let ratio = |j: usize| x[j] / (x[j] - free[j]);
-            let blocking = (0..n).filter(|&j| passive[j] && free[j] <= 0.0).min_by(|&i, &j| ratio(i).total_cmp(&ratio(j)));
+            let blocking =
+                (0..n).filter(|&j| passive[j] && free[j] <= 0.0).min_by(|&i, &j| ratio(i).total_cmp(&ratio(j)));
             let Some(first) = blocking else {
                 x = free;
                 break;

@@ -69,7 +69,8 @@ impl Reduced {
         let ss: f64 = self.codes.iter().map(|c| c.ss + c.n * (c.mean.hi - mean).powi(2)).sum();
         let means = self.codes.iter().map(|c| c.mean.hi);
         let rows = self.rows.iter().map(|r| r.y.hi);
-        let (low, high) = means.chain(rows).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), y| (lo.min(y), hi.max(y)));
+        let (low, high) =
+            means.chain(rows).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), y| (lo.min(y), hi.max(y)));
         Spread { sd_kpa: (ss / n).sqrt(), range_kpa: (high - low).max(0.0) }
     }
 }

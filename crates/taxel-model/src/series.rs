@@ -89,7 +89,7 @@ pub(crate) fn powers_of_raw(powers: &[Dd], centre: f64, half: f64) -> Powers {
     let mut a = powers.to_vec();
     let mut scale = Dd::from(1.0);
     for a in &mut a {
-        *a = a.div(scale);
+        *a = *a / scale;
         scale = scale.scale(half);
     }
     shift(&mut a, Dd::from(-centre));
@@ -120,11 +120,7 @@ pub(crate) fn bernstein_of(powers: &[Dd], from: Dd, to: Dd) -> Bernstein {
         scale = scale * width;
     }
     let p = powers.len() - 1;
-    (0..=p)
-        .map(|j| {
-            (0..=j).fold(Dd::ZERO, |sum, i| sum + q[i].scale(binomial(j, i)).div_f64(binomial(p, i)))
-        })
-        .collect()
+    (0..=p).map(|j| (0..=j).fold(Dd::ZERO, |sum, i| sum + q[i].scale(binomial(j, i)).div_f64(binomial(p, i)))).collect()
 }
 
 /// Powers of s of Bernstein coefficients over `from..to`.
@@ -133,7 +129,7 @@ pub(crate) fn powers_of_bernstein(bernstein: &[Dd], from: Dd, to: Dd) -> Powers 
     let mut differences = bernstein.to_vec();
     let mut q: Powers = Vec::with_capacity(p + 1);
     let mut scale = Dd::from(1.0);
-    let inverse = Dd::from(1.0).div(to - from);
+    let inverse = Dd::from(1.0) / (to - from);
     for i in 0..=p {
         q.push(differences[0].scale(binomial(p, i)) * scale);
         scale = scale * inverse;

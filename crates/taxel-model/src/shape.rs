@@ -87,9 +87,8 @@ pub(crate) fn repair(problem: &Problem<'_>, from: Dd, to: Dd, y_range: f64) -> C
         })
         .collect();
     let least = MIN_SLOPE_SHARE * y_range / p as f64;
-    let target: Vec<f64> = (1..=p)
-        .map(|k| problem.d[k] - columns.iter().map(|column| least * column[k]).sum::<f64>())
-        .collect();
+    let target: Vec<f64> =
+        (1..=p).map(|k| problem.d[k] - columns.iter().map(|column| least * column[k]).sum::<f64>()).collect();
     let inner: Vec<Vec<f64>> = columns.iter().map(|column| column[1..].to_vec()).collect();
     let steps: Vec<f64> = nnls(&inner, &target).iter().map(|s| s + least).collect();
     let constant = problem.d[0] - columns.iter().zip(&steps).map(|(column, s)| column[0] * s).sum::<f64>();
@@ -131,7 +130,14 @@ fn cumulative(x: f64, p: usize) -> Vec<f64> {
         bernstein = next;
     }
     let mut sum = 0.0;
-    let mut sums: Vec<f64> = bernstein[1..].iter().rev().map(|b| { sum += b; sum }).collect();
+    let mut sums: Vec<f64> = bernstein[1..]
+        .iter()
+        .rev()
+        .map(|b| {
+            sum += b;
+            sum
+        })
+        .collect();
     sums.reverse();
     sums
 }

@@ -21,7 +21,11 @@ impl Table {
     pub fn range_state(&self, raw: u8) -> RangeState {
         match self.range {
             Some((low, high)) if raw >= low => {
-                if raw <= high { RangeState::InRange } else { RangeState::Above }
+                if raw <= high {
+                    RangeState::InRange
+                } else {
+                    RangeState::Above
+                }
             }
             _ => RangeState::Below,
         }

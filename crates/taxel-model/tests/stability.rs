@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use taxel_model::{
-    Accumulator, Estimator, FitOptions, Flag, FixedPressure, Order, RangeState, Samples, Shape, Status, TaxelModel, fit,
+    Accumulator, Estimator, FitOptions, FixedPressure, Flag, Order, RangeState, Samples, Shape, Status, TaxelModel, fit,
 };
 
 /// A standard normal number.
@@ -52,8 +52,12 @@ fn per_sample(order: u8) -> FitOptions {
 
 /// The exact least-squares polynomial over the samples whose counts satisfy `keep`, by distinct counts.
 fn exact_fit(c: &[f64], p: &[f64], order: usize, keep: impl Fn(f64) -> bool) -> Vec<BigRational> {
-    let (x, y): (Vec<_>, Vec<_>) =
-        c.iter().zip(p).filter(|(c, p)| p.is_finite() && c.is_finite() && keep(**c)).map(|(c, p)| (exact(*c), exact(*p))).unzip();
+    let (x, y): (Vec<_>, Vec<_>) = c
+        .iter()
+        .zip(p)
+        .filter(|(c, p)| p.is_finite() && c.is_finite() && keep(**c))
+        .map(|(c, p)| (exact(*c), exact(*p)))
+        .unzip();
     // About the first count, so that the numbers stay short; `value_at` undoes it.
     let first = x[0].clone();
     let shifted: Vec<BigRational> = x.iter().map(|x| x - &first).collect();
@@ -67,7 +71,8 @@ fn relative_error(model: &TaxelModel, want: &[BigRational], c: &[f64], p: &[f64]
     let (first, coefficients) = want.split_last().unwrap();
     let [low, high] = model.range.unwrap();
     let scale = p.iter().filter(|p| p.is_finite()).fold(0.0, |m: f64, p| m.max(p.abs()));
-    let counts: BTreeMap<u64, f64> = c.iter().filter(|c| (low..=high).contains(*c)).map(|c| (c.to_bits(), *c)).collect();
+    let counts: BTreeMap<u64, f64> =
+        c.iter().filter(|c| (low..=high).contains(*c)).map(|c| (c.to_bits(), *c)).collect();
     counts
         .values()
         .map(|c| {
@@ -182,8 +187,9 @@ fn case_7_as_many_coefficients_as_samples_interpolate_and_prove_nothing() {
 #[test]
 fn cases_8_9_10_large_offsets_and_wide_converters() {
     let mut random = ChaCha8Rng::seed_from_u64(8);
-    let (c, p): (Vec<f64>, Vec<f64>) =
-        (0..300).map(|k| (1e6 + f64::from(k % 3) - 1.0, f64::from(k % 3) * 20.0 + random.random_range(0.0..9.0))).unzip();
+    let (c, p): (Vec<f64>, Vec<f64>) = (0..300)
+        .map(|k| (1e6 + f64::from(k % 3) - 1.0, f64::from(k % 3) * 20.0 + random.random_range(0.0..9.0)))
+        .unzip();
     assert_eq!(check("offset 1e6", &c, &p, 5, 1e-13).quality.rank, 3);
     for order in [5, 9] {
         let (c, p): (Vec<f64>, Vec<f64>) = (0..400)
@@ -209,7 +215,11 @@ fn case_11_rare_dropouts_to_the_rail_do_not_bend_the_curve() {
     for estimator in [Estimator::PerSample, Estimator::PressureBinned] {
         let options = FitOptions { estimator, ..FitOptions::default() };
         let model = fit(&Samples::new(&c, &p), &options);
-        let clean = if estimator == Estimator::PerSample { fit(&Samples::new(&NOMINAL.ramp(3000, 11).0, &p), &options) } else { clean.clone() };
+        let clean = if estimator == Estimator::PerSample {
+            fit(&Samples::new(&NOMINAL.ramp(3000, 11).0, &p), &options)
+        } else {
+            clean.clone()
+        };
         for count in 175..238 {
             let moved = model.evaluate(f64::from(count)).unwrap().kpa - clean.evaluate(f64::from(count)).unwrap().kpa;
             assert!(moved.abs() < 0.25, "{estimator:?} at {count}: {moved}");
@@ -231,7 +241,10 @@ fn case_12_an_inverse_law_is_repaired() {
         for estimator in [Estimator::PerSample, Estimator::PressureBinned] {
             let options = FitOptions { order: Order::Fixed(order), estimator, ..FitOptions::default() };
             let model = fit(&Samples::new(&c, &p), &options);
-            eprintln!("inverse law {order} {estimator:?}: {} {:?} rmse {:.2}", model.status, model.flags, model.quality.rmse_kpa);
+            eprintln!(
+                "inverse law {order} {estimator:?}: {} {:?} rmse {:.2}",
+                model.status, model.flags, model.quality.rmse_kpa
+            );
             assert!(model.repaired, "{:?}", model.flags);
             assert_monotone(&model);
             assert!(model.quality.lack_of_fit_f.unwrap() > 3.0);

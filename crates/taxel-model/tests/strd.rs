@@ -18,13 +18,7 @@ fn options(order: u8, exact: bool) -> FitOptions {
 }
 
 fn with_low_parts<'a>(x: &'a (Vec<f64>, Vec<f64>), y: &'a (Vec<f64>, Vec<f64>)) -> Samples<'a> {
-    Samples {
-        counts: &x.0,
-        counts_low: Some(&x.1),
-        pressure_kpa: &y.0,
-        pressure_low: Some(&y.1),
-        ..Samples::default()
-    }
+    Samples { counts: &x.0, counts_low: Some(&x.1), pressure_kpa: &y.0, pressure_low: Some(&y.1), ..Samples::default() }
 }
 
 /// Digits of the default and of the exact path, from decimals as written and from rounded ones.
@@ -39,9 +33,8 @@ fn digits(x: &[&str], y: &[&str], order: u8, want: &[BigRational]) -> [f64; 3] {
 fn wampler_1_3_4_5_have_all_digits() {
     for (name, factor) in [("wampler1", 0), ("wampler3", 1), ("wampler4", 100), ("wampler5", 10_000)] {
         let x: Vec<f64> = (0..21).map(f64::from).collect();
-        let y: Vec<f64> = (0..21_i64)
-            .map(|x| ((0..6).map(|k| x.pow(k)).sum::<i64>() + factor * DELTA[x as usize]) as f64)
-            .collect();
+        let y: Vec<f64> =
+            (0..21_i64).map(|x| ((0..6).map(|k| x.pow(k)).sum::<i64>() + factor * DELTA[x as usize]) as f64).collect();
         for exact in [false, true] {
             let model = fit(&Samples::new(&x, &y), &options(5, exact));
             let digits = correct_digits(&model.raw_coefficients, &vec![int(1); 6]);

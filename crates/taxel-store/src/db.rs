@@ -112,12 +112,6 @@ impl Db {
         let set = |row: &rusqlite::Row<'_>| row.get::<_, i64>(0);
         self.connection.pragma_update_and_check(None, "max_page_count", now + pages, set).unwrap();
     }
-
-    /// The connection, for tests that damage it.
-    #[cfg(test)]
-    pub(crate) fn connection(&self) -> &Connection {
-        &self.connection
-    }
 }
 
 fn configure(connection: &Connection) -> rusqlite::Result<()> {

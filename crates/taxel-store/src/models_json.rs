@@ -88,7 +88,12 @@ struct Baseline {
 /// [`ModelsJsonError`] if it contradicts itself or holds a number that is not finite: it could not be read again.
 pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
     check(set)?;
-    let (head, taxels) = (head(set, Some(set.id.clone())), taxel_lines(set));
+    let taxels = taxel_lines(set);
+    let content = hash(set, &taxels);
+    if set.id != content {
+        return Err(ModelsJsonError::Id { given: set.id.clone(), content });
+    }
+    let head = head(set, Some(content));
     let head = head.strip_suffix("[]}").unwrap_or(&head);
     Ok(format!("{head}[\n{}\n]}}\n", taxels.join(",\n")))
 }
@@ -125,24 +130,25 @@ pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
         gauge_offset_kpa: file.gauge_offset_kpa,
         taxels: taxels?,
     };
-    set.id = content_id(&set);
-    if let Some(given) = file.id
-        && given != set.id
-    {
-        return Err(ModelsJsonError::Id { given, content: set.id });
-    }
     check(&set)?;
-    Ok(set)
+    set.id = content_id(&set);
+    match file.id {
+        Some(given) if given != set.id => Err(ModelsJsonError::Id { given, content: set.id }),
+        _ => Ok(set),
+    }
 }
 
 /// The id of a set's content: `m-` and the first 16 hexadecimal digits of the SHA-256 of its compact JSON without `id`.
 #[must_use]
 pub fn content_id(set: &ModelSet) -> String {
+    hash(set, &taxel_lines(set))
+}
+
+/// The id, given the lines of the taxels.
+fn hash(set: &ModelSet, taxel_lines: &[String]) -> String {
     let mut hash = Sha256::new();
     hash.update(head(set, None));
-    for taxel in taxel_lines(set) {
-        hash.update(taxel);
-    }
+    taxel_lines.iter().for_each(|line| hash.update(line));
     hash.finalize()[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"))
 }
 
@@ -220,9 +226,6 @@ fn check(set: &ModelSet) -> Result<(), ModelsJsonError> {
             return Err(ModelsJsonError::Taxel { taxel, problem });
         }
         taxel::check(model).map_err(|problem| ModelsJsonError::Taxel { taxel, problem })?;
-    }
-    if set.id != content_id(set) {
-        return Err(ModelsJsonError::Id { given: set.id.clone(), content: content_id(set) });
     }
     Ok(())
 }

@@ -96,7 +96,7 @@ impl Store {
         for damage in &quarantined {
             tracing::error!(store = %path.display(), "{damage}");
         }
-        Ok((Self::start(db, notify, QUEUE_BATCHES)?, restored, quarantined))
+        Ok((Self::start(db, notify)?, restored, quarantined))
     }
 
     /// A store that ends with the process, for the demo and for tests.
@@ -104,11 +104,11 @@ impl Store {
     /// # Errors
     /// [`StoreError::Io`] if memory or a thread is not to be had.
     pub fn in_memory(notify: Notify) -> Result<Self, StoreError> {
-        Self::start(Db::in_memory()?, notify, QUEUE_BATCHES)
+        Self::start(Db::in_memory()?, notify)
     }
 
-    fn start(db: Db, notify: Notify, bound: usize) -> Result<Self, StoreError> {
-        let (queue, batches) = sync_channel(bound);
+    pub(crate) fn start(db: Db, notify: Notify) -> Result<Self, StoreError> {
+        let (queue, batches) = sync_channel(QUEUE_BATCHES);
         let writer = Writer { db: Ok(db), notify, group: Group::default() };
         let thread = std::thread::Builder::new()
             .name("store".to_owned())

@@ -39,9 +39,8 @@ pub fn least_squares(x: &[BigRational], y: &[BigRational], order: usize) -> Vec<
         }
         power = power.iter().zip(x).map(|(p, x)| p * x).collect();
     }
-    let mut a: Vec<Vec<BigRational>> = (0..n)
-        .map(|i| (0..n).map(|j| sums[i + j].clone()).chain([right[i].clone()]).collect())
-        .collect();
+    let mut a: Vec<Vec<BigRational>> =
+        (0..n).map(|i| (0..n).map(|j| sums[i + j].clone()).chain([right[i].clone()]).collect()).collect();
     for i in 0..n {
         let pivot = (i..n).find(|&r| a[r][i] != int(0)).expect("full rank");
         a.swap(i, pivot);

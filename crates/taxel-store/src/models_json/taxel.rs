@@ -1,9 +1,7 @@
 //! One taxel's entry in MODELS.json.
 
-use std::collections::BTreeMap;
-
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Map, Value, json};
 use taxel_model::{
     Curve, Estimator, Flag, GaugeUncertainty, MAX_ORDER, Quality, SigmaProfile, Sign, Status, TaxelModel,
 };
@@ -19,8 +17,8 @@ pub(super) struct Entry {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
     /// The numbers that belong to the status.
-    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
-    figures: BTreeMap<String, f64>,
+    #[serde(default, skip_serializing_if = "Map::is_empty")]
+    figures: Map<String, Value>,
     order: u8,
     /// Ascending powers of the raw count, a + b C + c C^2 + ...; `null` without a curve.
     coefficients: Option<Vec<f64>>,
@@ -41,7 +39,7 @@ pub(super) fn mirror(taxel: usize, model: &TaxelModel) -> Entry {
         taxel,
         status: model.status.code().to_owned(),
         reason: (!model.status.is_ok()).then(|| model.status.to_string()),
-        figures: status_figures(&model.status).into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        figures: status_figures(&model.status),
         order: model.order,
         coefficients: (!model.raw_coefficients.is_empty()).then(|| model.raw_coefficients.clone()),
         range: model.range,
@@ -63,7 +61,7 @@ pub(super) fn read(taxel: usize, value: Value) -> Result<TaxelModel, String> {
         return Err(format!("its entry says `taxel` {}, expected {taxel}", entry.taxel));
     }
     Ok(TaxelModel {
-        status: status(&entry.status, &entry.figures)?,
+        status: status(&entry.status, entry.figures)?,
         flags: entry.flags,
         estimator: named(
             "estimator",
@@ -105,49 +103,35 @@ fn named<T: Copy>(field: &str, word: &str, all: &[T], name: impl Fn(T) -> &'stat
     })
 }
 
-/// The numbers of a status.
-fn status_figures(status: &Status) -> Vec<(&'static str, f64)> {
-    match *status {
-        Status::Ok | Status::NoData => vec![],
-        Status::NoExcitation { pressure_sd_kpa } => vec![("pressure_sd_kpa", pressure_sd_kpa)],
-        Status::Dead { count } => vec![("count", count)],
-        Status::InsufficientSwing { swing_counts, needed_counts } => {
-            vec![("swing_counts", swing_counts), ("needed_counts", needed_counts)]
-        }
-        Status::Unproven { samples } => vec![("samples", samples as f64)],
-        Status::NotMonotone { rmse_ratio } => vec![("rmse_ratio", rmse_ratio)],
-        Status::IntervalTooWide { share, limit } => vec![("share", share), ("limit", limit)],
+/// The numbers of a status, by name: what its own serialisation holds beside the name of the variant.
+fn status_figures(status: &Status) -> Map<String, Value> {
+    match serde_json::to_value(status) {
+        Ok(Value::Object(variant)) => match variant.into_iter().next() {
+            Some((_, Value::Object(figures))) => figures,
+            _ => Map::new(),
+        },
+        _ => Map::new(),
     }
 }
 
-fn status(code: &str, figures: &BTreeMap<String, f64>) -> Result<Status, String> {
-    let figure =
-        |name: &str| figures.get(name).copied().ok_or_else(|| format!("`figures` of status \"{code}\" lacks `{name}`"));
-    let status = match code {
-        "ok" => Status::Ok,
-        "no_data" => Status::NoData,
-        "no_excitation" => Status::NoExcitation { pressure_sd_kpa: figure("pressure_sd_kpa")? },
-        "dead" => Status::Dead { count: figure("count")? },
-        "insufficient_swing" => {
-            Status::InsufficientSwing { swing_counts: figure("swing_counts")?, needed_counts: figure("needed_counts")? }
-        }
-        "unproven" => Status::Unproven { samples: whole("samples", figure("samples")?)? },
-        "not_monotone" => Status::NotMonotone { rmse_ratio: figure("rmse_ratio")? },
-        "interval_too_wide" => Status::IntervalTooWide { share: figure("share")?, limit: figure("limit")? },
-        other => return Err(format!("there is no `status` \"{other}\"")),
-    };
-    let known = status_figures(&status);
-    match figures.keys().find(|name| known.iter().all(|(known, _)| known != name)) {
+/// The status of a word and its numbers. The word is the variant's name in small letters with `_` between its parts.
+fn status(code: &str, figures: Map<String, Value>) -> Result<Status, String> {
+    let variant: String = code
+        .split('_')
+        .filter_map(|part| part.split_at_checked(1))
+        .map(|(first, rest)| first.to_ascii_uppercase() + rest)
+        .collect();
+    let given = figures.clone();
+    let value = if figures.is_empty() { json!(variant) } else { json!({ variant: figures }) };
+    let status: Status =
+        serde_json::from_value(value).map_err(|error| format!("`status` \"{code}\" and its `figures`: {error}"))?;
+    if status.code() != code {
+        return Err(format!("`status` is \"{code}\", expected \"{}\"", status.code()));
+    }
+    match given.keys().find(|name| !status_figures(&status).contains_key(*name)) {
         Some(name) => Err(format!("`figures` of status \"{code}\" has no `{name}`")),
         None => Ok(status),
     }
-}
-
-/// A number of things, exact in an f64.
-fn whole(name: &str, value: f64) -> Result<u64, String> {
-    const MAX: f64 = (1_u64 << 53) as f64;
-    let is_whole = (0.0..=MAX).contains(&value) && value.fract() == 0.0;
-    if is_whole { Ok(value as u64) } else { Err(format!("`{name}` is {value}, expected a whole number of 0 or more")) }
 }
 
 /// Everything that a model's types cannot say.
@@ -155,6 +139,23 @@ pub(super) fn check(model: &TaxelModel) -> Result<(), String> {
     for (name, value) in numbers(model) {
         if !value.is_finite() {
             return Err(format!("`{name}` is {value}, expected a finite number"));
+        }
+    }
+    // None of their numbers is optional: where JSON says `null` there was no finite number.
+    let null = |value: &Value| value.is_null();
+    if status_figures(&model.status).values().any(null) {
+        return Err(format!("its status ({}) holds a number that is not finite", model.status));
+    }
+    for flag in &model.flags {
+        let value = serde_json::to_value(flag).unwrap_or_default();
+        if value
+            .as_object()
+            .into_iter()
+            .flat_map(Map::values)
+            .filter_map(Value::as_object)
+            .any(|f| f.values().any(null))
+        {
+            return Err(format!("its flag ({flag}) holds a number that is not finite"));
         }
     }
     if model.order > MAX_ORDER {
@@ -249,8 +250,6 @@ fn numbers(model: &TaxelModel) -> Vec<(&'static str, f64)> {
     numbers.extend(known("interval_kpa", quality.interval_kpa));
     numbers.extend(known("interval_share", quality.interval_share));
     numbers.extend(quality.press_by_order.iter().filter_map(|score| known("press_by_order", score.press_kpa)));
-    numbers.extend(status_figures(&model.status));
-    numbers.extend(model.flags.iter().flat_map(flag_numbers));
     numbers.extend(model.range.iter().flat_map(|range| all("range", range)));
     numbers.extend(all("coefficients", &model.raw_coefficients));
     if let Some(curve) = &model.curve {
@@ -262,17 +261,4 @@ fn numbers(model: &TaxelModel) -> Vec<(&'static str, f64)> {
         numbers.extend(all("sigma_kpa", &sigma.sigma_kpa));
     }
     numbers
-}
-
-fn flag_numbers(flag: &Flag) -> Vec<(&'static str, f64)> {
-    match *flag {
-        Flag::RankReduced { .. } | Flag::FewDistinctCounts { .. } | Flag::NotBinned { .. } | Flag::Rejected { .. } => {
-            vec![]
-        }
-        Flag::HighLeverage { count, leverage } => vec![("count", count), ("leverage", leverage)],
-        Flag::RailDropped { count, share } => vec![("count", count), ("share", share)],
-        Flag::Gap { from, to } => vec![("from", from), ("to", to)],
-        Flag::Repaired { rmse_ratio } => vec![("rmse_ratio", rmse_ratio)],
-        Flag::NotMonotone { count } => vec![("count", count)],
-    }
 }

@@ -49,7 +49,7 @@ fn child() {
     for index in known.. {
         let name = index.is_multiple_of(3).then(|| format!("sample {index}"));
         submit(&store, vec![sample_record(1, index)], name);
-        if index.is_multiple_of(10) {
+        if index.is_multiple_of(40) {
             let set = model_set(index as i64);
             let records = vec![Record::ModelSet(Arc::new(set.clone())), activated(&set)];
             submit(&store, records, Some(format!("set {index} {}", set.id)));

@@ -106,9 +106,9 @@ fn a_truncated_file_is_refused() {
     let path = dir.path().join("store.db");
     filled(&path);
     let whole = fs::read(&path).unwrap();
-    for length in [1, 60, 100, 1000, 4096, whole.len() / 2, whole.len() - 4096, whole.len() - 1] {
+    for length in [2, 60, 100, 1000, 4096, whole.len() / 2, whole.len() - 4096, whole.len() - 1] {
         fs::write(&path, &whole[..length]).unwrap();
-        let error = Db::open(&path).err().unwrap();
+        let Err(error) = Db::open(&path) else { panic!("{length} of {} bytes opened", whole.len()) };
         assert!(
             matches!(error, StoreError::Damaged { .. } | StoreError::Foreign { .. }),
             "{length} of {}: {error}",
@@ -125,7 +125,7 @@ fn whatever_bit_flips_no_false_model_or_sample_is_served() {
     let samples: Vec<_> = (0..40).map(sample).collect();
     let whole = fs::read(&path).unwrap();
     let (mut opened, mut reported) = (0, 0);
-    for at in (0..whole.len()).step_by(241) {
+    for at in (0..whole.len()).step_by(41) {
         let mut bytes = whole.clone();
         bytes[at] ^= 1 << (at % 8);
         fs::write(&path, bytes).unwrap();
@@ -142,5 +142,5 @@ fn whatever_bit_flips_no_false_model_or_sample_is_served() {
         }
         db.close().unwrap();
     }
-    assert!(opened > 20 && reported > 10, "{opened} opened, {reported} with something reported");
+    assert!(opened > 100 && reported > 50, "{opened} opened, {reported} with something reported");
 }

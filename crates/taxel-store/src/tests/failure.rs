@@ -17,7 +17,7 @@ fn a_full_disk_ends_all_writing_and_loses_nothing_acknowledged() {
     let (db, ..) = Db::open(&path).unwrap();
     db.limit_growth(8);
     let (tell, events) = channel();
-    let store = Store::start(db, Box::new(move |event| drop(tell.send(event))), QUEUE_BATCHES).unwrap();
+    let store = Store::start(db, Box::new(move |event| drop(tell.send(event)))).unwrap();
     write(&store, vec![session(1, SessionState::Ramping)]).unwrap();
     let mut acknowledged = 0;
     let refused = loop {

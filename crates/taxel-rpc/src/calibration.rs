@@ -1,0 +1,208 @@
+//! `CalibrationService`: sessions, by command and by view.
+
+use futures_util::stream;
+use std::sync::Arc;
+use taxel_engine::command::{Command, Done};
+use taxel_engine::session::{SampleRefusal, SessionState, SessionView};
+use taxel_engine::snapshot::Catalogue;
+use taxel_proto::v1;
+use taxel_proto::v1::calibration_service_server::CalibrationService;
+use taxel_skin::Kilopascal;
+use tokio::sync::{OwnedSemaphorePermit, watch};
+use tonic::{Request, Response, Status};
+
+use crate::convert::{known, timestamp};
+use crate::page::page;
+use crate::service::{Service, check_session, confirmed_by, strange_answer};
+use crate::status::{engine_stopped, shutting_down};
+use crate::stream::MessageStream;
+
+type Answer = Result<Response<v1::Session>, Status>;
+
+#[tonic::async_trait]
+impl CalibrationService for Service {
+    async fn start_session(&self, request: Request<v1::StartSessionRequest>) -> Answer {
+        let request = request.into_inner();
+        let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
+        let target = request.target_kpa.map(Kilopascal);
+        let confirmed_by = confirmed_by(request.confirmed_by)?;
+        self.session_command("StartSession", Command::StartSession { patch, target, confirmed_by }).await
+    }
+
+    async fn start_ramp(&self, request: Request<v1::StartRampRequest>) -> Answer {
+        let session = numbered(request.get_ref().session)?;
+        self.session_command("StartRamp", Command::StartRamp { session }).await
+    }
+
+    async fn finish_ramp(&self, request: Request<v1::FinishRampRequest>) -> Answer {
+        let session = numbered(request.get_ref().session)?;
+        self.session_command("FinishRamp", Command::FinishRamp { session }).await
+    }
+
+    async fn abort_session(&self, request: Request<v1::AbortSessionRequest>) -> Answer {
+        let session = numbered(request.get_ref().session)?;
+        self.session_command("AbortSession", Command::AbortSession { session }).await
+    }
+
+    async fn discard_session(&self, request: Request<v1::DiscardSessionRequest>) -> Answer {
+        let session = numbered(request.get_ref().session)?;
+        self.session_command("DiscardSession", Command::DiscardSession { session }).await
+    }
+
+    async fn get_session(&self, request: Request<v1::GetSessionRequest>) -> Answer {
+        Ok(Response::new(session(&*self.session(request.get_ref().session)?)))
+    }
+
+    async fn list_sessions(
+        &self,
+        request: Request<v1::ListSessionsRequest>,
+    ) -> Result<Response<v1::ListSessionsResponse>, Status> {
+        let request = request.into_inner();
+        if !request.patch.is_empty() {
+            self.patch(&request.patch)?;
+        }
+        let wanted = |view: &Arc<SessionView>| request.patch.is_empty() || view.patch == request.patch;
+        let (sessions, next_page_token) = page(&self.sessions(), request.page_size, &request.page_token, wanted)?;
+        let sessions = sessions.iter().map(|view| session(view)).collect();
+        Ok(Response::new(v1::ListSessionsResponse { sessions, next_page_token }))
+    }
+
+    type WatchSessionStream = MessageStream<v1::Session>;
+
+    async fn watch_session(
+        &self,
+        request: Request<v1::WatchSessionRequest>,
+    ) -> Result<Response<Self::WatchSessionStream>, Status> {
+        let number = request.get_ref().session;
+        let view = self.session(number)?;
+        let patch = self.patch(&view.patch)?;
+        let live = self.handle.patches[patch].session.clone();
+        let catalogue = self.handle.catalogue.clone();
+        let (service, _place) = (self.clone(), self.stream_place()?);
+        let watch = Watch { service, number, live, catalogue, last: None, ended: false, _place };
+        Ok(Response::new(Box::pin(stream::unfold(watch, |mut watch| async {
+            let item = watch.next().await?;
+            Some((item, watch))
+        }))))
+    }
+}
+
+impl Service {
+    async fn session_command(&self, name: &'static str, command: Command) -> Answer {
+        match self.command(name, command).await? {
+            Done::Session(view) => Ok(Response::new(session(&view))),
+            other => Err(strange_answer(&other)),
+        }
+    }
+}
+
+fn numbered(session: u64) -> Result<u64, Status> {
+    check_session(session).map(|()| session)
+}
+
+/// One watcher of one session.
+struct Watch {
+    service: Service,
+    number: u64,
+    /// The session that its patch is at, most often this one.
+    live: watch::Receiver<Option<Arc<SessionView>>>,
+    /// Where it changes once its patch is at another one.
+    catalogue: watch::Receiver<Arc<Catalogue>>,
+    last: Option<Arc<SessionView>>,
+    ended: bool,
+    _place: OwnedSemaphorePermit,
+}
+
+impl Watch {
+    async fn next(&mut self) -> Option<Result<v1::Session, Status>> {
+        if self.ended {
+            return None;
+        }
+        let shutdown = self.service.handle.shutdown.clone();
+        let next = tokio::select! {
+            biased;
+            () = shutdown.cancelled() => Err(shutting_down()),
+            view = self.changed() => view,
+        };
+        self.ended = next.as_ref().map_or(true, |view| has_ended(view.state));
+        Some(next.map(|view| {
+            let message = session(&view);
+            self.last = Some(view);
+            message
+        }))
+    }
+
+    /// The session as it is at first, then whenever it is not what was sent last.
+    async fn changed(&mut self) -> Result<Arc<SessionView>, Status> {
+        loop {
+            self.live.mark_unchanged();
+            self.catalogue.mark_unchanged();
+            let view = self.service.session(self.number)?;
+            if self.last.as_ref() != Some(&view) {
+                return Ok(view);
+            }
+            let changed = tokio::select! {
+                changed = self.live.changed() => changed,
+                changed = self.catalogue.changed() => changed,
+            };
+            changed.map_err(|_| engine_stopped())?;
+        }
+    }
+}
+
+/// Whether nothing more comes of a session by itself or by another ramp.
+const fn has_ended(state: SessionState) -> bool {
+    match state {
+        SessionState::Active | SessionState::Discarded | SessionState::Aborted | SessionState::Failed => true,
+        SessionState::Taring
+        | SessionState::Ramping
+        | SessionState::Fitting
+        | SessionState::Review
+        | SessionState::Interrupted => false,
+    }
+}
+
+fn session(view: &SessionView) -> v1::Session {
+    let refused = |reason| view.refused.get(reason);
+    v1::Session {
+        session: view.number,
+        patch: view.patch.clone(),
+        state: state(view.state).into(),
+        reason: view.reason.clone(),
+        started: timestamp(view.started_wall_ns),
+        changed: timestamp(view.changed_wall_ns),
+        confirmed_by: view.confirmed_by.clone().unwrap_or_default(),
+        target_kpa: view.target_kpa,
+        ramps: u32::from(view.ramps),
+        accepted: view.accepted,
+        refused: Some(v1::RefusedScans {
+            not_rising: refused(SampleRefusal::NotRising),
+            too_fast: refused(SampleRefusal::TooFast),
+            no_pressure: refused(SampleRefusal::NoPressure),
+            stale_module: refused(SampleRefusal::StaleModule),
+            full: refused(SampleRefusal::Full),
+        }),
+        durable: view.durable,
+        pressure_kpa: view.pressure_kpa.and_then(known),
+        rate_kpa_per_s: view.rate_kpa_per_s.and_then(known),
+        coverage: view.coverage,
+        taxels_responding: view.responding.0,
+        taxels: view.responding.1,
+        remaining_s: view.remaining_s.and_then(known),
+        model_set: view.model_set.as_deref().unwrap_or_default().to_owned(),
+    }
+}
+
+const fn state(state: SessionState) -> v1::SessionState {
+    match state {
+        SessionState::Taring => v1::SessionState::Taring,
+        SessionState::Ramping => v1::SessionState::Ramping,
+        SessionState::Fitting => v1::SessionState::Fitting,
+        SessionState::Review => v1::SessionState::Review,
+        SessionState::Active => v1::SessionState::Active,
+        SessionState::Discarded => v1::SessionState::Discarded,
+        SessionState::Aborted => v1::SessionState::Aborted,
+        SessionState::Failed => v1::SessionState::Failed,
+        SessionState::Interrupted => v1::SessionState::Interrupted,
+    }
+}

@@ -1,0 +1,149 @@
+//! The engine's snapshots as messages. An age is computed here, so this runs last before a message goes out.
+
+use taxel_engine::faults::{Fault, FaultSet};
+use taxel_engine::snapshot::{ForceState, PatchSnapshot, RangeFlag, TareView, TaxelState};
+use taxel_proto::{Timestamp, v1};
+use taxel_skin::Time;
+
+/// When a message goes out and what it leaves behind.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sending {
+    /// The moment of sending on the run's clock.
+    pub(crate) now: Time,
+    /// Values that this reader does not get.
+    pub(crate) skipped: u64,
+}
+
+/// A label in wall-clock time; none for the engine's "never", 0.
+pub(crate) fn timestamp(wall_ns: i64) -> Option<Timestamp> {
+    let (seconds, nanos) = (wall_ns.div_euclid(1_000_000_000), wall_ns.rem_euclid(1_000_000_000));
+    (wall_ns != 0).then_some(Timestamp { seconds, nanos: nanos as i32 })
+}
+
+pub(crate) fn vector(v: [f64; 3]) -> v1::Vector3 {
+    let [x, y, z] = v;
+    v1::Vector3 { x, y, z }
+}
+
+/// A figure that is known; the engine's "unknown" is infinite or NaN, which the wire does not carry.
+pub(crate) fn known(figure: f64) -> Option<f64> {
+    figure.is_finite().then_some(figure)
+}
+
+/// Whether any frame is in it: a value without one has no time and so no age.
+fn has_frame(snapshot: &PatchSnapshot) -> bool {
+    snapshot.taxels.iter().any(|taxel| taxel.seen)
+}
+
+pub(crate) fn force(patch: &str, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
+    let force = &snapshot.force;
+    let framed = has_frame(snapshot);
+    let mut reasons = force.reasons.clone();
+    if !framed {
+        reasons.insert(0, "no frame of this patch has come yet".to_owned());
+    }
+    v1::ForceSample {
+        sequence: snapshot.sequence,
+        state: force_state(force.state).into(),
+        total_n: force.total.and_then(|total| known(total.0)),
+        total_sigma_n: force.total_sigma.and_then(|sigma| known(sigma.0)),
+        age_s: framed.then(|| sending.now.since(snapshot.time).as_secs_f64()),
+        monotonic_ns: framed.then(|| snapshot.time.as_nanos()),
+        time: timestamp(snapshot.wall_ns).filter(|_| framed),
+        skipped: sending.skipped,
+        active: force.active,
+        excluded: force.excluded,
+        stale: force.stale,
+        out_of_range: force.out_of_range,
+        uncovered_share: force.uncovered_share,
+        model_set: force.model_set.as_deref().unwrap_or_default().to_owned(),
+        reasons,
+        patch: patch.to_owned(),
+        resultant_n: force.resultant.map(vector),
+        moment_nm: force.moment.map(vector),
+        centre_of_pressure_m: force.centre_of_pressure.map(vector),
+        contacts: force
+            .contacts
+            .iter()
+            .map(|c| v1::Contact { force_n: c.force_n, centre_m: Some(vector(c.centre)), taxels: c.taxels })
+            .collect(),
+    }
+}
+
+pub(crate) fn taxels(patch: &str, snapshot: &PatchSnapshot, sending: Sending) -> v1::TaxelSample {
+    let framed = has_frame(snapshot);
+    v1::TaxelSample {
+        sequence: snapshot.sequence,
+        patch: patch.to_owned(),
+        age_s: framed.then(|| sending.now.since(snapshot.time).as_secs_f64()),
+        monotonic_ns: framed.then(|| snapshot.time.as_nanos()),
+        time: timestamp(snapshot.wall_ns).filter(|_| framed),
+        skipped: sending.skipped,
+        taxels: snapshot.taxels.iter().map(|taxel| reading(taxel, sending.now)).collect(),
+    }
+}
+
+fn reading(taxel: &TaxelState, now: Time) -> v1::TaxelReading {
+    let range = match taxel.range {
+        _ if taxel.pressure_kpa.is_none() => v1::Range::Unspecified,
+        RangeFlag::In => v1::Range::In,
+        RangeFlag::Below => v1::Range::Below,
+        RangeFlag::Above => v1::Range::Above,
+    };
+    v1::TaxelReading {
+        count: taxel.seen.then(|| u32::from(taxel.count)),
+        age_s: taxel.seen.then(|| now.since(taxel.time).as_secs_f32()),
+        stale: taxel.stale,
+        active: taxel.active,
+        calibrated: taxel.calibrated,
+        range: range.into(),
+        pressure_kpa: taxel.pressure_kpa.filter(|kpa| kpa.is_finite()),
+        sigma_kpa: taxel.sigma_kpa.filter(|kpa| kpa.is_finite()),
+        faults: faults(taxel.faults),
+    }
+}
+
+pub(crate) fn faults(set: FaultSet) -> Vec<i32> {
+    const WORDS: [(Fault, v1::TaxelFault); 10] = [
+        (Fault::Rail, v1::TaxelFault::Rail),
+        (Fault::Frozen, v1::TaxelFault::Frozen),
+        (Fault::Jumping, v1::TaxelFault::Jumping),
+        (Fault::Dead, v1::TaxelFault::Dead),
+        (Fault::ModuleFlicker, v1::TaxelFault::ModuleFlicker),
+        (Fault::StatusOutOfRange, v1::TaxelFault::StatusOutOfRange),
+        (Fault::NotConnected, v1::TaxelFault::NotConnected),
+        (Fault::NoAck, v1::TaxelFault::NoAck),
+        (Fault::Stale, v1::TaxelFault::Stale),
+        (Fault::BoardStep, v1::TaxelFault::BoardStep),
+    ];
+    if set.is_empty() {
+        return Vec::new(); // nearly always, and this runs for every taxel of every message
+    }
+    WORDS.iter().filter(|(fault, _)| set.contains(*fault)).map(|&(_, word)| word.into()).collect()
+}
+
+const fn force_state(state: ForceState) -> v1::ForceState {
+    match state {
+        ForceState::Ok => v1::ForceState::Ok,
+        ForceState::Degraded => v1::ForceState::Degraded,
+        ForceState::Stale => v1::ForceState::Stale,
+        ForceState::TareInvalid => v1::ForceState::TareInvalid,
+        ForceState::Uncalibrated => v1::ForceState::Uncalibrated,
+    }
+}
+
+pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
+    let Some(tare) = tare else {
+        let reason = "no zero has been taken yet".to_owned();
+        return v1::TareStatus { patch: patch.to_owned(), reason, ..v1::TareStatus::default() };
+    };
+    v1::TareStatus {
+        patch: patch.to_owned(),
+        epoch: tare.epoch,
+        valid: tare.valid,
+        time: timestamp(tare.wall_ns),
+        reason: tare.reason.clone(),
+        baseline_median_counts: known(tare.baseline_median).unwrap_or_default(),
+        noise_median_counts: known(tare.noise_median).unwrap_or_default(),
+    }
+}

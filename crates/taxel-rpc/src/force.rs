@@ -1,0 +1,30 @@
+//! `ForceService`: the newest force, once or as a stream.
+
+use taxel_proto::v1;
+use taxel_proto::v1::force_service_server::ForceService;
+use tonic::{Request, Response, Status};
+
+use crate::convert::{self, Sending};
+use crate::service::Service;
+use crate::stream::{MessageStream, subscribe};
+
+#[tonic::async_trait]
+impl ForceService for Service {
+    async fn get_force(&self, request: Request<v1::GetForceRequest>) -> Result<Response<v1::ForceSample>, Status> {
+        let patch = self.patch(&request.get_ref().patch)?;
+        let snapshot = self.snapshot(patch);
+        let sending = Sending { now: self.now(), skipped: 0 };
+        Ok(Response::new(convert::force(self.plan(patch).patch.name(), &snapshot, sending)))
+    }
+
+    type StreamForceStream = MessageStream<v1::ForceSample>;
+
+    async fn stream_force(
+        &self,
+        request: Request<v1::StreamForceRequest>,
+    ) -> Result<Response<Self::StreamForceStream>, Status> {
+        let request = request.into_inner();
+        let patch = self.patch(&request.patch)?;
+        subscribe(self, patch, request.rate_hz, convert::force).map(Response::new)
+    }
+}

@@ -1,0 +1,181 @@
+//! `ModelService`: model sets as they are stored, and which is in use.
+
+use std::sync::Arc;
+use taxel_engine::command::{Command, Done};
+use taxel_engine::model_set::ModelSet;
+use taxel_model::{Estimator, Quality, Sign, TaxelModel};
+use taxel_proto::v1;
+use taxel_proto::v1::model_service_server::ModelService;
+use tonic::{Request, Response, Status};
+
+use crate::convert::{known, timestamp};
+use crate::page::page;
+use crate::service::{Service, strange_answer};
+use crate::status::invalid;
+
+#[tonic::async_trait]
+impl ModelService for Service {
+    async fn list_model_sets(
+        &self,
+        request: Request<v1::ListModelSetsRequest>,
+    ) -> Result<Response<v1::ListModelSetsResponse>, Status> {
+        let request = request.into_inner();
+        if !request.patch.is_empty() {
+            self.patch(&request.patch)?;
+        }
+        let wanted = |set: &Arc<ModelSet>| request.patch.is_empty() || set.patch == request.patch;
+        let catalogue = Arc::clone(&self.handle.catalogue.borrow());
+        let (sets, next_page_token) = page(&catalogue.model_sets, request.page_size, &request.page_token, wanted)?;
+        let model_sets = sets.iter().map(|set| self.summary(set)).collect();
+        Ok(Response::new(v1::ListModelSetsResponse { model_sets, next_page_token }))
+    }
+
+    async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Result<Response<v1::ModelSet>, Status> {
+        let request = request.into_inner();
+        let set = self.model_set(&request.model_set, &request.patch)?;
+        Ok(Response::new(v1::ModelSet {
+            summary: Some(self.summary(&set)),
+            board_settings: set.board_settings.clone(),
+            gauge_gain_rel: set.gauge_gain_rel,
+            gauge_offset_kpa: set.gauge_offset_kpa,
+            taxels: set.taxels.iter().enumerate().map(|(taxel, model)| taxel_summary(&set, taxel, model)).collect(),
+        }))
+    }
+
+    async fn get_taxel_model(
+        &self,
+        request: Request<v1::GetTaxelModelRequest>,
+    ) -> Result<Response<v1::TaxelModel>, Status> {
+        let request = request.into_inner();
+        let set = self.model_set(&request.model_set, &request.patch)?;
+        let (taxel, taxels) = (request.taxel as usize, set.taxels.len());
+        let model = set.taxels.get(taxel).ok_or_else(|| {
+            let last = taxels.saturating_sub(1);
+            invalid("taxel", format_args!("{taxel} is not in 0 to {last}: `{}` has {taxels} taxels", set.id))
+        })?;
+        Ok(Response::new(taxel_model(&set, taxel, model)))
+    }
+
+    async fn activate_model_set(
+        &self,
+        request: Request<v1::ActivateModelSetRequest>,
+    ) -> Result<Response<v1::ActivateModelSetResponse>, Status> {
+        let v1::ActivateModelSetRequest { patch, model_set, expected } = request.into_inner();
+        if model_set.is_empty() {
+            return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
+        }
+        let patch = self.plan(self.patch(&patch)?).patch.name().to_owned();
+        match self.command("ActivateModelSet", Command::Activate { patch, model_set, expected }).await? {
+            Done::Activated { model_set, previous } => {
+                let previous = previous.unwrap_or_default();
+                Ok(Response::new(v1::ActivateModelSetResponse { model_set, previous }))
+            }
+            other => Err(strange_answer(&other)),
+        }
+    }
+
+    async fn export_model_set(
+        &self,
+        request: Request<v1::ExportModelSetRequest>,
+    ) -> Result<Response<v1::ExportModelSetResponse>, Status> {
+        let request = request.into_inner();
+        let set = self.model_set(&request.model_set, &request.patch)?;
+        let json = (self.handle.codec.to_json)(&set);
+        Ok(Response::new(v1::ExportModelSetResponse { model_set: set.id.clone(), json }))
+    }
+
+    async fn import_model_set(
+        &self,
+        request: Request<v1::ImportModelSetRequest>,
+    ) -> Result<Response<v1::ImportModelSetResponse>, Status> {
+        let json = request.into_inner().json;
+        let from_json = self.handle.codec.from_json;
+        // Reading 16 MiB takes tens of milliseconds, for which no stream should wait.
+        let read = tokio::task::spawn_blocking(move || from_json(&json)).await;
+        let set = read.map_err(|failed| Status::internal(format!("the file was not read: {failed}")))?;
+        let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
+        match self.command("ImportModelSet", Command::Import { model_set }).await? {
+            Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),
+            other => Err(strange_answer(&other)),
+        }
+    }
+}
+
+impl Service {
+    fn summary(&self, set: &ModelSet) -> v1::ModelSetSummary {
+        v1::ModelSetSummary {
+            model_set: set.id.clone(),
+            patch: set.patch.clone(),
+            created: timestamp(set.created_wall_ns),
+            session: set.session,
+            method: set.method.clone(),
+            taxels: set.taxels.len() as u32,
+            calibrated: set.taxels.iter().filter(|model| model.is_usable()).count() as u32,
+            pressure_max_kpa: set.pressure_max_kpa,
+            active: self.active(&set.patch).as_deref() == Some(set.id.as_str()),
+        }
+    }
+}
+
+fn taxel_summary(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelModelSummary {
+    let rest = set.baseline.get(taxel);
+    v1::TaxelModelSummary {
+        taxel: taxel as u32,
+        status: model.status.code().to_owned(),
+        status_text: model.status.to_string(),
+        order: u32::from(model.order),
+        rmse_kpa: model.curve.as_ref().and_then(|_| known(model.quality.rmse_kpa)),
+        swing_counts: model.quality.swing_counts,
+        baseline_counts: rest.and_then(|rest| known(rest.mean)),
+        noise_counts: rest.and_then(|rest| known(rest.noise)),
+    }
+}
+
+fn taxel_model(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelModel {
+    let range = model.range.filter(|_| model.curve.is_some());
+    v1::TaxelModel {
+        summary: Some(taxel_summary(set, taxel, model)),
+        coefficients: model.raw_coefficients.clone(),
+        curve: model.curve.as_ref().map(|curve| v1::Curve {
+            centre: curve.centre,
+            half_width: curve.half_width,
+            chebyshev_kpa: curve.chebyshev.clone(),
+        }),
+        count_min: range.map(|[low, _]| low),
+        count_max: range.map(|[_, high]| high),
+        falling: model.sign == Sign::Falling,
+        repaired: model.repaired,
+        estimator: match model.estimator {
+            Estimator::PerSample => "per-sample".to_owned(),
+            Estimator::PressureBinned => "pressure-binned".to_owned(),
+        },
+        quality: Some(quality(&model.quality)),
+        notes: model.flags.iter().map(ToString::to_string).collect(),
+        points: points(model),
+    }
+}
+
+fn quality(quality: &Quality) -> v1::ModelQuality {
+    v1::ModelQuality {
+        samples: quality.samples,
+        distinct_counts: quality.distinct_counts,
+        rank: u32::from(quality.rank),
+        max_leverage: quality.max_leverage,
+        press_kpa: quality.press_kpa.and_then(known),
+        pure_error_kpa: quality.pure_error_kpa.and_then(known),
+        repeatability_kpa: quality.repeatability_kpa.and_then(known),
+        interval_kpa: quality.interval_kpa.and_then(known),
+    }
+}
+
+/// The curve at each whole 8-bit count of the calibrated range, also of a curve that may not be used.
+fn points(model: &TaxelModel) -> Vec<v1::CurvePoint> {
+    let Some([low, high]) = model.range else { return Vec::new() };
+    let counts = (0..=u8::MAX).filter(|&count| (low..=high).contains(&f64::from(count)));
+    let point = |count: u8| {
+        let reading = model.evaluate(f64::from(count))?;
+        let (pressure_kpa, sigma_kpa) = (reading.kpa, known(reading.sigma_kpa));
+        Some(v1::CurvePoint { count: u32::from(count), pressure_kpa, sigma_kpa })
+    };
+    counts.filter_map(point).collect()
+}

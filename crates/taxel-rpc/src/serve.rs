@@ -1,0 +1,101 @@
+//! The server: all services on one listener, with limits, until the shutdown and no longer than the drain.
+
+use taxel_proto::v1::calibration_service_server::CalibrationServiceServer;
+use taxel_proto::v1::force_service_server::ForceServiceServer;
+use taxel_proto::v1::model_service_server::ModelServiceServer;
+use taxel_proto::v1::skin_service_server::SkinServiceServer;
+use thiserror::Error;
+use tokio_util::sync::CancellationToken;
+use tonic::transport::Server;
+use tonic::transport::server::Router;
+use tonic_health::server::HealthReporter;
+
+pub use crate::guard::Listener;
+use crate::guard::accept;
+use crate::handle::Handle;
+use crate::health;
+use crate::limits::Limits;
+use crate::service::Service;
+
+/// How a server ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Drain {
+    /// Every call had ended and every connection was closed in time.
+    Clean,
+    /// Some connections were still open at the deadline and were cut.
+    Cut,
+}
+
+/// Why there is no server.
+#[derive(Debug, Error)]
+pub enum ServeError {
+    /// The compiled-in description of the service is broken.
+    #[error("the service descriptors cannot be read")]
+    Reflection(#[from] tonic_reflection::server::Error),
+    /// The server itself failed.
+    #[error("the gRPC server failed")]
+    Server(#[from] tonic::transport::Error),
+}
+
+/// Pending resets that a peer may pile up before its connection is closed (the "rapid reset" attack).
+const PENDING_RESETS_MAX: usize = 20;
+
+/// Serves everything on `listener` until the shutdown of `handle`, then at most [`Limits::drain`] longer.
+///
+/// # Errors
+/// [`ServeError`] if the server cannot be set up or fails; a failing connection or call is not an error of the server.
+pub async fn serve(handle: Handle, listener: Listener, limits: Limits) -> Result<Drain, ServeError> {
+    let shutdown = handle.shutdown.clone();
+    let (drain, cut) = (limits.drain, CancellationToken::new());
+    let incoming = accept(listener, &limits, cut.clone());
+    let reporter = HealthReporter::new();
+    let server = router(&handle, limits, &reporter)?;
+    let server = server.serve_with_incoming_shutdown(incoming, shutdown.clone().cancelled_owned());
+    let overdue = async {
+        shutdown.cancelled().await;
+        tokio::time::sleep(drain).await;
+    };
+    tokio::pin!(server);
+    tokio::select! {
+        served = &mut server => return Ok(served.map(|()| Drain::Clean)?),
+        never = health::report(handle, reporter) => match never {},
+        () = overdue => {}
+    }
+    tracing::warn!("connections were still open {} s after the shutdown began: cut", drain.as_secs_f64());
+    cut.cancel();
+    server.await?;
+    Ok(Drain::Cut)
+}
+
+fn router(handle: &Handle, limits: Limits, reporter: &HealthReporter) -> Result<Router, ServeError> {
+    let (small, large) = (limits.request_bytes, limits.models_bytes);
+    let mut server = Server::builder()
+        // Covers a call up to the head of its answer, so that a request that never ends is no place to hide.
+        .timeout(limits.command + limits.preface)
+        .max_concurrent_streams(limits.calls_per_connection)
+        .http2_keepalive_interval(Some(limits.keepalive_interval))
+        .http2_keepalive_timeout(Some(limits.keepalive_timeout))
+        .http2_max_header_list_size(limits.header_bytes)
+        .http2_max_pending_accept_reset_streams(Some(PENDING_RESETS_MAX));
+    let service = Service::new(handle.clone(), limits);
+    macro_rules! limited {
+        ($server:expr, $request_bytes:expr) => {
+            $server.max_decoding_message_size($request_bytes).max_encoding_message_size(large)
+        };
+    }
+    let health = tonic_health::server::HealthService::from_health_reporter(reporter.clone());
+    // grpcurl up to 1.8.6 knows only v1alpha; a client asks for health by reflection as for any other service.
+    let reflection = || {
+        tonic_reflection::server::Builder::configure()
+            .register_encoded_file_descriptor_set(taxel_proto::DESCRIPTORS)
+            .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+    };
+    Ok(server
+        .add_service(limited!(ForceServiceServer::new(service.clone()), small))
+        .add_service(limited!(SkinServiceServer::new(service.clone()), small))
+        .add_service(limited!(CalibrationServiceServer::new(service.clone()), small))
+        .add_service(limited!(ModelServiceServer::new(service), large))
+        .add_service(limited!(tonic_health::pb::health_server::HealthServer::new(health), small))
+        .add_service(limited!(reflection().build_v1()?, small))
+        .add_service(limited!(reflection().build_v1alpha()?, small)))
+}

@@ -1,0 +1,186 @@
+//! `SkinService`: layout, raw taxels, the zero and the health.
+
+use taxel_engine::command::{Command, Done};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::plan::PatchPlan;
+use taxel_engine::snapshot::{BoardHealth, BusHealth};
+use taxel_proto::v1;
+use taxel_proto::v1::skin_service_server::SkinService;
+use taxel_skin::{Board, ModuleKind, NormalsVerdict};
+use tonic::{Request, Response, Status};
+
+use crate::convert::{self, Sending, vector};
+use crate::service::{Service, confirmed_by, strange_answer};
+use crate::stream::{MessageStream, subscribe};
+
+#[tonic::async_trait]
+impl SkinService for Service {
+    async fn get_skin(&self, request: Request<v1::GetSkinRequest>) -> Result<Response<v1::Skin>, Status> {
+        let plan = self.plan(self.patch(&request.get_ref().patch)?);
+        let active = self.active(plan.patch.name());
+        let set = active.map(|id| self.model_set(&id, "")).transpose()?;
+        let patches = self.handle.plan.patches.iter().map(|p| p.patch.name().to_owned()).collect();
+        Ok(Response::new(skin(plan, patches, set.as_deref())))
+    }
+
+    async fn get_taxels(&self, request: Request<v1::GetTaxelsRequest>) -> Result<Response<v1::TaxelSample>, Status> {
+        let patch = self.patch(&request.get_ref().patch)?;
+        let snapshot = self.snapshot(patch);
+        let sending = Sending { now: self.now(), skipped: 0 };
+        Ok(Response::new(convert::taxels(self.plan(patch).patch.name(), &snapshot, sending)))
+    }
+
+    type StreamTaxelsStream = MessageStream<v1::TaxelSample>;
+
+    async fn stream_taxels(
+        &self,
+        request: Request<v1::StreamTaxelsRequest>,
+    ) -> Result<Response<Self::StreamTaxelsStream>, Status> {
+        let request = request.into_inner();
+        let patch = self.patch(&request.patch)?;
+        subscribe(self, patch, request.rate_hz, convert::taxels).map(Response::new)
+    }
+
+    async fn tare(&self, request: Request<v1::TareRequest>) -> Result<Response<v1::TareStatus>, Status> {
+        let request = request.into_inner();
+        let name = self.plan(self.patch(&request.patch)?).patch.name();
+        let confirmed_by = confirmed_by(request.confirmed_by)?;
+        match self.command("Tare", Command::Tare { patch: name.to_owned(), confirmed_by }).await? {
+            Done::Tared(view) => Ok(Response::new(convert::tare(name, Some(&view)))),
+            other => Err(strange_answer(&other)),
+        }
+    }
+
+    async fn bring_up(&self, request: Request<v1::BringUpRequest>) -> Result<Response<v1::BringUpResponse>, Status> {
+        let patch = self.plan(self.patch(&request.get_ref().patch)?).patch.name().to_owned();
+        match self.command("BringUp", Command::BringUp { patch }).await? {
+            Done::BringUpStarted => Ok(Response::new(v1::BringUpResponse {})),
+            other => Err(strange_answer(&other)),
+        }
+    }
+
+    async fn get_health(&self, _: Request<v1::GetHealthRequest>) -> Result<Response<v1::Health>, Status> {
+        let health = self.handle.health.borrow().clone();
+        Ok(Response::new(v1::Health {
+            buses: health.buses.iter().enumerate().map(|(bus, health)| bus_health(bus, health)).collect(),
+            boards: health.boards.iter().map(board_health).collect(),
+            patches: (0..self.handle.plan.patches.len()).map(|patch| self.patch_health(patch)).collect(),
+            problems: health.problems.clone(),
+            streams: self.streams_open() as u32,
+            streams_max: self.limits.streams as u32,
+        }))
+    }
+}
+
+impl Service {
+    fn patch_health(&self, patch: usize) -> v1::PatchHealth {
+        let name = self.plan(patch).patch.name();
+        let snapshot = self.snapshot(patch);
+        let faulty = snapshot.taxels.iter().enumerate().filter(|(_, taxel)| !taxel.faults.is_empty());
+        v1::PatchHealth {
+            patch: name.to_owned(),
+            tare: Some(convert::tare(name, snapshot.tare.as_ref())),
+            faulty: faulty
+                .map(|(taxel, state)| v1::FaultyTaxel { taxel: taxel as u32, faults: convert::faults(state.faults) })
+                .collect(),
+        }
+    }
+}
+
+fn skin(plan: &PatchPlan, patches: Vec<String>, set: Option<&ModelSet>) -> v1::Skin {
+    let taxels: Vec<v1::TaxelLayout> = (0..plan.patch.taxels().len()).map(|taxel| layout(plan, taxel, set)).collect();
+    v1::Skin {
+        patch: plan.patch.name().to_owned(),
+        patches,
+        boards: plan.patch.boards().iter().enumerate().map(|(index, b)| board(plan, index, b)).collect(),
+        excluded: taxels.iter().filter(|taxel| !taxel.calibrated).count() as u32,
+        taxels,
+        model_set: set.map(|set| set.id.clone()).unwrap_or_default(),
+        scan_period_s: plan.period.as_secs_f64(),
+        has_gauge: plan.gauge.is_some(),
+        geometry_remarks: plan.geometry.as_ref().map_or_else(
+            || vec!["no geometry is configured: no vector, moment or contact is served".to_owned()],
+            |geometry| geometry.remarks.clone(),
+        ),
+    }
+}
+
+fn board(plan: &PatchPlan, index: usize, board: &Board) -> v1::Board {
+    let modules = plan.patch.modules().iter().filter(|site| usize::from(site.board) == index);
+    v1::Board {
+        bus: u32::from(board.bus.0),
+        address: u32::from(board.address.get()),
+        modules: modules
+            .map(|site| v1::Module {
+                module: u32::from(site.module.get()),
+                kind: module_kind(site.kind).into(),
+                first_taxel: u32::from(site.first_taxel),
+                taxels: site.kind.taxel_slots().len() as u32,
+            })
+            .collect(),
+    }
+}
+
+fn layout(plan: &PatchPlan, taxel: usize, set: Option<&ModelSet>) -> v1::TaxelLayout {
+    let site = plan.patch.taxels()[taxel];
+    let module = plan.patch.modules()[usize::from(site.module)];
+    let pose = plan.geometry.as_ref().and_then(|geometry| geometry.poses.get(taxel).copied().flatten());
+    let facing = plan.geometry.as_ref().is_some_and(|geometry| geometry.normals == NormalsVerdict::Usable);
+    let status = set.and_then(|set| set.taxels.get(taxel)).map(|model| model.status);
+    let (exclusion, exclusion_text) = match status {
+        Some(status) if status.is_ok() => (String::new(), String::new()),
+        Some(status) => (status.code().to_owned(), status.to_string()),
+        None => ("no_model_set".to_owned(), "no model set is active".to_owned()),
+    };
+    v1::TaxelLayout {
+        taxel: taxel as u32,
+        board: u32::from(module.board),
+        module: u32::from(module.module.get()),
+        slot: u32::from(site.slot),
+        position_m: pose.map(|pose| vector(pose.position)),
+        normal: pose.filter(|_| facing).map(|pose| vector(pose.normal)),
+        area_mm2: plan.areas.get(taxel).map_or(0.0, |area| area.0),
+        calibrated: exclusion.is_empty(),
+        exclusion,
+        exclusion_text,
+    }
+}
+
+const fn module_kind(kind: ModuleKind) -> v1::ModuleKind {
+    match kind {
+        ModuleKind::Triangle => v1::ModuleKind::Triangle,
+        ModuleKind::Fingertip => v1::ModuleKind::Fingertip,
+        ModuleKind::PalmPad11 => v1::ModuleKind::PalmPad11,
+        ModuleKind::PalmPad7 => v1::ModuleKind::PalmPad7,
+    }
+}
+
+fn bus_health(bus: usize, health: &BusHealth) -> v1::BusHealth {
+    v1::BusHealth {
+        bus: bus as u32,
+        up: health.up,
+        problem: health.problem.clone(),
+        frames: health.frames,
+        foreign: health.foreign,
+        malformed: health.malformed,
+        last_malformed: health.last_malformed.clone(),
+        dropped: health.dropped,
+    }
+}
+
+fn board_health(health: &BoardHealth) -> v1::BoardHealth {
+    v1::BoardHealth {
+        patch: health.patch.clone(),
+        bus: u32::from(health.bus),
+        address: u32::from(health.address),
+        bring_up: health.bring_up.clone(),
+        modules_enabled: health.modules.0,
+        modules_fresh: health.modules.1,
+        scans: health.scans,
+        orphans: health.orphans,
+        status_errors: health.status_errors,
+        celsius: health.celsius,
+        firmware: health.firmware.clone().unwrap_or_default(),
+        warnings: health.warnings.clone(),
+    }
+}

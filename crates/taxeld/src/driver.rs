@@ -1,0 +1,252 @@
+//! The engine's one task: takes inputs from the buses, the service, the store and the fits, and does what the engine
+//! asks for. Nobody else holds the engine.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::command::{Command, Rejection, Reply, RequestId};
+use taxel_engine::plan::Plan;
+use taxel_engine::record::Record;
+use taxel_engine::session::{FitJob, FitOutcome, SessionView};
+use taxel_engine::snapshot::{Catalogue, Health, PatchSnapshot};
+use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
+use taxel_skin::BusIndex;
+use taxel_store::{Batch, Store, StoreEvent, models_json};
+use taxel_wire::{Frame, TimedFrame};
+use tokio::sync::{mpsc, oneshot, watch};
+use tokio_util::sync::CancellationToken;
+
+use crate::clock::RunClock;
+
+/// Staleness and bring-up are looked at this often.
+const TICK: Duration = Duration::from_millis(10);
+
+/// What a bus task hands over at a time.
+pub struct BusBatch {
+    /// Which bus.
+    pub bus: BusIndex,
+    /// Frames in the order of reception.
+    pub frames: Vec<TimedFrame>,
+    /// What else the bus has to say, before these frames.
+    pub notices: Vec<BusNotice>,
+}
+
+/// What comes back from work that the driver gave away.
+enum Internal {
+    Fitted(FitOutcome),
+    Store(StoreEvent),
+}
+
+/// The writing ends of everything that readers watch. The reading ends are the service's.
+pub struct Feeds {
+    /// Per patch.
+    pub patches: Vec<watch::Sender<Arc<PatchSnapshot>>>,
+    /// Per patch.
+    pub sessions: Vec<watch::Sender<Option<Arc<SessionView>>>>,
+    /// Buses and boards.
+    pub health: watch::Sender<Arc<Health>>,
+    /// Sessions and model sets.
+    pub catalogue: watch::Sender<Arc<Catalogue>>,
+}
+
+impl Feeds {
+    /// Feeds that have nothing to tell yet.
+    pub fn new(plan: &Plan) -> Self {
+        Self {
+            patches: plan.patches.iter().map(|_| watch::Sender::new(Arc::default())).collect(),
+            sessions: plan.patches.iter().map(|_| watch::Sender::new(None)).collect(),
+            health: watch::Sender::new(Arc::default()),
+            catalogue: watch::Sender::new(Arc::default()),
+        }
+    }
+}
+
+/// A command and where its reply goes.
+pub type Request = (Command, oneshot::Sender<Reply>);
+
+/// Everything that the engine's task holds.
+pub struct Driver {
+    engine: Engine,
+    clock: RunClock,
+    feeds: Feeds,
+    store: Store,
+    /// One queue of frames to send per bus; a full one loses the frame, which the bring-up's proof then shows.
+    buses: Vec<mpsc::Sender<Frame>>,
+    waiting: HashMap<RequestId, oneshot::Sender<Reply>>,
+    requests: u64,
+    internal: (mpsc::UnboundedSender<Internal>, mpsc::UnboundedReceiver<Internal>),
+    out: Vec<Output>,
+}
+
+/// Opens the store in such a way that its events reach the driver that is made with it.
+pub struct StoreEvents(mpsc::UnboundedSender<Internal>, mpsc::UnboundedReceiver<Internal>);
+
+impl StoreEvents {
+    /// A new line from a store to a driver. Its length is bounded by the work under way: one event per commit, at
+    /// most ten a second, and one per fit.
+    pub fn new() -> Self {
+        let (sender, receiver) = mpsc::unbounded_channel();
+        Self(sender, receiver)
+    }
+
+    /// The store's end.
+    pub fn notify(&self) -> impl Fn(StoreEvent) + Send + 'static {
+        let sender = self.0.clone();
+        move |event| {
+            let _ = sender.send(Internal::Store(event)); // the driver has ended: nobody is left to tell
+        }
+    }
+}
+
+impl Driver {
+    /// A driver that goes on from what the store found.
+    pub fn new(
+        plan: Arc<Plan>,
+        restored: Restored,
+        clock: RunClock,
+        feeds: Feeds,
+        store: (Store, StoreEvents),
+        buses: Vec<mpsc::Sender<Frame>>,
+    ) -> Self {
+        let (store, StoreEvents(sender, receiver)) = store;
+        Self {
+            engine: Engine::new(plan, restored),
+            clock,
+            feeds,
+            store,
+            buses,
+            waiting: HashMap::new(),
+            requests: 0,
+            internal: (sender, receiver),
+            out: Vec::new(),
+        }
+    }
+
+    /// Runs until cancelled; then the store is closed with everything that was recorded.
+    pub async fn run(
+        mut self,
+        mut frames: mpsc::Receiver<BusBatch>,
+        mut commands: mpsc::Receiver<Request>,
+        cancel: CancellationToken,
+    ) {
+        let mut tick = tokio::time::interval(TICK);
+        tick.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
+        loop {
+            tokio::select! {
+                biased;
+                () = cancel.cancelled() => break,
+                Some(batch) = frames.recv() => self.take_batch(batch),
+                Some((command, reply)) = commands.recv() => self.take_command(command, reply),
+                Some(done) = self.internal.1.recv() => self.take_internal(done),
+                _ = tick.tick() => self.step(Input::Tick),
+            }
+        }
+        // Closing commits what is queued, which can take a disk's time.
+        let store = self.store;
+        if let Err(error) = tokio::task::spawn_blocking(move || store.close()).await {
+            tracing::error!(%error, "closing the store");
+        }
+    }
+
+    fn take_batch(&mut self, batch: BusBatch) {
+        for notice in batch.notices {
+            self.step(Input::Bus(batch.bus, notice));
+        }
+        if let Some(first) = batch.frames.first() {
+            self.clock.start(first.time);
+            self.step(Input::Frames(batch.bus, &batch.frames));
+        }
+    }
+
+    fn take_command(&mut self, command: Command, reply: oneshot::Sender<Reply>) {
+        self.requests += 1;
+        let request = RequestId(self.requests);
+        self.waiting.insert(request, reply);
+        self.step(Input::Command(request, command));
+    }
+
+    fn take_internal(&mut self, done: Internal) {
+        match done {
+            Internal::Fitted(outcome) => self.step(Input::Fitted(outcome)),
+            Internal::Store(StoreEvent::Durable { session, samples }) => self.step(Input::Durable { session, samples }),
+            Internal::Store(StoreEvent::Failed(why)) => {
+                tracing::error!(%why, "the store failed");
+                self.step(Input::StoreFailed(why));
+            }
+        }
+    }
+
+    fn step(&mut self, input: Input<'_>) {
+        let mut out = std::mem::take(&mut self.out);
+        self.engine.step(self.clock.now(), input, &mut out);
+        let (mut records, mut replies) = (Vec::new(), Vec::new());
+        for output in out.drain(..) {
+            match output {
+                Output::Patch(index, snapshot) => {
+                    self.feeds.patches[index].send_replace(snapshot);
+                }
+                Output::Session(index, view) => self.show_session(index, view),
+                Output::Health(health) => {
+                    self.feeds.health.send_replace(health);
+                }
+                Output::Catalogue(catalogue) => {
+                    self.feeds.catalogue.send_replace(catalogue);
+                }
+                Output::Send(bus, frame) => self.send(bus, frame),
+                Output::Fit(job) => self.fit(job),
+                Output::Record(record) => records.push(record),
+                Output::Reply(request, reply) => replies.extend(self.waiting.remove(&request).map(|to| (to, reply))),
+            }
+        }
+        self.out = out;
+        self.commit(records, replies);
+    }
+
+    /// A reply goes out once everything recorded in the same step is on disk.
+    fn commit(&mut self, records: Vec<Record>, replies: Vec<(oneshot::Sender<Reply>, Reply)>) {
+        if records.is_empty() {
+            for (to, reply) in replies {
+                let _ = to.send(reply); // the client has gone
+            }
+            return;
+        }
+        let answer = move |outcome: Result<(), String>| {
+            for (to, reply) in replies {
+                let reply = match &outcome {
+                    Ok(()) => reply,
+                    Err(why) => Err(Rejection::Unavailable(format!("it could not be written to disk: {why}"))),
+                };
+                let _ = to.send(reply);
+            }
+        };
+        let batch = Batch::new(records, answer);
+        if let Err(full) = self.store.submit(batch) {
+            self.step(Input::StoreFailed(full.to_string()));
+        }
+    }
+
+    fn show_session(&self, index: usize, view: Arc<SessionView>) {
+        let before = self.feeds.sessions[index].borrow().as_ref().map(|old| (old.number, old.state));
+        if before != Some((view.number, view.state)) {
+            let (session, state) = (view.number, view.state.name());
+            tracing::info!(session, patch = %view.patch, state, reason = %view.reason, "calibration session");
+        }
+        self.feeds.sessions[index].send_replace(Some(view));
+    }
+
+    fn send(&self, bus: BusIndex, frame: Frame) {
+        let queue = self.buses.get(bus.0 as usize);
+        if queue.is_none_or(|queue| queue.try_send(frame).is_err()) {
+            tracing::warn!(bus = bus.0, id = %frame.id, "a command to a board was not sent: the send queue is full");
+        }
+    }
+
+    fn fit(&self, job: FitJob) {
+        let done = self.internal.0.clone();
+        tokio::task::spawn_blocking(move || {
+            let outcome = job.run(models_json::content_id);
+            let _ = done.send(Internal::Fitted(outcome)); // the daemon is stopping: the samples are on disk
+        });
+    }
+}
