@@ -1,67 +1,62 @@
-//! The kernel's clocks, and how a receive time on one becomes a time on the other.
-//!
-//! The kernel stamps frames with its wall clock, which steps when somebody sets it. Deadlines and order need the
-//! monotonic clock. Both are read at each batch, and a frame's age (wall now - wall stamp) is taken from the monotonic
-//! now. A step between stamp and reading falsifies at most the batch that it hits, and never by more than
-//! [`AGE_MAX`].
+//! The two clocks: the monotonic one orders, the wall clock labels.
 
 use nix::time::{ClockId, clock_gettime};
-use std::time::Duration;
 use taxel_skin::Time;
 
-/// Frames do not wait longer than this in the kernel: its buffer holds half a second of a full bus.
-pub const AGE_MAX: Duration = Duration::from_secs(1);
-
-/// The monotonic clock: the run's time of a live bus.
-#[must_use]
-pub fn monotonic() -> Time {
-    nanos(ClockId::CLOCK_MONOTONIC)
+/// Both clocks, read together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ClockReading {
+    /// `CLOCK_MONOTONIC`: the clock of a live run.
+    pub time: Time,
+    /// `CLOCK_REALTIME` in nanoseconds since 1970: only ever a label, because it may be stepped.
+    pub wall_ns: i64,
 }
 
-/// The wall clock as time since 1970.
-#[must_use]
-pub fn realtime() -> Time {
-    nanos(ClockId::CLOCK_REALTIME)
-}
-
-fn nanos(clock: ClockId) -> Time {
-    // Both clocks always exist on Linux.
-    let now = clock_gettime(clock).map(Duration::from).unwrap_or_default();
-    Time::from_nanos(i64::try_from(now.as_nanos()).unwrap_or(i64::MAX))
-}
-
-/// Both clocks at one moment.
-#[derive(Clone, Copy, Debug)]
-pub struct ClockPair {
-    /// Monotonic.
-    pub monotonic: Time,
-    /// Wall.
-    pub realtime: Time,
-}
-
-impl ClockPair {
-    /// Reads both.
+impl ClockReading {
+    /// The present.
     #[must_use]
     pub fn now() -> Self {
-        Self { monotonic: monotonic(), realtime: realtime() }
+        Self { time: Time::from_nanos(nanos(ClockId::CLOCK_MONOTONIC)), wall_ns: nanos(ClockId::CLOCK_REALTIME) }
     }
 
-    /// The monotonic time of a frame that the kernel stamped at `stamp` on the wall clock.
+    /// What to add to a time of the run's clock, in ns, to get its label since 1970, as the wall clock is set now.
     #[must_use]
-    pub fn to_monotonic(self, stamp: Time) -> Time {
-        self.monotonic - self.realtime.since(stamp).min(AGE_MAX)
+    pub fn wall_offset_ns(&self) -> i64 {
+        self.wall_ns.saturating_sub(self.time.as_nanos())
     }
+
+    /// The run's time of an event that the kernel stamped with its wall clock.
+    ///
+    /// The age by the wall clock is taken from the present of the monotonic clock. If the wall clock was stepped in
+    /// between, the age is wrong by that step: a step back would put the event into the future, so it counts as now;
+    /// a step forward would make it too old, so `floor`, a time that the event cannot precede, bounds it.
+    #[must_use]
+    pub(crate) fn time_of(&self, stamp_wall_ns: i64, floor: Time) -> Time {
+        let age_ns = self.wall_ns.saturating_sub(stamp_wall_ns).max(0);
+        Time::from_nanos(self.time.as_nanos().saturating_sub(age_ns)).max(floor)
+    }
+}
+
+fn nanos(clock: ClockId) -> i64 {
+    // Neither of the two clocks can fail on Linux; the origin would be seen as an absurd age.
+    clock_gettime(clock).map_or(0, |at| at.tv_sec().saturating_mul(1_000_000_000).saturating_add(at.tv_nsec()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const NOW: ClockReading = ClockReading { time: Time::from_nanos(5_000), wall_ns: 1_000_000 };
+
     #[test]
-    fn a_stamp_keeps_its_age_and_a_clock_step_is_bounded() {
-        let pair = ClockPair { monotonic: Time::from_seconds(100.0), realtime: Time::from_seconds(5_000.0) };
-        assert_eq!(pair.to_monotonic(Time::from_seconds(4_999.75)), Time::from_seconds(99.75));
-        assert_eq!(pair.to_monotonic(Time::from_seconds(6_000.0)), Time::from_seconds(100.0), "from the future: now");
-        assert_eq!(pair.to_monotonic(Time::from_seconds(0.0)), Time::from_seconds(99.0), "stepped by an hour");
+    fn age_by_the_wall_clock_counts_back_from_the_monotonic_present() {
+        assert_eq!(NOW.time_of(1_000_000 - 300, Time::default()), Time::from_nanos(4_700));
+    }
+
+    #[test]
+    fn a_step_of_the_wall_clock_moves_no_frame_beyond_its_bounds() {
+        let floor = Time::from_nanos(4_000);
+        assert_eq!(NOW.time_of(2_000_000, floor), NOW.time, "stepped back: not in the future");
+        assert_eq!(NOW.time_of(0, floor), floor, "stepped forward: not before what was read before");
     }
 }

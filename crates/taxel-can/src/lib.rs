@@ -1,15 +1,31 @@
-//! Frames in and out, behind one [`FrameSource`]: a real SocketCAN interface or a candump log.
+//! Frames in and out.
 //!
-//! This is the only crate with `unsafe`: batch reads (`recvmmsg`), one socket option and the registration of a
-//! descriptor with the runtime have no safe form. Each such place says why it is sound.
+//! [`FrameSource`] is one bus, whatever feeds it: a real interface ([`SocketCan`]) or a log ([`Replay`]). It hands out
+//! [`Batch`]es of timed frames and says what happened to the bus itself.
+//!
+//! Principles:
+//! 1. One owner per bus, and no thread, queue or lock in between: the kernel's buffer is the only queue. It holds
+//!    half a second of a full bus, and every frame that it loses is counted.
+//! 2. A wait is for the socket or for a timer, never a spin. Cancelling [`FrameSource::next`] loses no frame.
+//! 3. The kernel tells of an interface's end once and is silent ever after. So an error moves the state at once, and
+//!    a look at the link every [`LINK_POLL`] finds what no error told.
+//! 4. `unsafe` is in the module `sys` only, around the calls that no crate offers.
 
-pub mod clock;
+mod can_error;
+mod clock;
 mod filter;
+mod log_reader;
 mod replay;
-mod socketcan;
+mod rx;
+mod socket_can;
 mod source;
+#[allow(unsafe_code)]
+mod sys;
+mod tx;
 
-pub use filter::{FILTERS_MAX, TooManyFilters};
-pub use replay::{LogReader, Pace, Replay, ReplayReport};
-pub use socketcan::{Options, SocketCan};
-pub use source::{Batch, BusEvent, FrameSource, SendError, SourceError};
+pub use can_error::BusError;
+pub use clock::ClockReading;
+pub use log_reader::{BadLine, LineFault, LogFault, LogReader, LogReport};
+pub use replay::{Pace, Replay};
+pub use socket_can::{LINK_POLL, OpenError, SocketCan, SocketCanOptions};
+pub use source::{Batch, BusEvent, DownReason, FrameSource, SendError, SourceError};

@@ -1,267 +1,261 @@
-//! A candump log, plain or gzipped, as a source: at its own pace, faster, or as fast as it can be read.
+//! A log as a bus.
 
-use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
-use std::path::Path;
+use std::time::Duration;
 
-use flate2::read::MultiGzDecoder;
 use taxel_skin::Time;
-use taxel_wire::candump::parse_line_bytes;
-use taxel_wire::{Frame, TimedFrame};
+use taxel_wire::{Frame, FrameKind, TimedFrame};
 use tokio::time::{Instant, sleep_until};
 
-use crate::source::{Batch, FrameSource, SendError, SourceError};
+use crate::can_error;
+use crate::log_reader::{LogReader, LogReport};
+use crate::source::{Batch, BusEvent, FrameSource, SendError, SourceError};
 
-/// Frames per batch at the most.
-const FRAMES: usize = 512;
+/// Frames read of the log at once, and the most that one batch has.
+const BATCH_FRAMES: usize = 1024;
+/// Slowest and fastest pace; beyond, a wait could not be told from an end or from none.
+const SPEED_MIN: f64 = 1e-3;
+const SPEED_MAX: f64 = 1e6;
 
-/// A line of a log is shorter than 80 characters; anything this long is no log.
-const LINE_MAX: usize = 4096;
-
-/// Bad lines that are kept with their reasons.
-const TOLD_MAX: usize = 5;
-
-/// How fast a log is read.
+/// How fast a log is played.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Pace {
-    /// So many times as fast as it was written; 1 is its own pace.
-    Times(f64),
-    /// As fast as it can be read.
-    Unlimited,
+    /// By its own clock, `speed` times as fast; held within 0.001 to 1,000,000, and 1 if it is not finite.
+    Realtime {
+        /// Log seconds per second.
+        speed: f64,
+    },
+    /// Without waiting.
+    AsFastAsPossible,
 }
 
-/// What of a log could not be used.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ReplayReport {
-    /// Lines read, without empty ones.
-    pub lines: u64,
-    /// Frames that came out.
-    pub frames: u64,
-    /// Frames of other interfaces.
-    pub other_interfaces: u64,
-    /// Lines that are no frame.
-    pub bad_lines: u64,
-    /// Frames whose time is before that of the frame before.
-    pub backwards: u64,
-    /// The first few bad lines: number and reason.
-    pub told: Vec<String>,
-}
-
-/// Reads a log, synchronously.
-pub struct LogReader {
-    input: Box<dyn BufRead + Send>,
-    interface: Option<String>,
-    line: Vec<u8>,
-    number: u64,
-    last: Option<Time>,
-    report: ReplayReport,
-}
-
-impl LogReader {
-    /// Opens a log, plain or gzipped by its first bytes; only `interface`, if given, is read of it.
-    ///
-    /// # Errors
-    /// [`SourceError::Io`] with the path.
-    pub fn open(path: &Path, interface: Option<String>) -> Result<Self, SourceError> {
-        let fail = |source| SourceError::Io { what: path.display().to_string(), source };
-        let mut file = BufReader::with_capacity(1 << 18, File::open(path).map_err(fail)?);
-        let gzipped = file.fill_buf().map_err(fail)?.starts_with(&[0x1F, 0x8B]);
-        let input: Box<dyn BufRead + Send> =
-            if gzipped { Box::new(BufReader::with_capacity(1 << 18, MultiGzDecoder::new(file))) } else { Box::new(file) };
-        let (line, report) = (Vec::with_capacity(128), ReplayReport::default());
-        Ok(Self { input, interface, line, number: 0, last: None, report })
-    }
-
-    /// Appends up to `max` frames; returns whether there may be more.
-    ///
-    /// # Errors
-    /// [`SourceError::Io`] if the file cannot be read on, with the line.
-    pub fn read(&mut self, max: usize, frames: &mut Vec<TimedFrame>) -> Result<bool, SourceError> {
-        let enough = frames.len() + max;
-        while frames.len() < enough {
-            if !self.read_line()? {
-                return Ok(false);
-            }
-            if let Some(frame) = self.parse_line() {
-                frames.push(frame);
-            }
-        }
-        Ok(true)
-    }
-
-    fn read_line(&mut self) -> Result<bool, SourceError> {
-        self.line.clear();
-        let mut limited = self.input.by_ref().take(LINE_MAX as u64);
-        let read = limited.read_until(b'\n', &mut self.line);
-        let number = self.number + 1;
-        let read = read.map_err(|source| SourceError::Io { what: format!("line {number}"), source })?;
-        self.number = number;
-        Ok(read > 0)
-    }
-
-    fn parse_line(&mut self) -> Option<TimedFrame> {
-        if self.line.iter().all(u8::is_ascii_whitespace) {
-            return None;
-        }
-        self.report.lines += 1;
-        match parse_line_bytes(&self.line) {
-            Ok(line) if self.interface.as_ref().is_some_and(|wanted| wanted != line.interface) => {
-                self.report.other_interfaces += 1;
-                None
-            }
-            Ok(line) => {
-                self.report.frames += 1;
-                self.report.backwards += u64::from(self.last.is_some_and(|last| line.time < last));
-                self.last = Some(line.time);
-                Some(TimedFrame { time: line.time, frame: line.frame })
-            }
-            Err(error) => {
-                self.report.bad_lines += 1;
-                if self.report.told.len() < TOLD_MAX {
-                    self.report.told.push(format!("line {}: {error}", self.number));
-                }
-                None
-            }
-        }
-    }
-
-    /// What was read so far, and what of it could not be used.
-    #[must_use]
-    pub const fn report(&self) -> &ReplayReport {
-        &self.report
-    }
-}
-
-/// A log as a source.
+/// A candump log behind the interface of a bus. Each frame keeps the log's own time.
+///
+/// A frame whose time is before that of an earlier one is handed out at once, with its time and in its place; the
+/// report counts it. Error frames of the log become events, as on a real bus.
 pub struct Replay {
-    reader: LogReader,
+    log: LogReader,
     pace: Pace,
-    ahead: Vec<TimedFrame>,
-    given: usize,
-    more: bool,
-    begun: Option<(Time, Instant)>,
+    /// Read and not yet handed out: `frames[at..]`.
+    frames: Vec<TimedFrame>,
+    at: usize,
+    over: bool,
+    /// What the reader said after the frames that it read before.
+    fault: Option<SourceError>,
+    told_up: bool,
+    told_end: bool,
+    start: Option<Start>,
+    newest: Time,
+}
+
+/// Where the log's clock and the runtime's met.
+#[derive(Clone, Copy)]
+struct Start {
+    log: Time,
+    here: Instant,
 }
 
 impl Replay {
-    /// A source that reads at the given pace.
+    /// Plays `log` from where it is.
     #[must_use]
-    pub const fn new(reader: LogReader, pace: Pace) -> Self {
-        Self { reader, pace, ahead: Vec::new(), given: 0, more: true, begun: None }
+    pub fn new(log: LogReader, pace: Pace) -> Self {
+        let pace = match pace {
+            Pace::Realtime { speed } if !speed.is_finite() => Pace::Realtime { speed: 1.0 },
+            Pace::Realtime { speed } => Pace::Realtime { speed: speed.clamp(SPEED_MIN, SPEED_MAX) },
+            Pace::AsFastAsPossible => pace,
+        };
+        Self {
+            log,
+            pace,
+            frames: Vec::with_capacity(BATCH_FRAMES),
+            at: 0,
+            over: false,
+            fault: None,
+            told_up: false,
+            told_end: false,
+            start: None,
+            newest: Time::default(),
+        }
     }
 
-    /// What was read so far, and what of it could not be used.
+    /// What became of the log's lines so far.
     #[must_use]
-    pub const fn report(&self) -> &ReplayReport {
-        self.reader.report()
+    pub fn report(&self) -> &LogReport {
+        self.log.report()
     }
 
-    /// When a frame is due.
+    /// The present by the log's clock: of the play while it is paced, otherwise the newest time handed out.
+    /// `None` before the first frame.
+    #[must_use]
+    pub fn log_time(&self) -> Option<Time> {
+        let start = self.start?;
+        Some(match self.pace {
+            Pace::Realtime { speed } => self.newest.max(start.log + start.here.elapsed().mul_f64(speed)),
+            Pace::AsFastAsPossible => self.newest,
+        })
+    }
+
+    /// When the frame is to be handed out; `None`: at once.
     fn due(&mut self, time: Time) -> Option<Instant> {
-        let Pace::Times(speed) = self.pace else { return None };
-        let (first, begun) = *self.begun.get_or_insert_with(|| (time, Instant::now()));
-        Some(begun + time.since(first).div_f64(speed))
+        let start = *self.start.get_or_insert_with(|| Start { log: time, here: Instant::now() });
+        let Pace::Realtime { speed } = self.pace else { return None };
+        let wait = time.since(start.log).as_secs_f64() / speed;
+        // A wait beyond the runtime's clock: nobody lives to see it.
+        start.here.checked_add(Duration::try_from_secs_f64(wait).ok()?)
+    }
+
+    /// Puts every frame that is due into the batch.
+    fn take_due(&mut self, now: Instant, batch: &mut Batch) {
+        while let Some(&timed) = self.frames.get(self.at) {
+            if self.due(timed.time).is_some_and(|due| due > now) {
+                return;
+            }
+            self.at += 1;
+            self.newest = self.newest.max(timed.time);
+            match timed.frame.kind {
+                FrameKind::Error => can_error::decode(&timed.frame, |error| {
+                    batch.events.push(BusEvent::Error { error, local: false });
+                }),
+                _ => batch.frames.push(timed),
+            }
+        }
+    }
+
+    /// Reads on when all is handed out. Files are read here and now: a block takes well under a millisecond.
+    fn refill(&mut self) {
+        self.frames.clear();
+        self.at = 0;
+        match self.log.next_batch(&mut self.frames, BATCH_FRAMES) {
+            Ok(more) => self.over = !more,
+            Err(fault) => self.fault = Some(fault.into()),
+        }
     }
 }
 
 impl FrameSource for Replay {
     async fn next(&mut self, batch: &mut Batch) -> Result<(), SourceError> {
         batch.clear();
-        if self.given >= self.ahead.len() && self.more {
-            self.ahead.clear();
-            self.given = 0;
-            self.more = self.reader.read(FRAMES, &mut self.ahead)?;
+        if !self.told_up {
+            self.told_up = true;
+            batch.events.push(BusEvent::Up);
         }
-        let Some(first) = self.ahead.get(self.given).copied() else {
-            batch.end = true;
-            return Ok(());
-        };
-        if let Some(due) = self.due(first.time) {
-            sleep_until(due).await;
-        }
-        let now = Instant::now();
-        while let Some(&frame) = self.ahead.get(self.given) {
-            if self.due(frame.time).is_some_and(|due| due > now) {
-                break;
+        loop {
+            if self.at == self.frames.len() {
+                if let Some(fault) = self.fault.take() {
+                    self.over = true;
+                    return Err(fault);
+                }
+                if self.over {
+                    if !batch.is_empty() {
+                        return Ok(());
+                    }
+                    if self.told_end {
+                        // A bus that is over is silent, like any other.
+                        return std::future::pending().await;
+                    }
+                    self.told_end = true;
+                    batch.end = true;
+                    return Ok(());
+                }
+                self.refill();
+                continue;
             }
-            batch.frames.push(frame);
-            self.given += 1;
+            self.take_due(Instant::now(), batch);
+            if !batch.is_empty() {
+                return Ok(());
+            }
+            if let Some(due) = self.frames.get(self.at).map(|timed| timed.time).and_then(|time| self.due(time)) {
+                sleep_until(due).await;
+            }
         }
-        if batch.frames.is_empty() {
-            // The runtime's timer woke a moment early: the first frame is due all the same.
-            batch.frames.push(first);
-            self.given += 1;
-        }
-        Ok(())
     }
 
-    async fn send(&mut self, _frame: &Frame) -> Result<(), SendError> {
-        Err(SendError::ListenOnly)
+    async fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
+        Err(SendError::Log { id: frame.id })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::io::Write;
+    use std::fmt::Write;
+    use std::io::Cursor;
     use taxel_wire::CanId;
 
-    const LOG: &str = "(1600000000.000000) can0 4D0#40F0\n\n(1600000000.010000) can1 4D1#01\nnonsense\n\
-                       (1600000000.030000) can0 4D2#02\n(1600000000.020000) can0 4D3#03\n";
-
-    fn file(bytes: &[u8]) -> tempfile::NamedTempFile {
-        let mut file = tempfile::NamedTempFile::new().unwrap();
-        file.write_all(bytes).unwrap();
-        file
+    fn replay(text: &str, pace: Pace) -> Replay {
+        let bytes = Cursor::new(text.as_bytes().to_vec());
+        Replay::new(LogReader::from_reader("log".to_owned(), bytes, None).unwrap(), pace)
     }
 
-    fn gzip(text: &str) -> Vec<u8> {
-        let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-        encoder.write_all(text.as_bytes()).unwrap();
-        encoder.finish().unwrap()
-    }
-
-    #[test]
-    fn plain_and_gzipped_logs_give_the_same_frames_and_bad_lines_are_counted() {
-        for bytes in [LOG.as_bytes().to_vec(), gzip(LOG)] {
-            let file = file(&bytes);
-            let mut reader = LogReader::open(file.path(), Some("can0".to_owned())).unwrap();
-            let mut frames = Vec::new();
-            assert!(!reader.read(100, &mut frames).unwrap());
-            let ids: Vec<CanId> = frames.iter().map(|f| f.frame.id).collect();
-            assert_eq!(ids, [0x4D0, 0x4D2, 0x4D3].map(CanId::Standard));
-            let report = reader.report();
-            assert_eq!((report.lines, report.frames, report.other_interfaces), (5, 3, 1));
-            assert_eq!((report.bad_lines, report.backwards), (1, 1));
-            assert!(report.told[0].starts_with("line 4: "), "{:?}", report.told);
+    async fn play(replay: &mut Replay) -> (Vec<(Duration, TimedFrame)>, Vec<BusEvent>) {
+        let (mut frames, mut events, mut batch) = (Vec::new(), Vec::new(), Batch::default());
+        let start = Instant::now();
+        while !batch.end {
+            replay.next(&mut batch).await.unwrap();
+            assert!(!batch.is_empty());
+            frames.extend(batch.frames.iter().map(|frame| (start.elapsed(), *frame)));
+            events.append(&mut batch.events);
         }
-    }
-
-    #[test]
-    fn a_missing_file_is_named() {
-        let error = LogReader::open(Path::new("/nowhere/x.log"), None).err().unwrap().to_string();
-        assert!(error.starts_with("/nowhere/x.log: "), "{error}");
-    }
-
-    #[test]
-    fn a_file_without_line_ends_is_refused_piece_by_piece_in_bounded_memory() {
-        let file = file(&vec![b'x'; 100_000]);
-        let mut reader = LogReader::open(file.path(), None).unwrap();
-        assert!(!reader.read(10, &mut Vec::new()).unwrap());
-        assert_eq!(reader.report().bad_lines, 100_000_u64.div_ceil(LINE_MAX as u64));
-        assert!(reader.line.capacity() <= 2 * LINE_MAX);
+        (frames, events)
     }
 
     #[tokio::test(start_paused = true)]
-    async fn pace_follows_the_log() {
-        let file = file(LOG.as_bytes());
-        let begun = Instant::now();
-        let mut source = Replay::new(LogReader::open(file.path(), None).unwrap(), Pace::Times(2.0));
+    async fn frames_come_at_the_log_s_pace_and_keep_its_time() {
+        let log =
+            "(100.000000) can0 301#01\n(100.500000) can0 301#02\n(100.400000) can0 301#03\n(102.000000) can0 301#04\n";
+        let mut played = replay(log, Pace::Realtime { speed: 2.0 });
+        assert_eq!(played.log_time(), None);
+        let (frames, events) = play(&mut played).await;
+        assert_eq!(events, [BusEvent::Up]);
+        let times: Vec<f64> = frames.iter().map(|(_, frame)| frame.time.as_seconds()).collect();
+        assert_eq!(times, [100.0, 100.5, 100.4, 102.0]);
+        let waited: Vec<u128> = frames.iter().map(|(waited, _)| waited.as_millis()).collect();
+        for (waited, due) in waited.iter().zip([0, 250, 250, 1000]) {
+            assert!((due..=due + 2).contains(waited), "{waited} ms, due at {due} ms");
+        }
+        assert_eq!(played.report().backwards, 1);
+        assert!(played.log_time() >= Some(Time::from_seconds(102.0)));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_cancelled_wait_loses_no_frame() {
+        let log = "(1.000000) can0 301#01\n(2.000000) can0 301#02\n(3.000000) can0 301#03\n";
+        let mut played = replay(log, Pace::Realtime { speed: 1.0 });
         let mut batch = Batch::default();
         let mut seen = Vec::new();
         while !batch.end {
-            source.next(&mut batch).await.unwrap();
-            seen.extend(batch.frames.iter().map(|_| begun.elapsed().as_millis()));
+            match tokio::time::timeout(Duration::from_millis(70), played.next(&mut batch)).await {
+                Ok(result) => {
+                    result.unwrap();
+                    seen.extend(batch.frames.iter().map(|timed| timed.frame.bytes()[0]));
+                }
+                Err(_cancelled) => {}
+            }
         }
-        assert_eq!(seen, [0, 5, 15, 15], "twice as fast; a frame out of order comes when it is read");
+        assert_eq!(seen, [1, 2, 3]);
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn as_fast_as_possible_waits_for_nothing_and_loses_nothing() {
+        let mut log = String::new();
+        for i in 0..5_000 {
+            writeln!(log, "({i}.000000) can0 {:03X}#", i % 0x800).unwrap();
+        }
+        let start = Instant::now();
+        let mut played = replay(&log, Pace::AsFastAsPossible);
+        let (frames, _) = play(&mut played).await;
+        assert_eq!(frames.len(), 5_000);
+        assert!(frames.iter().enumerate().all(|(i, (_, timed))| timed.frame.id == CanId::Standard(i as u16 % 0x800)));
+        assert_eq!(start.elapsed(), Duration::ZERO, "the paused clock moves only for a wait");
+        assert_eq!(played.log_time(), Some(Time::from_seconds(4_999.0)));
+    }
+
+    #[tokio::test]
+    async fn error_frames_of_a_log_are_events_and_a_log_takes_no_frames() {
+        let mut played = replay("(1.000000) can0 20000040#0000000000000000\n", Pace::AsFastAsPossible);
+        let (frames, events) = play(&mut played).await;
+        assert!(frames.is_empty());
+        assert_eq!(events, [BusEvent::Up, BusEvent::Error { error: crate::BusError::BusOff, local: false }]);
+        let frame = Frame::of(CanId::Standard(0x301), [1]);
+        assert!(matches!(played.send(&frame).await, Err(SendError::Log { .. })));
     }
 }

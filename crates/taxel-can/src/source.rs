@@ -1,106 +1,192 @@
-//! What every source of frames can do.
+//! One bus as the rest of the house sees it.
 
+use std::fmt;
 use std::future::Future;
-use taxel_wire::{Frame, TimedFrame};
+use std::time::Duration;
+
+use taxel_wire::{CanId, Frame, TimedFrame};
 use thiserror::Error;
 
-/// What a bus has to say beside its frames.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum BusEvent {
-    /// Frames can come (again).
-    Up,
-    /// No frame can come; why.
-    Down(String),
-    /// The kernel lost so many frames since the last such event: its receive buffer was full.
-    Dropped(u64),
-    /// The controller reports trouble, in words.
-    ControllerError(String),
-    /// The controller left the bus.
-    BusOff,
-    /// The receive buffer that the kernel granted, in bytes, where it is less than was asked for.
-    SmallBuffer {
-        /// Bytes granted.
-        granted: usize,
-        /// Bytes asked for.
-        wanted: usize,
-    },
-}
+use crate::can_error::BusError;
+use crate::log_reader::LogFault;
 
-/// What one call of [`FrameSource::next`] brought. Reused from call to call.
+/// What a source hands out at once; the caller keeps it and its memory is used again.
+///
+/// The events are to be taken before the frames: an end of the bus ends the trust in what came before, and the frames
+/// are newer than that.
 #[derive(Debug, Default)]
 pub struct Batch {
-    /// In the order of reception.
+    /// Data and remote frames, in the order of reception. Error frames are told as [`BusEvent::Error`].
     pub frames: Vec<TimedFrame>,
-    /// What happened before these frames.
+    /// What happened to the bus, in order.
     pub events: Vec<BusEvent>,
-    /// No more will come: a log is over.
+    /// The log is over; nothing comes after this batch. Never of a real bus.
     pub end: bool,
 }
 
 impl Batch {
-    /// Empties it.
+    /// Empties it and keeps its memory.
     pub fn clear(&mut self) {
         self.frames.clear();
         self.events.clear();
         self.end = false;
     }
+
+    /// Whether there is nothing in it.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty() && self.events.is_empty() && !self.end
+    }
 }
 
-/// A source that cannot go on.
+/// What happened to a bus, beside its frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusEvent {
+    /// Frames can come: at the start, and after each [`BusEvent::Down`].
+    Up,
+    /// No frame can come. Told once for each change of the reason.
+    Down {
+        /// Why.
+        reason: DownReason,
+    },
+    /// A frame made by the controller or its driver, one event for each thing it reports.
+    Error {
+        /// What it reports.
+        error: BusError,
+        /// A process of this machine wrote it: on a real device a forgery, since only its driver makes error frames.
+        local: bool,
+    },
+    /// The kernel lost so many frames since the last such event, because its buffer was full.
+    /// Frames sent = frames read + the sum of these, to the frame.
+    Dropped {
+        /// Newly lost frames.
+        frames: u64,
+    },
+    /// So many reads were no classic CAN frame (short, cut off or of a length above eight) and were refused.
+    Malformed {
+        /// Newly refused reads.
+        frames: u64,
+    },
+    /// The size of the kernel's receive buffer, told after each opening.
+    BufferGranted {
+        /// What the kernel granted, in bytes of kernel memory.
+        bytes: usize,
+        /// What half a second of a full bus takes.
+        wanted: usize,
+    },
+}
+
+/// Why no frame can come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum DownReason {
+    /// There is no interface of this name: not yet, or no longer.
+    NoInterface,
+    /// The interface is there and was set down, or never set up.
+    InterfaceDown,
+    /// The interface is up and has no carrier: the controller is bus-off, or the cable's other end is down.
+    NoCarrier,
+    /// The system refuses to open or read the socket; it is tried again, as for the others.
+    System {
+        /// The system's answer.
+        errno: i32,
+    },
+}
+
+impl fmt::Display for DownReason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoInterface => f.write_str("no interface of this name"),
+            Self::InterfaceDown => f.write_str("the interface is down"),
+            Self::NoCarrier => f.write_str("no carrier (the controller is bus-off, or the other end is down)"),
+            Self::System { errno } => write!(f, "{}", std::io::Error::from_raw_os_error(*errno)),
+        }
+    }
+}
+
+/// Why a source cannot go on. What a source can recover from by itself is a [`BusEvent`] instead.
 #[derive(Debug, Error)]
 pub enum SourceError {
-    /// The kernel or the file system says no, for good.
-    #[error("{what}: {source}")]
-    Io {
-        /// What was tried.
-        what: String,
-        /// The system's reason.
-        source: std::io::Error,
+    /// The runtime that waits for the socket has ended.
+    #[error("interface {interface}: cannot wait for frames: {error}")]
+    Runtime {
+        /// The bus.
+        interface: String,
+        /// What it answers.
+        error: std::io::Error,
     },
-    /// The kernel has no CAN.
-    #[error("this kernel has no CAN sockets (AF_CAN): load the modules can and can-raw, or use a kernel that has them")]
-    NoCan,
-    /// More identifiers than the kernel filters.
+    /// The log cannot be read on.
     #[error(transparent)]
-    Filters(#[from] crate::filter::TooManyFilters),
+    Log(#[from] LogFault),
 }
 
-/// A frame that was not sent.
+/// Why a frame was not sent.
 #[derive(Debug, Error)]
 pub enum SendError {
-    /// The source only listens.
-    #[error("this bus is listen-only: nothing is sent")]
-    ListenOnly,
-    /// The kernel's queue stayed full.
-    #[error("the send queue of {interface} stayed full for {waited_ms} ms: is another node on the bus?")]
-    Full {
-        /// The interface.
+    /// The bus was opened to listen only.
+    #[error("interface {interface}: opened to listen only, frame {id} not sent")]
+    ListenOnly {
+        /// The bus.
+        interface: String,
+        /// Of the frame.
+        id: CanId,
+    },
+    /// A log takes no frames.
+    #[error("a log takes no frames, frame {id} not sent")]
+    Log {
+        /// Of the frame.
+        id: CanId,
+    },
+    /// Error frames are made by controllers, never sent.
+    #[error("interface {interface}: an error frame, expected a data or a remote frame")]
+    ErrorFrame {
+        /// The bus.
+        interface: String,
+    },
+    /// The bus is down.
+    #[error("interface {interface}: {reason}, frame {id} not sent")]
+    Down {
+        /// The bus.
+        interface: String,
+        /// Why.
+        reason: DownReason,
+        /// Of the frame.
+        id: CanId,
+    },
+    /// The transmit queue stayed full.
+    #[error("interface {interface}: transmit queue full for {waited:?}, frame {id} not sent")]
+    QueueFull {
+        /// The bus.
         interface: String,
         /// How long it was tried.
-        waited_ms: u64,
+        waited: Duration,
+        /// Of the frame.
+        id: CanId,
     },
-    /// The kernel says no.
-    #[error("sending on {interface}: {source}")]
-    Io {
-        /// The interface.
+    /// Anything else the system answers.
+    #[error("interface {interface}: frame {id} not sent: {error}")]
+    System {
+        /// The bus.
         interface: String,
-        /// The system's reason.
-        source: std::io::Error,
+        /// Of the frame.
+        id: CanId,
+        /// The system's answer.
+        error: std::io::Error,
     },
 }
 
-/// Where frames come from and go to. One task owns a source; nobody shares it.
+/// One bus: frames come out in batches, single frames go in.
 pub trait FrameSource: Send {
-    /// Waits for frames or events and puts them into `batch`, which is emptied first. Dropping the future loses
-    /// nothing.
+    /// Waits until there is something and puts it into `batch`, whose former content goes.
+    ///
+    /// May be cancelled at any time: what was not handed out comes with the next call.
     ///
     /// # Errors
-    /// [`SourceError`] if the source can never go on. What passes by itself is an event.
+    /// Only what ends the source for good.
     fn next(&mut self, batch: &mut Batch) -> impl Future<Output = Result<(), SourceError>> + Send;
 
-    /// Sends one frame.
+    /// Queues one frame for the bus. Success means queued: whether it was acknowledged on the wire is not known.
     ///
     /// # Errors
-    /// [`SendError`]; success means that the kernel took it, not that it reached the bus.
+    /// [`SendError`]; the frame is then not queued.
     fn send(&mut self, frame: &Frame) -> impl Future<Output = Result<(), SendError>> + Send;
 }

@@ -111,6 +111,23 @@ impl Dd {
     }
 }
 
+/// Dot product in twice the precision (Ogita, Rump, Oishi 2005, Dot2), in four lanes, so that one addition need not
+/// wait for the last.
+pub(crate) fn dot(a: &[Dd], b: &[Dd]) -> Dd {
+    let mut sums = [0.0; 4];
+    let mut errors = [0.0; 4];
+    for (a, b) in a.chunks(4).zip(b.chunks(4)) {
+        for (k, (a, b)) in a.iter().zip(b).enumerate() {
+            let (p, e) = two_prod(a.hi, b.hi);
+            let (s, t) = two_sum(sums[k], p);
+            sums[k] = s;
+            errors[k] += t + (e + (a.hi * b.lo + a.lo * b.hi));
+        }
+    }
+    let lane = |k: usize| Dd::sum(sums[k], errors[k]);
+    (lane(0) + lane(1)) + (lane(2) + lane(3))
+}
+
 impl From<f64> for Dd {
     #[inline]
     fn from(hi: f64) -> Self {

@@ -182,7 +182,7 @@ impl<'a> Fit<'a> {
         let carried = self.basis.order();
         let order = match options.order {
             Order::Fixed(_) => carried,
-            Order::Auto => choose(&scores),
+            Order::Auto => choose(&scores).min(carried),
         };
         if let Order::Fixed(_) = options.order
             && carried < options.max_order()

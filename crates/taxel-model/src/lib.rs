@@ -26,6 +26,7 @@
 
 mod accumulate;
 mod bins;
+mod check;
 mod curve;
 mod dd;
 mod decimal;
@@ -45,6 +46,7 @@ mod table;
 mod uncertainty;
 
 pub use accumulate::{Accumulator, FixedPressure};
+pub use check::ModelError;
 pub use curve::Curve;
 pub use dd::Dd;
 pub use decimal::parse_decimal;

@@ -117,7 +117,7 @@ pub struct FitOptions {
     /// Refine in double-double until nothing changes, for audits and reference values. Without it the refinement
     /// ends where what is left cannot be seen in f64.
     pub exact: bool,
-    /// Width of a pressure bin, kPa; `None` gives about [`DEFAULT_BINS`] bins. An [`crate::Accumulator`] rounds it
+    /// Width of a pressure bin, kPa; `None` gives about 140 bins. An [`crate::Accumulator`] rounds it
     /// to a multiple of its own bins of 0.256 kPa.
     pub bin_width_kpa: Option<f64>,
     /// What the gauge does not know.

@@ -16,6 +16,8 @@ pub(crate) struct Basis {
     pub vectors: Vec<Vec<f64>>,
     pub alpha: Vec<f64>,
     pub beta: Vec<f64>,
+    /// 1 / beta.
+    pub gain: Vec<f64>,
     /// Sum of the weights.
     pub weight: f64,
 }
@@ -40,7 +42,7 @@ impl Basis {
     pub fn new(t: &[f64], n: &[f64], max_order: usize) -> Self {
         let weight: f64 = n.iter().sum();
         let first = n.iter().map(|n| (n / weight).sqrt()).collect();
-        let mut basis = Self { vectors: vec![first], alpha: Vec::new(), beta: Vec::new(), weight };
+        let mut basis = Self { vectors: vec![first], alpha: Vec::new(), beta: Vec::new(), gain: Vec::new(), weight };
         for k in 0..max_order.min(t.len().saturating_sub(1)) {
             let mut v: Vec<f64> = t.iter().zip(&basis.vectors[k]).map(|(t, q)| t * q).collect();
             let before = dot(&v, &v).sqrt();
@@ -59,6 +61,7 @@ impl Basis {
             v.iter_mut().for_each(|v| *v /= length);
             basis.alpha.push(alpha);
             basis.beta.push(length);
+            basis.gain.push(1.0 / length);
             basis.vectors.push(v);
         }
         basis
@@ -89,7 +92,7 @@ impl Basis {
         let mut leverage = phi * phi;
         for k in 0..order.min(self.order()) {
             let earlier = if k == 0 { 0.0 } else { self.beta[k - 1] * last };
-            (last, phi) = (phi, ((t - self.alpha[k]) * phi - earlier) / self.beta[k]);
+            (last, phi) = (phi, ((t - self.alpha[k]) * phi - earlier) * self.gain[k]);
             leverage += phi * phi;
         }
         (leverage, phi)

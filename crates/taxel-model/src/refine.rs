@@ -7,7 +7,7 @@
 //! by six orders of magnitude; a refinement of the residual alone stalls where the residuals are large, because the
 //! basis, too, must be known to more digits.
 
-use crate::dd::Dd;
+use crate::dd::{Dd, dot};
 use crate::orthogonal::Basis;
 use crate::reduce::Row;
 
@@ -44,7 +44,7 @@ pub(crate) fn solve(basis: &Basis, rows: &[Row], t: &[Dd], start: &[f64], order:
     let recurrence = Recurrence {
         alpha: basis.alpha[..order].to_vec(),
         beta: basis.beta[..order].to_vec(),
-        gain: basis.beta[..order].iter().map(|beta| 1.0 / beta).collect(),
+        gain: basis.gain[..order].to_vec(),
         first: 1.0 / basis.weight.sqrt(),
     };
     let phi = values(&recurrence, t);
@@ -70,17 +70,6 @@ pub(crate) fn solve(basis: &Basis, rows: &[Row], t: &[Dd], start: &[f64], order:
         }
     }
     Solution { recurrence, d }
-}
-
-/// Dot product in four lanes, so that one addition need not wait for the last.
-fn dot(a: &[Dd], b: &[Dd]) -> Dd {
-    let mut lanes = [Dd::ZERO; 4];
-    for (a, b) in a.chunks(4).zip(b.chunks(4)) {
-        for ((lane, a), b) in lanes.iter_mut().zip(a).zip(b) {
-            *lane = *lane + *a * *b;
-        }
-    }
-    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3])
 }
 
 /// phi_k(t_r) for all k of the recurrence.

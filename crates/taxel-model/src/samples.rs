@@ -73,8 +73,9 @@ pub(crate) fn reduce(samples: &Samples<'_>, options: &FitOptions) -> Reduced {
     if binned && bytes && !options.exact && list.iter().all(|s| FixedPressure::from_kpa(s.y.hi).is_some()) {
         // The live path: the same numbers from a file and from the bus.
         let mut sums = Accumulator::new();
-        for s in &list {
-            sums.add(s.x.hi as u8, FixedPressure::from_kpa(s.y.hi), s.ramp);
+        for ramp in list.chunk_by(|a, b| a.ramp == b.ramp) {
+            let fixed = ramp.iter().map(|s| (s.x.hi as u8, FixedPressure::from_kpa(s.y.hi)));
+            sums.extend(fixed, ramp[0].ramp);
         }
         let mut reduced = sums.reduce(options);
         reduced.rejected += rejected;

@@ -153,7 +153,7 @@ mod tests {
     proptest! {
         #[test]
         fn every_change_of_basis_keeps_the_polynomial(
-            c in proptest::collection::vec(-9.0..9.0_f64, 1..11), from in -3.0..0.0_f64, width in 0.5..4.0_f64,
+            c in proptest::collection::vec(-9.0..9.0_f64, 1..11), from in -1.5..-0.5_f64, width in 1.0..3.0_f64,
         ) {
             let powers: Vec<Dd> = c.iter().copied().map(Dd::from).collect();
             let (from, to) = (Dd::from(from), Dd::from(from + width));

@@ -71,7 +71,7 @@ pub(crate) fn profile(evidence: &Evidence<'_>) -> Option<(SigmaProfile, Vec<f64>
     let [low, high] = evidence.range;
     let by_count = evidence.integer && high - low < MAX_KNOTS;
     let intervals = if by_count { (high - low).max(0.0) as usize } else { REAL_KNOTS };
-    let step = if by_count { 1.0 } else { (high - low) / REAL_KNOTS as f64 };
+    let step = if by_count || high <= low { 1.0 } else { (high - low) / REAL_KNOTS as f64 };
     let knot = |count: f64| ((count - low) / step).round().clamp(0.0, intervals as f64) as usize;
     let (mut n, mut squares) = (vec![0.0; intervals + 1], vec![0.0; intervals + 1]);
     for code in evidence.scatter {

@@ -1,5 +1,7 @@
 //! The 95 % interval holds 95 % of what the fit has not seen, and the shape holds for every taxel.
 
+#![allow(clippy::unwrap_used)] // Tests; the exemption knows only functions marked as such.
+
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -137,7 +139,7 @@ fn assert_served_soundly(model: &TaxelModel) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Any counts and pressures at all: no panic, no NaN, monotone where served.
     #[test]

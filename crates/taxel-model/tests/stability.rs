@@ -1,14 +1,18 @@
 //! Stiff, extreme and broken taxels: no panic, no NaN, a typed status, and the exact least-squares solution.
 
+#![allow(clippy::unwrap_used)] // Tests; the exemption knows only functions marked as such.
+
 mod common;
 
-use common::{exact, int, least_squares, to_f64, value};
+use common::{exact, least_squares, to_f64, value};
 use num_rational::BigRational;
+use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
 use taxel_model::{
-    Accumulator, Estimator, FitOptions, FixedPressure, Flag, Order, RangeState, Samples, Shape, Status, TaxelModel, fit,
+    Accumulator, Curve, Estimator, FitOptions, FixedPressure, Flag, Order, RangeState, Samples, Shape, Status,
+    TaxelModel, fit,
 };
 
 /// A standard normal number.
@@ -382,6 +386,37 @@ fn case_19_rising_skin_dips_and_order_of_samples() {
 }
 
 #[test]
+fn bins_that_all_share_one_mean_count_are_a_constant() {
+    // Each bin holds both counts equally often: the counts say nothing about the pressure.
+    let c: Vec<f64> = (0..2000).map(|k| f64::from(200 + k % 2)).collect();
+    let p: Vec<f64> = (0..2000).map(|k| f64::from(k / 2) * 0.07).collect();
+    for order in [Order::Fixed(5), Order::Auto] {
+        let model = fit(&Samples::new(&c, &p), &FitOptions { order, ..FitOptions::default() });
+        assert!(matches!(model.status, Status::IntervalTooWide { .. }), "{}", model.status);
+        assert!((model.evaluate(200.0).unwrap().kpa - 35.0).abs() < 1.0);
+    }
+}
+
+#[test]
+fn a_model_from_outside_is_checked() {
+    let (c, p) = NOMINAL.ramp(2000, 21);
+    let good = fit(&Samples::new(&c, &p), &FitOptions::default());
+    assert_eq!(good.validate(), Ok(()));
+    let curve = good.curve.clone().unwrap();
+    let with = |change: &dyn Fn(&mut TaxelModel)| {
+        let mut model = good.clone();
+        change(&mut model);
+        model.validate().unwrap_err().to_string()
+    };
+    assert!(with(&|m| m.curve = None).contains("no curve"));
+    assert!(with(&|m| m.range = Some([2.0, 1.0])).contains("range[1] is 1"));
+    assert!(with(&|m| m.curve = Some(Curve { half_width: 0.0, ..curve.clone() })).contains("half_width is 0"));
+    assert!(with(&|m| m.curve = Some(Curve { chebyshev: vec![1.0; 12], ..curve.clone() })).contains("12 coefficients"));
+    assert!(with(&|m| m.curve = Some(Curve { chebyshev: vec![f64::NAN], ..curve.clone() })).contains("NaN"));
+    assert!(with(&|m| m.curve = Some(Curve { chebyshev: vec![0.0, 0.0, 1.0], ..curve.clone() })).contains("monotone"));
+}
+
+#[test]
 fn extreme_sums_do_not_overflow() {
     let mut sums = Accumulator::new();
     let (low, high) = (FixedPressure::from_kpa(-1000.0), FixedPressure::from_kpa(1000.0));
@@ -392,5 +427,24 @@ fn extreme_sums_do_not_overflow() {
     let model = sums.fit(&FitOptions::default());
     assert_eq!((model.quality.samples, model.order), (1_000_000, 1));
     assert!((model.evaluate(254.0).unwrap().kpa - 1000.0).abs() < 1e-9);
-    assert_eq!(int(1) + int(1), int(2));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 40, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Against exact rational arithmetic over converters, swings, orders and noise.
+    #[test]
+    fn any_taxel_has_the_exact_solution(
+        bits in 8_u32..25, swing in 0.01..0.8_f64, half in 5.0..80.0_f64, noise in 0.0..0.05_f64,
+        samples in 8_usize..200, order in 1_u8..11, seed: u64,
+    ) {
+        let top = f64::from((1_u32 << bits) - 1);
+        let gain = swing * top * (70.0 + half) / 70.0;
+        let taxel = Taxel { rest: 0.9 * top, gain, half, noise: noise * swing * top, bits };
+        let (c, p) = taxel.ramp(samples, seed);
+        let distinct: std::collections::BTreeSet<u64> = c.iter().map(|c| c.to_bits()).collect();
+        prop_assume!(distinct.len() > 1);
+        let model = check("any", &c, &p, order, 1e-12);
+        prop_assert_eq!(usize::from(model.order), usize::from(order).min(distinct.len() - 1));
+    }
 }

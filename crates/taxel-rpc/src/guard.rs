@@ -53,7 +53,7 @@ pub(crate) fn accept(
     listener: Listener,
     limits: &Limits,
     cut: CancellationToken,
-) -> impl Stream<Item = io::Result<Connection>> {
+) -> impl Stream<Item = io::Result<Connection>> + use<> {
     let places = Arc::new(Semaphore::new(limits.connections));
     let (most, preface) = (limits.connections, limits.preface);
     stream::unfold(listener, move |listener| {

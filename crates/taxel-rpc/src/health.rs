@@ -21,7 +21,7 @@ const SERVICES: [&str; 5] = ["", FORCE, SKIN, CALIBRATION, MODEL];
 
 /// Keeps the reporter in step with the engine until the shutdown, then says so and ends every health stream, which
 /// would hold the server open otherwise.
-pub(crate) async fn report(handle: Handle, reporter: HealthReporter) -> Infallible {
+pub(crate) async fn report(handle: Handle, mut reporter: HealthReporter) -> Infallible {
     let mut shown = [None; SERVICES.len()];
     let mut looks = tokio::time::interval(LOOK_EVERY);
     looks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
@@ -32,8 +32,8 @@ pub(crate) async fn report(handle: Handle, reporter: HealthReporter) -> Infallib
         }
     }
     show(&reporter, &mut shown, [false; SERVICES.len()]).await;
-    for mut service in SERVICES.map(|_| reporter.clone()).into_iter().zip(SERVICES) {
-        service.0.clear_service_status(service.1).await;
+    for service in SERVICES {
+        reporter.clear_service_status(service).await;
     }
     pending().await
 }

@@ -1,5 +1,6 @@
 //! The server: all services on one listener, with limits, until the shutdown and no longer than the drain.
 
+use std::time::Duration;
 use taxel_proto::v1::calibration_service_server::CalibrationServiceServer;
 use taxel_proto::v1::force_service_server::ForceServiceServer;
 use taxel_proto::v1::model_service_server::ModelServiceServer;
@@ -40,6 +41,9 @@ pub enum ServeError {
 /// Pending resets that a peer may pile up before its connection is closed (the "rapid reset" attack).
 const PENDING_RESETS_MAX: usize = 20;
 
+/// A cut connection ends as soon as its task runs; a server that takes longer is left behind.
+const CUT_MAX: Duration = Duration::from_secs(1);
+
 /// Serves everything on `listener` until the shutdown of `handle`, then at most [`Limits::drain`] longer.
 ///
 /// # Errors
@@ -63,7 +67,7 @@ pub async fn serve(handle: Handle, listener: Listener, limits: Limits) -> Result
     }
     tracing::warn!("connections were still open {} s after the shutdown began: cut", drain.as_secs_f64());
     cut.cancel();
-    server.await?;
+    tokio::time::timeout(CUT_MAX, server).await.unwrap_or(Ok(()))?;
     Ok(Drain::Cut)
 }
 

@@ -105,7 +105,9 @@ impl Service {
     pub(crate) fn stream_place(&self) -> Result<OwnedSemaphorePermit, Status> {
         Arc::clone(&self.streams).try_acquire_owned().map_err(|_| {
             let limit = self.limits.streams;
-            Status::resource_exhausted(format!("{limit} streams are being served, which is the limit: end another first"))
+            Status::resource_exhausted(format!(
+                "{limit} streams are being served, which is the limit: end another first"
+            ))
         })
     }
 

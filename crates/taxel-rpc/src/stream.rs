@@ -136,3 +136,23 @@ impl<M> Subscription<M> {
         since_last.mul_f64(skipped as f64 / (skipped as f64 + 1.0))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test(start_paused = true)]
+    async fn a_rate_is_kept_although_the_timer_counts_whole_milliseconds() {
+        for rate_hz in [1.0, 3.0, 50.0, 333.0, 700.0, 1_000.0] {
+            let mut ticks = ticks(rate_hz).unwrap();
+            let begun = ticks.tick().await;
+            assert_eq!(begun.elapsed(), Duration::ZERO, "the first tick is at once");
+            let count = 2.0 * rate_hz;
+            for _ in 0..count as u32 {
+                ticks.tick().await;
+            }
+            let late = begun.elapsed().as_secs_f64() - 2.0;
+            assert!((-1e-6..2e-3).contains(&late), "{rate_hz} Hz: {count} ticks took {late} s more than 2 s");
+        }
+    }
+}

@@ -1,8 +1,8 @@
 //! Records become rows, in the order they happened.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, HashSet};
 
-use rusqlite::{Connection, OptionalExtension, Transaction, params};
+use rusqlite::{Connection, Transaction, params};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::{Record, Sample};
 use taxel_engine::rest::TaxelBaseline;
@@ -12,36 +12,76 @@ use taxel_engine::snapshot::TareView;
 use crate::error::StoreError;
 use crate::models_json;
 use crate::rows;
+use crate::tally::{Stream, Tally};
 
 /// Appends records and refuses those that do not follow from what is there.
 pub(crate) struct Appender {
     /// Ids of the sets that are intact on disk.
     model_sets: HashSet<String>,
-    /// Per session, the index that its next sample must have.
-    next_index: HashMap<u64, u64>,
+    /// How many rows there are of each sort, and so which number comes next.
+    tally: Tally,
     /// Sessions that got samples since the last commit.
     grown: BTreeMap<u64, u64>,
 }
 
 impl Appender {
     pub(crate) fn new(model_sets: impl IntoIterator<Item = String>) -> Self {
-        Self { model_sets: model_sets.into_iter().collect(), next_index: HashMap::new(), grown: BTreeMap::new() }
+        Self { model_sets: model_sets.into_iter().collect(), tally: Tally::default(), grown: BTreeMap::new() }
     }
 
-    /// Per session that grew since the last call, how many samples it has.
-    pub(crate) fn take_grown(&mut self) -> Vec<(u64, u64)> {
-        std::mem::take(&mut self.grown).into_iter().collect()
+    /// Ends a transaction: per session that grew in it, how many samples it has.
+    pub(crate) fn finish(&mut self, transaction: &Transaction<'_>) -> Result<Vec<(u64, u64)>, StoreError> {
+        self.tally.save(transaction)?;
+        Ok(std::mem::take(&mut self.grown).into_iter().collect())
     }
 
     pub(crate) fn append(&mut self, transaction: &Transaction<'_>, record: &Record) -> Result<(), StoreError> {
         match record {
-            Record::Session(view) => session(transaction, view),
-            Record::Ramp { session, ramp, baseline } => append_ramp(transaction, *session, *ramp, baseline),
+            Record::Session(view) => self.session(transaction, view),
+            Record::Ramp { session, ramp, baseline } => self.ramp(transaction, *session, *ramp, baseline),
             Record::Sample { session, index, sample } => self.sample(transaction, *session, *index, sample),
             Record::ModelSet(set) => self.model_set(transaction, set),
             Record::Activated { patch, model_set, wall_ns } => self.activated(transaction, patch, model_set, *wall_ns),
             Record::Tared { patch, tare, baseline } => tared(transaction, patch, tare, baseline),
         }
+    }
+
+    fn session(&mut self, connection: &Connection, view: &SessionView) -> Result<(), StoreError> {
+        let text = rows::view_to_text(view).map_err(|error| StoreError::Unstorable {
+            what: format!("session {}", view.number),
+            reason: error.to_string(),
+        })?;
+        let row = params![view.number, text, rows::view_checksum(view.number, &text)];
+        let changed = connection
+            .prepare_cached("UPDATE sessions SET view = ?2, checksum = ?3 WHERE number = ?1")?
+            .execute(row)?;
+        if changed == 0 {
+            connection.execute("INSERT INTO sessions (number, view, checksum) VALUES (?1, ?2, ?3)", row)?;
+            let sessions = self.tally.get(connection, Stream::Sessions)? + 1;
+            self.tally.set(Stream::Sessions, sessions);
+        }
+        Ok(())
+    }
+
+    fn ramp(
+        &mut self,
+        connection: &Connection,
+        session: u64,
+        ramp: u16,
+        baseline: &[TaxelBaseline],
+    ) -> Result<(), StoreError> {
+        let expected = self.tally.get(connection, Stream::Ramps(session))?;
+        if u64::from(ramp) != expected {
+            let what = format!("ramp {ramp} of session {session}");
+            return Err(StoreError::Unstorable { what, reason: format!("ramp {expected} is the next one") });
+        }
+        let blob = rows::baseline_to_blob(baseline);
+        connection.execute(
+            "INSERT INTO ramps (session, ramp, baseline, checksum) VALUES (?1, ?2, ?3, ?4)",
+            params![session, ramp, blob, rows::ramp_checksum(session, ramp, &blob)],
+        )?;
+        self.tally.set(Stream::Ramps(session), expected + 1);
+        Ok(())
     }
 
     fn sample(&mut self, connection: &Connection, session: u64, index: u64, sample: &Sample) -> Result<(), StoreError> {
@@ -51,10 +91,7 @@ impl Appender {
         if !sample.pressure_kpa.is_finite() {
             return unstorable(format!("its pressure is {} kPa, expected a finite number", sample.pressure_kpa));
         }
-        let expected = match self.next_index.get(&session) {
-            Some(&next) => next,
-            None => stored_samples(connection, session)?,
-        };
+        let expected = self.tally.get(connection, Stream::Samples(session))?;
         if index != expected {
             return unstorable(format!("sample {expected} is the next one"));
         }
@@ -72,7 +109,7 @@ impl Appender {
                 &sample.counts[..],
                 rows::sample_checksum(session, index, sample),
             ])?;
-        self.next_index.insert(session, index + 1);
+        self.tally.set(Stream::Samples(session), index + 1);
         self.grown.insert(session, index + 1);
         Ok(())
     }
@@ -85,56 +122,36 @@ impl Appender {
         let json = models_json::to_json(set).map_err(|error| unstorable(error.to_string()))?;
         // What goes to disk is proven readable first: a set that could not be loaded again is no use there.
         models_json::from_json(&json).map_err(|error| unstorable(error.to_string()))?;
+        let seq = next_seq(connection, self.tally.get(connection, Stream::ModelSets)?, "model_sets")?;
         connection.execute(
-            "INSERT INTO model_sets (id, sha256, json) VALUES (?1, ?2, ?3)",
-            params![set.id, rows::sha256_of(json.as_bytes()), json.as_bytes()],
+            "INSERT INTO model_sets (seq, id, sha256, json) VALUES (?1, ?2, ?3, ?4)",
+            params![seq, set.id, rows::sha256_of(json.as_bytes()), json.as_bytes()],
         )?;
+        self.tally.set(Stream::ModelSets, seq);
         self.model_sets.insert(set.id.clone());
         Ok(())
     }
 
-    fn activated(&self, connection: &Connection, patch: &str, set: &str, wall_ns: i64) -> Result<(), StoreError> {
+    fn activated(&mut self, connection: &Connection, patch: &str, set: &str, wall_ns: i64) -> Result<(), StoreError> {
         if !self.model_sets.contains(set) {
             let what = format!("activation of model set `{set}` on patch `{patch}`");
             return Err(StoreError::Unstorable { what, reason: "the store has no such set".to_owned() });
         }
+        let seq = next_seq(connection, self.tally.get(connection, Stream::Activations)?, "activations")?;
         connection.execute(
-            "INSERT INTO activations (patch, model_set, wall_ns, checksum) VALUES (?1, ?2, ?3, ?4)",
-            params![patch, set, wall_ns, rows::activation_checksum(patch, set, wall_ns)],
+            "INSERT INTO activations (seq, patch, model_set, wall_ns, checksum) VALUES (?1, ?2, ?3, ?4, ?5)",
+            params![seq, patch, set, wall_ns, rows::activation_checksum(seq, patch, set, wall_ns)],
         )?;
+        self.tally.set(Stream::Activations, seq);
         Ok(())
     }
 }
 
-/// Samples of a session that are stored.
-fn stored_samples(connection: &Connection, session: u64) -> Result<u64, StoreError> {
-    let newest: Option<u64> = connection
-        .query_row("SELECT idx FROM samples WHERE session = ?1 ORDER BY idx DESC LIMIT 1", [session], |row| row.get(0))
-        .optional()?;
-    Ok(newest.map_or(0, |index| index + 1))
-}
-
-fn session(connection: &Connection, view: &SessionView) -> Result<(), StoreError> {
-    let text = rows::view_to_text(view).map_err(|error| StoreError::Unstorable {
-        what: format!("session {}", view.number),
-        reason: error.to_string(),
-    })?;
-    connection
-        .prepare_cached(
-            "INSERT INTO sessions (number, view, checksum) VALUES (?1, ?2, ?3)
-             ON CONFLICT (number) DO UPDATE SET view = excluded.view, checksum = excluded.checksum",
-        )?
-        .execute(params![view.number, text, rows::view_checksum(view.number, &text)])?;
-    Ok(())
-}
-
-fn append_ramp(connection: &Connection, session: u64, ramp: u16, baseline: &[TaxelBaseline]) -> Result<(), StoreError> {
-    let blob = rows::baseline_to_blob(baseline);
-    connection.execute(
-        "INSERT INTO ramps (session, ramp, baseline, checksum) VALUES (?1, ?2, ?3, ?4)",
-        params![session, ramp, blob, rows::ramp_checksum(session, ramp, &blob)],
-    )?;
-    Ok(())
+/// The number of the next row: also if the tally was damaged, one that no row has.
+fn next_seq(connection: &Connection, tally: u64, table: &str) -> rusqlite::Result<u64> {
+    let newest: u64 =
+        connection.query_row(&format!("SELECT coalesce(max(seq), 0) FROM {table}"), [], |row| row.get(0))?;
+    Ok(newest.max(tally) + 1)
 }
 
 fn tared(connection: &Connection, patch: &str, tare: &TareView, baseline: &[TaxelBaseline]) -> Result<(), StoreError> {

@@ -7,12 +7,12 @@ use std::time::Duration;
 use rusqlite::config::DbConfig;
 use rusqlite::{Connection, TransactionBehavior};
 use taxel_engine::Restored;
+use taxel_engine::record::Record;
 
 use crate::append::Appender;
 use crate::error::{Quarantined, StoreError};
 use crate::restore;
 use crate::schema;
-use taxel_engine::record::Record;
 
 /// How long a start waits for a predecessor that is still closing the file.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(1);
@@ -72,8 +72,9 @@ impl Db {
         for record in records {
             self.appender.append(&transaction, record)?;
         }
+        let grown = self.appender.finish(&transaction)?;
         transaction.commit()?;
-        Ok(self.appender.take_grown())
+        Ok(grown)
     }
 
     /// Folds the write-ahead log back once it is long.

@@ -78,6 +78,9 @@ impl StoreError {
     /// Sorts an error met while opening `path`.
     pub(crate) fn opening(path: &Path, error: &rusqlite::Error) -> Self {
         let path = path.to_path_buf();
+        if error.sqlite_error().is_some_and(|error| error.extended_code == rusqlite::ffi::SQLITE_IOERR_SHORT_READ) {
+            return Self::Damaged { path, findings: "it ends in the middle of a page".to_owned() };
+        }
         match error.sqlite_error_code() {
             Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => Self::InUse { path },
             Some(ErrorCode::NotADatabase) => Self::Foreign { path, reason: "it is no SQLite file".to_owned() },

@@ -11,6 +11,7 @@ pub mod models_json;
 mod restore;
 mod rows;
 mod schema;
+mod tally;
 #[cfg(test)]
 mod tests;
 mod writer;

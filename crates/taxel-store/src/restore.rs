@@ -13,6 +13,7 @@ use taxel_engine::session::{RampBaseline, SessionSamples, SessionState, SessionV
 use crate::error::Quarantined;
 use crate::models_json;
 use crate::rows;
+use crate::tally::{Stream, shortfall};
 
 /// Reads all that the engine starts from. Errors are those of reading; a row that is wrong is quarantined instead.
 pub(crate) fn read(connection: &Connection) -> rusqlite::Result<(Restored, Vec<Quarantined>)> {
@@ -27,12 +28,13 @@ fn model_sets(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> ru
     let mut statement = connection.prepare("SELECT seq, id, sha256, json FROM model_sets ORDER BY seq")?;
     let mut rows = statement.query([])?;
     let mut sets: Vec<Arc<ModelSet>> = Vec::new();
+    let mut newest = 0;
     while let Some(row) = rows.next()? {
+        newest = row.get(0)?;
         let id: String = match row.get(1) {
             Ok(id) => id,
             Err(error) => {
-                let seq: i64 = row.get(0)?;
-                quarantined.push(Quarantined::new(format!("model set in row {seq}"), error));
+                quarantined.push(Quarantined::new(format!("model set in row {newest}"), error));
                 continue;
             }
         };
@@ -41,6 +43,9 @@ fn model_sets(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> ru
             Ok(set) => sets.push(Arc::new(set)),
             Err(reason) => quarantined.push(Quarantined::new(format!("model set {id}"), reason)),
         }
+    }
+    if let Some(reason) = shortfall(connection, Stream::ModelSets, newest)? {
+        quarantined.push(Quarantined::new("the list of model sets", reason));
     }
     Ok(sets)
 }
@@ -57,8 +62,8 @@ fn model_set(row: &Row<'_>, id: &str) -> Result<ModelSet, String> {
 
 /// The newest activation of each patch.
 ///
-/// A damaged row may have been any patch's, so that nothing older than it can be called active any more: no model is
-/// served rather than one that was replaced.
+/// A damaged or missing row may have been any patch's, so that nothing older than it can be called active any more: no
+/// model is served rather than one that was replaced.
 fn active(
     connection: &Connection,
     sets: &[Arc<ModelSet>],
@@ -68,16 +73,27 @@ fn active(
         connection.prepare("SELECT seq, patch, model_set, wall_ns, checksum FROM activations ORDER BY seq")?;
     let mut rows = statement.query([])?;
     let mut active = BTreeMap::new();
+    let mut newest = 0;
     while let Some(row) = rows.next()? {
-        match activation(row) {
+        let seq: u64 = row.get(0)?;
+        if seq != newest + 1 {
+            active.clear();
+            quarantined.push(Quarantined::new(format!("activation {}", newest + 1), "it is missing"));
+        }
+        newest = seq;
+        match activation(row, seq) {
             Ok((patch, set)) => {
                 active.insert(patch, set);
             }
             Err(reason) => {
                 active.clear();
-                quarantined.push(Quarantined::new(format!("activation {}", row.get::<_, i64>(0)?), reason));
+                quarantined.push(Quarantined::new(format!("activation {seq}"), reason));
             }
         }
+    }
+    if let Some(reason) = shortfall(connection, Stream::Activations, newest)? {
+        active.clear();
+        quarantined.push(Quarantined::new("the list of activations", reason));
     }
     active.retain(|patch, id| {
         let served = sets.iter().any(|set| set.id == *id && set.patch == *patch);
@@ -91,10 +107,10 @@ fn active(
     Ok(active.into_iter().collect())
 }
 
-fn activation(row: &Row<'_>) -> Result<(String, String), String> {
+fn activation(row: &Row<'_>, seq: u64) -> Result<(String, String), String> {
     let (patch, set): (String, String) = (row.get(1).map_err(text)?, row.get(2).map_err(text)?);
     let (wall_ns, checksum): (i64, Vec<u8>) = (row.get(3).map_err(text)?, row.get(4).map_err(text)?);
-    if checksum == rows::activation_checksum(&patch, &set, wall_ns) {
+    if checksum == rows::activation_checksum(seq, &patch, &set, wall_ns) {
         Ok((patch, set))
     } else {
         Err("its checksum is wrong".to_owned())
@@ -108,16 +124,26 @@ fn sessions(
     let mut statement = connection.prepare("SELECT number, view, checksum FROM sessions ORDER BY number")?;
     let mut rows = statement.query([])?;
     let mut sessions = Vec::new();
-    let mut next_session = 1;
+    // Also of a session whose own row is lost: its ramps and samples still bear its number.
+    let mut newest: u64 = connection.query_row(
+        "SELECT max((SELECT coalesce(max(session), 0) FROM ramps), (SELECT coalesce(max(session), 0) FROM samples))",
+        [],
+        |row| row.get(0),
+    )?;
+    let mut found = 0;
     while let Some(row) = rows.next()? {
         let number: i64 = row.get(0)?;
-        next_session = next_session.max(u64::try_from(number).unwrap_or(0) + 1);
+        newest = newest.max(u64::try_from(number).unwrap_or(0));
+        found += 1;
         match session_view(row, number) {
             Ok(view) => sessions.push(restored_session(connection, view, quarantined)),
             Err(reason) => quarantined.push(Quarantined::new(format!("session {number}"), reason)),
         }
     }
-    Ok((sessions, next_session))
+    if let Some(reason) = shortfall(connection, Stream::Sessions, found)? {
+        quarantined.push(Quarantined::new("the list of sessions", reason));
+    }
+    Ok((sessions, newest + 1))
 }
 
 fn session_view(row: &Row<'_>, number: i64) -> Result<SessionView, String> {
@@ -173,6 +199,11 @@ fn gathered(connection: &Connection, session: u64) -> Result<SessionSamples, Str
         session,
         |position, row| sample(session, position, row),
     )?;
+    for (stream, found) in [(Stream::Ramps(session), ramps.len()), (Stream::Samples(session), samples.len())] {
+        if let Some(reason) = shortfall(connection, stream, found as u64).map_err(text)? {
+            return Err(format!("{stream}: {reason}"));
+        }
+    }
     Ok(SessionSamples { ramps, samples })
 }
 

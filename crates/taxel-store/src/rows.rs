@@ -48,8 +48,13 @@ pub(crate) fn ramp_checksum(session: u64, ramp: u16, baseline: &[u8]) -> Vec<u8>
 }
 
 /// Checksum of an activation's row.
-pub(crate) fn activation_checksum(patch: &str, model_set: &str, wall_ns: i64) -> Vec<u8> {
-    checksum(&[patch.as_bytes(), model_set.as_bytes(), &wall_ns.to_le_bytes()])
+pub(crate) fn activation_checksum(seq: u64, patch: &str, model_set: &str, wall_ns: i64) -> Vec<u8> {
+    checksum(&[&seq.to_le_bytes(), patch.as_bytes(), model_set.as_bytes(), &wall_ns.to_le_bytes()])
+}
+
+/// Checksum of the number of rows of a stream.
+pub(crate) fn tally_checksum(stream: &str, rows: u64) -> Vec<u8> {
+    checksum(&[stream.as_bytes(), &rows.to_le_bytes()])
 }
 
 /// Mean and noise of each taxel as little-endian f64, 16 bytes a taxel; NaN is kept.

@@ -1,4 +1,4 @@
-//! The tables. Every row but a session's newest view is written once and never touched again; triggers hold that, also
+//! The tables. Every row but a session's newest view and the tally is written once and never touched again; triggers hold that, also
 //! against other programmes.
 
 /// `taxl`: marks the file as ours in its header.
@@ -65,6 +65,13 @@ CREATE TABLE tares (
     noise_median    REAL,
     baseline        BLOB NOT NULL
 ) STRICT;
+
+-- How many rows a stream of the others ever got, so that missing ones are noticed.
+CREATE TABLE tally (
+    stream   TEXT PRIMARY KEY,
+    rows     INTEGER NOT NULL,
+    checksum BLOB NOT NULL
+) STRICT, WITHOUT ROWID;
 
 CREATE TRIGGER sessions_stay BEFORE DELETE ON sessions
     BEGIN SELECT RAISE(ABORT, 'sessions are never deleted'); END;

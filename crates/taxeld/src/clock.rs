@@ -1,8 +1,9 @@
 //! The run's clock: monotonic time live, the log's own time in a replay.
 
 use std::sync::{Arc, OnceLock};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::Instant;
 
+use taxel_can::ClockReading;
 use taxel_engine::Now;
 use taxel_skin::Time;
 
@@ -36,7 +37,10 @@ impl RunClock {
     /// The present.
     pub fn now(&self) -> Now {
         match self {
-            Self::Live => Now { time: taxel_can::clock::monotonic(), wall_ns: wall_ns() },
+            Self::Live => {
+                let now = ClockReading::now();
+                Now { time: now.time, wall_ns: now.wall_ns }
+            }
             Self::Log { speed, anchor } => {
                 let time = anchor.get().map_or(Time::default(), |&(first, read)| {
                     first + read.elapsed().mul_f64(*speed)
@@ -45,9 +49,4 @@ impl RunClock {
             }
         }
     }
-}
-
-fn wall_ns() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }

@@ -5,14 +5,14 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_engine::command::{Command, Rejection, Reply, RequestId};
+use taxel_engine::command::{Rejection, Reply, RequestId};
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
-use taxel_engine::session::{FitJob, FitOutcome, SessionView};
-use taxel_engine::snapshot::{Catalogue, Health, PatchSnapshot};
+use taxel_engine::session::{FitJob, FitOutcome, SessionState, SessionView};
 use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
 use taxel_skin::BusIndex;
-use taxel_store::{Batch, Store, StoreEvent, models_json};
+use taxel_rpc::{Publisher, Request};
+use taxel_store::{Batch, Durability, OnDurable, QueueFull, Store, StoreError, StoreEvent, models_json};
 use taxel_wire::{Frame, TimedFrame};
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
@@ -38,38 +38,13 @@ enum Internal {
     Store(StoreEvent),
 }
 
-/// The writing ends of everything that readers watch. The reading ends are the service's.
-pub struct Feeds {
-    /// Per patch.
-    pub patches: Vec<watch::Sender<Arc<PatchSnapshot>>>,
-    /// Per patch.
-    pub sessions: Vec<watch::Sender<Option<Arc<SessionView>>>>,
-    /// Buses and boards.
-    pub health: watch::Sender<Arc<Health>>,
-    /// Sessions and model sets.
-    pub catalogue: watch::Sender<Arc<Catalogue>>,
-}
-
-impl Feeds {
-    /// Feeds that have nothing to tell yet.
-    pub fn new(plan: &Plan) -> Self {
-        Self {
-            patches: plan.patches.iter().map(|_| watch::Sender::new(Arc::default())).collect(),
-            sessions: plan.patches.iter().map(|_| watch::Sender::new(None)).collect(),
-            health: watch::Sender::new(Arc::default()),
-            catalogue: watch::Sender::new(Arc::default()),
-        }
-    }
-}
-
-/// A command and where its reply goes.
-pub type Request = (Command, oneshot::Sender<Reply>);
-
 /// Everything that the engine's task holds.
 pub struct Driver {
     engine: Engine,
     clock: RunClock,
-    feeds: Feeds,
+    publisher: Publisher,
+    /// The state of each patch's session as it was last logged.
+    logged: Vec<Option<(u64, SessionState)>>,
     store: Store,
     /// One queue of frames to send per bus; a full one loses the frame, which the bring-up's proof then shows.
     buses: Vec<mpsc::Sender<Frame>>,
@@ -77,6 +52,8 @@ pub struct Driver {
     requests: u64,
     internal: (mpsc::UnboundedSender<Internal>, mpsc::UnboundedReceiver<Internal>),
     out: Vec<Output>,
+    /// The newest session's state, for whoever plays the operator's hand.
+    session_state: Option<watch::Sender<Option<SessionState>>>,
 }
 
 /// Opens the store in such a way that its events reach the driver that is made with it.
@@ -91,11 +68,11 @@ impl StoreEvents {
     }
 
     /// The store's end.
-    pub fn notify(&self) -> impl Fn(StoreEvent) + Send + 'static {
+    pub fn notify(&self) -> taxel_store::Notify {
         let sender = self.0.clone();
-        move |event| {
+        Box::new(move |event| {
             let _ = sender.send(Internal::Store(event)); // the driver has ended: nobody is left to tell
-        }
+        })
     }
 }
 
@@ -105,22 +82,30 @@ impl Driver {
         plan: Arc<Plan>,
         restored: Restored,
         clock: RunClock,
-        feeds: Feeds,
+        publisher: Publisher,
         store: (Store, StoreEvents),
         buses: Vec<mpsc::Sender<Frame>>,
     ) -> Self {
         let (store, StoreEvents(sender, receiver)) = store;
         Self {
+            logged: vec![None; plan.patches.len()],
             engine: Engine::new(plan, restored),
             clock,
-            feeds,
+            publisher,
             store,
             buses,
             waiting: HashMap::new(),
             requests: 0,
             internal: (sender, receiver),
             out: Vec::new(),
+            session_state: None,
         }
+    }
+
+    /// Also tells the newest session's state.
+    pub fn telling(mut self, session_state: watch::Sender<Option<SessionState>>) -> Self {
+        self.session_state = Some(session_state);
+        self
     }
 
     /// Runs until cancelled; then the store is closed with everything that was recorded.
@@ -137,15 +122,17 @@ impl Driver {
                 biased;
                 () = cancel.cancelled() => break,
                 Some(batch) = frames.recv() => self.take_batch(batch),
-                Some((command, reply)) = commands.recv() => self.take_command(command, reply),
+                Some(request) = commands.recv() => self.take_command(request),
                 Some(done) = self.internal.1.recv() => self.take_internal(done),
                 _ = tick.tick() => self.step(Input::Tick),
             }
         }
         // Closing commits what is queued, which can take a disk's time.
         let store = self.store;
-        if let Err(error) = tokio::task::spawn_blocking(move || store.close()).await {
-            tracing::error!(%error, "closing the store");
+        match tokio::task::spawn_blocking(move || store.close()).await {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => tracing::error!(%error, "the store could not be closed cleanly"),
+            Err(error) => tracing::error!(%error, "the store's thread"),
         }
     }
 
@@ -159,7 +146,7 @@ impl Driver {
         }
     }
 
-    fn take_command(&mut self, command: Command, reply: oneshot::Sender<Reply>) {
+    fn take_command(&mut self, Request { command, reply }: Request) {
         self.requests += 1;
         let request = RequestId(self.requests);
         self.waiting.insert(request, reply);
@@ -183,16 +170,10 @@ impl Driver {
         let (mut records, mut replies) = (Vec::new(), Vec::new());
         for output in out.drain(..) {
             match output {
-                Output::Patch(index, snapshot) => {
-                    self.feeds.patches[index].send_replace(snapshot);
-                }
+                Output::Patch(index, snapshot) => self.publisher.patch(index, snapshot),
                 Output::Session(index, view) => self.show_session(index, view),
-                Output::Health(health) => {
-                    self.feeds.health.send_replace(health);
-                }
-                Output::Catalogue(catalogue) => {
-                    self.feeds.catalogue.send_replace(catalogue);
-                }
+                Output::Health(health) => self.publisher.health(health),
+                Output::Catalogue(catalogue) => self.publisher.catalogue(catalogue),
                 Output::Send(bus, frame) => self.send(bus, frame),
                 Output::Fit(job) => self.fit(job),
                 Output::Record(record) => records.push(record),
@@ -211,28 +192,30 @@ impl Driver {
             }
             return;
         }
-        let answer = move |outcome: Result<(), String>| {
-            for (to, reply) in replies {
-                let reply = match &outcome {
-                    Ok(()) => reply,
-                    Err(why) => Err(Rejection::Unavailable(format!("it could not be written to disk: {why}"))),
-                };
-                let _ = to.send(reply);
-            }
+        let on_durable: Option<OnDurable> = if replies.is_empty() {
+            None
+        } else {
+            Some(Box::new(move |outcome| answer(replies, outcome)))
         };
-        let batch = Batch::new(records, answer);
-        if let Err(full) = self.store.submit(batch) {
-            self.step(Input::StoreFailed(full.to_string()));
+        if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable }) {
+            let full = QueueFull(Batch::default()).to_string();
+            if let Some(on_durable) = batch.on_durable {
+                on_durable(Err(StoreError::Closed));
+            }
+            self.step(Input::StoreFailed(full));
         }
     }
 
-    fn show_session(&self, index: usize, view: Arc<SessionView>) {
-        let before = self.feeds.sessions[index].borrow().as_ref().map(|old| (old.number, old.state));
-        if before != Some((view.number, view.state)) {
+    fn show_session(&mut self, index: usize, view: Arc<SessionView>) {
+        let state = Some((view.number, view.state));
+        if std::mem::replace(&mut self.logged[index], state) != state {
             let (session, state) = (view.number, view.state.name());
             tracing::info!(session, patch = %view.patch, state, reason = %view.reason, "calibration session");
         }
-        self.feeds.sessions[index].send_replace(Some(view));
+        if let Some(told) = &self.session_state {
+            told.send_replace(Some(view.state));
+        }
+        self.publisher.session(index, view);
     }
 
     fn send(&self, bus: BusIndex, frame: Frame) {
@@ -248,5 +231,16 @@ impl Driver {
             let outcome = job.run(models_json::content_id);
             let _ = done.send(Internal::Fitted(outcome)); // the daemon is stopping: the samples are on disk
         });
+    }
+}
+
+/// Tells everyone who waited for a commit how it went.
+fn answer(replies: Vec<(oneshot::Sender<Reply>, Reply)>, outcome: Result<Durability, StoreError>) {
+    for (to, reply) in replies {
+        let reply = match &outcome {
+            Ok(_) => reply,
+            Err(error) => Err(Rejection::Unavailable(format!("it could not be written to disk: {error}"))),
+        };
+        let _ = to.send(reply); // the client has gone
     }
 }

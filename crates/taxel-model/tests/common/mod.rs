@@ -1,5 +1,6 @@
 //! Exact rational least squares, the judge of every solver here.
 #![allow(dead_code)] // Each test binary uses a part.
+#![allow(clippy::unwrap_used, clippy::expect_used)] // Tests; the exemption knows only functions marked as such.
 
 use num_bigint::BigInt;
 use num_rational::BigRational;
@@ -47,10 +48,8 @@ pub fn least_squares(x: &[BigRational], y: &[BigRational], order: usize) -> Vec<
         for r in 0..n {
             if r != i && a[r][i] != int(0) {
                 let factor = &a[r][i] / &a[i][i];
-                for k in i..=n {
-                    let part = &factor * &a[i][k];
-                    a[r][k] -= part;
-                }
+                let pivot = a[i].clone();
+                a[r].iter_mut().zip(&pivot).skip(i).for_each(|(a, p)| *a -= &factor * p);
             }
         }
     }

@@ -258,7 +258,7 @@ proptest! {
     }
 
     #[test]
-    fn every_fit_can_be_written_and_read(
+    fn every_fit_that_is_finite_can_be_written_and_read(
         samples in proptest::collection::vec((prop_oneof![0.0..255.0_f64, (0_u8..=255).prop_map(f64::from)], -5.0..200.0_f64), 0..60),
         order in 1_u8..=10, auto: bool, whole: bool, scale in prop_oneof![Just(1.0), Just(1e-9), Just(1e9)],
     ) {
@@ -269,7 +269,11 @@ proptest! {
         let mut set = model_set(1);
         set.taxels[0] = model;
         let set = with_id(set);
-        prop_assert_eq!(bits(&from_json(&to_json(&set).unwrap()).unwrap()), bits(&set));
+        match to_json(&set) {
+            Ok(text) => prop_assert_eq!(bits(&from_json(&text).unwrap()), bits(&set)),
+            // A fit of samples that lie on one curve may have an infinite ratio of errors in its diagnostics.
+            Err(error) => prop_assert!(error.to_string().contains("finite"), "{error}"),
+        }
     }
 
     #[test]

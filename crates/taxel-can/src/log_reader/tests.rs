@@ -1,0 +1,140 @@
+use super::*;
+use flate2::{Compression, write::GzEncoder};
+use proptest::prelude::*;
+use std::io::Write;
+use taxel_wire::candump::write_line;
+use taxel_wire::{CanId, Frame};
+
+const LOG: &str = "(1.000000) can0 301#01\n\n# a comment\n(2.000000) can1 302#02\nnonsense\n(1.500000) can0 301#03";
+
+/// Reads a few bytes at a time, as a pipe may.
+struct Dribble(Cursor<Vec<u8>>, usize);
+
+impl Read for Dribble {
+    fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
+        let length = to.len().min(self.1);
+        self.0.read(&mut to[..length])
+    }
+}
+
+fn reader(bytes: &[u8], interface: Option<&str>) -> LogReader {
+    LogReader::from_reader("log".to_owned(), Cursor::new(bytes.to_vec()), interface.map(str::to_owned)).unwrap()
+}
+
+fn read_all(reader: &mut LogReader) -> Vec<TimedFrame> {
+    let mut frames = Vec::new();
+    while reader.next_batch(&mut frames, 64).unwrap() {}
+    frames
+}
+
+fn gzipped(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    encoder.write_all(bytes).unwrap();
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn every_line_is_accounted_for() {
+    let mut log = reader(LOG.as_bytes(), Some("can0"));
+    let frames = read_all(&mut log);
+    let expected = [(1.0, 1), (1.5, 3)].map(|(time, byte)| TimedFrame {
+        time: Time::from_seconds(time),
+        frame: Frame::of(CanId::Standard(0x301), [byte]),
+    });
+    assert_eq!(frames, expected);
+    let report = log.report();
+    assert_eq!((report.lines, report.frames, report.other_interface, report.blank, report.bad), (6, 2, 1, 2, 1));
+    assert_eq!(report.first_bad[0].line, 5);
+    assert!(matches!(report.first_bad[0].fault, LineFault::Syntax(LogError::Syntax { column: 1, .. })));
+}
+
+#[test]
+fn a_frame_from_the_past_keeps_its_time_and_is_counted() {
+    let mut log = reader(LOG.as_bytes(), None);
+    let frames = read_all(&mut log);
+    assert_eq!(frames[2].time, Time::from_seconds(1.5));
+    assert_eq!(log.report().backwards, 1);
+}
+
+#[test]
+fn gzip_is_known_by_its_bytes_also_in_several_members() {
+    let two = [gzipped(LOG.as_bytes()), gzipped(b"\n(3.0) can0 301#04\n")].concat();
+    assert_eq!(read_all(&mut reader(&two, None)).len(), 4);
+}
+
+#[test]
+fn a_cut_gzip_gives_its_lines_and_then_the_fault_with_its_place() {
+    let text = "(1.000000) can0 301#01\n".repeat(100_000);
+    let mut whole = gzipped(text.as_bytes());
+    whole.truncate(whole.len() / 2);
+    let mut log = reader(&whole, None);
+    let mut frames = Vec::new();
+    let fault = loop {
+        match log.next_batch(&mut frames, 1000) {
+            Ok(more) => assert!(more, "the end was not the log's"),
+            Err(fault) => break fault,
+        }
+    };
+    assert!(!frames.is_empty());
+    assert!(matches!(fault, LogFault::Read { line, .. } if line == frames.len() as u64), "{fault}");
+}
+
+#[test]
+fn a_line_without_end_is_one_bad_line_and_takes_no_memory() {
+    let mut text = vec![b'x'; 3 * BLOCK_BYTES + 17];
+    text.extend(b"\n(1.0) can0 301#01\n");
+    text.extend([b'y'; LINE_BYTES_MAX + 1]);
+    let mut log = reader(&text, None);
+    assert_eq!(read_all(&mut log).len(), 1);
+    assert_eq!((log.report().lines, log.report().bad), (3, 2));
+    assert_eq!(log.report().first_bad[0].fault, LineFault::TooLong);
+    assert_eq!(log.report().first_bad[1], BadLine { line: 3, fault: LineFault::TooLong });
+    assert_eq!(log.buffer.len(), BLOCK_BYTES);
+}
+
+#[test]
+fn an_empty_log_is_just_over() {
+    for bytes in [&b""[..], b"\n", &[0x1F]] {
+        assert!(read_all(&mut reader(bytes, None)).is_empty());
+    }
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let Err(fault) = LogReader::open(Path::new("/nowhere/run.log"), None) else { panic!("opened") };
+    assert!(fault.to_string().starts_with("/nowhere/run.log: "), "{fault}");
+}
+
+proptest! {
+    /// How the input is cut into reads and batches changes nothing.
+    #[test]
+    fn frames_survive_any_cut(ids in prop::collection::vec(0_u16..0x800, 0..200), read in 1_usize..100, max in 1_usize..50) {
+        let mut text = String::new();
+        let mut expected = Vec::new();
+        for (i, id) in ids.iter().enumerate() {
+            let time = Time::from_nanos(i as i64 * 1_000);
+            let frame = Frame::of(CanId::Standard(*id), [i as u8; 3]);
+            write_line(&mut text, time, "can0", &frame).unwrap();
+            expected.push(TimedFrame { time, frame });
+        }
+        let input = Dribble(Cursor::new(text.into_bytes()), read);
+        let mut log = LogReader::from_reader("log".to_owned(), input, None).unwrap();
+        let mut frames = Vec::new();
+        loop {
+            let before = frames.len();
+            let more = log.next_batch(&mut frames, max).unwrap();
+            prop_assert!(frames.len() - before <= max);
+            if !more { break; }
+        }
+        prop_assert_eq!(frames, expected);
+    }
+
+    #[test]
+    fn no_bytes_panic_and_all_lines_are_counted(bytes: Vec<u8>) {
+        prop_assume!(!bytes.starts_with(&GZIP_MAGIC));
+        let mut log = reader(&bytes, Some("can0"));
+        read_all(&mut log);
+        let report = log.report();
+        prop_assert_eq!(report.lines, report.frames + report.other_interface + report.blank + report.bad);
+    }
+}

@@ -1,0 +1,87 @@
+//! Whether a model that came from outside (a file, a message) may be believed.
+
+use crate::curve::Curve;
+use crate::dd::Dd;
+use crate::model::TaxelModel;
+use crate::options::MAX_ORDER;
+use crate::shape::wrong_slope;
+use crate::status::Flag;
+use thiserror::Error;
+
+/// Why a model cannot be served.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum ModelError {
+    /// A usable model needs a curve and a range.
+    #[error("status is `ok` but the model has no {missing}")]
+    Missing {
+        /// What is not there.
+        missing: &'static str,
+    },
+    /// A polynomial of order 0 to 10 has 1 to 11 coefficients.
+    #[error("the curve has {found} coefficients, 1 to {} are possible", MAX_ORDER + 1)]
+    Coefficients {
+        /// How many there are.
+        found: usize,
+    },
+    /// A number is not finite or not where it must be.
+    #[error("{name} is {value}, expected {expected}")]
+    Number {
+        /// Which number.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// The curve turns within its range, and the model does not say so.
+    #[error("the curve is not monotone near count {count}")]
+    NotMonotone {
+        /// A count where the slope has the wrong sign.
+        count: f64,
+    },
+}
+
+fn number(name: &'static str, value: f64, good: bool, expected: &'static str) -> Result<(), ModelError> {
+    if good && value.is_finite() { Ok(()) } else { Err(ModelError::Number { name, value, expected }) }
+}
+
+impl TaxelModel {
+    /// Checks everything that evaluation relies on: finite numbers, an ordered range, a monotone curve.
+    ///
+    /// # Errors
+    /// [`ModelError`] names the first thing that is wrong. A model without a curve is sound unless its status is ok.
+    pub fn validate(&self) -> Result<(), ModelError> {
+        let Some(curve) = &self.curve else {
+            return if self.status.is_ok() { Err(ModelError::Missing { missing: "curve" }) } else { Ok(()) };
+        };
+        let [low, high] = self.range.ok_or(ModelError::Missing { missing: "range" })?;
+        number("range[0]", low, true, "a finite count")?;
+        number("range[1]", high, high >= low, "a finite count not below range[0]")?;
+        number("curve.centre", curve.centre, true, "a finite count")?;
+        number("curve.half_width", curve.half_width, curve.half_width > 0.0, "a positive number of counts")?;
+        if curve.chebyshev.is_empty() || curve.chebyshev.len() > usize::from(MAX_ORDER) + 1 {
+            return Err(ModelError::Coefficients { found: curve.chebyshev.len() });
+        }
+        for c in &curve.chebyshev {
+            number("curve.chebyshev", *c, true, "finite coefficients")?;
+        }
+        if let Some(sigma) = &self.sigma {
+            number("sigma.first_count", sigma.first_count, true, "a finite count")?;
+            number("sigma.step_counts", sigma.step_counts, sigma.step_counts > 0.0, "a positive number of counts")?;
+            for s in &sigma.sigma_kpa {
+                number("sigma.sigma_kpa", *s, *s >= 0.0, "standard deviations of 0 kPa and more")?;
+            }
+        }
+        let told = self.flags.iter().any(|flag| matches!(flag, Flag::NotMonotone { .. }));
+        if self.status.is_ok() && !told { self.validate_shape(curve, low, high) } else { Ok(()) }
+    }
+
+    fn validate_shape(&self, curve: &Curve, low: f64, high: f64) -> Result<(), ModelError> {
+        let series: Vec<Dd> = curve.chebyshev.iter().copied().map(Dd::from).collect();
+        let s = |count: f64| Dd::sum(count, -curve.centre).div_f64(curve.half_width);
+        match wrong_slope(&series, s(low), s(high), self.sign.as_f64()) {
+            Some(place) => Err(ModelError::NotMonotone { count: curve.centre + place * curve.half_width }),
+            None => Ok(()),
+        }
+    }
+}

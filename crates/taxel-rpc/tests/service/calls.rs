@@ -1,0 +1,247 @@
+//! Each call that answers once: what goes in arrives at the engine, what the engine has comes out.
+
+use std::sync::Arc;
+use taxel_engine::command::{Command, Done};
+use taxel_engine::snapshot::{
+    BoardHealth, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag, TareView,
+    TaxelState,
+};
+use taxel_proto::v1;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::model_service_client::ModelServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_skin::{Newton, Time};
+
+use crate::fixture::{FOREARM, HAND, TAXELS, model_set, snapshot, start, start_with};
+
+#[tokio::test]
+async fn a_force_carries_everything_that_the_engine_knows() {
+    let daemon = start().await;
+    let sample = ForceSample {
+        state: ForceState::Degraded,
+        reasons: vec!["3 taxels are silent".to_owned()],
+        total: Some(Newton(4.5)),
+        total_sigma: Some(Newton(0.25)),
+        resultant: Some([0.1, 0.2, 4.4]),
+        moment: Some([1.0, 2.0, 3.0]),
+        centre_of_pressure: Some([0.01, 0.02, 0.03]),
+        contacts: vec![Contact { force_n: 4.5, centre: [0.01, 0.02, 0.03], taxels: 5 }],
+        active: 5,
+        excluded: 2,
+        stale: 3,
+        out_of_range: 1,
+        uncovered_share: 0.125,
+        model_set: Some("m-1".into()),
+    };
+    let published = PatchSnapshot { force: sample, ..PatchSnapshot::clone(&snapshot(9, Time::from_nanos(1_000))) };
+    daemon.engine().patch(0, Arc::new(published));
+    daemon.set_clock(Time::from_nanos(2_000_001_000));
+    let mut client = ForceServiceClient::new(daemon.connect().await);
+    let got = client.get_force(v1::GetForceRequest::default()).await.unwrap().into_inner();
+    let vector = |x, y, z| Some(v1::Vector3 { x, y, z });
+    let expected = v1::ForceSample {
+        sequence: 9,
+        state: v1::ForceState::Degraded.into(),
+        total_n: Some(4.5),
+        total_sigma_n: Some(0.25),
+        age_s: Some(2.0),
+        monotonic_ns: Some(1_000),
+        time: Some(taxel_proto::Timestamp { seconds: 1_700_000_000, nanos: 500_000_000 }),
+        skipped: 0,
+        active: 5,
+        excluded: 2,
+        stale: 3,
+        out_of_range: 1,
+        uncovered_share: 0.125,
+        model_set: "m-1".to_owned(),
+        reasons: vec!["3 taxels are silent".to_owned()],
+        patch: FOREARM.to_owned(),
+        resultant_n: vector(0.1, 0.2, 4.4),
+        moment_nm: vector(1.0, 2.0, 3.0),
+        centre_of_pressure_m: vector(0.01, 0.02, 0.03),
+        contacts: vec![v1::Contact { force_n: 4.5, centre_m: vector(0.01, 0.02, 0.03), taxels: 5 }],
+    };
+    assert_eq!(got, expected);
+}
+
+#[tokio::test]
+async fn before_the_first_frame_there_is_no_age_and_the_reason_says_so() {
+    let daemon = start().await;
+    let mut client = ForceServiceClient::new(daemon.connect().await);
+    let got = client.get_force(v1::GetForceRequest::default()).await.unwrap().into_inner();
+    assert_eq!((got.sequence, got.age_s, got.monotonic_ns, got.time, got.total_n), (0, None, None, None, None));
+    assert_eq!(got.state(), v1::ForceState::Uncalibrated);
+    assert_eq!(got.reasons, ["no frame of this patch has come yet"]);
+}
+
+#[tokio::test]
+async fn a_sum_that_is_not_a_number_never_goes_out() {
+    let daemon = start().await;
+    let mut broken = PatchSnapshot::clone(&snapshot(1, Time::default()));
+    broken.force.total = Some(Newton(f64::NAN));
+    broken.force.total_sigma = Some(Newton(f64::INFINITY));
+    daemon.engine().patch(0, Arc::new(broken));
+    let mut client = ForceServiceClient::new(daemon.connect().await);
+    let got = client.get_force(v1::GetForceRequest::default()).await.unwrap().into_inner();
+    assert_eq!((got.total_n, got.total_sigma_n), (None, None));
+}
+
+#[tokio::test]
+async fn taxels_carry_their_own_age_and_only_what_is_known() {
+    let daemon = start().await;
+    let second = 1_000_000_000;
+    let pressed = TaxelState {
+        count: 180,
+        time: Time::from_nanos(second),
+        seen: true,
+        active: true,
+        calibrated: true,
+        range: RangeFlag::Above,
+        pressure_kpa: Some(71.5),
+        sigma_kpa: Some(f32::INFINITY),
+        ..TaxelState::default()
+    };
+    let mut published = PatchSnapshot::clone(&snapshot(4, Time::from_nanos(3 * second)));
+    published.taxels = vec![pressed, TaxelState { stale: true, ..TaxelState::default() }].into();
+    daemon.engine().patch(0, Arc::new(published));
+    daemon.set_clock(Time::from_nanos(4 * second));
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let got = client.get_taxels(v1::GetTaxelsRequest::default()).await.unwrap().into_inner();
+    assert_eq!((got.sequence, got.age_s, got.patch.as_str()), (4, Some(1.0), FOREARM));
+    let expected = v1::TaxelReading {
+        count: Some(180),
+        age_s: Some(3.0),
+        active: true,
+        calibrated: true,
+        range: v1::Range::Above.into(),
+        pressure_kpa: Some(71.5),
+        ..v1::TaxelReading::default()
+    };
+    assert_eq!(got.taxels, [expected, v1::TaxelReading { stale: true, ..v1::TaxelReading::default() }]);
+}
+
+#[tokio::test]
+async fn the_skin_tells_its_layout_and_why_taxels_are_excluded() {
+    let daemon = start_with(&[FOREARM, HAND], taxel_rpc::Limits::default()).await;
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let request = || v1::GetSkinRequest { patch: FOREARM.to_owned() };
+    let bare = client.get_skin(request()).await.unwrap().into_inner();
+    assert_eq!(bare.patches, [FOREARM, HAND]);
+    assert_eq!((bare.excluded as usize, bare.model_set.as_str()), (TAXELS, ""));
+    assert!(bare.taxels.iter().all(|taxel| taxel.exclusion == "no_model_set"));
+
+    let active = vec![(FOREARM.to_owned(), Some("m-a".to_owned()))];
+    let model_sets = vec![model_set("m-a", FOREARM)];
+    daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
+    let skin = client.get_skin(request()).await.unwrap().into_inner();
+    assert_eq!((skin.excluded as usize, skin.model_set.as_str()), (TAXELS - 1, "m-a"));
+    assert!(skin.taxels[0].calibrated && skin.taxels[0].exclusion.is_empty());
+    assert_eq!(skin.taxels[1].exclusion, "dead");
+    assert_eq!(skin.taxels[1].exclusion_text, "the count stayed at 7");
+    assert_eq!((skin.taxels[16].module, skin.taxels[16].slot), (1, 7), "a thermal pad lies before it");
+    assert_eq!(skin.taxels[3].position_m, None);
+    assert_eq!(skin.taxels[4].position_m, Some(v1::Vector3 { x: 0.004, y: 0.0, z: 0.0 }));
+    assert!(skin.taxels[4].normal.is_some());
+    assert_eq!(skin.boards[0].address, 13);
+    assert_eq!(skin.boards[0].modules[1].first_taxel, 10);
+    assert_eq!(skin.geometry_remarks, ["1 of 20 taxels have no position"]);
+}
+
+#[tokio::test]
+async fn health_names_buses_boards_zeros_and_faults() {
+    let daemon = start().await;
+    let bus =
+        BusHealth { up: true, frames: 10, malformed: 1, last_malformed: "bad".to_owned(), ..BusHealth::default() };
+    let board = BoardHealth { patch: FOREARM.to_owned(), address: 13, modules: (16, 15), ..BoardHealth::default() };
+    let problems = vec!["the disk is full".to_owned()];
+    daemon.engine().health(Arc::new(Health { buses: vec![bus], boards: vec![board], problems }));
+    let mut published = PatchSnapshot::clone(&snapshot(1, Time::default()));
+    let reason = "rest shown".to_owned();
+    published.tare = Some(TareView { epoch: 2, valid: true, reason, noise_median: f64::NAN, ..TareView::default() });
+    daemon.engine().patch(0, Arc::new(published));
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let health = client.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner();
+    assert!(health.buses[0].up && health.buses[0].last_malformed == "bad");
+    assert_eq!((health.boards[0].modules_enabled, health.boards[0].modules_fresh), (16, 15));
+    assert_eq!(health.problems, ["the disk is full"]);
+    let tare = health.patches[0].tare.as_ref().unwrap();
+    assert_eq!((tare.epoch, tare.valid, tare.reason.as_str()), (2, true, "rest shown"));
+    assert_eq!(tare.noise_median_counts.to_bits(), 0.0_f64.to_bits(), "not a number stays inside");
+    assert_eq!((health.streams, health.streams_max), (0, 64));
+}
+
+#[tokio::test]
+async fn tare_and_bring_up_reach_the_engine() {
+    let mut daemon = start().await;
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let request = v1::TareRequest { patch: String::new(), confirmed_by: "  Ada  ".to_owned() };
+    let done = Done::Tared(TareView { epoch: 3, valid: true, wall_ns: 5_000_000_000, ..TareView::default() });
+    let (tared, ()) = tokio::join!(
+        client.tare(request),
+        daemon.answer(Ok(done), |command| {
+            let Command::Tare { patch, confirmed_by } = command else { panic!("{command:?}") };
+            assert_eq!((patch.as_str(), confirmed_by.as_deref()), (FOREARM, Some("Ada")));
+        })
+    );
+    let tared = tared.unwrap().into_inner();
+    assert_eq!((tared.epoch, tared.valid, tared.time.unwrap().seconds), (3, true, 5));
+
+    let call = client.bring_up(v1::BringUpRequest::default());
+    let (begun, ()) = tokio::join!(
+        call,
+        daemon.answer(Ok(Done::BringUpStarted), |command| {
+            assert!(matches!(command, Command::BringUp { .. }));
+        })
+    );
+    begun.unwrap();
+}
+
+#[tokio::test]
+async fn model_sets_are_shown_activated_exported_and_imported() {
+    let mut daemon = start().await;
+    let active = vec![(FOREARM.to_owned(), Some("m-b".to_owned()))];
+    let model_sets = vec![model_set("m-a", FOREARM), model_set("m-b", FOREARM)];
+    daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
+    let mut client = ModelServiceClient::new(daemon.connect().await);
+
+    let set = client.get_model_set(v1::GetModelSetRequest::default()).await.unwrap().into_inner();
+    let summary = set.summary.unwrap();
+    assert_eq!((summary.model_set.as_str(), summary.active, summary.calibrated), ("m-b", true, 1));
+    assert_eq!((summary.session, summary.created.unwrap().seconds), (Some(7), 1_700_000_000));
+    assert_eq!((set.taxels[1].status.as_str(), set.taxels[1].rmse_kpa), ("dead", None));
+
+    let request = v1::GetTaxelModelRequest { model_set: "m-a".to_owned(), ..Default::default() };
+    let model = client.get_taxel_model(request).await.unwrap().into_inner();
+    assert_eq!((model.summary.as_ref().unwrap().status.as_str(), model.falling), ("ok", true));
+    assert_eq!(model.coefficients.len(), 6);
+    let at_200 = model.points.iter().find(|point| point.count == 200).unwrap();
+    assert!((at_200.pressure_kpa - 40.0).abs() < 1.0 && at_200.sigma_kpa.unwrap() > 0.0);
+    let horner = model.coefficients.iter().rev().fold(0.0, |sum, c| sum * 200.0 + c);
+    assert!((horner - at_200.pressure_kpa).abs() < 1e-3, "the constant term comes first");
+
+    let exported = client.export_model_set(v1::ExportModelSetRequest::default()).await.unwrap().into_inner();
+    assert_eq!((exported.model_set.as_str(), exported.json.as_str()), ("m-b", "set m-b"));
+
+    let request = v1::ImportModelSetRequest { json: "set m-c".to_owned() };
+    let done = Done::Imported { model_set: "m-c".to_owned() };
+    let (imported, ()) = tokio::join!(
+        client.import_model_set(request),
+        daemon.answer(Ok(done), |command| {
+            let Command::Import { model_set } = command else { panic!("{command:?}") };
+            assert_eq!(model_set.id, "m-c");
+        })
+    );
+    assert_eq!(imported.unwrap().into_inner().model_set, "m-c");
+
+    let (model_set, expected) = ("m-a".to_owned(), Some(String::new()));
+    let request = v1::ActivateModelSetRequest { model_set, expected, ..Default::default() };
+    let done = Done::Activated { model_set: "m-a".to_owned(), previous: Some("m-b".to_owned()) };
+    let (activated, ()) = tokio::join!(
+        client.activate_model_set(request),
+        daemon.answer(Ok(done), |command| {
+            let Command::Activate { patch, model_set, expected } = command else { panic!("{command:?}") };
+            assert_eq!((patch.as_str(), model_set.as_str(), expected.as_deref()), (FOREARM, "m-a", Some("")));
+        })
+    );
+    assert_eq!(activated.unwrap().into_inner().previous, "m-b");
+}

@@ -1,0 +1,186 @@
+//! Each refusal: its code, and that its text names the thing, the value and what was expected.
+
+use futures_util::StreamExt;
+use futures_util::stream::FuturesUnordered;
+use std::time::Duration;
+use taxel_engine::command::{Done, Rejection};
+use taxel_proto::v1;
+use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::model_service_client::ModelServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_rpc::Limits;
+use taxel_rpc::handle::COMMANDS_WAITING_MAX;
+use tonic::{Code, Status};
+
+use crate::fixture::{FOREARM, HAND, start, start_with};
+
+fn expect(status: Status, code: Code, words: &[&str]) {
+    assert_eq!(status.code(), code, "{status:?}");
+    for word in words {
+        assert!(status.message().contains(word), "`{}` does not say `{word}`", status.message());
+    }
+}
+
+#[tokio::test]
+async fn a_patch_must_be_named_where_there_are_several_and_must_exist() {
+    let daemon = start_with(&[FOREARM, HAND], Limits::default()).await;
+    let channel = daemon.connect().await;
+    let mut force = ForceServiceClient::new(channel.clone());
+    let status = force.get_force(v1::GetForceRequest::default()).await.unwrap_err();
+    expect(status, Code::InvalidArgument, &["patch", FOREARM, HAND]);
+    let nose = || "nose".to_owned();
+    let status = force.get_force(v1::GetForceRequest { patch: nose() }).await.unwrap_err();
+    expect(status, Code::NotFound, &["patch `nose`", FOREARM, HAND]);
+    let request = v1::StreamForceRequest { patch: nose(), rate_hz: None };
+    expect(force.stream_force(request).await.unwrap_err(), Code::NotFound, &["nose"]);
+
+    let mut skin = SkinServiceClient::new(channel.clone());
+    let status = skin.get_skin(v1::GetSkinRequest { patch: nose() }).await.unwrap_err();
+    expect(status, Code::NotFound, &["nose"]);
+    let status = skin.get_taxels(v1::GetTaxelsRequest { patch: nose() }).await.unwrap_err();
+    expect(status, Code::NotFound, &["nose"]);
+    let status = skin.tare(v1::TareRequest { patch: nose(), ..Default::default() }).await.unwrap_err();
+    expect(status, Code::NotFound, &["nose"]);
+    let status = skin.bring_up(v1::BringUpRequest { patch: nose() }).await.unwrap_err();
+    expect(status, Code::NotFound, &["nose"]);
+
+    let mut models = ModelServiceClient::new(channel.clone());
+    let status = models.get_model_set(v1::GetModelSetRequest::default()).await.unwrap_err();
+    expect(status, Code::InvalidArgument, &["patch"]);
+    let request = v1::ListModelSetsRequest { patch: nose(), ..Default::default() };
+    expect(models.list_model_sets(request).await.unwrap_err(), Code::NotFound, &["nose"]);
+
+    let mut sessions = CalibrationServiceClient::new(channel);
+    let status = sessions.start_session(v1::StartSessionRequest::default()).await.unwrap_err();
+    expect(status, Code::InvalidArgument, &["patch", HAND]);
+}
+
+#[tokio::test]
+async fn rates_outside_1_to_1000_hz_are_refused() {
+    let daemon = start().await;
+    let channel = daemon.connect().await;
+    for rate_hz in [0.0, 0.99, 1000.1, -5.0, f64::NAN, f64::INFINITY] {
+        let request = v1::StreamForceRequest { rate_hz: Some(rate_hz), ..Default::default() };
+        let status = ForceServiceClient::new(channel.clone()).stream_force(request).await.unwrap_err();
+        expect(status, Code::InvalidArgument, &["rate_hz", "1 to 1000", &rate_hz.to_string()]);
+        let request = v1::StreamTaxelsRequest { rate_hz: Some(rate_hz), ..Default::default() };
+        let status = SkinServiceClient::new(channel.clone()).stream_taxels(request).await.unwrap_err();
+        expect(status, Code::InvalidArgument, &["rate_hz"]);
+    }
+}
+
+#[tokio::test]
+async fn sets_taxels_and_sessions_that_are_not_there_are_named() {
+    let daemon = start().await;
+    let channel = daemon.connect().await;
+    let mut models = ModelServiceClient::new(channel.clone());
+    let unknown = || "m-0".to_owned();
+    let request = v1::GetModelSetRequest { model_set: unknown(), ..Default::default() };
+    expect(models.get_model_set(request).await.unwrap_err(), Code::NotFound, &["m-0"]);
+    let request = v1::ExportModelSetRequest::default();
+    expect(models.export_model_set(request).await.unwrap_err(), Code::NotFound, &["active model set", FOREARM]);
+    let status = models.activate_model_set(v1::ActivateModelSetRequest::default()).await.unwrap_err();
+    expect(status, Code::InvalidArgument, &["model_set"]);
+    let request = v1::ImportModelSetRequest { json: "[]".to_owned() };
+    expect(models.import_model_set(request).await.unwrap_err(), Code::InvalidArgument, &["json", "line 1", "`[]`"]);
+    let model_sets = vec![crate::fixture::model_set("m-a", FOREARM)];
+    let catalogue = taxel_engine::snapshot::Catalogue { model_sets, ..Default::default() };
+    daemon.engine().catalogue(std::sync::Arc::new(catalogue));
+    let request = v1::GetTaxelModelRequest { model_set: "m-a".to_owned(), taxel: 20, ..Default::default() };
+    expect(models.get_taxel_model(request).await.unwrap_err(), Code::InvalidArgument, &["taxel", "20", "0 to 19"]);
+
+    let mut sessions = CalibrationServiceClient::new(channel);
+    let status = sessions.get_session(v1::GetSessionRequest { session: 5 }).await.unwrap_err();
+    expect(status, Code::NotFound, &["session 5"]);
+    let status = sessions.watch_session(v1::WatchSessionRequest { session: 5 }).await.unwrap_err();
+    expect(status, Code::NotFound, &["session 5"]);
+    let status = sessions.abort_session(v1::AbortSessionRequest::default()).await.unwrap_err();
+    expect(status, Code::InvalidArgument, &["session", "from 1"]);
+    let status = sessions.get_session(v1::GetSessionRequest::default()).await.unwrap_err();
+    expect(status, Code::InvalidArgument, &["session"]);
+    let request = v1::StartSessionRequest { confirmed_by: "x".repeat(257), ..Default::default() };
+    let status = sessions.start_session(request).await.unwrap_err();
+    expect(status, Code::InvalidArgument, &["confirmed_by", "257", "256"]);
+}
+
+#[tokio::test]
+async fn the_engines_refusals_keep_their_words() {
+    let mut daemon = start().await;
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let problem = "-1 is not in 0 to 9".to_owned();
+    let refusals = [
+        (Rejection::InvalidArgument { field: "target_kpa", problem }, Code::InvalidArgument, "target_kpa: -1 is not"),
+        (
+            Rejection::FailedPrecondition("session 3 is RAMPING".into()),
+            Code::FailedPrecondition,
+            "session 3 is RAMPING",
+        ),
+        (Rejection::NotFound("session 4".into()), Code::NotFound, "there is no session 4"),
+        (Rejection::Unavailable("the disk is full".into()), Code::Unavailable, "the disk is full"),
+    ];
+    for (rejection, code, words) in refusals {
+        let call = client.tare(v1::TareRequest::default());
+        let (answer, ()) = tokio::join!(call, daemon.answer(Err(rejection), |_| {}));
+        expect(answer.unwrap_err(), code, &[words]);
+    }
+    // An answer to another question is the daemon's fault, and said to be so.
+    let call = client.tare(v1::TareRequest::default());
+    let (answer, ()) = tokio::join!(call, daemon.answer(Ok(Done::BringUpStarted), |_| {}));
+    expect(answer.unwrap_err(), Code::Internal, &[]);
+}
+
+#[tokio::test]
+async fn a_command_ends_when_the_engine_is_slow_gone_or_full() {
+    let limits = Limits { command: Duration::from_millis(20), ..Limits::default() };
+    let mut daemon = start_with(&[FOREARM], limits).await;
+    let client = SkinServiceClient::new(daemon.connect().await);
+    let tare = || {
+        let mut client = client.clone();
+        async move { client.tare(v1::TareRequest::default()).await.unwrap_err() }
+    };
+    expect(tare().await, Code::DeadlineExceeded, &["0.02 s", "may still come to pass"]);
+    daemon.requests.recv().await.unwrap();
+
+    let (answer, request) = tokio::join!(tare(), daemon.requests.recv());
+    drop(request);
+    expect(answer, Code::DeadlineExceeded, &[]); // `request` lived as long as the call
+    let dropped = async { drop(daemon.requests.recv().await) };
+    let (answer, ()) = tokio::join!(tare(), dropped);
+    expect(answer, Code::Unavailable, &["the engine has stopped"]);
+    daemon.requests.close();
+    expect(tare().await, Code::Unavailable, &["the engine has stopped"]);
+}
+
+#[tokio::test]
+async fn commands_beyond_the_queue_are_refused_at_once() {
+    let daemon = start().await;
+    let client = SkinServiceClient::new(daemon.connect().await);
+    let mut calls: FuturesUnordered<_> = (0..=COMMANDS_WAITING_MAX)
+        .map(|_| {
+            let mut client = client.clone();
+            async move { client.tare(v1::TareRequest::default()).await }
+        })
+        .collect();
+    let first = calls.next().await.unwrap().unwrap_err();
+    expect(first, Code::ResourceExhausted, &["16 commands"]);
+    // The others wait for the engine; the shutdown lets them go.
+    daemon.shutdown.cancel();
+    while let Some(answer) = calls.next().await {
+        expect(answer.unwrap_err(), Code::Unavailable, &["shutting down"]);
+    }
+}
+
+#[tokio::test]
+async fn requests_beyond_their_size_are_refused() {
+    let limits = Limits { request_bytes: 1 << 10, models_bytes: 4 << 10, ..Limits::default() };
+    let daemon = start_with(&[FOREARM], limits).await;
+    let channel = daemon.connect().await;
+    let patch = "x".repeat(2 << 10);
+    let status = ForceServiceClient::new(channel.clone()).get_force(v1::GetForceRequest { patch }).await.unwrap_err();
+    expect(status, Code::OutOfRange, &[]);
+    let request = |bytes| v1::ImportModelSetRequest { json: "x".repeat(bytes) };
+    let mut models = ModelServiceClient::new(channel);
+    expect(models.import_model_set(request(2 << 10)).await.unwrap_err(), Code::InvalidArgument, &["json"]);
+    expect(models.import_model_set(request(5 << 10)).await.unwrap_err(), Code::OutOfRange, &[]);
+}

@@ -1,0 +1,148 @@
+//! A server on a free port whose engine is the test itself.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::time::Duration;
+use taxel_engine::command::{Command, Reply};
+use taxel_engine::faults::FaultLimits;
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::plan::{LiveLimits, Outputs, PatchPlan, Plan, SessionLimits, TarePlan};
+use taxel_engine::rest::{RestLimits, TaxelBaseline};
+use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
+use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Status as ModelStatus, TaxelModel};
+use taxel_rpc::handle::channel;
+use taxel_rpc::{Drain, Limits, Listener, ModelCodec, Publisher, Request, ServeError, serve};
+use taxel_skin::{
+    Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Newton, Patch, SquareMillimetre, TaxelPose, Time,
+};
+use tokio::net::TcpListener;
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+use tonic::transport::{Channel, Endpoint};
+
+pub const FOREARM: &str = "left_forearm";
+pub const HAND: &str = "left_hand";
+pub const TAXELS: usize = 20;
+
+/// A running server and all its ends.
+pub struct Daemon {
+    pub publisher: Option<Publisher>,
+    pub requests: mpsc::Receiver<Request>,
+    pub shutdown: CancellationToken,
+    pub address: SocketAddr,
+    pub server: JoinHandle<Result<Drain, ServeError>>,
+    clock: Arc<AtomicI64>,
+}
+
+pub async fn start() -> Daemon {
+    start_with(&[FOREARM], Limits::default()).await
+}
+
+pub async fn start_with(patches: &[&str], limits: Limits) -> Daemon {
+    let plan = Arc::new(Plan { buses: 1, patches: patches.iter().map(|name| patch_plan(name)).collect() });
+    let clock = Arc::new(AtomicI64::new(0));
+    let reads = Arc::clone(&clock);
+    let now = Arc::new(move || Time::from_nanos(reads.load(Ordering::SeqCst)));
+    let shutdown = CancellationToken::new();
+    let codec = ModelCodec { to_json, from_json };
+    let (handle, publisher, requests) = channel(plan, now, codec, shutdown.clone());
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let server = tokio::spawn(serve(handle, Listener::Tcp(listener), limits));
+    Daemon { publisher: Some(publisher), requests, shutdown, address, server, clock }
+}
+
+impl Daemon {
+    pub async fn connect(&self) -> Channel {
+        self.endpoint().connect().await.unwrap()
+    }
+
+    pub fn endpoint(&self) -> Endpoint {
+        Endpoint::from_shared(format!("http://{}", self.address)).unwrap()
+    }
+
+    pub fn engine(&self) -> &Publisher {
+        self.publisher.as_ref().unwrap()
+    }
+
+    /// The run's clock says this from now on.
+    pub fn set_clock(&self, time: Time) {
+        self.clock.store(time.as_nanos(), Ordering::SeqCst);
+    }
+
+    /// Answers the next command, which `expected` looks at.
+    pub async fn answer(&mut self, reply: Reply, expected: impl FnOnce(Command)) {
+        let request = self.requests.recv().await.unwrap();
+        expected(request.command);
+        request.reply.send(reply).unwrap();
+    }
+}
+
+fn patch_plan(name: &str) -> PatchPlan {
+    let modules = (0..2).map(|m| (Module::from_nibble(m), ModuleKind::Triangle)).collect();
+    let board = Board { bus: BusIndex(0), address: BoardAddress::new(13).unwrap(), modules };
+    let pose = |taxel: usize| TaxelPose { position: [0.001 * taxel as f64, 0.0, 0.0], normal: [0.0, 0.6, 0.8] };
+    let mut poses: Vec<_> = (0..TAXELS).map(|taxel| Some(pose(taxel))).collect();
+    poses[3] = None;
+    poses[0] = Some(TaxelPose { position: [0.0, 0.0, 0.0], normal: [1.0, 0.0, 0.0] });
+    PatchPlan {
+        patch: Patch::new(name, vec![board]).unwrap(),
+        bring_up: Vec::new(),
+        period: Duration::from_millis(50),
+        geometry: Some(Geometry::from_poses(poses)),
+        areas: vec![SquareMillimetre::ICUB_TAXEL; TAXELS],
+        area_uncertainty: 0.0,
+        gauge: None,
+        outputs: Outputs::default(),
+        live: LiveLimits::default(),
+        faults: FaultLimits::default(),
+        tare: TarePlan { duration: Duration::from_secs(2), at_start: false, rest: RestLimits::default() },
+        session: SessionLimits::default(),
+        fit: FitOptions::default(),
+    }
+}
+
+/// A snapshot with this number, its newest frame received at `time`, its total `sequence` newtons.
+pub fn snapshot(sequence: u64, time: Time) -> Arc<PatchSnapshot> {
+    let taxel = TaxelState { count: 200, time, seen: true, calibrated: true, ..TaxelState::default() };
+    let force = ForceSample { state: ForceState::Ok, total: Some(Newton(sequence as f64)), ..ForceSample::default() };
+    let taxels = vec![taxel; TAXELS].into();
+    Arc::new(PatchSnapshot { sequence, time, wall_ns: 1_700_000_000_500_000_000, force, taxels, tare: None })
+}
+
+/// A set of one true model and otherwise excluded taxels.
+pub fn model_set(id: &str, patch: &str) -> Arc<ModelSet> {
+    let mut sums = Accumulator::new();
+    for k in 0..700_u32 {
+        let kpa = f64::from(k) / 10.0;
+        sums.add((240.0 - 80.0 * kpa / (kpa + 40.0)).round() as u8, FixedPressure::from_kpa(kpa), 0);
+    }
+    let dead = TaxelModel::without_curve(ModelStatus::Dead { count: 7.0 }, GaugeUncertainty::default());
+    let mut taxels = vec![dead; TAXELS];
+    taxels[0] = sums.fit(&FitOptions::default());
+    Arc::new(ModelSet {
+        id: id.to_owned(),
+        patch: patch.to_owned(),
+        created_wall_ns: 1_700_000_000_000_000_000,
+        session: Some(7),
+        method: "order 5, pressure-binned".to_owned(),
+        board_settings: vec!["board 13".to_owned()],
+        baseline: vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS],
+        pressure_max_kpa: 70.0,
+        gauge_gain_rel: 0.01,
+        gauge_offset_kpa: 0.1,
+        taxels,
+    })
+}
+
+/// In the tests a set's file is its id.
+fn to_json(set: &ModelSet) -> String {
+    format!("set {}", set.id)
+}
+
+fn from_json(text: &str) -> Result<ModelSet, String> {
+    let id = text.strip_prefix("set ").ok_or_else(|| format!("line 1: `{text}`: expected `set ID`"))?;
+    Ok(ModelSet::clone(&model_set(id, FOREARM)))
+}

@@ -1,0 +1,116 @@
+//! What stands around the services: reflection, health, the drain.
+
+use std::sync::Arc;
+use std::time::Duration;
+use taxel_engine::snapshot::{BusHealth, Health};
+use taxel_proto::v1;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_rpc::handle::channel;
+use taxel_rpc::{Drain, Limits, Listener, ModelCodec, serve};
+use taxel_skin::Time;
+use tokio::io::AsyncReadExt;
+use tokio::net::TcpStream;
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
+
+use crate::fixture::{FOREARM, snapshot, start, start_with};
+
+const SERVICES: [&str; 5] = [
+    "taxel.v1.ForceService",
+    "taxel.v1.SkinService",
+    "taxel.v1.CalibrationService",
+    "taxel.v1.ModelService",
+    "grpc.health.v1.Health",
+];
+
+macro_rules! reflection_test {
+    ($name:ident, $version:ident) => {
+        #[tokio::test]
+        async fn $name() {
+            use tonic_reflection::pb::$version::ServerReflectionRequest;
+            use tonic_reflection::pb::$version::server_reflection_client::ServerReflectionClient;
+            use tonic_reflection::pb::$version::server_reflection_request::MessageRequest;
+            use tonic_reflection::pb::$version::server_reflection_response::MessageResponse;
+            let daemon = start().await;
+            let mut client = ServerReflectionClient::new(daemon.connect().await);
+            let ask = |message| ServerReflectionRequest { host: String::new(), message_request: Some(message) };
+            let mut questions = vec![ask(MessageRequest::ListServices(String::new()))];
+            questions.extend(SERVICES.map(|name| ask(MessageRequest::FileContainingSymbol(name.to_owned()))));
+            let mut answers = client.server_reflection_info(tokio_stream::iter(questions)).await.unwrap().into_inner();
+            let list = answers.message().await.unwrap().unwrap().message_response.unwrap();
+            let MessageResponse::ListServicesResponse(list) = list else { panic!("{list:?}") };
+            let names: Vec<_> = list.service.iter().map(|service| service.name.as_str()).collect();
+            for service in SERVICES {
+                assert!(names.contains(&service), "{service} is not in {names:?}");
+                let file = answers.message().await.unwrap().unwrap().message_response.unwrap();
+                assert!(matches!(file, MessageResponse::FileDescriptorResponse(_)), "{service}: {file:?}");
+            }
+        }
+    };
+}
+
+reflection_test!(reflection_v1_knows_every_service, v1);
+reflection_test!(reflection_v1alpha_knows_every_service, v1alpha);
+
+#[tokio::test]
+async fn health_follows_the_buses_and_the_force() {
+    let daemon = start().await;
+    let mut client = HealthClient::new(daemon.connect().await);
+    let request = |service: &str| HealthCheckRequest { service: service.to_owned() };
+    let mut force = client.watch(request("taxel.v1.ForceService")).await.unwrap().into_inner();
+    let mut skin = client.watch(request("taxel.v1.SkinService")).await.unwrap().into_inner();
+    let mut whole = client.watch(request("")).await.unwrap().into_inner();
+    for (stream, wanted) in [(&mut force, ServingStatus::NotServing), (&mut skin, ServingStatus::Serving)] {
+        while stream.message().await.unwrap().unwrap().status() != wanted {}
+    }
+    daemon.engine().patch(0, snapshot(1, Time::default()));
+    assert_eq!(force.message().await.unwrap().unwrap().status(), ServingStatus::Serving);
+    let buses = vec![BusHealth { up: false, ..BusHealth::default() }];
+    daemon.engine().health(Arc::new(Health { buses, ..Health::default() }));
+    assert_eq!(skin.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
+    while whole.message().await.unwrap().unwrap().status() != ServingStatus::Serving {}
+    daemon.shutdown.cancel();
+    assert_eq!(whole.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
+    assert!(whole.message().await.unwrap().is_none(), "a health stream does not hold the shutdown up");
+}
+
+#[tokio::test]
+async fn a_peer_that_holds_on_is_cut_at_the_deadline() {
+    let limits = Limits { drain: Duration::from_millis(50), preface: Duration::from_secs(3600), ..Limits::default() };
+    let daemon = start_with(&[FOREARM], limits).await;
+    let mut mute = TcpStream::connect(daemon.address).await.unwrap();
+    // An answer on a later connection proves that the mute one was accepted.
+    ForceServiceClient::new(daemon.connect().await).get_force(v1::GetForceRequest::default()).await.unwrap();
+    daemon.shutdown.cancel();
+    assert_eq!(daemon.server.await.unwrap().unwrap(), Drain::Cut);
+    assert_eq!(read_to_end(&mut mute).await, 0);
+}
+
+/// Reads until the peer closes or resets; how much came.
+pub async fn read_to_end(stream: &mut TcpStream) -> usize {
+    let mut all = Vec::new();
+    let _ = stream.read_to_end(&mut all).await; // a reset is a close as well
+    all.len()
+}
+
+#[tokio::test]
+async fn a_unix_socket_serves_the_same() {
+    let folder = std::env::temp_dir().join(format!("taxel-rpc-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("socket");
+    let _ = std::fs::remove_file(&path);
+    let plan = Arc::new(taxel_engine::plan::Plan { buses: 0, patches: Vec::new() });
+    let codec = ModelCodec { to_json: |_| String::new(), from_json: |_| Err("not here".to_owned()) };
+    let shutdown = tokio_util::sync::CancellationToken::new();
+    let (handle, _publisher, _requests) = channel(plan, Arc::new(Time::default), codec, shutdown.clone());
+    let listener = Listener::Unix(tokio::net::UnixListener::bind(&path).unwrap());
+    let server = tokio::spawn(serve(handle, listener, Limits::default()));
+    let endpoint = tonic::transport::Endpoint::from_shared(format!("unix:{}", path.display())).unwrap();
+    let mut client = ForceServiceClient::new(endpoint.connect().await.unwrap());
+    let status = client.get_force(v1::GetForceRequest::default()).await.unwrap_err();
+    assert_eq!(status.code(), tonic::Code::InvalidArgument, "there is no patch at all: {status:?}");
+    shutdown.cancel();
+    assert_eq!(server.await.unwrap().unwrap(), Drain::Clean);
+    std::fs::remove_dir_all(&folder).unwrap();
+}

@@ -1,0 +1,132 @@
+//! Sessions: commands go to the engine, views come back, and a watcher sees the session to its end.
+
+use std::sync::Arc;
+use taxel_engine::command::{Command, Done};
+use taxel_engine::session::{RefusalCounts, SampleRefusal, SessionState, SessionView};
+use taxel_engine::snapshot::Catalogue;
+use taxel_proto::v1;
+use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
+use taxel_skin::Kilopascal;
+use tonic::Code;
+
+use crate::fixture::{Daemon, FOREARM, start};
+
+fn view(number: u64, state: SessionState) -> SessionView {
+    SessionView { number, patch: FOREARM.to_owned(), state, ..SessionView::default() }
+}
+
+fn publish(daemon: &Daemon, number: u64, state: SessionState) {
+    daemon.engine().session(0, Arc::new(view(number, state)));
+}
+
+#[tokio::test]
+async fn every_session_command_reaches_the_engine_and_shows_the_session() {
+    let mut daemon = start().await;
+    let mut client = CalibrationServiceClient::new(daemon.connect().await);
+    let mut refused = RefusalCounts::default();
+    refused.add(SampleRefusal::TooFast);
+    let full = SessionView {
+        refused,
+        confirmed_by: Some("Ada".to_owned()),
+        target_kpa: 60.0,
+        accepted: 12,
+        durable: 10,
+        pressure_kpa: Some(3.5),
+        remaining_s: Some(f64::INFINITY),
+        responding: (18, 20),
+        model_set: Some("m-1".into()),
+        ..view(8, SessionState::Taring)
+    };
+    let request = v1::StartSessionRequest {
+        target_kpa: Some(60.0),
+        confirmed_by: "Ada".to_owned(),
+        ..v1::StartSessionRequest::default()
+    };
+    let done = || Ok(Done::Session(Arc::new(full.clone())));
+    let (session, ()) = tokio::join!(
+        client.start_session(request),
+        daemon.answer(done(), |command| {
+            let Command::StartSession { patch, target, confirmed_by } = command else { panic!("{command:?}") };
+            assert_eq!(
+                (patch.as_str(), target, confirmed_by.as_deref()),
+                (FOREARM, Some(Kilopascal(60.0)), Some("Ada"))
+            );
+        })
+    );
+    let session = session.unwrap().into_inner();
+    assert_eq!((session.session, session.state()), (8, v1::SessionState::Taring));
+    assert_eq!((session.accepted, session.durable, session.refused.unwrap().too_fast), (12, 10, 1));
+    assert_eq!((session.pressure_kpa, session.remaining_s), (Some(3.5), None), "no infinity goes out");
+    assert_eq!((session.taxels_responding, session.taxels), (18, 20));
+
+    let call = client.start_ramp(v1::StartRampRequest { session: 8 });
+    let (answer, ()) =
+        tokio::join!(call, daemon.answer(done(), |c| assert!(matches!(c, Command::StartRamp { session: 8 }))));
+    answer.unwrap();
+    let call = client.finish_ramp(v1::FinishRampRequest { session: 8 });
+    let (answer, ()) =
+        tokio::join!(call, daemon.answer(done(), |c| assert!(matches!(c, Command::FinishRamp { session: 8 }))));
+    answer.unwrap();
+    let call = client.abort_session(v1::AbortSessionRequest { session: 8 });
+    let (answer, ()) =
+        tokio::join!(call, daemon.answer(done(), |c| assert!(matches!(c, Command::AbortSession { session: 8 }))));
+    answer.unwrap();
+    let call = client.discard_session(v1::DiscardSessionRequest { session: 8 });
+    let (answer, ()) =
+        tokio::join!(call, daemon.answer(done(), |c| assert!(matches!(c, Command::DiscardSession { session: 8 }))));
+    answer.unwrap();
+}
+
+#[tokio::test]
+async fn a_watcher_sees_the_session_at_once_and_to_its_end() {
+    let daemon = start().await;
+    publish(&daemon, 2, SessionState::Taring);
+    let mut client = CalibrationServiceClient::new(daemon.connect().await);
+    let request = v1::WatchSessionRequest { session: 2 };
+    let mut watch = client.watch_session(request).await.unwrap().into_inner();
+    let first = watch.message().await.unwrap().unwrap();
+    assert_eq!(first.state(), v1::SessionState::Taring);
+    for state in [SessionState::Ramping, SessionState::Fitting, SessionState::Review] {
+        publish(&daemon, 2, state);
+        let next = watch.message().await.unwrap().unwrap();
+        assert_eq!(next.state().as_str_name(), format!("SESSION_STATE_{}", state.name()));
+    }
+    // Another session takes the patch; what becomes of this one then is in the catalogue.
+    let sessions = vec![Arc::new(view(2, SessionState::Review))];
+    daemon.engine().catalogue(Arc::new(Catalogue { sessions, ..Catalogue::default() }));
+    publish(&daemon, 3, SessionState::Taring);
+    let sessions = vec![Arc::new(view(2, SessionState::Discarded))];
+    daemon.engine().catalogue(Arc::new(Catalogue { sessions, ..Catalogue::default() }));
+    let last = watch.message().await.unwrap().unwrap();
+    assert_eq!(last.state(), v1::SessionState::Discarded);
+    assert!(watch.message().await.unwrap().is_none(), "the stream ends with OK");
+}
+
+#[tokio::test]
+async fn a_session_that_has_ended_is_shown_once() {
+    let daemon = start().await;
+    let mut client = CalibrationServiceClient::new(daemon.connect().await);
+    let ended = [SessionState::Active, SessionState::Discarded, SessionState::Aborted, SessionState::Failed];
+    for (number, state) in (1..).zip(ended) {
+        publish(&daemon, number, state);
+        let request = v1::WatchSessionRequest { session: number };
+        let mut watch = client.watch_session(request).await.unwrap().into_inner();
+        let shown = watch.message().await.unwrap().unwrap();
+        assert_eq!(shown.state().as_str_name(), format!("SESSION_STATE_{}", state.name()));
+        assert!(watch.message().await.unwrap().is_none());
+        let got = client.get_session(v1::GetSessionRequest { session: number }).await.unwrap().into_inner();
+        assert_eq!(got, shown);
+    }
+}
+
+#[tokio::test]
+async fn a_watcher_is_told_of_the_shutdown() {
+    let daemon = start().await;
+    publish(&daemon, 2, SessionState::Ramping);
+    let mut client = CalibrationServiceClient::new(daemon.connect().await);
+    let mut watch = client.watch_session(v1::WatchSessionRequest { session: 2 }).await.unwrap().into_inner();
+    watch.message().await.unwrap().unwrap();
+    daemon.shutdown.cancel();
+    let status = watch.message().await.unwrap_err();
+    assert_eq!((status.code(), status.message()), (Code::Unavailable, "the daemon is shutting down"));
+}

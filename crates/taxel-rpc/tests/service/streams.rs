@@ -1,0 +1,199 @@
+//! The policy of streams: the first message at once, the newest value wins, what is skipped is counted, a true age
+//! always, and an end that names its reason.
+
+use std::time::{Duration, Instant};
+use taxel_proto::v1;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_rpc::{Drain, Limits};
+use taxel_skin::Time;
+use tonic::{Code, Streaming};
+
+use crate::fixture::{Daemon, FOREARM, TAXELS, snapshot, start, start_with};
+
+type Forces = Streaming<v1::ForceSample>;
+
+async fn subscribe(daemon: &Daemon, rate_hz: Option<f64>) -> Forces {
+    let mut client = ForceServiceClient::new(daemon.connect().await);
+    let request = v1::StreamForceRequest { rate_hz, ..Default::default() };
+    client.stream_force(request).await.unwrap().into_inner()
+}
+
+async fn next(stream: &mut Forces) -> v1::ForceSample {
+    stream.message().await.unwrap().unwrap()
+}
+
+#[tokio::test]
+async fn the_first_message_comes_at_once_and_then_each_value() {
+    let daemon = start().await;
+    daemon.engine().patch(0, snapshot(41, Time::default()));
+    let mut stream = subscribe(&daemon, None).await;
+    assert_eq!(next(&mut stream).await.sequence, 41);
+    for sequence in 42..60 {
+        daemon.engine().patch(0, snapshot(sequence, Time::default()));
+        let got = next(&mut stream).await;
+        assert_eq!((got.sequence, got.skipped, got.total_n), (sequence, 0, Some(sequence as f64)));
+    }
+    let mut taxels = SkinServiceClient::new(daemon.connect().await);
+    let mut taxels = taxels.stream_taxels(v1::StreamTaxelsRequest::default()).await.unwrap().into_inner();
+    let first = taxels.message().await.unwrap().unwrap();
+    assert_eq!((first.sequence, first.taxels.len()), (59, TAXELS));
+    daemon.engine().patch(0, snapshot(63, Time::default()));
+    let second = taxels.message().await.unwrap().unwrap();
+    assert_eq!((second.sequence, second.skipped), (63, 3));
+}
+
+/// Publishes 2,000 values while a reader with a tiny window sleeps; another client's calls in between prove that the
+/// server had its chance to send.
+async fn stall(daemon: &Daemon, at_least: Duration) -> (Forces, u64) {
+    daemon.engine().patch(0, snapshot(1, Time::default()));
+    let endpoint = daemon.endpoint().initial_stream_window_size(256);
+    let mut client = ForceServiceClient::new(endpoint.connect().await.unwrap());
+    let mut stream = client.stream_force(v1::StreamForceRequest::default()).await.unwrap().into_inner();
+    assert_eq!(next(&mut stream).await.sequence, 1);
+    let mut other = ForceServiceClient::new(daemon.connect().await);
+    let (begun, mut sequence) = (Instant::now(), 1);
+    while sequence < 2_001 || begun.elapsed() < at_least {
+        sequence += 1;
+        daemon.engine().patch(0, snapshot(sequence, Time::default()));
+        if sequence % 20 == 0 {
+            other.get_force(v1::GetForceRequest::default()).await.unwrap();
+        }
+    }
+    (stream, sequence)
+}
+
+#[tokio::test]
+async fn a_reader_that_stalls_skips_to_the_newest_value_and_is_told_how_many() {
+    let daemon = start_with(&[FOREARM], Limits { unread: Duration::from_secs(3600), ..Limits::default() }).await;
+    let (mut stream, last) = stall(&daemon, Duration::ZERO).await;
+    let (mut sequence, mut messages) = (1, 0);
+    while sequence < last {
+        let got = next(&mut stream).await;
+        assert_eq!(got.sequence, sequence + 1 + got.skipped, "the count of skipped values adds up");
+        sequence = got.sequence;
+        messages += 1;
+    }
+    assert!(messages < 100, "{messages} messages waited for a reader that slept: nothing may queue in the server");
+}
+
+#[tokio::test]
+async fn a_reader_that_stalls_for_too_long_is_cut_off_with_the_seconds() {
+    let limit = Duration::from_millis(5);
+    let daemon = start_with(&[FOREARM], Limits { unread: limit, ..Limits::default() }).await;
+    let (mut stream, _) = stall(&daemon, 20 * limit).await;
+    let status = loop {
+        match stream.message().await {
+            Ok(message) => assert!(message.is_some(), "the stream must not end with OK"),
+            Err(status) => break status,
+        }
+    };
+    assert_eq!(status.code(), Code::Aborted);
+    assert!(status.message().contains("the limit is 0.005 s"), "{}", status.message());
+}
+
+#[tokio::test]
+async fn a_fixed_rate_holds_the_value_with_its_true_age() {
+    let daemon = start().await;
+    let received = Time::from_seconds(10.0);
+    daemon.engine().patch(0, snapshot(5, received));
+    daemon.set_clock(received);
+    let mut stream = subscribe(&daemon, Some(1000.0)).await;
+    let (mut clock, mut age) = (received, 0.0);
+    for _ in 0..50 {
+        let got = next(&mut stream).await;
+        let now = got.age_s.unwrap();
+        assert!(now >= age && now <= clock.seconds_since(received), "an age of {now} s after {age} s");
+        assert_eq!((got.sequence, got.skipped, got.monotonic_ns), (5, 0, Some(received.as_nanos())));
+        age = now;
+        clock = clock + Duration::from_millis(7);
+        daemon.set_clock(clock);
+    }
+    assert!(age > 0.0, "the age has grown");
+    daemon.engine().patch(0, snapshot(9, clock));
+    let got = loop {
+        let got = next(&mut stream).await;
+        if got.sequence == 9 {
+            break got;
+        }
+    };
+    assert_eq!((got.skipped, got.age_s), (3, Some(0.0)));
+}
+
+#[tokio::test]
+async fn every_stream_ends_with_the_reason_when_the_daemon_stops() {
+    let daemon = start().await;
+    let (mut each, mut held) = (subscribe(&daemon, None).await, subscribe(&daemon, Some(1.0)).await);
+    next(&mut each).await;
+    next(&mut held).await;
+    daemon.shutdown.cancel();
+    for stream in [&mut each, &mut held] {
+        let status = stream.message().await.unwrap_err();
+        assert_eq!((status.code(), status.message()), (Code::Unavailable, "the daemon is shutting down"));
+    }
+    assert_eq!(daemon.server.await.unwrap().unwrap(), Drain::Clean);
+}
+
+#[tokio::test]
+async fn every_stream_ends_with_the_reason_when_the_engine_stops() {
+    let mut daemon = start().await;
+    let (mut each, mut held) = (subscribe(&daemon, None).await, subscribe(&daemon, Some(500.0)).await);
+    next(&mut each).await;
+    next(&mut held).await;
+    daemon.publisher = None;
+    for stream in [&mut each, &mut held] {
+        let status = loop {
+            if let Err(status) = stream.message().await {
+                break status;
+            }
+        };
+        assert_eq!((status.code(), status.message()), (Code::Unavailable, "the engine has stopped"));
+    }
+}
+
+#[tokio::test]
+async fn streams_beyond_the_limit_are_refused_until_one_ends() {
+    let daemon = start_with(&[FOREARM], Limits { streams: 2, ..Limits::default() }).await;
+    let first = subscribe(&daemon, None).await;
+    let _second = subscribe(&daemon, Some(10.0)).await;
+    let channel = daemon.connect().await;
+    let mut client = ForceServiceClient::new(channel.clone());
+    let status = client.stream_force(v1::StreamForceRequest::default()).await.unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted);
+    assert!(status.message().contains("2 streams are being served"), "{}", status.message());
+    drop(first);
+    let mut skin = SkinServiceClient::new(channel);
+    while skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner().streams == 2 {}
+    client.stream_force(v1::StreamForceRequest::default()).await.unwrap();
+}
+
+/// A measurement, not a check: the rate and the delay that one subscriber gets.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+#[ignore = "prints figures; run it alone with --release -- --ignored --nocapture"]
+async fn figures_of_a_subscriber_at_1000_hz() {
+    let daemon = start().await;
+    let origin = Instant::now();
+    let clock = || Time::from_nanos(origin.elapsed().as_nanos() as i64);
+    daemon.engine().patch(0, snapshot(1, clock()));
+    let mut held = subscribe(&daemon, Some(1000.0)).await;
+    next(&mut held).await;
+    let begun = Instant::now();
+    for _ in 0..5_000 {
+        next(&mut held).await;
+    }
+    println!("held at 1000 Hz: {:.2} messages/s", 5_000.0 / begun.elapsed().as_secs_f64());
+    let mut each = subscribe(&daemon, None).await;
+    next(&mut each).await;
+    let mut delays = Vec::new();
+    let mut pace = tokio::time::interval(Duration::from_millis(1));
+    for sequence in 2..5_000 {
+        pace.tick().await;
+        let sent = clock();
+        daemon.engine().patch(0, snapshot(sequence, sent));
+        next(&mut each).await;
+        delays.push(clock().since(sent));
+    }
+    delays.sort();
+    let at = |share: f64| delays[(share * (delays.len() - 1) as f64) as usize];
+    println!("publish to client: p50 {:?} p99 {:?} p99.9 {:?}", at(0.5), at(0.99), at(0.999));
+}

@@ -1,0 +1,95 @@
+//! How many rows each stream of the store ever got.
+//!
+//! A row proves itself by its checksum; that the last rows of a table are missing, only a number kept elsewhere can
+//! tell. It is written in the transaction that adds the rows.
+
+use std::collections::{BTreeSet, HashMap};
+use std::fmt;
+
+use rusqlite::{Connection, OptionalExtension, params};
+
+use crate::rows;
+
+/// The streams that are counted.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Stream {
+    Sessions,
+    /// Ramps of one session.
+    Ramps(u64),
+    /// Samples of one session.
+    Samples(u64),
+    ModelSets,
+    Activations,
+}
+
+impl fmt::Display for Stream {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Sessions => f.write_str("sessions"),
+            Self::Ramps(session) => write!(f, "ramps of session {session}"),
+            Self::Samples(session) => write!(f, "samples of session {session}"),
+            Self::ModelSets => f.write_str("model sets"),
+            Self::Activations => f.write_str("activations"),
+        }
+    }
+}
+
+/// The numbers that were asked for, and which of them are still to be written.
+#[derive(Default)]
+pub(crate) struct Tally {
+    /// By the stream's name.
+    rows: HashMap<String, u64>,
+    changed: BTreeSet<String>,
+}
+
+impl Tally {
+    /// Rows that the stream has.
+    pub(crate) fn get(&mut self, connection: &Connection, stream: Stream) -> rusqlite::Result<u64> {
+        let name = stream.to_string();
+        if let Some(&rows) = self.rows.get(&name) {
+            return Ok(rows);
+        }
+        let rows = connection
+            .prepare_cached("SELECT rows FROM tally WHERE stream = ?1")?
+            .query_row([&name], |row| row.get(0))
+            .optional()?
+            .unwrap_or(0);
+        self.rows.insert(name, rows);
+        Ok(rows)
+    }
+
+    /// The stream has so many now.
+    pub(crate) fn set(&mut self, stream: Stream, rows: u64) {
+        let name = stream.to_string();
+        self.rows.insert(name.clone(), rows);
+        self.changed.insert(name);
+    }
+
+    /// Writes what has changed.
+    pub(crate) fn save(&mut self, connection: &Connection) -> rusqlite::Result<()> {
+        let mut statement = connection.prepare_cached(
+            "INSERT INTO tally (stream, rows, checksum) VALUES (?1, ?2, ?3)
+             ON CONFLICT (stream) DO UPDATE SET rows = excluded.rows, checksum = excluded.checksum",
+        )?;
+        for name in std::mem::take(&mut self.changed) {
+            let rows = self.rows.get(&name).copied().unwrap_or(0);
+            statement.execute(params![name, rows, rows::tally_checksum(&name, rows)])?;
+        }
+        Ok(())
+    }
+}
+
+/// Why a stream of which a start found `rows` rows is not whole; `None` if it is.
+pub(crate) fn shortfall(connection: &Connection, stream: Stream, rows: u64) -> rusqlite::Result<Option<String>> {
+    let name = stream.to_string();
+    let mut statement = connection.prepare_cached("SELECT rows, checksum FROM tally WHERE stream = ?1")?;
+    let mut found = statement.query([&name])?;
+    let written = match found.next()? {
+        None => 0,
+        Some(row) => match (row.get::<_, u64>(0), row.get::<_, Vec<u8>>(1)) {
+            (Ok(written), Ok(checksum)) if checksum == rows::tally_checksum(&name, written) => written,
+            _ => return Ok(Some("the record of how many there were is damaged".to_owned())),
+        },
+    };
+    Ok((written != rows).then(|| format!("{written} were written, {rows} are there")))
+}

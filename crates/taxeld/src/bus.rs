@@ -1,0 +1,100 @@
+//! One task per bus: it alone reads and writes the bus, and hands everything to the engine's task.
+
+use taxel_can::{Batch, BusError, BusEvent, FrameSource};
+use taxel_engine::BusNotice;
+use taxel_skin::BusIndex;
+use taxel_wire::Frame;
+use tokio::sync::mpsc;
+use tokio_util::sync::CancellationToken;
+
+use crate::driver::BusBatch;
+
+/// Batches that may wait for the engine: a batch is at least one frame, so that at the 9,009 frames/s of a full bus the
+/// engine may be 7 ms behind before a bus waits, and then the kernel's buffer holds another half second and counts.
+pub const BATCHES_WAITING_MAX: usize = 64;
+
+/// Frames that may wait to be sent: a bring-up sends four commands a board to at most fourteen boards, spread in time.
+pub const FRAMES_WAITING_MAX: usize = 64;
+
+/// How a bus ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusEnd {
+    /// The daemon stops.
+    Cancelled,
+    /// The log is over.
+    LogOver,
+    /// The source cannot go on; it was logged.
+    Failed,
+}
+
+/// Runs a source until it ends or is cancelled.
+pub async fn run(
+    bus: BusIndex,
+    mut source: impl FrameSource,
+    to_engine: mpsc::Sender<BusBatch>,
+    mut to_send: mpsc::Receiver<Frame>,
+    cancel: CancellationToken,
+) -> BusEnd {
+    let mut batch = Batch::default();
+    loop {
+        tokio::select! {
+            () = cancel.cancelled() => return BusEnd::Cancelled,
+            Some(frame) = to_send.recv() => {
+                if let Err(error) = source.send(&frame).await {
+                    tracing::warn!(bus = bus.0, %error, "a command to a board was not sent");
+                }
+            }
+            next = source.next(&mut batch) => {
+                if let Err(error) = next {
+                    tracing::error!(bus = bus.0, %error, "the bus cannot be read any more");
+                    let notices = vec![BusNotice::Down(error.to_string())];
+                    let _ = to_engine.send(BusBatch { bus, frames: Vec::new(), notices }).await;
+                    return BusEnd::Failed;
+                }
+                let notices = batch.events.drain(..).filter_map(|event| notice(bus, event)).collect();
+                let frames = std::mem::take(&mut batch.frames);
+                if to_engine.send(BusBatch { bus, frames, notices }).await.is_err() {
+                    return BusEnd::Cancelled;
+                }
+                if batch.end {
+                    return BusEnd::LogOver;
+                }
+            }
+        }
+    }
+}
+
+/// Logs an event once and tells the engine what concerns it.
+fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
+    let bus = bus.0;
+    match event {
+        BusEvent::Up => {
+            tracing::info!(bus, "the bus is up");
+            Some(BusNotice::Up)
+        }
+        BusEvent::Down { reason } => {
+            tracing::warn!(bus, %reason, "the bus is down");
+            Some(BusNotice::Down(reason.to_string()))
+        }
+        BusEvent::Dropped { frames } => {
+            tracing::warn!(bus, frames, "the kernel lost frames: its receive buffer was full");
+            Some(BusNotice::Dropped(frames))
+        }
+        BusEvent::Malformed { frames } => {
+            tracing::warn!(bus, frames, "reads that were no classic CAN frame");
+            None
+        }
+        BusEvent::BufferGranted { bytes, wanted } if bytes < wanted => {
+            tracing::warn!(bus, bytes, wanted, "the receive buffer holds less than 0.5 s of a full bus: raise net.core.rmem_max");
+            None
+        }
+        BusEvent::BufferGranted { bytes, .. } => {
+            tracing::info!(bus, bytes, "receive buffer");
+            None
+        }
+        BusEvent::Error { error, local } => {
+            tracing::debug!(bus, %error, local, "error frame");
+            Some(if error == BusError::BusOff { BusNotice::BusOff } else { BusNotice::ControllerError(error.to_string()) })
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! `taxeld check`: what a configuration resolves to, and what it leaves out.
+
+use taxel_engine::route::Routes;
+use taxel_skin::BusIndex;
+
+use crate::config::{Config, Scene};
+
+/// Prints the resolved scene.
+pub fn print(config: &Config, scene: &Scene) {
+    println!("store: {}", config.store.path.display());
+    println!("service: gRPC on {} (loopback, unencrypted)", config.service.listen);
+    let routes = Routes::new(&scene.plan);
+    for (position, section) in config.bus.iter().enumerate() {
+        let wanted = routes.wanted(BusIndex(position as u8)).len();
+        let interface = section.interface.as_deref().unwrap_or("none");
+        println!("bus {}: {:?}, interface {interface}, {wanted} identifiers let through", section.name, section.source);
+    }
+    for plan in &scene.plan.patches {
+        let patch = &plan.patch;
+        println!("patch {}: {} taxels on {} modules", patch.name(), patch.taxels().len(), patch.modules().len());
+        for board in patch.boards() {
+            println!("  board {} of bus {}: {} modules", board.address, board.bus.0, board.modules.len());
+        }
+        let frames_per_s = 2.0 * patch.modules().len() as f64 / plan.period.as_secs_f64();
+        println!("  {frames_per_s:.0} frames/s at {} ms: {:.1} % of a 1 Mbit/s bus", plan.period.as_millis(), frames_per_s * 111e-4);
+        let parts = [
+            ("total normal force", true),
+            ("resultant", plan.outputs.resultant),
+            ("moment and centre of pressure", plan.outputs.moment),
+            ("contacts", plan.outputs.contacts),
+            ("fill of excluded taxels", plan.outputs.fill),
+            ("calibration", plan.gauge.is_some()),
+            ("board bring-up", !plan.bring_up.is_empty()),
+        ];
+        let computed: Vec<&str> = parts.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
+        println!("  does: {}", computed.join(", "));
+    }
+    if !scene.left_out.is_empty() {
+        println!("left out:");
+        scene.left_out.iter().for_each(|line| println!("  {line}"));
+    }
+    if !scene.remarks.is_empty() {
+        println!("remarks:");
+        scene.remarks.iter().for_each(|line| println!("  {line}"));
+    }
+}

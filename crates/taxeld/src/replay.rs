@@ -1,0 +1,155 @@
+//! `taxeld replay`: a candump log through the same engine, with the service at the log's own pace or a multiple of it,
+//! or without it as fast as the log can be read.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail};
+use taxel_can::{LogReader, Pace, Replay};
+use taxel_engine::command::Command;
+use taxel_engine::session::{SessionState, SessionView};
+use taxel_skin::{BusIndex, Kilopascal};
+use taxel_store::models_json;
+
+use crate::clock::RunClock;
+use crate::config::{Config, Scene};
+use crate::offline::Offline;
+use crate::run::{Daemon, StoreAt};
+
+/// Frames per read.
+const FRAMES: usize = 4096;
+
+/// What is asked of a replay.
+pub struct Request {
+    /// The log.
+    pub log: PathBuf,
+    /// Times as fast as written; `None` for as fast as it can be read.
+    pub speed: Option<f64>,
+    /// Take a calibration from it, up to this pressure.
+    pub calibrate: Option<Option<f64>>,
+    /// Where the models go.
+    pub out: Option<PathBuf>,
+}
+
+/// Replays a log.
+///
+/// # Errors
+/// An unreadable log, or a calibration that fails.
+pub fn replay(request: Request, config: Config, mut scene: Scene) -> anyhow::Result<()> {
+    for patch in &mut scene.plan.patches {
+        patch.bring_up.clear(); // a log cannot be configured
+    }
+    match request.speed {
+        None => at_full_speed(&request, &config, scene),
+        Some(speed) => {
+            let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
+            runtime.block_on(paced(&request.log, speed, config, scene))
+        }
+    }
+}
+
+async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::Result<()> {
+    let clock = RunClock::of_log(speed);
+    let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, clock).await?;
+    for (position, section) in config.bus.iter().enumerate() {
+        let reader = LogReader::open(log, section.interface.clone())?;
+        daemon.add_bus(BusIndex(position as u8), Replay::new(reader, Pace::Times(speed)));
+    }
+    daemon.until_the_end().await
+}
+
+fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Result<()> {
+    let [section] = config.bus.as_slice() else {
+        bail!("a replay at full speed takes one bus, the configuration has {}", config.bus.len());
+    };
+    let mut reader = LogReader::open(&request.log, section.interface.clone())?;
+    let mut offline = Offline::new(Arc::new(scene.plan));
+    let mut frames = Vec::with_capacity(FRAMES);
+    let (begun, mut total, mut more, mut first) = (Instant::now(), 0_u64, true, None);
+    while more {
+        frames.clear();
+        more = reader.read(FRAMES, &mut frames)?;
+        total += frames.len() as u64;
+        if let (None, Some(target), Some(frame)) = (first, request.calibrate, frames.first()) {
+            offline.advance(frame.time);
+            start_session(&mut offline, target)?;
+        }
+        first = first.or(frames.first().map(|f| f.time));
+        offline.frames(BusIndex(0), &frames);
+    }
+    let elapsed = begun.elapsed();
+    let end = offline.now() + Duration::from_secs(1);
+    offline.advance(end);
+    finish_session(&mut offline)?;
+    let seconds = first.map_or(0.0, |first| end.seconds_since(first) - 1.0);
+    println!(
+        "{total} frames ({seconds:.1} s of log) in {:.3} s: {:.2} million frames/s, {} snapshots",
+        elapsed.as_secs_f64(),
+        total as f64 / elapsed.as_secs_f64() / 1e6,
+        offline.published,
+    );
+    print_report(&reader, &offline);
+    print_models(request, &offline)
+}
+
+fn start_session(offline: &mut Offline, target: Option<f64>) -> anyhow::Result<()> {
+    let target = target.map(Kilopascal);
+    let started = offline.command(Command::StartSession { patch: String::new(), target, confirmed_by: None });
+    started.context("the engine did not answer")?.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
+    Ok(())
+}
+
+fn session(offline: &Offline) -> Option<Arc<SessionView>> {
+    offline.sessions.first().cloned().flatten()
+}
+
+/// A log that ends before its target ends the ramp.
+fn finish_session(offline: &mut Offline) -> anyhow::Result<()> {
+    if let Some(view) = session(offline).filter(|view| view.state == SessionState::Ramping) {
+        let finished = offline.command(Command::FinishRamp { session: view.number });
+        finished.context("the engine did not answer")?.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
+    }
+    Ok(())
+}
+
+fn print_report(reader: &LogReader, offline: &Offline) {
+    let report = reader.report();
+    println!("log: {report}");
+    for bus in &offline.health.buses {
+        println!("bus: {} frames understood, {} of no concern, {} malformed", bus.frames, bus.foreign, bus.malformed);
+        if bus.malformed > 0 {
+            println!("  last malformed: {}", bus.last_malformed);
+        }
+    }
+    for board in &offline.health.boards {
+        println!("board {}: {} modules, {} scans, {} orphans", board.address, board.modules.0, board.scans, board.orphans);
+    }
+}
+
+fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
+    let Some(view) = session(offline) else { return Ok(()) };
+    println!(
+        "session: {}, {} scans entered, refused: {}",
+        view.state.name(),
+        view.accepted,
+        refusals(&view)
+    );
+    let Some(set) = offline.model_sets.last().filter(|_| view.state == SessionState::Review) else {
+        bail!("the calibration {}: {}", view.state.name(), view.reason);
+    };
+    crate::fit::print_summary(set);
+    if let Some(out) = &request.out {
+        std::fs::write(out, models_json::to_json(set)).with_context(|| out.display().to_string())?;
+        println!("models: {}", out.display());
+    }
+    Ok(())
+}
+
+/// Refusals of a session in words.
+pub fn refusals(view: &SessionView) -> String {
+    use taxel_engine::session::SampleRefusal;
+    let counted = SampleRefusal::ALL.into_iter().map(|reason| (reason.name(), view.refused.get(reason)));
+    let words: Vec<String> = counted.filter(|(_, n)| *n > 0).map(|(name, n)| format!("{n} {name}")).collect();
+    if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+}

@@ -1,0 +1,196 @@
+//! `taxeld run`: buses, engine, store and service, wired together until a signal ends them.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context;
+use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
+use taxel_engine::Restored;
+use taxel_engine::plan::Plan;
+use taxel_engine::route::Routes;
+use taxel_engine::session::SessionState;
+use taxel_rpc::{Handle, Limits, Listener, ModelCodec, handle::channel, serve};
+use taxel_skin::BusIndex;
+use taxel_store::{Store, models_json};
+use taxel_wire::Frame;
+use tokio::net::TcpListener;
+use tokio::sync::{mpsc, watch};
+use tokio::task::JoinSet;
+use tokio_util::sync::CancellationToken;
+
+use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, FRAMES_WAITING_MAX};
+use crate::clock::RunClock;
+use crate::config::{BusSource, Config, Scene};
+use crate::driver::{Driver, StoreEvents};
+
+/// After the end was asked for, the parts have this long to close.
+const CLOSE_WITHIN: Duration = Duration::from_secs(5);
+
+/// How model sets become text, for the service.
+pub const CODEC: ModelCodec = ModelCodec {
+    to_json: models_json::to_json,
+    from_json: |text| models_json::from_json(text).map_err(|error| error.to_string()),
+};
+
+/// Everything of a daemon but its buses.
+pub struct Daemon {
+    plan: Arc<Plan>,
+    clock: RunClock,
+    cancel: CancellationToken,
+    to_engine: mpsc::Sender<crate::driver::BusBatch>,
+    to_buses: Vec<Option<mpsc::Receiver<Frame>>>,
+    session: watch::Receiver<Option<SessionState>>,
+    tasks: JoinSet<()>,
+    buses: JoinSet<BusEnd>,
+}
+
+impl Daemon {
+    /// Starts engine, store and service.
+    ///
+    /// # Errors
+    /// If the store cannot be opened or the address cannot be bound.
+    pub async fn start(config: &Config, scene: Scene, store: StoreAt<'_>, clock: RunClock) -> anyhow::Result<Self> {
+        let plan = Arc::new(scene.plan);
+        let cancel = CancellationToken::new();
+        let events = StoreEvents::new();
+        let (store, restored) = open_store(store, &events)?;
+        let (now, patches) = (clock.clone(), plan.patches.len());
+        let clock_of_rpc = Arc::new(move || now.now().time);
+        let (handle, publisher, commands) = channel(Arc::clone(&plan), clock_of_rpc, CODEC, cancel.clone());
+        let (to_engine, frames) = mpsc::channel(BATCHES_WAITING_MAX);
+        let (senders, receivers): (Vec<_>, Vec<_>) =
+            (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).map(|(s, r)| (s, Some(r))).unzip();
+        let (session_state, session) = watch::channel(None);
+        let driver = Driver::new(Arc::clone(&plan), restored, clock.clone(), publisher, (store, events), senders)
+            .telling(session_state);
+        let mut tasks = JoinSet::new();
+        tasks.spawn(driver.run(frames, commands, cancel.clone()));
+        tasks.spawn(service(handle, listen(config).await?, limits(config)));
+        tracing::info!(patches, listen = %config.service.listen, "taxeld is up");
+        Ok(Self { plan, clock, cancel, to_engine, to_buses: receivers, session, tasks, buses: JoinSet::new() })
+    }
+
+    /// Adds the source of a bus.
+    pub fn add_bus(&mut self, bus: BusIndex, source: impl FrameSource + 'static) {
+        let Some(to_send) = self.to_buses.get_mut(bus.0 as usize).and_then(Option::take) else { return };
+        self.buses.spawn(bus::run(bus, source, self.to_engine.clone(), to_send, self.cancel.clone()));
+    }
+
+    /// What the calibration is at, for whoever plays the operator's hand.
+    pub fn session(&self) -> watch::Receiver<Option<SessionState>> {
+        self.session.clone()
+    }
+
+    /// The run's clock.
+    pub fn clock(&self) -> &RunClock {
+        &self.clock
+    }
+
+    /// Which identifiers each bus needs.
+    pub fn routes(&self) -> Routes {
+        Routes::new(&self.plan)
+    }
+
+    /// Runs until a signal comes or every bus has ended, then closes.
+    ///
+    /// # Errors
+    /// If signals cannot be waited for.
+    pub async fn until_the_end(mut self) -> anyhow::Result<()> {
+        let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
+        loop {
+            tokio::select! {
+                interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
+                _ = terminate.recv() => break,
+                ended = self.buses.join_next() => match ended {
+                    Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
+                    Some(Ok(BusEnd::LogOver)) if !self.buses.is_empty() => {}
+                    Some(Ok(_)) | None => break,
+                    Some(Err(error)) => tracing::error!(%error, "a bus task"),
+                },
+                Some(ended) = self.tasks.join_next() => {
+                    if let Err(error) = ended {
+                        tracing::error!(%error, "a task of the daemon");
+                    }
+                    break;
+                }
+            }
+        }
+        self.close().await;
+        Ok(())
+    }
+
+    async fn close(mut self) {
+        tracing::info!("taxeld stops");
+        self.cancel.cancel();
+        let all = async {
+            while self.buses.join_next().await.is_some() {}
+            while self.tasks.join_next().await.is_some() {}
+        };
+        if tokio::time::timeout(CLOSE_WITHIN, all).await.is_err() {
+            tracing::warn!(seconds = CLOSE_WITHIN.as_secs(), "some parts did not close in time");
+        }
+    }
+}
+
+/// Where records go.
+pub enum StoreAt<'a> {
+    /// A file.
+    File(&'a std::path::Path),
+    /// Nowhere that outlives the process.
+    Memory,
+}
+
+fn open_store(at: StoreAt<'_>, events: &StoreEvents) -> anyhow::Result<(Store, Restored)> {
+    match at {
+        StoreAt::Memory => Ok((Store::in_memory(events.notify())?, Restored::default())),
+        StoreAt::File(path) => {
+            if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
+                std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
+            }
+            let opened = Store::open(path, events.notify());
+            let (store, restored, _quarantined) = opened.with_context(|| format!("opening {}", path.display()))?;
+            Ok((store, restored))
+        }
+    }
+}
+
+async fn listen(config: &Config) -> anyhow::Result<TcpListener> {
+    let address = config.service.listen;
+    TcpListener::bind(address).await.with_context(|| format!("service.listen = {address}"))
+}
+
+fn limits(config: &Config) -> Limits {
+    let service = &config.service;
+    Limits { streams: service.subscribers_max, connections: service.connections_max, ..Limits::default() }
+}
+
+async fn service(handle: Handle, listener: TcpListener, limits: Limits) {
+    if let Err(error) = serve(handle, Listener::Tcp(listener), limits).await {
+        tracing::error!(error = &error as &dyn std::error::Error, "the service ended");
+    }
+}
+
+/// The daemon on the buses of its configuration.
+///
+/// # Errors
+/// Whatever keeps it from starting.
+pub async fn run(config: Config, scene: Scene) -> anyhow::Result<()> {
+    let mut daemon = Daemon::start(&config, scene, StoreAt::File(&config.store.path), RunClock::Live).await?;
+    let routes = daemon.routes();
+    for (position, section) in config.bus.iter().enumerate() {
+        let bus = BusIndex(position as u8);
+        match section.source {
+            BusSource::SocketCan => {
+                let interface = section.interface.clone().unwrap_or_default();
+                let quiet = daemon.plan.patches.iter().all(|p| p.bring_up.is_empty());
+                let options = SocketCanOptions { tx: !quiet, ..SocketCanOptions::new(interface, routes.wanted(bus)) };
+                daemon.add_bus(bus, SocketCan::open(options)?);
+            }
+            #[cfg(feature = "sim")]
+            BusSource::Sim => daemon.add_bus(bus, crate::sim_bus::SimBus::new(section.seed, daemon.session())?),
+            #[cfg(not(feature = "sim"))]
+            BusSource::Sim => anyhow::bail!("bus `{}`: this build has no simulator (cargo feature `sim`)", section.name),
+        }
+    }
+    daemon.until_the_end().await
+}
