@@ -129,7 +129,7 @@ mod tests {
     #[test]
     fn what_no_512_filters_can_say_is_sorted_out_here() {
         // No two of these differ in one bit only, so none can share a mask.
-        let even = |id: &u16| id.count_ones() % 2 == 0;
+        let even = |id: &u16| id.count_ones().is_multiple_of(2);
         let ids: Vec<CanId> = (0..0x800).filter(even).map(CanId::Standard).collect();
         let wanted = Wanted::new(Some(&ids));
         let Wanted::Only(filters) = &wanted else { panic!() };

@@ -50,6 +50,7 @@ impl Receiver {
     /// Takes what the socket holds, at most [`READS`], without waiting, and puts it into `received`.
     ///
     /// libc's call and not nix's: nix warns of its own control messages on aarch64.
+    #[allow(clippy::unnecessary_cast)] // the lengths are usize or u32, as the C library has it
     pub fn receive(&mut self, socket: BorrowedFd<'_>, received: &mut Vec<Received>) -> io::Result<()> {
         received.clear();
         // SAFETY: `iovec` and `mmsghdr` are plain C structures for which all zeros (null pointers) are valid.
@@ -111,6 +112,7 @@ fn number<const N: usize>(bytes: &[u8]) -> Option<[u8; N]> {
 }
 
 /// `struct timespec` of two C longs, in ns.
+#[allow(clippy::unnecessary_cast)] // a C long has 32 or 64 bits
 fn timespec_ns(data: &[u8]) -> Option<i64> {
     const LONG: usize = size_of::<libc::c_long>();
     let long = |at: usize| number(data.get(at..)?).map(|bytes| libc::c_long::from_ne_bytes(bytes) as i64);

@@ -28,7 +28,9 @@ impl BoardLive {
             self.no_acks += 1;
             if self.no_acks >= NO_ACKS_TO_SILENT_TARE {
                 self.no_acks = 0;
-                return Some(format!("reported {NO_ACKS_TO_SILENT_TARE} lost acknowledgements and then takes a new zero by itself"));
+                return Some(format!(
+                    "reported {NO_ACKS_TO_SILENT_TARE} lost acknowledgements and then takes a new zero by itself"
+                ));
             }
         }
         let silence = silence.filter(|&s| s > power_cycle_after)?;
@@ -77,7 +79,8 @@ impl BoardLive {
         let mut warnings = Vec::new();
         if let Some(f) = self.firmware.filter(FirmwareVersion::loses_arbitrated_frames) {
             let (major, minor, _) = f.app;
-            warnings.push(format!("firmware {major}.{minor} does not retransmit: lost frames are normal; update to 1.25"));
+            warnings
+                .push(format!("firmware {major}.{minor} does not retransmit: lost frames are normal; update to 1.25"));
         }
         if self.overflows > 0 {
             warnings.push(format!("discarded its send queue {} times", self.overflows));

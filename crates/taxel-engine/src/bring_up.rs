@@ -92,7 +92,8 @@ impl BringUp {
 
     /// The next command that is due, with the position of its board; call until there is none.
     pub fn next_due(&mut self, now: Time) -> Option<(usize, Frame)> {
-        let step = self.steps.pop_front_if(|step| step.due <= now)?;
+        let due = self.steps.front().is_some_and(|step| step.due <= now);
+        let step = if due { self.steps.pop_front()? } else { return None };
         if self.steps.is_empty() {
             self.state = BringUpState::Proving;
         }
@@ -138,7 +139,8 @@ mod tests {
     use taxel_wire::icub::{BoardConfig, TriangleConfig};
 
     fn patch() -> Patch {
-        let modules = vec![(Module::from_nibble(0), ModuleKind::Triangle), (Module::from_nibble(1), ModuleKind::Triangle)];
+        let modules =
+            vec![(Module::from_nibble(0), ModuleKind::Triangle), (Module::from_nibble(1), ModuleKind::Triangle)];
         let board = |address| Board {
             bus: BusIndex(0),
             address: BoardAddress::new(address).unwrap(),

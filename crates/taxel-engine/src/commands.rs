@@ -157,14 +157,7 @@ impl Engine {
         Ok(Done::Session(view))
     }
 
-    fn activate(
-        &mut self,
-        now: Now,
-        patch: &str,
-        id: &str,
-        expected: Option<String>,
-        out: &mut Vec<Output>,
-    ) -> Reply {
+    fn activate(&mut self, now: Now, patch: &str, id: &str, expected: Option<String>, out: &mut Vec<Output>) -> Reply {
         let index = self.patch_named(patch)?;
         self.store_takes_records()?;
         let set = self.model_sets.iter().find(|set| set.id == id).cloned();
@@ -201,7 +194,8 @@ impl Engine {
             return self.patches[index].enter(now, SessionState::Active, "", out);
         }
         if let Some(view) = self.sessions.get(&number).filter(|view| view.state != SessionState::Active) {
-            let view = SessionView { state: SessionState::Active, changed_wall_ns: now.wall_ns, ..SessionView::clone(view) };
+            let view =
+                SessionView { state: SessionState::Active, changed_wall_ns: now.wall_ns, ..SessionView::clone(view) };
             out.push(Output::Record(Record::Session(Arc::new(view))));
         }
     }

@@ -21,8 +21,8 @@ pub fn clusters(points: &[([f64; 3], f64)], reach_m: f64) -> Vec<Contact> {
             let (position, force_n) = points[point];
             contact.taxels += 1;
             contact.force_n += force_n;
-            for axis in 0..3 {
-                contact.centre[axis] += force_n * position[axis];
+            for (sum, place) in contact.centre.iter_mut().zip(position) {
+                *sum += force_n * place;
             }
             for other in 0..points.len() {
                 if cluster_of[other].is_none() && distance(position, points[other].0) <= reach_m {

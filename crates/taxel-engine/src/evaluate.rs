@@ -83,7 +83,8 @@ impl Evaluator {
             set: Arc::clone(&set),
         };
         for (taxel, model) in set.taxels.iter().enumerate() {
-            let (Some(now), Some(then), Some(area)) = (rest.get(taxel), set.baseline.get(taxel), areas.get(taxel)) else {
+            let (Some(now), Some(then), Some(area)) = (rest.get(taxel), set.baseline.get(taxel), areas.get(taxel))
+            else {
                 continue;
             };
             // A zero or a reference that was never measured proves nothing about the taxel.

@@ -10,6 +10,7 @@ mod tests;
 
 use std::fmt;
 use std::ops::Range;
+use std::time::Duration;
 use taxel_skin::{ModuleKind, Time, VALUES_PER_MODULE};
 
 use taxel::TaxelWatch;
@@ -172,6 +173,10 @@ struct ModuleWatch {
     not_connected_until: Time,
     no_ack_until: Time,
     out_of_range_until: [Time; VALUES_PER_MODULE],
+    /// The last of these.
+    status_until: Time,
+    /// Its taxels carry faults that they share.
+    marked: bool,
     /// Taxels that rose and that fell in one step, as of the last scan.
     steps: [usize; 2],
 }
@@ -187,6 +192,7 @@ struct BoardWatch {
 #[derive(Clone, Debug)]
 pub struct FaultDetector {
     limits: FaultLimits,
+    hold: Duration,
     taxels: Vec<TaxelWatch>,
     modules: Vec<ModuleWatch>,
     boards: Vec<BoardWatch>,
@@ -208,10 +214,13 @@ impl FaultDetector {
             not_connected_until: Time::from_nanos(i64::MIN),
             no_ack_until: Time::from_nanos(i64::MIN),
             out_of_range_until: [Time::from_nanos(i64::MIN); VALUES_PER_MODULE],
+            status_until: Time::from_nanos(i64::MIN),
+            marked: false,
             steps: [0; 2],
         };
         Self {
             limits,
+            hold: Duration::from_secs_f32(limits.hold_s.clamp(0.0, 1e6)),
             taxels: vec![TaxelWatch::default(); taxel_count],
             modules: modules.iter().map(watch).collect(),
             boards: boards.iter().map(|b| BoardWatch { taxels: clip(b).len(), ..BoardWatch::default() }).collect(),
@@ -252,7 +261,7 @@ impl FaultDetector {
         let Some(watch) = self.modules.get_mut(module) else { return false };
         let silent = watch.heard.is_some_and(|last| now.seconds_since(last) > f64::from(self.limits.stale_after_s));
         watch.heard = Some(now);
-        watch.take_status(now, status, self.limits.hold_s);
+        watch.take_status(now + self.hold, status);
         let others_change = 4 * self.lively >= self.taxels.len();
         let (mut broken, mut steps, mut changed) = (0, [0; 2], false);
         let range = watch.taxels.clone();
@@ -262,7 +271,8 @@ impl FaultDetector {
                 taxel.forget_trend();
             }
             if count.is_finite() {
-                taxel.push(now, count, others_change, &self.limits);
+                taxel.push(now, count, others_change, self.hold, &self.limits);
+                taxel.note_onset(now);
             }
             match (before.1, taxel.is_lively) {
                 (false, true) => self.lively += 1,
@@ -279,7 +289,13 @@ impl FaultDetector {
         }
         let flicker = !range.is_empty() && broken as f32 >= self.limits.module_share * range.len() as f32;
         let stepped = self.board_stepped(now, module, steps);
-        self.mark(now, module, flicker, stepped) | changed
+        let watch = &mut self.modules[module];
+        let shares = flicker || stepped || now < watch.status_until;
+        if shares || watch.marked {
+            watch.marked = shares;
+            changed |= self.mark(now, module, flicker, stepped);
+        }
+        changed
     }
 
     /// Whether the module's board has stepped within the hold time.
@@ -292,7 +308,7 @@ impl FaultDetector {
         watch.steps = steps;
         let needed = (self.limits.board_step_share * board.taxels as f32).max(1.0);
         if board.steps[0].max(board.steps[1]) as f32 >= needed {
-            board.stepped_until = Some(after(now, self.limits.hold_s));
+            board.stepped_until = Some(now + self.hold);
         }
         board.stepped_until.is_some_and(|until| now < until)
     }
@@ -319,11 +335,12 @@ impl FaultDetector {
     /// Time passed: modules that have been silent for too long are stale. Returns whether any became so.
     pub fn tick(&mut self, now: Time) -> bool {
         let mut changed = false;
-        for module in &self.modules {
+        for module in &mut self.modules {
             let silent = |last| now.seconds_since(last) > f64::from(self.limits.stale_after_s);
             if !module.heard.is_some_and(silent) {
                 continue;
             }
+            module.marked = true;
             for taxel in &mut self.taxels[module.taxels.clone()] {
                 changed |= !taxel.faults.contains(Fault::Stale);
                 taxel.faults.set(Fault::Stale, true);
@@ -350,11 +367,11 @@ impl FaultDetector {
 impl ModuleWatch {
     /// Status word of a tail frame: bit 4 + i says that value i is out of range, bit 1 that nothing is connected,
     /// bit 0 that a conversion was not acknowledged.
-    fn take_status(&mut self, now: Time, status: u16, hold_s: f32) {
+    fn take_status(&mut self, until: Time, status: u16) {
         if status == 0 {
             return; // nearly always
         }
-        let until = after(now, hold_s);
+        self.status_until = until;
         if status & 1 != 0 {
             self.no_ack_until = until;
         }
@@ -375,8 +392,4 @@ fn slots_by_size(taxels: usize) -> &'static [u8] {
         11 => ModuleKind::PalmPad11.taxel_slots(),
         _ => ModuleKind::Fingertip.taxel_slots(),
     }
-}
-
-fn after(now: Time, seconds: f32) -> Time {
-    now + std::time::Duration::from_secs_f32(seconds.clamp(0.0, 1e6))
 }

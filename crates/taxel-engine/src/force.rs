@@ -74,7 +74,8 @@ impl ForceParts {
             model_set: Some(Arc::from(evaluator.set().id.as_str())),
             ..ForceSample::default()
         };
-        let beyond = |taxel: usize| evaluator.reading(taxel, counts[taxel]).is_some_and(|r| r.range == RangeFlag::Above);
+        let beyond =
+            |taxel: usize| evaluator.reading(taxel, counts[taxel]).is_some_and(|r| r.range == RangeFlag::Above);
         sample.out_of_range = active.iter().filter(|&&(taxel, _)| beyond(taxel)).count() as u32;
         if let Some(geometry) = &self.geometry {
             active.extend(filled.iter().map(|f| (f.taxel, f.kpa * self.newton_per_kpa(f.taxel))));

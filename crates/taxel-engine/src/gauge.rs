@@ -1,4 +1,4 @@
-//! The recent past of the differential pressure: interpolated at a scan's own time, and its rate of rise.
+//! The recent past of the differential pressure: interpolated at a scan's own time, and its trend.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -10,8 +10,8 @@ const KEPT: Duration = Duration::from_secs(2);
 /// Most readings kept: 2 s of a gauge that sends every millisecond. Older ones go first.
 const READINGS_MAX: usize = 2_000;
 
-/// The stretch over which the rate is taken.
-const RATE_SPAN: Duration = Duration::from_secs(1);
+/// The stretch over which the trend is taken.
+const TREND_SPAN: Duration = Duration::from_secs(1);
 
 /// What the gauge said lately, in the order of time.
 #[derive(Clone, Debug, Default)]
@@ -79,32 +79,38 @@ impl GaugeHistory {
         PressureAt::Known(Kilopascal(p0 + share * (p1 - p0)))
     }
 
-    /// Slope of the least-squares line through the readings of the second that ends at `time`, in kPa/s.
-    /// `None` with fewer than three readings there.
+    /// Where the pressure is and where it goes, from the readings of the second that ends at `time`.
+    ///
+    /// Both come from the medians of the second's halves, which a spike of the gauge does not move. `None` with fewer
+    /// than two readings in a half.
     #[must_use]
-    pub fn rate_kpa_per_s(&self, time: Time) -> Option<f64> {
-        let recent = || {
-            let from = time - RATE_SPAN;
-            self.readings.iter().rev().skip_while(move |r| r.0 > time).take_while(move |r| r.0 >= from)
+    pub fn trend(&self, time: Time) -> Option<Trend> {
+        let (from, middle) = (time - TREND_SPAN, time - TREND_SPAN / 2);
+        let half = |after: Time, until: Time| {
+            let readings = self.readings.iter().filter(|r| r.0 > after && r.0 <= until);
+            let (times, mut pressures): (Vec<f64>, Vec<f64>) =
+                readings.map(|&(t, p)| (t.seconds_since(time), p)).unzip();
+            let mean_s = times.iter().sum::<f64>() / times.len() as f64;
+            (times.len() >= 2).then(|| (mean_s, median(&mut pressures)))
         };
-        let (mut n, mut sum_t, mut sum_p) = (0.0, 0.0, 0.0);
-        for &(t, p) in recent() {
-            n += 1.0;
-            sum_t += t.seconds_since(time);
-            sum_p += p;
-        }
-        if n < 3.0 {
-            return None;
-        }
-        let (mean_t, mean_p) = (sum_t / n, sum_p / n);
-        let (mut stt, mut stp) = (0.0, 0.0);
-        for &(t, p) in recent() {
-            let dt = t.seconds_since(time) - mean_t;
-            stt += dt * dt;
-            stp += dt * (p - mean_p);
-        }
-        (stt > 0.0).then(|| stp / stt)
+        let ((t0, p0), (t1, p1)) = half(from, middle).zip(half(middle, time))?;
+        let rate_kpa_per_s = (p1 - p0) / (t1 - t0);
+        Some(Trend { rate_kpa_per_s, level_kpa: p1 - rate_kpa_per_s * t1 })
     }
+}
+
+/// Where the pressure is and where it goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trend {
+    /// Rate of rise in kPa/s.
+    pub rate_kpa_per_s: f64,
+    /// What the gauge should read now, in kPa.
+    pub level_kpa: f64,
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    (values[(values.len() - 1) / 2] + values[values.len() / 2]) / 2.0
 }
 
 #[cfg(test)]
@@ -131,13 +137,24 @@ mod tests {
     }
 
     #[test]
-    fn rate_is_the_slope_of_the_last_second() {
+    fn trend_is_that_of_the_last_second() {
         let mut gauge = GaugeHistory::default();
         for i in 0..300 {
             gauge.push(ms(i * 10), Kilopascal(if i < 100 { 5.0 } else { 5.0 + 0.02 * (i - 100) as f64 }));
         }
-        assert!((gauge.rate_kpa_per_s(ms(2_990)).unwrap() - 2.0).abs() < 1e-9);
-        assert_eq!(gauge.rate_kpa_per_s(ms(10_000)), None);
+        let trend = gauge.trend(ms(2_990)).unwrap();
+        assert!((trend.rate_kpa_per_s - 2.0).abs() < 1e-9 && (trend.level_kpa - 8.98).abs() < 0.02, "{trend:?}");
+        assert_eq!(gauge.trend(ms(10_000)), None);
+    }
+
+    #[test]
+    fn a_spike_moves_neither_rate_nor_level() {
+        let mut gauge = GaugeHistory::default();
+        for i in 0..100 {
+            gauge.push(ms(i * 20), Kilopascal(if i == 97 { 60.0 } else { 0.02 * i as f64 }));
+        }
+        let trend = gauge.trend(ms(1_980)).unwrap();
+        assert!((trend.rate_kpa_per_s - 1.0).abs() < 0.05 && (trend.level_kpa - 1.98).abs() < 0.05, "{trend:?}");
     }
 
     #[test]

@@ -22,6 +22,8 @@ pub struct ModuleLive {
     pub thermal: [u8; 2],
     /// Whether it is part of the scan being assembled.
     fresh: bool,
+    /// Whether a scan waits for it: it was heard lately, or listening began lately.
+    expected: bool,
 }
 
 /// Counts of all taxels and how fresh they are.
@@ -30,8 +32,13 @@ pub struct Live {
     modules: Vec<ModuleLive>,
     counts: Vec<u8>,
     fresh: usize,
-    not_stale: usize,
+    expected: usize,
     newest: Time,
+    begun: Option<Time>,
+    /// Modules of one scan should lie within this.
+    span_max: Duration,
+    /// Whether the scans were cut anew; they are not again until one is overrun.
+    realigned: bool,
 }
 
 /// A scan that has just ended.
@@ -54,13 +61,17 @@ impl Live {
             scans: 0,
             thermal: [0; 2],
             fresh: false,
+            expected: true,
         };
         Self {
             modules: patch.modules().iter().map(module).collect(),
             counts: vec![0; patch.taxels().len()],
             fresh: 0,
-            not_stale: 0,
+            expected: patch.modules().len(),
             newest: Time::default(),
+            begun: None,
+            span_max: period / 2,
+            realigned: false,
         }
     }
 
@@ -69,8 +80,8 @@ impl Live {
         &mut self.modules[module].pairer
     }
 
-    /// Takes a whole module. Returns the scan that it completes: all modules that are not stale have come, or one
-    /// came twice, so that the scan before it is over.
+    /// Takes a whole module. Returns the scan that it completes: all expected modules have come, or one came twice, so
+    /// that the scan before it is over.
     pub fn on_module(&mut self, patch: &Patch, index: usize, scan: &ModuleScan) -> Option<ScanEnd> {
         let overrun = self.modules[index].fresh.then(|| self.end_scan());
         let site = &patch.modules()[index];
@@ -82,15 +93,37 @@ impl Live {
         for (pad, &slot) in module.thermal.iter_mut().zip(site.kind.thermal_slots()) {
             *pad = scan.values[slot as usize];
         }
-        self.not_stale += usize::from(module.stale);
+        self.expected += usize::from(!std::mem::replace(&mut module.expected, true));
         module.stale = false;
         module.last = Some(scan.time);
         module.scans += 1;
         module.fresh = true;
         self.fresh += 1;
         self.newest = self.newest.max(scan.time);
+        self.begun.get_or_insert(scan.time);
+        self.realigned &= overrun.is_none();
+        if self.fresh < self.expected || self.realign() {
+            return overrun;
+        }
         // With every other module in, this one completes the scan; it wins over the overrun that it caused.
-        if self.fresh >= self.not_stale { Some(self.end_scan()) } else { overrun }
+        Some(self.end_scan())
+    }
+
+    /// Listening may begin in the middle of the boards' bursts, and then every scan would be put together from two.
+    /// So a scan that is too long loses its early part once, and goes on with the next burst. Boards that are spread
+    /// over the whole period stay long, which is why it is done once only.
+    fn realign(&mut self) -> bool {
+        let early = self.newest - self.span_max;
+        let is_early = |m: &ModuleLive| m.fresh && m.last.is_some_and(|last| last < early);
+        if self.realigned || !self.modules.iter().any(is_early) {
+            return false;
+        }
+        for module in self.modules.iter_mut().filter(|m| is_early(m)) {
+            module.fresh = false;
+            self.fresh -= 1;
+        }
+        self.realigned = true;
+        true
     }
 
     fn end_scan(&mut self) -> ScanEnd {
@@ -111,10 +144,11 @@ impl Live {
     pub fn mark_stale(&mut self, now: Time, limit: Duration) -> Vec<usize> {
         let mut silent = Vec::new();
         for (index, module) in self.modules.iter_mut().enumerate() {
-            let quiet = module.last.is_none_or(|last| now.since(last) > limit);
-            if quiet && !module.stale {
+            let since = module.last.or(self.begun);
+            if module.expected && since.is_some_and(|since| now.since(since) > limit) {
                 module.stale = true;
-                self.not_stale -= 1;
+                module.expected = false;
+                self.expected -= 1;
                 self.fresh -= usize::from(std::mem::take(&mut module.fresh));
                 silent.push(index);
             }
@@ -139,12 +173,6 @@ impl Live {
     #[must_use]
     pub const fn newest(&self) -> Time {
         self.newest
-    }
-
-    /// How many modules are fresh enough to be used.
-    #[must_use]
-    pub const fn not_stale(&self) -> usize {
-        self.not_stale
     }
 
     /// Whether every module was received within `limit` of the newest one.
@@ -175,15 +203,21 @@ mod tests {
     #[test]
     fn a_scan_ends_when_every_module_has_come() {
         let (patch, mut live) = (patch(3), Live::new(&patch(3), PERIOD));
-        for m in 0..3 {
-            live.on_module(&patch, m, &scan(m as i64, 1)); // the first modules complete scans of those heard so far
-        }
-        assert_eq!(live.on_module(&patch, 0, &scan(50, 2)), None);
+        assert_eq!(live.on_module(&patch, 1, &scan(1, 1)), None); // listening began within the burst
+        assert_eq!(live.on_module(&patch, 2, &scan(2, 1)), None);
+        assert_eq!(live.on_module(&patch, 0, &scan(50, 2)), None, "no scan from two bursts");
         assert_eq!(live.on_module(&patch, 1, &scan(51, 2)), None);
         let end = live.on_module(&patch, 2, &scan(52, 2)).unwrap();
         assert!(end.whole);
         assert_eq!(end.time, Time::from_nanos(51_000_000));
         assert!(live.is_whole(PERIOD));
+    }
+
+    #[test]
+    fn boards_spread_over_the_period_still_give_scans() {
+        let (patch, mut live) = (patch(4), Live::new(&patch(4), PERIOD));
+        let ends = (0..40_i64).filter(|i| live.on_module(&patch, (i % 4) as usize, &scan(i * 12, 1)).is_some()).count();
+        assert_eq!(ends, 9, "one is spent on the attempt to cut them better");
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! A model set: what a session produced for a patch, with all it depends on.
 
-use taxel_model::TaxelModel;
+use taxel_model::{Plays, TaxelModel};
 
 use crate::rest::TaxelBaseline;
 
@@ -29,4 +29,36 @@ pub struct ModelSet {
     pub gauge_offset_kpa: f64,
     /// One model per taxel of the patch, in its order.
     pub taxels: Vec<TaxelModel>,
+    /// What a fit to a whole recording knows beyond that; `None` after a session.
+    pub recorded: Option<Recorded>,
+}
+
+/// What a fit to a whole recording, rising and falling, knows of the skin in use.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recorded {
+    /// Counts were averaged over so many seconds, and are to be when the models are applied; 0 is not at all.
+    pub smooth_s: f64,
+    /// So many neighbouring taxels form a module.
+    pub module_size: usize,
+    /// The pressure was taken to lag behind the counts by so many seconds.
+    pub lag_s: f64,
+    /// How far the counts stay away from their rest when the load has gone: root mean square over the taxels, counts.
+    pub zero_return_counts: f64,
+    /// Median error with plays over that without, on the part of the falling branch that neither was fitted to.
+    pub plays_error_ratio: Option<f64>,
+    /// One entry per taxel; `None` where it was not fitted.
+    pub taxels: Vec<Option<RecordedTaxel>>,
+}
+
+/// One taxel in a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedTaxel {
+    /// Root mean square of the pressure read, as it is read in use, less that of the gauge; kPa.
+    pub rmse_kpa: f64,
+    /// Swing of the count over that of the pressure, counts per kPa; positive.
+    pub sensitivity: f64,
+    /// How much lower the gauge is at equal counts while the pressure falls, kPa; `None` without both branches.
+    pub hysteresis_kpa: Option<f64>,
+    /// The hysteresis as plays; `None` where they are off.
+    pub plays: Option<Plays>,
 }

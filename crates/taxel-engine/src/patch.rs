@@ -16,6 +16,7 @@ use crate::io::{Now, Output};
 use crate::live::{Live, ScanEnd};
 use crate::model_set::ModelSet;
 use crate::plan::PatchPlan;
+use crate::rest::{Lift, RestStatistics};
 use crate::session::SessionRun;
 use crate::tare::Tare;
 
@@ -30,6 +31,11 @@ pub struct PatchEngine {
     pub(crate) gauge: GaugeHistory,
     pub(crate) faults: FaultDetector,
     pub(crate) tare: Tare,
+    /// Watches whether the skin becomes lighter than its zero, window by window.
+    pub(crate) lift_watch: RestStatistics,
+    pub(crate) lift: Option<Lift>,
+    /// Which taxels form each module.
+    pub(crate) modules: Vec<Range<usize>>,
     pub(crate) bring_up: BringUp,
     pub(crate) model_set: Option<Arc<ModelSet>>,
     pub(crate) evaluator: Option<Evaluator>,
@@ -56,7 +62,11 @@ impl PatchEngine {
             live: Live::new(&plan.patch, plan.period),
             boards: vec![BoardLive::default(); plan.patch.boards().len()],
             gauge: GaugeHistory::default(),
-            faults: FaultDetector::new(taxels, &modules, &boards, plan.faults),
+            faults: FaultDetector::new(taxels, &modules, &boards, plan.faults)
+                .with_kinds(plan.patch.modules().iter().map(|site| site.kind)),
+            lift_watch: RestStatistics::new(taxels).in_modules(modules.iter().cloned()),
+            lift: None,
+            modules,
             tare: Tare::default(),
             bring_up: BringUp::new(plan.patch.modules().len()),
             model_set: None,
@@ -153,6 +163,7 @@ impl PatchEngine {
 
     fn on_scan(&mut self, now: Now, end: ScanEnd, out: &mut Vec<Output>) {
         self.watch_rest(now, end, out);
+        self.watch_lift();
         self.offer_to_session(now, end, out);
         self.publish(now, out);
     }
@@ -165,6 +176,7 @@ impl PatchEngine {
         self.bring_up.tick(now.time);
         let silent = self.live.mark_stale(now.time, self.plan.live.stale_after);
         self.dirty |= !silent.is_empty();
+        self.dirty |= self.faults.tick(now.time);
         self.tick_rest(now, out);
         self.advance_session(now, out);
         if self.dirty {
@@ -175,6 +187,7 @@ impl PatchEngine {
 
     /// Installs a model set; its tables follow the zero.
     pub fn set_model_set(&mut self, set: Arc<ModelSet>) {
+        self.faults.expect_noise(set.baseline.iter().map(|taxel| taxel.noise));
         self.model_set = Some(set);
         self.rebuild_tables();
     }
@@ -190,6 +203,8 @@ impl PatchEngine {
             _ => None,
         };
         self.selected_with.clear();
+        self.lift = None;
+        self.lift_watch = self.rest_statistics();
         self.dirty = true;
     }
 
@@ -201,19 +216,15 @@ impl PatchEngine {
 
 /// Which taxels belong to each module and to each board.
 fn taxel_ranges(plan: &PatchPlan) -> (Vec<Range<usize>>, Vec<Range<usize>>) {
-    let mut boards: Vec<Range<usize>> = vec![usize::MAX..0; plan.patch.boards().len()];
+    let mut boards: Vec<Range<usize>> = vec![0..0; plan.patch.boards().len()];
     let mut modules = Vec::new();
     for site in plan.patch.modules() {
         let first = site.first_taxel as usize;
         let range = first..first + site.kind.taxel_slots().len();
         let board = &mut boards[site.board as usize];
-        *board = board.start.min(range.start)..board.end.max(range.end);
+        // A board's modules follow each other.
+        *board = if board.is_empty() { range.clone() } else { board.start..range.end };
         modules.push(range);
-    }
-    for board in &mut boards {
-        if board.start == usize::MAX {
-            *board = 0..0; // a board without enabled modules
-        }
     }
     (modules, boards)
 }

@@ -79,6 +79,8 @@ impl PatchEngine {
         if u128::try_from(waited_ns).unwrap_or(0) > self.plan.session.patience.as_nanos() {
             self.enter(now, SessionState::Failed, format!("rest was never proven: {why}"), out);
         } else {
+            session.explain(format!("waiting for rest: {why}"));
+            self.session_dirty = true;
             self.watch(now, Purpose::Session { confirmed_by }, out);
         }
     }
@@ -127,7 +129,8 @@ impl PatchEngine {
 
     /// The fit came back. Returns the new model set, if there is one.
     pub(crate) fn on_fitted(&mut self, now: Now, outcome: FitOutcome, out: &mut Vec<Output>) -> Option<Arc<ModelSet>> {
-        let fitting = |s: &&mut SessionRun| s.view().number == outcome.session && s.view().state == SessionState::Fitting;
+        let fitting =
+            |s: &&mut SessionRun| s.view().number == outcome.session && s.view().state == SessionState::Fitting;
         let session = self.session.as_mut().filter(fitting)?; // aborted meanwhile: the samples are kept, the fit is not
         match outcome.result {
             Ok(set) => {
@@ -184,11 +187,15 @@ impl PatchEngine {
         let boards = self.plan.patch.boards().iter().zip(&self.plan.bring_up);
         let line = |(board, setup): (&taxel_skin::Board, &crate::plan::BoardSetup)| {
             let b = setup.board;
-            let triangles = setup.triangles.iter().map(|t| {
-                format!("{}-{}: shift {} cdc_offset {:#06x}", t.first, t.last, t.shift, t.cdc_offset)
-            });
+            let triangles = setup
+                .triangles
+                .iter()
+                .map(|t| format!("{}-{}: shift {} cdc_offset {:#06x}", t.first, t.last, t.shift, t.cdc_offset));
             let triangles = triangles.collect::<Vec<_>>().join(", ");
-            format!("board {}: type {} period {} ms no_load {}; {triangles}", board.address, b.kind, b.period_ms, b.no_load)
+            format!(
+                "board {}: type {} period {} ms no_load {}; {triangles}",
+                board.address, b.kind, b.period_ms, b.no_load
+            )
         };
         boards.map(line).collect()
     }

@@ -90,6 +90,9 @@ impl PatchEngine {
             let n = sample.out_of_range;
             sample.reasons.push(format!("{n} active taxels read more than was calibrated: the total is a lower bound"));
         }
+        if let Some(lift) = &self.lift {
+            sample.reasons.push(format!("{lift}: the zero may have been taken under a load; tare again"));
+        }
         sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
     }
 

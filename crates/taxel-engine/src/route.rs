@@ -97,7 +97,8 @@ impl Routes {
     #[must_use]
     pub fn wanted(&self, bus: BusIndex) -> Vec<CanId> {
         let standard = self.standard.get(bus.0 as usize).into_iter().flatten().enumerate();
-        let standard = standard.filter(|(_, route)| **route != Route::Foreign).map(|(id, _)| CanId::Standard(id as u16));
+        let standard =
+            standard.filter(|(_, route)| **route != Route::Foreign).map(|(id, _)| CanId::Standard(id as u16));
         let extended = self.extended.iter().filter(|(b, _)| *b == bus).map(|&(_, id)| CanId::Extended(id));
         standard.chain(extended).collect()
     }

@@ -7,9 +7,6 @@ use crate::command::RequestId;
 use crate::rest::{RestStatistics, RestVerdict, TaxelBaseline};
 use crate::snapshot::TareView;
 
-/// Fewest scans that a zero may rest on.
-const SCANS_MIN: u64 = 3;
-
 /// How much longer than planned a watch may take before it is given up.
 const GRACE: Duration = Duration::from_secs(2);
 
@@ -68,9 +65,9 @@ struct Watch {
 }
 
 impl Tare {
-    /// Begins to watch. An earlier watch is given up and returned.
-    pub fn watch(&mut self, now: Time, taxels: usize, purpose: Purpose) -> Option<Purpose> {
-        let watch = Watch { statistics: RestStatistics::new(taxels), begun: now, purpose };
+    /// Begins to watch with empty `statistics`. An earlier watch is given up and returned.
+    pub fn watch(&mut self, now: Time, statistics: RestStatistics, purpose: Purpose) -> Option<Purpose> {
+        let watch = Watch { statistics, begun: now, purpose };
         self.watch.replace(watch).map(|old| old.purpose)
     }
 
@@ -85,16 +82,17 @@ impl Tare {
         self.watch.take().map(|w| w.purpose)
     }
 
-    /// Takes one complete scan; a taxel with a fault is `None`.
+    /// Takes one scan; a taxel with a fault is `None`. The watch ends after so long a time and so many scans.
     pub fn on_scan(
         &mut self,
         now: Time,
-        duration: Duration,
+        enough: (Duration, u64),
         scan: impl IntoIterator<Item = Option<f64>>,
     ) -> Option<Watched> {
         let watch = self.watch.as_mut()?;
         watch.statistics.push(scan);
-        let enough = watch.statistics.count() >= SCANS_MIN && now.since(watch.begun) >= duration;
+        let (duration, scans_min) = enough;
+        let enough = watch.statistics.count() >= scans_min && now.since(watch.begun) >= duration;
         let watch = if enough { self.watch.take()? } else { return None };
         Some(Watched { purpose: watch.purpose, statistics: Some(watch.statistics) })
     }

@@ -1,15 +1,20 @@
 //! How a patch takes its zero and loses it.
 
+use std::time::Duration;
 use taxel_model::{Sign, TaxelModel};
-use taxel_skin::Time;
+use taxel_skin::{TaxelSite, Time};
 
 use crate::command::{Done, Rejection, RequestId};
+use crate::faults::FaultDetector;
 use crate::io::{Now, Output};
-use crate::live::ScanEnd;
+use crate::live::{Live, ScanEnd};
 use crate::patch::PatchEngine;
 use crate::record::Record;
-use crate::rest::{RestVerdict, TaxelBaseline, judge};
+use crate::rest::{RestStatistics, RestVerdict, TaxelBaseline, judge, lift};
 use crate::tare::{Purpose, Watched};
+
+/// The lift test looks at windows of this length.
+const LIFT_WINDOW: Duration = Duration::from_secs(2);
 
 impl PatchEngine {
     /// Something may have moved the zero: live force is invalid until rest is proven again.
@@ -19,7 +24,13 @@ impl PatchEngine {
     }
 
     /// An operator asks for a zero.
-    pub(crate) fn start_tare(&mut self, now: Now, request: RequestId, confirmed_by: Option<String>, out: &mut Vec<Output>) {
+    pub(crate) fn start_tare(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        confirmed_by: Option<String>,
+        out: &mut Vec<Output>,
+    ) {
         if let Some(session) = self.session.as_ref().filter(|s| s.view().state.is_open()) {
             let (number, state) = (session.view().number, session.view().state.name());
             let why = format!("session {number} is {state} and takes the zero itself; abort it first");
@@ -30,8 +41,8 @@ impl PatchEngine {
     }
 
     pub(crate) fn watch(&mut self, now: Now, purpose: Purpose, out: &mut Vec<Output>) {
-        let taxels = self.plan.patch.taxels().len();
-        if let Some(Purpose::Operator { request, .. }) = self.tare.watch(now.time, taxels, purpose) {
+        let statistics = self.rest_statistics();
+        if let Some(Purpose::Operator { request, .. }) = self.tare.watch(now.time, statistics, purpose) {
             let why = "another tare began before this one had seen enough".to_owned();
             out.push(Output::Reply(request, Err(Rejection::FailedPrecondition(why))));
         }
@@ -48,14 +59,28 @@ impl PatchEngine {
         if self.tare.watching().is_none() || !(end.whole || partial) {
             return;
         }
-        let (faults, modules, sites) = (&self.faults, self.live.modules(), self.plan.patch.taxels());
-        let scan = self.live.counts().iter().zip(sites).enumerate().map(|(taxel, (&count, site))| {
-            let sound = faults.faults(taxel).is_empty() && !modules[site.module as usize].stale;
-            sound.then_some(f64::from(count))
-        });
-        if let Some(watched) = self.tare.on_scan(now.time, self.plan.tare.duration, scan) {
+        let scan = sound_counts(&self.faults, &self.live, self.plan.patch.taxels());
+        let enough = (self.plan.tare.duration, self.plan.tare.rest.scans_min);
+        if let Some(watched) = self.tare.on_scan(now.time, enough, scan) {
             self.conclude(now, watched, out);
         }
+    }
+
+    /// A skin that becomes lighter than its zero was not at rest when that was taken.
+    pub(crate) fn watch_lift(&mut self) {
+        let (Some(zero), Some(set)) = (self.tare.baseline(), &self.model_set) else { return };
+        self.lift_watch.push(sound_counts(&self.faults, &self.live, self.plan.patch.taxels()));
+        let scans = LIFT_WINDOW.as_secs_f64() / self.plan.period.as_secs_f64();
+        if self.lift_watch.count() as f64 >= scans {
+            let signs: Vec<i8> = set.taxels.iter().map(sign_of).collect();
+            self.lift = lift(zero, &self.lift_watch, &signs, &self.plan.tare.rest);
+            self.lift_watch = self.rest_statistics();
+        }
+    }
+
+    /// Empty statistics that know the modules.
+    pub(crate) fn rest_statistics(&self) -> RestStatistics {
+        RestStatistics::new(self.plan.patch.taxels().len()).in_modules(self.modules.iter().cloned())
     }
 
     pub(crate) fn tick_rest(&mut self, now: Now, out: &mut Vec<Output>) {
@@ -75,7 +100,10 @@ impl PatchEngine {
         let reference = set.map(|set| set.baseline.as_slice());
         let signs: Vec<i8> = set.map(|set| set.taxels.iter().map(sign_of).collect()).unwrap_or_default();
         let verdict = judge(&statistics, reference, &signs, &self.plan.tare.rest);
-        let rest = matches!(verdict, RestVerdict::Rest { .. });
+        // In its first session a skin has nothing to be compared with: its zero is what the models refer to, and the
+        // gauge shows that the bag does not press.
+        let first = matches!((&verdict, &watched.purpose), (RestVerdict::Unproven { .. }, Purpose::Session { .. }));
+        let rest = first || matches!(verdict, RestVerdict::Rest { .. });
         let enough = !matches!(verdict, RestVerdict::NotEnough { .. });
         let vouched = watched.purpose.confirmed_by().map(str::to_owned);
         if rest || (enough && vouched.is_some()) {
@@ -95,6 +123,7 @@ impl PatchEngine {
         out: &mut Vec<Output>,
     ) {
         self.tare.accept(now.wall_ns, baseline.clone(), verdict, vouched);
+        self.faults.expect_noise(baseline.iter().map(|taxel| taxel.noise));
         self.rebuild_tables();
         let (patch, tare) = (self.plan.patch.name().to_owned(), self.tare.view().clone());
         out.push(Output::Record(Record::Tared { patch, tare: tare.clone(), baseline: baseline.clone() }));
@@ -141,6 +170,18 @@ impl PatchEngine {
             n => format!("{n} modules are silent: {} and {} more", silent[..3].join(", "), n - 3),
         }
     }
+}
+
+/// The counts of one scan, without those of silent or faulty taxels.
+fn sound_counts<'a>(
+    faults: &'a FaultDetector,
+    live: &'a Live,
+    sites: &'a [TaxelSite],
+) -> impl Iterator<Item = Option<f64>> + 'a {
+    live.counts().iter().zip(sites).enumerate().map(|(taxel, (&count, site))| {
+        let sound = faults.faults(taxel).is_empty() && !live.modules()[site.module as usize].stale;
+        sound.then_some(f64::from(count))
+    })
 }
 
 /// Which way pressure moves the count, 0 where no model says.

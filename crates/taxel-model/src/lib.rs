@@ -36,6 +36,7 @@ mod nnls;
 mod options;
 mod order;
 mod orthogonal;
+mod plays;
 mod reduce;
 mod refine;
 mod samples;
@@ -56,6 +57,7 @@ pub use options::{
     Estimator, Exclusion, FitOptions, GaugeUncertainty, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Rails, Shape,
 };
 pub use order::OrderScore;
+pub use plays::{PLAYS, PlayState, Plays, RADII_OF_SWING};
 pub use samples::{MAX_MAGNITUDE, Samples};
 pub use status::{Flag, Status};
 pub use table::Table;

@@ -46,6 +46,38 @@ pub enum Status {
         /// The limit.
         limit: f64,
     },
+    /// The residuals are far larger than those of the other taxels in the same recording.
+    PoorFit {
+        /// RMSE of the fit over the recording, kPa.
+        rmse_kpa: f64,
+        /// The limit, kPa: a multiple of the median over the taxels.
+        limit_kpa: f64,
+    },
+    /// On an end of the converter for too much of the recording.
+    Railed {
+        /// Share of the scans that had to be left out.
+        share: f64,
+    },
+    /// Without a change for too much of the recording.
+    Frozen {
+        /// Share of the scans that had to be left out.
+        share: f64,
+    },
+    /// Going back and forth for too much of the recording.
+    Jumping {
+        /// Share of the scans that had to be left out.
+        share: f64,
+    },
+    /// Part of a module that flickered for too much of the recording.
+    ModuleFlicker {
+        /// Share of the scans that had to be left out.
+        share: f64,
+    },
+    /// Without a reading for too much of the recording.
+    Missing {
+        /// Share of the scans that had to be left out.
+        share: f64,
+    },
 }
 
 impl Status {
@@ -68,6 +100,12 @@ impl Status {
             Self::Unproven { .. } => "unproven",
             Self::NotMonotone { .. } => "not_monotone",
             Self::IntervalTooWide { .. } => "interval_too_wide",
+            Self::PoorFit { .. } => "poor_fit",
+            Self::Railed { .. } => "railed",
+            Self::Frozen { .. } => "frozen",
+            Self::Jumping { .. } => "jumping",
+            Self::ModuleFlicker { .. } => "module_flicker",
+            Self::Missing { .. } => "missing",
         }
     }
 }
@@ -95,6 +133,16 @@ impl fmt::Display for Status {
                 100.0 * share,
                 100.0 * limit
             ),
+            Self::PoorFit { rmse_kpa, limit_kpa } => {
+                write!(f, "the RMSE of the fit is {rmse_kpa:.1} kPa, the limit is {limit_kpa:.1} kPa")
+            }
+            Self::Railed { share } => write!(f, "on a rail ({:.1} % of the scans left out)", 100.0 * share),
+            Self::Frozen { share } => write!(f, "frozen ({:.1} % of the scans left out)", 100.0 * share),
+            Self::Jumping { share } => write!(f, "jumping ({:.1} % of the scans left out)", 100.0 * share),
+            Self::ModuleFlicker { share } => {
+                write!(f, "in a flickering module ({:.1} % of the scans left out)", 100.0 * share)
+            }
+            Self::Missing { share } => write!(f, "without a reading in {:.1} % of the scans", 100.0 * share),
         }
     }
 }

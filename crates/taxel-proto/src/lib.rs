@@ -4,7 +4,7 @@
 //! the items here.
 
 /// Package `taxel.v1`.
-#[allow(missing_docs, clippy::all, clippy::too_many_lines)] // generated, and documented in the .proto files
+#[allow(missing_docs, rustdoc::all, clippy::all, clippy::too_many_lines)] // generated, and documented in the .proto files
 pub mod v1 {
     tonic::include_proto!("taxel.v1");
 }

@@ -180,6 +180,7 @@ fn session(view: &SessionView) -> v1::Session {
             too_fast: refused(SampleRefusal::TooFast),
             no_pressure: refused(SampleRefusal::NoPressure),
             stale_module: refused(SampleRefusal::StaleModule),
+            gauge_spike: refused(SampleRefusal::GaugeSpike),
             full: refused(SampleRefusal::Full),
         }),
         durable: view.durable,

@@ -67,6 +67,8 @@ pub(crate) fn force(patch: &str, snapshot: &PatchSnapshot, sending: Sending) -> 
             .iter()
             .map(|c| v1::Contact { force_n: c.force_n, centre_m: Some(vector(c.centre)), taxels: c.taxels })
             .collect(),
+        filled: force.filled,
+        filled_share: force.filled_share,
     }
 }
 

@@ -19,31 +19,48 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// The services, the whole server under the empty name.
 const SERVICES: [&str; 5] = ["", FORCE, SKIN, CALIBRATION, MODEL];
 
-/// Keeps the reporter in step with the engine until the shutdown, then says so and ends every health stream, which
-/// would hold the server open otherwise.
-pub(crate) async fn report(handle: Handle, mut reporter: HealthReporter) -> Infallible {
-    let mut shown = [None; SERVICES.len()];
-    let mut looks = tokio::time::interval(LOOK_EVERY);
-    looks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-    loop {
-        tokio::select! {
-            () = handle.shutdown.cancelled() => break,
-            _ = looks.tick() => show(&reporter, &mut shown, serving(&handle)).await,
-        }
-    }
-    show(&reporter, &mut shown, [false; SERVICES.len()]).await;
-    for service in SERVICES {
-        reporter.clear_service_status(service).await;
-    }
-    pending().await
+/// What was reported last, in the order of [`SERVICES`].
+pub(crate) struct Report {
+    handle: Handle,
+    reporter: HealthReporter,
+    shown: [Option<bool>; SERVICES.len()],
 }
 
-async fn show(reporter: &HealthReporter, shown: &mut [Option<bool>], serving: [bool; SERVICES.len()]) {
-    for ((service, shown), serving) in SERVICES.iter().zip(shown).zip(serving) {
-        if *shown != Some(serving) {
-            let status = if serving { ServingStatus::Serving } else { ServingStatus::NotServing };
-            reporter.set_service_status(service, status).await;
-            *shown = Some(serving);
+impl Report {
+    /// The first report, due before the first client can ask.
+    pub(crate) async fn begin(handle: Handle, reporter: HealthReporter) -> Self {
+        let present = serving(&handle);
+        let mut report = Self { handle, reporter, shown: [None; SERVICES.len()] };
+        report.show(present).await;
+        report
+    }
+
+    /// Keeps the report in step with the engine until the shutdown, then says so and ends every health stream, which
+    /// would hold the server open otherwise.
+    pub(crate) async fn keep(mut self) -> Infallible {
+        let shutdown = self.handle.shutdown.clone();
+        let mut looks = tokio::time::interval(LOOK_EVERY);
+        looks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
+        loop {
+            tokio::select! {
+                () = shutdown.cancelled() => break,
+                _ = looks.tick() => self.show(serving(&self.handle)).await,
+            }
+        }
+        self.show([false; SERVICES.len()]).await;
+        for service in SERVICES {
+            self.reporter.clear_service_status(service).await;
+        }
+        pending().await
+    }
+
+    async fn show(&mut self, serving: [bool; SERVICES.len()]) {
+        for ((service, shown), serving) in SERVICES.iter().zip(&mut self.shown).zip(serving) {
+            if *shown != Some(serving) {
+                let status = if serving { ServingStatus::Serving } else { ServingStatus::NotServing };
+                self.reporter.set_service_status(service, status).await;
+                *shown = Some(serving);
+            }
         }
     }
 }

@@ -80,7 +80,7 @@ impl ModelService for Service {
     ) -> Result<Response<v1::ExportModelSetResponse>, Status> {
         let request = request.into_inner();
         let set = self.model_set(&request.model_set, &request.patch)?;
-        let json = (self.handle.codec.to_json)(&set);
+        let json = (self.handle.codec.to_json)(&set).map_err(Status::internal)?;
         Ok(Response::new(v1::ExportModelSetResponse { model_set: set.id.clone(), json }))
     }
 

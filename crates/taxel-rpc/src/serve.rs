@@ -14,7 +14,7 @@ use tonic_health::server::HealthReporter;
 pub use crate::guard::Listener;
 use crate::guard::accept;
 use crate::handle::Handle;
-use crate::health;
+use crate::health::Report;
 use crate::limits::Limits;
 use crate::service::Service;
 
@@ -59,10 +59,11 @@ pub async fn serve(handle: Handle, listener: Listener, limits: Limits) -> Result
         shutdown.cancelled().await;
         tokio::time::sleep(drain).await;
     };
+    let report = Report::begin(handle, reporter).await;
     tokio::pin!(server);
     tokio::select! {
         served = &mut server => return Ok(served.map(|()| Drain::Clean)?),
-        never = health::report(handle, reporter) => match never {},
+        never = report.keep() => match never {},
         () = overdue => {}
     }
     tracing::warn!("connections were still open {} s after the shutdown began: cut", drain.as_secs_f64());

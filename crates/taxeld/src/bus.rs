@@ -85,7 +85,12 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
             None
         }
         BusEvent::BufferGranted { bytes, wanted } if bytes < wanted => {
-            tracing::warn!(bus, bytes, wanted, "the receive buffer holds less than 0.5 s of a full bus: raise net.core.rmem_max");
+            tracing::warn!(
+                bus,
+                bytes,
+                wanted,
+                "the receive buffer holds less than 0.5 s of a full bus: raise net.core.rmem_max"
+            );
             None
         }
         BusEvent::BufferGranted { bytes, .. } => {
@@ -93,8 +98,12 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
             None
         }
         BusEvent::Error { error, local } => {
-            tracing::debug!(bus, %error, local, "error frame");
-            Some(if error == BusError::BusOff { BusNotice::BusOff } else { BusNotice::ControllerError(error.to_string()) })
+            tracing::debug!(bus, ?error, local, "error frame");
+            Some(if error == BusError::BusOff {
+                BusNotice::BusOff
+            } else {
+                BusNotice::ControllerError(format!("{error:?}"))
+            })
         }
     }
 }

@@ -22,7 +22,11 @@ pub fn print(config: &Config, scene: &Scene) {
             println!("  board {} of bus {}: {} modules", board.address, board.bus.0, board.modules.len());
         }
         let frames_per_s = 2.0 * patch.modules().len() as f64 / plan.period.as_secs_f64();
-        println!("  {frames_per_s:.0} frames/s at {} ms: {:.1} % of a 1 Mbit/s bus", plan.period.as_millis(), frames_per_s * 111e-4);
+        println!(
+            "  {frames_per_s:.0} frames/s at {} ms: {:.1} % of a 1 Mbit/s bus",
+            plan.period.as_millis(),
+            frames_per_s * 111e-4
+        );
         let parts = [
             ("total normal force", true),
             ("resultant", plan.outputs.resultant),

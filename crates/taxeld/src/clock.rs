@@ -42,9 +42,8 @@ impl RunClock {
                 Now { time: now.time, wall_ns: now.wall_ns }
             }
             Self::Log { speed, anchor } => {
-                let time = anchor.get().map_or(Time::default(), |&(first, read)| {
-                    first + read.elapsed().mul_f64(*speed)
-                });
+                let time =
+                    anchor.get().map_or(Time::default(), |&(first, read)| first + read.elapsed().mul_f64(*speed));
                 Now { time, wall_ns: time.as_nanos() } // a log's stamps are seconds since 1970
             }
         }

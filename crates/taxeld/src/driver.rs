@@ -10,8 +10,8 @@ use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
 use taxel_engine::session::{FitJob, FitOutcome, SessionState, SessionView};
 use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
-use taxel_skin::BusIndex;
 use taxel_rpc::{Publisher, Request};
+use taxel_skin::BusIndex;
 use taxel_store::{Batch, Durability, OnDurable, QueueFull, Store, StoreError, StoreEvent, models_json};
 use taxel_wire::{Frame, TimedFrame};
 use tokio::sync::{mpsc, oneshot, watch};
@@ -192,11 +192,8 @@ impl Driver {
             }
             return;
         }
-        let on_durable: Option<OnDurable> = if replies.is_empty() {
-            None
-        } else {
-            Some(Box::new(move |outcome| answer(replies, outcome)))
-        };
+        let on_durable: Option<OnDurable> =
+            if replies.is_empty() { None } else { Some(Box::new(move |outcome| answer(replies, outcome))) };
         if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable }) {
             let full = QueueFull(Batch::default()).to_string();
             if let Some(on_durable) = batch.on_durable {

@@ -14,7 +14,7 @@ use taxel_engine::session::SessionView;
 use taxel_engine::snapshot::{Health, PatchSnapshot};
 use taxel_engine::{Engine, Input, Now, Output, Restored};
 use taxel_skin::{BusIndex, Time};
-fn content_id(set: &ModelSet) -> String { format!("m-{}", set.created_wall_ns) } // TEMP
+use taxel_store::models_json::content_id;
 use taxel_wire::{Frame, TimedFrame};
 
 const SLOT: Duration = Duration::from_millis(10);

@@ -54,7 +54,7 @@ async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, clock).await?;
     for (position, section) in config.bus.iter().enumerate() {
         let reader = LogReader::open(log, section.interface.clone())?;
-        daemon.add_bus(BusIndex(position as u8), Replay::new(reader, Pace::Times(speed)));
+        daemon.add_bus(BusIndex(position as u8), Replay::new(reader, Pace::Realtime { speed }));
     }
     daemon.until_the_end().await
 }
@@ -69,7 +69,7 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
     let (begun, mut total, mut more, mut first) = (Instant::now(), 0_u64, true, None);
     while more {
         frames.clear();
-        more = reader.read(FRAMES, &mut frames)?;
+        more = reader.next_batch(&mut frames, FRAMES)?;
         total += frames.len() as u64;
         if let (None, Some(target), Some(frame)) = (first, request.calibrate, frames.first()) {
             offline.advance(frame.time);
@@ -115,7 +115,13 @@ fn finish_session(offline: &mut Offline) -> anyhow::Result<()> {
 
 fn print_report(reader: &LogReader, offline: &Offline) {
     let report = reader.report();
-    println!("log: {report}");
+    println!(
+        "log: {} lines, {} frames, {} of other interfaces, {} that are no frame, {} with a time before the last",
+        report.lines, report.frames, report.other_interface, report.bad, report.backwards
+    );
+    for bad in &report.first_bad {
+        println!("  line {}: {}", bad.line, bad.fault);
+    }
     for bus in &offline.health.buses {
         println!("bus: {} frames understood, {} of no concern, {} malformed", bus.frames, bus.foreign, bus.malformed);
         if bus.malformed > 0 {
@@ -123,24 +129,22 @@ fn print_report(reader: &LogReader, offline: &Offline) {
         }
     }
     for board in &offline.health.boards {
-        println!("board {}: {} modules, {} scans, {} orphans", board.address, board.modules.0, board.scans, board.orphans);
+        println!(
+            "board {}: {} modules, {} scans, {} orphans",
+            board.address, board.modules.0, board.scans, board.orphans
+        );
     }
 }
 
 fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
     let Some(view) = session(offline) else { return Ok(()) };
-    println!(
-        "session: {}, {} scans entered, refused: {}",
-        view.state.name(),
-        view.accepted,
-        refusals(&view)
-    );
+    println!("session: {}, {} scans entered, refused: {}", view.state.name(), view.accepted, refusals(&view));
     let Some(set) = offline.model_sets.last().filter(|_| view.state == SessionState::Review) else {
         bail!("the calibration {}: {}", view.state.name(), view.reason);
     };
     crate::fit::print_summary(set);
     if let Some(out) = &request.out {
-        std::fs::write(out, models_json::to_json(set)).with_context(|| out.display().to_string())?;
+        std::fs::write(out, models_json::to_json(set)?).with_context(|| out.display().to_string())?;
         println!("models: {}", out.display());
     }
     Ok(())

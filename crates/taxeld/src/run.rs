@@ -28,14 +28,13 @@ const CLOSE_WITHIN: Duration = Duration::from_secs(5);
 
 /// How model sets become text, for the service.
 pub const CODEC: ModelCodec = ModelCodec {
-    to_json: models_json::to_json,
+    to_json: |set| models_json::to_json(set).map_err(|error| error.to_string()),
     from_json: |text| models_json::from_json(text).map_err(|error| error.to_string()),
 };
 
 /// Everything of a daemon but its buses.
 pub struct Daemon {
     plan: Arc<Plan>,
-    clock: RunClock,
     cancel: CancellationToken,
     to_engine: mpsc::Sender<crate::driver::BusBatch>,
     to_buses: Vec<Option<mpsc::Receiver<Frame>>>,
@@ -61,13 +60,13 @@ impl Daemon {
         let (senders, receivers): (Vec<_>, Vec<_>) =
             (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).map(|(s, r)| (s, Some(r))).unzip();
         let (session_state, session) = watch::channel(None);
-        let driver = Driver::new(Arc::clone(&plan), restored, clock.clone(), publisher, (store, events), senders)
+        let driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, events), senders)
             .telling(session_state);
         let mut tasks = JoinSet::new();
         tasks.spawn(driver.run(frames, commands, cancel.clone()));
         tasks.spawn(service(handle, listen(config).await?, limits(config)));
         tracing::info!(patches, listen = %config.service.listen, "taxeld is up");
-        Ok(Self { plan, clock, cancel, to_engine, to_buses: receivers, session, tasks, buses: JoinSet::new() })
+        Ok(Self { plan, cancel, to_engine, to_buses: receivers, session, tasks, buses: JoinSet::new() })
     }
 
     /// Adds the source of a bus.
@@ -79,11 +78,6 @@ impl Daemon {
     /// What the calibration is at, for whoever plays the operator's hand.
     pub fn session(&self) -> watch::Receiver<Option<SessionState>> {
         self.session.clone()
-    }
-
-    /// The run's clock.
-    pub fn clock(&self) -> &RunClock {
-        &self.clock
     }
 
     /// Which identifiers each bus needs.
@@ -183,13 +177,15 @@ pub async fn run(config: Config, scene: Scene) -> anyhow::Result<()> {
             BusSource::SocketCan => {
                 let interface = section.interface.clone().unwrap_or_default();
                 let quiet = daemon.plan.patches.iter().all(|p| p.bring_up.is_empty());
-                let options = SocketCanOptions { tx: !quiet, ..SocketCanOptions::new(interface, routes.wanted(bus)) };
+                let options = SocketCanOptions { interface, ids: Some(routes.wanted(bus)), tx: !quiet };
                 daemon.add_bus(bus, SocketCan::open(options)?);
             }
             #[cfg(feature = "sim")]
             BusSource::Sim => daemon.add_bus(bus, crate::sim_bus::SimBus::new(section.seed, daemon.session())?),
             #[cfg(not(feature = "sim"))]
-            BusSource::Sim => anyhow::bail!("bus `{}`: this build has no simulator (cargo feature `sim`)", section.name),
+            BusSource::Sim => {
+                anyhow::bail!("bus `{}`: this build has no simulator (cargo feature `sim`)", section.name)
+            }
         }
     }
     daemon.until_the_end().await

@@ -130,7 +130,9 @@ async fn serve_live(seed: u64, mut config: Config, scene: Scene) -> anyhow::Resu
     let bus = SimBus::new(seed, daemon.session())?;
     daemon.add_bus(BusIndex(0), bus);
     println!();
-    println!("The same skin is now live on {listen}. In another terminal, calibrate it (about 40 s) and read its force:");
+    println!(
+        "The same skin is now live on {listen}. In another terminal, calibrate it (about 40 s) and read its force:"
+    );
     println!("  grpcurl -plaintext {listen} taxel.v1.CalibrationService/StartSession");
     println!("  grpcurl -plaintext {listen} taxel.v1.CalibrationService/WatchSession");
     println!("  grpcurl -plaintext -d '{{\"modelSet\": \"m-...\"}}' {listen} taxel.v1.ModelService/ActivateModelSet");

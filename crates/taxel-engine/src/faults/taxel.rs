@@ -65,8 +65,7 @@ impl TaxelWatch {
     }
 
     /// `others_change`: enough of the patch is lively to expect life of this taxel too.
-    pub(super) fn push(&mut self, now: Time, count: f32, others_change: bool, limits: &FaultLimits) {
-        let hold = Duration::from_secs_f32(limits.hold_s.clamp(0.0, 1e6));
+    pub(super) fn push(&mut self, now: Time, count: f32, others_change: bool, hold: Duration, limits: &FaultLimits) {
         let delta = count - self.history[0];
         self.history.rotate_right(1);
         self.history[0] = count;

@@ -41,7 +41,7 @@ impl Rig {
         self.now = self.now + PERIOD;
         self.scan += 1;
         for taxel in 0..TAXELS {
-            let converted = (self.scan as usize + taxel) % 2 == 0; // the converter is half as fast as the bus
+            let converted = (self.scan as usize + taxel).is_multiple_of(2); // the converter is half as fast as the bus
             let noisy =
                 level(taxel, self.scan).map(|l| (l + 1.1 * self.noise.normal()).round().clamp(0.0, 255.0) as u8);
             self.last[taxel] = match noisy {
@@ -77,7 +77,7 @@ fn a_sound_skin_has_no_fault_under_rest_ramps_and_blows() {
     let mut rig = Rig::new(1);
     let load = |_: usize, scan: u32| {
         let ramp = 40.0 * (scan as f32 / 400.0).min(1.0);
-        let blow = if scan % 300 == 0 { 60.0 } else { 0.0 };
+        let blow = if scan.is_multiple_of(300) { 60.0 } else { 0.0 };
         Some(235.0 - ramp - blow)
     };
     for _ in 0..1500 {
@@ -122,7 +122,7 @@ fn a_flickering_taxel_is_jumping_from_before_it_was_found() {
     let mut rig = Rig::new(4);
     rig.seconds(5.0, sound);
     let begun = rig.now;
-    let flicker = |t: usize, s: u32| Some(if t == 12 && (s / 3) % 2 == 0 { 223.0 } else { 235.0 });
+    let flicker = |t: usize, s: u32| Some(if t == 12 && (s / 3).is_multiple_of(2) { 223.0 } else { 235.0 });
     rig.seconds(3.0, flicker);
     assert_eq!(rig.faulty(), vec![(12, "jumping".to_owned())]);
     let since = rig.detector.wrong_since(12).expect("it has a fault");
@@ -135,7 +135,9 @@ fn a_flickering_taxel_is_jumping_from_before_it_was_found() {
 #[test]
 fn four_flickering_taxels_do_not_condemn_their_module_but_eight_do() {
     let flicker = |many: usize| {
-        move |t: usize, s: u32| Some(if t / 10 == 1 && t % 10 < many && (s / 3) % 2 == 0 { 220.0 } else { 235.0 })
+        move |t: usize, s: u32| {
+            Some(if t / 10 == 1 && t % 10 < many && (s / 3).is_multiple_of(2) { 220.0 } else { 235.0 })
+        }
     };
     let mut rig = Rig::new(5);
     rig.seconds(4.0, flicker(4));
@@ -202,6 +204,7 @@ fn silence_makes_stale_and_the_next_scan_ends_it() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
     /// Whatever comes, nothing panics, and 30 s of sound scans later nothing is left.
     #[test]
     fn every_fault_ends(

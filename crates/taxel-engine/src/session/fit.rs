@@ -53,7 +53,11 @@ impl FitJob {
         let taxels: Vec<TaxelModel> = (0..first.counts.len()).map(|t| self.fit_taxel(t, &pressures)).collect();
         if taxels.iter().all(|model| !model.is_usable()) {
             let why = taxels.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
-            return Err(format!("none of the {} taxels gives a usable model from {} samples{why}", taxels.len(), samples.len()));
+            return Err(format!(
+                "none of the {} taxels gives a usable model from {} samples{why}",
+                taxels.len(),
+                samples.len()
+            ));
         }
         Ok(ModelSet {
             id: String::new(),
@@ -67,6 +71,7 @@ impl FitJob {
             gauge_gain_rel: self.options.gauge.gain_rel,
             gauge_offset_kpa: self.options.gauge.offset_kpa,
             taxels,
+            recorded: None,
         })
     }
 
@@ -87,7 +92,8 @@ impl FitJob {
             if (first - own).is_finite() { first - own } else { 0.0 }
         };
         let shifts: Vec<f64> = (0..=samples.last().map_or(0, |s| s.ramp)).map(shift).collect();
-        let count = |s: &crate::record::Sample| f64::from(s.counts.get(taxel).copied().unwrap_or(0)) + shifts[s.ramp as usize];
+        let count =
+            |s: &crate::record::Sample| f64::from(s.counts.get(taxel).copied().unwrap_or(0)) + shifts[s.ramp as usize];
         let counts: Vec<f64> = samples.iter().map(count).collect();
         let kpa: Vec<f64> = samples.iter().map(|s| s.pressure_kpa).collect();
         let ramps: Vec<u16> = samples.iter().map(|s| s.ramp).collect();

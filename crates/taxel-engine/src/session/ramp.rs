@@ -5,12 +5,16 @@
 
 use taxel_skin::{Kilopascal, Time};
 
-use crate::gauge::{GaugeHistory, PressureAt};
+use crate::gauge::{GaugeHistory, PressureAt, Trend};
 use crate::plan::SessionLimits;
 use crate::session::SampleRefusal;
 
 /// Below this rate the pressure stands still: the slope that a gauge's noise makes over one second.
 const RISE_MIN_KPA_PER_S: f64 = 0.02;
+
+/// A reading further from the trend than so many noise bands is the gauge's own doing. A real pressure that bends by
+/// so much within half a second is beyond the steepest rise anyway.
+const SPIKE_BANDS: f64 = 4.0;
 
 /// One ramp's progress.
 #[derive(Clone, Debug)]
@@ -46,9 +50,12 @@ impl Ramp {
             PressureAt::NotYet if now.since(time) <= limits.gauge_timeout => return Gate::Wait,
             _ => return Gate::Refuse(SampleRefusal::NoPressure),
         };
-        let Some(rate) = gauge.rate_kpa_per_s(time) else {
+        let Some(Trend { rate_kpa_per_s: rate, level_kpa }) = gauge.trend(time) else {
             return Gate::Refuse(SampleRefusal::NoPressure);
         };
+        if (pressure.0 - level_kpa).abs() > SPIKE_BANDS * limits.noise_band.0 {
+            return Gate::Refuse(SampleRefusal::GaugeSpike);
+        }
         if rate > limits.rise_max_kpa_per_s {
             return Gate::Refuse(SampleRefusal::TooFast);
         }
@@ -58,12 +65,6 @@ impl Ramp {
         self.reached_kpa = self.reached_kpa.max(pressure.0);
         self.progress = time;
         Gate::Accept(pressure)
-    }
-
-    /// Highest pressure of an accepted sample in kPa; negative infinity before the first.
-    #[must_use]
-    pub const fn reached_kpa(&self) -> f64 {
-        self.reached_kpa
     }
 
     /// When the last sample was accepted, or the ramp began.
@@ -103,7 +104,7 @@ mod tests {
     #[test]
     fn a_steady_rise_enters_and_a_fall_does_not() {
         let (accepted, _) = run(|t| 1.5 * t, 20);
-        assert!(accepted.len() > 390);
+        assert!(accepted.len() > 380, "all but the first second, in which there is no trend yet: {}", accepted.len());
         let (accepted, refused) = run(|t| 30.0 - t, 20);
         assert!(accepted.is_empty() && refused.contains(&SampleRefusal::NotRising));
     }
@@ -111,7 +112,15 @@ mod tests {
     #[test]
     fn a_hold_and_a_dip_do_not_enter() {
         // rises to 20 kPa, dips by 5 kPa, rises again: nothing below 20 kPa enters twice
-        let curve = |t: f64| if t < 10.0 { 2.0 * t } else if t < 15.0 { 20.0 - (t - 10.0) } else { 15.0 + (t - 15.0) };
+        let curve = |t: f64| {
+            if t < 10.0 {
+                2.0 * t
+            } else if t < 15.0 {
+                20.0 - (t - 10.0)
+            } else {
+                15.0 + (t - 15.0)
+            }
+        };
         let (accepted, _) = run(curve, 25);
         let second_pass = accepted.iter().skip_while(|&&p| p < 19.9).skip_while(|&&p| p > 19.5);
         assert_eq!(second_pass.count(), 0, "{accepted:?}");
@@ -123,7 +132,7 @@ mod tests {
     fn a_rise_that_is_too_fast_is_named() {
         let (accepted, refused) = run(|t| 9.0 * t, 5);
         assert!(accepted.is_empty());
-        assert!(refused.iter().filter(|&&r| r == SampleRefusal::TooFast).count() > 90);
+        assert!(refused.iter().filter(|&&r| r == SampleRefusal::TooFast).count() > 80);
     }
 
     #[test]

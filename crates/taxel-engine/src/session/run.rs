@@ -109,6 +109,11 @@ impl SessionRun {
         }
     }
 
+    /// Says why the session waits, without a change of state.
+    pub fn explain(&mut self, reason: String) {
+        self.view.reason = reason;
+    }
+
     /// The model set of the fit.
     pub fn set_model_set(&mut self, id: Arc<str>) {
         self.view.model_set = Some(id);
@@ -232,7 +237,7 @@ impl SessionRun {
     pub fn refresh(&mut self, now: Time, gauge: &GaugeHistory) {
         let fresh = gauge.newest().filter(|&(time, _)| now.since(time) <= self.limits.gauge_timeout);
         self.view.pressure_kpa = fresh.map(|(_, p)| p.0);
-        self.view.rate_kpa_per_s = fresh.and_then(|(time, _)| gauge.rate_kpa_per_s(time));
+        self.view.rate_kpa_per_s = fresh.and_then(|(time, _)| gauge.trend(time)).map(|trend| trend.rate_kpa_per_s);
         self.view.coverage = self.covered.iter().filter(|c| **c).count() as f64 / self.covered.len() as f64;
         self.count_responding();
         let left = self.view.pressure_kpa.map(|kpa| (self.limits.target.0 - kpa).max(0.0));

@@ -82,11 +82,14 @@ pub enum SampleRefusal {
     StaleModule,
     /// The session's memory was full.
     Full,
+    /// The gauge read far from what it read within the last second.
+    GaugeSpike,
 }
 
 impl SampleRefusal {
     /// Every reason, in the order of [`RefusalCounts`].
-    pub const ALL: [Self; 5] = [Self::NotRising, Self::TooFast, Self::NoPressure, Self::StaleModule, Self::Full];
+    pub const ALL: [Self; 6] =
+        [Self::NotRising, Self::TooFast, Self::NoPressure, Self::StaleModule, Self::Full, Self::GaugeSpike];
 
     /// The word for it.
     #[must_use]
@@ -97,13 +100,14 @@ impl SampleRefusal {
             Self::NoPressure => "no_pressure",
             Self::StaleModule => "stale_module",
             Self::Full => "full",
+            Self::GaugeSpike => "gauge_spike",
         }
     }
 }
 
 /// How many scans were refused, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RefusalCounts(pub [u64; 5]);
+pub struct RefusalCounts(pub [u64; SampleRefusal::ALL.len()]);
 
 impl RefusalCounts {
     /// Counts one refusal.

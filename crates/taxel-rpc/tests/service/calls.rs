@@ -30,6 +30,8 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         excluded: 2,
         stale: 3,
         out_of_range: 1,
+        filled: 4,
+        filled_share: 0.0625,
         uncovered_share: 0.125,
         model_set: Some("m-1".into()),
     };
@@ -60,6 +62,8 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         moment_nm: vector(1.0, 2.0, 3.0),
         centre_of_pressure_m: vector(0.01, 0.02, 0.03),
         contacts: vec![v1::Contact { force_n: 4.5, centre_m: vector(0.01, 0.02, 0.03), taxels: 5 }],
+        filled: 4,
+        filled_share: 0.0625,
     };
     assert_eq!(got, expected);
 }

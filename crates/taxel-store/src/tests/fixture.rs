@@ -51,6 +51,7 @@ pub fn model_set(created_wall_ns: i64) -> ModelSet {
         gauge_gain_rel: 0.005,
         gauge_offset_kpa: 0.1,
         taxels: TAXELS.clone(),
+        recorded: None,
     })
 }
 

@@ -5,7 +5,7 @@ mod parts;
 mod resolve;
 
 pub use load::{ConfigError, load, parse};
-pub use parts::{BusSource, FitSection, OrderWord};
+pub use parts::BusSource;
 pub use resolve::{Scene, resolve};
 
 use parts::{BusSection, PatchSection, ServiceSection, StoreSection};

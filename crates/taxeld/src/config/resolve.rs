@@ -37,7 +37,8 @@ pub struct Scene {
 /// [`ConfigError::Unusable`] with the key, its value and what was expected.
 pub fn resolve(config: &Config, path: &Path) -> Result<Scene, ConfigError> {
     let unusable = |problem| ConfigError::Unusable { path: path.into(), problem };
-    let mut scene = Scene { plan: Plan { buses: config.bus.len(), patches: vec![] }, left_out: vec![], remarks: vec![] };
+    let mut scene =
+        Scene { plan: Plan { buses: config.bus.len(), patches: vec![] }, left_out: vec![], remarks: vec![] };
     check_service(config).map_err(unusable)?;
     for section in &config.patch {
         let named = |problem: String| unusable(format!("patch `{}`: {problem}", section.name));
@@ -56,7 +57,9 @@ pub fn resolve(config: &Config, path: &Path) -> Result<Scene, ConfigError> {
 fn check_service(config: &Config) -> Result<(), String> {
     let listen = config.service.listen;
     if !listen.ip().is_loopback() {
-        return Err(format!("service.listen = {listen}: only loopback addresses are served, the service is not secured"));
+        return Err(format!(
+            "service.listen = {listen}: only loopback addresses are served, the service is not secured"
+        ));
     }
     if config.bus.len() > usize::from(u8::MAX) {
         return Err(format!("{} buses, at most 255 are possible", config.bus.len()));
@@ -79,12 +82,7 @@ fn bus_index(config: &Config, name: &str) -> Result<BusIndex, String> {
     Ok(BusIndex(position as u8))
 }
 
-fn resolve_patch(
-    config: &Config,
-    section: &PatchSection,
-    path: &Path,
-    scene: &mut Scene,
-) -> Result<PatchPlan, String> {
+fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &mut Scene) -> Result<PatchPlan, String> {
     let bus = bus_index(config, &section.bus)?;
     let name = &section.name;
     if name.is_empty() || name.len() > 64 || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') {
@@ -107,7 +105,9 @@ fn resolve_patch(
     }
     if section.period_ms < 37 {
         let period = section.period_ms;
-        scene.remarks.push(format!("{name}: the converter needs 36.9 ms a scan: at {period} ms old values are repeated"));
+        scene
+            .remarks
+            .push(format!("{name}: the converter needs 36.9 ms a scan: at {period} ms old values are repeated"));
     }
     if section.listen_only {
         scene.left_out.push(format!("{name}: board bring-up: listen_only sends nothing"));
@@ -224,7 +224,9 @@ fn gauge(config: &Config, section: &GaugeSection, patch_bus: BusIndex) -> Result
     let id = if section.extended {
         CanId::Extended(section.id)
     } else {
-        CanId::Standard(u16::try_from(section.id).map_err(|_| format!("gauge.id {:#x} has more than 11 bits", section.id))?)
+        CanId::Standard(
+            u16::try_from(section.id).map_err(|_| format!("gauge.id {:#x} has more than 11 bits", section.id))?,
+        )
     };
     let signal = SignalSpec {
         id,
@@ -294,7 +296,13 @@ fn session(section: &SessionSection) -> Result<SessionLimits, String> {
         )?,
         gauge_timeout: seconds("gauge_timeout_s", section.gauge_timeout_s, defaults.gauge_timeout, 0.01, 1.0)?,
         patience: seconds("patience_s", section.patience_s, defaults.patience, 1.0, 3600.0)?,
-        vented_below: Kilopascal(or("vented_below_kpa", section.vented_below_kpa, defaults.vented_below.0, 0.1, 1000.0)?),
+        vented_below: Kilopascal(or(
+            "vented_below_kpa",
+            section.vented_below_kpa,
+            defaults.vented_below.0,
+            0.1,
+            1000.0,
+        )?),
         ..defaults
     })
 }

@@ -1,0 +1,247 @@
+//! A real interface, as far as a virtual one is real: run by tests/vcan/run-can-tests inside the lab.
+
+mod lab;
+
+use std::io::Write;
+use std::time::Duration;
+
+use lab::{Heard, Vcan, run};
+use taxel_can::{BusError, BusEvent, ClockReading, DownReason, FrameSource, SendError};
+use taxel_skin::Time;
+use taxel_wire::candump::write_line;
+use taxel_wire::{CanId, Frame};
+
+const SKIN: CanId = CanId::Standard(0x301);
+const NO_INTERFACE: BusEvent = BusEvent::Down { reason: DownReason::NoInterface };
+const INTERFACE_DOWN: BusEvent = BusEvent::Down { reason: DownReason::InterfaceDown };
+
+fn numbered(number: u32) -> Frame {
+    Frame::of(SKIN, number.to_be_bytes())
+}
+
+#[tokio::test]
+async fn frames_of_another_process_come_with_the_kernel_s_receive_time() {
+    let Some(vcan) = Vcan::up("vc_time") else { return };
+    let mut bus = vcan.open(None, false);
+    let before = ClockReading::now().time;
+    vcan.cansend("301#0102030405060708");
+    let sent = ClockReading::now().time;
+    let heard = Heard::frames(&mut bus, 1).await;
+    assert_eq!(heard.frames[0].frame, Frame::of(SKIN, [1, 2, 3, 4, 5, 6, 7, 8]));
+    let time = heard.frames[0].time;
+    assert!(before <= time && time <= sent, "{before} <= {time} <= {sent}: not the time of reading");
+    assert!(
+        matches!(heard.events[0], BusEvent::BufferGranted { bytes, wanted } if bytes >= wanted),
+        "{:?}",
+        heard.events
+    );
+    assert_eq!(heard.events[1..], [BusEvent::Up]);
+}
+
+#[tokio::test]
+async fn a_log_that_canplayer_plays_arrives_whole_and_in_order() {
+    let Some(vcan) = Vcan::up("vc_play") else { return };
+    let mut log = String::new();
+    for i in 0..2_000_u32 {
+        let time = Time::from_nanos(i64::from(i) * 100_000);
+        let id = if i % 3 == 0 { CanId::Extended(0x0012_3400 + i) } else { SKIN };
+        write_line(&mut log, time, "can0", &Frame::data(id, &i.to_be_bytes()[..(i % 5) as usize]).unwrap()).unwrap();
+    }
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.write_all(log.as_bytes()).unwrap();
+    let path = file.path().to_str().unwrap().to_owned();
+    let mut bus = vcan.open(None, false);
+    let wire = format!("{}=can0", vcan.name);
+    let player = tokio::task::spawn_blocking(move || run("canplayer", &["-I", &path, &wire]));
+    let heard = Heard::frames(&mut bus, 2_000).await;
+    player.await.unwrap();
+    let mut again = String::new();
+    for (i, timed) in heard.frames.iter().enumerate() {
+        write_line(&mut again, Time::from_nanos(i as i64 * 100_000), "can0", &timed.frame).unwrap();
+    }
+    assert_eq!(again, log);
+    assert!(heard.frames.is_sorted_by_key(|timed| timed.time));
+    assert_eq!(heard.dropped(), 0);
+}
+
+#[tokio::test]
+async fn only_the_wanted_identifiers_wake_the_owner() {
+    let Some(vcan) = Vcan::up("vc_filter") else { return };
+    let mut bus = vcan.open(Some(&[SKIN, CanId::Extended(0x18AA_A302)]), false);
+    // The first and the last two are wanted; between them their look-alikes.
+    let sent = ["301#01", "301#R", "00000301#02", "302#03", "18AAA302#R", "18AAA303#04", "18AAA302#05", "301#06"];
+    sent.iter().for_each(|frame| vcan.cansend(frame));
+    let heard = Heard::frames(&mut bus, 3).await;
+    let wanted = [Frame::of(SKIN, [1]), Frame::of(CanId::Extended(0x18AA_A302), [5]), Frame::of(SKIN, [6])];
+    assert_eq!(heard.plain_frames(), wanted);
+}
+
+#[tokio::test]
+async fn a_list_longer_than_the_kernel_takes_is_as_exact() {
+    let Some(vcan) = Vcan::up("vc_long") else { return };
+    // No two differ in one bit only, so no two can share a filter.
+    let ids: Vec<CanId> =
+        (0..0x800).filter(|id: &u16| id.count_ones().is_multiple_of(2)).map(CanId::Standard).collect();
+    let mut bus = vcan.open(Some(&ids), false);
+    for frame in ["301#01", "303#02", "300#03", "00000303#04", "303#R", "305#05"] {
+        vcan.cansend(frame);
+    }
+    let heard = Heard::frames(&mut bus, 3).await;
+    let wanted = [(0x303, 2), (0x300, 3), (0x305, 5)].map(|(id, byte)| Frame::of(CanId::Standard(id), [byte]));
+    assert_eq!(heard.plain_frames(), wanted);
+}
+
+#[tokio::test]
+async fn down_is_told_and_up_resumes_on_the_same_bus() {
+    let Some(vcan) = Vcan::up("vc_flap") else { return };
+    let mut bus = vcan.open(None, true);
+    Heard::event(&mut bus, BusEvent::Up).await;
+    for round in 0..5 {
+        vcan.set("down");
+        let heard = Heard::event(&mut bus, INTERFACE_DOWN).await;
+        assert_eq!(heard.events, [INTERFACE_DOWN], "told once");
+        let refused = bus.send(&numbered(round)).await;
+        assert!(matches!(refused, Err(SendError::Down { reason: DownReason::InterfaceDown, .. })), "{refused:?}");
+        vcan.set("up");
+        // At once: the frame must not wait for the next look at the link, and the state comes before it.
+        vcan.cansend(&format!("301#{round:08X}"));
+        let heard = Heard::frames(&mut bus, 1).await;
+        assert_eq!((heard.events, heard.frames[0].frame), (vec![BusEvent::Up], numbered(round)));
+        bus.send(&numbered(7)).await.unwrap();
+        Heard::frames(&mut bus, 1).await;
+    }
+}
+
+#[tokio::test]
+async fn an_interface_that_is_deleted_and_made_again_is_found_and_nothing_leaks() {
+    let Some(vcan) = Vcan::named("vc_again") else { return };
+    let mut bus = vcan.open(None, true);
+    let heard = Heard::event(&mut bus, NO_INTERFACE).await;
+    assert_eq!(heard.events, [NO_INTERFACE], "not there yet");
+    let refused = bus.send(&numbered(0)).await;
+    assert!(matches!(refused, Err(SendError::Down { reason: DownReason::NoInterface, .. })), "{refused:?}");
+    let mut files = Vec::new();
+    for round in 0..10 {
+        vcan.create();
+        let heard = Heard::event(&mut bus, BusEvent::Up).await;
+        assert!(heard.events.iter().any(|event| matches!(event, BusEvent::BufferGranted { .. })));
+        vcan.cansend(&format!("301#{round:08X}"));
+        assert_eq!(Heard::frames(&mut bus, 1).await.plain_frames(), [numbered(round)]);
+        files.push(std::fs::read_dir("/proc/self/fd").unwrap().count());
+        vcan.delete();
+        let heard = Heard::event(&mut bus, NO_INTERFACE).await;
+        assert!(heard.frames.is_empty());
+    }
+    assert_eq!(files.first(), files.last(), "open files: {files:?}");
+}
+
+#[tokio::test]
+async fn an_interface_that_is_replaced_between_two_looks_is_found() {
+    let Some(vcan) = Vcan::up("vc_swap") else { return };
+    let mut bus = vcan.open(None, false);
+    Heard::event(&mut bus, BusEvent::Up).await;
+    vcan.delete();
+    vcan.create();
+    Heard::event(&mut bus, NO_INTERFACE).await;
+    Heard::event(&mut bus, BusEvent::Up).await;
+    vcan.cansend("301#00000001");
+    assert_eq!(Heard::frames(&mut bus, 1).await.plain_frames(), [numbered(1)]);
+}
+
+#[tokio::test]
+async fn a_stall_loses_frames_only_beyond_the_buffer_and_counts_each() {
+    let Some(vcan) = Vcan::up("vc_stall") else { return };
+    let mut bus = vcan.open(Some(&[SKIN]), false);
+    let mut sender = vcan.open(Some(&[]), true);
+    // 1 s of a full bus is what the buffer holds at the measured size of a frame, half of it is promised.
+    const HELD: u32 = 4_504;
+    const SENT: u32 = 15_000;
+    for i in 0..HELD {
+        sender.send(&numbered(i)).await.unwrap();
+    }
+    let mut heard = Heard::frames(&mut bus, HELD as usize).await;
+    assert_eq!(heard.dropped(), 0, "half a second of a full bus");
+    for i in HELD..SENT {
+        sender.send(&numbered(i)).await.unwrap();
+    }
+    // The bus is silent now: the loss at its end is told all the same.
+    heard.until(&mut bus, |heard| heard.frames.len() as u64 + heard.dropped() >= u64::from(SENT)).await;
+    // One more frame carries the kernel's own count, which must change nothing.
+    sender.send(&numbered(SENT)).await.unwrap();
+    heard.until(&mut bus, |heard| heard.frames.last().is_some_and(|last| last.frame == numbered(SENT))).await;
+    assert!(heard.dropped() > 0);
+    assert_eq!(heard.frames.len() as u64 + heard.dropped(), u64::from(SENT) + 1);
+    assert!(heard.frames.is_sorted_by_key(|timed| timed.time));
+}
+
+#[tokio::test]
+async fn an_error_frame_is_an_event_and_marked_as_written_by_a_process() {
+    let Some(vcan) = Vcan::up("vc_error") else { return };
+    // Also with an empty list of identifiers: errors pass in any case.
+    let mut bus = vcan.open(Some(&[]), false);
+    vcan.cansend("20000040#0000000000000000");
+    let heard = Heard::event(&mut bus, BusEvent::Error { error: BusError::BusOff, local: true }).await;
+    assert!(heard.frames.is_empty());
+}
+
+#[tokio::test]
+async fn a_listening_bus_sends_nothing() {
+    let Some(vcan) = Vcan::up("vc_listen") else { return };
+    let mut bus = vcan.open(None, false);
+    let refused = bus.send(&numbered(1)).await;
+    assert!(matches!(refused, Err(SendError::ListenOnly { id: SKIN, .. })), "{refused:?}");
+    vcan.cansend("301#00000002");
+    assert_eq!(Heard::frames(&mut bus, 1).await.plain_frames(), [numbered(2)]);
+}
+
+#[tokio::test]
+async fn a_full_transmit_queue_is_waited_for_and_then_given_up() {
+    let Some(vcan) = Vcan::up("vc_queue") else { return };
+    let mut bus = vcan.open(None, true);
+    let shape = |verb: &str, rate: &str| {
+        run("tc", &["qdisc", verb, "dev", &vcan.name, "root", "tbf", "rate", rate, "burst", "64", "limit", "256"]);
+    };
+    shape("add", "1mbit");
+    for i in 0..300 {
+        bus.send(&numbered(i)).await.unwrap();
+    }
+    assert_eq!(Heard::frames(&mut bus, 300).await.frames.len(), 300);
+    shape("replace", "1kbit");
+    let given_up = loop {
+        if let Err(error) = bus.send(&numbered(0)).await {
+            break error;
+        }
+    };
+    // 1 + 2 + 4 + 8 + 16 + 32 ms.
+    assert!(
+        matches!(given_up, SendError::QueueFull { waited, .. } if waited >= Duration::from_millis(63)),
+        "{given_up}"
+    );
+}
+
+#[tokio::test]
+async fn a_step_of_the_wall_clock_moves_no_frame() {
+    if std::env::var("TAXELD_LAB").as_deref() != Ok("uml") {
+        return eprintln!("SKIPPED: the clock is stepped only in user-mode Linux, where it is nobody else's");
+    }
+    let Some(vcan) = Vcan::up("vc_clock") else { return };
+    let mut bus = vcan.open(None, false);
+    for (step, back) in [("2 hours", "2 hours ago"), ("2 hours ago", "2 hours")] {
+        let before = ClockReading::now();
+        vcan.cansend("301#00000001");
+        run("date", &["-s", step]);
+        let heard = Heard::frames(&mut bus, 1).await;
+        let after = ClockReading::now();
+        let stepped = (after.wall_offset_ns() - before.wall_offset_ns()).abs();
+        assert!(stepped > 3_600_000_000_000, "the clock was stepped by {stepped} ns");
+        let time = heard.frames[0].time;
+        // The floor is the last time that nothing was there: at most as old as the opening or the frame before.
+        assert!(
+            time.seconds_since(before.time) > -5.0 && time <= after.time,
+            "{time} in {} .. {}",
+            before.time,
+            after.time
+        );
+        run("date", &["-s", back]);
+    }
+}

@@ -1,0 +1,262 @@
+//! Hysteresis as plays: what a count means depends on the way it was reached.
+//!
+//! A play operator of radius r follows the count only when the count leaves the band z - r .. z + r, like the far end
+//! of a loose joint (Prandtl-Ishlinskii; Kuhnen 2003, "Modeling, identification and compensation of complex hysteretic
+//! nonlinearities"). With z_k the plays' outputs and sigma the sign of the taxel (+1 where counts rise with pressure),
+//! P = p(C) - sigma sum w_k (z_k - C), w_k >= 0. Each play lags behind, so a rising pressure reads higher than the
+//! mid curve p and a falling one lower. The map is from count to pressure already: nothing is left to invert.
+//!
+//! Whatever the history, P is monotone in C if p is: between turns of a play its term has slope sigma w_k or none.
+//! A play knows no time, so that neither the sampling rate nor a gap can make it unstable.
+
+use crate::curve::Curve;
+use crate::fit::fit;
+use crate::model::Sign;
+use crate::nnls::nnls;
+use crate::options::{Estimator, FitOptions, Order, Rails, Shape};
+use crate::orthogonal::Basis;
+use crate::samples::Samples;
+use serde::{Deserialize, Serialize};
+
+/// How many plays a model has. One leaves a quarter of the gain, four add nothing on a branch that was not fitted.
+pub const PLAYS: usize = 2;
+
+/// Radii as shares of the taxel's swing.
+pub const RADII_OF_SWING: [f64; PLAYS] = [0.08, 0.20];
+
+/// Order of the mid curve: with the plays to bend it, a higher one gains nothing.
+const ORDER: u8 = 3;
+
+/// Ridge on the weights, per sample: it decides between radii that the recording cannot tell apart.
+const RIDGE: f64 = 1e-3;
+
+/// About so many samples are used of a recording: neighbours in time say the same.
+const SAMPLES: usize = 2100;
+
+/// A curve with the plays about it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Plays {
+    /// The mid curve; monotone on `range`.
+    pub curve: Curve,
+    /// Least and greatest calibrated count.
+    pub range: [f64; 2],
+    /// Which way the counts answer.
+    pub sign: Sign,
+    /// Radii, counts; not negative.
+    pub radii_counts: [f64; PLAYS],
+    /// Weights, kPa per count; not negative.
+    pub weights_kpa: [f64; PLAYS],
+}
+
+/// Where the plays of one taxel stand. The default is that nothing was read yet.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PlayState(Option<[f64; PLAYS]>);
+
+impl PlayState {
+    /// Follows the count. The first one centres the plays: without a history the mid curve is the best guess.
+    fn follow(&mut self, count: f64, radii: &[f64; PLAYS]) -> [f64; PLAYS] {
+        let mut z = self.0.unwrap_or([count; PLAYS]);
+        for (z, r) in z.iter_mut().zip(radii) {
+            *z = z.max(count - r).min(count + r);
+        }
+        self.0 = Some(z);
+        z
+    }
+}
+
+impl Plays {
+    /// Identifies curve and weights from a recording: least squares in all of them at once, weights not negative.
+    ///
+    /// `counts` in the order of time, freed of noise as far as they will be in use (a play takes noise for motion);
+    /// NaN where there is none. `kpa` is NaN where a sample must not be fitted; the plays follow its count still.
+    /// `radii_counts` of zero give the curve alone. `None` if the samples do not carry a monotone curve.
+    #[must_use]
+    pub fn identify(counts: &[f64], kpa: &[f64], radii_counts: [f64; PLAYS]) -> Option<Self> {
+        let (mut x, mut y) = (Vec::new(), Vec::new());
+        let mut lags: [Vec<f64>; PLAYS] = Default::default();
+        let fitted = counts.iter().zip(kpa).filter(|(c, p)| c.is_finite() && p.is_finite()).count();
+        let (stride, mut state, mut seen) = (fitted.div_ceil(SAMPLES).max(1), PlayState::default(), 0_usize);
+        for (&count, &kpa) in counts.iter().zip(kpa).filter(|(c, _)| c.is_finite()) {
+            let z = state.follow(count, &radii_counts);
+            if !kpa.is_finite() {
+                continue;
+            }
+            seen += 1;
+            if seen % stride != 1 % stride {
+                continue;
+            }
+            x.push(count);
+            y.push(kpa);
+            lags.iter_mut().zip(z).for_each(|(lag, z)| lag.push(z - count));
+        }
+        let sign = direction(&x, &y)?;
+        let weights_kpa = weights(&x, &y, &lags, sign);
+        for (lag, w) in lags.iter().zip(weights_kpa) {
+            y.iter_mut().zip(lag).for_each(|(y, lag)| *y += sign.as_f64() * w * lag);
+        }
+        let options = FitOptions {
+            order: Order::Fixed(ORDER),
+            estimator: Estimator::PerSample,
+            shape: Shape::Repair,
+            rails: Rails::None,
+            ..FitOptions::default()
+        };
+        let mid = fit(&Samples::new(&x, &y), &options);
+        let sound = mid.is_usable() && mid.sign == sign;
+        let (curve, range) = (mid.curve.filter(|_| sound)?, mid.range?);
+        Some(Self { curve, range, sign, radii_counts, weights_kpa })
+    }
+
+    /// The pressure at `count`, clamped to the calibrated range, after all that `state` has seen; kPa.
+    ///
+    /// A count that is not finite gives NaN and leaves the state as it was.
+    pub fn evaluate(&self, state: &mut PlayState, count: f64) -> f64 {
+        if !count.is_finite() {
+            return f64::NAN;
+        }
+        let inside = count.max(self.range[0]).min(self.range[1]);
+        let z = state.follow(inside, &self.radii_counts);
+        let bent: f64 = z.iter().zip(&self.weights_kpa).map(|(z, w)| w * (z - inside)).sum();
+        self.curve.evaluate(inside) - self.sign.as_f64() * bent
+    }
+}
+
+/// The sign of the slope of pressure over count; `None` without one.
+fn direction(x: &[f64], y: &[f64]) -> Option<Sign> {
+    let n = x.len() as f64;
+    let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
+    let cross: f64 = x.iter().zip(y).map(|(x, y)| (x - mx) * (y - my)).sum();
+    if cross > 0.0 {
+        Some(Sign::Rising)
+    } else if cross < 0.0 {
+        Some(Sign::Falling)
+    } else {
+        None
+    }
+}
+
+/// The best weights: what the polynomial explains is projected out of both sides, the rest is a problem in the weights
+/// alone.
+fn weights(x: &[f64], y: &[f64], lags: &[Vec<f64>; PLAYS], sign: Sign) -> [f64; PLAYS] {
+    let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
+    let (centre, half) = Curve::frame(low, high);
+    let t: Vec<f64> = x.iter().map(|x| (x - centre) / half).collect();
+    let basis = Basis::new(&t, &vec![1.0; t.len()], usize::from(ORDER));
+    let rest = |values: Vec<f64>| {
+        let mut rest = values;
+        for (d, q) in basis.project(&rest).iter().zip(&basis.vectors) {
+            rest.iter_mut().zip(q).for_each(|(r, q)| *r -= d * q);
+        }
+        rest
+    };
+    let ridge = (RIDGE * x.len() as f64).sqrt();
+    let column = |(k, lag): (usize, &Vec<f64>)| {
+        let mut column = rest(lag.iter().map(|lag| -sign.as_f64() * lag).collect());
+        column.extend((0..PLAYS).map(|j| if j == k { ridge } else { 0.0 }));
+        column
+    };
+    let columns: Vec<Vec<f64>> = lags.iter().enumerate().map(column).collect();
+    let mut target = rest(y.to_vec());
+    target.extend([0.0; PLAYS]);
+    let mut weights = [0.0; PLAYS];
+    weights.iter_mut().zip(nnls(&columns, &target)).for_each(|(w, x)| *w = x);
+    weights
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const RADII: [f64; PLAYS] = [4.0, 10.0];
+
+    fn plays(sign: Sign) -> Plays {
+        let slope = sign.as_f64() * 100.0;
+        let curve = Curve { centre: 200.0, half_width: 25.0, chebyshev: vec![150.0, slope, 3.0] };
+        Plays { curve, range: [175.0, 225.0], sign, radii_counts: RADII, weights_kpa: [0.8, 0.4] }
+    }
+
+    fn run(plays: &Plays, path: &[f64]) -> Vec<f64> {
+        let mut state = PlayState::default();
+        path.iter().map(|&count| plays.evaluate(&mut state, count)).collect()
+    }
+
+    #[test]
+    fn a_rising_pressure_reads_above_the_mid_curve_and_a_falling_one_below() {
+        for sign in [Sign::Falling, Sign::Rising] {
+            let plays = plays(sign);
+            let load: Vec<f64> = (0..=50).map(|k| 200.0 + sign.as_f64() * (f64::from(k) - 25.0)).collect();
+            let cycle: Vec<f64> = load.iter().chain(load.iter().rev()).copied().collect();
+            let kpa = run(&plays, &cycle);
+            let mid = plays.curve.evaluate(200.0);
+            assert_eq!(kpa[0], plays.curve.evaluate(load[0]), "begins on the mid curve");
+            let bent = 0.8 * 4.0 + 0.4 * 10.0;
+            assert!((kpa[25] - mid - bent).abs() < 1e-9, "{sign:?}: {} {mid}", kpa[25]);
+            assert!((mid - kpa[75 + 1] - bent).abs() < 1e-9, "{sign:?}: {} {mid}", kpa[76]);
+        }
+    }
+
+    #[test]
+    fn weights_are_found_again_in_a_recording_that_has_them() {
+        for sign in [Sign::Falling, Sign::Rising] {
+            let truth = plays(sign);
+            let path: Vec<f64> = (0..9000).map(|k| 200.0 + 25.0 * (f64::from(k) / 700.0).sin()).collect();
+            let found = Plays::identify(&path, &run(&truth, &path), RADII).unwrap();
+            assert_eq!(found.sign, sign);
+            for (got, want) in found.weights_kpa.iter().zip(truth.weights_kpa) {
+                assert!((got - want).abs() < 0.02 * want + 0.01, "{sign:?}: {got} {want}");
+            }
+            assert_eq!(Plays::identify(&path, &run(&truth, &path), [0.0; PLAYS]).unwrap().weights_kpa, [0.0; PLAYS]);
+        }
+    }
+
+    #[test]
+    fn samples_that_say_nothing_give_none() {
+        assert_eq!(Plays::identify(&[], &[], RADII), None);
+        assert_eq!(Plays::identify(&[f64::NAN; 400], &[1.0; 400], RADII), None);
+        assert_eq!(Plays::identify(&[200.0; 400], &[1.0; 400], RADII), None);
+    }
+
+    proptest! {
+        /// Two counts after any history: the pressure has their order, so a count means one pressure.
+        #[test]
+        fn the_pressure_is_monotone_in_the_count_after_any_history(
+            path in proptest::collection::vec(150.0..250.0_f64, 0..40),
+            a in 150.0..250.0_f64, b in 150.0..250.0_f64, rising: bool,
+        ) {
+            let plays = plays(if rising { Sign::Rising } else { Sign::Falling });
+            let mut state = PlayState::default();
+            for count in path {
+                plays.evaluate(&mut state, count);
+            }
+            let (mut one, mut other) = (state, state);
+            let (pa, pb) = (plays.evaluate(&mut one, a), plays.evaluate(&mut other, b));
+            prop_assert!((pa - pb) * (a - b) * plays.sign.as_f64() >= -1e-9, "{a}: {pa}, {b}: {pb}");
+        }
+
+        /// A path sampled more densely ends at the same pressure: no time step, no instability.
+        #[test]
+        fn the_sampling_rate_does_not_matter(
+            turns in proptest::collection::vec(170.0..230.0_f64, 2..12), per_turn in 1_usize..50,
+        ) {
+            let plays = plays(Sign::Falling);
+            let dense: Vec<f64> = turns
+                .windows(2)
+                .flat_map(|w| (0..=per_turn).map(move |k| w[0] + (w[1] - w[0]) * k as f64 / per_turn as f64))
+                .collect();
+            let (coarse, dense) = (run(&plays, &turns), run(&plays, &dense));
+            prop_assert!((coarse[coarse.len() - 1] - dense[dense.len() - 1]).abs() < 1e-9);
+            prop_assert!(dense.iter().all(|p| p.is_finite()));
+        }
+
+        #[test]
+        fn identification_never_panics_and_its_weights_are_not_negative(
+            samples in proptest::collection::vec((prop_oneof![8 => 150.0..250.0_f64, 1 => Just(f64::NAN)], 0.0..300.0_f64), 0..300),
+        ) {
+            let (counts, kpa): (Vec<f64>, Vec<f64>) = samples.into_iter().unzip();
+            if let Some(plays) = Plays::identify(&counts, &kpa, RADII) {
+                prop_assert!(plays.weights_kpa.iter().all(|w| *w >= 0.0 && w.is_finite()));
+            }
+        }
+    }
+}
