@@ -104,7 +104,7 @@ impl Rx {
     /// The outer error is the runtime's, the inner one the socket's.
     pub async fn receive(&mut self) -> io::Result<io::Result<()>> {
         loop {
-            let mut ready = self.socket.readable().await?;
+            let mut ready = self.socket.ready(sys::WAKES).await?;
             let before = ClockReading::now().time;
             let (receiver, received) = (&mut self.receiver, &mut self.received);
             match ready.try_io(|socket| receiver.receive(sys::borrowed(socket), received)) {
@@ -143,6 +143,11 @@ impl Rx {
         if malformed > 0 {
             batch.events.push(BusEvent::Malformed { frames: malformed });
         }
+    }
+
+    /// Takes the error that the next read would give, if there is one.
+    pub fn forget_error(&self) {
+        let _ = self.socket.get_ref().as_raw_socket().take_error();
     }
 
     /// Asks for the count of lost frames, because the one that rides on frames is silent when the bus is.

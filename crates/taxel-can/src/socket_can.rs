@@ -197,7 +197,11 @@ impl SocketCan {
             return;
         }
         match sys::interface_flags(sockets.rx.fd(), &self.interface) {
-            Ok(flags) if flags & libc::IFF_UP == 0 => self.tell(Link::Down(DownReason::InterfaceDown), batch),
+            Ok(flags) if flags & libc::IFF_UP == 0 => {
+                // Seen here before the socket's own word of it, which would sound like a second time later.
+                sockets.rx.forget_error();
+                self.tell(Link::Down(DownReason::InterfaceDown), batch);
+            }
             Ok(flags) if flags & libc::IFF_RUNNING == 0 => self.tell(Link::Down(DownReason::NoCarrier), batch),
             Ok(_) => self.tell(Link::Up, batch),
             Err(error) => self.close(reason_of(&error), batch),

@@ -5,6 +5,7 @@ use std::mem;
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
 
 use socketcan::CanSocket;
+use tokio::io::Interest;
 use tokio::io::unix::AsyncFd;
 
 /// Reads of one call. At 9,009 frames/s a full bus fills this in 7 ms.
@@ -13,6 +14,10 @@ pub(crate) const READS: usize = 64;
 pub(crate) const FRAME_BYTES: usize = 16;
 /// Room for a timestamp (32) and a drop count (24), headers included.
 const CONTROL_BYTES: usize = 64;
+
+/// What the owner of a receiving socket waits for. A pending error is no frame to read: without asking for errors,
+/// the end of an interface would wake nobody.
+pub(crate) const WAKES: Interest = Interest::READABLE.add(Interest::ERROR);
 
 /// Aligned as the kernel writes control messages.
 #[repr(C, align(8))]
@@ -145,8 +150,7 @@ pub(crate) fn interface_flags(socket: BorrowedFd<'_>, name: &str) -> io::Result<
 pub(crate) fn register(socket: CanSocket) -> io::Result<AsyncFd<CanSocket>> {
     // SAFETY: `CanSocket` owns an open descriptor and returns that one until it is dropped, which `AsyncFd` does
     // only after it has taken it out of the poll set. Nothing in this crate takes a mutable reference to it.
-    unsafe { AsyncFd::register_with_interest(socket, tokio::io::Interest::READABLE) }
-        .map_err(|error| error.into_parts().1)
+    unsafe { AsyncFd::register_with_interest(socket, WAKES) }.map_err(|error| error.into_parts().1)
 }
 
 /// The socket as the calls here want it.

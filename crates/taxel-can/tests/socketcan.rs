@@ -113,6 +113,16 @@ async fn down_is_told_and_up_resumes_on_the_same_bus() {
 }
 
 #[tokio::test]
+async fn a_flap_too_short_to_be_seen_is_told_all_the_same() {
+    let Some(vcan) = Vcan::up("vc_blink") else { return };
+    let mut bus = vcan.open(None, false);
+    Heard::event(&mut bus, BusEvent::Up).await;
+    vcan.set("down");
+    vcan.set("up");
+    assert_eq!(Heard::event(&mut bus, BusEvent::Up).await.events, [INTERFACE_DOWN, BusEvent::Up]);
+}
+
+#[tokio::test]
 async fn an_interface_that_is_deleted_and_made_again_is_found_and_nothing_leaks() {
     let Some(vcan) = Vcan::named("vc_again") else { return };
     let mut bus = vcan.open(None, true);

@@ -23,6 +23,7 @@ pub mod plan;
 mod procedure;
 mod publish;
 pub mod record;
+pub mod recording;
 pub mod rest;
 pub mod route;
 pub mod session;

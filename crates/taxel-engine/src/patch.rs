@@ -223,7 +223,7 @@ fn taxel_ranges(plan: &PatchPlan) -> (Vec<Range<usize>>, Vec<Range<usize>>) {
         let range = first..first + site.kind.taxel_slots().len();
         let board = &mut boards[site.board as usize];
         // A board's modules follow each other.
-        *board = if board.is_empty() { range.clone() } else { board.start..range.end };
+        *board = if board.start == board.end { range.clone() } else { board.start..range.end };
         modules.push(range);
     }
     (modules, boards)

@@ -3,6 +3,7 @@
 //! Every finite f64 comes back bit for bit. The id is the hash of the content, so a file that was changed by accident is
 //! refused; one that was changed on purpose has to drop its `id` and gets a new one.
 
+mod recorded;
 mod taxel;
 
 use serde::{Deserialize, Serialize};
@@ -72,6 +73,8 @@ struct File {
     pressure_max_kpa: f64,
     gauge_gain_rel: f64,
     gauge_offset_kpa: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    recorded: Option<recorded::Part>,
     taxels: Vec<Value>,
 }
 
@@ -129,6 +132,7 @@ pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
         gauge_gain_rel: file.gauge_gain_rel,
         gauge_offset_kpa: file.gauge_offset_kpa,
         taxels: taxels?,
+        recorded: file.recorded.map(recorded::Part::read),
     };
     check(&set)?;
     set.id = content_id(&set);
@@ -171,6 +175,7 @@ fn head(set: &ModelSet, id: Option<String>) -> String {
         pressure_max_kpa: set.pressure_max_kpa,
         gauge_gain_rel: set.gauge_gain_rel,
         gauge_offset_kpa: set.gauge_offset_kpa,
+        recorded: set.recorded.as_ref().map(recorded::Part::mirror),
         taxels: Vec::new(),
     };
     to_text(&file)
@@ -217,6 +222,9 @@ fn check(set: &ModelSet) -> Result<(), ModelsJsonError> {
         if !(value.is_finite() && value >= 0.0) {
             return wrong(format!("`{name}` is {value}, expected a finite number of 0 or more"));
         }
+    }
+    if let Some(recorded) = &set.recorded {
+        recorded::check(recorded, set.taxels.len()).map_err(ModelsJsonError::Set)?;
     }
     for (taxel, (rest, model)) in set.baseline.iter().zip(&set.taxels).enumerate() {
         let known = rest.mean.is_finite() && rest.noise.is_finite() && rest.noise >= 0.0;

@@ -1,10 +1,151 @@
-//! Being written.
-/// Args.
+//! `taxeld apply`: pressures from the counts of a recording.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::recording::{Applied, ApplyRecipe, Tare};
+use taxel_store::models_json;
+
+use crate::fit::{parse_seconds, scans_of};
+use crate::recording::Recording;
+
+/// Turns the counts of a recording into pressures.
 #[derive(Debug, clap::Args)]
-pub struct ApplyArgs {}
-/// Runs.
+pub struct ApplyArgs {
+    /// Models, as `taxeld fit` or a calibration session writes them.
+    models: PathBuf,
+    /// Recording: `t_s[,pressure_kpa],c0,c1,...`, one row a scan, plain or .gz. Its pressure is not looked at.
+    data: PathBuf,
+    /// Where the pressures go: `t_s,p0,p1,...` in kPa, an empty cell where a taxel is excluded.
+    #[arg(long, value_name = "PRESSURE.csv")]
+    out: PathBuf,
+    #[command(flatten)]
+    recipe: RecipeArgs,
+    /// Write standard deviations in kPa here, cell by cell.
+    #[arg(long, value_name = "SIGMA.csv")]
+    sigma: Option<PathBuf>,
+}
+
+/// How models are applied.
+#[derive(Debug, clap::Args)]
+pub struct RecipeArgs {
+    /// The zero: `auto` tares from the first two seconds if they are proven to be at rest, `none` leaves the zero of the
+    /// calibration, a number tares from so many first seconds, which you say are unloaded.
+    #[arg(long, value_name = "auto|none|SECONDS", default_value = "auto", value_parser = parse_tare)]
+    tare: Tare,
+    /// Seconds over which counts are averaged, as many before as after; 0 is not at all [default: as fitted, 0.5].
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    smooth: Option<f64>,
+    /// Neighbouring columns that form a module [default: as fitted, 10].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    module_size: Option<u16>,
+}
+
+impl RecipeArgs {
+    /// The same for the engine.
+    pub fn recipe(&self, sigma: bool) -> ApplyRecipe {
+        ApplyRecipe {
+            tare: self.tare,
+            smooth_s: self.smooth,
+            module_size: self.module_size.map(usize::from),
+            sigma,
+            ..ApplyRecipe::default()
+        }
+    }
+}
+
+fn parse_tare(text: &str) -> Result<Tare, String> {
+    match text {
+        "auto" => Ok(Tare::Auto),
+        "none" => Ok(Tare::None),
+        _ => {
+            let seconds = parse_seconds(text).ok().filter(|s| *s > 0.0);
+            seconds.map(Tare::Seconds).ok_or_else(|| "expected `auto`, `none` or a number of seconds".to_owned())
+        }
+    }
+}
+
+/// Reads a model set.
+///
 /// # Errors
-/// None.
-pub fn apply(_: &ApplyArgs) -> anyhow::Result<()> {
+/// The file's path and what is wrong with it.
+pub fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
+    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    models_json::from_json(&text).with_context(|| path.display().to_string())
+}
+
+/// Runs `taxeld apply`.
+///
+/// # Errors
+/// A file that cannot be read or written, or models of another number of taxels.
+pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
+    let set = read_models(&args.models)?;
+    let recording = Recording::read(&args.data)?;
+    recording.report_refused(&args.data);
+    let scans = scans_of(&recording);
+    let applied = taxel_engine::recording::apply(&scans, &set, &args.recipe.recipe(args.sigma.is_some()))
+        .with_context(|| format!("{} with {}", args.data.display(), args.models.display()))?;
+    let decimals = set.recorded.is_some().then_some(4);
+    write(&args.out, "p", &recording.time_s, &applied.pressure_kpa, decimals)?;
+    if let Some(path) = &args.sigma {
+        write(path, "s", &recording.time_s, &applied.sigma_kpa, decimals)?;
+    }
+    print_applied(&args.data, &applied);
+    println!("written to {}", args.out.display());
     Ok(())
+}
+
+/// Says what was done and what was left out.
+pub fn print_applied(data: &Path, applied: &Applied) {
+    println!("{}: {}", data.display(), applied.zero);
+    let all = applied.unread.len();
+    let read = applied.unread.iter().filter(|why| why.is_none()).count();
+    let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
+    for why in applied.unread.iter().flatten() {
+        *reasons.entry(why.to_string()).or_default() += 1;
+    }
+    println!("  taxels: {read} of {all} read");
+    for (reason, taxels) in reasons {
+        println!("    {taxels} {reason}");
+    }
+    let (masked, cells) = applied.masked;
+    if masked > 0 {
+        let share = 100.0 * masked as f64 / cells as f64;
+        println!("  left out as faulty for a time: {share:.2} % of the readings of those taxels");
+    }
+}
+
+/// Writes one column per taxel; NaN and empty columns are empty cells.
+fn write(
+    path: &Path,
+    letter: &str,
+    time_s: &[f64],
+    columns: &[Vec<f64>],
+    decimals: Option<usize>,
+) -> anyhow::Result<()> {
+    let file = || -> std::io::Result<()> {
+        let mut out = BufWriter::with_capacity(1 << 16, File::create(path)?);
+        write!(out, "t_s")?;
+        for taxel in 0..columns.len() {
+            write!(out, ",{letter}{taxel}")?;
+        }
+        writeln!(out)?;
+        for (i, time_s) in time_s.iter().enumerate() {
+            write!(out, "{time_s}")?;
+            for column in columns {
+                match (column.get(i).filter(|value| value.is_finite()), decimals) {
+                    (None, _) => write!(out, ",")?,
+                    (Some(value), Some(decimals)) => write!(out, ",{value:.decimals$}")?,
+                    (Some(value), None) => write!(out, ",{value}")?,
+                }
+            }
+            writeln!(out)?;
+        }
+        out.flush()
+    };
+    file().with_context(|| path.display().to_string())
 }

@@ -1,12 +1,315 @@
-//! Being written.
-/// Args.
+//! `taxeld fit`: models from a recording, or from any table of counts and pressures.
+
+use std::collections::BTreeMap;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, bail};
+use clap::ValueEnum;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::recording::{Branch, FitRecipe, PlaysChoice, Scans};
+use taxel_engine::rest::TaxelBaseline;
+use taxel_engine::session::method;
+use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Samples};
+use taxel_store::models_json;
+
+use crate::recording::Recording;
+
+/// A bar is shown for what takes longer.
+const BAR_AFTER: Duration = Duration::from_secs(1);
+
+/// Fits models to DATA.csv and writes MODELS.json.
 #[derive(Debug, clap::Args)]
-pub struct FitArgs {}
-/// Runs.
+pub struct FitArgs {
+    /// Recording: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or .gz.
+    ///
+    /// 280 rows and more of integers within 0..=255 in two columns or more are a recording of a skin: faulty stretches
+    /// are left out, and the hysteresis is compensated where that wins. Anything else is fitted as it stands, decimals
+    /// as written.
+    data: PathBuf,
+    /// Where the models go.
+    #[arg(long, value_name = "MODELS.json")]
+    out: PathBuf,
+    /// Order of the polynomial, 1 to 10, or `auto`: per taxel by leave-one-out error.
+    #[arg(long, default_value = "5", value_parser = parse_order)]
+    order: Order,
+    /// Least-squares problem. Without it: pressure-binned for recordings, per-sample for other tables.
+    #[arg(long)]
+    estimator: Option<EstimatorArg>,
+    /// Solve in double-double throughout, for audits and reference values.
+    #[arg(long)]
+    exact: bool,
+    /// Width of a pressure bin in kPa [default: about 140 bins].
+    #[arg(long, value_name = "KPA", value_parser = parse_positive)]
+    bin_width: Option<f64>,
+    /// Which part of a recording is fitted.
+    #[arg(long, value_enum, default_value_t = BranchArg::Both)]
+    branch: BranchArg,
+    /// Compensation of hysteresis: `auto` is on if it wins on a branch that the fit did not see.
+    #[arg(long, value_enum, default_value_t = PlaysArg::Auto)]
+    plays: PlaysArg,
+    /// Seconds over which counts are averaged, here and when the models are applied; 0 is not at all.
+    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = parse_seconds)]
+    smooth: f64,
+    /// Neighbouring columns that form a module (a triangle).
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
+    module_size: u16,
+    /// Look for one constant lag of at most so many seconds between gauge and counts, and take it out.
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_seconds)]
+    max_lag: f64,
+    /// Exclude taxels that move by less than so many counts, as the paper does; 0 is off.
+    #[arg(long, value_name = "COUNTS", default_value_t = 0.0, value_parser = parse_seconds)]
+    min_swing: f64,
+    /// Name of the patch that the models are for [default: the name of the file].
+    #[arg(long)]
+    patch: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum EstimatorArg {
+    PerSample,
+    PressureBinned,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum BranchArg {
+    Both,
+    Rising,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum PlaysArg {
+    Auto,
+    On,
+    Off,
+}
+
+fn parse_order(text: &str) -> Result<Order, String> {
+    if text == "auto" {
+        return Ok(Order::Auto);
+    }
+    let order = text.parse::<u8>().ok().filter(|order| (1..=MAX_ORDER).contains(order));
+    order.map(Order::Fixed).ok_or_else(|| format!("expected 1 to {MAX_ORDER} or `auto`"))
+}
+
+/// A finite number of 0 or more.
+pub fn parse_seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| value.is_finite() && *value >= 0.0);
+    value.ok_or_else(|| "expected a finite number of 0 or more".to_owned())
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    parse_seconds(text).ok().filter(|v| *v > 0.0).ok_or_else(|| "expected a finite number above 0".to_owned())
+}
+
+/// Runs `taxeld fit`.
+///
 /// # Errors
-/// None.
-pub fn fit(_: &FitArgs) -> anyhow::Result<()> {
+/// A file that cannot be read or written, or has no pressure; or not one usable taxel.
+pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
+    let recording = Recording::read(&args.data)?;
+    recording.report_refused(&args.data);
+    let began = Instant::now();
+    let scans = scans_of(&recording);
+    let mut set = if scans.is_recording() {
+        let mut bar = Bar::new(began);
+        let recipe = args.recipe();
+        taxel_engine::recording::fit(&scans, &recipe, &mut |done, all| bar.show(done, all))
+            .with_context(|| args.data.display().to_string())?
+    } else {
+        args.fit_table(&recording).with_context(|| args.data.display().to_string())?
+    };
+    let took = began.elapsed();
+    set.patch = args.patch.clone().unwrap_or_else(|| stem(&args.data));
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    set.created_wall_ns = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
+    set.id = models_json::content_id(&set);
+    let text = models_json::to_json(&set).context("the models cannot be written")?;
+    std::fs::write(&args.out, text).with_context(|| args.out.display().to_string())?;
+    println!("{}: {} scans fitted in {:.2} s", args.data.display(), recording.scans(), took.as_secs_f64());
+    print_summary(&set);
+    println!("written to {}", args.out.display());
     Ok(())
 }
-/// Prints.
-pub fn print_summary(_: &taxel_engine::model_set::ModelSet) {}
+
+impl FitArgs {
+    fn recipe(&self) -> FitRecipe {
+        FitRecipe {
+            options: self.options(Estimator::PressureBinned),
+            branch: match self.branch {
+                BranchArg::Both => Branch::Both,
+                BranchArg::Rising => Branch::Rising,
+            },
+            plays: match self.plays {
+                PlaysArg::Auto => PlaysChoice::Auto,
+                PlaysArg::On => PlaysChoice::On,
+                PlaysArg::Off => PlaysChoice::Off,
+            },
+            module_size: usize::from(self.module_size),
+            smooth_s: self.smooth,
+            max_lag_s: self.max_lag,
+            ..FitRecipe::default()
+        }
+    }
+
+    fn options(&self, estimator: Estimator) -> FitOptions {
+        let mut options = FitOptions {
+            order: self.order,
+            estimator: self.estimator.map_or(estimator, |chosen| match chosen {
+                EstimatorArg::PerSample => Estimator::PerSample,
+                EstimatorArg::PressureBinned => Estimator::PressureBinned,
+            }),
+            exact: self.exact,
+            bin_width_kpa: self.bin_width,
+            ..FitOptions::default()
+        };
+        options.exclusion.min_swing_counts = self.min_swing;
+        options
+    }
+
+    /// Fits each column as it stands.
+    fn fit_table(&self, recording: &Recording) -> anyhow::Result<ModelSet> {
+        let Some(pressure) = &recording.pressure_kpa else {
+            bail!("there is no column `pressure_kpa` to fit to");
+        };
+        let fitted = |counts: &crate::recording::Column| {
+            // One column of bytes over time is still a taxel; a regression set is not.
+            let byte = |c: &f64| (0.0..=255.0).contains(c) && c.fract() == 0.0;
+            let taxel = counts.hi.len() as u64 >= MIN_BINNED_SAMPLES && counts.hi.iter().all(byte);
+            let options = self.options(if taxel { Estimator::PressureBinned } else { Estimator::PerSample });
+            let samples = Samples {
+                counts: &counts.hi,
+                counts_low: counts.lo.as_deref(),
+                pressure_kpa: &pressure.hi,
+                pressure_low: pressure.lo.as_deref(),
+                ramp: None,
+            };
+            taxel_model::fit(&samples, &options)
+        };
+        let taxels: Vec<_> = recording.counts.iter().map(fitted).collect();
+        let highest = pressure.hi.iter().copied().filter(|p| p.is_finite()).fold(f64::NEG_INFINITY, f64::max);
+        if !highest.is_finite() {
+            bail!("the column `pressure_kpa` has no finite number");
+        }
+        Ok(ModelSet {
+            id: String::new(),
+            patch: String::new(),
+            created_wall_ns: 0,
+            session: None,
+            method: method(&self.options(Estimator::PerSample)),
+            board_settings: Vec::new(),
+            baseline: vec![TaxelBaseline { mean: f64::NAN, noise: f64::NAN }; taxels.len()],
+            pressure_max_kpa: highest,
+            gauge_gain_rel: 0.0,
+            gauge_offset_kpa: 0.0,
+            taxels,
+            recorded: None,
+        })
+    }
+}
+
+/// A recording as the engine takes it.
+pub fn scans_of(recording: &Recording) -> Scans<'_> {
+    Scans {
+        time_s: &recording.time_s,
+        pressure_kpa: recording.pressure_kpa.as_ref().map(|column| column.hi.as_slice()),
+        counts: recording.counts.iter().map(|column| column.hi.as_slice()).collect(),
+    }
+}
+
+/// The name of a file up to its first dot.
+fn stem(path: &Path) -> String {
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    let stem = name.split('.').next().unwrap_or_default();
+    if stem.is_empty() { "recording".to_owned() } else { stem.to_owned() }
+}
+
+/// A bar on a terminal, once the work takes long enough to want one.
+struct Bar {
+    began: Instant,
+    bar: Option<ProgressBar>,
+    wanted: bool,
+}
+
+impl Bar {
+    fn new(began: Instant) -> Self {
+        Self { began, bar: None, wanted: std::io::stderr().is_terminal() }
+    }
+
+    fn show(&mut self, done: usize, all: usize) {
+        if !self.wanted || self.began.elapsed() < BAR_AFTER {
+            return;
+        }
+        let bar = self.bar.get_or_insert_with(|| {
+            let bar = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+            let style = ProgressStyle::with_template("fitting {bar:40} {percent} %");
+            bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+        });
+        bar.set_position(done as u64);
+    }
+}
+
+impl Drop for Bar {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Prints what a model set holds: how many taxels of which status, and how good they are.
+pub fn print_summary(set: &ModelSet) {
+    println!("model set {} of patch {}: {}", set.id, set.patch, set.method);
+    let mut reasons: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+    for (taxel, model) in set.taxels.iter().enumerate().filter(|(_, model)| !model.is_usable()) {
+        reasons.entry(model.status.code()).or_default().push(taxel);
+    }
+    let usable = || set.taxels.iter().filter(|model| model.is_usable());
+    println!("  taxels: {} of {} usable", usable().count(), set.taxels.len());
+    for (reason, taxels) in &reasons {
+        println!("    {} {reason}: {}", taxels.len(), listed(taxels));
+    }
+    let figure = |name: &str, values: Vec<f64>, unit: &str| {
+        if let Some((low, middle, high)) = spread(values) {
+            println!("  {name}: median {middle:.3} {unit}, {low:.3} to {high:.3}");
+        }
+    };
+    figure("RMSE of the static fit", usable().map(|model| model.quality.rmse_kpa).collect(), "kPa");
+    figure("swing", usable().map(|model| model.quality.swing_counts).collect(), "counts");
+    let repaired = usable().filter(|model| model.repaired).count();
+    if repaired > 0 {
+        println!("  repaired to be monotone: {repaired}");
+    }
+    let Some(recorded) = &set.recorded else { return };
+    let in_use = || recorded.taxels.iter().flatten();
+    figure("RMSE in use, smoothed", in_use().map(|taxel| taxel.rmse_kpa).collect(), "kPa");
+    figure("hysteresis", in_use().filter_map(|taxel| taxel.hysteresis_kpa).collect(), "kPa");
+    let plays = in_use().filter(|taxel| taxel.plays.is_some()).count();
+    match recorded.plays_error_ratio {
+        Some(ratio) => println!(
+            "  plays: {plays} taxels; on the branch kept from the fit they leave {:.0} % of the static error",
+            100.0 * ratio
+        ),
+        None => println!("  plays: {plays} taxels"),
+    }
+    println!("  zero after the load has gone: {:.2} counts off (root mean square)", recorded.zero_return_counts);
+    if recorded.lag_s != 0.0 {
+        println!("  lag of the gauge behind the counts: {:.3} s, taken out", recorded.lag_s);
+    }
+}
+
+/// The first taxels of a list.
+fn listed(taxels: &[usize]) -> String {
+    const MOST: usize = 12;
+    let shown: Vec<String> = taxels.iter().take(MOST).map(ToString::to_string).collect();
+    format!("{}{}", shown.join(" "), if taxels.len() > MOST { " ..." } else { "" })
+}
+
+/// Least, median and greatest of the finite values.
+fn spread(mut values: Vec<f64>) -> Option<(f64, f64, f64)> {
+    values.retain(|v| v.is_finite());
+    values.sort_by(f64::total_cmp);
+    Some((*values.first()?, values[values.len() / 2], *values.last()?))
+}

@@ -1,10 +1,54 @@
-//! Being written.
-/// Args.
+//! `taxeld judge`: how good models are on a recording that has its own gauge.
+
+mod table;
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use taxel_engine::recording::judge as score_of;
+
+use crate::apply::{RecipeArgs, print_applied, read_models};
+use crate::fit::scans_of;
+use crate::recording::Recording;
+
+/// Compares a recording's pressure with what models say of its counts.
 #[derive(Debug, clap::Args)]
-pub struct JudgeArgs {}
-/// Runs.
+pub struct JudgeArgs {
+    /// Models, as `taxeld fit` writes them.
+    #[arg(required_unless_present = "table")]
+    models: Option<PathBuf>,
+    /// Recording with its pressure, which is compared with and not used.
+    #[arg(required_unless_present = "table")]
+    data: Option<PathBuf>,
+    #[command(flatten)]
+    recipe: RecipeArgs,
+    /// Instead: fit DIR/left_calibration.csv.gz by every recipe, judge on left_validation and left_steps, print a table.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["models", "data", "tare", "smooth", "module_size"])]
+    table: Option<PathBuf>,
+}
+
+/// Runs `taxeld judge`.
+///
 /// # Errors
-/// None.
-pub fn judge(_: &JudgeArgs) -> anyhow::Result<()> {
+/// A file that cannot be read, a recording without pressure, or models of another number of taxels.
+pub fn judge(args: &JudgeArgs) -> anyhow::Result<()> {
+    let (Some(models), Some(data)) = (&args.models, &args.data) else {
+        let directory = args.table.as_deref().context("expected MODELS.json and DATA.csv, or --table DIR")?;
+        return table::print(directory);
+    };
+    let set = read_models(models)?;
+    let recording = Recording::read(data)?;
+    recording.report_refused(data);
+    let scans = scans_of(&recording);
+    let named = || data.display().to_string();
+    let gauge = scans.pressure_kpa.context("there is no column `pressure_kpa` to judge by").with_context(named)?;
+    let applied = taxel_engine::recording::apply(&scans, &set, &args.recipe.recipe(true)).with_context(named)?;
+    print_applied(data, &applied);
+    let score = score_of(&applied, gauge);
+    println!("  area-mean error above 30 kPa: {:.2} % (bias {:+.2} kPa)", score.area_percent, score.bias_kpa);
+    println!("  taxel RMSE: mean {:.2} kPa, median {:.2} kPa", score.taxel_rmse_kpa, score.taxel_rmse_median_kpa);
+    if let Some(coverage) = score.coverage_percent {
+        println!("  within the 95 % interval: {coverage:.1} %");
+    }
     Ok(())
 }

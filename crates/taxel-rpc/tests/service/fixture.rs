@@ -134,6 +134,7 @@ pub fn model_set(id: &str, patch: &str) -> Arc<ModelSet> {
         gauge_gain_rel: 0.01,
         gauge_offset_kpa: 0.1,
         taxels,
+        recorded: None,
     })
 }
 

@@ -250,6 +250,7 @@ proptest! {
             gauge_gain_rel: gauge.1,
             gauge_offset_kpa: gauge.2,
             taxels: taxels.into_iter().map(|(model, ..)| model).collect(),
+            recorded: None,
         });
         let text = to_json(&set).unwrap();
         let back = from_json(&text).unwrap();

@@ -1,0 +1,169 @@
+//! A simulated skin on a simulated bus, and the engine that listens to it, in virtual time.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::Restored;
+use taxel_engine::command::{Command, Done, Rejection, Reply};
+use taxel_engine::plan::Plan;
+use taxel_engine::session::{SessionState, SessionView};
+use taxel_engine::snapshot::ForceState;
+use taxel_sim::{Fault, Mass, PumpCommand, World};
+use taxel_skin::{Kilopascal, Newton, TaxelIndex, Time};
+use taxel_wire::TimedFrame;
+
+use crate::host::{Host, SLOT};
+
+pub struct Bench {
+    pub world: World,
+    pub host: Host,
+    /// Every frame that went to the engine, while it is asked for.
+    pub log: Option<Vec<TimedFrame>>,
+    /// Which frames reach the engine.
+    pub passes: Box<dyn FnMut(&TimedFrame) -> bool>,
+    /// How many of the engine's frames the boards have got.
+    delivered: usize,
+}
+
+impl Bench {
+    /// The engine starts at the world's present.
+    pub fn new(world: World, plan: Arc<Plan>, restored: Restored) -> Self {
+        let host = Host::new(plan, restored, world.now());
+        Self { world, host, log: None, passes: Box::new(|_| true), delivered: 0 }
+    }
+
+    pub fn now(&self) -> Time {
+        self.host.now
+    }
+
+    pub fn run(&mut self, span: Duration) {
+        let end = self.now() + span;
+        while self.now() < end {
+            self.slot();
+        }
+    }
+
+    pub fn seconds(&mut self, seconds: f64) {
+        self.run(Duration::from_secs_f64(seconds));
+    }
+
+    fn slot(&mut self) {
+        let end = self.now() + SLOT;
+        let mut frames = Vec::new();
+        self.world.advance(end, &mut frames);
+        frames.retain(|frame| (self.passes)(frame));
+        self.host.frames(&frames);
+        if let Some(log) = &mut self.log {
+            log.extend(frames);
+        }
+        self.host.tick(end);
+        for (time, frame) in &self.host.sent[self.delivered..] {
+            self.world.send(*time, frame);
+        }
+        self.delivered = self.host.sent.len();
+    }
+
+    /// Lets time pass until `done`, which must come within `limit_s`.
+    pub fn until(&mut self, limit_s: f64, what: &str, done: impl Fn(&Host) -> bool) {
+        let end = self.now() + Duration::from_secs_f64(limit_s);
+        while !done(&self.host) {
+            assert!(self.now() < end, "{what} did not happen within {limit_s} s: {}", self.host.present());
+            self.slot();
+        }
+    }
+
+    pub fn until_state(&mut self, limit_s: f64, state: SessionState) {
+        self.until(limit_s, state.name(), |host| host.sessions.last().is_some_and(|s| s.state == state));
+    }
+
+    pub fn until_force(&mut self, limit_s: f64, state: ForceState) {
+        self.until(limit_s, &format!("{state:?}"), |host| {
+            host.snapshots.last().is_some_and(|s| s.force.state == state)
+        });
+    }
+
+    /// Gives a command and waits for its reply.
+    pub fn ask(&mut self, command: Command) -> Reply {
+        let request = self.host.command(command);
+        for _ in 0..1_000 {
+            if let Some(reply) = self.host.reply(request) {
+                return reply;
+            }
+            self.slot();
+        }
+        panic!("no reply within 10 s");
+    }
+
+    /// A command that must be refused as not of this state; the reason.
+    pub fn refused(&mut self, command: Command) -> String {
+        match self.ask(command) {
+            Err(Rejection::FailedPrecondition(why)) => why,
+            other => panic!("expected a failed precondition, got {other:?}"),
+        }
+    }
+
+    pub fn brought_up(&mut self) {
+        self.until(5.0, "board bring-up", |host| {
+            host.healths.last().is_some_and(|h| h.boards.iter().all(|b| b.bring_up == "verified"))
+        });
+    }
+
+    /// Starts a session and waits for its ramp.
+    pub fn start_session(&mut self, target_kpa: Option<f64>) -> u64 {
+        let command =
+            Command::StartSession { patch: String::new(), target: target_kpa.map(Kilopascal), confirmed_by: None };
+        let number = session_of(self.ask(command)).number;
+        self.until_state(10.0, SessionState::Ramping);
+        number
+    }
+
+    pub fn ramp(&mut self, target_kpa: f64, kpa_per_s: f64) {
+        self.world.pump(PumpCommand::Ramp { target: Kilopascal(target_kpa), kpa_per_s });
+    }
+
+    pub fn activate(&mut self, model_set: &str) -> Reply {
+        self.ask(Command::Activate { patch: String::new(), model_set: model_set.to_owned(), expected: None })
+    }
+
+    pub fn tare(&mut self, confirmed_by: Option<&str>) -> Reply {
+        self.ask(Command::Tare { patch: String::new(), confirmed_by: confirmed_by.map(str::to_owned) })
+    }
+
+    pub fn inject(&mut self, fault: Fault) {
+        self.world.inject(fault).unwrap();
+    }
+
+    pub fn repair(&mut self, fault: Fault) {
+        self.world.repair(fault).unwrap();
+    }
+
+    /// Lays a mass on a disc of 600 mm2; its weight.
+    pub fn lay(&mut self, kilogram: f64, centre: u16) -> Newton {
+        self.world.lay(Mass::on_disc(kilogram, TaxelIndex(centre), 600.0)).unwrap()
+    }
+
+    /// Lays a mass that presses on everything, so slowly that it is a load and not a step.
+    pub fn press_everywhere(&mut self, kilogram: f64) {
+        for _ in 0..20 {
+            self.world.lay(Mass::on_disc(kilogram / 20.0, TaxelIndex(35), 20_000.0)).unwrap();
+            self.seconds(0.15);
+        }
+    }
+
+    /// Mean force over so many snapshots from now on; each must have one.
+    pub fn weigh(&mut self, snapshots: usize) -> f64 {
+        let first = self.host.snapshots.len();
+        self.until(60.0, "weighing", |host| host.snapshots.len() >= first + snapshots);
+        let totals = self.host.snapshots[first..].iter().map(|s| s.force.total.expect("a force").0);
+        let totals: Vec<f64> = totals.collect();
+        totals.iter().sum::<f64>() / totals.len() as f64
+    }
+}
+
+/// The session that a command came to.
+pub fn session_of(reply: Reply) -> Arc<SessionView> {
+    match reply {
+        Ok(Done::Session(view)) => view,
+        other => panic!("expected a session, got {other:?}"),
+    }
+}

@@ -1,0 +1,74 @@
+//! Boards are configured, proven by their frames, and not touched where the scene only listens.
+
+use taxel_engine::command::Command;
+use taxel_engine::snapshot::ForceState;
+use taxel_engine::{Restored, plan::PatchPlan};
+use taxel_sim::Fault;
+use taxel_wire::icub;
+
+use crate::bench::Bench;
+use crate::rig::{board, module, patch_plan, plan, small_world};
+use crate::shared::small;
+
+fn bring_up_again() -> Command {
+    Command::BringUp { patch: String::new() }
+}
+
+#[test]
+fn a_bring_up_loses_the_zero_and_is_verified_again() {
+    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    bench.brought_up();
+    bench.until_force(5.0, ForceState::Ok);
+    let sent = bench.host.sent.len();
+    bench.ask(bring_up_again()).unwrap();
+    bench.until_force(0.1, ForceState::TareInvalid);
+    assert!(bench.host.reasons().contains("boards are being configured"), "{}", bench.host.reasons());
+    bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+    bench.brought_up();
+    let commands = bench.host.sent[sent..].iter().map(|(_, f)| icub::Command::decode(f).unwrap().1);
+    assert_eq!(commands.filter(|c| matches!(c, icub::Command::Start)).count(), 2, "both boards were started");
+    bench.seconds(3.0);
+    assert_ne!(bench.host.state(), ForceState::Ok, "no zero was taken yet");
+    bench.tare(None).unwrap();
+    bench.until_force(1.0, ForceState::Ok);
+}
+
+#[test]
+fn an_incomplete_bring_up_names_the_modules() {
+    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
+    bench.inject(Fault::ModuleSilent(board(13), module(2)));
+    bench.inject(Fault::ModuleSilent(board(13), module(5)));
+    bench.seconds(4.0);
+    let words: Vec<_> = bench.host.health().boards.iter().map(|b| (b.address, b.bring_up.as_str(), b.modules)).collect();
+    assert_eq!(words, [(13, "incomplete: no frame from modules 2, 5", (6, 4)), (12, "verified", (2, 2))]);
+    bench.repair(Fault::ModuleSilent(board(13), module(2)));
+    bench.seconds(0.5);
+    assert_eq!(bench.host.health().boards[0].bring_up, "incomplete: no frame from modules 2, 5");
+    bench.repair(Fault::ModuleSilent(board(13), module(5)));
+    bench.brought_up();
+}
+
+#[test]
+fn who_only_listens_never_sends() {
+    let listening = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+    let mut world = small_world();
+    world.bring_up_boards(world.now());
+    let mut bench = Bench::new(world, plan(listening), Restored::default());
+    bench.seconds(1.0);
+    assert!(bench.host.health().boards.iter().all(|b| b.bring_up == "listening"), "{:?}", bench.host.health());
+    let why = bench.refused(bring_up_again());
+    assert!(why.contains("only listens"), "{why}");
+    bench.start_session(Some(20.0));
+    bench.ramp(25.0, 4.0);
+    bench.until(10.0, "a model set", |host| host.session().model_set.is_some());
+    let set = bench.host.session().model_set.clone().unwrap();
+    bench.activate(&set).unwrap();
+    bench.world.pump(taxel_sim::PumpCommand::Vent);
+    bench.seconds(5.0);
+    bench.tare(Some("Ada")).unwrap();
+    bench.inject(Fault::PowerCycle { board: board(12), off: std::time::Duration::from_secs(1) });
+    bench.seconds(5.0);
+    bench.host.notice(taxel_engine::BusNotice::BusOff);
+    bench.seconds(1.0);
+    assert_eq!(bench.host.sent, [], "not a single frame");
+}

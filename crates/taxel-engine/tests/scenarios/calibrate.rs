@@ -1,0 +1,55 @@
+//! The calibration of the paper, from frames to newtons.
+
+use taxel_engine::session::SessionState;
+use taxel_engine::snapshot::{ForceState, RangeFlag};
+
+use crate::shared::{forearm, small};
+
+#[test]
+fn a_whole_calibration_ends_in_review_with_nearly_all_taxels_usable() {
+    let calibrated = forearm();
+    assert_eq!(calibrated.session.state, SessionState::Review, "{:?}", calibrated.session);
+    let usable = calibrated.set.taxels.iter().filter(|m| m.is_usable()).count();
+    eprintln!("{usable} of 230 taxels are usable, {} samples", calibrated.session.accepted);
+    assert!(usable >= 210, "{usable} of 230");
+    assert!(calibrated.session.coverage > 0.97, "{:?}", calibrated.session);
+}
+
+#[test]
+fn half_a_kilogram_is_weighed_within_a_tenth() {
+    let mut bench = forearm().in_use();
+    let weight = bench.lay(0.5, 100).0;
+    bench.seconds(1.0);
+    let force = bench.weigh(10);
+    eprintln!("{force:.3} N, the truth is {weight:.3} N");
+    assert!((force / weight - 1.0).abs() < 0.1, "{force} N, the truth is {weight} N");
+    let excused = bench.host.reasons().ends_with("taxels have a fault"); // some rest on the converter's upper end
+    assert!(bench.host.state() == ForceState::Ok || excused, "{}", bench.host.reasons());
+    bench.world.clear();
+    bench.seconds(2.0);
+    let rest = bench.weigh(10);
+    assert!(rest < 0.05 * weight, "{rest} N without a load");
+}
+
+#[test]
+fn a_mass_beyond_the_calibrated_range_is_flagged_and_counted_and_the_total_is_clamped() {
+    let mut bench = small().in_use_with(|plan| plan.outputs.fill = false);
+    bench.lay(12.0, 33); // about 200 kPa
+    bench.seconds(4.0);
+    let snapshot = bench.host.snapshot();
+    let force = &snapshot.force;
+    assert_eq!(force.state, ForceState::Degraded);
+    let above = snapshot.taxels.iter().filter(|t| t.range == RangeFlag::Above && t.active && t.faults.is_empty());
+    assert_eq!(above.count(), force.out_of_range as usize);
+    assert!(force.out_of_range >= 5, "{force:?}");
+    let reason = format!("{} active taxels read more than was calibrated: the total is a lower bound", force.out_of_range);
+    assert!(force.reasons.contains(&reason), "{:?}", force.reasons);
+    let highest = small().set.pressure_max_kpa + 1.0; // the fit's own error at the end of the range
+    for (taxel, state) in snapshot.taxels.iter().enumerate() {
+        let kpa = f64::from(state.pressure_kpa.unwrap_or(0.0));
+        assert!(kpa <= highest, "taxel {taxel} reads {kpa} kPa, {} was calibrated", small().set.pressure_max_kpa);
+    }
+    let bound = f64::from(force.active) * highest * 32.4e-3;
+    let total = force.total.unwrap().0;
+    assert!(total <= bound, "{total} N from {} taxels", force.active);
+}

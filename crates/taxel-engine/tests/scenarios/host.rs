@@ -1,0 +1,194 @@
+//! The engine, driven as the daemon drives it, and all that came out of it.
+
+use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::command::{Command, Reply, RequestId};
+use taxel_engine::plan::Plan;
+use taxel_engine::record::{Record, Sample};
+use taxel_engine::session::{FitJob, SessionView};
+use taxel_engine::snapshot::{Catalogue, ForceState, Health, PatchSnapshot};
+use taxel_engine::{BusNotice, Engine, Input, Now, Output, Restored};
+use taxel_skin::Time;
+use taxel_wire::{Frame, TimedFrame};
+
+use crate::rig::BUS;
+use crate::watch::check;
+
+pub const SLOT: Duration = Duration::from_millis(10);
+
+/// Wall time at the origin of the run's clock: a label that nothing may depend on.
+const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
+
+/// One engine and everything that it put out, oldest first.
+pub struct Host {
+    engine: Engine,
+    pub plan: Arc<Plan>,
+    pub now: Time,
+    requests: u64,
+    pub snapshots: Vec<Arc<PatchSnapshot>>,
+    /// When each snapshot came out.
+    pub published: Vec<Time>,
+    pub sessions: Vec<Arc<SessionView>>,
+    pub healths: Vec<Arc<Health>>,
+    pub catalogue: Arc<Catalogue>,
+    pub sent: Vec<(Time, Frame)>,
+    pub records: Vec<Record>,
+    pub fits: Vec<FitJob>,
+    replies: HashMap<RequestId, Reply>,
+}
+
+impl Host {
+    pub fn new(plan: Arc<Plan>, restored: Restored, now: Time) -> Self {
+        let mut host = Self {
+            engine: Engine::new(Arc::clone(&plan), restored),
+            plan,
+            now,
+            requests: 0,
+            snapshots: Vec::new(),
+            published: Vec::new(),
+            sessions: Vec::new(),
+            healths: Vec::new(),
+            catalogue: Arc::default(),
+            sent: Vec::new(),
+            records: Vec::new(),
+            fits: Vec::new(),
+            replies: HashMap::new(),
+        };
+        host.step(Input::Tick);
+        host
+    }
+
+    /// Frames of one batch, in the order of reception.
+    pub fn frames(&mut self, frames: &[TimedFrame]) {
+        if let Some(newest) = frames.iter().map(|f| f.time).max() {
+            self.now = self.now.max(newest);
+            self.step(Input::Frames(BUS, frames));
+        }
+    }
+
+    /// Time passes.
+    pub fn tick(&mut self, now: Time) {
+        self.now = self.now.max(now);
+        self.step(Input::Tick);
+    }
+
+    /// Plays a recording up to `until` in slots of 10 ms; `cut` says how many of so many frames make the next batch.
+    pub fn play(&mut self, log: &[TimedFrame], until: Time, mut cut: impl FnMut(usize) -> usize) {
+        let mut rest = log;
+        while self.now < until {
+            let end = self.now + SLOT;
+            let (slot, later) = rest.split_at(rest.partition_point(|f| f.time < end));
+            let mut slot = slot;
+            while !slot.is_empty() {
+                let (batch, others) = slot.split_at(cut(slot.len()).clamp(1, slot.len()));
+                self.frames(batch);
+                slot = others;
+            }
+            rest = later;
+            self.tick(end);
+        }
+    }
+
+    pub fn notice(&mut self, notice: BusNotice) {
+        self.step(Input::Bus(BUS, notice));
+    }
+
+    pub fn store_failed(&mut self, why: &str) {
+        self.step(Input::StoreFailed(why.to_owned()));
+    }
+
+    /// Gives a command; the reply may come later.
+    pub fn command(&mut self, command: Command) -> RequestId {
+        self.requests += 1;
+        let request = RequestId(self.requests);
+        self.step(Input::Command(request, command));
+        request
+    }
+
+    /// The reply, once it is there.
+    pub fn reply(&mut self, request: RequestId) -> Option<Reply> {
+        self.replies.remove(&request)
+    }
+
+    pub fn snapshot(&self) -> &PatchSnapshot {
+        self.snapshots.last().expect("a snapshot was published")
+    }
+
+    pub fn state(&self) -> ForceState {
+        self.snapshot().force.state
+    }
+
+    pub fn reasons(&self) -> String {
+        self.snapshot().force.reasons.join("; ")
+    }
+
+    pub fn session(&self) -> &SessionView {
+        self.sessions.last().expect("there is a session")
+    }
+
+    pub fn health(&self) -> &Health {
+        self.healths.last().expect("health was published")
+    }
+
+    /// What an operator would look at.
+    pub fn present(&self) -> String {
+        let force = self.snapshots.last().map(|s| (s.force.state, s.force.reasons.join("; ")));
+        format!("force {force:?}, session {:?}, health {:?}", self.sessions.last(), self.healths.last())
+    }
+
+    /// The samples that were recorded of a session.
+    pub fn samples(&self, number: u64) -> Vec<Sample> {
+        let of_session = |record: &Record| match record {
+            Record::Sample { session, sample, .. } if *session == number => Some(sample.clone()),
+            _ => None,
+        };
+        self.records.iter().filter_map(of_session).collect()
+    }
+
+    fn step(&mut self, input: Input<'_>) {
+        let now = Now { time: self.now, wall_ns: EPOCH_NS + self.now.as_nanos() };
+        let mut out = Vec::new();
+        self.engine.step(now, input, &mut out);
+        let fits = self.fits.len();
+        for output in out {
+            self.collect(output);
+        }
+        for job in self.fits.split_off(fits) {
+            let outcome = job.run(|set| format!("m-{:016x}", digest(&format!("{:?}", set.taxels))));
+            self.fits.push(job);
+            self.step(Input::Fitted(outcome));
+        }
+    }
+
+    fn collect(&mut self, output: Output) {
+        match output {
+            Output::Patch(_, snapshot) => {
+                check::snapshot(&self.plan.patches[0], self.now, self.snapshots.last().map(Arc::as_ref), &snapshot);
+                self.snapshots.push(snapshot);
+                self.published.push(self.now);
+            }
+            Output::Session(_, view) => {
+                check::session(&view);
+                self.sessions.push(view);
+            }
+            Output::Health(health) => self.healths.push(health),
+            Output::Catalogue(catalogue) => self.catalogue = catalogue,
+            Output::Send(_, frame) => self.sent.push((self.now, frame)),
+            Output::Record(record) => self.records.push(record),
+            Output::Reply(request, reply) => {
+                let earlier = self.replies.insert(request, reply);
+                assert!(earlier.is_none(), "request {request:?} was answered twice");
+            }
+            Output::Fit(job) => self.fits.push(job),
+        }
+    }
+}
+
+pub fn digest(text: &str) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    text.hash(&mut hasher);
+    hasher.finish()
+}

@@ -1,0 +1,18 @@
+//! Whole scenes in virtual time: the simulated skin on one side, the engine on the other, nothing between.
+//!
+//! Every invariant of the house is held by a test that names it. Whatever a test is about, [`host::Host`] looks at
+//! everything that the engine puts out: numbers are finite, a stale taxel has no reading, a force has its state.
+#![allow(missing_docs, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod bench;
+mod host;
+mod rig;
+mod shared;
+mod watch;
+
+mod bring_up;
+mod calibrate;
+mod ramps;
+mod sessions;
+mod silence;
+mod zero;

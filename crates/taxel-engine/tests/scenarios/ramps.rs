@@ -1,0 +1,287 @@
+//! What enters a session and what does not: only scans of the whole skin, while the pressure rises and is known.
+
+use std::time::Duration;
+
+use taxel_engine::command::{Command, Rejection};
+use taxel_engine::plan::PatchPlan;
+use taxel_engine::record::Record;
+use taxel_engine::session::{SampleRefusal, SessionState};
+use taxel_engine::{Engine, Restored};
+use taxel_sim::{Fault, PumpCommand};
+
+use crate::bench::{Bench, session_of};
+use crate::rig::{board, module, patch_plan, plan, small_world};
+use crate::shared::small;
+
+/// Boards brought up, no session yet.
+fn fresh(change: impl FnOnce(&mut PatchPlan)) -> Bench {
+    let mut patch = patch_plan(&small().skin);
+    change(&mut patch);
+    let mut bench = Bench::new(small_world(), plan(patch), Restored::default());
+    bench.brought_up();
+    bench
+}
+
+/// A session on its way up, the bag at about `kpa`.
+fn ramping(kpa: f64) -> (Bench, u64) {
+    let mut bench = fresh(|_| {});
+    let number = bench.start_session(None);
+    bench.ramp(74.0, 4.0);
+    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= kpa));
+    (bench, number)
+}
+
+fn refused(bench: &Bench, reason: SampleRefusal) -> u64 {
+    bench.host.session().refused.get(reason)
+}
+
+fn impatient(plan: &mut PatchPlan) {
+    plan.session.patience = Duration::from_secs(3);
+}
+
+/// Samples on record count up from 0 and never lie below the highest so far by more than the noise band, ramp by ramp.
+fn samples_rise(bench: &Bench, session: u64) {
+    let indexes = bench.host.records.iter().filter_map(|record| match record {
+        Record::Sample { session: of, index, .. } if *of == session => Some(*index),
+        _ => None,
+    });
+    assert!(indexes.enumerate().all(|(n, index)| n as u64 == index), "positions without gaps");
+    let samples = bench.host.samples(session);
+    assert_eq!(samples.len() as u64, bench.host.session().accepted, "what was accepted is on record");
+    let band = bench.host.plan.patches[0].session.noise_band.0;
+    for ramp in samples.chunk_by(|a, b| a.ramp == b.ramp) {
+        let mut highest = f64::NEG_INFINITY;
+        for sample in ramp {
+            assert!(sample.pressure_kpa >= highest - band, "{} kPa after {highest} kPa", sample.pressure_kpa);
+            highest = highest.max(sample.pressure_kpa);
+        }
+    }
+}
+
+#[test]
+fn a_session_without_a_gauge_fails_and_says_so() {
+    let mut bench = fresh(impatient);
+    bench.inject(Fault::GaugeSilent);
+    bench.seconds(3.0);
+    // The gauge was heard while the boards were brought up.
+    bench.start_session(None);
+    bench.until_state(5.0, SessionState::Failed);
+    let reason = &bench.host.session().reason;
+    assert!(reason.starts_with("the last pressure frame came"), "{reason}");
+    assert!(refused(&bench, SampleRefusal::NoPressure) > 40, "{:?}", bench.host.session());
+}
+
+#[test]
+fn a_gauge_that_was_never_heard_is_told_from_one_that_fell_silent() {
+    let mut patch = patch_plan(&small().skin);
+    impatient(&mut patch);
+    let mut world = small_world();
+    world.inject(Fault::GaugeSilent).unwrap();
+    let mut bench = Bench::new(world, plan(patch), Restored::default());
+    bench.brought_up();
+    bench.start_session(None);
+    bench.until_state(5.0, SessionState::Failed);
+    assert_eq!(
+        bench.host.session().reason,
+        "no pressure frame came in 3 s: is the gauge on, and is its CAN identifier right?"
+    );
+}
+
+#[test]
+fn a_session_that_failed_keeps_its_samples_and_can_be_fitted() {
+    let mut bench = fresh(impatient);
+    let number = bench.start_session(None);
+    bench.ramp(74.0, 4.0);
+    bench.seconds(8.0);
+    bench.inject(Fault::GaugeSilent);
+    bench.until_state(6.0, SessionState::Failed);
+    let accepted = bench.host.session().accepted;
+    assert!(accepted > 100, "{:?}", bench.host.session());
+    samples_rise(&bench, number);
+    session_of(bench.ask(Command::FinishRamp { session: number }));
+    bench.until_state(1.0, SessionState::Review);
+    assert_eq!(bench.host.fits[0].samples.samples, bench.host.samples(number));
+}
+
+#[test]
+fn a_pressure_that_does_not_rise_fails_the_session() {
+    let mut bench = fresh(impatient);
+    bench.start_session(None);
+    bench.until_state(5.0, SessionState::Failed);
+    let session = bench.host.session();
+    assert!(session.reason.starts_with("the pressure did not rise for 3 s: it is 0.0 kPa"), "{session:?}");
+    assert_eq!(session.accepted, 0);
+    assert!(refused(&bench, SampleRefusal::NotRising) > 40, "{session:?}");
+}
+
+#[test]
+fn too_fast_a_rise_is_refused_and_counted() {
+    let mut bench = fresh(|_| {});
+    bench.start_session(None);
+    bench.ramp(60.0, 9.0);
+    bench.seconds(6.0);
+    let session = bench.host.session();
+    assert!(refused(&bench, SampleRefusal::TooFast) > 80, "{session:?}");
+    assert!(session.accepted < 20, "only while the pump gets going: {session:?}");
+}
+
+#[test]
+fn nothing_enters_while_the_pressure_falls() {
+    let (mut bench, number) = ramping(30.0);
+    bench.ramp(10.0, 4.0);
+    bench.seconds(1.0); // the rate is that of the last second
+    let (accepted, falling) = (bench.host.session().accepted, refused(&bench, SampleRefusal::NotRising));
+    bench.seconds(4.0);
+    assert_eq!(bench.host.session().accepted, accepted);
+    assert!(refused(&bench, SampleRefusal::NotRising) >= falling + 75, "{:?}", bench.host.session());
+    bench.ramp(74.0, 4.0);
+    bench.until_state(40.0, SessionState::Review);
+    samples_rise(&bench, number);
+}
+
+#[test]
+fn nothing_enters_while_the_gauge_is_silent() {
+    let (mut bench, number) = ramping(20.0);
+    bench.inject(Fault::GaugeSilent);
+    bench.seconds(0.2);
+    let accepted = bench.host.session().accepted;
+    bench.seconds(1.5);
+    assert_eq!(bench.host.session().accepted, accepted);
+    assert!(refused(&bench, SampleRefusal::NoPressure) >= 20, "{:?}", bench.host.session());
+    assert_eq!(bench.host.session().pressure_kpa, None, "an old pressure is not shown as the present one");
+    bench.repair(Fault::GaugeSilent);
+    bench.until_state(40.0, SessionState::Review);
+    samples_rise(&bench, number);
+}
+
+#[test]
+fn nothing_enters_while_a_module_is_silent() {
+    let (mut bench, number) = ramping(20.0);
+    bench.inject(Fault::ModuleSilent(board(12), module(0)));
+    bench.seconds(0.2);
+    let accepted = bench.host.session().accepted;
+    bench.seconds(0.7);
+    assert_eq!(bench.host.session().accepted, accepted);
+    assert!(refused(&bench, SampleRefusal::StaleModule) >= 12, "{:?}", bench.host.session());
+    bench.repair(Fault::ModuleSilent(board(12), module(0)));
+    bench.until_state(40.0, SessionState::Review);
+    samples_rise(&bench, number);
+}
+
+/// Counts of two zeros in one ramp would make a wrong model of every taxel of the board.
+#[test]
+fn a_zero_that_is_lost_during_a_ramp_ends_the_ramp() {
+    let (mut bench, _) = ramping(30.0);
+    bench.inject(Fault::SilentRetare(board(12)));
+    bench.seconds(1.0);
+    let session = bench.host.session();
+    assert_ne!(session.state, SessionState::Ramping, "the tare is {:?}", bench.host.snapshot().tare);
+    assert!(session.reason.contains("board 12"), "{session:?}");
+}
+
+#[test]
+fn a_ramp_finished_before_its_target_fits_what_is_there() {
+    let (mut bench, number) = ramping(30.0);
+    session_of(bench.ask(Command::FinishRamp { session: number }));
+    bench.until_state(1.0, SessionState::Review);
+    let set = bench.host.catalogue.model_sets[0].clone();
+    assert_eq!(Some(set.id.as_str()), bench.host.session().model_set.as_deref());
+    assert!((29.0..31.5).contains(&set.pressure_max_kpa), "{} kPa", set.pressure_max_kpa);
+    assert!(set.taxels.iter().filter(|m| m.is_usable()).count() >= 70);
+    assert!((0.40..0.46).contains(&bench.host.session().coverage), "{:?}", bench.host.session());
+}
+
+#[test]
+fn a_second_ramp_after_venting_is_added_and_all_is_fitted_again() {
+    let (mut bench, number) = ramping(35.0);
+    let why = bench.refused(Command::StartRamp { session: number });
+    assert!(why.contains("is RAMPING"), "{why}");
+    session_of(bench.ask(Command::FinishRamp { session: number }));
+    bench.until_state(1.0, SessionState::Review);
+    let why = bench.refused(Command::StartRamp { session: number });
+    assert!(why.contains("vent it below 10.0 kPa first"), "{why}");
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    session_of(bench.ask(Command::StartRamp { session: number }));
+    bench.until_state(30.0, SessionState::Ramping);
+    bench.ramp(40.0, 4.0);
+    bench.seconds(8.0);
+    session_of(bench.ask(Command::FinishRamp { session: number }));
+    bench.until_state(1.0, SessionState::Review);
+    samples_rise(&bench, number);
+    let (session, fit) = (bench.host.session(), &bench.host.fits[1]);
+    assert_eq!((session.ramps, fit.samples.ramps.len()), (2, 2));
+    let per_ramp = [0, 1].map(|ramp| fit.samples.samples.iter().filter(|s| s.ramp == ramp).count());
+    assert!(per_ramp.iter().all(|&n| n > 100) && per_ramp.iter().sum::<usize>() as u64 == session.accepted);
+    let sets = &bench.host.catalogue.model_sets;
+    assert_eq!(sets.len(), 2, "the set of the first fit is kept");
+    let ids = (session.model_set.as_deref(), sets[0].taxels[0].quality.repeatability_kpa);
+    assert_eq!(ids, (Some(sets[1].id.as_str()), None));
+    let usable = sets[1].taxels.iter().filter(|m| m.is_usable());
+    assert!(usable.clone().count() >= 70 && usable.clone().all(|m| m.quality.repeatability_kpa.is_some()));
+}
+
+#[test]
+fn an_aborted_session_keeps_its_samples_for_a_further_ramp() {
+    let (mut bench, number) = ramping(30.0);
+    let view = session_of(bench.ask(Command::AbortSession { session: number }));
+    assert_eq!((view.state, view.reason.as_str()), (SessionState::Aborted, "an operator aborted it"));
+    bench.seconds(1.0);
+    assert_eq!(bench.host.session().accepted, view.accepted, "nothing enters any more");
+    samples_rise(&bench, number);
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    session_of(bench.ask(Command::StartRamp { session: number }));
+    bench.until_state(30.0, SessionState::Ramping);
+    bench.ramp(40.0, 4.0);
+    bench.seconds(8.0);
+    session_of(bench.ask(Command::FinishRamp { session: number }));
+    bench.until_state(1.0, SessionState::Review);
+    assert!(bench.host.session().accepted > view.accepted + 100);
+    assert_eq!(bench.host.fits[0].samples.samples, bench.host.samples(number));
+}
+
+#[test]
+fn no_session_begins_in_a_bag_under_vacuum() {
+    let mut bench = fresh(|_| {});
+    bench.ramp(20.0, 10.0);
+    bench.seconds(4.0);
+    let why = bench.refused(Command::StartSession { patch: String::new(), target: None, confirmed_by: None });
+    assert!(why.contains("the bag is at 20.") && why.contains("vent it below 10.0 kPa first"), "{why}");
+}
+
+#[test]
+fn a_session_waits_for_rest_and_fails_when_it_never_comes() {
+    let mut bench = fresh(impatient);
+    bench.inject(Fault::ModuleSilent(board(13), module(3)));
+    bench.seconds(0.5);
+    session_of(bench.ask(Command::StartSession { patch: String::new(), target: None, confirmed_by: None }));
+    bench.until(4.0, "a word why", |host| host.session().reason.contains("board 13 module 3"));
+    assert_eq!(bench.host.session().state, SessionState::Taring);
+    bench.until_state(10.0, SessionState::Failed);
+    assert!(bench.host.session().reason.starts_with("rest was never proven"), "{:?}", bench.host.session());
+}
+
+#[test]
+fn a_store_that_fails_ends_the_session_and_takes_no_new_one() {
+    let (mut bench, number) = ramping(10.0);
+    bench.host.store_failed("the disk is full");
+    let session = bench.host.session();
+    assert_eq!((session.state, session.reason.as_str()), (SessionState::Failed, "the store failed: the disk is full"));
+    let start = Command::StartSession { patch: String::new(), target: None, confirmed_by: None };
+    for command in [start, Command::StartRamp { session: number }, Command::FinishRamp { session: number }] {
+        assert!(matches!(bench.ask(command), Err(Rejection::Unavailable(why)) if why.contains("the disk is full")));
+    }
+    bench.seconds(0.5);
+    assert!(bench.host.health().problems[0].contains("the disk is full"));
+}
+
+/// The engine belongs to one task; a snapshot to all.
+#[test]
+fn the_engine_can_move_to_its_task_and_snapshots_can_be_shared() {
+    const fn may_move<T: Send>() {}
+    const fn may_be_shared<T: Send + Sync>() {}
+    may_move::<Engine>();
+    may_be_shared::<taxel_engine::snapshot::PatchSnapshot>();
+    may_be_shared::<taxel_engine::session::SessionView>();
+}

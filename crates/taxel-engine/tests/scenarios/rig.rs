@@ -1,0 +1,78 @@
+//! The installations that the scenes play on.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::plan::{
+    BoardSetup, Gauge, LiveLimits, Outputs, PatchPlan, Plan, SessionLimits, TarePlan,
+};
+use taxel_model::{FitOptions, GaugeUncertainty};
+use taxel_sim::{Config, DielectricConfig, GaugeConfig, HOST_BOARD_CONFIG, Skin, World};
+use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Patch};
+use taxel_wire::icub::TriangleConfig;
+
+pub const BUS: BusIndex = BusIndex(0);
+
+pub fn board(address: u8) -> BoardAddress {
+    BoardAddress::new(address).unwrap()
+}
+
+pub fn module(number: u8) -> Module {
+    Module::new(number).unwrap()
+}
+
+/// 80 taxels: six modules on board 13 and two on board 12, so that one module is less and board 12 more than the share
+/// of the skin that may be silent.
+pub fn small_skin() -> Skin {
+    let boards = [(13, 6), (12, 2)].map(|(address, modules)| Board {
+        bus: BUS,
+        address: board(address),
+        modules: (0..modules).map(|m| (module(m), ModuleKind::Triangle)).collect(),
+    });
+    Skin::sleeve(Patch::new("small", boards.into()).unwrap())
+}
+
+/// A world of the small skin whose zero leaves every taxel off the rails, so that nothing but the scene's own trouble
+/// keeps a force from being good. Its boards wait to be brought up.
+pub fn small_world() -> World {
+    let dielectric =
+        DielectricConfig { tare_bias_counts: 1.0, tare_residue_counts: 0.5, ..DielectricConfig::default() };
+    World::new(small_skin(), Config { dielectric, ..Config::seeded(3) }).unwrap()
+}
+
+/// What `taxeld` makes of a scene that asks for everything.
+pub fn patch_plan(skin: &Skin) -> PatchPlan {
+    let patch = skin.patch().clone();
+    let setup = |board: &Board| BoardSetup {
+        board: HOST_BOARD_CONFIG,
+        triangles: vec![TriangleConfig {
+            first: board.modules[0].0,
+            last: board.modules[board.modules.len() - 1].0,
+            shift: 2,
+            enabled: true,
+            cdc_offset: 0x2200,
+        }],
+    };
+    PatchPlan {
+        bring_up: patch.boards().iter().map(setup).collect(),
+        period: Duration::from_millis(50),
+        geometry: Some(Geometry::parse(&skin.positions_file(), &patch).unwrap()),
+        areas: vec![skin.taxel_area(); patch.taxels().len()],
+        area_uncertainty: 0.01,
+        gauge: Some(Gauge { bus: BUS, signal: GaugeConfig::default().signal }),
+        outputs: Outputs { resultant: true, moment: true, contacts: true, fill: true },
+        live: LiveLimits::default(),
+        faults: Default::default(),
+        tare: TarePlan { duration: Duration::from_secs(1), at_start: true, rest: Default::default() },
+        session: SessionLimits::default(),
+        fit: FitOptions {
+            gauge: GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.02 },
+            ..FitOptions::default()
+        },
+        patch,
+    }
+}
+
+pub fn plan(patch: PatchPlan) -> Arc<Plan> {
+    Arc::new(Plan { buses: 1, patches: vec![patch] })
+}

@@ -1,0 +1,232 @@
+//! Commands at the wrong time, with wrong names, and after a restart.
+
+use std::sync::Arc;
+
+use taxel_engine::Restored;
+use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::io::RestoredSession;
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::record::Record;
+use taxel_engine::session::{RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_engine::snapshot::ForceState;
+use taxel_sim::PumpCommand;
+
+use crate::bench::{Bench, session_of};
+use crate::host::Host;
+use crate::rig::{patch_plan, plan, small_world};
+use crate::shared::small;
+
+fn start() -> Command {
+    Command::StartSession { patch: String::new(), target: None, confirmed_by: None }
+}
+
+/// A session that ramps.
+fn ramping(kpa: f64) -> (Bench, u64) {
+    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
+    bench.brought_up();
+    let number = bench.start_session(None);
+    bench.ramp(74.0, 4.0);
+    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= kpa));
+    (bench, number)
+}
+
+fn in_review(kpa: f64) -> (Bench, u64) {
+    let (mut bench, session) = ramping(kpa);
+    bench.ask(Command::FinishRamp { session }).unwrap();
+    bench.until_state(1.0, SessionState::Review);
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(5.0);
+    (bench, session)
+}
+
+#[test]
+fn a_command_in_the_wrong_state_is_refused_and_names_the_state() {
+    let (mut bench, session) = ramping(25.0);
+    let tare = || Command::Tare { patch: String::new(), confirmed_by: Some("Ada".to_owned()) };
+    let bring_up = || Command::BringUp { patch: String::new() };
+    for command in [
+        start(),
+        tare(),
+        bring_up(),
+        Command::StartRamp { session },
+        Command::DiscardSession { session },
+    ] {
+        let why = bench.refused(command.clone());
+        assert!(why.contains("session 1 is RAMPING"), "{command:?}: {why}");
+    }
+    assert_eq!(bench.host.session().state, SessionState::Ramping, "none of them did anything");
+    bench.ask(Command::FinishRamp { session }).unwrap();
+    bench.until_state(1.0, SessionState::Review);
+    for command in [Command::FinishRamp { session }, Command::AbortSession { session }] {
+        let why = bench.refused(command.clone());
+        assert!(why.contains("session 1 is REVIEW"), "{command:?}: {why}");
+    }
+    let set = bench.host.session().model_set.clone().unwrap();
+    bench.activate(&set).unwrap();
+    bench.until_state(1.0, SessionState::Active);
+    for command in [
+        Command::StartRamp { session },
+        Command::FinishRamp { session },
+        Command::AbortSession { session },
+        Command::DiscardSession { session },
+    ] {
+        let why = bench.refused(command.clone());
+        assert!(why.contains("session 1 is ACTIVE"), "{command:?}: {why}");
+    }
+}
+
+#[test]
+fn what_does_not_exist_is_not_found_by_its_name() {
+    let mut bench = small().in_use();
+    let session = 77;
+    for command in [
+        Command::StartRamp { session },
+        Command::FinishRamp { session },
+        Command::AbortSession { session },
+        Command::DiscardSession { session },
+    ] {
+        assert_eq!(bench.ask(command).unwrap_err(), Rejection::NotFound("session 77".to_owned()));
+    }
+    let elbow = || "elbow".to_owned();
+    for command in [
+        Command::Tare { patch: elbow(), confirmed_by: None },
+        Command::BringUp { patch: elbow() },
+        Command::StartSession { patch: elbow(), target: None, confirmed_by: None },
+        Command::Activate { patch: elbow(), model_set: small().set.id.clone(), expected: None },
+    ] {
+        let Err(Rejection::NotFound(what)) = bench.ask(command) else { panic!("there is no elbow") };
+        assert!(what.contains("`elbow`") && what.contains("small"), "{what}");
+    }
+    let Err(Rejection::NotFound(what)) = bench.activate("m-0") else { panic!("there is no such set") };
+    assert!(what.contains("`m-0`"), "{what}");
+}
+
+#[test]
+fn a_target_that_no_bag_reaches_is_an_invalid_argument() {
+    let mut bench = small().in_use();
+    for target in [0.0, -5.0, f64::NAN, f64::INFINITY, 2_000.0] {
+        let target = Some(taxel_skin::Kilopascal(target));
+        let reply = bench.ask(Command::StartSession { patch: String::new(), target, confirmed_by: None });
+        assert!(matches!(reply, Err(Rejection::InvalidArgument { field: "target_kpa", .. })), "{target:?}: {reply:?}");
+    }
+}
+
+#[test]
+fn an_activation_that_expects_another_set_is_refused() {
+    let mut bench = small().in_use();
+    let activate = |expected: &str| Command::Activate {
+        patch: String::new(),
+        model_set: small().set.id.clone(),
+        expected: Some(expected.to_owned()),
+    };
+    let why = bench.refused(activate("m-other"));
+    assert!(why.contains("expected `m-other`") && why.contains(&small().set.id), "{why}");
+    let why = bench.refused(activate(""));
+    assert!(why.contains(&small().set.id), "{why}");
+    assert!(matches!(bench.ask(activate(&small().set.id)), Ok(Done::Activated { .. })));
+}
+
+#[test]
+fn the_set_of_a_discarded_session_cannot_be_activated() {
+    let (mut bench, session) = in_review(30.0);
+    let set = bench.host.session().model_set.clone().unwrap();
+    session_of(bench.ask(Command::DiscardSession { session }));
+    let Err(Rejection::FailedPrecondition(why)) = bench.activate(&set) else { panic!("it was activated") };
+    assert!(why.contains("DISCARDED"), "{why}");
+    assert_eq!(bench.host.state(), ForceState::Uncalibrated);
+    assert_eq!(bench.host.catalogue.active[0].1, None);
+}
+
+/// What a store makes of the records of a run that ended here.
+fn after_a_crash(host: &Host, session: u64) -> Restored {
+    let mut samples = SessionSamples { ramps: Vec::new(), samples: host.samples(session) };
+    let mut view = SessionView::default();
+    for record in &host.records {
+        match record {
+            Record::Session(newer) => view = SessionView::clone(newer),
+            Record::Ramp { ramp, baseline, .. } => {
+                samples.ramps.push(RampBaseline { ramp: *ramp, taxels: baseline.clone() });
+            }
+            _ => {}
+        }
+    }
+    assert!(view.state.is_open(), "{view:?}");
+    view.state = SessionState::Interrupted;
+    let sessions = vec![RestoredSession { view: Arc::new(view), samples: Some(samples) }];
+    Restored { sessions, next_session: session + 1, ..Restored::default() }
+}
+
+/// All but the labels of a run.
+fn content(set: &ModelSet) -> String {
+    format!("{:?} {:?} {:?} {:?}", set.taxels, set.baseline, set.pressure_max_kpa, set.method)
+}
+
+#[test]
+fn an_interrupted_session_gives_the_same_models_as_an_uninterrupted_one() {
+    let (mut bench, session) = ramping(40.0);
+    let restored = after_a_crash(&bench.host, session);
+    bench.ask(Command::FinishRamp { session }).unwrap();
+    let uninterrupted = bench.host.catalogue.model_sets[0].clone();
+
+    let mut resumed = Bench::new(bench.world.clone(), bench.host.plan.clone(), restored);
+    resumed.seconds(0.5);
+    let listed = &resumed.host.catalogue.sessions[0];
+    assert_eq!((listed.number, listed.state), (session, SessionState::Interrupted));
+    let view = session_of(resumed.ask(Command::FinishRamp { session }));
+    assert_eq!(view.accepted, bench.host.session().accepted);
+    resumed.until_state(1.0, SessionState::Review);
+    let set = resumed.host.catalogue.model_sets[0].clone();
+    assert_eq!(content(&set), content(&uninterrupted));
+    assert_eq!(set.id, uninterrupted.id);
+}
+
+#[test]
+fn an_interrupted_session_takes_another_ramp() {
+    let (bench, session) = ramping(30.0);
+    let accepted = bench.host.samples(session).len() as u64;
+    let mut world = bench.world.clone();
+    world.pump(PumpCommand::Vent);
+    let mut resumed = Bench::new(world, bench.host.plan.clone(), after_a_crash(&bench.host, session));
+    resumed.seconds(20.0);
+    session_of(resumed.ask(Command::StartRamp { session }));
+    resumed.until_state(30.0, SessionState::Ramping);
+    resumed.ramp(40.0, 4.0);
+    resumed.seconds(8.0);
+    resumed.ask(Command::FinishRamp { session }).unwrap();
+    resumed.until_state(1.0, SessionState::Review);
+    let view = resumed.host.session();
+    assert!(view.ramps == 2 && view.accepted > accepted + 100, "{view:?}");
+    let new = resumed.host.records.iter().find_map(|record| match record {
+        Record::Sample { index, sample, .. } => Some((*index, sample.ramp)),
+        _ => None,
+    });
+    assert_eq!(new, Some((accepted, 1)), "the first new sample follows the last old one");
+}
+
+#[test]
+fn a_restart_with_an_active_set_gives_a_good_force_without_any_command() {
+    for only_listens in [true, false] {
+        let mut patch = patch_plan(&small().skin);
+        if only_listens {
+            patch.bring_up.clear();
+        }
+        let mut bench = Bench::new(small().world.clone(), plan(patch), small().restored());
+        bench.until_force(5.0, ForceState::Ok);
+        let snapshot = bench.host.snapshot();
+        assert!(snapshot.force.total.unwrap().0 < 0.3, "{:?}", snapshot.force);
+        assert_eq!(snapshot.force.model_set.as_deref(), Some(small().set.id.as_str()));
+        let early = bench.host.snapshots.iter().filter(|s| s.force.total.is_some()).count();
+        assert_eq!(early, 1, "no force came before the zero");
+    }
+}
+
+#[test]
+fn without_a_tare_at_start_a_restart_waits_for_one() {
+    let mut patch = patch_plan(&small().skin);
+    patch.tare.at_start = false;
+    let mut bench = Bench::new(small().world.clone(), plan(patch), small().restored());
+    bench.seconds(5.0);
+    assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
+    bench.tare(None).unwrap();
+    bench.until_force(1.0, ForceState::Ok);
+}

@@ -1,0 +1,138 @@
+//! Invariant: a board's re-tare, power cycle or lost acknowledgement invalidates live force until rest is proven again.
+
+use std::time::Duration;
+
+use taxel_engine::BusNotice;
+use taxel_engine::command::{Done, Rejection};
+use taxel_engine::record::Record;
+use taxel_engine::snapshot::ForceState;
+use taxel_sim::Fault;
+
+use crate::bench::Bench;
+use crate::rig::{board, module};
+use crate::shared::small;
+
+/// The zero is lost for this reason, stays lost, and comes back with a tare alone.
+fn is_lost_until_tared(bench: &mut Bench, reason: &str) {
+    bench.until_force(5.0, ForceState::TareInvalid);
+    assert!(bench.host.reasons().contains(reason), "{}", bench.host.reasons());
+    bench.seconds(5.0);
+    assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
+    assert!(bench.host.reasons().contains(reason), "the first reason is kept: {}", bench.host.reasons());
+    assert!(!bench.host.snapshot().tare.as_ref().unwrap().valid);
+    bench.tare(None).unwrap();
+    bench.until_force(1.0, ForceState::Ok);
+}
+
+#[test]
+fn a_power_cycle_invalidates_the_force_until_a_tare() {
+    let mut bench = small().in_use();
+    bench.inject(Fault::PowerCycle { board: board(12), off: Duration::from_millis(1_200) });
+    bench.until_force(0.3, ForceState::Stale);
+    bench.seconds(1.5);
+    let now = bench.now();
+    bench.world.bring_up_boards(now); // as another host on the bus would
+    is_lost_until_tared(&mut bench, "board 12 was silent for");
+}
+
+#[test]
+fn five_lost_acknowledgements_invalidate_the_force_until_a_tare() {
+    let mut bench = small().in_use();
+    let fault = Fault::ModuleNoAck(board(13), module(1));
+    bench.inject(fault);
+    bench.until_force(2.0, ForceState::TareInvalid);
+    assert!(bench.host.reasons().contains("board 13 reported 5 lost acknowledgements"), "{}", bench.host.reasons());
+    bench.repair(fault);
+    bench.seconds(3.0);
+    is_lost_until_tared(&mut bench, "lost acknowledgements");
+}
+
+#[test]
+fn four_lost_acknowledgements_are_borne() {
+    let mut bench = small().in_use();
+    let fault = Fault::ModuleNoAck(board(13), module(1));
+    bench.inject(fault);
+    bench.seconds(0.2);
+    bench.repair(fault);
+    bench.seconds(1.0);
+    assert_ne!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
+}
+
+#[test]
+fn a_silent_retare_under_load_is_found_and_named() {
+    let mut bench = small().in_use();
+    bench.press_everywhere(10.0);
+    bench.seconds(1.0);
+    assert_eq!(bench.host.state(), ForceState::Ok, "{}", bench.host.reasons());
+    bench.inject(Fault::SilentRetare(board(12)));
+    bench.until_force(0.5, ForceState::TareInvalid);
+    let why = "all taxels of board 12 stepped at once: it has taken a new zero";
+    assert_eq!(bench.host.reasons(), why);
+    bench.seconds(3.0);
+    assert_eq!((bench.host.state(), bench.host.reasons().as_str()), (ForceState::TareInvalid, why));
+}
+
+#[test]
+fn bus_off_invalidates_the_force_until_a_tare() {
+    let mut bench = small().in_use();
+    bench.host.notice(BusNotice::BusOff);
+    bench.host.notice(BusNotice::Up);
+    is_lost_until_tared(&mut bench, "bus-off");
+}
+
+#[test]
+fn a_tare_under_a_mass_is_refused_with_figures() {
+    let mut bench = small().in_use();
+    bench.press_everywhere(10.0);
+    bench.seconds(1.0);
+    let before = bench.host.snapshot().tare.clone();
+    let why = match bench.tare(None) {
+        Err(Rejection::FailedPrecondition(why)) => why,
+        other => panic!("{other:?}"),
+    };
+    for part in ["rest is not proven: loaded: 7", "counts towards load in the median", "at most 3.5", "confirmed_by"] {
+        assert!(why.contains(part), "`{part}` is not in: {why}");
+    }
+    assert_eq!(bench.host.snapshot().tare, before, "the earlier zero still holds");
+}
+
+#[test]
+fn a_tare_that_somebody_vouches_for_is_taken_and_written_down_with_the_name() {
+    let mut bench = small().in_use();
+    bench.press_everywhere(1.5); // light, so that the skin does not step when it goes
+    bench.seconds(1.0);
+    let Ok(Done::Tared(view)) = bench.tare(Some("Ada")) else { panic!("refused") };
+    let tared = |record: &Record| match record {
+        Record::Tared { patch, tare, baseline } => Some((patch.clone(), tare.clone(), baseline.len())),
+        _ => None,
+    };
+    let (patch, written, taxels) = bench.host.records.iter().rev().find_map(tared).expect("a record of the zero");
+    assert_eq!((patch.as_str(), &written, taxels), ("small", &view, 80));
+    assert!(written.reason.starts_with("Ada confirms that nothing touches the skin; loaded: "), "{}", written.reason);
+    assert_eq!(bench.host.snapshot().tare.as_ref(), Some(&view));
+    // What Ada said was wrong shows as soon as the load goes.
+    bench.world.clear();
+    bench.seconds(5.0);
+    assert_eq!(bench.host.state(), ForceState::Degraded);
+    assert!(bench.host.reasons().contains("lighter than its zero"), "{}", bench.host.reasons());
+}
+
+#[test]
+fn a_tare_of_a_silent_skin_is_refused_and_names_the_modules() {
+    let mut bench = small().in_use();
+    bench.inject(Fault::BoardSilent(board(12)));
+    bench.inject(Fault::BoardSilent(board(13)));
+    let Err(Rejection::FailedPrecondition(why)) = bench.tare(Some("Ada")) else { panic!("taken from nothing") };
+    assert!(why.contains("8 modules are silent: board 13 module 0"), "{why}");
+}
+
+#[test]
+fn a_start_under_load_takes_no_zero_by_itself() {
+    let mut bench = Bench::new(small().world.clone(), small().in_use().host.plan.clone(), small().restored());
+    bench.press_everywhere(10.0);
+    bench.seconds(4.0);
+    assert_eq!(bench.host.state(), ForceState::TareInvalid);
+    assert!(bench.host.reasons().contains("rest is not proven: loaded"), "{}", bench.host.reasons());
+    bench.world.clear();
+    bench.until_force(30.0, ForceState::Ok); // it keeps looking
+}

@@ -1,0 +1,100 @@
+//! What a fit to a whole recording adds to MODELS.json.
+
+use serde::{Deserialize, Serialize};
+use taxel_engine::model_set::{Recorded, RecordedTaxel};
+use taxel_model::Plays;
+
+/// The part of the file, field by field; the names are the format.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Part {
+    smooth_s: f64,
+    module_size: usize,
+    lag_s: f64,
+    zero_return_counts: f64,
+    plays_error_ratio: Option<f64>,
+    taxels: Vec<Option<Entry>>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    rmse_kpa: f64,
+    sensitivity: f64,
+    hysteresis_kpa: Option<f64>,
+    plays: Option<Plays>,
+}
+
+impl Part {
+    pub(super) fn mirror(recorded: &Recorded) -> Self {
+        let entry = |taxel: &RecordedTaxel| Entry {
+            rmse_kpa: taxel.rmse_kpa,
+            sensitivity: taxel.sensitivity,
+            hysteresis_kpa: taxel.hysteresis_kpa,
+            plays: taxel.plays.clone(),
+        };
+        Self {
+            smooth_s: recorded.smooth_s,
+            module_size: recorded.module_size,
+            lag_s: recorded.lag_s,
+            zero_return_counts: recorded.zero_return_counts,
+            plays_error_ratio: recorded.plays_error_ratio,
+            taxels: recorded.taxels.iter().map(|taxel| taxel.as_ref().map(entry)).collect(),
+        }
+    }
+
+    pub(super) fn read(self) -> Recorded {
+        let taxel = |entry: Entry| RecordedTaxel {
+            rmse_kpa: entry.rmse_kpa,
+            sensitivity: entry.sensitivity,
+            hysteresis_kpa: entry.hysteresis_kpa,
+            plays: entry.plays,
+        };
+        Recorded {
+            smooth_s: self.smooth_s,
+            module_size: self.module_size,
+            lag_s: self.lag_s,
+            zero_return_counts: self.zero_return_counts,
+            plays_error_ratio: self.plays_error_ratio,
+            taxels: self.taxels.into_iter().map(|entry| entry.map(taxel)).collect(),
+        }
+    }
+}
+
+/// Everything that the types cannot say.
+pub(super) fn check(recorded: &Recorded, taxels: usize) -> Result<(), String> {
+    if recorded.taxels.len() != taxels {
+        return Err(format!("`recorded.taxels` has {} entries, expected {taxels}", recorded.taxels.len()));
+    }
+    if recorded.module_size == 0 {
+        return Err("`recorded.module_size` is 0, expected 1 or more".to_owned());
+    }
+    let finite = |name: &str, value: f64, least: f64| match value.is_finite() && value >= least {
+        true => Ok(()),
+        false => Err(format!("`recorded.{name}` is {value}, expected a finite number of {least} or more")),
+    };
+    finite("smooth_s", recorded.smooth_s, 0.0)?;
+    finite("lag_s", recorded.lag_s, f64::MIN)?;
+    finite("zero_return_counts", recorded.zero_return_counts, 0.0)?;
+    finite("plays_error_ratio", recorded.plays_error_ratio.unwrap_or(0.0), 0.0)?;
+    for (number, taxel) in recorded.taxels.iter().enumerate() {
+        let Some(taxel) = taxel else { continue };
+        let of = |name: &str| format!("taxels[{number}].{name}");
+        finite(&of("rmse_kpa"), taxel.rmse_kpa, 0.0)?;
+        finite(&of("sensitivity"), taxel.sensitivity, f64::MIN_POSITIVE)?;
+        finite(&of("hysteresis_kpa"), taxel.hysteresis_kpa.unwrap_or(0.0), f64::MIN)?;
+        let Some(plays) = &taxel.plays else { continue };
+        for value in plays.radii_counts.iter().chain(&plays.weights_kpa) {
+            finite(&of("plays"), *value, 0.0)?;
+        }
+        let [low, high] = plays.range;
+        finite(&of("plays.range"), low, f64::MIN)?;
+        finite(&of("plays.range"), high, low)?;
+        finite(&of("plays.curve.centre"), plays.curve.centre, f64::MIN)?;
+        finite(&of("plays.curve.half_width"), plays.curve.half_width, f64::MIN_POSITIVE)?;
+        if plays.curve.chebyshev.is_empty() || plays.curve.chebyshev.iter().any(|c| !c.is_finite()) {
+            return Err(format!("`recorded.taxels[{number}].plays.curve` is empty or not finite"));
+        }
+    }
+    Ok(())
+}
