@@ -163,12 +163,15 @@ impl<'a> Fit<'a> {
         let n: Vec<f64> = self.data.rows.iter().map(|row| row.n).collect();
         let problem = Problem { basis: &self.basis, s: &s, n: &n, d: &self.d, order, sign };
         let rmse = |series: &Chebyshev| self.rmse(&Curve::new(series, self.centre, self.half));
-        let isotonic_ratio = self.isotonic_rmse(sign) / rmse(&free);
+        // A free curve through all points has no RMSE to compare with; the ratio stays a number that files can hold.
+        let free_rmse = rmse(&free);
+        let ratio = |monotone: f64| if monotone <= free_rmse { 1.0 } else { (monotone / free_rmse).min(f64::MAX) };
+        let isotonic_ratio = ratio(self.isotonic_rmse(sign));
         if isotonic_ratio > CONTRADICTION {
             return (free, Some(Status::NotMonotone { rmse_ratio: isotonic_ratio }));
         }
         let monotone = repair(&problem, from, to, self.data.pressure_spread().range_kpa);
-        let rmse_ratio = rmse(&monotone) / rmse(&free);
+        let rmse_ratio = ratio(rmse(&monotone));
         if wrong_slope(&monotone, from, to, sign).is_some() {
             return (free, Some(Status::NotMonotone { rmse_ratio }));
         }
