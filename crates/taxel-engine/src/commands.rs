@@ -168,6 +168,11 @@ impl Engine {
             let problem = format!("`{id}` is for patch `{}`, not for `{name}`", set.patch);
             return Err(Rejection::InvalidArgument { field: "model_set", problem });
         }
+        let (given, taxels) = (set.taxels.len(), patch.plan.patch.taxels().len());
+        if given != taxels {
+            let why = format!("`{id}` has {given} taxels, patch `{name}` has {taxels}: its layout has changed");
+            return Err(Rejection::FailedPrecondition(why));
+        }
         let previous = patch.model_set.as_ref().map(|set| set.id.clone());
         if let Some(expected) = expected.filter(|e| previous.as_deref().unwrap_or("") != e) {
             let is = previous.as_deref().unwrap_or("none");

@@ -33,6 +33,8 @@ pub struct Engine {
     pub(crate) model_sets: Vec<Arc<ModelSet>>,
     pub(crate) next_session: u64,
     pub(crate) store_problem: Option<String>,
+    /// What was found wrong at start.
+    problems: Vec<String>,
     pub(crate) catalogue_dirty: bool,
     health: Arc<Health>,
     health_seen: Option<Time>,
@@ -52,6 +54,7 @@ impl Engine {
             model_sets: restored.model_sets,
             next_session: restored.next_session.max(1),
             store_problem: None,
+            problems: Vec::new(),
             catalogue_dirty: true,
             health: Arc::default(),
             health_seen: None,
@@ -59,19 +62,41 @@ impl Engine {
         };
         for session in restored.sessions {
             let number = session.view.number;
-            engine.sessions.insert(number, session.view);
             if let Some(samples) = session.samples {
-                engine.interrupted.insert(number, samples);
+                engine.take_up(&session.view, samples);
             }
+            engine.sessions.insert(number, session.view);
         }
         for (patch, id) in restored.active {
-            let set = engine.model_sets.iter().find(|set| set.id == id && set.patch == patch).cloned();
-            let patch = engine.patches.iter_mut().find(|p| p.plan.patch.name() == patch);
-            if let (Some(patch), Some(set)) = (patch, set) {
-                patch.set_model_set(set);
-            }
+            engine.install(&patch, &id);
         }
         engine
+    }
+
+    /// Keeps the samples of an interrupted session, if they are of the patch as it is configured now.
+    fn take_up(&mut self, view: &SessionView, samples: SessionSamples) {
+        let patch = self.patches.iter().find(|p| p.plan.patch.name() == view.patch);
+        let taxels = patch.map_or(0, |p| p.plan.patch.taxels().len());
+        if samples.samples.iter().all(|sample| sample.counts.len() == taxels) {
+            self.interrupted.insert(view.number, samples);
+        } else {
+            let (number, patch) = (view.number, &view.patch);
+            self.problems.push(format!("session {number} is of another layout of patch `{patch}` and cannot go on"));
+        }
+    }
+
+    /// Installs the model set that was active when the store was last written.
+    fn install(&mut self, patch: &str, id: &str) {
+        let set = self.model_sets.iter().find(|set| set.id == id && set.patch == patch).cloned();
+        let found = self.patches.iter_mut().find(|p| p.plan.patch.name() == patch);
+        match (found, set) {
+            (Some(patch), Some(set)) if set.taxels.len() == patch.plan.patch.taxels().len() => patch.set_model_set(set),
+            (Some(_), Some(_)) => self.problems.push(format!(
+                "model set `{id}` is of another layout of patch `{patch}`: it is not used; calibrate again"
+            )),
+            (Some(_), None) => self.problems.push(format!("the active model set `{id}` of patch `{patch}` is lost")),
+            (None, _) => {} // the patch is not configured any more
+        }
     }
 
     /// Which identifiers of a bus the kernel has to let through.
@@ -179,7 +204,7 @@ impl Engine {
         Health {
             buses: self.buses.iter().map(BusLive::view).collect(),
             boards: self.patches.iter().flat_map(|patch| patch.board_health(now)).collect(),
-            problems: self.store_problem.iter().cloned().collect(),
+            problems: self.problems.iter().chain(&self.store_problem).cloned().collect(),
         }
     }
 

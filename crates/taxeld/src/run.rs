@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::Context;
 use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
 use taxel_engine::Restored;
-use taxel_engine::plan::Plan;
+use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::route::Routes;
 use taxel_engine::session::SessionState;
 use taxel_rpc::{Handle, Limits, Listener, ModelCodec, handle::channel, serve};
@@ -176,8 +176,9 @@ pub async fn run(config: Config, scene: Scene) -> anyhow::Result<()> {
         match section.source {
             BusSource::SocketCan => {
                 let interface = section.interface.clone().unwrap_or_default();
-                let quiet = daemon.plan.patches.iter().all(|p| p.bring_up.is_empty());
-                let options = SocketCanOptions { interface, ids: Some(routes.wanted(bus)), tx: !quiet };
+                let speaks = |p: &PatchPlan| !p.bring_up.is_empty() && p.patch.boards().iter().any(|b| b.bus == bus);
+                let tx = daemon.plan.patches.iter().any(speaks);
+                let options = SocketCanOptions { interface, ids: Some(routes.wanted(bus)), tx };
                 daemon.add_bus(bus, SocketCan::open(options)?);
             }
             #[cfg(feature = "sim")]

@@ -129,6 +129,13 @@ impl Bench {
         self.ask(Command::Tare { patch: String::new(), confirmed_by: confirmed_by.map(str::to_owned) })
     }
 
+    /// Asks for a session and for a tare, whatever the answers.
+    pub fn meddle(&mut self) {
+        let patch = String::new;
+        self.host.command(Command::StartSession { patch: patch(), target: None, confirmed_by: Some("Ada".to_owned()) });
+        self.host.command(Command::Tare { patch: patch(), confirmed_by: Some("Ada".to_owned()) });
+    }
+
     pub fn inject(&mut self, fault: Fault) {
         self.world.inject(fault).unwrap();
     }

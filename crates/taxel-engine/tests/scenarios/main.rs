@@ -12,6 +12,9 @@ mod watch;
 
 mod bring_up;
 mod calibrate;
+mod determinism;
+mod frames;
+mod house;
 mod ramps;
 mod sessions;
 mod silence;

@@ -109,7 +109,7 @@ fn a_pressure_that_does_not_rise_fails_the_session() {
     bench.start_session(None);
     bench.until_state(5.0, SessionState::Failed);
     let session = bench.host.session();
-    assert!(session.reason.starts_with("the pressure did not rise for 3 s: it is 0.0 kPa"), "{session:?}");
+    assert!(session.reason.starts_with("the pressure did not rise for 3 s: it is "), "{session:?}");
     assert_eq!(session.accepted, 0);
     assert!(refused(&bench, SampleRefusal::NotRising) > 40, "{session:?}");
 }
@@ -252,13 +252,13 @@ fn no_session_begins_in_a_bag_under_vacuum() {
 
 #[test]
 fn a_session_waits_for_rest_and_fails_when_it_never_comes() {
-    let mut bench = fresh(impatient);
+    let mut bench = fresh(|plan| plan.session.patience = Duration::from_secs(6));
     bench.inject(Fault::ModuleSilent(board(13), module(3)));
     bench.seconds(0.5);
     session_of(bench.ask(Command::StartSession { patch: String::new(), target: None, confirmed_by: None }));
     bench.until(4.0, "a word why", |host| host.session().reason.contains("board 13 module 3"));
     assert_eq!(bench.host.session().state, SessionState::Taring);
-    bench.until_state(10.0, SessionState::Failed);
+    bench.until_state(12.0, SessionState::Failed);
     assert!(bench.host.session().reason.starts_with("rest was never proven"), "{:?}", bench.host.session());
 }
 

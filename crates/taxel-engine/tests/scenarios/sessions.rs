@@ -1,6 +1,7 @@
 //! Commands at the wrong time, with wrong names, and after a restart.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use taxel_engine::Restored;
 use taxel_engine::command::{Command, Done, Rejection};
@@ -185,9 +186,10 @@ fn an_interrupted_session_takes_another_ramp() {
     let (bench, session) = ramping(30.0);
     let accepted = bench.host.samples(session).len() as u64;
     let mut world = bench.world.clone();
-    world.pump(PumpCommand::Vent);
+    world.pump(PumpCommand::Vent); // before the boards take their zero anew
+    world.advance(bench.now() + Duration::from_secs(20), &mut Vec::new());
     let mut resumed = Bench::new(world, bench.host.plan.clone(), after_a_crash(&bench.host, session));
-    resumed.seconds(20.0);
+    resumed.brought_up();
     session_of(resumed.ask(Command::StartRamp { session }));
     resumed.until_state(30.0, SessionState::Ramping);
     resumed.ramp(40.0, 4.0);

@@ -1,0 +1,154 @@
+//! Invariants of the house that the sources themselves must keep.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The crates that do no I/O, read no clock and know no runtime.
+const PURE: [&str; 4] = ["taxel-skin", "taxel-wire", "taxel-model", "taxel-engine"];
+
+fn crates() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// Names of the crates in the repository.
+fn members() -> Vec<String> {
+    let entries = fs::read_dir(crates()).unwrap().map(|entry| entry.unwrap());
+    let mut names: Vec<String> = entries
+        .filter(|entry| entry.path().join("Cargo.toml").is_file())
+        .map(|entry| entry.file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+/// What a crate needs to run, straight from its manifest: keys of `[dependencies]`.
+fn dependencies(name: &str) -> Vec<String> {
+    let manifest = read(&crates().join(name).join("Cargo.toml"));
+    let section = manifest.lines().skip_while(|line| line.trim() != "[dependencies]").skip(1);
+    let lines = section.take_while(|line| !line.starts_with('[')).map(str::trim);
+    let entries = lines.filter(|line| !line.is_empty() && !line.starts_with('#'));
+    entries.map(|line| line.split(['.', '=', ' ']).next().unwrap_or(line).to_owned()).collect()
+}
+
+/// What every package of the lock file depends on, by name; versions do not matter here.
+fn locked() -> BTreeMap<String, BTreeSet<String>> {
+    let lock = read(&crates().parent().unwrap().join("Cargo.lock"));
+    let mut packages: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    let mut name = String::new();
+    for line in lock.lines().map(str::trim) {
+        if let Some(found) = line.strip_prefix("name = ") {
+            name = found.trim_matches('"').to_owned();
+        } else if line.starts_with('"') {
+            let needed = line.trim_matches(['"', ',']).split(' ').next().unwrap_or_default();
+            packages.entry(name.clone()).or_default().insert(needed.to_owned());
+        }
+    }
+    packages
+}
+
+/// Every package that ends up in the crate, its tests' aside.
+fn closure(name: &str) -> BTreeSet<String> {
+    let (locked, members) = (locked(), members());
+    let (mut found, mut open) = (BTreeSet::new(), dependencies(name));
+    while let Some(next) = open.pop() {
+        if !found.insert(next.clone()) {
+            continue;
+        }
+        // The lock file mixes what a member's tests need with what it needs itself.
+        if members.contains(&next) {
+            open.extend(dependencies(&next));
+        } else {
+            open.extend(locked.get(&next).into_iter().flatten().cloned());
+        }
+    }
+    found
+}
+
+/// Every Rust file below a folder.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap().path()) {
+        if entry.is_dir() {
+            files.extend(sources(&entry));
+        } else if entry.extension().is_some_and(|e| e == "rs") {
+            files.push(entry);
+        }
+    }
+    files
+}
+
+/// The code of a file without its comments. Test modules stand at the end of a file or in files of their own.
+fn code(path: &Path) -> String {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    if stem == "tests" || stem.ends_with("_tests") || path.iter().any(|part| part == "tests") {
+        return String::new();
+    }
+    let text = read(path);
+    let inline_tests = text.match_indices("#[cfg(test)]").find(|(at, mark)| {
+        let after = text[at + mark.len()..].trim_start();
+        after.starts_with("mod ") && after.find('{') < after.find(';')
+    });
+    let live = &text[..inline_tests.map_or(text.len(), |(at, _)| at)];
+    live.lines().map(|line| line.split("//").next().unwrap_or_default()).collect::<Vec<_>>().join("\n")
+}
+
+fn words(code: &str) -> impl Iterator<Item = &str> {
+    code.split(|c: char| !(c.is_alphanumeric() || c == '_')).filter(|word| !word.is_empty())
+}
+
+#[test]
+fn pure_crates_depend_on_no_runtime_socket_or_database() {
+    let banned = ["tokio", "tonic", "nix", "socketcan", "rusqlite", "libc", "mio", "hyper", "async-std", "futures"];
+    for name in PURE {
+        let all = closure(name);
+        assert!(name == "taxel-skin" || all.contains("taxel-skin") || name == "taxel-model", "{name}: {all:?}");
+        let found: Vec<&str> = banned.into_iter().filter(|b| all.contains(*b)).collect();
+        assert!(found.is_empty(), "{name} depends on {found:?}, by way of {:?}", dependencies(name));
+    }
+    assert!(closure("taxel-can").contains("tokio"), "the search finds what is there");
+}
+
+#[test]
+fn pure_crates_do_no_io_and_read_no_clock() {
+    let banned = ["Instant", "SystemTime", "fs", "net", "io", "thread", "process", "env", "File", "TcpStream", "async"];
+    let mut files = 0;
+    for name in PURE {
+        for path in sources(&crates().join(name).join("src")) {
+            let code = code(&path);
+            files += usize::from(!code.is_empty());
+            // `crate::io` is the engine's own boundary.
+            let own = code.replace("crate::io", "").replace("mod io", "").replace("use io::", "");
+            let found: Vec<&str> = words(&own).filter(|word| banned.contains(word)).collect();
+            assert!(found.is_empty(), "{} names {found:?}", path.display());
+        }
+    }
+    assert!(files > 50, "only {files} files were looked at");
+}
+
+#[test]
+fn unsafe_code_is_in_taxel_can_alone() {
+    let root = read(&crates().parent().unwrap().join("Cargo.toml"));
+    assert!(root.contains("unsafe_code = \"forbid\""));
+    let mut with_unsafe = BTreeSet::new();
+    for name in members() {
+        let manifest = read(&crates().join(&name).join("Cargo.toml"));
+        let inherits = manifest.contains("[lints]\nworkspace = true");
+        assert!(inherits || name == "taxel-can", "{name} does not take the workspace's lints");
+        let folders = ["src", "tests", "benches", "examples"].map(|folder| crates().join(&name).join(folder));
+        for path in folders.iter().flat_map(|folder| sources(folder)) {
+            let text = read(&path);
+            let live: String = text.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
+            let pieces = ["unsafe {", "unsafe fn", "unsafe impl", "unsafe extern", "unsafe trait"];
+            // This file has to say what it looks for.
+            if pieces.iter().any(|piece| live.contains(piece)) && !path.ends_with("scenarios/house.rs") {
+                with_unsafe.insert(name.clone());
+            }
+        }
+    }
+    assert_eq!(with_unsafe, BTreeSet::from(["taxel-can".to_owned()]));
+}
