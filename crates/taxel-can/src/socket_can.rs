@@ -86,6 +86,15 @@ pub enum OpenError {
 }
 
 /// One CAN interface.
+///
+/// A frame's time is when the kernel received it, on the monotonic clock. The kernel stamps with the wall clock, so if
+/// that is stepped between reception and reading, the times of that one batch may be off, yet never later than the
+/// reading, and never earlier than the frame before or the last time that nothing was there to read.
+///
+/// The kernel hands each sent frame to every other socket of this machine. So a frame sent here is also received
+/// here, if it is among the wanted identifiers; on a real bus that is when it was on the wire.
+///
+/// CAN FD frames are not seen: the kernel does not give them to a classic socket.
 pub struct SocketCan {
     interface: String,
     wanted: Wanted,
@@ -237,8 +246,8 @@ impl SocketCan {
         }
     }
 
-    /// Waits for the socket or for the time to look at the link. Nothing is lost if it is cancelled: what was
-    /// received stays in the socket's own buffer only within one call.
+    /// Waits for the socket or for the time to look at the link. Nothing is lost if it is cancelled: what the kernel
+    /// gave away is handed on within the same poll.
     async fn wake(&mut self) -> io::Result<Wake> {
         let Some(sockets) = &mut self.sockets else {
             self.poll.tick().await;

@@ -53,3 +53,11 @@ fn a_mass_beyond_the_calibrated_range_is_flagged_and_counted_and_the_total_is_cl
     let total = force.total.unwrap().0;
     assert!(total <= bound, "{total} N from {} taxels", force.active);
 }
+
+#[test]
+fn a_still_skin_weighs_plainly_nothing() {
+    let bench = small().in_use();
+    let force = &bench.host.snapshot().force;
+    assert_eq!(force.total.unwrap().0.to_bits(), 0.0_f64.to_bits(), "not even a negative zero: {force:?}");
+    assert_eq!((force.active, force.out_of_range, force.filled, force.contacts.len()), (0, 0, 0, 0));
+}

@@ -11,7 +11,7 @@ use taxel_sim::{Fault, PumpCommand};
 use taxel_skin::Time;
 use taxel_wire::TimedFrame;
 
-use crate::host::Host;
+use crate::host::{EPOCH_NS, Host};
 use crate::rig::{board, module, patch_plan, plan};
 use crate::shared::small;
 
@@ -60,7 +60,7 @@ fn listening() -> Arc<Plan> {
 #[test]
 fn a_calibration_is_bit_identical_however_its_frames_are_cut() {
     let log: &[TimedFrame] = &small().log;
-    let at = Time::from_seconds(1.0);
+    let at = Time::from_nanos(small().session.started_wall_ns - EPOCH_NS);
     let start = log.partition_point(|f| f.time < at);
     all_ways("calibration", |cut| {
         let mut host = Host::new(listening(), Restored::default(), Time::default());

@@ -20,7 +20,7 @@ use crate::watch::check;
 pub const SLOT: Duration = Duration::from_millis(10);
 
 /// Wall time at the origin of the run's clock: a label that nothing may depend on.
-const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
+pub const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
 
 /// One engine and everything that it put out, oldest first.
 pub struct Host {

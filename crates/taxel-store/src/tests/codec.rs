@@ -233,6 +233,43 @@ prop_compose! {
     }
 }
 
+#[test]
+fn what_a_recording_adds_comes_back_and_is_checked() {
+    let plays = Plays {
+        curve: model_set(1).taxels[0].curve.clone().unwrap(),
+        range: [160.0, 240.0],
+        sign: Sign::Falling,
+        radii_counts: [3.0, 0.1 + 0.2],
+        weights_kpa: [0.0, 0.7],
+    };
+    let taxel = RecordedTaxel { rmse_kpa: 5.3, sensitivity: 0.12, hysteresis_kpa: Some(-1.5), plays: Some(plays) };
+    let recorded = Recorded {
+        smooth_s: 0.5,
+        module_size: 10,
+        lag_s: -0.1,
+        zero_return_counts: 1.2,
+        plays_error_ratio: Some(0.58),
+        taxels: vec![Some(taxel), None, None, None],
+    };
+    let set = with_id(ModelSet { recorded: Some(recorded.clone()), ..model_set(1) });
+    assert_ne!(set.id, model_set(1).id);
+    let back = from_json(&to_json(&set).unwrap()).unwrap();
+    assert_eq!(back.recorded, Some(recorded.clone()));
+    type Change = fn(&mut Recorded);
+    let cases: [(Change, &str); 4] = [
+        (|r| r.smooth_s = f64::NAN, "`recorded.smooth_s` is NaN"),
+        (|r| r.taxels.truncate(1), "`recorded.taxels` has 1 entries, expected 4"),
+        (|r| r.module_size = 0, "`recorded.module_size` is 0"),
+        (|r| r.taxels[0].as_mut().unwrap().plays.as_mut().unwrap().weights_kpa[0] = -1.0, "plays` is -1"),
+    ];
+    for (change, says) in cases {
+        let mut wrong = recorded.clone();
+        change(&mut wrong);
+        let refused = to_json(&with_id(ModelSet { recorded: Some(wrong), ..model_set(1) })).unwrap_err();
+        assert!(refused.to_string().contains(says), "{refused}");
+    }
+}
+
 proptest! {
     #[test]
     fn every_set_comes_back_bit_for_bit(

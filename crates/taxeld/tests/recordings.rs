@@ -1,0 +1,176 @@
+//! `taxeld fit` and `taxeld apply` as shipped, on recordings of a real skin, a regression set and odd files.
+
+use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use flate2::read::GzDecoder;
+
+/// Scans in between that the test leaves out, to be quick: the rules know seconds, not scans.
+const EVERY: usize = 2;
+
+fn data(name: &str) -> Option<PathBuf> {
+    let fallback = || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let path = std::env::var_os("TAXELD_DATA").map_or_else(fallback, PathBuf::from).join(name);
+    if !path.exists() {
+        eprintln!("SKIPPED: no file {}", path.display());
+        return None;
+    }
+    Some(path)
+}
+
+fn taxeld(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).output().unwrap()
+}
+
+/// What it printed; it must have succeeded.
+fn ran(arguments: &[&str]) -> String {
+    let output = taxeld(arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// The recording's header and every second row.
+fn rows(name: &str) -> Option<(String, Vec<String>)> {
+    let mut all = String::new();
+    GzDecoder::new(std::fs::File::open(data(name)?).unwrap()).read_to_string(&mut all).unwrap();
+    let mut lines = all.lines().map(str::to_owned);
+    let header = lines.next().unwrap();
+    Some((header, lines.step_by(EVERY).collect()))
+}
+
+fn write(path: &Path, header: &str, rows: &[String]) {
+    let mut file = std::io::BufWriter::new(std::fs::File::create(path).unwrap());
+    writeln!(file, "{header}").unwrap();
+    rows.iter().for_each(|row| writeln!(file, "{row}").unwrap());
+    file.flush().unwrap();
+}
+
+fn cell(row: &str, column: usize) -> f64 {
+    row.split(',').nth(column).unwrap().parse().unwrap_or(f64::NAN)
+}
+
+/// The columns of a file of pressures.
+fn columns(path: &Path) -> Vec<Vec<f64>> {
+    let content = std::fs::read_to_string(path).unwrap();
+    let mut columns: Vec<Vec<f64>> = Vec::new();
+    for row in content.lines().skip(1) {
+        let cells: Vec<f64> = row.split(',').skip(1).map(|c| c.parse().unwrap_or(f64::NAN)).collect();
+        columns.resize(cells.len(), Vec::new());
+        columns.iter_mut().zip(cells).for_each(|(column, cell)| column.push(cell));
+    }
+    columns
+}
+
+/// Error of the area-mean pressure above 30 kPa in percent, and the mean over the taxels of their RMSE in kPa.
+fn errors(kpa: &[Vec<f64>], gauge: &[f64]) -> (f64, f64) {
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
+    let area = |i: usize| mean(kpa.iter().map(|column| column[i]).filter(|p| p.is_finite()).collect());
+    let high: Vec<f64> =
+        (0..gauge.len()).filter(|&i| gauge[i] > 30.0).map(|i| (area(i) - gauge[i]).abs() / gauge[i]).collect();
+    let rmse = |column: &Vec<f64>| {
+        let squares: Vec<f64> =
+            column.iter().zip(gauge).map(|(p, g)| (p - g).powi(2)).filter(|e| e.is_finite()).collect();
+        (!squares.is_empty()).then(|| mean(squares).sqrt())
+    };
+    (100.0 * mean(high), mean(kpa.iter().filter_map(rmse).collect()))
+}
+
+#[test]
+fn a_real_skin_is_calibrated_and_read_with_the_defaults() {
+    let Some((header, calibration)) = rows("insole/left_calibration.csv.gz") else { return };
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let (models, recording, pressures) = (at("models.json"), at("recording.csv"), at("pressures.csv"));
+    write(&recording, &header, &calibration);
+    let said = ran(&["fit", text(&recording), "--out", text(&models)]);
+    eprintln!("{said}");
+    for word in ["usable", "jumping", "railed", "poor_fit", "plays"] {
+        assert!(said.contains(word), "no `{word}` in {said}");
+    }
+    let apply = |rows: &[String]| {
+        write(&recording, &header, rows);
+        let said = ran(&["apply", text(&models), text(&recording), "--out", text(&pressures)]);
+        eprintln!("{said}");
+        said
+    };
+    // 5.2 and 3.8 %, 11.8 and 8.9 kPa were measured on all scans.
+    for (name, area_max, taxel_max) in
+        [("insole/left_validation.csv.gz", 8.0, 12.5), ("insole/left_steps.csv.gz", 4.0, 9.7)]
+    {
+        let Some((_, judged)) = rows(name) else { return };
+        let said = apply(&judged);
+        assert!(said.contains("tared from the first 2 s: at rest"), "{said}");
+        let gauge: Vec<f64> = judged.iter().map(|row| cell(row, 1)).collect();
+        let (area, taxel) = errors(&columns(&pressures), &gauge);
+        eprintln!("{name}: area-mean {area:.2} %, taxel RMSE {taxel:.2} kPa");
+        assert!(area <= area_max && taxel <= taxel_max, "{name}: {area:.2} % {taxel:.2} kPa");
+        if name.contains("steps") {
+            let loaded = gauge.iter().position(|p| *p > 197.0).unwrap();
+            let said = apply(&judged[loaded..]);
+            assert!(said.contains("not tared") && said.contains("loaded"), "{said}");
+        }
+    }
+}
+
+#[test]
+fn a_regression_set_keeps_every_digit() {
+    let Some(path) = data("strd/wampler2.csv") else { return };
+    let directory = tempfile::tempdir().unwrap();
+    let (table, models) = (directory.path().join("table.csv"), directory.path().join("models.json"));
+    let content = std::fs::read_to_string(&path).unwrap();
+    let rows: Vec<String> = content
+        .lines()
+        .skip(1)
+        .enumerate()
+        .map(|(i, row)| {
+            let (x, y) = row.split_once(',').unwrap();
+            format!("{i},{y},{x}")
+        })
+        .collect();
+    write(&table, "t_s,pressure_kpa,c0", &rows);
+    ran(&["fit", text(&table), "--out", text(&models), "--order", "5"]);
+    let written = std::fs::read_to_string(&models).unwrap();
+    let coefficients = written.split("\"coefficients\":[").nth(1).unwrap().split(']').next().unwrap();
+    let got: Vec<f64> = coefficients.split(',').map(|c| c.parse().unwrap()).collect();
+    // Wampler2: y = sum (x / 10)^k.
+    for (k, got) in got.iter().enumerate() {
+        let want = 10.0_f64.powi(-(k as i32));
+        assert!((got / want - 1.0).abs() < 1e-14, "coefficient {k}: {got}");
+    }
+    let out = directory.path().join("out.csv");
+    let said = ran(&["apply", text(&models), text(&table), "--out", text(&out)]);
+    assert!(said.contains("not tared"), "a table has no rest: {said}");
+    for (row, got) in rows.iter().zip(&columns(&out)[0]) {
+        assert!((cell(row, 1) / got - 1.0).abs() < 1e-12, "{row}: {got}");
+    }
+}
+
+#[test]
+fn what_cannot_be_used_is_refused_with_its_place() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let (table, models) = (at("table.csv"), at("models.json"));
+    for (content, arguments, says) in [
+        ("t_s,c0\n0,1\n1,2\n", vec![], "pressure_kpa"),
+        ("t_s,pressure_kpa,c0\n0,x,1\n1,,2\n", vec![], "no finite number"),
+        ("t_s,pressure_kpa,c0\n0,1,1\n", vec!["--order", "11"], "expected 1 to 10"),
+        ("t_s,pressure_kpa,c0\n0,1,1\n", vec!["--smooth", "-1"], "0 or more"),
+        ("nothing\n", vec![], "header"),
+    ] {
+        std::fs::write(&table, content).unwrap();
+        let output = taxeld(&[&["fit", text(&table), "--out", text(&models)], arguments.as_slice()].concat());
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && errors.contains(says), "{content:?}: {errors}");
+        assert!(!errors.contains("panicked"), "{errors}");
+    }
+    std::fs::write(&models, "{}").unwrap();
+    let output = taxeld(&["apply", text(&models), text(&table), "--out", text(&at("out.csv"))]);
+    assert!(!output.status.success());
+    assert!(String::from_utf8_lossy(&output.stderr).contains("`format` is missing"));
+}
