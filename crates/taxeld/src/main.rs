@@ -11,6 +11,8 @@ mod driver;
 mod fit;
 mod judge;
 mod offline;
+#[cfg(feature = "sim")]
+mod picture;
 mod recording;
 mod replay;
 mod run;

@@ -140,7 +140,8 @@ fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
     let Some(view) = session(offline) else { return Ok(()) };
     println!("session: {}, {} scans entered, refused: {}", view.state.name(), view.accepted, refusals(&view));
     let Some(set) = offline.model_sets.last().filter(|_| view.state == SessionState::Review) else {
-        bail!("the calibration {}: {}", view.state.name(), view.reason);
+        let when = if view.state.is_open() { "the log ended while the calibration was" } else { "the calibration" };
+        bail!("{when} {}: {}", view.state.name(), if view.reason.is_empty() { "too short" } else { &view.reason });
     };
     crate::fit::print_summary(set);
     if let Some(out) = &request.out {

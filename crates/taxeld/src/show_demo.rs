@@ -1,10 +1,11 @@
 //! What `taxeld demo` shows: the procedure's course, its error table, and then the live service.
 
 use std::io::IsTerminal;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use anyhow::Context;
 use indicatif::ProgressBar;
 use taxel_engine::plan::{Outputs, Plan};
 use taxel_sim::Skin;
@@ -14,6 +15,7 @@ use tokio::net::TcpListener;
 use crate::clock::RunClock;
 use crate::config::{self, Config, Scene};
 use crate::demo::{MASSES_KG, Outcome, mean, procedure};
+use crate::picture;
 use crate::run::{Daemon, StoreAt};
 use crate::sim_bus::SimBus;
 
@@ -32,6 +34,9 @@ pub struct DemoArgs {
     /// Leave the area of excluded taxels out of the force, as the paper does.
     #[arg(long)]
     no_fill: bool,
+    /// Draw measured against true force as a picture.
+    #[arg(long, value_name = "FILE")]
+    svg: Option<PathBuf>,
 }
 
 /// Runs the demo.
@@ -44,6 +49,11 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
     println!("A simulated forearm in a vacuum bag: 230 taxels on 23 modules, real frames, no hardware.");
     let outcomes = procedures(args, &plan)?;
     print_table(args, &outcomes);
+    if let Some(path) = &args.svg {
+        let weighings: Vec<_> = outcomes.iter().flat_map(|o| &o.weighings).collect();
+        let picture = picture::svg(&weighings, outcomes.len(), !args.no_fill);
+        std::fs::write(path, picture).with_context(|| format!("writing {}", path.display()))?;
+    }
     if args.once {
         return Ok(());
     }
@@ -134,7 +144,7 @@ async fn serve_live(seed: u64, mut config: Config, scene: Scene) -> anyhow::Resu
         "The same skin is now live on {listen}. In another terminal, calibrate it (about 40 s) and read its force:"
     );
     println!("  grpcurl -plaintext {listen} taxel.v1.CalibrationService/StartSession");
-    println!("  grpcurl -plaintext {listen} taxel.v1.CalibrationService/WatchSession");
+    println!("  grpcurl -plaintext -d '{{\"session\": 1}}' {listen} taxel.v1.CalibrationService/WatchSession");
     println!("  grpcurl -plaintext -d '{{\"modelSet\": \"m-...\"}}' {listen} taxel.v1.ModelService/ActivateModelSet");
     println!("  grpcurl -plaintext {listen} taxel.v1.SkinService/Tare");
     println!("  grpcurl -plaintext {listen} taxel.v1.ForceService/StreamForce");

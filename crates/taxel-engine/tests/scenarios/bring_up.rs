@@ -39,7 +39,8 @@ fn an_incomplete_bring_up_names_the_modules() {
     bench.inject(Fault::ModuleSilent(board(13), module(2)));
     bench.inject(Fault::ModuleSilent(board(13), module(5)));
     bench.seconds(4.0);
-    let words: Vec<_> = bench.host.health().boards.iter().map(|b| (b.address, b.bring_up.as_str(), b.modules)).collect();
+    let words: Vec<_> =
+        bench.host.health().boards.iter().map(|b| (b.address, b.bring_up.as_str(), b.modules)).collect();
     assert_eq!(words, [(13, "incomplete: no frame from modules 2, 5", (6, 4)), (12, "verified", (2, 2))]);
     bench.repair(Fault::ModuleSilent(board(13), module(2)));
     bench.seconds(0.5);

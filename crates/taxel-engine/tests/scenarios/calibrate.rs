@@ -42,7 +42,8 @@ fn a_mass_beyond_the_calibrated_range_is_flagged_and_counted_and_the_total_is_cl
     let above = snapshot.taxels.iter().filter(|t| t.range == RangeFlag::Above && t.active && t.faults.is_empty());
     assert_eq!(above.count(), force.out_of_range as usize);
     assert!(force.out_of_range >= 5, "{force:?}");
-    let reason = format!("{} active taxels read more than was calibrated: the total is a lower bound", force.out_of_range);
+    let reason =
+        format!("{} active taxels read more than was calibrated: the total is a lower bound", force.out_of_range);
     assert!(force.reasons.contains(&reason), "{:?}", force.reasons);
     let highest = small().set.pressure_max_kpa + 1.0; // the fit's own error at the end of the range
     for (taxel, state) in snapshot.taxels.iter().enumerate() {

@@ -74,9 +74,8 @@ fn no_torn_module_is_ever_published_and_orphans_are_counted() {
     truth.borrow_mut().whole.insert(bench.host.snapshot().taxels[..10].iter().map(|t| t.count).collect());
     let first = bench.host.snapshots.len();
     let ear = Rc::clone(&truth);
-    bench.passes = Box::new(move |frame| {
-        frame.frame.id != CanId::Standard(0x4D0) || ear.borrow_mut().passes(&frame.frame)
-    });
+    bench.passes =
+        Box::new(move |frame| frame.frame.id != CanId::Standard(0x4D0) || ear.borrow_mut().passes(&frame.frame));
     bench.ramp(40.0, 8.0); // so that every scan differs from the one before
     bench.seconds(8.0);
     bench.passes = Box::new(|_| true);
@@ -155,13 +154,14 @@ fn any_id() -> impl Strategy<Value = CanId> {
 fn any_frame() -> impl Strategy<Value = Frame> {
     let kind = prop_oneof![8 => Just(FrameKind::Data), 1 => Just(FrameKind::Remote), 1 => Just(FrameKind::Error)];
     let marker = prop_oneof![2 => Just(0x40_u8), 2 => Just(0xC0_u8), 1 => any::<u8>()];
-    let bytes = (marker, prop::collection::vec(any::<u8>(), 0..=7), any::<bool>()).prop_map(|(marker, mut bytes, full)| {
-        if full {
-            bytes.resize(7, 200);
-        }
-        bytes.insert(0, marker);
-        bytes
-    });
+    let bytes =
+        (marker, prop::collection::vec(any::<u8>(), 0..=7), any::<bool>()).prop_map(|(marker, mut bytes, full)| {
+            if full {
+                bytes.resize(7, 200);
+            }
+            bytes.insert(0, marker);
+            bytes
+        });
     let bytes = prop_oneof![9 => bytes, 1 => Just(Vec::new())];
     (any_id(), kind, bytes).prop_map(|(id, kind, bytes)| Frame::new(id, kind, &bytes).unwrap())
 }

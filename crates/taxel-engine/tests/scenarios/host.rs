@@ -37,6 +37,7 @@ pub struct Host {
     pub sent: Vec<(Time, Frame)>,
     pub records: Vec<Record>,
     pub fits: Vec<FitJob>,
+    fitted: usize,
     replies: HashMap<RequestId, Reply>,
 }
 
@@ -55,6 +56,7 @@ impl Host {
             sent: Vec::new(),
             records: Vec::new(),
             fits: Vec::new(),
+            fitted: 0,
             replies: HashMap::new(),
         };
         host.step(Input::Tick);
@@ -69,9 +71,14 @@ impl Host {
         }
     }
 
-    /// Time passes.
+    /// Time passes. A fit takes milliseconds, so it ends here and not among a slot's frames.
     pub fn tick(&mut self, now: Time) {
         self.now = self.now.max(now);
+        while self.fitted < self.fits.len() {
+            let outcome = self.fits[self.fitted].run(|set| format!("m-{:016x}", digest(&format!("{:?}", set.taxels))));
+            self.fitted += 1;
+            self.step(Input::Fitted(outcome));
+        }
         self.step(Input::Tick);
     }
 
@@ -152,14 +159,8 @@ impl Host {
         let now = Now { time: self.now, wall_ns: EPOCH_NS + self.now.as_nanos() };
         let mut out = Vec::new();
         self.engine.step(now, input, &mut out);
-        let fits = self.fits.len();
         for output in out {
             self.collect(output);
-        }
-        for job in self.fits.split_off(fits) {
-            let outcome = job.run(|set| format!("m-{:016x}", digest(&format!("{:?}", set.taxels))));
-            self.fits.push(job);
-            self.step(Input::Fitted(outcome));
         }
     }
 
@@ -187,7 +188,7 @@ impl Host {
     }
 }
 
-pub fn digest(text: &str) -> u64 {
+fn digest(text: &str) -> u64 {
     let mut hasher = DefaultHasher::new();
     text.hash(&mut hasher);
     hasher.finish()

@@ -45,13 +45,7 @@ fn a_command_in_the_wrong_state_is_refused_and_names_the_state() {
     let (mut bench, session) = ramping(25.0);
     let tare = || Command::Tare { patch: String::new(), confirmed_by: Some("Ada".to_owned()) };
     let bring_up = || Command::BringUp { patch: String::new() };
-    for command in [
-        start(),
-        tare(),
-        bring_up(),
-        Command::StartRamp { session },
-        Command::DiscardSession { session },
-    ] {
+    for command in [start(), tare(), bring_up(), Command::StartRamp { session }, Command::DiscardSession { session }] {
         let why = bench.refused(command.clone());
         assert!(why.contains("session 1 is RAMPING"), "{command:?}: {why}");
     }
@@ -167,6 +161,7 @@ fn an_interrupted_session_gives_the_same_models_as_an_uninterrupted_one() {
     let (mut bench, session) = ramping(40.0);
     let restored = after_a_crash(&bench.host, session);
     bench.ask(Command::FinishRamp { session }).unwrap();
+    bench.until_state(1.0, SessionState::Review);
     let uninterrupted = bench.host.catalogue.model_sets[0].clone();
 
     let mut resumed = Bench::new(bench.world.clone(), bench.host.plan.clone(), restored);

@@ -2,10 +2,11 @@
 
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use taxel_engine::model_set::ModelSet;
+use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
 use taxel_engine::rest::TaxelBaseline;
 use taxel_model::{
-    Curve, Estimator, FitOptions, Flag, GaugeUncertainty, Order, Quality, Samples, SigmaProfile, Status, TaxelModel,
+    Curve, Estimator, FitOptions, Flag, GaugeUncertainty, Order, Plays, Quality, Samples, SigmaProfile, Sign, Status,
+    TaxelModel,
 };
 
 use super::fixture::{model_set, with_id};

@@ -1,0 +1,151 @@
+//! The programme as its users start it.
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn taxeld(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What a command that must succeed prints.
+fn succeeds(arguments: &[&str]) -> String {
+    let output = taxeld(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// What a command that must fail says.
+fn fails(arguments: &[&str]) -> String {
+    let output = taxeld(arguments);
+    assert!(!output.status.success(), "{arguments:?} succeeded: {}", text(&output.stdout));
+    text(&output.stderr)
+}
+
+const CONFIG: &str = r#"
+[store]
+path = "t.db"
+[[bus]]
+name = "skin"
+interface = "can0"
+[[patch]]
+name = "palm"
+bus = "skin"
+listen_only = true
+[[patch.board]]
+address = 13
+modules = "0-1"
+[patch.gauge]
+id = 0x3A1
+length_bits = 32
+signed = true
+unit = "Pa"
+noise_kpa = 0.02
+"#;
+
+/// A log of twenty taxels that lose one count a kPa, one second at rest and then 1 kPa in 0.4 s up to 75 kPa, with
+/// some lines that are no frames.
+fn log() -> String {
+    let mut log = String::new();
+    let mut time_us = 1_600_000_000_000_000_u64;
+    for scan in 0..640_u32 {
+        let kpa = 2.5 * (f64::from(scan) * 0.05 - 1.5).max(0.0);
+        let mut line = |frame: String| {
+            writeln!(log, "({}.{:06}) can0 {frame}", time_us / 1_000_000, time_us % 1_000_000).unwrap();
+            time_us += 120;
+        };
+        let pascal: String = ((kpa * 1000.0) as i32).to_le_bytes().iter().map(|b| format!("{b:02X}")).collect();
+        line(format!("3A1#{pascal}"));
+        for module in 0..2 {
+            let count =
+                |k: u32| (240.0 - kpa + f64::from((scan * 7 + k * 3) % 3) - 1.0).clamp(0.0, 255.0).round() as u8;
+            let hex = |from: u32, to: u32| (from..to).map(|k| format!("{:02X}", count(k))).collect::<String>();
+            line(format!("4D{module}#40{}", hex(0, 7)));
+            line(format!("4D{module}#C0{}0000", hex(7, 12)));
+        }
+        if scan == 100 {
+            log.push_str("this is no frame\n");
+        }
+        time_us += 50_000 - 5 * 120;
+    }
+    log.push_str("(1600000040.000000) can0 4D0#40F0F0\n"); // a head that is too short
+    log
+}
+
+fn scratch(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, content) in files {
+        std::fs::write(folder.path().join(name), content).unwrap();
+    }
+    folder
+}
+
+fn path(folder: &Path, name: &str) -> String {
+    folder.join(name).to_str().unwrap().to_owned()
+}
+
+#[test]
+fn check_prints_the_scene_and_what_it_leaves_out() {
+    let folder = scratch(&[("t.toml", CONFIG)]);
+    let printed = succeeds(&["check", "--config", &path(folder.path(), "t.toml")]);
+    assert!(printed.contains("patch palm: 20 taxels on 2 modules"), "{printed}");
+    assert!(printed.contains("palm: board bring-up: listen_only sends nothing"), "{printed}");
+}
+
+#[test]
+fn a_configuration_that_cannot_be_is_refused_with_its_place() {
+    for (broken, says) in [
+        (CONFIG.replace("modules", "moduls"), "t.toml:13: unknown key `moduls`; did you mean `modules`?"),
+        (CONFIG.replace("address = 13", "address = 31"), "board address 31 is not in 1..=14"),
+        (CONFIG.replace("\"0-1\"", "\"3-1\""), "modules = \"3-1\": expected ascending"),
+        (CONFIG.replace("bus = \"skin\"", "bus = \"leg\""), "bus `leg` is not among the buses: skin"),
+        (CONFIG.replace("length_bits = 32", "length_bits = 65"), "gauge: length is 65 bits"),
+        (format!("{CONFIG}\n[service]\nlisten = \"0.0.0.0:1\""), "only loopback"),
+    ] {
+        let folder = scratch(&[("t.toml", &broken)]);
+        let said = fails(&["check", "--config", &path(folder.path(), "t.toml")]);
+        assert!(said.contains(says), "expected `{says}` in: {said}");
+    }
+    assert!(fails(&["check", "--config", "/nowhere.toml"]).contains("/nowhere.toml"));
+}
+
+#[test]
+fn a_replay_calibrates_counts_what_it_cannot_use_and_is_bit_identical() {
+    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log())]);
+    let (config, log) = (path(folder.path(), "t.toml"), path(folder.path(), "t.log"));
+    let run = |out: &str| {
+        let out = path(folder.path(), out);
+        let printed = succeeds(&["replay", &log, "--config", &config, "--calibrate", "70", "--out", &out]);
+        (printed, std::fs::read_to_string(out).unwrap())
+    };
+    let (printed, first) = run("a.json");
+    assert!(printed.contains("1 that are no frame"), "{printed}");
+    assert!(printed.contains("1 malformed"), "{printed}");
+    assert!(printed.contains("session: REVIEW"), "{printed}");
+    assert!(printed.contains("20 of 20 usable"), "{printed}");
+    assert_eq!(first, run("b.json").1, "two replays of one log differ");
+}
+
+#[test]
+fn a_log_that_is_too_short_or_not_there_is_told() {
+    let still: String = log().lines().take(100).map(|line| format!("{line}\n")).collect();
+    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &still)]);
+    let said =
+        fails(&["replay", &path(folder.path(), "t.log"), "--config", &path(folder.path(), "t.toml"), "--calibrate"]);
+    assert!(said.contains("the log ended while the calibration was TARING: too short"), "{said}");
+    let said = fails(&["replay", "/nowhere.log", "--config", &path(folder.path(), "t.toml")]);
+    assert!(said.contains("/nowhere.log"), "{said}");
+}
+
+#[cfg(feature = "sim")]
+#[test]
+fn the_demo_weighs_within_the_papers_error() {
+    let printed = succeeds(&["demo", "--once", "--seed", "7"]);
+    let line = printed.lines().find(|line| line.starts_with("mean absolute force error: ")).expect("the last line");
+    let percent: f64 = line.split_whitespace().nth(4).and_then(|word| word.parse().ok()).expect("a number");
+    assert!(percent <= 5.0, "{line}");
+}
