@@ -18,7 +18,9 @@ end() {
 mount -t proc proc /proc || say "no /proc"
 mount -t sysfs sysfs /sys || say "no /sys"
 # The kernel has mounted /dev itself.
-mkdir -p /dev/pts /dev/shm && mount -t devpts devpts /dev/pts && mount -t tmpfs tmpfs /dev/shm || say "no /dev/pts, /dev/shm"
+mkdir -p /dev/pts /dev/shm
+mount -t devpts devpts /dev/pts || say "no /dev/pts"
+mount -t tmpfs tmpfs /dev/shm || say "no /dev/shm"
 
 # Empty /tmp and /run, with holes for what the job needs of the host's.
 expose=$(cat "$LAB_SCRATCH/expose")
@@ -26,6 +28,7 @@ mount -t tmpfs tmpfs /tmp || say "no /tmp"
 mount -t tmpfs tmpfs /run || say "no /run"
 echo "$expose" | sort -u | while IFS= read -r path; do
     case $path in
+    # A directory that is there already lies in one mounted before: the list is sorted.
     /tmp/* | /run/*) [ -d "$path" ] || { mkdir -p "$path" && mount -t hostfs none "$path" -o "$path"; } || say "no $path" ;;
     esac
 done

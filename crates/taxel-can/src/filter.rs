@@ -101,6 +101,7 @@ fn merged(mut filters: Vec<Filter>) -> Vec<Filter> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::collections::BTreeSet;
 
     fn accepts(filters: &[Filter], raw: u32) -> bool {
         filters.iter().any(|filter| raw & filter.mask == filter.id & filter.mask)
@@ -151,7 +152,8 @@ mod tests {
             let wanted: Vec<CanId> = ids.iter().map(|&id| CanId::Extended(id)).collect();
             let raw = probe | flags << 30;
             let expected = flags == 2 && ids.contains(&probe);
-            let filters = merged(wanted.iter().map(|&id| exact(id)).collect::<std::collections::BTreeSet<_>>().into_iter().collect());
+            let distinct: BTreeSet<Filter> = wanted.iter().map(|&id| exact(id)).collect();
+            let filters = merged(distinct.into_iter().collect());
             prop_assert_eq!(accepts(&filters, raw), expected);
         }
     }

@@ -257,7 +257,12 @@ mod tests {
 
     proptest! {
         #[test]
-        fn frames_survive_the_way_to_the_kernel_and_back(id in 0_u32..0x2000_0000, extended: bool, remote: bool, data in prop::collection::vec(any::<u8>(), 0..=8)) {
+        fn frames_survive_the_way_to_the_kernel_and_back(
+            id in 0_u32..0x2000_0000,
+            extended: bool,
+            remote: bool,
+            data in prop::collection::vec(any::<u8>(), 0..=8),
+        ) {
             let id = if extended { CanId::Extended(id) } else { CanId::Standard((id & 0x7FF) as u16) };
             let kind = if remote { FrameKind::Remote } else { FrameKind::Data };
             let frame = Frame::new(id, kind, &data).unwrap();

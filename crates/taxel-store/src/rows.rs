@@ -150,8 +150,8 @@ mod tests {
     fn a_view() -> impl Strategy<Value = SessionView> {
         let words = (".*", ".*", proptest::option::of(".*"), proptest::option::of("m-[0-9a-f]{16}"));
         let numbers = (any::<u64>(), any::<i64>(), any::<i64>(), 0.0..100.0_f64, any::<u16>(), any::<u64>());
-        (words, numbers, 0..SessionState::ALL.len(), any::<[u64; SampleRefusal::ALL.len()]>(), any::<(u32, u32)>()).prop_map(
-            |((patch, reason, confirmed_by, model_set), numbers, state, refused, responding)| SessionView {
+        (words, numbers, 0..SessionState::ALL.len(), any::<[u64; SampleRefusal::ALL.len()]>(), any::<(u32, u32)>())
+            .prop_map(|((patch, reason, confirmed_by, model_set), numbers, state, refused, responding)| SessionView {
                 number: numbers.0,
                 patch,
                 state: SessionState::ALL[state],
@@ -168,8 +168,7 @@ mod tests {
                 responding,
                 model_set: model_set.map(Into::into),
                 ..SessionView::default()
-            },
-        )
+            })
     }
 
     proptest! {

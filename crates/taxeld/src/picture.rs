@@ -5,12 +5,12 @@ use std::fmt::Write;
 use crate::demo::Weighing;
 
 const WIDTH_PX: f64 = 720.0;
-const HEIGHT_PX: f64 = 520.0;
+const HEIGHT_PX: f64 = 536.0;
 /// The plot's own rectangle; around it stand title, ticks and names of the axes.
 const LEFT_PX: f64 = 76.0;
 const RIGHT_PX: f64 = 696.0;
-const TOP_PX: f64 = 84.0;
-const BOTTOM_PX: f64 = 456.0;
+const TOP_PX: f64 = 100.0;
+const BOTTOM_PX: f64 = 472.0;
 
 /// Mean error on the real forearm, as the paper reports it: the band to compare with.
 const PAPER_ERROR: f64 = 0.12;
@@ -51,25 +51,28 @@ fn sigma(weighing: &Weighing) -> f64 {
     if weighing.sigma_n.is_finite() { weighing.sigma_n } else { 0.0 }
 }
 
-fn subtitle(drawn: &[&Weighing], skins: usize, filled: bool) -> String {
+/// What was weighed and how far it is off, in two lines.
+fn subtitle(drawn: &[&Weighing], skins: usize, filled: bool) -> [String; 2] {
     let error = crate::demo::mean(drawn.iter().map(|w| w.error().abs()));
+    let error = if error.is_finite() { format!("{:.1} %", 100.0 * error) } else { "none".to_owned() };
     let plural = if skins == 1 { "" } else { "s" };
     let excluded = if filled { "filled from their neighbours" } else { "left out" };
-    format!(
-        "{} weighings on {skins} simulated forearm{plural}, excluded taxels {excluded}: mean absolute error {:.1} %",
-        drawn.len(),
-        100.0 * error
-    )
+    [
+        format!("{} weighings on {skins} simulated forearm{plural}: mean absolute error {error}", drawn.len()),
+        format!("Excluded taxels are {excluded}. Weighings of a mass are drawn side by side, along the diagonal."),
+    ]
 }
 
-fn draw(out: &mut String, drawn: &[&Weighing], scale: &Scale, subtitle: &str) -> std::fmt::Result {
+fn draw(out: &mut String, drawn: &[&Weighing], scale: &Scale, subtitle: &[String; 2]) -> std::fmt::Result {
     writeln!(
         out,
         r#"<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH_PX} {HEIGHT_PX}" role="img" aria-label="Measured against true force" font-family="Helvetica, Arial, sans-serif" fill="{INK}">"#
     )?;
     writeln!(out, r##"<rect width="{WIDTH_PX}" height="{HEIGHT_PX}" fill="#ffffff"/>"##)?;
     writeln!(out, r#"<text x="{LEFT_PX}" y="34" font-size="20" font-weight="bold">Force of known masses</text>"#)?;
-    writeln!(out, r#"<text x="{LEFT_PX}" y="60" font-size="14.5">{subtitle}</text>"#)?;
+    let [what, how] = subtitle;
+    writeln!(out, r#"<text x="{LEFT_PX}" y="59" font-size="15">{what}</text>"#)?;
+    writeln!(out, r#"<text x="{LEFT_PX}" y="80" font-size="13" fill="{FAINT}">{how}</text>"#)?;
     axes(out, scale)?;
     paper(out, scale)?;
     points(out, drawn, scale)?;
@@ -78,6 +81,7 @@ fn draw(out: &mut String, drawn: &[&Weighing], scale: &Scale, subtitle: &str) ->
 }
 
 const INK: &str = "#222222";
+const FAINT: &str = "#555555";
 const DOT: &str = "#1f5fa8";
 const BAND: &str = "#f3dfc1";
 
@@ -171,6 +175,7 @@ mod tests {
 
     #[test]
     fn no_weighing_at_all_is_still_a_picture() {
-        assert!(svg(&[], 1, false).ends_with("</svg>\n"));
+        let picture = svg(&[], 1, false);
+        assert!(picture.ends_with("</svg>\n") && !picture.contains("NaN"), "{picture}");
     }
 }

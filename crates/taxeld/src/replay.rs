@@ -1,11 +1,13 @@
 //! `taxeld replay`: a candump log through the same engine, with the service at the log's own pace or a multiple of it,
 //! or without it as fast as the log can be read.
 
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
+use indicatif::ProgressBar;
 use taxel_can::{LogReader, Pace, Replay};
 use taxel_engine::command::Command;
 use taxel_engine::session::{SessionState, SessionView};
@@ -67,7 +69,11 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
     let mut offline = Offline::new(Arc::new(scene.plan));
     let mut frames = Vec::with_capacity(FRAMES);
     let (begun, mut total, mut more, mut first) = (Instant::now(), 0_u64, true, None);
+    let bar = if std::io::stderr().is_terminal() { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
     while more {
+        if begun.elapsed() > Duration::from_secs(1) {
+            bar.set_message(format!("{:.1} million frames", total as f64 / 1e6));
+        }
         frames.clear();
         more = reader.next_batch(&mut frames, FRAMES)?;
         total += frames.len() as u64;
@@ -79,6 +85,7 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
         offline.frames(BusIndex(0), &frames);
     }
     let elapsed = begun.elapsed();
+    bar.finish_and_clear();
     let end = offline.now() + Duration::from_secs(1);
     offline.advance(end);
     finish_session(&mut offline)?;

@@ -60,8 +60,8 @@ impl Daemon {
         let (senders, receivers): (Vec<_>, Vec<_>) =
             (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).map(|(s, r)| (s, Some(r))).unzip();
         let (session_state, session) = watch::channel(None);
-        let driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, events), senders)
-            .telling(session_state);
+        let driver =
+            Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, events), senders).telling(session_state);
         let mut tasks = JoinSet::new();
         tasks.spawn(driver.run(frames, commands, cancel.clone()));
         tasks.spawn(service(handle, listen(config).await?, limits(config)));

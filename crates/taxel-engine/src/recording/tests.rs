@@ -293,11 +293,11 @@ proptest! {
     ) {
         let (counts, masked): (Vec<f64>, Vec<bool>) = values.iter().map(|&(c, m)| (f64::from(c), m)).unzip();
         let got = smooth(&counts, &masked, half);
-        for i in 0..counts.len() {
+        for (i, got) in got.into_iter().enumerate() {
             let window = i.saturating_sub(half)..counts.len().min(i + half + 1);
             let sound: Vec<f64> = window.filter(|&k| !masked[k]).map(|k| counts[k]).collect();
             let want = sound.iter().sum::<f64>() / sound.len() as f64;
-            prop_assert!(got[i] == want || (got[i].is_nan() && sound.is_empty()), "{i}: {} {want}", got[i]);
+            prop_assert!(got == want || (got.is_nan() && sound.is_empty()), "{i}: {got} {want}");
         }
     }
 

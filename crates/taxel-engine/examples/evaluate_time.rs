@@ -1,0 +1,97 @@
+//! Time of the live path: evaluation and sum of 5,000 taxels, one thread.
+//!
+//! `cargo run --release -p taxel-engine --example evaluate_time`
+//!
+//! Every taxel has a model of its own. The counts go on a random walk, so that no scan is like the one before and most
+//! taxels are active; the time is that of `Evaluator::total_n` alone, the one call that a scan costs.
+
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::Instant;
+
+use taxel_engine::evaluate::{Activation, Evaluator};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::rest::TaxelBaseline;
+use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
+use taxel_skin::SquareMillimetre;
+
+const TAXELS: usize = 5_000;
+const SCANS: usize = 2_000;
+const REST: f64 = 240.0;
+
+/// A small generator of random bits (xorshift): enough to walk with, and no further dependency.
+struct Bits(u64);
+
+impl Bits {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        self.0
+    }
+}
+
+/// A model of a skin that gives `gain` counts at most and half of them at 40 kPa.
+fn model(gain: f64) -> TaxelModel {
+    let mut sums = Accumulator::new();
+    for step in 0..700_u32 {
+        let kpa = f64::from(step) / 10.0;
+        let count = REST - gain * kpa / (kpa + 40.0);
+        sums.add(count.round() as u8, FixedPressure::from_kpa(kpa), 0);
+    }
+    sums.fit(&FitOptions::default())
+}
+
+fn model_set() -> ModelSet {
+    // Fifty shapes among five thousand tables: no two neighbours share one.
+    let shapes: Vec<TaxelModel> = (0..50).map(|k| model(80.0 + 2.0 * f64::from(k))).collect();
+    ModelSet {
+        id: "m-synthetic".to_owned(),
+        patch: "synthetic".to_owned(),
+        created_wall_ns: 0,
+        session: None,
+        method: "synthetic".to_owned(),
+        board_settings: Vec::new(),
+        baseline: vec![TaxelBaseline { mean: REST, noise: 0.7 }; TAXELS],
+        pressure_max_kpa: 70.0,
+        gauge_gain_rel: 0.0,
+        gauge_offset_kpa: 0.0,
+        taxels: (0..TAXELS).map(|taxel| shapes[taxel % shapes.len()].clone()).collect(),
+        recorded: None,
+    }
+}
+
+/// Every count moves by -1, 0 or +1 and stays where the models are.
+fn walk(counts: &mut [u8], bits: &mut Bits) {
+    for count in counts {
+        let step = (bits.next() % 3) as i16 - 1;
+        *count = (i16::from(*count) + step).clamp(190, 240) as u8;
+    }
+}
+
+fn main() {
+    let set = Arc::new(model_set());
+    let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
+    let areas = vec![SquareMillimetre(32.4); TAXELS];
+    let activation = Activation { sigmas: 4.0, floor_counts: 2.0 };
+    let evaluator = Evaluator::new(Arc::clone(&set), &set.baseline, &areas, activation);
+    let mut bits = Bits(0x9E37_79B9_7F4A_7C15);
+    let mut counts: Vec<u8> = (0..TAXELS).map(|_| 190 + (bits.next() % 51) as u8).collect();
+    let mut times_us = Vec::with_capacity(SCANS);
+    let mut sum = 0.0;
+    for _ in 0..SCANS {
+        walk(&mut counts, &mut bits);
+        let begun = Instant::now();
+        let total = black_box(evaluator.total_n(black_box(&counts)));
+        times_us.push(begun.elapsed().as_secs_f64() * 1e6);
+        sum += total;
+    }
+    times_us.sort_by(f64::total_cmp);
+    let active = evaluator.active(&counts).count();
+    println!(
+        "{TAXELS} taxels, {usable} usable, {active} active: evaluation and sum {:.2} us (median of {SCANS} scans; 99 % within {:.2} us), mean total {:.1} N",
+        times_us[SCANS / 2],
+        times_us[SCANS * 99 / 100],
+        sum / SCANS as f64
+    );
+}
