@@ -221,6 +221,34 @@ fn a_second_ramp_after_venting_is_added_and_all_is_fitted_again() {
     assert!(usable.clone().count() >= 70 && usable.clone().all(|m| m.quality.repeatability_kpa.is_some()));
 }
 
+/// Boards that take a new zero between two ramps shift every count; each ramp brings its own zero to the fit.
+#[test]
+fn ramps_at_different_zeros_are_brought_to_one() {
+    let (mut bench, session) = ramping(35.0);
+    bench.ask(Command::FinishRamp { session }).unwrap();
+    bench.until_state(1.0, SessionState::Review);
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(1.0);
+    bench.ramp(3.0, 5.0); // the new zero is taken under 3 kPa, so that it differs
+    bench.seconds(2.0);
+    bench.ask(Command::BringUp { patch: String::new() }).unwrap();
+    bench.seconds(1.0);
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    session_of(bench.ask(Command::StartRamp { session }));
+    bench.until_state(30.0, SessionState::Ramping);
+    bench.ramp(40.0, 4.0);
+    bench.seconds(8.0);
+    bench.ask(Command::FinishRamp { session }).unwrap();
+    bench.until_state(1.0, SessionState::Review);
+    let rest = |ramp: usize| bench.host.fits[1].samples.ramps[ramp].taxels.iter().map(|t| t.mean).sum::<f64>() / 80.0;
+    assert!((rest(1) - rest(0)).abs() > 3.0, "rest at {} and {} counts", rest(0), rest(1));
+    let set = &bench.host.catalogue.model_sets[1];
+    let mut kpa: Vec<f64> = set.taxels.iter().filter_map(|m| m.quality.repeatability_kpa).collect();
+    kpa.sort_by(f64::total_cmp);
+    assert!(kpa.len() >= 70 && kpa[kpa.len() / 2] < 0.7, "the ramps differ by {kpa:.2?} kPa");
+}
+
 #[test]
 fn an_aborted_session_keeps_its_samples_for_a_further_ramp() {
     let (mut bench, number) = ramping(30.0);
