@@ -142,6 +142,8 @@ impl Engine {
         let Some(live) = self.buses.get_mut(bus.0 as usize) else { return };
         live.up = true;
         for frame in frames {
+            // What a frame brings about happens at its own time, so that it does not matter how frames were batched.
+            let now = now.at(frame.time);
             let refused = match self.routes.of(bus, frame.frame.id) {
                 Route::Foreign => {
                     live.foreign += 1;

@@ -34,6 +34,15 @@ pub enum BusNotice {
     BusOff,
 }
 
+impl Now {
+    /// The moment at which a frame was received that is being looked at now.
+    #[must_use]
+    pub fn at(self, time: Time) -> Self {
+        let wall_offset_ns = self.wall_ns.saturating_sub(self.time.as_nanos());
+        Self { time, wall_ns: time.as_nanos().saturating_add(wall_offset_ns) }
+    }
+}
+
 /// One thing that happened.
 #[derive(Debug)]
 pub enum Input<'a> {

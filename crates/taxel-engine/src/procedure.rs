@@ -99,6 +99,11 @@ impl PatchEngine {
     /// Moves waiting scans on, as far as the pressure is known.
     pub(crate) fn advance_session(&mut self, now: Now, out: &mut Vec<Output>) {
         let Some(session) = &mut self.session else { return };
+        if session.view().state == SessionState::Ramping && !self.tare.view().valid {
+            // Counts of two zeros in one ramp would make a wrong model; what was gathered before is kept.
+            let why = format!("the ramp's zero was lost: {}", self.tare.view().reason);
+            return self.enter(now, SessionState::Failed, why, out);
+        }
         let mut records = Vec::new();
         let progress = session.advance(now.time, &self.gauge, &mut records);
         out.extend(records.into_iter().map(Output::Record));

@@ -1,4 +1,5 @@
 //! The programme as its users start it.
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test's helpers fail as the test does
 
 use std::fmt::Write as _;
 use std::path::Path;
