@@ -62,7 +62,10 @@ impl ForceParts {
                 filled = neighbours.fill(&active, |taxel| Some(weak(taxel)? / self.newton_per_kpa(taxel)));
             }
         }
-        let measured_n = active.iter().fold(0.0, |sum, &(_, newton)| sum + newton); // sum() of nothing is -0.0
+        let measured_n = match self.neighbours {
+            None => evaluator.total_n(counts),
+            Some(_) => active.iter().fold(0.0, |sum, &(_, newton)| sum + newton), // sum() of nothing is -0.0
+        };
         let filled_n = filled.iter().fold(0.0, |sum, f| sum + f.kpa * self.newton_per_kpa(f.taxel));
         let total_n = measured_n + filled_n;
         let mut sample = ForceSample {

@@ -35,9 +35,10 @@ pub enum BusNotice {
 }
 
 impl Now {
-    /// The moment at which a frame was received that is being looked at now.
+    /// The moment at which a frame was received that is being looked at now; a stamp from the future counts as now.
     #[must_use]
     pub fn at(self, time: Time) -> Self {
+        let time = time.min(self.time);
         let wall_offset_ns = self.wall_ns.saturating_sub(self.time.as_nanos());
         Self { time, wall_ns: time.as_nanos().saturating_add(wall_offset_ns) }
     }

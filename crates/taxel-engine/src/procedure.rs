@@ -37,7 +37,7 @@ impl PatchEngine {
         Ok(())
     }
 
-    /// Refuses a ramp from a bag that is not vented.
+    /// Refuses what needs a skin at rest while the bag presses on it.
     pub(crate) fn check_vented(&self, now: Now) -> Result<(), Rejection> {
         let limits = &self.plan.session;
         let Some((time, pressure)) = self.gauge.newest() else { return Ok(()) }; // the ramp itself waits for a gauge
@@ -45,7 +45,7 @@ impl PatchEngine {
             return Ok(());
         }
         let (kpa, limit) = (pressure.0, limits.vented_below.0);
-        let why = format!("the bag is at {kpa:.1} kPa; a ramp begins at rest: vent it below {limit:.1} kPa first");
+        let why = format!("the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first");
         Err(Rejection::FailedPrecondition(why))
     }
 

@@ -10,6 +10,7 @@
 //!    the way came later than the others, and the daemon's `monotonic_ns` shows that.
 //! 4. A stream that ends is opened again; until then the force grows old and is refused.
 
+use std::fmt;
 use std::time::{Duration, Instant};
 
 use taxel_proto::v1::force_service_client::ForceServiceClient;
@@ -36,11 +37,22 @@ struct Received {
 }
 
 /// Why there is no force to act on.
-#[derive(Debug)]
 enum NoForce {
     NothingYet,
     State(ForceState, Vec<String>),
     TooOld(Duration),
+}
+
+impl fmt::Display for NoForce {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NothingYet => write!(f, "no sample yet"),
+            Self::State(state, reasons) => write!(f, "{}: {}", state.as_str_name(), reasons.join("; ")),
+            Self::TooOld(age) => {
+                write!(f, "{:.0} ms old, more than {} ms", age.as_secs_f64() * 1e3, AGE_MAX.as_millis())
+            }
+        }
+    }
 }
 
 /// The force in newton and its age, or why there is none.
@@ -110,7 +122,7 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
         if cycle.is_multiple_of(50) {
             match force {
                 Ok((newton, age)) => println!("{newton:6.2} N, {:3.0} ms old", age.as_secs_f64() * 1e3),
-                Err(why) => println!("no force: {why:?}"),
+                Err(why) => println!("no force: {why}"),
             }
         }
     }

@@ -139,7 +139,9 @@ impl Bench {
         self.run_until(Duration::from_secs(10), "proof of rest", |b| b.in_state(SessionState::Ramping))?;
         self.world.pump(PumpCommand::Ramp { target: PUMP_TARGET, kpa_per_s: PUMP_KPA_PER_S });
         let limit = Duration::from_secs(300);
-        self.run_until(limit, "the end of the ramp", |b| !b.in_state(SessionState::Ramping))?;
+        self.run_until(limit, "the end of the ramp", |b| {
+            !b.in_state(SessionState::Ramping) && !b.in_state(SessionState::Fitting)
+        })?;
         let session = self.session()?;
         let Some(id) = session.model_set.as_deref().filter(|_| session.state == SessionState::Review) else {
             bail!("session {} is {}: {}", session.number, session.state.name(), session.reason);

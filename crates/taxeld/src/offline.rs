@@ -10,7 +10,7 @@ use taxel_engine::command::{Command, Reply, RequestId};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
-use taxel_engine::session::SessionView;
+use taxel_engine::session::{FitJob, SessionView};
 use taxel_engine::snapshot::{Health, PatchSnapshot};
 use taxel_engine::{Engine, Input, Now, Output, Restored};
 use taxel_skin::{BusIndex, Time};
@@ -31,6 +31,8 @@ pub struct Offline {
     slot_end: Option<Time>,
     requests: u64,
     reply: Option<(RequestId, Reply)>,
+    /// Fits that were asked for; they come back with the next tick, as if they took that long.
+    fits: Vec<FitJob>,
     /// Newest state per patch.
     pub snapshots: Vec<Arc<PatchSnapshot>>,
     /// Snapshots published.
@@ -56,6 +58,7 @@ impl Offline {
             slot_end: None,
             requests: 0,
             reply: None,
+            fits: Vec::new(),
             snapshots: vec![Arc::default(); patches],
             published: 0,
             sessions: vec![None; patches],
@@ -100,6 +103,9 @@ impl Offline {
         while slot_end <= until {
             self.now = self.now.max(slot_end);
             self.step(Input::Tick);
+            for job in std::mem::take(&mut self.fits) {
+                self.step(Input::Fitted(job.run(content_id)));
+            }
             slot_end = slot_end + SLOT;
         }
         slot_end
@@ -141,10 +147,7 @@ impl Offline {
             Output::Session(index, view) => self.sessions[index] = Some(view),
             Output::Health(health) => self.health = health,
             Output::Send(bus, frame) => self.to_send.push((bus, frame)),
-            Output::Fit(job) => {
-                let outcome = job.run(content_id);
-                self.step(Input::Fitted(outcome));
-            }
+            Output::Fit(job) => self.fits.push(job),
             Output::Record(Record::ModelSet(set)) => self.model_sets.push(set),
             Output::Reply(request, reply) => self.reply = Some((request, reply)),
             Output::Record(_) | Output::Catalogue(_) => {}

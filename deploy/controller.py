@@ -1,0 +1,97 @@
+#!/usr/bin/env python3
+"""A robot controller that reads the force of the skin: the newest sample, only if it is good and fresh.
+
+usage: controller.py [ADDRESS [PATCH]]          (127.0.0.1:50051 and the only patch unless given)
+needs: pip install grpcio grpcio-reflection     (no generated code: the messages come from the daemon's reflection)
+
+Policy, the same as that of crates/taxel-proto/examples/controller.rs:
+1. A thread of its own takes samples off the stream at once and keeps the newest. The control loop never waits and
+   never works through a queue of old samples.
+2. Only OK and DEGRADED are forces. STALE, TARE_INVALID and UNCALIBRATED carry none: the loop does without.
+3. The age is the sample's age when it was sent, plus how much longer than the quickest sample it was on its way, plus
+   the time that passed here since it came.
+4. A stream that ends is opened again; until then the force grows old and is refused.
+"""
+
+import sys
+import threading
+import time
+
+import grpc
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message_factory import GetMessageClass
+from grpc_reflection.v1alpha.proto_reflection_descriptor_database import ProtoReflectionDescriptorDatabase
+
+RATE_HZ = 200.0  # samples per second that the daemon is asked for
+LOOP_S = 0.010  # the control loop's own period
+AGE_MAX_S = 0.120  # an older force is none: two periods of the boards, and a little
+GOOD = ("FORCE_STATE_OK", "FORCE_STATE_DEGRADED")
+# What is not read yet shall wait at the daemon, which replaces it by newer samples; not in this process.
+OPTIONS = [("grpc.http2.lookahead_bytes", 4096), ("grpc.http2.bdp_probe", 0), ("grpc.keepalive_time_ms", 5000)]
+
+
+class NewestForce:
+    """Follows a patch's force; `usable` may be called from any thread at any time."""
+
+    def __init__(self, address, patch=""):
+        self.address, self.patch = address, patch
+        self.newest = None  # (sample, state, when it came, delay); replaced as a whole, never changed
+        threading.Thread(target=self._follow, daemon=True).start()
+
+    def _follow(self):
+        while True:
+            try:
+                with grpc.insecure_channel(self.address, OPTIONS) as channel:
+                    self._read(channel)
+            except grpc.RpcError as error:
+                print(f"stream: {error.code().name}: {error.details()}", file=sys.stderr)
+            time.sleep(0.5)
+
+    def _read(self, channel):
+        pool = DescriptorPool(ProtoReflectionDescriptorDatabase(channel))
+        method = pool.FindServiceByName("taxel.v1.ForceService").FindMethodByName("StreamForce")
+        request, sample_class = GetMessageClass(method.input_type), GetMessageClass(method.output_type)
+        states = pool.FindEnumTypeByName("taxel.v1.ForceState").values_by_number
+        stream = channel.unary_stream(
+            "/taxel.v1.ForceService/StreamForce", request.SerializeToString, sample_class.FromString
+        )
+        offset = float("inf")  # the daemon's clock against ours, as the quickest sample shows it
+        for sample in stream(request(patch=self.patch, rate_hz=RATE_HZ)):
+            now, delay = time.monotonic(), 0.0
+            if sample.HasField("monotonic_ns") and sample.HasField("age_s"):
+                on_the_way = now - (sample.monotonic_ns * 1e-9 + sample.age_s)
+                offset = min(offset, on_the_way)
+                delay = on_the_way - offset
+            self.newest = (sample, states[sample.state].name, now, delay)
+
+    def usable(self):
+        """(newton, age in s, "") or (None, None, why there is no force to act on)."""
+        if self.newest is None:
+            return None, None, "no sample yet"
+        sample, state, came, delay = self.newest
+        if state not in GOOD or not sample.HasField("total_n") or not sample.HasField("age_s"):
+            return None, None, f"{state}: {'; '.join(sample.reasons)}"
+        age = sample.age_s + delay + time.monotonic() - came
+        if not age <= AGE_MAX_S:  # also if it is no number
+            return None, None, f"{1e3 * age:.0f} ms old, more than {1e3 * AGE_MAX_S:.0f} ms"
+        return sample.total_n, age, ""
+
+
+def main():
+    force = NewestForce(*sys.argv[1:3] or ["127.0.0.1:50051"])
+    cycle, next_cycle = 0, time.monotonic()
+    while True:
+        newton, age, why = force.usable()
+        # Here the controller acts. This one shows what it has, twice a second.
+        if cycle % 50 == 0:
+            print(f"no force: {why}" if newton is None else f"{newton:6.2f} N, {1e3 * age:3.0f} ms old", flush=True)
+        cycle += 1
+        next_cycle = max(next_cycle + LOOP_S, time.monotonic())
+        time.sleep(max(0.0, next_cycle - time.monotonic()))
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except KeyboardInterrupt:
+        pass
