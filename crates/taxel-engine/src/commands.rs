@@ -106,8 +106,7 @@ impl Engine {
 
     fn start_ramp(&mut self, now: Now, number: u64, out: &mut Vec<Output>) -> Reply {
         self.store_takes_records()?;
-        let index = self.hold_session(now, number)?;
-        self.expect(index, "a ramp can begin", |s| {
+        let index = self.hold_session(now, number, "a ramp can begin", |s| {
             matches!(s, SessionState::Review | SessionState::Interrupted | SessionState::Failed | SessionState::Aborted)
         })?;
         self.patches[index].start_ramp(now, out)?;
@@ -116,8 +115,7 @@ impl Engine {
 
     fn finish_ramp(&mut self, now: Now, number: u64, out: &mut Vec<Output>) -> Reply {
         self.store_takes_records()?;
-        let index = self.hold_session(now, number)?;
-        self.expect(index, "a ramp can be finished", |s| {
+        let index = self.hold_session(now, number, "a ramp can be finished", |s| {
             matches!(s, SessionState::Ramping | SessionState::Interrupted | SessionState::Failed)
         })?;
         self.patches[index].fit_session(now, out);
@@ -125,8 +123,8 @@ impl Engine {
     }
 
     fn abort(&mut self, now: Now, number: u64, out: &mut Vec<Output>) -> Reply {
-        let index = self.hold_session(now, number)?;
-        self.expect(index, "a session can be aborted", |s| s.is_open() || s == SessionState::Interrupted)?;
+        let allowed = |s: SessionState| s.is_open() || s == SessionState::Interrupted;
+        let index = self.hold_session(now, number, "a session can be aborted", allowed)?;
         self.patches[index].enter(now, SessionState::Aborted, "an operator aborted it", out);
         self.session_reply(index)
     }
@@ -135,8 +133,8 @@ impl Engine {
         if self.held(number).is_none() {
             return self.discard_stored(now, number, out);
         }
-        let index = self.hold_session(now, number)?;
-        self.expect(index, "a session can be discarded", |s| !s.is_open() && s != SessionState::Active)?;
+        let allowed = |s: SessionState| !s.is_open() && s != SessionState::Active;
+        let index = self.hold_session(now, number, "a session can be discarded", allowed)?;
         self.patches[index].enter(now, SessionState::Discarded, "an operator laid it aside", out);
         self.session_reply(index)
     }
@@ -187,21 +185,25 @@ impl Engine {
         }
         patch.set_model_set(Arc::clone(&set));
         out.push(Output::Record(Record::Activated { patch: name, model_set: set.id.clone(), wall_ns: now.wall_ns }));
+        let before = self.model_sets.iter().find(|set| Some(&set.id) == previous.as_ref()).and_then(|set| set.session);
+        if let Some(number) = before.filter(|&number| Some(number) != set.session) {
+            self.change_use(now, number, SessionState::Review, "another model set is in use", out);
+        }
         if let Some(number) = set.session {
-            self.mark_active(now, number, out);
+            self.change_use(now, number, SessionState::Active, "", out);
         }
         self.catalogue_dirty = true;
         Ok(Done::Activated { model_set: set.id.clone(), previous })
     }
 
-    /// The session whose models are used now.
-    fn mark_active(&mut self, now: Now, number: u64, out: &mut Vec<Output>) {
+    /// A session's models came into use or went out of it.
+    fn change_use(&mut self, now: Now, number: u64, state: SessionState, reason: &str, out: &mut Vec<Output>) {
         if let Some(index) = self.held(number) {
-            return self.patches[index].enter(now, SessionState::Active, "", out);
+            return self.patches[index].enter(now, state, reason, out);
         }
-        if let Some(view) = self.sessions.get(&number).filter(|view| view.state != SessionState::Active) {
-            let view =
-                SessionView { state: SessionState::Active, changed_wall_ns: now.wall_ns, ..SessionView::clone(view) };
+        if let Some(view) = self.sessions.get(&number).filter(|view| view.state != state) {
+            let mut view = SessionView::clone(view);
+            (view.state, view.reason, view.changed_wall_ns) = (state, reason.to_owned(), now.wall_ns);
             out.push(Output::Record(Record::Session(Arc::new(view))));
         }
     }
@@ -232,13 +234,21 @@ impl Engine {
         self.patches.iter().position(|p| p.session.as_ref().is_some_and(|s| s.view().number == number))
     }
 
-    /// The patch that holds a session; an interrupted one is taken up from the store first.
-    fn hold_session(&mut self, now: Now, number: u64) -> Result<usize, Rejection> {
+    /// The patch that holds a session in one of the `allowed` states; an interrupted one is taken up from the store.
+    fn hold_session(
+        &mut self,
+        now: Now,
+        number: u64,
+        what: &str,
+        allowed: impl Fn(SessionState) -> bool,
+    ) -> Result<usize, Rejection> {
         if let Some(index) = self.held(number) {
-            return Ok(index);
+            let state = self.patches[index].session.as_ref().map(|s| s.view().state).unwrap_or_default();
+            return expect(number, state, what, allowed).map(|()| index);
         }
         let view = self.sessions.get(&number).cloned();
         let view = view.ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        expect(number, view.state, what, allowed)?;
         let index = self.patch_named(&view.patch)?;
         if let Some(open) = self.patches[index].session.as_ref().filter(|s| s.view().state.is_open()) {
             let (other, state) = (open.view().number, open.view().state.name());
@@ -253,23 +263,24 @@ impl Engine {
         Ok(index)
     }
 
-    fn expect(&self, index: usize, what: &str, allowed: impl Fn(SessionState) -> bool) -> Result<(), Rejection> {
-        let Some(session) = &self.patches[index].session else {
-            return Err(Rejection::NotFound("session".to_owned()));
-        };
-        let view = session.view();
-        if allowed(view.state) {
-            return Ok(());
-        }
-        let words: Vec<&str> = SessionState::ALL.into_iter().filter(|s| allowed(*s)).map(SessionState::name).collect();
-        let (number, state) = (view.number, view.state.name());
-        let why = format!("session {number} is {state}; {what} only in {}", words.join(", "));
-        Err(Rejection::FailedPrecondition(why))
-    }
-
     fn session_reply(&self, index: usize) -> Reply {
         let session = self.patches[index].session.as_ref();
         let session = session.ok_or_else(|| Rejection::NotFound("session".to_owned()))?;
         Ok(Done::Session(Arc::new(session.view().clone())))
     }
+}
+
+/// Refuses a session in another state, naming it and those in which it can be done.
+fn expect(
+    number: u64,
+    state: SessionState,
+    what: &str,
+    allowed: impl Fn(SessionState) -> bool,
+) -> Result<(), Rejection> {
+    if allowed(state) {
+        return Ok(());
+    }
+    let words: Vec<&str> = SessionState::ALL.into_iter().filter(|s| allowed(*s)).map(SessionState::name).collect();
+    let why = format!("session {number} is {}; {what} only in {}", state.name(), words.join(", "));
+    Err(Rejection::FailedPrecondition(why))
 }

@@ -40,7 +40,7 @@ pub fn svg(weighings: &[&Weighing], skins: usize, filled: bool) -> String {
     let drawn: Vec<&Weighing> = weighings.iter().copied().filter(|w| w.error().is_finite()).collect();
     let top_n = |w: &Weighing| w.true_n.max(w.measured_n + 2.0 * sigma(w)) + SPREAD_N / 2.0;
     let highest = drawn.iter().map(|w| top_n(w)).fold(1.0, f64::max);
-    let scale = Scale { end_n: (highest / 2.0).ceil() * 2.0 };
+    let scale = Scale { end_n: highest.ceil() };
     let mut out = String::new();
     // Writing to a string cannot fail.
     let _ = draw(&mut out, &drawn, &scale, &subtitle(&drawn, skins, filled));
@@ -56,10 +56,10 @@ fn subtitle(drawn: &[&Weighing], skins: usize, filled: bool) -> [String; 2] {
     let error = crate::demo::mean(drawn.iter().map(|w| w.error().abs()));
     let error = if error.is_finite() { format!("{:.1} %", 100.0 * error) } else { "none".to_owned() };
     let plural = if skins == 1 { "" } else { "s" };
-    let excluded = if filled { "filled from their neighbours" } else { "left out" };
+    let excluded = if filled { "filled" } else { "left out" };
     [
         format!("{} weighings on {skins} simulated forearm{plural}: mean absolute error {error}", drawn.len()),
-        format!("Excluded taxels are {excluded}. Weighings of a mass are drawn side by side, along the diagonal."),
+        format!("Excluded taxels {excluded}. Weighings of a mass are drawn side by side."),
     ]
 }
 

@@ -38,6 +38,7 @@ pub struct Daemon {
     cancel: CancellationToken,
     to_engine: mpsc::Sender<crate::driver::BusBatch>,
     to_buses: Vec<Option<mpsc::Receiver<Frame>>>,
+    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
     session: watch::Receiver<Option<SessionState>>,
     tasks: JoinSet<()>,
     buses: JoinSet<BusEnd>,
@@ -76,6 +77,7 @@ impl Daemon {
     }
 
     /// What the calibration is at, for whoever plays the operator's hand.
+    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
     pub fn session(&self) -> watch::Receiver<Option<SessionState>> {
         self.session.clone()
     }

@@ -132,6 +132,23 @@ fn the_set_of_a_discarded_session_cannot_be_activated() {
     assert_eq!(bench.host.catalogue.active[0].1, None);
 }
 
+/// Only one session of a patch is ACTIVE; the one before it can then be laid aside.
+#[test]
+fn a_session_is_active_only_while_its_models_are_in_use() {
+    let (mut bench, session) = in_review(30.0);
+    let set = bench.host.session().model_set.clone().unwrap();
+    assert!(matches!(bench.activate(&set), Ok(Done::Activated { .. })));
+    assert_eq!(bench.host.session().state, SessionState::Active);
+    let why = bench.refused(Command::DiscardSession { session });
+    assert!(why.contains("ACTIVE"), "{why}");
+    let imported =
+        taxel_engine::model_set::ModelSet { id: "m-other".to_owned(), session: None, ..(*small().set).clone() };
+    assert!(matches!(bench.ask(Command::Import { model_set: Arc::new(imported) }), Ok(Done::Imported { .. })));
+    assert!(matches!(bench.activate("m-other"), Ok(Done::Activated { .. })));
+    assert_eq!(bench.host.session().state, SessionState::Review);
+    assert_eq!(session_of(bench.ask(Command::DiscardSession { session })).state, SessionState::Discarded);
+}
+
 /// What a store makes of the records of a run that ended here.
 fn after_a_crash(host: &Host, session: u64) -> Restored {
     let mut samples = SessionSamples { ramps: Vec::new(), samples: host.samples(session) };

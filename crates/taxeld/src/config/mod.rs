@@ -4,7 +4,9 @@ mod load;
 mod parts;
 mod resolve;
 
-pub use load::{ConfigError, load, parse};
+#[cfg(feature = "sim")]
+pub use load::parse;
+pub use load::{ConfigError, load};
 pub use parts::BusSource;
 pub use resolve::{Scene, resolve};
 

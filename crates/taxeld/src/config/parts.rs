@@ -43,6 +43,7 @@ pub struct BusSection {
     pub interface: Option<String>,
     /// Seed of the simulated skin, for `sim`.
     #[serde(default = "one")]
+    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
     pub seed: u64,
 }
 
