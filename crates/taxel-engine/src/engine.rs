@@ -125,9 +125,8 @@ impl Engine {
                 self.catalogue_dirty = true;
             }
             Input::Durable { session, samples } => {
-                let runs = self.patches.iter_mut().filter_map(|p| p.session.as_mut());
-                if let Some(run) = runs.into_iter().find(|run| run.view().number == session) {
-                    run.set_durable(samples);
+                for patch in &mut self.patches {
+                    patch.on_durable(session, samples);
                 }
             }
             Input::StoreFailed(why) => self.on_store_failed(now, why, out),

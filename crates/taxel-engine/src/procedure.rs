@@ -151,6 +151,14 @@ impl PatchEngine {
         }
     }
 
+    /// Samples of a session are on disk, perhaps after it has ended.
+    pub(crate) fn on_durable(&mut self, number: u64, samples: u64) {
+        if let Some(session) = self.session.as_mut().filter(|s| s.view().number == number) {
+            session.set_durable(samples);
+            self.session_dirty = true;
+        }
+    }
+
     /// Changes the session's state, on disk and for readers.
     pub(crate) fn enter(&mut self, now: Now, state: SessionState, reason: impl Into<String>, out: &mut Vec<Output>) {
         let Some(session) = &mut self.session else { return };

@@ -115,6 +115,11 @@ impl Host {
         request
     }
 
+    /// The store has written samples of a session.
+    pub fn durable(&mut self, session: u64, samples: u64) {
+        self.step(Input::Durable { session, samples });
+    }
+
     /// The reply, once it is there.
     pub fn reply(&mut self, request: RequestId) -> Option<Reply> {
         self.replies.remove(&request)

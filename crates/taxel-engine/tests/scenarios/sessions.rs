@@ -149,6 +149,16 @@ fn a_session_is_active_only_while_its_models_are_in_use() {
     assert_eq!(session_of(bench.ask(Command::DiscardSession { session })).state, SessionState::Discarded);
 }
 
+/// The last samples reach the disk after the fit; readers still learn of it.
+#[test]
+fn samples_that_reach_the_disk_after_the_ramp_are_shown() {
+    let (mut bench, number) = in_review(30.0);
+    let accepted = bench.host.session().accepted;
+    bench.host.durable(number, accepted);
+    bench.seconds(0.5);
+    assert_eq!(bench.host.session().durable, accepted);
+}
+
 /// What a store makes of the records of a run that ended here.
 fn after_a_crash(host: &Host, session: u64) -> Restored {
     let mut samples = SessionSamples { ramps: Vec::new(), samples: host.samples(session) };
