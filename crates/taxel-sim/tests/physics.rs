@@ -160,7 +160,7 @@ fn the_true_force_is_the_weight_and_the_skin_answers_under_it_alone() {
 
 /// `cargo test --release -p taxel-sim --test physics -- --ignored --nocapture` prints how fast the simulator is.
 #[test]
-#[ignore = "a figure to read, not a check"]
+#[ignore = "prints a figure; run it with --release -- --ignored --nocapture"]
 fn how_long_three_minutes_of_the_forearm_take() {
     let mut world = streaming(1);
     world.pump(ramp(72.0, 0.5));
