@@ -5,8 +5,13 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-const FILES: [&str; 4] =
-    ["taxel/v1/force.proto", "taxel/v1/skin.proto", "taxel/v1/calibration.proto", "taxel/v1/model.proto"];
+const FILES: [&str; 5] = [
+    "taxel/v1/force.proto",
+    "taxel/v1/skin.proto",
+    "taxel/v1/calibration.proto",
+    "taxel/v1/model.proto",
+    "taxel/v1/validation.proto",
+];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../proto");

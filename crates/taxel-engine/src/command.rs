@@ -5,8 +5,10 @@ use taxel_skin::Kilopascal;
 use thiserror::Error;
 
 use crate::model_set::ModelSet;
+use crate::recording::Branch;
 use crate::session::SessionView;
 use crate::snapshot::TareView;
+use crate::validation::{KnownLoad, Load};
 
 /// Which request an answer belongs to; made by the shell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -31,8 +33,10 @@ pub enum Command {
     StartSession {
         /// The patch; empty for the only one.
         patch: String,
-        /// Where a ramp ends by itself; the plan's target if absent.
+        /// Where the rise of a ramp ends by itself; the plan's target if absent.
         target: Option<Kilopascal>,
+        /// Which branches of the pressure it gathers; the plan's if absent.
+        branches: Option<Branch>,
         /// As in [`Command::Tare`].
         confirmed_by: Option<String>,
     },
@@ -41,7 +45,7 @@ pub enum Command {
         /// Number of the session.
         session: u64,
     },
-    /// End the ramp and fit.
+    /// End the rise of a ramp over both branches, else the ramp, and fit.
     FinishRamp {
         /// Number of the session.
         session: u64,
@@ -64,6 +68,13 @@ pub enum Command {
         model_set: String,
         /// If given, refuse unless this one is active now (empty: none is).
         expected: Option<String>,
+    },
+    /// Read the force under a known load that lies on the skin now.
+    RecordLoad {
+        /// The patch; empty for the only one.
+        patch: String,
+        /// What lies there.
+        load: KnownLoad,
     },
     /// Take in a model set made elsewhere.
     Import {
@@ -91,6 +102,8 @@ pub enum Done {
         /// The set that was active before.
         previous: Option<String>,
     },
+    /// The known load was read.
+    LoadRecorded(Arc<Load>),
     /// The model set is stored under its id.
     Imported {
         /// The set's id.

@@ -8,6 +8,7 @@ use crate::engine::Engine;
 use crate::io::{Now, Output};
 use crate::model_set::ModelSet;
 use crate::record::Record;
+use crate::recording::Branch;
 use crate::session::{SessionState, SessionView};
 
 /// Targets beyond this are not a vacuum bag's, nor a pressure chamber's for skin.
@@ -20,9 +21,13 @@ impl Engine {
                 Ok(index) => return self.patches[index].start_tare(now, request, confirmed_by, out),
                 Err(rejection) => Err(rejection),
             },
+            Command::RecordLoad { patch, load } => match self.start_load(now, request, &patch, load) {
+                Ok(()) => return,
+                Err(rejection) => Err(rejection),
+            },
             Command::BringUp { patch } => self.bring_up(now, &patch),
-            Command::StartSession { patch, target, confirmed_by } => {
-                self.start_session(now, &patch, target, confirmed_by, out)
+            Command::StartSession { patch, target, branches, confirmed_by } => {
+                self.start_session(now, &patch, target, branches, confirmed_by, out)
             }
             Command::StartRamp { session } => self.start_ramp(now, session, out),
             Command::FinishRamp { session } => self.finish_ramp(now, session, out),
@@ -35,7 +40,7 @@ impl Engine {
     }
 
     /// The patch of this name; an empty name stands for the only one.
-    fn patch_named(&self, name: &str) -> Result<usize, Rejection> {
+    pub(crate) fn patch_named(&self, name: &str) -> Result<usize, Rejection> {
         if name.is_empty() && self.patches.len() == 1 {
             return Ok(0);
         }
@@ -69,6 +74,7 @@ impl Engine {
         now: Now,
         patch: &str,
         target: Option<Kilopascal>,
+        branches: Option<Branch>,
         confirmed_by: Option<String>,
         out: &mut Vec<Output>,
     ) -> Reply {
@@ -97,6 +103,7 @@ impl Engine {
             started_wall_ns: now.wall_ns,
             confirmed_by,
             target_kpa: target,
+            branches: branches.unwrap_or(patch.plan.session.branches),
             ..SessionView::default()
         };
         patch.start_session(now, view, out);
@@ -118,7 +125,7 @@ impl Engine {
         let index = self.hold_session(now, number, "a ramp can be finished", |s| {
             matches!(s, SessionState::Ramping | SessionState::Interrupted | SessionState::Failed)
         })?;
-        self.patches[index].fit_session(now, out);
+        self.patches[index].finish_ramp(now, out);
         self.session_reply(index)
     }
 
@@ -225,7 +232,7 @@ impl Engine {
         Ok(Done::Imported { model_set: id })
     }
 
-    fn store_takes_records(&self) -> Result<(), Rejection> {
+    pub(crate) fn store_takes_records(&self) -> Result<(), Rejection> {
         self.store_problem.as_ref().map_or(Ok(()), |why| Err(Rejection::Unavailable(why.clone())))
     }
 

@@ -16,6 +16,7 @@ use crate::plan::Plan;
 use crate::route::{Route, Routes};
 use crate::session::{SessionSamples, SessionState, SessionView};
 use crate::snapshot::{Catalogue, Health};
+use crate::validation::Loads;
 
 /// Health is looked at this often; staleness and faults have their own, faster ways out.
 const HEALTH_EVERY: Duration = Duration::from_millis(250);
@@ -32,6 +33,7 @@ pub struct Engine {
     pub(crate) interrupted: BTreeMap<u64, SessionSamples>,
     pub(crate) model_sets: Vec<Arc<ModelSet>>,
     pub(crate) next_session: u64,
+    pub(crate) loads: Loads,
     pub(crate) store_problem: Option<String>,
     /// What was found wrong at start.
     problems: Vec<String>,
@@ -48,6 +50,7 @@ impl Engine {
         let mut engine = Self {
             routes: Routes::new(&plan),
             buses: vec![BusLive::default(); plan.buses],
+            loads: Loads::new(plan.patches.len(), restored.loads, restored.next_load),
             patches,
             sessions: BTreeMap::new(),
             interrupted: BTreeMap::new(),
@@ -132,6 +135,7 @@ impl Engine {
             Input::StoreFailed(why) => self.on_store_failed(now, why, out),
         }
         self.note_sessions(out);
+        self.watch_loads(now, out);
         if std::mem::take(&mut self.catalogue_dirty) {
             out.push(Output::Catalogue(Arc::new(self.catalogue())));
         }
@@ -220,12 +224,14 @@ impl Engine {
         }
     }
 
-    fn catalogue(&self) -> Catalogue {
+    fn catalogue(&mut self) -> Catalogue {
+        let validations = self.judge_loads();
         let active = |p: &PatchEngine| (p.plan.patch.name().to_owned(), p.model_set.as_ref().map(|set| set.id.clone()));
         Catalogue {
             sessions: self.sessions.values().cloned().collect(),
             model_sets: self.model_sets.clone(),
             active: self.patches.iter().map(active).collect(),
+            validations,
         }
     }
 }

@@ -9,6 +9,7 @@ use crate::model_set::ModelSet;
 use crate::record::Record;
 use crate::session::{FitJob, FitOutcome, SessionView};
 use crate::snapshot::{Catalogue, Health, PatchSnapshot};
+use crate::validation::Load;
 
 /// The present, as the shell knows it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -100,6 +101,10 @@ pub struct Restored {
     pub sessions: Vec<RestoredSession>,
     /// The number that the next session gets.
     pub next_session: u64,
+    /// Every known load, oldest first.
+    pub loads: Vec<Arc<Load>>,
+    /// The number that the next known load gets.
+    pub next_load: u64,
 }
 
 /// A session as the store found it.

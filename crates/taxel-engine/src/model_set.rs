@@ -29,18 +29,61 @@ pub struct ModelSet {
     pub gauge_offset_kpa: f64,
     /// One model per taxel of the patch, in its order.
     pub taxels: Vec<TaxelModel>,
-    /// What a fit to a whole recording knows beyond that; `None` after a session.
+    /// What rising and falling pressure together tell beyond that; `None` after a session over the rising branch.
     pub recorded: Option<Recorded>,
 }
 
-/// What a fit to a whole recording, rising and falling, knows of the skin in use.
+impl ModelSet {
+    /// What is known of a taxel in use; `None` without a recording of both branches.
+    #[must_use]
+    pub fn in_use(&self, taxel: usize) -> Option<&RecordedTaxel> {
+        self.recorded.as_ref()?.taxels.get(taxel)?.as_ref()
+    }
+
+    /// A taxel's hysteresis; `None` where it is not compensated.
+    #[must_use]
+    pub fn plays(&self, taxel: usize) -> Option<&Plays> {
+        self.in_use(taxel)?.plays.as_ref()
+    }
+
+    /// What plays leave of the error on a branch that they were not fitted to; 1 without a recording.
+    #[must_use]
+    pub fn plays_error_ratio(&self) -> f64 {
+        self.recorded
+            .as_ref()
+            .and_then(|r| r.plays_error_ratio)
+            .filter(|r| r.is_finite())
+            .unwrap_or(1.0)
+            .clamp(0.0, 1.0)
+    }
+}
+
+impl RecordedTaxel {
+    /// Standard uncertainty in kPa of a reading whose zero is off by `zero_counts` (standard uncertainty).
+    #[must_use]
+    pub fn sigma_kpa(&self, zero_counts: f64) -> f64 {
+        self.rmse_kpa.hypot(zero_counts / self.sensitivity)
+    }
+
+    /// What of that every taxel has in common: the branches lie apart by the hysteresis, and the pressure is on one of
+    /// them or between, so its standard uncertainty is that of a rectangle, width / sqrt(12). Plays leave their share
+    /// of it (`plays_error_ratio`, 0 to 1).
+    #[must_use]
+    pub fn shared_kpa(&self, plays_error_ratio: f64) -> f64 {
+        let left = if self.plays.is_some() { plays_error_ratio } else { 1.0 };
+        (left * self.hysteresis_kpa.unwrap_or(0.0).abs() / 12.0_f64.sqrt()).min(self.rmse_kpa)
+    }
+}
+
+/// What a fit to rising and falling pressure, of a recording or a session, knows of the skin in use.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recorded {
     /// Counts were averaged over so many seconds, and are to be when the models are applied; 0 is not at all.
     pub smooth_s: f64,
     /// So many neighbouring taxels form a module.
     pub module_size: usize,
-    /// The pressure was taken to lag behind the counts by so many seconds.
+    /// The pressure seems to lag behind the counts by so many seconds: taken out of a recording where one was looked
+    /// for, only told of a session. At a steady rate hysteresis of width w looks like a lag of -w / (2 rate).
     pub lag_s: f64,
     /// How far the counts stay away from their rest when the load has gone: root mean square over the taxels, counts.
     pub zero_return_counts: f64,
@@ -50,7 +93,7 @@ pub struct Recorded {
     pub taxels: Vec<Option<RecordedTaxel>>,
 }
 
-/// One taxel in a recording.
+/// One taxel in use.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RecordedTaxel {
     /// Root mean square of the pressure read, as it is read in use, less that of the gauge; kPa.

@@ -8,6 +8,8 @@ use taxel_wire::{Frame, TimedFrame};
 
 use crate::boards::BoardLive;
 use crate::bring_up::{BringUp, BringUpState};
+use crate::compensate::Compensator;
+use crate::drift::{Drift, drift_sites};
 use crate::evaluate::{Activation, Evaluator};
 use crate::faults::{Fault, FaultDetector, FaultSet};
 use crate::force::ForceParts;
@@ -16,7 +18,7 @@ use crate::io::{Now, Output};
 use crate::live::{Live, ScanEnd};
 use crate::model_set::ModelSet;
 use crate::plan::PatchPlan;
-use crate::rest::{Lift, RestStatistics};
+use crate::rest::{Lift, RestStatistics, TaxelBaseline};
 use crate::session::SessionRun;
 use crate::tare::Tare;
 
@@ -31,6 +33,8 @@ pub struct PatchEngine {
     pub(crate) gauge: GaugeHistory,
     pub(crate) faults: FaultDetector,
     pub(crate) tare: Tare,
+    /// How far the counts at rest have moved from the zero; `None` where that is not followed.
+    pub(crate) drift: Option<Drift>,
     /// Watches whether the skin becomes lighter than its zero, window by window.
     pub(crate) lift_watch: RestStatistics,
     pub(crate) lift: Option<Lift>,
@@ -43,8 +47,14 @@ pub struct PatchEngine {
     pub(crate) session: Option<SessionRun>,
     pub(crate) sequence: u64,
     pub(crate) uncovered_share: f64,
-    /// Faults and silence as the evaluator's selection last saw them.
-    pub(crate) selected_with: Vec<(FaultSet, bool)>,
+    /// Hysteresis of the active model set at the present zero, where it is compensated.
+    pub(crate) compensator: Option<Compensator>,
+    /// The module of each taxel.
+    pub(crate) module_of: Arc<[u16]>,
+    /// The faults of each taxel as last published.
+    pub(crate) faults_seen: Arc<[FaultSet]>,
+    /// Which taxels were silent when the evaluator's selection was last made; empty if it was never.
+    pub(crate) selected_with: Vec<bool>,
     /// Something changed that readers must see before the next scan.
     pub(crate) dirty: bool,
     pub(crate) session_dirty: bool,
@@ -68,6 +78,7 @@ impl PatchEngine {
             lift: None,
             modules,
             tare: Tare::default(),
+            drift: plan.drift.follow.then(|| Drift::new(plan.drift, activation(&plan), drift_sites(&plan))),
             bring_up: BringUp::new(plan.patch.modules().len()),
             model_set: None,
             evaluator: None,
@@ -75,6 +86,9 @@ impl PatchEngine {
             session: None,
             sequence: 0,
             uncovered_share: 1.0,
+            compensator: None,
+            module_of: plan.patch.taxels().iter().map(|site| site.module).collect(),
+            faults_seen: Arc::from(vec![FaultSet::default(); taxels]),
             selected_with: Vec::new(),
             dirty: true,
             session_dirty: false,
@@ -165,7 +179,18 @@ impl PatchEngine {
         self.watch_rest(now, end, out);
         self.watch_lift();
         self.offer_to_session(now, end, out);
+        self.follow_drift(now, end);
+        self.follow_hysteresis(end);
         self.publish(now, out);
+    }
+
+    /// The plays of sound taxels follow the scan.
+    fn follow_hysteresis(&mut self, end: ScanEnd) {
+        let (Some(compensator), Some(evaluator)) = (&mut self.compensator, &mut self.evaluator) else { return };
+        let (faults, modules, module_of) = (&self.faults, self.live.modules(), &self.module_of);
+        let sound = |taxel: usize| faults.faults(taxel).is_empty() && !modules[usize::from(module_of[taxel])].stale;
+        compensator.follow(end.time, self.live.counts(), sound);
+        evaluator.bend(Some(compensator.bend_kpa()));
     }
 
     /// Time passed.
@@ -194,24 +219,47 @@ impl PatchEngine {
 
     /// The zero or the model set changed.
     pub(crate) fn rebuild_tables(&mut self) {
-        let activation = Activation {
-            sigmas: self.plan.live.activation_sigmas,
-            floor_counts: self.plan.live.activation_floor_counts,
-        };
-        self.evaluator = match (&self.model_set, self.tare.baseline()) {
-            (Some(set), Some(zero)) => Some(Evaluator::new(Arc::clone(set), zero, &self.plan.areas, activation)),
+        let zero = self.zero_now();
+        self.compensator = match (&self.model_set, &zero) {
+            (Some(set), Some(zero)) => Compensator::new(set, zero),
             _ => None,
         };
-        self.selected_with.clear();
+        self.tabulate(zero.as_deref());
         self.lift = None;
         self.lift_watch = self.rest_statistics();
         self.dirty = true;
+    }
+
+    /// The zero has drifted: all that has a history keeps it.
+    pub(crate) fn move_tables(&mut self) {
+        let zero = self.zero_now();
+        if let (Some(compensator), Some(zero)) = (&mut self.compensator, &zero) {
+            compensator.shift_zero(zero);
+        }
+        self.tabulate(zero.as_deref());
+    }
+
+    fn tabulate(&mut self, zero: Option<&[TaxelBaseline]>) {
+        self.evaluator = match (&self.model_set, zero) {
+            (Some(set), Some(zero)) => {
+                Some(Evaluator::new(Arc::clone(set), zero, &self.plan.areas, activation(&self.plan)))
+            }
+            _ => None,
+        };
+        if let (Some(compensator), Some(evaluator)) = (&self.compensator, &mut self.evaluator) {
+            evaluator.bend(Some(compensator.bend_kpa()));
+        }
+        self.selected_with.clear();
     }
 
     /// Whether boards are expected to send.
     pub(crate) fn is_set_up(&self) -> bool {
         !matches!(self.bring_up.state(), BringUpState::Configuring | BringUpState::Proving)
     }
+}
+
+fn activation(plan: &PatchPlan) -> Activation {
+    Activation { sigmas: plan.live.activation_sigmas, floor_counts: plan.live.activation_floor_counts }
 }
 
 /// Which taxels belong to each module and to each board.

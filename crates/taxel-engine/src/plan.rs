@@ -7,6 +7,7 @@ use taxel_wire::icub::{BoardConfig, TriangleConfig};
 use taxel_wire::signal::SignalSpec;
 
 use crate::faults::FaultLimits;
+use crate::recording::{Branch, PlaysChoice};
 use crate::rest::RestLimits;
 
 /// Everything one engine does.
@@ -33,6 +34,8 @@ pub struct PatchPlan {
     pub areas: Vec<SquareMillimetre>,
     /// Relative standard uncertainty of the area that all taxels share.
     pub area_uncertainty: f64,
+    /// Whether the areas are multiplied by the factor that known loads give, once it is known.
+    pub area_from_loads: bool,
     /// The gauge that measures the bag's differential pressure; without one there is no calibration.
     pub gauge: Option<Gauge>,
     /// What a force sample carries.
@@ -43,6 +46,8 @@ pub struct PatchPlan {
     pub faults: FaultLimits,
     /// How the zero is taken.
     pub tare: TarePlan,
+    /// Whether and how far it follows the temperature.
+    pub drift: DriftPlan,
     /// The rules of a calibration session.
     pub session: SessionLimits,
     /// How models are fitted.
@@ -117,8 +122,27 @@ pub struct TarePlan {
     pub duration: Duration,
     /// Take the zero by itself after start, if rest is proven against the active model set.
     pub at_start: bool,
+    /// After so many whole scans that zero is taken provisionally, until `duration` is over; 0 is never.
+    pub first_scans: u32,
     /// What counts as rest.
     pub rest: RestLimits,
+}
+
+/// Whether and how far the zero follows the temperature of the skin; see [`crate::drift`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriftPlan {
+    /// Whether it does at all.
+    pub follow: bool,
+    /// How fast at most, counts per minute.
+    pub rate_max_counts_per_min: f64,
+    /// How far at most from the proven zero, counts.
+    pub bound_counts: f64,
+}
+
+impl Default for DriftPlan {
+    fn default() -> Self {
+        Self { follow: false, rate_max_counts_per_min: 1.0, bound_counts: 3.0 }
+    }
 }
 
 /// The rules of a calibration session.
@@ -126,13 +150,21 @@ pub struct TarePlan {
 pub struct SessionLimits {
     /// A ramp ends by itself here.
     pub target: Kilopascal,
-    /// A sample may lie this far below the highest pressure so far: the gauge's noise.
+    /// A sample may lie this far behind the furthest pressure so far, on a rise below it: the gauge's noise.
     pub noise_band: Kilopascal,
+    /// Which branches of the pressure a ramp gathers, unless its session asks for others.
+    pub branches: Branch,
     /// Steepest rise that may enter the fit, in kPa/s.
     pub rise_max_kpa_per_s: f64,
+    /// Steepest fall that may enter the fit, in kPa/s, positive.
+    pub fall_max_kpa_per_s: f64,
+    /// The falling branch of a ramp ends by itself here.
+    pub fall_end: Kilopascal,
+    /// Whether the hysteresis of a session over both branches is compensated.
+    pub plays: PlaysChoice,
     /// Without a pressure frame for so long no scan can be paired.
     pub gauge_timeout: Duration,
-    /// Without any pressure frame, or any rise, for so long the session fails.
+    /// Without any pressure frame, or any rise, for so long the session fails; without any fall the ramp ends.
     pub patience: Duration,
     /// A ramp cannot start above this: the bag must be vented.
     pub vented_below: Kilopascal,
@@ -147,7 +179,11 @@ impl Default for SessionLimits {
         Self {
             target: Kilopascal(70.0),
             noise_band: Kilopascal(0.3),
+            branches: Branch::Rising,
             rise_max_kpa_per_s: 5.0,
+            fall_max_kpa_per_s: 5.0,
+            fall_end: Kilopascal(1.0),
+            plays: PlaysChoice::Auto,
             gauge_timeout: Duration::from_millis(500),
             patience: Duration::from_secs(60),
             vented_below: Kilopascal(10.0),

@@ -9,6 +9,7 @@ use crate::live::ScanEnd;
 use crate::model_set::ModelSet;
 use crate::patch::PatchEngine;
 use crate::record::Record;
+use crate::recording::FitRecipe;
 use crate::rest::TaxelBaseline;
 use crate::session::{FitJob, FitOutcome, Pending, Progress, SessionRun, SessionSamples, SessionState, SessionView};
 use crate::tare::Purpose;
@@ -109,6 +110,7 @@ impl PatchEngine {
         out.extend(records.into_iter().map(Output::Record));
         match progress {
             Progress::On => {}
+            Progress::Turned => self.record_session(now, out),
             Progress::RampEnded => self.fit_session(now, out),
             Progress::Failed => {
                 let reason = session.view().reason.clone();
@@ -117,18 +119,40 @@ impl PatchEngine {
         }
     }
 
+    /// Ends the rise of a session that gathers both branches, else the ramp.
+    pub(crate) fn finish_ramp(&mut self, now: Now, out: &mut Vec<Output>) {
+        if self.session.as_mut().is_some_and(|session| session.turn(now.time)) {
+            self.record_session(now, out);
+        } else {
+            self.fit_session(now, out);
+        }
+    }
+
     /// Ends the ramp and hands the samples to the fit.
-    pub(crate) fn fit_session(&mut self, now: Now, out: &mut Vec<Output>) {
+    fn fit_session(&mut self, now: Now, out: &mut Vec<Output>) {
         let Some(session) = &self.session else { return };
+        let (view, plan) = (session.view(), &self.plan);
         let job = FitJob {
-            session: session.view().number,
-            patch: self.plan.patch.name().to_owned(),
+            session: view.number,
+            patch: plan.patch.name().to_owned(),
             wall_ns: now.wall_ns,
             board_settings: self.board_settings(),
             samples: Arc::clone(session.samples()),
-            options: self.plan.fit,
+            modules: self.modules.clone(),
+            recipe: FitRecipe {
+                options: plan.fit,
+                branch: view.branches,
+                plays: plan.session.plays,
+                faults: plan.faults,
+                module_size: self.modules.first().map_or(1, ExactSizeIterator::len),
+                ..FitRecipe::default()
+            },
         };
-        self.enter(now, SessionState::Fitting, "", out);
+        let ended_early = match view.state {
+            SessionState::Ramping => view.reason.clone(),
+            _ => String::new(),
+        };
+        self.enter(now, SessionState::Fitting, ended_early, out);
         out.push(Output::Fit(job));
     }
 
@@ -140,8 +164,9 @@ impl PatchEngine {
         match outcome.result {
             Ok(set) => {
                 session.set_model_set(Arc::from(set.id.as_str()));
+                let ended_early = session.view().reason.clone();
                 out.push(Output::Record(Record::ModelSet(Arc::clone(&set))));
-                self.enter(now, SessionState::Review, "", out);
+                self.enter(now, SessionState::Review, ended_early, out);
                 Some(set)
             }
             Err(reason) => {

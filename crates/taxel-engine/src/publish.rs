@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::faults::FaultSet;
+use crate::force::Present;
 use crate::io::{Now, Output};
+use crate::live::ModuleLive;
 use crate::patch::PatchEngine;
-use crate::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
+use crate::snapshot::{ForceSample, ForceState, PatchSnapshot};
+use crate::taxels::{ModuleMoment, Moment, Taxels};
 
 impl PatchEngine {
     /// Publishes the present state under the next sequence number.
@@ -20,41 +22,46 @@ impl PatchEngine {
             time,
             wall_ns: now.wall_ns.saturating_sub(age_ns),
             force: self.force(),
-            taxels: self.taxel_states(),
+            seen: self.live.modules().iter().any(|module| module.last.is_some()),
+            taxels: self.taxels(),
             tare: Some(self.tare.view().clone()),
         };
         out.push(Output::Patch(self.index, Arc::new(snapshot)));
     }
 
-    /// Keeps silent and faulty taxels out of the sum; done anew only when one of them changed.
+    /// Notes faults and silence, and keeps such taxels out of the sum; done anew only when one of them changed.
     fn select_taxels(&mut self) {
+        let (faults, modules, module_of) = (&self.faults, self.live.modules(), &self.module_of);
+        let silent = |taxel: usize| modules[usize::from(module_of[taxel])].stale;
+        let taxels = 0..module_of.len();
+        let same_faults = self.faults_seen.iter().copied().eq(taxels.clone().map(|t| faults.faults(t)));
+        if !same_faults {
+            self.faults_seen = taxels.clone().map(|t| faults.faults(t)).collect();
+        }
         let Some(evaluator) = &mut self.evaluator else {
             self.uncovered_share = 1.0;
             return;
         };
-        let (faults, modules) = (&self.faults, self.live.modules());
-        let sites = self.plan.patch.taxels();
-        let present = || (0..sites.len()).map(|t| (faults.faults(t), modules[sites[t].module as usize].stale));
-        if self.selected_with.iter().copied().eq(present()) {
+        if same_faults && self.selected_with.iter().copied().eq(taxels.clone().map(silent)) {
             return;
         }
-        self.selected_with = present().collect();
-        let sound = &self.selected_with;
-        evaluator.select(|taxel| sound[taxel] == (FaultSet::default(), false));
+        self.selected_with = taxels.map(silent).collect();
+        let (silent, faults) = (&self.selected_with, &self.faults_seen);
+        evaluator.select(|taxel| !silent[taxel] && faults[taxel].is_empty());
         self.uncovered_share = self.parts.uncovered_share(evaluator);
     }
 
     fn force(&self) -> ForceSample {
         let taxels = self.plan.patch.taxels().len();
         let stale = self.stale_taxels();
-        let model_set = self.model_set.as_ref().map(|set| Arc::from(set.id.as_str()));
+        let model_set = || self.model_set.as_ref().map(|set| Arc::from(set.id.as_str()));
         let nothing = |state, reason: String| ForceSample {
             state,
             reasons: vec![reason],
             stale: stale as u32,
             excluded: taxels as u32,
             uncovered_share: 1.0,
-            model_set: model_set.clone(),
+            model_set: model_set(),
             ..ForceSample::default()
         };
         if self.model_set.is_none() {
@@ -66,7 +73,9 @@ impl PatchEngine {
         let Some(evaluator) = &self.evaluator else {
             return nothing(ForceState::TareInvalid, self.tare.view().reason.clone());
         };
-        let mut sample = self.parts.measure(evaluator, self.live.counts());
+        let (uncovered_share, zero_sigma_counts) = (self.uncovered_share, self.drift_sigma_counts());
+        let present = Present { uncovered_share, zero_sigma_counts };
+        let mut sample = self.parts.measure(evaluator, self.live.counts(), present);
         let usable = evaluator.selected().count();
         if usable == 0 {
             return nothing(ForceState::Uncalibrated, "no taxel has a usable model and is free of faults".to_owned());
@@ -82,7 +91,8 @@ impl PatchEngine {
         if sample.stale > 0 {
             sample.reasons.push(format!("{} taxels are silent", sample.stale));
         }
-        let faulty = self.selected_with.iter().filter(|(faults, stale)| !faults.is_empty() && !stale).count();
+        let faulty = self.faults_seen.iter().zip(&self.selected_with);
+        let faulty = faulty.filter(|(faults, silent)| !faults.is_empty() && !**silent).count();
         if faulty > 0 {
             sample.reasons.push(format!("{faulty} taxels have a fault"));
         }
@@ -93,33 +103,26 @@ impl PatchEngine {
         if let Some(lift) = &self.lift {
             sample.reasons.push(format!("{lift}: the zero may have been taken under a load; tare again"));
         }
+        sample.reasons.extend(self.zero_shortcomings());
         sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
+    }
+
+    /// What the states of the taxels can be worked out from later: copies of what changes, and what is shared.
+    fn taxels(&self) -> Taxels {
+        let moment = |module: &ModuleLive| ModuleMoment { last: module.last, stale: module.stale };
+        Taxels::of(Moment {
+            counts: self.live.counts().into(),
+            modules: self.live.modules().iter().map(moment).collect(),
+            module_of: Arc::clone(&self.module_of),
+            faults: Arc::clone(&self.faults_seen),
+            tables: self.evaluator.as_ref().map(|e| Arc::clone(e.tables())),
+            bend_kpa: self.evaluator.as_ref().and_then(|e| e.bent().cloned()),
+            model_set: self.model_set.clone(),
+        })
     }
 
     fn stale_taxels(&self) -> usize {
         let modules = self.live.modules().iter().zip(self.plan.patch.modules());
         modules.filter(|(live, _)| live.stale).map(|(_, site)| site.kind.taxel_slots().len()).sum()
-    }
-
-    fn taxel_states(&self) -> Arc<[TaxelState]> {
-        let sites = self.plan.patch.taxels();
-        let states = sites.iter().zip(self.live.counts()).enumerate().map(|(taxel, (site, &count))| {
-            let module = &self.live.modules()[site.module as usize];
-            let reading = self.evaluator.as_ref().and_then(|e| e.reading(taxel, count));
-            let served = reading.filter(|_| !module.stale);
-            TaxelState {
-                count,
-                time: module.last.unwrap_or_default(),
-                seen: module.last.is_some(),
-                stale: module.stale,
-                active: served.is_some_and(|r| r.active),
-                calibrated: self.model_set.as_ref().is_some_and(|s| s.taxels[taxel].is_usable()),
-                range: served.map(|r| r.range).unwrap_or_default(),
-                faults: self.faults.faults(taxel),
-                pressure_kpa: served.map(|r| r.pressure_kpa),
-                sigma_kpa: served.map(|r| r.sigma_kpa),
-            }
-        });
-        states.collect()
     }
 }

@@ -6,6 +6,7 @@ use crate::model_set::ModelSet;
 use crate::rest::TaxelBaseline;
 use crate::session::SessionView;
 use crate::snapshot::TareView;
+use crate::validation::Load;
 
 /// One durable fact. The store appends them; none is ever changed.
 #[derive(Clone, Debug)]
@@ -41,6 +42,8 @@ pub enum Record {
         /// When, nanoseconds since 1970.
         wall_ns: i64,
     },
+    /// A known load was read.
+    Load(Arc<Load>),
     /// A zero was taken.
     Tared {
         /// The patch.

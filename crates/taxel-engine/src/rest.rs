@@ -10,11 +10,13 @@
 //! A lighter load cannot be told from a day's drift at one instant. It shows when it goes: [`lift`] finds that the
 //! skin became lighter than its zero, from 30 kPa on, which true rests do not (0.07 counts at most against 0.9).
 
+mod first;
 mod statistics;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod verdict;
 
+pub use first::{first_baseline, judge_first};
 pub use statistics::{RestStatistics, TaxelBaseline};
 pub use verdict::{Lift, RestFigures, RestVerdict};
 
@@ -28,6 +30,9 @@ const NOISE_FLOOR_COUNTS: f64 = 0.5;
 
 /// A taxel with so much noise at rest, in counts, that reads one value for the whole window is broken, not at rest.
 const LIFE_COUNTS: f64 = 0.3;
+
+/// Fewer scans of a sound taxel may well all read the same.
+const LIFE_SCANS: u64 = 10;
 
 /// Margin for the error of a figure that was estimated from noisy scans, in its standard errors.
 const STANDARD_ERRORS: f64 = 4.0;
@@ -89,7 +94,7 @@ pub fn judge(
     }
     let baseline = now.baseline();
     let moves = match reference {
-        Some(reference) => Moves::against(reference, &baseline, sign),
+        Some(reference) => Moves::against(reference, now, sign),
         None => Moves::unsigned(&baseline),
     };
     if moves.sound == 0 || (moves.sound as f64) < limits.sound_share_min * moves.comparable as f64 {
@@ -152,7 +157,7 @@ pub fn lift(zero: &[TaxelBaseline], later: &RestStatistics, sign: &[i8], limits:
     if later.count() < limits.scans_min {
         return None;
     }
-    let moves = Moves::against(zero, &later.baseline(), sign);
+    let moves = Moves::against(zero, later, sign);
     if moves.sound == 0 || (moves.sound as f64) < limits.sound_share_min * moves.comparable as f64 {
         return None;
     }
@@ -171,15 +176,16 @@ struct Moves {
 }
 
 impl Moves {
-    fn against(reference: &[TaxelBaseline], now: &[TaxelBaseline], sign: &[i8]) -> Self {
+    fn against(reference: &[TaxelBaseline], now: &RestStatistics, sign: &[i8]) -> Self {
         let mut comparable = 0;
+        let (alive, now) = (now.count() < LIFE_SCANS, now.baseline());
         let mut moved = vec![f64::NAN; now.len()];
         for (((moved, now), reference), &sign) in moved.iter_mut().zip(now).zip(reference).zip(sign) {
             if sign == 0 || !reference.mean.is_finite() {
                 continue;
             }
             comparable += 1;
-            let lifeless = now.noise == 0.0 && reference.noise >= LIFE_COUNTS;
+            let lifeless = !alive && now.noise == 0.0 && reference.noise >= LIFE_COUNTS;
             if !lifeless {
                 *moved = f64::from(sign.signum()) * (now.mean - reference.mean);
             }

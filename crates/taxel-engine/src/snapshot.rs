@@ -3,9 +3,12 @@
 use std::sync::Arc;
 use taxel_skin::{Newton, Time};
 
+use crate::drift::DriftView;
 use crate::faults::FaultSet;
 use crate::model_set::ModelSet;
 use crate::session::SessionView;
+use crate::taxels::Taxels;
+use crate::validation::Validation;
 
 /// How far a force can be trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -32,10 +35,12 @@ pub struct PatchSnapshot {
     pub time: Time,
     /// The same instant in nanoseconds since 1970, a label only.
     pub wall_ns: i64,
+    /// Whether any frame of the patch has come.
+    pub seen: bool,
     /// The force on the patch.
     pub force: ForceSample,
-    /// One entry per taxel.
-    pub taxels: Arc<[TaxelState]>,
+    /// One entry per taxel, worked out when somebody looks.
+    pub taxels: Taxels,
     /// The zero, if one was taken.
     pub tare: Option<TareView>,
 }
@@ -140,6 +145,10 @@ pub struct TareView {
     pub baseline_median: f64,
     /// Median over taxels of the rest noise, standard deviation in counts.
     pub noise_median: f64,
+    /// Scans that a provisional zero rests on; `None` for one that was watched in full.
+    pub provisional_scans: Option<u32>,
+    /// How it follows the temperature.
+    pub drift: DriftView,
 }
 
 /// Buses, boards and modules.
@@ -208,4 +217,6 @@ pub struct Catalogue {
     pub model_sets: Vec<Arc<ModelSet>>,
     /// Per patch, in plan order: patch name and active model set.
     pub active: Vec<(String, Option<String>)>,
+    /// Per patch, in plan order: its known loads.
+    pub validations: Vec<Arc<Validation>>,
 }

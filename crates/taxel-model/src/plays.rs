@@ -11,7 +11,7 @@
 
 use crate::curve::Curve;
 use crate::fit::fit;
-use crate::model::Sign;
+use crate::model::{RangeState, Sign};
 use crate::nnls::nnls;
 use crate::options::{Estimator, FitOptions, Order, Rails, Shape};
 use crate::orthogonal::Basis;
@@ -111,13 +111,40 @@ impl Plays {
     ///
     /// A count that is not finite gives NaN and leaves the state as it was.
     pub fn evaluate(&self, state: &mut PlayState, count: f64) -> f64 {
+        self.mid_kpa(count) + self.bend_kpa(state, count)
+    }
+
+    /// What the history adds to the mid curve at `count`: between -sum w_k r_k and sum w_k r_k; kPa.
+    ///
+    /// A count that is not finite gives NaN and leaves the state as it was.
+    pub fn bend_kpa(&self, state: &mut PlayState, count: f64) -> f64 {
         if !count.is_finite() {
             return f64::NAN;
         }
-        let inside = count.max(self.range[0]).min(self.range[1]);
+        let inside = self.inside(count);
         let z = state.follow(inside, &self.radii_counts);
         let bent: f64 = z.iter().zip(&self.weights_kpa).map(|(z, w)| w * (z - inside)).sum();
-        self.curve.evaluate(inside) - self.sign.as_f64() * bent
+        -self.sign.as_f64() * bent
+    }
+
+    /// The mid curve at `count`, clamped to the calibrated range; kPa.
+    #[must_use]
+    pub fn mid_kpa(&self, count: f64) -> f64 {
+        self.curve.evaluate(self.inside(count))
+    }
+
+    /// Whether a count lies in the calibrated range.
+    #[must_use]
+    pub fn range_state(&self, count: f64) -> RangeState {
+        match count {
+            c if c < self.range[0] => RangeState::Below,
+            c if c > self.range[1] => RangeState::Above,
+            _ => RangeState::InRange,
+        }
+    }
+
+    fn inside(&self, count: f64) -> f64 {
+        count.max(self.range[0]).min(self.range[1])
     }
 }
 

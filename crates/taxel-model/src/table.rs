@@ -45,15 +45,26 @@ impl TaxelModel {
             return table;
         }
         let quantum = 1.0 / 12.0_f64.sqrt();
+        // Beyond an end of the range every count reads the same: worked out once.
+        let mut end: Option<(RangeState, f32, f32)> = None;
         for raw in 0..=u8::MAX {
             let count = f64::from(raw) + shift_counts;
-            let Some(reading) = self.evaluate(count) else { continue };
-            let floor = curve.slope(count.max(low).min(high)).abs() * quantum;
-            table.pressure_kpa[usize::from(raw)] = reading.kpa as f32;
-            table.sigma_kpa[usize::from(raw)] = reading.sigma_kpa.max(floor) as f32;
-            if reading.range == RangeState::InRange {
-                table.range = Some((table.range.map_or(raw, |range| range.0), raw));
-            }
+            let (kpa, sigma_kpa) = match end {
+                Some((RangeState::Below, kpa, sigma_kpa)) if count < low => (kpa, sigma_kpa),
+                Some((RangeState::Above, kpa, sigma_kpa)) => (kpa, sigma_kpa),
+                _ => {
+                    let Some(reading) = self.evaluate(count) else { continue };
+                    let floor = curve.slope(count.max(low).min(high)).abs() * quantum;
+                    let entry = (reading.kpa as f32, reading.sigma_kpa.max(floor) as f32);
+                    match reading.range {
+                        RangeState::InRange => table.range = Some((table.range.map_or(raw, |range| range.0), raw)),
+                        beyond => end = Some((beyond, entry.0, entry.1)),
+                    }
+                    entry
+                }
+            };
+            table.pressure_kpa[usize::from(raw)] = kpa;
+            table.sigma_kpa[usize::from(raw)] = sigma_kpa;
         }
         table
     }

@@ -3,7 +3,8 @@
 use futures_util::stream;
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
-use taxel_engine::session::{SampleRefusal, SessionState, SessionView};
+use taxel_engine::recording::Branch;
+use taxel_engine::session::{Direction, SampleRefusal, SessionState, SessionView};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_server::CalibrationService;
@@ -14,7 +15,7 @@ use tonic::{Request, Response, Status};
 use crate::convert::{known, timestamp};
 use crate::page::page;
 use crate::service::{Service, check_session, confirmed_by, strange_answer};
-use crate::status::{engine_stopped, shutting_down};
+use crate::status::{engine_stopped, invalid, shutting_down};
 use crate::stream::MessageStream;
 
 type Answer = Result<Response<v1::Session>, Status>;
@@ -25,8 +26,9 @@ impl CalibrationService for Service {
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
         let target = request.target_kpa.map(Kilopascal);
+        let branches = asked_branches(request.branches)?;
         let confirmed_by = confirmed_by(request.confirmed_by)?;
-        self.session_command("StartSession", Command::StartSession { patch, target, confirmed_by }).await
+        self.session_command("StartSession", Command::StartSession { patch, target, branches, confirmed_by }).await
     }
 
     async fn start_ramp(&self, request: Request<v1::StartRampRequest>) -> Answer {
@@ -93,6 +95,16 @@ impl Service {
             Done::Session(view) => Ok(Response::new(session(&view))),
             other => Err(strange_answer(&other)),
         }
+    }
+}
+
+/// What a request asks for; `None` is as configured.
+fn asked_branches(word: i32) -> Result<Option<Branch>, Status> {
+    match v1::Branches::try_from(word) {
+        Ok(v1::Branches::Unspecified) => Ok(None),
+        Ok(v1::Branches::Rising) => Ok(Some(Branch::Rising)),
+        Ok(v1::Branches::Both) => Ok(Some(Branch::Both)),
+        Err(_) => Err(invalid("branches", format_args!("{word} is not in 0 to 2"))),
     }
 }
 
@@ -182,6 +194,7 @@ fn session(view: &SessionView) -> v1::Session {
             stale_module: refused(SampleRefusal::StaleModule),
             gauge_spike: refused(SampleRefusal::GaugeSpike),
             full: refused(SampleRefusal::Full),
+            not_falling: refused(SampleRefusal::NotFalling),
         }),
         durable: view.durable,
         pressure_kpa: view.pressure_kpa.and_then(known),
@@ -191,6 +204,12 @@ fn session(view: &SessionView) -> v1::Session {
         taxels: view.responding.1,
         remaining_s: view.remaining_s.and_then(known),
         model_set: view.model_set.as_deref().unwrap_or_default().to_owned(),
+        branches: match view.branches {
+            Branch::Rising => v1::Branches::Rising,
+            Branch::Both => v1::Branches::Both,
+        }
+        .into(),
+        falling: view.direction == Direction::Falling,
     }
 }
 

@@ -1,5 +1,6 @@
 //! The engine's snapshots as messages. An age is computed here, so this runs last before a message goes out.
 
+use taxel_engine::drift::{DriftState, DriftView};
 use taxel_engine::faults::{Fault, FaultSet};
 use taxel_engine::snapshot::{ForceState, PatchSnapshot, RangeFlag, TareView, TaxelState};
 use taxel_proto::{Timestamp, v1};
@@ -32,7 +33,7 @@ pub(crate) fn known(figure: f64) -> Option<f64> {
 
 /// Whether any frame is in it: a value without one has no time and so no age.
 fn has_frame(snapshot: &PatchSnapshot) -> bool {
-    snapshot.taxels.iter().any(|taxel| taxel.seen)
+    snapshot.seen
 }
 
 pub(crate) fn force(patch: &str, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
@@ -147,5 +148,25 @@ pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
         reason: tare.reason.clone(),
         baseline_median_counts: known(tare.baseline_median).unwrap_or_default(),
         noise_median_counts: known(tare.noise_median).unwrap_or_default(),
+        provisional_scans: tare.provisional_scans,
+        drift: Some(drift(&tare.drift)),
+    }
+}
+
+fn drift(drift: &DriftView) -> v1::Drift {
+    let state = match drift.state {
+        DriftState::Off => v1::DriftState::Off,
+        DriftState::Held => v1::DriftState::Held,
+        DriftState::Following => v1::DriftState::Following,
+        DriftState::Bounded => v1::DriftState::Bounded,
+    };
+    v1::Drift {
+        state: state.into(),
+        since: timestamp(drift.since_wall_ns),
+        median_counts: known(drift.median_counts).unwrap_or_default(),
+        max_counts: known(drift.max_counts).unwrap_or_default(),
+        sigma_counts: known(drift.sigma_counts).unwrap_or_default(),
+        modules_following: drift.following.0,
+        modules: drift.following.1,
     }
 }

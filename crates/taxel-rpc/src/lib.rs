@@ -18,6 +18,7 @@ mod service;
 mod skin;
 mod status;
 mod stream;
+mod validation;
 
 pub use handle::{Handle, ModelCodec, Publisher, Request};
 pub use limits::Limits;

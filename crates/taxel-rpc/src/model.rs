@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
-use taxel_engine::model_set::ModelSet;
-use taxel_model::{Estimator, Quality, Sign, TaxelModel};
+use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
+use taxel_model::{Curve, Estimator, Quality, Sign, TaxelModel};
 use taxel_proto::v1;
 use taxel_proto::v1::model_service_server::ModelService;
 use tonic::{Request, Response, Status};
@@ -39,6 +39,7 @@ impl ModelService for Service {
             gauge_gain_rel: set.gauge_gain_rel,
             gauge_offset_kpa: set.gauge_offset_kpa,
             taxels: set.taxels.iter().enumerate().map(|(taxel, model)| taxel_summary(&set, taxel, model)).collect(),
+            in_use: set.recorded.as_ref().map(in_use),
         }))
     }
 
@@ -117,8 +118,19 @@ impl Service {
     }
 }
 
+fn in_use(recorded: &Recorded) -> v1::InUse {
+    let with_plays = recorded.taxels.iter().flatten().filter(|taxel| taxel.plays.is_some()).count();
+    v1::InUse {
+        smooth_s: recorded.smooth_s,
+        lag_s: recorded.lag_s,
+        zero_return_counts: recorded.zero_return_counts,
+        plays_error_ratio: recorded.plays_error_ratio.and_then(known),
+        taxels_with_plays: with_plays as u32,
+    }
+}
+
 fn taxel_summary(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelModelSummary {
-    let rest = set.baseline.get(taxel);
+    let (rest, in_use) = (set.baseline.get(taxel), set.in_use(taxel));
     v1::TaxelModelSummary {
         taxel: taxel as u32,
         status: model.status.code().to_owned(),
@@ -128,6 +140,9 @@ fn taxel_summary(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelM
         swing_counts: model.quality.swing_counts,
         baseline_counts: rest.and_then(|rest| known(rest.mean)),
         noise_counts: rest.and_then(|rest| known(rest.noise)),
+        rmse_in_use_kpa: in_use.and_then(|taxel| known(taxel.rmse_kpa)),
+        hysteresis_kpa: in_use.and_then(|taxel| taxel.hysteresis_kpa).and_then(known),
+        has_plays: set.plays(taxel).is_some(),
     }
 }
 
@@ -136,11 +151,7 @@ fn taxel_model(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelMod
     v1::TaxelModel {
         summary: Some(taxel_summary(set, taxel, model)),
         coefficients: model.raw_coefficients.clone(),
-        curve: model.curve.as_ref().map(|curve| v1::Curve {
-            centre: curve.centre,
-            half_width: curve.half_width,
-            chebyshev_kpa: curve.chebyshev.clone(),
-        }),
+        curve: model.curve.as_ref().map(curve),
         count_min: range.map(|[low, _]| low),
         count_max: range.map(|[_, high]| high),
         falling: model.sign == Sign::Falling,
@@ -149,13 +160,24 @@ fn taxel_model(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelMod
             Estimator::PerSample => "per-sample".to_owned(),
             Estimator::PressureBinned => "pressure-binned".to_owned(),
         },
-        quality: Some(quality(&model.quality)),
+        quality: Some(quality(&model.quality, set.in_use(taxel))),
         notes: model.flags.iter().map(ToString::to_string).collect(),
         points: points(model),
+        plays: set.plays(taxel).map(|plays| v1::Plays {
+            curve: Some(curve(&plays.curve)),
+            count_min: plays.range[0],
+            count_max: plays.range[1],
+            radii_counts: plays.radii_counts.to_vec(),
+            weights_kpa: plays.weights_kpa.to_vec(),
+        }),
     }
 }
 
-fn quality(quality: &Quality) -> v1::ModelQuality {
+fn curve(curve: &Curve) -> v1::Curve {
+    v1::Curve { centre: curve.centre, half_width: curve.half_width, chebyshev_kpa: curve.chebyshev.clone() }
+}
+
+fn quality(quality: &Quality, in_use: Option<&RecordedTaxel>) -> v1::ModelQuality {
     v1::ModelQuality {
         samples: quality.samples,
         distinct_counts: quality.distinct_counts,
@@ -165,6 +187,7 @@ fn quality(quality: &Quality) -> v1::ModelQuality {
         pure_error_kpa: quality.pure_error_kpa.and_then(known),
         repeatability_kpa: quality.repeatability_kpa.and_then(known),
         interval_kpa: quality.interval_kpa.and_then(known),
+        sensitivity_counts_per_kpa: in_use.and_then(|taxel| known(taxel.sensitivity)),
     }
 }
 

@@ -5,6 +5,7 @@ use taxel_proto::v1::calibration_service_server::CalibrationServiceServer;
 use taxel_proto::v1::force_service_server::ForceServiceServer;
 use taxel_proto::v1::model_service_server::ModelServiceServer;
 use taxel_proto::v1::skin_service_server::SkinServiceServer;
+use taxel_proto::v1::validation_service_server::ValidationServiceServer;
 use thiserror::Error;
 use tokio_util::sync::CancellationToken;
 use tonic::transport::Server;
@@ -99,6 +100,7 @@ fn router(handle: &Handle, limits: Limits, reporter: &HealthReporter) -> Result<
         .add_service(limited!(ForceServiceServer::new(service.clone()), small))
         .add_service(limited!(SkinServiceServer::new(service.clone()), small))
         .add_service(limited!(CalibrationServiceServer::new(service.clone()), small))
+        .add_service(limited!(ValidationServiceServer::new(service.clone()), small))
         .add_service(limited!(ModelServiceServer::new(service), large))
         .add_service(limited!(tonic_health::pb::health_server::HealthServer::new(health), small))
         .add_service(limited!(reflection().build_v1()?, small))

@@ -1,4 +1,4 @@
-//! What the four services share: looking things up, sending commands, counting streams.
+//! What the services share: looking things up, sending commands, counting streams.
 
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};

@@ -2,9 +2,11 @@
 //!
 //! Nothing here does I/O or reads a clock. Every other crate speaks in these types.
 
+pub mod area;
 mod geometry;
 mod ids;
 mod layout;
+mod polygon;
 mod time;
 mod units;
 

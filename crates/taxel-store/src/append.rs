@@ -8,8 +8,10 @@ use taxel_engine::record::{Record, Sample};
 use taxel_engine::rest::TaxelBaseline;
 use taxel_engine::session::SessionView;
 use taxel_engine::snapshot::TareView;
+use taxel_engine::validation::Load;
 
 use crate::error::StoreError;
+use crate::load_row::{load_from_text, load_to_text};
 use crate::models_json;
 use crate::rows;
 use crate::tally::{Stream, Tally};
@@ -42,6 +44,7 @@ impl Appender {
             Record::Sample { session, index, sample } => self.sample(transaction, *session, *index, sample),
             Record::ModelSet(set) => self.model_set(transaction, set),
             Record::Activated { patch, model_set, wall_ns } => self.activated(transaction, patch, model_set, *wall_ns),
+            Record::Load(load) => self.load(transaction, load),
             Record::Tared { patch, tare, baseline } => tared(transaction, patch, tare, baseline),
         }
     }
@@ -129,6 +132,22 @@ impl Appender {
         )?;
         self.tally.set(Stream::ModelSets, seq);
         self.model_sets.insert(set.id.clone());
+        Ok(())
+    }
+
+    fn load(&mut self, connection: &Connection, load: &Load) -> Result<(), StoreError> {
+        let unstorable = |error: serde_json::Error| StoreError::Unstorable {
+            what: format!("load {}", load.number),
+            reason: error.to_string(),
+        };
+        let text = load_to_text(load).map_err(unstorable)?;
+        load_from_text(&text).map_err(unstorable)?; // a figure that is no number could not be read again
+        connection.execute(
+            "INSERT INTO loads (number, load, checksum) VALUES (?1, ?2, ?3)",
+            params![load.number, text, rows::load_checksum(load.number, &text)],
+        )?;
+        let loads = self.tally.get(connection, Stream::Loads)? + 1;
+        self.tally.set(Stream::Loads, loads);
         Ok(())
     }
 

@@ -41,8 +41,8 @@ impl Db {
             let reason = format!("its file system has no write-ahead log (journal mode is `{mode}`)");
             return Err(StoreError::Open { path: path.to_path_buf(), reason });
         }
-        create_if_empty(&mut connection).map_err(opening)?;
         check_structure(&connection, path)?;
+        bring_up_to_date(&mut connection).map_err(opening)?;
         let (restored, quarantined) = restore::read(&connection).map_err(opening)?;
         let appender = Appender::new(restored.model_sets.iter().map(|set| set.id.clone()));
         let mut wal = path.as_os_str().to_owned();
@@ -54,7 +54,7 @@ impl Db {
     pub(crate) fn in_memory() -> Result<Self, StoreError> {
         let mut connection = Connection::open_in_memory()?;
         configure(&connection)?;
-        create_if_empty(&mut connection)?;
+        bring_up_to_date(&mut connection)?;
         Ok(Self { connection, wal: None, appender: Appender::new(None) })
     }
 
@@ -144,7 +144,7 @@ fn check_identity(connection: &Connection, path: &Path) -> Result<(), StoreError
     if version > schema::VERSION {
         return Err(StoreError::TooNew { path, found: version, newest: schema::VERSION });
     }
-    if version < schema::VERSION {
+    if version < 1 {
         let findings = format!("its schema version is {version}, which never existed");
         return Err(StoreError::Damaged { path, findings });
     }
@@ -155,14 +155,17 @@ fn is_empty(connection: &Connection) -> rusqlite::Result<bool> {
     connection.query_row("SELECT count(*) = 0 FROM sqlite_schema", [], |row| row.get(0))
 }
 
-fn create_if_empty(connection: &mut Connection) -> rusqlite::Result<()> {
-    if !is_empty(connection)? {
+/// Takes the steps that the file lacks, all or none; an empty file lacks every one.
+fn bring_up_to_date(connection: &mut Connection) -> rusqlite::Result<()> {
+    let version: i64 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
+    let lacking = schema::STEPS.get(usize::try_from(version).unwrap_or(0)..).unwrap_or_default();
+    if lacking.is_empty() {
         return Ok(());
     }
     let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
     transaction.pragma_update(None, "application_id", schema::APPLICATION_ID)?;
     transaction.pragma_update(None, "user_version", schema::VERSION)?;
-    transaction.execute_batch(schema::CREATE)?;
+    lacking.iter().try_for_each(|step| transaction.execute_batch(step))?;
     transaction.commit()
 }
 

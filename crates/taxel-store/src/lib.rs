@@ -1,4 +1,4 @@
-//! Sessions with all their samples, model sets and zeros, in one SQLite file that one thread writes.
+//! Sessions with all their samples, model sets, zeros and known loads, in one SQLite file that one thread writes.
 //!
 //! What was acknowledged is on disk: an acknowledgement is sent after the commit returned, and a commit returns after
 //! the flush. What is on disk is always a beginning of what happened: after a failed write nothing more is written.
@@ -7,6 +7,7 @@
 mod append;
 mod db;
 mod error;
+mod load_row;
 pub mod models_json;
 mod restore;
 mod rows;

@@ -9,8 +9,10 @@ use taxel_engine::io::RestoredSession;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Sample;
 use taxel_engine::session::{RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_engine::validation::Load;
 
 use crate::error::Quarantined;
+use crate::load_row::load_from_text;
 use crate::models_json;
 use crate::rows;
 use crate::tally::{Stream, shortfall};
@@ -21,7 +23,8 @@ pub(crate) fn read(connection: &Connection) -> rusqlite::Result<(Restored, Vec<Q
     let model_sets = model_sets(connection, &mut quarantined)?;
     let active = active(connection, &model_sets, &mut quarantined)?;
     let (sessions, next_session) = sessions(connection, &mut quarantined)?;
-    Ok((Restored { model_sets, active, sessions, next_session }, quarantined))
+    let (loads, next_load) = loads(connection, &mut quarantined)?;
+    Ok((Restored { model_sets, active, sessions, next_session, loads, next_load }, quarantined))
 }
 
 fn model_sets(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> rusqlite::Result<Vec<Arc<ModelSet>>> {
@@ -144,6 +147,32 @@ fn sessions(
         quarantined.push(Quarantined::new("the list of sessions", reason));
     }
     Ok((sessions, newest + 1))
+}
+
+fn loads(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> rusqlite::Result<(Vec<Arc<Load>>, u64)> {
+    let mut statement = connection.prepare("SELECT number, load, checksum FROM loads ORDER BY number")?;
+    let mut rows = statement.query([])?;
+    let (mut loads, mut found, mut newest) = (Vec::new(), 0, 0);
+    while let Some(row) = rows.next()? {
+        newest = row.get(0)?;
+        found += 1;
+        match load(row, newest) {
+            Ok(load) => loads.push(Arc::new(load)),
+            Err(reason) => quarantined.push(Quarantined::new(format!("load {newest}"), reason)),
+        }
+    }
+    if let Some(reason) = shortfall(connection, Stream::Loads, found)? {
+        quarantined.push(Quarantined::new("the list of known loads", reason));
+    }
+    Ok((loads, newest + 1))
+}
+
+fn load(row: &Row<'_>, number: u64) -> Result<Load, String> {
+    let (load, checksum): (String, Vec<u8>) = (row.get(1).map_err(text)?, row.get(2).map_err(text)?);
+    if checksum != rows::load_checksum(number, &load) {
+        return Err("its checksum is wrong".to_owned());
+    }
+    load_from_text(&load).map_err(|error| error.to_string())
 }
 
 fn session_view(row: &Row<'_>, number: i64) -> Result<SessionView, String> {

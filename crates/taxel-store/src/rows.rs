@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use taxel_engine::record::Sample;
+use taxel_engine::recording::Branch;
 use taxel_engine::rest::TaxelBaseline;
-use taxel_engine::session::{RefusalCounts, SampleRefusal, SessionState, SessionView};
+use taxel_engine::session::{Direction, RefusalCounts, SampleRefusal, SessionState, SessionView};
 
 /// Bytes of a row's checksum: enough against chance, small beside a sample of 230 counts.
 const CHECKSUM_BYTES: usize = 8;
@@ -52,6 +53,11 @@ pub(crate) fn activation_checksum(seq: u64, patch: &str, model_set: &str, wall_n
     checksum(&[&seq.to_le_bytes(), patch.as_bytes(), model_set.as_bytes(), &wall_ns.to_le_bytes()])
 }
 
+/// Checksum of a known load's row.
+pub(crate) fn load_checksum(number: u64, load: &str) -> Vec<u8> {
+    checksum(&[b"load", &number.to_le_bytes(), load.as_bytes()])
+}
+
 /// Checksum of the number of rows of a stream.
 pub(crate) fn tally_checksum(stream: &str, rows: u64) -> Vec<u8> {
     checksum(&[stream.as_bytes(), &rows.to_le_bytes()])
@@ -83,6 +89,11 @@ struct StoredView {
     changed_wall_ns: i64,
     confirmed_by: Option<String>,
     target_kpa: Option<f64>,
+    /// Absent in views of earlier versions, which knew the rising branch alone.
+    #[serde(default)]
+    both_branches: bool,
+    #[serde(default)]
+    falling: bool,
     ramps: u16,
     accepted: u64,
     refused: Vec<(String, u64)>,
@@ -102,6 +113,8 @@ pub(crate) fn view_to_text(view: &SessionView) -> Result<String, serde_json::Err
         changed_wall_ns: view.changed_wall_ns,
         confirmed_by: view.confirmed_by.clone(),
         target_kpa: view.target_kpa.is_finite().then_some(view.target_kpa),
+        both_branches: view.branches == Branch::Both,
+        falling: view.direction == Direction::Falling,
         ramps: view.ramps,
         accepted: view.accepted,
         refused: SampleRefusal::ALL.iter().map(|&why| (why.name().to_owned(), view.refused.get(why))).collect(),
@@ -131,6 +144,8 @@ pub(crate) fn view_from_text(text: &str) -> Result<SessionView, String> {
         changed_wall_ns: stored.changed_wall_ns,
         confirmed_by: stored.confirmed_by,
         target_kpa: stored.target_kpa.unwrap_or_default(),
+        branches: if stored.both_branches { Branch::Both } else { Branch::Rising },
+        direction: if stored.falling { Direction::Falling } else { Direction::Rising },
         ramps: stored.ramps,
         accepted: stored.accepted,
         refused,
@@ -149,7 +164,15 @@ mod tests {
 
     fn a_view() -> impl Strategy<Value = SessionView> {
         let words = (".*", ".*", proptest::option::of(".*"), proptest::option::of("m-[0-9a-f]{16}"));
-        let numbers = (any::<u64>(), any::<i64>(), any::<i64>(), 0.0..100.0_f64, any::<u16>(), any::<u64>());
+        let numbers = (
+            any::<u64>(),
+            any::<i64>(),
+            any::<i64>(),
+            0.0..100.0_f64,
+            any::<u16>(),
+            any::<u64>(),
+            any::<(bool, bool)>(),
+        );
         (words, numbers, 0..SessionState::ALL.len(), any::<[u64; SampleRefusal::ALL.len()]>(), any::<(u32, u32)>())
             .prop_map(|((patch, reason, confirmed_by, model_set), numbers, state, refused, responding)| SessionView {
                 number: numbers.0,
@@ -160,6 +183,8 @@ mod tests {
                 changed_wall_ns: numbers.2,
                 confirmed_by,
                 target_kpa: numbers.3,
+                branches: if numbers.6.0 { Branch::Both } else { Branch::Rising },
+                direction: if numbers.6.1 { Direction::Falling } else { Direction::Rising },
                 ramps: numbers.4,
                 accepted: numbers.5,
                 refused: RefusalCounts(refused),
@@ -192,6 +217,14 @@ mod tests {
     fn a_torn_baseline_is_refused() {
         assert!(baseline_from_blob(&[0; 15]).is_none());
         assert!(baseline_from_blob(&[0; 24]).is_none());
+    }
+
+    #[test]
+    fn a_view_of_an_earlier_version_is_of_the_rising_branch() {
+        let text = view_to_text(&SessionView::default()).unwrap();
+        let old = text.replace("\"both_branches\":false,\"falling\":false,", "");
+        assert_ne!(old, text);
+        assert_eq!(view_from_text(&old).unwrap(), SessionView::default());
     }
 
     #[test]

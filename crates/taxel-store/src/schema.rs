@@ -4,14 +4,16 @@
 /// `taxl`: marks the file as ours in its header.
 pub(crate) const APPLICATION_ID: i64 = 0x7461_786C;
 
-/// The version that this programme writes. A file with a higher one is refused.
-pub(crate) const VERSION: i64 = 1;
+/// The version that this programme writes. A file with a higher one is refused, one with a lower one is brought up.
+pub(crate) const VERSION: i64 = STEPS.len() as i64;
 
-/// Creates everything in an empty file.
+/// What makes each version from the one before, the first from an empty file. A step that was shipped never changes.
 ///
 /// `checksum` columns hold the first bytes of a SHA-256 over the row's content: SQLite itself notices a flipped bit
 /// only in its own structure. Numbers that may be NaN are blobs of little-endian f64, because SQLite stores NaN as NULL.
-pub(crate) const CREATE: &str = "
+pub(crate) const STEPS: [&str; 2] = [SESSIONS_AND_MODELS, KNOWN_LOADS];
+
+const SESSIONS_AND_MODELS: &str = "
 CREATE TABLE sessions (
     number   INTEGER PRIMARY KEY,
     view     TEXT NOT NULL,
@@ -95,4 +97,17 @@ CREATE TRIGGER tares_stay BEFORE DELETE ON tares
     BEGIN SELECT RAISE(ABORT, 'tares are append-only'); END;
 CREATE TRIGGER tares_keep BEFORE UPDATE ON tares
     BEGIN SELECT RAISE(ABORT, 'tares are append-only'); END;
+";
+
+const KNOWN_LOADS: &str = "
+CREATE TABLE loads (
+    number   INTEGER PRIMARY KEY,
+    load     TEXT NOT NULL,
+    checksum BLOB NOT NULL
+) STRICT;
+
+CREATE TRIGGER loads_stay BEFORE DELETE ON loads
+    BEGIN SELECT RAISE(ABORT, 'loads are append-only'); END;
+CREATE TRIGGER loads_keep BEFORE UPDATE ON loads
+    BEGIN SELECT RAISE(ABORT, 'loads are append-only'); END;
 ";

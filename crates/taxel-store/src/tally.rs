@@ -20,6 +20,7 @@ pub(crate) enum Stream {
     Samples(u64),
     ModelSets,
     Activations,
+    Loads,
 }
 
 impl fmt::Display for Stream {
@@ -30,6 +31,7 @@ impl fmt::Display for Stream {
             Self::Samples(session) => write!(f, "samples of session {session}"),
             Self::ModelSets => f.write_str("model sets"),
             Self::Activations => f.write_str("activations"),
+            Self::Loads => f.write_str("loads"),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `taxeld check`: what a configuration resolves to, and what it leaves out.
 
 use taxel_engine::route::Routes;
-use taxel_skin::BusIndex;
+use taxel_skin::{BusIndex, SquareMillimetre};
 
 use crate::config::{Config, Scene};
 
@@ -27,6 +27,7 @@ pub fn print(config: &Config, scene: &Scene) {
             plan.period.as_millis(),
             frames_per_s * 111e-4
         );
+        println!("  {}", areas(&plan.areas));
         let parts = [
             ("total normal force", true),
             ("resultant", plan.outputs.resultant),
@@ -34,6 +35,8 @@ pub fn print(config: &Config, scene: &Scene) {
             ("contacts", plan.outputs.contacts),
             ("fill of excluded taxels", plan.outputs.fill),
             ("calibration", plan.gauge.is_some()),
+            ("areas set right by known loads", plan.area_from_loads),
+            ("following of thermal drift", plan.drift.follow),
             ("board bring-up", !plan.bring_up.is_empty()),
         ];
         let computed: Vec<&str> = parts.iter().filter(|(_, on)| *on).map(|(name, _)| *name).collect();
@@ -47,4 +50,12 @@ pub fn print(config: &Config, scene: &Scene) {
         println!("remarks:");
         scene.remarks.iter().for_each(|line| println!("  {line}"));
     }
+}
+
+/// Sum and range of the areas of the taxels.
+fn areas(areas: &[SquareMillimetre]) -> String {
+    let total: f64 = areas.iter().map(|area| area.0).sum();
+    let (least, most) = areas.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), area| (a.min(area.0), b.max(area.0)));
+    let each = if least < most { format!("{least:.1} to {most:.1}") } else { format!("{most:.1}") };
+    format!("area: {each} mm2 a taxel, {:.1} cm2 in all", total * 1e-2)
 }

@@ -47,7 +47,7 @@ pub struct FitArgs {
     /// Which part of a recording is fitted.
     #[arg(long, value_enum, default_value_t = BranchArg::Both)]
     branch: BranchArg,
-    /// Compensation of hysteresis: `auto` is on if it wins on a branch that the fit did not see.
+    /// Compensation of hysteresis: `auto` is on if there is enough of it and it wins on a branch that no fit saw.
     #[arg(long, value_enum, default_value_t = PlaysArg::Auto)]
     plays: PlaysArg,
     /// Seconds over which counts are averaged, here and when the models are applied; 0 is not at all.
@@ -296,7 +296,8 @@ pub fn print_summary(set: &ModelSet) {
     }
     println!("  zero after the load has gone: {:.2} counts off (root mean square)", recorded.zero_return_counts);
     if recorded.lag_s != 0.0 {
-        println!("  lag of the gauge behind the counts: {:.3} s, taken out", recorded.lag_s);
+        let use_of_it = if set.session.is_some() { "not taken out: one clock pairs them" } else { "taken out" };
+        println!("  lag of the gauge behind the counts: {:.3} s, {use_of_it}", recorded.lag_s);
     }
 }
 

@@ -102,7 +102,8 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
 
 fn start_session(offline: &mut Offline, target: Option<f64>) -> anyhow::Result<()> {
     let target = target.map(Kilopascal);
-    let started = offline.command(Command::StartSession { patch: String::new(), target, confirmed_by: None });
+    let started =
+        offline.command(Command::StartSession { patch: String::new(), target, branches: None, confirmed_by: None });
     started.context("the engine did not answer")?.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
     Ok(())
 }

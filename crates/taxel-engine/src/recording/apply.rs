@@ -6,8 +6,8 @@ use taxel_model::{PlayState, Status};
 
 use crate::faults::FaultLimits;
 use crate::model_set::ModelSet;
-use crate::recording::fit::half_width;
-use crate::recording::{Masks, RecordingError, Scans, Tare, Zero, smooth};
+use crate::recording::smooth::half_width;
+use crate::recording::{Masks, RecordingError, Scans, Tare, Zero, modules, smooth};
 
 /// How far taxels move between days, root mean square in counts: what an unproven zero may be off by.
 const DAY_COUNTS: f64 = 3.0;
@@ -76,7 +76,8 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
     let module_size = recipe.module_size.or(set.recorded.as_ref().map(|r| r.module_size)).unwrap_or(10);
     // Anything but several 8-bit taxels is a table of numbers: nothing is known of its faults or its rest.
     let skin = scans.has_bytes() && recorded > 1;
-    let masks = if skin { Masks::find(scans, module_size, &recipe.faults) } else { Masks::missing(scans) };
+    let masks =
+        if skin { Masks::find(scans, &modules(recorded, module_size), &recipe.faults) } else { Masks::missing(scans) };
     let zero = Zero::find(recipe.tare, scans, &masks, set, module_size);
     let smooth_s = recipe.smooth_s.or(set.recorded.as_ref().map(|r| r.smooth_s)).unwrap_or(0.0);
     let mut applied = Applied {
@@ -130,7 +131,7 @@ impl Reader<'_> {
         let in_use = recorded.and_then(|r| r.taxels.get(taxel)).and_then(Option::as_ref);
         let plays = in_use.and_then(|taxel| taxel.plays.as_ref());
         let zero_counts = recorded.map_or(0.0, |r| r.zero_return_counts).hypot(if tared { 0.0 } else { DAY_COUNTS });
-        let in_use_sigma = in_use.map(|taxel| taxel.rmse_kpa.hypot(zero_counts / taxel.sensitivity));
+        let in_use_sigma = in_use.map(|taxel| taxel.sigma_kpa(zero_counts));
         let smoothed = smooth(counts, masked, self.half);
         let mut state = PlayState::default();
         let mut kpa = vec![f64::NAN; counts.len()];

@@ -1,9 +1,11 @@
 //! Which scans of which taxel must not be believed, over a whole recording.
 
+use std::ops::Range;
+
 use taxel_skin::Time;
 
 use crate::faults::{Fault, FaultDetector, FaultLimits};
-use crate::recording::{Scans, modules};
+use crate::recording::Scans;
 
 /// The faults of a recording. Unlike the live detector this one can go back: a fault counts from its onset.
 #[derive(Clone, Debug)]
@@ -16,19 +18,18 @@ pub struct Masks {
 }
 
 impl Masks {
-    /// Runs the live detector over the recording, modules of `module_size` neighbouring taxels.
+    /// Runs the live detector over the recording; each of `modules` is a range of taxels.
     #[must_use]
-    pub fn find(scans: &Scans<'_>, module_size: usize, limits: &FaultLimits) -> Self {
+    pub fn find(scans: &Scans<'_>, modules: &[Range<usize>], limits: &FaultLimits) -> Self {
         let taxels = scans.counts.len();
-        let modules = modules(taxels, module_size);
-        let mut detector = FaultDetector::new(taxels, &modules, &[], *limits);
+        let mut detector = FaultDetector::new(taxels, modules, &[], *limits);
         let mut masks = Self {
             masked: vec![vec![false; scans.len()]; taxels],
             scans_of: vec![Default::default(); taxels],
             missing: vec![0; taxels],
         };
         let mut onset: Vec<Option<Time>> = vec![None; taxels];
-        let mut row = Vec::with_capacity(module_size);
+        let mut row = Vec::new();
         let times: Vec<Time> = scans.time_s.iter().map(|&t| Time::from_seconds(t)).collect();
         for (i, &now) in times.iter().enumerate() {
             for (m, range) in modules.iter().enumerate() {

@@ -9,15 +9,17 @@
 //! 80 %; plays halve the error on a branch that was not fitted; the order of the polynomial changes 2 %.
 
 mod apply;
+pub(crate) mod course;
 mod fit;
 mod hysteresis;
 mod judge;
-mod lag;
+pub(crate) mod lag;
 mod masks;
+pub(crate) mod skin_fit;
 mod smooth;
 #[cfg(test)]
 mod tests;
-mod zero;
+pub(crate) mod zero;
 
 pub use apply::{Applied, ApplyRecipe, Unread, apply};
 pub use fit::{Branch, FitRecipe, PlaysChoice, RecordingError, fit};
@@ -105,6 +107,6 @@ fn mean(values: impl Iterator<Item = f64>) -> (f64, usize) {
     (sum / n as f64, n)
 }
 
-fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
     mean(values.map(|v| v * v)).0.sqrt()
 }

@@ -1,5 +1,7 @@
 //! Filters that look both ways.
 
+use crate::recording::Scans;
+
 /// Running median over `width` (odd) values about each one, fewer at the ends; NaN stays NaN and is not counted.
 ///
 /// For the gauge: it takes out single readings that are off and leaves a ramp where it is, in time and height.
@@ -48,4 +50,10 @@ pub fn smooth(values: &[f64], masked: &[bool], half: usize) -> Vec<f64> {
             if n > 0 { sum / n as f64 } else { f64::NAN }
         })
         .collect()
+}
+
+/// Scans on each side of a centred mean over `seconds`.
+pub(super) fn half_width(scans: &Scans<'_>, seconds: f64) -> usize {
+    let half = 0.5 * seconds / scans.period_s();
+    if half.is_finite() && half > 0.0 { half as usize } else { 0 }
 }

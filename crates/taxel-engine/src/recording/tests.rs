@@ -88,7 +88,7 @@ fn fitted(skin: &Skin, recipe: &FitRecipe) -> crate::model_set::ModelSet {
 }
 
 fn find(skin: &Skin) -> Masks {
-    Masks::find(&skin.scans(), 10, &FaultLimits::default())
+    Masks::find(&skin.scans(), &modules(TAXELS, 10), &FaultLimits::default())
 }
 
 /// First and last masked time of a taxel, seconds.
@@ -319,11 +319,11 @@ proptest! {
         counts in proptest::collection::vec(proptest::collection::vec(
             prop_oneof![6 => (0_u8..=255).prop_map(f64::from), 1 => Just(f64::NAN), 2 => Just(240.0)], 300), 1..4),
         kpa in proptest::collection::vec(prop_oneof![9 => 0.0..300.0_f64, 1 => Just(f64::NAN)], 300),
-        backwards: bool,
+        backwards: bool, lagged in proptest::bool::weighted(0.1),
     ) {
         let time_s: Vec<f64> = (0..300).map(|i| f64::from(if backwards { 300 - i } else { i }) * 0.02).collect();
         let scans = Scans { time_s: &time_s, pressure_kpa: Some(&kpa), counts: counts.iter().map(Vec::as_slice).collect() };
-        let set = fit(&scans, &FitRecipe { max_lag_s: 0.1, ..FitRecipe::default() }, &mut |_, _| {}).unwrap();
+        let set = fit(&scans, &FitRecipe { max_lag_s: if lagged { 0.1 } else { 0.0 }, ..FitRecipe::default() }, &mut |_, _| {}).unwrap();
         let applied = apply(&scans, &set, &ApplyRecipe { sigma: true, ..ApplyRecipe::default() }).unwrap();
         prop_assert!(applied.pressure_kpa.iter().flatten().all(|p| p.is_nan() || p.is_finite()));
         for taxel in set.recorded.unwrap().taxels.iter().flatten() {

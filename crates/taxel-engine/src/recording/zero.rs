@@ -45,7 +45,7 @@ pub(super) fn baseline(counts: &[f64], masked: &[bool], rest: &[bool]) -> TaxelB
 }
 
 /// How far `taxels` end from their baseline, root mean square in counts.
-pub(super) fn zero_return(
+pub(crate) fn zero_return(
     scans: &Scans<'_>,
     masks: &Masks,
     kpa: &[f64],

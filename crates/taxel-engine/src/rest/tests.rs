@@ -5,16 +5,16 @@ const TAXELS: usize = 150;
 const SCANS: usize = 100;
 
 /// A small linear congruential generator: tests need repeatable noise, not good noise.
-struct Noise(u64);
+pub(crate) struct Noise(pub(crate) u64);
 
 impl Noise {
-    fn uniform(&mut self) -> f64 {
+    pub(crate) fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// About normal, standard deviation 1.
-    fn normal(&mut self) -> f64 {
+    pub(crate) fn normal(&mut self) -> f64 {
         (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
     }
 }
@@ -138,6 +138,61 @@ fn a_load_too_light_to_refuse_shows_when_it_goes() {
     assert!((free.median - 1.8).abs() < 0.3, "{free}");
     let local = window(&mut noise, |t, _| zero[t] - if (20..30).contains(&t) { -1.0 } else { 1.8 });
     assert_eq!(lift(&taken.baseline(), &local, &falling(), &limits).and_then(|l| l.module), Some(2));
+}
+
+/// Four scans of which taxel `t` reads `level(t, scan)`.
+fn first_window(noise: &mut Noise, level: impl Fn(usize, usize) -> f64) -> RestStatistics {
+    let modules = (0..TAXELS / 10).map(|m| 10 * m..10 * m + 10);
+    let mut statistics = RestStatistics::new(TAXELS).in_modules(modules);
+    for scan in 0..4 {
+        statistics.push((0..TAXELS).map(|t| Some((level(t, scan) + 1.1 * noise.normal()).round())));
+    }
+    statistics
+}
+
+/// How many of 500 starts a test calls rest, the first look and the full window.
+fn called_rest(load: impl Fn(usize, f64) -> f64) -> [u32; 2] {
+    let mut called = [0; 2];
+    for seed in 0..500 {
+        let mut noise = Noise(seed);
+        let common = [0.9, -0.7, -2.3, 0.0][seed as usize % 4];
+        let zero = another_day(&mut noise, common);
+        let first = first_window(&mut noise, |t, scan| zero[t] - load(t, scan as f64 * 0.05));
+        let first = judge_first(&first, &reference(), &falling(), &RestLimits::default(), 20.0);
+        // The full window is a second at 20 Hz.
+        let mut full = RestStatistics::new(TAXELS).in_modules((0..TAXELS / 10).map(|m| 10 * m..10 * m + 10));
+        for scan in 0..20 {
+            let s = f64::from(scan) * 0.05;
+            full.push((0..TAXELS).map(|t| Some((zero[t] - load(t, s) + 1.1 * noise.normal()).round())));
+        }
+        for (called, verdict) in called.iter_mut().zip([first, say(&full)]) {
+            *called += u32::from(matches!(verdict, RestVerdict::Rest { .. }));
+        }
+    }
+    called
+}
+
+#[test]
+fn error_rates_of_the_first_look() {
+    let one_module = |t: usize, counts: f64| if t / 10 == 3 { counts } else { 0.0 };
+    let rates = [
+        ("at rest", called_rest(|_, _| 0.0)),
+        ("3 counts everywhere", called_rest(|_, _| 3.0)),
+        ("4 counts everywhere", called_rest(|_, _| 4.0)),
+        ("5 counts everywhere", called_rest(|_, _| 5.0)),
+        ("5 counts on a module", called_rest(|t, _| one_module(t, 5.0))),
+        ("7 counts on a module", called_rest(|t, _| one_module(t, 7.0))),
+        ("9 counts on a module", called_rest(|t, _| one_module(t, 9.0))),
+        ("ramp of 1 count/s", called_rest(|_, s| s)),
+        ("ramp of 3 counts/s", called_rest(|_, s| 3.0 * s)),
+        ("ramp of 8 counts/s", called_rest(|_, s| 8.0 * s)),
+    ];
+    assert!(rates[0].1[0] > 485 && rates[9].1[0] < 50, "{rates:?}");
+    for (what, [first, full]) in rates {
+        let allowed = if what.starts_with("ramp") { 500 } else { full + 10 };
+        assert!(first <= allowed, "{what}: {first} against {full}");
+        eprintln!("{what}: of 500 the first look calls {first} rest, the full window {full}");
+    }
 }
 
 proptest! {

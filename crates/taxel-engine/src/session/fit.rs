@@ -1,10 +1,24 @@
-//! The fit over a session's samples: run outside the engine, because it takes milliseconds.
+//! The fit over a session's samples: run outside the engine, because it takes a tenth of a second to seconds.
+//!
+//! Everything comes from the samples, faults too, so that a session gives the same models before and after a restart.
 
+use std::ops::Range;
 use std::sync::Arc;
-use taxel_model::{Accumulator, Estimator, FitOptions, FixedPressure, Order, Samples, TaxelModel, fit};
+use taxel_model::{Estimator, FitOptions, Order};
 
-use crate::model_set::ModelSet;
+use crate::model_set::{ModelSet, Recorded};
+use crate::recording::course::{Course, session_clock};
+use crate::recording::skin_fit::{FittedSkin, SkinFit};
+use crate::recording::{Branch, FitRecipe, Masks, Scans, lag, root_mean_square, zero};
+use crate::rest::TaxelBaseline;
 use crate::session::SessionSamples;
+
+/// How far a lag between gauge and counts is looked for, seconds: far beyond what two clocks on one bus make.
+const LAG_MAX_S: f64 = 0.5;
+
+/// Between two ramps a zero that moved by more than this, root mean square in counts, did not return: the boards took a
+/// new one. Days move it by 3.
+const RETURN_MAX_COUNTS: f64 = 3.0;
 
 /// A fit to be run outside the engine.
 #[derive(Clone, Debug)]
@@ -19,8 +33,10 @@ pub struct FitJob {
     pub board_settings: Vec<String>,
     /// All that was gathered.
     pub samples: Arc<SessionSamples>,
+    /// Which taxels form each module.
+    pub modules: Vec<Range<usize>>,
     /// How to fit.
-    pub options: FitOptions,
+    pub recipe: FitRecipe,
 }
 
 /// What a fit came to.
@@ -48,57 +64,95 @@ impl FitJob {
         let (Some(first), Some(ramp)) = (samples.first(), self.samples.ramps.first()) else {
             return Err("no sample was gathered: the pressure never rose while every module was heard".to_owned());
         };
-        let pressures: Vec<Option<FixedPressure>> =
-            samples.iter().map(|sample| FixedPressure::from_kpa(sample.pressure_kpa)).collect();
-        let taxels: Vec<TaxelModel> = (0..first.counts.len()).map(|t| self.fit_taxel(t, &pressures)).collect();
-        if taxels.iter().all(|model| !model.is_usable()) {
-            let why = taxels.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
-            return Err(format!(
-                "none of the {} taxels gives a usable model from {} samples{why}",
-                taxels.len(),
-                samples.len()
-            ));
+        let taxels = first.counts.len();
+        let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
+        let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
+        let masks = Masks::find(&scans(&time_s, &columns), &self.modules, &self.recipe.faults);
+        columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
+        let scans = scans(&time_s, &columns);
+        let kpa: Vec<f64> = samples.iter().map(|sample| sample.pressure_kpa).collect();
+        let course = Course::of_session(samples, self.recipe.branch);
+        let fit = SkinFit { scans: &scans, masks, kpa, course, recipe: &self.recipe };
+        let fitted = fit.run(&mut |_, _| {});
+        if fitted.usable().is_empty() {
+            let why = fitted.models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
+            let samples = samples.len();
+            return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
+        let (gauge, branch) = (self.recipe.options.gauge, self.recipe.branch);
         Ok(ModelSet {
             id: String::new(),
             patch: self.patch.clone(),
             created_wall_ns: self.wall_ns,
             session: Some(self.session),
-            method: method(&self.options),
+            method: self.method(fitted.plays_on),
             board_settings: self.board_settings.clone(),
             baseline: ramp.taxels.clone(),
-            pressure_max_kpa: samples.iter().map(|s| s.pressure_kpa).fold(f64::NEG_INFINITY, f64::max),
-            gauge_gain_rel: self.options.gauge.gain_rel,
-            gauge_offset_kpa: self.options.gauge.offset_kpa,
-            taxels,
-            recorded: None,
+            pressure_max_kpa: fit.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            gauge_gain_rel: gauge.gain_rel,
+            gauge_offset_kpa: gauge.offset_kpa,
+            recorded: (branch == Branch::Both).then(|| self.recorded(&fit, &fitted, &ramp.taxels)),
+            taxels: fitted.models,
         })
     }
 
-    fn fit_taxel(&self, taxel: usize, pressures: &[Option<FixedPressure>]) -> TaxelModel {
-        let samples = &self.samples.samples;
-        if self.samples.ramps.len() <= 1 {
-            // One zero for all samples: the counts are integers, and so are all sums.
-            let mut sums = Accumulator::new();
-            let counts = samples.iter().map(|sample| sample.counts.get(taxel).copied().unwrap_or(0));
-            sums.extend(counts.zip(pressures.iter().copied()), 0);
-            return sums.fit(&self.options);
+    /// What both branches tell of the skin in use.
+    fn recorded(&self, fit: &SkinFit<'_>, fitted: &FittedSkin, rest: &[TaxelBaseline]) -> Recorded {
+        let usable = fitted.usable();
+        let at_the_end = || zero::zero_return(fit.scans, &fit.masks, &fit.kpa, rest, &usable);
+        Recorded {
+            smooth_s: self.recipe.smooth_s,
+            module_size: self.recipe.module_size,
+            lag_s: lag::estimate(fit.scans, &fit.kpa, &fit.masks, fit.course.stretches(), LAG_MAX_S),
+            zero_return_counts: self.zero_between_ramps(&usable).unwrap_or_else(at_the_end),
+            plays_error_ratio: fitted.plays_error_ratio,
+            taxels: fitted.in_use.clone(),
         }
-        // Each ramp has its own zero: counts are brought to that of the first.
+    }
+
+    /// How far the `taxels` rest from where they rested a ramp before, root mean square in counts over all ramps.
+    fn zero_between_ramps(&self, taxels: &[usize]) -> Option<f64> {
+        let pairs = self.samples.ramps.windows(2).filter_map(|pair| {
+            let moved = taxels.iter().filter_map(|&t| Some(pair[1].taxels.get(t)?.mean - pair[0].taxels.get(t)?.mean));
+            Some(root_mean_square(moved)).filter(|moved| *moved <= RETURN_MAX_COUNTS)
+        });
+        Some(root_mean_square(pairs)).filter(|moved| moved.is_finite())
+    }
+
+    /// One taxel's raw counts; NaN where a sample has none.
+    fn column(&self, taxel: usize) -> Vec<f64> {
+        self.samples.samples.iter().map(|s| s.counts.get(taxel).map_or(f64::NAN, |c| f64::from(*c))).collect()
+    }
+
+    /// Each ramp has its own zero: counts are brought to that of the first.
+    fn shift_to_first_zero(&self, taxel: usize, column: &mut [f64]) {
+        let rest = |ramp: &crate::session::RampBaseline| ramp.taxels.get(taxel).map_or(f64::NAN, |t| t.mean);
+        let Some(first) = self.samples.ramps.first().map(rest) else { return };
         let shift = |ramp: u16| {
-            let zero = |r: &crate::session::RampBaseline| r.taxels.get(taxel).map_or(0.0, |t| t.mean);
-            let first = self.samples.ramps.first().map_or(0.0, zero);
-            let own = self.samples.ramps.iter().find(|r| r.ramp == ramp).map_or(first, zero);
+            let own = self.samples.ramps.iter().find(|r| r.ramp == ramp).map_or(first, rest);
             if (first - own).is_finite() { first - own } else { 0.0 }
         };
-        let shifts: Vec<f64> = (0..=samples.last().map_or(0, |s| s.ramp)).map(shift).collect();
-        let count =
-            |s: &crate::record::Sample| f64::from(s.counts.get(taxel).copied().unwrap_or(0)) + shifts[s.ramp as usize];
-        let counts: Vec<f64> = samples.iter().map(count).collect();
-        let kpa: Vec<f64> = samples.iter().map(|s| s.pressure_kpa).collect();
-        let ramps: Vec<u16> = samples.iter().map(|s| s.ramp).collect();
-        fit(&Samples { ramp: Some(&ramps), ..Samples::new(&counts, &kpa) }, &self.options)
+        let mut known = (0, shift(0));
+        for (count, sample) in column.iter_mut().zip(&self.samples.samples) {
+            if sample.ramp != known.0 {
+                known = (sample.ramp, shift(sample.ramp));
+            }
+            *count += known.1;
+        }
     }
+
+    fn method(&self, plays_on: bool) -> String {
+        let branches = match self.recipe.branch {
+            Branch::Rising => "",
+            Branch::Both => ", rising and falling",
+        };
+        let plays = if plays_on { ", two plays about order 3 in use" } else { "" };
+        format!("{}{branches}{plays}", method(&self.recipe.options))
+    }
+}
+
+fn scans<'a>(time_s: &'a [f64], columns: &'a [Vec<f64>]) -> Scans<'a> {
+    Scans { time_s, pressure_kpa: None, counts: columns.iter().map(Vec::as_slice).collect() }
 }
 
 /// How a set was fitted, in words.

@@ -7,6 +7,7 @@ mod samples;
 mod view;
 
 pub use fit::{FitJob, FitOutcome, method};
+pub use ramp::Direction;
 pub use run::{Pending, Progress, SessionRun};
 pub use samples::{RampBaseline, SessionSamples};
 pub use view::{RefusalCounts, SampleRefusal, SessionState, SessionView};

@@ -8,9 +8,10 @@ use crate::gauge::GaugeHistory;
 use crate::io::Now;
 use crate::plan::SessionLimits;
 use crate::record::{Record, Sample};
+use crate::recording::Branch;
 use crate::rest::TaxelBaseline;
 use crate::session::ramp::{Gate, Ramp};
-use crate::session::{RampBaseline, SampleRefusal, SessionSamples, SessionState, SessionView};
+use crate::session::{Direction, RampBaseline, SampleRefusal, SessionSamples, SessionState, SessionView};
 
 /// Scans that wait for the gauge: at the longest gauge timeout of 1 s and the shortest period of 10 ms there are 100.
 const PENDING_MAX: usize = 128;
@@ -29,7 +30,9 @@ pub struct Pending {
 pub enum Progress {
     /// It goes on.
     On,
-    /// The ramp reached its target, or the session is full.
+    /// The rise has ended and the falling branch begins.
+    Turned,
+    /// The ramp reached its end, or the session is full; the view says why if it ended early.
     RampEnded,
     /// It can not succeed; the view has the reason.
     Failed,
@@ -59,7 +62,7 @@ impl SessionRun {
         let mut run = Self {
             covered: vec![false; view.target_kpa.ceil().max(1.0) as usize],
             extremes: vec![(u8::MAX, u8::MIN); taxels],
-            ramp: Ramp::new(now.time),
+            ramp: Ramp::new(now.time, view.direction),
             view,
             limits,
             samples: Arc::default(),
@@ -128,12 +131,28 @@ impl SessionRun {
     pub fn begin_ramp(&mut self, now: Now, baseline: Vec<TaxelBaseline>) -> Record {
         let ramp = self.view.ramps;
         self.view.ramps += 1;
-        self.ramp = Ramp::new(now.time);
-        self.stale_since_progress = 0;
+        self.begin_branch(now.time, Direction::Rising);
         let samples = Arc::make_mut(&mut self.samples);
         samples.ramps.push(RampBaseline { ramp, taxels: baseline.clone() });
         self.enter(now, SessionState::Ramping, "");
         Record::Ramp { session: self.view.number, ramp, baseline }
+    }
+
+    /// Ends the rise: the falling branch begins. False if the session gathers none, or it has begun.
+    pub fn turn(&mut self, now: Time) -> bool {
+        let turns = self.view.state == SessionState::Ramping
+            && self.view.branches == Branch::Both
+            && self.view.direction == Direction::Rising;
+        if turns {
+            self.begin_branch(now, Direction::Falling);
+        }
+        turns
+    }
+
+    fn begin_branch(&mut self, now: Time, direction: Direction) {
+        self.ramp = Ramp::new(now, direction);
+        self.view.direction = direction;
+        self.stale_since_progress = 0;
     }
 
     /// Takes one scan; `None` if some module was silent.
@@ -171,15 +190,24 @@ impl SessionRun {
                         return Progress::RampEnded;
                     }
                     records.push(self.accept(scan, pressure));
-                    if pressure >= self.limits.target {
-                        return Progress::RampEnded;
-                    }
                 }
                 Gate::Refuse(reason) => self.view.refused.add(reason),
                 Gate::Wait => {}
             }
+            if self.is_over(time, gate, gauge) {
+                return if self.turn(time) { Progress::Turned } else { Progress::RampEnded };
+            }
         }
-        self.fail_if_hopeless(now, gauge)
+        self.give_up_if_hopeless(now, gauge)
+    }
+
+    /// Whether the branch has reached its end with the scan at `time`. A fall has also where no sample entered any
+    /// more: the bag was vented.
+    fn is_over(&self, time: Time, gate: Gate, gauge: &GaugeHistory) -> bool {
+        match self.ramp.direction() {
+            Direction::Rising => matches!(gate, Gate::Accept(pressure) if pressure >= self.limits.target),
+            Direction::Falling => gauge.trend(time).is_some_and(|trend| trend.level_kpa <= self.limits.fall_end.0),
+        }
     }
 
     fn accept(&mut self, scan: Pending, pressure: Kilopascal) -> Record {
@@ -211,13 +239,27 @@ impl SessionRun {
         }
     }
 
-    fn fail_if_hopeless(&mut self, now: Time, gauge: &GaugeHistory) -> Progress {
-        let patience = self.limits.patience;
-        if now.since(self.ramp.progress()) <= patience {
+    /// Ends the ramp that nothing enters any more. A rise has failed; a fall leaves a whole rise to be fitted.
+    fn give_up_if_hopeless(&mut self, now: Time, gauge: &GaugeHistory) -> Progress {
+        if now.since(self.ramp.progress()) <= self.limits.patience {
             return Progress::On;
         }
-        let seconds = patience.as_secs();
-        self.view.reason = match gauge.newest() {
+        let why = self.why_nothing_enters(now, gauge);
+        match self.ramp.direction() {
+            Direction::Rising => {
+                self.view.reason = why;
+                Progress::Failed
+            }
+            Direction::Falling => {
+                self.view.reason = format!("the falling branch ended early: {why}");
+                Progress::RampEnded
+            }
+        }
+    }
+
+    fn why_nothing_enters(&self, now: Time, gauge: &GaugeHistory) -> String {
+        let seconds = self.limits.patience.as_secs();
+        match gauge.newest() {
             None => format!("no pressure frame came in {seconds} s: is the gauge on, and is its CAN identifier right?"),
             Some((time, _)) if now.since(time) > self.limits.gauge_timeout => {
                 format!("the last pressure frame came {:.1} s ago", now.since(time).as_secs_f64())
@@ -225,12 +267,14 @@ impl SessionRun {
             Some(_) if self.stale_since_progress > 0 => {
                 format!("{} scans in {seconds} s had silent modules; the health names them", self.stale_since_progress)
             }
-            Some((_, Kilopascal(kpa))) => format!(
-                "the pressure did not rise for {seconds} s: it is {kpa:.1} kPa, the target is {:.1} kPa",
-                self.limits.target.0
-            ),
-        };
-        Progress::Failed
+            Some((_, Kilopascal(kpa))) => {
+                let (way, end) = match self.ramp.direction() {
+                    Direction::Rising => ("rise", format!("the target is {:.1} kPa", self.limits.target.0)),
+                    Direction::Falling => ("fall", format!("the branch ends at {:.1} kPa", self.limits.fall_end.0)),
+                };
+                format!("the pressure did not {way} for {seconds} s: it is {kpa:.1} kPa, {end}")
+            }
+        }
     }
 
     /// Brings pressure, rate, coverage and the time left up to date.
@@ -240,8 +284,16 @@ impl SessionRun {
         self.view.rate_kpa_per_s = fresh.and_then(|(time, _)| gauge.trend(time)).map(|trend| trend.rate_kpa_per_s);
         self.view.coverage = self.covered.iter().filter(|c| **c).count() as f64 / self.covered.len() as f64;
         self.count_responding();
-        let left = self.view.pressure_kpa.map(|kpa| (self.limits.target.0 - kpa).max(0.0));
-        let rate = self.view.rate_kpa_per_s.filter(|&rate| rate > 0.02);
+        let (left, rate) = match self.ramp.direction() {
+            Direction::Rising => {
+                (self.view.pressure_kpa.map(|kpa| self.limits.target.0 - kpa), self.view.rate_kpa_per_s)
+            }
+            Direction::Falling => {
+                let falls = self.view.rate_kpa_per_s.map(|rate| -rate);
+                (self.view.pressure_kpa.map(|kpa| kpa - self.limits.fall_end.0), falls)
+            }
+        };
+        let (left, rate) = (left.map(|left| left.max(0.0)), rate.filter(|&rate| rate > 0.02));
         let ramping = self.view.state == SessionState::Ramping;
         self.view.remaining_s = left.zip(rate).filter(|_| ramping).map(|(left, rate)| left / rate);
     }

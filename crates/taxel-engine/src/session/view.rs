@@ -2,13 +2,16 @@
 
 use std::sync::Arc;
 
+use crate::recording::Branch;
+use crate::session::Direction;
+
 /// Where a session stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SessionState {
     /// Watches the skin at rest before a ramp.
     #[default]
     Taring,
-    /// Gathers samples while the pressure rises.
+    /// Gathers samples while the pressure rises and, over both branches, while it falls again.
     Ramping,
     /// Models are being computed.
     Fitting,
@@ -72,9 +75,9 @@ impl SessionState {
 /// Why a scan did not enter the session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum SampleRefusal {
-    /// The pressure was not above what had been reached.
+    /// On the rising branch the pressure was not above what had been reached.
     NotRising,
-    /// The pressure rose faster than the limit.
+    /// The pressure rose or fell faster than the limit.
     TooFast,
     /// No pressure frame near the scan's time.
     NoPressure,
@@ -84,12 +87,21 @@ pub enum SampleRefusal {
     Full,
     /// The gauge read far from what it read within the last second.
     GaugeSpike,
+    /// On the falling branch the pressure was not below what had been reached.
+    NotFalling,
 }
 
 impl SampleRefusal {
     /// Every reason, in the order of [`RefusalCounts`].
-    pub const ALL: [Self; 6] =
-        [Self::NotRising, Self::TooFast, Self::NoPressure, Self::StaleModule, Self::Full, Self::GaugeSpike];
+    pub const ALL: [Self; 7] = [
+        Self::NotRising,
+        Self::TooFast,
+        Self::NoPressure,
+        Self::StaleModule,
+        Self::Full,
+        Self::GaugeSpike,
+        Self::NotFalling,
+    ];
 
     /// The word for it.
     #[must_use]
@@ -101,6 +113,7 @@ impl SampleRefusal {
             Self::StaleModule => "stale_module",
             Self::Full => "full",
             Self::GaugeSpike => "gauge_spike",
+            Self::NotFalling => "not_falling",
         }
     }
 }
@@ -131,7 +144,7 @@ pub struct SessionView {
     pub patch: String,
     /// Where it stands.
     pub state: SessionState,
-    /// Why it failed, was interrupted, or waits.
+    /// Why it failed, was interrupted, waits, or ended its ramp before the end of the fall.
     pub reason: String,
     /// When it began, nanoseconds since 1970.
     pub started_wall_ns: i64,
@@ -139,8 +152,12 @@ pub struct SessionView {
     pub changed_wall_ns: i64,
     /// Who confirmed that the skin was unloaded, if someone did.
     pub confirmed_by: Option<String>,
-    /// Where a ramp ends by itself, in kPa.
+    /// Where the rise of a ramp ends by itself, in kPa.
     pub target_kpa: f64,
+    /// Which branches of the pressure it gathers and fits.
+    pub branches: Branch,
+    /// Which branch of its ramp it is at.
+    pub direction: Direction,
     /// Ramps begun.
     pub ramps: u16,
     /// Scans that entered.
@@ -157,7 +174,7 @@ pub struct SessionView {
     pub coverage: f64,
     /// Taxels that responded so far, and all taxels.
     pub responding: (u32, u32),
-    /// Time to the target at the present rate, in seconds.
+    /// Time to the end of the branch at the present rate, in seconds.
     pub remaining_s: Option<f64>,
     /// The model set it produced.
     pub model_set: Option<Arc<str>>,

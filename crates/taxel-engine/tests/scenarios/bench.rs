@@ -6,6 +6,7 @@ use std::time::Duration;
 use taxel_engine::Restored;
 use taxel_engine::command::{Command, Done, Rejection, Reply};
 use taxel_engine::plan::Plan;
+use taxel_engine::recording::Branch;
 use taxel_engine::session::{SessionState, SessionView};
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Fault, Mass, PumpCommand, World};
@@ -108,10 +109,18 @@ impl Bench {
         });
     }
 
-    /// Starts a session and waits for its ramp.
+    /// Starts a session over the rising branch and waits for its ramp.
     pub fn start_session(&mut self, target_kpa: Option<f64>) -> u64 {
-        let command =
-            Command::StartSession { patch: String::new(), target: target_kpa.map(Kilopascal), confirmed_by: None };
+        self.start_session_over(Branch::Rising, target_kpa)
+    }
+
+    pub fn start_session_over(&mut self, branches: Branch, target_kpa: Option<f64>) -> u64 {
+        let command = Command::StartSession {
+            patch: String::new(),
+            target: target_kpa.map(Kilopascal),
+            branches: Some(branches),
+            confirmed_by: None,
+        };
         let number = session_of(self.ask(command)).number;
         self.until_state(10.0, SessionState::Ramping);
         number
@@ -132,7 +141,12 @@ impl Bench {
     /// Asks for a session and for a tare, whatever the answers.
     pub fn meddle(&mut self) {
         let patch = String::new;
-        self.host.command(Command::StartSession { patch: patch(), target: None, confirmed_by: Some("Ada".to_owned()) });
+        self.host.command(Command::StartSession {
+            patch: patch(),
+            target: None,
+            branches: None,
+            confirmed_by: Some("Ada".to_owned()),
+        });
         self.host.command(Command::Tare { patch: patch(), confirmed_by: Some("Ada".to_owned()) });
     }
 

@@ -120,6 +120,11 @@ impl Host {
         self.step(Input::Durable { session, samples });
     }
 
+    /// Whether the reply is there.
+    pub fn replied(&self, request: RequestId) -> bool {
+        self.replies.contains_key(&request)
+    }
+
     /// The reply, once it is there.
     pub fn reply(&mut self, request: RequestId) -> Option<Reply> {
         self.replies.remove(&request)

@@ -10,12 +10,16 @@ mod rig;
 mod shared;
 mod watch;
 
+mod branches;
 mod bring_up;
 mod calibrate;
 mod determinism;
+mod drift;
 mod frames;
 mod house;
+mod hysteresis;
 mod ramps;
 mod sessions;
 mod silence;
+mod validation;
 mod zero;

@@ -3,11 +3,14 @@
 use std::time::Duration;
 
 use taxel_engine::command::{Command, Rejection};
+use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_engine::session::{SampleRefusal, SessionState};
 use taxel_engine::{Engine, Restored};
+use taxel_model::{Status, TaxelModel};
 use taxel_sim::{Fault, PumpCommand};
+use taxel_skin::TaxelIndex;
 
 use crate::bench::{Bench, session_of};
 use crate::rig::{board, module, patch_plan, plan, small_world};
@@ -274,7 +277,8 @@ fn no_session_begins_in_a_bag_under_vacuum() {
     let mut bench = fresh(|_| {});
     bench.ramp(20.0, 10.0);
     bench.seconds(4.0);
-    let why = bench.refused(Command::StartSession { patch: String::new(), target: None, confirmed_by: None });
+    let why =
+        bench.refused(Command::StartSession { patch: String::new(), target: None, branches: None, confirmed_by: None });
     assert!(why.contains("the bag is at 20.") && why.contains("vent it below 10.0 kPa first"), "{why}");
 }
 
@@ -283,7 +287,12 @@ fn a_session_waits_for_rest_and_fails_when_it_never_comes() {
     let mut bench = fresh(|plan| plan.session.patience = Duration::from_secs(6));
     bench.inject(Fault::ModuleSilent(board(13), module(3)));
     bench.seconds(0.5);
-    session_of(bench.ask(Command::StartSession { patch: String::new(), target: None, confirmed_by: None }));
+    session_of(bench.ask(Command::StartSession {
+        patch: String::new(),
+        target: None,
+        branches: None,
+        confirmed_by: None,
+    }));
     bench.until(4.0, "a word why", |host| host.session().reason.contains("board 13 module 3"));
     assert_eq!(bench.host.session().state, SessionState::Taring);
     bench.until_state(12.0, SessionState::Failed);
@@ -296,7 +305,7 @@ fn a_store_that_fails_ends_the_session_and_takes_no_new_one() {
     bench.host.store_failed("the disk is full");
     let session = bench.host.session();
     assert_eq!((session.state, session.reason.as_str()), (SessionState::Failed, "the store failed: the disk is full"));
-    let start = Command::StartSession { patch: String::new(), target: None, confirmed_by: None };
+    let start = Command::StartSession { patch: String::new(), target: None, branches: None, confirmed_by: None };
     for command in [start, Command::StartRamp { session: number }, Command::FinishRamp { session: number }] {
         assert!(matches!(bench.ask(command), Err(Rejection::Unavailable(why)) if why.contains("the disk is full")));
     }
@@ -312,4 +321,66 @@ fn the_engine_can_move_to_its_task_and_snapshots_can_be_shared() {
     may_move::<Engine>();
     may_be_shared::<taxel_engine::snapshot::PatchSnapshot>();
     may_be_shared::<taxel_engine::session::SessionView>();
+}
+
+/// The median over its calibrated counts of how far two models of one taxel lie apart, kPa.
+fn apart_kpa(a: &TaxelModel, b: &TaxelModel) -> f64 {
+    let [low, high] = a.range.unwrap();
+    let mut apart: Vec<f64> = (low as u32..=high as u32)
+        .map(|count| (a.evaluate(count.into()).unwrap().kpa - b.evaluate(count.into()).unwrap().kpa).abs())
+        .collect();
+    apart.sort_by(f64::total_cmp);
+    apart[apart.len() / 2]
+}
+
+/// What a taxel says while it is broken does not enter its curve; broken for too long it is left out by name.
+#[test]
+fn a_fault_during_a_ramp_does_not_spoil_the_fit() {
+    let calibrated = |fault_s: f64| {
+        let mut bench = fresh(|_| {});
+        let session = bench.start_session(None);
+        bench.ramp(74.0, 2.0);
+        bench.seconds(10.0);
+        for taxel in [5, 37] {
+            bench.inject(Fault::TaxelFrozen(TaxelIndex(taxel)));
+        }
+        bench.seconds(fault_s);
+        for taxel in [5, 37] {
+            bench.repair(Fault::TaxelFrozen(TaxelIndex(taxel)));
+        }
+        bench.seconds(24.0 - fault_s);
+        bench.ask(Command::FinishRamp { session }).unwrap();
+        bench.until_state(1.0, SessionState::Review);
+        bench.host.catalogue.model_sets[0].clone()
+    };
+    let (sound, shortly, long) = (calibrated(0.0), calibrated(6.0), calibrated(14.0));
+    for taxel in [5, 37] {
+        let model = &shortly.taxels[taxel];
+        assert!(model.is_usable(), "{}", model.status);
+        assert!(model.quality.samples < sound.taxels[taxel].quality.samples - 100, "{:?}", model.quality);
+        let apart = apart_kpa(&sound.taxels[taxel], model);
+        assert!(apart < 0.5, "taxel {taxel} is {apart} kPa off");
+        assert!(
+            matches!(long.taxels[taxel].status, Status::Frozen { share } if share > 0.3),
+            "{:?}",
+            long.taxels[taxel]
+        );
+    }
+    let usable = |set: &ModelSet| set.taxels.iter().filter(|m| m.is_usable()).count();
+    assert_eq!((usable(&shortly), usable(&long)), (usable(&sound), usable(&sound) - 2), "no other taxel is touched");
+}
+
+/// Scans that are refused for a while look like a standstill of every taxel, and are none.
+#[test]
+fn a_pause_of_the_intake_is_no_fault_of_the_taxels() {
+    let (mut bench, session) = ramping(30.0);
+    bench.ramp(30.0, 4.0); // a hold: nothing enters
+    bench.seconds(12.0);
+    bench.ramp(74.0, 4.0);
+    bench.until_state(40.0, SessionState::Review);
+    samples_rise(&bench, session);
+    let set = &bench.host.catalogue.model_sets[0];
+    let faulty = set.taxels.iter().filter(|m| matches!(m.status, Status::Frozen { .. } | Status::Dead { .. })).count();
+    assert_eq!(faulty, 0);
+    assert!(set.taxels.iter().filter(|m| m.is_usable()).count() >= 70);
 }

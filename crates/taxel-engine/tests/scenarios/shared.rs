@@ -58,8 +58,8 @@ impl Calibrated {
         Restored {
             model_sets: vec![Arc::clone(&self.set)],
             active: vec![(self.set.patch.clone(), self.set.id.clone())],
-            sessions: Vec::new(),
             next_session: 2,
+            ..Restored::default()
         }
     }
 
@@ -73,7 +73,11 @@ impl Calibrated {
         let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&self.skin) };
         change(&mut patch);
         let mut bench = Bench::new(self.world.clone(), plan(patch), self.restored());
-        bench.until(5.0, "a force", |host| host.snapshots.last().is_some_and(|s| s.force.total.is_some()));
+        bench.until(5.0, "a force at a full zero", |host| {
+            host.snapshots.last().is_some_and(|s| {
+                s.force.total.is_some() && s.tare.as_ref().is_some_and(|tare| tare.provisional_scans.is_none())
+            })
+        });
         bench
     }
 }

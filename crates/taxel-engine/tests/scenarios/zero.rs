@@ -4,12 +4,13 @@ use std::time::Duration;
 
 use taxel_engine::BusNotice;
 use taxel_engine::command::{Done, Rejection};
+use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::Fault;
 
 use crate::bench::Bench;
-use crate::rig::{board, module};
+use crate::rig::{board, module, patch_plan, plan};
 use crate::shared::small;
 
 /// The zero is lost for this reason, stays lost, and comes back with a tare alone.
@@ -135,4 +136,113 @@ fn a_start_under_load_takes_no_zero_by_itself() {
     assert!(bench.host.reasons().contains("rest is not proven: loaded"), "{}", bench.host.reasons());
     bench.world.clear();
     bench.until_force(30.0, ForceState::Ok); // it keeps looking
+}
+
+/// The daemon starts beside streaming boards, its model set in the store.
+fn start(load: impl FnOnce(&mut Bench)) -> Bench {
+    let listening = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+    // The world goes on by itself first, so that the load lies there from before the start.
+    let mut bench = Bench::new(small().world.clone(), plan(listening.clone()), small().restored());
+    load(&mut bench);
+    Bench::new(bench.world, plan(listening), small().restored())
+}
+
+fn forces(bench: &Bench) -> usize {
+    bench.host.snapshots.iter().filter(|s| s.force.total.is_some()).count()
+}
+
+#[test]
+fn the_first_force_comes_after_four_scans_and_says_what_it_rests_on() {
+    let mut bench = start(|_| {});
+    bench.until_force(1.0, ForceState::Degraded);
+    let whole = bench.host.snapshots.iter().position(|s| s.force.stale == 0).unwrap();
+    let after = bench.host.published[bench.host.published.len() - 1].since(bench.host.published[whole]);
+    assert!(after <= Duration::from_millis(200), "{after:?} after the first whole scan");
+    assert_eq!(bench.host.reasons(), "the zero rests on 4 scans so far");
+    let tare = bench.host.snapshot().tare.clone().unwrap();
+    assert_eq!((tare.valid, tare.provisional_scans), (true, Some(4)));
+    assert!(tare.reason.starts_with("for now, after 4 scans: at rest"), "{}", tare.reason);
+    assert!(!bench.host.records.iter().any(|r| matches!(r, Record::Tared { .. })), "a provisional zero is no record");
+    bench.until_force(1.0, ForceState::Ok);
+    let full = bench.host.snapshot().tare.clone().unwrap();
+    assert_eq!((full.epoch, full.provisional_scans), (tare.epoch + 1, None));
+    assert!(bench.host.records.iter().any(|r| matches!(r, Record::Tared { .. })));
+    assert!(bench.host.snapshots[whole + 4..].iter().all(|s| s.force.total.is_some()), "the force went on");
+}
+
+#[test]
+fn a_load_that_comes_while_the_zero_is_provisional_takes_it_away() {
+    let mut bench = start(|_| {});
+    bench.until_force(1.0, ForceState::Degraded);
+    bench.lay(1.0, 33);
+    bench.until_force(1.2, ForceState::TareInvalid);
+    assert!(bench.host.reasons().starts_with("rest is not proven: "), "{}", bench.host.reasons());
+    let seen = forces(&bench);
+    bench.seconds(5.0);
+    assert_eq!((bench.host.state(), forces(&bench)), (ForceState::TareInvalid, seen), "one chance only");
+    bench.world.clear();
+    bench.until_force(5.0, ForceState::Ok);
+}
+
+#[test]
+fn no_force_begins_under_a_load_of_any_kind() {
+    let everywhere = |bench: &mut Bench| bench.press_everywhere(10.0);
+    let one_module = |bench: &mut Bench| {
+        bench.lay(1.0, 33);
+        bench.seconds(20.0);
+    };
+    for mut bench in [start(everywhere), start(one_module)] {
+        bench.seconds(5.0);
+        assert_eq!((bench.host.state(), forces(&bench)), (ForceState::TareInvalid, 0), "{}", bench.host.reasons());
+        bench.world.clear();
+        bench.until_force(30.0, ForceState::Ok);
+    }
+}
+
+#[test]
+fn a_slow_ramp_from_nothing_gives_a_marked_force_for_a_second_at_most() {
+    let mut bench = start(|_| {});
+    for _ in 0..40 {
+        bench.world.lay(taxel_sim::Mass::on_disc(0.25, taxel_skin::TaxelIndex(35), 20_000.0)).unwrap();
+        bench.seconds(0.1);
+    }
+    let states: Vec<ForceState> = bench.host.snapshots.iter().map(|s| s.force.state).collect();
+    assert!(!states.contains(&ForceState::Ok), "{states:?}");
+    assert!(forces(&bench) <= 20, "{} scans with a force", forces(&bench));
+    assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
+}
+
+#[test]
+fn after_a_bring_up_no_zero_is_taken_before_the_boards_are_verified() {
+    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    bench.until_force(5.0, ForceState::Degraded);
+    let (started, _) = bench.host.sent.last().expect("the boards were started");
+    assert!(*bench.host.published.last().unwrap() >= *started + Duration::from_millis(150));
+    assert_eq!(bench.host.reasons(), "the zero rests on 4 scans so far");
+    bench.until_force(2.0, ForceState::Ok);
+}
+
+#[test]
+fn an_operators_tare_is_never_provisional() {
+    let mut bench = start(|_| {});
+    bench.until_force(1.0, ForceState::Degraded);
+    let Ok(Done::Tared(view)) = bench.tare(None) else { panic!("refused") };
+    assert_eq!((view.valid, view.provisional_scans), (true, None));
+    bench.until_force(0.2, ForceState::Ok);
+}
+
+#[test]
+fn a_touch_at_start_only_delays_the_zero() {
+    let mut bench = start(|bench| {
+        bench.lay(0.7, 33);
+    });
+    for _ in 0..6 {
+        bench.seconds(0.7);
+        bench.world.clear();
+        bench.seconds(0.7);
+        bench.lay(0.7, 33);
+    }
+    assert_ne!(bench.host.state(), ForceState::Ok);
+    bench.world.clear();
+    bench.until_force(4.0, ForceState::Ok);
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
+use taxel_engine::drift::{DriftState, DriftView};
 use taxel_engine::snapshot::{
     BoardHealth, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag, TareView,
     TaxelState,
@@ -161,7 +162,9 @@ async fn health_names_buses_boards_zeros_and_faults() {
     daemon.engine().health(Arc::new(Health { buses: vec![bus], boards: vec![board], problems }));
     let mut published = PatchSnapshot::clone(&snapshot(1, Time::default()));
     let reason = "rest shown".to_owned();
-    published.tare = Some(TareView { epoch: 2, valid: true, reason, noise_median: f64::NAN, ..TareView::default() });
+    let drift = DriftView { state: DriftState::Bounded, max_counts: -3.0, following: (5, 8), ..DriftView::default() };
+    published.tare =
+        Some(TareView { epoch: 2, valid: true, reason, noise_median: f64::NAN, drift, ..TareView::default() });
     daemon.engine().patch(0, Arc::new(published));
     let mut client = SkinServiceClient::new(daemon.connect().await);
     let health = client.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner();
@@ -171,6 +174,9 @@ async fn health_names_buses_boards_zeros_and_faults() {
     let tare = health.patches[0].tare.as_ref().unwrap();
     assert_eq!((tare.epoch, tare.valid, tare.reason.as_str()), (2, true, "rest shown"));
     assert_eq!(tare.noise_median_counts.to_bits(), 0.0_f64.to_bits(), "not a number stays inside");
+    let drift = tare.drift.as_ref().unwrap();
+    assert_eq!((drift.state(), drift.max_counts), (v1::DriftState::Bounded, -3.0));
+    assert_eq!((drift.modules_following, drift.modules, tare.provisional_scans), (5, 8, None));
     assert_eq!((health.streams, health.streams_max), (0, 64));
 }
 

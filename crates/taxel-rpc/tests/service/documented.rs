@@ -1,6 +1,7 @@
 //! Every service, call, message, field and enum value of the API says what it is.
 
 use prost::Message;
+use prost_types::field_descriptor_proto::Type;
 use prost_types::source_code_info::Location;
 use prost_types::{DescriptorProto, EnumDescriptorProto, FileDescriptorProto, FileDescriptorSet};
 
@@ -68,11 +69,40 @@ impl Comments<'_> {
     }
 }
 
+/// A figure is of no use without its unit and what it can be.
+#[test]
+fn every_figure_of_a_validation_has_its_unit_and_its_range() {
+    const UNITS: [&str; 7] = ["in N", "in kg", "in mm2", "in %", "hare of", "multiplied by", "1 means"];
+    const COUNTS: [&str; 3] = ["umber of", "Its number", "Most taxels"];
+    const RANGES: [&str; 4] = ["above 0", "or more", "Above -100", "0 to "];
+    let set = FileDescriptorSet::decode(taxel_proto::DESCRIPTORS).unwrap();
+    let file = set.file.iter().find(|file| file.name().ends_with("validation.proto")).unwrap();
+    let locations = &file.source_code_info.as_ref().unwrap().location;
+    let mut figures = 0;
+    for (m, message) in file.message_type.iter().enumerate() {
+        for (f, field) in message.field.iter().enumerate() {
+            let path = [FILE_MESSAGE, m as i32, MESSAGE_FIELD, f as i32];
+            let comment = locations.iter().find(|l| l.path == path).unwrap().leading_comments().replace("\n ", " ");
+            let says = |words: &[&str]| words.iter().any(|word| comment.contains(word));
+            let name = format!("{}.{}: {comment}", message.name(), field.name());
+            let units = match field.r#type() {
+                Type::Double => &UNITS[..],
+                Type::Uint32 | Type::Uint64 => &COUNTS,
+                _ => continue,
+            };
+            assert!(says(units) || says(&["standard uncertainty, above 0"]), "no unit: {name}");
+            assert!(says(&RANGES), "no range: {name}");
+            figures += 1;
+        }
+    }
+    assert!(figures > 20, "{figures}");
+}
+
 #[test]
 fn every_element_of_the_api_has_a_comment() {
     let set = FileDescriptorSet::decode(taxel_proto::DESCRIPTORS).unwrap();
     let ours: Vec<_> = set.file.iter().filter(|file| file.package() == "taxel.v1").collect();
-    assert_eq!(ours.len(), 4);
+    assert_eq!(ours.len(), 5);
     let mut seen = 0;
     for file in ours {
         let locations = &file.source_code_info.as_ref().unwrap().location;

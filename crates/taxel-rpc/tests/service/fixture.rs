@@ -94,11 +94,18 @@ fn patch_plan(name: &str) -> PatchPlan {
         geometry: Some(Geometry::from_poses(poses)),
         areas: vec![SquareMillimetre::ICUB_TAXEL; TAXELS],
         area_uncertainty: 0.0,
+        area_from_loads: false,
         gauge: None,
         outputs: Outputs::default(),
         live: LiveLimits::default(),
         faults: FaultLimits::default(),
-        tare: TarePlan { duration: Duration::from_secs(2), at_start: false, rest: RestLimits::default() },
+        tare: TarePlan {
+            duration: Duration::from_secs(2),
+            at_start: false,
+            first_scans: 4,
+            rest: RestLimits::default(),
+        },
+        drift: Default::default(),
         session: SessionLimits::default(),
         fit: FitOptions::default(),
     }
@@ -109,7 +116,8 @@ pub fn snapshot(sequence: u64, time: Time) -> Arc<PatchSnapshot> {
     let taxel = TaxelState { count: 200, time, seen: true, calibrated: true, ..TaxelState::default() };
     let force = ForceSample { state: ForceState::Ok, total: Some(Newton(sequence as f64)), ..ForceSample::default() };
     let taxels = vec![taxel; TAXELS].into();
-    Arc::new(PatchSnapshot { sequence, time, wall_ns: 1_700_000_000_500_000_000, force, taxels, tare: None })
+    let wall_ns = 1_700_000_000_500_000_000;
+    Arc::new(PatchSnapshot { sequence, time, wall_ns, seen: true, force, taxels, tare: None })
 }
 
 /// A set of one true model and otherwise excluded taxels.

@@ -8,6 +8,8 @@ mod documented;
 mod errors;
 mod fixture;
 mod lists;
+mod models;
 mod server;
 mod sessions;
 mod streams;
+mod validations;

@@ -16,11 +16,12 @@ use tonic_health::pb::health_client::HealthClient;
 
 use crate::fixture::{FOREARM, snapshot, start, start_with};
 
-const SERVICES: [&str; 5] = [
+const SERVICES: [&str; 6] = [
     "taxel.v1.ForceService",
     "taxel.v1.SkinService",
     "taxel.v1.CalibrationService",
     "taxel.v1.ModelService",
+    "taxel.v1.ValidationService",
     "grpc.health.v1.Health",
 ];
 

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
-use taxel_engine::session::{RefusalCounts, SampleRefusal, SessionState, SessionView};
+use taxel_engine::recording::Branch;
+use taxel_engine::session::{Direction, RefusalCounts, SampleRefusal, SessionState, SessionView};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
@@ -29,6 +30,8 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
         refused,
         confirmed_by: Some("Ada".to_owned()),
         target_kpa: 60.0,
+        branches: Branch::Both,
+        direction: Direction::Falling,
         accepted: 12,
         durable: 10,
         pressure_kpa: Some(3.5),
@@ -40,13 +43,17 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
     let request = v1::StartSessionRequest {
         target_kpa: Some(60.0),
         confirmed_by: "Ada".to_owned(),
+        branches: v1::Branches::Both.into(),
         ..v1::StartSessionRequest::default()
     };
     let done = || Ok(Done::Session(Arc::new(full.clone())));
     let (session, ()) = tokio::join!(
         client.start_session(request),
         daemon.answer(done(), |command| {
-            let Command::StartSession { patch, target, confirmed_by } = command else { panic!("{command:?}") };
+            let Command::StartSession { patch, target, branches, confirmed_by } = command else {
+                panic!("{command:?}")
+            };
+            assert_eq!(branches, Some(Branch::Both));
             assert_eq!(
                 (patch.as_str(), target, confirmed_by.as_deref()),
                 (FOREARM, Some(Kilopascal(60.0)), Some("Ada"))
@@ -58,6 +65,7 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
     assert_eq!((session.accepted, session.durable, session.refused.unwrap().too_fast), (12, 10, 1));
     assert_eq!((session.pressure_kpa, session.remaining_s), (Some(3.5), None), "no infinity goes out");
     assert_eq!((session.taxels_responding, session.taxels), (18, 20));
+    assert_eq!((session.branches(), session.falling), (v1::Branches::Both, true));
 
     let call = client.start_ramp(v1::StartRampRequest { session: 8 });
     let (answer, ()) =
@@ -129,4 +137,13 @@ async fn a_watcher_is_told_of_the_shutdown() {
     daemon.shutdown.cancel();
     let status = watch.message().await.unwrap_err();
     assert_eq!((status.code(), status.message()), (Code::Unavailable, "the daemon is shutting down"));
+}
+
+#[tokio::test]
+async fn branches_that_do_not_exist_are_refused_by_their_field() {
+    let daemon = start().await;
+    let mut client = CalibrationServiceClient::new(daemon.connect().await);
+    let request = v1::StartSessionRequest { branches: 9, ..v1::StartSessionRequest::default() };
+    let status = client.start_session(request).await.unwrap_err();
+    assert_eq!((status.code(), status.message()), (Code::InvalidArgument, "branches: 9 is not in 0 to 2"));
 }

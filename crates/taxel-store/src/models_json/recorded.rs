@@ -1,4 +1,4 @@
-//! What a fit to a whole recording adds to MODELS.json.
+//! What rising and falling pressure together add to MODELS.json.
 
 use serde::{Deserialize, Serialize};
 use taxel_engine::model_set::{Recorded, RecordedTaxel};

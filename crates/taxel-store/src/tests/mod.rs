@@ -5,4 +5,5 @@ mod crash;
 mod damage;
 mod failure;
 mod fixture;
+mod loads;
 mod store;

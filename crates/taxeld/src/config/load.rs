@@ -50,11 +50,16 @@ pub fn load(path: &Path) -> Result<Config, ConfigError> {
 /// # Errors
 /// [`ConfigError`] with file, line and what was expected.
 pub fn parse(path: &Path, text: &str) -> Result<Config, ConfigError> {
-    toml::from_str(text).map_err(|error| {
-        let at = error.span().map_or(0, |span| span.start.min(text.len()));
-        let line = 1 + text.as_bytes()[..at].iter().filter(|&&b| b == b'\n').count();
-        ConfigError::Invalid { path: path.into(), line, problem: explain(error.message()) }
-    })
+    let invalid = |at: usize, problem: String| {
+        let line = 1 + text.as_bytes()[..at.min(text.len())].iter().filter(|&&b| b == b'\n').count();
+        ConfigError::Invalid { path: path.into(), line, problem }
+    };
+    let config: Config = toml::from_str(text)
+        .map_err(|error| invalid(error.span().map_or(0, |span| span.start), explain(error.message())))?;
+    match config.patch.iter().find_map(super::area::problem) {
+        Some((at, problem)) => Err(invalid(at, problem)),
+        None => Ok(config),
+    }
 }
 
 /// Adds the nearest known key to "unknown field `x`, expected one of `a`, `b`".

@@ -1,5 +1,6 @@
 //! The configuration file: what an installation has, in TOML. `deploy/taxeld.toml` explains every key.
 
+mod area;
 mod load;
 mod parts;
 mod resolve;

@@ -3,6 +3,9 @@
 use serde::Deserialize;
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use toml::Spanned;
+
+use super::area::{AreaFactorWord, AreaWord};
 
 /// `[store]`
 #[derive(Clone, Debug, Deserialize)]
@@ -78,6 +81,12 @@ pub struct PatchSection {
     pub period_ms: u8,
     /// A position file, relative to this one.
     pub geometry: Option<PathBuf>,
+    /// How the areas of the taxels are known.
+    #[serde(default = "super::area::equal")]
+    pub area: Spanned<AreaWord>,
+    /// Whether they are multiplied by the factor that known loads give.
+    #[serde(default)]
+    pub area_factor: AreaFactorWord,
     /// Area per taxel.
     #[serde(default = "icub_taxel")]
     pub area_mm2: f64,
@@ -97,6 +106,9 @@ pub struct PatchSection {
     /// The zero.
     #[serde(default)]
     pub tare: TareSection,
+    /// Whether the zero follows the temperature.
+    #[serde(default)]
+    pub drift: DriftSection,
     /// Rules of a session.
     #[serde(default)]
     pub session: SessionSection,
@@ -297,12 +309,26 @@ pub struct TareSection {
     pub seconds: f64,
     /// Whether the zero is taken by itself after start, once rest is proven.
     pub at_start: bool,
+    /// After so many scans it is taken provisionally; 0 is never.
+    pub first_scans: u32,
 }
 
 impl Default for TareSection {
     fn default() -> Self {
-        Self { seconds: 1.0, at_start: true }
+        Self { seconds: 1.0, at_start: true, first_scans: 4 }
     }
+}
+
+/// `[patch.drift]`; absent keys keep the engine's defaults.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DriftSection {
+    /// Whether the zero follows the temperature of the skin.
+    pub follow: bool,
+    /// How fast at most.
+    pub rate_counts_per_min: Option<f64>,
+    /// How far at most from the proven zero.
+    pub bound_counts: Option<f64>,
 }
 
 /// `[patch.session]`; absent keys keep the engine's defaults.
@@ -311,16 +337,33 @@ impl Default for TareSection {
 pub struct SessionSection {
     /// A ramp ends by itself here.
     pub target_kpa: Option<f64>,
-    /// A sample may lie so far below the highest pressure so far.
+    /// Which branches of the pressure a session gathers, unless it asks for others.
+    pub branches: BranchesWord,
+    /// A sample may lie so far behind the furthest pressure so far.
     pub noise_band_kpa: Option<f64>,
     /// Steepest rise that enters.
     pub rise_max_kpa_per_s: Option<f64>,
+    /// Steepest fall that enters; that of the rise if absent.
+    pub fall_max_kpa_per_s: Option<f64>,
+    /// The falling branch ends by itself here.
+    pub fall_end_kpa: Option<f64>,
     /// The gauge is silent after so long.
     pub gauge_timeout_s: Option<f64>,
     /// A session without progress fails after so long.
     pub patience_s: Option<f64>,
     /// A ramp begins only below this.
     pub vented_below_kpa: Option<f64>,
+}
+
+/// Branches of the pressure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BranchesWord {
+    /// Rising pressure alone.
+    #[default]
+    Rising,
+    /// The fall after it too.
+    Both,
 }
 
 /// `[patch.fit]`
@@ -335,6 +378,8 @@ pub struct FitSection {
     pub min_swing_counts: f64,
     /// Taxels whose 95 % interval is wider than this share of full scale are excluded.
     pub max_interval_share: Option<f64>,
+    /// Whether the hysteresis that a session over both branches learns is compensated.
+    pub plays: PlaysWord,
 }
 
 impl Default for FitSection {
@@ -344,8 +389,22 @@ impl Default for FitSection {
             estimator: EstimatorWord::default(),
             min_swing_counts: 0.0,
             max_interval_share: None,
+            plays: PlaysWord::default(),
         }
     }
+}
+
+/// Compensation of hysteresis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PlaysWord {
+    /// If it wins on a branch that the fit did not see.
+    #[default]
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    Off,
 }
 
 /// Order of the polynomial.

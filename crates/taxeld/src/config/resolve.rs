@@ -2,18 +2,18 @@
 
 use std::path::Path;
 use std::time::Duration;
-use taxel_engine::plan::{BoardSetup, Gauge, LiveLimits, Outputs, PatchPlan, Plan, SessionLimits, TarePlan};
+use taxel_engine::plan::{BoardSetup, DriftPlan, Gauge, LiveLimits, Outputs, PatchPlan, Plan, SessionLimits, TarePlan};
+use taxel_engine::recording::{Branch, PlaysChoice};
 use taxel_model::{Estimator, Exclusion, FitOptions, GaugeUncertainty, Order};
-use taxel_skin::{
-    Board, BoardAddress, BusIndex, Geometry, Kilopascal, Module, ModuleKind, NormalsVerdict, Patch, SquareMillimetre,
-};
+use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Kilopascal, Module, ModuleKind, NormalsVerdict, Patch};
 use taxel_wire::CanId;
 use taxel_wire::icub::{BoardConfig, TriangleConfig};
 use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
 
+use super::area::AreaFactorWord;
 use super::parts::{
-    AutoWord, BoardSection, EstimatorWord, FitSection, GaugeSection, KindWord, LiveSection, OrderOfBytes, OrderWord,
-    OutputWord, PatchSection, SessionSection, UnitWord,
+    AutoWord, BoardSection, BranchesWord, DriftSection, EstimatorWord, FitSection, GaugeSection, KindWord, LiveSection,
+    OrderOfBytes, OrderWord, OutputWord, PatchSection, PlaysWord, SessionSection, UnitWord,
 };
 use super::{Config, ConfigError};
 
@@ -97,6 +97,8 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
     if let Some(g) = &geometry {
         scene.remarks.extend(g.remarks.iter().map(|r| format!("{name}: geometry: {r}")));
     }
+    let (areas, remark) = super::area::areas(section, &patch, geometry.as_ref());
+    scene.remarks.extend(remark);
     let outputs = outputs(section, geometry.as_ref(), scene);
     let period = Duration::from_millis(u64::from(section.period_ms));
     let gauge = section.gauge.as_ref().map(|g| gauge(config, g, bus)).transpose()?;
@@ -114,9 +116,17 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
     }
     let setups = section.board.iter().map(|b| setup(b, section.period_ms)).collect::<Result<Vec<_>, _>>()?;
     within("tare.seconds", section.tare.seconds, 0.1, 60.0)?;
+    let first_scans = within("tare.first_scans", f64::from(section.tare.first_scans), 0.0, 1000.0)? as u32;
+    let drift = drift(&section.drift)?;
+    let padless = patch.modules().iter().all(|site| site.kind.thermal_slots().is_empty());
+    if !drift.follow || padless {
+        let why = if drift.follow { "no module has a thermal pad" } else { "drift.follow is off" };
+        scene.left_out.push(format!("{name}: following of thermal drift: {why}"));
+    }
     Ok(PatchPlan {
-        areas: vec![SquareMillimetre(section.area_mm2); patch.taxels().len()],
+        areas,
         area_uncertainty: section.area_uncertainty,
+        area_from_loads: section.area_factor == AreaFactorWord::FromLoads,
         bring_up: if section.listen_only { Vec::new() } else { setups },
         period,
         geometry,
@@ -127,9 +137,11 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
         tare: TarePlan {
             duration: Duration::from_secs_f64(section.tare.seconds),
             at_start: section.tare.at_start,
+            first_scans,
             rest: Default::default(),
         },
-        session: session(&section.session)?,
+        drift: DriftPlan { follow: drift.follow && !padless, ..drift },
+        session: session(&section.session, section.fit.plays)?,
         fit: fit_options(&section.fit, section.gauge.as_ref())?,
         patch,
     })
@@ -276,7 +288,18 @@ fn live(section: &LiveSection, period: Duration) -> Result<LiveLimits, String> {
     })
 }
 
-fn session(section: &SessionSection) -> Result<SessionLimits, String> {
+fn drift(section: &DriftSection) -> Result<DriftPlan, String> {
+    let defaults = DriftPlan::default();
+    let rate = section.rate_counts_per_min.unwrap_or(defaults.rate_max_counts_per_min);
+    let bound = section.bound_counts.unwrap_or(defaults.bound_counts);
+    Ok(DriftPlan {
+        follow: section.follow,
+        rate_max_counts_per_min: within("drift.rate_counts_per_min", rate, 0.01, 60.0)?,
+        bound_counts: within("drift.bound_counts", bound, 0.1, 50.0)?,
+    })
+}
+
+fn session(section: &SessionSection, plays: PlaysWord) -> Result<SessionLimits, String> {
     let defaults = SessionLimits::default();
     let or = |key: &str, value: Option<f64>, default: f64, min: f64, max: f64| {
         within(&format!("session.{key}"), value.unwrap_or(default), min, max)
@@ -294,6 +317,23 @@ fn session(section: &SessionSection) -> Result<SessionLimits, String> {
             0.1,
             1000.0,
         )?,
+        branches: match section.branches {
+            BranchesWord::Rising => Branch::Rising,
+            BranchesWord::Both => Branch::Both,
+        },
+        fall_max_kpa_per_s: or(
+            "fall_max_kpa_per_s",
+            section.fall_max_kpa_per_s.or(section.rise_max_kpa_per_s),
+            defaults.fall_max_kpa_per_s,
+            0.1,
+            1000.0,
+        )?,
+        fall_end: Kilopascal(or("fall_end_kpa", section.fall_end_kpa, defaults.fall_end.0, 0.0, 1000.0)?),
+        plays: match plays {
+            PlaysWord::Auto => PlaysChoice::Auto,
+            PlaysWord::On => PlaysChoice::On,
+            PlaysWord::Off => PlaysChoice::Off,
+        },
         gauge_timeout: seconds("gauge_timeout_s", section.gauge_timeout_s, defaults.gauge_timeout, 0.01, 1.0)?,
         patience: seconds("patience_s", section.patience_s, defaults.patience, 1.0, 3600.0)?,
         vented_below: Kilopascal(or(

@@ -1,0 +1,258 @@
+//! From a count to a pressure and a force: tables for one model set at one zero.
+//!
+//! Counts have eight bits, so everything that depends on one taxel's count alone (curve, range, activation threshold,
+//! area) is baked into a table of 256 entries when the zero or the model set changes.
+
+use std::sync::Arc;
+use taxel_model::{Plays, RangeState, Sign, TaxelModel};
+use taxel_skin::SquareMillimetre;
+
+use crate::model_set::{ModelSet, RecordedTaxel};
+use crate::rest::TaxelBaseline;
+use crate::snapshot::RangeFlag;
+
+/// Rest noise cannot be known better than the quantisation of one count: 1/sqrt(12).
+const NOISE_FLOOR_COUNTS: f64 = 0.29;
+
+/// Entries from one force table to the next. Taxels at rest all read about the same count; if their tables lay a power
+/// of two apart, all those entries would compete for the same few sets of the cache (5,000 taxels: 7 us instead of 4).
+const FORCE_STRIDE: usize = 256 + 16;
+
+/// Force by raw count; the entries beyond 255 are never read.
+pub(crate) type ForceTable = [f32; FORCE_STRIDE];
+
+/// Beside an activated taxel this share of the threshold suffices.
+const WEAK_SHARE: f64 = 0.375;
+
+/// One taxel's tables, indexed by raw count.
+#[derive(Clone, Debug)]
+struct TaxelTable {
+    pressure_kpa: [f32; 256],
+    sigma_kpa: [f32; 256],
+    range: [RangeFlag; 256],
+    /// Force in newton with the weaker threshold that holds beside an activated taxel.
+    weak_n: [f32; 256],
+    /// What of `sigma_kpa` all taxels have in common.
+    shared_kpa: f32,
+}
+
+/// What a taxel's count means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TaxelReading {
+    /// Pressure, clamped to the calibrated range.
+    pub pressure_kpa: f32,
+    /// Its standard uncertainty.
+    pub sigma_kpa: f32,
+    /// What of that uncertainty all taxels have in common, so that it does not average out over a contact.
+    pub shared_kpa: f32,
+    /// How much the pressure changes with the count here, not negative.
+    pub kpa_per_count: f32,
+    /// Whether it was clamped.
+    pub range: RangeFlag,
+    /// Whether the count is beyond the activation threshold.
+    pub active: bool,
+}
+
+/// When a taxel counts as touched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Activation {
+    /// Multiple of the rest noise.
+    pub sigmas: f64,
+    /// Least distance from rest, in counts.
+    pub floor_counts: f64,
+}
+
+/// The tables of a patch, all by taxel; immutable, so that snapshots can share them.
+#[derive(Debug)]
+pub struct Tables {
+    set: Arc<ModelSet>,
+    id: Arc<str>,
+    /// `None` without a usable model.
+    taxels: Vec<Option<Box<TaxelTable>>>,
+    /// Force in newton by count; zero below the activation threshold and without a usable model.
+    force_n: Vec<ForceTable>,
+    /// 255 where counts fall with pressure: exclusive or with it makes more pressure a greater number.
+    flip: Vec<u8>,
+    /// The greatest flipped count that is no touch; 255 where nothing is.
+    beyond: Vec<u8>,
+    newton_per_kpa: Vec<f32>,
+}
+
+impl Tables {
+    /// Tables for `set` at the zero `rest`. Taxels without a usable model get none.
+    ///
+    /// All slices have one entry per taxel of the patch.
+    #[must_use]
+    pub fn new(set: Arc<ModelSet>, rest: &[TaxelBaseline], areas: &[SquareMillimetre], activation: Activation) -> Self {
+        let taxels = set.taxels.len();
+        let mut tables = Self {
+            id: Arc::from(set.id.as_str()),
+            taxels: vec![None; taxels],
+            force_n: vec![[0.0; FORCE_STRIDE]; taxels],
+            flip: vec![0; taxels],
+            beyond: vec![u8::MAX; taxels],
+            newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
+            set,
+        };
+        for taxel in 0..taxels {
+            let then = tables.set.baseline.get(taxel);
+            if let (Some(now), Some(then), Some(area)) = (rest.get(taxel), then, areas.get(taxel))
+                // A zero or a reference that was never measured proves nothing about the taxel.
+                && (tables.set.taxels[taxel].is_usable() && now.mean.is_finite() && then.mean.is_finite())
+            {
+                let source = Source::new(&tables.set, taxel, *now, *then);
+                let (table, force_n) = source.tabulate(*area, activation);
+                tables.flip[taxel] = if source.sign == Sign::Falling { u8::MAX } else { 0 };
+                tables.beyond[taxel] = source.beyond(activation);
+                tables.taxels[taxel] = Some(Box::new(table));
+                tables.force_n[taxel] = force_n;
+            }
+        }
+        tables
+    }
+
+    /// The model set.
+    #[must_use]
+    pub const fn set(&self) -> &Arc<ModelSet> {
+        &self.set
+    }
+
+    /// The model set's id.
+    #[must_use]
+    pub const fn id(&self) -> &Arc<str> {
+        &self.id
+    }
+
+    /// How many taxels there are.
+    #[must_use]
+    pub fn taxels(&self) -> usize {
+        self.taxels.len()
+    }
+
+    /// Whether a taxel has a usable model and a zero.
+    #[must_use]
+    pub fn has(&self, taxel: usize) -> bool {
+        self.taxels.get(taxel).is_some_and(Option::is_some)
+    }
+
+    /// What `count` means for `taxel`, which its history bends by `bend_kpa`; `None` without a usable model.
+    #[must_use]
+    pub fn reading(&self, taxel: usize, count: u8, bend_kpa: f32) -> Option<TaxelReading> {
+        let (table, code) = (self.taxels.get(taxel)?.as_ref()?, usize::from(count));
+        let (before, after) = (count.saturating_sub(1), count.saturating_add(1));
+        let rise = table.pressure_kpa[usize::from(after)] - table.pressure_kpa[usize::from(before)];
+        Some(TaxelReading {
+            pressure_kpa: table.pressure_kpa[code] + bend_kpa,
+            kpa_per_count: rise.abs() / f32::from(after - before),
+            sigma_kpa: table.sigma_kpa[code],
+            shared_kpa: table.shared_kpa,
+            range: table.range[code],
+            active: self.force_n[taxel][code] > 0.0,
+        })
+    }
+
+    /// Force in newton of a taxel beside an activated one, where a weaker touch counts.
+    pub(crate) fn weak_n(&self, taxel: usize, count: u8) -> Option<f32> {
+        Some(self.taxels.get(taxel)?.as_ref()?.weak_n[usize::from(count)])
+    }
+
+    pub(crate) fn force_n(&self) -> &[ForceTable] {
+        &self.force_n
+    }
+
+    pub(crate) fn flip(&self) -> &[u8] {
+        &self.flip
+    }
+
+    pub(crate) fn beyond(&self, taxel: usize) -> u8 {
+        self.beyond[taxel]
+    }
+
+    pub(crate) fn newton_per_kpa(&self, taxel: usize) -> f32 {
+        self.newton_per_kpa[taxel]
+    }
+}
+
+/// All that one taxel's tables are made from.
+struct Source<'a> {
+    model: &'a TaxelModel,
+    /// Where hysteresis is compensated the mid curve is served; the plays bend it scan by scan.
+    plays: Option<&'a Plays>,
+    in_use: Option<&'a RecordedTaxel>,
+    set: &'a ModelSet,
+    now: TaxelBaseline,
+    /// What is added to a raw count to get the count that the models refer to.
+    shift: f64,
+    sign: Sign,
+}
+
+impl<'a> Source<'a> {
+    fn new(set: &'a ModelSet, taxel: usize, now: TaxelBaseline, then: TaxelBaseline) -> Self {
+        let (model, plays) = (&set.taxels[taxel], set.plays(taxel));
+        let sign = plays.map_or(model.sign, |plays| plays.sign);
+        Self { model, plays, in_use: set.in_use(taxel), set, now, shift: then.mean - now.mean, sign }
+    }
+
+    /// Tables for what is looked up now and then, and the force that every scan needs.
+    fn tabulate(&self, area: SquareMillimetre, activation: Activation) -> (TaxelTable, ForceTable) {
+        let mut table = self.model.tabulate(self.shift);
+        let mut range = std::array::from_fn(|code| in_pressure(table.range_state(code as u8), self.sign));
+        if let Some(plays) = self.plays {
+            for code in 0..=u8::MAX {
+                let count = f64::from(code) + self.shift;
+                table.pressure_kpa[usize::from(code)] = plays.mid_kpa(count) as f32;
+                range[usize::from(code)] = in_pressure(plays.range_state(count), self.sign);
+            }
+        }
+        if let Some(sigma_kpa) = self.sigma_in_use_kpa() {
+            table.sigma_kpa = [sigma_kpa as f32; 256];
+        }
+        let shared_kpa = self.in_use.map_or(0.0, |in_use| in_use.shared_kpa(self.set.plays_error_ratio()));
+        let beyond = |distance: f64| -> [f32; 256] {
+            std::array::from_fn(|code| {
+                let newton = f64::from(table.pressure_kpa[code]) * area.0 * 1e-3;
+                if self.pressed(code as u8) > distance { newton.max(0.0) as f32 } else { 0.0 }
+            })
+        };
+        let distance = self.distance(activation);
+        let weak_n = beyond(WEAK_SHARE * distance);
+        let mut force_n = [0.0; FORCE_STRIDE];
+        force_n[..256].copy_from_slice(&beyond(distance));
+        let (pressure_kpa, sigma_kpa) = (table.pressure_kpa, table.sigma_kpa);
+        (TaxelTable { pressure_kpa, sigma_kpa, range, weak_n, shared_kpa: shared_kpa as f32 }, force_n)
+    }
+
+    /// Counts from rest towards pressure.
+    fn pressed(&self, code: u8) -> f64 {
+        self.sign.as_f64() * (f64::from(code) - self.now.mean)
+    }
+
+    /// The activation threshold, counts from rest.
+    fn distance(&self, activation: Activation) -> f64 {
+        (activation.sigmas * self.now.noise.max(NOISE_FLOOR_COUNTS)).max(activation.floor_counts)
+    }
+
+    /// The greatest flipped count that is no touch.
+    fn beyond(&self, activation: Activation) -> u8 {
+        let distance = self.distance(activation);
+        let untouched = (0..=u8::MAX).filter(|&code| self.pressed(code) <= distance || self.pressed(code).is_nan());
+        untouched.map(|code| if self.sign == Sign::Falling { !code } else { code }).max().unwrap_or(0)
+    }
+
+    /// The error of a reading as a recording of both branches has shown it, and what is not in there: the noise of a
+    /// single count, which was averaged out when that error was taken.
+    fn sigma_in_use_kpa(&self) -> Option<f64> {
+        let recorded = self.set.recorded.as_ref()?;
+        let noise = if recorded.smooth_s > 0.0 { self.now.noise.max(NOISE_FLOOR_COUNTS) } else { 0.0 };
+        Some(self.in_use?.sigma_kpa(recorded.zero_return_counts.hypot(noise))).filter(|sigma| sigma.is_finite())
+    }
+}
+
+/// Beyond which end of the pressure a count lies: where counts fall with pressure, few counts are much pressure.
+const fn in_pressure(counts: RangeState, sign: Sign) -> RangeFlag {
+    match (counts, sign) {
+        (RangeState::InRange, _) => RangeFlag::In,
+        (RangeState::Below, Sign::Rising) | (RangeState::Above, Sign::Falling) => RangeFlag::Below,
+        (RangeState::Above, Sign::Rising) | (RangeState::Below, Sign::Falling) => RangeFlag::Above,
+    }
+}

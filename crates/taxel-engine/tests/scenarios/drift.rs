@@ -1,0 +1,128 @@
+//! The zero follows the temperature of the skin, and nothing else.
+
+use taxel_engine::Restored;
+use taxel_engine::drift::{DriftState, DriftView};
+use taxel_engine::plan::{DriftPlan, PatchPlan};
+use taxel_engine::snapshot::ForceState;
+use taxel_sim::{BoardsConfig, Config, DielectricConfig, ThermalConfig, World};
+
+use crate::bench::Bench;
+use crate::rig::{patch_plan, plan, small_skin};
+use crate::shared::small;
+
+/// The small skin once more, at boards that compensate half of the drift of one count per kelvin, warming up by so
+/// many kelvin with a time constant of ten minutes.
+fn warming(kelvin: f64, follow: bool) -> Bench {
+    let dielectric =
+        DielectricConfig { tare_bias_counts: 1.0, tare_residue_counts: 0.5, ..DielectricConfig::default() };
+    let thermal = ThermalConfig { warm_up_k: kelvin, warm_up_s: 600.0, swing_k: 0.0, ..ThermalConfig::default() };
+    let boards = BoardsConfig { start_streaming: true, drift_gain: 64, ..BoardsConfig::default() };
+    let config = Config { dielectric, thermal, boards, ..Config::seeded(3) };
+    let world = World::new(small_skin(), config).unwrap();
+    let patch = PatchPlan {
+        bring_up: Vec::new(),
+        drift: DriftPlan { follow, ..DriftPlan::default() },
+        ..patch_plan(&small().skin)
+    };
+    let mut bench = Bench::new(world, plan(patch), Restored { next_session: 3, ..small().restored() });
+    bench.until_force(3.0, ForceState::Ok);
+    bench
+}
+
+/// Lets minutes pass and keeps only what is needed to go on; the mean force of all the time.
+fn minutes(bench: &mut Bench, minutes: f64) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for _ in 0..(minutes * 6.0).round() as u64 {
+        let last = bench.host.snapshots.len() - 1;
+        bench.host.snapshots.drain(..last);
+        bench.host.published.drain(..last);
+        bench.seconds(10.0);
+        for snapshot in &bench.host.snapshots {
+            sum += snapshot.force.total.expect("a force").0;
+            count += 1.0;
+        }
+    }
+    sum / count
+}
+
+fn drift(bench: &Bench) -> DriftView {
+    bench.host.snapshot().tare.as_ref().unwrap().drift
+}
+
+fn weigh_half_a_kilogram(bench: &mut Bench) -> f64 {
+    bench.lay(0.5, 33);
+    bench.seconds(1.0);
+    let force = bench.weigh(100);
+    bench.world.clear();
+    bench.seconds(2.0);
+    force
+}
+
+#[test]
+fn a_warm_up_moves_the_force_unless_it_is_followed() {
+    let cold = weigh_half_a_kilogram(&mut warming(0.0, true));
+    let (mut followed, mut ignored) = (warming(5.0, true), warming(5.0, false));
+    let at_rest = [minutes(&mut followed, 20.0), minutes(&mut ignored, 20.0)];
+    let view = drift(&followed);
+    let forces = [&mut followed, &mut ignored].map(|bench| weigh_half_a_kilogram(bench) / cold - 1.0);
+    eprintln!("{view:?}; at rest {at_rest:?} N; half a kilogram off by {forces:?} of {cold} N");
+    assert_eq!((view.state, drift(&ignored).state), (DriftState::Following, DriftState::Off));
+    assert!((-3.0..-2.0).contains(&view.median_counts), "{view:?}");
+    assert!(at_rest[0] < 0.01, "{at_rest:?} N");
+    assert!(forces[0].abs() < 0.03 && forces[1] > 0.1, "{forces:?}");
+    assert_eq!(followed.host.state(), ForceState::Ok, "{}", followed.host.reasons());
+}
+
+#[test]
+fn a_hand_that_lies_still_for_half_an_hour_keeps_its_force() {
+    let mut bench = warming(3.0, true);
+    minutes(&mut bench, 8.0);
+    bench.lay(1.0, 33);
+    bench.seconds(60.0); // the fabric creeps first
+    let first = bench.weigh(200);
+    minutes(&mut bench, 30.0);
+    let last = bench.weigh(200);
+    eprintln!("{first} N, half an hour later {last} N; {:?}", drift(&bench));
+    assert!((last / first - 1.0).abs() < 0.02, "{first} N, half an hour later {last} N");
+}
+
+#[test]
+fn a_load_that_creeps_in_on_a_module_is_not_eaten() {
+    let mut bench = warming(0.0, true);
+    for _ in 0..10 {
+        bench.world.lay(taxel_sim::Mass::on_disc(0.004, taxel_skin::TaxelIndex(33), 330.0)).unwrap();
+        minutes(&mut bench, 1.0);
+        let view = drift(&bench);
+        assert!(view.max_counts.abs() < 0.15, "{view:?}");
+    }
+    bench.world.clear();
+    minutes(&mut bench, 2.0);
+    let view = drift(&bench);
+    assert!(view.max_counts.abs() < 0.15, "{view:?}");
+    assert_eq!(bench.host.state(), ForceState::Ok, "{}", bench.host.reasons());
+}
+
+#[test]
+fn at_its_bound_the_force_says_so_until_a_tare() {
+    let mut bench = warming(12.0, true);
+    minutes(&mut bench, 15.0);
+    assert_eq!(bench.host.state(), ForceState::Degraded);
+    let why = bench.host.reasons();
+    assert!(why.contains("drift of -") && why.contains(" counts reached its bound of 3 counts: tare"), "{why}");
+    assert_eq!(drift(&bench).state, DriftState::Bounded);
+    bench.tare(Some("Ada")).unwrap();
+    bench.until_force(1.0, ForceState::Ok);
+    assert_eq!((drift(&bench).state, drift(&bench).max_counts), (DriftState::Held, 0.0));
+    minutes(&mut bench, 2.0);
+    assert_eq!(drift(&bench).state, DriftState::Following);
+}
+
+#[test]
+fn a_lost_zero_has_no_drift() {
+    let mut bench = warming(6.0, true);
+    minutes(&mut bench, 3.0);
+    assert_eq!(drift(&bench).state, DriftState::Following);
+    bench.host.notice(taxel_engine::BusNotice::BusOff);
+    bench.seconds(1.0);
+    assert_eq!(drift(&bench), DriftView::default());
+}

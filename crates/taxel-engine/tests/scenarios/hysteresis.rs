@@ -1,0 +1,128 @@
+//! Hysteresis, live: a session over both branches, its plays in use, and what they are worth on a further cycle.
+
+use std::sync::Arc;
+
+use taxel_engine::Restored;
+use taxel_engine::command::Command;
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::recording::Branch;
+use taxel_engine::session::{Direction, SessionState};
+use taxel_engine::snapshot::ForceState;
+use taxel_sim::{Config, DielectricConfig, PumpCommand, World};
+
+use crate::bench::Bench;
+use crate::rig::{patch_plan, plan, small_skin};
+use crate::shared::small;
+
+/// Readings of a cycle: gauge and mean over the taxels, kPa, while the pressure rises and while it falls.
+#[derive(Default)]
+struct Cycle {
+    rising: Vec<(f64, f64)>,
+    falling: Vec<(f64, f64)>,
+}
+
+/// Mean of |read - P| / P above 10 kPa.
+fn error(readings: &[(f64, f64)]) -> f64 {
+    let errors = readings.iter().filter(|(kpa, _)| *kpa > 10.0).map(|(kpa, read)| (read - kpa).abs() / kpa);
+    let errors: Vec<f64> = errors.collect();
+    errors.iter().sum::<f64>() / errors.len() as f64
+}
+
+/// A skin with much friction and no creep, off the rails, calibrated over both branches up to 60 kPa: twice, so that
+/// the plays are tried on the second cycle, which they have not seen.
+fn calibrated() -> (Bench, Arc<ModelSet>) {
+    let dielectric = DielectricConfig {
+        tare_bias_counts: 1.0,
+        tare_residue_counts: 0.5,
+        friction: [0.10, 0.14],
+        creep_share: 0.0,
+        ..DielectricConfig::default()
+    };
+    let world = World::new(small_skin(), Config { dielectric, ..Config::seeded(5) }).unwrap();
+    let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
+    bench.brought_up();
+    bench.start_session_over(Branch::Both, Some(60.0));
+    for ramp in 0..2 {
+        if ramp > 0 {
+            bench.world.pump(PumpCommand::Vent);
+            bench.seconds(10.0);
+            bench.ask(Command::StartRamp { session: 1 }).unwrap();
+            bench.until_state(30.0, SessionState::Ramping);
+        }
+        bench.ramp(61.0, 2.0);
+        bench.until(60.0, "the turn", |host| host.session().direction == Direction::Falling);
+        bench.seconds(1.0);
+        bench.ramp(0.0, 2.0);
+        bench.until_state(60.0, SessionState::Review);
+    }
+    let set = Arc::clone(bench.host.catalogue.model_sets.last().unwrap());
+    (bench, set)
+}
+
+/// Puts a set into use on the vented, tared skin and takes it through a cycle to 50 kPa.
+fn cycle(bench: &mut Bench, set: &Arc<ModelSet>) -> Cycle {
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    bench.ask(Command::Import { model_set: Arc::clone(set) }).unwrap();
+    bench.activate(&set.id).unwrap();
+    bench.tare(None).unwrap();
+    let mut cycle = Cycle::default();
+    for (target, rising) in [(50.0, true), (5.0, false)] {
+        bench.ramp(target, 2.0);
+        for _ in 0..if rising { 250 } else { 220 } {
+            bench.seconds(0.1);
+            let taxels = &bench.host.snapshot().taxels;
+            let read: Vec<f64> = taxels.iter().filter_map(|t| t.pressure_kpa.map(f64::from)).collect();
+            let reading = (bench.world.true_pressure().0, read.iter().sum::<f64>() / read.len() as f64);
+            if rising { &mut cycle.rising } else { &mut cycle.falling }.push(reading);
+        }
+    }
+    cycle
+}
+
+#[test]
+fn plays_of_a_session_take_the_hysteresis_out_of_the_live_force() {
+    let (mut bench, with) = calibrated();
+    let recorded = with.recorded.as_ref().expect("a session over both branches knows the skin in use");
+    assert!(recorded.taxels.iter().flatten().any(|taxel| taxel.plays.is_some()), "{:?}", recorded.plays_error_ratio);
+    let mut without = ModelSet::clone(&with);
+    without.id = "m-without".to_owned();
+    let taxels = without.recorded.as_mut().unwrap().taxels.iter_mut().flatten();
+    taxels.for_each(|taxel| taxel.plays = None);
+    let bent = cycle(&mut bench, &with);
+    let plain = cycle(&mut bench, &Arc::new(without));
+    let whole = |cycle: &Cycle| error(&[cycle.rising.as_slice(), &cycle.falling].concat());
+    let (with, without) = (whole(&bent), whole(&plain));
+    let branches = |cycle: &Cycle| format!("rising {:.3}, falling {:.3}", error(&cycle.rising), error(&cycle.falling));
+    eprintln!("relative error with plays: {}; without: {}", branches(&bent), branches(&plain));
+    assert!(without > 0.08, "the friction shows without plays: {without}");
+    assert!(with < 0.7 * without, "with plays {with}, without {without}");
+    assert!(error(&bent.falling) < error(&plain.falling), "no branch pays for the other");
+}
+
+#[test]
+fn the_stated_uncertainty_holds_the_hysteresis_that_is_not_compensated() {
+    let (mut bench, set) = calibrated();
+    let mut without = ModelSet::clone(&set);
+    without.id = "m-without".to_owned();
+    let taxels = without.recorded.as_mut().unwrap().taxels.iter_mut().flatten();
+    taxels.for_each(|taxel| taxel.plays = None);
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    bench.ask(Command::Import { model_set: Arc::new(without) }).unwrap();
+    bench.activate("m-without").unwrap();
+    bench.tare(None).unwrap();
+    let (mut within, mut all) = (0, 0);
+    for target in [50.0, 10.0] {
+        bench.ramp(target, 2.0);
+        for _ in 0..200 {
+            bench.seconds(0.1);
+            let force = &bench.host.snapshot().force;
+            assert!(matches!(force.state, ForceState::Ok | ForceState::Degraded), "{:?}", force.reasons);
+            let (total, sigma) = (force.total.unwrap().0, force.total_sigma.unwrap().0);
+            within += u32::from((total - bench.world.true_force().0).abs() <= 2.0 * sigma);
+            all += 1;
+        }
+    }
+    assert!(f64::from(within) > 0.9 * f64::from(all), "{within} of {all} within two standard uncertainties");
+}

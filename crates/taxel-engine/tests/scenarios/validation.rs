@@ -1,0 +1,253 @@
+//! Known loads on the skin, and the areas that they set right.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::Restored;
+use taxel_engine::command::{Command, Done, Rejection, Reply};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::plan::PatchPlan;
+use taxel_engine::record::Record;
+use taxel_engine::snapshot::ForceState;
+use taxel_engine::validation::{KnownLoad, Load, Validation, Weight};
+use taxel_sim::PumpCommand;
+use taxel_skin::{Newton, SquareMillimetre};
+
+use crate::bench::Bench;
+use crate::rig::{patch_plan, plan, small_skin, small_world};
+use crate::shared::small;
+
+/// The configured areas are this much too small.
+const AREAS_OFF: f64 = 1.1;
+
+fn wrong_areas(plan: &mut PatchPlan) {
+    plan.areas.iter_mut().for_each(|area| *area = SquareMillimetre(area.0 / AREAS_OFF));
+    plan.area_from_loads = true;
+}
+
+fn known(weight: Weight) -> KnownLoad {
+    KnownLoad { weight, relative_sigma: 0.005, note: "brass".to_owned(), by: "Ada".to_owned(), replaces: None }
+}
+
+fn record(weight: Weight) -> Command {
+    Command::RecordLoad { patch: String::new(), load: known(weight) }
+}
+
+/// The load that a command came to.
+fn load_of(reply: Reply) -> Arc<Load> {
+    match reply {
+        Ok(Done::LoadRecorded(load)) => load,
+        other => panic!("expected a load, got {other:?}"),
+    }
+}
+
+fn validation(bench: &Bench) -> &Validation {
+    &bench.host.catalogue.validations[0]
+}
+
+/// Lays a mass down, lets it settle, has it read, and takes it away again.
+fn weigh_known(bench: &mut Bench, kilogram: f64, centre: u16) -> Arc<Load> {
+    bench.lay(kilogram, centre);
+    bench.seconds(1.5);
+    let load = load_of(bench.ask(record(Weight::Kilogram(kilogram))));
+    bench.world.clear();
+    bench.seconds(2.0);
+    load
+}
+
+/// Mean absolute error of the live force over a few loads that were not recorded.
+fn live_error(bench: &mut Bench) -> f64 {
+    let mut sum = 0.0;
+    for (kilogram, centre) in [(0.3, 14), (0.5, 55), (0.7, 24)] {
+        let weight = bench.lay(kilogram, centre).0;
+        bench.seconds(1.5);
+        sum += (bench.weigh(10) / weight - 1.0).abs() / 3.0;
+        bench.world.clear();
+        bench.seconds(2.0);
+    }
+    sum
+}
+
+const MASSES: [(f64, u16); 3] = [(0.4, 33), (0.6, 22), (0.8, 44)];
+
+#[test]
+fn three_masses_set_areas_right_that_are_a_tenth_off() {
+    let mut bench = small().in_use_with(wrong_areas);
+    let before = live_error(&mut bench);
+    for (n, (kilogram, centre)) in MASSES.into_iter().enumerate() {
+        assert_eq!(validation(&bench).factor, None, "after {n} loads");
+        let load = weigh_known(&mut bench, kilogram, centre);
+        assert_eq!((load.number, load.area_factor.to_bits()), (n as u64 + 1, 1.0_f64.to_bits()));
+        assert!((load.force_n - 9.80665 * kilogram).abs() < 1e-12 && load.mass_kg == Some(kilogram), "{load:?}");
+        assert!((load.force_sigma_n - 0.005 * load.force_n).abs() < 1e-12);
+        assert!(load.read.scans >= 19 && load.error() < -0.05, "{load:?}");
+        assert_eq!((load.by.as_str(), load.note.as_str()), ("Ada", "brass"));
+    }
+    let view = validation(&bench).clone();
+    let factor = view.factor.expect("three loads give a factor");
+    let after = live_error(&mut bench);
+    eprintln!("k = {:.4} +- {:.4}, live error {before:.3} before, {after:.3} after", factor.value, factor.sigma);
+    assert!((factor.value - AREAS_OFF).abs() < 2.0 * factor.sigma && factor.sigma < 0.05, "{factor:?}");
+    assert!(view.applied && view.not_applied_because.is_empty(), "{view:?}");
+    assert!(view.loads.iter().all(|judged| judged.in_factor && judged.outdated_because.is_empty()));
+    assert_eq!(view.loads.iter().map(|judged| judged.load.number).collect::<Vec<_>>(), [3, 2, 1]);
+    let mean = view.loads.iter().map(|judged| judged.load.error().abs()).sum::<f64>() / 3.0;
+    assert!((view.mean_absolute_error.unwrap() - mean).abs() < 1e-12);
+    assert!(after < 0.6 * before, "{after} after, {before} before");
+    // A load that is read with the factor in use leaves it where it is.
+    let fourth = weigh_known(&mut bench, 0.5, 33);
+    assert!((fourth.area_factor / factor.value - 1.0).abs() < 1e-12, "{fourth:?}");
+    assert!(fourth.is_within_two_sigma(), "{fourth:?}");
+    let again = validation(&bench).factor.unwrap();
+    assert!((again.value - factor.value).abs() < 2.0 * factor.sigma && again.loads == 4, "{again:?}");
+}
+
+#[test]
+fn a_restart_keeps_loads_and_factor_and_without_the_word_nothing_is_multiplied() {
+    let mut bench = small().in_use_with(wrong_areas);
+    for (kilogram, centre) in MASSES {
+        weigh_known(&mut bench, kilogram, centre);
+    }
+    let view = validation(&bench).clone();
+    let loads: Vec<Arc<Load>> = bench
+        .host
+        .records
+        .iter()
+        .filter_map(|r| if let Record::Load(load) = r { Some(load.clone()) } else { None })
+        .collect();
+    assert_eq!(loads.len(), 3, "each was written once");
+    let restarted = |change: &dyn Fn(&mut PatchPlan)| {
+        let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+        change(&mut patch);
+        let restored = Restored { loads: loads.clone(), next_load: 4, ..small().restored() };
+        let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+        bench.until_force(5.0, ForceState::Ok);
+        bench
+    };
+    let mut kept = restarted(&wrong_areas);
+    assert_eq!(*validation(&kept), view);
+    let mut off = restarted(&|plan| {
+        wrong_areas(plan);
+        plan.area_from_loads = false;
+    });
+    assert_eq!(validation(&off).factor, view.factor);
+    assert!(!validation(&off).applied && validation(&off).not_applied_because.contains("off"));
+    let (with, without) = (live_error(&mut kept), live_error(&mut off));
+    assert!(with < 0.6 * without, "{with} with the factor, {without} without");
+    assert_eq!(weigh_known(&mut kept, 0.5, 33).number, 4);
+    // Other areas, other factor: what was read with the old ones says nothing of it.
+    let other = restarted(&|plan| plan.area_from_loads = true);
+    assert_eq!((validation(&other).factor, validation(&other).mean_absolute_error), (None, None));
+    assert!(validation(&other).loads.iter().all(|judged| judged.outdated_because.contains("areas")));
+}
+
+#[test]
+fn a_load_that_moves_or_is_not_there_is_refused() {
+    let mut bench = small().in_use();
+    let nothing = bench.refused(record(Weight::Kilogram(0.5)));
+    assert!(nothing.contains("feels nothing"), "{nothing}");
+    bench.lay(0.3, 33);
+    bench.seconds(1.5);
+    let reading = bench.host.command(record(Weight::Kilogram(0.3)));
+    let twice = bench.refused(record(Weight::Kilogram(0.3)));
+    assert!(twice.contains("another load"), "{twice}");
+    bench.seconds(0.1);
+    bench.lay(0.3, 33);
+    bench.until(5.0, "the answer", |host| host.replied(reading));
+    let Some(Err(Rejection::FailedPrecondition(why))) = bench.host.reply(reading) else { panic!("it was taken") };
+    assert!(why.contains("unsteady"), "{why}");
+    assert!(bench.host.records.iter().all(|record| !matches!(record, Record::Load(_))), "nothing was written");
+    let load = load_of(bench.ask(record(Weight::Force(Newton(0.6 * 9.81)))));
+    assert_eq!((load.number, load.mass_kg), (1, None));
+}
+
+#[test]
+fn without_models_zero_or_vent_nothing_is_read() {
+    let world = small_world();
+    let mut bench = Bench::new(world, plan(patch_plan(&small_skin())), Restored::default());
+    bench.brought_up();
+    assert!(bench.refused(record(Weight::Kilogram(0.5))).contains("no model set"));
+
+    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    bench.until(5.0, "a first force", |host| host.snapshots.last().is_some_and(|s| s.force.total.is_some()));
+    assert!(bench.refused(record(Weight::Kilogram(0.5))).contains("the zero rests on"));
+
+    let mut bench = small().in_use();
+    bench.world.pump(PumpCommand::Ramp { target: taxel_skin::Kilopascal(30.0), kpa_per_s: 10.0 });
+    bench.seconds(4.0);
+    assert!(bench.refused(record(Weight::Kilogram(0.5))).contains("vent it"));
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(10.0);
+    bench.host.notice(taxel_engine::BusNotice::BusOff);
+    assert!(bench.refused(record(Weight::Kilogram(0.5))).contains("no valid zero"));
+    for (weight, field) in [
+        (Weight::Kilogram(0.0), "mass_kg"),
+        (Weight::Kilogram(f64::NAN), "mass_kg"),
+        (Weight::Force(Newton(1e5)), "force_n"),
+    ] {
+        let refused = bench.ask(record(weight));
+        assert!(matches!(&refused, Err(Rejection::InvalidArgument { field: f, .. }) if *f == field), "{refused:?}");
+    }
+}
+
+#[test]
+fn silence_ends_the_reading() {
+    let mut bench = small().in_use();
+    bench.lay(0.5, 33);
+    bench.seconds(1.5);
+    bench.passes = Box::new(|_| false);
+    let why = bench.refused(record(Weight::Kilogram(0.5)));
+    assert!(why.contains("silent") || why.contains("scans came"), "{why}");
+}
+
+#[test]
+fn loads_beyond_the_range_replaced_ones_and_those_of_other_models_do_not_count() {
+    let mut bench = small().in_use_with(wrong_areas);
+    for (kilogram, centre) in MASSES {
+        weigh_known(&mut bench, kilogram, centre);
+    }
+    let factor = validation(&bench).factor;
+    let heavy = weigh_known(&mut bench, 12.0, 33);
+    assert!(heavy.read.out_of_range > 0);
+    assert_eq!(validation(&bench).factor, factor, "a lower bound says nothing of the area");
+    assert!(!validation(&bench).loads[0].in_factor && validation(&bench).loads[0].outdated_because.is_empty());
+
+    bench.lay(0.5, 22);
+    bench.seconds(1.5);
+    let patch = String::new;
+    let wrong = load_of(bench.ask(record(Weight::Kilogram(500.0))));
+    let absurd = validation(&bench);
+    assert!(!absurd.applied && absurd.not_applied_because.contains("noted wrong"), "{absurd:?}");
+    let load = KnownLoad { replaces: Some(wrong.number), ..known(Weight::Kilogram(0.5)) };
+    load_of(bench.ask(Command::RecordLoad { patch: patch(), load }));
+    let view = validation(&bench);
+    assert!(view.applied && view.factor.unwrap().loads == 4, "{view:?}");
+    assert_eq!(view.loads[1].outdated_because, format!("load {} replaces it", wrong.number + 1));
+    let load = KnownLoad { replaces: Some(99), ..known(Weight::Kilogram(0.5)) };
+    let refused = bench.ask(Command::RecordLoad { patch: patch(), load });
+    assert!(matches!(&refused, Err(Rejection::NotFound(what)) if what.contains("load 99")), "{refused:?}");
+    bench.world.clear();
+    bench.run(Duration::from_secs(2));
+
+    let other = Arc::new(ModelSet { id: "m-other".to_owned(), session: None, ..ModelSet::clone(&small().set) });
+    bench.ask(Command::Import { model_set: other }).unwrap();
+    bench.activate("m-other").unwrap();
+    let view = validation(&bench);
+    assert_eq!((view.factor, view.applied, view.mean_absolute_error), (None, false, None));
+    assert!(view.loads.iter().all(|judged| !judged.outdated_because.is_empty()));
+    bench.activate(&small().set.id).unwrap();
+    assert!(validation(&bench).applied, "the loads of the earlier set count again with it");
+}
+
+/// A load that is read changes nothing of the world's other parts.
+#[test]
+fn the_factor_leaves_the_zero_alone() {
+    let mut bench = small().in_use_with(wrong_areas);
+    let epoch = |bench: &Bench| bench.host.snapshot().tare.as_ref().map(|tare| tare.epoch);
+    let before = epoch(&bench);
+    for (kilogram, centre) in MASSES {
+        weigh_known(&mut bench, kilogram, centre);
+    }
+    assert!(validation(&bench).applied && bench.host.snapshot().force.total.is_some());
+    assert_eq!(epoch(&bench), before);
+}

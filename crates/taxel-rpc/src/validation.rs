@@ -1,0 +1,127 @@
+//! `ValidationService`: known loads, and how far the force read under them is off.
+
+use taxel_engine::command::{Command, Done};
+use taxel_engine::validation::{AreaFactor, JudgedLoad, KnownLoad, Load, Validation, Weight};
+use taxel_proto::v1;
+use taxel_proto::v1::record_load_request::Load as Laid;
+use taxel_proto::v1::validation_service_server::ValidationService;
+use taxel_skin::Newton;
+use tonic::{Request, Response, Status};
+
+use crate::convert::{known, timestamp};
+use crate::service::{Service, strange_answer};
+use crate::status::invalid;
+
+/// A load whose uncertainty is not given: a kitchen scale, or a mass that stands 8 degrees off the vertical.
+const RELATIVE_UNCERTAINTY: f64 = 0.01;
+/// Longest texts that are kept with a load, in bytes.
+const NOTE_BYTES_MAX: usize = 1024;
+const NAME_BYTES_MAX: usize = 256;
+/// Most loads in one answer.
+const LOADS_MAX: usize = 1000;
+
+#[tonic::async_trait]
+impl ValidationService for Service {
+    async fn record_load(&self, request: Request<v1::RecordLoadRequest>) -> Result<Response<v1::Load>, Status> {
+        let request = request.into_inner();
+        let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
+        let load = KnownLoad {
+            weight: match request.load {
+                Some(Laid::MassKg(kilogram)) => Weight::Kilogram(kilogram),
+                Some(Laid::ForceN(newton)) => Weight::Force(Newton(newton)),
+                None => return Err(invalid("load", "neither mass_kg nor force_n is given")),
+            },
+            relative_sigma: request.relative_uncertainty.unwrap_or(RELATIVE_UNCERTAINTY),
+            note: text("note", request.note, NOTE_BYTES_MAX)?,
+            by: text("by", request.by, NAME_BYTES_MAX)?,
+            replaces: (request.replaces != 0).then_some(request.replaces),
+        };
+        match self.command("RecordLoad", Command::RecordLoad { patch, load }).await? {
+            Done::LoadRecorded(recorded) => Ok(Response::new(self.judged(&recorded))),
+            other => Err(strange_answer(&other)),
+        }
+    }
+
+    async fn get_validation(
+        &self,
+        request: Request<v1::GetValidationRequest>,
+    ) -> Result<Response<v1::Validation>, Status> {
+        let patch = self.patch(&request.get_ref().patch)?;
+        let catalogue = self.handle.catalogue.borrow().clone();
+        let answer = catalogue.validations.get(patch).map(|view| validation(view));
+        let name = || self.plan(patch).patch.name().to_owned();
+        Ok(Response::new(answer.unwrap_or_else(|| v1::Validation { patch: name(), ..v1::Validation::default() })))
+    }
+}
+
+impl Service {
+    /// A load with the engine's present judgement, which is published before the answer goes out.
+    fn judged(&self, recorded: &Load) -> v1::Load {
+        let catalogue = self.handle.catalogue.borrow();
+        let mut judged = catalogue.validations.iter().flat_map(|view| &view.loads);
+        judged.find(|judged| judged.load.number == recorded.number).map_or_else(|| load(recorded, "", false), of_judged)
+    }
+}
+
+/// A text of an operator, trimmed.
+fn text(field: &'static str, text: String, bytes_max: usize) -> Result<String, Status> {
+    match text.len() {
+        length if length > bytes_max => {
+            Err(invalid(field, format_args!("{length} bytes, at most {bytes_max} are kept")))
+        }
+        _ => Ok(text.trim().to_owned()),
+    }
+}
+
+fn validation(view: &Validation) -> v1::Validation {
+    v1::Validation {
+        patch: view.patch.clone(),
+        model_set: view.model_set.clone().unwrap_or_default(),
+        loads: view.loads.iter().take(LOADS_MAX).map(of_judged).collect(),
+        loads_in_all: view.loads.len() as u32,
+        mean_absolute_error_percent: view.mean_absolute_error.and_then(|error| known(100.0 * error)),
+        area_factor: view.factor.map(|factor| area_factor(factor, view)),
+    }
+}
+
+fn area_factor(factor: AreaFactor, view: &Validation) -> v1::AreaFactor {
+    v1::AreaFactor {
+        value: factor.value,
+        sigma: factor.sigma,
+        loads: factor.loads as u32,
+        applied: view.applied,
+        not_applied_because: view.not_applied_because.clone(),
+    }
+}
+
+fn of_judged(judged: &JudgedLoad) -> v1::Load {
+    load(&judged.load, &judged.outdated_because, judged.in_factor)
+}
+
+fn load(load: &Load, outdated_because: &str, in_area_factor: bool) -> v1::Load {
+    v1::Load {
+        load: load.number,
+        patch: load.patch.clone(),
+        time: timestamp(load.wall_ns),
+        by: load.by.clone(),
+        note: load.note.clone(),
+        mass_kg: load.mass_kg,
+        force_n: load.force_n,
+        force_sigma_n: load.force_sigma_n,
+        read_n: load.read.mean_n,
+        read_sigma_n: load.read.sigma_n,
+        read_scatter_n: load.read.scatter_n,
+        scans: load.read.scans,
+        error_percent: 100.0 * load.error(),
+        within_two_sigma: load.is_within_two_sigma(),
+        out_of_range: load.read.out_of_range,
+        uncovered_share: load.read.uncovered_share,
+        reasons: load.read.reasons.clone(),
+        model_set: load.model_set.clone(),
+        mean_area_mm2: load.mean_area_mm2,
+        area_factor: load.area_factor,
+        replaces: load.replaces.unwrap_or(0),
+        outdated_because: outdated_because.to_owned(),
+        in_area_factor,
+    }
+}

@@ -1,0 +1,159 @@
+//! Known loads: what a client says arrives at the engine, what the engine has comes out.
+
+use std::sync::Arc;
+use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::snapshot::Catalogue;
+use taxel_engine::validation::{AreaFactor, JudgedLoad, Load, Reading, Validation, Weight};
+use taxel_proto::v1;
+use taxel_proto::v1::record_load_request::Load as Laid;
+use taxel_proto::v1::validation_service_client::ValidationServiceClient;
+use tonic::Code;
+
+use crate::fixture::{FOREARM, HAND, start, start_with};
+
+fn load(number: u64, error: f64) -> Arc<Load> {
+    let read = Reading {
+        scans: 20,
+        mean_n: 5.0 * (1.0 + error),
+        scatter_n: 0.02,
+        sigma_n: 0.2,
+        out_of_range: 1,
+        uncovered_share: 0.05,
+        reasons: vec!["1 taxels have a fault".to_owned()],
+    };
+    Arc::new(Load {
+        number,
+        patch: FOREARM.to_owned(),
+        wall_ns: 1_700_000_000_000_000_000,
+        by: "Ada".to_owned(),
+        note: "brass".to_owned(),
+        mass_kg: Some(0.5),
+        force_n: 5.0,
+        force_sigma_n: 0.05,
+        replaces: Some(2),
+        read,
+        model_set: "m-1".to_owned(),
+        mean_area_mm2: 32.4,
+        area_factor: 1.0,
+        area_uncertainty: 0.05,
+    })
+}
+
+fn request(laid: Option<Laid>) -> v1::RecordLoadRequest {
+    v1::RecordLoadRequest { load: laid, ..v1::RecordLoadRequest::default() }
+}
+
+#[tokio::test]
+async fn a_load_reaches_the_engine_and_its_reading_comes_back() {
+    let mut daemon = start().await;
+    let mut client = ValidationServiceClient::new(daemon.connect().await);
+    let asked = v1::RecordLoadRequest {
+        note: " brass ".to_owned(),
+        by: "Ada".to_owned(),
+        replaces: 2,
+        ..request(Some(Laid::MassKg(0.5)))
+    };
+    let (got, ()) = tokio::join!(
+        client.record_load(asked),
+        daemon.answer(Ok(Done::LoadRecorded(load(7, -0.1))), |command| {
+            let Command::RecordLoad { patch, load } = command else { panic!("{command:?}") };
+            assert_eq!((patch.as_str(), load.weight, load.replaces), (FOREARM, Weight::Kilogram(0.5), Some(2)));
+            assert_eq!((load.note.as_str(), load.by.as_str()), ("brass", "Ada"));
+            assert!((load.relative_sigma - 0.01).abs() < 1e-15, "the default");
+        })
+    );
+    let got = got.unwrap().into_inner();
+    assert!((got.error_percent + 10.0).abs() < 1e-9 && !got.within_two_sigma, "{got:?}");
+    let expected = v1::Load {
+        load: 7,
+        patch: FOREARM.to_owned(),
+        time: Some(taxel_proto::Timestamp { seconds: 1_700_000_000, nanos: 0 }),
+        by: "Ada".to_owned(),
+        note: "brass".to_owned(),
+        mass_kg: Some(0.5),
+        force_n: 5.0,
+        force_sigma_n: 0.05,
+        read_n: 4.5,
+        read_sigma_n: 0.2,
+        read_scatter_n: 0.02,
+        scans: 20,
+        error_percent: got.error_percent,
+        within_two_sigma: false,
+        out_of_range: 1,
+        uncovered_share: 0.05,
+        reasons: vec!["1 taxels have a fault".to_owned()],
+        model_set: "m-1".to_owned(),
+        mean_area_mm2: 32.4,
+        area_factor: 1.0,
+        replaces: 2,
+        outdated_because: String::new(),
+        in_area_factor: false,
+    };
+    assert_eq!(got, expected);
+
+    let why = "the force is unsteady: it moved from 4.00 N to 5.00 N";
+    let asked = v1::RecordLoadRequest { relative_uncertainty: Some(0.0), ..request(Some(Laid::ForceN(4.9))) };
+    let (refused, ()) = tokio::join!(
+        client.record_load(asked),
+        daemon.answer(Err(Rejection::FailedPrecondition(why.to_owned())), |command| {
+            let Command::RecordLoad { load, .. } = command else { panic!("{command:?}") };
+            assert!(matches!(load.weight, Weight::Force(force) if force.0.to_bits() == 4.9_f64.to_bits()));
+            assert_eq!((load.relative_sigma.to_bits(), load.replaces), (0, None));
+        })
+    );
+    let refused = refused.unwrap_err();
+    assert_eq!((refused.code(), refused.message()), (Code::FailedPrecondition, why));
+}
+
+#[tokio::test]
+async fn what_is_no_load_is_refused_before_the_engine() {
+    let daemon = start_with(&[FOREARM, HAND], taxel_rpc::Limits::default()).await;
+    let mut client = ValidationServiceClient::new(daemon.connect().await);
+    let of = |patch: &str, asked: v1::RecordLoadRequest| v1::RecordLoadRequest { patch: patch.to_owned(), ..asked };
+    let kilogram = || request(Some(Laid::MassKg(1.0)));
+    let long = v1::RecordLoadRequest { note: "x".repeat(1025), ..kilogram() };
+    for (asked, code, says) in [
+        (of(FOREARM, request(None)), Code::InvalidArgument, "load: neither mass_kg nor force_n"),
+        (of(FOREARM, long), Code::InvalidArgument, "note: 1025 bytes, at most 1024"),
+        (of("", kilogram()), Code::InvalidArgument, "patch: must name one"),
+        (of("leg", kilogram()), Code::NotFound, "no patch `leg`"),
+    ] {
+        let refused = client.record_load(asked).await.unwrap_err();
+        assert_eq!(refused.code(), code, "{refused:?}");
+        assert!(refused.message().contains(says), "expected `{says}` in: {}", refused.message());
+    }
+}
+
+#[tokio::test]
+async fn a_validation_shows_loads_errors_and_the_factor() {
+    let daemon = start().await;
+    let mut client = ValidationServiceClient::new(daemon.connect().await);
+    let empty = client.get_validation(v1::GetValidationRequest::default()).await.unwrap().into_inner();
+    assert_eq!(empty, v1::Validation { patch: FOREARM.to_owned(), ..v1::Validation::default() });
+
+    let judged = |number, why: &str| JudgedLoad {
+        load: load(number, 0.02),
+        outdated_because: why.to_owned(),
+        in_factor: why.is_empty(),
+    };
+    let mut loads: Vec<JudgedLoad> = (2..1_300).rev().map(|number| judged(number, "")).collect();
+    loads.push(judged(1, "another model set is active now"));
+    let view = Validation {
+        patch: FOREARM.to_owned(),
+        model_set: Some("m-1".to_owned()),
+        loads,
+        mean_absolute_error: Some(0.02),
+        factor: Some(AreaFactor { value: 1.1, sigma: 0.01, loads: 1_298 }),
+        applied: true,
+        not_applied_because: String::new(),
+    };
+    daemon.engine().catalogue(Arc::new(Catalogue { validations: vec![Arc::new(view)], ..Catalogue::default() }));
+    let got = client.get_validation(v1::GetValidationRequest::default()).await.unwrap().into_inner();
+    assert_eq!((got.model_set.as_str(), got.loads.len(), got.loads_in_all), ("m-1", 1_000, 1_299));
+    assert_eq!(got.mean_absolute_error_percent, Some(2.0));
+    let not_applied_because = String::new();
+    let factor = v1::AreaFactor { value: 1.1, sigma: 0.01, loads: 1_298, applied: true, not_applied_because };
+    assert_eq!(got.area_factor, Some(factor));
+    let newest = &got.loads[0];
+    assert!(newest.load == 1_299 && newest.in_area_factor && newest.within_two_sigma, "{newest:?}");
+}

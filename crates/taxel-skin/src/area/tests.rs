@@ -1,0 +1,190 @@
+use super::*;
+use crate::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, TaxelPose};
+use nalgebra::{Rotation3, Unit};
+use proptest::prelude::*;
+
+fn geometry(places_mm: &[[f64; 3]]) -> Geometry {
+    let pose = |place: &[f64; 3]| Some(TaxelPose { position: place.map(|x| x * 1e-3), normal: [0.0, 0.0, 1.0] });
+    Geometry::from_poses(places_mm.iter().map(pose).collect())
+}
+
+/// Mean area per taxel, mm2.
+const MEAN: SquareMillimetre = SquareMillimetre::ICUB_TAXEL;
+
+fn areas(places_mm: &[[f64; 3]], modules: impl IntoIterator<Item = Range<usize>>) -> Vec<f64> {
+    let areas = voronoi(&geometry(places_mm), modules, MEAN);
+    areas.into_iter().map(|area| area.map_or(0.0, |area| area.0)).collect()
+}
+
+/// Taxels of an iCub triangle, in mm about its centre.
+const TRIANGLE_MM: [[f64; 2]; 10] = [
+    [6.43, 0.0],
+    [9.65, -5.57],
+    [3.22, -5.57],
+    [0.0, 0.0],
+    [-3.22, -5.57],
+    [-9.65, -5.57],
+    [-6.43, 0.0],
+    [-3.22, 5.57],
+    [0.0, 11.14],
+    [3.22, 5.57],
+];
+
+fn triangle() -> [[f64; 3]; 10] {
+    TRIANGLE_MM.map(|[x, y]| [x, y, 0.0])
+}
+
+#[test]
+fn a_uniform_lattice_has_equal_inner_cells() {
+    let (pitch, row) = (6.5, 6.5 * 0.75_f64.sqrt());
+    let shift = |y: usize| if y % 2 == 1 { pitch / 2.0 } else { 0.0 };
+    let places: Vec<_> = (0..49).map(|i| [(i % 7) as f64 * pitch + shift(i / 7), (i / 7) as f64 * row, 0.0]).collect();
+    let areas = areas(&places, Some(0..49));
+    for taxel in (1..6).flat_map(|y| (1..6).map(move |x| y * 7 + x)) {
+        assert!((areas[taxel] - pitch * row).abs() < 1e-9, "taxel {taxel}: {}", areas[taxel]);
+    }
+}
+
+#[test]
+fn an_icub_triangle_keeps_its_area_and_its_inner_cell_is_the_lattices() {
+    let areas = areas(&triangle(), Some(0..10));
+    let sum: f64 = areas.iter().sum();
+    assert!((sum / 324.0 - 1.0).abs() < 2e-3, "{sum} mm2");
+    assert!((areas[3] - 6.43 * 5.57).abs() < 0.1, "the middle: {}", areas[3]);
+    assert!(areas.iter().all(|cell| (26.0..37.0).contains(cell)), "{areas:?}");
+}
+
+#[test]
+fn touching_modules_share_the_gap() {
+    let mut places = triangle().to_vec();
+    // The neighbour beyond the lower edge, mirrored in it, 1.6 mm nearer than the areas ask for.
+    places.extend(TRIANGLE_MM.iter().map(|&[x, y]| [x, -y - 2.0 * (23.9 / 3.0 - 0.8), 0.0]));
+    let both = areas(&places, [0..10, 10..20]);
+    let alone = areas(&triangle(), Some(0..10));
+    assert!(both[2] < alone[2] - 4.0, "{} beside a neighbour, {} alone", both[2], alone[2]);
+    assert!((both[8] - alone[8]).abs() < 1e-9, "far from the neighbour nothing changes");
+    for (taxel, (one, other)) in both[..10].iter().zip(&both[10..]).enumerate() {
+        assert!((one - other).abs() < 1e-9, "taxel {taxel} and its mirror image: {one} and {other}");
+    }
+}
+
+#[test]
+fn taxels_whose_cell_is_not_known_have_none() {
+    let mut placed = geometry(&triangle());
+    let mut doubled = triangle().map(|[x, y, z]| [x + 100.0, y, z]);
+    doubled[4] = doubled[7];
+    placed.poses.extend(geometry(&doubled).poses);
+    placed.poses.extend(geometry(&[[50.0, 0.0, 0.0], [56.0, 0.0, 0.0], [62.0, 0.0, 0.0], [90.0, 0.0, 0.0]]).poses);
+    let mut holed = geometry(&triangle().map(|[x, y, z]| [x, y + 100.0, z])).poses;
+    holed[5] = None;
+    placed.poses.extend(holed);
+    let areas = voronoi(&placed, [0..10, 10..20, 20..23, 23..24, 24..34], MEAN);
+    assert!(areas[..10].iter().all(Option::is_some));
+    let without = &areas[10..];
+    assert!(without.iter().all(Option::is_none), "two at one place, a line, a point, a hole: {without:?}");
+    assert_eq!(voronoi(&placed, [], MEAN), vec![None; 34]);
+    assert_eq!(voronoi(&placed, Some(30..40), MEAN), vec![None; 34], "a module beyond the geometry");
+}
+
+#[test]
+fn icubs_own_forearm_files() {
+    let local = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data");
+    let dir = std::env::var("TAXELD_DATA").unwrap_or_else(|_| local.to_owned()) + "/icub_positions";
+    let first: Vec<u8> = (0..16).collect();
+    // In the second file taxels of most modules repeat a place.
+    for (file, second, known) in [
+        ("left_forearm_mesh.txt", &[1, 5, 8, 9, 10, 12, 13][..], 23),
+        ("left_forearm_V2.txt", &[0, 1, 3, 6, 8, 9, 12, 13][..], 4),
+    ] {
+        let Ok(text) = std::fs::read_to_string(format!("{dir}/{file}")) else {
+            eprintln!("SKIPPED icubs_own_forearm_files: no {dir}/{file}");
+            return;
+        };
+        let board = |address: u8, modules: &[u8]| Board {
+            bus: BusIndex(0),
+            address: BoardAddress::new(address).unwrap(),
+            modules: modules.iter().map(|&m| (Module::from_nibble(m), ModuleKind::Triangle)).collect(),
+        };
+        let patch = Patch::new("p", vec![board(13, &first), board(12, second)]).unwrap();
+        let geometry = Geometry::parse(&text, &patch).unwrap();
+        let areas = voronoi(&geometry, (0..patch.modules().len()).map(|m| 10 * m..10 * m + 10), MEAN);
+        let triangles: Vec<Vec<f64>> =
+            areas.chunks(10).filter_map(|cells| cells.iter().map(|cell| Some((*cell)?.0)).collect()).collect();
+        let sums: Vec<f64> = triangles.iter().map(|cells| cells.iter().sum()).collect();
+        let cells = triangles.concat();
+        let (least, most) = cells.iter().fold((f64::MAX, 0.0_f64), |(a, b), x| (a.min(*x), b.max(*x)));
+        eprintln!("{file}: taxels {least:.1} to {most:.1} mm2, triangles {sums:.0?} mm2");
+        assert_eq!(triangles.len(), known, "{file}");
+        // The places of the first file are corners of a mesh, up to 3 mm off, so that some of its triangles overlap.
+        let off = |share: f64| sums.iter().filter(|sum| (*sum / 324.0 - 1.0).abs() > share).count();
+        assert!(off(0.1) <= 3 && off(0.2) == 0, "{file}: {sums:.0?}");
+        let mean = sums.iter().sum::<f64>() / sums.len() as f64;
+        assert!((mean / 324.0 - 1.0).abs() < 0.05, "{file}: {mean} mm2 a triangle");
+    }
+}
+
+/// Places at least 2 mm apart in a square of 30 mm.
+fn scattered() -> impl Strategy<Value = Vec<[f64; 2]>> {
+    proptest::collection::vec([0.0_f64..30.0, 0.0_f64..30.0], 4..25).prop_map(|points| {
+        let mut kept: Vec<[f64; 2]> = Vec::new();
+        for point in points {
+            if kept.iter().all(|other| length(minus(*other, point)) > 2.0) {
+                kept.push(point);
+            }
+        }
+        kept
+    })
+}
+
+proptest! {
+    #[test]
+    fn cells_fill_the_modules_outline_and_move_with_it(
+        points in scattered(), axis in [-1.0_f64..1.0, -1.0_f64..1.0, -1.0_f64..1.0], angle in 0.0_f64..6.0,
+        shift in [-300.0_f64..300.0, -300.0_f64..300.0, -300.0_f64..300.0],
+    ) {
+        let Some(hull) = Convex::hull(&points) else { return Ok(()) };
+        let flat: Vec<[f64; 3]> = points.iter().map(|&[x, y]| [x, y, 0.0]).collect();
+        let module = 0..flat.len();
+        let outline = hull.grown_to(MEAN.0 * flat.len() as f64).area();
+        let still = areas(&flat, Some(module.clone()));
+        let sum: f64 = still.iter().sum();
+        prop_assert!((sum / outline - 1.0).abs() < 1e-9, "{sum} mm2 of {outline}");
+        let axis = Vector3::from(axis);
+        prop_assume!(axis.norm() > 0.1);
+        let turn = Rotation3::from_axis_angle(&Unit::new_normalize(axis), angle);
+        let moved: Vec<[f64; 3]> = flat.iter().map(|p| (turn * Vector3::from(*p) + Vector3::from(shift)).into()).collect();
+        for (taxel, (a, b)) in still.iter().zip(areas(&moved, Some(module.clone()))).enumerate() {
+            prop_assert!((a - b).abs() < 1e-6 * outline, "taxel {taxel}: {a} mm2, moved {b} mm2");
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// The definition itself: a point belongs to the nearest taxel of all, if it lies in that taxel's module.
+    #[test]
+    fn cells_of_two_modules_are_what_a_fine_grid_finds(one in scattered(), two in scattered(), gap in 0.0_f64..8.0) {
+        let beside = two.iter().map(|&[x, y]| [x + 30.0 + gap, y, 0.0]);
+        let places: Vec<[f64; 3]> = one.iter().map(|&[x, y]| [x, y, 0.0]).chain(beside).collect();
+        let modules = [0..one.len(), one.len()..places.len()];
+        let outline = |module: &Range<usize>| {
+            let flat: Vec<Point> = places[module.clone()].iter().map(|p| [p[0], p[1]]).collect();
+            Some(Convex::hull(&flat)?.grown_to(MEAN.0 * flat.len() as f64))
+        };
+        let (Some(left), Some(right)) = (outline(&modules[0]), outline(&modules[1])) else { return Ok(()) };
+        let found = voronoi(&geometry(&places), modules.iter().cloned(), MEAN);
+        let step = 0.4;
+        let mut counted = vec![0_u32; places.len()];
+        for point in (-40..220).flat_map(|x| (-40..120).map(move |y| [f64::from(x) * step, f64::from(y) * step])) {
+            let distance = |taxel: &usize| length(minus([places[*taxel][0], places[*taxel][1]], point));
+            let nearest = (0..places.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
+            let module = if nearest < one.len() { &left } else { &right };
+            counted[nearest] += u32::from(module.contains(point));
+        }
+        for (taxel, count) in counted.into_iter().enumerate() {
+            let (grid, exact) = (f64::from(count) * step * step, found[taxel].map_or(0.0, |area| area.0));
+            prop_assert!((grid - exact).abs() < 0.05 * exact + 2.0, "taxel {taxel}: {exact} mm2, on a grid {grid} mm2");
+        }
+    }
+}

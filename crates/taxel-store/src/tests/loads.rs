@@ -1,0 +1,123 @@
+//! Known loads on disk, and files that are older than they are.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use rusqlite::Connection;
+use taxel_engine::record::Record;
+use taxel_engine::validation::{Load, Reading};
+
+use super::fixture::*;
+use crate::db::Db;
+use crate::schema;
+
+fn load(number: u64) -> Load {
+    let read = Reading {
+        scans: 20,
+        mean_n: 1.7 * number as f64 / 3.0,
+        scatter_n: 0.01,
+        sigma_n: 0.1,
+        reasons: vec!["3 taxels have a fault".to_owned()],
+        ..Reading::default()
+    };
+    Load {
+        number,
+        patch: PATCH.to_owned(),
+        note: "on the wrist".to_owned(),
+        force_n: number as f64 / 1.7,
+        read,
+        area_factor: 1.0,
+        ..Load::default()
+    }
+}
+
+fn record(number: u64) -> Record {
+    Record::Load(Arc::new(load(number)))
+}
+
+fn schema_of(path: &Path) -> Vec<String> {
+    let connection = Connection::open(path).unwrap();
+    let mut statement =
+        connection.prepare("SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY name").unwrap();
+    statement.query_map([], |row| row.get(0)).unwrap().map(Result::unwrap).collect()
+}
+
+#[test]
+fn loads_come_back_and_their_numbers_go_on() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let (store, restored, ..) = open(&path);
+    assert_eq!((restored.loads.len(), restored.next_load), (0, 1));
+    write(&store, vec![record(1), record(2)]).unwrap();
+    write(&store, vec![record(3)]).unwrap();
+    store.close().unwrap();
+    let (_, restored, quarantined) = Db::open(&path).unwrap();
+    assert_eq!(quarantined, []);
+    assert_eq!(restored.next_load, 4);
+    assert_eq!(restored.loads.iter().map(|l| Load::clone(l)).collect::<Vec<_>>(), [load(1), load(2), load(3)]);
+}
+
+#[test]
+fn damaged_and_missing_loads_are_reported_and_not_believed() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let (store, ..) = open(&path);
+    write(&store, vec![record(1), record(2), record(3)]).unwrap();
+    store.close().unwrap();
+    let other = Connection::open(&path).unwrap();
+    for statement in ["DELETE FROM loads", "UPDATE loads SET load = '{}'"] {
+        let refused = other.execute(statement, []).unwrap_err().to_string();
+        assert!(refused.contains("append-only"), "{statement}: {refused}");
+    }
+    let damage = "DROP TRIGGER loads_keep; UPDATE loads SET load = replace(load, 'wrist', 'elbow') WHERE number = 2;
+                  DROP TRIGGER loads_stay; DELETE FROM loads WHERE number = 1";
+    other.execute_batch(damage).unwrap();
+    drop(other);
+    let (_, restored, quarantined) = Db::open(&path).unwrap();
+    assert_eq!(restored.loads.iter().map(|l| l.number).collect::<Vec<_>>(), [3]);
+    assert_eq!(restored.next_load, 4);
+    let text = format!("{quarantined:?}");
+    assert!(text.contains("load 2") && text.contains("3 were written, 2 are there"), "{text}");
+}
+
+#[test]
+fn a_load_with_a_figure_that_is_no_number_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let (store, ..) = open(&dir.path().join("store.db"));
+    let broken = Load { force_n: f64::NAN, ..load(1) };
+    let refused = write(&store, vec![Record::Load(Arc::new(broken))]).unwrap_err().to_string();
+    assert!(refused.contains("load 1"), "{refused}");
+}
+
+#[test]
+fn a_file_of_version_1_keeps_all_it_has_and_takes_loads() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, fresh) = (dir.path().join("store.db"), dir.path().join("fresh.db"));
+    let sets = filled(&path);
+    filled(&fresh);
+    let old = Connection::open(&path).unwrap();
+    old.execute_batch("DROP TABLE loads; PRAGMA user_version = 1").unwrap();
+    drop(old);
+    let (store, restored, quarantined, _events) = open(&path);
+    assert_eq!(quarantined, []);
+    assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())]);
+    assert_eq!((restored.model_sets.len(), restored.sessions.len(), restored.next_session), (2, 2, 3));
+    assert_eq!(restored.sessions[1].samples.as_ref().unwrap().samples.len(), 40);
+    assert_eq!((restored.loads.len(), restored.next_load), (0, 1));
+    write(&store, vec![record(1)]).unwrap();
+    store.close().unwrap();
+    assert_eq!(schema_of(&path), schema_of(&fresh));
+    let version: i64 =
+        Connection::open(&path).unwrap().pragma_query_value(None, "user_version", |row| row.get(0)).unwrap();
+    assert_eq!(version, schema::VERSION);
+    assert_eq!(Db::open(&path).unwrap().1.loads.len(), 1);
+}
+
+#[test]
+fn the_first_step_alone_is_what_version_1_wrote() {
+    let connection = Connection::open_in_memory().unwrap();
+    connection.execute_batch(schema::STEPS[0]).unwrap();
+    let tables: i64 =
+        connection.query_row("SELECT count(*) FROM sqlite_schema WHERE type = 'table'", [], |r| r.get(0)).unwrap();
+    assert_eq!(tables, 7, "sessions, ramps, samples, model_sets, activations, tares, tally");
+}
