@@ -178,6 +178,11 @@ pub enum Flag {
         /// Share of the samples, 0..1.
         share: f64,
     },
+    /// Single readings that stood alone were left out of the fit.
+    Dropouts {
+        /// How many.
+        samples: u64,
+    },
     /// No sample lies in a wide part of the range.
     Gap {
         /// Last count before the gap.
@@ -220,6 +225,7 @@ impl fmt::Display for Flag {
             Self::RailDropped { count, share } => {
                 write!(f, "clipped readings at count {count} left out ({:.1} % of the samples)", 100.0 * share)
             }
+            Self::Dropouts { samples } => write!(f, "{samples} single readings that stood alone were left out"),
             Self::Gap { from, to } => write!(f, "no sample between counts {from} and {to}"),
             Self::Repaired { rmse_ratio } => write!(f, "repaired to be monotone (RMSE x {rmse_ratio:.4})"),
             Self::NotMonotone { count } => write!(f, "not monotone near count {count:.1}"),

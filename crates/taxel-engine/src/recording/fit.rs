@@ -98,7 +98,8 @@ pub fn fit(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<ModelSet, RecordingError> {
     let gauge = scans.pressure_kpa.ok_or(RecordingError::NoPressure)?;
-    let masks = Masks::find(scans, &modules(scans.counts.len(), recipe.module_size), &recipe.faults);
+    let modules = modules(scans.counts.len(), recipe.module_size);
+    let masks = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans);
     let kpa = running_median(gauge, GAUGE_MEDIAN_SCANS);
     let whole: Vec<Range<usize>> = std::iter::once(0..scans.len()).collect();
     let lag_s = if recipe.max_lag_s > 0.0 { lag::estimate(scans, &kpa, &masks, &whole, recipe.max_lag_s) } else { 0.0 };

@@ -5,7 +5,7 @@ use std::ops::Range;
 use taxel_skin::Time;
 
 use crate::faults::{Fault, FaultDetector, FaultLimits};
-use crate::recording::Scans;
+use crate::recording::{Scans, dropouts::dropouts};
 
 /// The faults of a recording. Unlike the live detector this one can go back: a fault counts from its onset.
 #[derive(Clone, Debug)]
@@ -15,6 +15,8 @@ pub struct Masks {
     /// Scans of each fault, by taxel; and those without a reading.
     scans_of: Vec<[u32; Fault::ALL.len()]>,
     missing: Vec<u32>,
+    /// Readings that stood alone, by taxel.
+    dropouts: Vec<u32>,
 }
 
 impl Masks {
@@ -27,6 +29,7 @@ impl Masks {
             masked: vec![vec![false; scans.len()]; taxels],
             scans_of: vec![Default::default(); taxels],
             missing: vec![0; taxels],
+            dropouts: vec![0; taxels],
         };
         let mut onset: Vec<Option<Time>> = vec![None; taxels];
         let mut row = Vec::new();
@@ -50,7 +53,25 @@ impl Masks {
         let masked: Vec<Vec<bool>> =
             scans.counts.iter().map(|column| column.iter().map(|c| !c.is_finite()).collect()).collect();
         let missing = masked.iter().map(|m: &Vec<bool>| m.iter().filter(|m| **m).count() as u32).collect();
-        Self { scans_of: vec![Default::default(); masked.len()], missing, masked }
+        let (scans_of, dropouts) = (vec![Default::default(); masked.len()], vec![0; masked.len()]);
+        Self { scans_of, missing, dropouts, masked }
+    }
+
+    /// Also leaves out single readings that stand alone: for a fit.
+    #[must_use]
+    pub fn without_dropouts(mut self, scans: &Scans<'_>) -> Self {
+        for ((counts, masked), n) in scans.counts.iter().zip(&mut self.masked).zip(&mut self.dropouts) {
+            let alone = dropouts(counts, masked);
+            *n = alone.len() as u32;
+            alone.into_iter().for_each(|scan| masked[scan] = true);
+        }
+        self
+    }
+
+    /// How many single readings of the taxel were left out.
+    #[must_use]
+    pub fn dropouts(&self, taxel: usize) -> u32 {
+        self.dropouts[taxel]
     }
 
     fn take(

@@ -10,6 +10,7 @@
 
 mod apply;
 pub(crate) mod course;
+mod dropouts;
 mod fit;
 mod hysteresis;
 mod judge;

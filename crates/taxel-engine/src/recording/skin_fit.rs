@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use taxel_model::{Accumulator, FitOptions, FixedPressure, Plays, Samples, Status, TaxelModel};
+use taxel_model::{Accumulator, FitOptions, FixedPressure, Flag, Plays, Samples, Status, TaxelModel};
 
 use crate::faults::Fault;
 use crate::model_set::RecordedTaxel;
@@ -113,7 +113,11 @@ impl SkinFit<'_> {
             return without(faulty(self.masks.main_fault(taxel), share, first));
         }
         let kpa = self.pressure(taxel);
-        let model = self.static_model(self.scans.counts[taxel], &kpa);
+        let mut model = self.static_model(self.scans.counts[taxel], &kpa);
+        let dropouts = self.masks.dropouts(taxel);
+        if dropouts > 0 {
+            model.flags.push(Flag::Dropouts { samples: u64::from(dropouts) });
+        }
         if !model.is_usable() {
             return FittedTaxel { model, ..without(Status::NoData) };
         }

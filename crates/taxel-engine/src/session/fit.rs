@@ -67,7 +67,8 @@ impl FitJob {
         let taxels = first.counts.len();
         let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
         let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
-        let masks = Masks::find(&scans(&time_s, &columns), &self.modules, &self.recipe.faults);
+        let raw = scans(&time_s, &columns);
+        let masks = Masks::find(&raw, &self.modules, &self.recipe.faults).without_dropouts(&raw);
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
         let scans = scans(&time_s, &columns);
         let kpa: Vec<f64> = samples.iter().map(|sample| sample.pressure_kpa).collect();

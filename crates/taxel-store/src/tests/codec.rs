@@ -193,6 +193,7 @@ fn any_flag() -> impl Strategy<Value = Flag> {
         any::<(u32, u32)>().prop_map(|(distinct, wanted)| Flag::FewDistinctCounts { distinct, wanted }),
         (finite(), finite()).prop_map(|(count, leverage)| Flag::HighLeverage { count, leverage }),
         (finite(), finite()).prop_map(|(count, share)| Flag::RailDropped { count, share }),
+        any::<u64>().prop_map(|samples| Flag::Dropouts { samples }),
         (finite(), finite()).prop_map(|(from, to)| Flag::Gap { from, to }),
         finite().prop_map(|rmse_ratio| Flag::Repaired { rmse_ratio }),
         finite().prop_map(|count| Flag::NotMonotone { count }),
