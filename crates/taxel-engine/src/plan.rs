@@ -54,6 +54,30 @@ pub struct PatchPlan {
     pub fit: FitOptions,
 }
 
+impl PatchPlan {
+    /// The least that can be asked for: the total force of boards that stream every 50 ms by themselves.
+    #[must_use]
+    pub fn new(patch: Patch) -> Self {
+        Self {
+            bring_up: Vec::new(),
+            period: Duration::from_millis(50),
+            geometry: None,
+            areas: vec![SquareMillimetre::ICUB_TAXEL; patch.taxels().len()],
+            area_uncertainty: 0.05,
+            area_from_loads: false,
+            gauge: None,
+            outputs: Outputs::default(),
+            live: LiveLimits::default(),
+            faults: FaultLimits::default(),
+            tare: TarePlan::default(),
+            drift: DriftPlan::default(),
+            session: SessionLimits::default(),
+            fit: FitOptions::default(),
+            patch,
+        }
+    }
+}
+
 /// The values that a board is configured with.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BoardSetup {
@@ -126,6 +150,12 @@ pub struct TarePlan {
     pub first_scans: u32,
     /// What counts as rest.
     pub rest: RestLimits,
+}
+
+impl Default for TarePlan {
+    fn default() -> Self {
+        Self { duration: Duration::from_secs(1), at_start: true, first_scans: 4, rest: RestLimits::default() }
+    }
 }
 
 /// Whether and how far the zero follows the temperature of the skin; see [`crate::drift`].

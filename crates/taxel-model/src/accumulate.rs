@@ -67,7 +67,7 @@ struct Ramp {
     codes: Box<[Code; 256]>,
 }
 
-/// Sums over the samples of one taxel. A ramp may hold 2^32 samples.
+/// Sums over the samples of one taxel. All ramps together may hold 2^32 - 1 samples: more than a year at 100 a second.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Accumulator {
     bins: Bins,

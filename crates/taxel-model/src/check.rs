@@ -85,3 +85,31 @@ impl TaxelModel {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{FitOptions, Samples, fit};
+
+    #[test]
+    fn a_model_from_outside_is_checked() {
+        let kpa: Vec<f64> = (0..2000).map(|k| 0.035 * f64::from(k)).collect();
+        let counts: Vec<f64> = kpa.iter().map(|p| (240.0 - 110.0 * p / (p + 40.0)).round()).collect();
+        let good = fit(&Samples::new(&counts, &kpa), &FitOptions::default());
+        assert_eq!(good.validate(), Ok(()));
+        let curve = good.curve.clone().unwrap();
+        let with = |change: &dyn Fn(&mut TaxelModel)| {
+            let mut model = good.clone();
+            change(&mut model);
+            model.validate().unwrap_err().to_string()
+        };
+        let with_series =
+            |chebyshev: Vec<f64>| with(&|m| m.curve = Some(Curve { chebyshev: chebyshev.clone(), ..curve.clone() }));
+        assert!(with(&|m| m.curve = None).contains("no curve"));
+        assert!(with(&|m| m.range = Some([2.0, 1.0])).contains("range[1] is 1"));
+        assert!(with(&|m| m.curve = Some(Curve { half_width: 0.0, ..curve.clone() })).contains("half_width is 0"));
+        assert!(with_series(vec![1.0; 12]).contains("12 coefficients"));
+        assert!(with_series(vec![f64::NAN]).contains("NaN"));
+        assert!(with_series(vec![0.0, 0.0, 1.0]).contains("monotone"));
+    }
+}

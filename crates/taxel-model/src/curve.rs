@@ -60,9 +60,11 @@ impl Curve {
         Self { centre, half_width, chebyshev: series.iter().map(|c| c.to_f64()).collect() }
     }
 
-    /// Coefficients in powers of the raw count of a series before its rounding to f64, each correctly rounded.
+    /// Coefficients in powers of the raw count of a series before its rounding to f64, each correctly rounded; none
+    /// if one of them is beyond f64.
     pub(crate) fn raw_coefficients(series: &Chebyshev, centre: f64, half_width: f64) -> Vec<f64> {
-        powers_of_raw(&powers_of(series), centre, half_width).iter().map(|c| c.to_f64()).collect()
+        let raw: Vec<f64> = powers_of_raw(&powers_of(series), centre, half_width).iter().map(|c| c.to_f64()).collect();
+        if raw.iter().all(|c| c.is_finite()) { raw } else { Vec::new() }
     }
 }
 

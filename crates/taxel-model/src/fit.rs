@@ -27,6 +27,10 @@ const GAP_SHARE: f64 = 0.25;
 /// Share of the samples that the range of real counts loses at each end.
 const REAL_TRIM: f64 = 0.002;
 
+/// A curve may be this far from the projection that it stands for, as a share of the largest pressure. Healthy ones
+/// are within 1e-14; a cluster of counts with one 1e5 times as far away as it is wide is beyond f64.
+const CURVE_TOLERANCE: f64 = 1e-9;
+
 /// Below this standard deviation of the pressure, kPa, squares vanish: no gauge means it.
 const LEAST_PRESSURE_SD_KPA: f64 = 1e-100;
 
@@ -142,10 +146,32 @@ impl<'a> Fit<'a> {
         ((within + between) / self.data.samples()).sqrt()
     }
 
-    /// The curve that is served, with the status and flags that its shape earns.
-    fn shaped(&self, order: usize, flags: &mut Vec<Flag>) -> (Chebyshev, Option<Status>) {
+    /// The least-squares curve of the highest order up to `order` that is itself: on nearly dependent counts neither
+    /// the recurrence of the basis nor coefficients in f64 can hold what the vectors of the basis still tell.
+    fn free(&self, order: usize) -> (Chebyshev, usize) {
         let solution = solve(&self.basis, &self.data.rows, &self.t, &self.d, order, self.options.exact);
         let free = chebyshev_of(&solution, self.half / self.scale);
+        if order == 0 || self.is_projection(&free, order) { (free, order) } else { self.free(order - 1) }
+    }
+
+    /// Whether the curve has the pressures at the rows in range that the basis says.
+    fn is_projection(&self, free: &Chebyshev, order: usize) -> bool {
+        let curve = Curve::new(free, self.centre, self.half);
+        let largest = self.data.rows.iter().fold(0.0, |largest: f64, row| largest.max(row.y.hi.abs()));
+        let [low, high] = self.range;
+        let rows = self.data.rows.iter().enumerate();
+        let mut in_range = rows.filter(|(_, row)| (low..=high).contains(&row.x.to_f64())).peekable();
+        // Rows that all lie beyond the range vouch for nothing within it.
+        in_range.peek().is_some()
+            && in_range.all(|(r, row)| {
+                let root_n_kpa: f64 = self.basis.vectors[..=order].iter().zip(&self.d).map(|(q, d)| d * q[r]).sum();
+                let error = curve.evaluate(row.x.to_f64()) - root_n_kpa / row.n.sqrt();
+                error.abs() <= CURVE_TOLERANCE * largest
+            })
+    }
+
+    /// The curve that is served, with the status and flags that the shape of the `free` one earns.
+    fn shaped(&self, free: Chebyshev, order: usize, flags: &mut Vec<Flag>) -> (Chebyshev, Option<Status>) {
         let (from, to) = self.ends();
         let sign = self.sign().as_f64();
         let Some(place) = wrong_slope(&free, from, to, sign) else { return (free, None) };
@@ -187,12 +213,13 @@ impl<'a> Fit<'a> {
             Order::Fixed(_) => carried,
             Order::Auto => choose(&scores).min(carried),
         };
+        let (free, order) = self.free(order);
         if let Order::Fixed(_) = options.order
-            && carried < options.max_order()
+            && order < options.max_order()
         {
-            flags.push(Flag::RankReduced { asked: options.max_order() as u8, used: carried as u8 });
+            flags.push(Flag::RankReduced { asked: options.max_order() as u8, used: order as u8 });
         }
-        let (series, shape_status) = self.shaped(order, &mut flags);
+        let (series, shape_status) = self.shaped(free, order, &mut flags);
         let curve = Curve::new(&series, self.centre, self.half);
         let repaired = flags.iter().any(|flag| matches!(flag, Flag::Repaired { .. }));
         self.flag_support(order, &mut flags, &mut quality);
@@ -219,7 +246,7 @@ impl<'a> Fit<'a> {
         let sigma = profile(&evidence).map(|(sigma, support)| {
             let full_scale = options.exclusion.full_scale_kpa.unwrap_or(pressure_range_kpa);
             let half_width = student_975(quality.dof) * weighted_median(&sigma.sigma_kpa, &support);
-            quality.interval_kpa = Some(half_width);
+            quality.interval_kpa = Some(half_width).filter(|width| width.is_finite());
             quality.interval_share = Some(half_width / full_scale).filter(|share| share.is_finite());
             sigma
         });

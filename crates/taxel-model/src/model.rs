@@ -101,7 +101,8 @@ pub struct TaxelModel {
     /// The curve that is served. It may exist where the status forbids its use.
     pub curve: Option<Curve>,
     /// The curve in ascending powers of the raw count, kPa per count^k, each correctly rounded from more digits. Only
-    /// to be printed and compared: evaluated in f64 they lose what `curve` keeps. Empty without a curve.
+    /// to be printed and compared: evaluated in f64 they lose what `curve` keeps. Empty without a curve, and where
+    /// one of them is beyond f64.
     pub raw_coefficients: Vec<f64>,
     /// Standard deviation of a reading; `None` if the samples cannot tell.
     pub sigma: Option<SigmaProfile>,

@@ -91,7 +91,7 @@ pub(crate) fn reduce(samples: &Samples<'_>, options: &FitOptions) -> Reduced {
     let dropped = rails_to_drop(&codes, rails);
     let is_dropped = |x: f64| dropped.iter().any(|rail| rail.0 == x);
     let rows = if binned {
-        let railed = |x: f64| rails.is_some_and(|(lo, hi)| x == lo || x == hi);
+        let railed = |x: f64| rails.is_some_and(|(lo, hi)| x <= lo || x >= hi);
         list.sort_by(|a, b| order(a.y, b.y));
         bins(&list, options, &railed)
     } else {

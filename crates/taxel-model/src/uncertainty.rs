@@ -91,8 +91,9 @@ pub(crate) fn profile(evidence: &Evidence<'_>) -> Option<(SigmaProfile, Vec<f64>
             let (leverage, last) = evidence.basis.leverage((evidence.to_t)(count), evidence.order);
             // Where no sample vouches for the curve, the step from the next lower order stands for its error.
             let unseen = if near > 0.0 { 0.0 } else { evidence.d[evidence.order] * last };
-            // Quantisation is in the residuals of integer counts already: it is a floor, not a term.
-            (local.max(quantum) + pooled * leverage + unseen * unseen).sqrt()
+            // Quantisation is in the residuals of integer counts already: it is a floor, not a term. Far from all
+            // samples a basis overflows: the deviation stays a number that files can hold.
+            (local.max(quantum) + pooled * leverage + unseen * unseen).sqrt().min(f64::MAX)
         })
         .collect();
     Some((SigmaProfile { first_count: low, step_counts: step, sigma_kpa }, n))

@@ -95,27 +95,27 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
         write(path, "s", &recording.time_s, &applied.sigma_kpa, decimals)?;
     }
     print_applied(&args.data, &applied);
-    println!("written to {}", args.out.display());
+    say!("written to {}", args.out.display());
     Ok(())
 }
 
 /// Says what was done and what was left out.
 pub fn print_applied(data: &Path, applied: &Applied) {
-    println!("{}: {}", data.display(), applied.zero);
+    say!("{}: {}", data.display(), applied.zero);
     let all = applied.unread.len();
     let read = applied.unread.iter().filter(|why| why.is_none()).count();
     let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
     for why in applied.unread.iter().flatten() {
         *reasons.entry(why.to_string()).or_default() += 1;
     }
-    println!("  taxels: {read} of {all} read");
+    say!("  taxels: {read} of {all} read");
     for (reason, taxels) in reasons {
-        println!("    {taxels} {reason}");
+        say!("    {taxels} {reason}");
     }
     let (masked, cells) = applied.masked;
     if masked > 0 {
         let share = 100.0 * masked as f64 / cells as f64;
-        println!("  left out as faulty for a time: {share:.2} % of the readings of those taxels");
+        say!("  left out as faulty for a time: {share:.2} % of the readings of those taxels");
     }
 }
 

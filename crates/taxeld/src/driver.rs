@@ -8,7 +8,7 @@ use std::time::Duration;
 use taxel_engine::command::{Rejection, Reply, RequestId};
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
-use taxel_engine::session::{FitJob, FitOutcome, SessionState, SessionView};
+use taxel_engine::session::{Direction, FitJob, FitOutcome, SessionState, SessionView};
 use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
 use taxel_rpc::{Publisher, Request};
 use taxel_skin::BusIndex;
@@ -21,6 +21,16 @@ use crate::clock::RunClock;
 
 /// Staleness and bring-up are looked at this often.
 const TICK: Duration = Duration::from_millis(10);
+
+/// What the newest session is at.
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
+pub struct Stage {
+    /// Where it stands.
+    pub state: SessionState,
+    /// Which branch a ramp gathers.
+    pub direction: Direction,
+}
 
 /// What a bus task hands over at a time.
 pub struct BusBatch {
@@ -52,8 +62,8 @@ pub struct Driver {
     requests: u64,
     internal: (mpsc::UnboundedSender<Internal>, mpsc::UnboundedReceiver<Internal>),
     out: Vec<Output>,
-    /// The newest session's state, for whoever plays the operator's hand.
-    session_state: Option<watch::Sender<Option<SessionState>>>,
+    /// What the newest session is at, for whoever plays the operator's hand.
+    session_state: Option<watch::Sender<Option<Stage>>>,
 }
 
 /// Opens the store in such a way that its events reach the driver that is made with it.
@@ -102,8 +112,8 @@ impl Driver {
         }
     }
 
-    /// Also tells the newest session's state.
-    pub fn telling(mut self, session_state: watch::Sender<Option<SessionState>>) -> Self {
+    /// Also tells what the newest session is at.
+    pub fn telling(mut self, session_state: watch::Sender<Option<Stage>>) -> Self {
         self.session_state = Some(session_state);
         self
     }
@@ -210,7 +220,7 @@ impl Driver {
             tracing::info!(session, patch = %view.patch, state, reason = %view.reason, "calibration session");
         }
         if let Some(told) = &self.session_state {
-            told.send_replace(Some(view.state));
+            told.send_replace(Some(Stage { state: view.state, direction: view.direction }));
         }
         self.publisher.session(index, view);
     }

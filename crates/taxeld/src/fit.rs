@@ -128,9 +128,9 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
     set.id = models_json::content_id(&set);
     let text = models_json::to_json(&set).context("the models cannot be written")?;
     std::fs::write(&args.out, text).with_context(|| args.out.display().to_string())?;
-    println!("{}: {} scans fitted in {:.2} s", args.data.display(), recording.scans(), took.as_secs_f64());
+    say!("{}: {} scans fitted in {:.2} s", args.data.display(), recording.scans(), took.as_secs_f64());
     print_summary(&set);
-    println!("written to {}", args.out.display());
+    say!("written to {}", args.out.display());
     Ok(())
 }
 
@@ -261,26 +261,26 @@ impl Drop for Bar {
 
 /// Prints what a model set holds: how many taxels of which status, and how good they are.
 pub fn print_summary(set: &ModelSet) {
-    println!("model set {} of patch {}: {}", set.id, set.patch, set.method);
+    say!("model set {} of patch {}: {}", set.id, set.patch, set.method);
     let mut reasons: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
     for (taxel, model) in set.taxels.iter().enumerate().filter(|(_, model)| !model.is_usable()) {
         reasons.entry(model.status.code()).or_default().push(taxel);
     }
     let usable = || set.taxels.iter().filter(|model| model.is_usable());
-    println!("  taxels: {} of {} usable", usable().count(), set.taxels.len());
+    say!("  taxels: {} of {} usable", usable().count(), set.taxels.len());
     for (reason, taxels) in &reasons {
-        println!("    {} {reason}: {}", taxels.len(), listed(taxels));
+        say!("    {} {reason}: {}", taxels.len(), listed(taxels));
     }
     let figure = |name: &str, values: Vec<f64>, unit: &str| {
         if let Some((low, middle, high)) = spread(values) {
-            println!("  {name}: median {middle:.3} {unit}, {low:.3} to {high:.3}");
+            say!("  {name}: median {middle:.3} {unit}, {low:.3} to {high:.3}");
         }
     };
     figure("RMSE of the static fit", usable().map(|model| model.quality.rmse_kpa).collect(), "kPa");
     figure("swing", usable().map(|model| model.quality.swing_counts).collect(), "counts");
     let repaired = usable().filter(|model| model.repaired).count();
     if repaired > 0 {
-        println!("  repaired to be monotone: {repaired}");
+        say!("  repaired to be monotone: {repaired}");
     }
     let Some(recorded) = &set.recorded else { return };
     let in_use = || recorded.taxels.iter().flatten();
@@ -288,16 +288,16 @@ pub fn print_summary(set: &ModelSet) {
     figure("hysteresis", in_use().filter_map(|taxel| taxel.hysteresis_kpa).collect(), "kPa");
     let plays = in_use().filter(|taxel| taxel.plays.is_some()).count();
     match recorded.plays_error_ratio {
-        Some(ratio) => println!(
+        Some(ratio) => say!(
             "  plays: {plays} taxels; on the branch kept from the fit they leave {:.0} % of the static error",
             100.0 * ratio
         ),
-        None => println!("  plays: {plays} taxels"),
+        None => say!("  plays: {plays} taxels"),
     }
-    println!("  zero after the load has gone: {:.2} counts off (root mean square)", recorded.zero_return_counts);
+    say!("  zero after the load has gone: {:.2} counts off (root mean square)", recorded.zero_return_counts);
     if recorded.lag_s != 0.0 {
         let use_of_it = if set.session.is_some() { "not taken out: one clock pairs them" } else { "taken out" };
-        println!("  lag of the gauge behind the counts: {:.3} s, {use_of_it}", recorded.lag_s);
+        say!("  lag of the gauge behind the counts: {:.3} s, {use_of_it}", recorded.lag_s);
     }
 }
 

@@ -45,10 +45,10 @@ pub fn judge(args: &JudgeArgs) -> anyhow::Result<()> {
     let applied = taxel_engine::recording::apply(&scans, &set, &args.recipe.recipe(true)).with_context(named)?;
     print_applied(data, &applied);
     let score = score_of(&applied, gauge);
-    println!("  area-mean error above 30 kPa: {:.2} % (bias {:+.2} kPa)", score.area_percent, score.bias_kpa);
-    println!("  taxel RMSE: mean {:.2} kPa, median {:.2} kPa", score.taxel_rmse_kpa, score.taxel_rmse_median_kpa);
+    say!("  area-mean error above 30 kPa: {:.2} % (bias {:+.2} kPa)", score.area_percent, score.bias_kpa);
+    say!("  taxel RMSE: mean {:.2} kPa, median {:.2} kPa", score.taxel_rmse_kpa, score.taxel_rmse_median_kpa);
     if let Some(coverage) = score.coverage_percent {
-        println!("  within the 95 % interval: {coverage:.1} %");
+        say!("  within the 95 % interval: {coverage:.1} %");
     }
     Ok(())
 }

@@ -1,5 +1,8 @@
 //! taxeld: the daemon that gives robots a sense of force.
 
+#[macro_use]
+mod say;
+
 mod apply;
 mod bus;
 mod check;
@@ -15,6 +18,8 @@ mod offline;
 mod picture;
 mod recording;
 mod replay;
+#[cfg(feature = "report")]
+mod report;
 mod run;
 #[cfg(feature = "sim")]
 mod show_demo;
@@ -60,6 +65,9 @@ enum Subcommands {
     Fit(fit::FitArgs),
     /// Turns the counts of a recording into pressures.
     Apply(apply::ApplyArgs),
+    /// Error against run time, the stability table and what a scene costs, as one page with its data.
+    #[cfg(feature = "report")]
+    Report(report::ReportArgs),
     /// Compares a recording's pressure with what models say of its counts.
     #[command(hide = true)]
     Judge(judge::JudgeArgs),
@@ -124,6 +132,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         }
         Subcommands::Fit(args) => fit::fit(&args),
         Subcommands::Apply(args) => apply::apply(&args),
+        #[cfg(feature = "report")]
+        Subcommands::Report(args) => report::report(args),
         Subcommands::Judge(args) => judge::judge(&args),
     }
 }

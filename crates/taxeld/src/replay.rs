@@ -90,7 +90,7 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
     offline.advance(end);
     finish_session(&mut offline)?;
     let seconds = first.map_or(0.0, |first| end.seconds_since(first) - 1.0);
-    println!(
+    say!(
         "{total} frames ({seconds:.1} s of log) in {:.3} s: {:.2} million frames/s, {} snapshots",
         elapsed.as_secs_f64(),
         total as f64 / elapsed.as_secs_f64() / 1e6,
@@ -123,30 +123,31 @@ fn finish_session(offline: &mut Offline) -> anyhow::Result<()> {
 
 fn print_report(reader: &LogReader, offline: &Offline) {
     let report = reader.report();
-    println!(
+    say!(
         "log: {} lines, {} frames, {} of other interfaces, {} that are no frame, {} with a time before the last",
-        report.lines, report.frames, report.other_interface, report.bad, report.backwards
+        report.lines,
+        report.frames,
+        report.other_interface,
+        report.bad,
+        report.backwards
     );
     for bad in &report.first_bad {
-        println!("  line {}: {}", bad.line, bad.fault);
+        say!("  line {}: {}", bad.line, bad.fault);
     }
     for bus in &offline.health.buses {
-        println!("bus: {} frames understood, {} of no concern, {} malformed", bus.frames, bus.foreign, bus.malformed);
+        say!("bus: {} frames understood, {} of no concern, {} malformed", bus.frames, bus.foreign, bus.malformed);
         if bus.malformed > 0 {
-            println!("  last malformed: {}", bus.last_malformed);
+            say!("  last malformed: {}", bus.last_malformed);
         }
     }
     for board in &offline.health.boards {
-        println!(
-            "board {}: {} modules, {} scans, {} orphans",
-            board.address, board.modules.0, board.scans, board.orphans
-        );
+        say!("board {}: {} modules, {} scans, {} orphans", board.address, board.modules.0, board.scans, board.orphans);
     }
 }
 
 fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
     let Some(view) = session(offline) else { return Ok(()) };
-    println!("session: {}, {} scans entered, refused: {}", view.state.name(), view.accepted, refusals(&view));
+    say!("session: {}, {} scans entered, refused: {}", view.state.name(), view.accepted, refusals(&view));
     let Some(set) = offline.model_sets.last().filter(|_| view.state == SessionState::Review) else {
         let when = if view.state.is_open() { "the log ended while the calibration was" } else { "the calibration" };
         bail!("{when} {}: {}", view.state.name(), if view.reason.is_empty() { "too short" } else { &view.reason });
@@ -154,7 +155,7 @@ fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
     crate::fit::print_summary(set);
     if let Some(out) = &request.out {
         std::fs::write(out, models_json::to_json(set)?).with_context(|| out.display().to_string())?;
-        println!("models: {}", out.display());
+        say!("models: {}", out.display());
     }
     Ok(())
 }

@@ -8,7 +8,6 @@ use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
 use taxel_engine::Restored;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::route::Routes;
-use taxel_engine::session::SessionState;
 use taxel_rpc::{Handle, Limits, Listener, ModelCodec, handle::channel, serve};
 use taxel_skin::BusIndex;
 use taxel_store::{Store, models_json};
@@ -21,7 +20,7 @@ use tokio_util::sync::CancellationToken;
 use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, FRAMES_WAITING_MAX};
 use crate::clock::RunClock;
 use crate::config::{BusSource, Config, Scene};
-use crate::driver::{Driver, StoreEvents};
+use crate::driver::{Driver, Stage, StoreEvents};
 
 /// After the end was asked for, the parts have this long to close.
 const CLOSE_WITHIN: Duration = Duration::from_secs(5);
@@ -39,7 +38,7 @@ pub struct Daemon {
     to_engine: mpsc::Sender<crate::driver::BusBatch>,
     to_buses: Vec<Option<mpsc::Receiver<Frame>>>,
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
-    session: watch::Receiver<Option<SessionState>>,
+    session: watch::Receiver<Option<Stage>>,
     tasks: JoinSet<()>,
     buses: JoinSet<BusEnd>,
 }
@@ -78,7 +77,7 @@ impl Daemon {
 
     /// What the calibration is at, for whoever plays the operator's hand.
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
-    pub fn session(&self) -> watch::Receiver<Option<SessionState>> {
+    pub fn session(&self) -> watch::Receiver<Option<Stage>> {
         self.session.clone()
     }
 

@@ -46,7 +46,7 @@ pub struct DemoArgs {
 pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
     let (config, scene) = scene(!args.no_fill)?;
     let plan = Arc::new(scene.plan.clone());
-    println!("A simulated forearm in a vacuum bag: 230 taxels on 23 modules, real frames, no hardware.");
+    say!("A simulated forearm in a vacuum bag: 230 taxels on 23 modules, real frames, no hardware.");
     let outcomes = procedures(args, &plan)?;
     print_table(args, &outcomes);
     if let Some(path) = &args.svg {
@@ -87,7 +87,7 @@ fn procedures(args: &DemoArgs, plan: &Arc<Plan>) -> anyhow::Result<Vec<Outcome>>
         })?;
         bar.inc(1);
         let usable = outcome.models.taxels.iter().filter(|model| model.is_usable()).count();
-        println!(
+        say!(
             "skin {seed}: ramp to {:.0} kPa, {} scans entered, refused: {}; {usable} of {} taxels calibrated ({})",
             outcome.models.pressure_max_kpa,
             outcome.session.accepted,
@@ -102,12 +102,12 @@ fn procedures(args: &DemoArgs, plan: &Arc<Plan>) -> anyhow::Result<Vec<Outcome>>
 }
 
 fn print_table(args: &DemoArgs, outcomes: &[Outcome]) {
-    println!();
-    println!("mass kg   force N   measured N (mean)   standard uncertainty N   mean error   mean |error|");
+    say!();
+    say!("mass kg   force N   measured N (mean)   standard uncertainty N   mean error   mean |error|");
     for kilogram in MASSES_KG {
         let rows: Vec<_> = outcomes.iter().flat_map(|o| &o.weighings).filter(|w| w.kilogram == kilogram).collect();
         let over = |value: &dyn Fn(&crate::demo::Weighing) -> f64| mean(rows.iter().map(|w| value(w)));
-        println!(
+        say!(
             "{kilogram:7.1}   {:7.2}   {:17.2}   {:22.2}   {:+8.1} %   {:10.1} %",
             over(&|w| w.true_n),
             over(&|w| w.measured_n),
@@ -118,15 +118,15 @@ fn print_table(args: &DemoArgs, outcomes: &[Outcome]) {
     }
     let all = || outcomes.iter().flat_map(|o| &o.weighings);
     let covered = all().filter(|w| (w.measured_n - w.true_n).abs() <= 2.0 * w.sigma_n).count();
-    println!();
-    println!(
+    say!();
+    say!(
         "mean absolute force error: {:.1} % over {} weighings on {} skin(s); truth within 2 standard uncertainties: {covered}",
         100.0 * mean(outcomes.iter().map(Outcome::mean_error)),
         all().count(),
         outcomes.len(),
     );
     let what = if args.no_fill { "excluded taxels left out" } else { "excluded taxels filled from their neighbours" };
-    println!("({what}; the paper reports about 12 % on the real forearm)");
+    say!("({what}; the paper reports about 12 % on the real forearm)");
 }
 
 /// The same skin live: an operator can calibrate it, a controller can subscribe.
@@ -139,15 +139,13 @@ async fn serve_live(seed: u64, mut config: Config, scene: Scene) -> anyhow::Resu
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, RunClock::Live).await?;
     let bus = SimBus::new(seed, daemon.session())?;
     daemon.add_bus(BusIndex(0), bus);
-    println!();
-    println!(
-        "The same skin is now live on {listen}. In another terminal, calibrate it (about 40 s) and read its force:"
-    );
-    println!("  grpcurl -plaintext {listen} taxel.v1.CalibrationService/StartSession");
-    println!("  grpcurl -plaintext -d '{{\"session\": 1}}' {listen} taxel.v1.CalibrationService/WatchSession");
-    println!("  grpcurl -plaintext -d '{{\"modelSet\": \"m-...\"}}' {listen} taxel.v1.ModelService/ActivateModelSet");
-    println!("  grpcurl -plaintext {listen} taxel.v1.SkinService/Tare");
-    println!("  grpcurl -plaintext {listen} taxel.v1.ForceService/StreamForce");
-    println!("Half a kilogram lies on the skin for five seconds out of ten. Ctrl-C ends it.");
+    say!();
+    say!("The same skin is now live on {listen}. In another terminal, calibrate it (about 40 s) and read its force:");
+    say!("  grpcurl -plaintext {listen} taxel.v1.CalibrationService/StartSession");
+    say!("  grpcurl -plaintext -d '{{\"session\": 1}}' {listen} taxel.v1.CalibrationService/WatchSession");
+    say!("  grpcurl -plaintext -d '{{\"modelSet\": \"m-...\"}}' {listen} taxel.v1.ModelService/ActivateModelSet");
+    say!("  grpcurl -plaintext {listen} taxel.v1.SkinService/Tare");
+    say!("  grpcurl -plaintext {listen} taxel.v1.ForceService/StreamForce");
+    say!("Half a kilogram lies on the skin for five seconds out of ten. Ctrl-C ends it.");
     daemon.until_the_end().await
 }

@@ -1,22 +1,34 @@
 //! The source `sim`: the simulated forearm in real time, with a hand that runs the pump and lays masses.
 //!
-//! The hand does what an operator would: it pumps while a session ramps and vents otherwise. While no session is open
+//! The hand does what an operator would: it pumps up and down as a session's ramp wants it and vents otherwise. While no session is open
 //! it lays half a kilogram on the skin for five seconds out of ten, so that there is a force to look at.
+//!
+//! The simulation has a thread of its own, as a bus has hardware of its own: each frame is handed over at its own time
+//! and stamped then, as a kernel does it, which a timer of whole milliseconds could not do; and what the simulation
+//! costs can be told from what the daemon costs.
 
+use std::io;
+use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
 use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, SendError, SourceError};
-use taxel_engine::session::SessionState;
-use taxel_sim::{Config, Mass, PumpCommand, Skin, World};
+use taxel_engine::session::{Direction, SessionState};
+
+use taxel_sim::{BoardsConfig, Config, Mass, PumpCommand, Skin, World};
 use taxel_skin::{Kilopascal, TaxelIndex, Time};
-use taxel_wire::Frame;
-use tokio::sync::watch;
-use tokio::time::{Interval, MissedTickBehavior, interval};
+use taxel_wire::{Frame, TimedFrame};
+use tokio::sync::{mpsc, watch};
 
-/// Frames are handed over this often: a batch of a few, as a real bus's reader would see them.
-const STEP: Duration = Duration::from_millis(2);
+use crate::driver::Stage;
 
-const RAMP: PumpCommand = PumpCommand::Ramp { target: Kilopascal(74.0), kpa_per_s: 2.0 };
+/// The world is computed so far ahead; a command takes effect at most so much later.
+const AHEAD: Duration = Duration::from_millis(5);
+
+/// Frames that may wait for the bus's task: 40 ms of what the forearm sends. Then the simulation waits.
+const FRAMES_WAITING_MAX: usize = 64;
+
+const RISE: PumpCommand = PumpCommand::Ramp { target: Kilopascal(74.0), kpa_per_s: 2.0 };
+const FALL: PumpCommand = PumpCommand::Ramp { target: Kilopascal(0.0), kpa_per_s: 2.0 };
 const MASS_KG: f64 = 0.5;
 const FOOTPRINT_MM2: f64 = 600.0;
 const UNDER_THE_MASS: TaxelIndex = TaxelIndex(100);
@@ -24,12 +36,10 @@ const MASS_PERIOD_S: u64 = 10;
 
 /// A simulated forearm on a bus.
 pub struct SimBus {
-    world: World,
-    begun: Time,
-    timer: Interval,
-    session: watch::Receiver<Option<SessionState>>,
-    pumping: bool,
-    loaded: bool,
+    /// From the simulation's thread, which ends when this is dropped.
+    frames: mpsc::Receiver<TimedFrame>,
+    /// To the simulation's thread. Bounded by the bring-up, which alone sends.
+    commands: Sender<Frame>,
     told_up: bool,
 }
 
@@ -37,23 +47,66 @@ impl SimBus {
     /// The forearm of this seed; `session` says what the calibration is at.
     ///
     /// # Errors
-    /// If the simulator's own defaults contradict each other.
-    pub fn new(seed: u64, session: watch::Receiver<Option<SessionState>>) -> anyhow::Result<Self> {
+    /// If the simulator's own defaults contradict each other, or there is no thread to be had.
+    pub fn new(seed: u64, session: watch::Receiver<Option<Stage>>) -> anyhow::Result<Self> {
         let begun = ClockReading::now().time;
-        let world = World::new(Skin::forearm()?, Config { start: begun, ..Config::seeded(seed) })?;
-        let mut timer = interval(STEP);
-        timer.set_missed_tick_behavior(MissedTickBehavior::Skip);
-        Ok(Self { world, begun, timer, session, pumping: false, loaded: false, told_up: false })
+        // A robot's boards stream already when a daemon comes that only listens.
+        let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
+        let world = World::new(Skin::forearm()?, Config { start: begun, boards, ..Config::seeded(seed) })?;
+        let (to_bus, frames) = mpsc::channel(FRAMES_WAITING_MAX);
+        let (commands, received) = std::sync::mpsc::channel();
+        let simulation = Simulation { world, begun, session, received, to_bus, pumping: None, loaded: false };
+        std::thread::Builder::new().name("sim-bus".to_owned()).spawn(move || simulation.run())?;
+        Ok(Self { frames, commands, told_up: false })
+    }
+}
+
+/// What the thread holds.
+struct Simulation {
+    world: World,
+    begun: Time,
+    session: watch::Receiver<Option<Stage>>,
+    received: Receiver<Frame>,
+    to_bus: mpsc::Sender<TimedFrame>,
+    /// The branch that the pump follows.
+    pumping: Option<Direction>,
+    loaded: bool,
+}
+
+impl Simulation {
+    /// Runs until nobody takes frames any more.
+    fn run(mut self) {
+        let (mut until, mut frames) = (self.begun, Vec::new());
+        while !self.to_bus.is_closed() {
+            for command in self.received.try_iter() {
+                self.world.send(until, &command);
+            }
+            until = until + AHEAD;
+            self.lend_a_hand(until);
+            self.world.advance(until, &mut frames);
+            for frame in frames.drain(..) {
+                sleep_until(frame.time);
+                let stamped = TimedFrame { time: ClockReading::now().time, ..frame };
+                if self.to_bus.blocking_send(stamped).is_err() {
+                    return;
+                }
+            }
+            sleep_until(until);
+        }
     }
 
     fn lend_a_hand(&mut self, now: Time) {
-        let state = *self.session.borrow();
-        let ramping = state == Some(SessionState::Ramping);
+        let stage = *self.session.borrow();
+        let ramping = stage.filter(|stage| stage.state == SessionState::Ramping).map(|stage| stage.direction);
         if ramping != self.pumping {
             self.pumping = ramping;
-            self.world.pump(if ramping { RAMP } else { PumpCommand::Vent });
+            self.world.pump(match ramping {
+                Some(Direction::Rising) => RISE,
+                Some(Direction::Falling) => FALL,
+                None => PumpCommand::Vent,
+            });
         }
-        let open = state.is_some_and(SessionState::is_open);
+        let open = stage.is_some_and(|stage| stage.state.is_open());
         let in_second_half = now.since(self.begun).as_secs() % MASS_PERIOD_S >= MASS_PERIOD_S / 2;
         let loaded = in_second_half && !open;
         if loaded != self.loaded {
@@ -67,6 +120,13 @@ impl SimBus {
     }
 }
 
+fn sleep_until(time: Time) {
+    let now = ClockReading::now().time;
+    if time > now {
+        std::thread::sleep(time.since(now));
+    }
+}
+
 impl FrameSource for SimBus {
     async fn next(&mut self, batch: &mut Batch) -> Result<(), SourceError> {
         batch.clear();
@@ -74,17 +134,16 @@ impl FrameSource for SimBus {
             batch.events.push(BusEvent::Up);
             return Ok(());
         }
-        while batch.frames.is_empty() {
-            self.timer.tick().await;
-            let now = ClockReading::now().time;
-            self.lend_a_hand(now);
-            self.world.advance(now, &mut batch.frames);
+        if self.frames.recv_many(&mut batch.frames, FRAMES_WAITING_MAX).await == 0 {
+            let error = io::Error::other("the simulation's thread has ended");
+            return Err(SourceError::Runtime { interface: "sim".to_owned(), error });
         }
         Ok(())
     }
 
     async fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
-        self.world.send(ClockReading::now().time, frame);
+        // The thread ends after the frames' reader, so that there is one to take this.
+        let _ = self.commands.send(*frame);
         Ok(())
     }
 }

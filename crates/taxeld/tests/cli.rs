@@ -96,6 +96,59 @@ fn check_prints_the_scene_and_what_it_leaves_out() {
     assert!(printed.contains("patch palm: 20 taxels on 2 modules"), "{printed}");
     assert!(printed.contains("area: 32.4 mm2 a taxel, 6.5 cm2 in all"), "{printed}");
     assert!(printed.contains("palm: board bring-up: listen_only sends nothing"), "{printed}");
+    assert!(printed.contains("palm: resultant: not asked for in outputs, and there is no geometry"), "{printed}");
+    // Two modules have three identifiers each, their board four, and the gauge one.
+    assert!(
+        printed.contains("11 kernel filters, one an identifier (6 of modules, 4 of boards, 1 of gauges)"),
+        "{printed}"
+    );
+    assert!(printed.contains("; nothing is sent"), "{printed}");
+    assert!(printed.contains("board 13 of bus skin: modules 0-1"), "{printed}");
+    assert!(printed.contains("computes: total normal force\n"), "{printed}");
+    assert!(printed.contains("optional parts: calibration with the gauge, zero after start\n"), "{printed}");
+}
+
+#[test]
+fn check_names_every_part_that_a_scene_leaves_out_and_why() {
+    let (rest, _gauge) = CONFIG.split_once("[patch.gauge]").unwrap();
+    let lean = rest.replace("[[patch.board]]", "outputs = [\"resultant\", \"fill\"]\n[[patch.board]]");
+    let lean = lean.replace("[[patch]]", "[[bus]]\nname = \"leg\"\ninterface = \"can1\"\n[[patch]]");
+    let folder = scratch(&[("t.toml", &format!("{lean}\n[patch.tare]\nat_start = false\n"))]);
+    let printed = succeeds(&["check", "--config", &path(folder.path(), "t.toml")]);
+    for line in [
+        "bus leg: no board and no gauge is on it: nothing is read",
+        "palm: resultant: there is no geometry",
+        "palm: moment and centre of pressure: not asked for in outputs, and there is no geometry",
+        "palm: fill of excluded taxels: there is no geometry",
+        "palm: calibration: there is no [patch.gauge], so no pressure to fit to",
+        "palm: zero after start: tare.at_start is off, so a tare must be asked for",
+        "palm: board bring-up: listen_only sends nothing",
+    ] {
+        assert!(printed.lines().any(|printed| printed.trim() == line), "`{line}` is not a line of: {printed}");
+    }
+    assert!(printed.contains("optional parts: none\n"), "{printed}");
+    assert!(!printed.contains("while models are fitted"), "{printed}");
+    let without_simulator = printed.contains("cargo feature `sim` is not built in");
+    assert_eq!(without_simulator, cfg!(not(feature = "sim")), "{printed}");
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_failure() {
+    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log())]);
+    let (config, log) = (path(folder.path(), "t.toml"), path(folder.path(), "t.log"));
+    let models = path(folder.path(), "m.json");
+    for arguments in [
+        vec!["check", "--config", &config],
+        vec!["replay", &log, "--config", &config, "--calibrate", "70", "--out", &models],
+    ] {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+        command.args(&arguments).stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+    }
+    assert!(Path::new(&models).exists(), "what was asked for is written, whether anybody reads the text or not");
 }
 
 #[test]

@@ -53,23 +53,16 @@ pub fn patch_plan(skin: &Skin) -> PatchPlan {
     };
     PatchPlan {
         bring_up: patch.boards().iter().map(setup).collect(),
-        period: Duration::from_millis(50),
         geometry: Some(Geometry::parse(&skin.positions_file(), &patch).unwrap()),
         areas: vec![skin.taxel_area(); patch.taxels().len()],
         area_uncertainty: 0.01,
-        area_from_loads: false,
         gauge: Some(Gauge { bus: BUS, signal: GaugeConfig::default().signal }),
         outputs: Outputs { resultant: true, moment: true, contacts: true, fill: true },
-        live: LiveLimits::default(),
-        faults: Default::default(),
-        tare: TarePlan { duration: Duration::from_secs(1), at_start: true, first_scans: 4, rest: Default::default() },
-        drift: Default::default(),
-        session: SessionLimits::default(),
         fit: FitOptions {
             gauge: GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.02 },
             ..FitOptions::default()
         },
-        patch,
+        ..PatchPlan::new(patch)
     }
 }
 

@@ -1,5 +1,4 @@
 //! Exact rational least squares, the judge of every solver here.
-#![allow(dead_code)] // Each test binary uses a part.
 #![allow(clippy::unwrap_used, clippy::expect_used)] // Tests; the exemption knows only functions marked as such.
 
 use num_bigint::BigInt;
@@ -54,11 +53,6 @@ pub fn least_squares(x: &[BigRational], y: &[BigRational], order: usize) -> Vec<
         }
     }
     (0..n).map(|i| &a[i][n] / &a[i][i]).collect()
-}
-
-/// The value of a polynomial.
-pub fn value(coefficients: &[BigRational], x: &BigRational) -> BigRational {
-    coefficients.iter().rev().fold(int(0), |sum, c| sum * x + c)
 }
 
 /// A rational as f64, good enough to compare sizes.

@@ -5,17 +5,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use taxel_engine::command::{Command, Reply};
-use taxel_engine::faults::FaultLimits;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{LiveLimits, Outputs, PatchPlan, Plan, SessionLimits, TarePlan};
-use taxel_engine::rest::{RestLimits, TaxelBaseline};
+use taxel_engine::plan::{PatchPlan, Plan, TarePlan};
+use taxel_engine::rest::TaxelBaseline;
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Status as ModelStatus, TaxelModel};
 use taxel_rpc::handle::channel;
 use taxel_rpc::{Drain, Limits, Listener, ModelCodec, Publisher, Request, ServeError, serve};
-use taxel_skin::{
-    Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Newton, Patch, SquareMillimetre, TaxelPose, Time,
-};
+use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time};
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
@@ -88,26 +85,10 @@ fn patch_plan(name: &str) -> PatchPlan {
     poses[3] = None;
     poses[0] = Some(TaxelPose { position: [0.0, 0.0, 0.0], normal: [1.0, 0.0, 0.0] });
     PatchPlan {
-        patch: Patch::new(name, vec![board]).unwrap(),
-        bring_up: Vec::new(),
-        period: Duration::from_millis(50),
         geometry: Some(Geometry::from_poses(poses)),
-        areas: vec![SquareMillimetre::ICUB_TAXEL; TAXELS],
         area_uncertainty: 0.0,
-        area_from_loads: false,
-        gauge: None,
-        outputs: Outputs::default(),
-        live: LiveLimits::default(),
-        faults: FaultLimits::default(),
-        tare: TarePlan {
-            duration: Duration::from_secs(2),
-            at_start: false,
-            first_scans: 4,
-            rest: RestLimits::default(),
-        },
-        drift: Default::default(),
-        session: SessionLimits::default(),
-        fit: FitOptions::default(),
+        tare: TarePlan { duration: Duration::from_secs(2), at_start: false, ..TarePlan::default() },
+        ..PatchPlan::new(Patch::new(name, vec![board]).unwrap())
     }
 }
 

@@ -103,7 +103,10 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
     let period = Duration::from_millis(u64::from(section.period_ms));
     let gauge = section.gauge.as_ref().map(|g| gauge(config, g, bus)).transpose()?;
     if gauge.is_none() {
-        scene.left_out.push(format!("{name}: calibration: there is no [patch.gauge]"));
+        scene.left_out.push(format!("{name}: calibration: there is no [patch.gauge], so no pressure to fit to"));
+    }
+    if !section.tare.at_start {
+        scene.left_out.push(format!("{name}: zero after start: tare.at_start is off, so a tare must be asked for"));
     }
     if section.period_ms < 37 {
         let period = section.period_ms;
@@ -214,20 +217,24 @@ fn geometry(file: &Path, config: &Path, patch: &Patch) -> Result<Geometry, Strin
 fn outputs(section: &PatchSection, geometry: Option<&Geometry>, scene: &mut Scene) -> Outputs {
     let asked = |word| section.outputs.contains(&word);
     let directed = geometry.is_some_and(|g| g.normals == NormalsVerdict::Usable);
-    let mut decide = |word, what: &str, possible: bool, lacks: &str| {
-        let why = if !asked(word) { "not asked for in outputs" } else { lacks };
+    let lacks = if geometry.is_some() { "the geometry has no usable normals" } else { "there is no geometry" };
+    let mut decide = |word, what: &str, possible: bool| {
         let computed = asked(word) && possible;
+        let why = match (asked(word), possible) {
+            (true, _) => lacks.to_owned(),
+            (false, true) => "not asked for in outputs".to_owned(),
+            (false, false) => format!("not asked for in outputs, and {lacks}"),
+        };
         if !computed {
             scene.left_out.push(format!("{}: {what}: {why}", section.name));
         }
         computed
     };
-    let no_normals = "the geometry has no usable normals";
     Outputs {
-        resultant: decide(OutputWord::Resultant, "resultant", directed, no_normals),
-        moment: decide(OutputWord::Moment, "moment and centre of pressure", directed, no_normals),
-        contacts: decide(OutputWord::Contacts, "contacts", geometry.is_some(), "there is no geometry"),
-        fill: decide(OutputWord::Fill, "fill of excluded taxels", geometry.is_some(), "there is no geometry"),
+        resultant: decide(OutputWord::Resultant, "resultant", directed),
+        moment: decide(OutputWord::Moment, "moment and centre of pressure", directed),
+        contacts: decide(OutputWord::Contacts, "contacts", geometry.is_some()),
+        fill: decide(OutputWord::Fill, "fill of excluded taxels", geometry.is_some()),
     }
 }
 

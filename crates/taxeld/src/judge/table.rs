@@ -44,8 +44,8 @@ pub fn print(directory: &Path) -> anyhow::Result<()> {
     let read = |name: &str| Recording::read(&directory.join(format!("{name}.csv.gz")));
     let calibration = read("left_calibration")?;
     let judged = [("validation", read("left_validation")?), ("steps", read("left_steps")?)];
-    println!("| recipe | fit | judged on | tare | area-mean | taxel RMSE (median) | within 95 % | taxels | left out |");
-    println!("|---|---|---|---|---|---|---|---|---|");
+    say!("| recipe | fit | judged on | tare | area-mean | taxel RMSE (median) | within 95 % | taxels | left out |");
+    say!("|---|---|---|---|---|---|---|---|---|");
     for (name, recipe) in recipes() {
         let began = Instant::now();
         let set = fit(&scans_of(&calibration), &recipe, &mut |_, _| {})?;
@@ -58,7 +58,7 @@ pub fn print(directory: &Path) -> anyhow::Result<()> {
                 let score = judge(&applied, gauge);
                 let coverage = score.coverage_percent.map_or("-".to_owned(), |c| format!("{c:.1} %"));
                 let tare = if applied.zero.is_tared() || tare == Tare::None { word } else { "refused" };
-                println!(
+                say!(
                     "| {name} | {took:.2} s | {file} | {tare} | {:.2} % | {:.1} ({:.1}) kPa | {coverage} | {} | {} |",
                     score.area_percent,
                     score.taxel_rmse_kpa,

@@ -1,0 +1,53 @@
+//! Where f64 ends. The stability suite, with exact references, is in taxel-report.
+
+use taxel_model::{Estimator, FitOptions, Flag, Order, Rails, Samples, Shape, TaxelModel, fit};
+
+#[test]
+fn a_count_far_from_all_others_costs_order_and_not_digits() {
+    for far in [1e6, 1e9, 1e12] {
+        let mut counts: Vec<f64> = (0..200).map(|k| far + f64::from(k % 9)).collect();
+        let mut kpa: Vec<f64> = (0..200).map(|k| 10.0 - f64::from(k % 9)).collect();
+        counts.push(0.0);
+        kpa.push(65.0);
+        let options = FitOptions { estimator: Estimator::PerSample, shape: Shape::Report, ..FitOptions::default() };
+        let model = fit(&Samples::new(&counts, &kpa), &options);
+        let reduced = model.flags.iter().any(|flag| matches!(flag, Flag::RankReduced { asked: 5, used } if *used < 5));
+        assert!(reduced, "{far:e}: {:?}", model.flags);
+        // The pressures lie on a line but for the far one, and the curve passes through that one.
+        for (count, kpa) in counts.iter().zip(&kpa).filter(|_| model.order > 1) {
+            let got = model.evaluate(*count).unwrap().kpa;
+            assert!((got - kpa).abs() < 1e-6, "{far:e}: {got} kPa at {count}, expected {kpa} kPa");
+        }
+    }
+}
+
+#[test]
+fn a_reading_beyond_a_rail_is_clipped_in_every_estimator() {
+    let kpa: Vec<f64> = (0..3000).map(|k| 70.0 * f64::from(k) / 3000.0).collect();
+    let counts: Vec<f64> = kpa.iter().map(|p| (4000.0 - 30.0 * p).round()).collect();
+    let beyond: Vec<f64> = counts.iter().enumerate().map(|(k, c)| if k % 40 == 0 { 9000.0 } else { *c }).collect();
+    for estimator in [Estimator::PerSample, Estimator::PressureBinned] {
+        let options = FitOptions { estimator, rails: Rails::At { low: 0.0, high: 4095.0 }, ..FitOptions::default() };
+        let model = fit(&Samples::new(&beyond, &kpa), &options);
+        assert!(model.flags.iter().any(|f| matches!(f, Flag::RailDropped { count: 9000.0, .. })), "{:?}", model.flags);
+        let got = model.evaluate(2500.0).unwrap().kpa;
+        assert!((got - 50.0).abs() < 0.1, "{estimator:?}: {got} kPa");
+    }
+}
+
+#[test]
+fn what_is_beyond_any_number_does_not_end_up_in_a_file() {
+    // Between counts that lie 1e10 apart a deviation of order 7 overflows ...
+    let wide = [0.0, 0.0, 0.0, 0.0, 0.0, 2.5, 150.6, 154.5, 191.0, 197.9, 226.4, 2e10];
+    let wide_kpa = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 16.5, 0.0, 0.0, 0.0, 0.0];
+    // ... and in powers of counts of 1e-300 so does any coefficient.
+    let (tiny, tiny_kpa) = ([1e-308, 1e-300, 2e-300, 3e-300], [0.0, 7.0, 15.0, 22.0]);
+    for (counts, kpa, order) in [(&wide[..], &wide_kpa[..], 7), (&tiny[..], &tiny_kpa[..], 2)] {
+        let options =
+            FitOptions { order: Order::Fixed(order), estimator: Estimator::PerSample, ..FitOptions::default() };
+        let model = fit(&Samples::new(counts, kpa), &options);
+        assert_eq!(model.validate(), Ok(()));
+        let file = serde_json::to_string(&model).unwrap();
+        assert_eq!(serde_json::from_str::<TaxelModel>(&file).unwrap().validate(), Ok(()), "order {order}: {file}");
+    }
+}

@@ -1,0 +1,337 @@
+//! How long a value takes from the bus into a client's hands.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use taxel_store::models_json;
+
+use super::client::{self, Crowd, Delay};
+use super::process::{Home, Scene, Used};
+use super::{figure, quantile, rig, sorted, wire_floor};
+use crate::document::{Axis, Band, Cell, Figure, Line, Point, Section, Table};
+use crate::options::Options;
+
+/// Streams settle before a window begins.
+const WARM_UP: Duration = Duration::from_millis(300);
+
+/// A case and the aims that stand for it.
+struct Case {
+    crowd: Crowd,
+    p99_aim_us: Option<f64>,
+    cpu_aim_percent: Option<f64>,
+}
+
+const fn case(subscribers: usize, rate_hz: Option<f64>, p99_us: Option<f64>, cpu_percent: Option<f64>) -> Case {
+    Case { crowd: Crowd { subscribers, rate_hz }, p99_aim_us: p99_us, cpu_aim_percent: cpu_percent }
+}
+
+const CASES: [Case; 5] = [
+    case(1, None, None, None),
+    case(10, None, Some(300.0), None),
+    case(100, None, None, None),
+    case(100, Some(100.0), Some(2_000.0), Some(15.0)),
+    case(1, Some(1_000.0), Some(150.0), None),
+];
+
+/// Messages over loopback TCP alone, before each round and after the last.
+const FLOOR_MESSAGES: usize = 800;
+
+/// Start to first force with a stored model set, from the first complete scan.
+const START_AIM_MS: f64 = 200.0;
+
+/// What was seen of a case.
+#[derive(Default)]
+struct Seen {
+    delays: Vec<Delay>,
+    window: Duration,
+    used: Used,
+}
+
+/// Delays in us, ascending.
+struct Delays {
+    /// From the stamp of the newest frame to the first message made of the value: it was published before that.
+    published: Vec<f64>,
+    /// From the making of a message into the client's hands.
+    on_the_way: Vec<f64>,
+    /// What the case's aim is for: all the way for values as they come, else `on_the_way`.
+    whole: Vec<f64>,
+}
+
+/// Measures the daemon as a process, with 1, 10 and 100 subscribers.
+///
+/// # Errors
+/// If the daemon cannot be started, does not get as far as a force, or ends.
+pub fn latency(options: &Options) -> anyhow::Result<Section> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    runtime.block_on(measure(options))
+}
+
+async fn measure(options: &Options) -> anyhow::Result<Section> {
+    let (rounds, window) = if options.quick { (1, Duration::from_millis(1500)) } else { (3, Duration::from_secs(8)) };
+    let models = models_json::to_json(&*rig::calibrate(options.seed)?)?;
+    let simulator = rig::simulator_share(options.seed)?;
+    let home = Home::new(options, Scene::Full)?;
+    let mut daemon = home.start()?;
+    let channel = client::connect(&mut daemon).await?;
+    client::give_models(&channel, models).await?;
+    let asked_to_force = client::first_force(&channel).await.with_context(|| daemon.complaints())?;
+    let mut seen: Vec<Seen> = CASES.iter().map(|_| Seen::default()).collect();
+    let mut floor = Vec::new();
+    for _ in 0..rounds {
+        floor.extend(wire_floor::one_way_us(FLOOR_MESSAGES)?);
+        for (case, seen) in CASES.iter().zip(&mut seen) {
+            let (before, begun) = (daemon.usage()?, Instant::now());
+            seen.delays.extend(client::watch(daemon.address, case.crowd, WARM_UP, window).await?);
+            let elapsed = begun.elapsed();
+            seen.window += elapsed;
+            seen.used.add(&daemon.usage()?.since(&before, elapsed, simulator));
+        }
+    }
+    drop(daemon);
+    let mut daemon = home.start()?;
+    let channel = client::connect(&mut daemon).await?;
+    let start = client::first_force(&channel).await.with_context(|| daemon.complaints())?;
+    floor.extend(wire_floor::one_way_us(FLOOR_MESSAGES)?);
+    Ok(section(&seen, &sorted(floor), simulator, [asked_to_force, start]))
+}
+
+impl Seen {
+    fn delays(&self, crowd: Crowd) -> Delays {
+        let mut first: BTreeMap<u64, f64> = BTreeMap::new();
+        for delay in &self.delays {
+            let least = first.entry(delay.sequence).or_insert(f64::INFINITY);
+            *least = least.min(delay.to_send_us);
+        }
+        let on_the_way = || self.delays.iter().map(|delay| delay.on_the_way_us);
+        let whole = match crowd.rate_hz {
+            None => self.delays.iter().map(|delay| delay.to_send_us + delay.on_the_way_us).collect(),
+            Some(_) => on_the_way().collect(),
+        };
+        // A held value's age says nothing of when it was published.
+        let published = if crowd.rate_hz.is_none() { first.into_values().collect() } else { Vec::new() };
+        Delays { published: sorted(published), on_the_way: sorted(on_the_way().collect()), whole: sorted(whole) }
+    }
+
+    /// Share of the processor time that passed in the kernel.
+    fn in_kernel(&self) -> f64 {
+        let [programme, kernel] = self.used.ticks.map(|ticks| ticks as f64);
+        kernel / (programme + kernel)
+    }
+
+    fn cpu_percent(&self) -> f64 {
+        100.0 * self.used.cpu.as_secs_f64() / self.window.as_secs_f64()
+    }
+}
+
+fn name(crowd: Crowd) -> String {
+    let Crowd { subscribers, rate_hz } = crowd;
+    let plural = if subscribers == 1 { "" } else { "s" };
+    let when = rate_hz.map_or_else(|| "each value as it comes".to_owned(), |hz| format!("{hz} Hz"));
+    format!("{subscribers} subscriber{plural}, {when}")
+}
+
+fn section(seen: &[Seen], floor: &[f64], simulator_share: f64, [activated, restarted]: [Duration; 2]) -> Section {
+    let delays: Vec<Delays> = CASES.iter().zip(seen).map(|(case, seen)| seen.delays(case.crowd)).collect();
+    let aims = aims(seen, &delays, restarted);
+    Section {
+        id: "c-path".to_owned(),
+        title: "C. Live: from the bus into a client's hands".to_owned(),
+        text: text(seen, &delays, floor, simulator_share, [activated, restarted], &aims),
+        figures: vec![picture(&delays)],
+        tables: vec![path_table(seen, &delays, floor), aims],
+    }
+}
+
+fn text(
+    seen: &[Seen],
+    delays: &[Delays],
+    floor: &[f64],
+    simulator_share: f64,
+    [activated, restarted]: [Duration; 2],
+    aims: &Table,
+) -> Vec<String> {
+    let missed = aims.rows.iter().filter(|row| matches!(row.last(), Some(Cell::Verdict(false)))).count();
+    let crowd = &seen[3];
+    let (published, on_the_way) = (&delays[1].published, &delays[1].on_the_way);
+    vec![
+        "A daemon runs as a process of its own on the simulated forearm of 230 taxels, which sends 20 scans a second, \
+         with every output asked for. The clients share this process's one thread, and both share the machine's cores. \
+         Clocks are CLOCK_MONOTONIC on both sides. \"Stamp\" is the receive time of the newest frame in a value; \
+         \"published\" is bounded from above by the age that the first of all messages with that value carries; \"hand\" \
+         is when the client has the decoded message. Values that are sent as they come are timed from the stamp; at a \
+         fixed rate a held value is old by design, so that the time from the making of the message counts."
+            .to_owned(),
+        format!(
+            "With 10 subscribers the median value is published {} us after its stamp and takes {} us from there into a \
+             client's hands (p99: {} and {} us). What a bus takes to hand frames over is in the first figure: a \
+             simulated bus that delivers in batches adds up to one batch's wait. Loopback TCP alone, a thread that \
+             sleeps in read and {} messages, takes {} us, p99 {} us, in the same run.",
+            figure(quantile(published, 0.5)),
+            figure(quantile(on_the_way, 0.5)),
+            figure(quantile(published, 0.99)),
+            figure(quantile(on_the_way, 0.99)),
+            floor.len(),
+            figure(quantile(floor, 0.5)),
+            figure(quantile(floor, 0.99)),
+        ),
+        format!(
+            "The first force came {} ms after the first complete scan that the client saw when models were activated on \
+             a fresh store, and {} ms after the first complete scan when the daemon was started again on that store.",
+            figure(activated.as_secs_f64() * 1e3),
+            figure(restarted.as_secs_f64() * 1e3)
+        ),
+        format!(
+            "Where the time goes with 100 subscribers at 100 Hz: {} % of the daemon's processor time is the kernel's, and \
+             its threads go to sleep {} times a second for {} messages a second: {} Processor time is the daemon's without the simulator's, which \
+             is {} % of a core where it is not measured as a thread. A p99.9 of fewer than 1,000 messages is the largest of them. {missed} of {} aims were missed.",
+            figure(100.0 * crowd.in_kernel()),
+            figure(crowd.used.switches as f64 / crowd.window.as_secs_f64()),
+            figure(CASES[3].crowd.subscribers as f64 * CASES[3].crowd.rate_hz.unwrap_or(f64::NAN)),
+            if crowd.in_kernel() > 0.5 {
+                "wake-ups and loopback TCP cost more than making and encoding messages."
+            } else {
+                "making and encoding messages costs more than wake-ups and loopback TCP."
+            },
+            figure(simulator_share * 100.0),
+            aims.rows.len()
+        ),
+    ]
+}
+
+fn three(values: &[f64]) -> [Cell; 3] {
+    [0.5, 0.99, 0.999].map(|share| match quantile(values, share) {
+        value if value.is_nan() => Cell::Text("-".to_owned()),
+        value => Cell::Number(value),
+    })
+}
+
+fn path_table(seen: &[Seen], delays: &[Delays], floor: &[f64]) -> Table {
+    let mut columns = vec!["case".to_owned(), "messages".to_owned()];
+    for what in ["stamp to published", "message made to hand", "stamp to hand"] {
+        columns.extend(["p50", "p99", "p99.9"].map(|quantile| format!("{what}, {quantile}, us")));
+    }
+    columns.extend(["daemon, % of a core", "of it in the kernel, %", "thread wake-ups per s"].map(str::to_owned));
+    let mut rows: Vec<Vec<Cell>> = Vec::new();
+    for ((case, seen), delays) in CASES.iter().zip(seen).zip(delays) {
+        let mut row = vec![Cell::Text(name(case.crowd)), Cell::Number(seen.delays.len() as f64)];
+        let whole: &[f64] = if case.crowd.rate_hz.is_none() { &delays.whole } else { &[] };
+        row.extend([delays.published.as_slice(), &delays.on_the_way, whole].into_iter().flat_map(three));
+        let wake_ups_per_s = seen.used.switches as f64 / seen.window.as_secs_f64();
+        row.extend([seen.cpu_percent(), 100.0 * seen.in_kernel(), wake_ups_per_s].map(Cell::Number));
+        rows.push(row);
+    }
+    let mut row = vec![Cell::Text("loopback TCP alone, 1 kHz".to_owned()), Cell::Number(floor.len() as f64)];
+    row.extend([&[][..], floor, &[]].into_iter().flat_map(three));
+    row.extend([(); 3].map(|()| Cell::Text("-".to_owned())));
+    rows.push(row);
+    let caption = "The way of a value, in us. A dash stands where the case has no such time.".to_owned();
+    Table { id: "c-path-cases".to_owned(), caption, columns, rows }
+}
+
+fn aims(seen: &[Seen], delays: &[Delays], restarted: Duration) -> Table {
+    let mut rows = Vec::new();
+    let mut judge = |what: String, measured: f64, aim: f64, holds: bool| {
+        rows.push(vec![Cell::Text(what), Cell::Number(measured), Cell::Number(aim), Cell::Verdict(holds)]);
+    };
+    for ((case, seen), delays) in CASES.iter().zip(seen).zip(delays) {
+        let way = if case.crowd.rate_hz.is_none() { "stamp to hand" } else { "message made to hand" };
+        if let Some(aim) = case.p99_aim_us {
+            let p99 = quantile(&delays.whole, 0.99);
+            judge(format!("{}: {way}, p99, us", name(case.crowd)), p99, aim, p99 <= aim);
+        }
+        if let Some(aim) = case.cpu_aim_percent {
+            let percent = seen.cpu_percent();
+            judge(format!("{}: daemon, % of a core", name(case.crowd)), percent, aim, percent < aim);
+        }
+    }
+    let start = restarted.as_secs_f64() * 1e3;
+    let what = "start on a stored model set: first complete scan to first force, ms".to_owned();
+    judge(what, start, START_AIM_MS, start <= START_AIM_MS);
+    Table {
+        id: "c-path-aims".to_owned(),
+        caption: "The aims for the whole path.".to_owned(),
+        columns: ["what", "measured", "aim, at most", "met"].map(str::to_owned).to_vec(),
+        rows,
+    }
+}
+
+/// Quantiles against the number of subscribers, for values as they come.
+fn picture(delays: &[Delays]) -> Figure {
+    let cases = || CASES.iter().zip(delays).filter(|(case, _)| case.crowd.rate_hz.is_none());
+    let line = |what: &str, share: f64, ours: bool, of: fn(&Delays) -> &Vec<f64>| Line {
+        name: format!("{what}, p{}", share * 100.0),
+        ours,
+        points: cases()
+            .map(|(case, delays)| Point {
+                x: case.crowd.subscribers as f64,
+                y: quantile(of(delays), share),
+                ..Point::default()
+            })
+            .collect(),
+    };
+    Figure {
+        id: "c-path".to_owned(),
+        caption: "From the newest frame's stamp to the published value and into the client's hands, each value as it \
+                  comes, against the number of subscribers."
+            .to_owned(),
+        x: Axis { label: "subscribers".to_owned(), log: true },
+        y: Axis { label: "us".to_owned(), log: true },
+        lines: vec![
+            line("to published", 0.5, false, |delays| &delays.published),
+            line("to published", 0.99, false, |delays| &delays.published),
+            line("to hand", 0.5, true, |delays| &delays.whole),
+            line("to hand", 0.99, true, |delays| &delays.whole),
+            line("to hand", 0.999, true, |delays| &delays.whole),
+        ],
+        bands: vec![Band { y: 300.0, label: "aim for p99 to hand with 10 subscribers".to_owned() }],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn delay(sequence: u64, to_send_us: f64, on_the_way_us: f64) -> Delay {
+        Delay { sequence, to_send_us, on_the_way_us }
+    }
+
+    fn used() -> Used {
+        Used { cpu: Duration::from_millis(20), ticks: [1, 3], switches: 500 }
+    }
+
+    #[test]
+    fn a_value_is_published_before_its_first_message_is_made() {
+        let delays = vec![delay(1, 50.0, 10.0), delay(1, 40.0, 30.0), delay(2, 60.0, 5.0)];
+        let seen = Seen { delays, window: Duration::from_secs(1), used: used() };
+        let arrival = seen.delays(Crowd { subscribers: 2, rate_hz: None });
+        assert_eq!(arrival.published, [40.0, 60.0]);
+        assert_eq!(arrival.whole, [60.0, 65.0, 70.0]);
+        let held = seen.delays(Crowd { subscribers: 2, rate_hz: Some(100.0) });
+        assert!(held.published.is_empty(), "the age of a held value is no delay");
+        assert_eq!(held.whole, [5.0, 10.0, 30.0]);
+        assert!((seen.cpu_percent() - 2.0).abs() < 1e-9);
+        assert_eq!(seen.in_kernel(), 0.75);
+    }
+
+    #[test]
+    fn every_aim_is_judged_and_a_miss_is_counted_in_the_text() {
+        let seen: Vec<Seen> = CASES
+            .iter()
+            .map(|_| Seen { delays: vec![delay(1, 200.0, 160.0)], window: Duration::from_secs(1), used: used() })
+            .collect();
+        let section = section(&seen, &[20.0, 30.0], 0.01, [Duration::from_secs(1), Duration::from_millis(150)]);
+        let verdicts: Vec<bool> = section.tables[1]
+            .rows
+            .iter()
+            .map(|row| match row.last() {
+                Some(Cell::Verdict(verdict)) => *verdict,
+                other => panic!("{other:?}"),
+            })
+            .collect();
+        assert_eq!(verdicts, [false, true, true, false, true]);
+        assert!(section.text[3].ends_with("2 of 5 aims were missed."), "{}", section.text[3]);
+        let width = section.tables[0].columns.len();
+        assert!(section.tables[0].rows.iter().all(|row| row.len() == width));
+    }
+}

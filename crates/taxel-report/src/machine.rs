@@ -1,0 +1,137 @@
+//! What the figures were measured on and with: without it a time means nothing.
+
+use crate::options::Options;
+use serde::Serialize;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Machine, versions and the report's own options.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Machine {
+    /// Model of the processor, as the kernel names it.
+    pub cpu: String,
+    /// Processors that this process may use.
+    pub cores: usize,
+    /// System and kernel.
+    pub kernel: String,
+    /// Version of this programme.
+    pub taxeld: String,
+    /// The compiler that built it.
+    pub rustc: String,
+    /// Optimised or not, and for which processor features.
+    pub build: String,
+    /// When, UTC.
+    pub date_utc: String,
+    /// Of all simulated data.
+    pub seed: u64,
+    /// Whether sizes and repetitions were reduced.
+    pub quick: bool,
+    /// Which of the optional recordings and regression sets were there.
+    pub data: String,
+}
+
+impl Machine {
+    /// This machine, now.
+    #[must_use]
+    pub fn here(options: &Options) -> Self {
+        Self {
+            cpu: cpu_model().unwrap_or_else(|| std::env::consts::ARCH.to_owned()),
+            cores: std::thread::available_parallelism().map_or(1, usize::from),
+            kernel: kernel(),
+            taxeld: env!("CARGO_PKG_VERSION").to_owned(),
+            rustc: compiler().unwrap_or_else(|| "not recorded in the executable".to_owned()),
+            build: build(),
+            date_utc: utc(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())),
+            seed: options.seed,
+            quick: options.quick,
+            data: data(options),
+        }
+    }
+
+    /// Names and values for people.
+    pub(crate) fn rows(&self) -> Vec<(&'static str, String)> {
+        let mode = if self.quick { "quick: fewer repetitions and smaller sizes" } else { "full" };
+        vec![
+            ("processor", format!("{}, {} in use", self.cpu, self.cores)),
+            ("kernel", self.kernel.clone()),
+            ("taxeld", format!("{}, {}", self.taxeld, self.build)),
+            ("compiler", self.rustc.clone()),
+            ("date, UTC", self.date_utc.clone()),
+            ("report", format!("{mode}; seed {}", self.seed)),
+            ("data", self.data.clone()),
+        ]
+    }
+}
+
+fn cpu_model() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = text.lines().find(|line| line.starts_with("model name") || line.starts_with("Model"))?;
+    Some(line.split_once(':')?.1.trim().to_owned())
+}
+
+fn kernel() -> String {
+    let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
+    format!("{} {}", std::env::consts::OS, release.trim())
+}
+
+/// The compiler leaves its name in the executable, so that no build script has to pass it on.
+fn compiler() -> Option<String> {
+    const NAME: &[u8] = b"rustc version ";
+    let bytes = std::fs::read(std::env::current_exe().ok()?).ok()?;
+    let mut places = bytes.windows(NAME.len()).enumerate().filter(|(_, window)| *window == NAME);
+    // The constant above is in the executable, too, but no digit follows it.
+    places.find_map(|(at, _)| {
+        let version = bytes.get(at + NAME.len()..)?;
+        let end = version.iter().position(|byte| !byte.is_ascii_graphic() && *byte != b' ').filter(|end| *end < 80)?;
+        let version = std::str::from_utf8(version.get(..end)?).ok()?;
+        version.starts_with(|first: char| first.is_ascii_digit()).then(|| format!("rustc {version}"))
+    })
+}
+
+fn build() -> String {
+    let features = [
+        ("sse4.2", cfg!(target_feature = "sse4.2")),
+        ("avx2", cfg!(target_feature = "avx2")),
+        ("fma", cfg!(target_feature = "fma")),
+        ("avx512f", cfg!(target_feature = "avx512f")),
+        ("neon", cfg!(target_feature = "neon")),
+    ];
+    let on: Vec<&str> = features.into_iter().filter(|(_, on)| *on).map(|(name, _)| name).collect();
+    let on = if on.is_empty() { "no processor features beyond the baseline".to_owned() } else { on.join(" ") };
+    let profile = if cfg!(debug_assertions) { "NOT OPTIMISED, its times mean nothing" } else { "optimised" };
+    format!("{profile}, {}, {on}", std::env::consts::ARCH)
+}
+
+fn data(options: &Options) -> String {
+    let Some(folder) = &options.data else {
+        return "no folder with recordings and regression sets".to_owned();
+    };
+    let there = |name: &str| if folder.join(name).is_dir() { "present" } else { "absent" };
+    format!("recordings of the insole {}, regression sets (strd) {}", there("insole"), there("strd"))
+}
+
+/// Seconds since 1970 as a date; civil-from-days after H. Hinnant, "chrono-compatible low-level date algorithms".
+fn utc(seconds: u64) -> String {
+    let (days, second) = (seconds / 86_400, seconds % 86_400);
+    let shifted = days + 719_468;
+    let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let month_from_march = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
+    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
+    let year = era * 400 + year_of_era + u64::from(month <= 2);
+    format!("{year:04}-{month:02}-{day:02} {:02}:{:02}", second / 3600, second / 60 % 60)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn days_of_the_calendar() {
+        assert_eq!(utc(0), "1970-01-01 00:00");
+        assert_eq!(utc(951_782_399), "2000-02-28 23:59");
+        assert_eq!(utc(951_782_400), "2000-02-29 00:00");
+        assert_eq!(utc(1_798_761_599), "2026-12-31 23:59");
+    }
+}
