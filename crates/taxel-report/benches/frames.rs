@@ -46,8 +46,7 @@ impl Bench {
         let restored = Restored {
             active: vec![(set.patch.clone(), set.id.clone())],
             model_sets: vec![Arc::new(set)],
-            sessions: Vec::new(),
-            next_session: 1,
+            ..Restored::default()
         };
         let engine = Engine::new(Arc::new(Plan { buses: 1, patches: vec![plan] }), restored);
         let (out, state) = (Vec::new(), ForceState::default());

@@ -1,9 +1,8 @@
 //! The installations that the scenes play on.
 
 use std::sync::Arc;
-use std::time::Duration;
 
-use taxel_engine::plan::{BoardSetup, Gauge, LiveLimits, Outputs, PatchPlan, Plan, SessionLimits, TarePlan};
+use taxel_engine::plan::{BoardSetup, Gauge, Outputs, PatchPlan, Plan};
 use taxel_model::{FitOptions, GaugeUncertainty};
 use taxel_sim::{Config, DielectricConfig, GaugeConfig, HOST_BOARD_CONFIG, Skin, World};
 use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Patch};
