@@ -13,6 +13,7 @@ mod shape;
 mod sums;
 mod support;
 mod taxels;
+mod time_steps;
 mod trial;
 
 use crate::document::{Cell, Section, Table};
@@ -150,8 +151,8 @@ impl Case {
 /// A name and the cases of one part of the suite.
 pub type Group = (&'static str, fn() -> Vec<Case>);
 
-/// The suite in its order. Numbers that begin with 8 are kept for `time_steps`, the cases of drift models.
-pub const GROUPS: [Group; 8] = [
+/// The suite in its order.
+pub const GROUPS: [Group; 9] = [
     ("fits", fits::cases),
     ("support", support::cases),
     ("shape", shape::cases),
@@ -159,6 +160,7 @@ pub const GROUPS: [Group; 8] = [
     ("ranges", ranges::cases),
     ("gates", gates::cases),
     ("plays", plays::cases),
+    ("time_steps", time_steps::cases),
     ("sums", sums::cases),
 ];
 

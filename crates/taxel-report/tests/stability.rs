@@ -43,7 +43,7 @@ macro_rules! groups {
     };
 }
 
-groups! { fits support shape rails ranges gates plays sums }
+groups! { fits support shape rails ranges gates plays time_steps sums }
 
 #[test]
 fn numbers_are_unique() {
