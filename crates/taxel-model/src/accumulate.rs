@@ -42,8 +42,10 @@ struct Code {
     /// Narrower than the sums on purpose: as a pair of equal width the compiler updates `n` and `p` in one vector,
     /// whose store the next sample's load would wait for.
     n: u32,
+    /// The sum of P^2 is `p2_carries` 2^64 + `p2`. A carry is rare, so that it costs a sample nothing.
+    p2_carries: u32,
     p: i64,
-    p2: u128,
+    p2: u64,
 }
 
 impl Code {
@@ -51,13 +53,27 @@ impl Code {
     fn add_sample(&mut self, p: i64) {
         self.n += 1;
         self.p += p;
-        self.p2 += u128::from((p * p) as u64);
+        self.add_squares((p * p) as u64);
+    }
+
+    #[inline]
+    fn add_squares(&mut self, p2: u64) {
+        let (sum, carry) = self.p2.overflowing_add(p2);
+        self.p2 = sum;
+        if carry {
+            self.p2_carries += 1;
+        }
     }
 
     fn add(&mut self, other: &Self) {
         self.n += other.n;
         self.p += other.p;
-        self.p2 += other.p2;
+        self.p2_carries += other.p2_carries;
+        self.add_squares(other.p2);
+    }
+
+    fn squares(&self) -> i128 {
+        (i128::from(self.p2_carries) << 64) | i128::from(self.p2)
     }
 }
 
@@ -115,12 +131,12 @@ impl Accumulator {
             let p = i64::from(p);
             codes[usize::from(count)].add_sample(p);
             if bin_of(p) != number {
-                self.bins.add(number, &bin);
+                self.bins.add(number, bin);
                 (number, bin) = (bin_of(p), Bin::default());
             }
             bin.add_sample(count, p);
         }
-        self.bins.add(number, &bin);
+        self.bins.add(number, bin);
     }
 
     /// Adds all samples of another accumulator.
@@ -172,20 +188,16 @@ impl Accumulator {
     }
 
     fn code_stat(&self, code: usize) -> Option<CodeStat> {
-        let mut sums = (0_i64, 0_i64, 0_u128);
-        for ramp in &self.ramps {
-            let code = &ramp.codes[code];
-            sums = (sums.0 + i64::from(code.n), sums.1 + code.p, sums.2 + code.p2);
-        }
-        let (n, p, p2) = sums;
-        if n == 0 {
+        let mut sums = Code::default();
+        self.ramps.iter().for_each(|ramp| sums.add(&ramp.codes[code]));
+        if sums.n == 0 {
             return None;
         }
         // n sum P^2 - (sum P)^2, exact: below 2^124 for 2^32 samples.
-        let scatter = i128::from(n) * p2 as i128 - i128::from(p).pow(2);
-        let n = n as f64;
+        let scatter = i128::from(sums.n) * sums.squares() - i128::from(sums.p).pow(2);
+        let n = f64::from(sums.n);
         let ss = scatter as f64 / n / (UNITS_PER_KPA * UNITS_PER_KPA);
-        Some(CodeStat { x: Dd::from(code as f64), n, mean: Dd::from_i64(p).div_f64(n * UNITS_PER_KPA), ss })
+        Some(CodeStat { x: Dd::from(code as f64), n, mean: Dd::from_i64(sums.p).div_f64(n * UNITS_PER_KPA), ss })
     }
 }
 

@@ -87,7 +87,7 @@ pub(crate) struct Bins {
 
 impl Bins {
     /// Adds what was gathered for base bin `number`.
-    pub fn add(&mut self, number: i32, bin: &Bin) {
+    pub fn add(&mut self, number: i32, bin: Bin) {
         if !bin.is_used() {
             return;
         }
@@ -103,12 +103,12 @@ impl Bins {
         if at >= self.bins.len() {
             self.bins.resize(at + 1, Bin::default());
         }
-        self.bins[at].add(bin);
+        self.bins[at].add(&bin);
     }
 
     pub fn merge(&mut self, other: &Self) {
         for (k, bin) in other.bins.iter().enumerate() {
-            self.add(other.first + k as i32, bin);
+            self.add(other.first + k as i32, *bin);
         }
     }
 

@@ -138,7 +138,7 @@ impl AsyncWrite for Connection {
     }
 
     fn is_write_vectored(&self) -> bool {
-        self.io.is_write_vectored()
+        std::env::var_os("L_NOVEC").is_none() && self.io.is_write_vectored()
     }
 }
 

@@ -6,7 +6,7 @@
 
 use futures_util::stream::{self, Stream};
 use std::pin::Pin;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 use taxel_engine::snapshot::PatchSnapshot;
 use tokio::sync::{OwnedSemaphorePermit, watch};
@@ -24,6 +24,10 @@ pub(crate) type MessageStream<M> = Pin<Box<dyn Stream<Item = Result<M, Status>> 
 
 /// Rates that a controller may ask for, in Hz.
 const RATE_RANGE_HZ: std::ops::RangeInclusive<f64> = 1.0..=1_000.0;
+
+/// Fixed rates tick at multiples of their period from here. So equal rates tick together, and one wake-up of the service
+/// and one write a connection serve all of them.
+static GRID: LazyLock<Instant> = LazyLock::new(Instant::now);
 
 /// Makes the message of a snapshot: patch name, snapshot, circumstances.
 pub(crate) type Encode<M> = fn(&str, &PatchSnapshot, Sending) -> M;
@@ -53,7 +57,7 @@ pub(crate) fn subscribe<M: Send + 'static>(
     rate_hz: Option<f64>,
     encode: Encode<M>,
 ) -> Result<MessageStream<M>, Status> {
-    let ticks = rate_hz.map(ticks).transpose()?;
+    let ticks = rate_hz.map(|rate_hz| ticks(rate_hz, *GRID)).transpose()?;
     let subscription = Subscription {
         patch,
         snapshots: service.handle.patches[patch].snapshot.clone(),
@@ -74,12 +78,18 @@ pub(crate) fn subscribe<M: Send + 'static>(
     })))
 }
 
-fn ticks(rate_hz: f64) -> Result<Interval, Status> {
+/// Ticks at multiples of the period from `origin`; the next one first.
+fn ticks(rate_hz: f64, origin: Instant) -> Result<Interval, Status> {
     if !RATE_RANGE_HZ.contains(&rate_hz) {
         let (low, high) = (RATE_RANGE_HZ.start(), RATE_RANGE_HZ.end());
         return Err(invalid("rate_hz", format_args!("{rate_hz} is not in {low} to {high}")));
     }
-    let mut ticks = tokio::time::interval(Duration::from_secs_f64(1.0 / rate_hz));
+    let period = Duration::from_secs_f64(1.0 / rate_hz);
+    let now = Instant::now();
+    let since_last_ns = (now - origin).as_nanos() % period.as_nanos(); // less than the period, which is a second at most
+    let next = now + period - Duration::from_nanos(since_last_ns as u64);
+    let next = if std::env::var_os("L_NOGRID").is_some() { now + period } else { next };
+    let mut ticks = tokio::time::interval_at(next, period);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     Ok(ticks)
 }
@@ -101,14 +111,15 @@ impl<M> Subscription<M> {
     /// Waits until a message is due. Gives how long it has been due if that is known, which is long only when the
     /// reader made no room for it.
     async fn due(&mut self) -> Result<Option<Duration>, Status> {
+        if self.last.is_none() {
+            return Ok(None); // the first one goes out at once
+        }
         if let Some(ticks) = &mut self.ticks {
             let due = ticks.tick().await;
             self.snapshots.has_changed().map_err(|_| engine_stopped())?;
             return Ok(Some(due.elapsed()));
         }
-        if self.last.is_some() {
-            self.snapshots.changed().await.map_err(|_| engine_stopped())?;
-        }
+        self.snapshots.changed().await.map_err(|_| engine_stopped())?;
         Ok(None)
     }
 

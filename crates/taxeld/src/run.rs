@@ -64,7 +64,21 @@ impl Daemon {
             Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, events), senders).telling(session_state);
         let mut tasks = JoinSet::new();
         tasks.spawn(driver.run(frames, commands, cancel.clone()));
-        tasks.spawn(service(handle, listen(config).await?, limits(config)));
+        if std::env::var("L_RT").as_deref() == Ok("split") {
+            let (address, limits) = (config.service.listen, limits(config));
+            let (done, ended) = tokio::sync::oneshot::channel();
+            std::thread::Builder::new().name("service".to_owned()).spawn(move || {
+                let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+                runtime.block_on(async move {
+                    let listener = TcpListener::bind(address).await.unwrap();
+                    service(handle, listener, limits).await;
+                });
+                let _ = done.send(());
+            })?;
+            tasks.spawn(async move { let _ = ended.await; });
+        } else {
+            tasks.spawn(service(handle, listen(config).await?, limits(config)));
+        }
         tracing::info!(patches, listen = %config.service.listen, "taxeld is up");
         Ok(Self { plan, cancel, to_engine, to_buses: receivers, session, tasks, buses: JoinSet::new() })
     }

@@ -18,6 +18,8 @@ const GRACE: Duration = Duration::from_secs(2);
 const SCATTER_SHARE_MAX: f64 = 0.1;
 /// or by so many newtons, the noise of a few taxels at the threshold of touch.
 const SCATTER_FLOOR_N: f64 = 0.05;
+/// Less than this share of the load is no error of calibration: it lies elsewhere.
+const READ_SHARE_MIN: f64 = 0.1;
 /// From the first half of the time to the second it may move by this share,
 const DRIFT_SHARE_MAX: f64 = 0.03;
 /// or by so many standard errors of that difference.
@@ -88,8 +90,13 @@ impl LoadWatch {
         let mean_n = mean(&self.totals_n);
         let scatter_n =
             (self.totals_n.iter().map(|total| (total - mean_n).powi(2)).sum::<f64>() / (scans - 1) as f64).sqrt();
-        if mean_n <= 0.0 {
-            return Err("the skin feels nothing: no taxel is active".to_owned());
+        let felt = self.totals_n.iter().filter(|total| **total > 0.0).count();
+        if felt < scans {
+            return Err(format!("the skin feels nothing in {} of {scans} scans: no taxel is active", scans - felt));
+        }
+        if mean_n < READ_SHARE_MIN * self.force_n {
+            let laid_on_n = self.force_n;
+            return Err(format!("{mean_n:.2} N were read under {laid_on_n:.2} N: does the load lie on this patch?"));
         }
         if scatter_n > (SCATTER_SHARE_MAX * mean_n).max(SCATTER_FLOOR_N) {
             return Err(format!("the force is unsteady: {mean_n:.2} N with a scatter of {scatter_n:.2} N"));
@@ -147,7 +154,9 @@ mod tests {
         for (what, refused) in [
             ("it moved from", read(|s| 5.0 + 0.5 * s)),
             ("scatter", read(|s| 5.0 + (40.0 * s).sin())),
-            ("feels nothing", read(|_| 0.0)),
+            ("feels nothing in 20 of 20 scans", read(|_| 0.0)),
+            ("feels nothing in 11 of 20 scans", read(|s| if s < 0.5 { 0.04 } else { 0.0 })),
+            ("does the load lie on this patch", read(|_| 0.1)),
         ] {
             let why = refused.unwrap_err();
             assert!(why.contains(what), "{why}");

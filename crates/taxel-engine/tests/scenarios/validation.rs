@@ -215,7 +215,7 @@ fn loads_beyond_the_range_replaced_ones_and_those_of_other_models_do_not_count()
     bench.lay(0.5, 22);
     bench.seconds(1.5);
     let patch = String::new;
-    let wrong = load_of(bench.ask(record(Weight::Kilogram(500.0))));
+    let wrong = load_of(bench.ask(record(Weight::Kilogram(4.0))));
     let absurd = validation(&bench);
     assert!(!absurd.applied && absurd.not_applied_because.contains("noted wrong"), "{absurd:?}");
     let load = KnownLoad { replaces: Some(wrong.number), ..known(Weight::Kilogram(0.5)) };

@@ -374,6 +374,8 @@ pub struct FitSection {
     pub order: OrderWord,
     /// `pressure-binned` or `per-sample`.
     pub estimator: EstimatorWord,
+    /// Whether the solution is refined in double-double until nothing changes.
+    pub exact: bool,
     /// Taxels whose counts move less are excluded; 0 is off.
     pub min_swing_counts: f64,
     /// Taxels whose 95 % interval is wider than this share of full scale are excluded.
@@ -387,6 +389,7 @@ impl Default for FitSection {
         Self {
             order: OrderWord::Fixed(5),
             estimator: EstimatorWord::default(),
+            exact: false,
             min_swing_counts: 0.0,
             max_interval_share: None,
             plays: PlaysWord::default(),

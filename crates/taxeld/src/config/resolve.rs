@@ -364,6 +364,7 @@ fn fit_options(section: &FitSection, gauge: Option<&GaugeSection>) -> Result<Fit
             OrderWord::Fixed(order) => Order::Fixed(order),
             OrderWord::Auto(AutoWord::Auto) => Order::Auto,
         },
+        exact: section.exact,
         estimator: match section.estimator {
             EstimatorWord::PressureBinned => Estimator::PressureBinned,
             EstimatorWord::PerSample => Estimator::PerSample,
