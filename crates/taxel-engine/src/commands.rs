@@ -157,7 +157,7 @@ impl Engine {
         view.state = SessionState::Discarded;
         view.reason = "an operator laid it aside".to_owned();
         view.changed_wall_ns = now.wall_ns;
-        self.interrupted.remove(&number);
+        self.resumable.remove(&number);
         let view = Arc::new(view);
         out.push(Output::Record(Record::Session(Arc::clone(&view))));
         Ok(Done::Session(view))
@@ -241,7 +241,7 @@ impl Engine {
         self.patches.iter().position(|p| p.session.as_ref().is_some_and(|s| s.view().number == number))
     }
 
-    /// The patch that holds a session in one of the `allowed` states; an interrupted one is taken up from the store.
+    /// The patch that holds a session in one of the `allowed` states; a restored one is taken up with its samples.
     fn hold_session(
         &mut self,
         now: Now,
@@ -262,7 +262,7 @@ impl Engine {
             let why = format!("session {other} of this patch is {state}; finish or abort it first");
             return Err(Rejection::FailedPrecondition(why));
         }
-        let Some(samples) = self.interrupted.remove(&number) else {
+        let Some(samples) = self.resumable.remove(&number) else {
             let why = format!("session {number} is {} and has ended; start a new one", view.state.name());
             return Err(Rejection::FailedPrecondition(why));
         };

@@ -29,8 +29,8 @@ pub struct Engine {
     pub(crate) patches: Vec<PatchEngine>,
     buses: Vec<BusLive>,
     pub(crate) sessions: BTreeMap<u64, Arc<SessionView>>,
-    /// Samples of interrupted sessions, until one is taken up again.
-    pub(crate) interrupted: BTreeMap<u64, SessionSamples>,
+    /// Samples of restored sessions that can go on, until one is taken up again.
+    pub(crate) resumable: BTreeMap<u64, SessionSamples>,
     pub(crate) model_sets: Vec<Arc<ModelSet>>,
     pub(crate) next_session: u64,
     pub(crate) loads: Loads,
@@ -53,7 +53,7 @@ impl Engine {
             loads: Loads::new(plan.patches.len(), restored.loads, restored.next_load),
             patches,
             sessions: BTreeMap::new(),
-            interrupted: BTreeMap::new(),
+            resumable: BTreeMap::new(),
             model_sets: restored.model_sets,
             next_session: restored.next_session.max(1),
             store_problem: None,
@@ -76,12 +76,12 @@ impl Engine {
         engine
     }
 
-    /// Keeps the samples of an interrupted session, if they are of the patch as it is configured now.
+    /// Keeps the samples of a session that can go on, if they are of the patch as it is configured now.
     fn take_up(&mut self, view: &SessionView, samples: SessionSamples) {
         let patch = self.patches.iter().find(|p| p.plan.patch.name() == view.patch);
         let taxels = patch.map_or(0, |p| p.plan.patch.taxels().len());
         if samples.samples.iter().all(|sample| sample.counts.len() == taxels) {
-            self.interrupted.insert(view.number, samples);
+            self.resumable.insert(view.number, samples);
         } else {
             let (number, patch) = (view.number, &view.patch);
             self.problems.push(format!("session {number} is of another layout of patch `{patch}` and cannot go on"));

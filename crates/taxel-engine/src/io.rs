@@ -112,6 +112,6 @@ pub struct Restored {
 pub struct RestoredSession {
     /// Its last state; a session that was under way is `Interrupted`.
     pub view: Arc<SessionView>,
-    /// Its samples, only of an interrupted session.
+    /// Its samples, if it can go on: it was interrupted, or it is the newest of its patch and waits for review.
     pub samples: Option<crate::session::SessionSamples>,
 }

@@ -3,7 +3,7 @@
 //! All sums are integers, so that they do not depend on the order of the samples, and accumulators of shards merge bit
 //! for bit. About 20 KB for a ramp to 70 kPa, whatever the number of scans.
 
-use crate::bins::{Bin, Bins, bin_of};
+use crate::bins::{BinSums, Bins, bin_of};
 use crate::dd::Dd;
 use crate::fit::fit_reduced;
 use crate::model::TaxelModel;
@@ -122,17 +122,22 @@ impl Accumulator {
         let at = self.ramp_index(ramp);
         let codes = &mut self.ramps[at].codes;
         // A ramp stays in one bin for many samples: its sums are kept at hand meanwhile.
-        let (mut number, mut bin) = (0, Bin::default());
+        let (mut number, mut bin) = (0, BinSums::default());
         for (count, pressure) in samples {
             let Some(FixedPressure(p)) = pressure else {
                 self.rejected += 1;
                 continue;
             };
+            let here = bin_of(p);
             let p = i64::from(p);
             codes[usize::from(count)].add_sample(p);
-            if bin_of(p) != number {
+            if count == 0 || count == u8::MAX {
+                self.bins.add_railed(here, count, p);
+                continue;
+            }
+            if here != number {
                 self.bins.add(number, bin);
-                (number, bin) = (bin_of(p), Bin::default());
+                (number, bin) = (here, BinSums::default());
             }
             bin.add_sample(count, p);
         }

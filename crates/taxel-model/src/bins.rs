@@ -13,13 +13,30 @@ const BASE_WIDTH_KPA: f64 = (1_u64 << SHIFT) as f64 / UNITS_PER_KPA;
 
 /// The base bin of a pressure in units.
 #[inline]
-pub(crate) const fn bin_of(units: i64) -> i32 {
-    (units >> SHIFT) as i32
+pub(crate) const fn bin_of(units: i32) -> i32 {
+    units >> SHIFT
+}
+
+/// Samples off the rails: their number and the sums of their counts and pressures.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct BinSums {
+    n: u32,
+    c: u64,
+    p: i64,
+}
+
+impl BinSums {
+    #[inline]
+    pub fn add_sample(&mut self, count: u8, p: i64) {
+        self.n += 1;
+        self.c += u64::from(count);
+        self.p += p;
+    }
 }
 
 /// Samples of one base bin; the rails apart, because a clipped reading must not enter a mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Bin {
+struct Bin {
     /// Samples off the rails, with the sums of their counts and pressures.
     n: u32,
     c: u64,
@@ -31,19 +48,6 @@ pub(crate) struct Bin {
 }
 
 impl Bin {
-    #[inline]
-    pub fn add_sample(&mut self, count: u8, p: i64) {
-        if count == 0 || count == u8::MAX {
-            self.low += u32::from(count == 0);
-            self.high += u32::from(count != 0);
-            self.p_railed += p;
-        } else {
-            self.n += 1;
-            self.c += u64::from(count);
-            self.p += p;
-        }
-    }
-
     fn add(&mut self, other: &Self) {
         self.n += other.n;
         self.c += other.c;
@@ -86,11 +90,24 @@ pub(crate) struct Bins {
 }
 
 impl Bins {
-    /// Adds what was gathered for base bin `number`.
-    pub fn add(&mut self, number: i32, bin: Bin) {
-        if !bin.is_used() {
-            return;
+    /// Adds what was gathered off the rails for base bin `number`.
+    #[inline(never)]
+    pub fn add(&mut self, number: i32, sums: BinSums) {
+        if sums.n > 0 {
+            let BinSums { n, c, p } = sums;
+            self.at(number).add(&Bin { n, c, p, ..Bin::default() });
         }
+    }
+
+    /// Adds one sample at count 0 or 255.
+    #[cold]
+    pub fn add_railed(&mut self, number: i32, count: u8, p: i64) {
+        let low = u32::from(count == 0);
+        self.at(number).add(&Bin { low, high: 1 - low, p_railed: p, ..Bin::default() });
+    }
+
+    /// The base bin `number`, which is made if it is not there.
+    fn at(&mut self, number: i32) -> &mut Bin {
         if self.bins.is_empty() {
             self.first = number;
         }
@@ -103,12 +120,12 @@ impl Bins {
         if at >= self.bins.len() {
             self.bins.resize(at + 1, Bin::default());
         }
-        self.bins[at].add(&bin);
+        &mut self.bins[at]
     }
 
     pub fn merge(&mut self, other: &Self) {
-        for (k, bin) in other.bins.iter().enumerate() {
-            self.add(other.first + k as i32, *bin);
+        for (k, bin) in other.bins.iter().enumerate().filter(|(_, bin)| bin.is_used()) {
+            self.at(other.first + k as i32).add(bin);
         }
     }
 

@@ -1,6 +1,6 @@
 //! What a start finds: every row is proven before it is believed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use rusqlite::{Connection, Row};
@@ -146,7 +146,30 @@ fn sessions(
     if let Some(reason) = shortfall(connection, Stream::Sessions, found)? {
         quarantined.push(Quarantined::new("the list of sessions", reason));
     }
+    give_samples_to_reviews(connection, &mut sessions, quarantined);
     Ok((sessions, newest + 1))
+}
+
+/// The newest session of a patch may get another ramp if it waits for review. Without its samples it still has its
+/// model set, so that damage to them fails nothing.
+fn give_samples_to_reviews(
+    connection: &Connection,
+    sessions: &mut [RestoredSession],
+    quarantined: &mut Vec<Quarantined>,
+) {
+    let mut patches = BTreeSet::new();
+    for session in sessions.iter_mut().rev() {
+        let view = &session.view;
+        if !patches.insert(view.patch.clone()) || view.state != SessionState::Review {
+            continue;
+        }
+        match gathered(connection, view.number) {
+            Ok(samples) => session.samples = Some(samples),
+            Err(reason) => {
+                quarantined.push(Quarantined::new(format!("samples of session {}", view.number), reason));
+            }
+        }
+    }
 }
 
 fn loads(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> rusqlite::Result<(Vec<Arc<Load>>, u64)> {

@@ -173,8 +173,9 @@ pub fn after_a_crash(host: &Host, session: u64) -> Restored {
             _ => {}
         }
     }
-    assert!(view.state.is_open(), "{view:?}");
-    view.state = SessionState::Interrupted;
+    if view.state.is_open() {
+        view.state = SessionState::Interrupted;
+    }
     let sessions = vec![RestoredSession { view: Arc::new(view), samples: Some(samples) }];
     Restored { sessions, next_session: session + 1, ..Restored::default() }
 }
@@ -226,6 +227,26 @@ fn an_interrupted_session_takes_another_ramp() {
         _ => None,
     });
     assert_eq!(new, Some((accepted, 1)), "the first new sample follows the last old one");
+}
+
+#[test]
+fn a_session_in_review_takes_another_ramp_after_a_restart() {
+    let (bench, session) = in_review(30.0);
+    let accepted = bench.host.session().accepted;
+    let mut world = bench.world.clone();
+    world.pump(PumpCommand::Vent);
+    world.advance(bench.now() + Duration::from_secs(20), &mut Vec::new());
+    let mut resumed = Bench::new(world, bench.host.plan.clone(), after_a_crash(&bench.host, session));
+    resumed.brought_up();
+    assert_eq!(resumed.host.catalogue.sessions[0].state, SessionState::Review);
+    session_of(resumed.ask(Command::StartRamp { session }));
+    resumed.until_state(30.0, SessionState::Ramping);
+    resumed.ramp(40.0, 4.0);
+    resumed.seconds(8.0);
+    resumed.ask(Command::FinishRamp { session }).unwrap();
+    resumed.until_state(1.0, SessionState::Review);
+    let view = resumed.host.session();
+    assert!(view.ramps == 2 && view.accepted > accepted + 100, "{view:?}");
 }
 
 #[test]

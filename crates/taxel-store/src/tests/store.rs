@@ -40,6 +40,25 @@ fn a_restart_finds_everything_again() {
 }
 
 #[test]
+fn the_newest_session_of_a_patch_keeps_its_samples_for_another_ramp_while_it_waits_for_review() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    filled(&path);
+    let (store, ..) = open(&path);
+    write(&store, vec![session(2, SessionState::Review)]).unwrap();
+    store.close().unwrap();
+    let (store, restored, quarantined, _events) = open(&path);
+    assert_eq!(quarantined, []);
+    assert_eq!(restored.sessions[1].view.state, SessionState::Review);
+    assert_eq!(restored.sessions[1].samples.as_ref().map(|s| s.samples.len()), Some(40));
+    write(&store, vec![session(3, SessionState::Review)]).unwrap();
+    store.close().unwrap();
+    let (_, restored, ..) = open(&path);
+    let kept: Vec<bool> = restored.sessions.iter().map(|session| session.samples.is_some()).collect();
+    assert_eq!(kept, [false, false, true], "only the newest can go on");
+}
+
+#[test]
 fn samples_that_nobody_waits_for_become_durable_and_are_counted() {
     let dir = tempfile::tempdir().unwrap();
     let (store, _, _, events) = open(&dir.path().join("store.db"));
