@@ -29,12 +29,13 @@ impl Curve {
     /// The pressure at `count`, kPa, by Clenshaw's rule; also outside the range, where it means nothing.
     #[must_use]
     pub fn evaluate(&self, count: f64) -> f64 {
+        let Some((first, rest)) = self.chebyshev.split_first() else { return 0.0 };
         let s = (count - self.centre) / self.half_width;
         let (mut b1, mut b2) = (0.0, 0.0);
-        for c in self.chebyshev.iter().skip(1).rev() {
+        for c in rest.iter().rev() {
             (b1, b2) = (2.0 * s * b1 - b2 + c, b1);
         }
-        s * b1 - b2 + self.chebyshev.first().unwrap_or(&0.0)
+        s * b1 - b2 + first
     }
 
     /// The slope at `count`, kPa per count: P' = sum k c_k U_{k-1}(s) / half_width.

@@ -63,9 +63,9 @@ impl Dd {
     /// An integer, exact.
     #[must_use]
     pub fn from_i64(n: i64) -> Self {
-        let hi = n as f64;
-        // In the wider type, because the rounded value may be 2^63.
-        Self { hi, lo: (i128::from(n) - hi as i128) as f64 }
+        // Both halves are exact f64.
+        let low = n & 0xffff_ffff;
+        Self::sum((n - low) as f64, low as f64)
     }
 
     /// An integer; exact up to 106 bits.
@@ -74,6 +74,15 @@ impl Dd {
         let hi = n as f64;
         // The rounded value may exceed the type's range only for inputs near its end, which saturate.
         Self::sum(hi, n.saturating_sub(hi as i128) as f64)
+    }
+
+    /// The sum with an f64.
+    #[inline]
+    #[must_use]
+    pub fn add_f64(self, b: f64) -> Self {
+        let (s, e) = two_sum(self.hi, b);
+        let (hi, lo) = quick_two_sum(s, e + self.lo);
+        Self { hi, lo }
     }
 
     /// The product with an f64.
@@ -111,21 +120,45 @@ impl Dd {
     }
 }
 
-/// Dot product in twice the precision (Ogita, Rump, Oishi 2005, Dot2), in four lanes, so that one addition need not
-/// wait for the last.
-pub(crate) fn dot(a: &[Dd], b: &[Dd]) -> Dd {
-    let mut sums = [0.0; 4];
-    let mut errors = [0.0; 4];
-    for (a, b) in a.chunks(4).zip(b.chunks(4)) {
-        for (k, (a, b)) in a.iter().zip(b).enumerate() {
-            let (p, e) = two_prod(a.hi, b.hi);
-            let (s, t) = two_sum(sums[k], p);
-            sums[k] = s;
-            errors[k] += t + (e + (a.hi * b.lo + a.lo * b.hi));
-        }
+/// A running sum of products in twice the precision (Ogita, Rump, Oishi 2005, Dot2): half the work of a product and a
+/// sum of [`Dd`], because it is put in order only at the end.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Running {
+    /// The sum in f64.
+    pub sum: f64,
+    /// What its roundings left out, in f64.
+    pub error: f64,
+}
+
+impl Running {
+    /// Adds `a * b`.
+    #[inline]
+    pub fn add_product(self, a: Dd, b: Dd) -> Self {
+        let (p, e) = two_prod(a.hi, b.hi);
+        let (sum, t) = two_sum(self.sum, p);
+        Self { sum, error: self.error + (t + (e + (a.hi * b.lo + a.lo * b.hi))) }
     }
-    let lane = |k: usize| Dd::sum(sums[k], errors[k]);
-    (lane(0) + lane(1)) + (lane(2) + lane(3))
+
+    /// Adds `a * b`.
+    #[inline]
+    pub fn add_scaled(self, a: Dd, b: f64) -> Self {
+        let (p, e) = two_prod(a.hi, b);
+        let (sum, t) = two_sum(self.sum, p);
+        Self { sum, error: self.error + (t + (e + a.lo * b)) }
+    }
+
+    /// The sum so far.
+    #[inline]
+    pub fn value(self) -> Dd {
+        Dd::sum(self.sum, self.error)
+    }
+}
+
+impl From<Dd> for Running {
+    #[inline]
+    fn from(start: Dd) -> Self {
+        Self { sum: start.hi, error: start.lo }
+    }
 }
 
 impl From<f64> for Dd {
@@ -198,6 +231,15 @@ mod tests {
         assert!(back.hi.abs() < 1e-31, "{back:?}");
         let other = Dd::from(1.0).div_f64(3.0) - third;
         assert!(other.hi.abs() < 1e-31, "{other:?}");
+    }
+
+    #[test]
+    fn integers_at_the_ends_of_their_type_are_exact() {
+        for n in [0, 1, -1, i64::MAX, i64::MIN, i64::MAX - 1, (1 << 53) + 1, -(1 << 62) - 1] {
+            let d = Dd::from_i64(n);
+            assert_eq!(d.hi as i128 + d.lo as i128, i128::from(n), "{n}");
+            assert_eq!(d.hi, n as f64, "{n}");
+        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::model::{Quality, Sign, TaxelModel};
 use crate::options::{Estimator, FitOptions, MIN_BINNED_SAMPLES, Order, Shape};
 use crate::order::{choose, press_by_order};
 use crate::orthogonal::Basis;
-use crate::reduce::Reduced;
+use crate::reduce::{CodeStat, Reduced};
 use crate::refine::solve;
 use crate::samples::{Samples, reduce};
 use crate::series::{Chebyshev, chebyshev_of};
@@ -45,7 +45,7 @@ pub(crate) fn fit_reduced(data: &Reduced, options: &FitOptions) -> TaxelModel {
     if data.rejected > 0 {
         flags.push(Flag::Rejected { samples: data.rejected });
     }
-    let samples = data.samples() as u64;
+    let samples = data.samples as u64;
     if options.estimator == Estimator::PressureBinned && !data.binned {
         flags.push(Flag::NotBinned { samples });
     }
@@ -89,6 +89,7 @@ struct Fit<'a> {
     /// Power of two not below `half`: t = (x - centre) / scale is exact.
     scale: f64,
     basis: Basis,
+    root_n: Vec<f64>,
     /// sqrt(n) y, and its coefficients in the basis.
     z: Vec<f64>,
     d: Vec<f64>,
@@ -106,12 +107,12 @@ impl<'a> Fit<'a> {
             .map(|row| (Dd::sum(row.x.hi, -centre) + Dd::from(row.x.lo)).scale_exact(1.0 / scale))
             .collect();
         let rounded: Vec<f64> = t.iter().map(|t| t.to_f64()).collect();
-        let n: Vec<f64> = data.rows.iter().map(|row| row.n).collect();
+        let root_n: Vec<f64> = data.rows.iter().map(|row| row.n.sqrt()).collect();
         let max_order = options.max_order().min(data.codes.len() - 1);
-        let basis = Basis::new(&rounded, &n, max_order);
-        let z: Vec<f64> = data.rows.iter().map(|row| row.n.sqrt() * row.y.hi).collect();
+        let basis = Basis::new(&rounded, &root_n, max_order);
+        let z: Vec<f64> = data.rows.iter().zip(&root_n).map(|(row, root_n)| root_n * row.y.hi).collect();
         let d = basis.project(&z);
-        Self { data, options, range, centre, half, scale, basis, z, d, t }
+        Self { data, options, range, centre, half, scale, basis, root_n, z, d, t }
     }
 
     fn sign(&self) -> Sign {
@@ -126,7 +127,7 @@ impl<'a> Fit<'a> {
 
     fn scatter(&self, curve: &Curve) -> Vec<Scatter> {
         let [low, high] = self.range;
-        let of = |code: &crate::reduce::CodeStat| {
+        let of = |code: &CodeStat| {
             let count = code.x.to_f64();
             let residual = code.mean.to_f64() - curve.evaluate(count.max(low).min(high));
             Scatter { count, n: code.n, squares: code.ss + code.n * residual * residual }
@@ -134,8 +135,8 @@ impl<'a> Fit<'a> {
         self.data.codes.iter().map(of).collect()
     }
 
-    fn rmse(&self, curve: &Curve) -> f64 {
-        (self.scatter(curve).iter().map(|s| s.squares).sum::<f64>() / self.data.samples()).sqrt()
+    fn rmse(&self, scatter: &[Scatter]) -> f64 {
+        (scatter.iter().map(|s| s.squares).sum::<f64>() / self.data.samples).sqrt()
     }
 
     /// RMSE of the best monotone function of the count.
@@ -143,7 +144,7 @@ impl<'a> Fit<'a> {
         let codes = &self.data.codes;
         let within: f64 = codes.iter().map(|code| code.ss).sum();
         let between = isotonic_squares(codes.iter().map(|code| (code.n, code.mean.to_f64())), sign);
-        ((within + between) / self.data.samples()).sqrt()
+        ((within + between) / self.data.samples).sqrt()
     }
 
     /// The least-squares curve of the highest order up to `order` that is itself: on nearly dependent counts neither
@@ -159,13 +160,13 @@ impl<'a> Fit<'a> {
         let curve = Curve::new(free, self.centre, self.half);
         let largest = self.data.rows.iter().fold(0.0, |largest: f64, row| largest.max(row.y.hi.abs()));
         let [low, high] = self.range;
-        let rows = self.data.rows.iter().enumerate();
-        let mut in_range = rows.filter(|(_, row)| (low..=high).contains(&row.x.to_f64())).peekable();
+        let projection = self.basis.weighted_values(&self.d[..=order]);
+        let rows = self.data.rows.iter().zip(self.root_n.iter().zip(&projection));
+        let mut in_range = rows.filter(|(row, _)| (low..=high).contains(&row.x.to_f64())).peekable();
         // Rows that all lie beyond the range vouch for nothing within it.
         in_range.peek().is_some()
-            && in_range.all(|(r, row)| {
-                let root_n_kpa: f64 = self.basis.vectors[..=order].iter().zip(&self.d).map(|(q, d)| d * q[r]).sum();
-                let error = curve.evaluate(row.x.to_f64()) - root_n_kpa / row.n.sqrt();
+            && in_range.all(|(row, (root_n, projection))| {
+                let error = curve.evaluate(row.x.to_f64()) - projection / root_n;
                 error.abs() <= CURVE_TOLERANCE * largest
             })
     }
@@ -175,7 +176,7 @@ impl<'a> Fit<'a> {
         let (from, to) = self.ends();
         let sign = self.sign().as_f64();
         let Some(place) = wrong_slope(&free, from, to, sign) else { return (free, None) };
-        let small = (self.data.samples() as u64) < MIN_BINNED_SAMPLES;
+        let small = (self.data.samples as u64) < MIN_BINNED_SAMPLES;
         let report = match self.options.shape {
             Shape::Auto => small && !self.data.integer,
             Shape::Repair => false,
@@ -186,9 +187,8 @@ impl<'a> Fit<'a> {
             return (free, None);
         }
         let s: Vec<f64> = self.t.iter().map(|t| t.to_f64() * (self.scale / self.half)).collect();
-        let n: Vec<f64> = self.data.rows.iter().map(|row| row.n).collect();
-        let problem = Problem { basis: &self.basis, s: &s, n: &n, d: &self.d, order, sign };
-        let rmse = |series: &Chebyshev| self.rmse(&Curve::new(series, self.centre, self.half));
+        let problem = Problem { basis: &self.basis, s: &s, root_n: &self.root_n, d: &self.d, order, sign };
+        let rmse = |series: &Chebyshev| self.rmse(&self.scatter(&Curve::new(series, self.centre, self.half)));
         // A free curve through all points has no RMSE to compare with; the ratio stays a number that files can hold.
         let free_rmse = rmse(&free);
         let ratio = |monotone: f64| if monotone <= free_rmse { 1.0 } else { (monotone / free_rmse).min(f64::MAX) };
@@ -226,8 +226,8 @@ impl<'a> Fit<'a> {
         let scatter = self.scatter(&curve);
         quality.rank = carried as u8 + 1;
         quality.swing_counts = self.range[1] - self.range[0];
-        quality.dof = (data.samples() - (order + 1) as f64).max(0.0);
-        quality.rmse_kpa = self.rmse(&curve);
+        quality.dof = (data.samples - (order + 1) as f64).max(0.0);
+        quality.rmse_kpa = self.rmse(&scatter);
         quality.press_kpa = scores.get(order).and_then(|score| score.press_kpa);
         quality.press_by_order = scores;
         self.lack_of_fit(&scatter, order, &mut quality);
@@ -240,8 +240,8 @@ impl<'a> Fit<'a> {
             basis: &self.basis,
             d: &self.d,
             order,
-            to_t: &|count| (count - self.centre) / self.scale,
-            slope: &|count| curve.slope(count),
+            scale: self.scale,
+            curve: &curve,
         };
         let sigma = profile(&evidence).map(|(sigma, support)| {
             let full_scale = options.exclusion.full_scale_kpa.unwrap_or(pressure_range_kpa);
@@ -288,8 +288,8 @@ impl<'a> Fit<'a> {
         if quality.distinct_counts < wanted {
             flags.push(Flag::FewDistinctCounts { distinct: quality.distinct_counts, wanted });
         }
-        for (r, row) in self.data.rows.iter().enumerate() {
-            let leverage = self.basis.vectors[..=order].iter().map(|q| q[r] * q[r]).sum::<f64>() / row.n;
+        for (row, of_row) in self.data.rows.iter().zip(self.basis.row_leverages(order)) {
+            let leverage = of_row / row.n;
             if leverage > quality.max_leverage {
                 quality.max_leverage = leverage;
                 if leverage > HIGH_LEVERAGE {
@@ -298,10 +298,10 @@ impl<'a> Fit<'a> {
                 }
             }
         }
-        let counts: Vec<f64> = self.data.codes.iter().map(|code| code.x.to_f64()).collect();
-        let inside = |pair: &&[f64]| pair[0] >= self.range[0] && pair[1] <= self.range[1];
-        let widest = counts.windows(2).filter(inside).max_by(|a, b| (a[1] - a[0]).total_cmp(&(b[1] - b[0])));
-        if let Some(&[from, to]) = widest
+        let pairs = self.data.codes.windows(2).map(|pair| (pair[0].x.to_f64(), pair[1].x.to_f64()));
+        let inside = pairs.filter(|(from, to)| *from >= self.range[0] && *to <= self.range[1]);
+        let widest = inside.max_by(|a, b| (a.1 - a.0).total_cmp(&(b.1 - b.0)));
+        if let Some((from, to)) = widest
             && to - from > GAP_SHARE * (self.range[1] - self.range[0])
             && to - from > 1.0
         {
@@ -310,7 +310,7 @@ impl<'a> Fit<'a> {
     }
 
     fn lack_of_fit(&self, scatter: &[Scatter], order: usize, quality: &mut Quality) {
-        let (samples, codes) = (self.data.samples(), self.data.codes.len() as f64);
+        let (samples, codes) = (self.data.samples, self.data.codes.len() as f64);
         let pure: f64 = self.data.codes.iter().map(|code| code.ss).sum();
         let (pure_dof, lack_dof) = (samples - codes, codes - (order + 1) as f64);
         if pure_dof <= 0.0 {
@@ -350,30 +350,24 @@ impl<'a> Fit<'a> {
 /// A recording's rare outermost counts are noise, and bins of pressure say nothing about counts beyond their means: a
 /// polynomial must not be extended to either.
 fn calibrated_range(data: &Reduced, options: &FitOptions) -> [f64; 2] {
-    let hull = |mut counts: Box<dyn DoubleEndedIterator<Item = f64> + '_>| {
-        let first = counts.next()?;
-        Some([first, counts.next_back().unwrap_or(first)])
-    };
-    let samples = data.samples();
-    let all = hull(Box::new(data.codes.iter().map(|code| code.x.to_f64()))).unwrap_or([0.0, 0.0]);
+    let samples = data.samples;
+    let all = ends(&data.codes, |_| true).unwrap_or([0.0, 0.0]);
     let mut range = all;
     if samples >= MIN_BINNED_SAMPLES as f64 {
         let trimmed = if data.integer {
-            let often = data.codes.iter().filter(|code| code.n >= f64::from(options.min_samples_at_ends));
-            hull(Box::new(often.map(|code| code.x.to_f64())))
+            ends(&data.codes, |code| code.n >= f64::from(options.min_samples_at_ends))
         } else {
             let mut below = 0.0;
-            let kept = data.codes.iter().filter(move |code| {
+            ends(&data.codes, |code| {
                 below += code.n;
                 below > REAL_TRIM * samples && below - code.n < (1.0 - REAL_TRIM) * samples
-            });
-            let kept: Vec<f64> = kept.map(|code| code.x.to_f64()).collect();
-            hull(Box::new(kept.into_iter()))
+            })
         };
         range = trimmed.filter(|range| range[1] > range[0]).unwrap_or(all);
     }
-    let rows = hull(Box::new(data.rows.iter().map(|row| row.x.to_f64())));
-    if let (true, Some([low, high])) = (data.binned, rows) {
+    if data.binned && !data.rows.is_empty() {
+        let x = || data.rows.iter().map(|row| row.x.to_f64());
+        let (low, high) = (x().fold(f64::INFINITY, f64::min), x().fold(f64::NEG_INFINITY, f64::max));
         let (low, high) = if data.integer { (low.floor(), high.ceil()) } else { (low, high) };
         let inner = [range[0].max(low), range[1].min(high)];
         range = if inner[1] > inner[0] { inner } else { range };
@@ -381,10 +375,20 @@ fn calibrated_range(data: &Reduced, options: &FitOptions) -> [f64; 2] {
     range
 }
 
+/// The least and the greatest of the counts, which are ascending, that are kept; asks for each once, in their order.
+fn ends(codes: &[CodeStat], mut keep: impl FnMut(&CodeStat) -> bool) -> Option<[f64; 2]> {
+    let mut ends = None;
+    for code in codes.iter().filter(|code| keep(code)) {
+        let count = code.x.to_f64();
+        ends = Some([ends.map_or(count, |[first, _]: [f64; 2]| first), count]);
+    }
+    ends
+}
+
 /// The value below which half of the weight lies.
 fn weighted_median(values: &[f64], weights: &[f64]) -> f64 {
     let mut pairs: Vec<(f64, f64)> = values.iter().copied().zip(weights.iter().copied()).collect();
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+    pairs.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
     let half = weights.iter().sum::<f64>() / 2.0;
     let mut sum = 0.0;
     let found = pairs.iter().find(|(_, weight)| {

@@ -1,6 +1,6 @@
 //! How well each order predicts what it has not seen.
 
-use crate::orthogonal::Basis;
+use crate::orthogonal::{Basis, dot};
 use serde::{Deserialize, Serialize};
 
 /// An order is as good as the best if its PRESS is within this factor of it.
@@ -23,22 +23,21 @@ pub struct OrderScore {
 /// a distinct count or a pressure bin, so that samples of one count do not vouch for each other.
 pub(crate) fn press_by_order(basis: &Basis, z: &[f64], d: &[f64]) -> Vec<OrderScore> {
     let mut residual = z.to_vec();
-    let mut leverage = vec![0.0; z.len()];
+    let mut rest = vec![1.0; z.len()];
+    let mut deleted = vec![0.0; z.len()];
     basis
         .vectors
         .iter()
         .zip(d)
         .enumerate()
         .map(|(order, (q, d))| {
-            let mut press = 0.0;
-            let mut determined = false;
-            for ((e, h), q) in residual.iter_mut().zip(&mut leverage).zip(q) {
+            for (((e, rest), deleted), q) in residual.iter_mut().zip(&mut rest).zip(&mut deleted).zip(q) {
                 *e -= d * q;
-                *h += q * q;
-                let rest = 1.0 - *h;
-                determined |= rest < MIN_REST;
-                press += (*e / rest).powi(2);
+                *rest -= q * q;
+                *deleted = *e / *rest;
             }
+            let determined = rest.iter().any(|rest| *rest < MIN_REST);
+            let press = dot(&deleted, &deleted);
             let press_kpa = (!determined).then(|| (press / basis.weight).sqrt()).filter(|p| p.is_finite());
             OrderScore { order: order as u8, press_kpa }
         })

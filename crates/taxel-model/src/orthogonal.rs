@@ -22,33 +22,39 @@ pub(crate) struct Basis {
     pub weight: f64,
 }
 
-/// Dot product in four lanes of fixed order: fast, and the same on every machine.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut lanes = [0.0; 4];
-    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in a4.zip(b4) {
-        for k in 0..4 {
+/// Dot product in eight lanes of fixed order: fast, and the same on every machine.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut lanes = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(x, y)| x * y).sum();
+    for (x, y) in a8.zip(b8) {
+        for k in 0..8 {
             lanes[k] += x[k] * y[k];
         }
     }
-    (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]) + rest
+    // In halves, so that neighbours stay in one vector to the end.
+    let [a, b, c, d, e, f, g, h] = lanes;
+    ((a + e) + (c + g)) + ((b + f) + (d + h)) + rest
 }
 
 impl Basis {
     /// The basis of order `max_order` or of the highest order that the abscissae carry, whichever is lower.
     ///
-    /// `t` are the abscissae, roughly within -1..1; `n` are positive weights. At least one row.
-    pub fn new(t: &[f64], n: &[f64], max_order: usize) -> Self {
-        let weight: f64 = n.iter().sum();
-        let first = n.iter().map(|n| (n / weight).sqrt()).collect();
-        let mut basis = Self { vectors: vec![first], alpha: Vec::new(), beta: Vec::new(), gain: Vec::new(), weight };
+    /// `t` are the abscissae, roughly within -1..1; `root_n` are the roots of positive weights. At least one row.
+    pub fn new(t: &[f64], root_n: &[f64], max_order: usize) -> Self {
+        let weight = dot(root_n, root_n);
+        let first = root_n.iter().map(|root| root / weight.sqrt()).collect();
+        let coefficients = || Vec::with_capacity(max_order);
+        let (alpha, beta, gain) = (coefficients(), coefficients(), coefficients());
+        let mut basis = Self { vectors: Vec::with_capacity(max_order + 1), alpha, beta, gain, weight };
+        basis.vectors.push(first);
         for k in 0..max_order.min(t.len().saturating_sub(1)) {
             let mut v: Vec<f64> = t.iter().zip(&basis.vectors[k]).map(|(t, q)| t * q).collect();
             let before = dot(&v, &v).sqrt();
             let mut alpha = 0.0;
-            for _ in 0..2 {
-                for (j, q) in basis.vectors.iter().enumerate() {
+            // Only the last two are not orthogonal but for rounding, which the second round takes out.
+            for from in [k.saturating_sub(1), 0] {
+                for (j, q) in basis.vectors.iter().enumerate().skip(from) {
                     let h = dot(q, &v);
                     v.iter_mut().zip(q).for_each(|(v, q)| *v -= h * q);
                     alpha += if j == k { h } else { 0.0 };
@@ -58,10 +64,11 @@ impl Basis {
             if length.is_nan() || length <= RANK_TOLERANCE * before {
                 break;
             }
-            v.iter_mut().for_each(|v| *v /= length);
+            let gain = 1.0 / length;
+            v.iter_mut().for_each(|v| *v *= gain);
             basis.alpha.push(alpha);
             basis.beta.push(length);
-            basis.gain.push(1.0 / length);
+            basis.gain.push(gain);
             basis.vectors.push(v);
         }
         basis
@@ -86,16 +93,38 @@ impl Basis {
         d
     }
 
-    /// Leverage sum phi_k(t)^2 of one new sample at `t` over the orders 0..=`order`, and phi_order(t).
-    pub fn leverage(&self, t: f64, order: usize) -> (f64, f64) {
-        let (mut last, mut phi) = (0.0, 1.0 / self.weight.sqrt());
-        let mut leverage = phi * phi;
-        for k in 0..order.min(self.order()) {
-            let earlier = if k == 0 { 0.0 } else { self.beta[k - 1] * last };
-            (last, phi) = (phi, ((t - self.alpha[k]) * phi - earlier) * self.gain[k]);
-            leverage += phi * phi;
+    /// sqrt(n) times the value of the polynomial with coefficients `d`, at every row.
+    pub fn weighted_values(&self, d: &[f64]) -> Vec<f64> {
+        let mut values = vec![0.0; self.vectors[0].len()];
+        for (q, d) in self.vectors.iter().zip(d) {
+            values.iter_mut().zip(q).for_each(|(value, q)| *value += d * q);
         }
-        (leverage, phi)
+        values
+    }
+
+    /// The part that each row has in its own fitted value, for the orders 0..=`order`.
+    pub fn row_leverages(&self, order: usize) -> Vec<f64> {
+        let mut leverages = vec![0.0; self.vectors[0].len()];
+        for q in &self.vectors[..=order] {
+            leverages.iter_mut().zip(q).for_each(|(leverage, q)| *leverage += q * q);
+        }
+        leverages
+    }
+
+    /// Leverage sum phi_k(t)^2 of one new sample at each `t` over the orders 0..=`order`, and phi_order(t).
+    pub fn leverages(&self, t: &[f64], order: usize) -> Vec<(f64, f64)> {
+        let first = 1.0 / self.weight.sqrt();
+        let mut last = vec![0.0; t.len()];
+        let mut leverages = vec![(first * first, first); t.len()];
+        for k in 0..order.min(self.order()) {
+            let (alpha, gain) = (self.alpha[k], self.gain[k]);
+            let beta = if k == 0 { 0.0 } else { self.beta[k - 1] };
+            for ((t, last), (leverage, phi)) in t.iter().zip(&mut last).zip(&mut leverages) {
+                (*last, *phi) = (*phi, ((t - alpha) * *phi - beta * *last) * gain);
+                *leverage += *phi * *phi;
+            }
+        }
+        leverages
     }
 }
 
@@ -106,8 +135,8 @@ mod tests {
     #[test]
     fn the_vectors_are_orthonormal_to_the_last_digits() {
         let t: Vec<f64> = (0..80).map(|i| (f64::from(i) - 40.0) / 40.0).collect();
-        let n: Vec<f64> = (0..80).map(|i| 1.0 + f64::from(i * i % 17)).collect();
-        let basis = Basis::new(&t, &n, 10);
+        let root_n: Vec<f64> = (0..80).map(|i| (1.0 + f64::from(i * i % 17)).sqrt()).collect();
+        let basis = Basis::new(&t, &root_n, 10);
         assert_eq!(basis.order(), 10);
         for (i, a) in basis.vectors.iter().enumerate() {
             for (j, b) in basis.vectors.iter().enumerate() {
@@ -115,10 +144,11 @@ mod tests {
                 assert!((dot(a, b) - want).abs() < 4e-16 * 4.0, "{i} {j} {}", dot(a, b) - want);
             }
         }
-        for (r, (t, n)) in t.iter().zip(&n).enumerate() {
-            for k in 0..=10 {
-                let phi = basis.leverage(*t, k).1;
-                assert!((phi * n.sqrt() - basis.vectors[k][r]).abs() < 1e-12, "recurrence {k} at row {r}");
+        for k in 0..=10 {
+            for (r, (leverage, phi)) in basis.leverages(&t, k).iter().enumerate() {
+                assert!((phi * root_n[r] - basis.vectors[k][r]).abs() < 1e-12, "recurrence {k} at row {r}");
+                let of_row = basis.row_leverages(k)[r];
+                assert!((leverage * root_n[r].powi(2) - of_row).abs() < 1e-12, "leverage {k} at row {r}");
             }
         }
     }

@@ -40,9 +40,11 @@ pub(crate) struct RampGroup {
 /// Samples reduced.
 #[derive(Clone, Debug)]
 pub(crate) struct Reduced {
+    /// Number of samples behind the codes.
+    pub samples: f64,
     /// Ascending in count, clipped counts left out.
     pub codes: Vec<CodeStat>,
-    /// Rows of the problem, ascending in count.
+    /// Rows of the problem: ascending in count, bins of pressure in pressure.
     pub rows: Vec<Row>,
     /// Samples that were not finite or out of range.
     pub rejected: u64,
@@ -52,19 +54,14 @@ pub(crate) struct Reduced {
     pub binned: bool,
     /// Clipped counts and their share of the samples.
     pub dropped: Vec<(f64, f64)>,
-    /// For the repeatability.
+    /// For the repeatability; empty for a single ramp.
     pub ramps: Vec<RampGroup>,
 }
 
 impl Reduced {
-    /// Number of samples behind the codes.
-    pub fn samples(&self) -> f64 {
-        self.codes.iter().map(|c| c.n).sum()
-    }
-
     /// Standard deviation of the pressure and the range of its means, kPa.
     pub fn pressure_spread(&self) -> Spread {
-        let n = self.samples().max(1.0);
+        let n = self.samples.max(1.0);
         let mean = self.codes.iter().map(|c| c.n * c.mean.hi).sum::<f64>() / n;
         let ss: f64 = self.codes.iter().map(|c| c.ss + c.n * (c.mean.hi - mean).powi(2)).sum();
         let means = self.codes.iter().map(|c| c.mean.hi);
@@ -86,14 +83,15 @@ pub(crate) struct Spread {
 pub(crate) fn rails_to_drop(codes: &[CodeStat], rails: Option<(f64, f64)>) -> Vec<(f64, f64)> {
     let Some((low, high)) = rails else { return Vec::new() };
     let total: f64 = codes.iter().map(|c| c.n).sum();
-    let inner: Vec<f64> = codes.iter().map(|c| c.x.hi).filter(|x| *x > low && *x < high).collect();
+    let is_inner = |c: &&CodeStat| c.x.hi > low && c.x.hi < high;
+    let (first, last) = (codes.iter().find(is_inner), codes.iter().rfind(is_inner));
     // A taxel that only ever reads rails is dead, and is told so from its counts.
-    let (Some(first), Some(last)) = (inner.first(), inner.last()) else { return Vec::new() };
+    let (Some(first), Some(last)) = (first, last) else { return Vec::new() };
     codes
         .iter()
-        .filter(|c| c.x.hi <= low || c.x.hi >= high)
+        .filter(|c| !is_inner(c))
         .filter(|c| {
-            let gap = if c.x.hi <= low { first - c.x.hi } else { c.x.hi - last };
+            let gap = if c.x.hi <= low { first.x.hi - c.x.hi } else { c.x.hi - last.x.hi };
             c.n > MAX_RAIL_SHARE * total || gap >= DROPOUT_GAP_COUNTS
         })
         .map(|c| (c.x.hi, c.n / total))

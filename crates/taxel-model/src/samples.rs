@@ -97,9 +97,10 @@ pub(crate) fn reduce(samples: &Samples<'_>, options: &FitOptions) -> Reduced {
     } else {
         codes.iter().filter(|c| !is_dropped(c.x.hi)).map(|c| Row { x: c.x, y: c.mean, n: c.n }).collect()
     };
-    let codes = codes.into_iter().filter(|c| !is_dropped(c.x.hi)).collect();
+    let codes: Vec<CodeStat> = codes.into_iter().filter(|c| !is_dropped(c.x.hi)).collect();
     let ramps = group_by_ramp(&list, &is_dropped);
-    Reduced { codes, rows, rejected, integer, binned, dropped, ramps }
+    let samples = codes.iter().map(|c| c.n).sum();
+    Reduced { samples, codes, rows, rejected, integer, binned, dropped, ramps }
 }
 
 fn order(a: Dd, b: Dd) -> std::cmp::Ordering {
@@ -124,8 +125,7 @@ fn bins(list: &[Sample], options: &FitOptions, railed: &dyn Fn(f64) -> bool) -> 
     let span = last.y.hi - first.y.hi;
     let width = options.bin_width_kpa.filter(|w| w.is_finite() && *w > 0.0).unwrap_or(span / DEFAULT_BINS);
     let bin = |s: &Sample| if width > 0.0 { (s.y.hi / width).floor() } else { 0.0 };
-    let mut rows: Vec<Row> = list
-        .chunk_by(|a, b| bin(a) == bin(b))
+    list.chunk_by(|a, b| bin(a) == bin(b))
         .filter_map(|group| {
             let measured = || group.iter().filter(|s| !railed(s.x.hi));
             let n = measured().count() as f64;
@@ -135,9 +135,7 @@ fn bins(list: &[Sample], options: &FitOptions, railed: &dyn Fn(f64) -> bool) -> 
             let sum = measured().fold((Dd::ZERO, Dd::ZERO), |sum, s| (sum.0 + s.x, sum.1 + s.y));
             Some(Row { x: sum.0.div_f64(n), y: sum.1.div_f64(n), n })
         })
-        .collect();
-    rows.sort_by(|a, b| order(a.x, b.x).then(order(a.y, b.y)));
-    rows
+        .collect()
 }
 
 fn group_by_ramp(list: &[Sample], is_dropped: &dyn Fn(f64) -> bool) -> Vec<RampGroup> {

@@ -2,6 +2,7 @@
 //! proven and printed. Orders are small (10 at most), so the plain O(p^2) recurrences do.
 
 use crate::dd::Dd;
+use crate::options::MAX_ORDER;
 use crate::refine::Solution;
 
 /// Coefficients of T_0 .. T_p in s.
@@ -32,17 +33,14 @@ fn times_s(series: &[Dd]) -> Chebyshev {
 pub(crate) fn chebyshev_of(solution: &Solution, ratio: f64) -> Chebyshev {
     let recurrence = &solution.recurrence;
     let mut last: Chebyshev = Vec::new();
-    let mut phi: Chebyshev = vec![Dd::from(recurrence.first)];
+    let mut phi: Chebyshev = vec![Dd::from(1.0)];
     let mut sum = vec![Dd::ZERO; solution.d.len()];
     for (k, d) in solution.d.iter().enumerate() {
         sum.iter_mut().zip(&phi).for_each(|(sum, c)| *sum = *sum + *c * *d);
-        let (Some(alpha), Some(gain)) = (recurrence.alpha.get(k), recurrence.gain.get(k)) else { break };
+        let (Some(alpha), Some(gamma)) = (recurrence.alpha.get(k), recurrence.gamma.get(k)) else { break };
         let mut next: Chebyshev = times_s(&phi).iter().map(|c| c.scale(ratio)).collect();
         next.iter_mut().zip(&phi).for_each(|(next, c)| *next = *next - c.scale(*alpha));
-        if k > 0 {
-            next.iter_mut().zip(&last).for_each(|(next, c)| *next = *next - c.scale(recurrence.beta[k - 1]));
-        }
-        next.iter_mut().for_each(|c| *c = c.scale(*gain));
+        next.iter_mut().zip(&last).for_each(|(next, c)| *next = *next - c.scale(*gamma));
         last = std::mem::replace(&mut phi, next);
     }
     sum
@@ -51,17 +49,16 @@ pub(crate) fn chebyshev_of(solution: &Solution, ratio: f64) -> Chebyshev {
 /// Powers of s of a Chebyshev series.
 pub(crate) fn powers_of(series: &[Dd]) -> Powers {
     let mut sum = vec![Dd::ZERO; series.len()];
-    let mut last = vec![0.0; series.len() + 1];
-    let mut t = last.clone();
+    let (mut last, mut t) = ([0.0; MAX_ORDER as usize + 1], [0.0; MAX_ORDER as usize + 1]);
     t[0] = 1.0;
     for (k, c) in series.iter().enumerate() {
-        for (sum, t) in sum.iter_mut().zip(&t) {
+        for (sum, t) in sum.iter_mut().zip(&t).filter(|(_, t)| **t != 0.0) {
             *sum = *sum + c.scale(*t);
         }
         // T_1 = s, T_{k+1} = 2 s T_k - T_{k-1}; the coefficients are small integers.
         let factor = if k == 0 { 1.0 } else { 2.0 };
-        let mut next = vec![0.0; t.len()];
-        for j in 0..t.len() {
+        let mut next = [0.0; MAX_ORDER as usize + 1];
+        for j in 0..=(k + 1).min(MAX_ORDER as usize) {
             let shifted = if j == 0 { 0.0 } else { factor * t[j - 1] };
             next[j] = shifted - if k == 0 { 0.0 } else { last[j] };
         }
@@ -106,7 +103,7 @@ fn shift(a: &mut [Dd], by: Dd) {
 }
 
 fn binomial(n: usize, k: usize) -> f64 {
-    (0..k).fold(1.0, |b, i| b * (n - i) as f64 / (i + 1) as f64).round()
+    (0..k).fold(1, |b, i| b * (n - i) / (i + 1)) as f64
 }
 
 /// Bernstein coefficients over `from..to` of powers of s.
@@ -119,8 +116,17 @@ pub(crate) fn bernstein_of(powers: &[Dd], from: Dd, to: Dd) -> Bernstein {
         *q = *q * scale;
         scale = scale * width;
     }
-    let p = powers.len() - 1;
-    (0..=p).map(|j| (0..=j).fold(Dd::ZERO, |sum, i| sum + q[i].scale(binomial(j, i)).div_f64(binomial(p, i)))).collect()
+    // b_j = sum over i of binomial(j, i) q_i / binomial(p, i), by repeated sums of neighbours.
+    let p = q.len() - 1;
+    for (i, q) in q.iter_mut().enumerate() {
+        *q = q.div_f64(binomial(p, i));
+    }
+    for first in 1..=p {
+        for j in (first..=p).rev() {
+            q[j] = q[j] + q[j - 1];
+        }
+    }
+    q
 }
 
 /// Powers of s of Bernstein coefficients over `from..to`.

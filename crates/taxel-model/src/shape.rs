@@ -57,8 +57,8 @@ pub(crate) struct Problem<'a> {
     pub basis: &'a Basis,
     /// Abscissae of the rows.
     pub s: &'a [f64],
-    /// Weights of the rows.
-    pub n: &'a [f64],
+    /// Roots of the weights of the rows.
+    pub root_n: &'a [f64],
     /// Unconstrained solution in the basis, at least `order + 1` long.
     pub d: &'a [f64],
     /// Order of the curve.
@@ -77,12 +77,12 @@ pub(crate) fn repair(problem: &Problem<'_>, from: Dd, to: Dd, y_range: f64) -> C
     let hull = problem.s.iter().fold((from.hi, to.hi), |(lo, hi), s| (lo.min(*s), hi.max(*s)));
     let from = if hull.0 < from.hi { Dd::from(hull.0) } else { from };
     let to = if hull.1 > to.hi { Dd::from(hull.1) } else { to };
-    let roots: Vec<f64> = problem.n.iter().map(|n| n.sqrt()).collect();
     let rows: Vec<Vec<f64>> = problem.s.iter().map(|s| cumulative((s - from.hi) / (to.hi - from.hi), p)).collect();
     // Each J_i in the orthonormal basis.
     let columns: Vec<Vec<f64>> = (0..p)
         .map(|i| {
-            let weighted: Vec<f64> = rows.iter().zip(&roots).map(|(row, root)| problem.sign * root * row[i]).collect();
+            let weighted = rows.iter().zip(problem.root_n).map(|(row, root)| problem.sign * root * row[i]);
+            let weighted: Vec<f64> = weighted.collect();
             problem.basis.project(&weighted)[..=p].to_vec()
         })
         .collect();

@@ -4,6 +4,7 @@
 //! s^2 where samples are few: skin is noisier, in kPa, where it is flat, and a pooled value alone covers only four
 //! of five readings there. h is the leverage of a new sample. What gauge and area share among taxels is not in it.
 
+use crate::curve::Curve;
 use crate::orthogonal::Basis;
 use serde::{Deserialize, Serialize};
 
@@ -57,10 +58,10 @@ pub(crate) struct Evidence<'a> {
     /// Coefficients in the basis.
     pub d: &'a [f64],
     pub order: usize,
-    /// Count to the variable of the basis.
-    pub to_t: &'a dyn Fn(f64) -> f64,
-    /// Slope of the curve, kPa per count.
-    pub slope: &'a dyn Fn(f64) -> f64,
+    /// The variable of the basis is (count - `curve.centre`) / `scale`.
+    pub scale: f64,
+    /// The served curve.
+    pub curve: &'a Curve,
 }
 
 /// A profile, and how many samples support each knot.
@@ -72,23 +73,27 @@ pub(crate) fn profile(evidence: &Evidence<'_>) -> Option<(SigmaProfile, Vec<f64>
     let by_count = evidence.integer && high - low < MAX_KNOTS;
     let intervals = if by_count { (high - low).max(0.0) as usize } else { REAL_KNOTS };
     let step = if by_count || high <= low { 1.0 } else { (high - low) / REAL_KNOTS as f64 };
-    let knot = |count: f64| ((count - low) / step).round().clamp(0.0, intervals as f64) as usize;
-    let (mut n, mut squares) = (vec![0.0; intervals + 1], vec![0.0; intervals + 1]);
+    let knot = |count: f64| (((count - low) / step).clamp(0.0, intervals as f64) + 0.5) as usize;
+    // A knot more at each end, so that every one has two neighbours.
+    let (mut n, mut squares) = (vec![0.0; intervals + 3], vec![0.0; intervals + 3]);
     for code in evidence.scatter {
-        n[knot(code.count)] += code.n;
-        squares[knot(code.count)] += code.squares;
+        let at = knot(code.count) + 1;
+        n[at] += code.n;
+        squares[at] += code.squares;
     }
     let samples: f64 = n.iter().sum();
     let pooled = squares.iter().sum::<f64>() / evidence.dof;
-    let sigma_kpa = (0..=intervals)
-        .map(|k| {
-            let count = low + k as f64 * step;
-            let window = k.saturating_sub(1)..(k + 2).min(intervals + 1);
-            let near: f64 = n[window.clone()].iter().sum();
-            let sum = squares[window].iter().sum::<f64>() * samples / evidence.dof;
+    let counts: Vec<f64> = (0..=intervals).map(|k| low + k as f64 * step).collect();
+    let t: Vec<f64> = counts.iter().map(|count| (count - evidence.curve.centre) / evidence.scale).collect();
+    let leverages = evidence.basis.leverages(&t, evidence.order);
+    let windows = n.windows(3).zip(squares.windows(3));
+    let sigma_kpa = windows
+        .zip(counts.iter().zip(&leverages))
+        .map(|((n, squares), (count, (leverage, last)))| {
+            let near = n[0] + n[1] + n[2];
+            let sum = (squares[0] + squares[1] + squares[2]) * samples / evidence.dof;
             let local = (sum + PRIOR_SAMPLES * pooled) / (near + PRIOR_SAMPLES);
-            let quantum = if evidence.integer { (evidence.slope)(count).powi(2) / 12.0 } else { 0.0 };
-            let (leverage, last) = evidence.basis.leverage((evidence.to_t)(count), evidence.order);
+            let quantum = if evidence.integer { evidence.curve.slope(*count).powi(2) / 12.0 } else { 0.0 };
             // Where no sample vouches for the curve, the step from the next lower order stands for its error.
             let unseen = if near > 0.0 { 0.0 } else { evidence.d[evidence.order] * last };
             // Quantisation is in the residuals of integer counts already: it is a floor, not a term. Far from all
@@ -96,7 +101,8 @@ pub(crate) fn profile(evidence: &Evidence<'_>) -> Option<(SigmaProfile, Vec<f64>
             (local.max(quantum) + pooled * leverage + unseen * unseen).sqrt().min(f64::MAX)
         })
         .collect();
-    Some((SigmaProfile { first_count: low, step_counts: step, sigma_kpa }, n))
+    let support = n[1..=intervals + 1].to_vec();
+    Some((SigmaProfile { first_count: low, step_counts: step, sigma_kpa }, support))
 }
 
 /// 97.5 % quantile of Student's distribution, for two-sided 95 % intervals.

@@ -5,7 +5,7 @@ use std::time::Duration;
 /// What one server grants. The defaults suit one robot with a handful of controllers and an operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Connections at once; a further one is closed on arrival. An idle one costs about 16 KiB.
+    /// Connections at once; a further one is closed on arrival. An idle one costs about 24 KiB.
     pub connections: usize,
     /// A connection that has not sent the HTTP/2 preface by then is closed: without this it would live for ever.
     pub preface: Duration,

@@ -1,5 +1,6 @@
 //! The server: all services on one listener, with limits, until the shutdown and no longer than the drain.
 
+use std::sync::Arc;
 use std::time::Duration;
 use taxel_proto::v1::calibration_service_server::CalibrationServiceServer;
 use taxel_proto::v1::force_service_server::ForceServiceServer;
@@ -7,6 +8,7 @@ use taxel_proto::v1::model_service_server::ModelServiceServer;
 use taxel_proto::v1::skin_service_server::SkinServiceServer;
 use taxel_proto::v1::validation_service_server::ValidationServiceServer;
 use thiserror::Error;
+use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
 use tonic::transport::Server;
 use tonic::transport::server::Router;
@@ -14,7 +16,7 @@ use tonic_health::server::HealthReporter;
 
 pub use crate::guard::Listener;
 use crate::guard::accept;
-use crate::handle::Handle;
+use crate::handle::{Handle, PatchFeed};
 use crate::health::Report;
 use crate::limits::Limits;
 use crate::service::Service;
@@ -50,6 +52,7 @@ const CUT_MAX: Duration = Duration::from_secs(1);
 /// # Errors
 /// [`ServeError`] if the server cannot be set up or fails; a failing connection or call is not an error of the server.
 pub async fn serve(handle: Handle, listener: Listener, limits: Limits) -> Result<Drain, ServeError> {
+    let handle = relayed(handle);
     let shutdown = handle.shutdown.clone();
     let (drain, cut) = (limits.drain, CancellationToken::new());
     let incoming = accept(listener, &limits, cut.clone());
@@ -71,6 +74,25 @@ pub async fn serve(handle: Handle, listener: Listener, limits: Limits) -> Result
     cut.cancel();
     tokio::time::timeout(CUT_MAX, server).await.unwrap_or(Ok(()))?;
     Ok(Drain::Cut)
+}
+
+/// The same handle with snapshots that pass through one task of the server's. When the engine runs on a thread of its
+/// own, publishing wakes that task alone, however many subscribers there are, and they are woken here.
+fn relayed(mut handle: Handle) -> Handle {
+    let relay = |feed: &PatchFeed| {
+        let mut from = feed.snapshot.clone();
+        let (to, snapshot) = watch::channel(Arc::clone(&from.borrow_and_update()));
+        tokio::spawn(async move {
+            while from.changed().await.is_ok() {
+                let newest = Arc::clone(&from.borrow_and_update());
+                to.send_replace(newest);
+            }
+            // The engine has stopped; without `to` every stream learns of it.
+        });
+        PatchFeed { snapshot, session: feed.session.clone() }
+    };
+    handle.patches = handle.patches.iter().map(relay).collect();
+    handle
 }
 
 fn router(handle: &Handle, limits: Limits, reporter: &HealthReporter) -> Result<Router, ServeError> {

@@ -11,7 +11,7 @@ use std::time::Duration;
 use taxel_engine::snapshot::PatchSnapshot;
 use tokio::sync::{OwnedSemaphorePermit, watch};
 use tokio::time::{Instant, Interval, MissedTickBehavior};
-use tokio_util::sync::CancellationToken;
+use tokio_util::sync::WaitForCancellationFutureOwned;
 use tonic::Status;
 
 use crate::convert::Sending;
@@ -26,7 +26,7 @@ pub(crate) type MessageStream<M> = Pin<Box<dyn Stream<Item = Result<M, Status>> 
 const RATE_RANGE_HZ: std::ops::RangeInclusive<f64> = 1.0..=1_000.0;
 
 /// Fixed rates tick at multiples of their period from here. So equal rates tick together, and one wake-up of the service
-/// and one write a connection serve all of them.
+/// and one write a connection do for all of them.
 static GRID: LazyLock<Instant> = LazyLock::new(Instant::now);
 
 /// Makes the message of a snapshot: patch name, snapshot, circumstances.
@@ -41,7 +41,8 @@ struct Subscription<M> {
     ticks: Option<Interval>,
     encode: Encode<M>,
     clock: Clock,
-    shutdown: CancellationToken,
+    /// Registered once, not for every message.
+    shutdown: Pin<Box<WaitForCancellationFutureOwned>>,
     unread_limit: Duration,
     /// Sequence of the last message, and when the reader took it.
     last: Option<(u64, Instant)>,
@@ -64,7 +65,7 @@ pub(crate) fn subscribe<M: Send + 'static>(
         ticks,
         encode,
         clock: Arc::clone(&service.handle.clock),
-        shutdown: service.handle.shutdown.clone(),
+        shutdown: Box::pin(service.handle.shutdown.clone().cancelled_owned()),
         unread_limit: service.limits.unread,
         last: None,
         ended: false,
@@ -78,7 +79,7 @@ pub(crate) fn subscribe<M: Send + 'static>(
     })))
 }
 
-/// Ticks at multiples of the period from `origin`; the next one first.
+/// Ticks at multiples of the period after `origin`, from the next one on.
 fn ticks(rate_hz: f64, origin: Instant) -> Result<Interval, Status> {
     if !RATE_RANGE_HZ.contains(&rate_hz) {
         let (low, high) = (RATE_RANGE_HZ.start(), RATE_RANGE_HZ.end());
@@ -86,12 +87,32 @@ fn ticks(rate_hz: f64, origin: Instant) -> Result<Interval, Status> {
     }
     let period = Duration::from_secs_f64(1.0 / rate_hz);
     let now = Instant::now();
-    let since_last_ns = (now - origin).as_nanos() % period.as_nanos(); // less than the period, which is a second at most
+    let since_last_ns = (now - origin).as_nanos() % period.as_nanos(); // less than a second
     let next = now + period - Duration::from_nanos(since_last_ns as u64);
-    let next = if std::env::var_os("L_NOGRID").is_some() { now + period } else { next };
     let mut ticks = tokio::time::interval_at(next, period);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
     Ok(ticks)
+}
+
+/// Waits until a message is due. Gives how long it has been due if that is known, which is long only when the reader made
+/// no room for it.
+async fn due(
+    first: bool,
+    ticks: Option<&mut Interval>,
+    snapshots: &mut watch::Receiver<Arc<PatchSnapshot>>,
+) -> Result<Option<Duration>, Status> {
+    match ticks {
+        _ if first => Ok(None), // at once
+        Some(ticks) => {
+            let due = ticks.tick().await;
+            snapshots.has_changed().map_err(|_| engine_stopped())?;
+            Ok(Some(due.elapsed()))
+        }
+        None => {
+            snapshots.changed().await.map_err(|_| engine_stopped())?;
+            Ok(None)
+        }
+    }
 }
 
 impl<M> Subscription<M> {
@@ -99,28 +120,12 @@ impl<M> Subscription<M> {
         if self.ended {
             return None;
         }
-        let shutdown = self.shutdown.clone();
         let waited = tokio::select! {
             biased;
-            () = shutdown.cancelled() => Err(shutting_down()),
-            unread = self.due() => unread,
+            () = &mut self.shutdown => Err(shutting_down()),
+            unread = due(self.last.is_none(), self.ticks.as_mut(), &mut self.snapshots) => unread,
         };
         Some(waited.and_then(|unread| self.take(unread)))
-    }
-
-    /// Waits until a message is due. Gives how long it has been due if that is known, which is long only when the
-    /// reader made no room for it.
-    async fn due(&mut self) -> Result<Option<Duration>, Status> {
-        if self.last.is_none() {
-            return Ok(None); // the first one goes out at once
-        }
-        if let Some(ticks) = &mut self.ticks {
-            let due = ticks.tick().await;
-            self.snapshots.has_changed().map_err(|_| engine_stopped())?;
-            return Ok(Some(due.elapsed()));
-        }
-        self.snapshots.changed().await.map_err(|_| engine_stopped())?;
-        Ok(None)
     }
 
     /// The message of the newest value.
@@ -154,16 +159,33 @@ mod tests {
 
     #[tokio::test(start_paused = true)]
     async fn a_rate_is_kept_although_the_timer_counts_whole_milliseconds() {
+        let origin = Instant::now();
         for rate_hz in [1.0, 3.0, 50.0, 333.0, 700.0, 1_000.0] {
-            let mut ticks = ticks(rate_hz).unwrap();
+            tokio::time::advance(Duration::from_micros(12_345)).await;
+            let mut ticks = ticks(rate_hz, origin).unwrap();
             let begun = ticks.tick().await;
-            assert_eq!(begun.elapsed(), Duration::ZERO, "the first tick is at once");
             let count = 2.0 * rate_hz;
             for _ in 0..count as u32 {
                 ticks.tick().await;
             }
             let late = begun.elapsed().as_secs_f64() - 2.0;
             assert!((-1e-6..2e-3).contains(&late), "{rate_hz} Hz: {count} ticks took {late} s more than 2 s");
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn equal_rates_tick_together_whenever_they_began() {
+        let origin = Instant::now();
+        // Not 1,000 Hz, where the timer's millisecond is a whole period.
+        for rate_hz in [1.0, 3.0, 50.0, 100.0, 333.0] {
+            let period = Duration::from_secs_f64(1.0 / rate_hz);
+            let mut early = ticks(rate_hz, origin).unwrap();
+            early.tick().await;
+            tokio::time::advance(period.mul_f64(0.3)).await;
+            let mut late = ticks(rate_hz, origin).unwrap();
+            let (shared, first) = tokio::join!(early.tick(), late.tick());
+            assert_eq!(shared, first, "{rate_hz} Hz");
+            assert_eq!((shared - origin).as_nanos() % period.as_nanos(), 0, "{rate_hz} Hz: on the grid");
         }
     }
 }

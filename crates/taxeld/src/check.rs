@@ -126,8 +126,8 @@ fn modules(board: &Board) -> String {
 fn threads(config: &Config, plan: &Plan) -> Vec<String> {
     let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
     let mut threads = vec![
-        "main: waits for the signal that ends the daemon".to_owned(),
-        format!("2 workers: bus {}, the engine, the service", buses.join(", ")),
+        format!("main: bus {}, the engine, the signal that ends the daemon", buses.join(", ")),
+        "service: subscribers must not hold the engine up".to_owned(),
         "store writer: a slow disk must not hold the engine up".to_owned(),
     ];
     if plan.patches.iter().any(|patch| patch.gauge.is_some()) {

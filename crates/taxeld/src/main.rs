@@ -117,12 +117,7 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Demo(args) => show_demo::demo(&args),
         Subcommands::Run { config } => {
             let (config, scene) = load(&config)?;
-            let runtime = if std::env::var_os("L_RT").is_some() {
-                tokio::runtime::Builder::new_current_thread().enable_all().build()?
-            } else {
-                tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?
-            };
-            runtime.block_on(run::run(config, scene))
+            run::runtime()?.block_on(run::run(config, scene))
         }
         Subcommands::Check { config } => {
             let (config, scene) = load(&config)?;

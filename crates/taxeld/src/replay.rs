@@ -45,7 +45,7 @@ pub fn replay(request: Request, config: Config, mut scene: Scene) -> anyhow::Res
     match request.speed {
         None => at_full_speed(&request, &config, scene),
         Some(speed) => {
-            let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
+            let runtime = crate::run::runtime()?;
             runtime.block_on(paced(&request.log, speed, config, scene))
         }
     }

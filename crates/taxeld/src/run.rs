@@ -13,7 +13,8 @@ use taxel_skin::BusIndex;
 use taxel_store::{Store, models_json};
 use taxel_wire::Frame;
 use tokio::net::TcpListener;
-use tokio::sync::{mpsc, watch};
+use tokio::runtime::Runtime;
+use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
@@ -44,7 +45,7 @@ pub struct Daemon {
 }
 
 impl Daemon {
-    /// Starts engine, store and service.
+    /// Starts engine, store and service; the engine on the present runtime, the other two on threads of their own.
     ///
     /// # Errors
     /// If the store cannot be opened or the address cannot be bound.
@@ -64,21 +65,7 @@ impl Daemon {
             Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, events), senders).telling(session_state);
         let mut tasks = JoinSet::new();
         tasks.spawn(driver.run(frames, commands, cancel.clone()));
-        if std::env::var("L_RT").as_deref() == Ok("split") {
-            let (address, limits) = (config.service.listen, limits(config));
-            let (done, ended) = tokio::sync::oneshot::channel();
-            std::thread::Builder::new().name("service".to_owned()).spawn(move || {
-                let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-                runtime.block_on(async move {
-                    let listener = TcpListener::bind(address).await.unwrap();
-                    service(handle, listener, limits).await;
-                });
-                let _ = done.send(());
-            })?;
-            tasks.spawn(async move { let _ = ended.await; });
-        } else {
-            tasks.spawn(service(handle, listen(config).await?, limits(config)));
-        }
+        tasks.spawn(service(handle, listen(config)?, limits(config))?);
         tracing::info!(patches, listen = %config.service.listen, "taxeld is up");
         Ok(Self { plan, cancel, to_engine, to_buses: receivers, session, tasks, buses: JoinSet::new() })
     }
@@ -163,9 +150,11 @@ fn open_store(at: StoreAt<'_>, events: &StoreEvents) -> anyhow::Result<(Store, R
     }
 }
 
-async fn listen(config: &Config) -> anyhow::Result<TcpListener> {
+fn listen(config: &Config) -> anyhow::Result<std::net::TcpListener> {
     let address = config.service.listen;
-    TcpListener::bind(address).await.with_context(|| format!("service.listen = {address}"))
+    let listener = std::net::TcpListener::bind(address).with_context(|| format!("service.listen = {address}"))?;
+    listener.set_nonblocking(true)?;
+    Ok(listener)
 }
 
 fn limits(config: &Config) -> Limits {
@@ -173,10 +162,39 @@ fn limits(config: &Config) -> Limits {
     Limits { streams: service.subscribers_max, connections: service.connections_max, ..Limits::default() }
 }
 
-async fn service(handle: Handle, listener: TcpListener, limits: Limits) {
-    if let Err(error) = serve(handle, Listener::Tcp(listener), limits).await {
-        tracing::error!(error = &error as &dyn std::error::Error, "the service ended");
-    }
+/// Starts the service on a thread of its own, so that what subscribers cost never delays a frame. Gives its end.
+fn service(
+    handle: Handle,
+    listener: std::net::TcpListener,
+    limits: Limits,
+) -> anyhow::Result<impl Future<Output = ()> + use<>> {
+    let runtime = runtime()?;
+    let (ended, end) = oneshot::channel();
+    let serving = async move {
+        let listener = Listener::Tcp(TcpListener::from_std(listener)?);
+        anyhow::Ok(serve(handle, listener, limits).await?)
+    };
+    let run = move || {
+        if let Err(error) = runtime.block_on(serving) {
+            tracing::error!("the service ended: {error:#}");
+        }
+        let _ = ended.send(()); // the daemon did not wait for it
+    };
+    std::thread::Builder::new().name("service".to_owned()).spawn(run).context("a thread for the service")?;
+    Ok(async move {
+        if end.await.is_err() {
+            tracing::error!("the service's thread panicked");
+        }
+    })
+}
+
+/// A runtime on the thread that drives it. One thread wakes tasks without waking another thread, and takes them in the
+/// order in which they were woken: a connection is written to when all of its streams have had their turn.
+///
+/// # Errors
+/// If the system has no more descriptors.
+pub fn runtime() -> std::io::Result<Runtime> {
+    tokio::runtime::Builder::new_current_thread().enable_all().build()
 }
 
 /// The daemon on the buses of its configuration.

@@ -57,7 +57,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
     if args.once {
         return Ok(());
     }
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
+    let runtime = crate::run::runtime()?;
     runtime.block_on(serve_live(args.seed, config, scene))
 }
 

@@ -110,7 +110,7 @@ pub async fn watch(
     let from_ns = now_ns() + warm_up.as_nanos() as i64;
     let until_ns = from_ns + window.as_nanos() as i64;
     let (mut tasks, mut channel) = (tokio::task::JoinSet::new(), None);
-    // Controllers do not start at the same moment: their ticks are spread over a period.
+    // Controllers do not start at the same moment.
     let apart = crowd.rate_hz.map_or(Duration::ZERO, |hz| Duration::from_secs_f64(1.0 / hz / crowd.subscribers as f64));
     for subscriber in 0..crowd.subscribers {
         if subscriber % STREAMS_PER_CONNECTION == 0 {

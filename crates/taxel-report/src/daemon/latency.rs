@@ -34,8 +34,9 @@ const CASES: [Case; 5] = [
     case(1, Some(1_000.0), Some(150.0), None),
 ];
 
-/// Messages over loopback TCP alone, before each round and after the last.
-const FLOOR_MESSAGES: usize = 800;
+/// Messages over loopback TCP alone and the time between them, before each round: as a fast controller reads, and as the
+/// skin sends.
+const FLOORS: [(usize, Duration); 2] = [(800, Duration::from_millis(1)), (40, Duration::from_millis(50))];
 
 /// Start to first force with a stored model set, from the first complete scan.
 const START_AIM_MS: f64 = 200.0;
@@ -77,9 +78,11 @@ async fn measure(options: &Options) -> anyhow::Result<Section> {
     client::give_models(&channel, models).await?;
     let asked_to_force = client::first_force(&channel).await.with_context(|| daemon.complaints())?;
     let mut seen: Vec<Seen> = CASES.iter().map(|_| Seen::default()).collect();
-    let mut floor = Vec::new();
+    let mut floors = FLOORS.map(|_| Vec::new());
     for _ in 0..rounds {
-        floor.extend(wire_floor::one_way_us(FLOOR_MESSAGES)?);
+        for (floor, (messages, period)) in floors.iter_mut().zip(FLOORS) {
+            floor.extend(wire_floor::one_way_us(messages, period)?);
+        }
         for (case, seen) in CASES.iter().zip(&mut seen) {
             let (before, begun) = (daemon.usage()?, Instant::now());
             seen.delays.extend(client::watch(daemon.address, case.crowd, WARM_UP, window).await?);
@@ -92,8 +95,7 @@ async fn measure(options: &Options) -> anyhow::Result<Section> {
     let mut daemon = home.start()?;
     let channel = client::connect(&mut daemon).await?;
     let start = client::first_force(&channel).await.with_context(|| daemon.complaints())?;
-    floor.extend(wire_floor::one_way_us(FLOOR_MESSAGES)?);
-    Ok(section(&seen, &sorted(floor), simulator, [asked_to_force, start]))
+    Ok(section(&seen, &floors.map(sorted), simulator, [asked_to_force, start]))
 }
 
 impl Seen {
@@ -131,22 +133,27 @@ fn name(crowd: Crowd) -> String {
     format!("{subscribers} subscriber{plural}, {when}")
 }
 
-fn section(seen: &[Seen], floor: &[f64], simulator_share: f64, [activated, restarted]: [Duration; 2]) -> Section {
+fn section(
+    seen: &[Seen],
+    floors: &[Vec<f64>; 2],
+    simulator_share: f64,
+    [activated, restarted]: [Duration; 2],
+) -> Section {
     let delays: Vec<Delays> = CASES.iter().zip(seen).map(|(case, seen)| seen.delays(case.crowd)).collect();
     let aims = aims(seen, &delays, restarted);
     Section {
         id: "c-path".to_owned(),
         title: "C. Live: from the bus into a client's hands".to_owned(),
-        text: text(seen, &delays, floor, simulator_share, [activated, restarted], &aims),
+        text: text(seen, &delays, floors, simulator_share, [activated, restarted], &aims),
         figures: vec![picture(&delays)],
-        tables: vec![path_table(seen, &delays, floor), aims],
+        tables: vec![path_table(seen, &delays, floors), aims],
     }
 }
 
 fn text(
     seen: &[Seen],
     delays: &[Delays],
-    floor: &[f64],
+    floors: &[Vec<f64>; 2],
     simulator_share: f64,
     [activated, restarted]: [Duration; 2],
     aims: &Table,
@@ -164,16 +171,18 @@ fn text(
             .to_owned(),
         format!(
             "With 10 subscribers the median value is published {} us after its stamp and takes {} us from there into a \
-             client's hands (p99: {} and {} us). What a bus takes to hand frames over is in the first figure: a \
-             simulated bus that delivers in batches adds up to one batch's wait. Loopback TCP alone, a thread that \
-             sleeps in read and {} messages, takes {} us, p99 {} us, in the same run.",
+             client's hands (p99: {} and {} us). On the way sleeping threads are woken one after the other: the engine's by the bus, \
+             the service's by the engine, the client's by the service; the first figure has two of these wake-ups, the \
+             second one. Loopback TCP alone, to a thread that sleeps in read, takes {} us, p99 {} us, at 1 kHz, and \
+             {} us, p99 {} us, at the skin's rate, in the same run.",
             figure(quantile(published, 0.5)),
             figure(quantile(on_the_way, 0.5)),
             figure(quantile(published, 0.99)),
             figure(quantile(on_the_way, 0.99)),
-            floor.len(),
-            figure(quantile(floor, 0.5)),
-            figure(quantile(floor, 0.99)),
+            figure(quantile(&floors[0], 0.5)),
+            figure(quantile(&floors[0], 0.99)),
+            figure(quantile(&floors[1], 0.5)),
+            figure(quantile(&floors[1], 0.99)),
         ),
         format!(
             "The first force came {} ms after the first complete scan that the client saw when models were activated on \
@@ -206,7 +215,7 @@ fn three(values: &[f64]) -> [Cell; 3] {
     })
 }
 
-fn path_table(seen: &[Seen], delays: &[Delays], floor: &[f64]) -> Table {
+fn path_table(seen: &[Seen], delays: &[Delays], floors: &[Vec<f64>; 2]) -> Table {
     let mut columns = vec!["case".to_owned(), "messages".to_owned()];
     for what in ["stamp to published", "message made to hand", "stamp to hand"] {
         columns.extend(["p50", "p99", "p99.9"].map(|quantile| format!("{what}, {quantile}, us")));
@@ -221,10 +230,13 @@ fn path_table(seen: &[Seen], delays: &[Delays], floor: &[f64]) -> Table {
         row.extend([seen.cpu_percent(), 100.0 * seen.in_kernel(), wake_ups_per_s].map(Cell::Number));
         rows.push(row);
     }
-    let mut row = vec![Cell::Text("loopback TCP alone, 1 kHz".to_owned()), Cell::Number(floor.len() as f64)];
-    row.extend([&[][..], floor, &[]].into_iter().flat_map(three));
-    row.extend([(); 3].map(|()| Cell::Text("-".to_owned())));
-    rows.push(row);
+    for (floor, (_, period)) in floors.iter().zip(FLOORS) {
+        let name = format!("loopback TCP alone, {} Hz", 1.0 / period.as_secs_f64());
+        let mut row = vec![Cell::Text(name), Cell::Number(floor.len() as f64)];
+        row.extend([&[][..], floor, &[]].into_iter().flat_map(three));
+        row.extend([(); 3].map(|()| Cell::Text("-".to_owned())));
+        rows.push(row);
+    }
     let caption = "The way of a value, in us. A dash stands where the case has no such time.".to_owned();
     Table { id: "c-path-cases".to_owned(), caption, columns, rows }
 }
@@ -320,7 +332,8 @@ mod tests {
             .iter()
             .map(|_| Seen { delays: vec![delay(1, 200.0, 160.0)], window: Duration::from_secs(1), used: used() })
             .collect();
-        let section = section(&seen, &[20.0, 30.0], 0.01, [Duration::from_secs(1), Duration::from_millis(150)]);
+        let section =
+            section(&seen, &[vec![20.0, 30.0], vec![80.0]], 0.01, [Duration::from_secs(1), Duration::from_millis(150)]);
         let verdicts: Vec<bool> = section.tables[1]
             .rows
             .iter()

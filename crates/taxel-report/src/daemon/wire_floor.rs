@@ -9,11 +9,11 @@ use taxel_can::ClockReading;
 /// About as long as a force message in its HTTP/2 frame.
 const BYTES: usize = 192;
 
-/// Delays in us of `messages` messages at 1 kHz.
+/// Delays in us of `messages` messages, one a `period`. Who sleeps longer wakes more slowly: the period is part of the floor.
 ///
 /// # Errors
 /// If loopback TCP does not work.
-pub fn one_way_us(messages: usize) -> anyhow::Result<Vec<f64>> {
+pub fn one_way_us(messages: usize, period: Duration) -> anyhow::Result<Vec<f64>> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     let mut sender = TcpStream::connect(listener.local_addr()?)?;
     sender.set_nodelay(true)?;
@@ -21,7 +21,7 @@ pub fn one_way_us(messages: usize) -> anyhow::Result<Vec<f64>> {
     let sending = std::thread::spawn(move || {
         let mut message = [0_u8; BYTES];
         for _ in 0..messages {
-            std::thread::sleep(Duration::from_millis(1));
+            std::thread::sleep(period);
             message[..8].copy_from_slice(&ClockReading::now().time.as_nanos().to_le_bytes());
             sender.write_all(&message)?;
         }
