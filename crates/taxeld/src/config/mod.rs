@@ -1,6 +1,7 @@
 //! The configuration file: what an installation has, in TOML. `deploy/taxeld.toml` explains every key.
 
 mod area;
+mod fit_section;
 mod load;
 mod parts;
 mod resolve;

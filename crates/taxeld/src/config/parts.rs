@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use toml::Spanned;
 
 use super::area::{AreaFactorWord, AreaWord};
+use super::fit_section::FitSection;
 
 /// `[store]`
 #[derive(Clone, Debug, Deserialize)]
@@ -364,77 +365,4 @@ pub enum BranchesWord {
     Rising,
     /// The fall after it too.
     Both,
-}
-
-/// `[patch.fit]`
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct FitSection {
-    /// 1 to 10, or `auto`.
-    pub order: OrderWord,
-    /// `pressure-binned` or `per-sample`.
-    pub estimator: EstimatorWord,
-    /// Whether the solution is refined in double-double until nothing changes.
-    pub exact: bool,
-    /// Taxels whose counts move less are excluded; 0 is off.
-    pub min_swing_counts: f64,
-    /// Taxels whose 95 % interval is wider than this share of full scale are excluded.
-    pub max_interval_share: Option<f64>,
-    /// Whether the hysteresis that a session over both branches learns is compensated.
-    pub plays: PlaysWord,
-}
-
-impl Default for FitSection {
-    fn default() -> Self {
-        Self {
-            order: OrderWord::Fixed(5),
-            estimator: EstimatorWord::default(),
-            exact: false,
-            min_swing_counts: 0.0,
-            max_interval_share: None,
-            plays: PlaysWord::default(),
-        }
-    }
-}
-
-/// Compensation of hysteresis.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum PlaysWord {
-    /// If it wins on a branch that the fit did not see.
-    #[default]
-    Auto,
-    /// Always.
-    On,
-    /// Never.
-    Off,
-}
-
-/// Order of the polynomial.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(untagged)]
-pub enum OrderWord {
-    /// This one.
-    Fixed(u8),
-    /// Chosen per taxel.
-    Auto(AutoWord),
-}
-
-/// The word `auto`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum AutoWord {
-    /// Chosen per taxel by its prediction error.
-    Auto,
-}
-
-/// Least-squares problem.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum EstimatorWord {
-    /// Counts averaged in bins of equal pressure first.
-    #[default]
-    PressureBinned,
-    /// The paper's equation.
-    PerSample,
 }

@@ -11,9 +11,10 @@ use taxel_wire::icub::{BoardConfig, TriangleConfig};
 use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
 
 use super::area::AreaFactorWord;
+use super::fit_section::{AutoWord, EstimatorWord, FitSection, OrderWord, PlaysWord};
 use super::parts::{
-    AutoWord, BoardSection, BranchesWord, DriftSection, EstimatorWord, FitSection, GaugeSection, KindWord, LiveSection,
-    OrderOfBytes, OrderWord, OutputWord, PatchSection, PlaysWord, SessionSection, UnitWord,
+    BoardSection, BranchesWord, DriftSection, GaugeSection, KindWord, LiveSection, OrderOfBytes, OutputWord,
+    PatchSection, SessionSection, UnitWord,
 };
 use super::{Config, ConfigError};
 
