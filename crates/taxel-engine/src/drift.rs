@@ -5,24 +5,24 @@
 //! taxel's own value to move its own zero. What moves the zero of a module is
 //!
 //! - what its own *thermal pads* say. No load reaches them. How many counts the taxels of this module move per count of
-//!   its pads is learned while nothing touches it ([`Coefficient`]);
+//!   its pads is learned while nothing touches it (`Coefficient`);
 //! - the *common mode*: the median over the other untouched modules of the patch, each the median of its taxels. It is
-//!   believed only as far as the pads explain it: at most [`COEFFICIENT_MAX`] counts per count of the pads, and
-//!   [`UNEXPLAINED_COUNTS`] more. So neither a load that creeps in on one module nor one that creeps in on all of them
+//!   believed only as far as the pads explain it: at most `COEFFICIENT_MAX` counts per count of the pads, and
+//!   `UNEXPLAINED_COUNTS` more. So neither a load that creeps in on one module nor one that creeps in on all of them
 //!   is taken for drift, and a skin without pads is not followed.
 //!
 //! Together, for an untouched module: `drift = limited(common) + k (pads - common pads)`. A module that is touched, or
 //! lies beside a touched one, is *held*: `drift = drift then + k (pads - pads then)`, and constant while `k` is not
 //! known. A taxel counts as touched when its smoothed count is beyond its activation threshold, or has moved by half
 //! of that threshold from where it rested before; a silent module counts as touched. A module is untouched again when
-//! it has been so for [`HOLD_OFF_S`]. Without geometry every module lies beside every other.
+//! it has been so for `HOLD_OFF_S`. Without geometry every module lies beside every other.
 //!
 //! The drift moves by at most a configured rate and up to a configured bound from the proven zero. At the bound it
 //! stays, and the force says so. A new zero begins at no drift, with nothing learned. While a session is open nothing
 //! is followed.
 //!
 //! All of it is exponential smoothing that is exact in the time step, `1 - exp(-dt / tau)`. Time comes from scans; one
-//! that is not later than the last is ignored; after a gap of more than [`GAP_S`] every average begins anew and every
+//! that is not later than the last is ignored; after a gap of more than `GAP_S` every average begins anew and every
 //! module is held. Only live force follows drift: a table of counts (`taxeld apply`) has no pads, so nothing is
 //! followed there.
 //!

@@ -8,7 +8,7 @@ use num_bigint::{BigInt, Sign};
 use num_rational::BigRational;
 use std::collections::BTreeMap;
 
-/// The least-squares polynomial, exactly: sum over k of numerators[k] / denominator * 2^y_exponent * s^k, with
+/// The least-squares polynomial, exactly: `sum over k of numerators[k] / denominator * 2^y_exponent * s^k`, with
 /// s = x / 2^x_exponent - origin.
 #[derive(Clone, Debug)]
 pub struct Reference {

@@ -67,7 +67,9 @@ pub fn areas(
 
 #[cfg(test)]
 mod tests {
-    use super::super::{load, parse, resolve};
+    use super::super::parse;
+    #[cfg(feature = "sim")]
+    use super::super::{load, resolve};
     use std::path::Path;
 
     const EXAMPLE: &str = include_str!("../../../../deploy/taxeld.toml");

@@ -6,7 +6,7 @@ mod load;
 mod parts;
 mod resolve;
 
-#[cfg(feature = "sim")]
+#[cfg(any(feature = "sim", test))]
 pub use load::parse;
 pub use load::{ConfigError, load};
 pub use parts::BusSource;
