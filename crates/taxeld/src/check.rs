@@ -130,6 +130,9 @@ fn threads(config: &Config, plan: &Plan) -> Vec<String> {
         "service: subscribers must not hold the engine up".to_owned(),
         "store writer: a slow disk must not hold the engine up".to_owned(),
     ];
+    if config.bus.iter().any(|section| section.source == BusSource::Sim) {
+        threads.push("sim-bus: the simulated forearm, one for each such bus".to_owned());
+    }
     if plan.patches.iter().any(|patch| patch.gauge.is_some()) {
         threads.push("one more while models are fitted".to_owned());
     }
