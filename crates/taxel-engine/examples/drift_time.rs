@@ -7,11 +7,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use taxel_engine::Now;
-use taxel_engine::drift::{Drift, DriftSite};
-use taxel_engine::evaluate::{Activation, Evaluator};
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::force::{Activation, Evaluator};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::DriftPlan;
-use taxel_engine::rest::TaxelBaseline;
+use taxel_engine::zero::drift::{Drift, DriftSite};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
 use taxel_skin::{ModuleKind, SquareMillimetre, Time};
 

@@ -10,9 +10,9 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
 
-use taxel_engine::evaluate::{Activation, Evaluator};
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::force::{Activation, Evaluator};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::rest::TaxelBaseline;
 use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
 use taxel_skin::SquareMillimetre;
 

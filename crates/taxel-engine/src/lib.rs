@@ -1,40 +1,55 @@
 //! The one owner of live state: frames and commands go in, snapshots, records and frames to send come out.
 //!
-//! No I/O, no clock, no runtime: [`Now`] is part of every call, so that the live bus, a log replay and the simulator
-//! run the very same engine, and a replay gives bit-identical results every time.
+//! Principles:
+//! 1. No I/O, no clock, no runtime: [`Now`] is part of every call, so that the live bus, a log replay and the simulator
+//!    run the very same engine, and a replay gives bit-identical results every time.
+//! 2. A fact has one owner with private fields, which takes values and returns values. No organ knows another.
+//! 3. Only [`patch`](self) knows all organs of a patch, and only [`engine`] all patches.
+//! 4. A force goes out as a good one only while its zero is proven: see [`zero`].
+//! 5. What an operator asks for takes effect when it is on disk: see [`engine::pending`].
+//! 6. Within the crate a file imports from the file that defines an item; no files import each other in a circle.
+//!
+//! | folder | what it owns |
+//! |---|---|
+//! | [`intake`] | frames to scans: assembler, faults, boards, bring-up, gauge |
+//! | [`zero`] | what is zero, and does it hold |
+//! | [`force`] | models at the present zero, selection, sum, uncertainty |
+//! | [`calibration`] | sessions and fits |
+//! | [`loads`] | known loads and the effective-area factor |
+//! | [`boundary`] | inputs, outputs, commands, records, snapshots: all that the world sees |
+//! | [`engine`] | `step`, commands, routes |
+//!
+//! Order of calls: [`Engine::new`], then [`Engine::step`] with each input in the order of time, and with [`Input::Tick`]
+//! at the latest at [`Engine::next_deadline`]. Everything in [`Output`] is done in order.
+//!
+//! Words: *rest*: nothing touches the skin. *Baseline*: the counts at rest. *Zero*: the baseline that live force refers
+//! to, and whether it holds. *Tare*: to take a zero. *Offset*: what is added to a value, such as the hysteresis offset.
 
-pub mod boards;
-pub mod bring_up;
-pub mod command;
-mod commands;
-pub mod compensate;
-pub mod contact;
-pub mod drift;
-mod engine;
-pub mod evaluate;
-pub mod faults;
+pub mod baseline;
+pub mod boundary;
+pub mod calibration;
+pub mod conflict;
+pub mod engine;
 pub mod force;
-pub mod gauge;
-mod health;
-pub mod io;
-pub mod live;
+pub mod intake;
+pub mod loads;
 pub mod model_set;
-pub mod neighbours;
+mod now;
 mod patch;
 pub mod plan;
-mod procedure;
-mod publish;
-pub mod record;
-pub mod recording;
-pub mod rest;
-pub mod route;
-pub mod session;
-pub mod snapshot;
-pub mod tables;
-pub mod tare;
-pub mod taxels;
-pub mod validation;
-mod zero;
+mod regions;
+mod request;
+mod scan;
+pub mod statistics;
+pub mod zero;
 
+pub use boundary::catalogue::{Restored, RestoredSession};
+pub use boundary::input::Input;
+pub use boundary::output::Output;
+pub use boundary::{catalogue, command, record, snapshot};
 pub use engine::Engine;
-pub use io::{BusNotice, Input, Now, Output, Restored};
+pub use intake::health::BusNotice;
+pub use now::Now;
+pub use regions::Regions;
+pub use request::{Rejection, RequestId};
+pub use scan::Scan;

@@ -1,8 +1,8 @@
 //! A model set: what a session produced for a patch, with all it depends on.
 
-use taxel_model::{Plays, TaxelModel};
+use taxel_model::{Plays, Sign, TaxelModel};
 
-use crate::rest::TaxelBaseline;
+use crate::baseline::TaxelBaseline;
 
 /// Models of all taxels of a patch, immutable once made.
 #[derive(Clone, Debug)]
@@ -34,6 +34,17 @@ pub struct ModelSet {
 }
 
 impl ModelSet {
+    /// Which way pressure moves the count of each taxel: +1, -1, or 0 where no usable model says.
+    #[must_use]
+    pub fn signs(&self) -> Vec<i8> {
+        let sign = |model: &TaxelModel| match (model.is_usable(), model.sign) {
+            (false, _) => 0,
+            (true, Sign::Rising) => 1,
+            (true, Sign::Falling) => -1,
+        };
+        self.taxels.iter().map(sign).collect()
+    }
+
     /// What is known of a taxel in use; `None` without a recording of both branches.
     #[must_use]
     pub fn in_use(&self, taxel: usize) -> Option<&RecordedTaxel> {

@@ -1,112 +1,157 @@
-//! One patch: its live counts, zero, models, session and boards, owned in one place.
+//! One patch: it holds the organs, hands each what it needs, and turns what they return into outputs.
+//!
+//! No organ knows another. The order in which a scan goes through them is [`Patch::on_scan`]'s: the zero first, so that
+//! no force is made of a scan that shows that the zero is lost.
 
-use std::ops::Range;
 use std::sync::Arc;
-use taxel_skin::Time;
-use taxel_wire::icub::{Message, ModuleScan, Refusal, decode};
+use taxel_skin::{Kilopascal, Time};
+use taxel_wire::icub::Refusal;
 use taxel_wire::{Frame, TimedFrame};
 
-use crate::boards::BoardLive;
-use crate::bring_up::{BringUp, BringUpState};
-use crate::compensate::Compensator;
-use crate::drift::{Drift, drift_sites};
-use crate::evaluate::{Activation, Evaluator};
-use crate::faults::{Fault, FaultDetector, FaultSet};
-use crate::force::ForceParts;
-use crate::gauge::GaugeHistory;
-use crate::io::{Now, Output};
-use crate::live::{Live, ScanEnd};
+use crate::boundary::output::Output;
+use crate::boundary::record::Record;
+use crate::boundary::snapshot::PatchSnapshot;
+use crate::calibration::calibrate::{Calibration, CalibrationEvent};
+use crate::calibration::job::FitOutcome;
+use crate::calibration::samples::SessionSamples;
+use crate::calibration::session::SessionRecord;
+use crate::calibration::transition::Trigger;
+use crate::calibration::view::SessionView;
+use crate::force::owner::{Force, ZeroState};
+use crate::force::taxels::{Basis, ModuleAge, Taxels};
+use crate::intake::faults::fault::FaultSet;
+use crate::intake::health::BoardHealth;
+use crate::intake::receive::{Intake, IntakeEvent};
+use crate::loads::load::{KnownLoad, Load};
+use crate::loads::owner::{LoadRead, Loads};
+use crate::loads::validation::Validation;
 use crate::model_set::ModelSet;
+use crate::now::Now;
 use crate::plan::PatchPlan;
-use crate::rest::{Lift, RestStatistics, TaxelBaseline};
-use crate::session::SessionRun;
-use crate::tare::Tare;
+use crate::request::{Rejection, RequestId};
+use crate::zero::holder::{Surroundings, Zero, ZeroEvent};
+use crate::zero::view::TareView;
+use crate::zero::watch::Purpose;
 
-/// All state of one patch. The parts are shared between this crate's modules, each of which tells one story:
-/// `patch` takes frames, `zero` the tare, `publish` the snapshots, `procedure` the session.
-#[derive(Debug)]
-pub struct PatchEngine {
-    pub(crate) index: usize,
-    pub(crate) plan: PatchPlan,
-    pub(crate) live: Live,
-    pub(crate) boards: Vec<BoardLive>,
-    pub(crate) gauge: GaugeHistory,
-    pub(crate) faults: FaultDetector,
-    pub(crate) tare: Tare,
-    /// How far the counts at rest have moved from the zero; `None` where that is not followed.
-    pub(crate) drift: Option<Drift>,
-    /// Watches whether the skin becomes lighter than its zero, window by window.
-    pub(crate) lift_watch: RestStatistics,
-    pub(crate) lift: Option<Lift>,
-    /// Which taxels form each module.
-    pub(crate) modules: Vec<Range<usize>>,
-    pub(crate) bring_up: BringUp,
-    pub(crate) model_set: Option<Arc<ModelSet>>,
-    pub(crate) evaluator: Option<Evaluator>,
-    pub(crate) parts: ForceParts,
-    pub(crate) session: Option<SessionRun>,
-    pub(crate) sequence: u64,
-    pub(crate) uncovered_share: f64,
-    /// Hysteresis of the active model set at the present zero, where it is compensated.
-    pub(crate) compensator: Option<Compensator>,
-    /// The module of each taxel.
-    pub(crate) module_of: Arc<[u16]>,
-    /// The faults of each taxel as last published.
-    pub(crate) faults_seen: Arc<[FaultSet]>,
-    /// Which taxels were silent when the evaluator's selection was last made; empty if it was never.
-    pub(crate) selected_with: Vec<bool>,
-    /// Something changed that readers must see before the next scan.
-    pub(crate) dirty: bool,
-    pub(crate) session_dirty: bool,
-    pub(crate) session_shown: Time,
+/// What must be on disk before it takes effect.
+#[derive(Clone, Debug)]
+pub enum Intent {
+    /// A zero that was proven for an operator.
+    Zero {
+        /// Whom to answer.
+        request: RequestId,
+        /// What is written down.
+        record: Record,
+    },
+    /// A known load that was read, or why not.
+    Load(LoadRead),
 }
 
-impl PatchEngine {
-    /// Nothing heard, nothing sent.
+/// What a patch puts out in a step.
+pub struct Effects<'a> {
+    /// To be done by the shell.
+    pub out: &'a mut Vec<Output>,
+    /// To be written down first.
+    pub intents: &'a mut Vec<Intent>,
+}
+
+/// One patch.
+#[derive(Debug)]
+pub struct Patch {
+    index: usize,
+    plan: PatchPlan,
+    intake: Intake,
+    zero: Zero,
+    force: Force,
+    calibration: Calibration,
+    loads: Loads,
+    sequence: u64,
+    /// The faults of each taxel as last published, and the soundness that they belong to.
+    faults: (Option<u64>, Arc<[FaultSet]>),
+    /// Something changed that readers must see before the next scan.
+    dirty: bool,
+}
+
+impl Patch {
+    /// Nothing heard, nothing sent; `loads` are those of earlier runs.
     #[must_use]
-    pub fn new(index: usize, plan: PatchPlan) -> Self {
-        let taxels = plan.patch.taxels().len();
-        let (modules, boards) = taxel_ranges(&plan);
+    pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>) -> Self {
+        let intake = Intake::new(plan.intake());
+        let regions = intake.regions().clone();
         Self {
             index,
-            live: Live::new(&plan.patch, plan.period),
-            boards: vec![BoardLive::default(); plan.patch.boards().len()],
-            gauge: GaugeHistory::default(),
-            faults: FaultDetector::new(taxels, &modules, &boards, plan.faults)
-                .with_kinds(plan.patch.modules().iter().map(|site| site.kind)),
-            lift_watch: RestStatistics::new(taxels).in_modules(modules.iter().cloned()),
-            lift: None,
-            modules,
-            tare: Tare::default(),
-            drift: plan.drift.follow.then(|| Drift::new(plan.drift, activation(&plan), drift_sites(&plan))),
-            bring_up: BringUp::new(plan.patch.modules().len()),
-            model_set: None,
-            evaluator: None,
-            parts: ForceParts::new(&plan),
-            session: None,
+            zero: Zero::new(plan.zero(), regions.clone()),
+            force: Force::new(plan.force()),
+            calibration: Calibration::new(plan.calibration()),
+            loads: Loads::new(plan.loads(), loads),
             sequence: 0,
-            uncovered_share: 1.0,
-            compensator: None,
-            module_of: plan.patch.taxels().iter().map(|site| site.module).collect(),
-            faults_seen: Arc::from(vec![FaultSet::default(); taxels]),
-            selected_with: Vec::new(),
+            faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
             dirty: true,
-            session_dirty: false,
-            session_shown: Time::default(),
+            intake,
             plan,
         }
     }
 
+    /// Its plan.
+    #[must_use]
+    pub const fn plan(&self) -> &PatchPlan {
+        &self.plan
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.plan.patch.name()
+    }
+
+    /// How many taxels it has.
+    #[must_use]
+    pub fn taxels(&self) -> usize {
+        self.intake.regions().taxels()
+    }
+
+    /// Its calibration.
+    #[must_use]
+    pub const fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    /// The model set in use.
+    #[must_use]
+    pub const fn models(&self) -> Option<&Arc<ModelSet>> {
+        self.force.models()
+    }
+
+    /// How many known loads are kept.
+    #[must_use]
+    pub const fn loads(&self) -> usize {
+        self.loads.count()
+    }
+
     /// Starts the boards and waits for rest.
-    pub fn start(&mut self, now: Now) {
-        self.tare.lose("no zero has been taken since start");
-        self.bring_up.start(now.time, &self.plan.patch, &self.plan.bring_up);
+    pub fn start(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.zero.lose("no zero has been taken since start", &mut events);
+        self.on_zero_events(now, events, effects);
+        self.intake.start_bring_up(now.time);
     }
 
     /// Configures the boards again: the zero is lost.
-    pub fn bring_up_again(&mut self, now: Now) {
-        self.lose_zero("the boards are being configured, which takes their zero anew");
-        self.bring_up.start(now.time, &self.plan.patch, &self.plan.bring_up);
+    pub fn bring_up_again(&mut self, now: Now, effects: &mut Effects<'_>) {
+        self.lose_zero(now, "the boards are being configured, which takes their zero anew", effects);
+        self.intake.start_bring_up(now.time);
+    }
+
+    /// Something has moved the zero of the boards.
+    pub fn lose_zero(&mut self, now: Now, why: impl Into<String>, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.zero.lose(why, &mut events);
+        self.on_zero_events(now, events, effects);
+    }
+
+    /// The host lost frames of a bus that boards of this patch sit on.
+    pub fn on_frames_lost(&mut self) {
+        self.intake.on_frames_lost();
     }
 
     /// A frame with an identifier of one of this patch's modules.
@@ -118,20 +163,11 @@ impl PatchEngine {
         now: Now,
         module: usize,
         frame: &TimedFrame,
-        out: &mut Vec<Output>,
+        effects: &mut Effects<'_>,
     ) -> Result<(), Refusal> {
-        match decode(&frame.frame)? {
-            Message::Head { values, .. } => self.live.pairer(module).head(frame.time, values),
-            Message::Tail { values, status, .. } => {
-                if let Some(scan) = self.live.pairer(module).tail(frame.time, values, status) {
-                    self.on_module(now, module, &scan, out);
-                }
-            }
-            other => {
-                let board = self.plan.patch.modules()[module].board as usize;
-                self.on_board_message(board, other);
-            }
-        }
+        let mut events = Vec::new();
+        self.intake.on_module_frame(module, frame, &mut events)?;
+        self.on_intake_events(now, events, effects);
         Ok(())
     }
 
@@ -140,139 +176,393 @@ impl PatchEngine {
     /// # Errors
     /// [`Refusal`] if its content is not a message; the caller counts it.
     pub fn on_board_frame(&mut self, board: usize, frame: &Frame) -> Result<(), Refusal> {
-        self.on_board_message(board, decode(frame)?);
-        Ok(())
+        self.intake.on_board_frame(board, frame)
     }
 
-    fn on_board_message(&mut self, board: usize, message: Message) {
-        let live = &mut self.boards[board];
-        match message {
-            Message::Thermometer { deci_celsius, .. } => live.on_temperature(deci_celsius),
-            Message::FirmwareVersion { version, .. } => live.on_firmware(version),
-            Message::BoardOverflow { .. } => live.on_overflow(),
-            Message::Head { .. } | Message::Tail { .. } => {} // a module that the plan does not read
+    /// A reading of the gauge that this patch's bag has.
+    pub fn on_pressure(&mut self, now: Now, time: Time, pressure: Kilopascal, effects: &mut Effects<'_>) {
+        self.intake.on_pressure(time, pressure);
+        self.advance_session(now, effects);
+    }
+
+    fn on_intake_events(&mut self, now: Now, events: Vec<IntakeEvent>, effects: &mut Effects<'_>) {
+        for event in events {
+            match event {
+                IntakeEvent::Scan => self.on_scan(now, effects),
+                IntakeEvent::BoardDoubted { why, certain: true, .. } => self.lose_zero(now, why, effects),
+                IntakeEvent::BoardDoubted { board, why, certain: false } => {
+                    let mut events = Vec::new();
+                    self.zero.doubt(board, &why, &mut events);
+                    self.on_zero_events(now, events, effects);
+                }
+                IntakeEvent::Changed => self.dirty = true,
+            }
         }
     }
 
-    fn on_module(&mut self, now: Now, module: usize, scan: &ModuleScan, out: &mut Vec<Output>) {
-        let site = self.plan.patch.modules()[module];
-        let end = self.live.on_module(&self.plan.patch, module, scan);
-        self.bring_up.heard(module);
-        let first = site.first_taxel as usize;
-        let taxels = first..first + site.kind.taxel_slots().len();
-        self.faults.push_module(scan.time, module, &self.live.counts()[taxels.clone()], scan.status.0);
-        let board = site.board as usize;
-        let doubt = self.boards[board].on_module(scan.time, scan.status, self.plan.live.power_cycle_after);
-        let address = self.plan.patch.boards()[board].address;
-        if let Some(why) = doubt.filter(|_| !self.bring_up.is_busy()) {
-            self.lose_zero(format!("board {address} {why}"));
-        }
-        if self.faults.faults(first).contains(Fault::BoardStep) {
-            self.lose_zero(format!("all taxels of board {address} stepped at once: it has taken a new zero"));
-        }
-        if let Some(end) = end {
-            self.on_scan(now, end, out);
-        }
+    fn on_scan(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        let left_out = self.calibration.session().is_some_and(|view| view.state.is_open() && !view.left_out.is_empty());
+        let around = Surroundings {
+            models: self.force.models().map(Arc::as_ref),
+            boards_ready: self.intake.bring_up().is_done(),
+            session_open: self.calibration.open().is_some(),
+            parts_left_out: left_out,
+            pressing: self.calibration.is_ramping() && !self.pressure_falls(now.time),
+        };
+        self.zero.on_scan(now, &self.intake.scan(), around, &mut events);
+        self.on_zero_events(now, events, effects);
+        self.offer_to_session(now, left_out, effects);
+        self.force.follow(&self.intake.scan());
+        self.publish(now, effects);
     }
 
-    fn on_scan(&mut self, now: Now, end: ScanEnd, out: &mut Vec<Output>) {
-        self.watch_rest(now, end, out);
-        self.watch_lift();
-        self.offer_to_session(now, end, out);
-        self.follow_drift(now, end);
-        self.follow_hysteresis(end);
-        self.publish(now, out);
+    /// Whether the bag is letting go, so that loads may vanish.
+    fn pressure_falls(&self, now: Time) -> bool {
+        self.intake.gauge().trend(now).is_none_or(|trend| trend.rate_kpa_per_s < -0.5)
     }
 
-    /// The plays of sound taxels follow the scan.
-    fn follow_hysteresis(&mut self, end: ScanEnd) {
-        let (Some(compensator), Some(evaluator)) = (&mut self.compensator, &mut self.evaluator) else { return };
-        let (faults, modules, module_of) = (&self.faults, self.live.modules(), &self.module_of);
-        let sound = |taxel: usize| faults.faults(taxel).is_empty() && !modules[usize::from(module_of[taxel])].stale;
-        compensator.follow(end.time, self.live.counts(), sound);
-        evaluator.bend(Some(compensator.bend_kpa()));
+    fn offer_to_session(&mut self, now: Now, left_out: bool, effects: &mut Effects<'_>) {
+        let fresh_within = self.plan.period + self.plan.period / 2;
+        let complete = if left_out {
+            self.intake.is_whole_without(fresh_within, |module| self.calibration.leaves_out(module))
+        } else {
+            self.intake.scan().whole && self.intake.is_whole_without(fresh_within, |_| false)
+        };
+        self.calibration.on_scan(&self.intake.scan(), complete && self.zero.holds());
+        self.advance_session(now, effects);
+    }
+
+    fn advance_session(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        let intake = &self.intake;
+        self.calibration.advance(now, intake.gauge(), || intake.silence(now.time), &mut events);
+        self.on_calibration_events(now, events, effects);
     }
 
     /// Time passed.
-    pub fn tick(&mut self, now: Now, out: &mut Vec<Output>) {
-        while let Some((board, frame)) = self.bring_up.next_due(now.time) {
-            out.push(Output::Send(self.plan.patch.boards()[board].bus, frame));
+    pub fn tick(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let (mut frames, mut events) = (Vec::new(), Vec::new());
+        self.intake.tick(now.time, &mut frames, &mut events);
+        for (board, frame) in frames {
+            effects.out.push(Output::Send(self.plan.patch.boards()[board].bus, frame));
         }
-        self.bring_up.tick(now.time);
-        let silent = self.live.mark_stale(now.time, self.plan.live.stale_after);
-        self.dirty |= !silent.is_empty();
-        self.dirty |= self.faults.tick(now.time);
-        self.tick_rest(now, out);
-        self.advance_session(now, out);
+        self.on_intake_events(now, events, effects);
+        let mut events = Vec::new();
+        let intake = &self.intake;
+        self.zero.tick(now.time, || intake.silence(now.time), &mut events);
+        self.on_zero_events(now, events, effects);
+        self.advance_session(now, effects);
         if self.dirty {
-            self.publish(now, out);
+            self.publish(now, effects);
         }
-        self.show_session(now, out);
+        if let Some(read) = self.loads.tick(now.time) {
+            effects.intents.push(Intent::Load(read));
+        }
+        let mut events = Vec::new();
+        self.calibration.show(now.time, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
     }
 
-    /// Installs a model set; its tables follow the zero.
-    pub fn set_model_set(&mut self, set: Arc<ModelSet>) {
-        self.faults.expect_noise(set.baseline.iter().map(|taxel| taxel.noise));
-        self.model_set = Some(set);
-        self.rebuild_tables();
+    /// When [`Patch::tick`] has something to do at the latest, if nothing comes before.
+    #[must_use]
+    pub fn deadline(&self) -> Option<Time> {
+        let organs = [self.intake.deadline(), self.zero.deadline(), self.loads.deadline(), self.calibration.deadline()];
+        organs.into_iter().flatten().min()
     }
 
-    /// The zero or the model set changed.
-    pub(crate) fn rebuild_tables(&mut self) {
-        let zero = self.zero_now();
-        self.compensator = match (&self.model_set, &zero) {
-            (Some(set), Some(zero)) => Compensator::new(set, zero),
-            _ => None,
-        };
-        self.tabulate(zero.as_deref());
-        self.lift = None;
-        self.lift_watch = self.rest_statistics();
+    /// What the zero says goes to whoever depends on it.
+    fn on_zero_events(&mut self, now: Now, events: Vec<ZeroEvent>, effects: &mut Effects<'_>) {
+        for event in events {
+            self.dirty = true;
+            let mut follows = Vec::new();
+            let gauge = self.intake.gauge();
+            match event {
+                ZeroEvent::Proven { request, view, baseline } => {
+                    let patch = self.name().to_owned();
+                    let record = Record::Tared { patch, tare: view, baseline };
+                    effects.intents.push(Intent::Zero { request, record });
+                }
+                ZeroEvent::Taken(purpose) => {
+                    self.use_zero();
+                    let baseline = self.zero.baseline().unwrap_or_default().to_vec();
+                    let (patch, tare) = (self.name().to_owned(), self.zero.view());
+                    effects.out.push(Output::Record(Record::Tared { patch, tare, baseline: baseline.clone() }));
+                    if matches!(purpose, Purpose::Session { .. }) {
+                        self.calibration.on_zero_taken(now, baseline, self.intake.gauge(), &mut follows);
+                    }
+                }
+                ZeroEvent::Refused(Purpose::AtStart, why) => self.zero.explain(format!("rest is not proven: {why}")),
+                ZeroEvent::Refused(Purpose::Operator { request, .. }, why) => {
+                    let hint = "if nothing touches the skin, say so with confirmed_by";
+                    let why = Rejection::FailedPrecondition(format!("rest is not proven: {why}; {hint}"));
+                    effects.out.push(Output::Reply(request, Err(why)));
+                }
+                ZeroEvent::Refused(Purpose::Session { .. }, why) => {
+                    self.calibration.on_zero_refused(now, &why, gauge, &mut follows);
+                }
+                ZeroEvent::Lost(why) => {
+                    self.force.set_zero(None);
+                    self.calibration.on_zero_lost(now, &why, gauge, &mut follows);
+                }
+                ZeroEvent::Doubted => {
+                    self.force.move_zero(None);
+                    self.calibration.on_zero_doubted();
+                }
+                ZeroEvent::Moved | ZeroEvent::Cleared => self.force.move_zero(self.zero.zero()),
+            }
+            self.on_calibration_events(now, follows, effects);
+        }
+    }
+
+    fn use_zero(&mut self) {
+        self.force.set_zero(self.zero.zero());
+        if let Some(baseline) = self.zero.baseline() {
+            self.intake.expect_noise(baseline);
+        }
+    }
+
+    /// What the calibration wants goes to the zero, to disk and to readers.
+    fn on_calibration_events(&mut self, now: Now, events: Vec<CalibrationEvent>, effects: &mut Effects<'_>) {
+        for event in events {
+            match event {
+                CalibrationEvent::WantsZero { confirmed_by } => {
+                    let mut follows = Vec::new();
+                    self.zero.watch(now.time, Purpose::Session { confirmed_by }, &mut follows);
+                    self.on_zero_events(now, follows, effects);
+                }
+                CalibrationEvent::ZeroNotWanted => {
+                    if matches!(self.zero.watching(), Some(Purpose::Session { .. })) {
+                        self.zero.stop_watching();
+                    }
+                }
+                CalibrationEvent::Record(record) => {
+                    let session = self.calibration.session().map_or(0, |view| view.number);
+                    effects.out.push(Output::Record(match record {
+                        SessionRecord::Ramp { ramp, baseline } => Record::Ramp { session, ramp, baseline },
+                        SessionRecord::Sample { index, sample } => Record::Sample { session, index, sample },
+                    }));
+                }
+                CalibrationEvent::Session(view) => {
+                    effects.out.push(Output::Record(Record::Session(Arc::clone(&view))));
+                    effects.out.push(Output::Session(self.index, view));
+                }
+                CalibrationEvent::Progress(view) => effects.out.push(Output::Session(self.index, view)),
+                CalibrationEvent::Fit(job) => effects.out.push(Output::Fit(job)),
+            }
+        }
+    }
+
+    /// An operator asks for a zero; the answer comes later.
+    ///
+    /// # Errors
+    /// [`Rejection`] while a session takes the zero itself, or while the boards are being configured.
+    pub fn tare(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        confirmed_by: Option<String>,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), Rejection> {
+        self.calibration.refuse_if_open("it takes the zero itself; abort it first")?;
+        if !self.intake.bring_up().is_done() {
+            let why = "the boards are being configured, which takes their zero anew: tare when they are verified";
+            return Err(Rejection::FailedPrecondition(why.to_owned()));
+        }
+        let mut events = Vec::new();
+        self.zero.watch(now.time, Purpose::Operator { request, confirmed_by }, &mut events);
+        self.on_zero_events(now, events, effects);
+        Ok(())
+    }
+
+    /// The zero that was proven for `request` is on disk, or why not. Returns the zero that holds now.
+    ///
+    /// # Errors
+    /// [`Rejection`] if something moved the zero meanwhile.
+    pub fn adopt_zero(&mut self, now: Now, request: RequestId) -> Result<TareView, Rejection> {
+        let view = self.zero.adopt(now, request);
+        let lost = || Rejection::FailedPrecondition(format!("the zero was lost meanwhile: {}", self.zero.reason()));
+        let view = view.ok_or_else(lost)?;
+        self.use_zero();
+        self.dirty = true;
+        Ok(view)
+    }
+
+    /// The zero that was proven for `request` could not be written down.
+    pub fn reject_zero(&mut self, request: RequestId) {
+        self.zero.reject(request);
+    }
+
+    /// Refuses what needs a skin at rest while the bag presses on it.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with the pressure and the limit.
+    pub fn check_vented(&self, now: Now) -> Result<(), Rejection> {
+        let limits = &self.plan.session;
+        // Without a reading the ramp itself waits for the gauge.
+        let Some((time, pressure)) = self.intake.gauge().newest() else { return Ok(()) };
+        if now.time.since(time) > limits.gauge_timeout || pressure <= limits.vented_below {
+            return Ok(());
+        }
+        let (kpa, limit) = (pressure.0, limits.vented_below.0);
+        let why = format!("the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first");
+        Err(Rejection::FailedPrecondition(why))
+    }
+
+    /// Begins a session. The caller has checked that none is open.
+    pub fn start_session(&mut self, now: Now, view: SessionView, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.calibration.start(now, view, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
+    }
+
+    /// Takes up a session of an earlier run.
+    pub fn resume_session(&mut self, now: Now, view: SessionView, samples: SessionSamples) {
+        self.calibration.resume(now, view, samples);
+    }
+
+    /// What an operator asks of the session that the patch holds.
+    ///
+    /// # Errors
+    /// [`Rejection`] if it cannot be in the session's present state, or while the bag presses.
+    pub fn command_session(
+        &mut self,
+        now: Now,
+        command: Trigger,
+        effects: &mut Effects<'_>,
+    ) -> Result<Arc<SessionView>, Rejection> {
+        if command == Trigger::StartRamp {
+            self.check_vented(now)?;
+        }
+        let mut events = Vec::new();
+        self.calibration.command(now, command, self.intake.gauge(), &mut events)?;
+        self.on_calibration_events(now, events, effects);
+        let view = self.calibration.session().cloned();
+        view.map(Arc::new).ok_or_else(|| Rejection::NotFound("session".to_owned()))
+    }
+
+    /// Something from outside changes the state of the session that the patch holds.
+    pub fn trigger_session(&mut self, now: Now, trigger: Trigger, reason: &str, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.calibration.trigger(now, trigger, reason, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
+    }
+
+    /// The fit that its session awaits came back.
+    pub fn on_fitted(&mut self, now: Now, outcome: &FitOutcome, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.calibration.on_fitted(now, &outcome.result, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
+    }
+
+    /// Samples of a session are on disk.
+    pub fn on_durable(&mut self, session: u64, samples: u64) {
+        self.calibration.on_durable(session, samples);
+    }
+
+    /// Another model set is in use from now on.
+    pub fn set_models(&mut self, set: Arc<ModelSet>) {
+        self.intake.expect_noise(&set.baseline);
+        self.zero.on_models(Some(&set));
+        self.force.set_models(set);
         self.dirty = true;
     }
 
-    /// The zero has drifted: all that has a history keeps it.
-    pub(crate) fn move_tables(&mut self) {
-        let zero = self.zero_now();
-        if let (Some(compensator), Some(zero)) = (&mut self.compensator, &zero) {
-            compensator.shift_zero(zero);
+    /// Begins to read a known load.
+    ///
+    /// # Errors
+    /// [`Rejection`] if there is no force to read, or the load cannot be.
+    pub fn begin_load(&mut self, now: Now, request: RequestId, load: KnownLoad) -> Result<(), Rejection> {
+        self.calibration.refuse_if_open("finish or abort it first")?;
+        self.check_vented(now)?;
+        let refuse = |why: String| Err(Rejection::FailedPrecondition(why));
+        if self.force.models().is_none() {
+            return refuse("no model set is active: there is no force to compare".to_owned());
         }
-        self.tabulate(zero.as_deref());
+        if !self.force.is_ready() {
+            return refuse(format!("there is no valid zero: {}", self.zero.reason()));
+        }
+        self.loads.begin(now.time, request, load)
     }
 
-    fn tabulate(&mut self, zero: Option<&[TaxelBaseline]>) {
-        self.evaluator = match (&self.model_set, zero) {
-            (Some(set), Some(zero)) => {
-                Some(Evaluator::new(Arc::clone(set), zero, &self.plan.areas, activation(&self.plan)))
-            }
-            _ => None,
+    /// A load that was read, with all that it depends on.
+    ///
+    /// # Errors
+    /// [`Rejection`] if it could not be read.
+    pub fn complete_load(&self, now: Now, number: u64, read: LoadRead) -> Result<Arc<Load>, Rejection> {
+        let set = self.force.models().map(|set| set.id.clone()).unwrap_or_default();
+        let reading = read.outcome.map_err(Rejection::FailedPrecondition)?;
+        self.loads.complete(now, number, &set, reading).map(Arc::new)
+    }
+
+    /// A load that is on disk.
+    pub fn keep_load(&mut self, load: Arc<Load>) {
+        self.loads.keep(load);
+    }
+
+    /// All known loads, judged; the areas follow the factor where the plan asks for it.
+    pub fn validate(&mut self) -> Validation {
+        let view = self.loads.validation(self.force.models().map(|set| set.id.clone()));
+        if let Some((areas, uncertainty)) = self.loads.apply(&view) {
+            self.force.set_areas(areas, uncertainty);
+            self.dirty = true;
+        }
+        view
+    }
+
+    /// One entry per board.
+    #[must_use]
+    pub fn board_health(&self) -> Vec<BoardHealth> {
+        self.intake.board_health()
+    }
+
+    /// Publishes the present state under the next sequence number.
+    fn publish(&mut self, now: Now, effects: &mut Effects<'_>) {
+        self.dirty = false;
+        self.sequence += 1;
+        let scan = self.intake.scan();
+        let zero = ZeroState {
+            lacks: if self.zero.holds() { String::new() } else { self.zero.reason() },
+            sigma_counts: self.zero.sigma_counts(),
+            shortcoming: self.zero.shortcoming(),
+            load_vanished: self.zero.load_vanished(),
         };
-        if let (Some(compensator), Some(evaluator)) = (&self.compensator, &mut self.evaluator) {
-            evaluator.bend(Some(compensator.bend_kpa()));
+        let measured = self.force.sample(&scan, self.intake.silent_taxels(), &zero);
+        let time = self.intake.newest().unwrap_or_default();
+        let tare = self.zero.view();
+        if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured.sample) {
+            effects.intents.push(Intent::Load(read));
         }
-        self.selected_with.clear();
+        if self.faults.0 != Some(scan.soundness) {
+            self.faults = (Some(scan.soundness), (0..self.taxels()).map(|t| self.intake.faults(t)).collect());
+        }
+        let age_ns = now.time.as_nanos().saturating_sub(time.as_nanos());
+        let snapshot = PatchSnapshot {
+            sequence: self.sequence,
+            time,
+            wall_ns: now.wall_ns.saturating_sub(age_ns),
+            seen: self.intake.newest().is_some(),
+            taxels: self.taxel_states(measured.active),
+            force: measured.sample,
+            tare: Some(tare),
+        };
+        effects.out.push(Output::Patch(self.index, Arc::new(snapshot)));
     }
 
-    /// Whether boards are expected to send.
-    pub(crate) fn is_set_up(&self) -> bool {
-        !matches!(self.bring_up.state(), BringUpState::Configuring | BringUpState::Proving)
+    /// What the states of the taxels can be worked out from later: copies of what changes, and what is shared.
+    fn taxel_states(&self, active: Box<[u16]>) -> Taxels {
+        let scan = self.intake.scan();
+        let ages = self.intake.last_heard().zip(scan.silent).map(|(last, &stale)| ModuleAge { last, stale });
+        let (tables, offset_kpa) = self.force.tables().unzip();
+        Taxels::of(Basis {
+            counts: scan.counts.into(),
+            modules: ages.collect(),
+            module_of: Arc::clone(self.intake.regions().module_of()),
+            faults: Arc::clone(&self.faults.1),
+            tables,
+            offset_kpa: offset_kpa.flatten(),
+            active,
+            model_set: self.force.models().cloned(),
+        })
     }
-}
-
-fn activation(plan: &PatchPlan) -> Activation {
-    Activation { sigmas: plan.live.activation_sigmas, floor_counts: plan.live.activation_floor_counts }
-}
-
-/// Which taxels belong to each module and to each board.
-fn taxel_ranges(plan: &PatchPlan) -> (Vec<Range<usize>>, Vec<Range<usize>>) {
-    let mut boards: Vec<Range<usize>> = vec![0..0; plan.patch.boards().len()];
-    let mut modules = Vec::new();
-    for site in plan.patch.modules() {
-        let first = site.first_taxel as usize;
-        let range = first..first + site.kind.taxel_slots().len();
-        let board = &mut boards[site.board as usize];
-        // A board's modules follow each other.
-        *board = if board.start == board.end { range.clone() } else { board.start..range.end };
-        modules.push(range);
-    }
-    (modules, boards)
 }

@@ -1,19 +1,33 @@
-//! What the engine is asked to do: the scene, resolved once at start. Nothing outside the plan is read, computed or sent.
+//! What the engine is asked to do: everything here comes from the configuration, and nothing changes at run time.
 
 use std::time::Duration;
-use taxel_model::FitOptions;
-use taxel_skin::{BusIndex, Geometry, Kilopascal, Patch, SquareMillimetre};
-use taxel_wire::icub::{BoardConfig, TriangleConfig};
-use taxel_wire::signal::SignalSpec;
 
-use crate::faults::FaultLimits;
-use crate::recording::{Branch, PlaysChoice};
-use crate::rest::RestLimits;
+use taxel_model::FitOptions;
+use taxel_skin::{Board, Geometry, Patch, SquareMillimetre};
+use taxel_wire::icub::TriangleConfig;
+
+pub use crate::calibration::limits::SessionLimits;
+pub use crate::force::measure::Outputs;
+pub use crate::intake::bring_up::BoardSetup;
+pub use crate::intake::gauge::Gauge;
+pub use crate::zero::drift::plan::DriftPlan;
+pub use crate::zero::plan::TarePlan;
+
+use crate::baseline::Activation;
+use crate::calibration::calibrate::CalibrationPlan;
+use crate::force::measure::Layout;
+use crate::force::owner::ForcePlan;
+use crate::intake::faults::limits::FaultLimits;
+use crate::intake::receive::IntakePlan;
+use crate::loads::owner::LoadsPlan;
+use crate::regions::Regions;
+use crate::zero::drift::site::drift_sites;
+use crate::zero::plan::ZeroPlan;
 
 /// Everything one engine does.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// How many buses frames can come from; a [`BusIndex`] is below it.
+    /// How many buses frames can come from; a [`taxel_skin::BusIndex`] is below it.
     pub buses: usize,
     /// The patches, in configuration order.
     pub patches: Vec<PatchPlan>,
@@ -76,37 +90,91 @@ impl PatchPlan {
             patch,
         }
     }
-}
 
-/// The values that a board is configured with.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BoardSetup {
-    /// Command 0x4D.
-    pub board: BoardConfig,
-    /// Command 0x50, first the defaults and then the exceptions.
-    pub triangles: Vec<TriangleConfig>,
-}
+    /// What of it the intake needs.
+    #[must_use]
+    pub fn intake(&self) -> IntakePlan {
+        IntakePlan {
+            patch: self.patch.clone(),
+            bring_up: self.bring_up.clone(),
+            period: self.period,
+            faults: self.faults,
+            stale_after: self.live.stale_after,
+            power_cycle_after: self.live.power_cycle_after,
+        }
+    }
 
-/// Where the differential pressure comes from.
-#[derive(Clone, Debug)]
-pub struct Gauge {
-    /// The bus it sits on.
-    pub bus: BusIndex,
-    /// Its frame.
-    pub signal: SignalSpec,
-}
+    /// What of it the zero needs.
+    #[must_use]
+    pub fn zero(&self) -> ZeroPlan {
+        ZeroPlan {
+            tare: self.tare,
+            drift: self.drift,
+            sites: drift_sites(&self.patch, self.geometry.as_ref(), self.live.contact_reach_m),
+            activation: self.live.activation(),
+            period: self.period,
+            board_names: self.patch.boards().iter().map(|board| board.address.to_string()).collect(),
+        }
+    }
 
-/// Which parts of a force sample are computed beside the total.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Outputs {
-    /// Resultant force vector; needs usable normals.
-    pub resultant: bool,
-    /// Moment about the patch origin and centre of pressure; needs usable normals.
-    pub moment: bool,
-    /// Clusters of touched taxels; needs positions.
-    pub contacts: bool,
-    /// The total includes pressures of excluded taxels, taken from their neighbours; needs positions.
-    pub fill: bool,
+    /// What of it the force needs.
+    #[must_use]
+    pub fn force(&self) -> ForcePlan {
+        ForcePlan {
+            layout: Layout {
+                areas: self.areas.clone(),
+                area_uncertainty: self.area_uncertainty,
+                outputs: self.outputs,
+                geometry: self.geometry.clone(),
+                modules: Regions::new(&self.patch).modules().to_vec(),
+                contact_reach_m: self.live.contact_reach_m,
+            },
+            activation: self.live.activation(),
+            stale_share_max: self.live.stale_share_max,
+        }
+    }
+
+    /// What of it the calibration needs.
+    #[must_use]
+    pub fn calibration(&self) -> CalibrationPlan {
+        CalibrationPlan {
+            patch: self.patch.name().to_owned(),
+            modules: Regions::new(&self.patch).modules().to_vec(),
+            taxels: self.patch.taxels().len(),
+            session: self.session,
+            fit: self.fit,
+            faults: self.faults,
+            board_settings: self.board_settings(),
+        }
+    }
+
+    /// What of it the known loads need.
+    #[must_use]
+    pub fn loads(&self) -> LoadsPlan {
+        LoadsPlan {
+            patch: self.patch.name().to_owned(),
+            areas: self.areas.clone(),
+            area_uncertainty: self.area_uncertainty,
+            area_from_loads: self.area_from_loads,
+        }
+    }
+
+    /// What the counts depend on, a line each board.
+    fn board_settings(&self) -> Vec<String> {
+        if self.bring_up.is_empty() {
+            return self.patch.boards().iter().map(|b| format!("board {}: settings unknown", b.address)).collect();
+        }
+        let line = |(board, setup): (&Board, &BoardSetup)| {
+            let b = setup.board;
+            let triangle = |t: &TriangleConfig| {
+                format!("{}-{}: shift {} cdc_offset {:#06x}", t.first, t.last, t.shift, t.cdc_offset)
+            };
+            let triangles = setup.triangles.iter().map(triangle).collect::<Vec<_>>().join(", ");
+            let (address, kind, period, no_load) = (board.address, b.kind, b.period_ms, b.no_load);
+            format!("board {address}: type {kind} period {period} ms no_load {no_load}; {triangles}")
+        };
+        self.patch.boards().iter().zip(&self.bring_up).map(line).collect()
+    }
 }
 
 /// When a taxel counts as touched or stale.
@@ -126,6 +194,14 @@ pub struct LiveLimits {
     pub contact_reach_m: f64,
 }
 
+impl LiveLimits {
+    /// When a taxel counts as touched.
+    #[must_use]
+    pub const fn activation(&self) -> Activation {
+        Activation { sigmas: self.activation_sigmas, floor_counts: self.activation_floor_counts }
+    }
+}
+
 impl Default for LiveLimits {
     fn default() -> Self {
         Self {
@@ -135,90 +211,6 @@ impl Default for LiveLimits {
             stale_share_max: 0.2,
             power_cycle_after: Duration::from_secs(1),
             contact_reach_m: 0.015,
-        }
-    }
-}
-
-/// How the zero is taken.
-#[derive(Clone, Copy, Debug)]
-pub struct TarePlan {
-    /// How long the skin is watched.
-    pub duration: Duration,
-    /// Take the zero by itself after start, if rest is proven against the active model set.
-    pub at_start: bool,
-    /// After so many whole scans that zero is taken provisionally, until `duration` is over; 0 is never.
-    pub first_scans: u32,
-    /// What counts as rest.
-    pub rest: RestLimits,
-}
-
-impl Default for TarePlan {
-    fn default() -> Self {
-        Self { duration: Duration::from_secs(1), at_start: true, first_scans: 4, rest: RestLimits::default() }
-    }
-}
-
-/// Whether and how far the zero follows the temperature of the skin; see [`crate::drift`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DriftPlan {
-    /// Whether it does at all.
-    pub follow: bool,
-    /// How fast at most, counts per minute.
-    pub rate_max_counts_per_min: f64,
-    /// How far at most from the proven zero, counts.
-    pub bound_counts: f64,
-}
-
-impl Default for DriftPlan {
-    fn default() -> Self {
-        Self { follow: false, rate_max_counts_per_min: 1.0, bound_counts: 3.0 }
-    }
-}
-
-/// The rules of a calibration session.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SessionLimits {
-    /// A ramp ends by itself here.
-    pub target: Kilopascal,
-    /// A sample may lie this far behind the furthest pressure so far, on a rise below it: the gauge's noise.
-    pub noise_band: Kilopascal,
-    /// Which branches of the pressure a ramp gathers, unless its session asks for others.
-    pub branches: Branch,
-    /// Steepest rise that may enter the fit, in kPa/s.
-    pub rise_max_kpa_per_s: f64,
-    /// Steepest fall that may enter the fit, in kPa/s, positive.
-    pub fall_max_kpa_per_s: f64,
-    /// The falling branch of a ramp ends by itself here.
-    pub fall_end: Kilopascal,
-    /// Whether the hysteresis of a session over both branches is compensated.
-    pub plays: PlaysChoice,
-    /// Without a pressure frame for so long no scan can be paired.
-    pub gauge_timeout: Duration,
-    /// Without any pressure frame, or any rise, for so long the session fails; without any fall the ramp ends.
-    pub patience: Duration,
-    /// A ramp cannot start above this: the bag must be vented.
-    pub vented_below: Kilopascal,
-    /// Most scans of one session; a ramp ends when they are full.
-    pub scans_max: usize,
-    /// A taxel responds once its count has moved so far.
-    pub responding_counts: u8,
-}
-
-impl Default for SessionLimits {
-    fn default() -> Self {
-        Self {
-            target: Kilopascal(70.0),
-            noise_band: Kilopascal(0.3),
-            branches: Branch::Rising,
-            rise_max_kpa_per_s: 5.0,
-            fall_max_kpa_per_s: 5.0,
-            fall_end: Kilopascal(1.0),
-            plays: PlaysChoice::Auto,
-            gauge_timeout: Duration::from_millis(500),
-            patience: Duration::from_secs(60),
-            vented_below: Kilopascal(10.0),
-            scans_max: 36_000, // half an hour at 20 Hz
-            responding_counts: 6,
         }
     }
 }

@@ -2,9 +2,10 @@
 
 use futures_util::stream;
 use std::sync::Arc;
+use taxel_engine::calibration::fit::Branch;
+use taxel_engine::calibration::{Direction, SampleRefusal, SessionState, SessionView};
 use taxel_engine::command::{Command, Done};
-use taxel_engine::recording::Branch;
-use taxel_engine::session::{Direction, SampleRefusal, SessionState, SessionView};
+use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_server::CalibrationService;
@@ -28,7 +29,9 @@ impl CalibrationService for Service {
         let target = request.target_kpa.map(Kilopascal);
         let branches = asked_branches(request.branches)?;
         let confirmed_by = confirmed_by(request.confirmed_by)?;
-        self.session_command("StartSession", Command::StartSession { patch, target, branches, confirmed_by }).await
+        let leave_out = request.leave_out.iter().map(module_name).collect::<Result<_, _>>()?;
+        let command = Command::StartSession { patch, target, branches, confirmed_by, leave_out };
+        self.session_command("StartSession", command).await
     }
 
     async fn start_ramp(&self, request: Request<v1::StartRampRequest>) -> Answer {
@@ -52,7 +55,7 @@ impl CalibrationService for Service {
     }
 
     async fn get_session(&self, request: Request<v1::GetSessionRequest>) -> Answer {
-        Ok(Response::new(session(&*self.session(request.get_ref().session)?)))
+        Ok(Response::new(self.message(&*self.session(request.get_ref().session)?)))
     }
 
     async fn list_sessions(
@@ -65,7 +68,7 @@ impl CalibrationService for Service {
         }
         let wanted = |view: &Arc<SessionView>| request.patch.is_empty() || view.patch == request.patch;
         let (sessions, next_page_token) = page(&self.sessions(), request.page_size, &request.page_token, wanted)?;
-        let sessions = sessions.iter().map(|view| session(view)).collect();
+        let sessions = sessions.iter().map(|view| self.message(view)).collect();
         Ok(Response::new(v1::ListSessionsResponse { sessions, next_page_token }))
     }
 
@@ -90,9 +93,15 @@ impl CalibrationService for Service {
 }
 
 impl Service {
+    /// The message of a session, with its patch's names for modules.
+    fn message(&self, view: &SessionView) -> v1::Session {
+        let plan = self.handle.plan.patches.iter().find(|plan| plan.patch.name() == view.patch);
+        session(plan, view)
+    }
+
     async fn session_command(&self, name: &'static str, command: Command) -> Answer {
         match self.command(name, command).await? {
-            Done::Session(view) => Ok(Response::new(session(&view))),
+            Done::Session(view) => Ok(Response::new(self.message(&view))),
             other => Err(strange_answer(&other)),
         }
     }
@@ -106,6 +115,18 @@ fn asked_branches(word: i32) -> Result<Option<Branch>, Status> {
         Ok(v1::Branches::Both) => Ok(Some(Branch::Both)),
         Err(_) => Err(invalid("branches", format_args!("{word} is not in 0 to 2"))),
     }
+}
+
+/// Board address and module number of a module to be left out.
+fn module_name(name: &v1::ModuleName) -> Result<(u8, u8), Status> {
+    let byte = |number: u32| u8::try_from(number).ok();
+    byte(name.board).zip(byte(name.module)).ok_or_else(|| {
+        let (board, module) = (name.board, name.module);
+        invalid(
+            "leave_out",
+            format_args!("board {board} module {module}: expected a board of 1 to 14, a module of 0 to 15"),
+        )
+    })
 }
 
 fn numbered(session: u64) -> Result<u64, Status> {
@@ -138,7 +159,7 @@ impl Watch {
         };
         self.ended = next.as_ref().map_or(true, |view| has_ended(view.state));
         Some(next.map(|view| {
-            let message = session(&view);
+            let message = self.service.message(&view);
             self.last = Some(view);
             message
         }))
@@ -174,7 +195,7 @@ const fn has_ended(state: SessionState) -> bool {
     }
 }
 
-fn session(view: &SessionView) -> v1::Session {
+fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
     let refused = |reason| view.refused.get(reason);
     v1::Session {
         session: view.number,
@@ -195,6 +216,7 @@ fn session(view: &SessionView) -> v1::Session {
             gauge_spike: refused(SampleRefusal::GaugeSpike),
             full: refused(SampleRefusal::Full),
             not_falling: refused(SampleRefusal::NotFalling),
+            zero_in_doubt: refused(SampleRefusal::ZeroInDoubt),
         }),
         durable: view.durable,
         pressure_kpa: view.pressure_kpa.and_then(known),
@@ -210,7 +232,17 @@ fn session(view: &SessionView) -> v1::Session {
         }
         .into(),
         falling: view.direction == Direction::Falling,
+        left_out: plan.map(|plan| left_out(plan, view)).unwrap_or_default(),
     }
+}
+
+fn left_out(plan: &PatchPlan, view: &SessionView) -> Vec<v1::ModuleName> {
+    let name = |position: &u16| {
+        let site = plan.patch.modules().get(usize::from(*position))?;
+        let board = plan.patch.boards().get(usize::from(site.board))?;
+        Some(v1::ModuleName { board: board.address.get().into(), module: site.module.get().into() })
+    };
+    view.left_out.iter().filter_map(name).collect()
 }
 
 const fn state(state: SessionState) -> v1::SessionState {

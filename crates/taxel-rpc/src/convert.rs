@@ -1,8 +1,8 @@
 //! The engine's snapshots as messages. An age is computed here, so this runs last before a message goes out.
 
-use taxel_engine::drift::{DriftState, DriftView};
-use taxel_engine::faults::{Fault, FaultSet};
+use taxel_engine::intake::faults::{Fault, FaultSet};
 use taxel_engine::snapshot::{ForceState, PatchSnapshot, RangeFlag, TareView, TaxelState};
+use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_proto::{Timestamp, v1};
 use taxel_skin::Time;
 
@@ -70,6 +70,8 @@ pub(crate) fn force(patch: &str, snapshot: &PatchSnapshot, sending: Sending) -> 
             .collect(),
         filled: force.filled,
         filled_share: force.filled_share,
+        detection_floor_n: force.detection_floor.and_then(|floor| known(floor.0)),
+        lower_bound: force.lower_bound,
     }
 }
 
@@ -107,7 +109,7 @@ fn reading(taxel: &TaxelState, now: Time) -> v1::TaxelReading {
 }
 
 pub(crate) fn faults(set: FaultSet) -> Vec<i32> {
-    const WORDS: [(Fault, v1::TaxelFault); 10] = [
+    const WORDS: [(Fault, v1::TaxelFault); 11] = [
         (Fault::Rail, v1::TaxelFault::Rail),
         (Fault::Frozen, v1::TaxelFault::Frozen),
         (Fault::Jumping, v1::TaxelFault::Jumping),
@@ -118,6 +120,7 @@ pub(crate) fn faults(set: FaultSet) -> Vec<i32> {
         (Fault::NoAck, v1::TaxelFault::NoAck),
         (Fault::Stale, v1::TaxelFault::Stale),
         (Fault::BoardStep, v1::TaxelFault::BoardStep),
+        (Fault::TooFast, v1::TaxelFault::TooFast),
     ];
     if set.is_empty() {
         return Vec::new(); // nearly always, and this runs for every taxel of every message
@@ -148,8 +151,8 @@ pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
         reason: tare.reason.clone(),
         baseline_median_counts: known(tare.baseline_median).unwrap_or_default(),
         noise_median_counts: known(tare.noise_median).unwrap_or_default(),
-        provisional_scans: tare.provisional_scans,
         drift: Some(drift(&tare.drift)),
+        ..v1::TareStatus::default()
     }
 }
 

@@ -1,10 +1,10 @@
 //! The two ends between the services and the engine's task: commands go one way, snapshots the other.
 
 use std::sync::Arc;
+use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, Reply};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
-use taxel_engine::session::SessionView;
 use taxel_engine::snapshot::{Catalogue, Health, PatchSnapshot};
 use taxel_skin::Time;
 use tokio::sync::{mpsc, oneshot, watch};

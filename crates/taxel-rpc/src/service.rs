@@ -1,10 +1,10 @@
 //! What the services share: looking things up, sending commands, counting streams.
 
 use std::sync::Arc;
+use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
-use taxel_engine::session::SessionView;
 use taxel_engine::snapshot::PatchSnapshot;
 use taxel_skin::Time;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot};

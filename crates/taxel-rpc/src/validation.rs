@@ -1,7 +1,7 @@
 //! `ValidationService`: known loads, and how far the force read under them is off.
 
 use taxel_engine::command::{Command, Done};
-use taxel_engine::validation::{AreaFactor, JudgedLoad, KnownLoad, Load, Validation, Weight};
+use taxel_engine::loads::{AreaFactor, JudgedLoad, KnownLoad, Load, Validation, Weight};
 use taxel_proto::v1;
 use taxel_proto::v1::record_load_request::Load as Laid;
 use taxel_proto::v1::validation_service_server::ValidationService;

@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, HashSet};
 
 use rusqlite::{Connection, Transaction, params};
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::SessionView;
+use taxel_engine::loads::Load;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::{Record, Sample};
-use taxel_engine::rest::TaxelBaseline;
-use taxel_engine::session::SessionView;
 use taxel_engine::snapshot::TareView;
-use taxel_engine::validation::Load;
 
 use crate::error::StoreError;
 use crate::load_row::{load_from_text, load_to_text};

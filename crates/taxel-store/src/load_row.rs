@@ -1,7 +1,7 @@
 //! How a known load looks in a row: JSON, every figure as it was.
 
 use serde::{Deserialize, Serialize};
-use taxel_engine::validation::{Load, Reading};
+use taxel_engine::loads::{Load, Reading};
 
 /// A [`Load`] by the names that the file uses.
 #[derive(Serialize, Deserialize)]

@@ -9,8 +9,8 @@ mod taxel;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
+use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::rest::TaxelBaseline;
 use thiserror::Error;
 
 /// The word by which a file of this kind is known.

@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use rusqlite::{Connection, Row};
 use taxel_engine::Restored;
-use taxel_engine::io::RestoredSession;
+use taxel_engine::RestoredSession;
+use taxel_engine::calibration::{RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_engine::loads::Load;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Sample;
-use taxel_engine::session::{RampBaseline, SessionSamples, SessionState, SessionView};
-use taxel_engine::validation::Load;
 
 use crate::error::Quarantined;
 use crate::load_row::load_from_text;
@@ -146,13 +146,13 @@ fn sessions(
     if let Some(reason) = shortfall(connection, Stream::Sessions, found)? {
         quarantined.push(Quarantined::new("the list of sessions", reason));
     }
-    give_samples_to_reviews(connection, &mut sessions, quarantined);
+    give_samples_to_newest(connection, &mut sessions, quarantined);
     Ok((sessions, newest + 1))
 }
 
-/// The newest session of a patch may get another ramp if it waits for review. Without its samples it still has its
-/// model set, so that damage to them fails nothing.
-fn give_samples_to_reviews(
+/// The newest session of a patch may get another ramp if it waits for review, failed or was aborted. Without its
+/// samples it is still what it was, so that damage to them fails nothing.
+fn give_samples_to_newest(
     connection: &Connection,
     sessions: &mut [RestoredSession],
     quarantined: &mut Vec<Quarantined>,
@@ -160,7 +160,8 @@ fn give_samples_to_reviews(
     let mut patches = BTreeSet::new();
     for session in sessions.iter_mut().rev() {
         let view = &session.view;
-        if !patches.insert(view.patch.clone()) || view.state != SessionState::Review {
+        let can_go_on = matches!(view.state, SessionState::Review | SessionState::Failed | SessionState::Aborted);
+        if !patches.insert(view.patch.clone()) || !can_go_on {
             continue;
         }
         match gathered(connection, view.number) {

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::fit::Branch;
+use taxel_engine::calibration::{Direction, RefusalCounts, SampleRefusal, SessionState, SessionView};
 use taxel_engine::record::Sample;
-use taxel_engine::recording::Branch;
-use taxel_engine::rest::TaxelBaseline;
-use taxel_engine::session::{Direction, RefusalCounts, SampleRefusal, SessionState, SessionView};
 
 /// Bytes of a row's checksum: enough against chance, small beside a sample of 230 counts.
 const CHECKSUM_BYTES: usize = 8;
@@ -100,6 +100,9 @@ struct StoredView {
     coverage: Option<f64>,
     responding: (u32, u32),
     model_set: Option<String>,
+    /// Absent in views of earlier versions, which needed every module.
+    #[serde(default)]
+    left_out: Vec<u16>,
 }
 
 /// The view as JSON.
@@ -121,6 +124,7 @@ pub(crate) fn view_to_text(view: &SessionView) -> Result<String, serde_json::Err
         coverage: view.coverage.is_finite().then_some(view.coverage),
         responding: view.responding,
         model_set: view.model_set.as_deref().map(str::to_owned),
+        left_out: view.left_out.clone(),
     })
 }
 
@@ -153,6 +157,7 @@ pub(crate) fn view_from_text(text: &str) -> Result<SessionView, String> {
         coverage: stored.coverage.unwrap_or_default(),
         responding: stored.responding,
         model_set: stored.model_set.map(Into::into),
+        left_out: stored.left_out,
         ..SessionView::default()
     })
 }

@@ -6,8 +6,8 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use taxel_engine::calibration::fit::{Applied, ApplyRecipe, Tare};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::recording::{Applied, ApplyRecipe, Tare};
 use taxel_store::models_json;
 
 use crate::fit::{parse_seconds, scans_of};
@@ -87,7 +87,7 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     let recording = Recording::read(&args.data)?;
     recording.report_refused(&args.data);
     let scans = scans_of(&recording);
-    let applied = taxel_engine::recording::apply(&scans, &set, &args.recipe.recipe(args.sigma.is_some()))
+    let applied = taxel_engine::calibration::fit::apply(&scans, &set, &args.recipe.recipe(args.sigma.is_some()))
         .with_context(|| format!("{} with {}", args.data.display(), args.models.display()))?;
     let decimals = set.recorded.is_some().then_some(4);
     write(&args.out, "p", &recording.time_s, &applied.pressure_kpa, decimals)?;

@@ -1,7 +1,7 @@
 //! `taxeld check`: what a configuration resolves to, and what it leaves out.
 
+use taxel_engine::engine::routes::{Route, Routes};
 use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_engine::route::{Route, Routes};
 use taxel_skin::{Board, BusIndex, SquareMillimetre};
 
 use crate::config::{BusSource, Config, Scene};

@@ -4,9 +4,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::{Command, Done};
 use taxel_engine::plan::Plan;
-use taxel_engine::session::{SessionState, SessionView};
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Config, Mass, PumpCommand, Skin, World};
 use taxel_skin::{BusIndex, Kilopascal, TaxelIndex, Time};
@@ -135,7 +135,13 @@ impl Bench {
             let boards = &b.offline.health.boards;
             !boards.is_empty() && boards.iter().all(|board| board.bring_up == "verified")
         })?;
-        self.command(Command::StartSession { patch: String::new(), target: None, branches: None, confirmed_by: None })?;
+        self.command(Command::StartSession {
+            patch: String::new(),
+            target: None,
+            branches: None,
+            confirmed_by: None,
+            leave_out: Vec::new(),
+        })?;
         self.run_until(Duration::from_secs(10), "proof of rest", |b| b.in_state(SessionState::Ramping))?;
         self.world.pump(PumpCommand::Ramp { target: PUMP_TARGET, kpa_per_s: PUMP_KPA_PER_S });
         let limit = Duration::from_secs(300);

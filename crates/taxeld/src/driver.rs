@@ -5,10 +5,10 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_engine::calibration::{Direction, FitJob, FitOutcome, SessionState, SessionView};
 use taxel_engine::command::{Rejection, Reply, RequestId};
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
-use taxel_engine::session::{Direction, FitJob, FitOutcome, SessionState, SessionView};
 use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
 use taxel_rpc::{Publisher, Request};
 use taxel_skin::BusIndex;
@@ -46,6 +46,8 @@ pub struct BusBatch {
 enum Internal {
     Fitted(FitOutcome),
     Store(StoreEvent),
+    /// Records of a commit are on disk, or why not.
+    Committed(u64, Result<(), String>),
 }
 
 /// Everything that the engine's task holds.
@@ -166,6 +168,7 @@ impl Driver {
     fn take_internal(&mut self, done: Internal) {
         match done {
             Internal::Fitted(outcome) => self.step(Input::Fitted(outcome)),
+            Internal::Committed(ticket, result) => self.step(Input::Committed { ticket, result }),
             Internal::Store(StoreEvent::Durable { session, samples }) => self.step(Input::Durable { session, samples }),
             Internal::Store(StoreEvent::Failed(why)) => {
                 tracing::error!(%why, "the store failed");
@@ -187,6 +190,11 @@ impl Driver {
                 Output::Send(bus, frame) => self.send(bus, frame),
                 Output::Fit(job) => self.fit(job),
                 Output::Record(record) => records.push(record),
+                Output::Commit { ticket, records: intended } => {
+                    // What came before goes first, so that the order on disk is that of what happened.
+                    self.commit(std::mem::take(&mut records), Vec::new());
+                    self.commit_intended(ticket, intended);
+                }
                 Output::Reply(request, reply) => replies.extend(self.waiting.remove(&request).map(|to| (to, reply))),
             }
         }
@@ -210,6 +218,22 @@ impl Driver {
                 on_durable(Err(StoreError::Closed));
             }
             self.step(Input::StoreFailed(full));
+        }
+    }
+
+    /// Writes down what the engine intends, and tells it how that went.
+    fn commit_intended(&mut self, ticket: u64, records: Vec<Record>) {
+        let done = self.internal.0.clone();
+        let on_durable: OnDurable = Box::new(move |outcome: Result<Durability, StoreError>| {
+            let result = outcome.map(|_| ()).map_err(|error| error.to_string());
+            let _ = done.send(Internal::Committed(ticket, result)); // the driver has ended: nobody is left to tell
+        });
+        if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable: Some(on_durable) }) {
+            let full = QueueFull(Batch::default()).to_string();
+            if let Some(on_durable) = batch.on_durable {
+                on_durable(Err(StoreError::Closed));
+            }
+            let _ = self.internal.0.send(Internal::Store(StoreEvent::Failed(full))); // this is its own receiver
         }
     }
 

@@ -8,10 +8,10 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans};
+use taxel_engine::calibration::method;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::recording::{Branch, FitRecipe, PlaysChoice, Scans};
-use taxel_engine::rest::TaxelBaseline;
-use taxel_engine::session::method;
 use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Samples};
 use taxel_store::models_json;
 
@@ -116,7 +116,7 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
     let mut set = if scans.is_recording() {
         let mut bar = Bar::new(began);
         let recipe = args.recipe();
-        taxel_engine::recording::fit(&scans, &recipe, &mut |done, all| bar.show(done, all))
+        taxel_engine::calibration::fit::fit(&scans, &recipe, &mut |done, all| bar.show(done, all))
             .with_context(|| args.data.display().to_string())?
     } else {
         args.fit_table(&recording).with_context(|| args.data.display().to_string())?

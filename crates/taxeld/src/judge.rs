@@ -5,7 +5,7 @@ mod table;
 use std::path::PathBuf;
 
 use anyhow::Context;
-use taxel_engine::recording::judge as score_of;
+use taxel_engine::calibration::fit::judge as score_of;
 
 use crate::apply::{RecipeArgs, print_applied, read_models};
 use crate::fit::scans_of;
@@ -42,7 +42,7 @@ pub fn judge(args: &JudgeArgs) -> anyhow::Result<()> {
     let scans = scans_of(&recording);
     let named = || data.display().to_string();
     let gauge = scans.pressure_kpa.context("there is no column `pressure_kpa` to judge by").with_context(named)?;
-    let applied = taxel_engine::recording::apply(&scans, &set, &args.recipe.recipe(true)).with_context(named)?;
+    let applied = taxel_engine::calibration::fit::apply(&scans, &set, &args.recipe.recipe(true)).with_context(named)?;
     print_applied(data, &applied);
     let score = score_of(&applied, gauge);
     say!("  area-mean error above 30 kPa: {:.2} % (bias {:+.2} kPa)", score.area_percent, score.bias_kpa);

@@ -6,11 +6,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_engine::calibration::{FitJob, SessionView};
 use taxel_engine::command::{Command, Reply, RequestId};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
-use taxel_engine::session::{FitJob, SessionView};
 use taxel_engine::snapshot::{Health, PatchSnapshot};
 use taxel_engine::{Engine, Input, Now, Output, Restored};
 use taxel_skin::{BusIndex, Time};
@@ -31,6 +31,8 @@ pub struct Offline {
     slot_end: Option<Time>,
     requests: u64,
     reply: Option<(RequestId, Reply)>,
+    /// Commits that the engine waits for.
+    commits: Vec<u64>,
     /// Fits that were asked for; they come back with the next tick, as if they took that long.
     fits: Vec<FitJob>,
     /// Newest state per patch.
@@ -58,6 +60,7 @@ impl Offline {
             slot_end: None,
             requests: 0,
             reply: None,
+            commits: Vec::new(),
             fits: Vec::new(),
             snapshots: vec![Arc::default(); patches],
             published: 0,
@@ -136,6 +139,10 @@ impl Offline {
             self.apply(output);
         }
         self.out = out;
+        // There is no disk: what the engine intends takes effect at once.
+        for ticket in std::mem::take(&mut self.commits) {
+            self.step(Input::Committed { ticket, result: Ok(()) });
+        }
     }
 
     fn apply(&mut self, output: Output) {
@@ -148,7 +155,14 @@ impl Offline {
             Output::Health(health) => self.health = health,
             Output::Send(bus, frame) => self.to_send.push((bus, frame)),
             Output::Fit(job) => self.fits.push(job),
-            Output::Record(Record::ModelSet(set)) => self.model_sets.push(set),
+            Output::Commit { ticket, records } => {
+                let sets = records.into_iter().filter_map(|record| match record {
+                    Record::ModelSet(set) => Some(set),
+                    _ => None,
+                });
+                self.model_sets.extend(sets);
+                self.commits.push(ticket);
+            }
             Output::Reply(request, reply) => self.reply = Some((request, reply)),
             Output::Record(_) | Output::Catalogue(_) => {}
         }

@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail};
 use indicatif::ProgressBar;
 use taxel_can::{LogReader, Pace, Replay};
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
-use taxel_engine::session::{SessionState, SessionView};
 use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
@@ -102,8 +102,13 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
 
 fn start_session(offline: &mut Offline, target: Option<f64>) -> anyhow::Result<()> {
     let target = target.map(Kilopascal);
-    let started =
-        offline.command(Command::StartSession { patch: String::new(), target, branches: None, confirmed_by: None });
+    let started = offline.command(Command::StartSession {
+        patch: String::new(),
+        target,
+        branches: None,
+        confirmed_by: None,
+        leave_out: Vec::new(),
+    });
     started.context("the engine did not answer")?.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
     Ok(())
 }
@@ -162,7 +167,7 @@ fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
 
 /// Refusals of a session in words.
 pub fn refusals(view: &SessionView) -> String {
-    use taxel_engine::session::SampleRefusal;
+    use taxel_engine::calibration::SampleRefusal;
     let counted = SampleRefusal::ALL.into_iter().map(|reason| (reason.name(), view.refused.get(reason)));
     let words: Vec<String> = counted.filter(|(_, n)| *n > 0).map(|(name, n)| format!("{n} {name}")).collect();
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }

@@ -12,7 +12,7 @@ use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
 use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, SendError, SourceError};
-use taxel_engine::session::{Direction, SessionState};
+use taxel_engine::calibration::{Direction, SessionState};
 
 use taxel_sim::{BoardsConfig, Config, Mass, PumpCommand, Skin, World};
 use taxel_skin::{Kilopascal, TaxelIndex, Time};

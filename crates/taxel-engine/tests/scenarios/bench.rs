@@ -4,10 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::Restored;
+use taxel_engine::calibration::fit::Branch;
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection, Reply};
 use taxel_engine::plan::Plan;
-use taxel_engine::recording::Branch;
-use taxel_engine::session::{SessionState, SessionView};
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Fault, Mass, PumpCommand, World};
 use taxel_skin::{Kilopascal, Newton, TaxelIndex, Time};
@@ -120,6 +120,7 @@ impl Bench {
             target: target_kpa.map(Kilopascal),
             branches: Some(branches),
             confirmed_by: None,
+            leave_out: Vec::new(),
         };
         let number = session_of(self.ask(command)).number;
         self.until_state(10.0, SessionState::Ramping);
@@ -146,6 +147,7 @@ impl Bench {
             target: None,
             branches: None,
             confirmed_by: Some("Ada".to_owned()),
+            leave_out: Vec::new(),
         });
         self.host.command(Command::Tare { patch: patch(), confirmed_by: Some("Ada".to_owned()) });
     }

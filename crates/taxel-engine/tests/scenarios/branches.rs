@@ -4,12 +4,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::Restored;
+use taxel_engine::calibration::fit::Branch;
+use taxel_engine::calibration::{Direction, SampleRefusal, SessionState};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::{ModelSet, RecordedTaxel};
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Sample;
-use taxel_engine::recording::Branch;
-use taxel_engine::session::{Direction, SampleRefusal, SessionState};
 use taxel_sim::{Config, DielectricConfig, PumpCommand, World};
 
 use crate::bench::{Bench, session_of};

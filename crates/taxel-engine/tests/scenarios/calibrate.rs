@@ -1,6 +1,6 @@
 //! The calibration of the paper, from frames to newtons.
 
-use taxel_engine::session::SessionState;
+use taxel_engine::calibration::SessionState;
 use taxel_engine::snapshot::{ForceState, RangeFlag};
 
 use crate::shared::{forearm, small};

@@ -65,7 +65,13 @@ fn a_calibration_is_bit_identical_however_its_frames_are_cut() {
     all_ways("calibration", |cut| {
         let mut host = Host::new(listening(), Restored::default(), Time::default());
         host.play(&log[..start], at, &mut *cut);
-        host.command(Command::StartSession { patch: String::new(), target: None, branches: None, confirmed_by: None });
+        host.command(Command::StartSession {
+            patch: String::new(),
+            target: None,
+            branches: None,
+            confirmed_by: None,
+            leave_out: Vec::new(),
+        });
         host.play(&log[start..], log[log.len() - 1].time, &mut *cut);
         assert!(host.session().model_set.is_some(), "{:?}", host.session());
         host

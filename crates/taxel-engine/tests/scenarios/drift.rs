@@ -1,9 +1,9 @@
 //! The zero follows the temperature of the skin, and nothing else.
 
 use taxel_engine::Restored;
-use taxel_engine::drift::{DriftState, DriftView};
 use taxel_engine::plan::{DriftPlan, PatchPlan};
 use taxel_engine::snapshot::ForceState;
+use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_sim::{BoardsConfig, Config, DielectricConfig, ThermalConfig, World};
 
 use crate::bench::Bench;

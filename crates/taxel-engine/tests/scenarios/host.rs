@@ -5,10 +5,10 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_engine::calibration::{FitJob, SessionView};
 use taxel_engine::command::{Command, Reply, RequestId};
 use taxel_engine::plan::Plan;
 use taxel_engine::record::{Record, Sample};
-use taxel_engine::session::{FitJob, SessionView};
 use taxel_engine::snapshot::{Catalogue, ForceState, Health, PatchSnapshot};
 use taxel_engine::{BusNotice, Engine, Input, Now, Output, Restored};
 use taxel_skin::Time;
@@ -37,6 +37,9 @@ pub struct Host {
     pub sent: Vec<(Time, Frame)>,
     pub records: Vec<Record>,
     pub fits: Vec<FitJob>,
+    /// Commits that wait for the disk, and whether it takes them by itself.
+    pub commits: Vec<u64>,
+    pub disk_is_slow: bool,
     fitted: usize,
     replies: HashMap<RequestId, Reply>,
 }
@@ -56,6 +59,8 @@ impl Host {
             sent: Vec::new(),
             records: Vec::new(),
             fits: Vec::new(),
+            commits: Vec::new(),
+            disk_is_slow: false,
             fitted: 0,
             replies: HashMap::new(),
         };
@@ -172,6 +177,16 @@ impl Host {
         for output in out {
             self.collect(output);
         }
+        if !self.disk_is_slow {
+            self.commit(Ok(()));
+        }
+    }
+
+    /// The disk takes, or refuses, everything that waits for it.
+    pub fn commit(&mut self, result: Result<(), String>) {
+        for ticket in std::mem::take(&mut self.commits) {
+            self.step(Input::Committed { ticket, result: result.clone() });
+        }
     }
 
     fn collect(&mut self, output: Output) {
@@ -192,6 +207,10 @@ impl Host {
             Output::Reply(request, reply) => {
                 let earlier = self.replies.insert(request, reply);
                 assert!(earlier.is_none(), "request {request:?} was answered twice");
+            }
+            Output::Commit { ticket, records } => {
+                self.records.extend(records);
+                self.commits.push(ticket);
             }
             Output::Fit(job) => self.fits.push(job),
         }

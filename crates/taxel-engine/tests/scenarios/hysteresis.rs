@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use taxel_engine::Restored;
+use taxel_engine::calibration::fit::Branch;
+use taxel_engine::calibration::{Direction, SessionState};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::recording::Branch;
-use taxel_engine::session::{Direction, SessionState};
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Config, DielectricConfig, PumpCommand, World};
 

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
+use taxel_engine::calibration::{SampleRefusal, SessionState};
 use taxel_engine::command::{Command, Rejection};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
-use taxel_engine::session::{SampleRefusal, SessionState};
 use taxel_engine::{Engine, Restored};
 use taxel_model::{Status, TaxelModel};
 use taxel_sim::{Fault, PumpCommand};
@@ -277,8 +277,13 @@ fn no_session_begins_in_a_bag_under_vacuum() {
     let mut bench = fresh(|_| {});
     bench.ramp(20.0, 10.0);
     bench.seconds(4.0);
-    let why =
-        bench.refused(Command::StartSession { patch: String::new(), target: None, branches: None, confirmed_by: None });
+    let why = bench.refused(Command::StartSession {
+        patch: String::new(),
+        target: None,
+        branches: None,
+        confirmed_by: None,
+        leave_out: Vec::new(),
+    });
     assert!(why.contains("the bag is at 20.") && why.contains("vent it below 10.0 kPa first"), "{why}");
 }
 
@@ -292,6 +297,7 @@ fn a_session_waits_for_rest_and_fails_when_it_never_comes() {
         target: None,
         branches: None,
         confirmed_by: None,
+        leave_out: Vec::new(),
     }));
     bench.until(4.0, "a word why", |host| host.session().reason.contains("board 13 module 3"));
     assert_eq!(bench.host.session().state, SessionState::Taring);
@@ -305,7 +311,13 @@ fn a_store_that_fails_ends_the_session_and_takes_no_new_one() {
     bench.host.store_failed("the disk is full");
     let session = bench.host.session();
     assert_eq!((session.state, session.reason.as_str()), (SessionState::Failed, "the store failed: the disk is full"));
-    let start = Command::StartSession { patch: String::new(), target: None, branches: None, confirmed_by: None };
+    let start = Command::StartSession {
+        patch: String::new(),
+        target: None,
+        branches: None,
+        confirmed_by: None,
+        leave_out: Vec::new(),
+    };
     for command in [start, Command::StartRamp { session: number }, Command::FinishRamp { session: number }] {
         assert!(matches!(bench.ask(command), Err(Rejection::Unavailable(why)) if why.contains("the disk is full")));
     }
@@ -320,7 +332,7 @@ fn the_engine_can_move_to_its_task_and_snapshots_can_be_shared() {
     const fn may_be_shared<T: Send + Sync>() {}
     may_move::<Engine>();
     may_be_shared::<taxel_engine::snapshot::PatchSnapshot>();
-    may_be_shared::<taxel_engine::session::SessionView>();
+    may_be_shared::<taxel_engine::calibration::SessionView>();
 }
 
 /// The median over its calibrated counts of how far two models of one taxel lie apart, kPa.

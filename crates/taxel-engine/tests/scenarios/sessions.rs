@@ -4,11 +4,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::Restored;
+use taxel_engine::RestoredSession;
+use taxel_engine::calibration::{RampBaseline, SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection};
-use taxel_engine::io::RestoredSession;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
-use taxel_engine::session::{RampBaseline, SessionSamples, SessionState, SessionView};
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::PumpCommand;
 
@@ -18,7 +18,13 @@ use crate::rig::{patch_plan, plan, small_world};
 use crate::shared::small;
 
 fn start() -> Command {
-    Command::StartSession { patch: String::new(), target: None, branches: None, confirmed_by: None }
+    Command::StartSession {
+        patch: String::new(),
+        target: None,
+        branches: None,
+        confirmed_by: None,
+        leave_out: Vec::new(),
+    }
 }
 
 /// A session that ramps.
@@ -86,7 +92,13 @@ fn what_does_not_exist_is_not_found_by_its_name() {
     for command in [
         Command::Tare { patch: elbow(), confirmed_by: None },
         Command::BringUp { patch: elbow() },
-        Command::StartSession { patch: elbow(), target: None, branches: None, confirmed_by: None },
+        Command::StartSession {
+            patch: elbow(),
+            target: None,
+            branches: None,
+            confirmed_by: None,
+            leave_out: Vec::new(),
+        },
         Command::Activate { patch: elbow(), model_set: small().set.id.clone(), expected: None },
     ] {
         let Err(Rejection::NotFound(what)) = bench.ask(command) else { panic!("there is no elbow") };
@@ -101,8 +113,13 @@ fn a_target_that_no_bag_reaches_is_an_invalid_argument() {
     let mut bench = small().in_use();
     for target in [0.0, -5.0, f64::NAN, f64::INFINITY, 2_000.0] {
         let target = Some(taxel_skin::Kilopascal(target));
-        let reply =
-            bench.ask(Command::StartSession { patch: String::new(), target, branches: None, confirmed_by: None });
+        let reply = bench.ask(Command::StartSession {
+            patch: String::new(),
+            target,
+            branches: None,
+            confirmed_by: None,
+            leave_out: Vec::new(),
+        });
         assert!(matches!(reply, Err(Rejection::InvalidArgument { field: "target_kpa", .. })), "{target:?}: {reply:?}");
     }
 }

@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use taxel_engine::Restored;
 use taxel_engine::command::{Command, Done, Rejection, Reply};
+use taxel_engine::loads::{KnownLoad, Load, Validation, Weight};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
-use taxel_engine::validation::{KnownLoad, Load, Validation, Weight};
 use taxel_sim::PumpCommand;
 use taxel_skin::{Newton, SquareMillimetre};
 

@@ -1,8 +1,8 @@
 //! What must hold of everything that the engine puts out, whatever happens to it.
 
 pub mod check {
+    use taxel_engine::calibration::SessionView;
     use taxel_engine::plan::PatchPlan;
-    use taxel_engine::session::SessionView;
     use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
     use taxel_skin::Time;
 

@@ -4,9 +4,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::ensure;
+use taxel_engine::engine::routes::Route;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
-use taxel_engine::route::Route;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 use taxel_engine::{Engine, Input, Output};
 use taxel_skin::{BusIndex, Time};

@@ -4,11 +4,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow, bail};
+use taxel_engine::calibration::SessionState;
 use taxel_engine::command::{Command, RequestId};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Gauge, Outputs, PatchPlan, Plan};
 use taxel_engine::record::Record;
-use taxel_engine::session::SessionState;
 use taxel_engine::{Engine, Input, Now, Output, Restored};
 use taxel_model::{FitOptions, GaugeUncertainty};
 use taxel_sim::{BoardsConfig, Config, GaugeConfig, Mass, PumpCommand, Skin, World};
@@ -90,7 +90,13 @@ pub fn calibrate(seed: u64) -> anyhow::Result<Arc<ModelSet>> {
         set: None,
     };
     run.advance(Duration::from_secs(1))?;
-    let start = Command::StartSession { patch: String::new(), target: None, branches: None, confirmed_by: None };
+    let start = Command::StartSession {
+        patch: String::new(),
+        target: None,
+        branches: None,
+        confirmed_by: None,
+        leave_out: Vec::new(),
+    };
     run.step(Input::Command(RequestId(1), start))?;
     let (mut pumping, end) = (false, run.now + PATIENCE);
     while run.set.is_none() {

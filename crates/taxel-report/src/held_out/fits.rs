@@ -2,13 +2,14 @@
 
 use std::sync::Arc;
 
-use taxel_engine::evaluate::{Activation, Evaluator};
-use taxel_engine::force::{ForceParts, Present};
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::force::Force;
+use taxel_engine::force::owner::ZeroState;
+use taxel_engine::force::{Activation, Evaluator};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
-use taxel_engine::rest::TaxelBaseline;
 use taxel_model::{Accumulator, Estimator, FitOptions, FixedPressure, Order, TaxelModel};
-use taxel_skin::Newton;
+use taxel_skin::{Newton, Time};
 
 use crate::held_out::forearm::{Forearm, Scan};
 
@@ -131,7 +132,7 @@ pub struct Score {
 
 /// Judges the models of `set`.
 #[must_use]
-pub fn judge(set: ModelSet, forearm: &Forearm, plan: &PatchPlan, parts: &ForceParts, exam: &Exam) -> Score {
+pub fn judge(set: ModelSet, forearm: &Forearm, plan: &PatchPlan, exam: &Exam) -> Score {
     let usable: Vec<usize> = (0..set.taxels.len()).filter(|&taxel| set.taxels[taxel].is_usable()).collect();
     let (rest, scans) = &exam.ramp;
     let mut squares = vec![0.0; usable.len()];
@@ -149,20 +150,32 @@ pub fn judge(set: ModelSet, forearm: &Forearm, plan: &PatchPlan, parts: &ForcePa
     Score {
         rmse_kpa: mean(squares.iter().map(|sum| (sum / scans.len() as f64).sqrt())),
         ramp_force_percent: 100.0 * mean(high.map(|(read, truth)| (read / truth - 1.0).abs())),
-        weight_percent: 100.0 * weigh(set, plan, parts, exam),
+        weight_percent: 100.0 * weigh(set, plan, exam),
         usable: usable.len(),
     }
 }
 
 /// Mean relative error of the weighings, by the engine's own force.
-fn weigh(set: ModelSet, plan: &PatchPlan, parts: &ForceParts, exam: &Exam) -> f64 {
+fn weigh(set: ModelSet, plan: &PatchPlan, exam: &Exam) -> f64 {
     let (rest, weighings) = &exam.weighings;
-    let (sigmas, floor_counts) = (plan.live.activation_sigmas, plan.live.activation_floor_counts);
-    let evaluator = Evaluator::new(Arc::new(set), rest, &plan.areas, Activation { sigmas, floor_counts });
-    let uncovered_share = parts.uncovered_share(&evaluator);
-    let present = Present { uncovered_share, ..Present::default() };
-    let force = |scan: &Scan| parts.measure(&evaluator, &scan.counts, present).total.map_or(f64::NAN, |total| total.0);
-    let error = |(weight, scans): &(Newton, Vec<Scan>)| (mean(scans.iter().map(force)) / weight.0 - 1.0).abs();
+    let (counts, modules) = (plan.areas.len(), plan.patch.modules().len());
+    let (sound, silent, pads) = (vec![true; counts], vec![false; modules], vec![[0; 2]; modules]);
+    let mut measured = Force::new(plan.force());
+    measured.set_models(Arc::new(set));
+    measured.set_zero(Some(rest));
+    let mut force = |scan: &Scan| {
+        let scan = taxel_engine::Scan {
+            time: Time::default(),
+            whole: true,
+            counts: &scan.counts,
+            pads: &pads,
+            silent: &silent,
+            sound: &sound,
+            soundness: 0,
+        };
+        measured.sample(&scan, 0, &ZeroState::default()).sample.total.map_or(f64::NAN, |total| total.0)
+    };
+    let error = |(weight, scans): &(Newton, Vec<Scan>)| (mean(scans.iter().map(&mut force)) / weight.0 - 1.0).abs();
     mean(weighings.iter().map(error))
 }
 

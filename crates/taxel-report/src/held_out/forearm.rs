@@ -4,8 +4,9 @@ use std::ops::Range;
 use std::time::Duration;
 
 use anyhow::Context;
+use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::plan::{Gauge, Outputs, PatchPlan};
-use taxel_engine::rest::{RestStatistics, TaxelBaseline};
+use taxel_engine::zero::rest::RestStatistics;
 use taxel_model::{FitOptions, GaugeUncertainty};
 use taxel_sim::{BoardsConfig, Config, GaugeConfig, Mass, PumpCommand, Skin, World};
 use taxel_skin::{BusIndex, Geometry, Kilopascal, Newton, TaxelIndex, Time};

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use flate2::read::MultiGzDecoder;
-use taxel_engine::recording::{ApplyRecipe, Branch, FitRecipe, PlaysChoice, Scans, Score, apply, fit, judge};
+use taxel_engine::calibration::fit::{ApplyRecipe, Branch, FitRecipe, PlaysChoice, Scans, Score, apply, fit, judge};
 use taxel_model::{Estimator, FitOptions, Order};
 
 use crate::document::{Axis, Cell, Figure, Line, Point, Table};

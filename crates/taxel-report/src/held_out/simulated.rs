@@ -1,6 +1,6 @@
 //! Calibration length against held-out error on simulated forearms.
 
-use taxel_engine::force::ForceParts;
+use taxel_engine::force::ForceModel;
 use taxel_engine::plan::PatchPlan;
 
 use crate::document::{Axis, Cell, Figure, Line, Point, Table};
@@ -56,12 +56,11 @@ pub fn measure(seed: u64, quick: bool) -> anyhow::Result<Simulated> {
     for skin in 0..skins {
         let forearm = Forearm::new(seed.wrapping_add(skin))?;
         let plan = forearm.plan()?;
-        let parts = ForceParts::new(&plan);
         let exam = sit(forearm.clone(), skin)?;
         let calibrations = calibrations(&forearm);
         for entry in &mut entries {
             let calibration = &calibrations[entry.length];
-            let score = one(calibration, entry.recipe, &forearm, &plan, &parts, &exam);
+            let score = one(calibration, entry.recipe, &forearm, &plan, &exam);
             entry.scans.push(calibration.scans as f64);
             entry.scores.push(score);
         }
@@ -69,16 +68,9 @@ pub fn measure(seed: u64, quick: bool) -> anyhow::Result<Simulated> {
     Ok(Simulated { entries, skins })
 }
 
-fn one(
-    calibration: &Calibration,
-    recipe: Recipe,
-    forearm: &Forearm,
-    plan: &PatchPlan,
-    parts: &ForceParts,
-    exam: &Exam,
-) -> Score {
+fn one(calibration: &Calibration, recipe: Recipe, forearm: &Forearm, plan: &PatchPlan, exam: &Exam) -> Score {
     let models = calibration.fit(&recipe.options(plan));
-    judge(calibration.model_set(models, plan), forearm, plan, parts, exam)
+    judge(calibration.model_set(models, plan), forearm, plan, exam)
 }
 
 /// One calibration per length, ascending, each on a copy of the same skin at rest.

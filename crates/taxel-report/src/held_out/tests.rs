@@ -1,6 +1,6 @@
 //! That the simulated scans are what they say, and that the judge judges.
 
-use taxel_engine::force::ForceParts;
+use taxel_engine::force::ForceModel;
 use taxel_model::{Estimator, Order, Status, TaxelModel};
 
 use crate::held_out::fits::{Calibration, Exam, Recipe, judge};

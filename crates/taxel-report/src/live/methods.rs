@@ -10,7 +10,7 @@ use crate::live::skin::Taxel;
 /// Taxels that are evaluated side by side.
 pub const LANES: usize = 16;
 
-/// Entries from one taxel's table to the next, as in `taxel_engine::evaluate`: tables a power of two apart would
+/// Entries from one taxel's table to the next, as in `taxel_engine::force`: tables a power of two apart would
 /// compete for the same sets of the cache.
 const TABLE_STRIDE: usize = 256 + 16;
 

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use taxel_engine::evaluate::{Activation, Evaluator};
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::force::{Activation, Evaluator};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::rest::TaxelBaseline;
 use taxel_model::TaxelModel;
 use taxel_skin::SquareMillimetre;
 
@@ -122,7 +122,7 @@ pub struct PartialSums<const SKIP: bool> {
     edge: u8,
 }
 
-/// As `taxel_engine::evaluate` has it.
+/// As `taxel_engine::force` has it.
 const FORCE_STRIDE: usize = 256 + 16;
 
 impl<const SKIP: bool> PartialSums<SKIP> {

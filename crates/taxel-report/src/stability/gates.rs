@@ -5,11 +5,12 @@ use crate::stability::trial::{evaluate, flag_words, greatest, peers_between};
 use crate::stability::{Case, Outcome};
 use std::sync::Arc;
 use taxel_engine::Now;
-use taxel_engine::gauge::GaugeHistory;
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::fit::{Branch, FitRecipe};
+use taxel_engine::calibration::session::{Pending, Progress, SessionRun};
+use taxel_engine::calibration::{FitJob, SampleRefusal, SessionView};
+use taxel_engine::intake::gauge::GaugeHistory;
 use taxel_engine::plan::SessionLimits;
-use taxel_engine::recording::{Branch, FitRecipe};
-use taxel_engine::rest::TaxelBaseline;
-use taxel_engine::session::{FitJob, Pending, Progress, SampleRefusal, SessionRun, SessionView};
 use taxel_model::TaxelModel;
 use taxel_skin::{Kilopascal, Time};
 
@@ -133,6 +134,7 @@ impl Run {
             board_settings: Vec::new(),
             samples: Arc::clone(self.session.samples()),
             modules: std::iter::once(0..1).collect(),
+            left_out: Vec::new(),
             recipe: FitRecipe { branch: Branch::Rising, ..FitRecipe::default() },
         };
         job.run(|_| String::new()).result.ok()?.taxels.first().cloned()

@@ -7,12 +7,12 @@ use crate::stability::{Case, Outcome};
 use rand::RngExt;
 use std::sync::Arc;
 use taxel_engine::Now;
-use taxel_engine::compensate::Compensator;
-use taxel_engine::drift::{Drift, DriftSite};
-use taxel_engine::evaluate::Activation;
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::force::Activation;
+use taxel_engine::force::hysteresis::Hysteresis;
 use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
 use taxel_engine::plan::DriftPlan;
-use taxel_engine::rest::TaxelBaseline;
+use taxel_engine::zero::drift::{Drift, DriftSite};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, Plays};
 use taxel_skin::{ModuleKind, Time};
 
@@ -23,7 +23,7 @@ const PADS: f64 = 230.0;
 const SECOND_NS: i64 = 1_000_000_000;
 const HOUR_NS: i64 = 3_600 * SECOND_NS;
 /// Sum of weight x radius of the plays here: the bend can be no greater.
-const BEND_MAX_KPA: f64 = 0.8 * 4.0 + 0.4 * 10.0;
+const OFFSET_MAX_KPA: f64 = 0.8 * 4.0 + 0.4 * 10.0;
 
 pub(super) fn cases() -> Vec<Case> {
     let drift = "max |difference of the drift|, counts";
@@ -43,7 +43,7 @@ pub(super) fn cases() -> Vec<Case> {
         Case::of(
             "8.7",
             "plays live: any counts over steps of -1 h to 1 h",
-            "max |bend| over sum w r",
+            "max |offset| over sum w r",
             1.0 + 1e-6,
             any_steps_of_plays,
         ),
@@ -151,7 +151,7 @@ fn any_steps() -> Outcome {
 }
 
 /// One taxel whose counts fall by one a kilopascal, with its hysteresis compensated over half a second.
-fn compensator() -> Option<Compensator> {
+fn hysteresis() -> Option<Hysteresis> {
     let mut sums = Accumulator::new();
     (0..700_u32).for_each(|k| {
         let kpa = f64::from(k) / 10.0;
@@ -182,35 +182,35 @@ fn compensator() -> Option<Compensator> {
             taxels: vec![Some(taxel)],
         }),
     };
-    Compensator::new(&Arc::new(set), &[REST])
+    Hysteresis::new(&Arc::new(set), &[REST])
 }
 
-/// The bend in kPa after a count that lasts until each of the times, seen first at time 0; NaN without a compensator.
-fn bend_kpa(count: u8, times_ns: impl IntoIterator<Item = i64>) -> f64 {
-    let Some(mut compensator) = compensator() else { return f64::NAN };
+/// The offset in kPa after a count that lasts until each of the times, seen first at time 0; NaN without a hysteresis.
+fn offset_kpa(count: u8, times_ns: impl IntoIterator<Item = i64>) -> f64 {
+    let Some(mut hysteresis) = hysteresis() else { return f64::NAN };
     for time_ns in std::iter::once(0).chain(times_ns) {
-        compensator.follow(Time::from_nanos(time_ns), &[count], |_| true);
+        hysteresis.follow(Time::from_nanos(time_ns), &[count], |_| true);
     }
-    compensator.bend_kpa().first().map_or(f64::NAN, |bend| f64::from(*bend))
+    hysteresis.offset_kpa().first().map_or(f64::NAN, |offset| f64::from(*offset))
 }
 
 fn subdivision() -> Outcome {
-    let small = |count| bend_kpa(count, (1..=10_000).map(|k| k * 20_000));
+    let small = |count| offset_kpa(count, (1..=10_000).map(|k| k * 20_000));
     Outcome::of_figure(greatest([180, 200, 220, 235].map(|count| {
-        let one = bend_kpa(count, [SECOND_NS / 5]);
+        let one = offset_kpa(count, [SECOND_NS / 5]);
         (one - small(count)).abs()
     })))
 }
 
 fn any_steps_of_plays() -> Outcome {
-    let Some(mut compensator) = compensator() else { return Outcome::of_figure(f64::NAN) };
+    let Some(mut hysteresis) = hysteresis() else { return Outcome::of_figure(f64::NAN) };
     Outcome::of_figure(greatest(steps(87, 100_000).map(|(time_ns, count)| {
-        compensator.follow(Time::from_nanos(time_ns), &[count], |_| true);
-        compensator.bend_kpa().first().map_or(f64::NAN, |bend| f64::from(*bend).abs()) / BEND_MAX_KPA
+        hysteresis.follow(Time::from_nanos(time_ns), &[count], |_| true);
+        hysteresis.offset_kpa().first().map_or(f64::NAN, |offset| f64::from(*offset).abs()) / OFFSET_MAX_KPA
     })))
 }
 
 fn after_a_gap() -> Outcome {
-    let all = bend_kpa(200, (1..=36_000).map(|k| k * HOUR_NS / 36_000));
-    Outcome::of_figure((bend_kpa(200, [HOUR_NS]) - all).abs())
+    let all = offset_kpa(200, (1..=36_000).map(|k| k * HOUR_NS / 36_000));
+    Outcome::of_figure((offset_kpa(200, [HOUR_NS]) - all).abs())
 }

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
-use taxel_engine::drift::{DriftState, DriftView};
 use taxel_engine::snapshot::{
     BoardHealth, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag, TareView,
     TaxelState,
 };
+use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
@@ -23,6 +23,8 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         reasons: vec!["3 taxels are silent".to_owned()],
         total: Some(Newton(4.5)),
         total_sigma: Some(Newton(0.25)),
+        detection_floor: Some(Newton(0.75)),
+        lower_bound: true,
         resultant: Some([0.1, 0.2, 4.4]),
         moment: Some([1.0, 2.0, 3.0]),
         centre_of_pressure: Some([0.01, 0.02, 0.03]),
@@ -65,6 +67,8 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         contacts: vec![v1::Contact { force_n: 4.5, centre_m: vector(0.01, 0.02, 0.03), taxels: 5 }],
         filled: 4,
         filled_share: 0.0625,
+        detection_floor_n: Some(0.75),
+        lower_bound: true,
     };
     assert_eq!(got, expected);
 }
@@ -176,7 +180,7 @@ async fn health_names_buses_boards_zeros_and_faults() {
     assert_eq!(tare.noise_median_counts.to_bits(), 0.0_f64.to_bits(), "not a number stays inside");
     let drift = tare.drift.as_ref().unwrap();
     assert_eq!((drift.state(), drift.max_counts), (v1::DriftState::Bounded, -3.0));
-    assert_eq!((drift.modules_following, drift.modules, tare.provisional_scans), (5, 8, None));
+    assert_eq!((drift.modules_following, drift.modules), (5, 8));
     assert_eq!((health.streams, health.streams_max), (0, 64));
 }
 

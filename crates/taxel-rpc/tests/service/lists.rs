@@ -1,7 +1,7 @@
 //! Lists come newest first, in pages, by patch.
 
 use std::sync::Arc;
-use taxel_engine::session::{SessionState, SessionView};
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;

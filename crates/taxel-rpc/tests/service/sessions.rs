@@ -1,9 +1,9 @@
 //! Sessions: commands go to the engine, views come back, and a watcher sees the session to its end.
 
 use std::sync::Arc;
+use taxel_engine::calibration::fit::Branch;
+use taxel_engine::calibration::{Direction, RefusalCounts, SampleRefusal, SessionState, SessionView};
 use taxel_engine::command::{Command, Done};
-use taxel_engine::recording::Branch;
-use taxel_engine::session::{Direction, RefusalCounts, SampleRefusal, SessionState, SessionView};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
@@ -50,7 +50,7 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
     let (session, ()) = tokio::join!(
         client.start_session(request),
         daemon.answer(done(), |command| {
-            let Command::StartSession { patch, target, branches, confirmed_by } = command else {
+            let Command::StartSession { patch, target, branches, confirmed_by, .. } = command else {
                 panic!("{command:?}")
             };
             assert_eq!(branches, Some(Branch::Both));

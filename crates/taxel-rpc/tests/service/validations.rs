@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::loads::{AreaFactor, JudgedLoad, Load, Reading, Validation, Weight};
 use taxel_engine::snapshot::Catalogue;
-use taxel_engine::validation::{AreaFactor, JudgedLoad, Load, Reading, Validation, Weight};
 use taxel_proto::v1;
 use taxel_proto::v1::record_load_request::Load as Laid;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;

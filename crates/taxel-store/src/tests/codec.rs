@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 use serde_json::{Value, json};
+use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
-use taxel_engine::rest::TaxelBaseline;
 use taxel_model::{
     Curve, Estimator, FitOptions, Flag, GaugeUncertainty, Order, Plays, Quality, Samples, SigmaProfile, Sign, Status,
     TaxelModel,

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use rusqlite::Connection;
+use taxel_engine::calibration::SessionState;
 use taxel_engine::record::Record;
-use taxel_engine::session::SessionState;
 
 use super::fixture::*;
 use crate::db::Db;

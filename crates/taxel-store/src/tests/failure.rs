@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 
+use taxel_engine::calibration::SessionState;
 use taxel_engine::record::Record;
-use taxel_engine::session::SessionState;
 
 use super::fixture::*;
 use crate::db::Db;

@@ -5,10 +5,10 @@ use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, LazyLock};
 
 use taxel_engine::Restored;
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::{Record, Sample};
-use taxel_engine::rest::TaxelBaseline;
-use taxel_engine::session::{SessionState, SessionView};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
 
 use crate::{Batch, Durability, Quarantined, Store, StoreError, StoreEvent, models_json};

@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use rusqlite::Connection;
+use taxel_engine::loads::{Load, Reading};
 use taxel_engine::record::Record;
-use taxel_engine::validation::{Load, Reading};
 
 use super::fixture::*;
 use crate::db::Db;

@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use rusqlite::Connection;
+use taxel_engine::calibration::SessionState;
 use taxel_engine::record::Record;
-use taxel_engine::session::SessionState;
 use taxel_engine::snapshot::TareView;
 
 use super::fixture::*;

@@ -310,13 +310,13 @@ pub struct TareSection {
     pub seconds: f64,
     /// Whether the zero is taken by itself after start, once rest is proven.
     pub at_start: bool,
-    /// After so many scans it is taken provisionally; 0 is never.
-    pub first_scans: u32,
+    /// Of earlier versions; has no effect.
+    pub first_scans: Option<u32>,
 }
 
 impl Default for TareSection {
     fn default() -> Self {
-        Self { seconds: 1.0, at_start: true, first_scans: 4 }
+        Self { seconds: 1.0, at_start: true, first_scans: None }
     }
 }
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 use std::time::Duration;
+use taxel_engine::calibration::fit::{Branch, PlaysChoice};
 use taxel_engine::plan::{BoardSetup, DriftPlan, Gauge, LiveLimits, Outputs, PatchPlan, Plan, SessionLimits, TarePlan};
-use taxel_engine::recording::{Branch, PlaysChoice};
 use taxel_model::{Estimator, Exclusion, FitOptions, GaugeUncertainty, Order};
 use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Kilopascal, Module, ModuleKind, NormalsVerdict, Patch};
 use taxel_wire::CanId;
@@ -120,7 +120,9 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
     }
     let setups = section.board.iter().map(|b| setup(b, section.period_ms)).collect::<Result<Vec<_>, _>>()?;
     within("tare.seconds", section.tare.seconds, 0.1, 60.0)?;
-    let first_scans = within("tare.first_scans", f64::from(section.tare.first_scans), 0.0, 1000.0)? as u32;
+    if section.tare.first_scans.is_some() {
+        scene.remarks.push(format!("{name}: tare.first_scans has no effect any more: every zero is watched in full"));
+    }
     let drift = drift(&section.drift)?;
     let padless = patch.modules().iter().all(|site| site.kind.thermal_slots().is_empty());
     if !drift.follow || padless {
@@ -141,7 +143,6 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
         tare: TarePlan {
             duration: Duration::from_secs_f64(section.tare.seconds),
             at_start: section.tare.at_start,
-            first_scans,
             rest: Default::default(),
         },
         drift: DriftPlan { follow: drift.follow && !padless, ..drift },

@@ -5,7 +5,9 @@ use std::path::Path;
 use std::time::Instant;
 
 use anyhow::Context;
-use taxel_engine::recording::{Applied, ApplyRecipe, Branch, FitRecipe, PlaysChoice, Tare, Unread, apply, fit, judge};
+use taxel_engine::calibration::fit::{
+    Applied, ApplyRecipe, Branch, FitRecipe, PlaysChoice, Tare, Unread, apply, fit, judge,
+};
 use taxel_model::{Estimator, FitOptions, Order};
 
 use crate::fit::scans_of;

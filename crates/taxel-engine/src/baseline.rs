@@ -1,0 +1,36 @@
+//! What a taxel reads at rest, and from where on it counts as touched.
+
+/// Rest noise cannot be known better than the quantisation of one count: 1/sqrt(12).
+pub const NOISE_FLOOR_COUNTS: f64 = 0.29;
+
+/// What a taxel reads at rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TaxelBaseline {
+    /// Mean, counts.
+    pub mean: f64,
+    /// Standard deviation of a single reading, counts.
+    pub noise: f64,
+}
+
+impl TaxelBaseline {
+    /// That of a taxel of which nothing is known.
+    pub const UNKNOWN: Self = Self { mean: f64::NAN, noise: f64::NAN };
+}
+
+/// When a taxel counts as touched.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Activation {
+    /// Multiple of the rest noise.
+    pub sigmas: f64,
+    /// Least distance from rest, in counts.
+    pub floor_counts: f64,
+}
+
+impl Activation {
+    /// The activation threshold of a taxel with this noise at rest: counts from rest towards pressure. The one formula
+    /// for everybody: tables, the drift's search for touches, and readers of taxels.
+    #[must_use]
+    pub fn distance_counts(&self, noise_counts: f64) -> f64 {
+        (self.sigmas * noise_counts.max(NOISE_FLOOR_COUNTS)).max(self.floor_counts)
+    }
+}

@@ -1,0 +1,40 @@
+//! What goes into the engine.
+
+use taxel_skin::BusIndex;
+use taxel_wire::TimedFrame;
+
+use crate::boundary::command::Command;
+use crate::calibration::job::FitOutcome;
+use crate::intake::health::BusNotice;
+use crate::request::RequestId;
+
+/// One thing that happened.
+#[derive(Debug)]
+pub enum Input<'a> {
+    /// Frames of one bus, in the order of reception.
+    Frames(BusIndex, &'a [TimedFrame]),
+    /// Something about the bus itself.
+    Bus(BusIndex, BusNotice),
+    /// Time passed: due at [`crate::Engine::next_deadline`], or staleness is seen late.
+    Tick,
+    /// A command, to be answered with [`Output::Reply`] carrying the same id.
+    Command(RequestId, Command),
+    /// A fit that was handed out has ended.
+    Fitted(FitOutcome),
+    /// Records that were handed out with [`crate::Output::Commit`] are on disk, or why not.
+    Committed {
+        /// The commit's ticket.
+        ticket: u64,
+        /// Whether they are.
+        result: Result<(), String>,
+    },
+    /// Samples of this session are on disk up to, not including, this index.
+    Durable {
+        /// Number of the session.
+        session: u64,
+        /// Samples on disk.
+        samples: u64,
+    },
+    /// The store refused a write; why. No session can go on.
+    StoreFailed(String),
+}

@@ -1,0 +1,8 @@
+//! The whole boundary between the engine and the world: what goes in, what comes out, what readers see.
+
+pub mod catalogue;
+pub mod command;
+pub mod input;
+pub mod output;
+pub mod record;
+pub mod snapshot;

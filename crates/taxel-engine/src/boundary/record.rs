@@ -1,0 +1,57 @@
+//! What the engine wants on disk, in the order it happened.
+
+use std::sync::Arc;
+
+use crate::baseline::TaxelBaseline;
+pub use crate::calibration::samples::Sample;
+use crate::calibration::view::SessionView;
+use crate::loads::load::Load;
+use crate::model_set::ModelSet;
+use crate::zero::view::TareView;
+
+/// One durable fact. The store appends them; none is ever changed.
+#[derive(Clone, Debug)]
+pub enum Record {
+    /// A session began or changed its state; the newest view of a session counts.
+    Session(Arc<SessionView>),
+    /// A ramp began at this zero.
+    Ramp {
+        /// Number of the session.
+        session: u64,
+        /// Number of the ramp in it, from 0.
+        ramp: u16,
+        /// The zero of the ramp, one per taxel.
+        baseline: Vec<TaxelBaseline>,
+    },
+    /// A scan entered the session.
+    Sample {
+        /// Number of the session.
+        session: u64,
+        /// Position of the sample in it, from 0.
+        index: u64,
+        /// The sample.
+        sample: Sample,
+    },
+    /// A model set was made or imported.
+    ModelSet(Arc<ModelSet>),
+    /// A model set became the active one of its patch.
+    Activated {
+        /// The patch.
+        patch: String,
+        /// The set.
+        model_set: String,
+        /// When, nanoseconds since 1970.
+        wall_ns: i64,
+    },
+    /// A known load was read.
+    Load(Arc<Load>),
+    /// A zero was taken.
+    Tared {
+        /// The patch.
+        patch: String,
+        /// How and by whom.
+        tare: TareView,
+        /// The zero, one per taxel.
+        baseline: Vec<TaxelBaseline>,
+    },
+}

@@ -1,0 +1,39 @@
+//! Immutable views of live state.
+
+use taxel_skin::Time;
+
+pub use crate::boundary::catalogue::Catalogue;
+pub use crate::force::sample::{Contact, ForceSample, ForceState, RangeFlag, TaxelState};
+pub use crate::force::taxels::Taxels;
+pub use crate::intake::health::{BoardHealth, BusHealth};
+pub use crate::zero::view::TareView;
+
+/// One patch at one moment.
+#[derive(Clone, Debug, Default)]
+pub struct PatchSnapshot {
+    /// One more for each published snapshot of this patch.
+    pub sequence: u64,
+    /// Receive time of the newest frame in it.
+    pub time: Time,
+    /// The same instant in nanoseconds since 1970, a label only.
+    pub wall_ns: i64,
+    /// Whether any frame of the patch has come.
+    pub seen: bool,
+    /// The force on the patch.
+    pub force: ForceSample,
+    /// One entry per taxel, worked out when somebody looks.
+    pub taxels: Taxels,
+    /// The zero, if one was taken.
+    pub tare: Option<TareView>,
+}
+
+/// Buses, boards and modules.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Health {
+    /// One per bus.
+    pub buses: Vec<BusHealth>,
+    /// One per board, patch by patch.
+    pub boards: Vec<BoardHealth>,
+    /// What else is wrong, for example the store.
+    pub problems: Vec<String>,
+}

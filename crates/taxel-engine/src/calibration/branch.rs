@@ -1,0 +1,44 @@
+//! The branches of a hysteresis loop: which of them a session gathers, and at which of them it is.
+
+/// Which branches of the pressure are fitted, and gathered by a session.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Branch {
+    /// Rising pressure, as in the paper.
+    #[default]
+    Rising,
+    /// Falling pressure too: the curve runs through the middle of the hysteresis.
+    Both,
+}
+
+/// Whether hysteresis is compensated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PlaysChoice {
+    /// If it wins on what no fit saw: the last falling branch, or of a single one the lower half.
+    #[default]
+    Auto,
+    /// Wherever a taxel carries it.
+    On,
+    /// Nowhere.
+    Off,
+}
+
+/// Which way the pressure goes while samples enter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Direction {
+    /// It rises.
+    #[default]
+    Rising,
+    /// It falls.
+    Falling,
+}
+
+impl Direction {
+    /// +1 where it rises, -1 where it falls.
+    #[must_use]
+    pub const fn sign(self) -> f64 {
+        match self {
+            Self::Rising => 1.0,
+            Self::Falling => -1.0,
+        }
+    }
+}

@@ -1,0 +1,366 @@
+//! The calibration of one patch: at most one session holds it at a time.
+//!
+//! Order of calls: a command, [`Calibration::on_scan`] for each scan, [`Calibration::advance`] whenever pressure or time
+//! moved on, and what the zero says as it says it. All that follows comes back as [`CalibrationEvent`]s, in order.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::Duration;
+use taxel_model::FitOptions;
+use taxel_skin::Time;
+
+use crate::baseline::TaxelBaseline;
+use crate::calibration::fit::recipe_options::FitRecipe;
+use crate::calibration::job::{FitJob, FitOutcome};
+use crate::calibration::limits::SessionLimits;
+use crate::calibration::samples::SessionSamples;
+use crate::calibration::session::{Pending, Progress, SessionRecord, SessionRun};
+use crate::calibration::transition::{Trigger, commanded, transition};
+use crate::calibration::view::{SessionState, SessionView};
+use crate::intake::faults::limits::FaultLimits;
+use crate::intake::gauge::GaugeHistory;
+use crate::model_set::ModelSet;
+use crate::now::Now;
+use crate::request::Rejection;
+use crate::scan::Scan;
+
+/// While a session is open its view is shown this often, besides at each change of state.
+const SHOW_EVERY: Duration = Duration::from_millis(200);
+
+/// What calibration needs to know of a patch.
+#[derive(Clone, Debug)]
+pub struct CalibrationPlan {
+    /// The patch's name.
+    pub patch: String,
+    /// Which taxels form each module.
+    pub modules: Vec<Range<usize>>,
+    /// How many taxels there are.
+    pub taxels: usize,
+    /// The rules of a session.
+    pub session: SessionLimits,
+    /// How models are fitted.
+    pub fit: FitOptions,
+    /// When a taxel counts as faulty.
+    pub faults: FaultLimits,
+    /// Board settings that the counts depend on, in words: one line a board.
+    pub board_settings: Vec<String>,
+}
+
+/// What follows from a step of the calibration.
+#[derive(Clone, Debug)]
+pub enum CalibrationEvent {
+    /// The skin is to be watched at rest, for the zero of a ramp.
+    WantsZero {
+        /// Who vouches that nothing touches the skin.
+        confirmed_by: Option<String>,
+    },
+    /// No zero is wanted any more.
+    ZeroNotWanted,
+    /// Something must be on disk.
+    Record(SessionRecord),
+    /// The session reached another state or its view changed for good: to disk and to readers.
+    Session(Arc<SessionView>),
+    /// Its progress, for readers alone.
+    Progress(Arc<SessionView>),
+    /// This is to be computed outside the engine.
+    Fit(FitJob),
+}
+
+/// The calibration of one patch.
+#[derive(Debug)]
+pub struct Calibration {
+    plan: CalibrationPlan,
+    session: Option<SessionRun>,
+    /// The view has changed since it was last shown.
+    dirty: bool,
+    shown: Time,
+}
+
+impl Calibration {
+    /// No session.
+    #[must_use]
+    pub const fn new(plan: CalibrationPlan) -> Self {
+        Self { plan, session: None, dirty: false, shown: Time::from_nanos(i64::MIN) }
+    }
+
+    /// The session that holds the patch or was the last to.
+    #[must_use]
+    pub fn session(&self) -> Option<&SessionView> {
+        self.session.as_ref().map(SessionRun::view)
+    }
+
+    /// The session that holds the patch now.
+    #[must_use]
+    pub fn open(&self) -> Option<&SessionView> {
+        self.session().filter(|view| view.state.is_open())
+    }
+
+    /// Refuses what cannot be while a session holds the patch.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with the session, its state and what to do.
+    pub fn refuse_if_open(&self, then: &str) -> Result<(), Rejection> {
+        let Some(open) = self.open() else { return Ok(()) };
+        Err(Rejection::FailedPrecondition(format!("session {} is {}; {then}", open.number, open.state.name())))
+    }
+
+    /// Whether scans are offered to a ramp now.
+    #[must_use]
+    pub fn is_ramping(&self) -> bool {
+        self.session().is_some_and(|view| view.state == SessionState::Ramping)
+    }
+
+    /// Whether a module was left out of the session by its operator.
+    #[must_use]
+    pub fn leaves_out(&self, module: usize) -> bool {
+        self.session().is_some_and(|view| view.left_out.iter().any(|m| usize::from(*m) == module))
+    }
+
+    /// Begins a session. The caller has checked that none is open.
+    pub fn start(&mut self, now: Now, view: SessionView, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
+        self.session = Some(SessionRun::new(now, view, self.plan.session, self.plan.taxels));
+        self.enter(now, SessionState::Taring, "", gauge, events);
+        self.want_zero(events);
+    }
+
+    /// Takes up a session of an earlier run with the samples that were on disk.
+    pub fn resume(&mut self, now: Now, view: SessionView, samples: SessionSamples) {
+        self.session = Some(SessionRun::resume(now, view, self.plan.session, self.plan.taxels, samples));
+    }
+
+    /// What an operator asks of the session.
+    ///
+    /// # Errors
+    /// [`Rejection`] if there is no session, or not in its present state.
+    pub fn command(
+        &mut self,
+        now: Now,
+        command: Trigger,
+        gauge: &GaugeHistory,
+        events: &mut Vec<CalibrationEvent>,
+    ) -> Result<(), Rejection> {
+        let Some(session) = &mut self.session else { return Err(Rejection::NotFound("session".to_owned())) };
+        let next = commanded(session.view().number, session.view().state, command)?;
+        match command {
+            Trigger::FinishRamp if session.turn(now.time) => self.tell(now, gauge, events),
+            Trigger::FinishRamp => self.fit(now, gauge, events),
+            Trigger::Discard => self.enter(now, next, "an operator laid it aside", gauge, events),
+            Trigger::Abort => self.enter(now, next, "an operator aborted it", gauge, events),
+            _ => {
+                self.enter(now, next, "", gauge, events);
+                self.want_zero(events);
+            }
+        }
+        Ok(())
+    }
+
+    fn want_zero(&self, events: &mut Vec<CalibrationEvent>) {
+        let confirmed_by = self.session().and_then(|view| view.confirmed_by.clone());
+        events.push(CalibrationEvent::WantsZero { confirmed_by });
+    }
+
+    /// The zero that was wanted was taken: the ramp begins.
+    pub fn on_zero_taken(
+        &mut self,
+        now: Now,
+        baseline: Vec<TaxelBaseline>,
+        gauge: &GaugeHistory,
+        events: &mut Vec<CalibrationEvent>,
+    ) {
+        let Some(session) = self.session.as_mut() else { return };
+        if transition(session.view().state, Trigger::Zeroed).is_none() {
+            return;
+        }
+        let ramp = session.begin_ramp(now, baseline);
+        events.push(CalibrationEvent::Record(ramp));
+        self.tell(now, gauge, events);
+    }
+
+    /// The zero that was wanted could not be taken: the session goes on watching until its patience ends.
+    pub fn on_zero_refused(&mut self, now: Now, why: &str, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
+        let Some(session) = self.session.as_mut() else { return };
+        let Some(failed) = transition(session.view().state, Trigger::NeverAtRest) else { return };
+        if now.time.since(session.entered()) > self.plan.session.patience {
+            self.enter(now, failed, format!("rest was never proven: {why}"), gauge, events);
+        } else {
+            session.explain(format!("waiting for rest: {why}"));
+            self.dirty = true;
+            self.want_zero(events);
+        }
+    }
+
+    /// The zero was lost: counts of two zeros in one ramp would make a wrong model. What was gathered before is kept.
+    pub fn on_zero_lost(&mut self, now: Now, why: &str, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
+        let Some(session) = self.session.as_mut() else { return };
+        session.drop_waiting();
+        if let Some(failed) = transition(session.view().state, Trigger::ZeroLost) {
+            self.enter(now, failed, format!("the ramp's zero was lost: {why}"), gauge, events);
+        }
+    }
+
+    /// The zero is in doubt: nothing enters until it holds again.
+    pub fn on_zero_doubted(&mut self) {
+        if let Some(session) = self.session.as_mut() {
+            session.drop_waiting();
+            self.dirty = true;
+        }
+    }
+
+    /// A scan ended. `complete`: every module that the session needs is in it, and the zero holds.
+    pub fn on_scan(&mut self, scan: &Scan<'_>, complete: bool) {
+        let Some(session) = self.session.as_mut().filter(|s| s.view().state == SessionState::Ramping) else { return };
+        session.on_scan(complete.then(|| Pending { time: scan.time, counts: Arc::from(scan.counts) }));
+        self.dirty = true;
+    }
+
+    /// Moves waiting scans on, as far as pressure and time have come. `silence` says which modules are silent.
+    pub fn advance(
+        &mut self,
+        now: Now,
+        gauge: &GaugeHistory,
+        silence: impl FnOnce() -> String,
+        events: &mut Vec<CalibrationEvent>,
+    ) {
+        let Some(session) = &mut self.session else { return };
+        let mut records = Vec::new();
+        let progress = session.advance(now.time, gauge, &mut records);
+        events.extend(records.into_iter().map(CalibrationEvent::Record));
+        match progress {
+            Progress::On => {}
+            Progress::Turned => self.tell(now, gauge, events),
+            Progress::RampEnded => self.fit(now, gauge, events),
+            Progress::Failed => {
+                let mut reason = session.view().reason.clone();
+                if session.lacks_modules() {
+                    reason = format!("{reason}: {}; leave them out of the session or mend them", silence());
+                }
+                if let Some(failed) = transition(session.view().state, Trigger::Hopeless) {
+                    self.enter(now, failed, reason, gauge, events);
+                }
+            }
+        }
+    }
+
+    /// Ends the ramp and hands the samples to the fit.
+    fn fit(&mut self, now: Now, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
+        let Some(session) = &self.session else { return };
+        let (view, plan) = (session.view(), &self.plan);
+        let job = FitJob {
+            session: view.number,
+            patch: plan.patch.clone(),
+            wall_ns: now.wall_ns,
+            board_settings: plan.board_settings.clone(),
+            samples: Arc::clone(session.samples()),
+            modules: plan.modules.clone(),
+            left_out: view.left_out.clone(),
+            recipe: FitRecipe {
+                options: plan.fit,
+                branch: view.branches,
+                plays: plan.session.plays,
+                faults: plan.faults,
+                // What a table of counts is cut into when this set is applied to one; live, each module has its own.
+                module_size: plan.modules.iter().map(ExactSizeIterator::len).max().unwrap_or(1),
+                ..FitRecipe::default()
+            },
+        };
+        let ended_early = match view.state {
+            SessionState::Ramping => view.reason.clone(),
+            _ => String::new(),
+        };
+        self.enter(now, SessionState::Fitting, ended_early, gauge, events);
+        events.push(CalibrationEvent::Fit(job));
+    }
+
+    /// Whether the outcome of a fit is the one that this session waits for.
+    #[must_use]
+    pub fn awaits(&self, outcome: &FitOutcome) -> bool {
+        self.session().is_some_and(|v| v.number == outcome.session && transition(v.state, Trigger::Fitted).is_some())
+    }
+
+    /// The fit that was awaited came back with a model set that is on disk, or why there is none.
+    pub fn on_fitted(
+        &mut self,
+        now: Now,
+        result: &Result<Arc<ModelSet>, String>,
+        gauge: &GaugeHistory,
+        events: &mut Vec<CalibrationEvent>,
+    ) {
+        let Some(session) = &mut self.session else { return };
+        let trigger = if result.is_ok() { Trigger::Fitted } else { Trigger::FitFailed };
+        let Some(next) = transition(session.view().state, trigger) else { return };
+        match result {
+            Ok(set) => {
+                session.set_model_set(Arc::from(set.id.as_str()));
+                let ended_early = session.view().reason.clone();
+                self.enter(now, next, ended_early, gauge, events);
+            }
+            Err(reason) => self.enter(now, next, reason.clone(), gauge, events),
+        }
+    }
+
+    /// Samples of a session are on disk, perhaps after it has ended.
+    pub fn on_durable(&mut self, number: u64, samples: u64) {
+        if let Some(session) = self.session.as_mut().filter(|s| s.view().number == number) {
+            session.set_durable(samples);
+            self.dirty = true;
+        }
+    }
+
+    /// Something from outside changes the session's state, if it can in its present one.
+    pub fn trigger(
+        &mut self,
+        now: Now,
+        trigger: Trigger,
+        reason: &str,
+        gauge: &GaugeHistory,
+        events: &mut Vec<CalibrationEvent>,
+    ) {
+        let next = self.session().and_then(|view| transition(view.state, trigger));
+        if let Some(next) = next {
+            self.enter(now, next, reason, gauge, events);
+        }
+    }
+
+    /// Changes the session's state, on disk and for readers.
+    fn enter(
+        &mut self,
+        now: Now,
+        state: SessionState,
+        reason: impl Into<String>,
+        gauge: &GaugeHistory,
+        events: &mut Vec<CalibrationEvent>,
+    ) {
+        let Some(session) = &mut self.session else { return };
+        let was_taring = session.view().state == SessionState::Taring;
+        session.enter(now, state, reason);
+        if was_taring && state != SessionState::Taring {
+            events.push(CalibrationEvent::ZeroNotWanted);
+        }
+        self.tell(now, gauge, events);
+    }
+
+    fn tell(&mut self, now: Now, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
+        let Some(session) = &mut self.session else { return };
+        session.refresh(now.time, gauge);
+        events.push(CalibrationEvent::Session(Arc::new(session.view().clone())));
+        self.dirty = false;
+        self.shown = now.time;
+    }
+
+    /// Shows an open session's progress, a few times a second.
+    pub fn show(&mut self, now: Time, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
+        let due = self.deadline().is_some_and(|deadline| now >= deadline);
+        if let Some(session) = self.session.as_mut().filter(|_| due) {
+            session.refresh(now, gauge);
+            events.push(CalibrationEvent::Progress(Arc::new(session.view().clone())));
+            self.dirty = false;
+            self.shown = now;
+        }
+    }
+
+    /// When the progress is to be shown next; a session that holds its patch is looked at then, too.
+    #[must_use]
+    pub fn deadline(&self) -> Option<Time> {
+        (self.dirty || self.open().is_some()).then(|| self.shown.max(Time::default()) + SHOW_EVERY)
+    }
+}

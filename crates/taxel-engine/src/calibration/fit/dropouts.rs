@@ -1,0 +1,67 @@
+//! Single readings that stand alone: a converter that missed once.
+//!
+//! The live faults leave them, because a single blow is no flicker and a touch may come between two scans. A fit knows
+//! what came after, and one such reading can bend a curve by kilopascals.
+
+use crate::statistics::quantile;
+
+/// Scans on each side that a reading is compared with (Hampel identifier; Pearson 2002).
+const REACH: usize = 7;
+
+/// A reading further from the median than so many standard deviations, estimated from the median deviation, ...
+const DEVIATIONS: f64 = 5.0;
+
+/// ... and than so many counts stands alone.
+const FLOOR_COUNTS: f64 = 3.0;
+
+/// Median deviation to standard deviation of a normal distribution.
+const NORMAL: f64 = 1.4826;
+
+/// Where readings stand alone, among those that are finite and not masked; ascending.
+#[must_use]
+pub(super) fn dropouts(counts: &[f64], masked: &[bool]) -> Vec<usize> {
+    let sound: Vec<usize> = (0..counts.len()).filter(|&i| !masked[i] && counts[i].is_finite()).collect();
+    // One sort of a window costs more than everything else; so only a reading that jumps is looked at.
+    let jumps = |a: usize, b: usize| (counts[sound[a]] - counts[sound[b]]).abs() > FLOOR_COUNTS;
+    let jumps_at = |at: usize| (at > 0 && jumps(at, at - 1)) || (at + 1 < sound.len() && jumps(at, at + 1));
+    let alone = (0..sound.len()).filter(|&at| jumps_at(at)).filter(|&at| {
+        let around = &sound[at.saturating_sub(REACH)..sound.len().min(at + REACH + 1)];
+        let Some(middle) = quantile(around.iter().map(|&i| counts[i]).collect(), 0.5) else { return false };
+        let deviation = quantile(around.iter().map(|&i| (counts[i] - middle).abs()).collect(), 0.5).unwrap_or(0.0);
+        (counts[sound[at]] - middle).abs() > (DEVIATIONS * NORMAL * deviation).max(FLOOR_COUNTS)
+    });
+    alone.map(|at| sound[at]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A ramp of 80 counts over 1,000 scans with a noise of one count.
+    fn ramp() -> Vec<f64> {
+        (0..1_000).map(|i| (240.0 - 0.08 * f64::from(i) + f64::from(i * 7919 % 5) * 0.5 - 1.0).round()).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn every_single_dropout_is_found_and_little_else(
+            places in proptest::collection::btree_set((1..60_usize).prop_map(|k| 16 * k), 1..10), to in 0..=255_u8
+        ) {
+            let mut counts = ramp();
+            let far = |i: usize| (counts[i] - f64::from(to)).abs() > 12.0;
+            let places: Vec<usize> = places.into_iter().filter(|&i| far(i)).collect();
+            places.iter().for_each(|&i| counts[i] = f64::from(to));
+            let found = dropouts(&counts, &[false; 1_000]);
+            prop_assert!(places.iter().all(|place| found.contains(place)), "{places:?} {found:?}");
+            prop_assert!(found.len() <= places.len() + 1, "{places:?} {found:?}");
+        }
+    }
+
+    #[test]
+    fn a_step_is_no_dropout() {
+        let mut counts = ramp();
+        counts[500..].iter_mut().for_each(|count| *count -= 40.0);
+        assert!(dropouts(&counts, &[false; 1_000]).is_empty());
+    }
+}

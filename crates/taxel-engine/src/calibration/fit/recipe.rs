@@ -1,0 +1,75 @@
+//! From a calibration recording to a model set.
+
+use std::ops::Range;
+
+use crate::baseline::TaxelBaseline;
+use crate::calibration::branch::Branch;
+use crate::calibration::fit::course::Course;
+use crate::calibration::fit::lag;
+use crate::calibration::fit::masks::Masks;
+use crate::calibration::fit::recipe_options::{FitRecipe, RecordingError};
+use crate::calibration::fit::scans::{Scans, modules};
+use crate::calibration::fit::skin_fit::SkinFit;
+use crate::calibration::fit::smooth::running_median;
+use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
+use crate::calibration::method::method as method_of;
+use crate::model_set::{ModelSet, Recorded};
+
+/// Gauges give single readings that are off by 8 to 14 kPa: a median over 0.3 s takes them out.
+const GAUGE_MEDIAN_SCANS: usize = 15;
+
+/// Fits a recording. The set comes without id, patch and time of making. `progress` is told taxels done and all.
+///
+/// # Errors
+/// [`RecordingError::NoPressure`]. A taxel that cannot be fitted is no error: its status says why.
+pub fn fit(
+    scans: &Scans<'_>,
+    recipe: &FitRecipe,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<ModelSet, RecordingError> {
+    let gauge = scans.pressure_kpa.ok_or(RecordingError::NoPressure)?;
+    let modules = modules(scans.counts.len(), recipe.module_size);
+    let masks = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans);
+    let kpa = running_median(gauge, GAUGE_MEDIAN_SCANS);
+    let whole: Vec<Range<usize>> = std::iter::once(0..scans.len()).collect();
+    let lag_s = if recipe.max_lag_s > 0.0 { lag::estimate(scans, &kpa, &masks, &whole, recipe.max_lag_s) } else { 0.0 };
+    let kpa = lag::shifted(scans.time_s, &kpa, lag_s, &whole);
+    let known = kpa.iter().enumerate().filter(|(_, p)| p.is_finite());
+    let top = known.max_by(|a, b| a.1.total_cmp(b.1)).ok_or(RecordingError::NoPressure)?.0;
+    let fit = SkinFit { scans, masks, kpa, course: Course::of_recording(scans.len(), top), recipe };
+    let fitted = fit.run(progress);
+    let (usable, rest) = (fitted.usable(), rest_scans(&fit.kpa, top));
+    let of = |t: usize| baseline(scans.counts[t], fit.masks.of(t), &rest);
+    let baseline: Vec<TaxelBaseline> = (0..scans.counts.len()).map(of).collect();
+    Ok(ModelSet {
+        id: String::new(),
+        patch: String::new(),
+        created_wall_ns: 0,
+        session: None,
+        method: method(recipe, fitted.plays_on),
+        board_settings: Vec::new(),
+        pressure_max_kpa: fit.kpa[top],
+        gauge_gain_rel: recipe.options.gauge.gain_rel,
+        gauge_offset_kpa: recipe.options.gauge.offset_kpa,
+        recorded: Some(Recorded {
+            smooth_s: recipe.smooth_s,
+            module_size: recipe.module_size,
+            lag_s,
+            zero_return_counts: zero_return(scans, &fit.masks, &fit.kpa, &baseline, &usable),
+            plays_error_ratio: fitted.plays_error_ratio,
+            taxels: fitted.in_use,
+        }),
+        baseline,
+        taxels: fitted.models,
+    })
+}
+
+/// How a set was fitted, in words.
+fn method(recipe: &FitRecipe, plays_on: bool) -> String {
+    let branch = match recipe.branch {
+        Branch::Both => "rising and falling",
+        Branch::Rising => "rising",
+    };
+    let plays = if plays_on { ", two plays about order 3 in use" } else { "" };
+    format!("{}, {branch}{plays}", method_of(&recipe.options))
+}

@@ -1,0 +1,56 @@
+//! How a recording is fitted, and why it cannot be.
+
+use taxel_model::FitOptions;
+use thiserror::Error;
+
+use crate::calibration::branch::{Branch, PlaysChoice};
+use crate::intake::faults::limits::FaultLimits;
+
+/// How a recording is fitted.
+#[derive(Clone, Debug)]
+pub struct FitRecipe {
+    /// How each taxel's static curve is fitted.
+    pub options: FitOptions,
+    /// Which part is fitted.
+    pub branch: Branch,
+    /// Whether hysteresis is compensated.
+    pub plays: PlaysChoice,
+    /// So many neighbouring taxels form a module.
+    pub module_size: usize,
+    /// Counts are averaged over so many seconds for the plays and in use; 0 is not at all.
+    pub smooth_s: f64,
+    /// A lag of at most so many seconds between gauge and counts is looked for; 0 is none.
+    pub max_lag_s: f64,
+    /// Limits of the faults.
+    pub faults: FaultLimits,
+}
+
+impl Default for FitRecipe {
+    fn default() -> Self {
+        Self {
+            options: FitOptions::default(),
+            branch: Branch::Both,
+            plays: PlaysChoice::default(),
+            module_size: 10,
+            smooth_s: 0.5,
+            max_lag_s: 0.0,
+            faults: FaultLimits::default(),
+        }
+    }
+}
+
+/// Why a recording cannot be used.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum RecordingError {
+    /// A fit needs both.
+    #[error("the recording has no pressure: expected a column `pressure_kpa` with finite numbers")]
+    NoPressure,
+    /// The models are of another skin.
+    #[error("the recording has {recorded} taxels, the model set {models}")]
+    Taxels {
+        /// Taxels of the recording.
+        recorded: usize,
+        /// Taxels of the set.
+        models: usize,
+    },
+}

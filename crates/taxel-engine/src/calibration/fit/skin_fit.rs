@@ -1,0 +1,230 @@
+//! From sound scans to models of a whole skin: what `taxeld fit` and a session have in common.
+
+use std::ops::Range;
+
+use taxel_model::{Accumulator, FitOptions, FixedPressure, Flag, Plays, Samples, Status, TaxelModel};
+
+use crate::calibration::branch::{Branch, PlaysChoice};
+use crate::calibration::fit::course::Course;
+use crate::calibration::fit::hysteresis;
+use crate::calibration::fit::masks::Masks;
+use crate::calibration::fit::recipe_options::FitRecipe;
+use crate::calibration::fit::scans::Scans;
+use crate::calibration::fit::smooth::half_width;
+use crate::calibration::fit::smooth::smooth;
+use crate::intake::faults::fault::Fault;
+use crate::model_set::RecordedTaxel;
+use crate::statistics::{quantile, root_mean_square};
+
+/// A taxel that must be left out of more of the scans than this is not fitted.
+const MASKED_MAX: f64 = 0.3;
+
+/// A taxel whose error is so many times the median over the taxels is broken in a way that has no name.
+const POOR_FIT_RATIO: f64 = 2.5;
+
+/// Plays are switched on if they leave at most so much of the error on the branch that was not fitted.
+const PLAYS_WIN_BELOW: f64 = 0.9;
+
+/// Scans with all that is known of them, ready to be fitted.
+pub(crate) struct SkinFit<'a> {
+    /// The scans; all counts refer to one zero.
+    pub scans: &'a Scans<'a>,
+    /// What of them must not be believed.
+    pub masks: Masks,
+    /// Pressure that belongs to each scan, kPa; NaN where there is none.
+    pub kpa: Vec<f64>,
+    /// Ramps and branches.
+    pub course: Course,
+    /// How to fit.
+    pub recipe: &'a FitRecipe,
+}
+
+/// What came of the fit.
+pub(crate) struct FittedSkin {
+    /// One model per taxel.
+    pub models: Vec<TaxelModel>,
+    /// What is known of each taxel in use; `None` where it is not fitted or never moved while the pressure did.
+    pub in_use: Vec<Option<RecordedTaxel>>,
+    /// Whether hysteresis is compensated.
+    pub plays_on: bool,
+    /// Median error with plays over that without on what was held out, if something was.
+    pub plays_error_ratio: Option<f64>,
+}
+
+impl FittedSkin {
+    /// The taxels whose model may be used.
+    pub(crate) fn usable(&self) -> Vec<usize> {
+        (0..self.models.len()).filter(|&t| self.models[t].is_usable()).collect()
+    }
+}
+
+/// A taxel's static curve with its figures in use: RMSE in kPa, NaN without a usable curve, and hysteresis.
+struct FittedTaxel {
+    model: TaxelModel,
+    rmse_kpa: f64,
+    hysteresis_kpa: Option<f64>,
+}
+
+impl SkinFit<'_> {
+    /// Fits every taxel. `progress` is told taxels done and all.
+    pub(crate) fn run(&self, progress: &mut dyn FnMut(usize, usize)) -> FittedSkin {
+        let n = self.scans.counts.len();
+        // Static curves are half of the work, plays the other.
+        let mut fitted: Vec<FittedTaxel> = Vec::with_capacity(n);
+        for taxel in 0..n {
+            fitted.push(self.fit_static(taxel));
+            progress(taxel, 2 * n);
+        }
+        exclude_poor_fits(&mut fitted);
+        let usable: Vec<usize> = (0..n).filter(|&t| fitted[t].model.is_usable()).collect();
+        let (plays_on, plays_error_ratio) = self.decide_on_plays(&usable, has_wide_loops(&fitted));
+        let mut in_use: Vec<Option<RecordedTaxel>> = vec![None; n];
+        for (done, &taxel) in usable.iter().enumerate() {
+            in_use[taxel] = self.in_use(taxel, &fitted[taxel], plays_on);
+            progress(n + done * n / usable.len(), 2 * n);
+        }
+        let models = fitted.into_iter().map(|fitted| fitted.model).collect();
+        FittedSkin { models, in_use, plays_on, plays_error_ratio }
+    }
+
+    /// The pressure where the taxel is sound and fitted, else NaN.
+    fn pressure(&self, taxel: usize) -> Vec<f64> {
+        let masked = self.masks.of(taxel);
+        let left_out = |i: usize| masked[i] || (self.recipe.branch == Branch::Rising && self.course.falling()[i]);
+        self.kpa.iter().enumerate().map(|(i, p)| if left_out(i) { f64::NAN } else { *p }).collect()
+    }
+
+    /// The taxel's count as the models see it in use; NaN where it is not sound.
+    fn smoothed(&self, taxel: usize) -> Vec<f64> {
+        let (counts, masked) = (self.scans.counts[taxel], self.masks.of(taxel));
+        let half = half_width(self.scans, self.recipe.smooth_s);
+        let mut all = vec![f64::NAN; counts.len()];
+        for stretch in self.course.stretches() {
+            let smoothed = smooth(&counts[stretch.clone()], &masked[stretch.clone()], half);
+            all[stretch.clone()].copy_from_slice(&smoothed);
+        }
+        all.iter_mut().zip(masked).filter(|(_, masked)| **masked).for_each(|(count, _)| *count = f64::NAN);
+        all
+    }
+
+    fn fit_static(&self, taxel: usize) -> FittedTaxel {
+        let without = |status| FittedTaxel {
+            model: TaxelModel::without_curve(status, self.recipe.options.gauge),
+            rmse_kpa: f64::NAN,
+            hysteresis_kpa: None,
+        };
+        let share = self.masks.share(taxel);
+        if share > MASKED_MAX {
+            let first = self.scans.counts[taxel].iter().copied().find(|c| c.is_finite());
+            return without(faulty(self.masks.main_fault(taxel), share, first));
+        }
+        let kpa = self.pressure(taxel);
+        let mut model = self.static_model(self.scans.counts[taxel], &kpa);
+        let dropouts = self.masks.dropouts(taxel);
+        if dropouts > 0 {
+            model.flags.push(Flag::Dropouts { samples: u64::from(dropouts) });
+        }
+        if !model.is_usable() {
+            return FittedTaxel { model, ..without(Status::NoData) };
+        }
+        let read = read_static(&model, &self.smoothed(taxel));
+        let rmse_kpa = root_mean_square(read.iter().zip(&kpa).map(|(read, p)| read - p));
+        let hysteresis_kpa = hysteresis::width_kpa(&read, &kpa, self.course.falling());
+        FittedTaxel { model, rmse_kpa, hysteresis_kpa }
+    }
+
+    /// The static curve over the scans with a pressure.
+    fn static_model(&self, counts: &[f64], kpa: &[f64]) -> TaxelModel {
+        let options: &FitOptions = &self.recipe.options;
+        let sound = || counts.iter().zip(kpa).filter(|(_, p)| p.is_finite());
+        if sound().all(|(c, _)| c.fract() == 0.0 && (0.0..=255.0).contains(c)) {
+            // Counts are integers, and so are all sums.
+            let mut sums = Accumulator::new();
+            for (ramp, scans) in self.course.ramps() {
+                let pairs = counts[scans.clone()].iter().zip(&kpa[scans]).filter(|(_, p)| p.is_finite());
+                sums.extend(pairs.map(|(c, p)| (*c as u8, FixedPressure::from_kpa(*p))), ramp);
+            }
+            return sums.fit(options);
+        }
+        let ramp_of = self.course.ramps().flat_map(|(ramp, scans)| scans.map(move |_| ramp));
+        let ramps: Vec<u16> = ramp_of.zip(kpa).filter(|(_, p)| p.is_finite()).map(|(ramp, _)| ramp).collect();
+        let (counts, kpa): (Vec<f64>, Vec<f64>) = sound().unzip();
+        taxel_model::fit(&Samples { ramp: Some(&ramps), ..Samples::new(&counts, &kpa) }, options)
+    }
+
+    fn decide_on_plays(&self, usable: &[usize], wide_loops: bool) -> (bool, Option<f64>) {
+        if self.recipe.plays == PlaysChoice::Off || self.recipe.branch == Branch::Rising {
+            return (false, None);
+        }
+        let Some(held_out) = self.course.held_out(&self.kpa) else {
+            return (self.recipe.plays == PlaysChoice::On, None);
+        };
+        let ratio = quantile(usable.iter().filter_map(|&t| self.error_ratio(t, &held_out)).collect(), 0.5);
+        let wins = wide_loops && ratio.is_some_and(|ratio| ratio < PLAYS_WIN_BELOW);
+        (wins || self.recipe.plays == PlaysChoice::On, ratio)
+    }
+
+    /// Error of plays over that of the better static curve, the one that they would replace or their own without them,
+    /// on scans that no fit saw.
+    fn error_ratio(&self, taxel: usize, held_out: &Range<usize>) -> Option<f64> {
+        let (smoothed, kpa) = (self.smoothed(taxel), self.pressure(taxel));
+        let seen: Vec<f64> =
+            kpa.iter().enumerate().map(|(i, p)| if held_out.contains(&i) { f64::NAN } else { *p }).collect();
+        let (with, alone) = hysteresis::held_out_errors(&smoothed, &seen, &kpa, held_out)?;
+        let curve = self.static_model(self.scans.counts[taxel], &seen);
+        let curve = hysteresis::error_on(&read_static(&curve, &smoothed), &kpa, held_out);
+        Some(with / curve.min(alone)).filter(|ratio| ratio.is_finite())
+    }
+
+    /// What is known of a usable taxel in use; `None` if it never moved while the pressure did.
+    fn in_use(&self, taxel: usize, fitted: &FittedTaxel, plays_on: bool) -> Option<RecordedTaxel> {
+        let (smoothed, kpa) = (self.smoothed(taxel), self.pressure(taxel));
+        let range = |kpa: &[f64]| {
+            let known = || kpa.iter().copied().filter(|p| p.is_finite());
+            known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min)
+        };
+        let sensitivity = hysteresis::swing(&smoothed, &kpa)? / range(&kpa);
+        // Plays that contradict the static curve would be of another taxel.
+        let plays: Option<Plays> = if plays_on { hysteresis::identify(&smoothed, &kpa) } else { None };
+        let plays = plays.filter(|plays| plays.sign == fitted.model.sign);
+        let rmse_kpa = plays.as_ref().map_or(fitted.rmse_kpa, |plays| {
+            root_mean_square(hysteresis::read(plays, &smoothed).iter().zip(&kpa).map(|(read, p)| read - p))
+        });
+        Some(RecordedTaxel { rmse_kpa, sensitivity, hysteresis_kpa: fitted.hysteresis_kpa, plays })
+    }
+}
+
+/// The pressures that a static curve makes of a smoothed count; NaN where there is none.
+fn read_static(model: &TaxelModel, smoothed: &[f64]) -> Vec<f64> {
+    smoothed.iter().map(|count| model.evaluate(*count).map_or(f64::NAN, |reading| reading.kpa)).collect()
+}
+
+/// Whether the hysteresis is large enough for plays to win by taking it out. A loop of width w makes an error of w / 2;
+/// if plays win where there is less of it in the error, they bend the curve and compensate nothing.
+fn has_wide_loops(fitted: &[FittedTaxel]) -> bool {
+    let usable = || fitted.iter().filter(|f| f.model.is_usable());
+    let width = quantile(usable().filter_map(|f| f.hysteresis_kpa).collect(), 0.5).unwrap_or(0.0);
+    let error = quantile(usable().map(|f| f.rmse_kpa).collect(), 0.5).unwrap_or(f64::INFINITY);
+    0.5 * width > (1.0 - PLAYS_WIN_BELOW * PLAYS_WIN_BELOW).sqrt() * error
+}
+
+fn exclude_poor_fits(fitted: &mut [FittedTaxel]) {
+    let Some(median) = quantile(fitted.iter().map(|f| f.rmse_kpa).collect(), 0.5) else { return };
+    let limit_kpa = POOR_FIT_RATIO * median;
+    for taxel in fitted.iter_mut().filter(|f| f.model.is_usable() && f.rmse_kpa > limit_kpa) {
+        taxel.model.status = Status::PoorFit { rmse_kpa: taxel.rmse_kpa, limit_kpa };
+    }
+}
+
+/// The status of a taxel that is not fitted.
+fn faulty(fault: Option<Fault>, share: f64, first: Option<f64>) -> Status {
+    match (fault, first) {
+        (Some(Fault::Rail), _) => Status::Railed { share },
+        (Some(Fault::Dead), Some(count)) => Status::Dead { count },
+        (Some(Fault::Frozen | Fault::Dead), _) => Status::Frozen { share },
+        (Some(Fault::ModuleFlicker), _) => Status::ModuleFlicker { share },
+        (Some(_), _) => Status::Jumping { share },
+        (None, None) => Status::NoData,
+        (None, Some(_)) => Status::Missing { share },
+    }
+}

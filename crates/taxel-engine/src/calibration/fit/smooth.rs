@@ -1,0 +1,59 @@
+//! Filters that look both ways.
+
+use crate::calibration::fit::scans::Scans;
+
+/// Running median over `width` (odd) values about each one, fewer at the ends; NaN stays NaN and is not counted.
+///
+/// For the gauge: it takes out single readings that are off and leaves a ramp where it is, in time and height.
+#[must_use]
+pub fn running_median(values: &[f64], width: usize) -> Vec<f64> {
+    let half = width / 2;
+    let mut window = Vec::with_capacity(width + 1);
+    let at = |i: usize| {
+        if !values[i].is_finite() {
+            return f64::NAN;
+        }
+        // The same number on both sides, or the ends of a ramp would move.
+        let reach = half.min(i).min(values.len() - 1 - i);
+        window.clear();
+        window.extend(values[i - reach..=i + reach].iter().copied().filter(|v| v.is_finite()));
+        let middle = window.len() / 2;
+        *window.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    (0..values.len()).map(at).collect()
+}
+
+/// Mean over the values within `half` scans before and after each one that are finite and not `masked`; NaN where
+/// there is none.
+///
+/// Half of a taxel's error is one count of noise, 8 to 12 kPa. A centred mean has no lag; live there is none of this.
+#[must_use]
+pub fn smooth(values: &[f64], masked: &[bool], half: usize) -> Vec<f64> {
+    let usable = |i: usize| values[i].is_finite() && !masked[i];
+    let (mut sum, mut n) = (0.0, 0_usize);
+    let (mut begin, mut end) = (0, 0);
+    (0..values.len())
+        .map(|i| {
+            while end < values.len().min(i + half + 1) {
+                if usable(end) {
+                    (sum, n) = (sum + values[end], n + 1);
+                }
+                end += 1;
+            }
+            while begin + half < i {
+                if usable(begin) {
+                    (sum, n) = (sum - values[begin], n - 1);
+                }
+                begin += 1;
+            }
+            // Counts are integers: the running sum is exact.
+            if n > 0 { sum / n as f64 } else { f64::NAN }
+        })
+        .collect()
+}
+
+/// Scans on each side of a centred mean over `seconds`.
+pub(super) fn half_width(scans: &Scans<'_>, seconds: f64) -> usize {
+    let half = 0.5 * seconds / scans.period_s();
+    if half.is_finite() && half > 0.0 { half as usize } else { 0 }
+}

@@ -1,0 +1,335 @@
+//! The rules on a synthetic skin of three modules, and the filters against what they are defined as.
+
+use proptest::prelude::*;
+use taxel_model::{PLAYS, Status};
+
+use super::scans::modules;
+use super::*;
+use crate::intake::faults::{Fault, FaultLimits};
+use crate::zero::rest::RestVerdict;
+
+const PERIOD_S: f64 = 0.02;
+const TAXELS: usize = 30;
+
+/// Reproducible noise of standard deviation 1.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        let mut sum = 0.0;
+        for _ in 0..12 {
+            self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            sum += (self.0 >> 40) as f64 / f64::from(1_u32 << 24);
+        }
+        sum - 6.0
+    }
+}
+
+/// A recording that owns its columns.
+#[derive(Clone)]
+struct Skin {
+    time_s: Vec<f64>,
+    kpa: Vec<f64>,
+    counts: Vec<Vec<f64>>,
+}
+
+impl Skin {
+    /// Falling counts that follow `kpa` through a play of `slack_kpa`, shifted by `shift` counts.
+    fn new(kpa: Vec<f64>, slack_kpa: f64, shift: f64, seed: u64) -> Self {
+        let mut noise = Noise(seed);
+        let mut felt = kpa[0];
+        let felt: Vec<f64> = kpa
+            .iter()
+            .map(|p| {
+                felt = felt.max(p - slack_kpa).min(p + slack_kpa);
+                felt
+            })
+            .collect();
+        let column = |taxel: usize| {
+            let gain = 30.0 + taxel as f64;
+            let count = |p: &f64| 235.0 + shift - gain * p / (p + 200.0);
+            felt.iter().map(|p| (count(p) + 1.0 * noise.next()).round()).collect()
+        };
+        let counts = (0..TAXELS).map(column).collect();
+        Self { time_s: (0..kpa.len()).map(|i| i as f64 * PERIOD_S).collect(), kpa, counts }
+    }
+
+    /// Rest, up to 200 kPa in 30 s, down again, rest.
+    fn cycle(slack_kpa: f64) -> Self {
+        Self::new(cycle(4.0, 200.0), slack_kpa, 0.0, 1)
+    }
+
+    fn scans(&self) -> Scans<'_> {
+        Scans {
+            time_s: &self.time_s,
+            pressure_kpa: Some(&self.kpa),
+            counts: self.counts.iter().map(Vec::as_slice).collect(),
+        }
+    }
+
+    fn spoil(&mut self, taxel: usize, seconds: std::ops::Range<f64>, count: impl Fn(usize) -> f64) {
+        let scans = (seconds.start / PERIOD_S) as usize..(seconds.end / PERIOD_S) as usize;
+        for i in scans {
+            self.counts[taxel][i] = count(i);
+        }
+    }
+}
+
+fn cycle(rest: f64, top: f64) -> Vec<f64> {
+    let ramp = |n: usize, from: f64, to: f64| (0..n).map(move |i| from + (to - from) * i as f64 / n as f64);
+    ramp(400, rest, rest)
+        .chain(ramp(1500, rest, top))
+        .chain(ramp(1500, top, rest))
+        .chain(ramp(400, rest, rest))
+        .collect()
+}
+
+fn fitted(skin: &Skin, recipe: &FitRecipe) -> crate::model_set::ModelSet {
+    fit(&skin.scans(), recipe, &mut |_, _| {}).unwrap()
+}
+
+fn find(skin: &Skin) -> Masks {
+    Masks::find(&skin.scans(), &modules(TAXELS, 10), &FaultLimits::default())
+}
+
+/// First and last masked time of a taxel, seconds.
+fn masked(masks: &Masks, taxel: usize) -> Option<(f64, f64)> {
+    let masked = masks.of(taxel);
+    let first = masked.iter().position(|m| *m)?;
+    Some((first as f64 * PERIOD_S, masked.iter().rposition(|m| *m)? as f64 * PERIOD_S))
+}
+
+#[test]
+fn faults_are_masked_from_their_onset_until_they_are_over() {
+    let mut skin = Skin::cycle(5.0);
+    skin.spoil(3, 20.0..30.0, |_| 240.0);
+    skin.spoil(5, 20.0..20.5, |_| 255.0);
+    let mut noise = Noise(9);
+    let jumps: Vec<f64> = (0..4000).map(|_| (210.0 + 7.0 * noise.next()).clamp(1.0, 254.0).round()).collect();
+    skin.spoil(7, 20.0..30.0, |i| jumps[i]);
+    let masks = find(&skin);
+    let (begin, end) = masked(&masks, 3).unwrap();
+    assert!((19.9..=20.02).contains(&begin), "a freeze counts from its beginning, not from its discovery: {begin}");
+    assert!((31.9..32.5).contains(&end), "and is over 2 s after the first change: {end}");
+    let (begin, end) = masked(&masks, 5).unwrap();
+    assert!((19.98..=20.02).contains(&begin) && (22.3..22.6).contains(&end), "rail {begin} {end}");
+    let (begin, end) = masked(&masks, 7).unwrap();
+    assert!((18.5..20.0).contains(&begin), "a flicker counts from before it was found: {begin}");
+    assert!((31.0..37.0).contains(&end), "jumping until {end}");
+    let faults = [3, 5, 7].map(|t| masks.main_fault(t));
+    assert_eq!(faults, [Some(Fault::Frozen), Some(Fault::Rail), Some(Fault::Jumping)]);
+    for sound in (0..TAXELS).filter(|t| ![3, 5, 7].contains(t)) {
+        assert_eq!(masked(&masks, sound), None, "taxel {sound}");
+        assert_eq!(masks.main_fault(sound), None);
+    }
+}
+
+#[test]
+fn a_module_goes_when_most_of_it_flickers_and_not_before() {
+    for (broken, whole) in [(6, false), (7, true)] {
+        let mut skin = Skin::cycle(5.0);
+        for taxel in 10..10 + broken {
+            skin.spoil(taxel, 20.0..30.0, |_| 0.0);
+        }
+        let masks = find(&skin);
+        assert_eq!(masked(&masks, 19).is_some(), whole, "{broken} of ten on a rail");
+        assert_eq!(masked(&masks, 9), None);
+        assert_eq!(masked(&masks, 20), None);
+    }
+}
+
+#[test]
+fn taxels_that_cannot_be_fitted_say_why() {
+    let mut skin = Skin::cycle(5.0);
+    skin.spoil(0, 0.0..40.0, |_| 255.0);
+    skin.spoil(1, 20.0..60.0, |_| 240.0);
+    skin.spoil(2, 0.0..76.0, |_| 240.0);
+    skin.spoil(4, 0.0..40.0, |_| f64::NAN);
+    for (i, count) in skin.counts[6].iter_mut().enumerate() {
+        *count += ((i as f64 / 300.0).sin() * 4.0).round(); // sound to every detector, and wrong
+    }
+    skin.counts[8][2000] = 0.0; // one bad reading is no reason
+    let mut recipe = FitRecipe::default();
+    recipe.options.exclusion.max_interval_share = 1.0; // or taxel 6 would be out by this
+    let set = fitted(&skin, &recipe);
+    let status = |taxel: usize| set.taxels[taxel].status;
+    assert!(matches!(status(0), Status::Railed { share } if share > 0.5), "{:?}", status(0));
+    assert!(matches!(status(1), Status::Frozen { .. }), "{:?}", status(1));
+    assert!(matches!(status(2), Status::Dead { .. }), "{:?}", status(2));
+    assert!(matches!(status(4), Status::Missing { .. }), "{:?}", status(4));
+    assert!(matches!(status(6), Status::PoorFit { .. }), "{:?}", status(6));
+    assert_eq!(status(8), Status::Ok);
+    let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
+    assert_eq!(usable, TAXELS - 5);
+}
+
+#[test]
+fn plays_are_switched_on_only_where_they_win_on_what_was_not_fitted() {
+    let with = fitted(&Skin::cycle(8.0), &FitRecipe::default());
+    let recorded = with.recorded.unwrap();
+    assert!(recorded.plays_error_ratio.unwrap() < 0.7, "{:?}", recorded.plays_error_ratio);
+    assert!(recorded.taxels.iter().flatten().all(|taxel| taxel.plays.is_some()));
+    let width = recorded.taxels[0].as_ref().unwrap().hysteresis_kpa.unwrap();
+    assert!((width - 16.0).abs() < 3.0, "a slack of 8 kPa to each side: {width}");
+    let without = fitted(&Skin::cycle(0.0), &FitRecipe::default()).recorded.unwrap();
+    assert!(without.plays_error_ratio.unwrap() > 0.9, "{:?}", without.plays_error_ratio);
+    assert!(without.taxels.iter().flatten().all(|taxel| taxel.plays.is_none()));
+    let rising = FitRecipe { branch: Branch::Rising, ..FitRecipe::default() };
+    assert_eq!(fitted(&Skin::cycle(8.0), &rising).recorded.unwrap().plays_error_ratio, None);
+}
+
+#[test]
+fn a_recording_at_rest_is_tared_and_read_right() {
+    let set = fitted(&Skin::cycle(8.0), &FitRecipe::default());
+    let mut skin = Skin::new(cycle(4.0, 150.0), 8.0, 2.0, 77);
+    skin.spoil(11, 0.5..1.0, |_| 255.0);
+    let recipe = ApplyRecipe { sigma: true, ..ApplyRecipe::default() };
+    let applied = apply(&skin.scans(), &set, &recipe).unwrap();
+    assert!(applied.zero.is_tared(), "{}", applied.zero);
+    assert!((applied.zero.moved(0).unwrap() - 2.0).abs() < 0.4);
+    assert_eq!(applied.unread[11], Some(Unread::NoZero));
+    assert!(applied.pressure_kpa[11].is_empty());
+    let score = judge(&applied, &skin.kpa);
+    assert_eq!(score.taxels, TAXELS - 1);
+    assert!(score.area_percent < 3.0 && score.taxel_rmse_kpa < 6.0, "{score:?}");
+    assert!(score.coverage_percent.unwrap() > 93.0, "{score:?}");
+    let untared = apply(&skin.scans(), &set, &ApplyRecipe { tare: Tare::None, ..recipe }).unwrap();
+    assert!(judge(&untared, &skin.kpa).area_percent > 3.0 * score.area_percent);
+}
+
+#[test]
+fn a_beginning_under_load_is_refused_a_tare() {
+    let set = fitted(&Skin::cycle(0.0), &FitRecipe::default());
+    let verdict = |kpa: Vec<f64>| apply(&Skin::new(kpa, 0.0, 0.0, 5).scans(), &set, &ApplyRecipe::default()).unwrap();
+    let loaded = verdict([vec![197.0; 600], cycle(150.0, 190.0)].concat()).zero;
+    assert!(matches!(loaded, Zero::NotAtRest(RestVerdict::Loaded { .. })), "{loaded}");
+    assert_eq!(loaded.moved(0), Some(0.0), "the zero of the calibration stays");
+    let ramping = verdict((0..2000).map(|i| 4.0 + 0.05 * f64::from(i)).collect()).zero;
+    assert!(matches!(ramping, Zero::NotAtRest(RestVerdict::Restless { .. })), "{ramping}");
+    // 20 kPa look like another day. They show when they go.
+    let light = verdict([vec![20.0; 400], vec![4.0; 400], cycle(4.0, 100.0)].concat()).zero;
+    assert!(matches!(light, Zero::Lifted { .. }), "{light}");
+}
+
+#[test]
+fn the_operators_word_is_taken_and_another_skin_is_not() {
+    let set = fitted(&Skin::cycle(8.0), &FitRecipe::default());
+    let skin = Skin::new(vec![197.0; 600], 8.0, 0.0, 5);
+    let by_word = ApplyRecipe { tare: Tare::Seconds(3.0), ..ApplyRecipe::default() };
+    let applied = apply(&skin.scans(), &set, &by_word).unwrap();
+    assert!(matches!(applied.zero, Zero::Tared { proof: None, window_s: 3.0, .. }));
+    let mut fewer = skin.scans();
+    fewer.counts.pop();
+    let error = apply(&fewer, &set, &by_word).unwrap_err();
+    assert_eq!(error, RecordingError::Taxels { recorded: TAXELS - 1, models: TAXELS });
+}
+
+#[test]
+fn readings_stay_within_the_calibrated_range() {
+    let set = fitted(&Skin::cycle(0.0), &FitRecipe::default());
+    let skin = Skin::new([vec![4.0; 300], cycle(4.0, 600.0)].concat(), 0.0, 0.0, 3);
+    let applied = apply(&skin.scans(), &set, &ApplyRecipe::default()).unwrap();
+    let highest = applied.pressure_kpa.iter().flatten().copied().fold(0.0, f64::max);
+    // One count is 18 kPa up there.
+    assert!((190.0..240.0).contains(&highest), "{highest}");
+}
+
+#[test]
+fn one_lag_is_found_and_taken_out() {
+    let mut skin = Skin::cycle(0.0);
+    let late = 25; // scans, 0.5 s
+    skin.kpa = (0..skin.kpa.len()).map(|i| skin.kpa[i.saturating_sub(late)]).collect();
+    let found = fitted(&skin, &FitRecipe { max_lag_s: 1.0, ..FitRecipe::default() }).recorded.unwrap();
+    assert!((found.lag_s - 0.5).abs() <= 0.05, "{}", found.lag_s);
+    let left = fitted(&skin, &FitRecipe::default()).recorded.unwrap();
+    let rmse = |r: &crate::model_set::Recorded| r.taxels[0].as_ref().unwrap().rmse_kpa;
+    assert_eq!(left.lag_s, 0.0);
+    assert!(rmse(&found) < rmse(&left));
+}
+
+#[test]
+fn a_recording_without_pressure_or_scans_is_no_panic() {
+    let skin = Skin::cycle(0.0);
+    let blind = Scans { pressure_kpa: None, ..skin.scans() };
+    assert_eq!(fit(&blind, &FitRecipe::default(), &mut |_, _| {}).unwrap_err(), RecordingError::NoPressure);
+    let nothing = vec![f64::NAN; skin.kpa.len()];
+    let gone = Scans { pressure_kpa: Some(&nothing), ..skin.scans() };
+    assert_eq!(fit(&gone, &FitRecipe::default(), &mut |_, _| {}).unwrap_err(), RecordingError::NoPressure);
+    let set = fitted(&skin, &FitRecipe::default());
+    let empty = Scans { time_s: &[], pressure_kpa: None, counts: vec![&[]; TAXELS] };
+    let applied = apply(&empty, &set, &ApplyRecipe::default()).unwrap();
+    assert!(!applied.zero.is_tared());
+    for scans in 1..30 {
+        let time_s = vec![0.0; scans];
+        let short =
+            Scans { time_s: &time_s, pressure_kpa: None, counts: skin.counts.iter().map(|c| &c[..scans]).collect() };
+        apply(&short, &set, &ApplyRecipe::default()).unwrap();
+    }
+}
+
+#[test]
+fn what_is_a_recording_and_what_is_a_table() {
+    let skin = Skin::cycle(0.0);
+    assert!(skin.scans().is_recording());
+    let mut one = skin.scans();
+    one.counts.truncate(1);
+    assert!(!one.is_recording(), "a single column is a table");
+    let mut real = skin.clone();
+    real.counts[0][5] = 0.5;
+    assert!(!real.scans().is_recording(), "real abscissae");
+    let mut wide = skin.clone();
+    wide.counts[0][5] = 256.0;
+    assert!(!wide.scans().is_recording(), "more than eight bits");
+    let short: Vec<&[f64]> = skin.counts.iter().map(|c| &c[..279]).collect();
+    let few = Scans { time_s: &skin.time_s[..279], pressure_kpa: None, counts: short };
+    assert!(!few.is_recording(), "279 rows");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn the_running_mean_is_the_mean_of_what_is_sound(
+        values in proptest::collection::vec((0_u8..=255, proptest::bool::weighted(0.2)), 1..60), half in 0_usize..10,
+    ) {
+        let (counts, masked): (Vec<f64>, Vec<bool>) = values.iter().map(|&(c, m)| (f64::from(c), m)).unzip();
+        let got = smooth(&counts, &masked, half);
+        for (i, got) in got.into_iter().enumerate() {
+            let window = i.saturating_sub(half)..counts.len().min(i + half + 1);
+            let sound: Vec<f64> = window.filter(|&k| !masked[k]).map(|k| counts[k]).collect();
+            let want = sound.iter().sum::<f64>() / sound.len() as f64;
+            prop_assert!(got == want || (got.is_nan() && sound.is_empty()), "{i}: {got} {want}");
+        }
+    }
+
+    #[test]
+    fn the_running_median_leaves_ramps_and_takes_spikes(
+        slope in -3.0..3.0_f64, length in 31_usize..80, spike in 8.0..20.0_f64, at in 8_usize..22,
+    ) {
+        let ramp: Vec<f64> = (0..length).map(|i| slope * i as f64).collect();
+        prop_assert_eq!(&running_median(&ramp, 15), &ramp);
+        let mut spiked = ramp.clone();
+        spiked[at] += spike;
+        let clean = running_median(&spiked, 15);
+        prop_assert!(clean.iter().zip(&ramp).all(|(a, b)| (a - b).abs() <= slope.abs() + 1e-9));
+    }
+
+    /// Whatever the columns hold, nothing panics, and what comes out is finite or not there.
+    #[test]
+    fn no_recording_panics(
+        counts in proptest::collection::vec(proptest::collection::vec(
+            prop_oneof![6 => (0_u8..=255).prop_map(f64::from), 1 => Just(f64::NAN), 2 => Just(240.0)], 300), 1..4),
+        kpa in proptest::collection::vec(prop_oneof![9 => 0.0..300.0_f64, 1 => Just(f64::NAN)], 300),
+        backwards: bool, lagged in proptest::bool::weighted(0.1),
+    ) {
+        let time_s: Vec<f64> = (0..300).map(|i| f64::from(if backwards { 300 - i } else { i }) * 0.02).collect();
+        let scans = Scans { time_s: &time_s, pressure_kpa: Some(&kpa), counts: counts.iter().map(Vec::as_slice).collect() };
+        let set = fit(&scans, &FitRecipe { max_lag_s: if lagged { 0.1 } else { 0.0 }, ..FitRecipe::default() }, &mut |_, _| {}).unwrap();
+        let applied = apply(&scans, &set, &ApplyRecipe { sigma: true, ..ApplyRecipe::default() }).unwrap();
+        prop_assert!(applied.pressure_kpa.iter().flatten().all(|p| p.is_nan() || p.is_finite()));
+        for taxel in set.recorded.unwrap().taxels.iter().flatten() {
+            let weights: [f64; PLAYS] = taxel.plays.as_ref().map_or([0.0; PLAYS], |plays| plays.weights_kpa);
+            prop_assert!(weights.iter().all(|w| *w >= 0.0) && taxel.sensitivity > 0.0);
+        }
+    }
+}

@@ -1,0 +1,201 @@
+//! The zero of a recording: where the taxels rest, whether they come back, and whether the beginning of another
+//! recording shows the same rest.
+
+use std::fmt;
+
+use crate::baseline::TaxelBaseline;
+use crate::calibration::fit::masks::Masks;
+use crate::calibration::fit::scans::{Scans, modules};
+use crate::model_set::ModelSet;
+use crate::statistics::{mean, root_mean_square};
+use crate::zero::rest::judge::{Reference, judge};
+use crate::zero::rest::limits::RestLimits;
+use crate::zero::rest::statistics::RestWindow;
+use crate::zero::rest::verdict::RestVerdict;
+use crate::zero::unloading::{Unloading, unloading};
+
+/// Within this share of the range above the least pressure the rig is at rest.
+const REST_BAND: f64 = 0.02;
+
+/// Fewest scans of a baseline.
+const BASELINE_SCANS_MIN: usize = 20;
+
+/// The end of a calibration over which the return to zero is looked at, seconds.
+const RETURN_S: f64 = 5.0;
+
+/// What the return to zero is taken for where a calibration does not end at rest: that of the recorded skin, counts.
+const RETURN_COUNTS: f64 = 1.2;
+
+/// The beginning of a recording that may serve as its zero, seconds.
+const WINDOW_S: f64 = 2.0;
+
+/// A taxel has a zero of its own if it is sound in so large a part of the window. The median of the others is no
+/// substitute: for a flickering taxel it is wrong by 60 to 90 kPa.
+const SOUND_SHARE: f64 = 0.9;
+
+/// Scans of the calibration, up to its highest pressure, in which the rig was at rest.
+pub(super) fn rest_scans(kpa: &[f64], top: usize) -> Vec<bool> {
+    let low = kpa.iter().copied().fold(f64::INFINITY, f64::min);
+    let limit = low + REST_BAND * (kpa.get(top).copied().unwrap_or(low) - low);
+    kpa.iter().enumerate().map(|(i, p)| i <= top && *p <= limit).collect()
+}
+
+/// Mean and noise over the `rest` scans that are sound; NaN if they are too few.
+pub(super) fn baseline(counts: &[f64], masked: &[bool], rest: &[bool]) -> TaxelBaseline {
+    let at_rest =
+        || counts.iter().zip(masked).zip(rest).filter(|((_, masked), rest)| **rest && !**masked).map(|(c, _)| *c.0);
+    let (level, n) = mean(at_rest());
+    if n < BASELINE_SCANS_MIN {
+        return TaxelBaseline { mean: f64::NAN, noise: f64::NAN };
+    }
+    TaxelBaseline { mean: level, noise: root_mean_square(at_rest().map(|c| c - level)) }
+}
+
+/// How far `taxels` end from their baseline, root mean square in counts.
+pub(crate) fn zero_return(
+    scans: &Scans<'_>,
+    masks: &Masks,
+    kpa: &[f64],
+    baseline: &[TaxelBaseline],
+    taxels: &[usize],
+) -> f64 {
+    let low = kpa.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let tail = scans.len().saturating_sub(scans.scans_in(RETURN_S))..scans.len();
+    let (pressure, _) = mean(kpa[tail.clone()].iter().copied());
+    if pressure.is_nan() || pressure > low + REST_BAND * (high - low) {
+        return RETURN_COUNTS;
+    }
+    let moved = taxels.iter().map(|&t| {
+        let sound = tail.clone().filter(|&i| !masks.of(t)[i]).map(|i| scans.counts[t][i]);
+        mean(sound).0 - baseline[t].mean
+    });
+    let rms = root_mean_square(moved);
+    if rms.is_finite() { rms } else { RETURN_COUNTS }
+}
+
+/// What to do about the zero of a recording.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Tare {
+    /// Tare from the beginning of the recording if it proves to be at rest; else leave the zero of the calibration.
+    #[default]
+    Auto,
+    /// Leave the zero of the calibration.
+    None,
+    /// The operator says that the first so many seconds are unloaded.
+    Seconds(f64),
+}
+
+/// What was done about it.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Zero {
+    /// The zero of the calibration was left, as asked.
+    Calibration,
+    /// It was left because rest is not proven.
+    NotAtRest(RestVerdict),
+    /// It was left because something later is lighter than the beginning.
+    Lifted {
+        /// How much lighter.
+        lift: Unloading,
+        /// When, seconds after the beginning.
+        after_s: f64,
+    },
+    /// The recording has a zero of its own.
+    Tared {
+        /// From so many seconds of its beginning.
+        window_s: f64,
+        /// What proved the rest; `None` if it was the operator's word.
+        proof: Option<RestVerdict>,
+        /// Mean count now less that of the calibration, per taxel; NaN without a zero of its own.
+        moved: Vec<f64>,
+    },
+}
+
+impl Zero {
+    /// By how much a taxel's zero has moved since the calibration, counts; `None` if it has no zero here.
+    #[must_use]
+    pub fn moved(&self, taxel: usize) -> Option<f64> {
+        match self {
+            Self::Tared { moved, .. } => moved.get(taxel).copied().filter(|m| m.is_finite()),
+            _ => Some(0.0),
+        }
+    }
+
+    /// Whether the recording has a zero of its own.
+    #[must_use]
+    pub const fn is_tared(&self) -> bool {
+        matches!(self, Self::Tared { .. })
+    }
+
+    /// Does what `tare` asks for.
+    #[must_use]
+    pub fn find(tare: Tare, scans: &Scans<'_>, masks: &Masks, set: &ModelSet, module_size: usize) -> Self {
+        let window_s = match tare {
+            Tare::None => return Self::Calibration,
+            Tare::Seconds(seconds) => seconds,
+            Tare::Auto => WINDOW_S,
+        };
+        let n = scans.scans_in(window_s).min(scans.len());
+        let modules = modules(scans.counts.len(), module_size);
+        let window = |first: usize, whole: bool| {
+            let spoiled = |t: usize| whole && masks.of(t)[first..first + n].contains(&true);
+            let spoiled: Vec<bool> = (0..scans.counts.len()).map(spoiled).collect();
+            let mut seen = RestWindow::new(scans.counts.len(), &modules);
+            for i in first..first + n {
+                let count = |t: usize| (!spoiled[t] && !masks.of(t)[i]).then(|| scans.counts[t][i]);
+                seen.push(i >= first + n / 2, (0..scans.counts.len()).map(count));
+            }
+            seen
+        };
+        let begin = window(0, false);
+        let sound = |t: &usize| masks.of(*t)[..n].iter().filter(|m| !**m).count() as f64 >= SOUND_SHARE * n as f64;
+        let now = begin.all().baseline();
+        let own = |t: usize| if sound(&t) { now[t].mean - set.baseline[t].mean } else { f64::NAN };
+        let moved: Vec<f64> = (0..scans.counts.len()).map(own).collect();
+        if tare != Tare::Auto {
+            return Self::Tared { window_s, proof: None, moved };
+        }
+        let sign = set.signs();
+        let limits = RestLimits::default();
+        let reference = Reference { models: Some(&set.baseline), zero: None, sign: &sign };
+        let verdict = judge(&begin, reference, &limits);
+        if !matches!(verdict, RestVerdict::Rest { .. }) {
+            return Self::NotAtRest(verdict);
+        }
+        let zero: Vec<TaxelBaseline> = now
+            .into_iter()
+            .enumerate()
+            .map(|(t, now)| if sound(&t) { now } else { TaxelBaseline { mean: f64::NAN, noise: f64::NAN } })
+            .collect();
+        for first in (n..scans.len().saturating_sub(n - 1)).step_by(n) {
+            if let Some(lift) = unloading(&zero, window(first, true).all(), &sign, &limits) {
+                return Self::Lifted { lift, after_s: scans.time_s[first] - scans.time_s[0] };
+            }
+        }
+        Self::Tared { window_s, proof: Some(verdict), moved }
+    }
+}
+
+impl fmt::Display for Zero {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Calibration => write!(f, "not tared, as asked: the zero is that of the calibration"),
+            Self::NotAtRest(verdict) => {
+                write!(f, "not tared, the zero is that of the calibration: rest is not proven; {verdict}")
+            }
+            Self::Lifted { lift, after_s } => write!(
+                f,
+                "not tared, the zero is that of the calibration: the beginning is not at rest; {lift} {after_s:.1} s \
+                 later"
+            ),
+            Self::Tared { window_s, proof, moved } => {
+                let without = moved.iter().filter(|m| !m.is_finite()).count();
+                match proof {
+                    Some(proof) => write!(f, "tared from the first {window_s} s: {proof}; nothing later is lighter")?,
+                    None => write!(f, "tared from the first {window_s} s on the operator's word")?,
+                }
+                write!(f, "; {without} of {} taxels have no zero of their own there", moved.len())
+            }
+        }
+    }
+}

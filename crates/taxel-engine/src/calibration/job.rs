@@ -1,0 +1,176 @@
+//! The fit over a session's samples: run outside the engine, because it takes a tenth of a second to seconds.
+//!
+//! Everything comes from the samples, faults too, so that a session gives the same models before and after a restart.
+
+use std::ops::Range;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+use crate::baseline::TaxelBaseline;
+use crate::calibration::branch::Branch;
+use crate::calibration::fit::course::{Course, session_clock};
+use crate::calibration::fit::masks::Masks;
+use crate::calibration::fit::recipe_options::FitRecipe;
+use crate::calibration::fit::scans::Scans;
+use crate::calibration::fit::skin_fit::{FittedSkin, SkinFit};
+use crate::calibration::fit::{lag, zero};
+use crate::calibration::method::method;
+use crate::calibration::samples::{RampBaseline, SessionSamples};
+use crate::model_set::{ModelSet, Recorded};
+use crate::statistics::root_mean_square;
+
+/// How far a lag between gauge and counts is looked for, seconds: far beyond what two clocks on one bus make.
+const LAG_MAX_S: f64 = 0.5;
+
+/// Between two ramps a zero that moved by more than this, root mean square in counts, did not return: the boards took a
+/// new one. Days move it by 3.
+const RETURN_MAX_COUNTS: f64 = 3.0;
+
+/// A fit to be run outside the engine.
+#[derive(Clone, Debug)]
+pub struct FitJob {
+    /// Number of the session.
+    pub session: u64,
+    /// The patch.
+    pub patch: String,
+    /// When it was asked for, nanoseconds since 1970.
+    pub wall_ns: i64,
+    /// Board settings in words.
+    pub board_settings: Vec<String>,
+    /// All that was gathered.
+    pub samples: Arc<SessionSamples>,
+    /// Which taxels form each module.
+    pub modules: Vec<Range<usize>>,
+    /// Modules whose counts are not to be used: positions in `modules`.
+    pub left_out: Vec<u16>,
+    /// How to fit.
+    pub recipe: FitRecipe,
+}
+
+/// What a fit came to.
+#[derive(Clone, Debug)]
+pub struct FitOutcome {
+    /// Number of the session.
+    pub session: u64,
+    /// The model set, or why there is none.
+    pub result: Result<Arc<ModelSet>, String>,
+}
+
+impl FitJob {
+    /// Fits every taxel. `id_of` makes the id of the finished set from its content.
+    #[must_use]
+    pub fn run(&self, id_of: impl Fn(&ModelSet) -> String) -> FitOutcome {
+        let fit = || {
+            self.model_set().map(|mut set| {
+                set.id = id_of(&set);
+                Arc::new(set)
+            })
+        };
+        // A fault of the fit must end the session with a reason, not leave it waiting for ever.
+        let result = catch_unwind(AssertUnwindSafe(fit)).unwrap_or_else(|_| {
+            Err("the fit ended with an internal error, which is a fault of this program; the samples are kept"
+                .to_owned())
+        });
+        FitOutcome { session: self.session, result }
+    }
+
+    fn model_set(&self) -> Result<ModelSet, String> {
+        let samples = &self.samples.samples;
+        let (Some(first), Some(ramp)) = (samples.first(), self.samples.ramps.first()) else {
+            return Err("no sample was gathered: the pressure never rose while every module was heard".to_owned());
+        };
+        let taxels = first.counts.len();
+        let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
+        let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
+        let raw = scans(&time_s, &columns);
+        let masks = Masks::find(&raw, &self.modules, &self.recipe.faults).without_dropouts(&raw);
+        columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
+        let scans = scans(&time_s, &columns);
+        let kpa: Vec<f64> = samples.iter().map(|sample| sample.pressure_kpa).collect();
+        let course = Course::of_session(samples, self.recipe.branch);
+        let fit = SkinFit { scans: &scans, masks, kpa, course, recipe: &self.recipe };
+        let fitted = fit.run(&mut |_, _| {});
+        if fitted.usable().is_empty() {
+            let why = fitted.models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
+            let samples = samples.len();
+            return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
+        }
+        let (gauge, branch) = (self.recipe.options.gauge, self.recipe.branch);
+        Ok(ModelSet {
+            id: String::new(),
+            patch: self.patch.clone(),
+            created_wall_ns: self.wall_ns,
+            session: Some(self.session),
+            method: self.method(fitted.plays_on),
+            board_settings: self.board_settings.clone(),
+            baseline: ramp.taxels.clone(),
+            pressure_max_kpa: fit.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+            gauge_gain_rel: gauge.gain_rel,
+            gauge_offset_kpa: gauge.offset_kpa,
+            recorded: (branch == Branch::Both).then(|| self.recorded(&fit, &fitted, &ramp.taxels)),
+            taxels: fitted.models,
+        })
+    }
+
+    /// What both branches tell of the skin in use.
+    fn recorded(&self, fit: &SkinFit<'_>, fitted: &FittedSkin, rest: &[TaxelBaseline]) -> Recorded {
+        let usable = fitted.usable();
+        let at_the_end = || zero::zero_return(fit.scans, &fit.masks, &fit.kpa, rest, &usable);
+        Recorded {
+            smooth_s: self.recipe.smooth_s,
+            module_size: self.recipe.module_size,
+            lag_s: lag::estimate(fit.scans, &fit.kpa, &fit.masks, fit.course.stretches(), LAG_MAX_S),
+            zero_return_counts: self.zero_between_ramps(&usable).unwrap_or_else(at_the_end),
+            plays_error_ratio: fitted.plays_error_ratio,
+            taxels: fitted.in_use.clone(),
+        }
+    }
+
+    /// How far the `taxels` rest from where they rested a ramp before, root mean square in counts over all ramps.
+    fn zero_between_ramps(&self, taxels: &[usize]) -> Option<f64> {
+        let pairs = self.samples.ramps.windows(2).filter_map(|pair| {
+            let moved = taxels.iter().filter_map(|&t| Some(pair[1].taxels.get(t)?.mean - pair[0].taxels.get(t)?.mean));
+            Some(root_mean_square(moved)).filter(|moved| *moved <= RETURN_MAX_COUNTS)
+        });
+        Some(root_mean_square(pairs)).filter(|moved| moved.is_finite())
+    }
+
+    /// One taxel's raw counts; NaN where a sample has none.
+    fn column(&self, taxel: usize) -> Vec<f64> {
+        let left_out = |module: &u16| self.modules.get(usize::from(*module)).is_some_and(|m| m.contains(&taxel));
+        if self.left_out.iter().any(left_out) {
+            return vec![f64::NAN; self.samples.samples.len()];
+        }
+        self.samples.samples.iter().map(|s| s.counts.get(taxel).map_or(f64::NAN, |c| f64::from(*c))).collect()
+    }
+
+    /// Each ramp has its own zero: counts are brought to that of the first.
+    fn shift_to_first_zero(&self, taxel: usize, column: &mut [f64]) {
+        let rest = |ramp: &RampBaseline| ramp.taxels.get(taxel).map_or(f64::NAN, |t| t.mean);
+        let Some(first) = self.samples.ramps.first().map(rest) else { return };
+        let shift = |ramp: u16| {
+            let own = self.samples.ramps.iter().find(|r| r.ramp == ramp).map_or(first, rest);
+            if (first - own).is_finite() { first - own } else { 0.0 }
+        };
+        let mut known = (0, shift(0));
+        for (count, sample) in column.iter_mut().zip(&self.samples.samples) {
+            if sample.ramp != known.0 {
+                known = (sample.ramp, shift(sample.ramp));
+            }
+            *count += known.1;
+        }
+    }
+
+    fn method(&self, plays_on: bool) -> String {
+        let branches = match self.recipe.branch {
+            Branch::Rising => "",
+            Branch::Both => ", rising and falling",
+        };
+        let plays = if plays_on { ", two plays about order 3 in use" } else { "" };
+        format!("{}{branches}{plays}", method(&self.recipe.options))
+    }
+}
+
+fn scans<'a>(time_s: &'a [f64], columns: &'a [Vec<f64>]) -> Scans<'a> {
+    Scans { time_s, pressure_kpa: None, counts: columns.iter().map(Vec::as_slice).collect() }
+}

@@ -1,0 +1,54 @@
+//! The rules of a calibration session.
+
+use std::time::Duration;
+use taxel_skin::Kilopascal;
+
+use crate::calibration::branch::{Branch, PlaysChoice};
+
+/// The rules of a calibration session.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SessionLimits {
+    /// A ramp ends by itself here.
+    pub target: Kilopascal,
+    /// A sample may lie this far behind the furthest pressure so far, on a rise below it: the gauge's noise.
+    pub noise_band: Kilopascal,
+    /// Which branches of the pressure a ramp gathers, unless its session asks for others.
+    pub branches: Branch,
+    /// Steepest rise that may enter the fit, in kPa/s.
+    pub rise_max_kpa_per_s: f64,
+    /// Steepest fall that may enter the fit, in kPa/s, positive.
+    pub fall_max_kpa_per_s: f64,
+    /// The falling branch of a ramp ends by itself here.
+    pub fall_end: Kilopascal,
+    /// Whether the hysteresis of a session over both branches is compensated.
+    pub plays: PlaysChoice,
+    /// Without a pressure frame for so long no scan can be paired.
+    pub gauge_timeout: Duration,
+    /// Without any pressure frame, or any rise, for so long the session fails; without any fall the ramp ends.
+    pub patience: Duration,
+    /// A ramp cannot start above this: the bag must be vented.
+    pub vented_below: Kilopascal,
+    /// Most scans of one session; a ramp ends when they are full.
+    pub scans_max: usize,
+    /// A taxel responds once its count has moved so far.
+    pub responding_counts: u8,
+}
+
+impl Default for SessionLimits {
+    fn default() -> Self {
+        Self {
+            target: Kilopascal(70.0),
+            noise_band: Kilopascal(0.3),
+            branches: Branch::Rising,
+            rise_max_kpa_per_s: 5.0,
+            fall_max_kpa_per_s: 5.0,
+            fall_end: Kilopascal(1.0),
+            plays: PlaysChoice::Auto,
+            gauge_timeout: Duration::from_millis(500),
+            patience: Duration::from_secs(60),
+            vented_below: Kilopascal(10.0),
+            scans_max: 36_000, // half an hour at 20 Hz
+            responding_counts: 6,
+        }
+    }
+}

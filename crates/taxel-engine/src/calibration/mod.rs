@@ -1,0 +1,21 @@
+//! From rising pressure to models: the session, its ramps, its fit, and the fit of whole recordings.
+
+pub mod branch;
+pub mod calibrate;
+pub mod fit;
+pub mod job;
+pub mod limits;
+pub mod method;
+pub mod ramp;
+pub mod samples;
+pub mod session;
+pub mod transition;
+pub mod view;
+
+pub use branch::{Branch, Direction, PlaysChoice};
+pub use calibrate::{Calibration, CalibrationEvent, CalibrationPlan};
+pub use job::{FitJob, FitOutcome};
+pub use limits::SessionLimits;
+pub use method::method;
+pub use samples::{RampBaseline, Sample, SessionSamples};
+pub use view::{RefusalCounts, SampleRefusal, SessionState, SessionView};

@@ -1,0 +1,189 @@
+//! The gates of a ramp: a sample enters only while the pressure goes the way of its branch, and not too fast.
+//!
+//! Skin has hysteresis: a count taken while the pressure falls belongs to another curve than one taken while it rises,
+//! and one taken while it moves too fast lags behind. What is on the wrong way or too fast is refused, and counted. The
+//! gates are the same for both branches, seen from the other side.
+
+use taxel_skin::{Kilopascal, Time};
+
+use crate::calibration::branch::Direction;
+use crate::calibration::limits::SessionLimits;
+use crate::calibration::view::SampleRefusal;
+use crate::intake::gauge::{GaugeHistory, PressureAt, Trend};
+
+/// Below this rate the pressure stands still: the slope that a gauge's noise makes over one second.
+const RATE_MIN_KPA_PER_S: f64 = 0.02;
+
+/// A reading further from the trend than so many noise bands is the gauge's own doing. A real pressure that bends by
+/// so much within half a second is beyond the steepest slope anyway.
+const SPIKE_BANDS: f64 = 4.0;
+
+/// One ramp's progress.
+#[derive(Clone, Debug)]
+pub struct Ramp {
+    direction: Direction,
+    /// Furthest pressure of an accepted sample on this branch, kPa times the direction's sign.
+    reached: f64,
+    /// When the last sample was accepted, or the branch began.
+    progress: Time,
+}
+
+/// What the gates say of a scan.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Gate {
+    /// It enters, at this pressure.
+    Accept(Kilopascal),
+    /// It does not.
+    Refuse(SampleRefusal),
+    /// The pressure after it is not known yet.
+    Wait,
+}
+
+impl Ramp {
+    /// A branch of a ramp that begins now.
+    #[must_use]
+    pub const fn new(now: Time, direction: Direction) -> Self {
+        Self { direction, reached: f64::NEG_INFINITY, progress: now }
+    }
+
+    /// Judges a scan taken at `time`.
+    pub fn judge(&mut self, now: Time, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> Gate {
+        let pressure = match gauge.at(time, limits.gauge_timeout) {
+            PressureAt::Known(pressure) if pressure.0.is_finite() => pressure,
+            PressureAt::NotYet if now.since(time) <= limits.gauge_timeout => return Gate::Wait,
+            _ => return Gate::Refuse(SampleRefusal::NoPressure),
+        };
+        let Some(Trend { rate_kpa_per_s, level_kpa }) = gauge.trend(time) else {
+            return Gate::Refuse(SampleRefusal::NoPressure);
+        };
+        if (pressure.0 - level_kpa).abs() > SPIKE_BANDS * limits.noise_band.0 {
+            return Gate::Refuse(SampleRefusal::GaugeSpike);
+        }
+        let sign = self.direction.sign();
+        let (rate, ahead) = (sign * rate_kpa_per_s, sign * pressure.0);
+        let (steepest, astray) = match self.direction {
+            Direction::Rising => (limits.rise_max_kpa_per_s, SampleRefusal::NotRising),
+            Direction::Falling => (limits.fall_max_kpa_per_s, SampleRefusal::NotFalling),
+        };
+        if rate > steepest {
+            return Gate::Refuse(SampleRefusal::TooFast);
+        }
+        if rate < RATE_MIN_KPA_PER_S || ahead < self.reached - limits.noise_band.0 {
+            return Gate::Refuse(astray);
+        }
+        self.reached = self.reached.max(ahead);
+        self.progress = time;
+        Gate::Accept(pressure)
+    }
+
+    /// Which branch this is.
+    #[must_use]
+    pub const fn direction(&self) -> Direction {
+        self.direction
+    }
+
+    /// When the last sample was accepted, or the branch began.
+    #[must_use]
+    pub const fn progress(&self) -> Time {
+        self.progress
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn ms(ms: i64) -> Time {
+        Time::from_nanos(ms * 1_000_000)
+    }
+
+    /// Runs a pressure curve sampled every 10 ms and judges a scan every 50 ms; returns what was accepted.
+    fn run(direction: Direction, curve: impl Fn(f64) -> f64, seconds: i64) -> (Vec<f64>, Vec<SampleRefusal>) {
+        let (mut gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
+        let mut ramp = Ramp::new(ms(0), direction);
+        let (mut accepted, mut refused) = (Vec::new(), Vec::new());
+        for t in (0..seconds * 1000).step_by(10) {
+            gauge.push(ms(t), Kilopascal(curve(t as f64 / 1000.0)));
+            if t % 50 == 0 {
+                match ramp.judge(ms(t), ms(t), &gauge, &limits) {
+                    Gate::Accept(p) => accepted.push(p.0),
+                    Gate::Refuse(reason) => refused.push(reason),
+                    Gate::Wait => {}
+                }
+            }
+        }
+        (accepted, refused)
+    }
+
+    #[test]
+    fn a_steady_rise_enters_and_a_fall_does_not() {
+        let (accepted, _) = run(Direction::Rising, |t| 1.5 * t, 20);
+        assert!(accepted.len() > 380, "all but the first second, in which there is no trend yet: {}", accepted.len());
+        let (accepted, refused) = run(Direction::Rising, |t| 30.0 - t, 20);
+        assert!(accepted.is_empty() && refused.contains(&SampleRefusal::NotRising));
+    }
+
+    #[test]
+    fn a_steady_fall_enters_the_falling_branch_and_a_rise_or_a_vent_does_not() {
+        let (accepted, _) = run(Direction::Falling, |t| 30.0 - 1.5 * t, 20);
+        assert!(accepted.len() > 380, "{}", accepted.len());
+        let (accepted, refused) = run(Direction::Falling, |t| t, 20);
+        assert!(accepted.is_empty() && refused.contains(&SampleRefusal::NotFalling));
+        let (accepted, refused) = run(Direction::Falling, |t| 60.0 - 9.0 * t, 5);
+        assert!(accepted.is_empty() && refused.contains(&SampleRefusal::TooFast));
+    }
+
+    #[test]
+    fn a_hold_and_a_dip_do_not_enter() {
+        // rises to 20 kPa, dips by 5 kPa, rises again: nothing below 20 kPa enters twice
+        let curve = |t: f64| {
+            if t < 10.0 {
+                2.0 * t
+            } else if t < 15.0 {
+                20.0 - (t - 10.0)
+            } else {
+                15.0 + (t - 15.0)
+            }
+        };
+        let (accepted, _) = run(Direction::Rising, curve, 25);
+        let second_pass = accepted.iter().skip_while(|&&p| p < 19.9).skip_while(|&&p| p > 19.5);
+        assert_eq!(second_pass.count(), 0, "{accepted:?}");
+        let (accepted, _) = run(Direction::Rising, |t| if t < 10.0 { t } else { 10.0 }, 30);
+        assert!(accepted.len() < 225, "a hold ends the intake within the second that the rate is taken over");
+    }
+
+    #[test]
+    fn a_rise_that_is_too_fast_is_named() {
+        let (accepted, refused) = run(Direction::Rising, |t| 9.0 * t, 5);
+        assert!(accepted.is_empty());
+        assert!(refused.iter().filter(|&&r| r == SampleRefusal::TooFast).count() > 80);
+    }
+
+    #[test]
+    fn without_a_gauge_a_scan_waits_for_the_timeout_and_no_longer() {
+        let (gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
+        let mut ramp = Ramp::new(ms(0), Direction::Rising);
+        assert_eq!(ramp.judge(ms(400), ms(0), &gauge, &limits), Gate::Wait);
+        assert_eq!(ramp.judge(ms(501), ms(0), &gauge, &limits), Gate::Refuse(SampleRefusal::NoPressure));
+    }
+
+    proptest! {
+        #[test]
+        fn what_enters_never_goes_back_by_more_than_the_noise_band(
+            steps in proptest::collection::vec(-0.2..0.3_f64, 100..400), falls: bool,
+        ) {
+            let (direction, sign) =
+                if falls { (Direction::Falling, -1.0) } else { (Direction::Rising, 1.0) };
+            let mut walk = vec![30.0];
+            for s in &steps { walk.push(walk[walk.len() - 1] + sign * s); }
+            let curve = |t: f64| walk[((t * 10.0) as usize).min(walk.len() - 1)];
+            let (accepted, _) = run(direction, curve, 30);
+            let mut furthest = f64::NEG_INFINITY;
+            for p in accepted {
+                prop_assert!(sign * p >= furthest - SessionLimits::default().noise_band.0 - 1e-12);
+                furthest = furthest.max(sign * p);
+            }
+        }
+    }
+}

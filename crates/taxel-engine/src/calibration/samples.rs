@@ -1,0 +1,36 @@
+//! The samples of a session.
+
+use std::sync::Arc;
+
+use crate::baseline::TaxelBaseline;
+
+/// The zero at which a ramp began.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RampBaseline {
+    /// Number of the ramp.
+    pub ramp: u16,
+    /// One per taxel.
+    pub taxels: Vec<TaxelBaseline>,
+}
+
+/// Everything that a session gathered.
+#[derive(Clone, Debug, Default)]
+pub struct SessionSamples {
+    /// One per ramp begun.
+    pub ramps: Vec<RampBaseline>,
+    /// In the order of time.
+    pub samples: Vec<Sample>,
+}
+
+/// One scan that entered a session.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Number of the ramp.
+    pub ramp: u16,
+    /// Time of the scan on the run's clock in nanoseconds.
+    pub time_ns: i64,
+    /// Pressure interpolated at that time.
+    pub pressure_kpa: f64,
+    /// One raw count per taxel.
+    pub counts: Arc<[u8]>,
+}

@@ -1,0 +1,355 @@
+//! One session under way: from scans and pressure to samples, and what the operator sees of it.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+use taxel_skin::{Kilopascal, Time};
+
+use crate::baseline::TaxelBaseline;
+use crate::calibration::branch::{Branch, Direction};
+use crate::calibration::limits::SessionLimits;
+use crate::calibration::ramp::{Gate, Ramp};
+use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
+use crate::calibration::view::{SampleRefusal, SessionState, SessionView};
+use crate::intake::gauge::GaugeHistory;
+use crate::now::Now;
+
+/// A scan enters the session when the zero has stood for so long after it. A board that takes a new zero unseen is
+/// found within that time, and the scans with the wrong zero never get in.
+pub const PROBATION: Duration = Duration::from_secs(1);
+
+/// Scans that wait for the gauge and for the end of their probation: at the longest gauge timeout of 1 s and the
+/// shortest period of 5 ms there are 400.
+const PENDING_MAX: usize = 512;
+
+/// A scan on its way into the session.
+#[derive(Clone, Debug)]
+pub struct Pending {
+    /// Mean time of its modules.
+    pub time: Time,
+    /// One raw count per taxel.
+    pub counts: Arc<[u8]>,
+}
+
+/// What a step of the session came to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// It goes on.
+    On,
+    /// The rise has ended and the falling branch begins.
+    Turned,
+    /// The ramp reached its end, or the session is full; the view says why if it ended early.
+    RampEnded,
+    /// It can not succeed; the view has the reason.
+    Failed,
+}
+
+/// What of a session must be on disk beside its view.
+#[derive(Clone, Debug)]
+pub enum SessionRecord {
+    /// A ramp began at this zero.
+    Ramp {
+        /// Number of the ramp, from 0.
+        ramp: u16,
+        /// The zero, one per taxel.
+        baseline: Vec<TaxelBaseline>,
+    },
+    /// A scan entered.
+    Sample {
+        /// Position of the sample in the session, from 0.
+        index: u64,
+        /// The sample.
+        sample: Sample,
+    },
+}
+
+/// A session that holds its patch or waits for review.
+#[derive(Debug)]
+pub struct SessionRun {
+    view: SessionView,
+    limits: SessionLimits,
+    samples: Arc<SessionSamples>,
+    ramp: Ramp,
+    pending: VecDeque<Pending>,
+    /// One flag per 1 kPa step from 0 to the target.
+    covered: Vec<bool>,
+    /// Least and greatest count per taxel so far.
+    extremes: Vec<(u8, u8)>,
+    /// Scans whose modules were not all fresh, since the last sample: they explain a failure.
+    stale_since_progress: u64,
+    /// When it reached its present state, on the run's clock.
+    entered: Time,
+}
+
+impl SessionRun {
+    /// A session that is about to watch the skin at rest.
+    #[must_use]
+    pub fn new(now: Now, view: SessionView, mut limits: SessionLimits, taxels: usize) -> Self {
+        limits.target = Kilopascal(view.target_kpa);
+        let mut run = Self {
+            covered: vec![false; view.target_kpa.ceil().max(1.0) as usize],
+            extremes: vec![(u8::MAX, u8::MIN); taxels],
+            ramp: Ramp::new(now.time, view.direction),
+            view,
+            limits,
+            samples: Arc::default(),
+            pending: VecDeque::new(),
+            stale_since_progress: 0,
+            entered: now.time,
+        };
+        run.view.responding = (0, taxels as u32);
+        run
+    }
+
+    /// Takes up an interrupted session with the samples that were on disk.
+    #[must_use]
+    pub fn resume(now: Now, view: SessionView, limits: SessionLimits, taxels: usize, samples: SessionSamples) -> Self {
+        let mut run = Self::new(now, view, limits, taxels);
+        for sample in &samples.samples {
+            run.cover(sample.pressure_kpa);
+            run.note_extremes(&sample.counts);
+        }
+        run.view.accepted = samples.samples.len() as u64;
+        run.view.durable = run.view.accepted;
+        run.view.ramps = samples.ramps.len() as u16;
+        run.samples = Arc::new(samples);
+        run.count_responding();
+        run
+    }
+
+    /// What the world sees.
+    #[must_use]
+    pub const fn view(&self) -> &SessionView {
+        &self.view
+    }
+
+    /// Everything gathered so far.
+    #[must_use]
+    pub const fn samples(&self) -> &Arc<SessionSamples> {
+        &self.samples
+    }
+
+    /// Changes the state; the reason is for people.
+    pub fn enter(&mut self, now: Now, state: SessionState, reason: impl Into<String>) {
+        self.view.state = state;
+        self.view.reason = reason.into();
+        self.view.changed_wall_ns = now.wall_ns;
+        self.entered = now.time;
+        self.view.remaining_s = None;
+        if state != SessionState::Ramping {
+            self.pending.clear();
+        }
+    }
+
+    /// When it reached its present state, on the run's clock.
+    #[must_use]
+    pub const fn entered(&self) -> Time {
+        self.entered
+    }
+
+    /// The scans that wait are not to be believed: the zero was lost or is in doubt.
+    pub fn drop_waiting(&mut self) {
+        let dropped = self.pending.len() as u64;
+        self.pending.clear();
+        self.view.refused.add_many(SampleRefusal::ZeroInDoubt, dropped);
+    }
+
+    /// Says why the session waits, without a change of state.
+    pub fn explain(&mut self, reason: String) {
+        self.view.reason = reason;
+    }
+
+    /// The model set of the fit.
+    pub fn set_model_set(&mut self, id: Arc<str>) {
+        self.view.model_set = Some(id);
+    }
+
+    /// Samples on disk.
+    pub fn set_durable(&mut self, samples: u64) {
+        self.view.durable = self.view.durable.max(samples);
+    }
+
+    /// Rest is proven: the ramp begins at this zero.
+    pub fn begin_ramp(&mut self, now: Now, baseline: Vec<TaxelBaseline>) -> SessionRecord {
+        let ramp = self.view.ramps;
+        self.view.ramps += 1;
+        self.begin_branch(now.time, Direction::Rising);
+        let samples = Arc::make_mut(&mut self.samples);
+        samples.ramps.push(RampBaseline { ramp, taxels: baseline.clone() });
+        self.enter(now, SessionState::Ramping, "");
+        SessionRecord::Ramp { ramp, baseline }
+    }
+
+    /// Ends the rise: the falling branch begins. False if the session gathers none, or it has begun.
+    pub fn turn(&mut self, now: Time) -> bool {
+        let turns = self.view.state == SessionState::Ramping
+            && self.view.branches == Branch::Both
+            && self.view.direction == Direction::Rising;
+        if turns {
+            self.begin_branch(now, Direction::Falling);
+        }
+        turns
+    }
+
+    fn begin_branch(&mut self, now: Time, direction: Direction) {
+        self.ramp = Ramp::new(now, direction);
+        self.view.direction = direction;
+        self.stale_since_progress = 0;
+    }
+
+    /// Takes one scan; `None` if some module was silent.
+    pub fn on_scan(&mut self, scan: Option<Pending>) {
+        if self.view.state != SessionState::Ramping {
+            return;
+        }
+        let Some(scan) = scan else {
+            self.stale_since_progress += 1;
+            self.view.refused.add(SampleRefusal::StaleModule);
+            return;
+        };
+        if self.pending.len() >= PENDING_MAX {
+            self.pending.pop_front();
+            self.view.refused.add(SampleRefusal::NoPressure);
+        }
+        self.pending.push_back(scan);
+    }
+
+    /// Moves waiting scans through the gates, as far as the gauge has come and their probation is over. New samples go
+    /// to `records`.
+    pub fn advance(&mut self, now: Time, gauge: &GaugeHistory, records: &mut Vec<SessionRecord>) -> Progress {
+        if self.view.state != SessionState::Ramping {
+            return Progress::On;
+        }
+        while let Some(time) = self.pending.front().map(|scan| scan.time).filter(|time| now.since(*time) >= PROBATION) {
+            let gate = self.ramp.judge(now, time, gauge, &self.limits);
+            if gate == Gate::Wait {
+                break;
+            }
+            let Some(scan) = self.pending.pop_front() else { break };
+            match gate {
+                Gate::Accept(pressure) => {
+                    if self.samples.samples.len() >= self.limits.scans_max {
+                        self.view.refused.add(SampleRefusal::Full);
+                        return Progress::RampEnded;
+                    }
+                    records.push(self.accept(scan, pressure));
+                }
+                Gate::Refuse(reason) => self.view.refused.add(reason),
+                Gate::Wait => {}
+            }
+            if self.is_over(time, gate, gauge) {
+                return if self.turn(time) { Progress::Turned } else { Progress::RampEnded };
+            }
+        }
+        self.give_up_if_hopeless(now, gauge)
+    }
+
+    /// Whether the branch has reached its end with the scan at `time`. A fall has also where no sample entered any
+    /// more: the bag was vented.
+    fn is_over(&self, time: Time, gate: Gate, gauge: &GaugeHistory) -> bool {
+        match self.ramp.direction() {
+            Direction::Rising => matches!(gate, Gate::Accept(pressure) if pressure >= self.limits.target),
+            Direction::Falling => gauge.trend(time).is_some_and(|trend| trend.level_kpa <= self.limits.fall_end.0),
+        }
+    }
+
+    fn accept(&mut self, scan: Pending, pressure: Kilopascal) -> SessionRecord {
+        self.cover(pressure.0);
+        self.note_extremes(&scan.counts);
+        self.stale_since_progress = 0;
+        let sample = Sample {
+            ramp: self.view.ramps.saturating_sub(1),
+            time_ns: scan.time.as_nanos(),
+            pressure_kpa: pressure.0,
+            counts: scan.counts,
+        };
+        let index = self.view.accepted;
+        self.view.accepted += 1;
+        Arc::make_mut(&mut self.samples).samples.push(sample.clone());
+        SessionRecord::Sample { index, sample }
+    }
+
+    fn cover(&mut self, kpa: f64) {
+        if let Some(step) = self.covered.get_mut(kpa.max(0.0) as usize) {
+            *step = true;
+        }
+    }
+
+    fn note_extremes(&mut self, counts: &[u8]) {
+        for ((low, high), &count) in self.extremes.iter_mut().zip(counts) {
+            *low = count.min(*low);
+            *high = count.max(*high);
+        }
+    }
+
+    /// Whether scans with silent modules are what keeps samples out.
+    #[must_use]
+    pub const fn lacks_modules(&self) -> bool {
+        self.stale_since_progress > 0
+    }
+
+    /// Ends the ramp that nothing enters any more. A rise has failed; a fall leaves a whole rise to be fitted.
+    fn give_up_if_hopeless(&mut self, now: Time, gauge: &GaugeHistory) -> Progress {
+        if now.since(self.ramp.progress()) <= self.limits.patience + PROBATION {
+            return Progress::On;
+        }
+        let why = self.why_nothing_enters(now, gauge);
+        match self.ramp.direction() {
+            Direction::Rising => {
+                self.view.reason = why;
+                Progress::Failed
+            }
+            Direction::Falling => {
+                self.view.reason = format!("the falling branch ended early: {why}");
+                Progress::RampEnded
+            }
+        }
+    }
+
+    fn why_nothing_enters(&self, now: Time, gauge: &GaugeHistory) -> String {
+        let seconds = self.limits.patience.as_secs();
+        match gauge.newest() {
+            None => format!("no pressure frame came in {seconds} s: is the gauge on, and is its CAN identifier right?"),
+            Some((time, _)) if now.since(time) > self.limits.gauge_timeout => {
+                format!("the last pressure frame came {:.1} s ago", now.since(time).as_secs_f64())
+            }
+            Some(_) if self.stale_since_progress > 0 => {
+                format!("{} scans in {seconds} s had silent modules", self.stale_since_progress)
+            }
+            Some((_, Kilopascal(kpa))) => {
+                let (way, end) = match self.ramp.direction() {
+                    Direction::Rising => ("rise", format!("the target is {:.1} kPa", self.limits.target.0)),
+                    Direction::Falling => ("fall", format!("the branch ends at {:.1} kPa", self.limits.fall_end.0)),
+                };
+                format!("the pressure did not {way} for {seconds} s: it is {kpa:.1} kPa, {end}")
+            }
+        }
+    }
+
+    /// Brings pressure, rate, coverage and the time left up to date.
+    pub fn refresh(&mut self, now: Time, gauge: &GaugeHistory) {
+        let fresh = gauge.newest().filter(|&(time, _)| now.since(time) <= self.limits.gauge_timeout);
+        self.view.pressure_kpa = fresh.map(|(_, p)| p.0);
+        self.view.rate_kpa_per_s = fresh.and_then(|(time, _)| gauge.trend(time)).map(|trend| trend.rate_kpa_per_s);
+        self.view.coverage = self.covered.iter().filter(|c| **c).count() as f64 / self.covered.len() as f64;
+        self.count_responding();
+        let (left, rate) = match self.ramp.direction() {
+            Direction::Rising => {
+                (self.view.pressure_kpa.map(|kpa| self.limits.target.0 - kpa), self.view.rate_kpa_per_s)
+            }
+            Direction::Falling => {
+                let falls = self.view.rate_kpa_per_s.map(|rate| -rate);
+                (self.view.pressure_kpa.map(|kpa| kpa - self.limits.fall_end.0), falls)
+            }
+        };
+        let (left, rate) = (left.map(|left| left.max(0.0)), rate.filter(|&rate| rate > 0.02));
+        let ramping = self.view.state == SessionState::Ramping;
+        self.view.remaining_s = left.zip(rate).filter(|_| ramping).map(|(left, rate)| left / rate);
+    }
+
+    fn count_responding(&mut self) {
+        let least = self.limits.responding_counts;
+        let moved = self.extremes.iter().filter(|(low, high)| high.saturating_sub(*low) >= least).count();
+        self.view.responding.0 = moved as u32;
+    }
+}

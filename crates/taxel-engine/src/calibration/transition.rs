@@ -1,0 +1,141 @@
+//! The course of a session as one table: which state follows from which, and why a command is refused.
+
+use crate::calibration::view::SessionState;
+use crate::request::Rejection;
+
+/// What can change the state of a session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Trigger {
+    /// An operator asks for another ramp.
+    StartRamp,
+    /// An operator ends the ramp, or has what was gathered fitted.
+    FinishRamp,
+    /// An operator stops it.
+    Abort,
+    /// An operator lays it aside.
+    Discard,
+    /// The zero of a ramp was taken.
+    Zeroed,
+    /// Rest was not proven within the patience of the session.
+    NeverAtRest,
+    /// The zero was lost.
+    ZeroLost,
+    /// Nothing entered the ramp within the patience of the session.
+    Hopeless,
+    /// The ramp has reached its end.
+    RampOver,
+    /// The fit gave a model set.
+    Fitted,
+    /// The fit gave none.
+    FitFailed,
+    /// The store takes nothing any more.
+    StoreFailed,
+    /// Its model set came into use.
+    TakenIntoUse,
+    /// Its model set went out of use.
+    TakenOutOfUse,
+    /// The daemon was started anew.
+    Restart,
+}
+
+impl Trigger {
+    /// Every trigger.
+    pub const ALL: [Self; 15] = [
+        Self::StartRamp,
+        Self::FinishRamp,
+        Self::Abort,
+        Self::Discard,
+        Self::Zeroed,
+        Self::NeverAtRest,
+        Self::ZeroLost,
+        Self::Hopeless,
+        Self::RampOver,
+        Self::Fitted,
+        Self::FitFailed,
+        Self::StoreFailed,
+        Self::TakenIntoUse,
+        Self::TakenOutOfUse,
+        Self::Restart,
+    ];
+
+    /// What an operator cannot do now, in words; for triggers that are commands.
+    const fn what(self) -> &'static str {
+        match self {
+            Self::StartRamp => "a ramp can begin",
+            Self::FinishRamp => "a ramp can be finished",
+            Self::Abort => "a session can be aborted",
+            Self::Discard => "a session can be discarded",
+            _ => "this can happen",
+        }
+    }
+}
+
+/// The state after `trigger`; `None` where it changes nothing or, of a command, is refused.
+///
+/// A command to finish a ramp over both branches turns it first, which is no change of state.
+#[must_use]
+pub const fn transition(state: SessionState, trigger: Trigger) -> Option<SessionState> {
+    use SessionState as S;
+    use Trigger as T;
+    match (trigger, state) {
+        (T::StartRamp, S::Review | S::Interrupted | S::Failed | S::Aborted) => Some(S::Taring),
+        (T::FinishRamp, S::Ramping | S::Interrupted | S::Failed) | (T::RampOver, S::Ramping) => Some(S::Fitting),
+        (T::Abort, S::Taring | S::Ramping | S::Fitting | S::Interrupted) => Some(S::Aborted),
+        (T::Discard, S::Review | S::Discarded | S::Aborted | S::Failed | S::Interrupted) => Some(S::Discarded),
+        (T::Zeroed, S::Taring) => Some(S::Ramping),
+        (T::NeverAtRest, S::Taring) | (T::ZeroLost | T::Hopeless, S::Ramping) | (T::FitFailed, S::Fitting) => {
+            Some(S::Failed)
+        }
+        (T::Fitted, S::Fitting) | (T::TakenOutOfUse, S::Active) => Some(S::Review),
+        (T::StoreFailed, S::Taring | S::Ramping | S::Fitting) => Some(S::Failed),
+        // An open session goes on when an earlier set of it comes into use.
+        (T::TakenIntoUse, S::Review | S::Aborted | S::Failed | S::Interrupted) => Some(S::Active),
+        (T::Restart, S::Taring | S::Ramping | S::Fitting) => Some(S::Interrupted),
+        _ => None,
+    }
+}
+
+/// The state after an operator's command.
+///
+/// # Errors
+/// [`Rejection::FailedPrecondition`], naming the state and those in which it can be done.
+pub fn commanded(number: u64, state: SessionState, command: Trigger) -> Result<SessionState, Rejection> {
+    transition(state, command).ok_or_else(|| {
+        let words = SessionState::ALL.into_iter().filter(|s| transition(*s, command).is_some());
+        let words: Vec<&str> = words.map(SessionState::name).collect();
+        let (is, what) = (state.name(), command.what());
+        Rejection::FailedPrecondition(format!("session {number} is {is}; {what} only in {}", words.join(", ")))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_open_state_can_be_left_and_every_state_but_the_first_reached() {
+        for state in SessionState::ALL {
+            let leaves = Trigger::ALL.iter().any(|t| transition(state, *t).is_some_and(|next| next != state));
+            assert!(leaves || state == SessionState::Discarded, "{state:?} is for ever");
+            let from = SessionState::ALL.into_iter().flat_map(|s| Trigger::ALL.map(|t| transition(s, t)));
+            assert!(from.flatten().any(|next| next == state), "nothing leads to {state:?}");
+        }
+    }
+
+    #[test]
+    fn an_open_session_ends_with_a_restart_and_with_a_failed_store() {
+        for state in SessionState::ALL {
+            let ended = |trigger| transition(state, trigger).is_some_and(|next| !next.is_open());
+            assert_eq!(ended(Trigger::Restart), state.is_open(), "{state:?}");
+            assert_eq!(ended(Trigger::StoreFailed), state.is_open(), "{state:?}");
+        }
+    }
+
+    #[test]
+    fn a_refused_command_names_where_it_can_be_done() {
+        let Err(Rejection::FailedPrecondition(why)) = commanded(3, SessionState::Active, Trigger::StartRamp) else {
+            panic!("not refused")
+        };
+        assert_eq!(why, "session 3 is ACTIVE; a ramp can begin only in REVIEW, ABORTED, FAILED, INTERRUPTED");
+    }
+}

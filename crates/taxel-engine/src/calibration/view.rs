@@ -1,0 +1,191 @@
+//! What the world sees of a session.
+
+use std::sync::Arc;
+
+use crate::calibration::branch::{Branch, Direction};
+
+/// Where a session stands.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SessionState {
+    /// Watches the skin at rest before a ramp.
+    #[default]
+    Taring,
+    /// Gathers samples while the pressure rises and, over both branches, while it falls again.
+    Ramping,
+    /// Models are being computed.
+    Fitting,
+    /// A model set waits to be activated, discarded or extended by another ramp.
+    Review,
+    /// Its model set was activated.
+    Active,
+    /// Its model set was laid aside.
+    Discarded,
+    /// An operator stopped it.
+    Aborted,
+    /// It could not succeed; the reason is in the view.
+    Failed,
+    /// The daemon stopped while it was under way; another ramp or a fit can go on from its samples.
+    Interrupted,
+}
+
+impl SessionState {
+    /// Whether the session holds the patch: no other can start.
+    #[must_use]
+    pub const fn is_open(self) -> bool {
+        matches!(self, Self::Taring | Self::Ramping | Self::Fitting)
+    }
+
+    /// The word for it, as in the service.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Taring => "TARING",
+            Self::Ramping => "RAMPING",
+            Self::Fitting => "FITTING",
+            Self::Review => "REVIEW",
+            Self::Active => "ACTIVE",
+            Self::Discarded => "DISCARDED",
+            Self::Aborted => "ABORTED",
+            Self::Failed => "FAILED",
+            Self::Interrupted => "INTERRUPTED",
+        }
+    }
+
+    /// The state that [`SessionState::name`] names.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|state| state.name() == name)
+    }
+
+    /// Every state.
+    pub const ALL: [Self; 9] = [
+        Self::Taring,
+        Self::Ramping,
+        Self::Fitting,
+        Self::Review,
+        Self::Active,
+        Self::Discarded,
+        Self::Aborted,
+        Self::Failed,
+        Self::Interrupted,
+    ];
+}
+
+/// Why a scan did not enter the session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum SampleRefusal {
+    /// On the rising branch the pressure was not above what had been reached.
+    NotRising,
+    /// The pressure rose or fell faster than the limit.
+    TooFast,
+    /// No pressure frame near the scan's time.
+    NoPressure,
+    /// A module was silent.
+    StaleModule,
+    /// The session's memory was full.
+    Full,
+    /// The gauge read far from what it read within the last second.
+    GaugeSpike,
+    /// On the falling branch the pressure was not below what had been reached.
+    NotFalling,
+    /// The zero was lost or came into doubt within a second after it.
+    ZeroInDoubt,
+}
+
+impl SampleRefusal {
+    /// Every reason, in the order of [`RefusalCounts`].
+    pub const ALL: [Self; 8] = [
+        Self::NotRising,
+        Self::TooFast,
+        Self::NoPressure,
+        Self::StaleModule,
+        Self::Full,
+        Self::GaugeSpike,
+        Self::NotFalling,
+        Self::ZeroInDoubt,
+    ];
+
+    /// The word for it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::NotRising => "not_rising",
+            Self::TooFast => "too_fast",
+            Self::NoPressure => "no_pressure",
+            Self::StaleModule => "stale_module",
+            Self::Full => "full",
+            Self::GaugeSpike => "gauge_spike",
+            Self::NotFalling => "not_falling",
+            Self::ZeroInDoubt => "zero_in_doubt",
+        }
+    }
+}
+
+/// How many scans were refused, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RefusalCounts(pub [u64; SampleRefusal::ALL.len()]);
+
+impl RefusalCounts {
+    /// Counts one refusal.
+    pub fn add(&mut self, reason: SampleRefusal) {
+        self.add_many(reason, 1);
+    }
+
+    /// Counts several.
+    pub fn add_many(&mut self, reason: SampleRefusal, scans: u64) {
+        self.0[reason as usize] += scans;
+    }
+
+    /// How many scans were refused for this reason.
+    #[must_use]
+    pub fn get(&self, reason: SampleRefusal) -> u64 {
+        self.0[reason as usize]
+    }
+}
+
+/// A session at one moment.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SessionView {
+    /// Its number.
+    pub number: u64,
+    /// The patch under calibration.
+    pub patch: String,
+    /// Where it stands.
+    pub state: SessionState,
+    /// Why it failed, was interrupted, waits, or ended its ramp before the end of the fall.
+    pub reason: String,
+    /// When it began, nanoseconds since 1970.
+    pub started_wall_ns: i64,
+    /// When it reached its present state, nanoseconds since 1970.
+    pub changed_wall_ns: i64,
+    /// Who confirmed that the skin was unloaded, if someone did.
+    pub confirmed_by: Option<String>,
+    /// Modules that the operator left out: positions in the patch, ascending. Their taxels get no model.
+    pub left_out: Vec<u16>,
+    /// Where the rise of a ramp ends by itself, in kPa.
+    pub target_kpa: f64,
+    /// Which branches of the pressure it gathers and fits.
+    pub branches: Branch,
+    /// Which branch of its ramp it is at.
+    pub direction: Direction,
+    /// Ramps begun.
+    pub ramps: u16,
+    /// Scans that entered.
+    pub accepted: u64,
+    /// Scans that did not.
+    pub refused: RefusalCounts,
+    /// Scans that are on disk.
+    pub durable: u64,
+    /// The newest pressure in kPa, if one came lately.
+    pub pressure_kpa: Option<f64>,
+    /// Its rate of rise in kPa/s over the last second.
+    pub rate_kpa_per_s: Option<f64>,
+    /// Share of the 1 kPa steps from 0 to the target that hold a sample, 0 to 1.
+    pub coverage: f64,
+    /// Taxels that responded so far, and all taxels.
+    pub responding: (u32, u32),
+    /// Time to the end of the branch at the present rate, in seconds.
+    pub remaining_s: Option<f64>,
+    /// The model set it produced.
+    pub model_set: Option<Arc<str>>,
+}

@@ -1,0 +1,123 @@
+//! What takes effect once it is on disk.
+
+use std::sync::Arc;
+
+use crate::boundary::command::Done;
+use crate::boundary::output::Output;
+use crate::boundary::record::Record;
+use crate::calibration::job::FitOutcome;
+use crate::calibration::transition::{Trigger, transition};
+use crate::calibration::view::SessionView;
+use crate::engine::pending::Effect;
+use crate::engine::step::Engine;
+use crate::model_set::ModelSet;
+use crate::now::Now;
+use crate::request::{Rejection, RequestId};
+
+impl Engine {
+    /// A fit came back. A model set is written down before the session says that it has one.
+    pub(super) fn on_fitted(&mut self, now: Now, outcome: FitOutcome, out: &mut Vec<Output>) {
+        // Aborted meanwhile: the samples are kept, the fit is not.
+        let Some(patch) = self.patches.iter().position(|p| p.calibration().awaits(&outcome)) else { return };
+        match &outcome.result {
+            Ok(set) => {
+                let record = Record::ModelSet(Arc::clone(set));
+                self.commit(Effect::Fitted { patch, outcome }, vec![record], out);
+            }
+            Err(_) => self.end_fit(now, patch, &outcome, out),
+        }
+    }
+
+    fn end_fit(&mut self, now: Now, patch: usize, outcome: &FitOutcome, out: &mut Vec<Output>) {
+        self.with_patch(now, patch, out, |patch, effects| patch.on_fitted(now, outcome, effects));
+    }
+
+    /// Records that were handed out under a ticket are on disk, or why not.
+    pub(super) fn on_committed(&mut self, now: Now, ticket: u64, result: Result<(), String>, out: &mut Vec<Output>) {
+        let Some(effect) = self.pending.take(ticket) else { return };
+        match result {
+            Ok(()) => self.take_effect(now, effect, out),
+            Err(why) => self.leave_undone(now, effect, &why, out),
+        }
+    }
+
+    fn take_effect(&mut self, now: Now, effect: Effect, out: &mut Vec<Output>) {
+        match effect {
+            Effect::Activate { request, patch, set } => self.put_to_use(now, request, patch, &set, out),
+            Effect::Import { request, set } => {
+                let id = set.id.clone();
+                self.learn(set);
+                out.push(Output::Reply(request, Ok(Done::Imported { model_set: id })));
+            }
+            Effect::Zero { request, patch } => {
+                let reply = self.patches[patch].adopt_zero(now, request).map(Done::Tared);
+                out.push(Output::Reply(request, reply));
+            }
+            Effect::Load { request, patch, load } => {
+                self.patches[patch].keep_load(Arc::clone(&load));
+                self.catalogue_dirty = true;
+                out.push(Output::Reply(request, Ok(Done::LoadRecorded(load))));
+            }
+            Effect::Fitted { patch, outcome } => {
+                if let Ok(set) = &outcome.result {
+                    self.learn(Arc::clone(set));
+                }
+                self.end_fit(now, patch, &outcome, out);
+            }
+        }
+    }
+
+    fn leave_undone(&mut self, now: Now, effect: Effect, why: &str, out: &mut Vec<Output>) {
+        let why = format!("it could not be written to disk, and nothing has changed: {why}");
+        let request = match effect {
+            Effect::Activate { request, .. } | Effect::Import { request, .. } | Effect::Load { request, .. } => request,
+            Effect::Zero { request, patch } => {
+                self.patches[patch].reject_zero(request);
+                request
+            }
+            Effect::Fitted { patch, outcome } => {
+                let outcome = FitOutcome { result: Err(format!("the model set: {why}")), ..outcome };
+                return self.end_fit(now, patch, &outcome, out);
+            }
+        };
+        out.push(Output::Reply(request, Err(Rejection::Unavailable(why))));
+    }
+
+    fn learn(&mut self, set: Arc<ModelSet>) {
+        if self.model_sets.iter().all(|known| known.id != set.id) {
+            self.model_sets.push(set);
+        }
+        self.catalogue_dirty = true;
+    }
+
+    /// A model set comes into use, and the sessions that the sets came from say so.
+    fn put_to_use(&mut self, now: Now, request: RequestId, patch: usize, set: &Arc<ModelSet>, out: &mut Vec<Output>) {
+        let before = self.patches[patch].models().cloned();
+        self.patches[patch].set_models(Arc::clone(set));
+        let session = |set: &Arc<ModelSet>| self.session_of(set).map(|view| view.number);
+        let (old, new) = (before.as_ref().and_then(session), session(set));
+        if let Some(number) = old.filter(|number| Some(*number) != new) {
+            self.change_use(now, number, Trigger::TakenOutOfUse, "another model set is in use", out);
+        }
+        if let Some(number) = new {
+            self.change_use(now, number, Trigger::TakenIntoUse, "", out);
+        }
+        self.catalogue_dirty = true;
+        let previous = before.map(|set| set.id.clone());
+        out.push(Output::Reply(request, Ok(Done::Activated { model_set: set.id.clone(), previous })));
+    }
+
+    /// A session's models came into use or went out of it.
+    fn change_use(&mut self, now: Now, number: u64, trigger: Trigger, reason: &str, out: &mut Vec<Output>) {
+        if let Some(index) = self.held(number) {
+            return self.with_patch(now, index, out, |patch, effects| {
+                patch.trigger_session(now, trigger, reason, effects);
+            });
+        }
+        let view = self.sessions.get(&number);
+        let Some((view, state)) = view.and_then(|view| Some((view, transition(view.state, trigger)?))) else { return };
+        let mut view = SessionView::clone(view);
+        (view.state, view.reason, view.changed_wall_ns) = (state, reason.to_owned(), now.wall_ns);
+        out.push(Output::Record(Record::Session(Arc::new(view))));
+    }
+}

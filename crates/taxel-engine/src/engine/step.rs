@@ -1,0 +1,353 @@
+//! The engine: one `step` for every input, all state behind it.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+use taxel_skin::{BusIndex, Time};
+use taxel_wire::TimedFrame;
+
+use crate::boundary::catalogue::{Catalogue, Restored};
+use crate::boundary::input::Input;
+use crate::boundary::output::Output;
+use crate::boundary::record::Record;
+use crate::boundary::snapshot::Health;
+use crate::calibration::samples::SessionSamples;
+use crate::calibration::transition::Trigger;
+use crate::calibration::view::SessionView;
+use crate::conflict::conflicts;
+use crate::engine::pending::{Effect, Pending};
+use crate::engine::routes::{Route, Routes};
+use crate::intake::health::{BusNotice, BusState};
+use crate::loads::load::Load;
+use crate::model_set::ModelSet;
+use crate::now::Now;
+use crate::patch::{Effects, Intent, Patch};
+use crate::plan::Plan;
+
+/// Health is shown this soon after something changed; staleness and faults have their own, faster ways out.
+const HEALTH_EVERY: Duration = Duration::from_millis(250);
+/// Counters alone are shown this often.
+const COUNTERS_EVERY: Duration = Duration::from_secs(1);
+
+/// All state of the daemon, and the only thing that changes it.
+#[derive(Debug)]
+pub struct Engine {
+    pub(super) plan: Arc<Plan>,
+    routes: Routes,
+    pub(super) patches: Vec<Patch>,
+    buses: Vec<BusState>,
+    pub(super) sessions: BTreeMap<u64, Arc<SessionView>>,
+    /// Samples of restored sessions that can go on, until one is taken up again.
+    pub(super) resumable: BTreeMap<u64, SessionSamples>,
+    pub(super) model_sets: Vec<Arc<ModelSet>>,
+    pub(super) next_session: u64,
+    pub(super) next_load: u64,
+    pub(super) pending: Pending,
+    pub(super) store_problem: Option<String>,
+    /// What was found wrong at start.
+    problems: Vec<String>,
+    pub(super) catalogue_dirty: bool,
+    health: Arc<Health>,
+    health_shown: Option<Time>,
+    /// Something but a counter changed since the health was shown, or a counter did.
+    health_dirty: (bool, bool),
+}
+
+impl Engine {
+    /// An engine for `plan` that goes on from what the store found. Nothing happens until the first step.
+    #[must_use]
+    pub fn new(plan: Arc<Plan>, restored: Restored) -> Self {
+        let of_patch = |name: &str| -> Vec<Arc<Load>> {
+            restored.loads.iter().filter(|load| load.patch == name).cloned().collect()
+        };
+        let patch = |(i, p): (usize, &crate::plan::PatchPlan)| Patch::new(i, p.clone(), of_patch(p.patch.name()));
+        let newest_load = restored.loads.iter().map(|load| load.number).max().unwrap_or(0);
+        let mut engine = Self {
+            routes: Routes::new(&plan),
+            buses: vec![BusState::default(); plan.buses],
+            patches: plan.patches.iter().enumerate().map(patch).collect(),
+            sessions: BTreeMap::new(),
+            resumable: BTreeMap::new(),
+            model_sets: restored.model_sets,
+            next_session: restored.next_session.max(1),
+            next_load: restored.next_load.max(newest_load + 1),
+            pending: Pending::default(),
+            store_problem: None,
+            problems: conflicts(&plan).iter().map(ToString::to_string).collect(),
+            catalogue_dirty: true,
+            health: Arc::default(),
+            health_shown: None,
+            health_dirty: (true, true),
+            plan,
+        };
+        for session in restored.sessions {
+            let number = session.view.number;
+            if let Some(samples) = session.samples {
+                engine.take_up(&session.view, samples);
+            }
+            engine.sessions.insert(number, session.view);
+        }
+        for (patch, id) in restored.active {
+            engine.install(&patch, &id);
+        }
+        engine
+    }
+
+    /// Keeps the samples of a session that can go on, if they are of the patch as it is configured now.
+    fn take_up(&mut self, view: &SessionView, samples: SessionSamples) {
+        let taxels = self.patches.iter().find(|p| p.name() == view.patch).map_or(0, Patch::taxels);
+        if samples.samples.iter().all(|sample| sample.counts.len() == taxels) {
+            self.resumable.insert(view.number, samples);
+        } else {
+            let (number, patch) = (view.number, &view.patch);
+            self.problems.push(format!("session {number} is of another layout of patch `{patch}` and cannot go on"));
+        }
+    }
+
+    /// Installs the model set that was active when the store was last written.
+    fn install(&mut self, patch: &str, id: &str) {
+        let set = self.model_sets.iter().find(|set| set.id == id && set.patch == patch).cloned();
+        let found = self.patches.iter_mut().find(|p| p.name() == patch);
+        match (found, set) {
+            (Some(patch), Some(set)) if set.taxels.len() == patch.taxels() => patch.set_models(set),
+            (Some(_), Some(_)) => self.problems.push(format!(
+                "model set `{id}` is of another layout of patch `{patch}`: it is not used; calibrate again"
+            )),
+            (Some(_), None) => self.problems.push(format!("the active model set `{id}` of patch `{patch}` is lost")),
+            (None, _) => {} // the patch is not configured any more
+        }
+    }
+
+    /// Which identifiers of a bus the kernel has to let through.
+    #[must_use]
+    pub const fn routes(&self) -> &Routes {
+        &self.routes
+    }
+
+    /// When the engine has something to do at the latest, if nothing comes before: give it [`Input::Tick`] then.
+    #[must_use]
+    pub fn next_deadline(&self) -> Option<Time> {
+        let health = self.health_shown.and_then(|shown| match self.health_dirty {
+            (true, _) => Some(shown + HEALTH_EVERY),
+            (false, true) => Some(shown + COUNTERS_EVERY),
+            (false, false) => None,
+        });
+        self.patches.iter().filter_map(Patch::deadline).chain(health).min()
+    }
+
+    /// Takes one input; what has to be done because of it is appended to `out`, in order.
+    pub fn step(&mut self, now: Now, input: Input<'_>, out: &mut Vec<Output>) {
+        let before = out.len();
+        if self.health_shown.is_none() {
+            self.health_shown = Some(now.time);
+            self.each_patch(now, out, |patch, effects| patch.start(now, effects));
+        }
+        match input {
+            Input::Frames(bus, frames) => self.on_frames(now, bus, frames, out),
+            Input::Bus(bus, notice) => self.on_bus(now, bus, notice, out),
+            Input::Tick => self.tick(now, out),
+            Input::Command(request, command) => self.on_command(now, request, command, out),
+            Input::Fitted(outcome) => self.on_fitted(now, outcome, out),
+            Input::Committed { ticket, result } => self.on_committed(now, ticket, result, out),
+            Input::Durable { session, samples } => {
+                self.patches.iter_mut().for_each(|patch| patch.on_durable(session, samples));
+            }
+            Input::StoreFailed(why) => self.on_store_failed(now, &why, out),
+        }
+        self.note_sessions(&out[before..]);
+        if std::mem::take(&mut self.catalogue_dirty) {
+            out.push(Output::Catalogue(Arc::new(self.catalogue())));
+        }
+    }
+
+    /// Does something to every patch, and what it intends.
+    fn each_patch(&mut self, now: Now, out: &mut Vec<Output>, mut act: impl FnMut(&mut Patch, &mut Effects<'_>)) {
+        for index in 0..self.patches.len() {
+            self.with_patch(now, index, out, &mut act);
+        }
+    }
+
+    /// Does something to one patch, and then what it intends.
+    pub(super) fn with_patch<T>(
+        &mut self,
+        now: Now,
+        index: usize,
+        out: &mut Vec<Output>,
+        act: impl FnOnce(&mut Patch, &mut Effects<'_>) -> T,
+    ) -> T {
+        let mut intents = Vec::new();
+        let result = act(&mut self.patches[index], &mut Effects { out, intents: &mut intents });
+        for intent in intents {
+            self.intend(now, index, intent, out);
+        }
+        result
+    }
+
+    /// Has written down what a patch intends, before it takes effect.
+    fn intend(&mut self, now: Now, index: usize, intent: Intent, out: &mut Vec<Output>) {
+        let (request, planned) = match intent {
+            Intent::Zero { request, record } => {
+                (request, self.store_takes_records().map(|()| (Effect::Zero { request, patch: index }, record)))
+            }
+            Intent::Load(read) => {
+                let request = read.request;
+                let load = self.store_takes_records();
+                let load = load.and_then(|()| self.patches[index].complete_load(now, self.next_load, read));
+                let planned = load.map(|load| {
+                    self.next_load += 1;
+                    (Effect::Load { request, patch: index, load: Arc::clone(&load) }, Record::Load(load))
+                });
+                (request, planned)
+            }
+        };
+        match planned {
+            Ok((effect, record)) => self.commit(effect, vec![record], out),
+            Err(rejection) => {
+                self.patches[index].reject_zero(request);
+                out.push(Output::Reply(request, Err(rejection)));
+            }
+        }
+    }
+
+    /// Hands records to the shell; the effect follows once they are on disk.
+    pub(super) fn commit(&mut self, effect: Effect, records: Vec<Record>, out: &mut Vec<Output>) {
+        let ticket = self.pending.keep(effect);
+        out.push(Output::Commit { ticket, records });
+    }
+
+    fn on_frames(&mut self, now: Now, bus: BusIndex, frames: &[TimedFrame], out: &mut Vec<Output>) {
+        if let Some(state) = self.buses.get_mut(usize::from(bus.0)) {
+            self.health_dirty.0 |= !std::mem::replace(&mut state.up, true);
+        }
+        for frame in frames {
+            // What a frame brings about happens at its own time, so that it does not matter how frames were batched.
+            let refused = self.on_frame(now.at(frame.time), bus, frame, out);
+            let Some(state) = self.buses.get_mut(usize::from(bus.0)) else { return };
+            match refused {
+                Taken::Ours => state.frames += 1,
+                Taken::Foreign => state.foreign += 1,
+                Taken::Malformed(why) => state.refuse(&frame.frame, why),
+            }
+        }
+        self.health_dirty.1 |= !frames.is_empty();
+    }
+
+    fn on_frame(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame, out: &mut Vec<Output>) -> Taken {
+        let refused = match self.routes.of(bus, frame.frame.id) {
+            Route::Foreign => return Taken::Foreign,
+            Route::Module { patch, module } => {
+                let take = |patch: &mut Patch, effects: &mut Effects<'_>| {
+                    patch.on_module_frame(now, usize::from(module), frame, effects)
+                };
+                self.with_patch(now, usize::from(patch), out, take).err().map(|e| e.to_string())
+            }
+            Route::Board { patch, board } => {
+                let patch = &mut self.patches[usize::from(patch)];
+                patch.on_board_frame(usize::from(board), &frame.frame).err().map(|e| e.to_string())
+            }
+            Route::Gauge => self.on_gauge(now, bus, frame, out),
+        };
+        refused.map_or(Taken::Ours, Taken::Malformed)
+    }
+
+    /// One gauge may serve several patches, each with its own idea of scale and meaning: what one refuses may well be
+    /// right for the next.
+    fn on_gauge(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame, out: &mut Vec<Output>) -> Option<String> {
+        let mut refused = None;
+        for index in 0..self.patches.len() {
+            let plan = Arc::clone(&self.plan);
+            let gauge = plan.patches[index].gauge.as_ref();
+            let Some(gauge) = gauge.filter(|g| g.bus == bus && g.signal.id == frame.frame.id) else { continue };
+            match gauge.signal.decode(&frame.frame) {
+                Ok(pressure) => self.with_patch(now, index, out, |patch, effects| {
+                    patch.on_pressure(now, frame.time, pressure, effects);
+                }),
+                Err(why) => refused = Some(why.to_string()),
+            }
+        }
+        refused
+    }
+
+    fn on_bus(&mut self, now: Now, bus: BusIndex, notice: BusNotice, out: &mut Vec<Output>) {
+        let Some(state) = self.buses.get_mut(usize::from(bus.0)) else { return };
+        let dropped = matches!(notice, BusNotice::Dropped(_));
+        let lost = state.on_notice(notice);
+        self.health_dirty.0 = true;
+        for index in 0..self.patches.len() {
+            if !self.plan.patches[index].patch.boards().iter().any(|board| board.bus == bus) {
+                continue;
+            }
+            if dropped {
+                self.patches[index].on_frames_lost();
+            }
+            if let Some(why) = &lost {
+                let why = format!("bus {}: {why}", bus.0);
+                self.with_patch(now, index, out, |patch, effects| patch.lose_zero(now, why, effects));
+            }
+        }
+    }
+
+    fn on_store_failed(&mut self, now: Now, why: &str, out: &mut Vec<Output>) {
+        let reason = format!("the store failed: {why}");
+        self.each_patch(now, out, |patch, effects| {
+            patch.trigger_session(now, Trigger::StoreFailed, &reason, effects);
+        });
+        self.store_problem = Some(format!("the store failed and takes nothing until a restart: {why}"));
+        self.health_dirty.0 = true;
+    }
+
+    fn tick(&mut self, now: Now, out: &mut Vec<Output>) {
+        self.each_patch(now, out, |patch, effects| patch.tick(now, effects));
+        let since = self.health_shown.map_or(Duration::MAX, |shown| now.time.since(shown));
+        // Boards change with their frames; what they say is looked at with the counters.
+        let (changed, counted) = self.health_dirty;
+        if (changed && since >= HEALTH_EVERY) || (counted && since >= COUNTERS_EVERY) {
+            self.health_shown = Some(now.time);
+            self.health_dirty = (false, false);
+            let health = self.look_at_health();
+            if health != *self.health {
+                self.health = Arc::new(health);
+                out.push(Output::Health(Arc::clone(&self.health)));
+            }
+        }
+    }
+
+    fn look_at_health(&self) -> Health {
+        Health {
+            buses: self.buses.iter().map(BusState::view).collect(),
+            boards: self.patches.iter().flat_map(Patch::board_health).collect(),
+            problems: self.problems.iter().chain(&self.store_problem).cloned().collect(),
+        }
+    }
+
+    /// Keeps the list of sessions in step with what was recorded of them.
+    fn note_sessions(&mut self, out: &[Output]) {
+        for output in out {
+            if let Output::Record(Record::Session(view)) = output {
+                let old = self.sessions.insert(view.number, Arc::clone(view));
+                self.catalogue_dirty |= old.is_none_or(|old| old != *view);
+            }
+        }
+    }
+
+    fn catalogue(&mut self) -> Catalogue {
+        let validations = self.patches.iter_mut().map(|patch| Arc::new(patch.validate())).collect();
+        let active = |p: &Patch| (p.name().to_owned(), p.models().map(|set| set.id.clone()));
+        Catalogue {
+            sessions: self.sessions.values().cloned().collect(),
+            model_sets: self.model_sets.clone(),
+            active: self.patches.iter().map(active).collect(),
+            validations,
+        }
+    }
+}
+
+/// What became of a frame.
+enum Taken {
+    /// It was understood.
+    Ours,
+    /// It concerns nobody here.
+    Foreign,
+    /// Its identifier is ours and its content is not.
+    Malformed(String),
+}

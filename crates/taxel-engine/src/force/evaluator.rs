@@ -1,0 +1,170 @@
+//! From counts to force, scan by scan: which taxels count now, which of them are touched, and their sum.
+//!
+//! Most of a skin is untouched most of the time. So one pass compares all counts with their thresholds, sixteen at a
+//! time, and only blocks with a touch look anything up; an excluded taxel has a threshold that no count is beyond.
+
+use std::sync::Arc;
+use taxel_skin::SquareMillimetre;
+
+use crate::baseline::{Activation, TaxelBaseline};
+use crate::force::tables::{Tables, TaxelReading};
+use crate::model_set::ModelSet;
+
+/// Taxels that are compared at a time.
+const BLOCK: usize = 16;
+
+/// The evaluation of a patch.
+#[derive(Clone, Debug)]
+pub struct Evaluator {
+    tables: Arc<Tables>,
+    /// Which taxels count in the sum now: usable, fresh and free of faults.
+    selected: Vec<bool>,
+    /// Whether all taxels of a block are selected.
+    all_selected: Vec<bool>,
+    /// The threshold code of each taxel; 255 for a taxel that does not count now.
+    threshold: Vec<u8>,
+    /// What the history of each taxel adds to its pressure, kPa; `None` where hysteresis is not compensated.
+    offset_kpa: Option<Arc<[f32]>>,
+}
+
+impl Evaluator {
+    /// An evaluator for `set` at the zero `rest`; every taxel with a usable model counts.
+    ///
+    /// All slices have one entry per taxel of the patch.
+    #[must_use]
+    pub fn new(set: Arc<ModelSet>, rest: &[TaxelBaseline], areas: &[SquareMillimetre], activation: Activation) -> Self {
+        let tables = Arc::new(Tables::new(set, rest, areas, activation));
+        let mut evaluator =
+            Self { tables, selected: vec![], all_selected: vec![], threshold: vec![], offset_kpa: None };
+        evaluator.select(|_| true);
+        evaluator
+    }
+
+    /// The tables, for readers of snapshots.
+    #[must_use]
+    pub const fn tables(&self) -> &Arc<Tables> {
+        &self.tables
+    }
+
+    /// Keeps for the sum only the taxels that `counts_now` says yes to, among those with a usable model.
+    pub fn select(&mut self, counts_now: impl Fn(usize) -> bool) {
+        let tables = &self.tables;
+        self.selected = (0..tables.taxels()).map(|taxel| tables.has(taxel) && counts_now(taxel)).collect();
+        self.all_selected = self.selected.chunks(BLOCK).map(|block| block.iter().all(|selected| *selected)).collect();
+        let threshold = |(taxel, selected): (usize, &bool)| if *selected { tables.threshold(taxel) } else { u8::MAX };
+        self.threshold = self.selected.iter().enumerate().map(threshold).collect();
+    }
+
+    /// From now on the history of each taxel adds this to its pressure, in kPa.
+    pub fn set_hysteresis(&mut self, offset_kpa: Option<Arc<[f32]>>) {
+        self.offset_kpa = offset_kpa.filter(|offset| offset.len() == self.tables.taxels());
+    }
+
+    /// What the history of each taxel adds, if hysteresis is compensated.
+    #[must_use]
+    pub const fn hysteresis(&self) -> Option<&Arc<[f32]>> {
+        self.offset_kpa.as_ref()
+    }
+
+    /// Whether each taxel counts in the sum now.
+    #[must_use]
+    pub fn selection(&self) -> &[bool] {
+        &self.selected
+    }
+
+    /// The taxels that count in the sum now, ascending.
+    pub fn selected(&self) -> impl Iterator<Item = usize> + '_ {
+        self.selected.iter().enumerate().filter(|(_, selected)| **selected).map(|(taxel, _)| taxel)
+    }
+
+    /// Sum of area x pressure in newton over selected taxels beyond their activation threshold. `counts` has one entry
+    /// per taxel.
+    ///
+    /// The order of addition is fixed, so that a replay gives the same bits.
+    #[must_use]
+    pub fn total_n(&self, counts: &[u8]) -> f64 {
+        if self.offset_kpa.is_some() {
+            return self.active(counts).iter().fold(0.0, |sum, (_, newton)| sum + newton);
+        }
+        let (forces, forces_rest) = self.tables.force_n().as_chunks::<BLOCK>();
+        let (counts, counts_rest) = counts.as_chunks::<BLOCK>();
+        let (polarity, polarity_rest) = self.tables.polarity().as_chunks::<BLOCK>();
+        let (threshold, threshold_rest) = self.threshold.as_chunks::<BLOCK>();
+        // Several chains of additions, or the latency of one would set the pace.
+        let mut lanes = [0.0_f64; BLOCK];
+        for (block, ((forces, counts), (polarity, threshold))) in
+            forces.iter().zip(counts).zip(polarity.iter().zip(threshold)).enumerate()
+        {
+            if !any_touched(counts, polarity, threshold) {
+                continue;
+            }
+            let mut add = |i: usize| lanes[i] += f64::from(forces[i][usize::from(counts[i])]);
+            if self.all_selected[block] {
+                // An untouched taxel looks up a zero, which costs less than to ask.
+                (0..BLOCK).for_each(add);
+            } else {
+                (0..BLOCK).filter(|&i| counts[i] ^ polarity[i] > threshold[i]).for_each(&mut add);
+            }
+        }
+        let rest = forces_rest.iter().zip(counts_rest).zip(polarity_rest.iter().zip(threshold_rest));
+        let touched = rest.filter(|((_, count), (polarity, threshold))| *count ^ *polarity > **threshold);
+        let rest_n = touched.fold(0.0, |sum, ((force, &count), _)| sum + f64::from(force[usize::from(count)]));
+        lanes.iter().fold(rest_n, |sum, lane| sum + lane)
+    }
+
+    /// The selected taxels that are active, with their force in newton, ascending.
+    pub fn active(&self, counts: &[u8]) -> Vec<(usize, f64)> {
+        let mut active = Vec::new();
+        let mut look = |taxel: usize, count: u8| {
+            if count ^ self.tables.polarity()[taxel] > self.threshold[taxel] {
+                let newton = self.with_hysteresis_n(taxel, self.tables.force_n()[taxel][usize::from(count)]);
+                if newton > 0.0 {
+                    active.push((taxel, newton));
+                }
+            }
+        };
+        let (blocks, rest) = counts.as_chunks::<BLOCK>();
+        let thresholds =
+            self.tables.polarity().as_chunks::<BLOCK>().0.iter().zip(self.threshold.as_chunks::<BLOCK>().0);
+        for (block, (counts, (polarity, threshold))) in blocks.iter().zip(thresholds).enumerate() {
+            if any_touched(counts, polarity, threshold) {
+                counts.iter().enumerate().for_each(|(i, &count)| look(block * BLOCK + i, count));
+            }
+        }
+        rest.iter().enumerate().for_each(|(i, &count)| look(blocks.len() * BLOCK + i, count));
+        active
+    }
+
+    /// A force of the mid curve with what its history adds; no touch stays none.
+    fn with_hysteresis_n(&self, taxel: usize, newton: f32) -> f64 {
+        match &self.offset_kpa {
+            Some(offset) if newton > 0.0 => {
+                f64::from((newton + offset[taxel] * self.tables.newton_per_kpa(taxel)).max(0.0))
+            }
+            _ => f64::from(newton),
+        }
+    }
+
+    /// Force in newton of a taxel beside an activated one, where a weaker touch counts; `None` if it is not selected.
+    #[must_use]
+    pub fn low_n(&self, taxel: usize, count: u8) -> Option<f64> {
+        let newton = self.tables.low_n(taxel, count)?;
+        self.selected[taxel].then(|| self.with_hysteresis_n(taxel, newton))
+    }
+
+    /// What `count` means for `taxel`; `None` without a usable model.
+    #[must_use]
+    pub fn reading(&self, taxel: usize, count: u8) -> Option<TaxelReading> {
+        self.tables.reading(taxel, count, self.offset_kpa.as_ref().map_or(0.0, |offset| offset[taxel]))
+    }
+}
+
+/// Whether a taxel of the block is beyond its threshold. Arrays of a known length: the compiler makes a few vector
+/// instructions of it.
+fn any_touched(counts: &[u8; BLOCK], polarity: &[u8; BLOCK], threshold: &[u8; BLOCK]) -> bool {
+    let mut any = 0;
+    for i in 0..BLOCK {
+        any |= u8::from(counts[i] ^ polarity[i] > threshold[i]);
+    }
+    any != 0
+}

@@ -1,0 +1,235 @@
+//! Hysteresis, live: follows each taxel's plays, and tells by how much its history moves the mid curve.
+//!
+//! A play takes noise for motion, so it follows a smoothed count. A recording is smoothed to both sides; live there are
+//! no scans to come, and the mean runs over the past only: exponential, with the same mean age that half the window of
+//! the recording has. The mid curve itself is read at the newest count, so that a touch is seen at once and only the
+//! offset, which is small, comes late.
+
+use std::sync::Arc;
+use taxel_model::PlayState;
+use taxel_skin::Time;
+
+use crate::baseline::TaxelBaseline;
+use crate::model_set::ModelSet;
+
+/// The plays of a patch at its present zero.
+#[derive(Clone, Debug)]
+pub struct Hysteresis {
+    set: Arc<ModelSet>,
+    /// One per taxel; `None` where hysteresis is not compensated.
+    followers: Vec<Option<Follower>>,
+    /// Time constant of the mean, seconds; 0 is none.
+    tau_s: f64,
+}
+
+/// One taxel's history.
+#[derive(Clone, Debug)]
+struct Follower {
+    /// What is added to a raw count to get the count that the models refer to.
+    shift: f64,
+    /// Smoothed raw count.
+    mean: f64,
+    last: Option<Time>,
+    plays: PlayState,
+    offset_kpa: f32,
+}
+
+impl Hysteresis {
+    /// Plays that start at rest, at the zero `rest` (one per taxel); `None` if `set` compensates nothing.
+    #[must_use]
+    pub fn new(set: &Arc<ModelSet>, rest: &[TaxelBaseline]) -> Option<Self> {
+        let recorded = set.recorded.as_ref()?;
+        let begin = |taxel: usize| {
+            let (plays, mean, then) = (set.plays(taxel)?, rest.get(taxel)?.mean, set.baseline.get(taxel)?.mean);
+            let usable = set.taxels[taxel].is_usable() && mean.is_finite() && then.is_finite();
+            let shift = then - mean;
+            let mut state = PlayState::default();
+            let offset_kpa = plays.bend_kpa(&mut state, mean + shift) as f32;
+            usable.then_some(Follower { shift, mean, last: None, plays: state, offset_kpa })
+        };
+        let followers: Vec<Option<Follower>> = (0..set.taxels.len()).map(begin).collect();
+        // The mean age of a centred window's later half.
+        let tau_s = 0.5 * recorded.smooth_s.max(0.0);
+        followers.iter().any(Option::is_some).then(|| Self { set: Arc::clone(set), followers, tau_s })
+    }
+
+    /// The zero has drifted to `rest`; the histories go on.
+    pub fn shift_zero(&mut self, rest: &[TaxelBaseline]) {
+        for (taxel, follower) in self.followers.iter_mut().enumerate() {
+            let then = self.set.baseline.get(taxel).map(|t| t.mean);
+            if let (Some(follower), Some(then), Some(now)) = (follower, then, rest.get(taxel))
+                && now.mean.is_finite()
+            {
+                follower.shift = then - now.mean;
+            }
+        }
+    }
+
+    /// Takes a scan. A taxel that is not `sound` now (silent, faulty) keeps its history and catches up later.
+    ///
+    /// Any time step will do: the mean is exact for every length of it, and one that is not positive is none.
+    pub fn follow(&mut self, time: Time, counts: &[u8], sound: impl Fn(usize) -> bool) {
+        let mut known: Option<(f64, f64)> = None; // nearly all taxels have the same step
+        for (taxel, (follower, &count)) in self.followers.iter_mut().zip(counts).enumerate() {
+            let (Some(follower), Some(plays)) = (follower.as_mut().filter(|_| sound(taxel)), self.set.plays(taxel))
+            else {
+                continue;
+            };
+            let step_s = follower.last.map_or(0.0, |last| time.seconds_since(last));
+            let gain = match known {
+                Some((step, gain)) if step == step_s => gain,
+                _ => gain(step_s, self.tau_s),
+            };
+            known = Some((step_s, gain));
+            follower.last = Some(follower.last.map_or(time, |last| last.max(time)));
+            follower.mean += gain * (f64::from(count) - follower.mean);
+            follower.offset_kpa = plays.bend_kpa(&mut follower.plays, follower.mean + follower.shift) as f32;
+        }
+    }
+
+    /// What each taxel's history adds to its pressure, kPa; 0 where hysteresis is not compensated.
+    #[must_use]
+    pub fn offset_kpa(&self) -> Arc<[f32]> {
+        self.followers.iter().map(|follower| follower.as_ref().map_or(0.0, |f| f.offset_kpa)).collect()
+    }
+}
+
+/// By how much the mean moves to the newest count after `step_s`: 1 - exp(-step / tau).
+fn gain(step_s: f64, tau_s: f64) -> f64 {
+    if step_s <= 0.0 {
+        0.0
+    } else if tau_s <= 0.0 {
+        1.0
+    } else {
+        -(-step_s / tau_s).exp_m1()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model_set::{Recorded, RecordedTaxel};
+    use proptest::prelude::*;
+    use taxel_model::{Accumulator, FitOptions, FixedPressure, Plays};
+
+    const RADII: [f64; 2] = [4.0, 10.0];
+    /// Sum of weight x radius: the offset can be no greater.
+    const OFFSET_MAX_KPA: f64 = 0.8 * 4.0 + 0.4 * 10.0;
+
+    /// Two taxels whose counts fall from 240 by one a kilopascal; the first one's hysteresis is compensated.
+    fn set(smooth_s: f64) -> Arc<ModelSet> {
+        let mut sums = Accumulator::new();
+        (0..700_u32).for_each(|k| {
+            sums.add((240.0 - f64::from(k) / 10.0).round() as u8, FixedPressure::from_kpa(f64::from(k) / 10.0), 0);
+        });
+        let model = sums.fit(&FitOptions::default());
+        let (curve, range) = (model.curve.clone().unwrap(), model.range.unwrap());
+        let plays = Plays { curve, range, sign: model.sign, radii_counts: RADII, weights_kpa: [0.8, 0.4] };
+        let taxel = |plays| RecordedTaxel { rmse_kpa: 1.0, sensitivity: 1.0, hysteresis_kpa: Some(7.0), plays };
+        Arc::new(ModelSet {
+            id: "m-test".to_owned(),
+            patch: "p".to_owned(),
+            created_wall_ns: 0,
+            session: None,
+            method: String::new(),
+            board_settings: vec![],
+            baseline: rest(),
+            pressure_max_kpa: 70.0,
+            gauge_gain_rel: 0.0,
+            gauge_offset_kpa: 0.0,
+            taxels: vec![model.clone(), model],
+            recorded: Some(Recorded {
+                smooth_s,
+                module_size: 10,
+                lag_s: 0.0,
+                zero_return_counts: 0.0,
+                plays_error_ratio: Some(0.5),
+                taxels: vec![Some(taxel(Some(plays))), Some(taxel(None))],
+            }),
+        })
+    }
+
+    fn rest() -> Vec<TaxelBaseline> {
+        vec![TaxelBaseline { mean: 240.0, noise: 0.7 }; 2]
+    }
+
+    /// Bends of the first taxel while the counts go along `path`, a scan every 50 ms.
+    fn offsets(hysteresis: &mut Hysteresis, path: impl IntoIterator<Item = u8>) -> Vec<f32> {
+        let follow = |(i, count): (i64, u8)| {
+            hysteresis.follow(Time::from_nanos(i * 50_000_000), &[count; 2], |_| true);
+            assert_eq!(hysteresis.offset_kpa()[1], 0.0, "nothing to compensate there");
+            hysteresis.offset_kpa()[0]
+        };
+        (0..).zip(path).map(follow).collect()
+    }
+
+    #[test]
+    fn a_load_reads_above_the_mid_curve_and_its_release_below() {
+        let mut hysteresis = Hysteresis::new(&set(0.5), &rest()).unwrap();
+        assert_eq!(hysteresis.offset_kpa()[0], 0.0, "at rest there is no history");
+        let slow = |counts: std::ops::Range<u8>| counts.flat_map(|c| [c; 40]);
+        let load = offsets(&mut hysteresis, slow(180..240).collect::<Vec<_>>().into_iter().rev());
+        assert!((f64::from(load[load.len() - 1]) - OFFSET_MAX_KPA).abs() < 1e-3, "{load:?}");
+        let release = offsets(&mut hysteresis.clone(), slow(180..230));
+        assert!(release[0] > 0.0, "the times of this second run begin at 0 again and lie in the past");
+        hysteresis.followers.iter_mut().flatten().for_each(|follower| follower.last = None);
+        let release = offsets(&mut hysteresis, slow(180..230));
+        assert!((f64::from(release[release.len() - 1]) + OFFSET_MAX_KPA).abs() < 1e-3, "{release:?}");
+    }
+
+    #[test]
+    fn a_silent_or_faulty_taxel_keeps_its_history() {
+        let mut hysteresis = Hysteresis::new(&set(0.0), &rest()).unwrap();
+        offsets(&mut hysteresis, (200..240).rev());
+        let before = hysteresis.offset_kpa();
+        hysteresis.follow(Time::from_seconds(100.0), &[240; 2], |_| false);
+        assert_eq!(hysteresis.offset_kpa(), before);
+    }
+
+    #[test]
+    fn a_zero_that_drifts_by_what_the_counts_drift_changes_nothing() {
+        let drifted: Vec<TaxelBaseline> = rest().iter().map(|t| TaxelBaseline { mean: t.mean - 3.0, ..*t }).collect();
+        let mut still = Hysteresis::new(&set(0.0), &rest()).unwrap();
+        let mut moved = still.clone();
+        moved.shift_zero(&drifted);
+        let there = offsets(&mut still, (200..240).rev());
+        assert_eq!(offsets(&mut moved, (197..237).rev()), there);
+    }
+
+    #[test]
+    fn a_set_without_plays_needs_no_hysteresis() {
+        let mut plain = ModelSet::clone(&set(0.5));
+        plain.recorded = None;
+        assert!(Hysteresis::new(&Arc::new(plain), &rest()).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn any_time_step_leaves_it_finite_and_bounded(
+            steps in proptest::collection::vec(
+                (prop_oneof![Just(0_i64), Just(-5_000_000_000), 1_000..3_600_000_000_000_i64], any::<u8>()), 1..200)
+        ) {
+            let mut hysteresis = Hysteresis::new(&set(0.5), &rest()).unwrap();
+            let mut now = 0_i64;
+            for (step, count) in steps {
+                now = now.saturating_add(step);
+                hysteresis.follow(Time::from_nanos(now), &[count; 2], |_| true);
+                let offset = f64::from(hysteresis.offset_kpa()[0]);
+                prop_assert!(offset.abs() <= OFFSET_MAX_KPA + 1e-3, "{offset}");
+            }
+        }
+
+        #[test]
+        fn one_long_step_is_the_same_as_many_short_ones(count in 180..=240_u8, parts in 1..1000_i64) {
+            let mut long = Hysteresis::new(&set(0.5), &rest()).unwrap();
+            let mut short = long.clone();
+            for hysteresis in [&mut long, &mut short] {
+                hysteresis.follow(Time::from_nanos(0), &[count; 2], |_| true);
+            }
+            let whole_ns = 1_000_000_000;
+            (1..=parts).for_each(|k| short.follow(Time::from_nanos(whole_ns * k / parts), &[count; 2], |_| true));
+            long.follow(Time::from_nanos(whole_ns), &[count; 2], |_| true);
+            prop_assert!((long.offset_kpa()[0] - short.offset_kpa()[0]).abs() < 1e-4);
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! From the pressures of one scan to a force: total, its uncertainty, and the parts that the scene asks for.
+
+use nalgebra::Vector3;
+use std::ops::Range;
+use std::sync::Arc;
+use taxel_skin::{Geometry, Newton, NormalsVerdict, SquareMillimetre};
+
+use crate::force::contacts::clusters;
+use crate::force::evaluator::Evaluator;
+use crate::force::neighbours::{Filled, Neighbours};
+use crate::force::remainder::Unseen;
+use crate::force::sample::{ForceSample, RangeFlag};
+
+/// Which parts of a force sample are computed beside the total.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Outputs {
+    /// Resultant force vector; needs usable normals.
+    pub resultant: bool,
+    /// Moment about the patch origin and centre of pressure; needs usable normals.
+    pub moment: bool,
+    /// Clusters of touched taxels; needs positions.
+    pub contacts: bool,
+    /// The total includes pressures of excluded taxels, taken from their neighbours; needs positions.
+    pub fill: bool,
+}
+
+/// What the force of a patch is worked out with.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    /// The area that each taxel stands for, one per taxel.
+    pub areas: Vec<SquareMillimetre>,
+    /// Relative standard uncertainty of the area that all taxels share.
+    pub area_uncertainty: f64,
+    /// Which parts of a sample are asked for.
+    pub outputs: Outputs,
+    /// Positions and normals, where the scene has them.
+    pub geometry: Option<Geometry>,
+    /// Which taxels form each module.
+    pub modules: Vec<Range<usize>>,
+    /// Two active taxels closer than this belong to one contact, in metres.
+    pub contact_reach_m: f64,
+}
+
+/// The fixed part of a patch's force, worked out once from the plan.
+#[derive(Clone, Debug)]
+pub struct ForceModel {
+    outputs: Outputs,
+    areas_mm2: Vec<f64>,
+    area_uncertainty: f64,
+    geometry: Option<Geometry>,
+    neighbours: Option<Neighbours>,
+    contact_reach_m: f64,
+    modules: Vec<Range<usize>>,
+}
+
+/// What the selected taxels leave of the patch's area.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Coverage {
+    /// Share of the area that no selected taxel covers, 0 to 1.
+    pub uncovered_share: f64,
+    /// Taxels that are not selected and lie where no selected neighbour would feel a load on them either.
+    pub blind: u32,
+}
+
+/// What the force of a scan depends on beside its counts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Present {
+    /// What [`ForceModel::coverage`] said of the taxels selected now.
+    pub coverage: Coverage,
+    /// Standard uncertainty of the zero that all taxels share, counts.
+    pub zero_sigma_counts: f64,
+}
+
+/// The active taxels of a scan with their force in N, and what was taken from neighbours.
+#[derive(Clone, Debug, Default)]
+pub struct Touch {
+    /// Taxel and force, those beyond the activation threshold first.
+    pub active: Vec<(usize, f64)>,
+    beside: Vec<Filled>,
+}
+
+impl ForceModel {
+    /// Parts that geometry does not allow are left out here, once.
+    #[must_use]
+    pub fn new(layout: &Layout) -> Self {
+        let mut outputs = layout.outputs;
+        let geometry = layout.geometry.clone();
+        let directed = geometry.as_ref().is_some_and(|g| g.normals == NormalsVerdict::Usable);
+        outputs.resultant &= directed;
+        outputs.moment &= directed;
+        outputs.contacts &= geometry.is_some();
+        outputs.fill &= geometry.is_some();
+        Self {
+            outputs,
+            areas_mm2: layout.areas.iter().map(|a| a.0).collect(),
+            area_uncertainty: layout.area_uncertainty,
+            neighbours: geometry.as_ref().map(Neighbours::new),
+            geometry,
+            contact_reach_m: layout.contact_reach_m,
+            modules: layout.modules.clone(),
+        }
+    }
+
+    /// What the taxels selected now leave of the patch's area.
+    #[must_use]
+    pub fn coverage(&self, selected: &[bool]) -> Coverage {
+        let all: f64 = self.areas_mm2.iter().sum();
+        let covered: f64 = self.areas_mm2.iter().zip(selected).filter(|(_, s)| **s).map(|(area, _)| area).sum();
+        let blind = match &self.neighbours {
+            Some(neighbours) => {
+                let missing = (0..selected.len()).filter(|&t| !selected[t]);
+                missing.filter(|&t| !neighbours.cover(t, |other| selected[other])).count()
+            }
+            // Without positions a module is taken to be blind when most of it is.
+            None => {
+                let missing = |range: &Range<usize>| range.clone().filter(|&t| !selected[t]).count();
+                self.modules
+                    .iter()
+                    .map(|range| (missing(range), range.len()))
+                    .filter(|(m, n)| 2 * m > *n)
+                    .map(|m| m.0)
+                    .sum()
+            }
+        };
+        let uncovered_share = if all > 0.0 { (1.0 - covered / all).max(0.0) } else { 0.0 };
+        Coverage { uncovered_share, blind: blind as u32 }
+    }
+
+    /// The neighbours of each taxel, where positions are known.
+    #[must_use]
+    pub const fn neighbours(&self) -> Option<&Neighbours> {
+        self.neighbours.as_ref()
+    }
+
+    /// Which taxels are touched, those at the rim of a contact with them, and what lies on excluded ones beside them.
+    #[must_use]
+    pub fn touch(&self, evaluator: &Evaluator, counts: &[u8], coverage: Coverage) -> Touch {
+        let mut touch = Touch { active: evaluator.active(counts), beside: Vec::new() };
+        if let Some(neighbours) = self.neighbours.as_ref().filter(|_| !touch.active.is_empty()) {
+            let low = |taxel: usize| evaluator.low_n(taxel, counts[taxel]);
+            neighbours.grow(&mut touch.active, |taxel| low(taxel).unwrap_or(0.0));
+            if coverage.uncovered_share > 0.0 {
+                let kpa = |taxel| Some(low(taxel)? / self.newton_per_kpa(taxel));
+                touch.beside = neighbours.fill(&touch.active, kpa);
+            }
+        }
+        touch
+    }
+
+    /// The force of one scan. State, reasons and the counts of excluded and stale taxels are the caller's.
+    #[must_use]
+    pub fn measure(
+        &self,
+        evaluator: &Evaluator,
+        counts: &[u8],
+        touch: Touch,
+        unseen: Unseen,
+        present: Present,
+    ) -> ForceSample {
+        let Touch { mut active, beside } = touch;
+        let uncovered_share = present.coverage.uncovered_share;
+        let measured_n = match self.neighbours {
+            None => evaluator.total_n(counts),
+            Some(_) => active.iter().fold(0.0, |sum, &(_, newton)| sum + newton), // sum() of nothing is -0.0
+        };
+        let beside_n = beside.iter().fold(0.0, |sum, f| sum + f.kpa * self.newton_per_kpa(f.taxel));
+        let (filled, filled_n, missing_n) = match &self.neighbours {
+            Some(_) if self.outputs.fill => (beside, beside_n, 0.0),
+            Some(_) => (Vec::new(), 0.0, beside_n),
+            // Nobody knows where the uncovered taxels lie: the load is as likely on them as on the others.
+            None => (Vec::new(), 0.0, measured_n * uncovered_share / (1.0 - uncovered_share).max(f64::EPSILON)),
+        };
+        let total_n = measured_n + filled_n;
+        let sigma_n = self.sigma_n(evaluator, counts, &active, &filled, total_n, present);
+        let mut sample = ForceSample {
+            total: Some(Newton(total_n)),
+            total_sigma: Some(Newton(sigma_n.hypot(missing_n).hypot(unseen.sigma_n))),
+            detection_floor: Some(unseen.floor),
+            active: active.len() as u32,
+            filled: filled.len() as u32,
+            filled_share: if total_n > 0.0 { filled_n / total_n } else { 0.0 },
+            uncovered_share,
+            model_set: Some(Arc::clone(evaluator.tables().id())),
+            ..ForceSample::default()
+        };
+        let above = |taxel: usize| evaluator.reading(taxel, counts[taxel]).is_some_and(|r| r.range == RangeFlag::Above);
+        sample.out_of_range = active.iter().filter(|&&(taxel, _)| above(taxel)).count() as u32;
+        if let Some(geometry) = &self.geometry {
+            active.extend(filled.iter().map(|f| (f.taxel, f.kpa * self.newton_per_kpa(f.taxel))));
+            self.add_geometry(&mut sample, geometry, &active);
+        }
+        sample
+    }
+
+    /// 1 kPa on 1 mm2 is 1e-3 N.
+    fn newton_per_kpa(&self, taxel: usize) -> f64 {
+        self.areas_mm2[taxel] * 1e-3
+    }
+
+    /// Standard uncertainty of the total: taxels are independent, while hysteresis, drift, gauge gain, gauge offset and
+    /// area are common to all of them and so add up before they are squared.
+    ///
+    /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2 + (o sum A_i)^2 + (a F)^2`,
+    /// where s is the uncertainty of a taxel, h what of it is hysteresis, z the zero's in counts, and the s of a filled
+    /// taxel is the scatter of its neighbours.
+    fn sigma_n(
+        &self,
+        evaluator: &Evaluator,
+        counts: &[u8],
+        active: &[(usize, f64)],
+        filled: &[Filled],
+        total_n: f64,
+        present: Present,
+    ) -> f64 {
+        let (mut own, mut hysteresis, mut per_count, mut area) = (0.0, 0.0, 0.0, 0.0);
+        for &(taxel, _) in active {
+            let Some(reading) = evaluator.reading(taxel, counts[taxel]) else { continue };
+            let newton_per_kpa = self.newton_per_kpa(taxel);
+            let (sigma_kpa, shared_kpa) = (f64::from(reading.sigma_kpa), f64::from(reading.shared_kpa));
+            own += newton_per_kpa.powi(2) * (sigma_kpa.powi(2) - shared_kpa.powi(2)).max(0.0);
+            hysteresis += newton_per_kpa * shared_kpa;
+            per_count += newton_per_kpa * f64::from(reading.kpa_per_count);
+            area += newton_per_kpa;
+        }
+        for taxel in filled {
+            own += (self.newton_per_kpa(taxel.taxel) * taxel.sigma_kpa).powi(2);
+            area += self.newton_per_kpa(taxel.taxel);
+        }
+        let set = evaluator.tables().set();
+        let shared = [
+            hysteresis,
+            present.zero_sigma_counts * per_count,
+            set.gauge_gain_rel * total_n,
+            set.gauge_offset_kpa * area,
+            self.area_uncertainty * total_n,
+        ];
+        shared.iter().fold(own, |variance, sigma| variance + sigma * sigma).sqrt()
+    }
+
+    fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)]) {
+        let poses = |taxel: usize| geometry.poses.get(taxel).copied().flatten();
+        let (mut resultant, mut moment, mut weighted) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
+        let mut weight = 0.0;
+        for &(taxel, newton) in active {
+            let Some(pose) = poses(taxel) else { continue };
+            let position = Vector3::from(pose.position);
+            let force = -newton * Vector3::from(pose.normal); // a pressure pushes against the outward normal
+            resultant += force;
+            moment += position.cross(&force);
+            weighted += newton * position;
+            weight += newton;
+        }
+        sample.resultant = self.outputs.resultant.then_some(resultant.into());
+        sample.moment = self.outputs.moment.then_some(moment.into());
+        sample.centre_of_pressure = (self.outputs.moment && weight > 0.0).then(|| (weighted / weight).into());
+        if self.outputs.contacts {
+            let placed = active.iter().filter_map(|&(taxel, newton)| Some((poses(taxel)?.position, newton)));
+            sample.contacts = clusters(&placed.collect::<Vec<_>>(), self.contact_reach_m);
+        }
+    }
+}

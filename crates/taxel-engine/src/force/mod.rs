@@ -1,0 +1,20 @@
+//! From counts to a force: the models at the present zero, which taxels count, what is touched, and how far to trust it.
+
+pub mod contacts;
+pub mod evaluator;
+pub mod hysteresis;
+pub mod measure;
+pub mod neighbours;
+pub mod owner;
+pub mod remainder;
+pub mod sample;
+pub mod tables;
+pub mod taxels;
+
+pub use crate::baseline::Activation;
+pub use evaluator::Evaluator;
+pub use measure::{ForceModel, Layout, Outputs};
+pub use owner::{Force, ForcePlan};
+pub use sample::{Contact, ForceSample, ForceState, RangeFlag, TaxelState};
+pub use tables::{Tables, TaxelReading};
+pub use taxels::{Basis, ModuleAge, Taxels};

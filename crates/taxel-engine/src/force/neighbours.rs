@@ -1,0 +1,136 @@
+//! Which taxels lie beside which, from the geometry: two uses, both to lose less force.
+//!
+//! - Touch at the edge of a contact is too weak for a taxel to be activated by itself. Beside an activated one, the low
+//!   of two thresholds suffices ([`Neighbours::grow`]; hysteresis thresholding after Canny 1986).
+//! - The area of an excluded taxel is not silently lost: its pressure is taken from its neighbours
+//!   ([`Neighbours::fill`]), on request.
+
+use taxel_skin::Geometry;
+
+/// Taxels within this distance are neighbours: a little more than the 6.5 mm pitch of iCub's triangles.
+const REACH_M: f64 = 0.008;
+
+/// A filled pressure rests on at least so many neighbours.
+const FILL_NEIGHBOURS_MIN: usize = 2;
+
+/// The neighbours of every taxel, ascending.
+#[derive(Clone, Debug)]
+pub struct Neighbours {
+    of: Vec<Vec<u16>>,
+}
+
+/// A pressure taken from neighbours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Filled {
+    /// The taxel without one of its own.
+    pub taxel: usize,
+    /// Mean of its neighbours, in kPa.
+    pub kpa: f64,
+    /// Standard deviation among its neighbours: how far a single taxel is from their mean.
+    pub sigma_kpa: f64,
+}
+
+impl Neighbours {
+    /// Taxels without a position have no neighbours.
+    #[must_use]
+    pub fn new(geometry: &Geometry) -> Self {
+        let place = |taxel: usize| geometry.poses[taxel].map(|pose| pose.position);
+        let near = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>() <= REACH_M * REACH_M;
+        let taxels = geometry.poses.len();
+        let beside = |taxel: usize| {
+            let here = place(taxel);
+            let others = (0..taxels).filter(|&other| other != taxel);
+            let close = others.filter(|&other| here.zip(place(other)).is_some_and(|(a, b)| near(a, b)));
+            close.map(|other| other as u16).collect()
+        };
+        Self { of: (0..taxels).map(beside).collect() }
+    }
+
+    /// Adds to `active` (taxel, value) what is connected to it through taxels that `low` gives a value above zero.
+    pub fn grow(&self, active: &mut Vec<(usize, f64)>, low: impl Fn(usize) -> f64) {
+        let mut seen = vec![false; self.of.len()];
+        for &(taxel, _) in active.iter() {
+            seen[taxel] = true;
+        }
+        let mut next = 0;
+        while let Some(&(taxel, _)) = active.get(next) {
+            next += 1;
+            for &other in &self.of[taxel] {
+                let other = usize::from(other);
+                if !std::mem::replace(&mut seen[other], true) {
+                    let value = low(other);
+                    if value > 0.0 {
+                        active.push((other, value));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether a taxel has enough neighbours with a pressure of their own, so that a load on it would show.
+    #[must_use]
+    pub fn cover(&self, taxel: usize, has_pressure: impl Fn(usize) -> bool) -> bool {
+        let known = self.of[taxel].iter().filter(|&&other| has_pressure(usize::from(other))).count();
+        known >= FILL_NEIGHBOURS_MIN
+    }
+
+    /// The neighbours of a taxel, ascending.
+    pub fn of(&self, taxel: usize) -> impl Iterator<Item = usize> {
+        self.of[taxel].iter().map(|&other| usize::from(other))
+    }
+
+    /// Pressures for taxels that have none, where at least two neighbours have one and one of these is touched.
+    ///
+    /// `pressure_kpa` is `None` for a taxel without a pressure of its own, and zero for one that is not touched.
+    #[must_use]
+    pub fn fill(&self, touched: &[(usize, f64)], pressure_kpa: impl Fn(usize) -> Option<f64>) -> Vec<Filled> {
+        let mut missing: Vec<usize> = Vec::new();
+        for &(taxel, _) in touched {
+            let beside = self.of[taxel].iter().map(|&other| usize::from(other));
+            missing.extend(beside.filter(|&other| pressure_kpa(other).is_none()));
+        }
+        missing.sort_unstable();
+        missing.dedup();
+        missing.into_iter().filter_map(|taxel| self.fill_one(taxel, &pressure_kpa)).collect()
+    }
+
+    fn fill_one(&self, taxel: usize, pressure_kpa: &impl Fn(usize) -> Option<f64>) -> Option<Filled> {
+        let known: Vec<f64> = self.of[taxel].iter().filter_map(|&other| pressure_kpa(usize::from(other))).collect();
+        if known.len() < FILL_NEIGHBOURS_MIN {
+            return None;
+        }
+        let n = known.len() as f64;
+        let kpa = known.iter().sum::<f64>() / n;
+        let sigma_kpa = (known.iter().map(|p| (p - kpa).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
+        Some(Filled { taxel, kpa, sigma_kpa })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_skin::TaxelPose;
+
+    /// A row of taxels 6 mm apart.
+    fn row(taxels: usize) -> Neighbours {
+        let pose = |i: usize| TaxelPose { position: [0.006 * i as f64, 0.0, 0.0], normal: [0.0, 0.0, 1.0] };
+        Neighbours::new(&Geometry::from_poses((0..taxels).map(|i| Some(pose(i))).collect()))
+    }
+
+    #[test]
+    fn weak_touch_counts_only_where_it_is_connected_to_a_strong_one() {
+        let weak = [0.0, 1.0, 1.0, 0.0, 1.0, 1.0];
+        let mut active = vec![(0, 5.0)];
+        row(6).grow(&mut active, |taxel| weak[taxel]);
+        assert_eq!(active, [(0, 5.0), (1, 1.0), (2, 1.0)]);
+    }
+
+    #[test]
+    fn an_excluded_taxel_takes_the_mean_of_its_neighbours() {
+        let pressures = [Some(0.0), Some(10.0), None, Some(14.0), None];
+        let filled = row(5).fill(&[(1, 1.0), (3, 1.0)], |taxel| pressures[taxel]);
+        assert_eq!(filled.len(), 1, "taxel 4 has one neighbour only");
+        assert_eq!((filled[0].taxel, filled[0].kpa), (2, 12.0));
+        assert!((filled[0].sigma_kpa - 8.0_f64.sqrt()).abs() < 1e-12);
+    }
+}

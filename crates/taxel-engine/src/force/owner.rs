@@ -1,0 +1,279 @@
+//! The force of one patch: the models in use, their tables at the present zero, and what they make of a scan.
+//!
+//! Order of calls: [`Force::set_models`] and [`Force::set_zero`] whenever these change, [`Force::follow`] and then
+//! [`Force::sample`] for each scan.
+
+use std::sync::Arc;
+use taxel_skin::SquareMillimetre;
+
+use crate::baseline::{Activation, TaxelBaseline};
+use crate::force::evaluator::Evaluator;
+use crate::force::hysteresis::Hysteresis;
+use crate::force::measure::{Coverage, ForceModel, Layout, Present, Touch};
+use crate::force::remainder::Remainder;
+use crate::force::sample::{ForceSample, ForceState};
+use crate::force::tables::Tables;
+use crate::model_set::ModelSet;
+use crate::scan::Scan;
+
+/// So many blind taxels may be anywhere without a force being called degraded: a load on them alone is smaller than a
+/// fingertip.
+const BLIND_TAXELS_BORNE: u32 = 2;
+
+/// What the force needs to know of a patch.
+#[derive(Clone, Debug)]
+pub struct ForcePlan {
+    /// Areas, geometry and outputs.
+    pub layout: Layout,
+    /// When a taxel counts as touched.
+    pub activation: Activation,
+    /// Above this share of silent taxels there is no force at all.
+    pub stale_share_max: f64,
+}
+
+/// What the zero says of itself to the force.
+#[derive(Clone, Debug, Default)]
+pub struct ZeroState {
+    /// Why there is none, in words; empty where there is one.
+    pub lacks: String,
+    /// Standard uncertainty that all taxels share, counts.
+    pub sigma_counts: f64,
+    /// What keeps a force at it from being a good one, in words.
+    pub shortcoming: Option<String>,
+    /// A load has just vanished from a whole board at once.
+    pub load_vanished: bool,
+}
+
+/// A sample, and the taxels whose force is in its total, ascending.
+#[derive(Clone, Debug, Default)]
+pub struct Measured {
+    /// What readers see.
+    pub sample: ForceSample,
+    /// Taxels in the total, ascending.
+    pub active: Box<[u16]>,
+}
+
+/// The force of one patch.
+#[derive(Debug)]
+pub struct Force {
+    plan: ForcePlan,
+    model: ForceModel,
+    set: Option<Arc<ModelSet>>,
+    /// The id of `set`, as samples carry it.
+    id: Option<Arc<str>>,
+    /// The zero that the tables are for, if one holds.
+    zero: Option<Vec<TaxelBaseline>>,
+    evaluator: Option<Evaluator>,
+    /// Hysteresis of the active model set at the present zero, where it is compensated.
+    hysteresis: Option<Hysteresis>,
+    remainder: Remainder,
+    coverage: Coverage,
+    /// Soundness of the scan that the selection was last made for.
+    selected_for: Option<u64>,
+    /// Taxels with a usable model and a fault.
+    faulty: Vec<usize>,
+}
+
+impl Force {
+    /// Without models there is no force.
+    #[must_use]
+    pub fn new(plan: ForcePlan) -> Self {
+        Self {
+            model: ForceModel::new(&plan.layout),
+            plan,
+            set: None,
+            id: None,
+            zero: None,
+            evaluator: None,
+            hysteresis: None,
+            remainder: Remainder::default(),
+            coverage: Coverage { uncovered_share: 1.0, blind: 0 },
+            selected_for: None,
+            faulty: Vec::new(),
+        }
+    }
+
+    /// The model set in use.
+    #[must_use]
+    pub const fn models(&self) -> Option<&Arc<ModelSet>> {
+        self.set.as_ref()
+    }
+
+    /// Whether there are models and a zero.
+    #[must_use]
+    pub const fn is_ready(&self) -> bool {
+        self.evaluator.is_some()
+    }
+
+    /// Another model set is in use from now on.
+    pub fn set_models(&mut self, set: Arc<ModelSet>) {
+        self.id = Some(Arc::from(set.id.as_str()));
+        self.set = Some(set);
+        self.begin();
+    }
+
+    /// Another zero was taken, or it was lost: histories begin anew.
+    pub fn set_zero(&mut self, zero: Option<&[TaxelBaseline]>) {
+        self.zero = zero.map(<[TaxelBaseline]>::to_vec);
+        self.begin();
+    }
+
+    /// The zero holds no more for now, or holds again, or has followed the temperature: histories go on.
+    pub fn move_zero(&mut self, zero: Option<&[TaxelBaseline]>) {
+        self.zero = zero.map(<[TaxelBaseline]>::to_vec);
+        if let (Some(hysteresis), Some(zero)) = (&mut self.hysteresis, &self.zero) {
+            hysteresis.shift_zero(zero);
+        }
+        self.tabulate();
+    }
+
+    /// Every area is multiplied by a factor; `uncertainty` is their relative standard uncertainty from now on.
+    ///
+    /// Zero, faults and what hysteresis has done stay: a load may lie on the skin.
+    pub fn set_areas(&mut self, areas: Vec<SquareMillimetre>, uncertainty: f64) {
+        (self.plan.layout.areas, self.plan.layout.area_uncertainty) = (areas, uncertainty);
+        self.model = ForceModel::new(&self.plan.layout);
+        self.tabulate();
+    }
+
+    fn begin(&mut self) {
+        self.hysteresis = match (&self.set, &self.zero) {
+            (Some(set), Some(zero)) => Hysteresis::new(set, zero),
+            _ => None,
+        };
+        self.tabulate();
+    }
+
+    fn tabulate(&mut self) {
+        self.evaluator = match (&self.set, &self.zero) {
+            (Some(set), Some(zero)) => {
+                Some(Evaluator::new(Arc::clone(set), zero, &self.plan.layout.areas, self.plan.activation))
+            }
+            _ => None,
+        };
+        if let (Some(hysteresis), Some(evaluator)) = (&self.hysteresis, &mut self.evaluator) {
+            evaluator.set_hysteresis(Some(hysteresis.offset_kpa()));
+        }
+        self.selected_for = None;
+    }
+
+    /// The play operators of sound taxels follow the scan.
+    pub fn follow(&mut self, scan: &Scan<'_>) {
+        let (Some(hysteresis), Some(evaluator)) = (&mut self.hysteresis, &mut self.evaluator) else { return };
+        hysteresis.follow(scan.time, scan.counts, |taxel| scan.sound[taxel]);
+        evaluator.set_hysteresis(Some(hysteresis.offset_kpa()));
+    }
+
+    /// Keeps taxels that are not sound out of the sum; done anew only when that changed.
+    fn select(&mut self, scan: &Scan<'_>) {
+        let Some(evaluator) = &mut self.evaluator else {
+            self.coverage = Coverage { uncovered_share: 1.0, blind: 0 };
+            return;
+        };
+        if self.selected_for == Some(scan.soundness) {
+            return;
+        }
+        self.selected_for = Some(scan.soundness);
+        evaluator.select(|taxel| scan.sound[taxel]);
+        self.coverage = self.model.coverage(evaluator.selection());
+        let tables = evaluator.tables();
+        self.faulty = (0..scan.sound.len()).filter(|&t| tables.has(t) && !scan.sound[t]).collect();
+        if let Some(zero) = &self.zero {
+            self.remainder = Remainder::new(tables, zero, self.plan.activation, evaluator.selection());
+        }
+    }
+
+    /// The force of a scan, its state and the reasons for it. `silent` is how many taxels are silent.
+    pub fn sample(&mut self, scan: &Scan<'_>, silent: usize, zero: &ZeroState) -> Measured {
+        self.select(scan);
+        let taxels = scan.counts.len();
+        if self.set.is_none() {
+            return self.nothing(ForceState::Uncalibrated, "no model set is active".to_owned(), silent, taxels);
+        }
+        if silent as f64 > self.plan.stale_share_max * taxels as f64 {
+            return self.nothing(ForceState::Stale, format!("{silent} of {taxels} taxels are silent"), silent, taxels);
+        }
+        let Some(evaluator) = self.evaluator.as_ref().filter(|_| zero.lacks.is_empty()) else {
+            return self.nothing(ForceState::TareInvalid, zero.lacks.clone(), silent, taxels);
+        };
+        let usable = evaluator.selected().count();
+        if usable == 0 {
+            let why = "no taxel has a usable model and is free of faults".to_owned();
+            return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
+        }
+        let present = Present { coverage: self.coverage, zero_sigma_counts: zero.sigma_counts };
+        let touch = self.model.touch(evaluator, scan.counts, self.coverage);
+        let active = touch.active.iter().map(|&(taxel, _)| taxel);
+        let unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
+        let faulty_beside = self.faulty_beside(&touch);
+        let in_total = in_order(&touch);
+        let mut sample = self.model.measure(evaluator, scan.counts, touch, unseen, present);
+        sample.stale = silent as u32;
+        sample.excluded = (taxels - usable).saturating_sub(silent) as u32;
+        self.name_shortcomings(&mut sample, faulty_beside, zero);
+        Measured { sample, active: in_total }
+    }
+
+    fn nothing(&self, state: ForceState, reason: String, silent: usize, taxels: usize) -> Measured {
+        let sample = ForceSample {
+            state,
+            reasons: vec![reason],
+            stale: silent as u32,
+            excluded: taxels as u32,
+            uncovered_share: 1.0,
+            model_set: self.id.clone(),
+            ..ForceSample::default()
+        };
+        Measured { sample, active: Box::default() }
+    }
+
+    /// How many taxels with a fault lie under the contact or at its rim. Without positions nobody knows, and all count.
+    fn faulty_beside(&self, touch: &Touch) -> usize {
+        let Some(neighbours) = self.model.neighbours() else { return self.faulty.len() };
+        if self.faulty.is_empty() || touch.active.is_empty() {
+            return 0;
+        }
+        let touched = |taxel: usize| touch.active.iter().any(|&(active, _)| active == taxel);
+        self.faulty.iter().filter(|&&taxel| neighbours.of(taxel).any(touched)).count()
+    }
+
+    /// Only what touches the total degrades it; the rest is the health's.
+    fn name_shortcomings(&self, sample: &mut ForceSample, faulty_beside: usize, zero: &ZeroState) {
+        let reasons = &mut sample.reasons;
+        if sample.stale > 0 {
+            reasons.push(format!("{} taxels are silent", sample.stale));
+        }
+        if faulty_beside > 0 {
+            reasons.push(format!("{faulty_beside} taxels have a fault"));
+        }
+        if self.coverage.blind > BLIND_TAXELS_BORNE && self.coverage.blind > sample.stale {
+            let blind = self.coverage.blind;
+            reasons.push(format!("{blind} taxels are blind, and so are those beside them: the total is a lower bound"));
+        }
+        if sample.out_of_range > 0 {
+            let n = sample.out_of_range;
+            reasons.push(format!("{n} active taxels read more than was calibrated: the total is a lower bound"));
+        }
+        if zero.load_vanished {
+            let what = "a load vanished from a whole board at once, and whether the board took a new zero is being \
+                        looked at: the total is a lower bound";
+            reasons.push(what.to_owned());
+        }
+        reasons.extend(zero.shortcoming.clone());
+        sample.lower_bound =
+            self.coverage.blind > 0 || sample.stale > 0 || sample.out_of_range > 0 || zero.load_vanished;
+        sample.state = if reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
+    }
+
+    /// The tables at the present zero and what each taxel's history adds, for readers of taxels.
+    #[must_use]
+    pub fn tables(&self) -> Option<(Arc<Tables>, Option<Arc<[f32]>>)> {
+        self.evaluator.as_ref().map(|e| (Arc::clone(e.tables()), e.hysteresis().cloned()))
+    }
+}
+
+fn in_order(touch: &Touch) -> Box<[u16]> {
+    let mut active: Box<[u16]> = touch.active.iter().filter_map(|&(taxel, _)| u16::try_from(taxel).ok()).collect();
+    active.sort_unstable();
+    active
+}

@@ -1,0 +1,105 @@
+//! What presses below the activation thresholds: the force that a scan cannot show as a touch.
+//!
+//! The counts of all taxels that are not active still say how much may lie there. With `w` the force per count of a taxel
+//! (area times threshold pressure over threshold distance) and `c` its counts from the zero towards pressure, the
+//! remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`, and what all
+//! taxels share, the zero's: `(z sum w)^2`.
+
+use taxel_skin::Newton;
+
+use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
+use crate::force::tables::Tables;
+
+/// Standard uncertainties that the detection floor lies above the remainder: 95 %.
+const FLOOR_SIGMAS: f64 = 2.0;
+
+/// One taxel's share in the remainder, by its raw count.
+#[derive(Clone, Copy, Debug, Default)]
+struct Share {
+    /// Force per raw count, N; negative where counts fall with pressure. 0 for a taxel that is not selected.
+    newton_per_count: f32,
+    /// Its zero, counts.
+    zero: f32,
+    /// Noise of a single reading, N.
+    noise_n: f32,
+}
+
+/// The remainder of a patch at one zero and one selection.
+#[derive(Clone, Debug, Default)]
+pub struct Remainder {
+    /// Force per raw count of every taxel, N, for the walk over all.
+    newton_per_count: Vec<f32>,
+    shares: Vec<Share>,
+    /// Force of all zeros: what the walk over raw counts has too much.
+    zeros_n: f64,
+    /// Sum of the squared noises, N squared.
+    noise_n2: f64,
+    /// Sum of the forces per count, N.
+    per_count_n: f64,
+}
+
+/// What may press unseen.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Unseen {
+    /// Its standard uncertainty, N.
+    pub sigma_n: f64,
+    /// The force that may press in addition without activating a taxel.
+    pub floor: Newton,
+}
+
+impl Remainder {
+    /// For the taxels that are `selected` at the zero `rest`; all slices by taxel.
+    #[must_use]
+    pub fn new(tables: &Tables, rest: &[TaxelBaseline], activation: Activation, selected: &[bool]) -> Self {
+        let share = |taxel: usize| {
+            let rest = rest[taxel];
+            let distance = activation.distance_counts(rest.noise);
+            let edge = tables.threshold_n(taxel, distance)?;
+            let per_count = edge / distance;
+            let noise_n = (per_count * rest.noise.max(NOISE_FLOOR_COUNTS)) as f32;
+            let newton_per_count = (per_count * tables.sign(taxel)) as f32;
+            let usable = rest.mean.is_finite() && newton_per_count.is_finite() && noise_n.is_finite();
+            usable.then_some(Share { newton_per_count, zero: rest.mean as f32, noise_n })
+        };
+        let shares: Vec<Share> =
+            (0..selected.len()).map(|t| selected[t].then(|| share(t)).flatten().unwrap_or_default()).collect();
+        let sum = |of: &dyn Fn(&Share) -> f64| shares.iter().map(of).sum::<f64>();
+        Self {
+            newton_per_count: shares.iter().map(|s| s.newton_per_count).collect(),
+            zeros_n: sum(&|s| f64::from(s.newton_per_count) * f64::from(s.zero)),
+            noise_n2: sum(&|s| f64::from(s.noise_n).powi(2)),
+            per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
+            shares,
+        }
+    }
+
+    /// What may press beside the `active` taxels, at a zero that all taxels share an uncertainty of.
+    #[must_use]
+    pub fn unseen(&self, counts: &[u8], active: impl Iterator<Item = usize>, zero_sigma_counts: f64) -> Unseen {
+        let (mut rest_n, mut noise_n2, mut per_count_n) =
+            (dot(&self.newton_per_count, counts) - self.zeros_n, self.noise_n2, self.per_count_n);
+        for taxel in active {
+            let (Some(share), Some(&count)) = (self.shares.get(taxel), counts.get(taxel)) else { continue };
+            rest_n -= f64::from(share.newton_per_count) * (f64::from(count) - f64::from(share.zero));
+            noise_n2 -= f64::from(share.noise_n).powi(2);
+            per_count_n -= f64::from(share.newton_per_count).abs();
+        }
+        let sigma_n = (noise_n2.max(0.0) + (zero_sigma_counts * per_count_n).powi(2)).sqrt();
+        Unseen { sigma_n, floor: Newton(rest_n.max(0.0) + FLOOR_SIGMAS * sigma_n) }
+    }
+}
+
+/// Sum of the products, in a fixed order, sixteen chains at a time.
+fn dot(weights: &[f32], counts: &[u8]) -> f64 {
+    const LANES: usize = 16;
+    let mut lanes = [0.0_f32; LANES];
+    let (weights, weights_rest) = weights.as_chunks::<LANES>();
+    let (counts, counts_rest) = counts.as_chunks::<LANES>();
+    for (weights, counts) in weights.iter().zip(counts) {
+        for i in 0..LANES {
+            lanes[i] += weights[i] * f32::from(counts[i]);
+        }
+    }
+    let rest: f64 = weights_rest.iter().zip(counts_rest).map(|(w, c)| f64::from(*w) * f64::from(*c)).sum();
+    lanes.iter().fold(rest, |sum, lane| sum + f64::from(*lane))
+}

@@ -1,0 +1,259 @@
+//! From a count to a pressure and a force: tables for one model set at one zero.
+//!
+//! Counts have eight bits, so everything that depends on one taxel's count alone (curve, range, activation threshold,
+//! area) is baked into a table of 256 entries when the zero or the model set changes.
+
+use std::sync::Arc;
+use taxel_model::{Plays, RangeState, Sign, TaxelModel};
+use taxel_skin::SquareMillimetre;
+
+use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
+use crate::force::sample::RangeFlag;
+use crate::model_set::{ModelSet, RecordedTaxel};
+
+/// Entries from one force table to the next. Taxels at rest all read about the same count; if their tables lay a power
+/// of two apart, all those entries would compete for the same few sets of the cache (5,000 taxels: 7 us instead of 4).
+const FORCE_STRIDE: usize = 256 + 16;
+
+/// Force by raw count; the entries beyond 255 are never read.
+pub(crate) type ForceTable = [f32; FORCE_STRIDE];
+
+/// Beside an activated taxel this share of the threshold suffices: the low one of two thresholds.
+const LOW_SHARE: f64 = 0.375;
+
+/// One taxel's tables, indexed by raw count.
+#[derive(Clone, Debug)]
+struct TaxelTable {
+    pressure_kpa: [f32; 256],
+    sigma_kpa: [f32; 256],
+    range: [RangeFlag; 256],
+    /// Force in newton with the low threshold that holds beside an activated taxel.
+    low_n: [f32; 256],
+    /// What of `sigma_kpa` all taxels have in common.
+    shared_kpa: f32,
+    /// The count at the present zero.
+    zero: f64,
+}
+
+/// What a taxel's count means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TaxelReading {
+    /// Pressure, clamped to the calibrated range.
+    pub pressure_kpa: f32,
+    /// Its standard uncertainty.
+    pub sigma_kpa: f32,
+    /// What of that uncertainty all taxels have in common, so that it does not average out over a contact.
+    pub shared_kpa: f32,
+    /// How much the pressure changes with the count here, not negative.
+    pub kpa_per_count: f32,
+    /// Whether it was clamped.
+    pub range: RangeFlag,
+    /// Whether the count is beyond the activation threshold.
+    pub active: bool,
+}
+
+/// The tables of a patch, all by taxel; immutable, so that snapshots can share them.
+#[derive(Debug)]
+pub struct Tables {
+    set: Arc<ModelSet>,
+    id: Arc<str>,
+    /// `None` without a usable model.
+    taxels: Vec<Option<Box<TaxelTable>>>,
+    /// Force in newton by count; zero below the activation threshold and without a usable model.
+    force_n: Vec<ForceTable>,
+    /// Polarity mask: 255 where counts fall with pressure. A count exclusive or its mask grows with pressure.
+    polarity: Vec<u8>,
+    /// Threshold code: the greatest count in that polarity that is no touch; 255 where nothing is.
+    threshold: Vec<u8>,
+    newton_per_kpa: Vec<f32>,
+}
+
+impl Tables {
+    /// Tables for `set` at the zero `rest`. Taxels without a usable model get none.
+    ///
+    /// All slices have one entry per taxel of the patch.
+    #[must_use]
+    pub fn new(set: Arc<ModelSet>, rest: &[TaxelBaseline], areas: &[SquareMillimetre], activation: Activation) -> Self {
+        let taxels = set.taxels.len();
+        let mut tables = Self {
+            id: Arc::from(set.id.as_str()),
+            taxels: vec![None; taxels],
+            force_n: vec![[0.0; FORCE_STRIDE]; taxels],
+            polarity: vec![0; taxels],
+            threshold: vec![u8::MAX; taxels],
+            newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
+            set,
+        };
+        for taxel in 0..taxels {
+            let then = tables.set.baseline.get(taxel);
+            if let (Some(now), Some(then), Some(area)) = (rest.get(taxel), then, areas.get(taxel))
+                // A zero or a reference that was never measured proves nothing about the taxel.
+                && (tables.set.taxels[taxel].is_usable() && now.mean.is_finite() && then.mean.is_finite())
+            {
+                let source = Source::new(&tables.set, taxel, *now, *then);
+                let (table, force_n) = source.tabulate(*area, activation);
+                tables.polarity[taxel] = if source.sign == Sign::Falling { u8::MAX } else { 0 };
+                tables.threshold[taxel] = source.threshold(activation);
+                tables.taxels[taxel] = Some(Box::new(table));
+                tables.force_n[taxel] = force_n;
+            }
+        }
+        tables
+    }
+
+    /// The model set.
+    #[must_use]
+    pub const fn set(&self) -> &Arc<ModelSet> {
+        &self.set
+    }
+
+    /// The model set's id.
+    #[must_use]
+    pub const fn id(&self) -> &Arc<str> {
+        &self.id
+    }
+
+    /// How many taxels there are.
+    #[must_use]
+    pub fn taxels(&self) -> usize {
+        self.taxels.len()
+    }
+
+    /// Whether a taxel has a usable model and a zero.
+    #[must_use]
+    pub fn has(&self, taxel: usize) -> bool {
+        self.taxels.get(taxel).is_some_and(Option::is_some)
+    }
+
+    /// What `count` means for `taxel`, to whose pressure its history adds `offset_kpa`; `None` without a usable model.
+    #[must_use]
+    pub fn reading(&self, taxel: usize, count: u8, offset_kpa: f32) -> Option<TaxelReading> {
+        let (table, code) = (self.taxels.get(taxel)?.as_ref()?, usize::from(count));
+        let (before, after) = (count.saturating_sub(1), count.saturating_add(1));
+        let rise = table.pressure_kpa[usize::from(after)] - table.pressure_kpa[usize::from(before)];
+        Some(TaxelReading {
+            // Hysteresis takes no touch below nothing.
+            pressure_kpa: (table.pressure_kpa[code] + offset_kpa).max(0.0),
+            kpa_per_count: rise.abs() / f32::from(after - before),
+            sigma_kpa: table.sigma_kpa[code],
+            shared_kpa: table.shared_kpa,
+            range: table.range[code],
+            active: self.force_n[taxel][code] > 0.0,
+        })
+    }
+
+    /// Force in newton of a taxel beside an activated one, where a weaker touch counts.
+    pub(crate) fn low_n(&self, taxel: usize, count: u8) -> Option<f32> {
+        Some(self.taxels.get(taxel)?.as_ref()?.low_n[usize::from(count)])
+    }
+
+    pub(crate) fn force_n(&self) -> &[ForceTable] {
+        &self.force_n
+    }
+
+    pub(crate) fn polarity(&self) -> &[u8] {
+        &self.polarity
+    }
+
+    pub(crate) fn threshold(&self, taxel: usize) -> u8 {
+        self.threshold[taxel]
+    }
+
+    /// +1 where the count of a taxel rises with pressure, -1 where it falls.
+    pub(crate) fn sign(&self, taxel: usize) -> f64 {
+        if self.polarity[taxel] == 0 { 1.0 } else { -1.0 }
+    }
+
+    /// Force in newton of a taxel that is `distance` counts from its zero; `None` without a usable model.
+    pub(crate) fn threshold_n(&self, taxel: usize, distance: f64) -> Option<f64> {
+        let table = self.taxels.get(taxel)?.as_ref()?;
+        let code = (table.zero + self.sign(taxel) * distance).round().clamp(0.0, 255.0);
+        Some(f64::from(table.pressure_kpa[code as usize].max(0.0)) * f64::from(self.newton_per_kpa[taxel]))
+    }
+
+    pub(crate) fn newton_per_kpa(&self, taxel: usize) -> f32 {
+        self.newton_per_kpa[taxel]
+    }
+}
+
+/// All that one taxel's tables are made from.
+struct Source<'a> {
+    model: &'a TaxelModel,
+    /// Where hysteresis is compensated the mid curve is served; the play operators add their offset scan by scan.
+    plays: Option<&'a Plays>,
+    in_use: Option<&'a RecordedTaxel>,
+    set: &'a ModelSet,
+    now: TaxelBaseline,
+    /// What is added to a raw count to get the count that the models refer to.
+    shift: f64,
+    sign: Sign,
+}
+
+impl<'a> Source<'a> {
+    fn new(set: &'a ModelSet, taxel: usize, now: TaxelBaseline, then: TaxelBaseline) -> Self {
+        let (model, plays) = (&set.taxels[taxel], set.plays(taxel));
+        let sign = plays.map_or(model.sign, |plays| plays.sign);
+        Self { model, plays, in_use: set.in_use(taxel), set, now, shift: then.mean - now.mean, sign }
+    }
+
+    /// Tables for what is looked up now and then, and the force that every scan needs.
+    fn tabulate(&self, area: SquareMillimetre, activation: Activation) -> (TaxelTable, ForceTable) {
+        let mut table = self.model.tabulate(self.shift);
+        let mut range = std::array::from_fn(|code| in_pressure(table.range_state(code as u8), self.sign));
+        if let Some(plays) = self.plays {
+            for code in 0..=u8::MAX {
+                let count = f64::from(code) + self.shift;
+                table.pressure_kpa[usize::from(code)] = plays.mid_kpa(count) as f32;
+                range[usize::from(code)] = in_pressure(plays.range_state(count), self.sign);
+            }
+        }
+        if let Some(sigma_kpa) = self.sigma_in_use_kpa() {
+            table.sigma_kpa = [sigma_kpa as f32; 256];
+        }
+        let shared_kpa = self.in_use.map_or(0.0, |in_use| in_use.shared_kpa(self.set.plays_error_ratio()));
+        let beyond = |distance: f64| -> [f32; 256] {
+            std::array::from_fn(|code| {
+                let newton = f64::from(table.pressure_kpa[code]) * area.0 * 1e-3;
+                if self.pressed(code as u8) > distance { newton.max(0.0) as f32 } else { 0.0 }
+            })
+        };
+        let distance = activation.distance_counts(self.now.noise);
+        let low_n = beyond(LOW_SHARE * distance);
+        let mut force_n = [0.0; FORCE_STRIDE];
+        force_n[..256].copy_from_slice(&beyond(distance));
+        let (pressure_kpa, sigma_kpa) = (table.pressure_kpa, table.sigma_kpa);
+        (
+            TaxelTable { pressure_kpa, sigma_kpa, range, low_n, shared_kpa: shared_kpa as f32, zero: self.now.mean },
+            force_n,
+        )
+    }
+
+    /// Counts from rest towards pressure.
+    fn pressed(&self, code: u8) -> f64 {
+        self.sign.as_f64() * (f64::from(code) - self.now.mean)
+    }
+
+    /// The greatest flipped count that is no touch.
+    fn threshold(&self, activation: Activation) -> u8 {
+        let distance = activation.distance_counts(self.now.noise);
+        let untouched = (0..=u8::MAX).filter(|&code| self.pressed(code) <= distance || self.pressed(code).is_nan());
+        untouched.map(|code| if self.sign == Sign::Falling { !code } else { code }).max().unwrap_or(0)
+    }
+
+    /// The error of a reading as a recording of both branches has shown it, and what is not in there: the noise of a
+    /// single count, which was averaged out when that error was taken.
+    fn sigma_in_use_kpa(&self) -> Option<f64> {
+        let recorded = self.set.recorded.as_ref()?;
+        let noise = if recorded.smooth_s > 0.0 { self.now.noise.max(NOISE_FLOOR_COUNTS) } else { 0.0 };
+        Some(self.in_use?.sigma_kpa(recorded.zero_return_counts.hypot(noise))).filter(|sigma| sigma.is_finite())
+    }
+}
+
+/// Beyond which end of the pressure a count lies: where counts fall with pressure, few counts are much pressure.
+const fn in_pressure(counts: RangeState, sign: Sign) -> RangeFlag {
+    match (counts, sign) {
+        (RangeState::InRange, _) => RangeFlag::In,
+        (RangeState::Below, Sign::Rising) | (RangeState::Above, Sign::Falling) => RangeFlag::Below,
+        (RangeState::Above, Sign::Rising) | (RangeState::Below, Sign::Falling) => RangeFlag::Above,
+    }
+}

@@ -1,0 +1,135 @@
+//! What is known of a board beside its counts, and when its zero can no longer be trusted.
+
+use std::time::Duration;
+use taxel_skin::Time;
+use taxel_wire::icub::{FirmwareVersion, StatusWord};
+
+/// MTB3 and MTB4 take their zero anew, without a word, after this many lost acknowledgements (icub-firmware).
+const NO_ACKS_TO_SILENT_TARE: u32 = 5;
+
+/// Why a board's zero is in doubt.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BoardDoubt {
+    /// In words, to follow "board 13".
+    pub why: String,
+    /// Whether the board has surely taken a new zero, or may have lost it unseen. Else the counts have to show it.
+    pub certain: bool,
+}
+
+/// How long a board may be silent.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SilenceLimits {
+    /// After a longer silence its zero is in doubt.
+    pub doubt_after: Duration,
+    /// After a longer silence it may have lost its power.
+    pub power_cycle_after: Duration,
+}
+
+/// One board.
+#[derive(Clone, Debug, Default)]
+pub struct BoardState {
+    last: Option<Time>,
+    status_errors: u64,
+    /// Since the board was last known to begin its own count anew.
+    no_acks: u32,
+    overflows: u64,
+    /// The host lost frames since the board was last heard, so that a silence need not be the board's.
+    frames_lost: bool,
+    celsius: Option<f64>,
+    firmware: Option<FirmwareVersion>,
+}
+
+impl BoardState {
+    /// A module of the board came whole. Returns why the board's zero is in doubt, if it is.
+    pub fn on_module(&mut self, time: Time, status: StatusWord, limits: SilenceLimits) -> Option<BoardDoubt> {
+        let silence = self.last.map(|last| time.since(last));
+        let lost = std::mem::take(&mut self.frames_lost);
+        self.last = Some(time);
+        self.status_errors += u64::from(!status.is_ok());
+        if let Some(silence) = silence.filter(|&s| s > limits.doubt_after) {
+            let seconds = silence.as_secs_f64();
+            if silence > limits.power_cycle_after && !lost {
+                self.no_acks = 0; // it counts from its start, too
+                let why = format!("was silent for {seconds:.1} s and may have lost its power");
+                return Some(BoardDoubt { why, certain: true });
+            }
+            return Some(BoardDoubt { why: format!("was not heard for {seconds:.2} s"), certain: false });
+        }
+        status.no_ack().then(|| self.on_no_ack())
+    }
+
+    /// How far the board's own count was when we began to listen is not known, so any lost acknowledgement may be the
+    /// one that makes it take a new zero; of five, one surely did.
+    fn on_no_ack(&mut self) -> BoardDoubt {
+        self.no_acks += 1;
+        let certain = self.no_acks >= NO_ACKS_TO_SILENT_TARE;
+        if certain {
+            self.no_acks = 0;
+            let why =
+                format!("reported {NO_ACKS_TO_SILENT_TARE} lost acknowledgements and then takes a new zero by itself");
+            return BoardDoubt { why, certain };
+        }
+        BoardDoubt { why: "reported a lost acknowledgement and may have taken a new zero".to_owned(), certain }
+    }
+
+    /// It is configured anew, and its counts of everything begin anew with it.
+    pub const fn on_bring_up(&mut self) {
+        self.no_acks = 0;
+    }
+
+    /// The host lost frames: a silence that ends with the next module may be its own.
+    pub const fn on_frames_lost(&mut self) {
+        self.frames_lost = true;
+    }
+
+    /// It discarded its send queue.
+    pub fn on_overflow(&mut self) {
+        self.overflows += 1;
+    }
+
+    /// Its thermometer, in tenths of a degree Celsius.
+    pub fn on_temperature(&mut self, deci_celsius: i16) {
+        self.celsius = Some(f64::from(deci_celsius) / 10.0);
+    }
+
+    /// It told its firmware.
+    pub fn on_firmware(&mut self, firmware: FirmwareVersion) {
+        self.firmware = Some(firmware);
+    }
+
+    /// Tails whose status word named a trouble.
+    #[must_use]
+    pub const fn status_errors(&self) -> u64 {
+        self.status_errors
+    }
+
+    /// Temperature in Celsius, where the board sends it.
+    #[must_use]
+    pub const fn celsius(&self) -> Option<f64> {
+        self.celsius
+    }
+
+    /// Firmware in words.
+    #[must_use]
+    pub fn firmware(&self) -> Option<String> {
+        self.firmware.map(|f| {
+            let ((major, minor, build), protocol) = (f.app, f.protocol);
+            format!("type {}, {major}.{minor}.{build}, protocol {}.{}", f.board_type, protocol.0, protocol.1)
+        })
+    }
+
+    /// What an operator should know of it.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if let Some(f) = self.firmware.filter(FirmwareVersion::loses_arbitrated_frames) {
+            let (major, minor, _) = f.app;
+            warnings
+                .push(format!("firmware {major}.{minor} does not retransmit: lost frames are normal; update to 1.25"));
+        }
+        if self.overflows > 0 {
+            warnings.push(format!("discarded its send queue {} times", self.overflows));
+        }
+        warnings
+    }
+}

@@ -1,0 +1,258 @@
+//! Live faults per taxel and module: named, and ending by themselves when they are over.
+//!
+//! Streaming, a fixed amount of work per taxel and scan. The limits come from recordings of a real 280-taxel skin
+//! (8 bit, 48.7 scans/s of a 27 Hz conversion): a sound taxel has noise of 0.9 to 1.5 counts and repeats a value for
+//! at most 1.2 s; a flickering one has noise of 4 to 7 counts.
+
+use std::ops::Range;
+use std::time::Duration;
+use taxel_skin::{ModuleKind, Time, VALUES_PER_MODULE};
+
+use super::fault::{Fault, FaultSet};
+use super::limits::FaultLimits;
+use super::taxel::TaxelWatch;
+
+#[derive(Clone, Debug)]
+struct ModuleWatch {
+    taxels: Range<usize>,
+    board: Option<usize>,
+    /// Which of the module's twelve values each taxel is.
+    slots: &'static [u8],
+    heard: Option<Time>,
+    not_connected_until: Time,
+    no_ack_until: Time,
+    too_fast_until: Time,
+    out_of_range_until: [Time; VALUES_PER_MODULE],
+    /// The last of these.
+    status_until: Time,
+    /// Its taxels carry faults that they share.
+    marked: bool,
+    /// Taxels that rose and that fell in one step, as of the last scan.
+    steps: [usize; 2],
+}
+
+#[derive(Clone, Debug, Default)]
+struct BoardWatch {
+    taxels: usize,
+    steps: [usize; 2],
+    stepped_until: Option<Time>,
+}
+
+/// Watches every taxel of a patch.
+#[derive(Clone, Debug)]
+pub struct FaultDetector {
+    limits: FaultLimits,
+    hold: Duration,
+    taxels: Vec<TaxelWatch>,
+    modules: Vec<ModuleWatch>,
+    boards: Vec<BoardWatch>,
+    /// Taxels that changed within the freezing time, as of their last scan.
+    pub(super) lively: usize,
+}
+
+impl FaultDetector {
+    /// `modules` and `boards` are ranges of taxel numbers; those beyond `taxel_count` are cut off.
+    /// Modules of 10, 11 and 12 taxels are taken for triangles, palms with pad 11 and fingertips.
+    #[must_use]
+    pub fn new(taxel_count: usize, modules: &[Range<usize>], boards: &[Range<usize>], limits: FaultLimits) -> Self {
+        let clip = |r: &Range<usize>| r.start.min(taxel_count)..r.end.min(taxel_count).max(r.start.min(taxel_count));
+        let watch = |range: &Range<usize>| ModuleWatch {
+            taxels: clip(range),
+            board: boards.iter().position(|b| b.contains(&range.start)),
+            slots: slots_by_size(range.len()),
+            heard: None,
+            not_connected_until: Time::from_nanos(i64::MIN),
+            no_ack_until: Time::from_nanos(i64::MIN),
+            too_fast_until: Time::from_nanos(i64::MIN),
+            out_of_range_until: [Time::from_nanos(i64::MIN); VALUES_PER_MODULE],
+            status_until: Time::from_nanos(i64::MIN),
+            marked: false,
+            steps: [0; 2],
+        };
+        Self {
+            limits,
+            hold: Duration::from_secs_f32(limits.hold_s.clamp(0.0, 1e6)),
+            taxels: vec![TaxelWatch::default(); taxel_count],
+            modules: modules.iter().map(watch).collect(),
+            boards: boards.iter().map(|b| BoardWatch { taxels: clip(b).len(), ..BoardWatch::default() }).collect(),
+            lively: 0,
+        }
+    }
+
+    /// Says what each module's values are, where their number leaves it open.
+    #[must_use]
+    pub fn with_kinds(mut self, kinds: impl IntoIterator<Item = ModuleKind>) -> Self {
+        for (module, kind) in self.modules.iter_mut().zip(kinds) {
+            module.slots = kind.taxel_slots();
+        }
+        self
+    }
+
+    /// The noise that each taxel is known to have at rest, in counts (NaN: unknown). It raises the limit for jumping
+    /// on a noisy skin, and lets a freeze of the whole patch be seen.
+    pub fn expect_noise(&mut self, noise_counts: impl IntoIterator<Item = f64>) {
+        for (taxel, noise) in self.taxels.iter_mut().zip(noise_counts) {
+            taxel.expect_noise(noise as f32);
+        }
+    }
+
+    /// Takes the counts of one module; `status` is the word of its tail frame, 0 where all is well.
+    /// Returns whether the faults of any taxel of the module changed. An unknown module is ignored.
+    pub fn push_module(&mut self, now: Time, module: usize, counts: &[u8], status: u16) -> bool {
+        let mut reals = [0.0; VALUES_PER_MODULE];
+        let n = counts.len().min(VALUES_PER_MODULE);
+        for (real, &count) in reals.iter_mut().zip(counts) {
+            *real = f32::from(count);
+        }
+        self.push_reals(now, module, &reals[..n], status)
+    }
+
+    /// As [`FaultDetector::push_module`], for counts that are reals; a value that is not finite is a missing one.
+    pub fn push_reals(&mut self, now: Time, module: usize, counts: &[f32], status: u16) -> bool {
+        let Some(watch) = self.modules.get_mut(module) else { return false };
+        let silent = watch.heard.is_some_and(|last| now.seconds_since(last) > f64::from(self.limits.stale_after_s));
+        watch.heard = Some(now);
+        watch.take_status(now + self.hold, status);
+        let others_change = 4 * self.lively >= self.taxels.len();
+        let (mut broken, mut steps, mut changed) = (0, [0; 2], false);
+        let range = watch.taxels.clone();
+        for (taxel, &count) in self.taxels[range.clone()].iter_mut().zip(counts) {
+            let before = (taxel.faults, taxel.is_lively);
+            if silent {
+                taxel.forget_trend();
+            }
+            if count.is_finite() {
+                taxel.push(now, count, others_change, self.hold, &self.limits);
+                taxel.note_onset(now);
+            }
+            match (before.1, taxel.is_lively) {
+                (false, true) => self.lively += 1,
+                (true, false) => self.lively -= 1,
+                _ => {}
+            }
+            broken += usize::from(taxel.faults.contains(Fault::Jumping) || taxel.faults.contains(Fault::Rail));
+            match taxel.step(self.limits.board_step_counts) {
+                step if step > 0.0 => steps[0] += 1,
+                step if step < 0.0 => steps[1] += 1,
+                _ => {}
+            }
+            changed |= taxel.faults != before.0;
+        }
+        let flicker = !range.is_empty() && broken as f32 >= self.limits.module_share * range.len() as f32;
+        let stepped = self.board_stepped(now, module, steps);
+        let watch = &mut self.modules[module];
+        let shares = flicker || stepped || now < watch.status_until || now < watch.too_fast_until;
+        if shares || watch.marked {
+            watch.marked = shares;
+            changed |= self.mark(now, module, flicker, stepped);
+        }
+        changed
+    }
+
+    /// Whether the module's board has stepped within the hold time.
+    fn board_stepped(&mut self, now: Time, module: usize, steps: [usize; 2]) -> bool {
+        let watch = &mut self.modules[module];
+        let Some(board) = watch.board.and_then(|b| self.boards.get_mut(b)) else { return false };
+        for (i, &fresh) in steps.iter().enumerate() {
+            board.steps[i] = board.steps[i] + fresh - watch.steps[i];
+        }
+        watch.steps = steps;
+        let needed = (self.limits.board_step_share * board.taxels as f32).max(1.0);
+        if board.steps[0].max(board.steps[1]) as f32 >= needed {
+            board.stepped_until = Some(now + self.hold);
+        }
+        board.stepped_until.is_some_and(|until| now < until)
+    }
+
+    /// Sets the faults that a whole module shares.
+    fn mark(&mut self, now: Time, module: usize, flicker: bool, stepped: bool) -> bool {
+        let watch = &self.modules[module];
+        let mut changed = false;
+        for (i, taxel) in self.taxels[watch.taxels.clone()].iter_mut().enumerate() {
+            let before = taxel.faults;
+            let out = watch.slots.get(i).is_some_and(|&slot| now < watch.out_of_range_until[slot as usize]);
+            taxel.faults.set(Fault::ModuleFlicker, flicker);
+            taxel.faults.set(Fault::BoardStep, stepped);
+            taxel.faults.set(Fault::StatusOutOfRange, out);
+            taxel.faults.set(Fault::NotConnected, now < watch.not_connected_until);
+            taxel.faults.set(Fault::NoAck, now < watch.no_ack_until);
+            taxel.faults.set(Fault::TooFast, now < watch.too_fast_until);
+            taxel.faults.set(Fault::Stale, false);
+            taxel.note_onset(now);
+            changed |= taxel.faults != before;
+        }
+        changed
+    }
+
+    /// The module's scans come faster than its board can send them: none of its values can be trusted until then.
+    pub fn doubt_module(&mut self, now: Time, module: usize, until: Time) {
+        let Some(watch) = self.modules.get_mut(module) else { return };
+        watch.too_fast_until = watch.too_fast_until.max(until);
+        watch.marked = true;
+        for taxel in &mut self.taxels[watch.taxels.clone()] {
+            taxel.faults.set(Fault::TooFast, true);
+            taxel.note_onset(now);
+        }
+    }
+
+    /// Time passed: modules that have been silent for too long are stale. Returns whether any became so.
+    pub fn tick(&mut self, now: Time) -> bool {
+        let mut changed = false;
+        for module in &mut self.modules {
+            let silent = |last| now.seconds_since(last) > f64::from(self.limits.stale_after_s);
+            if !module.heard.is_some_and(silent) {
+                continue;
+            }
+            module.marked = true;
+            for taxel in &mut self.taxels[module.taxels.clone()] {
+                changed |= !taxel.faults.contains(Fault::Stale);
+                taxel.faults.set(Fault::Stale, true);
+                taxel.note_onset(now);
+            }
+        }
+        changed
+    }
+
+    /// The faults of a taxel now; none for an unknown taxel.
+    #[must_use]
+    pub fn faults(&self, taxel: usize) -> FaultSet {
+        self.taxels.get(taxel).map(|t| t.faults).unwrap_or_default()
+    }
+
+    /// Since when the taxel's values are wrong: a freeze is known only seconds after it began. `None` if it has no
+    /// fault. Who can still change what it wrote, as a reader of a file, excludes the taxel from here on.
+    #[must_use]
+    pub fn wrong_since(&self, taxel: usize) -> Option<Time> {
+        self.taxels.get(taxel).and_then(TaxelWatch::wrong_since)
+    }
+}
+
+impl ModuleWatch {
+    /// Status word of a tail frame: bit 4 + i says that value i is out of range, bit 1 that nothing is connected,
+    /// bit 0 that a conversion was not acknowledged.
+    fn take_status(&mut self, until: Time, status: u16) {
+        if status == 0 {
+            return; // nearly always
+        }
+        self.status_until = until;
+        if status & 1 != 0 {
+            self.no_ack_until = until;
+        }
+        if status & 2 != 0 {
+            self.not_connected_until = until;
+        }
+        for (value, out) in self.out_of_range_until.iter_mut().enumerate() {
+            if status & (16 << value) != 0 {
+                *out = until;
+            }
+        }
+    }
+}
+
+fn slots_by_size(taxels: usize) -> &'static [u8] {
+    match taxels {
+        10 => ModuleKind::Triangle.taxel_slots(),
+        11 => ModuleKind::PalmPad11.taxel_slots(),
+        _ => ModuleKind::Fingertip.taxel_slots(),
+    }
+}

@@ -1,0 +1,109 @@
+//! The faults that a taxel can have.
+
+use std::fmt;
+
+/// What is wrong with a taxel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[repr(u8)]
+pub enum Fault {
+    /// At an end of the converter's range: the true value lies beyond.
+    Rail,
+    /// Has stopped to change while others, or its known noise, say that it must.
+    Frozen,
+    /// Goes back and forth by far more than noise: a contact or converter flickers.
+    Jumping,
+    /// Has never changed since it was first heard.
+    Dead,
+    /// Most of its module jumps or sits on a rail, so that the rest cannot be trusted either.
+    ModuleFlicker,
+    /// The module's status word says that this value is out of range.
+    StatusOutOfRange,
+    /// The module's status word says that nothing is connected.
+    NotConnected,
+    /// The module's status word reports a lost acknowledgement.
+    NoAck,
+    /// Its module has been silent for too long.
+    Stale,
+    /// Its whole board stepped at once: a silent re-tare.
+    BoardStep,
+    /// Its module's scans come faster than its board can send them.
+    TooFast,
+}
+
+impl Fault {
+    /// Every fault, in the order of its bit.
+    pub const ALL: [Self; 11] = [
+        Self::Rail,
+        Self::Frozen,
+        Self::Jumping,
+        Self::Dead,
+        Self::ModuleFlicker,
+        Self::StatusOutOfRange,
+        Self::NotConnected,
+        Self::NoAck,
+        Self::Stale,
+        Self::BoardStep,
+        Self::TooFast,
+    ];
+
+    /// The fault in words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Rail => "rail",
+            Self::Frozen => "frozen",
+            Self::Jumping => "jumping",
+            Self::Dead => "dead",
+            Self::ModuleFlicker => "module flicker",
+            Self::StatusOutOfRange => "out of range by status",
+            Self::NotConnected => "not connected",
+            Self::NoAck => "no acknowledgement",
+            Self::Stale => "stale",
+            Self::BoardStep => "board step",
+            Self::TooFast => "too fast",
+        }
+    }
+}
+
+/// A set of faults.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct FaultSet(u16);
+
+impl FaultSet {
+    /// Whether there is none.
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether `fault` is among them.
+    #[must_use]
+    pub const fn contains(self, fault: Fault) -> bool {
+        self.0 & (1 << fault as u16) != 0
+    }
+
+    /// The set with `fault` in it.
+    #[must_use]
+    pub const fn with(self, fault: Fault) -> Self {
+        Self(self.0 | 1 << fault as u16)
+    }
+
+    /// Its faults, in the order of [`Fault::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = Fault> {
+        Fault::ALL.into_iter().filter(move |&fault| self.contains(fault))
+    }
+
+    pub(super) const fn set(&mut self, fault: Fault, on: bool) {
+        let bit = 1 << fault as u16;
+        self.0 = if on { self.0 | bit } else { self.0 & !bit };
+    }
+}
+
+impl fmt::Display for FaultSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (i, fault) in self.iter().enumerate() {
+            write!(f, "{}{}", if i == 0 { "" } else { ", " }, fault.name())?;
+        }
+        Ok(())
+    }
+}

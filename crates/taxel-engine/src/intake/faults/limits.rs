@@ -1,0 +1,47 @@
+//! From where on a taxel counts as faulty.
+
+/// Limits of the detector.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FaultLimits {
+    /// A count at or below is on the lower rail.
+    pub rail_low: f32,
+    /// A count at or above is on the upper rail.
+    pub rail_high: f32,
+    /// A lively taxel is frozen after so many seconds without a change; sound ones stay below 1.2 s.
+    pub frozen_after_s: f32,
+    /// A taxel that has never changed is dead after so many seconds.
+    pub dead_after_s: f32,
+    /// Back-and-forth noise (standard deviation, counts) above which a taxel is jumping ...
+    pub jump_on_counts: f32,
+    /// ... and below which it is not any more.
+    pub jump_off_counts: f32,
+    /// Share of a module's taxels that jump or sit on a rail, from which on the whole module is flickering.
+    /// Above one half: one of a module's two converters may flicker alone.
+    pub module_share: f32,
+    /// A step of a whole board, counts. Above what a fast vent does between flat stretches.
+    pub board_step_counts: f32,
+    /// Share of a board's taxels that must step.
+    pub board_step_share: f32,
+    /// A fault is over when its cause has been absent for so many seconds.
+    pub hold_s: f32,
+    /// A module is stale after so many seconds of silence.
+    pub stale_after_s: f32,
+}
+
+impl Default for FaultLimits {
+    fn default() -> Self {
+        Self {
+            rail_low: 0.0,
+            rail_high: 255.0,
+            frozen_after_s: 3.0,
+            dead_after_s: 3.0,
+            jump_on_counts: 4.0,
+            jump_off_counts: 3.0,
+            module_share: 0.7,
+            board_step_counts: 10.0,
+            board_step_share: 0.75,
+            hold_s: 2.0,
+            stale_after_s: 1.0,
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! Faults of taxels and modules, found from their own counts and status words.
+
+pub mod detector;
+pub mod fault;
+pub mod limits;
+mod taxel;
+#[cfg(test)]
+mod tests;
+
+pub use detector::FaultDetector;
+pub use fault::{Fault, FaultSet};
+pub use limits::FaultLimits;

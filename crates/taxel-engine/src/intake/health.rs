@@ -1,0 +1,123 @@
+//! The state of buses and boards, as an operator has to know it.
+
+use taxel_wire::Frame;
+
+/// What a bus tells beside its frames.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BusNotice {
+    /// Frames can come again.
+    Up,
+    /// No frame can come; why.
+    Down(String),
+    /// The kernel lost so many frames that this process had asked for.
+    Dropped(u64),
+    /// The controller reported an error (bus-off, error-passive, ...).
+    ControllerError(String),
+    /// The controller left the bus: nothing it sends can be trusted until it is back.
+    BusOff,
+}
+
+/// One bus, live.
+#[derive(Clone, Debug, Default)]
+pub struct BusState {
+    /// Whether frames can come.
+    pub up: bool,
+    /// Frames that were understood.
+    pub frames: u64,
+    /// Frames of no concern.
+    pub foreign: u64,
+    malformed: u64,
+    last_malformed: String,
+    dropped: u64,
+    problem: String,
+}
+
+impl BusState {
+    /// Counts a frame of ours whose content is not.
+    pub fn refuse(&mut self, frame: &Frame, why: String) {
+        self.malformed += 1;
+        self.last_malformed = format!("{}: {why}", frame.id);
+    }
+
+    /// Takes a notice; returns why the boards' zero is in doubt, if it is.
+    pub fn on_notice(&mut self, notice: BusNotice) -> Option<String> {
+        match notice {
+            BusNotice::Up => {
+                self.up = true;
+                self.problem.clear();
+            }
+            BusNotice::Down(why) => {
+                self.up = false;
+                self.problem = why;
+            }
+            BusNotice::Dropped(frames) => self.dropped += frames,
+            BusNotice::ControllerError(what) => self.problem = what,
+            BusNotice::BusOff => {
+                self.up = false;
+                self.problem = "bus-off: the controller left the bus".to_owned();
+                return Some("the controller went bus-off; boards may have lost their zero unseen".to_owned());
+            }
+        }
+        None
+    }
+
+    /// What the world sees.
+    #[must_use]
+    pub fn view(&self) -> BusHealth {
+        BusHealth {
+            up: self.up,
+            problem: self.problem.clone(),
+            frames: self.frames,
+            foreign: self.foreign,
+            malformed: self.malformed,
+            last_malformed: self.last_malformed.clone(),
+            dropped: self.dropped,
+        }
+    }
+}
+
+/// One bus.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BusHealth {
+    /// Whether frames can come.
+    pub up: bool,
+    /// Why not, or the last error the controller reported.
+    pub problem: String,
+    /// Frames that were understood.
+    pub frames: u64,
+    /// Frames whose identifier concerns nobody here.
+    pub foreign: u64,
+    /// Frames with an identifier of ours and a content that is not.
+    pub malformed: u64,
+    /// Text of the last malformed one.
+    pub last_malformed: String,
+    /// Frames lost in the kernel.
+    pub dropped: u64,
+}
+
+/// One board.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BoardHealth {
+    /// Its patch.
+    pub patch: String,
+    /// Its bus.
+    pub bus: u8,
+    /// Its address.
+    pub address: u8,
+    /// What bring-up has come to: `listening`, `configuring`, `verified`, `incomplete: ...`.
+    pub bring_up: String,
+    /// Modules that are enabled, and those of them that are fresh.
+    pub modules: (u32, u32),
+    /// Whole modules received.
+    pub scans: u64,
+    /// Heads without tail and tails without head.
+    pub orphans: u64,
+    /// Tails whose status word named a trouble.
+    pub status_errors: u64,
+    /// Temperature in Celsius, where the board sends it.
+    pub celsius: Option<f64>,
+    /// Firmware, where the board answered.
+    pub firmware: Option<String>,
+    /// Warnings about it.
+    pub warnings: Vec<String>,
+}

@@ -1,0 +1,190 @@
+//! How often a module sends: never faster than its board can, or the frames are not what they seem.
+//!
+//! Frames carry neither a counter nor a time of their own. Two things make more scans than a board sends: a queue
+//! somewhere on the way that lets old frames go at once, and a second node that uses the board's identifier. In both
+//! cases some of the values are wrong and nothing in a frame says which. So at most one scan a period is believed, with
+//! a tolerance of half a period for what the bus delays (the generic cell rate algorithm of ITU-T I.371). One scan too
+//! many takes the module out for two periods, a second one within [`MEMORY`] for a whole second.
+//!
+//! A board that steadily sends faster than configured is no such case: after [`STEADY`] of even intervals its own period
+//! is believed, and the health says that the configuration has another.
+
+use std::time::Duration;
+use taxel_skin::Time;
+
+/// A scan may come so much of a period early.
+const TOLERANCE_SHARE: f64 = 0.5;
+/// Periods are taken a little short, so that a board whose clock is fast does not use up the tolerance.
+const PERIOD_SHARE: f64 = 0.97;
+/// A second scan too many within this time is no accident.
+const MEMORY: Duration = Duration::from_secs(1);
+/// So long a module is out after that.
+const HOLD: Duration = Duration::from_secs(1);
+/// Even intervals over so long a time are the board's own period.
+const STEADY: Duration = Duration::from_secs(2);
+/// No board scans its modules faster.
+const PERIOD_MIN: Duration = Duration::from_millis(5);
+/// Intervals within this share of their mean are even.
+const EVEN_SHARE: f64 = 0.25;
+/// Weight of a new interval in the mean.
+const MEAN_SHARE: f64 = 0.1;
+/// A board whose period is off by more than this share is worth a word.
+const WORD_SHARE: f64 = 0.2;
+
+/// What to do with a module's scan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arrival {
+    /// It comes when it can.
+    InTime,
+    /// It comes when the board cannot have sent it: neither it nor what came before can be trusted until this time.
+    TooFast {
+        /// The module is out until then.
+        until: Time,
+    },
+}
+
+/// The pace of one module.
+#[derive(Clone, Debug)]
+pub struct Pace {
+    configured: Duration,
+    /// The period that is believed.
+    period: Duration,
+    /// When the next scan is due at the earliest, without the tolerance.
+    due: Option<Time>,
+    last: Option<Time>,
+    mean_s: f64,
+    /// Since when the intervals have been even.
+    even_since: Option<Time>,
+    /// When the last scan too many came, and how many did in all.
+    excess: (Option<Time>, u64),
+}
+
+impl Pace {
+    /// A module that should send at this period, which is not zero.
+    #[must_use]
+    pub const fn new(period: Duration) -> Self {
+        let configured = period;
+        Self { configured, period, due: None, last: None, mean_s: 0.0, even_since: None, excess: (None, 0) }
+    }
+
+    /// A scan of the module came.
+    pub fn on_scan(&mut self, time: Time) -> Arrival {
+        self.learn(time);
+        let period = self.period.mul_f64(PERIOD_SHARE);
+        let tolerance = self.period.mul_f64(TOLERANCE_SHARE);
+        if let Some(due) = self.due
+            && time < due - tolerance
+        {
+            let again = self.excess.0.is_some_and(|before| time.since(before) <= MEMORY);
+            self.excess = (Some(time), self.excess.1 + 1);
+            return Arrival::TooFast { until: time + if again { HOLD } else { 2 * self.period } };
+        }
+        self.due = Some(self.due.map_or(time, |due| due.max(time)) + period);
+        Arrival::InTime
+    }
+
+    /// Follows the mean interval, and believes another period once it has been kept for long enough.
+    fn learn(&mut self, time: Time) {
+        let Some(last) = self.last.replace(time) else { return };
+        let interval_s = time.seconds_since(last);
+        let even = (interval_s - self.mean_s).abs() <= EVEN_SHARE * self.mean_s;
+        if !even {
+            self.mean_s = interval_s.max(0.0);
+            self.even_since = Some(time);
+            return;
+        }
+        self.mean_s += MEAN_SHARE * (interval_s - self.mean_s);
+        let steady = self.even_since.is_some_and(|since| time.since(since) >= STEADY);
+        let faster = self.mean_s < (1.0 - WORD_SHARE) * self.period.as_secs_f64();
+        if steady && faster && self.mean_s >= PERIOD_MIN.as_secs_f64() {
+            self.period = Duration::from_secs_f64(self.mean_s);
+            self.due = None;
+        }
+    }
+
+    /// The interval at which the module has been sending evenly, where that is not the configured one.
+    #[must_use]
+    pub fn unlike_configured(&self) -> Option<Duration> {
+        let (last, since) = (self.last?, self.even_since?);
+        let configured_s = self.configured.as_secs_f64();
+        let off = (self.mean_s - configured_s).abs() > WORD_SHARE * configured_s;
+        (off && last.since(since) >= STEADY).then(|| Duration::from_secs_f64(self.mean_s))
+    }
+
+    /// Scans that came when the board cannot have sent them.
+    #[must_use]
+    pub const fn excess(&self) -> u64 {
+        self.excess.1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const PERIOD: Duration = Duration::from_millis(50);
+
+    fn ms(ms: f64) -> Time {
+        Time::from_nanos((ms * 1e6) as i64)
+    }
+
+    fn refused(pace: &mut Pace, times_ms: impl IntoIterator<Item = f64>) -> Vec<f64> {
+        times_ms.into_iter().filter(|&t| pace.on_scan(ms(t)) != Arrival::InTime).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn a_board_on_a_busy_bus_is_believed(
+            late in proptest::collection::vec(0.0..20.0_f64, 400), ppm in -5_000.0..5_000.0_f64,
+        ) {
+            let mut pace = Pace::new(PERIOD);
+            let times = late.iter().enumerate().map(|(i, late)| i as f64 * 50.0 * (1.0 + ppm * 1e-6) + late);
+            prop_assert_eq!(refused(&mut pace, times), Vec::<f64>::new());
+        }
+
+        /// Wherever a second node's scans fall, one of two within a period is found.
+        #[test]
+        fn a_second_node_is_found_at_once(phase in 0.5..49.5_f64) {
+            let mut pace = Pace::new(PERIOD);
+            let first = (0..20).map(|i| f64::from(i) * 50.0);
+            prop_assert!(refused(&mut pace, first).is_empty());
+            let both = (20..24).flat_map(|i| [f64::from(i) * 50.0, f64::from(i) * 50.0 + phase]);
+            let found = refused(&mut pace, both);
+            prop_assert!(found[0] <= 1_050.0, "{found:?}");
+            prop_assert!(found.len() >= 3, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_burst_of_old_scans_is_one_scan_at_most() {
+        let mut pace = Pace::new(PERIOD);
+        assert!(refused(&mut pace, (0..20).map(|i| f64::from(i) * 50.0)).is_empty());
+        let burst = refused(&mut pace, (0..200).map(|i| 1_000.0 + f64::from(i) * 1.25));
+        assert!(burst.len() >= 193, "{} of 200 refused", burst.len()); // 251 ms hold six periods
+        assert!(pace.excess() >= 193);
+    }
+
+    #[test]
+    fn the_second_scan_too_many_takes_the_module_out_for_longer() {
+        let mut pace = Pace::new(PERIOD);
+        pace.on_scan(ms(0.0));
+        assert_eq!(pace.on_scan(ms(10.0)), Arrival::TooFast { until: ms(110.0) });
+        assert_eq!(pace.on_scan(ms(50.0)), Arrival::InTime);
+        assert_eq!(pace.on_scan(ms(60.0)), Arrival::TooFast { until: ms(1_060.0) });
+    }
+
+    #[test]
+    fn a_board_that_is_steadily_faster_or_slower_is_believed_and_told() {
+        let mut fast = Pace::new(PERIOD);
+        let refused_ms = refused(&mut fast, (0..1_000).map(|i| f64::from(i) * 10.0));
+        assert!(refused_ms.last().is_some_and(|last| *last < 2_100.0), "{:?}", refused_ms.last());
+        assert_eq!(fast.unlike_configured().map(|d| d.as_millis()), Some(10));
+        let mut slow = Pace::new(PERIOD);
+        assert!(refused(&mut slow, (0..100).map(|i| f64::from(i) * 100.0)).is_empty());
+        assert_eq!(slow.unlike_configured().map(|d| d.as_millis()), Some(100));
+        let mut right = Pace::new(PERIOD);
+        assert!(refused(&mut right, (0..100).map(|i| f64::from(i) * 50.0)).is_empty());
+        assert_eq!(right.unlike_configured(), None);
+    }
+}

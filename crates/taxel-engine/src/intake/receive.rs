@@ -1,0 +1,366 @@
+//! From frames to scans: the assembler, the faults, the boards, their bring-up and the gauge of one patch.
+//!
+//! Order of calls: [`Intake::on_module_frame`] and its sisters for each frame, at the frame's own time; when one of them
+//! gives [`IntakeEvent::Scan`], [`Intake::scan`] is that scan. [`Intake::tick`] at the latest at [`Intake::deadline`].
+
+use std::time::Duration;
+use taxel_skin::{Patch, Time};
+use taxel_wire::icub::{Message, ModuleScan, Refusal, decode};
+use taxel_wire::{Frame, TimedFrame};
+
+use crate::baseline::TaxelBaseline;
+use crate::intake::assembler::{ScanAssembler, ScanEnd};
+use crate::intake::boards::{BoardState, SilenceLimits};
+use crate::intake::bring_up::{BoardSetup, BringUp};
+use crate::intake::faults::detector::FaultDetector;
+use crate::intake::faults::fault::{Fault, FaultSet};
+use crate::intake::faults::limits::FaultLimits;
+use crate::intake::gauge::GaugeHistory;
+use crate::intake::health::BoardHealth;
+use crate::intake::pace::{Arrival, Pace};
+use crate::regions::Regions;
+use crate::scan::Scan;
+
+/// What intake needs to know of a patch.
+#[derive(Clone, Debug)]
+pub struct IntakePlan {
+    /// Boards, modules and taxels.
+    pub patch: Patch,
+    /// How each board is brought up; empty if the daemon only listens.
+    pub bring_up: Vec<BoardSetup>,
+    /// The period at which the boards send.
+    pub period: Duration,
+    /// When a taxel counts as faulty.
+    pub faults: FaultLimits,
+    /// A module is stale when it has been silent for so long.
+    pub stale_after: Duration,
+    /// A board silent for so long may have lost its power, and so its zero.
+    pub power_cycle_after: Duration,
+}
+
+/// What came of frames or of time passing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum IntakeEvent {
+    /// A scan has ended; ask for it.
+    Scan,
+    /// A board may have lost or changed its zero.
+    BoardDoubted {
+        /// Position of the board in the patch.
+        board: usize,
+        /// Why, in words that name the board.
+        why: String,
+        /// Whether it surely has, or the counts have to show it.
+        certain: bool,
+    },
+    /// A module fell silent, or a taxel's faults changed with time alone: readers must see that before the next scan.
+    Changed,
+}
+
+/// The intake of one patch.
+#[derive(Debug)]
+pub struct Intake {
+    plan: IntakePlan,
+    regions: Regions,
+    assembler: ScanAssembler,
+    paces: Vec<Pace>,
+    faults: FaultDetector,
+    boards: Vec<BoardState>,
+    bring_up: BringUp,
+    gauge: GaugeHistory,
+    /// The scan that ended last.
+    end: ScanEnd,
+    silent: Vec<bool>,
+    sound: Vec<bool>,
+    soundness: u64,
+}
+
+impl Intake {
+    /// Nothing heard, nothing sent.
+    #[must_use]
+    pub fn new(plan: IntakePlan) -> Self {
+        let regions = Regions::new(&plan.patch);
+        let (modules, boards) = (plan.patch.modules().len(), plan.patch.boards().len());
+        let faults = FaultDetector::new(regions.taxels(), regions.modules(), regions.boards(), plan.faults)
+            .with_kinds(regions.kinds().iter().copied());
+        Self {
+            assembler: ScanAssembler::new(&plan.patch, plan.period),
+            paces: vec![Pace::new(plan.period); modules],
+            faults,
+            boards: vec![BoardState::default(); boards],
+            bring_up: BringUp::new(modules),
+            gauge: GaugeHistory::default(),
+            end: ScanEnd::default(),
+            silent: vec![true; modules],
+            sound: vec![false; regions.taxels()],
+            soundness: 0,
+            regions,
+            plan,
+        }
+    }
+
+    /// Configures the boards, if the plan has settings for them: their zeros are lost.
+    pub fn start_bring_up(&mut self, now: Time) {
+        self.boards.iter_mut().for_each(BoardState::on_bring_up);
+        self.bring_up.start(now, &self.plan.patch, &self.plan.bring_up);
+    }
+
+    /// A frame with an identifier of one of this patch's modules.
+    ///
+    /// # Errors
+    /// [`Refusal`] if its content is not a message; the caller counts it.
+    pub fn on_module_frame(
+        &mut self,
+        module: usize,
+        frame: &TimedFrame,
+        events: &mut Vec<IntakeEvent>,
+    ) -> Result<(), Refusal> {
+        match decode(&frame.frame)? {
+            Message::Head { values, .. } => self.assembler.pairer(module).head(frame.time, values),
+            Message::Tail { values, status, .. } => {
+                if let Some(scan) = self.assembler.pairer(module).tail(frame.time, values, status) {
+                    self.on_module(module, &scan, events);
+                }
+            }
+            other => {
+                let board = usize::from(self.plan.patch.modules()[module].board);
+                self.on_board_message(board, other);
+            }
+        }
+        Ok(())
+    }
+
+    /// A frame with another identifier of one of this patch's boards.
+    ///
+    /// # Errors
+    /// [`Refusal`] if its content is not a message; the caller counts it.
+    pub fn on_board_frame(&mut self, board: usize, frame: &Frame) -> Result<(), Refusal> {
+        self.on_board_message(board, decode(frame)?);
+        Ok(())
+    }
+
+    fn on_board_message(&mut self, board: usize, message: Message) {
+        let state = &mut self.boards[board];
+        match message {
+            Message::Thermometer { deci_celsius, .. } => state.on_temperature(deci_celsius),
+            Message::FirmwareVersion { version, .. } => state.on_firmware(version),
+            Message::BoardOverflow { .. } => state.on_overflow(),
+            Message::Head { .. } | Message::Tail { .. } => {} // a module that the plan does not read
+        }
+    }
+
+    fn on_module(&mut self, module: usize, scan: &ModuleScan, events: &mut Vec<IntakeEvent>) {
+        if let Arrival::TooFast { until } = self.paces[module].on_scan(scan.time) {
+            self.faults.doubt_module(scan.time, module, until);
+            self.refresh_soundness();
+            events.push(IntakeEvent::Changed);
+            return;
+        }
+        let taxels = self.regions.modules()[module].clone();
+        let ended = self.assembler.on_module(&self.plan.patch, module, scan);
+        self.bring_up.heard(module);
+        let counts = &self.assembler.counts()[taxels.clone()];
+        let faults_changed = self.faults.push_module(scan.time, module, counts, scan.status.0);
+        let board = usize::from(self.plan.patch.modules()[module].board);
+        self.watch_board(board, scan, taxels.start, events);
+        if faults_changed || self.silent[module] {
+            self.refresh_soundness();
+        }
+        if let Some(end) = ended {
+            self.end = end;
+            events.push(IntakeEvent::Scan);
+        }
+    }
+
+    /// Looks for signs that the board has lost its zero.
+    fn watch_board(&mut self, board: usize, scan: &ModuleScan, first_taxel: usize, events: &mut Vec<IntakeEvent>) {
+        let limits =
+            SilenceLimits { doubt_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after };
+        let doubt = self.boards[board].on_module(scan.time, scan.status, limits);
+        if self.bring_up.is_busy() {
+            return; // silence and new zeros are what it is for
+        }
+        let address = self.plan.patch.boards()[board].address;
+        if let Some(doubt) = doubt {
+            let why = format!("board {address} {}", doubt.why);
+            events.push(IntakeEvent::BoardDoubted { board, why, certain: doubt.certain });
+        }
+        if self.faults.faults(first_taxel).contains(Fault::BoardStep) {
+            let why = format!("all taxels of board {address} stepped at once: it has taken a new zero");
+            events.push(IntakeEvent::BoardDoubted { board, why, certain: true });
+        }
+    }
+
+    /// A reading of the gauge.
+    pub fn on_pressure(&mut self, time: Time, pressure: taxel_skin::Kilopascal) {
+        self.gauge.push(time, pressure);
+    }
+
+    /// The host lost frames of the bus that this patch's boards sit on.
+    pub fn on_frames_lost(&mut self) {
+        self.boards.iter_mut().for_each(BoardState::on_frames_lost);
+    }
+
+    /// Time passed. Frames to send come with the position of their board.
+    pub fn tick(&mut self, now: Time, send: &mut Vec<(usize, Frame)>, events: &mut Vec<IntakeEvent>) {
+        while let Some(step) = self.bring_up.next_due(now) {
+            send.push(step);
+        }
+        self.bring_up.tick(now);
+        let silent = self.assembler.mark_stale(now, self.plan.stale_after);
+        if self.faults.tick(now) || !silent.is_empty() {
+            self.refresh_soundness();
+            events.push(IntakeEvent::Changed);
+        }
+    }
+
+    /// When [`Intake::tick`] has something to do at the latest, if nothing comes before.
+    #[must_use]
+    pub fn deadline(&self) -> Option<Time> {
+        let silence = self.assembler.first_silence(self.plan.stale_after);
+        [self.bring_up.deadline(), silence].into_iter().flatten().min()
+    }
+
+    /// What the counts of each taxel scatter by at rest, counts (NaN: not known).
+    pub fn expect_noise(&mut self, baseline: &[TaxelBaseline]) {
+        self.faults.expect_noise(baseline.iter().map(|taxel| taxel.noise));
+    }
+
+    fn refresh_soundness(&mut self) {
+        let (modules, module_of) = (self.assembler.modules(), self.regions.module_of());
+        for (silent, module) in self.silent.iter_mut().zip(modules) {
+            *silent = module.stale;
+        }
+        for (taxel, sound) in self.sound.iter_mut().enumerate() {
+            *sound = !self.silent[usize::from(module_of[taxel])] && self.faults.faults(taxel).is_empty();
+        }
+        self.soundness += 1;
+    }
+
+    /// The scan that ended last, with what is believed of it now.
+    #[must_use]
+    pub fn scan(&self) -> Scan<'_> {
+        Scan {
+            time: self.end.time,
+            whole: self.end.whole,
+            counts: self.assembler.counts(),
+            pads: self.assembler.pads(),
+            silent: &self.silent,
+            sound: &self.sound,
+            soundness: self.soundness,
+        }
+    }
+
+    /// Whether every module but those that are `left_out` was received within `limit` of the newest one.
+    #[must_use]
+    pub fn is_whole_without(&self, limit: Duration, left_out: impl Fn(usize) -> bool) -> bool {
+        self.assembler.is_whole_without(limit, left_out)
+    }
+
+    /// Receive time of the newest frame; `None` before the first.
+    #[must_use]
+    pub fn newest(&self) -> Option<Time> {
+        self.assembler.heard().then(|| self.assembler.newest())
+    }
+
+    /// When each module was last received whole.
+    pub fn last_heard(&self) -> impl Iterator<Item = Option<Time>> {
+        self.assembler.modules().iter().map(|module| module.last)
+    }
+
+    /// The faults of a taxel now.
+    #[must_use]
+    pub fn faults(&self, taxel: usize) -> FaultSet {
+        self.faults.faults(taxel)
+    }
+
+    /// The recent past of the pressure.
+    #[must_use]
+    pub const fn gauge(&self) -> &GaugeHistory {
+        &self.gauge
+    }
+
+    /// Where the bring-up stands.
+    #[must_use]
+    pub const fn bring_up(&self) -> &BringUp {
+        &self.bring_up
+    }
+
+    /// The parts of the patch.
+    #[must_use]
+    pub const fn regions(&self) -> &Regions {
+        &self.regions
+    }
+
+    /// Taxels of silent modules.
+    #[must_use]
+    pub fn silent_taxels(&self) -> usize {
+        let modules = self.silent.iter().zip(self.regions.modules());
+        modules.filter(|(silent, _)| **silent).map(|(_, range)| range.len()).sum()
+    }
+
+    /// Which modules keep a scan from being whole, in words.
+    #[must_use]
+    pub fn silence(&self, now: Time) -> String {
+        let sites = self.assembler.modules().iter().zip(self.plan.patch.modules());
+        let words = sites.filter(|(module, _)| module.stale).map(|(module, site)| {
+            let address = self.plan.patch.boards()[usize::from(site.board)].address;
+            let since = module.last.map_or_else(
+                || "never heard".to_owned(),
+                |last| format!("silent for {:.1} s", now.since(last).as_secs_f64()),
+            );
+            format!("board {address} module {} ({since})", site.module)
+        });
+        let silent: Vec<String> = words.collect();
+        match silent.len() {
+            0 => "too few whole scans came in time".to_owned(),
+            n @ 1..=4 => format!("{n} modules are silent: {}", silent.join(", ")),
+            n => format!("{n} modules are silent: {} and {} more", silent[..3].join(", "), n - 3),
+        }
+    }
+
+    /// One entry per board.
+    #[must_use]
+    pub fn board_health(&self) -> Vec<BoardHealth> {
+        (0..self.boards.len()).map(|board| self.health_of(board)).collect()
+    }
+
+    fn health_of(&self, position: usize) -> BoardHealth {
+        let (board, state) = (&self.plan.patch.boards()[position], &self.boards[position]);
+        let range = self.regions.board_modules()[position].clone();
+        let modules = &self.assembler.modules()[range.clone()];
+        let names = range.clone().map(|m| (m, self.plan.patch.modules()[m].module.to_string()));
+        let mut warnings = state.warnings();
+        warnings.extend(self.pace_warnings(range));
+        BoardHealth {
+            patch: self.plan.patch.name().to_owned(),
+            bus: board.bus.0,
+            address: board.address.get(),
+            bring_up: self.bring_up.in_words(names),
+            modules: (modules.len() as u32, modules.iter().filter(|m| !m.stale).count() as u32),
+            scans: modules.iter().map(|m| m.scans).sum(),
+            orphans: modules.iter().map(|m| m.pairer.orphans().heads + m.pairer.orphans().tails).sum(),
+            status_errors: state.status_errors(),
+            celsius: state.celsius(),
+            firmware: state.firmware(),
+            warnings,
+        }
+    }
+
+    /// What is strange about how often the modules of a board send.
+    fn pace_warnings(&self, modules: std::ops::Range<usize>) -> Vec<String> {
+        let paces = &self.paces[modules];
+        let mut warnings = Vec::new();
+        if let Some(period) = paces.iter().find_map(Pace::unlike_configured) {
+            let (is, was) = (period.as_millis(), self.plan.period.as_millis());
+            warnings.push(format!("sends every {is} ms, the configuration says {was} ms"));
+        }
+        let excess: u64 = paces.iter().map(Pace::excess).sum();
+        if excess > 0 {
+            warnings.push(format!(
+                "{excess} scans came faster than it can send and were refused: a second node with its identifiers, or \
+                 old frames from a queue"
+            ));
+        }
+        warnings
+    }
+}

@@ -1,0 +1,137 @@
+//! A known load and what the skin read under it.
+
+use taxel_skin::Newton;
+
+use crate::request::Rejection;
+
+/// Standard gravity in m/s2 (3rd CGPM, 1901): 1 kg presses with 9.80665 N. Gravity differs from it by up to 0.3 % over
+/// the Earth; who knows the local one gives a force instead of a mass.
+pub const STANDARD_GRAVITY_M_PER_S2: f64 = 9.806_65;
+
+/// Heavier is no load for skin.
+const MASS_MAX_KG: f64 = 1_000.0;
+const FORCE_MAX_N: f64 = 10_000.0;
+/// A load that is known worse than this proves nothing.
+const RELATIVE_SIGMA_MAX: f64 = 0.5;
+
+/// What lies on the skin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Weight {
+    /// A mass in kilogram, above 0 and at most 1000, under [`STANDARD_GRAVITY_M_PER_S2`].
+    Kilogram(f64),
+    /// A force, above 0 and at most 10 000 N.
+    Force(Newton),
+}
+
+/// A load that an operator knows, before it is read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownLoad {
+    /// Mass or force.
+    pub weight: Weight,
+    /// Its standard uncertainty as a share of it, 0 to 0.5.
+    pub relative_sigma: f64,
+    /// Anything worth keeping: which mass, where it lies.
+    pub note: String,
+    /// Who laid it on.
+    pub by: String,
+    /// Number of an earlier load that was a mistake and does not count any more.
+    pub replaces: Option<u64>,
+}
+
+impl KnownLoad {
+    /// The force that the load presses with.
+    ///
+    /// # Errors
+    /// [`Rejection::InvalidArgument`] with the field, its value and what is possible.
+    pub fn force(&self) -> Result<Newton, Rejection> {
+        let within = |field, value: f64, max: f64| {
+            let problem = || format!("{value} is not above 0 and at most {max}");
+            if value > 0.0 && value <= max { Ok(value) } else { Err(invalid(field, problem())) }
+        };
+        let sigma = self.relative_sigma;
+        if !(0.0..=RELATIVE_SIGMA_MAX).contains(&sigma) {
+            return Err(invalid("relative_uncertainty", format!("{sigma} is not in 0 to {RELATIVE_SIGMA_MAX}")));
+        }
+        match self.weight {
+            Weight::Kilogram(kg) => Ok(Newton(within("mass_kg", kg, MASS_MAX_KG)? * STANDARD_GRAVITY_M_PER_S2)),
+            Weight::Force(force) => Ok(Newton(within("force_n", force.0, FORCE_MAX_N)?)),
+        }
+    }
+}
+
+fn invalid(field: &'static str, problem: String) -> Rejection {
+    Rejection::InvalidArgument { field, problem }
+}
+
+/// What the live force was over the time of the watch.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// Scans that it was read from.
+    pub scans: u32,
+    /// Mean of the total force, in N.
+    pub mean_n: f64,
+    /// Standard deviation of the total from scan to scan, in N.
+    pub scatter_n: f64,
+    /// Mean of the standard uncertainty that the samples stated, in N.
+    pub sigma_n: f64,
+    /// Most taxels that were beyond their calibrated range at a time: then the force read is a lower bound.
+    pub out_of_range: u32,
+    /// Largest share of the patch's area that no usable taxel covered, 0 to 1.
+    pub uncovered_share: f64,
+    /// Why the last sample was not good, in words; empty if it was.
+    pub reasons: Vec<String>,
+}
+
+/// A known load, what was read under it, and all that the reading depends on. Never changed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Load {
+    /// Its number, from 1; unique in a store.
+    pub number: u64,
+    /// The patch that it lay on.
+    pub patch: String,
+    /// When it was read, nanoseconds since 1970.
+    pub wall_ns: i64,
+    /// Who laid it on.
+    pub by: String,
+    /// What they noted.
+    pub note: String,
+    /// The mass in kilogram, if that was given.
+    pub mass_kg: Option<f64>,
+    /// The force laid on, in N.
+    pub force_n: f64,
+    /// Its standard uncertainty in N.
+    pub force_sigma_n: f64,
+    /// Number of an earlier load that was a mistake and does not count any more.
+    pub replaces: Option<u64>,
+    /// What the skin read.
+    pub read: Reading,
+    /// Id of the model set that it was read with.
+    pub model_set: String,
+    /// Mean area of the patch's taxels in mm2, as configured.
+    pub mean_area_mm2: f64,
+    /// What these areas were multiplied by when it was read.
+    pub area_factor: f64,
+    /// The relative standard uncertainty of the areas that the samples stated.
+    pub area_uncertainty: f64,
+}
+
+impl Load {
+    /// How far the reading was off, as a share of the load: `read / laid on - 1`.
+    #[must_use]
+    pub fn error(&self) -> f64 {
+        self.read.mean_n / self.force_n - 1.0
+    }
+
+    /// Whether the reading was off by no more than twice its standard uncertainty, that of the load included.
+    #[must_use]
+    pub fn is_within_two_sigma(&self) -> bool {
+        let sigma_n = self.read.sigma_n.hypot(self.force_sigma_n).hypot(self.scatter_of_mean_n());
+        (self.read.mean_n - self.force_n).abs() <= 2.0 * sigma_n
+    }
+
+    /// Standard uncertainty of the mean from the scatter of the scans, in N.
+    #[must_use]
+    pub fn scatter_of_mean_n(&self) -> f64 {
+        self.read.scatter_n / f64::from(self.read.scans.max(1)).sqrt()
+    }
+}

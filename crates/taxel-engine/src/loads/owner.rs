@@ -1,0 +1,162 @@
+//! The known loads of one patch: those that were read, the one that is being read, and the factor that they give.
+
+use std::sync::Arc;
+use taxel_skin::{SquareMillimetre, Time};
+
+use crate::force::sample::ForceSample;
+use crate::loads::factor::{AreaFactor, LOADS_MIN};
+use crate::loads::load::{KnownLoad, Load, Reading, Weight};
+use crate::loads::validation::{Validation, judge, mean_area_mm2};
+use crate::loads::watch::LoadWatch;
+use crate::now::Now;
+use crate::request::{Rejection, RequestId};
+
+/// Loads of all patches that one store is good for; laying them down takes an operator days.
+pub const LOADS_MAX: usize = 10_000;
+
+/// What the loads of a patch are compared with.
+#[derive(Clone, Debug)]
+pub struct LoadsPlan {
+    /// The patch's name.
+    pub patch: String,
+    /// The configured area of each taxel.
+    pub areas: Vec<SquareMillimetre>,
+    /// Its relative standard uncertainty that all taxels share.
+    pub area_uncertainty: f64,
+    /// Whether the areas are multiplied by the factor that loads give, once it is known.
+    pub area_from_loads: bool,
+}
+
+/// A load that was read, or why it could not be.
+#[derive(Clone, Debug)]
+pub struct LoadRead {
+    /// Whom to answer.
+    pub request: RequestId,
+    /// What was laid on and read, or why nothing was.
+    pub outcome: Result<(KnownLoad, Reading), String>,
+}
+
+/// The known loads of one patch.
+#[derive(Debug)]
+pub struct Loads {
+    plan: LoadsPlan,
+    /// Oldest first.
+    all: Vec<Arc<Load>>,
+    watch: Option<LoadWatch>,
+    /// The factor that the areas are multiplied by.
+    applied: Option<AreaFactor>,
+}
+
+impl Loads {
+    /// The loads of earlier runs, oldest first.
+    #[must_use]
+    pub const fn new(plan: LoadsPlan, all: Vec<Arc<Load>>) -> Self {
+        Self { plan, all, watch: None, applied: None }
+    }
+
+    /// How many loads are kept.
+    #[must_use]
+    pub const fn count(&self) -> usize {
+        self.all.len()
+    }
+
+    /// Begins to read a known load.
+    ///
+    /// # Errors
+    /// [`Rejection`] for a load that cannot be, a load to be replaced that is not there, or while another is being read.
+    pub fn begin(&mut self, now: Time, request: RequestId, load: KnownLoad) -> Result<(), Rejection> {
+        let force = load.force()?;
+        if let Some(number) = load.replaces
+            && !self.all.iter().any(|l| l.number == number)
+        {
+            return Err(Rejection::NotFound(format!("load {number} of patch `{}`", self.plan.patch)));
+        }
+        if self.watch.is_some() {
+            let why = "another load of this patch is being read: wait a second".to_owned();
+            return Err(Rejection::FailedPrecondition(why));
+        }
+        self.watch = Some(LoadWatch::new(now, request, load, force.0));
+        Ok(())
+    }
+
+    /// Takes the force that was published of the scan at `time`, read at the zero with this epoch.
+    pub fn on_sample(&mut self, time: Time, epoch: u64, force: &ForceSample) -> Option<LoadRead> {
+        let verdict = self.watch.as_mut()?.take(time, epoch, force)?;
+        self.end(verdict)
+    }
+
+    /// Time passed: a load under which nothing comes is given up.
+    pub fn tick(&mut self, now: Time) -> Option<LoadRead> {
+        let verdict = self.watch.as_ref()?.overdue(now)?;
+        self.end(verdict)
+    }
+
+    /// When [`Loads::tick`] has something to do.
+    #[must_use]
+    pub fn deadline(&self) -> Option<Time> {
+        self.watch.as_ref().map(LoadWatch::give_up_at)
+    }
+
+    fn end(&mut self, verdict: Result<Reading, String>) -> Option<LoadRead> {
+        let watch = self.watch.take()?;
+        Some(LoadRead { request: watch.request, outcome: verdict.map(|reading| (watch.load, reading)) })
+    }
+
+    /// The load with all that its reading depends on, under this number.
+    ///
+    /// # Errors
+    /// [`Rejection`] for a load that cannot be.
+    pub fn complete(
+        &self,
+        now: Now,
+        number: u64,
+        model_set: &str,
+        (known, read): (KnownLoad, Reading),
+    ) -> Result<Load, Rejection> {
+        let force_n = known.force()?.0;
+        Ok(Load {
+            number,
+            patch: self.plan.patch.clone(),
+            wall_ns: now.wall_ns,
+            by: known.by,
+            note: known.note,
+            mass_kg: if let Weight::Kilogram(kilogram) = known.weight { Some(kilogram) } else { None },
+            force_n,
+            force_sigma_n: force_n * known.relative_sigma,
+            replaces: known.replaces,
+            read,
+            model_set: model_set.to_owned(),
+            mean_area_mm2: mean_area_mm2(&self.plan.areas),
+            area_factor: self.applied.map_or(1.0, |factor| factor.value),
+            area_uncertainty: self.plan.area_uncertainty,
+        })
+    }
+
+    /// A load that is on disk.
+    pub fn keep(&mut self, load: Arc<Load>) {
+        self.all.push(load);
+    }
+
+    /// All loads, judged for the model set in use.
+    #[must_use]
+    pub fn validation(&self, model_set: Option<String>) -> Validation {
+        let mut view = judge(&self.plan.patch, &self.all, mean_area_mm2(&self.plan.areas), model_set);
+        view.not_applied_because = match view.factor {
+            _ if !self.plan.area_from_loads => "the configuration says area_factor = \"off\"".to_owned(),
+            None => format!("it takes at least {LOADS_MIN} loads with the active model set"),
+            Some(factor) => factor.doubt().unwrap_or_default(),
+        };
+        view.applied = view.not_applied_because.is_empty();
+        view
+    }
+
+    /// The areas and their relative uncertainty by the factor of `view`, if that is another than before.
+    pub fn apply(&mut self, view: &Validation) -> Option<(Vec<SquareMillimetre>, f64)> {
+        let factor = view.factor.filter(|_| view.applied);
+        if std::mem::replace(&mut self.applied, factor) == factor {
+            return None;
+        }
+        let (k, u) = factor.map_or((1.0, self.plan.area_uncertainty), |f| (f.value, f.relative_sigma()));
+        Some((self.plan.areas.iter().map(|area| SquareMillimetre(area.0 * k)).collect(), u))
+    }
+}

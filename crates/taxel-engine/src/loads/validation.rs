@@ -1,0 +1,80 @@
+//! Known loads, judged: how far off the readings are, and what factor they give.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use taxel_skin::SquareMillimetre;
+
+use crate::loads::factor::AreaFactor;
+use crate::loads::load::Load;
+
+/// Configured areas are the same if their means agree to this share.
+const SAME_AREA_SHARE: f64 = 1e-9;
+
+/// All known loads of a patch, judged.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Validation {
+    /// The patch.
+    pub patch: String,
+    /// The active model set.
+    pub model_set: Option<String>,
+    /// Every load, newest first.
+    pub loads: Vec<JudgedLoad>,
+    /// Mean of the absolute errors of the loads that count for the active model set, as a share; `None` without one.
+    pub mean_absolute_error: Option<f64>,
+    /// The factor that these loads give, if they are enough.
+    pub factor: Option<AreaFactor>,
+    /// Whether the areas are multiplied by it now.
+    pub applied: bool,
+    /// Why it is not applied, in words; empty if it is.
+    pub not_applied_because: String,
+}
+
+/// A load and what it is good for now.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JudgedLoad {
+    /// What was laid on and read.
+    pub load: Arc<Load>,
+    /// Why it says nothing of the present state, in words; empty if it does.
+    pub outdated_because: String,
+    /// Whether it enters the factor.
+    pub in_factor: bool,
+}
+
+/// Mean of the areas, in mm2.
+#[must_use]
+pub fn mean_area_mm2(areas: &[SquareMillimetre]) -> f64 {
+    areas.iter().map(|area| area.0).sum::<f64>() / areas.len().max(1) as f64
+}
+
+/// The loads of a patch, oldest first, judged by its active model set and the mean of its configured areas.
+#[must_use]
+pub fn judge(name: &str, all: &[Arc<Load>], area_mm2: f64, model_set: Option<String>) -> Validation {
+    let replaced: BTreeMap<u64, u64> = all.iter().filter_map(|load| Some((load.replaces?, load.number))).collect();
+    let outdated = |load: &Load| {
+        if let Some(by) = replaced.get(&load.number) {
+            format!("load {by} replaces it")
+        } else if Some(&load.model_set) != model_set.as_ref() {
+            "another model set is active now".to_owned()
+        } else if (load.mean_area_mm2 / area_mm2 - 1.0).abs() > SAME_AREA_SHARE {
+            format!("the configured areas were {:.3} mm2 in the mean, now {area_mm2:.3}", load.mean_area_mm2)
+        } else {
+            String::new()
+        }
+    };
+    let judged = |load: &Arc<Load>| {
+        let outdated_because = outdated(load);
+        let in_factor = outdated_because.is_empty() && load.read.out_of_range == 0;
+        JudgedLoad { load: Arc::clone(load), outdated_because, in_factor }
+    };
+    let loads: Vec<JudgedLoad> = all.iter().rev().map(judged).collect();
+    let errors: Vec<f64> =
+        loads.iter().filter(|j| j.outdated_because.is_empty()).map(|j| j.load.error().abs()).collect();
+    Validation {
+        patch: name.to_owned(),
+        model_set,
+        mean_absolute_error: (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64),
+        factor: AreaFactor::estimate(loads.iter().filter(|j| j.in_factor).map(|j| j.load.as_ref())),
+        loads,
+        ..Validation::default()
+    }
+}

@@ -1,0 +1,197 @@
+//! Reading the live force under a known load: for a short time, and only while it holds still.
+
+use std::sync::Arc;
+use std::time::Duration;
+use taxel_skin::Time;
+
+use crate::force::sample::{ForceSample, ForceState};
+use crate::loads::load::{KnownLoad, Reading};
+use crate::request::RequestId;
+
+/// The force is read for so long,
+const SPAN: Duration = Duration::from_secs(1);
+/// and from at least so many scans.
+const SCANS_MIN: usize = 5;
+/// How much longer than planned a watch may take before it is given up.
+const GRACE: Duration = Duration::from_secs(2);
+/// The force may scatter by this share of it from scan to scan,
+const SCATTER_SHARE_MAX: f64 = 0.1;
+/// or by so many newtons, the noise of a few taxels at the threshold of touch.
+const SCATTER_FLOOR_N: f64 = 0.05;
+/// Less than this share of the load is no error of calibration: it lies elsewhere.
+const READ_SHARE_MIN: f64 = 0.1;
+/// From the first half of the time to the second it may move by this share,
+const DRIFT_SHARE_MAX: f64 = 0.03;
+/// or by so many standard errors of that difference.
+const DRIFT_ERRORS_MAX: f64 = 3.0;
+
+/// One load being read.
+#[derive(Debug)]
+pub struct LoadWatch {
+    /// Whom to answer.
+    pub request: RequestId,
+    /// What lies on the skin.
+    pub load: KnownLoad,
+    /// What it presses with, in N.
+    pub force_n: f64,
+    begun: Time,
+    /// Receive time of the newest frame that was looked at.
+    newest: Time,
+    /// Zero and model set of the first sample, which must stay.
+    first: Option<(u64, Option<Arc<str>>)>,
+    totals_n: Vec<f64>,
+    sigmas_n: f64,
+    reading: Reading,
+}
+
+impl LoadWatch {
+    /// Begins to read.
+    pub fn new(now: Time, request: RequestId, load: KnownLoad, force_n: f64) -> Self {
+        let (first, totals_n, reading) = (None, Vec::new(), Reading::default());
+        Self { request, load, force_n, begun: now, newest: now, first, totals_n, sigmas_n: 0.0, reading }
+    }
+
+    /// Takes what was published: the force of the scan at `time`, read at the zero with this epoch. `Some` ends the
+    /// watch: the reading, or why there is none.
+    pub fn take(&mut self, time: Time, epoch: u64, force: &ForceSample) -> Option<Result<Reading, String>> {
+        if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
+            return Some(Err(format!("there is no force: {}", force.reasons.join("; "))));
+        }
+        if time <= self.newest {
+            return None; // no new frame in it
+        }
+        self.newest = time;
+        let ground = (epoch, force.model_set.clone());
+        if *self.first.get_or_insert_with(|| ground.clone()) != ground {
+            return Some(Err("the zero or the model set changed meanwhile".to_owned()));
+        }
+        self.add(force);
+        let enough = self.totals_n.len() >= SCANS_MIN && time.since(self.begun) >= SPAN;
+        enough.then(|| self.conclude())
+    }
+
+    /// When a watch that gets no scans ends.
+    #[must_use]
+    pub fn give_up_at(&self) -> Time {
+        self.begun + SPAN + GRACE
+    }
+
+    /// Time passed: a watch that gets no scans ends.
+    pub fn overdue(&self, now: Time) -> Option<Result<Reading, String>> {
+        let late = now.since(self.begun) > SPAN + GRACE;
+        let (scans, seconds) = (self.totals_n.len(), (SPAN + GRACE).as_secs());
+        late.then(|| Err(format!("{scans} scans came within {seconds} s, at least {SCANS_MIN} are needed")))
+    }
+
+    fn add(&mut self, force: &ForceSample) {
+        self.totals_n.push(force.total.map_or(0.0, |total| total.0));
+        self.sigmas_n += force.total_sigma.map_or(0.0, |sigma| sigma.0);
+        self.reading.out_of_range = self.reading.out_of_range.max(force.out_of_range);
+        self.reading.uncovered_share = self.reading.uncovered_share.max(force.uncovered_share);
+        self.reading.reasons.clone_from(&force.reasons);
+    }
+
+    fn conclude(&mut self) -> Result<Reading, String> {
+        let scans = self.totals_n.len();
+        let mean_n = mean(&self.totals_n);
+        let scatter_n =
+            (self.totals_n.iter().map(|total| (total - mean_n).powi(2)).sum::<f64>() / (scans - 1) as f64).sqrt();
+        let felt = self.totals_n.iter().filter(|total| **total > 0.0).count();
+        if felt < scans {
+            return Err(format!("the skin feels nothing in {} of {scans} scans: no taxel is active", scans - felt));
+        }
+        if mean_n < READ_SHARE_MIN * self.force_n {
+            let laid_on_n = self.force_n;
+            return Err(format!("{mean_n:.2} N were read under {laid_on_n:.2} N: does the load lie on this patch?"));
+        }
+        if scatter_n > (SCATTER_SHARE_MAX * mean_n).max(SCATTER_FLOOR_N) {
+            return Err(format!("the force is unsteady: {mean_n:.2} N with a scatter of {scatter_n:.2} N"));
+        }
+        let (early, late) = self.totals_n.split_at(scans / 2);
+        let (early_n, late_n) = (mean(early), mean(late));
+        let error_n = 2.0 * scatter_n / (scans as f64).sqrt();
+        let drift_max_n = (DRIFT_SHARE_MAX * mean_n).max(DRIFT_ERRORS_MAX * error_n);
+        if (late_n - early_n).abs() > drift_max_n {
+            return Err(format!("the force is unsteady: it moved from {early_n:.2} N to {late_n:.2} N"));
+        }
+        let (sigma_n, reading) = (self.sigmas_n / scans as f64, std::mem::take(&mut self.reading));
+        Ok(Reading { scans: scans as u32, mean_n, scatter_n, sigma_n, ..reading })
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::loads::load::Weight;
+    use taxel_skin::Newton;
+
+    fn watch() -> LoadWatch {
+        let (note, by) = (String::new(), String::new());
+        let load = KnownLoad { weight: Weight::Force(Newton(5.0)), relative_sigma: 0.0, note, by, replaces: None };
+        LoadWatch::new(Time::default(), RequestId(1), load, 5.0)
+    }
+
+    fn at(ms: i64) -> Time {
+        Time::from_nanos(ms * 1_000_000)
+    }
+
+    fn sample(total_n: f64) -> ForceSample {
+        let (total, total_sigma) = (Some(Newton(total_n)), Some(Newton(0.5)));
+        ForceSample { state: ForceState::Ok, total, total_sigma, ..ForceSample::default() }
+    }
+
+    /// What comes of scans every 50 ms with this force at each second.
+    fn read(force_n: impl Fn(f64) -> f64) -> Result<Reading, String> {
+        let mut watch = watch();
+        (1..100).find_map(|i| watch.take(at(50 * i), 1, &sample(force_n(0.05 * i as f64)))).expect("an end")
+    }
+
+    #[test]
+    fn a_steady_force_is_read_for_a_second() {
+        let reading = read(|s| 5.0 + 0.1 * (40.0 * s).sin()).unwrap();
+        assert_eq!(reading.scans, 20);
+        assert!((reading.mean_n - 5.0).abs() < 0.05 && (reading.sigma_n - 0.5).abs() < 1e-12, "{reading:?}");
+        assert!((0.05..0.1).contains(&reading.scatter_n), "{reading:?}");
+    }
+
+    #[test]
+    fn what_moves_or_is_not_there_is_refused_in_words() {
+        for (what, refused) in [
+            ("it moved from", read(|s| 5.0 + 0.5 * s)),
+            ("scatter", read(|s| 5.0 + (40.0 * s).sin())),
+            ("feels nothing in 20 of 20 scans", read(|_| 0.0)),
+            ("feels nothing in 11 of 20 scans", read(|s| if s < 0.5 { 0.04 } else { 0.0 })),
+            ("does the load lie on this patch", read(|_| 0.1)),
+        ] {
+            let why = refused.unwrap_err();
+            assert!(why.contains(what), "{why}");
+        }
+    }
+
+    #[test]
+    fn the_same_frames_count_once_and_silence_ends_the_watch() {
+        let mut watch = watch();
+        for _ in 0..100 {
+            assert_eq!(watch.take(at(0), 1, &sample(5.0)), None, "what came before the command does not count");
+            assert_eq!(watch.take(at(1_500), 1, &sample(5.0)), None);
+        }
+        assert_eq!(watch.overdue(Time::from_seconds(3.0)), None);
+        let why = watch.overdue(Time::from_seconds(3.1)).unwrap().unwrap_err();
+        assert!(why.starts_with("1 scans came within 3 s"), "{why}");
+    }
+
+    #[test]
+    fn another_zero_or_the_loss_of_the_force_ends_the_watch() {
+        let mut other = sample(5.0);
+        let mut watch = watch();
+        assert_eq!(watch.take(at(50), 1, &sample(5.0)), None);
+        assert!(watch.take(at(100), 9, &other).unwrap().unwrap_err().contains("zero"));
+        other.state = ForceState::Stale;
+        other.reasons = vec!["80 taxels are silent".to_owned()];
+        assert!(watch.take(at(150), 1, &other).unwrap().unwrap_err().contains("80 taxels are silent"));
+    }
+}

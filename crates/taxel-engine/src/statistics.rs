@@ -1,0 +1,39 @@
+//! Medians and the like of values some of which may be missing, once for everybody.
+
+/// The value at `share` (0 to 1) of the finite values in ascending order; `None` without any.
+#[must_use]
+pub fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
+    values.retain(|v| v.is_finite());
+    let last = values.len().checked_sub(1)?;
+    let at = ((share * last as f64).round() as usize).min(last);
+    Some(*values.select_nth_unstable_by(at, f64::total_cmp).1)
+}
+
+/// Median of the finite values, the mean of the middle two of an even number; `None` without any.
+#[must_use]
+pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut finite: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
+    finite.sort_by(f64::total_cmp);
+    let n = finite.len();
+    (n > 0).then(|| 0.5 * (finite[(n - 1) / 2] + finite[n / 2]))
+}
+
+/// Mean of the finite values and how many they are; NaN without any.
+#[must_use]
+pub fn mean(values: impl Iterator<Item = f64>) -> (f64, usize) {
+    let (sum, n) = values.filter(|v| v.is_finite()).fold((0.0, 0), |(sum, n), v| (sum + v, n + 1));
+    (sum / n as f64, n)
+}
+
+/// Root of the mean square of the finite values; NaN without any.
+#[must_use]
+pub fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
+    mean(values.map(|v| v * v)).0.sqrt()
+}
+
+/// The median of an estimate from `n` values with standard deviation `sigma` has this standard error: 1.2533 times that
+/// of a mean (normal errors; Kendall and Stuart, The Advanced Theory of Statistics, vol. 1).
+#[must_use]
+pub fn median_error(sigma: f64, n: usize) -> f64 {
+    1.2533 * sigma / (n.max(1) as f64).sqrt()
+}

@@ -1,0 +1,304 @@
+//! The drift of one module, and what its taxels and pads do.
+
+use std::ops::Range;
+
+use super::coefficient::Coefficient;
+use super::limits::{AGREEMENT_COUNTS, COEFFICIENT_MAX, COEFFICIENT_SIGMA, HOLD_OFF_S, UNEXPLAINED_COUNTS};
+use super::site::DriftSite;
+use super::smooth::{Shares, Smooth};
+use crate::statistics::median;
+
+/// Fewest taxels that may speak for a module.
+const TAXELS_MIN: usize = 5;
+/// The fast mean of a taxel is judged once it has this share of its weight, half a second after its first value.
+const FAST_WEIGHT: f64 = 0.6;
+/// The slow mean is followed once it has this share of its weight, after 2.3 time constants.
+const SLOW_WEIGHT: f64 = 0.9;
+/// A taxel that moves by this share of its activation threshold is touched.
+const TOUCH_SHARE: f64 = 0.5;
+/// The pads' zero is their mean over so many seconds after the taxels' zero.
+const PADS_ZERO_S: f64 = 5.0;
+/// The two pads of a module are believed while they agree within this, counts ...
+const PADS_APART_COUNTS: f64 = 2.0;
+/// ... and this share of how far they moved.
+const PADS_APART_SHARE: f64 = 0.5;
+
+/// One taxel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TaxelDrift {
+    /// Its proven zero, counts; NaN: it takes no part.
+    zero: f64,
+    /// Its activation threshold, counts from the zero.
+    distance: f64,
+    /// Shows a touch.
+    fast: Smooth,
+    /// While untouched: what it rests at.
+    slow: Smooth,
+    /// Where it rested last, counts.
+    rest: f64,
+}
+
+impl Default for TaxelDrift {
+    fn default() -> Self {
+        Self::new(f64::NAN, 0.0)
+    }
+}
+
+impl TaxelDrift {
+    pub(super) fn new(zero: f64, distance: f64) -> Self {
+        Self { zero, distance, fast: Smooth::default(), slow: Smooth::default(), rest: zero }
+    }
+
+    fn restart(&mut self) {
+        self.fast.restart();
+        self.slow.restart();
+    }
+
+    /// Beyond its threshold, or away from where it rested. `drift` is that of its module now, `rested_at` then.
+    fn is_touched(&self, drift: f64, rested_at: f64) -> bool {
+        let Some(now) = self.fast.mean(FAST_WEIGHT) else { return false };
+        let (from_zero, from_rest) = (now - self.zero - drift, now - self.rest - (drift - rested_at));
+        from_zero.abs() > self.distance || from_rest.abs() > TOUCH_SHARE * self.distance
+    }
+}
+
+/// A thermal pad.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pad {
+    slow: Smooth,
+    sum: f64,
+    n: f64,
+}
+
+/// Where a module was when it was held.
+#[derive(Clone, Copy, Debug, Default)]
+struct Hold {
+    drift: f64,
+    pads: Option<f64>,
+}
+
+/// One module.
+#[derive(Clone, Debug)]
+pub(super) struct ModuleDrift {
+    site: DriftSite,
+    pads: [Pad; 2],
+    /// Time since the zero.
+    zero_s: f64,
+    touched: bool,
+    /// How long nothing has touched it or a module beside it.
+    untouched_s: f64,
+    /// Its drift when its taxels last rested.
+    rested_at: f64,
+    coefficient: Coefficient,
+    hold: Hold,
+    following: bool,
+    /// Where the drift is heading, and where it is, counts.
+    target: f64,
+    drift: f64,
+    bounded: bool,
+    in_tables: f64,
+}
+
+impl ModuleDrift {
+    pub(super) fn new(site: DriftSite) -> Self {
+        Self {
+            site,
+            pads: [Pad::default(); 2],
+            zero_s: 0.0,
+            touched: false,
+            untouched_s: 0.0,
+            rested_at: 0.0,
+            coefficient: Coefficient::default(),
+            hold: Hold::default(),
+            following: false,
+            target: 0.0,
+            drift: 0.0,
+            bounded: false,
+            in_tables: 0.0,
+        }
+    }
+
+    /// A new zero: rest has just been proven. Pads that have not moved are where the hold is.
+    pub(super) fn begin(&mut self) {
+        *self = Self::new(self.site.clone());
+        self.untouched_s = HOLD_OFF_S;
+        self.hold.pads = Some(0.0);
+    }
+
+    pub(super) fn restart(&mut self, taxels: &mut [TaxelDrift]) {
+        taxels.iter_mut().for_each(TaxelDrift::restart);
+        self.pads.iter_mut().for_each(|pad| pad.slow.restart());
+        self.untouched_s = 0.0;
+        self.begin_hold();
+    }
+
+    /// Takes the counts of a scan, `counts` being those of the whole patch; `pads` is `None` while it is silent.
+    pub(super) fn take(
+        &mut self,
+        taxels: &mut [TaxelDrift],
+        counts: &[u8],
+        pads: Option<[u8; 2]>,
+        sound: &impl Fn(usize) -> bool,
+        shares: &Shares,
+    ) {
+        let Some(pads) = pads else {
+            self.restart(taxels);
+            self.touched = true; // who knows
+            return;
+        };
+        self.touched = false;
+        for (index, taxel) in self.site.taxels.clone().zip(taxels) {
+            if !sound(index) {
+                taxel.restart();
+                continue;
+            }
+            let Some(&count) = counts.get(index) else { continue };
+            taxel.fast.push(f64::from(count), shares.fast);
+            self.touched |= taxel.is_touched(self.drift, self.rested_at);
+        }
+        self.zero_s += shares.dt_s;
+        for (pad, count) in self.pads.iter_mut().zip(pads).take(self.site.kind.thermal_slots().len()) {
+            if matches!(count, u8::MIN | u8::MAX) {
+                pad.slow.restart(); // at an end of the converter's range
+                continue;
+            }
+            pad.slow.push(f64::from(count), shares.slow);
+            if self.zero_s <= PADS_ZERO_S {
+                (pad.sum, pad.n) = (pad.sum + f64::from(count), pad.n + 1.0);
+            }
+        }
+    }
+
+    /// Lets the taxels rest, unless something touches the module or is `near` it.
+    pub(super) fn rest(&mut self, taxels: &mut [TaxelDrift], counts: &[u8], near: bool, shares: &Shares) {
+        if near {
+            if self.untouched_s > 0.0 {
+                taxels.iter_mut().for_each(|taxel| taxel.slow.restart());
+            }
+            self.untouched_s = 0.0;
+            return;
+        }
+        self.untouched_s += shares.dt_s;
+        if self.untouched_s < HOLD_OFF_S {
+            return;
+        }
+        for (taxel, &count) in taxels.iter_mut().zip(counts.get(self.range()).unwrap_or_default()) {
+            if taxel.fast.is_empty() {
+                continue; // it has a fault
+            }
+            taxel.slow.push(f64::from(count), shares.slow);
+            if let Some(rest) = taxel.slow.mean(SLOW_WEIGHT) {
+                (taxel.rest, self.rested_at) = (rest, self.drift);
+            }
+        }
+    }
+
+    /// How far the module lies from its zero, counts: the median over its taxels, once they rest. `taxels` are those of
+    /// the whole patch. `None` while it is touched or too few of its taxels are sound.
+    pub(super) fn offset(&self, taxels: &[TaxelDrift]) -> Option<f64> {
+        if self.untouched_s < HOLD_OFF_S {
+            return None;
+        }
+        let offset = |taxel: &TaxelDrift| Some(taxel.slow.mean(SLOW_WEIGHT)? - taxel.zero).filter(|o| o.is_finite());
+        let offsets: Vec<f64> = taxels.get(self.range())?.iter().filter_map(offset).collect();
+        if offsets.len() < TAXELS_MIN { None } else { median(offsets) }
+    }
+
+    /// How far its pads have moved since the zero, counts; `None` without pads that are known and agree.
+    pub(super) fn pads_moved(&self) -> Option<f64> {
+        let moved = |pad: &Pad| Some(pad.slow.mean(SLOW_WEIGHT)? - pad.sum / pad.n).filter(|moved| moved.is_finite());
+        match (moved(&self.pads[0]), moved(&self.pads[1])) {
+            (Some(a), Some(b)) => {
+                let agree = (a - b).abs() <= PADS_APART_COUNTS + PADS_APART_SHARE * a.abs().max(b.abs());
+                agree.then_some(0.5 * (a + b))
+            }
+            (Some(moved), None) if self.site.kind.thermal_slots().len() == 1 => Some(moved),
+            _ => None,
+        }
+    }
+
+    /// It is untouched: heads for where the others are, which its own pads may say more of. All in counts.
+    pub(super) fn follow(&mut self, offset: f64, common: f64, common_pads: f64) {
+        let allowed = UNEXPLAINED_COUNTS + COEFFICIENT_MAX * common_pads.abs();
+        let pads = self.pads_moved();
+        let own = match (pads, self.coefficient.value()) {
+            (Some(pads), Some((coefficient, _))) => coefficient * (pads - common_pads),
+            _ => 0.0,
+        };
+        self.target = common.clamp(-allowed, allowed) + own;
+        if let Some(pads) = pads.filter(|_| (offset - self.target).abs() <= AGREEMENT_COUNTS) {
+            self.coefficient.learn(pads, offset);
+        }
+        self.hold.pads = pads;
+        self.following = true;
+    }
+
+    /// It is touched, or nothing is known of the others: heads for where its own pads say.
+    pub(super) fn hold(&mut self) {
+        self.begin_hold();
+        let explained = self.coefficient.value().map_or(0.0, |(coefficient, _)| coefficient * self.since_hold());
+        self.target = self.hold.drift + explained;
+    }
+
+    fn begin_hold(&mut self) {
+        if std::mem::take(&mut self.following) {
+            self.hold.drift = self.drift; // from here, not from where it was heading
+        }
+    }
+
+    /// How far the pads have moved since the module is held, counts; 0 where that is not known.
+    fn since_hold(&self) -> f64 {
+        self.pads_moved().zip(self.hold.pads).map_or(0.0, |(now, then)| now - then)
+    }
+
+    /// Moves towards the target by at most `step_max` and not beyond `bound`, counts.
+    pub(super) fn advance(&mut self, step_max: f64, bound: f64) {
+        let step = (self.target - self.drift).clamp(-step_max, step_max);
+        self.drift = (self.drift + step).clamp(-bound, bound);
+        // A little below its bound it is free again, so that noise does not make it come and go.
+        let at = if self.bounded { 0.9 } else { 1.0 };
+        self.bounded = self.drift.abs() >= at * bound && self.target.abs() >= at * bound;
+    }
+
+    /// Variance of its drift while it is held, counts squared: what the pads say may be wrong by their coefficient.
+    pub(super) fn held_variance(&self) -> f64 {
+        let sigma = self.coefficient.value().map_or(COEFFICIENT_SIGMA, |(_, sigma)| sigma);
+        if self.following { 0.0 } else { (sigma * self.since_hold()).powi(2) }
+    }
+
+    pub(super) fn range(&self) -> Range<usize> {
+        self.site.taxels.clone()
+    }
+
+    pub(super) fn beside(&self) -> &[usize] {
+        &self.site.beside
+    }
+
+    pub(super) const fn is_touched(&self) -> bool {
+        self.touched
+    }
+
+    pub(super) const fn is_following(&self) -> bool {
+        self.following
+    }
+
+    pub(super) const fn is_bounded(&self) -> bool {
+        self.bounded
+    }
+
+    pub(super) const fn drift(&self) -> f64 {
+        self.drift
+    }
+
+    pub(super) const fn target(&self) -> f64 {
+        self.target
+    }
+
+    pub(super) fn since_tables(&self) -> f64 {
+        (self.drift - self.in_tables).abs()
+    }
+
+    pub(super) const fn note_tables(&mut self) {
+        self.in_tables = self.drift;
+    }
+}

@@ -1,0 +1,449 @@
+//! The one owner of the zero: takes it, follows it, loses it.
+//!
+//! Order of calls: [`Zero::watch`] when somebody wants a zero, [`Zero::on_scan`] for each scan, [`Zero::tick`] when time
+//! passed, [`Zero::lose`] and [`Zero::doubt`] when something else says that it does not hold. [`Zero::zero`] is `None`
+//! unless it holds.
+
+use std::time::Duration;
+use taxel_skin::Time;
+
+use crate::baseline::TaxelBaseline;
+use crate::model_set::ModelSet;
+use crate::now::Now;
+use crate::regions::Regions;
+use crate::request::RequestId;
+use crate::scan::Scan;
+use crate::statistics::median;
+use crate::zero::continuity::{Continuity, Finding, Ground, UNSEEN_COUNTS};
+use crate::zero::drift::follow::Drift;
+use crate::zero::drift::view::DriftView;
+use crate::zero::plan::ZeroPlan;
+use crate::zero::rest::judge::{Reference, judge};
+use crate::zero::rest::statistics::{RestStatistics, RestWindow};
+use crate::zero::rest::verdict::RestVerdict;
+use crate::zero::unloading::unloading;
+use crate::zero::view::TareView;
+use crate::zero::watch::{Purpose, Watch};
+
+/// Unloading below the zero is looked for in windows of this length.
+const UNLOADING_WINDOW: Duration = Duration::from_secs(2);
+
+/// A zero's noise is no more than this times what the models know: a threshold in multiples of the noise must not grow
+/// because something moved while the zero was taken.
+const NOISE_GROWTH_MAX: f64 = 1.5;
+
+/// What became of the zero.
+#[derive(Clone, Debug)]
+pub enum ZeroEvent {
+    /// Rest is proven, or vouched for, for an operator: the zero waits for [`Zero::adopt`], once it is on disk.
+    Proven {
+        /// Whom to answer.
+        request: RequestId,
+        /// The zero as readers will see it.
+        view: TareView,
+        /// One per taxel.
+        baseline: Vec<TaxelBaseline>,
+    },
+    /// A zero was taken, and who wanted it.
+    Taken(Purpose),
+    /// The skin was not at rest; why, and who wanted a zero.
+    Refused(Purpose, String),
+    /// The zero does not hold any more; why.
+    Lost(String),
+    /// It has followed the temperature.
+    Moved,
+    /// Whether it holds is not known for now.
+    Doubted,
+    /// It holds after all.
+    Cleared,
+}
+
+/// What the zero has to be told with each scan.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings<'a> {
+    /// The active model set.
+    pub models: Option<&'a ModelSet>,
+    /// Whether the boards are expected to send.
+    pub boards_ready: bool,
+    /// Whether a session holds the patch: then the zero does not follow the temperature.
+    pub session_open: bool,
+    /// Whether that session does without some modules.
+    pub parts_left_out: bool,
+    /// Whether a bag presses on everything and does not let go.
+    pub pressing: bool,
+}
+
+/// The zero of one patch.
+#[derive(Debug)]
+pub struct Zero {
+    plan: ZeroPlan,
+    regions: Regions,
+    view: TareView,
+    baseline: Option<Vec<TaxelBaseline>>,
+    taken: Time,
+    /// A zero that was proven for an operator and is being written down.
+    proven: Option<(RequestId, TareView, Vec<TaxelBaseline>)>,
+    watch: Option<Watch>,
+    /// `None` where drift is not followed.
+    drift: Option<Drift>,
+    continuity: Continuity,
+    /// Whether the continuity is in doubt, as last told.
+    doubted: bool,
+    later: RestStatistics,
+    /// Which way pressure moves the count of each taxel; -1 where no model says, as on all boards of iCub.
+    signs: Vec<i8>,
+    /// Counts from the zero from which on each taxel is touched.
+    touched_counts: Vec<f64>,
+    /// The zero with its drift.
+    now: Vec<TaxelBaseline>,
+}
+
+impl Zero {
+    /// No zero.
+    #[must_use]
+    pub fn new(plan: ZeroPlan, regions: Regions) -> Self {
+        let drift = plan.drift.follow.then(|| Drift::new(plan.drift, plan.activation, plan.sites.clone()));
+        Self {
+            view: TareView::default(),
+            baseline: None,
+            taken: Time::default(),
+            proven: None,
+            watch: None,
+            drift,
+            continuity: Continuity::new(&regions),
+            doubted: false,
+            later: RestStatistics::new(regions.taxels()).in_modules(regions.modules().iter().cloned()),
+            signs: vec![-1; regions.taxels()],
+            touched_counts: vec![0.0; regions.taxels()],
+            now: Vec::new(),
+            plan,
+            regions,
+        }
+    }
+
+    /// The zero with its drift, one per taxel, if it holds.
+    #[must_use]
+    pub fn zero(&self) -> Option<&[TaxelBaseline]> {
+        self.holds().then_some(self.now.as_slice())
+    }
+
+    /// Whether live force may rely on it.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.view.valid && !self.doubted
+    }
+
+    /// What readers see.
+    #[must_use]
+    pub fn view(&self) -> TareView {
+        let mut view = self.view.clone();
+        if let Some(why) = self.continuity.doubted().filter(|_| view.valid && self.doubted) {
+            view.valid = false;
+            view.reason = format!("{why}; this is being looked at");
+        }
+        view
+    }
+
+    /// Why there is no zero, in words.
+    #[must_use]
+    pub fn reason(&self) -> String {
+        self.view().reason
+    }
+
+    /// Who wants a zero that is being watched for.
+    #[must_use]
+    pub fn watching(&self) -> Option<&Purpose> {
+        self.watch.as_ref().map(Watch::purpose)
+    }
+
+    /// Standard uncertainty, in counts, of the zero that all taxels share.
+    #[must_use]
+    pub fn sigma_counts(&self) -> f64 {
+        let drift = self.drift.as_ref().filter(|_| self.view.valid).map_or(0.0, |drift| drift.view().sigma_counts);
+        drift.hypot(UNSEEN_COUNTS)
+    }
+
+    /// What keeps a force at this zero from being a good one.
+    #[must_use]
+    pub fn shortcoming(&self) -> Option<String> {
+        self.drift.as_ref().and_then(Drift::shortcoming)
+    }
+
+    /// Whether a load has just vanished from a whole board, so that a force is a lower bound until the counts have shown
+    /// that the board did not take a new zero.
+    #[must_use]
+    pub fn load_vanished(&self) -> bool {
+        self.continuity.load_vanished()
+    }
+
+    /// Begins to watch the skin. An earlier watch is given up, and whoever wanted it told.
+    pub fn watch(&mut self, now: Time, purpose: Purpose, events: &mut Vec<ZeroEvent>) {
+        if let Some(earlier) = self.stop_watching() {
+            let why = "another tare began before this one had seen enough".to_owned();
+            events.push(ZeroEvent::Refused(earlier, why));
+        }
+        let window = RestWindow::new(self.regions.taxels(), self.regions.modules());
+        self.watch = Some(Watch::new(now, self.plan.tare.duration, window, purpose));
+    }
+
+    /// Gives up the watch; who wanted it.
+    pub fn stop_watching(&mut self) -> Option<Purpose> {
+        self.watch.take().map(|watch| watch.end().0)
+    }
+
+    /// The active model set changed: which way pressure moves the counts.
+    pub fn on_models(&mut self, set: Option<&ModelSet>) {
+        if let Some(set) = set {
+            self.signs = set.signs();
+        }
+        self.restart_unloading();
+    }
+
+    /// Takes a scan.
+    pub fn on_scan(&mut self, now: Now, scan: &Scan<'_>, around: Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
+        self.check_continuity(scan, around.pressing, events);
+        self.check_unloading(scan, events);
+        self.watch_rest(now, scan, around, events);
+        self.follow_drift(now, scan, around.session_open, events);
+    }
+
+    fn check_continuity(&mut self, scan: &Scan<'_>, pressing: bool, events: &mut Vec<ZeroEvent>) {
+        if !self.view.valid {
+            return;
+        }
+        let ground = Ground { zero: &self.now, signs: &self.signs, touched_counts: &self.touched_counts, pressing };
+        match self.continuity.on_scan(scan, &ground) {
+            Some((board, Finding::NewZero(why))) => self.lose(format!("{}{why}", self.board(board)), events),
+            Some((_, Finding::Doubt(_))) | None => self.tell_doubt(events),
+        }
+    }
+
+    /// The name of a board, to begin a sentence with.
+    fn board(&self, position: usize) -> String {
+        let names = &self.plan.board_names;
+        names.get(position).map_or_else(String::new, |name| format!("board {name} "))
+    }
+
+    fn tell_doubt(&mut self, events: &mut Vec<ZeroEvent>) {
+        let doubted = self.continuity.doubted().is_some();
+        if doubted != self.doubted {
+            self.doubted = doubted;
+            events.push(if doubted { ZeroEvent::Doubted } else { ZeroEvent::Cleared });
+        }
+    }
+
+    /// Something may have moved the zero of a board: the counts have to show that it did not.
+    pub fn doubt(&mut self, board: usize, why: &str, events: &mut Vec<ZeroEvent>) {
+        self.refuse_watch(why, events);
+        if self.view.valid {
+            self.continuity.doubt(board, why.to_owned());
+            self.tell_doubt(events);
+        }
+    }
+
+    /// Something has moved the zero: there is none until rest is proven again.
+    ///
+    /// Whoever watches has seen what was before, so every watch ends, too, and a zero that is being written down.
+    pub fn lose(&mut self, reason: impl Into<String>, events: &mut Vec<ZeroEvent>) {
+        let reason = reason.into();
+        self.refuse_watch(&reason, events);
+        if self.view.valid || self.view.reason.is_empty() {
+            self.view.epoch += 1;
+            self.view.valid = false;
+            self.view.reason.clone_from(&reason);
+            self.view.drift = DriftView::default();
+            if let Some(drift) = &mut self.drift {
+                drift.end();
+            }
+            self.doubted = false;
+            self.now.clear();
+            events.push(ZeroEvent::Lost(reason));
+        }
+    }
+
+    /// Ends a watch, and a zero that waits to be written down, because of what has happened meanwhile.
+    fn refuse_watch(&mut self, why: &str, events: &mut Vec<ZeroEvent>) {
+        let proven = self.proven.take().map(|(request, ..)| Purpose::Operator { request, confirmed_by: None });
+        for purpose in self.stop_watching().into_iter().chain(proven) {
+            events.push(ZeroEvent::Refused(purpose, format!("meanwhile {why}")));
+        }
+    }
+
+    /// A skin that becomes lighter than its zero was not at rest when that was taken. What is found stays: the zero is
+    /// lost until another is taken.
+    fn check_unloading(&mut self, scan: &Scan<'_>, events: &mut Vec<ZeroEvent>) {
+        if !self.holds() || self.signs.iter().all(|sign| *sign == 0) {
+            return;
+        }
+        self.later.push(scan.sound_counts());
+        let scans = UNLOADING_WINDOW.as_secs_f64() / self.plan.period.as_secs_f64();
+        if (self.later.count() as f64) < scans {
+            return;
+        }
+        let found = unloading(&self.now, &self.later, &self.signs, &self.plan.tare.rest);
+        self.restart_unloading();
+        if let Some(found) = found {
+            self.lose(
+                format!("{found}: the zero was taken under a load, or is another; unload the skin and tare"),
+                events,
+            );
+        }
+    }
+
+    fn restart_unloading(&mut self) {
+        let modules = self.regions.modules().iter().cloned();
+        self.later = RestStatistics::new(self.regions.taxels()).in_modules(modules);
+    }
+
+    fn watch_rest(&mut self, now: Now, scan: &Scan<'_>, around: Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
+        let by_itself = self.plan.tare.at_start && self.baseline.is_none() && around.models.is_some();
+        if by_itself && self.watch.is_none() && around.boards_ready {
+            self.watch(now.time, Purpose::AtStart, events);
+        }
+        let Some(watch) = &mut self.watch else { return };
+        // A session needs every module. A live zero does without the silent ones: they have none, and no force.
+        if !scan.whole && matches!(watch.purpose(), Purpose::Session { .. }) && !around.parts_left_out {
+            return;
+        }
+        watch.push(now.time, scan.sound_counts());
+        if watch.is_over(now.time, self.plan.tare.rest.scans_min)
+            && let Some(watch) = self.watch.take()
+        {
+            self.conclude(now, watch, around.models, events);
+        }
+    }
+
+    /// The watch has seen enough: rest is proven, vouched for, or refused.
+    fn conclude(&mut self, now: Now, watch: Watch, models: Option<&ModelSet>, events: &mut Vec<ZeroEvent>) {
+        let (purpose, window) = watch.end();
+        let minutes = now.time.seconds_since(self.taken) / 60.0;
+        let reference = Reference {
+            models: models.map(|set| set.baseline.as_slice()),
+            zero: self.zero().map(|zero| (zero, minutes)),
+            sign: &self.signs,
+        };
+        let verdict = judge(&window, reference, &self.plan.tare.rest);
+        // In its first session a skin has nothing to be compared with: its zero is what the models refer to, and the
+        // gauge shows that the bag does not press.
+        let first = matches!((&verdict, &purpose), (RestVerdict::Unproven { .. }, Purpose::Session { .. }));
+        let rest = first || matches!(verdict, RestVerdict::Rest { .. });
+        // Nobody can vouch for a skin that moved while it was watched: a mean over that is no zero.
+        let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
+        if !rest && vouched.is_none() {
+            events.push(ZeroEvent::Refused(purpose, verdict.to_string()));
+            return;
+        }
+        let reason = match vouched {
+            Some(who) => format!("{who} confirms that nothing touches the skin; {verdict}"),
+            None => verdict.to_string(),
+        };
+        let baseline = capped(window.all().baseline(), models);
+        let view = self.next_view(now, reason, &baseline);
+        if let Purpose::Operator { request, .. } = purpose {
+            self.proven = Some((request, view.clone(), baseline.clone()));
+            events.push(ZeroEvent::Proven { request, view, baseline });
+        } else {
+            self.take(now.time, view, baseline);
+            events.push(ZeroEvent::Taken(purpose));
+        }
+    }
+
+    fn next_view(&self, now: Now, reason: String, baseline: &[TaxelBaseline]) -> TareView {
+        TareView {
+            epoch: self.view.epoch + 1,
+            valid: true,
+            wall_ns: now.wall_ns,
+            reason,
+            baseline_median: median(baseline.iter().map(|t| t.mean)).unwrap_or(f64::NAN),
+            noise_median: median(baseline.iter().map(|t| t.noise)).unwrap_or(f64::NAN),
+            drift: DriftView::default(),
+        }
+    }
+
+    /// The zero that was proven for `request` is on disk: it holds from now on. Returns it, unless something has moved
+    /// the zero meanwhile.
+    pub fn adopt(&mut self, now: Now, request: RequestId) -> Option<TareView> {
+        let (_, mut view, baseline) = self.proven.take_if(|(proven, ..)| *proven == request)?;
+        view.epoch = self.view.epoch + 1;
+        self.take(now.time, view.clone(), baseline);
+        Some(view)
+    }
+
+    /// The zero that was proven for `request` could not be written down: the earlier one stays.
+    pub fn reject(&mut self, request: RequestId) {
+        self.proven.take_if(|(proven, ..)| *proven == request);
+    }
+
+    fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>) {
+        let wall_ns = view.wall_ns;
+        self.view = view;
+        self.taken = now;
+        self.touched_counts = baseline.iter().map(|t| self.plan.activation.distance_counts(t.noise)).collect();
+        self.now.clone_from(&baseline);
+        if let Some(drift) = &mut self.drift {
+            drift.begin(Now { time: now, wall_ns }, &baseline);
+            self.view.drift = *drift.view();
+        }
+        self.baseline = Some(baseline);
+        self.continuity.begin();
+        self.doubted = false;
+        self.restart_unloading();
+    }
+
+    /// The zero as it was taken, one per taxel, if there is one.
+    #[must_use]
+    pub fn baseline(&self) -> Option<&[TaxelBaseline]> {
+        self.baseline.as_deref().filter(|_| self.view.valid)
+    }
+
+    /// The zero follows the temperature, where that is asked for and no session holds the patch.
+    fn follow_drift(&mut self, now: Now, scan: &Scan<'_>, session_open: bool, events: &mut Vec<ZeroEvent>) {
+        let Some(drift) = self.drift.as_mut().filter(|_| self.view.valid) else { return };
+        let moved = if session_open || self.doubted {
+            drift.hold(now);
+            false
+        } else {
+            let pads = |module: usize| (!scan.silent[module]).then_some(scan.pads[module]);
+            let now = Now { time: scan.time, ..now };
+            drift.on_scan(now, scan.counts, pads, |taxel| scan.sound[taxel])
+        };
+        self.view.drift = *drift.view();
+        if let Some(baseline) = self.baseline.as_ref().filter(|_| moved) {
+            self.now = drift.applied_to(baseline);
+            events.push(ZeroEvent::Moved);
+        }
+    }
+
+    /// Time passed: a watch that gets no scans ends. `silence` says which modules are silent.
+    pub fn tick(&mut self, now: Time, silence: impl FnOnce() -> String, events: &mut Vec<ZeroEvent>) {
+        if self.watch.as_ref().is_some_and(|watch| now > watch.give_up_at())
+            && let Some(purpose) = self.stop_watching()
+        {
+            events.push(ZeroEvent::Refused(purpose, format!("no rest could be watched: {}", silence())));
+        }
+    }
+
+    /// When [`Zero::tick`] has something to do.
+    #[must_use]
+    pub fn deadline(&self) -> Option<Time> {
+        self.watch.as_ref().map(|watch| watch.give_up_at() + Duration::from_nanos(1))
+    }
+
+    /// Why no zero was taken by itself, for readers; a valid one is left alone.
+    pub fn explain(&mut self, reason: String) {
+        if !self.view.valid {
+            self.view.reason = reason;
+        }
+    }
+}
+
+/// The baseline with a noise that is no more than [`NOISE_GROWTH_MAX`] times what the models know.
+fn capped(mut baseline: Vec<TaxelBaseline>, models: Option<&ModelSet>) -> Vec<TaxelBaseline> {
+    let Some(set) = models else { return baseline };
+    for (taxel, known) in baseline.iter_mut().zip(&set.baseline) {
+        if known.noise.is_finite() && known.noise > 0.0 {
+            taxel.noise = taxel.noise.min(NOISE_GROWTH_MAX * known.noise.max(crate::baseline::NOISE_FLOOR_COUNTS));
+        }
+    }
+    baseline
+}

@@ -1,0 +1,15 @@
+//! What is zero, and does it hold: watched at rest, proven, followed with the temperature, and lost.
+
+pub mod continuity;
+pub mod drift;
+pub mod holder;
+pub mod plan;
+pub mod rest;
+pub mod unloading;
+pub mod view;
+pub mod watch;
+
+pub use holder::{Zero, ZeroEvent};
+pub use plan::{TarePlan, ZeroPlan};
+pub use view::TareView;
+pub use watch::Purpose;

@@ -1,0 +1,254 @@
+use super::*;
+use crate::baseline::TaxelBaseline;
+use crate::zero::unloading::unloading;
+use proptest::prelude::*;
+
+const TAXELS: usize = 150;
+const SCANS: usize = 100;
+
+/// A small linear congruential generator: tests need repeatable noise, not good noise.
+pub(crate) struct Noise(pub(crate) u64);
+
+impl Noise {
+    pub(crate) fn uniform(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// About normal, standard deviation 1.
+    pub(crate) fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.uniform()).sum::<f64>() - 6.0
+    }
+}
+
+fn reference() -> Vec<TaxelBaseline> {
+    vec![TaxelBaseline { mean: 240.0, noise: 1.1 }; TAXELS]
+}
+
+fn modules() -> Vec<std::ops::Range<usize>> {
+    (0..TAXELS / 10).map(|m| 10 * m..10 * m + 10).collect()
+}
+
+/// A window of so many scans in which taxel `t` reads `level(t, scan)` with noise, rounded.
+fn window_of(scans: usize, noise: &mut Noise, level: impl Fn(usize, usize) -> f64) -> RestWindow {
+    let mut window = RestWindow::new(TAXELS, &modules());
+    for scan in 0..scans {
+        let counts = (0..TAXELS).map(|t| Some((level(t, scan) + 1.1 * noise.normal()).round()));
+        window.push(2 * scan >= scans, counts);
+    }
+    window
+}
+
+fn window(noise: &mut Noise, level: impl Fn(usize, usize) -> f64) -> RestWindow {
+    window_of(SCANS, noise, level)
+}
+
+/// Zeros of another day: both sides, 10th to 90th percentile about -2.6 to +2.6 around `common`.
+fn another_day(noise: &mut Noise, common: f64) -> Vec<f64> {
+    (0..TAXELS).map(|_| 240.0 + common + 2.0 * noise.normal()).collect()
+}
+
+fn falling() -> Vec<i8> {
+    vec![-1; TAXELS]
+}
+
+fn against(window: &RestWindow, models: Option<&[TaxelBaseline]>, sign: &[i8]) -> RestVerdict {
+    judge(window, Reference { models, zero: None, sign }, &RestLimits::default())
+}
+
+fn say(window: &RestWindow) -> RestVerdict {
+    against(window, Some(&reference()), &falling())
+}
+
+#[test]
+fn zeros_of_other_days_are_rest() {
+    for (seed, common) in [(1, 0.9), (2, -0.7), (3, -2.3), (4, 5.0)] {
+        let mut noise = Noise(seed);
+        let zero = another_day(&mut noise, common);
+        let verdict = say(&window(&mut noise, |t, _| zero[t]));
+        assert!(matches!(verdict, RestVerdict::Rest { .. }), "{verdict}");
+    }
+}
+
+#[test]
+fn a_recording_that_starts_under_load_is_refused_with_its_figures() {
+    let mut noise = Noise(5);
+    let zero = another_day(&mut noise, 0.0);
+    let verdict = say(&window(&mut noise, |t, _| zero[t] - 21.0));
+    let RestVerdict::Loaded { figures, .. } = verdict else { panic!("{verdict}") };
+    assert!(figures.share_one_sided > 0.99 && (figures.moved_median - 21.0).abs() < 1.0, "{figures}");
+    assert!(say(&window(&mut noise, |t, _| zero[t] - 21.0)).to_string().starts_with("loaded: 150 taxels moved +2"));
+}
+
+#[test]
+fn a_hand_on_a_tenth_of_the_skin_is_refused_and_named() {
+    let mut noise = Noise(6);
+    let zero = another_day(&mut noise, -0.7);
+    let verdict = say(&window(&mut noise, |t, _| zero[t] - if (30..50).contains(&t) { 10.0 } else { 0.0 }));
+    let RestVerdict::Loaded { figures, .. } = verdict else { panic!("{verdict}") };
+    assert!(matches!(figures.worst_module, Some(3 | 4)), "{figures}");
+}
+
+#[test]
+fn the_sign_of_the_skin_decides_which_way_is_load() {
+    let mut noise = Noise(7);
+    let statistics = window(&mut noise, |_, _| 246.0);
+    let rising = against(&statistics, Some(&reference()), &[1; TAXELS]);
+    assert!(matches!(rising, RestVerdict::Loaded { .. }), "{rising}");
+    let falling = say(&statistics);
+    assert!(matches!(falling, RestVerdict::Rest { .. }), "{falling}");
+    let unknown = against(&statistics, Some(&reference()), &[0; TAXELS]);
+    assert!(matches!(unknown, RestVerdict::NotEnough { .. }), "{unknown}");
+    let elsewhere = say(&window(&mut noise, |_, _| 254.0));
+    assert!(matches!(elsewhere, RestVerdict::OtherZero { .. }), "{elsewhere}");
+}
+
+#[test]
+fn a_ramp_and_a_shaking_skin_are_restless() {
+    let mut noise = Noise(8);
+    let ramp = say(&window(&mut noise, |_, scan| 240.0 - 1.2 * scan as f64 / SCANS as f64));
+    assert!(matches!(ramp, RestVerdict::Restless { .. }), "{ramp}");
+    let shaking = say(&window(&mut noise, |_, scan| 240.0 + if scan % 10 < 5 { 4.0 } else { -4.0 }));
+    assert!(matches!(shaking, RestVerdict::Unsteady { .. }), "{shaking}");
+    assert!(!ramp.is_still() && !shaking.is_still(), "nobody can vouch for a skin that moves");
+}
+
+#[test]
+fn without_a_reference_a_still_skin_is_unproven() {
+    let mut noise = Noise(9);
+    let still = against(&window(&mut noise, |_, _| 150.0), None, &[]);
+    assert!(matches!(still, RestVerdict::Unproven { taxels: TAXELS, .. }), "{still}");
+    let ramp = against(&window(&mut noise, |_, s| 150.0 - 0.05 * s as f64), None, &[]);
+    assert!(matches!(ramp, RestVerdict::Restless { .. }), "{ramp}");
+}
+
+#[test]
+fn too_few_scans_or_taxels_say_nothing() {
+    let mut statistics = RestWindow::new(TAXELS, &modules());
+    statistics.push(false, (0..TAXELS).map(|_| Some(240.0)));
+    assert!(matches!(say(&statistics), RestVerdict::NotEnough { scans: 1, .. }));
+    let mut faulty = RestWindow::new(TAXELS, &modules());
+    for scan in 0..SCANS {
+        let wavering = if scan % 2 == 0 { 241.0 } else { 239.0 };
+        faulty.push(
+            2 * scan >= SCANS,
+            (0..TAXELS).map(|t| match t {
+                0..40 => Some(wavering),
+                40..60 => Some(240.0), // lifeless
+                _ => (scan == 0).then_some(240.0),
+            }),
+        );
+    }
+    assert!(matches!(say(&faulty), RestVerdict::NotEnough { sound: 40, comparable: TAXELS, .. }), "{}", say(&faulty));
+}
+
+#[test]
+fn a_load_too_light_to_refuse_shows_when_it_goes() {
+    let (mut noise, limits) = (Noise(10), RestLimits::default());
+    let zero = another_day(&mut noise, 0.0);
+    let taken = window(&mut noise, |t, _| zero[t] - 1.8);
+    assert!(matches!(say(&taken), RestVerdict::Rest { .. }), "30 kPa look like another day");
+    let lift = |later: &RestWindow| unloading(&taken.all().baseline(), later.all(), &falling(), &limits);
+    let same = window(&mut noise, |t, _| zero[t] - 1.8);
+    assert_eq!(lift(&same), None);
+    let heavier = window(&mut noise, |t, _| zero[t] - 30.0);
+    assert_eq!(lift(&heavier), None);
+    let free = lift(&window(&mut noise, |t, _| zero[t])).expect("it lifted");
+    assert!((free.median - 1.8).abs() < 0.3, "{free}");
+    let local = window(&mut noise, |t, _| zero[t] - if (20..30).contains(&t) { -1.0 } else { 1.8 });
+    assert_eq!(lift(&local).and_then(|l| l.module), Some(2));
+}
+
+#[test]
+fn a_zero_that_holds_shows_a_load_that_another_day_would_hide() {
+    let mut noise = Noise(11);
+    let rest = another_day(&mut noise, 1.0);
+    let zero = window_of(20, &mut noise, |t, _| rest[t]).all().baseline();
+    let loaded = window_of(20, &mut noise, |t, _| rest[t] - if (40..44).contains(&t) { 4.5 } else { 0.0 });
+    assert!(matches!(say(&loaded), RestVerdict::Rest { .. }), "{}", say(&loaded));
+    let reference = reference();
+    let judged = |window: &RestWindow, minutes: f64| {
+        let reference = Reference { models: Some(&reference), zero: Some((&zero, minutes)), sign: &[-1; TAXELS] };
+        judge(window, reference, &RestLimits::default())
+    };
+    let verdict = judged(&loaded, 1.0);
+    assert!(matches!(verdict, RestVerdict::LoadedInPart { module: 4, from_zero: true, .. }), "{verdict}");
+    let warm = window_of(20, &mut noise, |t, _| rest[t] - 2.0);
+    assert!(matches!(judged(&warm, 10.0), RestVerdict::Rest { .. }), "{}", judged(&warm, 10.0));
+}
+
+/// How many of 300 windows of a second the test calls rest: zeros of another day, and `load(taxel, scan of 20)` on them.
+fn called_rest(load: impl Fn(usize, usize) -> f64) -> u32 {
+    let mut called = 0;
+    for seed in 0..300 {
+        let mut noise = Noise(seed);
+        let zero = another_day(&mut noise, [0.9, -0.7, -2.3, 0.0][seed as usize % 4]);
+        let verdict = say(&window_of(20, &mut noise, |t, scan| zero[t] - load(t, scan)));
+        called += u32::from(matches!(verdict, RestVerdict::Rest { .. }));
+    }
+    called
+}
+
+#[test]
+fn error_rates_of_a_second() {
+    let module = |t: usize, counts: f64| if t / 10 == 3 { counts } else { 0.0 };
+    let mass = |t: usize, counts: f64| if (30..36).contains(&t) || (40..46).contains(&t) { counts } else { 0.0 };
+    let rates = [
+        ("at rest", called_rest(|_, _| 0.0), 290..=300),
+        ("5 counts everywhere", called_rest(|_, _| 5.0), 0..=3),
+        ("9 counts on a module", called_rest(|t, _| module(t, 9.0)), 0..=3),
+        ("ramp of 3 counts/s", called_rest(|_, scan| 0.15 * scan as f64), 0..=0),
+        (
+            "a mass of 12 counts that lands in the last scan",
+            called_rest(|t, s| mass(t, if s > 18 { 12.0 } else { 0.0 })),
+            0..=0,
+        ),
+        ("in the last three", called_rest(|t, s| mass(t, if s > 16 { 12.0 } else { 0.0 })), 0..=0),
+        ("in the middle", called_rest(|t, s| mass(t, if s > 9 { 12.0 } else { 0.0 })), 0..=0),
+        ("that leaves after the second", called_rest(|t, s| mass(t, if s < 2 { 12.0 } else { 0.0 })), 0..=0),
+        ("of 5 counts that lands in the middle", called_rest(|t, s| mass(t, if s > 9 { 5.0 } else { 0.0 })), 0..=0),
+    ];
+    for (what, called, allowed) in rates {
+        eprintln!("{what}: of 300 windows {called} are called rest");
+        assert!(allowed.contains(&called), "{what}: {called} of 300");
+    }
+}
+
+proptest! {
+    /// More load is never judged more restful, whatever the day.
+    #[test]
+    fn load_never_helps(seed in any::<u64>(), common in -3.0..3.0f64, load in 0.0..60.0f64, more in 0.0..60.0f64) {
+        let mut noise = Noise(seed);
+        let zero = another_day(&mut noise, common);
+        let at = |load: f64| matches!(say(&window(&mut Noise(seed), |t, _| zero[t] - load)), RestVerdict::Rest { .. });
+        prop_assert!(at(load) || !at(load + more));
+        prop_assert!(!at(12.0 + load), "12 counts on every taxel are never rest");
+    }
+
+    /// Mean, noise and drift are those of the two-pass formulas.
+    #[test]
+    fn moments_agree_with_two_passes(values in prop::collection::vec(prop::option::of(-1e3..1e3f64), 2..60)) {
+        let mut statistics = RestStatistics::new(1);
+        for &value in &values {
+            statistics.push([value]);
+        }
+        let seen: Vec<(f64, f64)> =
+            values.iter().enumerate().filter_map(|(i, v)| v.map(|v| (i as f64, v))).collect();
+        let n = seen.len() as f64;
+        let baseline = statistics.baseline()[0];
+        if seen.is_empty() || 2 * seen.len() < values.len() {
+            prop_assert!(baseline.mean.is_nan());
+            return Ok(());
+        }
+        let mean = seen.iter().map(|s| s.1).sum::<f64>() / n;
+        prop_assert!((baseline.mean - mean).abs() < 1e-9, "{} against {mean}", baseline.mean);
+        if seen.len() >= 2 {
+            let variance = seen.iter().map(|s| (s.1 - mean).powi(2)).sum::<f64>() / (n - 1.0);
+            prop_assert!((baseline.noise - variance.sqrt()).abs() < 1e-9);
+            let at = seen.iter().map(|s| s.0).sum::<f64>() / n;
+            let slope = seen.iter().map(|s| (s.0 - at) * (s.1 - mean)).sum::<f64>()
+                / seen.iter().map(|s| (s.0 - at).powi(2)).sum::<f64>();
+            prop_assert!((statistics.drift()[0] - slope * values.len() as f64).abs() < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! A skin that becomes lighter than its zero was not at rest when the zero was taken.
+
+use std::fmt;
+
+use crate::baseline::TaxelBaseline;
+use crate::zero::rest::limits::RestLimits;
+use crate::zero::rest::moves::Moves;
+use crate::zero::rest::statistics::RestStatistics;
+
+/// The skin became lighter than its zero: the zero was taken under a load, or is another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unloading {
+    /// How much lighter the median taxel is, counts.
+    pub median: f64,
+    /// The module that is lightest against its zero.
+    pub module: Option<usize>,
+    /// How much lighter its median taxel is, counts.
+    pub module_median: f64,
+    /// How much lighter the third taxel of some module is, counts.
+    pub third: f64,
+}
+
+impl fmt::Display for Unloading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the skin is {:.2} counts lighter than its zero in the median", self.median)?;
+        if let Some(module) = self.module {
+            write!(f, ", module {module} by {:.2}", self.module_median)?;
+        }
+        write!(f, ", three taxels of a module by {:.2} and more", self.third)
+    }
+}
+
+/// How much lighter than its zero the skin is now, if by more than a true zero allows: then the zero was taken under a
+/// load that has gone since. True zeros of recordings stay within 0.07 counts in the median, where a load of 30 kPa
+/// leaves 0.9.
+///
+/// `later` is a later window of scans, as long as that of the zero; who has a whole file asks for each of its windows.
+/// `sign` is as in [`Moves::against`].
+#[must_use]
+pub fn unloading(
+    zero: &[TaxelBaseline],
+    later: &RestStatistics,
+    sign: &[i8],
+    limits: &RestLimits,
+) -> Option<Unloading> {
+    if later.count() < limits.scans_min {
+        return None;
+    }
+    let lighter = Moves::against(zero, later, sign).reversed();
+    if !lighter.are_enough(limits.sound_share_min) {
+        return None;
+    }
+    let median = lighter.median();
+    let (module, module_median) = lighter.worst_module(later.modules(), 0.0);
+    let (_, third) = lighter.worst_third(later.modules(), 0.0);
+    let found =
+        median > limits.lift_median_max || module_median > limits.lift_module_max || third > limits.lift_third_max;
+    found.then_some(Unloading { median, module, module_median, third })
+}
