@@ -8,33 +8,8 @@ use crate::dd::Dd;
 use crate::fit::fit_reduced;
 use crate::model::TaxelModel;
 use crate::options::{Estimator, FitOptions, MIN_BINNED_SAMPLES, Rails};
+use crate::pressure::{FixedPressure, UNITS_PER_KPA};
 use crate::reduce::{CodeStat, RampGroup, Reduced, Row, rails_to_drop};
-
-/// Units of 2^-10 Pa in a kilopascal.
-pub(crate) const UNITS_PER_KPA: f64 = 1_024_000.0;
-
-/// Pressures beyond this are refused, kPa: it bounds the number of bins and keeps every sum far from overflow.
-const MAX_KPA: f64 = 1000.0;
-
-/// A pressure as an integer number of 2^-10 Pa, within +-1000 kPa.
-///
-/// The rounding, at most 0.0005 Pa, is far below any gauge; in return every sum is exact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct FixedPressure(i32);
-
-impl FixedPressure {
-    /// `None` if `kpa` is not finite or beyond +-1000 kPa.
-    #[must_use]
-    pub fn from_kpa(kpa: f64) -> Option<Self> {
-        (kpa.abs() <= MAX_KPA).then(|| Self((kpa * UNITS_PER_KPA).round() as i32))
-    }
-
-    /// The pressure in kPa.
-    #[must_use]
-    pub fn to_kpa(self) -> f64 {
-        f64::from(self.0) / UNITS_PER_KPA
-    }
-}
 
 /// Samples of one count: number, sum of P, sum of P^2.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -124,7 +99,7 @@ impl Accumulator {
         // A ramp stays in one bin for many samples: its sums are kept at hand meanwhile.
         let (mut number, mut bin) = (0, Sums::default());
         for (count, pressure) in samples {
-            let Some(FixedPressure(p)) = pressure else {
+            let Some(p) = pressure.map(FixedPressure::units) else {
                 self.rejected += 1;
                 continue;
             };

@@ -1,8 +1,8 @@
 //! Sums of one taxel's counts in narrow bins of pressure.
 
-use crate::accumulate::UNITS_PER_KPA;
 use crate::dd::Dd;
 use crate::options::DEFAULT_BINS;
+use crate::pressure::UNITS_PER_KPA;
 use crate::reduce::{MAX_RAIL_SHARE_OF_BIN, Row};
 use std::collections::BTreeMap;
 

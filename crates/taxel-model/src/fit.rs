@@ -8,7 +8,6 @@ use crate::order::{choose, press_by_order};
 use crate::orthogonal::Basis;
 use crate::reduce::{CodeStat, Reduced};
 use crate::refine::solve;
-use crate::samples::{Samples, reduce};
 use crate::series::{Chebyshev, chebyshev_of};
 use crate::shape::{Problem, isotonic_squares, repair, wrong_slope};
 use crate::status::{Flag, Status};
@@ -35,11 +34,6 @@ const CURVE_TOLERANCE: f64 = 1e-9;
 const LEAST_PRESSURE_SD_KPA: f64 = 1e-100;
 
 /// Fits the model of one taxel. Never panics: [`TaxelModel::status`] says why there is no usable curve.
-#[must_use]
-pub fn fit(samples: &Samples<'_>, options: &FitOptions) -> TaxelModel {
-    fit_reduced(&reduce(samples, options), options)
-}
-
 pub(crate) fn fit_reduced(data: &Reduced, options: &FitOptions) -> TaxelModel {
     let mut flags: Vec<Flag> = data.dropped.iter().map(|&(count, share)| Flag::RailDropped { count, share }).collect();
     if data.rejected > 0 {

@@ -37,6 +37,7 @@ mod options;
 mod order;
 mod orthogonal;
 mod plays;
+mod pressure;
 mod reduce;
 mod refine;
 mod samples;
@@ -46,19 +47,19 @@ mod status;
 mod table;
 mod uncertainty;
 
-pub use accumulate::{Accumulator, FixedPressure};
+pub use accumulate::Accumulator;
 pub use check::ModelError;
 pub use curve::Curve;
 pub use dd::Dd;
 pub use decimal::parse_decimal;
-pub use fit::fit;
 pub use model::{Quality, RangeState, Reading, Sign, TaxelModel};
 pub use options::{
     Estimator, Exclusion, FitOptions, GaugeUncertainty, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Rails, Shape,
 };
 pub use order::OrderScore;
 pub use plays::{PLAYS, PlayState, Plays, RADII_OF_SWING};
-pub use samples::{MAX_MAGNITUDE, Samples};
+pub use pressure::FixedPressure;
+pub use samples::{MAX_MAGNITUDE, Samples, fit};
 pub use status::{Flag, Status};
 pub use table::Table;
 pub use uncertainty::{SigmaProfile, student_975};

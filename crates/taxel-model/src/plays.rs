@@ -10,12 +10,11 @@
 //! A play knows no time, so that neither the sampling rate nor a gap can make it unstable.
 
 use crate::curve::Curve;
-use crate::fit::fit;
 use crate::model::{RangeState, Sign};
 use crate::nnls::nnls;
 use crate::options::{Estimator, FitOptions, Order, Rails, Shape};
 use crate::orthogonal::Basis;
-use crate::samples::Samples;
+use crate::samples::{Samples, fit};
 use serde::{Deserialize, Serialize};
 
 /// How many plays a model has. One leaves a quarter of the gain, four add nothing on a branch that was not fitted.

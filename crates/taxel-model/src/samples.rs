@@ -1,9 +1,12 @@
-//! Samples of one taxel as slices, and their reduction to rows of a least-squares problem.
+//! Samples of one taxel as slices, their reduction to rows of a least-squares problem, and its fit.
 
+use crate::accumulate::Accumulator;
 use crate::dd::Dd;
+use crate::fit::fit_reduced;
+use crate::model::TaxelModel;
 use crate::options::{DEFAULT_BINS, Estimator, FitOptions, MIN_BINNED_SAMPLES, Rails};
+use crate::pressure::FixedPressure;
 use crate::reduce::{CodeStat, RampGroup, Reduced, Row, rails_to_drop};
-use crate::{Accumulator, FixedPressure};
 
 /// Larger counts or pressures (kPa) are refused: a gauge or a converter that says so is broken.
 pub const MAX_MAGNITUDE: f64 = 1e15;
@@ -63,8 +66,14 @@ fn valid(samples: &Samples<'_>) -> (Vec<Sample>, u64) {
     (list, rejected)
 }
 
+/// Fits the model of one taxel. Never panics: [`TaxelModel::status`] says why there is no usable curve.
+#[must_use]
+pub fn fit(samples: &Samples<'_>, options: &FitOptions) -> TaxelModel {
+    fit_reduced(&reduce(samples, options), options)
+}
+
 /// Reduces samples; sums run over sorted samples, so that their order does not matter.
-pub(crate) fn reduce(samples: &Samples<'_>, options: &FitOptions) -> Reduced {
+fn reduce(samples: &Samples<'_>, options: &FitOptions) -> Reduced {
     let (mut list, rejected) = valid(samples);
     let integer = list.iter().all(|s| s.x.hi.fract() == 0.0 && s.x.lo == 0.0);
     let bytes = integer && list.iter().all(|s| (0.0..=255.0).contains(&s.x.hi));

@@ -7,8 +7,9 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::geometry::{Geometry, TaxelPose};
 use crate::polygon::{Convex, Point, length, minus};
-use crate::{Geometry, SquareMillimetre, TaxelPose};
+use crate::units::SquareMillimetre;
 
 /// Taxels that are closer than this are at one place: some of iCub's files give several taxels the place of another.
 const SAME_PLACE_MM: f64 = 1e-3;

@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 use thiserror::Error;
 
-use crate::Patch;
+use crate::layout::Patch;
 
 /// Position and outward unit normal of a taxel, metres, in the frame of the link.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! Which boards, modules and values make up a patch, and in which order its taxels are numbered.
 
-use crate::{BoardAddress, BusIndex, Module};
+use crate::ids::{BoardAddress, BusIndex, Module};
 use thiserror::Error;
 
 /// Every module sends twelve values, in a head frame of seven and a tail frame of five.

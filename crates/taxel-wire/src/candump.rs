@@ -11,7 +11,7 @@
 //! digits (29 bits; with bit 29 set it is an error frame); up to eight data bytes, or `R` and a length digit for a
 //! remote frame; then, if candump ran with `-x`, whether the frame was received or sent.
 
-use crate::{CanId, Frame, FrameKind};
+use crate::frame::{CanId, Frame, FrameKind};
 use std::fmt;
 use taxel_skin::Time;
 use thiserror::Error;

@@ -3,7 +3,7 @@
 //! `pressure = raw * scale + offset` in the sensor's unit, as in a DBC file; then kilopascal; then, for a sensor that
 //! reads the absolute pressure in the bag, ambient minus bag.
 
-use crate::{CanId, Frame, FrameKind};
+use crate::frame::{CanId, Frame, FrameKind};
 use taxel_skin::Kilopascal;
 use thiserror::Error;
 

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 /// The crates that do no I/O, read no clock and know no runtime.
 const PURE: [&str; 4] = ["taxel-skin", "taxel-wire", "taxel-model", "taxel-engine"];
 
-fn crates() -> PathBuf {
+/// The folder of all crates.
+pub fn crates() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_owned()
 }
 
@@ -16,7 +17,7 @@ fn read(path: &Path) -> String {
 }
 
 /// Names of the crates in the repository.
-fn members() -> Vec<String> {
+pub fn members() -> Vec<String> {
     let entries = fs::read_dir(crates()).unwrap().map(|entry| entry.unwrap());
     let mut names: Vec<String> = entries
         .filter(|entry| entry.path().join("Cargo.toml").is_file())
@@ -70,7 +71,7 @@ fn closure(name: &str) -> BTreeSet<String> {
 }
 
 /// Every Rust file below a folder.
-fn sources(folder: &Path) -> Vec<PathBuf> {
+pub fn sources(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap().path()) {
         if entry.is_dir() {
@@ -83,7 +84,7 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The code of a file without its comments. Test modules stand at the end of a file or in files of their own.
-fn code(path: &Path) -> String {
+pub fn code(path: &Path) -> String {
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     if stem == "tests" || stem.ends_with("_tests") || path.iter().any(|part| part == "tests") {
         return String::new();

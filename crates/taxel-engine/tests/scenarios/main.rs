@@ -13,6 +13,7 @@ mod watch;
 mod branches;
 mod bring_up;
 mod calibrate;
+mod circles;
 mod determinism;
 mod drift;
 mod frames;

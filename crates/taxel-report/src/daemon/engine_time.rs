@@ -12,8 +12,9 @@ use taxel_engine::{Engine, Input, Output};
 use taxel_skin::{BusIndex, Time};
 use taxel_wire::TimedFrame;
 
+use super::figures::{quantile, sorted};
 use super::process::Scene;
-use super::{quantile, rig, sorted};
+use super::rig;
 use crate::options::Options;
 
 const BUS: BusIndex = BusIndex(0);

@@ -7,8 +7,9 @@ use anyhow::Context;
 use taxel_store::models_json;
 
 use super::client::{self, Crowd, Delay};
+use super::figures::{figure, quantile, sorted};
 use super::process::{Home, Scene, Used};
-use super::{figure, quantile, rig, sorted, wire_floor};
+use super::{rig, wire_floor};
 use crate::document::{Axis, Band, Cell, Figure, Line, Point, Section, Table};
 use crate::options::Options;
 

@@ -11,9 +11,10 @@ use tonic::transport::Channel;
 use super::binary::{self, Size};
 use super::client::{self, StreamOf, Traffic};
 use super::engine_time::{self, EngineTime};
+use super::figures::{figure, quantile};
 use super::process::{Daemon, Home, Scene};
+use super::rig;
 use super::ten_buses::{self, TenBuses};
-use super::{figure, quantile, rig};
 use crate::document::{Cell, Section, Table};
 use crate::options::Options;
 

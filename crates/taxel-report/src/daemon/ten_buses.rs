@@ -14,8 +14,9 @@ use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, Time}
 use taxel_wire::icub::{Message, StatusWord};
 use taxel_wire::{Frame, TimedFrame};
 
+use super::figures::sorted;
 use super::process::Scene;
-use super::{rig, sorted};
+use super::rig;
 use crate::options::Options;
 
 const BUSES: u8 = 10;

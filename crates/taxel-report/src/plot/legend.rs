@@ -1,7 +1,7 @@
 //! What stands around the plot: markers, the legend below it, the names of the bands beside it.
 
 use super::scale::{Place, Scale};
-use super::{BOTTOM_PX, CHARACTER, FAINT, LEFT_PX, Style, TOP_PX, WIDTH_PX};
+use super::style::{BOTTOM_PX, CHARACTER, FAINT, LEFT_PX, Style, TOP_PX, WIDTH_PX};
 use crate::document::Band;
 use crate::markup::escape;
 use std::fmt::{Error, Result, Write};

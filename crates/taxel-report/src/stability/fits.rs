@@ -1,9 +1,9 @@
 //! Group 1: whether the least-squares solution is the exact one, from easy to nearly singular.
 
 use crate::reference::Reference;
+use crate::stability::case::{Case, Outcome};
 use crate::stability::taxels::{NOMINAL, Recording, random, wide};
 use crate::stability::trial::{against_exact, counts_in_range, fit_of, greatest, peers, per_sample, sound};
-use crate::stability::{Case, Outcome};
 use rand::RngExt;
 use std::collections::BTreeMap;
 use taxel_model::{Estimator, FitOptions, FixedPressure};

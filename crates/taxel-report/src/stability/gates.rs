@@ -1,8 +1,8 @@
 //! Group 6: a ramp that dips, jumps or repeats itself, through the gates of a calibration session.
 
+use crate::stability::case::{Case, Outcome};
 use crate::stability::taxels::{NOMINAL, Recording, normal, random};
 use crate::stability::trial::{evaluate, flag_words, greatest, peers_between};
-use crate::stability::{Case, Outcome};
 use std::sync::Arc;
 use taxel_engine::Now;
 use taxel_engine::baseline::TaxelBaseline;

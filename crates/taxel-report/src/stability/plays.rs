@@ -1,8 +1,8 @@
 //! Group 7: hysteresis. A play knows no time, so that steps of time and gaps are steps of the count.
 
+use crate::stability::case::{Case, Outcome};
 use crate::stability::taxels::random;
 use crate::stability::trial::greatest;
-use crate::stability::{Case, Outcome};
 use rand::RngExt;
 use taxel_model::{Curve, PLAYS, PlayState, Plays, Sign};
 

@@ -1,8 +1,8 @@
 //! Group 4: readings that are no measurement: clipped, dropped out, or stuck.
 
+use crate::stability::case::{Case, Outcome};
 use crate::stability::taxels::{NOMINAL, Recording, Taxel};
 use crate::stability::trial::{evaluate, fit_of, greatest, peers, peers_between, sound};
-use crate::stability::{Case, Outcome};
 use taxel_model::{Estimator, FitOptions, RangeState, Status};
 
 const ESTIMATORS: [(Estimator, &str); 2] =

@@ -1,8 +1,8 @@
 //! Group 5: numbers at and beyond the ends of what numbers can be.
 
+use crate::stability::case::{Case, Outcome};
 use crate::stability::taxels::{NOMINAL, Recording};
 use crate::stability::trial::{against_exact, evaluate, fit_of, greatest, peers_between, per_sample, sound};
-use crate::stability::{Case, Outcome};
 use taxel_model::{FitOptions, FixedPressure, Flag, RangeState, Samples, TaxelModel, fit};
 
 pub(super) fn cases() -> Vec<Case> {

@@ -1,8 +1,8 @@
 //! Group 3: curves that must be monotone, whichever way the skin answers.
 
+use crate::stability::case::{Case, Outcome};
 use crate::stability::taxels::{NOMINAL, Recording, normal, random};
 use crate::stability::trial::{against_exact, evaluate, fit_of, sound};
-use crate::stability::{Case, Outcome};
 use taxel_model::{Estimator, FitOptions, Order, Sign, TaxelModel};
 
 const WORST_STEP: &str = "largest step against the taxel's sign over half counts, kPa";

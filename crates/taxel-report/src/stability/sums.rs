@@ -1,9 +1,9 @@
 //! Group 9: long runs. Sums are integers: exact, without overflow, and the same in whatever order they are made.
 
 use crate::reference::{Reference, exact, to_f64};
+use crate::stability::case::{Case, Outcome};
 use crate::stability::taxels::{NOMINAL, Recording, random, wide};
 use crate::stability::trial::{fit_of, greatest, peers, per_sample};
-use crate::stability::{Case, Outcome};
 use num_bigint::BigInt;
 use num_rational::BigRational;
 use rand::RngExt;

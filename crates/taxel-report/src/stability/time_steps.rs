@@ -1,9 +1,9 @@
 //! Group 8: what has a memory in time, over time steps of every length: the drift of the zero, and the mean that plays
 //! follow live.
 
+use crate::stability::case::{Case, Outcome};
 use crate::stability::taxels::{normal, random};
 use crate::stability::trial::greatest;
-use crate::stability::{Case, Outcome};
 use rand::RngExt;
 use std::sync::Arc;
 use taxel_engine::Now;

@@ -2,12 +2,9 @@
 
 use crate::peers::Polynomial;
 use crate::reference::Reference;
+use crate::stability::case::{Outcome, PEERS};
 use crate::stability::taxels::Recording;
-use crate::stability::{Outcome, PEERS};
 use taxel_model::{Estimator, FitOptions, Flag, MAX_MAGNITUDE, Order, Samples, Shape, TaxelModel, fit};
-
-/// What the figure of most fits is.
-pub(super) const RELATIVE_ERROR: &str = "max |dP| / max |P| against exact least squares";
 
 /// The paper's estimator, its curve left as it is: the problem that the peers solve.
 pub(super) fn per_sample(order: u8) -> FitOptions {

@@ -3,9 +3,12 @@
 //! No command but the firmware query is acknowledged. That a board took its configuration shows only by frames
 //! from every enabled module.
 
-use super::{FIRMWARE_VERSION, class, identifier, split};
-use crate::{Frame, FrameKind};
+use super::identifier::{class, identifier, split};
+use crate::frame::{Frame, FrameKind};
 use taxel_skin::{BoardAddress, Module};
+
+/// The command byte that asks for the firmware version, and begins the reply.
+pub(super) const FIRMWARE_VERSION: u8 = 0x1C;
 
 const SET_TRANSMIT_MODE: u8 = 0x07;
 const SET_THERMOMETER_PERIOD: u8 = 0x3A;

@@ -1,7 +1,8 @@
 //! What a board says: one frame to one meaning, total over all frames.
 
-use super::{FIRMWARE_VERSION, class, identifier, split};
-use crate::{CanId, Frame, FrameKind};
+use super::command::FIRMWARE_VERSION;
+use super::identifier::{class, identifier, split};
+use crate::frame::{CanId, Frame, FrameKind};
 use taxel_skin::{BoardAddress, Module};
 use thiserror::Error;
 

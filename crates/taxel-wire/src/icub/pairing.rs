@@ -15,7 +15,7 @@
 //! a board send its tail `gap` after its head. No two scans are mixed if `window <= period - jitter` and
 //! `gap + jitter < period`. Beyond that (frames held back for nearly a period) the wire gives nothing to tell by.
 
-use super::StatusWord;
+use super::message::StatusWord;
 use std::time::Duration;
 use taxel_skin::{Time, VALUES_PER_MODULE};
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Frame, FrameKind};
+use crate::{CanId, Frame, FrameKind};
 use proptest::prelude::*;
 use taxel_skin::{BoardAddress, Module};
 

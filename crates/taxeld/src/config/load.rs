@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-use super::Config;
+use super::file::Config;
 
 /// A configuration that cannot be used.
 #[derive(Debug, Error)]

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use toml::Spanned;
 
-use super::area::{AreaFactorWord, AreaWord};
+use super::area_words::{AreaFactorWord, AreaWord};
 use super::fit_section::FitSection;
 
 /// `[store]`
@@ -83,7 +83,7 @@ pub struct PatchSection {
     /// A position file, relative to this one.
     pub geometry: Option<PathBuf>,
     /// How the areas of the taxels are known.
-    #[serde(default = "super::area::equal")]
+    #[serde(default = "super::area_words::equal")]
     pub area: Spanned<AreaWord>,
     /// Whether they are multiplied by the factor that known loads give.
     #[serde(default)]

@@ -10,13 +10,14 @@ use taxel_wire::CanId;
 use taxel_wire::icub::{BoardConfig, TriangleConfig};
 use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
 
-use super::area::AreaFactorWord;
+use super::area_words::AreaFactorWord;
+use super::file::Config;
 use super::fit_section::{AutoWord, EstimatorWord, FitSection, OrderWord, PlaysWord};
+use super::load::ConfigError;
 use super::parts::{
-    BoardSection, BranchesWord, DriftSection, GaugeSection, KindWord, LiveSection, OrderOfBytes, OutputWord,
+    BoardSection, BranchesWord, BusSource, DriftSection, GaugeSection, KindWord, LiveSection, OrderOfBytes, OutputWord,
     PatchSection, SessionSection, UnitWord,
 };
-use super::{Config, ConfigError};
 
 /// MTB3 holds the period in a 16-bit timer that wraps beyond this.
 const PERIOD_MAX_MS: u8 = 209;
@@ -69,7 +70,7 @@ fn check_service(config: &Config) -> Result<(), String> {
         if config.bus[..i].iter().any(|b| b.name == bus.name) {
             return Err(format!("bus `{}` is there twice", bus.name));
         }
-        if bus.source == super::BusSource::SocketCan && bus.interface.is_none() {
+        if bus.source == BusSource::SocketCan && bus.interface.is_none() {
             return Err(format!("bus `{}`: source socketcan needs an interface, for example \"can0\"", bus.name));
         }
     }
