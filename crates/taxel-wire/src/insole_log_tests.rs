@@ -79,7 +79,7 @@ fn the_insole_log_is_whole_scans_of_28_modules() {
         }
     }
     assert_eq!(pressures.len(), SCANS);
-    assert_eq!(pressures[0], Kilopascal(5.611));
+    assert_eq!(pressures[0], Kilopascal(5.839));
     assert_eq!(pairers.len(), MODULES);
     assert!(pairers.values().all(|pairer| !pairer.is_pending() && pairer.orphans() == icub::Orphans::default()));
     assert_eq!(scans.len(), SCANS * MODULES);
