@@ -5,7 +5,6 @@
 use proptest::prelude::*;
 use std::collections::BTreeSet;
 use taxel_model::{Estimator, Exclusion, FitOptions, GaugeUncertainty, Order, Rails, Samples, Shape, TaxelModel, fit};
-use taxel_report::reference::Reference;
 use taxel_report::stability::GROUPS;
 
 /// Runs a group's cases and fails with all that does not hold.
@@ -99,35 +98,6 @@ fn any_options() -> impl Strategy<Value = FitOptions> {
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
-
-    /// Against exact rational arithmetic over converters, swings, orders and noise.
-    #[test]
-    fn any_taxel_has_the_exact_solution(
-        bits in 8_u32..25, swing in 0.01..0.8_f64, half in 5.0..80.0_f64, noise in 0.0..0.05_f64,
-        readings in proptest::collection::vec((0.0..70.0_f64, -3.0..3.0_f64), 8..200), order in 1_u8..11,
-    ) {
-        let top = f64::from((1_u32 << bits) - 1);
-        let gain = swing * top * (70.0 + half) / 70.0;
-        let law = |kpa: f64, noises: f64| 0.9 * top - gain * kpa / (kpa + half) + noises * noise * swing * top;
-        let count = |&(kpa, noises): &(f64, f64)| law(kpa, noises).round().clamp(0.0, top);
-        let counts: Vec<f64> = readings.iter().map(count).collect();
-        let kpa: Vec<f64> = readings.iter().map(|reading| reading.0).collect();
-        let distinct = counts.iter().map(|c| c.to_bits()).collect::<BTreeSet<_>>().len();
-        prop_assume!(distinct > 1);
-        let options = FitOptions {
-            order: Order::Fixed(order),
-            estimator: Estimator::PerSample,
-            shape: Shape::Report,
-            ..FitOptions::default()
-        };
-        let model = fit(&Samples::new(&counts, &kpa), &options);
-        prop_assert_eq!(usize::from(model.order), usize::from(order).min(distinct - 1));
-        let exact = Reference::fit(&counts, &kpa, None, usize::from(model.order)).unwrap();
-        for count in &counts {
-            let (got, want) = (model.evaluate(*count).unwrap().kpa, exact.evaluate(*count));
-            prop_assert!((got - want).abs() <= 1e-12 * 70.0, "{} at {}: {} for {}", model.order, count, got, want);
-        }
-    }
 
     /// Whatever comes, and whatever is asked: an answer, a sound one, and the same in another order.
     #[test]

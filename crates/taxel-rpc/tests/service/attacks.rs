@@ -7,7 +7,7 @@ use taxel_rpc::Limits;
 use tokio::io::AsyncWriteExt;
 use tokio::net::TcpStream;
 
-use crate::fixture::{Daemon, FOREARM, start, start_with};
+use crate::fixture::{Daemon, FOREARM, patient, start, start_with};
 use crate::server::read_to_end;
 
 async fn still_serves(daemon: &Daemon) {
@@ -16,18 +16,25 @@ async fn still_serves(daemon: &Daemon) {
 
 #[tokio::test]
 async fn a_peer_without_a_preface_is_closed() {
-    let daemon = start_with(&[FOREARM], Limits { preface: Duration::from_millis(20), ..Limits::default() }).await;
+    let daemon = start_with(&[FOREARM], Limits { preface: Duration::from_millis(20), ..patient() }).await;
     let mut silent = TcpStream::connect(daemon.address).await.unwrap();
     let mut half = TcpStream::connect(daemon.address).await.unwrap();
     half.write_all(b"PRI * HTTP/2.0\r\n").await.unwrap();
     read_to_end(&mut silent).await;
     read_to_end(&mut half).await;
-    still_serves(&daemon).await;
+    // On a machine that is busy elsewhere an honest peer can miss 20 ms, too; then it tries again.
+    for _ in 0..100 {
+        let Ok(channel) = daemon.endpoint().connect().await else { continue };
+        if ForceServiceClient::new(channel).get_force(v1::GetForceRequest::default()).await.is_ok() {
+            return;
+        }
+    }
+    panic!("an honest peer was closed 100 times");
 }
 
 #[tokio::test]
 async fn connections_beyond_the_limit_are_closed_on_arrival_and_others_go_on() {
-    let daemon = start_with(&[FOREARM], Limits { connections: 1, ..Limits::default() }).await;
+    let daemon = start_with(&[FOREARM], Limits { connections: 1, ..patient() }).await;
     let mut client = ForceServiceClient::new(daemon.connect().await);
     client.get_force(v1::GetForceRequest::default()).await.unwrap();
     let mut second = TcpStream::connect(daemon.address).await.unwrap();

@@ -13,7 +13,7 @@ use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_skin::{Newton, Time};
 
-use crate::fixture::{FOREARM, HAND, TAXELS, model_set, snapshot, start, start_with};
+use crate::fixture::{FOREARM, HAND, TAXELS, model_set, patient, snapshot, start, start_with};
 
 #[tokio::test]
 async fn a_force_carries_everything_that_the_engine_knows() {
@@ -131,7 +131,7 @@ async fn taxels_carry_their_own_age_and_only_what_is_known() {
 
 #[tokio::test]
 async fn the_skin_tells_its_layout_and_why_taxels_are_excluded() {
-    let daemon = start_with(&[FOREARM, HAND], taxel_rpc::Limits::default()).await;
+    let daemon = start_with(&[FOREARM, HAND], patient()).await;
     let mut client = SkinServiceClient::new(daemon.connect().await);
     let request = || v1::GetSkinRequest { patch: FOREARM.to_owned() };
     let bare = client.get_skin(request()).await.unwrap().into_inner();

@@ -11,9 +11,10 @@ use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_rpc::Limits;
 use taxel_rpc::handle::COMMANDS_WAITING_MAX;
+use tonic::transport::Channel;
 use tonic::{Code, Status};
 
-use crate::fixture::{FOREARM, HAND, start, start_with};
+use crate::fixture::{FOREARM, HAND, patient, start, start_with};
 
 fn expect(status: Status, code: Code, words: &[&str]) {
     assert_eq!(status.code(), code, "{status:?}");
@@ -24,7 +25,7 @@ fn expect(status: Status, code: Code, words: &[&str]) {
 
 #[tokio::test]
 async fn a_patch_must_be_named_where_there_are_several_and_must_exist() {
-    let daemon = start_with(&[FOREARM, HAND], Limits::default()).await;
+    let daemon = start_with(&[FOREARM, HAND], patient()).await;
     let channel = daemon.connect().await;
     let mut force = ForceServiceClient::new(channel.clone());
     let status = force.get_force(v1::GetForceRequest::default()).await.unwrap_err();
@@ -130,26 +131,32 @@ async fn the_engines_refusals_keep_their_words() {
     expect(answer.unwrap_err(), Code::Internal, &[]);
 }
 
+async fn refused_tare(client: &SkinServiceClient<Channel>) -> Status {
+    client.clone().tare(v1::TareRequest::default()).await.unwrap_err()
+}
+
 #[tokio::test]
-async fn a_command_ends_when_the_engine_is_slow_gone_or_full() {
-    let limits = Limits { command: Duration::from_millis(20), ..Limits::default() };
+async fn a_command_ends_when_the_engine_is_slow() {
+    let limits = Limits { command: Duration::from_millis(20), ..patient() };
     let mut daemon = start_with(&[FOREARM], limits).await;
     let client = SkinServiceClient::new(daemon.connect().await);
-    let tare = || {
-        let mut client = client.clone();
-        async move { client.tare(v1::TareRequest::default()).await.unwrap_err() }
-    };
-    expect(tare().await, Code::DeadlineExceeded, &["0.02 s", "may still come to pass"]);
+    expect(refused_tare(&client).await, Code::DeadlineExceeded, &["0.02 s", "may still come to pass"]);
     daemon.requests.recv().await.unwrap();
 
-    let (answer, request) = tokio::join!(tare(), daemon.requests.recv());
+    let (answer, request) = tokio::join!(refused_tare(&client), daemon.requests.recv());
     drop(request);
     expect(answer, Code::DeadlineExceeded, &[]); // `request` lived as long as the call
+}
+
+#[tokio::test]
+async fn a_command_ends_when_the_engine_is_gone() {
+    let mut daemon = start().await;
+    let client = SkinServiceClient::new(daemon.connect().await);
     let dropped = async { drop(daemon.requests.recv().await) };
-    let (answer, ()) = tokio::join!(tare(), dropped);
+    let (answer, ()) = tokio::join!(refused_tare(&client), dropped);
     expect(answer, Code::Unavailable, &["the engine has stopped"]);
     daemon.requests.close();
-    expect(tare().await, Code::Unavailable, &["the engine has stopped"]);
+    expect(refused_tare(&client).await, Code::Unavailable, &["the engine has stopped"]);
 }
 
 #[tokio::test]
@@ -173,7 +180,7 @@ async fn commands_beyond_the_queue_are_refused_at_once() {
 
 #[tokio::test]
 async fn requests_beyond_their_size_are_refused() {
-    let limits = Limits { request_bytes: 1 << 10, models_bytes: 4 << 10, ..Limits::default() };
+    let limits = Limits { request_bytes: 1 << 10, models_bytes: 4 << 10, ..patient() };
     let daemon = start_with(&[FOREARM], limits).await;
     let channel = daemon.connect().await;
     let patch = "x".repeat(2 << 10);

@@ -33,8 +33,22 @@ pub struct Daemon {
     clock: Arc<AtomicI64>,
 }
 
+/// Limits of which no clock is one: however slow the machine is, nothing is cut off that a test did not ask for.
+pub fn patient() -> Limits {
+    let hour = Duration::from_secs(3600);
+    Limits {
+        preface: hour,
+        unread: hour,
+        command: hour,
+        keepalive_interval: hour,
+        keepalive_timeout: hour,
+        drain: hour,
+        ..Limits::default()
+    }
+}
+
 pub async fn start() -> Daemon {
-    start_with(&[FOREARM], Limits::default()).await
+    start_with(&[FOREARM], patient()).await
 }
 
 pub async fn start_with(patches: &[&str], limits: Limits) -> Daemon {

@@ -6,13 +6,12 @@ use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
-use taxel_rpc::Limits;
 
-use crate::fixture::{FOREARM, HAND, model_set, start_with};
+use crate::fixture::{FOREARM, HAND, model_set, patient, start_with};
 
 #[tokio::test]
 async fn sessions_come_newest_first_in_pages_with_the_live_state() {
-    let daemon = start_with(&[FOREARM, HAND], Limits::default()).await;
+    let daemon = start_with(&[FOREARM, HAND], patient()).await;
     let view = |number, patch: &str, state| {
         Arc::new(SessionView { number, patch: patch.to_owned(), state, ..SessionView::default() })
     };
@@ -47,7 +46,7 @@ async fn sessions_come_newest_first_in_pages_with_the_live_state() {
 
 #[tokio::test]
 async fn model_sets_come_newest_first_and_the_active_one_is_marked() {
-    let daemon = start_with(&[FOREARM], Limits::default()).await;
+    let daemon = start_with(&[FOREARM], patient()).await;
     let model_sets = ["m-1", "m-2", "m-3"].map(|id| model_set(id, FOREARM)).to_vec();
     let active = vec![(FOREARM.to_owned(), Some("m-2".to_owned()))];
     daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));

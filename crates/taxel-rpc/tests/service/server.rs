@@ -14,7 +14,7 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-use crate::fixture::{FOREARM, snapshot, start, start_with};
+use crate::fixture::{FOREARM, patient, snapshot, start, start_with};
 
 const SERVICES: [&str; 6] = [
     "taxel.v1.ForceService",
@@ -78,7 +78,7 @@ async fn health_follows_the_buses_and_the_force() {
 
 #[tokio::test]
 async fn a_peer_that_holds_on_is_cut_at_the_deadline() {
-    let limits = Limits { drain: Duration::from_millis(50), preface: Duration::from_secs(3600), ..Limits::default() };
+    let limits = Limits { drain: Duration::from_millis(50), ..patient() };
     let daemon = start_with(&[FOREARM], limits).await;
     let mut mute = TcpStream::connect(daemon.address).await.unwrap();
     // An answer on a later connection proves that the mute one was accepted.
@@ -106,7 +106,7 @@ async fn a_unix_socket_serves_the_same() {
     let shutdown = tokio_util::sync::CancellationToken::new();
     let (handle, _publisher, _requests) = channel(plan, Arc::new(Time::default), codec, shutdown.clone());
     let listener = Listener::Unix(tokio::net::UnixListener::bind(&path).unwrap());
-    let server = tokio::spawn(serve(handle, listener, Limits::default()));
+    let server = tokio::spawn(serve(handle, listener, patient()));
     let endpoint = tonic::transport::Endpoint::from_shared(format!("unix:{}", path.display())).unwrap();
     let mut client = ForceServiceClient::new(endpoint.connect().await.unwrap());
     let status = client.get_force(v1::GetForceRequest::default()).await.unwrap_err();

@@ -9,7 +9,7 @@ use taxel_rpc::{Drain, Limits};
 use taxel_skin::Time;
 use tonic::{Code, Streaming};
 
-use crate::fixture::{Daemon, FOREARM, TAXELS, snapshot, start, start_with};
+use crate::fixture::{Daemon, FOREARM, TAXELS, patient, snapshot, start, start_with};
 
 type Forces = Streaming<v1::ForceSample>;
 
@@ -65,7 +65,7 @@ async fn stall(daemon: &Daemon, at_least: Duration) -> (Forces, u64) {
 
 #[tokio::test]
 async fn a_reader_that_stalls_skips_to_the_newest_value_and_is_told_how_many() {
-    let daemon = start_with(&[FOREARM], Limits { unread: Duration::from_secs(3600), ..Limits::default() }).await;
+    let daemon = start_with(&[FOREARM], patient()).await;
     let (mut stream, last) = stall(&daemon, Duration::ZERO).await;
     let (mut sequence, mut messages) = (1, 0);
     while sequence < last {
@@ -80,7 +80,7 @@ async fn a_reader_that_stalls_skips_to_the_newest_value_and_is_told_how_many() {
 #[tokio::test]
 async fn a_reader_that_stalls_for_too_long_is_cut_off_with_the_seconds() {
     let limit = Duration::from_millis(5);
-    let daemon = start_with(&[FOREARM], Limits { unread: limit, ..Limits::default() }).await;
+    let daemon = start_with(&[FOREARM], Limits { unread: limit, ..patient() }).await;
     let (mut stream, _) = stall(&daemon, 20 * limit).await;
     let status = loop {
         match stream.message().await {
@@ -153,7 +153,7 @@ async fn every_stream_ends_with_the_reason_when_the_engine_stops() {
 
 #[tokio::test]
 async fn streams_beyond_the_limit_are_refused_until_one_ends() {
-    let daemon = start_with(&[FOREARM], Limits { streams: 2, ..Limits::default() }).await;
+    let daemon = start_with(&[FOREARM], Limits { streams: 2, ..patient() }).await;
     let first = subscribe(&daemon, None).await;
     let _second = subscribe(&daemon, Some(10.0)).await;
     let channel = daemon.connect().await;

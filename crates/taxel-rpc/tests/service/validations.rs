@@ -9,7 +9,7 @@ use taxel_proto::v1::record_load_request::Load as Laid;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
 use tonic::Code;
 
-use crate::fixture::{FOREARM, HAND, start, start_with};
+use crate::fixture::{FOREARM, HAND, patient, start, start_with};
 
 fn load(number: u64, error: f64) -> Arc<Load> {
     let read = Reading {
@@ -107,7 +107,7 @@ async fn a_load_reaches_the_engine_and_its_reading_comes_back() {
 
 #[tokio::test]
 async fn what_is_no_load_is_refused_before_the_engine() {
-    let daemon = start_with(&[FOREARM, HAND], taxel_rpc::Limits::default()).await;
+    let daemon = start_with(&[FOREARM, HAND], patient()).await;
     let mut client = ValidationServiceClient::new(daemon.connect().await);
     let of = |patch: &str, asked: v1::RecordLoadRequest| v1::RecordLoadRequest { patch: patch.to_owned(), ..asked };
     let kilogram = || request(Some(Laid::MassKg(1.0)));

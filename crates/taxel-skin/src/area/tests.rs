@@ -160,7 +160,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(24))]
+    #![proptest_config(ProptestConfig::with_cases(12))]
 
     /// The definition itself: a point belongs to the nearest taxel of all, if it lies in that taxel's module.
     #[test]
@@ -174,9 +174,11 @@ proptest! {
         };
         let (Some(left), Some(right)) = (outline(&modules[0]), outline(&modules[1])) else { return Ok(()) };
         let found = voronoi(&geometry(&places), modules.iter().cloned(), MEAN);
-        let step = 0.4;
+        // A side of a cell that happens to lie along the grid is off by half a step over its whole length, and so may be
+        // the opposite one: cells are at least 2 mm wide, so that this stays below the tolerance up to a length of 20 mm.
+        let step = 0.2;
         let mut counted = vec![0_u32; places.len()];
-        for point in (-40..220).flat_map(|x| (-40..120).map(move |y| [f64::from(x) * step, f64::from(y) * step])) {
+        for point in (-80..440).flat_map(|x| (-80..240).map(move |y| [f64::from(x) * step, f64::from(y) * step])) {
             let distance = |taxel: &usize| length(minus([places[*taxel][0], places[*taxel][1]], point));
             let nearest = (0..places.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap();
             let module = if nearest < one.len() { &left } else { &right };

@@ -139,13 +139,13 @@ proptest! {
 
 #[test]
 fn the_insoles_chamber_pressure() {
-    assert_eq!(INSOLE.decode(&frame(&[0xEB, 0x15, 0, 0])), Ok(Kilopascal(5.611)));
+    assert_eq!(INSOLE.decode(&frame(&[0xCF, 0x16, 0, 0])), Ok(Kilopascal(5.839)));
     assert_eq!(
         INSOLE.decode(&frame(&[0xFE, 0xFF, 0xFF, 0xFF, 7])),
         Ok(Kilopascal(-0.002)),
         "later bytes do not matter"
     );
-    assert_eq!(INSOLE.encode(Kilopascal(5.6113)), Ok(frame(&[0xEB, 0x15, 0, 0])), "to the nearest pascal");
+    assert_eq!(INSOLE.encode(Kilopascal(5.8393)), Ok(frame(&[0xCF, 0x16, 0, 0])), "to the nearest pascal");
 }
 
 #[test]
