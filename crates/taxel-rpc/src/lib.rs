@@ -7,9 +7,11 @@
 mod calibration;
 mod convert;
 mod force;
+mod freshness;
 mod guard;
 pub mod handle;
 mod health;
+mod heartbeat;
 pub mod limits;
 mod model;
 mod page;
@@ -19,7 +21,9 @@ mod skin;
 mod status;
 mod stream;
 mod validation;
+mod watchdog;
 
-pub use handle::{Handle, ModelCodec, Publisher, Request};
+pub use handle::{Clocks, Handle, ModelCodec, Publisher, Request};
+pub use heartbeat::{BEAT_EVERY, STALLED_AFTER};
 pub use limits::Limits;
 pub use serve::{Drain, Listener, ServeError, serve};
