@@ -11,24 +11,13 @@ use taxel_skin::Time;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
+use crate::clock::{Clock, Clocks};
 use crate::freshness::{self, Freshness};
 use crate::heartbeat::Heartbeat;
 
 /// Commands that may wait for the engine's task. Commands come from people and the engine takes one in microseconds, so
 /// more than a few waiting means that the task hangs; then it is better to refuse than to queue.
 pub const COMMANDS_WAITING_MAX: usize = 16;
-
-/// A clock that never steps.
-pub type Clock = Arc<dyn Fn() -> Time + Send + Sync>;
-
-/// What time it is, for two questions.
-#[derive(Clone)]
-pub struct Clocks {
-    /// The run's clock, the same that stamps the frames: how old is a value? A replay's runs at the speed of the replay.
-    pub run: Clock,
-    /// The monotonic clock of the process: for how long has the engine not run? Live it may be the same.
-    pub process: Clock,
-}
 
 /// A command on its way to the engine.
 #[derive(Debug)]

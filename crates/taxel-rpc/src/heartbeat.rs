@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use taxel_skin::Time;
 
-use crate::handle::Clock;
+use crate::clock::Clock;
 
 /// The engine's task has its turn at least this often, also when nothing happens.
 pub const BEAT_EVERY: Duration = Duration::from_millis(50);

@@ -5,6 +5,7 @@
 //! subscriber: a snapshot that nobody has read yet is replaced by the next.
 
 mod calibration;
+mod clock;
 mod convert;
 mod force;
 mod freshness;
@@ -23,7 +24,8 @@ mod stream;
 mod validation;
 mod watchdog;
 
-pub use handle::{Clocks, Handle, ModelCodec, Publisher, Request};
+pub use clock::{Clock, Clocks};
+pub use handle::{Handle, ModelCodec, Publisher, Request};
 pub use heartbeat::{BEAT_EVERY, STALLED_AFTER};
 pub use limits::Limits;
 pub use serve::{Drain, Listener, ServeError, serve};
