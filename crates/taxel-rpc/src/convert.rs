@@ -1,16 +1,21 @@
 //! The engine's snapshots as messages. An age is computed here, so this runs last before a message goes out.
 
 use taxel_engine::intake::faults::{Fault, FaultSet};
+use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot, RangeFlag, TareView, TaxelState};
 use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_proto::{Timestamp, v1};
 use taxel_skin::Time;
+
+use crate::freshness::Freshness;
 
 /// When a message goes out and what it leaves behind.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sending {
     /// The moment of sending on the run's clock.
     pub(crate) now: Time,
+    /// Whether the snapshot may be believed at that moment.
+    pub(crate) freshness: Freshness,
     /// Values that this reader does not get.
     pub(crate) skipped: u64,
 }
@@ -36,8 +41,9 @@ fn has_frame(snapshot: &PatchSnapshot) -> bool {
     snapshot.seen
 }
 
-pub(crate) fn force(patch: &str, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
-    let force = &snapshot.force;
+pub(crate) fn force(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
+    let withheld = sending.freshness.withhold(&snapshot.force, plan.patch.taxels().len());
+    let force = withheld.as_ref().unwrap_or(&snapshot.force);
     let framed = has_frame(snapshot);
     let mut reasons = force.reasons.clone();
     if !framed {
@@ -59,7 +65,7 @@ pub(crate) fn force(patch: &str, snapshot: &PatchSnapshot, sending: Sending) -> 
         uncovered_share: force.uncovered_share,
         model_set: force.model_set.as_deref().unwrap_or_default().to_owned(),
         reasons,
-        patch: patch.to_owned(),
+        patch: plan.patch.name().to_owned(),
         resultant_n: force.resultant.map(vector),
         moment_nm: force.moment.map(vector),
         centre_of_pressure_m: force.centre_of_pressure.map(vector),
@@ -75,16 +81,18 @@ pub(crate) fn force(patch: &str, snapshot: &PatchSnapshot, sending: Sending) -> 
     }
 }
 
-pub(crate) fn taxels(patch: &str, snapshot: &PatchSnapshot, sending: Sending) -> v1::TaxelSample {
+pub(crate) fn taxels(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::TaxelSample {
     let framed = has_frame(snapshot);
+    let Sending { now, freshness, .. } = sending;
+    let sent = |taxel| reading(&freshness.taxel(taxel, plan.live.stale_after, now), now);
     v1::TaxelSample {
         sequence: snapshot.sequence,
-        patch: patch.to_owned(),
+        patch: plan.patch.name().to_owned(),
         age_s: framed.then(|| sending.now.since(snapshot.time).as_secs_f64()),
         monotonic_ns: framed.then(|| snapshot.time.as_nanos()),
         time: timestamp(snapshot.wall_ns).filter(|_| framed),
         skipped: sending.skipped,
-        taxels: snapshot.taxels.iter().map(|taxel| reading(taxel, sending.now)).collect(),
+        taxels: snapshot.taxels.iter().map(sent).collect(),
     }
 }
 

@@ -4,7 +4,7 @@ use taxel_proto::v1;
 use taxel_proto::v1::force_service_server::ForceService;
 use tonic::{Request, Response, Status};
 
-use crate::convert::{self, Sending};
+use crate::convert;
 use crate::service::Service;
 use crate::stream::{MessageStream, subscribe};
 
@@ -13,8 +13,8 @@ impl ForceService for Service {
     async fn get_force(&self, request: Request<v1::GetForceRequest>) -> Result<Response<v1::ForceSample>, Status> {
         let patch = self.patch(&request.get_ref().patch)?;
         let snapshot = self.snapshot(patch);
-        let sending = Sending { now: self.now(), skipped: 0 };
-        Ok(Response::new(convert::force(self.plan(patch).patch.name(), &snapshot, sending)))
+        let sending = self.sending(patch, &snapshot, 0);
+        Ok(Response::new(convert::force(self.plan(patch), &snapshot, sending)))
     }
 
     type StreamForceStream = MessageStream<v1::ForceSample>;

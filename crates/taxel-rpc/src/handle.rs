@@ -1,6 +1,7 @@
 //! The two ends between the services and the engine's task: commands go one way, snapshots the other.
 
 use std::sync::Arc;
+use std::time::Duration;
 use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, Reply};
 use taxel_engine::model_set::ModelSet;
@@ -10,12 +11,13 @@ use taxel_skin::Time;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
+use crate::clock::{Clock, Clocks};
+use crate::freshness::{self, Freshness};
+use crate::heartbeat::Heartbeat;
+
 /// Commands that may wait for the engine's task. Commands come from people and the engine takes one in microseconds, so
 /// more than a few waiting means that the task hangs; then it is better to refuse than to queue.
 pub const COMMANDS_WAITING_MAX: usize = 16;
-
-/// The run's clock, the same that stamps the frames.
-pub type Clock = Arc<dyn Fn() -> Time + Send + Sync>;
 
 /// A command on its way to the engine.
 #[derive(Debug)]
@@ -45,6 +47,7 @@ pub struct Handle {
     pub(crate) catalogue: watch::Receiver<Arc<Catalogue>>,
     pub(crate) plan: Arc<Plan>,
     pub(crate) clock: Clock,
+    pub(crate) heartbeat: Arc<Heartbeat>,
     pub(crate) codec: ModelCodec,
     pub(crate) shutdown: CancellationToken,
 }
@@ -57,8 +60,8 @@ pub(crate) struct PatchFeed {
 }
 
 /// The engine's end: publishes snapshots, never waits. When it is dropped every stream ends with UNAVAILABLE.
-#[derive(Debug)]
 pub struct Publisher {
+    heartbeat: Arc<Heartbeat>,
     snapshots: Vec<watch::Sender<Arc<PatchSnapshot>>>,
     sessions: Vec<watch::Sender<Option<Arc<SessionView>>>>,
     health: watch::Sender<Arc<Health>>,
@@ -71,14 +74,17 @@ pub struct Publisher {
 #[must_use]
 pub fn channel(
     plan: Arc<Plan>,
-    clock: Clock,
+    clocks: Clocks,
     codec: ModelCodec,
     shutdown: CancellationToken,
 ) -> (Handle, Publisher, mpsc::Receiver<Request>) {
+    let Clocks { run: clock, process } = clocks;
+    let heartbeat = Arc::new(Heartbeat::new(process));
     let (commands, requests) = mpsc::channel(COMMANDS_WAITING_MAX);
     let (health, health_seen) = watch::channel(Arc::default());
     let (catalogue, catalogue_seen) = watch::channel(Arc::default());
-    let mut publisher = Publisher { snapshots: Vec::new(), sessions: Vec::new(), health, catalogue };
+    let beats = Arc::clone(&heartbeat);
+    let mut publisher = Publisher { heartbeat: beats, snapshots: Vec::new(), sessions: Vec::new(), health, catalogue };
     let mut patches = Vec::new();
     for _ in &plan.patches {
         let (to_snapshot, snapshot) = watch::channel(Arc::default());
@@ -89,10 +95,19 @@ pub fn channel(
     }
     let patches = patches.into();
     let (health, catalogue) = (health_seen, catalogue_seen);
-    (Handle { commands, patches, health, catalogue, plan, clock, codec, shutdown }, publisher, requests)
+    (Handle { commands, patches, health, catalogue, plan, clock, heartbeat, codec, shutdown }, publisher, requests)
 }
 
 impl Publisher {
+    /// The engine's task has its turn now; due at least every [`BEAT_EVERY`](crate::BEAT_EVERY). Gives for how long the
+    /// task had none if that was longer than [`STALLED_AFTER`](crate::STALLED_AFTER), for which readers were told that
+    /// the engine is stalled.
+    pub fn beat(&self) -> Option<Duration> {
+        let gap = self.heartbeat.beat()?;
+        tracing::info!("the engine runs again: it had not for {:.2} s", gap.as_secs_f64());
+        Some(gap)
+    }
+
     /// New live state of the patch at this position of the plan.
     pub fn patch(&self, position: usize, snapshot: Arc<PatchSnapshot>) {
         if let Some(sender) = self.snapshots.get(position) {
@@ -115,6 +130,41 @@ impl Publisher {
     /// Sessions or model sets changed.
     pub fn catalogue(&self, catalogue: Arc<Catalogue>) {
         self.catalogue.send_replace(catalogue);
+    }
+}
+
+impl Handle {
+    /// The newest state of the patch at this position of the plan, as the engine published it.
+    #[must_use]
+    pub fn newest(&self, patch: usize) -> Option<Arc<PatchSnapshot>> {
+        self.patches.get(patch).map(|feed| Arc::clone(&feed.snapshot.borrow()))
+    }
+
+    /// Whether this snapshot of the patch at this position of the plan may be believed when it is sent now.
+    pub(crate) fn freshness(&self, patch: usize, snapshot: &PatchSnapshot) -> Freshness {
+        self.freshness_at((self.clock)(), patch, snapshot)
+    }
+
+    /// The same at a moment on the run's clock that was just read.
+    pub(crate) fn freshness_at(&self, now: Time, patch: usize, snapshot: &PatchSnapshot) -> Freshness {
+        let newest = snapshot.seen.then_some(snapshot.time);
+        freshness::judge(newest, self.stale_after(patch), now, self.heartbeat.stalled_for())
+    }
+
+    /// Whether there is an engine's task at the other end, running or not.
+    pub(crate) fn is_connected(&self) -> bool {
+        self.health.has_changed().is_ok()
+    }
+
+    /// The age up to which a value of the patch at this position of the plan may be believed.
+    pub(crate) fn stale_after(&self, patch: usize) -> Duration {
+        self.plan.patches[patch].live.stale_after
+    }
+}
+
+impl std::fmt::Debug for Publisher {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Publisher").field("patches", &self.snapshots.len()).finish_non_exhaustive()
     }
 }
 

@@ -1,8 +1,5 @@
 //! `grpc.health.v1`: whether each service can do what it is for.
 
-use std::convert::Infallible;
-use std::future::pending;
-use std::time::Duration;
 use taxel_engine::snapshot::ForceState;
 use taxel_proto::v1::calibration_service_server::SERVICE_NAME as CALIBRATION;
 use taxel_proto::v1::force_service_server::SERVICE_NAME as FORCE;
@@ -11,10 +8,7 @@ use taxel_proto::v1::skin_service_server::SERVICE_NAME as SKIN;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
-use crate::handle::Handle;
-
-/// A health check is for supervisors, which look every few seconds; streams carry every change at once.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
+use crate::handle::{Handle, PatchFeed};
 
 /// The services, the whole server under the empty name.
 const SERVICES: [&str; 5] = ["", FORCE, SKIN, CALIBRATION, MODEL];
@@ -35,23 +29,17 @@ impl Report {
         report
     }
 
-    /// Keeps the report in step with the engine until the shutdown, then says so and ends every health stream, which
-    /// would hold the server open otherwise.
-    pub(crate) async fn keep(mut self) -> Infallible {
-        let shutdown = self.handle.shutdown.clone();
-        let mut looks = tokio::time::interval(LOOK_EVERY);
-        looks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-        loop {
-            tokio::select! {
-                () = shutdown.cancelled() => break,
-                _ = looks.tick() => self.show(serving(&self.handle)).await,
-            }
-        }
+    /// Brings the report in step with the engine.
+    pub(crate) async fn update(&mut self) {
+        self.show(serving(&self.handle)).await;
+    }
+
+    /// Nothing serves any more, and every stream of the report ends.
+    pub(crate) async fn end(mut self) {
         self.show([false; SERVICES.len()]).await;
         for service in SERVICES {
             self.reporter.clear_service_status(service).await;
         }
-        pending().await
     }
 
     async fn show(&mut self, serving: [bool; SERVICES.len()]) {
@@ -67,8 +55,13 @@ impl Report {
 
 /// Whether each of [`SERVICES`] can do what it is for.
 fn serving(handle: &Handle) -> [bool; SERVICES.len()] {
-    let engine = handle.health.has_changed().is_ok();
-    let buses = engine && handle.health.borrow().buses.iter().all(|bus| bus.up);
-    let force = engine && handle.patches.iter().all(|feed| feed.snapshot.borrow().force.state <= ForceState::Degraded);
-    [engine, force, buses, buses, engine]
+    let connected = handle.is_connected();
+    let runs = connected && handle.heartbeat.stalled_for().is_none();
+    let buses = runs && handle.health.borrow().buses.iter().all(|bus| bus.up);
+    let has_force = |(patch, feed): (usize, &PatchFeed)| {
+        let snapshot = feed.snapshot.borrow();
+        snapshot.force.state <= ForceState::Degraded && handle.freshness(patch, &snapshot).is_fresh()
+    };
+    let force = runs && handle.patches.iter().enumerate().all(has_force);
+    [runs, force, buses, buses, connected] // model sets are read without the engine
 }

@@ -5,11 +5,14 @@
 //! subscriber: a snapshot that nobody has read yet is replaced by the next.
 
 mod calibration;
+mod clock;
 mod convert;
 mod force;
+mod freshness;
 mod guard;
 pub mod handle;
 mod health;
+mod heartbeat;
 pub mod limits;
 mod model;
 mod page;
@@ -19,7 +22,10 @@ mod skin;
 mod status;
 mod stream;
 mod validation;
+mod watchdog;
 
+pub use clock::{Clock, Clocks};
 pub use handle::{Handle, ModelCodec, Publisher, Request};
+pub use heartbeat::{BEAT_EVERY, STALLED_AFTER};
 pub use limits::Limits;
 pub use serve::{Drain, Listener, ServeError, serve};

@@ -20,6 +20,7 @@ use crate::handle::{Handle, PatchFeed};
 use crate::health::Report;
 use crate::limits::Limits;
 use crate::service::Service;
+use crate::watchdog::Watchdog;
 
 /// How a server ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +53,8 @@ const CUT_MAX: Duration = Duration::from_secs(1);
 /// # Errors
 /// [`ServeError`] if the server cannot be set up or fails; a failing connection or call is not an error of the server.
 pub async fn serve(handle: Handle, listener: Listener, limits: Limits) -> Result<Drain, ServeError> {
-    let handle = relayed(handle);
+    let (wake, woken) = watch::channel(());
+    let handle = relayed(handle, &woken);
     let shutdown = handle.shutdown.clone();
     let (drain, cut) = (limits.drain, CancellationToken::new());
     let incoming = accept(listener, &limits, cut.clone());
@@ -63,11 +65,12 @@ pub async fn serve(handle: Handle, listener: Listener, limits: Limits) -> Result
         shutdown.cancelled().await;
         tokio::time::sleep(drain).await;
     };
-    let report = Report::begin(handle, reporter).await;
+    let report = Report::begin(handle.clone(), reporter).await;
+    let watchdog = Watchdog::new(handle, report, wake);
     tokio::pin!(server);
     tokio::select! {
         served = &mut server => return Ok(served.map(|()| Drain::Clean)?),
-        never = report.keep() => match never {},
+        never = watchdog.keep() => match never {},
         () = overdue => {}
     }
     tracing::warn!("connections were still open {} s after the shutdown began: cut", drain.as_secs_f64());
@@ -77,13 +80,18 @@ pub async fn serve(handle: Handle, listener: Listener, limits: Limits) -> Result
 }
 
 /// The same handle with snapshots that pass through one task of the server's. When the engine runs on a thread of its
-/// own, publishing wakes that task alone, however many subscribers there are, and they are woken here.
-fn relayed(mut handle: Handle) -> Handle {
+/// own, publishing wakes that task alone, however many subscribers there are, and they are woken here; by `woken`, too,
+/// with the same snapshot once more, which may have grown too old.
+fn relayed(mut handle: Handle, woken: &watch::Receiver<()>) -> Handle {
     let relay = |feed: &PatchFeed| {
-        let mut from = feed.snapshot.clone();
+        let (mut from, mut woken) = (feed.snapshot.clone(), woken.clone());
         let (to, snapshot) = watch::channel(Arc::clone(&from.borrow_and_update()));
         tokio::spawn(async move {
-            while from.changed().await.is_ok() {
+            loop {
+                tokio::select! {
+                    changed = from.changed() => if changed.is_err() { break },
+                    Ok(()) = woken.changed() => {}
+                }
                 let newest = Arc::clone(&from.borrow_and_update());
                 to.send_replace(newest);
             }

@@ -6,10 +6,10 @@ use taxel_engine::command::{Command, Done};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
-use taxel_skin::Time;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot};
 use tonic::Status;
 
+use crate::convert::Sending;
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
 use crate::status::{engine_stopped, invalid, of_rejection, shutting_down};
@@ -54,8 +54,10 @@ impl Service {
         Arc::clone(&self.handle.patches[patch].snapshot.borrow())
     }
 
-    pub(crate) fn now(&self) -> Time {
-        (self.handle.clock)()
+    /// What sending this snapshot now comes to, for a reader that did not get `skipped` values before it.
+    pub(crate) fn sending(&self, patch: usize, snapshot: &PatchSnapshot, skipped: u64) -> Sending {
+        let now = (self.handle.clock)();
+        Sending { now, freshness: self.handle.freshness_at(now, patch, snapshot), skipped }
     }
 
     /// Id of the active model set of a patch.

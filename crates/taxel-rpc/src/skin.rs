@@ -9,7 +9,8 @@ use taxel_proto::v1::skin_service_server::SkinService;
 use taxel_skin::{Board, ModuleKind, NormalsVerdict};
 use tonic::{Request, Response, Status};
 
-use crate::convert::{self, Sending, vector};
+use crate::convert::{self, vector};
+use crate::freshness::not_run_for;
 use crate::service::{Service, confirmed_by, strange_answer};
 use crate::stream::{MessageStream, subscribe};
 
@@ -26,8 +27,8 @@ impl SkinService for Service {
     async fn get_taxels(&self, request: Request<v1::GetTaxelsRequest>) -> Result<Response<v1::TaxelSample>, Status> {
         let patch = self.patch(&request.get_ref().patch)?;
         let snapshot = self.snapshot(patch);
-        let sending = Sending { now: self.now(), skipped: 0 };
-        Ok(Response::new(convert::taxels(self.plan(patch).patch.name(), &snapshot, sending)))
+        let sending = self.sending(patch, &snapshot, 0);
+        Ok(Response::new(convert::taxels(self.plan(patch), &snapshot, sending)))
     }
 
     type StreamTaxelsStream = MessageStream<v1::TaxelSample>;
@@ -61,11 +62,13 @@ impl SkinService for Service {
 
     async fn get_health(&self, _: Request<v1::GetHealthRequest>) -> Result<Response<v1::Health>, Status> {
         let health = self.handle.health.borrow().clone();
+        // Found here and not by the engine, which cannot tell that it does not run.
+        let stalled = self.handle.heartbeat.stalled_for().map(not_run_for);
         Ok(Response::new(v1::Health {
             buses: health.buses.iter().enumerate().map(|(bus, health)| bus_health(bus, health)).collect(),
             boards: health.boards.iter().map(board_health).collect(),
             patches: (0..self.handle.plan.patches.len()).map(|patch| self.patch_health(patch)).collect(),
-            problems: health.problems.clone(),
+            problems: stalled.into_iter().chain(health.problems.iter().cloned()).collect(),
             streams: self.streams_open() as u32,
             streams_max: self.limits.streams as u32,
         }))

@@ -2,12 +2,14 @@
 //!
 //! A value is taken from the engine's `watch` only when HTTP/2 has room for a message, so nothing queues here and the
 //! newest value always wins. What waits in HTTP/2 windows beyond is the client's; sequence and age in every message let
-//! it see that.
+//! it see that. Whether a value may still be believed is judged at that moment, too; the watchdog wakes subscribers when
+//! that changes without a new value.
 
 use futures_util::stream::{self, Stream};
 use std::pin::Pin;
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
+use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
 use tokio::sync::{OwnedSemaphorePermit, watch};
 use tokio::time::{Instant, Interval, MissedTickBehavior};
@@ -15,7 +17,7 @@ use tokio_util::sync::WaitForCancellationFutureOwned;
 use tonic::Status;
 
 use crate::convert::Sending;
-use crate::handle::Clock;
+use crate::freshness::Freshness;
 use crate::service::Service;
 use crate::status::{engine_stopped, invalid, shutting_down};
 
@@ -29,23 +31,30 @@ const RATE_RANGE_HZ: std::ops::RangeInclusive<f64> = 1.0..=1_000.0;
 /// and one write a connection do for all of them.
 static GRID: LazyLock<Instant> = LazyLock::new(Instant::now);
 
-/// Makes the message of a snapshot: patch name, snapshot, circumstances.
-pub(crate) type Encode<M> = fn(&str, &PatchSnapshot, Sending) -> M;
+/// Makes the message of a snapshot: patch, snapshot, circumstances.
+pub(crate) type Encode<M> = fn(&PatchPlan, &PatchSnapshot, Sending) -> M;
+
+/// What a subscriber has been told last.
+#[derive(Clone, Copy)]
+struct Told {
+    sequence: u64,
+    freshness: Freshness,
+    /// When the reader took it.
+    taken: Instant,
+}
 
 /// One subscriber of one patch.
 struct Subscription<M> {
     service: Service,
     patch: usize,
     snapshots: watch::Receiver<Arc<PatchSnapshot>>,
-    /// `None`: each value as it comes.
+    /// `None`: each value as it comes, and once more when it is too old to be believed.
     ticks: Option<Interval>,
     encode: Encode<M>,
-    clock: Clock,
     /// Registered once, not for every message.
     shutdown: Pin<Box<WaitForCancellationFutureOwned>>,
     unread_limit: Duration,
-    /// Sequence of the last message, and when the reader took it.
-    last: Option<(u64, Instant)>,
+    last: Option<Told>,
     ended: bool,
     /// Free again when the subscriber is gone.
     _place: OwnedSemaphorePermit,
@@ -64,7 +73,6 @@ pub(crate) fn subscribe<M: Send + 'static>(
         snapshots: service.handle.patches[patch].snapshot.clone(),
         ticks,
         encode,
-        clock: Arc::clone(&service.handle.clock),
         shutdown: Box::pin(service.handle.shutdown.clone().cancelled_owned()),
         unread_limit: service.limits.unread,
         last: None,
@@ -120,18 +128,22 @@ impl<M> Subscription<M> {
         if self.ended {
             return None;
         }
-        let waited = tokio::select! {
-            biased;
-            () = &mut self.shutdown => Err(shutting_down()),
-            unread = due(self.last.is_none(), self.ticks.as_mut(), &mut self.snapshots) => unread,
-        };
-        Some(waited.and_then(|unread| self.take(unread)))
+        loop {
+            let waited = tokio::select! {
+                biased;
+                () = &mut self.shutdown => Err(shutting_down()),
+                unread = due(self.last.is_none(), self.ticks.as_mut(), &mut self.snapshots) => unread,
+            };
+            if let Some(message) = waited.and_then(|unread| self.take(unread)).transpose() {
+                return Some(message);
+            }
+        }
     }
 
-    /// The message of the newest value.
-    fn take(&mut self, due_for: Option<Duration>) -> Result<M, Status> {
+    /// The message of the newest value; nothing if the reader was told all that it says.
+    fn take(&mut self, due_for: Option<Duration>) -> Result<Option<M>, Status> {
         let snapshot = Arc::clone(&self.snapshots.borrow_and_update());
-        let skipped = self.last.map_or(0, |(sequence, _)| snapshot.sequence.saturating_sub(sequence + 1));
+        let skipped = self.last.map_or(0, |last| snapshot.sequence.saturating_sub(last.sequence + 1));
         let unread = due_for.unwrap_or_else(|| self.unread(skipped));
         if unread > self.unread_limit {
             let (unread, limit) = (unread.as_secs_f64(), self.unread_limit.as_secs_f64());
@@ -139,16 +151,21 @@ impl<M> Subscription<M> {
             tracing::warn!(patch = self.service.plan(self.patch).patch.name(), "subscriber cut off: {text}");
             return Err(Status::aborted(text));
         }
-        self.last = Some((snapshot.sequence, Instant::now()));
-        let sending = Sending { now: (self.clock)(), skipped };
-        Ok((self.encode)(self.service.plan(self.patch).patch.name(), &snapshot, sending))
+        let sending = self.service.sending(self.patch, &snapshot, skipped);
+        let (sequence, freshness) = (snapshot.sequence, sending.freshness);
+        let same = |last: Told| last.sequence == sequence && last.freshness.is_like(freshness);
+        if self.ticks.is_none() && self.last.is_some_and(same) {
+            return Ok(None);
+        }
+        self.last = Some(Told { sequence, freshness, taken: Instant::now() });
+        Ok(Some((self.encode)(self.service.plan(self.patch), &snapshot, sending)))
     }
 
     /// How long the oldest of `skipped` values and the present one has waited, when they came evenly since the last
     /// message was taken. Exact times would cost the engine a log of them; this is right for boards that send
     /// periodically, and 0 for a reader that skips nothing.
     fn unread(&self, skipped: u64) -> Duration {
-        let since_last = self.last.map_or(Duration::ZERO, |(_, taken)| taken.elapsed());
+        let since_last = self.last.map_or(Duration::ZERO, |last| last.taken.elapsed());
         since_last.mul_f64(skipped as f64 / (skipped as f64 + 1.0))
     }
 }

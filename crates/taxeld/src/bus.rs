@@ -7,7 +7,7 @@ use taxel_wire::Frame;
 use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
-use crate::driver::BusBatch;
+use crate::queues::BusBatch;
 
 /// Batches that may wait for the engine: a batch is at least one frame, so that at the 9,009 frames/s of a full bus the
 /// engine may be 7 ms behind before a bus waits, and then the kernel's buffer holds another half second and counts.

@@ -1,11 +1,12 @@
 //! The run's clock: monotonic time live, the log's own time in a replay.
 
 use std::sync::{Arc, OnceLock};
-use std::time::Instant;
+use std::time::Duration;
 
 use taxel_can::ClockReading;
 use taxel_engine::Now;
 use taxel_skin::Time;
+use tokio::time::Instant;
 
 /// Where "now" comes from. Clones tell the same time.
 #[derive(Clone, Debug)]
@@ -34,6 +35,14 @@ impl RunClock {
         }
     }
 
+    /// For how long to set a timer so that so much time passes on this clock.
+    pub fn timer(&self, span: Duration) -> Duration {
+        match self {
+            Self::Live => span,
+            Self::Log { speed, .. } => Duration::try_from_secs_f64(span.as_secs_f64() / speed).unwrap_or(Duration::MAX),
+        }
+    }
+
     /// The present.
     pub fn now(&self) -> Now {
         match self {
@@ -48,4 +57,11 @@ impl RunClock {
             }
         }
     }
+}
+
+/// The monotonic time since this call, by the runtime's own clock: by it a task is judged to run or to hang, also in a
+/// replay, whose clock has another speed.
+pub fn process_clock() -> impl Fn() -> Time + Send + Sync {
+    let begun = Instant::now();
+    move || Time::default() + begun.elapsed()
 }

@@ -1,26 +1,36 @@
 //! The engine's one task: takes inputs from the buses, the service, the store and the fits, and does what the engine
 //! asks for. Nobody else holds the engine.
+//!
+//! Each turn is the same: note that the engine runs, tick if that is due, wait for the next [`Action`], apply it. So no
+//! queue, however full, puts a tick off for longer than one action.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_engine::calibration::{Direction, FitJob, FitOutcome, SessionState, SessionView};
+use taxel_engine::calibration::{Direction, FitJob, SessionState, SessionView};
 use taxel_engine::command::{Rejection, Reply, RequestId};
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
-use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
-use taxel_rpc::{Publisher, Request};
-use taxel_skin::BusIndex;
+use taxel_engine::{Engine, Input, Output, Restored};
+use taxel_rpc::{BEAT_EVERY, Publisher, Request};
+use taxel_skin::{BusIndex, Time};
 use taxel_store::{Batch, Durability, OnDurable, QueueFull, Store, StoreError, StoreEvent, models_json};
-use taxel_wire::{Frame, TimedFrame};
+use taxel_wire::Frame;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
+use crate::bus::BATCHES_WAITING_MAX;
 use crate::clock::RunClock;
+use crate::queues::{Action, BusBatch, Done, Queues, TellDone};
 
-/// Staleness and bring-up are looked at this often.
-const TICK: Duration = Duration::from_millis(10);
+/// Batches taken at once after a stall, so that not even a bus that never pauses puts the next tick off for ever. The
+/// kernel keeps half a second of a full bus, 4,505 frames in 71 reads; beside what waited here that is four buses.
+const CATCH_UP_BATCHES_MAX: usize = BATCHES_WAITING_MAX + 4 * 71;
+
+/// So many looks in a row must find nothing new before the queues count as empty: one lets the bus tasks see that the
+/// kernel has something, one lets them hand it over.
+const QUIET_LOOKS: usize = 2;
 
 /// What the newest session is at.
 #[derive(Clone, Copy, Debug)]
@@ -30,24 +40,6 @@ pub struct Stage {
     pub state: SessionState,
     /// Which branch a ramp gathers.
     pub direction: Direction,
-}
-
-/// What a bus task hands over at a time.
-pub struct BusBatch {
-    /// Which bus.
-    pub bus: BusIndex,
-    /// Frames in the order of reception.
-    pub frames: Vec<TimedFrame>,
-    /// What else the bus has to say, before these frames.
-    pub notices: Vec<BusNotice>,
-}
-
-/// What comes back from work that the driver gave away.
-enum Internal {
-    Fitted(FitOutcome),
-    Store(StoreEvent),
-    /// Records of a commit are on disk, or why not.
-    Committed(u64, Result<(), String>),
 }
 
 /// Everything that the engine's task holds.
@@ -62,30 +54,12 @@ pub struct Driver {
     buses: Vec<mpsc::Sender<Frame>>,
     waiting: HashMap<RequestId, oneshot::Sender<Reply>>,
     requests: u64,
-    internal: (mpsc::UnboundedSender<Internal>, mpsc::UnboundedReceiver<Internal>),
+    tell_done: TellDone,
+    /// On the run's clock.
+    last_tick: Option<Time>,
     out: Vec<Output>,
     /// What the newest session is at, for whoever plays the operator's hand.
     session_state: Option<watch::Sender<Option<Stage>>>,
-}
-
-/// Opens the store in such a way that its events reach the driver that is made with it.
-pub struct StoreEvents(mpsc::UnboundedSender<Internal>, mpsc::UnboundedReceiver<Internal>);
-
-impl StoreEvents {
-    /// A new line from a store to a driver. Its length is bounded by the work under way: one event per commit, at
-    /// most ten a second, and one per fit.
-    pub fn new() -> Self {
-        let (sender, receiver) = mpsc::unbounded_channel();
-        Self(sender, receiver)
-    }
-
-    /// The store's end.
-    pub fn notify(&self) -> taxel_store::Notify {
-        let sender = self.0.clone();
-        Box::new(move |event| {
-            let _ = sender.send(Internal::Store(event)); // the driver has ended: nobody is left to tell
-        })
-    }
 }
 
 impl Driver {
@@ -95,10 +69,10 @@ impl Driver {
         restored: Restored,
         clock: RunClock,
         publisher: Publisher,
-        store: (Store, StoreEvents),
+        store: (Store, TellDone),
         buses: Vec<mpsc::Sender<Frame>>,
     ) -> Self {
-        let (store, StoreEvents(sender, receiver)) = store;
+        let (store, tell_done) = store;
         Self {
             logged: vec![None; plan.patches.len()],
             engine: Engine::new(plan, restored),
@@ -108,7 +82,8 @@ impl Driver {
             buses,
             waiting: HashMap::new(),
             requests: 0,
-            internal: (sender, receiver),
+            tell_done,
+            last_tick: None,
             out: Vec::new(),
             session_state: None,
         }
@@ -121,24 +96,8 @@ impl Driver {
     }
 
     /// Runs until cancelled; then the store is closed with everything that was recorded.
-    pub async fn run(
-        mut self,
-        mut frames: mpsc::Receiver<BusBatch>,
-        mut commands: mpsc::Receiver<Request>,
-        cancel: CancellationToken,
-    ) {
-        let mut tick = tokio::time::interval(TICK);
-        tick.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
-        loop {
-            tokio::select! {
-                biased;
-                () = cancel.cancelled() => break,
-                Some(batch) = frames.recv() => self.take_batch(batch),
-                Some(request) = commands.recv() => self.take_command(request),
-                Some(done) = self.internal.1.recv() => self.take_internal(done),
-                _ = tick.tick() => self.step(Input::Tick),
-            }
-        }
+    pub async fn run(mut self, mut queues: Queues, cancel: CancellationToken) {
+        while self.turn(&mut queues, &cancel).await {}
         // Closing commits what is queued, which can take a disk's time.
         let store = self.store;
         match tokio::task::spawn_blocking(move || store.close()).await {
@@ -146,6 +105,82 @@ impl Driver {
             Ok(Err(error)) => tracing::error!(%error, "the store could not be closed cleanly"),
             Err(error) => tracing::error!(%error, "the store's thread"),
         }
+    }
+
+    /// One turn; `false` after the last.
+    async fn turn(&mut self, queues: &mut Queues, cancel: &CancellationToken) -> bool {
+        if let Some(gap) = self.publisher.beat() {
+            self.resumed(gap);
+            self.catch_up(queues).await;
+        }
+        self.tick_if_due();
+        match self.select(queues, cancel).await {
+            Action::Stop => return false,
+            action => self.apply(action),
+        }
+        true
+    }
+
+    /// What to do next; at the latest when a tick is due, or a sign of life.
+    async fn select(&self, queues: &mut Queues, cancel: &CancellationToken) -> Action {
+        tokio::select! {
+            biased;
+            () = cancel.cancelled() => Action::Stop,
+            action = queues.next() => action,
+            () = tokio::time::sleep(self.time_to_sleep()) => Action::Wake,
+        }
+    }
+
+    fn apply(&mut self, action: Action) {
+        match action {
+            Action::Batch(batch) => self.take_batch(batch),
+            Action::Command(request) => self.take_command(request),
+            Action::Done(done) => self.take_done(done),
+            Action::Wake | Action::Stop => {}
+        }
+    }
+
+    /// This task had no turn for `gap`, so for that time nobody took frames: what the engine did not hear then is no
+    /// silence of a board. The engine is told so before any frame of that time and before any tick.
+    fn resumed(&mut self, gap: Duration) {
+        tracing::debug!(gap_s = gap.as_secs_f64(), "what came meanwhile is taken before the next tick");
+        self.step(Input::Resumed(gap));
+    }
+
+    /// Takes what came while this task had no turn: what waits in the queue and what the kernel kept. A tick before that
+    /// would find every board silent.
+    async fn catch_up(&mut self, queues: &mut Queues) {
+        let (mut left, mut quiet) = (CATCH_UP_BATCHES_MAX, 0);
+        while quiet < QUIET_LOOKS {
+            tokio::task::yield_now().await;
+            quiet += 1;
+            while let Some(batch) = queues.waiting_batch() {
+                self.take_batch(batch);
+                quiet = 0;
+                left -= 1;
+                if left == 0 {
+                    return;
+                }
+            }
+        }
+    }
+
+    /// When the engine wants its next tick at the latest, on the run's clock; `None` if it needs none.
+    fn next_tick(&self) -> Option<Time> {
+        if self.last_tick.is_none() { Some(Time::default()) } else { self.engine.next_deadline() }
+    }
+
+    fn tick_if_due(&mut self) {
+        let now = self.clock.now().time;
+        if self.next_tick().is_some_and(|due| due <= now) {
+            self.last_tick = Some(now);
+            self.step(Input::Tick);
+        }
+    }
+
+    fn time_to_sleep(&self) -> Duration {
+        let until_tick = self.next_tick().map(|due| self.clock.timer(due.since(self.clock.now().time)));
+        until_tick.unwrap_or(BEAT_EVERY).min(BEAT_EVERY)
     }
 
     fn take_batch(&mut self, batch: BusBatch) {
@@ -165,12 +200,12 @@ impl Driver {
         self.step(Input::Command(request, command));
     }
 
-    fn take_internal(&mut self, done: Internal) {
+    fn take_done(&mut self, done: Done) {
         match done {
-            Internal::Fitted(outcome) => self.step(Input::Fitted(outcome)),
-            Internal::Committed(ticket, result) => self.step(Input::Committed { ticket, result }),
-            Internal::Store(StoreEvent::Durable { session, samples }) => self.step(Input::Durable { session, samples }),
-            Internal::Store(StoreEvent::Failed(why)) => {
+            Done::Fitted(outcome) => self.step(Input::Fitted(outcome)),
+            Done::Committed(ticket, result) => self.step(Input::Committed { ticket, result }),
+            Done::Store(StoreEvent::Durable { session, samples }) => self.step(Input::Durable { session, samples }),
+            Done::Store(StoreEvent::Failed(why)) => {
                 tracing::error!(%why, "the store failed");
                 self.step(Input::StoreFailed(why));
             }
@@ -223,17 +258,16 @@ impl Driver {
 
     /// Writes down what the engine intends, and tells it how that went.
     fn commit_intended(&mut self, ticket: u64, records: Vec<Record>) {
-        let done = self.internal.0.clone();
+        let done = self.tell_done.clone();
         let on_durable: OnDurable = Box::new(move |outcome: Result<Durability, StoreError>| {
-            let result = outcome.map(|_| ()).map_err(|error| error.to_string());
-            let _ = done.send(Internal::Committed(ticket, result)); // the driver has ended: nobody is left to tell
+            done.tell(Done::Committed(ticket, outcome.map(|_| ()).map_err(|error| error.to_string())));
         });
         if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable: Some(on_durable) }) {
             let full = QueueFull(Batch::default()).to_string();
             if let Some(on_durable) = batch.on_durable {
                 on_durable(Err(StoreError::Closed));
             }
-            let _ = self.internal.0.send(Internal::Store(StoreEvent::Failed(full))); // this is its own receiver
+            self.tell_done.tell(Done::Store(StoreEvent::Failed(full)));
         }
     }
 
@@ -257,11 +291,8 @@ impl Driver {
     }
 
     fn fit(&self, job: FitJob) {
-        let done = self.internal.0.clone();
-        tokio::task::spawn_blocking(move || {
-            let outcome = job.run(models_json::content_id);
-            let _ = done.send(Internal::Fitted(outcome)); // the daemon is stopping: the samples are on disk
-        });
+        let done = self.tell_done.clone();
+        tokio::task::spawn_blocking(move || done.tell(Done::Fitted(job.run(models_json::content_id))));
     }
 }
 
@@ -275,3 +306,6 @@ fn answer(replies: Vec<(oneshot::Sender<Reply>, Reply)>, outcome: Result<Durabil
         let _ = to.send(reply); // the client has gone
     }
 }
+
+#[cfg(all(test, feature = "sim"))]
+mod tests;

@@ -16,6 +16,7 @@ mod judge;
 mod offline;
 #[cfg(feature = "sim")]
 mod picture;
+mod queues;
 mod recording;
 mod replay;
 #[cfg(feature = "report")]

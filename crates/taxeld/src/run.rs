@@ -8,7 +8,7 @@ use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
 use taxel_engine::Restored;
 use taxel_engine::engine::routes::Routes;
 use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_rpc::{Handle, Limits, Listener, ModelCodec, handle::channel, serve};
+use taxel_rpc::{Clocks, Handle, Limits, Listener, ModelCodec, handle::channel, serve};
 use taxel_skin::BusIndex;
 use taxel_store::{Store, models_json};
 use taxel_wire::Frame;
@@ -19,9 +19,10 @@ use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, FRAMES_WAITING_MAX};
-use crate::clock::RunClock;
+use crate::clock::{RunClock, process_clock};
 use crate::config::{BusSource, Config, Scene};
-use crate::driver::{Driver, Stage, StoreEvents};
+use crate::driver::{Driver, Stage};
+use crate::queues::{BusBatch, Queues, TellDone};
 
 /// After the end was asked for, the parts have this long to close.
 const CLOSE_WITHIN: Duration = Duration::from_secs(5);
@@ -36,7 +37,7 @@ pub const CODEC: ModelCodec = ModelCodec {
 pub struct Daemon {
     plan: Arc<Plan>,
     cancel: CancellationToken,
-    to_engine: mpsc::Sender<crate::driver::BusBatch>,
+    to_engine: mpsc::Sender<BusBatch>,
     to_buses: Vec<Option<mpsc::Receiver<Frame>>>,
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
     session: watch::Receiver<Option<Stage>>,
@@ -52,19 +53,20 @@ impl Daemon {
     pub async fn start(config: &Config, scene: Scene, store: StoreAt<'_>, clock: RunClock) -> anyhow::Result<Self> {
         let plan = Arc::new(scene.plan);
         let cancel = CancellationToken::new();
-        let events = StoreEvents::new();
-        let (store, restored) = open_store(store, &events)?;
+        let (tell_done, done) = TellDone::new();
+        let (store, restored) = open_store(store, &tell_done)?;
         let (now, patches) = (clock.clone(), plan.patches.len());
-        let clock_of_rpc = Arc::new(move || now.now().time);
-        let (handle, publisher, commands) = channel(Arc::clone(&plan), clock_of_rpc, CODEC, cancel.clone());
-        let (to_engine, frames) = mpsc::channel(BATCHES_WAITING_MAX);
+        let clocks = Clocks { run: Arc::new(move || now.now().time), process: Arc::new(process_clock()) };
+        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
+        let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
         let (senders, receivers): (Vec<_>, Vec<_>) =
             (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).map(|(s, r)| (s, Some(r))).unzip();
         let (session_state, session) = watch::channel(None);
-        let driver =
-            Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, events), senders).telling(session_state);
+        let driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders)
+            .telling(session_state);
+        let queues = Queues::new(batches, commands, done);
         let mut tasks = JoinSet::new();
-        tasks.spawn(driver.run(frames, commands, cancel.clone()));
+        tasks.spawn(driver.run(queues, cancel.clone()));
         tasks.spawn(service(handle, listen(config)?, limits(config))?);
         tracing::info!(patches, listen = %config.service.listen, "taxeld is up");
         Ok(Self { plan, cancel, to_engine, to_buses: receivers, session, tasks, buses: JoinSet::new() })
@@ -136,14 +138,14 @@ pub enum StoreAt<'a> {
     Memory,
 }
 
-fn open_store(at: StoreAt<'_>, events: &StoreEvents) -> anyhow::Result<(Store, Restored)> {
+fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Store, Restored)> {
     match at {
-        StoreAt::Memory => Ok((Store::in_memory(events.notify())?, Restored::default())),
+        StoreAt::Memory => Ok((Store::in_memory(tell_done.of_store())?, Restored::default())),
         StoreAt::File(path) => {
             if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
                 std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
             }
-            let opened = Store::open(path, events.notify());
+            let opened = Store::open(path, tell_done.of_store());
             let (store, restored, _quarantined) = opened.with_context(|| format!("opening {}", path.display()))?;
             Ok((store, restored))
         }

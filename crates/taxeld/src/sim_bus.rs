@@ -24,8 +24,12 @@ use crate::driver::Stage;
 /// The world is computed so far ahead; a command takes effect at most so much later.
 const AHEAD: Duration = Duration::from_millis(5);
 
-/// Frames that may wait for the bus's task: 40 ms of what the forearm sends. Then the simulation waits.
-const FRAMES_WAITING_MAX: usize = 64;
+/// Frames that may wait for the bus's task: as many as a kernel's buffer holds, half a second of a full bus. The forearm
+/// fills that in four seconds. Then the simulation waits.
+const FRAMES_WAITING_MAX: usize = 4_505;
+
+/// Frames handed over at once, as many as one read of a kernel's buffer gives.
+const BATCH_FRAMES: usize = 64;
 
 const RISE: PumpCommand = PumpCommand::Ramp { target: Kilopascal(74.0), kpa_per_s: 2.0 };
 const FALL: PumpCommand = PumpCommand::Ramp { target: Kilopascal(0.0), kpa_per_s: 2.0 };
@@ -134,7 +138,7 @@ impl FrameSource for SimBus {
             batch.events.push(BusEvent::Up);
             return Ok(());
         }
-        if self.frames.recv_many(&mut batch.frames, FRAMES_WAITING_MAX).await == 0 {
+        if self.frames.recv_many(&mut batch.frames, BATCH_FRAMES).await == 0 {
             let error = io::Error::other("the simulation's thread has ended");
             return Err(SourceError::Runtime { interface: "sim".to_owned(), error });
         }

@@ -1,5 +1,6 @@
 //! What goes into the engine.
 
+use std::time::Duration;
 use taxel_skin::BusIndex;
 use taxel_wire::TimedFrame;
 
@@ -17,6 +18,9 @@ pub enum Input<'a> {
     Bus(BusIndex, BusNotice),
     /// Time passed: due at [`crate::Engine::next_deadline`], or staleness is seen late.
     Tick,
+    /// The shell could not take frames for so long and takes now what waited: a board that was not heard meanwhile need
+    /// not have been silent.
+    Resumed(Duration),
     /// A command, to be answered with [`Output::Reply`] carrying the same id.
     Command(RequestId, Command),
     /// A fit that was handed out has ended.

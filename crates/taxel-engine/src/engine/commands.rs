@@ -15,7 +15,7 @@ use crate::loads::load::KnownLoad;
 use crate::loads::owner::LOADS_MAX;
 use crate::model_set::ModelSet;
 use crate::now::Now;
-use crate::patch::Patch;
+use crate::patch::owner::Patch;
 use crate::request::{Rejection, RequestId};
 
 /// Targets beyond this are not a vacuum bag's, nor a pressure chamber's for skin.

@@ -21,7 +21,7 @@ use crate::intake::health::{BusNotice, BusState};
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
 use crate::now::Now;
-use crate::patch::{Effects, Intent, Patch};
+use crate::patch::owner::{Effects, Intent, Patch};
 use crate::plan::Plan;
 
 /// Health is shown this soon after something changed; staleness and faults have their own, faster ways out.
@@ -146,6 +146,7 @@ impl Engine {
             Input::Frames(bus, frames) => self.on_frames(now, bus, frames, out),
             Input::Bus(bus, notice) => self.on_bus(now, bus, notice, out),
             Input::Tick => self.tick(now, out),
+            Input::Resumed(_) => self.patches.iter_mut().for_each(Patch::on_frames_lost),
             Input::Command(request, command) => self.on_command(now, request, command, out),
             Input::Fitted(outcome) => self.on_fitted(now, outcome, out),
             Input::Committed { ticket, result } => self.on_committed(now, ticket, result, out),

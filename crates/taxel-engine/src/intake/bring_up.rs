@@ -110,7 +110,7 @@ impl BringUp {
     /// When the next command is due, or the proof must have come.
     #[must_use]
     pub fn deadline(&self) -> Option<Time> {
-        let proof = (self.state == BringUpState::Proving).then_some(self.proof_until);
+        let proof = (self.state == BringUpState::Proving).then(|| self.proof_until + Duration::from_nanos(1));
         self.steps.front().map(|step| step.due).or(proof)
     }
 

@@ -217,7 +217,7 @@ impl Intake {
     #[must_use]
     pub fn deadline(&self) -> Option<Time> {
         let silence = self.assembler.first_silence(self.plan.stale_after);
-        [self.bring_up.deadline(), silence].into_iter().flatten().min()
+        [self.bring_up.deadline(), silence, self.faults.deadline()].into_iter().flatten().min()
     }
 
     /// What the counts of each taxel scatter by at rest, counts (NaN: not known).

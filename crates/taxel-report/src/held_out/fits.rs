@@ -5,7 +5,6 @@ use std::sync::Arc;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::force::Force;
 use taxel_engine::force::owner::ZeroState;
-use taxel_engine::force::{Activation, Evaluator};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_model::{Accumulator, Estimator, FitOptions, FixedPressure, Order, TaxelModel};

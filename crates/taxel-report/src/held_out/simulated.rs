@@ -1,6 +1,5 @@
 //! Calibration length against held-out error on simulated forearms.
 
-use taxel_engine::force::ForceModel;
 use taxel_engine::plan::PatchPlan;
 
 use crate::document::{Axis, Cell, Figure, Line, Point, Table};

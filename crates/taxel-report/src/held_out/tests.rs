@@ -1,6 +1,5 @@
 //! That the simulated scans are what they say, and that the judge judges.
 
-use taxel_engine::force::ForceModel;
 use taxel_model::{Estimator, Order, Status, TaxelModel};
 
 use crate::held_out::fits::{Calibration, Exam, Recipe, judge};
@@ -38,7 +37,6 @@ fn a_ramp_rises_from_rest_and_gauge_and_truth_agree() {
 fn a_calibration_reads_what_it_never_saw_and_a_wrong_one_does_not() {
     let rested = Forearm::new(4).unwrap();
     let plan = rested.plan().unwrap();
-    let parts = ForceParts::new(&plan);
     let mut forearm = rested.clone();
     let rest = forearm.rest();
     let scans = forearm.ramp(70.0, 5.0);
@@ -49,7 +47,7 @@ fn a_calibration_reads_what_it_never_saw_and_a_wrong_one_does_not() {
     let weighings = (forearm.rest(), vec![forearm.weigh(0.5, 100).unwrap()]);
     let exam = Exam { ramp, weighings };
     let recipe = Recipe { estimator: Estimator::PressureBinned, order: Order::Fixed(5) };
-    let score = |models: Vec<TaxelModel>| judge(calibration.model_set(models, &plan), &forearm, &plan, &parts, &exam);
+    let score = |models: Vec<TaxelModel>| judge(calibration.model_set(models, &plan), &forearm, &plan, &exam);
     let models = calibration.fit(&recipe.options(&plan));
     let right = score(models.clone());
     assert!(right.usable > 205, "{right:?}");

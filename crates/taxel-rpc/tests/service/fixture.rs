@@ -7,11 +7,11 @@ use std::time::Duration;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::command::{Command, Reply};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{PatchPlan, Plan, TarePlan};
+use taxel_engine::plan::{LiveLimits, PatchPlan, Plan, TarePlan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Status as ModelStatus, TaxelModel};
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Drain, Limits, Listener, ModelCodec, Publisher, Request, ServeError, serve};
+use taxel_rpc::{Clock, Clocks, Drain, Limits, Listener, ModelCodec, Publisher, Request, ServeError, serve};
 use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time};
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
@@ -22,6 +22,8 @@ use tonic::transport::{Channel, Endpoint};
 pub const FOREARM: &str = "left_forearm";
 pub const HAND: &str = "left_hand";
 pub const TAXELS: usize = 20;
+/// Far from the time after which the engine counts as stalled, so that the two cannot be taken for each other.
+pub const STALE_AFTER: Duration = Duration::from_secs(5);
 
 /// A running server and all its ends.
 pub struct Daemon {
@@ -55,10 +57,11 @@ pub async fn start_with(patches: &[&str], limits: Limits) -> Daemon {
     let plan = Arc::new(Plan { buses: 1, patches: patches.iter().map(|name| patch_plan(name)).collect() });
     let clock = Arc::new(AtomicI64::new(0));
     let reads = Arc::clone(&clock);
-    let now = Arc::new(move || Time::from_nanos(reads.load(Ordering::SeqCst)));
+    let now: Clock = Arc::new(move || Time::from_nanos(reads.load(Ordering::SeqCst)));
+    let clocks = Clocks { run: Arc::clone(&now), process: now };
     let shutdown = CancellationToken::new();
     let codec = ModelCodec { to_json, from_json };
-    let (handle, publisher, requests) = channel(plan, now, codec, shutdown.clone());
+    let (handle, publisher, requests) = channel(plan, clocks, codec, shutdown.clone());
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let server = tokio::spawn(serve(handle, Listener::Tcp(listener), limits));
@@ -78,8 +81,14 @@ impl Daemon {
         self.publisher.as_ref().unwrap()
     }
 
-    /// The run's clock says this from now on.
+    /// The clock says this from now on, and the engine has its turn.
     pub fn set_clock(&self, time: Time) {
+        self.clock.store(time.as_nanos(), Ordering::SeqCst);
+        let _ = self.engine().beat(); // how long it had none concerns the engine alone
+    }
+
+    /// The clock says this from now on, and the engine is stuck.
+    pub fn set_clock_without_a_beat(&self, time: Time) {
         self.clock.store(time.as_nanos(), Ordering::SeqCst);
     }
 
@@ -101,6 +110,7 @@ fn patch_plan(name: &str) -> PatchPlan {
     PatchPlan {
         geometry: Some(Geometry::from_poses(poses)),
         area_uncertainty: 0.0,
+        live: LiveLimits { stale_after: STALE_AFTER, ..LiveLimits::default() },
         tare: TarePlan { duration: Duration::from_secs(2), at_start: false, ..TarePlan::default() },
         ..PatchPlan::new(Patch::new(name, vec![board]).unwrap())
     }

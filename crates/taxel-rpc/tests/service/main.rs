@@ -11,5 +11,6 @@ mod lists;
 mod models;
 mod server;
 mod sessions;
+mod stalls;
 mod streams;
 mod validations;

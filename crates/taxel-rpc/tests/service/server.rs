@@ -6,7 +6,7 @@ use taxel_engine::snapshot::{BusHealth, Health};
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Drain, Limits, Listener, ModelCodec, serve};
+use taxel_rpc::{Clocks, Drain, Limits, Listener, ModelCodec, serve};
 use taxel_skin::Time;
 use tokio::io::AsyncReadExt;
 use tokio::net::TcpStream;
@@ -104,7 +104,8 @@ async fn a_unix_socket_serves_the_same() {
     let plan = Arc::new(taxel_engine::plan::Plan { buses: 0, patches: Vec::new() });
     let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json: |_| Err("not here".to_owned()) };
     let shutdown = tokio_util::sync::CancellationToken::new();
-    let (handle, _publisher, _requests) = channel(plan, Arc::new(Time::default), codec, shutdown.clone());
+    let clocks = Clocks { run: Arc::new(Time::default), process: Arc::new(Time::default) };
+    let (handle, _publisher, _requests) = channel(plan, clocks, codec, shutdown.clone());
     let listener = Listener::Unix(tokio::net::UnixListener::bind(&path).unwrap());
     let server = tokio::spawn(serve(handle, listener, patient()));
     let endpoint = tonic::transport::Endpoint::from_shared(format!("unix:{}", path.display())).unwrap();

@@ -9,8 +9,8 @@ mod parts;
 mod resolve;
 
 pub use file::Config;
+pub use load::load;
 #[cfg(any(feature = "sim", test))]
 pub use load::parse;
-pub use load::load;
 pub use parts::BusSource;
 pub use resolve::{Scene, resolve};

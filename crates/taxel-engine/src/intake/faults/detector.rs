@@ -213,6 +213,15 @@ impl FaultDetector {
         changed
     }
 
+    /// When the next module becomes stale if it is not heard before.
+    #[must_use]
+    pub fn deadline(&self) -> Option<Time> {
+        let limit = Duration::from_secs_f32(self.limits.stale_after_s.clamp(0.0, 1e6)) + Duration::from_millis(1);
+        let is_stale = |module: &ModuleWatch| self.faults(module.taxels.start).contains(Fault::Stale);
+        let heard = self.modules.iter().filter(|module| !is_stale(module)).filter_map(|module| module.heard);
+        heard.min().map(|heard| heard + limit)
+    }
+
     /// The faults of a taxel now; none for an unknown taxel.
     #[must_use]
     pub fn faults(&self, taxel: usize) -> FaultSet {

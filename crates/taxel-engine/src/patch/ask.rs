@@ -1,0 +1,176 @@
+//! What is asked of a patch: zeros, sessions, models and known loads.
+
+use std::sync::Arc;
+
+use crate::calibration::job::FitOutcome;
+use crate::calibration::samples::SessionSamples;
+use crate::calibration::transition::Trigger;
+use crate::calibration::view::SessionView;
+use crate::loads::load::{KnownLoad, Load};
+use crate::loads::owner::LoadRead;
+use crate::loads::validation::Validation;
+use crate::model_set::ModelSet;
+use crate::now::Now;
+use crate::patch::owner::{Effects, Patch};
+use crate::request::{Rejection, RequestId};
+use crate::zero::view::TareView;
+use crate::zero::watch::Purpose;
+
+impl Patch {
+    /// An operator asks for a zero; the answer comes later.
+    ///
+    /// # Errors
+    /// [`Rejection`] while a session takes the zero itself, or while the boards are being configured.
+    pub fn tare(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        confirmed_by: Option<String>,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), Rejection> {
+        self.calibration.refuse_if_open("it takes the zero itself; abort it first")?;
+        if !self.intake.bring_up().is_done() {
+            let why = "the boards are being configured, which takes their zero anew: tare when they are verified";
+            return Err(Rejection::FailedPrecondition(why.to_owned()));
+        }
+        let mut events = Vec::new();
+        self.zero.watch(now.time, Purpose::Operator { request, confirmed_by }, &mut events);
+        self.on_zero_events(now, events, effects);
+        Ok(())
+    }
+
+    /// The zero that was proven for `request` is on disk, or why not. Returns the zero that holds now.
+    ///
+    /// # Errors
+    /// [`Rejection`] if something moved the zero meanwhile.
+    pub fn adopt_zero(&mut self, now: Now, request: RequestId) -> Result<TareView, Rejection> {
+        let view = self.zero.adopt(now, request);
+        let lost = || Rejection::FailedPrecondition(format!("the zero was lost meanwhile: {}", self.zero.reason()));
+        let view = view.ok_or_else(lost)?;
+        self.use_zero();
+        self.dirty = true;
+        Ok(view)
+    }
+
+    /// The zero that was proven for `request` could not be written down.
+    pub fn reject_zero(&mut self, request: RequestId) {
+        self.zero.reject(request);
+    }
+
+    /// Refuses what needs a skin at rest while the bag presses on it.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with the pressure and the limit.
+    pub fn check_vented(&self, now: Now) -> Result<(), Rejection> {
+        let limits = &self.plan.session;
+        // Without a reading the ramp itself waits for the gauge.
+        let Some((time, pressure)) = self.intake.gauge().newest() else { return Ok(()) };
+        if now.time.since(time) > limits.gauge_timeout || pressure <= limits.vented_below {
+            return Ok(());
+        }
+        let (kpa, limit) = (pressure.0, limits.vented_below.0);
+        let why = format!("the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first");
+        Err(Rejection::FailedPrecondition(why))
+    }
+
+    /// Begins a session. The caller has checked that none is open.
+    pub fn start_session(&mut self, now: Now, view: SessionView, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.calibration.start(now, view, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
+    }
+
+    /// Takes up a session of an earlier run.
+    pub fn resume_session(&mut self, now: Now, view: SessionView, samples: SessionSamples) {
+        self.calibration.resume(now, view, samples);
+    }
+
+    /// What an operator asks of the session that the patch holds.
+    ///
+    /// # Errors
+    /// [`Rejection`] if it cannot be in the session's present state, or while the bag presses.
+    pub fn command_session(
+        &mut self,
+        now: Now,
+        command: Trigger,
+        effects: &mut Effects<'_>,
+    ) -> Result<Arc<SessionView>, Rejection> {
+        if command == Trigger::StartRamp {
+            self.check_vented(now)?;
+        }
+        let mut events = Vec::new();
+        self.calibration.command(now, command, self.intake.gauge(), &mut events)?;
+        self.on_calibration_events(now, events, effects);
+        let view = self.calibration.session().cloned();
+        view.map(Arc::new).ok_or_else(|| Rejection::NotFound("session".to_owned()))
+    }
+
+    /// Something from outside changes the state of the session that the patch holds.
+    pub fn trigger_session(&mut self, now: Now, trigger: Trigger, reason: &str, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.calibration.trigger(now, trigger, reason, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
+    }
+
+    /// The fit that its session awaits came back.
+    pub fn on_fitted(&mut self, now: Now, outcome: &FitOutcome, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.calibration.on_fitted(now, &outcome.result, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
+    }
+
+    /// Samples of a session are on disk.
+    pub fn on_durable(&mut self, session: u64, samples: u64) {
+        self.calibration.on_durable(session, samples);
+    }
+
+    /// Another model set is in use from now on.
+    pub fn set_models(&mut self, set: Arc<ModelSet>) {
+        self.intake.expect_noise(&set.baseline);
+        self.zero.on_models(Some(&set));
+        self.force.set_models(set);
+        self.dirty = true;
+    }
+
+    /// Begins to read a known load.
+    ///
+    /// # Errors
+    /// [`Rejection`] if there is no force to read, or the load cannot be.
+    pub fn begin_load(&mut self, now: Now, request: RequestId, load: KnownLoad) -> Result<(), Rejection> {
+        self.calibration.refuse_if_open("finish or abort it first")?;
+        self.check_vented(now)?;
+        let refuse = |why: String| Err(Rejection::FailedPrecondition(why));
+        if self.force.models().is_none() {
+            return refuse("no model set is active: there is no force to compare".to_owned());
+        }
+        if !self.force.is_ready() {
+            return refuse(format!("there is no valid zero: {}", self.zero.reason()));
+        }
+        self.loads.begin(now.time, request, load)
+    }
+
+    /// A load that was read, with all that it depends on.
+    ///
+    /// # Errors
+    /// [`Rejection`] if it could not be read.
+    pub fn complete_load(&self, now: Now, number: u64, read: LoadRead) -> Result<Arc<Load>, Rejection> {
+        let set = self.force.models().map(|set| set.id.clone()).unwrap_or_default();
+        let reading = read.outcome.map_err(Rejection::FailedPrecondition)?;
+        self.loads.complete(now, number, &set, reading).map(Arc::new)
+    }
+
+    /// A load that is on disk.
+    pub fn keep_load(&mut self, load: Arc<Load>) {
+        self.loads.keep(load);
+    }
+
+    /// All known loads, judged; the areas follow the factor where the plan asks for it.
+    pub fn validate(&mut self) -> Validation {
+        let view = self.loads.validation(self.force.models().map(|set| set.id.clone()));
+        if let Some((areas, uncertainty)) = self.loads.apply(&view) {
+            self.force.set_areas(areas, uncertainty);
+            self.dirty = true;
+        }
+        view
+    }
+}

@@ -1,0 +1,97 @@
+//! What the zero and the calibration say of each other's business goes through here, in one match each.
+
+use std::sync::Arc;
+
+use crate::boundary::output::Output;
+use crate::boundary::record::Record;
+use crate::calibration::calibrate::CalibrationEvent;
+use crate::calibration::session::SessionRecord;
+use crate::now::Now;
+use crate::patch::owner::{Effects, Intent, Patch};
+use crate::request::Rejection;
+use crate::zero::holder::ZeroEvent;
+use crate::zero::watch::Purpose;
+
+impl Patch {
+    /// What the zero says goes to whoever depends on it.
+    pub(super) fn on_zero_events(&mut self, now: Now, events: Vec<ZeroEvent>, effects: &mut Effects<'_>) {
+        for event in events {
+            self.dirty = true;
+            let mut follows = Vec::new();
+            let gauge = self.intake.gauge();
+            match event {
+                ZeroEvent::Proven { request, view, baseline } => {
+                    let patch = self.name().to_owned();
+                    let record = Record::Tared { patch, tare: view, baseline };
+                    effects.intents.push(Intent::Zero { request, record });
+                }
+                ZeroEvent::Taken(purpose) => {
+                    self.use_zero();
+                    let baseline = self.zero.baseline().unwrap_or_default().to_vec();
+                    let (patch, tare) = (self.name().to_owned(), self.zero.view());
+                    effects.out.push(Output::Record(Record::Tared { patch, tare, baseline: baseline.clone() }));
+                    if matches!(purpose, Purpose::Session { .. }) {
+                        self.calibration.on_zero_taken(now, baseline, self.intake.gauge(), &mut follows);
+                    }
+                }
+                ZeroEvent::Refused(Purpose::AtStart, why) => self.zero.explain(format!("rest is not proven: {why}")),
+                ZeroEvent::Refused(Purpose::Operator { request, .. }, why) => {
+                    let hint = "if nothing touches the skin, say so with confirmed_by";
+                    let why = Rejection::FailedPrecondition(format!("rest is not proven: {why}; {hint}"));
+                    effects.out.push(Output::Reply(request, Err(why)));
+                }
+                ZeroEvent::Refused(Purpose::Session { .. }, why) => {
+                    self.calibration.on_zero_refused(now, &why, gauge, &mut follows);
+                }
+                ZeroEvent::Lost(why) => {
+                    self.force.set_zero(None);
+                    self.calibration.on_zero_lost(now, &why, gauge, &mut follows);
+                }
+                ZeroEvent::Doubted => {
+                    self.force.move_zero(None);
+                    self.calibration.on_zero_doubted();
+                }
+                ZeroEvent::Moved | ZeroEvent::Cleared => self.force.move_zero(self.zero.zero()),
+            }
+            self.on_calibration_events(now, follows, effects);
+        }
+    }
+
+    pub(super) fn use_zero(&mut self) {
+        self.force.set_zero(self.zero.zero());
+        if let Some(baseline) = self.zero.baseline() {
+            self.intake.expect_noise(baseline);
+        }
+    }
+
+    /// What the calibration wants goes to the zero, to disk and to readers.
+    pub(super) fn on_calibration_events(&mut self, now: Now, events: Vec<CalibrationEvent>, effects: &mut Effects<'_>) {
+        for event in events {
+            match event {
+                CalibrationEvent::WantsZero { confirmed_by } => {
+                    let mut follows = Vec::new();
+                    self.zero.watch(now.time, Purpose::Session { confirmed_by }, &mut follows);
+                    self.on_zero_events(now, follows, effects);
+                }
+                CalibrationEvent::ZeroNotWanted => {
+                    if matches!(self.zero.watching(), Some(Purpose::Session { .. })) {
+                        self.zero.stop_watching();
+                    }
+                }
+                CalibrationEvent::Record(record) => {
+                    let session = self.calibration.session().map_or(0, |view| view.number);
+                    effects.out.push(Output::Record(match record {
+                        SessionRecord::Ramp { ramp, baseline } => Record::Ramp { session, ramp, baseline },
+                        SessionRecord::Sample { index, sample } => Record::Sample { session, index, sample },
+                    }));
+                }
+                CalibrationEvent::Session(view) => {
+                    effects.out.push(Output::Record(Record::Session(Arc::clone(&view))));
+                    effects.out.push(Output::Session(self.index, view));
+                }
+                CalibrationEvent::Progress(view) => effects.out.push(Output::Session(self.index, view)),
+                CalibrationEvent::Fit(job) => effects.out.push(Output::Fit(job)),
+            }
+        }
+    }
+}

@@ -1,0 +1,6 @@
+//! One patch: the organs, and the match over what they return.
+
+mod ask;
+mod events;
+pub mod owner;
+mod publish;

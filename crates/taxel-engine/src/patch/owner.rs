@@ -1,0 +1,272 @@
+//! One patch: it holds the organs, hands each what it needs, and turns what they return into outputs.
+//!
+//! No organ knows another. The order in which a scan goes through them is [`Patch::on_scan`]'s: the zero first, so that
+//! no force is made of a scan that shows that the zero is lost.
+
+use std::sync::Arc;
+use taxel_skin::{Kilopascal, Time};
+use taxel_wire::icub::Refusal;
+use taxel_wire::{Frame, TimedFrame};
+
+use crate::boundary::output::Output;
+use crate::boundary::record::Record;
+use crate::calibration::calibrate::Calibration;
+use crate::force::owner::Force;
+use crate::intake::faults::fault::FaultSet;
+use crate::intake::health::BoardHealth;
+use crate::intake::receive::{Intake, IntakeEvent};
+use crate::loads::load::Load;
+use crate::loads::owner::{LoadRead, Loads};
+use crate::model_set::ModelSet;
+use crate::now::Now;
+use crate::plan::PatchPlan;
+use crate::request::RequestId;
+use crate::zero::holder::{Surroundings, Zero};
+
+/// What must be on disk before it takes effect.
+#[derive(Clone, Debug)]
+pub enum Intent {
+    /// A zero that was proven for an operator.
+    Zero {
+        /// Whom to answer.
+        request: RequestId,
+        /// What is written down.
+        record: Record,
+    },
+    /// A known load that was read, or why not.
+    Load(LoadRead),
+}
+
+/// What a patch puts out in a step.
+pub struct Effects<'a> {
+    /// To be done by the shell.
+    pub out: &'a mut Vec<Output>,
+    /// To be written down first.
+    pub intents: &'a mut Vec<Intent>,
+}
+
+/// One patch.
+#[derive(Debug)]
+pub struct Patch {
+    pub(super) index: usize,
+    pub(super) plan: PatchPlan,
+    pub(super) intake: Intake,
+    pub(super) zero: Zero,
+    pub(super) force: Force,
+    pub(super) calibration: Calibration,
+    pub(super) loads: Loads,
+    pub(super) sequence: u64,
+    /// The faults of each taxel as last published, and the soundness that they belong to.
+    pub(super) faults: (Option<u64>, Arc<[FaultSet]>),
+    /// Something changed that readers must see before the next scan.
+    pub(super) dirty: bool,
+}
+
+impl Patch {
+    /// Nothing heard, nothing sent; `loads` are those of earlier runs.
+    #[must_use]
+    pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>) -> Self {
+        let intake = Intake::new(plan.intake());
+        let regions = intake.regions().clone();
+        Self {
+            index,
+            zero: Zero::new(plan.zero(), regions.clone()),
+            force: Force::new(plan.force()),
+            calibration: Calibration::new(plan.calibration()),
+            loads: Loads::new(plan.loads(), loads),
+            sequence: 0,
+            faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
+            dirty: true,
+            intake,
+            plan,
+        }
+    }
+
+    /// Its plan.
+    #[must_use]
+    pub const fn plan(&self) -> &PatchPlan {
+        &self.plan
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        self.plan.patch.name()
+    }
+
+    /// How many taxels it has.
+    #[must_use]
+    pub fn taxels(&self) -> usize {
+        self.intake.regions().taxels()
+    }
+
+    /// Its calibration.
+    #[must_use]
+    pub const fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    /// The model set in use.
+    #[must_use]
+    pub const fn models(&self) -> Option<&Arc<ModelSet>> {
+        self.force.models()
+    }
+
+    /// How many known loads are kept.
+    #[must_use]
+    pub const fn loads(&self) -> usize {
+        self.loads.count()
+    }
+
+    /// Starts the boards and waits for rest.
+    pub fn start(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.zero.lose("no zero has been taken since start", &mut events);
+        self.on_zero_events(now, events, effects);
+        self.intake.start_bring_up(now.time);
+    }
+
+    /// Configures the boards again: the zero is lost.
+    pub fn bring_up_again(&mut self, now: Now, effects: &mut Effects<'_>) {
+        self.lose_zero(now, "the boards are being configured, which takes their zero anew", effects);
+        self.intake.start_bring_up(now.time);
+    }
+
+    /// Something has moved the zero of the boards.
+    pub fn lose_zero(&mut self, now: Now, why: impl Into<String>, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.zero.lose(why, &mut events);
+        self.on_zero_events(now, events, effects);
+    }
+
+    /// The host lost frames of a bus that boards of this patch sit on.
+    pub fn on_frames_lost(&mut self) {
+        self.intake.on_frames_lost();
+    }
+
+    /// A frame with an identifier of one of this patch's modules.
+    ///
+    /// # Errors
+    /// [`Refusal`] if its content is not a message; the caller counts it.
+    pub fn on_module_frame(
+        &mut self,
+        now: Now,
+        module: usize,
+        frame: &TimedFrame,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), Refusal> {
+        let mut events = Vec::new();
+        self.intake.on_module_frame(module, frame, &mut events)?;
+        self.on_intake_events(now, events, effects);
+        Ok(())
+    }
+
+    /// A frame with another identifier of one of this patch's boards.
+    ///
+    /// # Errors
+    /// [`Refusal`] if its content is not a message; the caller counts it.
+    pub fn on_board_frame(&mut self, board: usize, frame: &Frame) -> Result<(), Refusal> {
+        self.intake.on_board_frame(board, frame)
+    }
+
+    /// A reading of the gauge that this patch's bag has.
+    pub fn on_pressure(&mut self, now: Now, time: Time, pressure: Kilopascal, effects: &mut Effects<'_>) {
+        self.intake.on_pressure(time, pressure);
+        self.advance_session(now, effects);
+    }
+
+    fn on_intake_events(&mut self, now: Now, events: Vec<IntakeEvent>, effects: &mut Effects<'_>) {
+        for event in events {
+            match event {
+                IntakeEvent::Scan => self.on_scan(now, effects),
+                IntakeEvent::BoardDoubted { why, certain: true, .. } => self.lose_zero(now, why, effects),
+                IntakeEvent::BoardDoubted { board, why, certain: false } => {
+                    let mut events = Vec::new();
+                    self.zero.doubt(board, &why, &mut events);
+                    self.on_zero_events(now, events, effects);
+                }
+                IntakeEvent::Changed => self.dirty = true,
+            }
+        }
+    }
+
+    fn on_scan(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        let left_out = self.calibration.session().is_some_and(|view| view.state.is_open() && !view.left_out.is_empty());
+        let around = Surroundings {
+            models: self.force.models().map(Arc::as_ref),
+            boards_ready: self.intake.bring_up().is_done(),
+            session_open: self.calibration.open().is_some(),
+            parts_left_out: left_out,
+            pressing: self.calibration.is_ramping() && !self.pressure_falls(now.time),
+        };
+        self.zero.on_scan(now, &self.intake.scan(), around, &mut events);
+        self.on_zero_events(now, events, effects);
+        self.offer_to_session(now, left_out, effects);
+        self.force.follow(&self.intake.scan());
+        self.publish(now, effects);
+    }
+
+    /// Whether the bag is letting go, so that loads may vanish.
+    fn pressure_falls(&self, now: Time) -> bool {
+        self.intake.gauge().trend(now).is_none_or(|trend| trend.rate_kpa_per_s < -0.5)
+    }
+
+    fn offer_to_session(&mut self, now: Now, left_out: bool, effects: &mut Effects<'_>) {
+        let fresh_within = self.plan.period + self.plan.period / 2;
+        let complete = if left_out {
+            self.intake.is_whole_without(fresh_within, |module| self.calibration.leaves_out(module))
+        } else {
+            self.intake.scan().whole && self.intake.is_whole_without(fresh_within, |_| false)
+        };
+        self.calibration.on_scan(&self.intake.scan(), complete && self.zero.holds());
+        self.advance_session(now, effects);
+    }
+
+    fn advance_session(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        let intake = &self.intake;
+        self.calibration.advance(now, intake.gauge(), || intake.silence(now.time), &mut events);
+        self.on_calibration_events(now, events, effects);
+    }
+
+    /// Time passed.
+    pub fn tick(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let (mut frames, mut events) = (Vec::new(), Vec::new());
+        self.intake.tick(now.time, &mut frames, &mut events);
+        for (board, frame) in frames {
+            effects.out.push(Output::Send(self.plan.patch.boards()[board].bus, frame));
+        }
+        self.on_intake_events(now, events, effects);
+        let mut events = Vec::new();
+        let intake = &self.intake;
+        self.zero.tick(now.time, || intake.silence(now.time), &mut events);
+        self.on_zero_events(now, events, effects);
+        self.advance_session(now, effects);
+        if self.dirty {
+            self.publish(now, effects);
+        }
+        if let Some(read) = self.loads.tick(now.time) {
+            effects.intents.push(Intent::Load(read));
+        }
+        let mut events = Vec::new();
+        self.calibration.show(now.time, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
+    }
+
+    /// When [`Patch::tick`] has something to do at the latest, if nothing comes before.
+    #[must_use]
+    pub fn deadline(&self) -> Option<Time> {
+        if self.dirty {
+            return Some(Time::from_nanos(i64::MIN)); // now
+        }
+        let organs = [self.intake.deadline(), self.zero.deadline(), self.loads.deadline(), self.calibration.deadline()];
+        organs.into_iter().flatten().min()
+    }
+
+    /// One entry per board.
+    #[must_use]
+    pub fn board_health(&self) -> Vec<BoardHealth> {
+        self.intake.board_health()
+    }
+}

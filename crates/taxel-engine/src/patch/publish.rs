@@ -1,0 +1,62 @@
+//! What readers see of a patch.
+
+use std::sync::Arc;
+
+use crate::boundary::output::Output;
+use crate::boundary::snapshot::PatchSnapshot;
+use crate::force::owner::ZeroState;
+use crate::force::taxels::{Basis, ModuleAge, Taxels};
+use crate::now::Now;
+use crate::patch::owner::{Effects, Intent, Patch};
+
+impl Patch {
+    /// Publishes the present state under the next sequence number.
+    pub(super) fn publish(&mut self, now: Now, effects: &mut Effects<'_>) {
+        self.dirty = false;
+        self.sequence += 1;
+        let scan = self.intake.scan();
+        let zero = ZeroState {
+            lacks: if self.zero.holds() { String::new() } else { self.zero.reason() },
+            sigma_counts: self.zero.sigma_counts(),
+            shortcoming: self.zero.shortcoming(),
+            load_vanished: self.zero.load_vanished(),
+        };
+        let measured = self.force.sample(&scan, self.intake.silent_taxels(), &zero);
+        let time = self.intake.newest().unwrap_or_default();
+        let tare = self.zero.view();
+        if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured.sample) {
+            effects.intents.push(Intent::Load(read));
+        }
+        if self.faults.0 != Some(scan.soundness) {
+            self.faults = (Some(scan.soundness), (0..self.taxels()).map(|t| self.intake.faults(t)).collect());
+        }
+        let age_ns = now.time.as_nanos().saturating_sub(time.as_nanos());
+        let snapshot = PatchSnapshot {
+            sequence: self.sequence,
+            time,
+            wall_ns: now.wall_ns.saturating_sub(age_ns),
+            seen: self.intake.newest().is_some(),
+            taxels: self.taxel_states(measured.active),
+            force: measured.sample,
+            tare: Some(tare),
+        };
+        effects.out.push(Output::Patch(self.index, Arc::new(snapshot)));
+    }
+
+    /// What the states of the taxels can be worked out from later: copies of what changes, and what is shared.
+    fn taxel_states(&self, active: Box<[u16]>) -> Taxels {
+        let scan = self.intake.scan();
+        let ages = self.intake.last_heard().zip(scan.silent).map(|(last, &stale)| ModuleAge { last, stale });
+        let (tables, offset_kpa) = self.force.tables().unzip();
+        Taxels::of(Basis {
+            counts: scan.counts.into(),
+            modules: ages.collect(),
+            module_of: Arc::clone(self.intake.regions().module_of()),
+            faults: Arc::clone(&self.faults.1),
+            tables,
+            offset_kpa: offset_kpa.flatten(),
+            active,
+            model_set: self.force.models().cloned(),
+        })
+    }
+}

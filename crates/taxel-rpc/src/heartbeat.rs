@@ -1,0 +1,92 @@
+//! Whether the engine runs: its task notes a time whenever it had its turn, and everybody can see how long ago that was.
+
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::time::Duration;
+use taxel_skin::Time;
+
+use crate::clock::Clock;
+
+/// The engine's task has its turn at least this often, also when nothing happens.
+pub const BEAT_EVERY: Duration = Duration::from_millis(50);
+
+/// An engine that had no turn for longer is stalled: what it published last may not be true any more. Two beats, so
+/// that one late wake-up is no alarm.
+pub const STALLED_AFTER: Duration = Duration::from_millis(100);
+
+/// Before the first turn. Nothing can be published yet, so nothing can be wrong.
+const NEVER: i64 = i64::MIN;
+
+/// The time of the engine's last turn, on the monotonic clock of the process: a replay's own clock runs at any speed.
+pub(crate) struct Heartbeat {
+    clock: Clock,
+    last_ns: AtomicI64,
+}
+
+impl Heartbeat {
+    /// None yet.
+    pub(crate) fn new(clock: Clock) -> Self {
+        Self { clock, last_ns: AtomicI64::new(NEVER) }
+    }
+
+    /// The engine has its turn now. Gives for how long it had none, if it was stalled.
+    pub(crate) fn beat(&self) -> Option<Duration> {
+        let now = (self.clock)();
+        let last_ns = self.last_ns.swap(now.as_nanos(), Ordering::Relaxed);
+        let gap = silence(last_ns, now);
+        (gap > STALLED_AFTER).then_some(gap)
+    }
+
+    /// For how long the engine has not run, if it is stalled.
+    pub(crate) fn stalled_for(&self) -> Option<Duration> {
+        let silence = self.silence();
+        (silence > STALLED_AFTER).then_some(silence)
+    }
+
+    /// How long it takes until the engine is stalled if it does not run before; nothing if it is stalled.
+    pub(crate) fn stalls_in(&self) -> Option<Duration> {
+        STALLED_AFTER.checked_sub(self.silence())
+    }
+
+    fn silence(&self) -> Duration {
+        // Read before the clock: a beat in between would be taken for one of the future, which is no silence either.
+        let last_ns = self.last_ns.load(Ordering::Relaxed);
+        silence(last_ns, (self.clock)())
+    }
+}
+
+fn silence(last_ns: i64, now: Time) -> Duration {
+    if last_ns == NEVER { Duration::ZERO } else { now.since(Time::from_nanos(last_ns)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    fn at() -> (Arc<AtomicI64>, Heartbeat) {
+        let now = Arc::new(AtomicI64::new(0));
+        let reads = Arc::clone(&now);
+        (now, Heartbeat::new(Arc::new(move || Time::from_nanos(reads.load(Ordering::Relaxed) * 1_000_000))))
+    }
+
+    #[test]
+    fn an_engine_is_stalled_when_its_last_turn_is_more_than_100_ms_ago() {
+        let (now_ms, heart) = at();
+        now_ms.store(5_000, Ordering::Relaxed);
+        assert_eq!(heart.stalled_for(), None, "it has not begun yet");
+        assert_eq!(heart.beat(), None);
+        for (ms, stalled_for, stalls_in) in [
+            (5_000, None, Some(100)),
+            (5_060, None, Some(40)),
+            (5_100, None, Some(0)),
+            (5_101, Some(101), None),
+            (11_000, Some(6_000), None),
+        ] {
+            now_ms.store(ms, Ordering::Relaxed);
+            assert_eq!(heart.stalled_for(), stalled_for.map(Duration::from_millis), "at {ms} ms");
+            assert_eq!(heart.stalls_in(), stalls_in.map(Duration::from_millis), "at {ms} ms");
+        }
+        assert_eq!(heart.beat(), Some(Duration::from_secs(6)), "the one that runs again learns how long it was away");
+        assert_eq!((heart.beat(), heart.stalled_for()), (None, None));
+    }
+}

@@ -1,0 +1,165 @@
+//! The driver's turns, one by one, in virtual time.
+
+#![allow(clippy::unwrap_used, clippy::panic)] // clippy exempts only functions that are tests themselves
+
+use super::*;
+use std::path::Path;
+use taxel_engine::command::Command;
+use taxel_rpc::handle::channel;
+use taxel_rpc::{Clocks, Handle, ModelCodec, STALLED_AFTER};
+use taxel_sim::{BoardsConfig, Config, Skin, World};
+use taxel_skin::Time;
+use taxel_wire::{CanId, TimedFrame};
+use tokio::time::{Instant, advance};
+
+use crate::bus::BATCHES_WAITING_MAX;
+use crate::clock::process_clock;
+use crate::config;
+
+const MS: Duration = Duration::from_millis(1);
+const BEGUN: Time = Time::from_nanos(1_700_000_000_000_000_000);
+
+/// A driver with nothing but the test around it.
+struct Bench {
+    driver: Driver,
+    queues: Queues,
+    batches: mpsc::Sender<BusBatch>,
+    commands: mpsc::Sender<Request>,
+    handle: Handle,
+    clock: RunClock,
+    cancel: CancellationToken,
+    _to_send: mpsc::Receiver<Frame>,
+}
+
+impl Bench {
+    /// The forearm of the demo, whose boards send already.
+    fn new() -> Self {
+        let path = Path::new("demo_config.toml");
+        let config = config::parse(path, include_str!("../demo_config.toml")).unwrap();
+        let mut plan = config::resolve(&config, path).unwrap().plan;
+        plan.patches[0].bring_up.clear();
+        let (plan, clock, cancel) = (Arc::new(plan), RunClock::of_log(1.0), CancellationToken::new());
+        clock.start(BEGUN);
+        let now = clock.clone();
+        let clocks = Clocks { run: Arc::new(move || now.now().time), process: Arc::new(process_clock()) };
+        let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json: |_| Err("not here".to_owned()) };
+        let (handle, publisher, _) = channel(Arc::clone(&plan), clocks, codec, cancel.clone());
+        let (tell_done, done) = TellDone::new();
+        let store = Store::in_memory(tell_done.of_store()).unwrap();
+        let (bus, _to_send) = mpsc::channel(64);
+        let (batches, frames) = mpsc::channel(BATCHES_WAITING_MAX);
+        let (commands, requests) = mpsc::channel(16);
+        let restored = Restored::default();
+        let driver = Driver::new(plan, restored, clock.clone(), publisher, (store, tell_done), vec![bus]);
+        let queues = Queues::new(frames, requests, done);
+        Self { driver, queues, batches, commands, handle, clock, cancel, _to_send }
+    }
+
+    async fn turn(&mut self) {
+        assert!(self.driver.turn(&mut self.queues, &self.cancel).await);
+    }
+
+    /// By how much the tick that the engine wants is late; zero if it is not due.
+    fn overdue(&self) -> Duration {
+        self.driver.next_tick().map_or(Duration::ZERO, |due| self.clock.now().time.since(due.max(BEGUN)))
+    }
+
+    /// Hands frames over; false if the queue is full.
+    fn hand_over(&self, frames: Vec<TimedFrame>) -> bool {
+        self.batches.try_send(BusBatch { bus: BusIndex(0), frames, notices: Vec::new() }).is_ok()
+    }
+
+    /// Gives a command that is refused at once; the refusal comes here.
+    fn ask(&self) -> Option<oneshot::Receiver<Reply>> {
+        let (reply, answer) = oneshot::channel();
+        let command = Command::BringUp { patch: "nose".to_owned() };
+        self.commands.try_send(Request { command, reply }).ok().map(|()| answer)
+    }
+}
+
+fn foreign(time: Time) -> TimedFrame {
+    TimedFrame { time, frame: Frame::data(CanId::Standard(0x7FE), &[0; 8]).unwrap() }
+}
+
+#[tokio::test(start_paused = true)]
+async fn under_a_flood_of_frames_and_commands_every_tick_comes_in_time_and_every_command_is_answered() {
+    let mut bench = Bench::new();
+    let mut waiting = Vec::new();
+    for turn in 0..1_000 {
+        while bench.hand_over(vec![foreign(bench.clock.now().time); 64]) {}
+        if turn >= 500 {
+            while let Some(answer) = bench.ask() {
+                waiting.push((turn, answer));
+            }
+        } else if turn % 100 == 50 {
+            waiting.push((turn, bench.ask().unwrap()));
+        }
+        advance(MS).await; // what a batch may take
+        bench.turn().await;
+        assert!(bench.overdue() <= MS, "turn {turn}: the tick is {:?} late", bench.overdue());
+        waiting.retain_mut(|(_, answer)| answer.try_recv().is_err());
+        let late = |asked: i32| if asked < 500 { 2 } else { 2 * 17 };
+        let overdue = waiting.iter().find(|(asked, _)| turn - asked >= late(*asked));
+        assert!(overdue.is_none(), "turn {turn}: asked at {:?} and not answered", overdue.map(|(asked, _)| asked));
+    }
+}
+
+#[tokio::test(start_paused = true)]
+async fn with_nothing_to_do_the_driver_ticks_and_beats_in_time() {
+    let mut bench = Bench::new();
+    bench.turn().await;
+    for turn in 0..200 {
+        let begun = Instant::now();
+        bench.turn().await;
+        assert!(begun.elapsed() <= BEAT_EVERY + MS, "turn {turn} took {:?}", begun.elapsed());
+        assert!(bench.overdue() <= MS, "turn {turn}: the tick is {:?} late", bench.overdue());
+    }
+}
+
+/// The forearm of the demo runs for a second; in the next one the driver may have no turn. Gives how many states were
+/// published for that second, and whether any taxel is silent at its end.
+async fn a_second_after_a_second(frozen: bool) -> (u64, bool) {
+    let mut bench = Bench::new();
+    let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
+    let config = Config { start: BEGUN, boards, ..Config::seeded(1) };
+    let mut world = World::new(Skin::forearm().unwrap(), config).unwrap();
+    // As a bus task does: what does not fit into the queue waits outside.
+    let (to_bus, mut bus) = mpsc::unbounded_channel();
+    let batches = bench.batches.clone();
+    tokio::spawn(async move {
+        while let Some(frames) = bus.recv().await {
+            let batch = BusBatch { bus: BusIndex(0), frames, notices: Vec::new() };
+            assert!(batches.send(batch).await.is_ok());
+        }
+    });
+    let mut before = None;
+    for ms in 1..=2_000 {
+        advance(MS).await;
+        let mut frames = Vec::new();
+        world.advance(BEGUN + ms * MS, &mut frames);
+        // A batch without frames takes the place of a timer: a turn that had to wait would move the clock.
+        let has_turn = ms <= 1_000 || !frozen || ms == 2_000;
+        let handed_over = !frames.is_empty() || (has_turn && bench.overdue() > Duration::ZERO);
+        if handed_over {
+            to_bus.send(frames).unwrap();
+            tokio::task::yield_now().await;
+        }
+        if ms == 1_000 {
+            before = bench.handle.newest(0).map(|newest| newest.sequence);
+        }
+        if handed_over && has_turn {
+            bench.turn().await;
+        }
+    }
+    let newest = bench.handle.newest(0).unwrap();
+    (newest.sequence - before.unwrap(), newest.taxels.iter().any(|taxel| taxel.stale))
+}
+
+#[tokio::test(start_paused = true)]
+async fn after_a_stall_what_came_meanwhile_is_taken_before_any_tick() {
+    assert!(STALLED_AFTER < Duration::from_secs(1));
+    let (running, frozen) = (a_second_after_a_second(false).await, a_second_after_a_second(true).await);
+    // A tick before the frames would publish that all boards are silent: one state more.
+    assert_eq!(frozen, running);
+    assert!(!frozen.1);
+}
