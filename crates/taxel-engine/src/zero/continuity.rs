@@ -57,6 +57,8 @@ const LIKELY: [f64; 2] = [4.9, 13.0];
 const CERTAIN: [f64; 2] = [7.4, 25.0];
 /// Of the load on a board less than this share remains when it vanishes.
 const VANISHED_SHARE: f64 = 0.4;
+/// A load on so many taxels, or fewer, may be their noise.
+const LOAD_TAXELS_MIN: usize = 3;
 /// A load of so many counts in all is worth a doubt.
 const LOAD_MIN_COUNTS: f64 = 12.0;
 
@@ -286,18 +288,20 @@ impl Continuity {
         if self.scans < 8 {
             return false;
         }
-        let before = &self.ring[(self.at + self.ring.len() - 2) % self.ring.len()];
-        let (mut was, mut is) = (0.0, 0.0);
+        // The four scans before the last: the boards' scans are cut anew now and then, and one may be of both.
+        let before = [2, 3, 4, 5].map(|back| &self.ring[(self.at + self.ring.len() - back) % self.ring.len()]);
+        let (mut was, mut is, mut taxels) = (0.0, 0.0, 0);
         for taxel in self.boards[index].taxels.clone() {
             let (sign, zero) = (f64::from(ground.signs[taxel]), ground.zero[taxel].mean);
-            let pressed = |count: u8| sign * (f64::from(count) - zero);
-            let then = pressed(before[taxel]);
+            let pressed = |count: f64| sign * (count - zero);
+            let then = pressed(before.iter().map(|scan| f64::from(scan[taxel])).sum::<f64>() / 4.0);
             if scan.sound[taxel] && self.taxels[taxel].unsound == 0 && then > ground.touched_counts[taxel] {
                 was += then;
-                is += pressed(scan.counts[taxel]).max(0.0);
+                is += pressed(f64::from(scan.counts[taxel])).max(0.0);
+                taxels += 1;
             }
         }
-        was >= LOAD_MIN_COUNTS && is < VANISHED_SHARE * was
+        taxels >= LOAD_TAXELS_MIN && was >= LOAD_MIN_COUNTS && is < VANISHED_SHARE * was
     }
 }
 

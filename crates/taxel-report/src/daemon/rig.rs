@@ -139,16 +139,26 @@ impl Run {
     }
 
     fn step(&mut self, input: Input<'_>) -> anyhow::Result<()> {
-        let (mut out, mut fits) = (Vec::new(), Vec::new());
+        let (mut out, mut fits, mut commits) = (Vec::new(), Vec::new(), Vec::new());
         self.engine.step(at(self.now), input, &mut out);
         for output in out {
             match output {
                 Output::Session(_, view) => self.state = Some(view.state),
-                Output::Record(Record::ModelSet(set)) => self.set = Some(set),
+                Output::Commit { ticket, records } => {
+                    let sets = records.into_iter().filter_map(|record| match record {
+                        Record::ModelSet(set) => Some(set),
+                        _ => None,
+                    });
+                    self.set = sets.last().or(self.set.take());
+                    commits.push(ticket);
+                }
                 Output::Fit(job) => fits.push(job),
                 Output::Reply(_, reply) => drop(reply.map_err(|rejection| anyhow!("{rejection}"))?),
                 _ => {}
             }
+        }
+        for ticket in commits {
+            self.step(Input::Committed { ticket, result: Ok(()) })?;
         }
         fits.into_iter().try_for_each(|job| self.step(Input::Fitted(job.run(content_id))))
     }
