@@ -1,0 +1,123 @@
+//! What a wrong force, or a time without one, may come from.
+
+use std::time::Duration;
+
+use taxel_skin::Time;
+
+use crate::kinds::{Kind, Kinds};
+
+/// What ended so long ago may still show: silence is judged after 150 ms, a power cycle after a second.
+const AFTERMATH: Duration = Duration::from_millis(1500);
+
+/// What goes on, what has just ended, and what a zero or a model set keeps of it.
+#[derive(Debug)]
+pub struct Suspects {
+    begun: Vec<u32>,
+    /// When each kind began last.
+    newest: Vec<Option<Time>>,
+    ended: Vec<Option<Time>>,
+    /// What may have moved the counts since the zero was taken.
+    since_zero: Kinds,
+    /// What went wrong while the models in use were gathered.
+    models: Kinds,
+    /// Why there is no force now; `None` while there is one.
+    blame: Option<Kinds>,
+    /// All that ever happened.
+    pub ever: Kinds,
+}
+
+impl Suspects {
+    pub fn new() -> Self {
+        Self {
+            begun: vec![0; Kind::ALL.len()],
+            newest: vec![None; Kind::ALL.len()],
+            ended: vec![None; Kind::ALL.len()],
+            since_zero: Kinds::default(),
+            models: Kinds::default(),
+            blame: None,
+            ever: Kinds::default(),
+        }
+    }
+
+    pub fn begin(&mut self, kind: Kind, now: Time) {
+        self.begun[kind as usize] += 1;
+        self.newest[kind as usize] = Some(now);
+        self.ever.insert(kind);
+        let harmless = matches!(
+            kind,
+            Kind::GaugeSilent
+                | Kind::GaugeStuck
+                | Kind::GaugeOffset
+                | Kind::GaugeSpikes
+                | Kind::BagLeak
+                | Kind::StoreFails
+        );
+        if kind.is_fault() && !harmless {
+            self.since_zero.insert(kind);
+        }
+    }
+
+    pub fn end(&mut self, kind: Kind, now: Time) {
+        self.begun[kind as usize] = self.begun[kind as usize].saturating_sub(1);
+        self.ended[kind as usize] = Some(now);
+    }
+
+    /// Something that takes no time.
+    pub fn happened(&mut self, kind: Kind, now: Time) {
+        self.begin(kind, now);
+        self.end(kind, now);
+    }
+
+    /// A zero was taken: what went on meanwhile stays in it.
+    pub fn zero_taken(&mut self, now: Time, under: Option<Kind>) {
+        self.since_zero = Kinds::default();
+        let mut kept = self.present(now);
+        Kind::ALL.iter().filter(|kind| !kind.is_fault()).for_each(|kind| kept.remove(*kind));
+        [Kind::BoardsUnderLoad, Kind::ZeroUnderLoad, Kind::ZeroWhileChanging]
+            .into_iter()
+            .for_each(|kind| kept.remove(kind));
+        self.since_zero = kept;
+        if let Some(kind) = under {
+            self.since_zero.insert(kind);
+            self.ever.insert(kind);
+        }
+    }
+
+    /// Models are in use that were gathered under these.
+    pub fn models_of(&mut self, kinds: Kinds) {
+        self.models = kinds;
+    }
+
+    /// What a wrong force may come from now.
+    pub fn present(&self, now: Time) -> Kinds {
+        let mut kinds = self.since_zero.or(self.models);
+        for &kind in Kind::ALL {
+            let (begun, ended) = (self.begun[kind as usize], self.ended[kind as usize]);
+            if begun > 0 || ended.is_some_and(|ended| now < ended + AFTERMATH) {
+                kinds.insert(kind);
+            }
+        }
+        kinds
+    }
+
+    /// The kind that names what it may come from: what zero or models went through, else the newest fault.
+    pub fn principal(&self, kinds: Kinds) -> Option<Kind> {
+        let root = [Kind::BoardsUnderLoad, Kind::ZeroWhileChanging, Kind::ZeroUnderLoad, Kind::LoadInSession];
+        let newest = || kinds.iter().filter(|kind| kind.is_fault()).max_by_key(|kind| self.newest[*kind as usize]);
+        root.into_iter().find(|kind| kinds.has(*kind)).or_else(newest)
+    }
+
+    /// Notes whether there is a force; what its absence comes from, if there is none.
+    pub fn force_is(&mut self, there: bool, now: Time) -> Option<Kinds> {
+        let present = self.present(now);
+        self.blame = match self.blame {
+            _ if there => None,
+            None => Some(present),
+            // What the operator does to have it back is not why it went.
+            Some(blame) => {
+                Some(present.iter().filter(|kind| kind.is_fault()).fold(blame, |all, kind| all.or(Kinds::one(kind))))
+            }
+        };
+        self.blame
+    }
+}
