@@ -49,6 +49,9 @@ impl Mishaps {
             let (_, trouble) = self.under_way.swap_remove(place);
             stage.tell(format!("end of {}", trouble.kind.name()));
             stage.suspects.end(trouble.kind, now);
+            if matches!(trouble.kind, Kind::Glitch | Kind::BoardRetare | Kind::NoAcks | Kind::PowerCycle) {
+                stage.board_zero(trouble.kind);
+            }
             Self::end(stage, &trouble);
         }
     }

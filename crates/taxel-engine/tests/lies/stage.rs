@@ -36,8 +36,6 @@ pub struct Stage {
     active: Option<String>,
     /// What went on while the last session gathered.
     session: Kinds,
-    /// The greatest force under which a board was configured since the last zero, in newton.
-    configured_n: f64,
 }
 
 impl Stage {
@@ -47,7 +45,7 @@ impl Stage {
             house,
             world,
             daemon,
-            suspects: Suspects::new(),
+            suspects: Suspects::new(begin),
             truth: Truth::default(),
             loads: 0,
             begin,
@@ -55,7 +53,6 @@ impl Stage {
             epoch: None,
             active: Some(house.set.id.clone()),
             session: Kinds::default(),
-            configured_n: 0.0,
         }
     }
 
@@ -133,16 +130,21 @@ impl Stage {
     /// The daemon sends to the boards. Configuring one makes what lies there its zero.
     pub fn send(&mut self, frame: &Frame) {
         if let Some((_, BoardCommand::SetTriangles(_))) = BoardCommand::decode(frame) {
-            self.configured_n = self.configured_n.max(self.truth.newest());
+            self.board_zero(Kind::BoardsUnderLoad);
         }
         self.world.send(self.now(), frame);
+    }
+
+    /// A board takes its zero now.
+    pub fn board_zero(&mut self, kind: Kind) {
+        self.suspects.board_zero(kind, self.truth.newest() > LOAD_N);
     }
 
     /// The boards are configured by somebody else.
     pub fn bring_up_by_another(&mut self) {
         self.tell("the robot's own software brings the boards up");
         self.suspects.happened(Kind::BringUp, self.world.now());
-        self.configured_n = self.configured_n.max(self.truth.newest());
+        self.board_zero(Kind::BoardsUnderLoad);
         self.world.bring_up_boards(self.world.now());
     }
 
@@ -160,9 +162,7 @@ impl Stage {
             return;
         }
         let (least, greatest) = self.truth.range(snapshot.time - WATCH, snapshot.time);
-        let configured_n = std::mem::take(&mut self.configured_n);
         let under = match greatest {
-            _ if configured_n > LOAD_N => Some(Kind::BoardsUnderLoad),
             newton if newton <= LOAD_N => None,
             _ if greatest - least > LOAD_N => Some(Kind::ZeroWhileChanging),
             _ => Some(Kind::ZeroUnderLoad),

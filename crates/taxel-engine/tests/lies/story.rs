@@ -18,14 +18,12 @@ use crate::operator::Operator;
 use crate::rig::plan;
 use crate::stage::Stage;
 use crate::store::Store;
-use crate::tally::Tally;
+use crate::tally::{LITTLE_N, Tally};
 use crate::truth::AGE_MAX;
 
 /// Beyond this a sample rests on frames that are older than what the plan calls silent.
 const LATE: Duration = Duration::from_millis(400);
 
-/// Lies by less than this have names of their own, in newton.
-const SMALL_N: f64 = 0.5;
 /// A skin without so large a share of its taxels has names of its own, too: insensitive ones are a twentieth.
 const MANY_EXCLUDED: f64 = 0.2;
 
@@ -159,7 +157,7 @@ impl Story {
                     self.lying = Some(name.clone());
                 }
                 let ok = force.state == ForceState::Ok;
-                self.tally.lie(name, self.seed, ok, lie, || {
+                self.tally.lie(&name, self.seed, ok, lie, || {
                     let mut lines = stage.last_lines(8);
                     lines.push(format!("{:8.2} s  {}", stage.seconds(), reading(snapshot, truth)));
                     lines.join("\n")
@@ -192,7 +190,7 @@ fn name(stage: &Stage, snapshot: &PatchSnapshot, lie: Lie, (least, greatest): (f
         "load rests"
     };
     let way = if lie.too_little { "too little" } else { "too much" };
-    let size = if lie.excess_n < SMALL_N { " by a little" } else { "" };
+    let size = if lie.excess_n < LITTLE_N { " by a little" } else { "" };
     format!("{root}; {load}; {way}{size}{}", if late { "; within 400 ms" } else { "" })
 }
 

@@ -18,6 +18,8 @@ pub struct Suspects {
     ended: Vec<Option<Time>>,
     /// What may have moved the counts since the zero was taken.
     since_zero: Kinds,
+    /// What made a load the zero of a board: its taxels rest beyond the rail, whatever zero the daemon takes.
+    boards: Kinds,
     /// What went wrong while the models in use were gathered.
     models: Kinds,
     /// Why there is no force now; `None` while there is one.
@@ -27,12 +29,16 @@ pub struct Suspects {
 }
 
 impl Suspects {
-    pub fn new() -> Self {
+    /// The daemon has just started, which counts as a restart: its first zero takes its time.
+    pub fn new(now: Time) -> Self {
+        let mut ended = vec![None; Kind::ALL.len()];
+        ended[Kind::Restart as usize] = Some(now);
         Self {
             begun: vec![0; Kind::ALL.len()],
             newest: vec![None; Kind::ALL.len()],
-            ended: vec![None; Kind::ALL.len()],
+            ended,
             since_zero: Kinds::default(),
+            boards: Kinds::default(),
             models: Kinds::default(),
             blame: None,
             ever: Kinds::default(),
@@ -88,9 +94,19 @@ impl Suspects {
         self.models = kinds;
     }
 
+    /// A board has taken its zero, under a load or not. Only a configuration reaches all of them.
+    pub fn board_zero(&mut self, kind: Kind, loaded: bool) {
+        if loaded {
+            self.boards.insert(kind);
+            self.ever.insert(kind);
+        } else if kind == Kind::BoardsUnderLoad {
+            self.boards = Kinds::default();
+        }
+    }
+
     /// What a wrong force may come from now.
     pub fn present(&self, now: Time) -> Kinds {
-        let mut kinds = self.since_zero.or(self.models);
+        let mut kinds = self.since_zero.or(self.models).or(self.boards);
         for &kind in Kind::ALL {
             let (begun, ended) = (self.begun[kind as usize], self.ended[kind as usize]);
             if begun > 0 || ended.is_some_and(|ended| now < ended + AFTERMATH) {

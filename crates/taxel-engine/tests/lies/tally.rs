@@ -10,8 +10,8 @@ use crate::kinds::{Kind, Kinds};
 
 /// Names of lies that a table shows.
 pub const NAMES_SHOWN: usize = 20;
-/// What story names call a little, in newton.
-const LITTLE_N: f64 = 0.5;
+/// Lies by less than this have names of their own, in newton.
+pub const LITTLE_N: f64 = 0.5;
 
 /// Figures of one kind of thing that happens.
 #[derive(Clone, Copy, Debug, Default)]
@@ -36,6 +36,46 @@ pub struct Liars {
     last_seed: Option<u64>,
 }
 
+impl Liars {
+    /// One more; whether it is the worst so far.
+    fn count(&mut self, seed: u64, ok: bool, lie: Lie) -> bool {
+        self.samples += 1;
+        self.ok += u64::from(ok);
+        self.stories += u64::from(self.last_seed.replace(seed) != Some(seed));
+        let worst = lie.excess_n > self.worst_n;
+        if worst {
+            (self.worst_n, self.seed) = (lie.excess_n, seed);
+        }
+        worst
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.samples += other.samples;
+        self.ok += other.ok;
+        self.stories += other.stories;
+        if other.worst_n > self.worst_n {
+            (self.worst_n, self.seed) = (other.worst_n, other.seed);
+            self.example.clone_from(&other.example);
+        }
+    }
+}
+
+/// The lies of each name, those of most stories first.
+fn ranked(liars: &BTreeMap<String, Liars>) -> Vec<(&String, &Liars)> {
+    let mut ranked: Vec<_> = liars.iter().collect();
+    ranked.sort_by_key(|(_, liars)| Reverse((liars.worst_n >= LITTLE_N, liars.stories, liars.samples)));
+    ranked
+}
+
+fn write_liars(f: &mut fmt::Formatter<'_>, title: &str, liars: &[(&String, &Liars)]) -> fmt::Result {
+    writeln!(f, "\n| {title} | stories | samples | of them OK | worst, N beyond | seed |")?;
+    writeln!(f, "|---|---:|---:|---:|---:|---:|")?;
+    for (name, Liars { samples, ok, stories, worst_n, seed, .. }) in liars {
+        writeln!(f, "| {name} | {stories} | {samples} | {ok} | {worst_n:.3} | {seed} |")?;
+    }
+    Ok(())
+}
+
 /// Counts over stories; those of several threads add up.
 #[derive(Clone, Debug)]
 pub struct Tally {
@@ -47,7 +87,9 @@ pub struct Tally {
     pub simulated: Duration,
     pub samples: u64,
     pub lies: u64,
-    pub liars: BTreeMap<String, Liars>,
+    liars: BTreeMap<String, Liars>,
+    /// Those by more than a little, by the first part of their names.
+    roots: BTreeMap<String, Liars>,
     /// Why there was no force in the fault-free time, how long, and in which story last.
     gone: BTreeMap<String, (Duration, u64)>,
 }
@@ -64,6 +106,7 @@ impl Tally {
             samples: 0,
             lies: 0,
             liars: BTreeMap::new(),
+            roots: BTreeMap::new(),
             gone: BTreeMap::new(),
         }
     }
@@ -82,16 +125,15 @@ impl Tally {
         kinds.iter().for_each(|kind| count(&mut self.rows[kind as usize]));
     }
 
-    /// A lie by its name.
-    pub fn lie(&mut self, name: String, seed: u64, ok: bool, lie: Lie, told: impl FnOnce() -> String) {
-        let liars = self.liars.entry(name).or_default();
-        liars.samples += 1;
-        liars.ok += u64::from(ok);
-        if liars.last_seed.replace(seed) != Some(seed) {
-            liars.stories += 1;
+    /// A lie by its name, which begins with what it may come from.
+    pub fn lie(&mut self, name: &str, seed: u64, ok: bool, lie: Lie, told: impl FnOnce() -> String) {
+        let liars = self.liars.entry(name.to_owned()).or_default();
+        if liars.count(seed, ok, lie) {
+            liars.example = told();
         }
-        if lie.excess_n > liars.worst_n {
-            (liars.worst_n, liars.seed, liars.example) = (lie.excess_n, seed, told());
+        if lie.excess_n >= LITTLE_N {
+            let root = name.split(';').next().unwrap_or(name);
+            self.roots.entry(root.to_owned()).or_default().count(seed, ok, lie);
         }
     }
 
@@ -146,14 +188,9 @@ impl Tally {
             let gone = self.gone.entry(name.clone()).or_default();
             *gone = (gone.0 + *span, *seed);
         }
-        for (name, theirs) in &other.liars {
-            let ours = self.liars.entry(name.clone()).or_default();
-            ours.samples += theirs.samples;
-            ours.ok += theirs.ok;
-            ours.stories += theirs.stories;
-            if theirs.worst_n > ours.worst_n {
-                (ours.worst_n, ours.seed) = (theirs.worst_n, theirs.seed);
-                ours.example.clone_from(&theirs.example);
+        for (ours, theirs) in [(&mut self.liars, &other.liars), (&mut self.roots, &other.roots)] {
+            for (name, theirs) in theirs {
+                ours.entry(name.clone()).or_default().add(theirs);
             }
         }
     }
@@ -165,9 +202,7 @@ impl Tally {
 
     /// The names of lies, first those that are more than a little wrong, and among them those of most stories.
     pub fn most_frequent(&self) -> Vec<(&String, &Liars)> {
-        let mut liars: Vec<_> = self.liars.iter().collect();
-        liars.sort_by_key(|(_, liars)| Reverse((liars.worst_n >= LITTLE_N, liars.stories, liars.samples)));
-        liars
+        ranked(&self.liars)
     }
 }
 
@@ -194,12 +229,8 @@ impl fmt::Display for Tally {
         for (reason, (span, seed)) in gone.into_iter().take(5) {
             writeln!(f, "| {reason} | {:.1} | {seed} |", span.as_secs_f64())?;
         }
-        writeln!(f, "\n| lie | stories | samples | of them OK | worst, N beyond | seed |")?;
-        writeln!(f, "|---|---:|---:|---:|---:|---:|")?;
-        for (name, liars) in self.most_frequent().into_iter().take(NAMES_SHOWN) {
-            let Liars { samples, ok, stories, worst_n, seed, .. } = liars;
-            writeln!(f, "| {name} | {stories} | {samples} | {ok} | {worst_n:.3} | {seed} |")?;
-        }
-        Ok(())
+        write_liars(f, &format!("lies by {LITTLE_N} N and more, by what they come from"), &ranked(&self.roots))?;
+        let names = self.most_frequent();
+        write_liars(f, "lie", &names[..names.len().min(NAMES_SHOWN)])
     }
 }
