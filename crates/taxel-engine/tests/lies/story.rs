@@ -171,7 +171,7 @@ impl Story {
 fn name(stage: &Stage, snapshot: &PatchSnapshot, lie: Lie, (least, greatest): (f64, f64), late: bool) -> String {
     let now = stage.now();
     let excluded = f64::from(snapshot.force.excluded) / snapshot.taxels.len() as f64;
-    let root = match stage.suspects.principal(stage.suspects.present(now)) {
+    let root = match stage.suspects.principal(stage.suspects.present(now), now) {
         Some(kind) => kind.name(),
         None if excluded > MANY_EXCLUDED => "no fault, but many taxels excluded",
         None => "no fault",

@@ -9,6 +9,17 @@ use crate::kinds::{Kind, Kinds};
 /// What ended so long ago may still show: silence is judged after 150 ms, a power cycle after a second.
 const AFTERMATH: Duration = Duration::from_millis(1500);
 
+/// A fault that began so long ago and still lasts names a lie before anything else.
+const FRESH: Duration = Duration::from_secs(10);
+
+/// Whether a fault leaves the counts alone: only sessions and the disk see it.
+const fn is_harmless(kind: Kind) -> bool {
+    matches!(
+        kind,
+        Kind::GaugeSilent | Kind::GaugeStuck | Kind::GaugeOffset | Kind::GaugeSpikes | Kind::BagLeak | Kind::StoreFails
+    )
+}
+
 /// What goes on, what has just ended, and what a zero or a model set keeps of it.
 #[derive(Debug)]
 pub struct Suspects {
@@ -49,16 +60,7 @@ impl Suspects {
         self.begun[kind as usize] += 1;
         self.newest[kind as usize] = Some(now);
         self.ever.insert(kind);
-        let harmless = matches!(
-            kind,
-            Kind::GaugeSilent
-                | Kind::GaugeStuck
-                | Kind::GaugeOffset
-                | Kind::GaugeSpikes
-                | Kind::BagLeak
-                | Kind::StoreFails
-        );
-        if kind.is_fault() && !harmless {
+        if kind.is_fault() && !is_harmless(kind) {
             self.since_zero.insert(kind);
         }
     }
@@ -116,11 +118,19 @@ impl Suspects {
         kinds
     }
 
-    /// The kind that names what it may come from: what zero or models went through, else the newest fault.
-    pub fn principal(&self, kinds: Kinds) -> Option<Kind> {
+    /// The kind that names what it may come from: a fault that has just begun, else what zero or models went through,
+    /// else the newest fault.
+    pub fn principal(&self, kinds: Kinds, now: Time) -> Option<Kind> {
         let root = [Kind::BoardsUnderLoad, Kind::ZeroWhileChanging, Kind::ZeroUnderLoad, Kind::LoadInSession];
-        let newest = || kinds.iter().filter(|kind| kind.is_fault()).max_by_key(|kind| self.newest[*kind as usize]);
-        root.into_iter().find(|kind| kinds.has(*kind)).or_else(newest)
+        let newest = |kinds: &mut dyn Iterator<Item = Kind>| kinds.max_by_key(|kind| self.newest[*kind as usize]);
+        let faults = || kinds.iter().filter(|kind| kind.is_fault() && !root.contains(kind));
+        let fresh = |kind: &Kind| {
+            let began = self.newest[*kind as usize].is_some_and(|began| now < began + FRESH);
+            began && self.begun[*kind as usize] > 0 && !is_harmless(*kind)
+        };
+        newest(&mut faults().filter(fresh))
+            .or_else(|| root.into_iter().find(|kind| kinds.has(*kind)))
+            .or_else(|| newest(&mut faults()))
     }
 
     /// Notes whether there is a force; what its absence comes from, if there is none.

@@ -51,7 +51,7 @@ enum Event {
 pub struct FrameCounts {
     /// Frames that the receiver got.
     pub received: u64,
-    /// Frames that went over the wire and were lost at the receiver ([`Fault::FramesLost`]).
+    /// Frames that went over the wire and were lost at the receiver ([`crate::Fault::FramesLost`]).
     pub lost: u64,
     /// Frames that never left their sender because the bus was full, or that a dying sender took along.
     pub unsent: u64,
