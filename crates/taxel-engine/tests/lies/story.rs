@@ -189,7 +189,11 @@ fn name(stage: &Stage, snapshot: &PatchSnapshot, lie: Lie, (least, greatest): (f
     } else {
         "load rests"
     };
-    let way = if lie.too_little { "too little" } else { "too much" };
+    let way = match lie.too_little {
+        true if snapshot.force.active == 0 => "reads nothing",
+        true => "too little",
+        false => "too much",
+    };
     let size = if lie.excess_n < LITTLE_N { " by a little" } else { "" };
     format!("{root}; {load}; {way}{size}{}", if late { "; within 400 ms" } else { "" })
 }
