@@ -67,11 +67,20 @@ pub(crate) struct Bag {
     rate_kpa_per_s: f64,
     /// Where the ramp is now.
     reference_kpa: f64,
+    /// Time constant of a leak that the bag was not made with, in seconds.
+    pub(crate) fault_leak_s: Option<f64>,
 }
 
 impl Bag {
     pub(crate) fn new(config: BagConfig) -> Self {
-        Self { config, command: PumpCommand::Off, pressure_kpa: 0.0, rate_kpa_per_s: 0.0, reference_kpa: 0.0 }
+        Self {
+            config,
+            command: PumpCommand::Off,
+            pressure_kpa: 0.0,
+            rate_kpa_per_s: 0.0,
+            reference_kpa: 0.0,
+            fault_leak_s: None,
+        }
     }
 
     /// Takes effect at the next point of the grid.
@@ -83,7 +92,7 @@ impl Bag {
     /// One step of the grid.
     pub(crate) fn step(&mut self) {
         self.pressure_kpa = self.pressure_after(STEP_S);
-        let leak = -self.pressure_kpa / self.config.leak_s;
+        let leak = -self.pressure_kpa / self.fault_leak_s.unwrap_or(self.config.leak_s);
         self.rate_kpa_per_s = match self.command {
             PumpCommand::Off => leak,
             PumpCommand::Vent => -self.pressure_kpa / self.config.vent_s,
@@ -146,6 +155,19 @@ mod tests {
         assert!((leaked / full - (-0.1_f64).exp()).abs() < 0.001, "{full} -> {leaked}");
         bag.command(PumpCommand::Vent);
         assert!(run(&mut bag, 10.0) < 0.001);
+    }
+
+    #[test]
+    fn a_fault_leaks_faster_until_it_is_mended() {
+        let mut bag = Bag::new(BagConfig::default());
+        bag.command(ramp(60.0, 10.0));
+        let full = run(&mut bag, 10.0);
+        bag.command(PumpCommand::Off);
+        bag.fault_leak_s = Some(4.0);
+        let leaked = run(&mut bag, 4.0);
+        assert!((leaked / full - (-1.0_f64).exp()).abs() < 0.01, "{full} -> {leaked}");
+        bag.fault_leak_s = None;
+        assert!(run(&mut bag, 4.0) > 0.98 * leaked);
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! A skin board: its firmware's states, commands and clock.
 
-use crate::converter::{Arithmetic, Converter, Surroundings};
+use crate::converter::{Arithmetic, Converter, Reading, Surroundings};
 use crate::dielectric::{Fabric, LSB_PER_COUNT};
+use crate::faults::ForeignScan;
 use crate::rng::{Rng, Stream};
 use std::time::Duration;
 use taxel_skin::{BoardAddress, Module, ModuleKind, Time, VALUES_PER_MODULE};
@@ -98,6 +99,10 @@ pub(crate) struct Board {
     no_acks: u8,
     pub(crate) powered: bool,
     pub(crate) silent: bool,
+    /// It hangs until then.
+    pub(crate) hung_until: Option<Time>,
+    /// A period in milliseconds that it was not told.
+    pub(crate) other_period_ms: Option<u8>,
     /// Nominal time over the time of this board's clock.
     clock: f64,
     phase: f64,
@@ -149,6 +154,8 @@ impl Board {
             no_acks: 0,
             powered: true,
             silent: false,
+            hung_until: None,
+            other_period_ms: None,
             clock,
             phase: clock_rng.uniform(),
             thermometer_s: 0,
@@ -169,9 +176,16 @@ impl Board {
         board
     }
 
+    /// Noise and residues of tares are drawn from another seed from now on.
+    pub(crate) fn reseed(&mut self, seed: u64, index: usize) {
+        self.noise = Rng::new(seed, Stream::Conversion(index));
+        self.tares = Rng::new(seed, Stream::Tare(index));
+        self.faults = Rng::new(seed, Stream::BoardFault(index));
+    }
+
     /// Carries out a command; the answer, if the command has one. Commands to a board without power are lost.
     pub(crate) fn command(&mut self, now: Time, command: Command) -> Option<Message> {
-        if !self.powered || self.silent {
+        if !self.speaks() {
             return None;
         }
         match command {
@@ -226,8 +240,8 @@ impl Board {
     }
 
     /// The time between scans on the run's clock.
-    fn period(&self) -> Duration {
-        let ms = u64::from(self.config.period_ms.max(1));
+    pub(crate) fn period(&self) -> Duration {
+        let ms = u64::from(self.other_period_ms.unwrap_or(self.config.period_ms).max(1));
         let nominal = match self.kind {
             BoardKind::Mtb4 => Duration::from_millis(ms),
             // A 16-bit timer at 312.5 ticks a millisecond.
@@ -245,7 +259,7 @@ impl Board {
         let period = self.local(CONVERSION);
         self.next_conversion = self.next_conversion + period;
         let around = Surroundings { pressures_kpa, temperature_k, elapsed_s: period.as_secs_f64() };
-        for slot in &mut self.slots {
+        for slot in self.slots.iter_mut().filter(|slot| !slot.converter.dots.is_empty()) {
             let tare = self.tare_pending.then_some((&mut self.tares, self.residue_lsb));
             slot.converter.convert(&around, slot.cdc_offset, &mut self.noise, &mut self.faults, tare);
         }
@@ -258,27 +272,52 @@ impl Board {
         if !self.zeroed {
             return;
         }
-        let compensates = matches!(self.config.kind, 0 | 8);
         for number in 0..MODULES as u8 {
-            let slot = &self.slots[usize::from(number)];
-            if !slot.enabled || slot.converter.ailments.silent {
-                continue;
-            }
-            let reading = slot.converter.reading(Arithmetic {
-                no_load: self.config.no_load,
-                shift: slot.shift,
-                cdc_offset: slot.cdc_offset,
-                drift_gain: if compensates { i32::from(self.drift_gain) } else { 0 },
-            });
+            let Some(reading) = self.reading(number) else { continue };
             self.no_acks += u8::from(reading.no_ack());
             if self.no_acks >= NO_ACKS_BEFORE_RETARE {
                 self.retare();
             }
-            let (board, module) = (self.address, Module::from_nibble(number));
-            let [v0, v1, v2, v3, v4, v5, v6, tail @ ..] = reading.values;
-            send(Message::Head { board, module, values: [v0, v1, v2, v3, v4, v5, v6] }.encode());
-            send(Message::Tail { board, module, values: tail, status: StatusWord(reading.status) }.encode());
+            self.frames_of(number, reading.values, reading.status).into_iter().for_each(&mut send);
         }
+    }
+
+    /// What the firmware would send of an enabled module now.
+    fn reading(&self, number: u8) -> Option<Reading> {
+        let compensates = matches!(self.config.kind, 0 | 8);
+        let slot = &self.slots[usize::from(number)];
+        let arithmetic = Arithmetic {
+            no_load: self.config.no_load,
+            shift: slot.shift,
+            cdc_offset: slot.cdc_offset,
+            drift_gain: if compensates { i32::from(self.drift_gain) } else { 0 },
+        };
+        (slot.enabled && !slot.converter.ailments.silent).then(|| slot.converter.reading(arithmetic))
+    }
+
+    /// Head and tail.
+    fn frames_of(&self, number: u8, values: [u8; VALUES_PER_MODULE], status: u16) -> [Frame; 2] {
+        let (board, module) = (self.address, Module::from_nibble(number));
+        let [v0, v1, v2, v3, v4, v5, v6, tail @ ..] = values;
+        [
+            Message::Head { board, module, values: [v0, v1, v2, v3, v4, v5, v6] }.encode(),
+            Message::Tail { board, module, values: tail, status: StatusWord(status) }.encode(),
+        ]
+    }
+
+    /// The frames of a scan that somebody else makes up.
+    pub(crate) fn pretended(&self, sends: ForeignScan) -> Vec<Frame> {
+        let scan = |number: u8| {
+            let values = self.reading(number)?.values;
+            let values = match sends {
+                ForeignScan::Level(value) => [value; VALUES_PER_MODULE],
+                ForeignScan::Shifted(counts) => {
+                    values.map(|v| (i16::from(v).saturating_add(counts)).clamp(0, 255) as u8)
+                }
+            };
+            Some(self.frames_of(number, values, 0))
+        };
+        (0..MODULES as u8).filter_map(scan).flatten().collect()
     }
 
     /// The thermometer's frame; plans the next.
@@ -294,7 +333,22 @@ impl Board {
         self.tare_pending = true;
     }
 
+    /// Says and hears nothing until then.
+    pub(crate) const fn hang(&mut self, until: Time) {
+        if self.powered {
+            self.hung_until = Some(until);
+        }
+    }
+
+    /// Goes on with the settings it had and a fresh zero.
+    pub(crate) const fn recover(&mut self) {
+        self.hung_until = None;
+        self.retare();
+        self.zeroed = false;
+    }
+
     pub(crate) fn power_off(&mut self, back_at: Time) {
+        self.hung_until = None;
         (self.powered, self.streaming) = (false, false);
         (self.next_scan, self.next_thermometer, self.thermometer_s) = (None, None, 0);
         self.power_on_at = Some(back_at);
@@ -319,7 +373,7 @@ impl Board {
 
     /// Whether the board's frames reach the bus.
     pub(crate) const fn speaks(&self) -> bool {
-        self.powered && !self.silent
+        self.powered && !self.silent && self.hung_until.is_none()
     }
 
     /// What a sender does whose queue is full: the third generation throws it away and says so.

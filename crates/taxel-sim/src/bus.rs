@@ -31,11 +31,6 @@ pub(crate) struct Bus {
     transfer: Option<Transfer>,
     free: Time,
     rng: Rng,
-    loss: Rng,
-    /// Chance that the receiver loses a frame.
-    pub(crate) loss_probability: f64,
-    /// Frames on the wire that the receiver lost.
-    pub(crate) frames_lost: u64,
 }
 
 impl Bus {
@@ -45,10 +40,11 @@ impl Bus {
             transfer: None,
             free: start,
             rng: Rng::new(seed, Stream::Bus),
-            loss: Rng::new(seed, Stream::Loss),
-            loss_probability: 0.0,
-            frames_lost: 0,
         }
+    }
+
+    pub(crate) fn reseed(&mut self, seed: u64) {
+        self.rng = Rng::new(seed, Stream::Bus);
     }
 
     /// Queues a frame; false if the sender's queue is full, and then the frame is not taken.
@@ -85,7 +81,7 @@ impl Bus {
         }
     }
 
-    /// Starts or ends a frame at `now`, which must be [`Self::next`]. A frame counts as received at its end.
+    /// Starts or ends a frame at `now`, which must be [`Self::next`]. A frame is on the wire until its end.
     pub(crate) fn step(&mut self, now: Time) -> Option<TimedFrame> {
         let Some(Transfer { port, frame, end }) = self.transfer.take() else {
             self.start(now);
@@ -96,10 +92,6 @@ impl Bus {
         // The firmware hands one frame at a time to its controller, so others get their turn in between.
         sender.ready = end + Duration::from_nanos(self.rng.between(4_000.0, 11_000.0) as u64);
         self.free = end;
-        if self.loss_probability > 0.0 && self.loss.chance(self.loss_probability) {
-            self.frames_lost += 1;
-            return None;
-        }
         Some(TimedFrame { time: end, frame })
     }
 

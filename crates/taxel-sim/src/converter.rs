@@ -37,7 +37,43 @@ pub(crate) struct Ailments {
     pub(crate) unplugged: bool,
     pub(crate) no_ack: bool,
     pub(crate) flicker: Option<Flicker>,
-    pub(crate) frozen: [bool; VALUES_PER_MODULE],
+    pub(crate) taxels: [Option<Box<TaxelAilment>>; VALUES_PER_MODULE],
+}
+
+/// What ails a single taxel.
+#[derive(Clone, Debug)]
+pub(crate) enum TaxelAilment {
+    /// It keeps its last reading.
+    Frozen,
+    /// It sends always the same value.
+    Stuck(u8),
+    /// It has more noise than it was made with.
+    Noisy {
+        /// Standard deviation in converter bits.
+        sd_lsb: f64,
+        /// Where the noise comes from.
+        rng: Rng,
+    },
+    /// It reads the upper rail now and then.
+    Flicker {
+        /// Chance at each conversion.
+        probability: f64,
+        /// Whether it does at present.
+        on: bool,
+        /// What decides.
+        rng: Rng,
+    },
+}
+
+impl TaxelAilment {
+    /// What goes out instead of the reading.
+    const fn sends(&self) -> Option<u8> {
+        match self {
+            Self::Stuck(value) => Some(*value),
+            Self::Flicker { on: true, .. } => Some(255),
+            _ => None,
+        }
+    }
 }
 
 /// How the firmware turns a reading into the byte it sends.
@@ -117,10 +153,17 @@ impl Converter {
         for (slot, dot) in self.dots.iter().enumerate() {
             // A jump of the pad too would be compensated away by the firmware.
             let jump = if matches!(dot.sense, Sense::Pad) { 0.0 } else { jump };
-            if !self.ailments.frozen[slot] {
-                // The converter saturates at both ends; the cast does too.
-                self.cdc[slot] = (offset + signal[slot] - self.zero_lsb[slot] + jump).round() as u16;
-            }
+            let extra = match self.ailments.taxels[slot].as_deref_mut() {
+                Some(TaxelAilment::Frozen) => continue,
+                Some(TaxelAilment::Noisy { sd_lsb, rng }) => *sd_lsb * rng.normal(),
+                Some(TaxelAilment::Flicker { probability, on, rng }) => {
+                    *on = rng.chance(*probability);
+                    0.0
+                }
+                Some(TaxelAilment::Stuck(_)) | None => 0.0,
+            };
+            // The converter saturates at both ends; the cast does too.
+            self.cdc[slot] = (offset + signal[slot] - self.zero_lsb[slot] + jump + extra).round() as u16;
         }
         if tared && self.has_reference {
             self.reference = i32::from(self.cdc[REFERENCE_SLOT]);
@@ -143,7 +186,13 @@ impl Converter {
         for slot in 0..VALUES_PER_MODULE {
             let is_pad = self.has_reference && matches!(slot, REFERENCE_SLOT | 10);
             // A frozen taxel is stuck on the wire too, where the pad's noise would still move it by a count.
-            let drift = if is_pad || self.ailments.frozen[slot] { 0 } else { drift };
+            let ailment = self.ailments.taxels[slot].as_deref();
+            if let Some(value) = ailment.and_then(TaxelAilment::sends) {
+                reading.values[slot] = value;
+                continue;
+            }
+            let frozen = matches!(ailment, Some(TaxelAilment::Frozen));
+            let drift = if is_pad || frozen { 0 } else { drift };
             let deviation = (i32::from(raw(slot)) - offset - drift) >> arithmetic.shift.min(15);
             reading.values[slot] = (no_load - deviation).clamp(0, 255) as u8;
             if deviation > 2 * no_load || deviation < -2 * (255 - no_load) {

@@ -103,8 +103,12 @@ pub(crate) struct Dielectric {
     pressure_kpa: f64,
     /// Sense of motion that the friction remembers, -1 to 1.
     sense: f64,
+    /// Strain of the spring at the last step.
+    strain: f64,
     /// The part of the strain that lags behind.
     crept: f64,
+    /// Time between steps in seconds, and the share of its way that the creep goes in it.
+    creep_step: (f64, f64),
 }
 
 impl Dielectric {
@@ -112,16 +116,20 @@ impl Dielectric {
     pub(crate) fn press(&mut self, pressure_kpa: f64, elapsed_s: f64) -> f64 {
         let memory = self.memory;
         let step = pressure_kpa - self.pressure_kpa;
+        // Most steps bring no change: the powers are worked out only for those that do.
         if step != 0.0 {
             let towards = step.signum();
             self.sense = towards + (self.sense - towards) * (-step.abs() / memory.reach_kpa).exp();
             self.pressure_kpa = pressure_kpa;
+            self.strain = self.strain(pressure_kpa * (1.0 - memory.friction * self.sense));
         }
-        let strain = self.strain(pressure_kpa * (1.0 - memory.friction * self.sense));
         if memory.creep_share > 0.0 {
-            self.crept += (strain - self.crept) * -(-elapsed_s / memory.creep_s).exp_m1();
+            if elapsed_s != self.creep_step.0 {
+                self.creep_step = (elapsed_s, -(-elapsed_s / memory.creep_s).exp_m1());
+            }
+            self.crept += (self.strain - self.crept) * self.creep_step.1;
         }
-        let total = strain + memory.creep_share * (self.crept - strain);
+        let total = self.strain + memory.creep_share * (self.crept - self.strain);
         self.gain_lsb * total / (1.0 - total)
     }
 
@@ -210,7 +218,9 @@ impl<'a> Fabric<'a> {
             },
             pressure_kpa: 0.0,
             sense: 0.0,
+            strain: 0.0,
             crept: 0.0,
+            creep_step: (0.0, 0.0),
         };
         let noise_counts = rng.between(config.noise_counts[0], config.noise_counts[1]);
         self.dot(Sense::Taxel(index, dielectric), noise_counts, config.tare_bias_counts)

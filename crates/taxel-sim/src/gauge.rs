@@ -52,13 +52,23 @@ pub(crate) struct Gauge {
     pub(crate) next: Time,
     pub(crate) silent: bool,
     pub(crate) stuck: bool,
+    /// By how much it reads too much, in kPa.
+    pub(crate) jump_kpa: f64,
+    /// Chance that a reading is far off, and how far in kPa.
+    pub(crate) spikes: Option<(f64, f64)>,
+    spike_rng: Rng,
 }
 
 impl Gauge {
     pub(crate) fn new(config: GaugeConfig, seed: u64, start: Time) -> Self {
         let mut rng = Rng::new(seed, Stream::Gauge);
         let next = start + config.period.mul_f64(rng.uniform());
-        Self { config, rng, last: None, next, silent: false, stuck: false }
+        let spike_rng = Rng::new(seed, Stream::GaugeFault);
+        Self { config, rng, last: None, next, silent: false, stuck: false, jump_kpa: 0.0, spikes: None, spike_rng }
+    }
+
+    pub(crate) fn reseed(&mut self, seed: u64) {
+        (self.rng, self.spike_rng) = (Rng::new(seed, Stream::Gauge), Rng::new(seed, Stream::GaugeFault));
     }
 
     /// Reads now and plans the next reading. `None` when silent, or when the signal cannot hold the value: a transmitter
@@ -67,7 +77,12 @@ impl Gauge {
         self.next = self.next + self.config.period;
         // Drawn in any case, so that a fault shifts no later noise.
         let noise = self.config.noise_kpa * self.rng.normal();
-        let shown = pressure_kpa * (1.0 + self.config.gain_error) + self.config.offset_kpa + noise;
+        let spike = match self.spikes {
+            Some((probability, kpa)) if self.spike_rng.chance(probability) => kpa,
+            _ => 0.0,
+        };
+        let wrong = self.jump_kpa + spike;
+        let shown = pressure_kpa * (1.0 + self.config.gain_error) + self.config.offset_kpa + noise + wrong;
         if !self.stuck || self.last.is_none() {
             self.last = self.config.signal.encode(Kilopascal(shown)).ok();
         }
@@ -101,5 +116,23 @@ mod tests {
         assert_eq!(gauge.read(20.0), None);
         gauge = Gauge { silent: false, stuck: false, ..gauge };
         assert_ne!(gauge.read(20.0), first);
+    }
+
+    #[test]
+    fn a_jump_and_spikes_leave_the_other_readings_as_they_were() {
+        let config = GaugeConfig::default();
+        let (mut sound, mut wrong) =
+            (Gauge::new(config.clone(), 5, Time::default()), Gauge::new(config, 5, Time::default()));
+        wrong.jump_kpa = 2.0;
+        wrong.spikes = Some((0.2, -5.0));
+        let mut read = |kpa: f64| {
+            let [a, b] =
+                [sound.read(kpa), wrong.read(kpa)].map(|frame| sound.config.signal.decode(&frame.unwrap()).unwrap().0);
+            b - a
+        };
+        let offs: Vec<f64> = (0..500).map(|_| read(30.0)).collect();
+        let spikes = offs.iter().filter(|off| (**off + 3.0).abs() < 0.01).count();
+        assert!((60..140).contains(&spikes), "{spikes} of 500");
+        assert_eq!(offs.iter().filter(|off| (**off - 2.0).abs() < 0.01).count(), 500 - spikes);
     }
 }

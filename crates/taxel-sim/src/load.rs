@@ -86,21 +86,30 @@ impl Mass {
         }
         let (poses, taxel) = (skin.poses(), self.footprint.centre.0);
         let centre = poses.get(usize::from(taxel)).ok_or(LoadError::Taxel { taxel, taxels: poses.len() })?;
+        Ok(self.spread(skin, centre.unrolled_mm))
+    }
+
+    /// The same with its centre anywhere on the unrolled surface. Where it covers no taxel, the nearest one bears all.
+    pub(crate) fn spread(&self, skin: &Skin, centre_mm: [f64; 2]) -> Vec<(usize, f64)> {
+        let ([a, b], poses) = (self.footprint.semi_axes_mm, skin.poses());
         let (sine, cosine) = self.footprint.turn.sin_cos();
-        let covered: Vec<(usize, f64)> = poses
-            .iter()
-            .enumerate()
-            .filter_map(|(index, pose)| {
-                let dx = pose.unrolled_mm[0] - centre.unrolled_mm[0];
-                let dy = pose.unrolled_mm[1] - centre.unrolled_mm[1];
-                let square = ((cosine * dx + sine * dy) / a).powi(2) + ((cosine * dy - sine * dx) / b).powi(2);
-                (square < 1.0).then(|| (index, (1.0 - square).sqrt()))
-            })
-            .collect();
-        // The centre itself has weight 1, so the sum is never 0.
+        let away = |index: usize| {
+            let [x, y] = poses[index].unrolled_mm;
+            let (dx, dy) = (x - centre_mm[0], y - centre_mm[1]);
+            ((cosine * dx + sine * dy) / a).powi(2) + ((cosine * dy - sine * dx) / b).powi(2)
+        };
+        let inside = |index: usize| {
+            let square = away(index);
+            (square < 1.0).then(|| (index, (1.0 - square).sqrt()))
+        };
+        let mut covered: Vec<(usize, f64)> = (0..poses.len()).filter_map(inside).collect();
+        if covered.is_empty() {
+            let nearest = (0..poses.len()).min_by(|&i, &j| away(i).total_cmp(&away(j)));
+            covered.extend(nearest.map(|index| (index, 1.0)));
+        }
         let total: f64 = covered.iter().map(|(_, weight)| weight).sum();
         let kpa_per_weight = self.weight().0 / (total * skin.taxel_area().0 * 1e-3);
-        Ok(covered.into_iter().map(|(index, weight)| (index, weight * kpa_per_weight)).collect())
+        covered.into_iter().map(|(index, weight)| (index, weight * kpa_per_weight)).collect()
     }
 }
 

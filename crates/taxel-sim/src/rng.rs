@@ -28,6 +28,16 @@ pub(crate) enum Stream {
     Bus,
     /// Frames that the receiver loses.
     Loss,
+    /// Frames that the receiver gets twice.
+    Duplicates,
+    /// Frames that the receiver gets too late.
+    Swaps,
+    /// Faults of a taxel.
+    TaxelFault(usize),
+    /// Faults of the gauge.
+    GaugeFault,
+    /// Phase of a foreign node with a board's identifiers.
+    Foreign(usize),
 }
 
 impl Stream {
@@ -42,6 +52,11 @@ impl Stream {
             Self::Gauge => (7, 0),
             Self::Bus => (8, 0),
             Self::Loss => (9, 0),
+            Self::Duplicates => (10, 0),
+            Self::Swaps => (11, 0),
+            Self::TaxelFault(n) => (12, n),
+            Self::GaugeFault => (13, 0),
+            Self::Foreign(n) => (14, n),
         };
         (part << 32) | index as u64
     }

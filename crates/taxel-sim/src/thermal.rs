@@ -28,22 +28,61 @@ impl Default for ThermalConfig {
 pub(crate) struct Temperature {
     config: ThermalConfig,
     phase: f64,
+    warmings: Vec<Warming>,
+}
+
+/// A linear change on top of the course.
+#[derive(Clone, Copy, Debug)]
+struct Warming {
+    kelvin: f64,
+    /// In seconds after the start.
+    begin_s: f64,
+    over_s: f64,
+}
+
+impl Warming {
+    fn rise_k(&self, seconds: f64) -> f64 {
+        let passed_s = seconds - self.begin_s;
+        if passed_s >= self.over_s { self.kelvin } else { self.kelvin * (passed_s / self.over_s).max(0.0) }
+    }
 }
 
 impl Temperature {
     pub(crate) fn new(config: ThermalConfig, seed: u64) -> Self {
-        Self { config, phase: TAU * Rng::new(seed, Stream::Temperature).uniform() }
+        Self { config, phase: TAU * Rng::new(seed, Stream::Temperature).uniform(), warmings: Vec::new() }
+    }
+
+    /// From `begin_s` after the start on it becomes warmer by so many kelvin within `over_s`.
+    pub(crate) fn warm(&mut self, kelvin: f64, begin_s: f64, over_s: f64) {
+        self.warmings.push(Warming { kelvin, begin_s, over_s });
     }
 
     /// Kelvin above the start, `seconds` after it.
     pub(crate) fn rise_k(&self, seconds: f64) -> f64 {
         let warm_up = self.config.warm_up_k * -(-seconds / self.config.warm_up_s).exp_m1();
         let swing = (TAU * seconds / self.config.period_s + self.phase).sin() - self.phase.sin();
-        warm_up + self.config.swing_k * swing
+        let warmings: f64 = self.warmings.iter().map(|warming| warming.rise_k(seconds)).sum();
+        warm_up + self.config.swing_k * swing + warmings
     }
 
     /// What a thermometer on the boards would show, in degrees Celsius.
     pub(crate) fn celsius(&self, seconds: f64) -> f64 {
         self.config.start_celsius + self.rise_k(seconds)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn warmings_add_up_and_stay() {
+        let still = ThermalConfig { warm_up_k: 0.0, swing_k: 0.0, ..ThermalConfig::default() };
+        let mut temperature = Temperature::new(still, 1);
+        temperature.warm(4.0, 10.0, 20.0);
+        temperature.warm(-1.0, 15.0, 0.0);
+        for (seconds, kelvin) in [(9.0, 0.0), (14.9, 0.98), (15.0, 0.0), (20.0, 1.0), (30.0, 3.0), (900.0, 3.0)] {
+            assert!((temperature.rise_k(seconds) - kelvin).abs() < 1e-9, "{seconds} s");
+        }
     }
 }

@@ -3,21 +3,25 @@
 //! Every part keeps the time of its own next event; the world takes them in order. So the course of things depends on
 //! the seed and on when commands come, never on how the caller cuts time.
 
+mod faults;
+mod loads;
+mod truth;
+
 use crate::bag::{Bag, PumpCommand, STEP_NS};
 use crate::board::{Board, bring_up};
 use crate::bus::Bus;
 use crate::config::{Config, ConfigError};
-use crate::converter::Flicker;
 use crate::dielectric::Fabric;
-use crate::faults::{Fault, FaultError};
+use crate::foreign::ForeignNode;
 use crate::gauge::Gauge;
-use crate::load::{LoadError, Mass};
+use crate::loads::Loads;
+use crate::receiver::Receiver;
 use crate::rng::{Rng, Stream};
 use crate::skin::Skin;
 use crate::thermal::Temperature;
 use std::collections::VecDeque;
 use std::time::Duration;
-use taxel_skin::{BoardAddress, Kilopascal, Newton, TaxelIndex, Time};
+use taxel_skin::{BoardAddress, Time};
 use taxel_wire::icub::Command;
 use taxel_wire::{Frame, TimedFrame};
 
@@ -37,6 +41,9 @@ enum Event {
     Thermometer(usize),
     Gauge,
     Bus,
+    Recover(usize),
+    Foreign(usize),
+    Receiver,
 }
 
 /// What became of the frames.
@@ -44,7 +51,7 @@ enum Event {
 pub struct FrameCounts {
     /// Frames that the receiver got.
     pub received: u64,
-    /// Frames that went over the wire and were lost at the receiver ([`Fault::FramesLost`]).
+    /// Frames that went over the wire and were lost at the receiver ([`crate::Fault::FramesLost`]).
     pub lost: u64,
     /// Frames that never left their sender because the bus was full, or that a dying sender took along.
     pub unsent: u64,
@@ -56,6 +63,7 @@ pub struct FrameCounts {
 #[derive(Clone, Debug)]
 pub struct World {
     skin: Skin,
+    seed: u64,
     start: Time,
     now: Time,
     bag: Bag,
@@ -63,10 +71,13 @@ pub struct World {
     temperature: Temperature,
     gauge: Gauge,
     boards: Vec<Board>,
+    /// Nodes that use the identifiers of the board of the same number.
+    foreign: Vec<Option<ForeignNode>>,
     bus: Bus,
+    receiver: Receiver,
     inbox: VecDeque<TimedFrame>,
     insensitive: Vec<bool>,
-    loads_kpa: Vec<f64>,
+    loads: Loads,
     /// Bag and loads together, of the last conversion; kept to save an allocation.
     pressures_kpa: Vec<f64>,
     counts: FrameCounts,
@@ -91,17 +102,21 @@ impl World {
             first_taxel += board.modules.iter().map(|(_, kind)| kind.taxel_slots().len()).sum::<usize>();
         }
         Ok(Self {
+            seed,
             start,
             now: start,
             bag: Bag::new(config.bag),
             bag_time: start,
             temperature: Temperature::new(config.thermal, seed),
             gauge: Gauge::new(config.gauge, seed, start),
-            bus: Bus::new(boards.len() + 1, seed, start),
+            // The boards, the gauge, and a foreign node for each board.
+            bus: Bus::new(2 * boards.len() + 1, seed, start),
+            receiver: Receiver::new(seed),
+            foreign: vec![None; boards.len()],
             boards,
             inbox: VecDeque::new(),
             insensitive: fabric.insensitive().to_vec(),
-            loads_kpa: vec![0.0; taxels],
+            loads: Loads::new(taxels),
             pressures_kpa: vec![0.0; taxels],
             counts: FrameCounts::default(),
             skin,
@@ -146,95 +161,20 @@ impl World {
         self.bag.command(command);
     }
 
-    /// Lays a mass on the skin, beside those that lie there; the force it adds.
-    ///
-    /// # Errors
-    /// [`LoadError`] for a mass that cannot lie there; then nothing changes.
-    pub fn lay(&mut self, mass: Mass) -> Result<Newton, LoadError> {
-        for (taxel, kpa) in mass.pressures(&self.skin)? {
-            self.loads_kpa[taxel] += kpa;
+    /// What happens from now on is drawn from another seed: noise, residues of tares, times on the bus, faults. The skin,
+    /// its history and the clocks of the boards stay as they are.
+    pub fn reseed(&mut self, seed: u64) {
+        for (index, board) in self.boards.iter_mut().enumerate() {
+            board.reseed(seed, index);
         }
-        Ok(mass.weight())
+        self.gauge.reseed(seed);
+        self.bus.reseed(seed);
+        self.receiver.reseed(seed);
+        self.seed = seed;
     }
 
-    /// Takes all masses away.
-    pub fn clear(&mut self) {
-        self.loads_kpa.fill(0.0);
-    }
-
-    /// Makes something go wrong, from now on.
-    ///
-    /// # Errors
-    /// [`FaultError`] for a board or taxel that does not exist.
-    pub fn inject(&mut self, fault: Fault) -> Result<(), FaultError> {
-        self.set_fault(fault, true)
-    }
-
-    /// Ends a fault of this kind at this place; its numbers do not matter. What happens once cannot be repaired.
-    ///
-    /// # Errors
-    /// [`FaultError`] for a board or taxel that does not exist.
-    pub fn repair(&mut self, fault: Fault) -> Result<(), FaultError> {
-        self.set_fault(fault, false)
-    }
-
-    fn set_fault(&mut self, fault: Fault, on: bool) -> Result<(), FaultError> {
-        match fault {
-            Fault::BoardSilent(board) => {
-                let index = self.board(board)?;
-                self.boards[index].silent = on;
-                self.counts.unsent += self.bus.discard(index);
-            }
-            Fault::PowerCycle { board, off } => {
-                let index = self.board(board)?;
-                if on {
-                    self.boards[index].power_off(self.now + off);
-                    self.counts.unsent += self.bus.discard(index);
-                }
-            }
-            Fault::SilentRetare(board) => {
-                let index = self.board(board)?;
-                if on {
-                    self.boards[index].retare();
-                }
-            }
-            Fault::ModuleSilent(board, module) => {
-                let index = self.board(board)?;
-                self.boards[index].converter(module).ailments.silent = on;
-            }
-            Fault::ModuleUnplugged(board, module) => {
-                let index = self.board(board)?;
-                self.boards[index].converter(module).ailments.unplugged = on;
-            }
-            Fault::ModuleNoAck(board, module) => {
-                let index = self.board(board)?;
-                self.boards[index].converter(module).ailments.no_ack = on;
-            }
-            Fault::ModuleFlicker { board, module, probability, depth_counts } => {
-                let index = self.board(board)?;
-                let flicker = on.then_some(Flicker { probability, depth_counts });
-                self.boards[index].converter(module).ailments.flicker = flicker;
-            }
-            Fault::TaxelFrozen(taxel) => self.freeze(taxel, on)?,
-            Fault::FramesLost { probability } => self.bus.loss_probability = if on { probability } else { 0.0 },
-            Fault::GaugeSilent => self.gauge.silent = on,
-            Fault::GaugeStuck => self.gauge.stuck = on,
-        }
-        Ok(())
-    }
-
-    fn freeze(&mut self, taxel: TaxelIndex, on: bool) -> Result<(), FaultError> {
-        let patch = self.skin.patch();
-        let taxels = patch.taxels().len();
-        let site = patch.taxels().get(taxel.get()).ok_or(FaultError::Taxel { taxel: taxel.0, taxels })?;
-        let module = patch.modules()[usize::from(site.module)];
-        let converter = self.boards[usize::from(module.board)].converter(module.module);
-        converter.ailments.frozen[usize::from(site.slot)] = on;
-        Ok(())
-    }
-
-    fn board(&self, address: BoardAddress) -> Result<usize, FaultError> {
-        self.boards.iter().position(|board| board.address == address).ok_or(FaultError::Board(address))
+    fn board(&self, address: BoardAddress) -> Option<usize> {
+        self.boards.iter().position(|board| board.address == address)
     }
 
     fn next_event(&self) -> Option<(Time, Event)> {
@@ -252,7 +192,12 @@ impl World {
             offer(board.next_scan, Event::Scan(index));
             offer(board.next_thermometer, Event::Thermometer(index));
             offer(board.power_on_at, Event::PowerOn(index));
+            offer(board.hung_until, Event::Recover(index));
         }
+        for (index, node) in self.foreign.iter().enumerate() {
+            offer(node.as_ref().map(|node| node.next), Event::Foreign(index));
+        }
+        offer(self.receiver.next(), Event::Receiver);
         // Saturated time is the end of the world: nothing may happen twice at the same instant for ever.
         (next.0 < Time::from_nanos(i64::MAX)).then_some(next)
     }
@@ -268,9 +213,8 @@ impl World {
             Event::Conversion(index) => {
                 let temperature = self.temperature.rise_k(time.seconds_since(self.start));
                 let bag_kpa = self.bag_kpa(time);
-                for (pressure, load) in self.pressures_kpa.iter_mut().zip(&self.loads_kpa) {
-                    *pressure = bag_kpa + load;
-                }
+                self.loads.write(time, &self.skin, &mut self.pressures_kpa);
+                self.pressures_kpa.iter_mut().for_each(|pressure| *pressure += bag_kpa);
                 self.boards[index].convert(&self.pressures_kpa, temperature);
             }
             Event::Scan(index) => self.scan(index, time),
@@ -286,9 +230,17 @@ impl World {
             }
             Event::Bus => {
                 if let Some(frame) = self.bus.step(time) {
-                    self.counts.received += 1;
-                    out.push(frame);
+                    let before = out.len();
+                    self.receiver.take(frame, out);
+                    self.counts.received += (out.len() - before) as u64;
                 }
+            }
+            Event::Recover(index) => self.boards[index].recover(),
+            Event::Foreign(index) => self.pretend(index, time),
+            Event::Receiver => {
+                let before = out.len();
+                self.receiver.step(time, out);
+                self.counts.received += (out.len() - before) as u64;
             }
         }
     }
@@ -296,7 +248,7 @@ impl World {
     fn obey(&mut self, now: Time) {
         let Some(waiting) = self.inbox.pop_front() else { return };
         let command = Command::decode(&waiting.frame);
-        let index = command.and_then(|(address, _)| self.board(address).ok());
+        let index = command.and_then(|(address, _)| self.board(address));
         let (Some((_, command)), Some(index)) = (command, index) else {
             self.counts.ignored += 1;
             return;
@@ -312,6 +264,14 @@ impl World {
         self.boards[index].scan(now, |frame| frames.push(frame));
         for frame in frames {
             self.emit(index, now, frame);
+        }
+    }
+
+    /// A foreign node sends its scan.
+    fn pretend(&mut self, index: usize, now: Time) {
+        let frames = self.foreign[index].as_mut().map(|node| node.scan().to_vec()).unwrap_or_default();
+        for frame in frames {
+            self.queue(self.boards.len() + 1 + index, now, frame);
         }
     }
 
@@ -346,50 +306,5 @@ impl World {
     #[must_use]
     pub const fn now(&self) -> Time {
         self.now
-    }
-
-    /// What became of the frames so far.
-    #[must_use]
-    pub const fn frame_counts(&self) -> FrameCounts {
-        FrameCounts { lost: self.bus.frames_lost, ..self.counts }
-    }
-
-    /// The true differential pressure of the bag.
-    #[must_use]
-    pub fn true_pressure(&self) -> Kilopascal {
-        Kilopascal(self.bag_kpa(self.now))
-    }
-
-    /// The true pressure on every taxel, bag and masses together, in the patch's order.
-    pub fn true_taxel_pressures(&self) -> impl Iterator<Item = Kilopascal> {
-        let bag = self.true_pressure().0;
-        self.loads_kpa.iter().map(move |load| Kilopascal(bag + load))
-    }
-
-    /// The true normal force on the skin, bag and masses together: the sum of pressure times area over all taxels.
-    /// Without vacuum it is the weight of the masses.
-    #[must_use]
-    pub fn true_force(&self) -> Newton {
-        self.true_taxel_pressures().map(|pressure| pressure.on(self.skin.taxel_area())).sum()
-    }
-
-    /// The same as a vector in newton: the sum of pressure times area times *outward* normal, as calibrated skin
-    /// reports it. The push on the limb is its opposite.
-    #[must_use]
-    pub fn true_force_vector(&self) -> [f64; 3] {
-        let mut sum = [0.0; 3];
-        for (pressure, pose) in self.true_taxel_pressures().zip(self.skin.poses()) {
-            let force = pressure.on(self.skin.taxel_area()).0;
-            for (sum, n) in sum.iter_mut().zip(pose.normal) {
-                *sum += force * n;
-            }
-        }
-        sum
-    }
-
-    /// Which taxels were made insensitive, in the patch's order.
-    #[must_use]
-    pub fn insensitive_taxels(&self) -> &[bool] {
-        &self.insensitive
     }
 }

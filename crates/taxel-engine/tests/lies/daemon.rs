@@ -1,0 +1,197 @@
+//! The engine as a daemon drives it: stalls, restarts, a store that takes its time, fits that come back later.
+
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::command::{Command, Done, Reply, RequestId};
+use taxel_engine::plan::Plan;
+use taxel_engine::session::{FitJob, SessionView};
+use taxel_engine::snapshot::{Catalogue, PatchSnapshot};
+use taxel_engine::{BusNotice, Engine, Input, Now, Output};
+use taxel_skin::Time;
+use taxel_wire::{Frame, TimedFrame};
+
+use crate::dice::Dice;
+use crate::rig::BUS;
+use crate::store::Store;
+
+/// Wall time at the origin of the run's clock: a label.
+const EPOCH_NS: i64 = 1_700_000_000_000_000_000;
+/// Frames that one read of the socket gives.
+const BATCH_FRAMES: usize = 64;
+
+/// One daemon and what it put out since it was last asked.
+pub struct Daemon {
+    plan: Arc<Plan>,
+    engine: Option<Engine>,
+    now: Time,
+    requests: u64,
+    out: Vec<Output>,
+    store: Store,
+    dice: Dice,
+    fits: Vec<(Time, FitJob)>,
+    /// Frames that came while the engine stood still.
+    waiting: Vec<TimedFrame>,
+    stalled_until: Time,
+    /// Nothing comes from the bus.
+    deaf: bool,
+    /// Samples as they were published.
+    pub published: Vec<Arc<PatchSnapshot>>,
+    /// Frames for the boards.
+    pub sent: Vec<Frame>,
+    /// Answers in words.
+    pub replies: Vec<(RequestId, String)>,
+    pub newest: Arc<PatchSnapshot>,
+    pub session: Option<Arc<SessionView>>,
+    pub catalogue: Arc<Catalogue>,
+}
+
+impl Daemon {
+    pub fn new(plan: Arc<Plan>, store: Store, dice: Dice, now: Time) -> Self {
+        let mut daemon = Self {
+            plan,
+            engine: None,
+            now,
+            requests: 0,
+            out: Vec::new(),
+            store,
+            dice,
+            fits: Vec::new(),
+            waiting: Vec::new(),
+            stalled_until: now,
+            deaf: false,
+            published: Vec::new(),
+            sent: Vec::new(),
+            replies: Vec::new(),
+            newest: Arc::default(),
+            session: None,
+            catalogue: Arc::default(),
+        };
+        daemon.start();
+        daemon
+    }
+
+    /// Starts from what the store has.
+    pub fn start(&mut self) {
+        self.store.failed = false;
+        self.engine = Some(Engine::new(Arc::clone(&self.plan), self.store.restored()));
+        self.step(self.now, Input::Tick);
+    }
+
+    /// Stops: cleanly everything reaches the disk, in a crash only what did already.
+    pub fn stop(&mut self, cleanly: bool) {
+        if cleanly {
+            self.store.write(Time::from_nanos(i64::MAX));
+        }
+        self.store.lose_waiting();
+        self.engine = None;
+        (self.newest, self.session) = (Arc::default(), None);
+        self.fits.clear();
+        self.waiting.clear();
+    }
+
+    pub fn is_running(&self) -> bool {
+        self.engine.is_some()
+    }
+
+    /// The engine stands still for so long; frames wait for it.
+    pub fn stall(&mut self, span: Duration) {
+        self.stalled_until = self.stalled_until.max(self.now + span);
+    }
+
+    pub fn notice(&mut self, notice: BusNotice) {
+        self.deaf = match notice {
+            BusNotice::BusOff | BusNotice::Down(_) => true,
+            BusNotice::Up => false,
+            _ => self.deaf,
+        };
+        self.step(self.now, Input::Bus(BUS, notice));
+    }
+
+    /// The store refuses all writes until a restart.
+    pub fn fail_store(&mut self) {
+        self.store.failed = true;
+        self.step(self.now, Input::StoreFailed("the disk is full".to_owned()));
+    }
+
+    /// Gives a command; the reply may come later.
+    pub fn command(&mut self, command: Command) -> RequestId {
+        self.requests += 1;
+        let request = RequestId(self.requests);
+        self.step(self.now, Input::Command(request, command));
+        request
+    }
+
+    /// Time passes up to `now`, and these frames come.
+    pub fn advance(&mut self, now: Time, frames: &[TimedFrame]) {
+        if now < self.stalled_until {
+            self.now = now;
+            if !self.deaf && self.engine.is_some() {
+                self.waiting.extend_from_slice(frames);
+            }
+            return;
+        }
+        let waited = std::mem::take(&mut self.waiting);
+        for batch in waited.chunks(BATCH_FRAMES) {
+            self.step(now, Input::Frames(BUS, batch));
+        }
+        if let Some(newest) = frames.last().filter(|_| !self.deaf) {
+            self.step(newest.time, Input::Frames(BUS, frames));
+        }
+        self.now = now;
+        for (session, samples) in self.store.write(now) {
+            self.step(now, Input::Durable { session, samples });
+        }
+        while let Some(place) = self.fits.iter().position(|(due, _)| *due <= now) {
+            let (_, job) = self.fits.remove(place);
+            let outcome = job.run(|set| format!("m-{:016x}", digest(&format!("{:?}", set.taxels))));
+            self.step(now, Input::Fitted(outcome));
+        }
+        self.step(now, Input::Tick);
+    }
+
+    fn step(&mut self, time: Time, input: Input<'_>) {
+        let Some(engine) = &mut self.engine else { return };
+        let now = Now { time, wall_ns: EPOCH_NS + time.as_nanos() };
+        engine.step(now, input, &mut self.out);
+        for output in std::mem::take(&mut self.out) {
+            self.collect(time, output);
+        }
+    }
+
+    fn collect(&mut self, now: Time, output: Output) {
+        match output {
+            Output::Patch(_, snapshot) => {
+                self.newest = Arc::clone(&snapshot);
+                self.published.push(snapshot);
+            }
+            Output::Session(_, view) => self.session = Some(view),
+            Output::Catalogue(catalogue) => self.catalogue = catalogue,
+            Output::Send(_, frame) => self.sent.push(frame),
+            Output::Record(record) => self.store.take(now + self.dice.span(0.002, 0.3), record),
+            Output::Reply(request, reply) => self.replies.push((request, in_words(&reply))),
+            Output::Fit(job) => self.fits.push((now + self.dice.span(0.05, 2.0), job)),
+            Output::Health(_) => {}
+        }
+    }
+}
+
+fn in_words(reply: &Reply) -> String {
+    match reply {
+        Ok(Done::Tared(tare)) => format!("tared: {}", tare.reason),
+        Ok(Done::BringUpStarted) => "bring-up started".to_owned(),
+        Ok(Done::Session(view)) => format!("session {} is {}", view.number, view.state.name()),
+        Ok(Done::Activated { model_set, .. }) => format!("{model_set} is active"),
+        Ok(Done::LoadRecorded(_)) => "load recorded".to_owned(),
+        Ok(Done::Imported { model_set }) => format!("{model_set} imported"),
+        Err(rejection) => format!("refused: {rejection}"),
+    }
+}
+
+fn digest(text: &str) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    text.hash(&mut hasher);
+    hasher.finish()
+}

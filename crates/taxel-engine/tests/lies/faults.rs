@@ -1,0 +1,149 @@
+//! What goes wrong in a story, drawn from the list of all that can.
+
+use std::time::Duration;
+
+use taxel_sim::{Fault, ForeignScan, Skin};
+use taxel_skin::{BoardAddress, Module, TaxelIndex};
+
+use crate::dice::Dice;
+use crate::kinds::Kind;
+
+/// Something that goes wrong, and for how long.
+#[derive(Clone, Debug)]
+pub struct Trouble {
+    pub kind: Kind,
+    /// What the simulator breaks; empty for what befalls the daemon.
+    pub faults: Vec<Fault>,
+    pub lasts: Duration,
+}
+
+/// One trouble of this kind somewhere on the skin.
+pub fn trouble(kind: Kind, skin: &Skin, dice: &mut Dice) -> Trouble {
+    let place = skin.patch().modules()[dice.below(skin.patch().modules().len())];
+    let board = skin.patch().boards()[usize::from(place.board)].address;
+    let (faults, lasts) = if (kind as usize) < Kind::ModuleSilent as usize {
+        of_board(kind, board, place.module, dice)
+    } else if (kind as usize) < Kind::TaxelFrozen as usize {
+        of_module(kind, board, place.module, dice)
+    } else if (kind as usize) < Kind::FramesLost as usize {
+        of_taxels(kind, skin, dice)
+    } else {
+        of_the_rest(kind, dice)
+    };
+    Trouble { kind, faults, lasts }
+}
+
+fn of_board(kind: Kind, board: BoardAddress, module: Module, dice: &mut Dice) -> (Vec<Fault>, Duration) {
+    let sign = if dice.chance(0.5) { 1 } else { -1 };
+    let (fault, lasts) = match kind {
+        Kind::Glitch => {
+            let off = dice.span(0.05, 0.99);
+            (Fault::Glitch { board, off }, off)
+        }
+        Kind::BoardRetare => (Fault::SilentRetare(board), Duration::from_millis(40)),
+        Kind::NoAcks => (Fault::ModuleNoAck(board, module), dice.span(0.05, 2.0)),
+        Kind::PowerCycle => {
+            let off = dice.span(0.1, 10.0);
+            (Fault::PowerCycle { board, off }, off)
+        }
+        Kind::OtherPeriod => {
+            let period_ms = dice.pick(&[5, 10, 20, 30, 70, 100, 120, 200]);
+            (Fault::OtherPeriod { board, period_ms }, dice.span(2.0, 60.0))
+        }
+        Kind::ForeignRest => {
+            let sends = ForeignScan::Level(dice.pick(&[240, 240, 238, 242, 245]));
+            (Fault::ForeignNode { board, sends }, dice.span(0.1, 20.0))
+        }
+        Kind::ForeignShifted => {
+            let sends = ForeignScan::Shifted(sign * dice.octaves(1.0, 60.0) as i16);
+            (Fault::ForeignNode { board, sends }, dice.span(0.1, 20.0))
+        }
+        _ => (Fault::BoardSilent(board), dice.span(0.05, 8.0)),
+    };
+    (vec![fault], lasts)
+}
+
+fn of_module(kind: Kind, board: BoardAddress, module: Module, dice: &mut Dice) -> (Vec<Fault>, Duration) {
+    let fault = match kind {
+        Kind::ModuleUnplugged => Fault::ModuleUnplugged(board, module),
+        Kind::ModuleFlicker => {
+            let (probability, depth_counts) = (dice.octaves(0.01, 0.5), dice.octaves(3.0, 60.0));
+            Fault::ModuleFlicker { board, module, probability, depth_counts }
+        }
+        _ => Fault::ModuleSilent(board, module),
+    };
+    (vec![fault], dice.span(0.05, 20.0))
+}
+
+fn of_taxels(kind: Kind, skin: &Skin, dice: &mut Dice) -> (Vec<Fault>, Duration) {
+    let taxels = skin.patch().taxels().len();
+    let faults = (0..dice.pick(&[1, 1, 1, 2, 5])).map(|_| {
+        let taxel = TaxelIndex(dice.below(taxels) as u16);
+        match kind {
+            Kind::TaxelStuck => Fault::TaxelStuck { taxel, value: dice.pick(&[0, 120, 200, 230, 238, 240, 242, 255]) },
+            Kind::TaxelNoisy => Fault::TaxelNoisy { taxel, sd_counts: dice.octaves(1.0, 20.0) },
+            Kind::TaxelFlicker => Fault::TaxelFlicker { taxel, probability: dice.octaves(0.02, 0.6) },
+            _ => Fault::TaxelFrozen(taxel),
+        }
+    });
+    (faults.collect(), dice.span(0.5, 120.0))
+}
+
+fn of_the_rest(kind: Kind, dice: &mut Dice) -> (Vec<Fault>, Duration) {
+    let sign = if dice.chance(0.5) { 1.0 } else { -1.0 };
+    let probability = dice.octaves(0.002, 0.5);
+    let lasts = dice.span(0.5, 60.0);
+    let fault = match kind {
+        Kind::FramesLost => Fault::FramesLost { probability },
+        Kind::FramesDuplicated => Fault::FramesDuplicated { probability },
+        Kind::FramesSwapped => Fault::FramesSwapped { probability },
+        Kind::FramesHeld => {
+            let span = dice.span(0.05, 3.0);
+            return (vec![Fault::FramesHeld { span, within: dice.span(0.002, 0.2) }], span);
+        }
+        Kind::FramesReplayed => {
+            let within = dice.span(0.002, 1.0);
+            return (vec![Fault::FramesReplayed { span: dice.span(0.1, 10.0), within }], within);
+        }
+        Kind::GaugeSilent => Fault::GaugeSilent,
+        Kind::GaugeStuck => Fault::GaugeStuck,
+        Kind::GaugeOffset => Fault::GaugeOffset { kpa: sign * dice.octaves(0.2, 10.0) },
+        Kind::GaugeSpikes => Fault::GaugeSpikes { probability: probability / 5.0, kpa: sign * dice.octaves(1.0, 50.0) },
+        Kind::BagLeak => Fault::BagLeak { leak_s: dice.octaves(2.0, 60.0) },
+        Kind::WarmStep => {
+            let over = dice.span(1.0, 20.0);
+            return (vec![Fault::Warming { kelvin: sign * dice.octaves(0.5, 8.0), over }], over);
+        }
+        Kind::WarmRamp => {
+            let over = dice.span(60.0, 300.0);
+            return (vec![Fault::Warming { kelvin: sign * dice.octaves(1.0, 15.0), over }], over);
+        }
+        Kind::BusOff => return (Vec::new(), dice.span(0.05, 3.0)),
+        Kind::StoreFails => return (Vec::new(), dice.span(5.0, 20.0)),
+        _ => return (Vec::new(), dice.span(0.05, 6.0)),
+    };
+    (vec![fault], lasts)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::house::house;
+
+    #[test]
+    fn every_kind_of_trouble_can_befall_a_skin_and_end() {
+        let mut world = house(0).world.clone();
+        let mut dice = Dice::new(1);
+        for &kind in Kind::faults() {
+            for _ in 0..20 {
+                let trouble = trouble(kind, world.skin(), &mut dice);
+                assert_eq!(trouble.kind, kind);
+                assert!(trouble.lasts > Duration::ZERO);
+                let befalls_the_daemon = matches!(kind, Kind::Stall | Kind::BusOff | Kind::StoreFails);
+                assert_eq!(trouble.faults.is_empty(), befalls_the_daemon, "{kind:?}");
+                trouble.faults.iter().for_each(|fault| world.inject(*fault).unwrap());
+                trouble.faults.iter().for_each(|fault| world.repair(*fault).unwrap());
+            }
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! Loads that come, roll and go, and a bag that presses for no reason.
+
+use std::time::Duration;
+
+use taxel_sim::{Footprint, LoadId, Mass, PumpCommand};
+use taxel_skin::{Kilopascal, TaxelIndex, Time};
+
+use crate::dice::Dice;
+use crate::stage::Stage;
+
+/// Masses that lie on the skin at the same time, at most.
+const LOADS_MAX: usize = 2;
+
+/// Somebody who puts things on the skin.
+pub struct Hands {
+    dice: Dice,
+    /// Mean time between loads in seconds.
+    gap_s: f64,
+    next: Time,
+    /// What lies there, and when it leaves.
+    lying: Vec<(LoadId, Time)>,
+    rolls: Option<(LoadId, Time)>,
+    /// When the bag presses, and when it is vented.
+    bag: Option<(Time, Time)>,
+    pressing: bool,
+}
+
+impl Hands {
+    pub fn new(mut dice: Dice, now: Time, length: Duration) -> Self {
+        let gap_s = if dice.chance(0.05) { 1e6 } else { dice.octaves(2.0, 60.0) };
+        let bag = dice.chance(0.15).then(|| {
+            let begin = now + length.mul_f64(dice.uniform());
+            (begin, begin + dice.span(2.0, 30.0))
+        });
+        let next = now + Duration::from_secs_f64(gap_s.min(1e5) * dice.uniform());
+        Self { dice, gap_s, next, lying: Vec::new(), rolls: None, bag, pressing: false }
+    }
+
+    /// Something lies there before anything begins.
+    pub fn begin_loaded(&mut self, stage: &mut Stage) {
+        self.put(stage, Duration::ZERO);
+    }
+
+    /// What is due now. `quiet` hands put nothing on the skin.
+    pub fn act(&mut self, stage: &mut Stage, quiet: bool) {
+        let now = stage.now();
+        if now >= self.next {
+            self.next = now + Duration::from_secs_f64(self.gap_s * self.dice.between(0.2, 1.8));
+            if self.lying.len() < LOADS_MAX && !quiet {
+                let over = self.pace();
+                self.put(stage, over);
+            }
+        }
+        if let Some((load, _)) = self.rolls.filter(|(_, due)| now >= *due) {
+            self.rolls = None;
+            let (to, over) = (self.anywhere(stage), self.dice.span(0.1, 5.0));
+            stage.tell(format!("{load:?} rolls to taxel {} in {over:.2?}", to.0));
+            stage.world.roll(load, to, over).unwrap();
+        }
+        while let Some(place) = self.lying.iter().position(|(_, due)| now >= *due) {
+            let (load, _) = self.lying.remove(place);
+            let over = self.pace();
+            stage.tell(format!("{load:?} leaves in {over:.2?}"));
+            stage.world.lift(load, over);
+            stage.loads = self.lying.len();
+            stage.note_truth();
+        }
+        self.press(stage, quiet);
+    }
+
+    /// At once or gradually.
+    fn pace(&mut self) -> Duration {
+        if self.dice.chance(0.4) { Duration::ZERO } else { self.dice.span(0.05, 15.0) }
+    }
+
+    fn anywhere(&mut self, stage: &Stage) -> TaxelIndex {
+        TaxelIndex(self.dice.below(stage.world.skin().patch().taxels().len()) as u16)
+    }
+
+    fn put(&mut self, stage: &mut Stage, over: Duration) {
+        let (kilogram, area) = (self.dice.octaves(0.01, 3.0), self.dice.octaves(300.0, 6000.0));
+        let centre = self.anywhere(stage);
+        let stretch = self.dice.octaves(0.5, 2.0);
+        let mut footprint = Footprint::disc(centre, area);
+        footprint.semi_axes_mm = [footprint.semi_axes_mm[0] * stretch, footprint.semi_axes_mm[1] / stretch];
+        footprint.turn = self.dice.between(0.0, 3.1);
+        let load = stage.world.place(Mass { kilogram, footprint }, over).unwrap();
+        let stay = over + self.dice.span(0.2, 40.0);
+        let leaves = stage.now() + stay;
+        if self.dice.chance(0.15) {
+            self.rolls = Some((load, stage.now() + stay.mul_f64(self.dice.uniform())));
+        }
+        stage.tell(format!("{load:?}: {kilogram:.3} kg on {area:.0} mm2 about taxel {} in {over:.2?}", centre.0));
+        self.lying.push((load, leaves));
+        stage.loads = self.lying.len();
+        stage.note_truth();
+    }
+
+    fn press(&mut self, stage: &mut Stage, quiet: bool) {
+        let now = stage.now();
+        let Some((begin, end)) = self.bag else { return };
+        if !self.pressing && now >= begin && !quiet {
+            self.pressing = true;
+            let target = Kilopascal(self.dice.octaves(0.3, 40.0));
+            stage.pump(PumpCommand::Ramp { target, kpa_per_s: self.dice.octaves(0.3, 15.0) });
+        } else if self.pressing && (now >= end || quiet) {
+            (self.bag, self.pressing) = (None, false);
+            stage.pump(PumpCommand::Vent);
+        }
+    }
+}

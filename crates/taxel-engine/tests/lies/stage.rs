@@ -1,0 +1,174 @@
+//! What everybody in a story acts on.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::command::Command;
+use taxel_engine::snapshot::PatchSnapshot;
+use taxel_sim::{PumpCommand, World};
+use taxel_skin::Time;
+use taxel_wire::Frame;
+use taxel_wire::icub::Command as BoardCommand;
+
+use crate::daemon::Daemon;
+use crate::house::House;
+use crate::kinds::{Kind, Kinds};
+use crate::suspects::Suspects;
+use crate::truth::Truth;
+
+/// A zero is watched for a second, over scans as old as a sample can be.
+const WATCH: Duration = Duration::from_millis(1100);
+/// A force that matters to a zero, in newton: two grams.
+const LOAD_N: f64 = 0.02;
+
+/// The world, the daemon, and what is known of both that the daemon does not know.
+pub struct Stage {
+    pub house: &'static House,
+    pub world: World,
+    pub daemon: Daemon,
+    pub suspects: Suspects,
+    pub truth: Truth,
+    /// Masses on the skin, as far as hands have to do with them.
+    pub loads: usize,
+    begin: Time,
+    told: Vec<(f64, String)>,
+    epoch: Option<u64>,
+    active: Option<String>,
+    /// What went on while the last session gathered.
+    session: Kinds,
+}
+
+impl Stage {
+    pub fn new(house: &'static House, world: World, daemon: Daemon) -> Self {
+        let begin = world.now();
+        Self {
+            house,
+            world,
+            daemon,
+            suspects: Suspects::new(begin),
+            truth: Truth::default(),
+            loads: 0,
+            begin,
+            told: Vec::new(),
+            epoch: None,
+            active: Some(house.set.id.clone()),
+            session: Kinds::default(),
+        }
+    }
+
+    pub fn now(&self) -> Time {
+        self.world.now()
+    }
+
+    /// Seconds since the story began.
+    pub fn seconds(&self) -> f64 {
+        self.now().seconds_since(self.begin)
+    }
+
+    /// Another line of the story.
+    pub fn tell(&mut self, what: impl Into<String>) {
+        self.told.push((self.seconds(), what.into()));
+    }
+
+    /// The last lines of the story.
+    pub fn last_lines(&self, lines: usize) -> Vec<String> {
+        let first = self.told.len().saturating_sub(lines);
+        self.told[first..].iter().map(|(seconds, what)| format!("{seconds:8.2} s  {what}")).collect()
+    }
+
+    /// The truth may just have changed at once.
+    pub fn note_truth(&mut self) {
+        self.truth.note(self.world.now(), self.world.true_force().0);
+    }
+
+    pub fn pump(&mut self, command: PumpCommand) {
+        self.tell(format!("pump: {command:?}"));
+        self.world.pump(command);
+    }
+
+    /// The operator gives a command.
+    pub fn give(&mut self, kind: Kind, command: Command) {
+        let words = match &command {
+            Command::Import { model_set } => format!("Import {} of session {:?}", model_set.id, model_set.session),
+            other => format!("{other:?}"),
+        };
+        let request = self.daemon.command(command);
+        self.tell(format!("command {}: {words}", request.0));
+        self.suspects.happened(kind, self.world.now());
+    }
+
+    pub fn restart(&mut self) {
+        self.tell("the daemon starts");
+        self.daemon.start();
+        self.epoch = None;
+    }
+
+    /// Tells the answers, and follows zero, session and models.
+    pub fn follow(&mut self) {
+        for (request, reply) in std::mem::take(&mut self.daemon.replies) {
+            self.tell(format!("reply to {}: {reply}", request.0));
+        }
+        let now = self.now();
+        if self.daemon.session.as_ref().is_some_and(|session| session.state.is_open()) {
+            self.session = self.session.or(self.suspects.present(now));
+            if self.loads > 0 {
+                self.session.insert(Kind::LoadInSession);
+                self.suspects.ever.insert(Kind::LoadInSession);
+            }
+        }
+        let active = self.daemon.catalogue.active.first().and_then(|(_, set)| set.as_ref());
+        if self.daemon.is_running() && active != self.active.as_ref() {
+            self.active = active.cloned();
+            let foreign = self.active.as_ref().is_some_and(|id| *id != self.house.set.id);
+            let mut kinds = if foreign { self.session } else { Kinds::default() };
+            Kind::ALL.iter().filter(|kind| !kind.is_fault()).for_each(|kind| kinds.remove(*kind));
+            self.suspects.models_of(kinds);
+            self.tell(format!("active models: {:?}", self.active));
+        }
+    }
+
+    /// The daemon sends to the boards. Configuring one makes what lies there its zero.
+    pub fn send(&mut self, frame: &Frame) {
+        if let Some((_, BoardCommand::SetTriangles(_))) = BoardCommand::decode(frame) {
+            self.board_zero(Kind::BoardsUnderLoad);
+        }
+        self.world.send(self.now(), frame);
+    }
+
+    /// A board takes its zero now.
+    pub fn board_zero(&mut self, kind: Kind) {
+        self.suspects.board_zero(kind, self.truth.newest() > LOAD_N);
+    }
+
+    /// The boards are configured by somebody else.
+    pub fn bring_up_by_another(&mut self) {
+        self.tell("the robot's own software brings the boards up");
+        self.suspects.happened(Kind::BringUp, self.world.now());
+        self.board_zero(Kind::BoardsUnderLoad);
+        self.world.bring_up_boards(self.world.now());
+    }
+
+    /// A session begins: what it will gather is not yet touched by anything.
+    pub fn new_session(&mut self) {
+        self.session = Kinds::default();
+    }
+
+    /// A snapshot tells of its zero: a new one is judged by what lay on the skin while it was taken.
+    pub fn follow_zero(&mut self, snapshot: &Arc<PatchSnapshot>) {
+        let Some(tare) = snapshot.tare.as_ref().filter(|tare| self.epoch != Some(tare.epoch)) else { return };
+        self.epoch = Some(tare.epoch);
+        if !tare.valid {
+            self.tell(format!("no zero: {}", tare.reason));
+            return;
+        }
+        let (least, greatest) = self.truth.range(snapshot.time - WATCH, snapshot.time);
+        let under = match greatest {
+            newton if newton <= LOAD_N => None,
+            _ if greatest - least > LOAD_N => Some(Kind::ZeroWhileChanging),
+            _ => Some(Kind::ZeroUnderLoad),
+        };
+        let now = self.now();
+        self.suspects.zero_taken(now, under);
+        self.tell(format!("zero {} under {least:.3} to {greatest:.3} N: {}", tare.epoch, tare.reason));
+    }
+}

@@ -1,0 +1,103 @@
+//! The daemon's store as a simulation sees it: what has reached the disk, and what is on its way.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use taxel_engine::Restored;
+use taxel_engine::io::RestoredSession;
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::record::Record;
+use taxel_engine::session::{RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_skin::Time;
+
+/// Records on disk, and records that wait for it in order.
+#[derive(Debug, Default)]
+pub struct Store {
+    model_sets: Vec<Arc<ModelSet>>,
+    active: BTreeMap<String, String>,
+    sessions: BTreeMap<u64, (Option<Arc<SessionView>>, SessionSamples)>,
+    waiting: VecDeque<(Time, Record)>,
+    /// It takes nothing any more.
+    pub failed: bool,
+}
+
+impl Store {
+    /// A disk with one calibration in use.
+    pub fn with(set: &Arc<ModelSet>) -> Self {
+        let active = BTreeMap::from([(set.patch.clone(), set.id.clone())]);
+        let sessions = set.session.map(|number| (number, (None, SessionSamples::default())));
+        let sessions = sessions.into_iter().collect();
+        Self { model_sets: vec![Arc::clone(set)], active, sessions, ..Self::default() }
+    }
+
+    /// Will be on disk at `due`, after all that came before.
+    pub fn take(&mut self, due: Time, record: Record) {
+        if !self.failed {
+            let due = self.waiting.back().map_or(due, |(last, _)| due.max(*last));
+            self.waiting.push_back((due, record));
+        }
+    }
+
+    /// Writes what is due; for each session of which samples were written, their number.
+    pub fn write(&mut self, now: Time) -> Vec<(u64, u64)> {
+        let mut written: Vec<(u64, u64)> = Vec::new();
+        while self.waiting.front().is_some_and(|(due, _)| *due <= now) {
+            let Some((_, record)) = self.waiting.pop_front() else { break };
+            if let Record::Sample { session, index, .. } = &record {
+                match written.last_mut().filter(|(last, _)| last == session) {
+                    Some((_, samples)) => *samples = index + 1,
+                    None => written.push((*session, index + 1)),
+                }
+            }
+            self.write_one(record);
+        }
+        written
+    }
+
+    fn write_one(&mut self, record: Record) {
+        match record {
+            Record::Session(view) => {
+                let number = view.number;
+                self.sessions.entry(number).or_default().0 = Some(view);
+            }
+            Record::Ramp { session, ramp, baseline } => {
+                let samples = &mut self.sessions.entry(session).or_default().1;
+                samples.ramps.push(RampBaseline { ramp, taxels: baseline });
+            }
+            Record::Sample { session, sample, .. } => {
+                self.sessions.entry(session).or_default().1.samples.push(sample);
+            }
+            Record::ModelSet(set) => self.model_sets.push(set),
+            Record::Activated { patch, model_set, .. } => {
+                self.active.insert(patch, model_set);
+            }
+            Record::Load(_) | Record::Tared { .. } => {}
+        }
+    }
+
+    /// The daemon stopped: what had not reached the disk is lost.
+    pub fn lose_waiting(&mut self) {
+        self.waiting.clear();
+    }
+
+    /// What a start finds.
+    pub fn restored(&self) -> Restored {
+        let newest = self.sessions.keys().next_back().copied();
+        let sessions = self.sessions.iter().filter_map(|(number, (view, samples))| {
+            let mut view = SessionView::clone(view.as_ref()?);
+            if view.state.is_open() {
+                view.state = SessionState::Interrupted;
+            }
+            let goes_on = view.state == SessionState::Interrupted
+                || (view.state == SessionState::Review && Some(*number) == newest);
+            Some(RestoredSession { view: Arc::new(view), samples: goes_on.then(|| samples.clone()) })
+        });
+        Restored {
+            model_sets: self.model_sets.clone(),
+            active: self.active.clone().into_iter().collect(),
+            sessions: sessions.collect(),
+            next_session: newest.map_or(1, |number| number + 1),
+            ..Restored::default()
+        }
+    }
+}

@@ -1,0 +1,213 @@
+//! One story: everything that happens on one skin within some minutes, and the judgement of every sample.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::snapshot::{ForceState, PatchSnapshot};
+use taxel_skin::Time;
+
+use crate::allowed::is_allowed;
+use crate::daemon::Daemon;
+use crate::dice::Dice;
+use crate::hands::Hands;
+use crate::house::{SKINS, SLOT, house, scene};
+use crate::judge::{Lie, interval, judge};
+use crate::kinds::Kinds;
+use crate::mishaps::Mishaps;
+use crate::operator::Operator;
+use crate::rig::plan;
+use crate::stage::Stage;
+use crate::store::Store;
+use crate::tally::{LITTLE_N, Tally};
+use crate::truth::AGE_MAX;
+
+/// Beyond this a sample rests on frames that are older than what the plan calls silent.
+const LATE: Duration = Duration::from_millis(400);
+
+/// A skin without so large a share of its taxels has names of its own, too: insensitive ones are a twentieth.
+const MANY_EXCLUDED: f64 = 0.2;
+
+/// What a story came to.
+pub struct Told {
+    pub tally: Tally,
+    /// Everything that happened, a line each.
+    pub lines: Vec<String>,
+}
+
+/// Plays the story of this seed.
+pub fn play(seed: u64) -> Told {
+    let mut story = Story::new(seed);
+    let length = story.length;
+    let end = story.stage.now() + length;
+    while story.stage.now() < end {
+        story.slot();
+    }
+    let (ever, lied) = (story.stage.suspects.ever, story.tally.lies > 0);
+    story.tally.story(ever, lied);
+    Told { lines: story.stage.last_lines(usize::MAX), tally: story.tally }
+}
+
+struct Story {
+    seed: u64,
+    length: Duration,
+    stage: Stage,
+    hands: Hands,
+    operator: Operator,
+    mishaps: Mishaps,
+    tally: Tally,
+    state: ForceState,
+    /// The name of the lie that is being told.
+    lying: Option<String>,
+    frames: Vec<taxel_wire::TimedFrame>,
+}
+
+impl Story {
+    fn new(seed: u64) -> Self {
+        let root = Dice::new(seed);
+        let mut dice = root.of(1);
+        let length = Duration::from_secs_f64(dice.between(60.0, 300.0));
+        // The forearm takes five times as long.
+        let number = if dice.chance(0.04) { SKINS - 1 } else { dice.below(SKINS - 1) };
+        let house = house(number);
+        let mut world = house.world.clone();
+        world.reseed(seed);
+        let listens_only = dice.chance(0.5);
+        let patch = scene(world.skin(), listens_only, &mut dice);
+        let begins_loaded = dice.chance(0.12);
+        let now = world.now();
+        let daemon = Daemon::new(plan(patch), Store::with(&house.set), root.of(2), now);
+        let mut stage = Stage::new(house, world, daemon);
+        stage.tell(format!("seed {seed}: skin {number}, {:.0} s, listens only: {listens_only}", length.as_secs_f64()));
+        let mut hands = Hands::new(root.of(3), now, length);
+        if begins_loaded {
+            hands.begin_loaded(&mut stage);
+        }
+        stage.note_truth();
+        let mishaps = Mishaps::new(root.of(4), &stage, length);
+        let operator = Operator::new(root.of(5), now, length, listens_only);
+        Self {
+            seed,
+            length,
+            stage,
+            hands,
+            operator,
+            mishaps,
+            tally: Tally::new(),
+            state: ForceState::default(),
+            lying: None,
+            frames: Vec::new(),
+        }
+    }
+
+    /// 10 ms pass.
+    fn slot(&mut self) {
+        let stage = &mut self.stage;
+        self.mishaps.act(stage);
+        self.operator.act(stage, &mut self.mishaps);
+        self.hands.act(stage, self.operator.keeps_free(stage.now()));
+        let end = stage.now() + SLOT;
+        self.frames.clear();
+        stage.world.advance(end, &mut self.frames);
+        stage.note_truth();
+        stage.daemon.advance(end, &self.frames);
+        for frame in std::mem::take(&mut stage.daemon.sent) {
+            stage.send(&frame);
+        }
+        for snapshot in std::mem::take(&mut stage.daemon.published) {
+            self.stage.follow_zero(&snapshot);
+            self.judge(&snapshot);
+        }
+        self.stage.follow();
+        let now = self.stage.now();
+        let there = matches!(self.stage.daemon.newest.force.state, ForceState::Ok | ForceState::Degraded);
+        let without = self.stage.suspects.force_is(there, now);
+        self.tally.time(SLOT, self.stage.suspects.present(now), without);
+        if without.is_some_and(Kinds::is_empty) {
+            self.tally.gone(SLOT, self.seed, &self.stage.daemon.newest.force.reasons);
+        }
+    }
+
+    fn judge(&mut self, snapshot: &Arc<PatchSnapshot>) {
+        let (stage, force) = (&mut self.stage, &snapshot.force);
+        if force.state != self.state {
+            self.state = force.state;
+            stage.tell(format!("force {:?}: {}", force.state, force.reasons.join("; ")));
+        }
+        let Some(stated) = interval(force) else { return };
+        let kinds = stage.suspects.present(stage.now());
+        let truth = stage.truth.range(snapshot.time - AGE_MAX, snapshot.time);
+        let lie = judge(stated, truth).map(|lie| {
+            let wide = stage.truth.range(snapshot.time - LATE, stage.now());
+            let late = judge(stated, wide).is_none();
+            (lie, name(stage, snapshot, lie, truth, late))
+        });
+        let lie = lie.filter(|(_, name)| !is_allowed(name));
+        self.tally.sample(kinds, lie.is_some());
+        match lie {
+            None => {
+                if self.lying.take().is_some() {
+                    let text = reading(snapshot, truth);
+                    stage.tell(format!("no lie any more: {text}"));
+                }
+            }
+            Some((lie, name)) => {
+                if self.lying.as_ref() != Some(&name) {
+                    let text = reading(snapshot, truth);
+                    stage.tell(format!("LIE `{name}`: {text}"));
+                    self.lying = Some(name.clone());
+                }
+                let ok = force.state == ForceState::Ok;
+                self.tally.lie(&name, self.seed, ok, lie, || {
+                    let mut lines = stage.last_lines(8);
+                    lines.push(format!("{:8.2} s  {}", stage.seconds(), reading(snapshot, truth)));
+                    lines.join("\n")
+                });
+            }
+        }
+    }
+}
+
+/// What a lie is called: what it may come from, what lay on the skin, and which way it went.
+fn name(stage: &Stage, snapshot: &PatchSnapshot, lie: Lie, (least, greatest): (f64, f64), late: bool) -> String {
+    let now = stage.now();
+    let excluded = f64::from(snapshot.force.excluded) / snapshot.taxels.len() as f64;
+    let root = match stage.suspects.principal(stage.suspects.present(now), now) {
+        Some(kind) => kind.name(),
+        None if excluded > MANY_EXCLUDED => "no fault, but many taxels excluded",
+        None => "no fault",
+    };
+    let last_second = stage.truth.range(now - Duration::from_secs(1), now);
+    let last_seconds = stage.truth.range(now - Duration::from_secs(8), now);
+    let load = if stage.world.true_pressure().0 > 0.3 {
+        "bag presses"
+    } else if greatest <= 0.0 {
+        if last_seconds.1 > 0.0 { "after a load" } else { "nothing lies there" }
+    } else if greatest - least > 0.02 * greatest || last_second.1 - last_second.0 > 0.02 * greatest {
+        "load changes"
+    } else if greatest < 0.3 {
+        "light load rests"
+    } else {
+        "load rests"
+    };
+    let way = match lie.too_little {
+        true if snapshot.force.active == 0 => "reads nothing",
+        true => "too little",
+        false => "too much",
+    };
+    let size = if lie.excess_n < LITTLE_N { " by a little" } else { "" };
+    format!("{root}; {load}; {way}{size}{}", if late { "; within 400 ms" } else { "" })
+}
+
+fn reading(snapshot: &PatchSnapshot, (least, greatest): (f64, f64)) -> String {
+    let force = &snapshot.force;
+    let number = |newton: Option<taxel_skin::Newton>| newton.map_or(f64::NAN, |newton| newton.0);
+    let at: Time = snapshot.time;
+    format!(
+        "{:?} {:.3} N, sigma {:.3} N, {} active, truth {least:.3} to {greatest:.3} N (frame of {at:?}; {})",
+        force.state,
+        number(force.total),
+        number(force.total_sigma),
+        force.active,
+        force.reasons.join("; ")
+    )
+}

@@ -1,0 +1,236 @@
+//! What all stories came to.
+
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::time::Duration;
+
+use crate::judge::Lie;
+use crate::kinds::{Kind, Kinds};
+
+/// Names of lies that a table shows.
+pub const NAMES_SHOWN: usize = 20;
+/// Lies by less than this have names of their own, in newton.
+pub const LITTLE_N: f64 = 0.5;
+
+/// Figures of one kind of thing that happens.
+#[derive(Clone, Copy, Debug, Default)]
+struct Row {
+    stories: u64,
+    samples: u64,
+    lies: u64,
+    without_force: Duration,
+}
+
+/// Lies of one name.
+#[derive(Clone, Debug, Default)]
+pub struct Liars {
+    pub samples: u64,
+    /// Of them in a state of OK.
+    pub ok: u64,
+    pub stories: u64,
+    pub worst_n: f64,
+    /// The story with the worst, and what it said.
+    pub seed: u64,
+    pub example: String,
+    last_seed: Option<u64>,
+}
+
+impl Liars {
+    /// One more; whether it is the worst so far.
+    fn count(&mut self, seed: u64, ok: bool, lie: Lie) -> bool {
+        self.samples += 1;
+        self.ok += u64::from(ok);
+        self.stories += u64::from(self.last_seed.replace(seed) != Some(seed));
+        let worst = lie.excess_n > self.worst_n;
+        if worst {
+            (self.worst_n, self.seed) = (lie.excess_n, seed);
+        }
+        worst
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.samples += other.samples;
+        self.ok += other.ok;
+        self.stories += other.stories;
+        if other.worst_n > self.worst_n {
+            (self.worst_n, self.seed) = (other.worst_n, other.seed);
+            self.example.clone_from(&other.example);
+        }
+    }
+}
+
+/// The lies of each name, those of most stories first.
+fn ranked(liars: &BTreeMap<String, Liars>) -> Vec<(&String, &Liars)> {
+    let mut ranked: Vec<_> = liars.iter().collect();
+    ranked.sort_by_key(|(_, liars)| Reverse((liars.worst_n >= LITTLE_N, liars.stories, liars.samples)));
+    ranked
+}
+
+fn write_liars(f: &mut fmt::Formatter<'_>, title: &str, liars: &[(&String, &Liars)]) -> fmt::Result {
+    writeln!(f, "\n| {title} | stories | samples | of them OK | worst, N beyond | seed |")?;
+    writeln!(f, "|---|---:|---:|---:|---:|---:|")?;
+    for (name, Liars { samples, ok, stories, worst_n, seed, .. }) in liars {
+        writeln!(f, "| {name} | {stories} | {samples} | {ok} | {worst_n:.3} | {seed} |")?;
+    }
+    Ok(())
+}
+
+/// Counts over stories; those of several threads add up.
+#[derive(Clone, Debug)]
+pub struct Tally {
+    rows: Vec<Row>,
+    quiet: Row,
+    quiet_time: Duration,
+    pub stories: u64,
+    pub lying_stories: u64,
+    pub simulated: Duration,
+    pub samples: u64,
+    pub lies: u64,
+    liars: BTreeMap<String, Liars>,
+    /// Those by more than a little, by the first part of their names.
+    roots: BTreeMap<String, Liars>,
+    /// Why there was no force in the fault-free time, how long, and in which story last.
+    gone: BTreeMap<String, (Duration, u64)>,
+}
+
+impl Tally {
+    pub fn new() -> Self {
+        Self {
+            rows: vec![Row::default(); Kind::ALL.len()],
+            quiet: Row::default(),
+            quiet_time: Duration::ZERO,
+            stories: 0,
+            lying_stories: 0,
+            simulated: Duration::ZERO,
+            samples: 0,
+            lies: 0,
+            liars: BTreeMap::new(),
+            roots: BTreeMap::new(),
+            gone: BTreeMap::new(),
+        }
+    }
+
+    /// A sample with a force was judged; what may have touched it.
+    pub fn sample(&mut self, kinds: Kinds, lied: bool) {
+        self.samples += 1;
+        self.lies += u64::from(lied);
+        let count = |row: &mut Row| {
+            row.samples += 1;
+            row.lies += u64::from(lied);
+        };
+        if kinds.is_empty() {
+            count(&mut self.quiet);
+        }
+        kinds.iter().for_each(|kind| count(&mut self.rows[kind as usize]));
+    }
+
+    /// A lie by its name, which begins with what it may come from.
+    pub fn lie(&mut self, name: &str, seed: u64, ok: bool, lie: Lie, told: impl FnOnce() -> String) {
+        let liars = self.liars.entry(name.to_owned()).or_default();
+        if liars.count(seed, ok, lie) {
+            liars.example = told();
+        }
+        if lie.excess_n >= LITTLE_N {
+            let root = name.split(';').next().unwrap_or(name);
+            self.roots.entry(root.to_owned()).or_default().count(seed, ok, lie);
+        }
+    }
+
+    /// Time passed: with a force (`None`) or without one, and what for.
+    pub fn time(&mut self, span: Duration, present: Kinds, without: Option<Kinds>) {
+        self.simulated += span;
+        match without {
+            Some(blame) if blame.is_empty() => {
+                self.quiet.without_force += span;
+                self.quiet_time += span;
+            }
+            Some(blame) => blame.iter().for_each(|kind| self.rows[kind as usize].without_force += span),
+            None if present.is_empty() => self.quiet_time += span,
+            None => {}
+        }
+    }
+
+    /// There is no force though nothing happened; the reasons that the sample gives.
+    pub fn gone(&mut self, span: Duration, seed: u64, reasons: &[String]) {
+        // Numbers apart, the text is the reason's name; a sentence after the first colon is figures.
+        let text = reasons.join("; ");
+        let name: String = text.chars().map(|c| if c.is_ascii_digit() { '#' } else { c }).take(90).collect();
+        let gone = self.gone.entry(name).or_default();
+        *gone = (gone.0 + span, seed);
+    }
+
+    pub fn story(&mut self, ever: Kinds, lied: bool) {
+        self.stories += 1;
+        self.lying_stories += u64::from(lied);
+        if ever.is_empty() {
+            self.quiet.stories += 1;
+        }
+        ever.iter().for_each(|kind| self.rows[kind as usize].stories += 1);
+    }
+
+    pub fn add(&mut self, other: &Self) {
+        let sum = |row: &mut Row, other: &Row| {
+            row.stories += other.stories;
+            row.samples += other.samples;
+            row.lies += other.lies;
+            row.without_force += other.without_force;
+        };
+        self.rows.iter_mut().zip(&other.rows).for_each(|(row, other)| sum(row, other));
+        sum(&mut self.quiet, &other.quiet);
+        self.quiet_time += other.quiet_time;
+        self.stories += other.stories;
+        self.lying_stories += other.lying_stories;
+        self.simulated += other.simulated;
+        self.samples += other.samples;
+        self.lies += other.lies;
+        for (name, (span, seed)) in &other.gone {
+            let gone = self.gone.entry(name.clone()).or_default();
+            *gone = (gone.0 + *span, *seed);
+        }
+        for (ours, theirs) in [(&mut self.liars, &other.liars), (&mut self.roots, &other.roots)] {
+            for (name, theirs) in theirs {
+                ours.entry(name.clone()).or_default().add(theirs);
+            }
+        }
+    }
+
+    /// Share of the time without any fault or command in which there was no force.
+    pub fn quiet_share_without_force(&self) -> f64 {
+        self.quiet.without_force.as_secs_f64() / self.quiet_time.as_secs_f64().max(1.0)
+    }
+
+    /// The names of lies, first those that are more than a little wrong, and among them those of most stories.
+    pub fn most_frequent(&self) -> Vec<(&String, &Liars)> {
+        ranked(&self.liars)
+    }
+}
+
+impl fmt::Display for Tally {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let minutes = self.simulated.as_secs_f64() / 60.0;
+        let share = 100.0 * self.quiet_share_without_force();
+        writeln!(
+            f,
+            "{} stories, {minutes:.0} simulated minutes, {} samples judged, {} lies in {} stories; {share:.2} % of the \
+             fault-free time without a force\n",
+            self.stories, self.samples, self.lies, self.lying_stories
+        )?;
+        writeln!(f, "| what happened | stories | samples judged | lies | s without a force |")?;
+        writeln!(f, "|---|---:|---:|---:|---:|")?;
+        let named = self.rows.iter().zip(Kind::ALL).map(|(row, kind)| (kind.name(), row));
+        for (name, row) in std::iter::once(("nothing", &self.quiet)).chain(named) {
+            let gone = row.without_force.as_secs_f64();
+            writeln!(f, "| {name} | {} | {} | {} | {gone:.1} |", row.stories, row.samples, row.lies)?;
+        }
+        writeln!(f, "\n| no force in fault-free time | s | seed |\n|---|---:|---:|")?;
+        let mut gone: Vec<_> = self.gone.iter().collect();
+        gone.sort_by_key(|(_, (span, _))| Reverse(*span));
+        for (reason, (span, seed)) in gone.into_iter().take(5) {
+            writeln!(f, "| {reason} | {:.1} | {seed} |", span.as_secs_f64())?;
+        }
+        write_liars(f, &format!("lies by {LITTLE_N} N and more, by what they come from"), &ranked(&self.roots))?;
+        let names = self.most_frequent();
+        write_liars(f, "lie", &names[..names.len().min(NAMES_SHOWN)])
+    }
+}

@@ -1,0 +1,53 @@
+//! What is true of a world, to judge others by.
+
+use super::{FrameCounts, World};
+use taxel_skin::{Kilopascal, Newton};
+
+impl World {
+    /// What became of the frames so far.
+    #[must_use]
+    pub const fn frame_counts(&self) -> FrameCounts {
+        FrameCounts { lost: self.receiver.frames_lost, ..self.counts }
+    }
+
+    /// The true differential pressure of the bag.
+    #[must_use]
+    pub fn true_pressure(&self) -> Kilopascal {
+        Kilopascal(self.bag_kpa(self.now))
+    }
+
+    /// The true pressure on every taxel, bag and masses together, in the patch's order.
+    pub fn true_taxel_pressures(&self) -> impl Iterator<Item = Kilopascal> {
+        let bag = self.true_pressure().0;
+        let mut loads_kpa = Vec::new();
+        self.loads.write(self.now, &self.skin, &mut loads_kpa);
+        loads_kpa.into_iter().map(move |load| Kilopascal(bag + load))
+    }
+
+    /// The true normal force on the skin, bag and masses together: the sum of pressure times area over all taxels.
+    /// Without vacuum it is the weight of the masses.
+    #[must_use]
+    pub fn true_force(&self) -> Newton {
+        self.true_taxel_pressures().map(|pressure| pressure.on(self.skin.taxel_area())).sum()
+    }
+
+    /// The same as a vector in newton: the sum of pressure times area times *outward* normal, as calibrated skin
+    /// reports it. The push on the limb is its opposite.
+    #[must_use]
+    pub fn true_force_vector(&self) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for (pressure, pose) in self.true_taxel_pressures().zip(self.skin.poses()) {
+            let force = pressure.on(self.skin.taxel_area()).0;
+            for (sum, n) in sum.iter_mut().zip(pose.normal) {
+                *sum += force * n;
+            }
+        }
+        sum
+    }
+
+    /// Which taxels were made insensitive, in the patch's order.
+    #[must_use]
+    pub fn insensitive_taxels(&self) -> &[bool] {
+        &self.insensitive
+    }
+}

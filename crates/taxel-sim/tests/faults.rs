@@ -1,0 +1,234 @@
+//! What a host sees of the faults of boards, taxels, foreign nodes and its own adapter.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+mod common;
+use common::*;
+use std::time::Duration;
+use taxel_sim::{Config, Fault, FaultError, ForeignScan, Mass, PumpCommand, Skin, World};
+use taxel_skin::{Module, TaxelIndex, Time};
+use taxel_wire::TimedFrame;
+use taxel_wire::icub::Message;
+
+const MS: fn(u64) -> Duration = Duration::from_millis;
+
+/// Times of the heads of module 0 of a board, in seconds.
+fn scan_times(frames: &[TimedFrame], address: u8) -> Vec<f64> {
+    let of_board = |(time, message): (Time, Message)| match message {
+        Message::Head { board, module, .. } if (board.get(), module.get()) == (address, 0) => Some(time.as_seconds()),
+        _ => None,
+    };
+    messages(frames).into_iter().filter_map(of_board).collect()
+}
+
+/// All values that taxel `taxel` of board 13 sent; it must be one of the first seven of its module.
+fn values_of(frames: &[TimedFrame], taxel: usize) -> Vec<u8> {
+    let of_taxel = |(_, message): (Time, Message)| match message {
+        Message::Head { board, module, values } if board.get() == 13 && usize::from(module.get()) == taxel / 10 => {
+            Some(values[taxel % 10])
+        }
+        _ => None,
+    };
+    messages(frames).into_iter().filter_map(of_taxel).collect()
+}
+
+fn board_mean(world: &World, frames: &[TimedFrame], taxels: std::ops::Range<usize>) -> f64 {
+    mean_and_sd(&taxel_means(world, frames)[taxels]).0
+}
+
+#[test]
+fn a_glitch_is_short_ends_with_a_zero_under_the_load_and_the_stream_goes_on() {
+    let mut world = streaming(1);
+    world.pump(ramp(30.0, 20.0));
+    advance(&mut world, 3.0);
+    world.inject(Fault::Glitch { board: board(13), off: MS(400) }).unwrap();
+    let outage = advance(&mut world, 3.4);
+    assert!(scan_times(&outage, 13).len() <= 1 && scan_times(&outage, 12).len() >= 7);
+    let after = advance(&mut world, 4.4);
+    assert!(scan_times(&after, 13)[0] < 3.55, "it needs no new configuration");
+    assert!((board_mean(&world, &after, 0..160) - 240.0).abs() < 2.0, "30 kPa became its zero");
+    assert!(board_mean(&world, &after, 160..230) < 210.0, "the other board kept its own");
+}
+
+#[test]
+fn another_period_lasts_until_it_is_mended() {
+    let mut world = streaming(1);
+    for (n, (period_ms, scans)) in [(10, 100), (100, 10)].into_iter().enumerate() {
+        let begin = 3.0 * n as f64;
+        let fault = Fault::OtherPeriod { board: board(12), period_ms };
+        world.inject(fault).unwrap();
+        advance(&mut world, begin + 0.2);
+        let frames = advance(&mut world, begin + 1.2);
+        assert!(scan_times(&frames, 12).len().abs_diff(scans) <= 1, "{period_ms} ms");
+        assert!(scan_times(&frames, 13).len().abs_diff(20) <= 1);
+        world.repair(fault).unwrap();
+        advance(&mut world, begin + 2.0);
+        assert!(scan_times(&advance(&mut world, begin + 3.0), 12).len().abs_diff(20) <= 1);
+    }
+}
+
+#[test]
+fn a_foreign_node_sends_beside_the_board_at_its_own_phase() {
+    for sends in [ForeignScan::Level(240), ForeignScan::Shifted(-9)] {
+        let mut world = streaming(1);
+        advance(&mut world, 1.0);
+        let rest = values_of(&advance(&mut world, 2.0), 3);
+        let fault = Fault::ForeignNode { board: board(13), sends };
+        world.inject(fault).unwrap();
+        world.pump(PumpCommand::Ramp { target: taxel_skin::Kilopascal(40.0), kpa_per_s: 40.0 });
+        advance(&mut world, 4.0);
+        let frames = advance(&mut world, 5.0);
+        assert!(scan_times(&frames, 13).len().abs_diff(40) <= 1 && scan_times(&frames, 12).len().abs_diff(20) <= 1);
+        let values = values_of(&frames, 3);
+        let expected = match sends {
+            ForeignScan::Level(value) => (value, value),
+            ForeignScan::Shifted(_) => (rest.iter().min().unwrap() - 9, rest.iter().max().unwrap() - 9),
+        };
+        let pretended = values.iter().filter(|v| (expected.0..=expected.1).contains(v)).count();
+        assert!(pretended.abs_diff(20) <= 1, "{sends:?}: {pretended} of {values:?}");
+        world.repair(fault).unwrap();
+        advance(&mut world, 5.1);
+        assert!(scan_times(&advance(&mut world, 6.1), 13).len().abs_diff(20) <= 1);
+    }
+}
+
+#[test]
+fn the_adapter_gives_old_scans_again_with_fresh_times() {
+    let mut world = streaming(1);
+    advance(&mut world, 1.0);
+    world.pump(ramp(40.0, 40.0));
+    let rising = advance(&mut world, 3.0);
+    world.pump(PumpCommand::Vent);
+    advance(&mut world, 4.0);
+    world.inject(Fault::FramesReplayed { span: MS(3000), within: MS(100) }).unwrap();
+    let burst = advance(&mut world, 4.1);
+    assert!(scan_times(&burst, 13).len() > 55, "{} scans", scan_times(&burst, 13).len());
+    let times: Vec<_> = burst.iter().map(|frame| frame.time).collect();
+    assert!(times.is_sorted() && times[0] >= seconds(4.0));
+    let mut again = values_of(&burst, 3).into_iter();
+    assert!(values_of(&rising, 3).iter().all(|old| again.any(|value| value == *old)), "between them come live ones");
+    advance(&mut world, 4.2);
+    assert!(scan_times(&advance(&mut world, 5.2), 13).len().abs_diff(20) <= 1);
+}
+
+#[test]
+fn a_slow_adapter_keeps_all_and_gives_it_late() {
+    let mut world = streaming(1);
+    let mut sound = world.clone();
+    advance(&mut world, 1.0);
+    world.inject(Fault::FramesHeld { span: MS(700), within: MS(50) }).unwrap();
+    assert!(advance(&mut world, 1.69).is_empty());
+    let late = advance(&mut world, 3.0);
+    advance(&mut sound, 1.0);
+    let wire = |frames: &[TimedFrame]| frames.iter().map(|frame| frame.frame).collect::<Vec<_>>();
+    assert_eq!(wire(&late), wire(&advance(&mut sound, 3.0)), "nothing is lost and nothing overtakes");
+    let burst = late.iter().filter(|frame| frame.time < seconds(1.76)).count();
+    assert!(burst > 600, "{burst} frames in 60 ms");
+}
+
+#[test]
+fn duplicated_and_swapped_frames_are_those_of_the_wire() {
+    let mut sound = streaming(1);
+    let clean = advance(&mut sound, 5.0);
+    for fault in [Fault::FramesDuplicated { probability: 0.1 }, Fault::FramesSwapped { probability: 0.1 }] {
+        let mut world = streaming(1);
+        world.inject(fault).unwrap();
+        let got = advance(&mut world, 5.0);
+        assert!(got.is_sorted_by_key(|frame| frame.time));
+        let more = got.len() as isize - clean.len() as isize;
+        let changed = got.iter().zip(&clean).filter(|(a, b)| a.frame != b.frame).count();
+        match fault {
+            Fault::FramesDuplicated { .. } => assert!((400..700).contains(&more), "{more} more"),
+            _ => assert!((-1..=0).contains(&more) && changed > 700, "{more} more, {changed} at another place"),
+        }
+    }
+}
+
+#[test]
+fn a_stuck_a_noisy_and_a_flickering_taxel_leave_the_others_as_they_were() {
+    let mut sound = streaming(1);
+    let clean = advance(&mut sound, 10.0);
+    let mut world = streaming(1);
+    let faults = [
+        Fault::TaxelStuck { taxel: TaxelIndex(1), value: 200 },
+        Fault::TaxelNoisy { taxel: TaxelIndex(12), sd_counts: 5.0 },
+        Fault::TaxelFlicker { taxel: TaxelIndex(23), probability: 0.3 },
+    ];
+    faults.iter().for_each(|fault| world.inject(*fault).unwrap());
+    let frames = advance(&mut world, 10.0);
+    assert!(values_of(&frames, 1).iter().all(|value| *value == 200));
+    let spread =
+        |frames, taxel| mean_and_sd(&values_of(frames, taxel).into_iter().map(f64::from).collect::<Vec<_>>()).1;
+    assert!(spread(&frames, 12) > 4.0 && spread(&clean, 12) < 1.5);
+    let railed = values_of(&frames, 23).iter().filter(|value| **value == 255).count();
+    assert!((30..90).contains(&railed), "{railed} of 200");
+    for taxel in [0, 2, 3, 11, 13, 22, 24, 30] {
+        assert_eq!(values_of(&frames, taxel), values_of(&clean, taxel), "taxel {taxel}");
+    }
+    faults.iter().for_each(|fault| world.repair(*fault).unwrap());
+    advance(&mut world, 10.1);
+    advance(&mut sound, 10.1);
+    let (frames, clean) = (advance(&mut world, 12.0), advance(&mut sound, 12.0));
+    for taxel in [1, 12, 23] {
+        assert_eq!(values_of(&frames, taxel), values_of(&clean, taxel), "taxel {taxel} after its repair");
+    }
+}
+
+#[test]
+fn warming_moves_the_counts_of_pads_and_taxels() {
+    let mut world = streaming(1);
+    let before = board_mean(&world.clone(), &advance(&mut world, 2.0), 0..230);
+    world.inject(Fault::Warming { kelvin: 20.0, over: MS(5000) }).unwrap();
+    advance(&mut world, 7.5);
+    let after = board_mean(&world.clone(), &advance(&mut world, 9.5), 0..230);
+    assert!(before - after > 2.0, "what the firmware does not compensate: {before} to {after}");
+}
+
+#[test]
+fn loads_come_roll_and_go_and_the_truth_follows() {
+    let mut world = streaming(1);
+    advance(&mut world, 1.0);
+    let mass = Mass::on_disc(0.5, TaxelIndex(100), 600.0);
+    let load = world.place(mass, MS(1000)).unwrap();
+    for (now, share) in [(1.5, 0.5), (2.5, 1.0)] {
+        advance(&mut world, now);
+        assert!((world.true_force().0 - share * mass.weight().0).abs() < 1e-9, "at {now} s");
+    }
+    world.roll(load, TaxelIndex(20), MS(1000)).unwrap();
+    advance(&mut world, 4.0);
+    let pressed: Vec<_> = world.true_taxel_pressures().collect();
+    assert!(pressed[20].0 > 10.0 && pressed[100].0 == 0.0);
+    world.lift(load, MS(200));
+    advance(&mut world, 5.0);
+    assert_eq!(world.true_force().0, 0.0);
+}
+
+#[test]
+fn another_seed_from_now_on_makes_another_noise_on_the_same_skin() {
+    let mut first = streaming(1);
+    advance(&mut first, 1.0);
+    let (mut second, mut third) = (first.clone(), first.clone());
+    second.reseed(2);
+    third.reseed(2);
+    let frames = advance(&mut second, 3.0);
+    assert_eq!(frames, advance(&mut third, 3.0));
+    let old = advance(&mut first, 3.0);
+    assert_ne!(values_of(&frames, 3), values_of(&old, 3));
+    let mean = |frames| values_of(frames, 3).iter().map(|v| f64::from(*v)).sum::<f64>() / 40.0;
+    assert!((mean(&frames) - mean(&old)).abs() < 1.0, "the same taxel at the same zero");
+}
+
+#[test]
+fn faults_that_cannot_be_are_refused() {
+    let mut world = World::new(Skin::forearm().unwrap(), Config::seeded(1)).unwrap();
+    let nowhere = Fault::TaxelStuck { taxel: TaxelIndex(230), value: 0 };
+    assert_eq!(world.inject(nowhere), Err(FaultError::Taxel { taxel: 230, taxels: 230 }));
+    for fault in [
+        Fault::FramesLost { probability: f64::NAN },
+        Fault::BagLeak { leak_s: 0.0 },
+        Fault::Warming { kelvin: f64::INFINITY, over: MS(1) },
+    ] {
+        assert!(matches!(world.inject(fault), Err(FaultError::Number { .. })), "{fault:?}");
+    }
+    let module = Fault::ModuleSilent(board(3), Module::from_nibble(0));
+    assert_eq!(world.inject(module), Err(FaultError::Board(board(3))));
+}
