@@ -5,9 +5,9 @@ use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_engine::calibration::{FitJob, SessionView};
 use taxel_engine::command::{Command, Done, Reply, RequestId};
 use taxel_engine::plan::Plan;
-use taxel_engine::session::{FitJob, SessionView};
 use taxel_engine::snapshot::{Catalogue, PatchSnapshot};
 use taxel_engine::{BusNotice, Engine, Input, Now, Output};
 use taxel_skin::Time;
@@ -31,6 +31,8 @@ pub struct Daemon {
     out: Vec<Output>,
     store: Store,
     dice: Dice,
+    /// Commits and when they are on disk; `None` where the disk refuses.
+    commits: Vec<(Option<Time>, u64)>,
     fits: Vec<(Time, FitJob)>,
     /// Frames that came while the engine stood still.
     waiting: Vec<TimedFrame>,
@@ -58,6 +60,7 @@ impl Daemon {
             out: Vec::new(),
             store,
             dice,
+            commits: Vec::new(),
             fits: Vec::new(),
             waiting: Vec::new(),
             stalled_until: now,
@@ -89,6 +92,7 @@ impl Daemon {
         self.engine = None;
         (self.newest, self.session) = (Arc::default(), None);
         self.fits.clear();
+        self.commits.clear();
         self.waiting.clear();
     }
 
@@ -134,6 +138,9 @@ impl Daemon {
             return;
         }
         let waited = std::mem::take(&mut self.waiting);
+        if !waited.is_empty() {
+            self.step(now, Input::Resumed(now.since(waited[0].time)));
+        }
         for batch in waited.chunks(BATCH_FRAMES) {
             self.step(now, Input::Frames(BUS, batch));
         }
@@ -143,6 +150,11 @@ impl Daemon {
         self.now = now;
         for (session, samples) in self.store.write(now) {
             self.step(now, Input::Durable { session, samples });
+        }
+        while let Some(place) = self.commits.iter().position(|(due, _)| due.is_none_or(|due| due <= now)) {
+            let (due, ticket) = self.commits.remove(place);
+            let result = due.map(|_| ()).ok_or_else(|| "the disk is full".to_owned());
+            self.step(now, Input::Committed { ticket, result });
         }
         while let Some(place) = self.fits.iter().position(|(due, _)| *due <= now) {
             let (_, job) = self.fits.remove(place);
@@ -170,7 +182,14 @@ impl Daemon {
             Output::Session(_, view) => self.session = Some(view),
             Output::Catalogue(catalogue) => self.catalogue = catalogue,
             Output::Send(_, frame) => self.sent.push(frame),
-            Output::Record(record) => self.store.take(now + self.dice.span(0.002, 0.3), record),
+            Output::Record(record) => {
+                self.store.take(now + self.dice.span(0.002, 0.3), record);
+            }
+            Output::Commit { ticket, records } => {
+                let due = now + self.dice.span(0.002, 0.3);
+                let taken: Vec<Option<Time>> = records.into_iter().map(|record| self.store.take(due, record)).collect();
+                self.commits.push((taken.into_iter().flatten().max(), ticket));
+            }
             Output::Reply(request, reply) => self.replies.push((request, in_words(&reply))),
             Output::Fit(job) => self.fits.push((now + self.dice.span(0.05, 2.0), job)),
             Output::Health(_) => {}

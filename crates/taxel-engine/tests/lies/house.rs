@@ -3,11 +3,11 @@
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
+use taxel_engine::calibration::Branch;
+use taxel_engine::calibration::SessionState;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
-use taxel_engine::recording::Branch;
-use taxel_engine::session::SessionState;
 use taxel_sim::{Config, DielectricConfig, PumpCommand, Skin, World};
 use taxel_skin::{Board, Kilopascal, ModuleKind, Patch, Time};
 
@@ -77,6 +77,7 @@ fn calibrate(n: usize) -> House {
         target: None,
         branches: Some(branches),
         confirmed_by: None,
+        leave_out: Vec::new(),
     });
     run(n, &mut world, &mut daemon, 20.0, "ramp", &in_state(SessionState::Ramping));
     world.pump(PumpCommand::Ramp { target: Kilopascal(74.0), kpa_per_s: 3.0 });

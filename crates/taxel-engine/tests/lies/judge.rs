@@ -13,8 +13,8 @@ pub fn interval(force: &ForceSample) -> Option<(f64, f64)> {
         return None;
     }
     let (total, sigma) = (force.total?.0, force.total_sigma?.0);
-    let (floor, lower_bound) = (0.0, force.reasons.iter().any(|reason| reason.contains("lower bound")));
-    let high = if lower_bound { f64::INFINITY } else { total + SIGMAS * sigma + floor };
+    let floor = force.detection_floor?.0;
+    let high = if force.lower_bound { f64::INFINITY } else { total + SIGMAS * sigma + floor };
     Some((total - SIGMAS * sigma, high))
 }
 
@@ -59,10 +59,11 @@ mod tests {
             state: ForceState::Ok,
             total: Some(Newton(5.0)),
             total_sigma: Some(Newton(0.5)),
+            detection_floor: Some(Newton(0.25)),
             ..ForceSample::default()
         };
-        assert_eq!(interval(&sample), Some((3.5, 6.5)));
-        sample.reasons = vec!["2 taxels read more than was calibrated: the total is a lower bound".to_owned()];
+        assert_eq!(interval(&sample), Some((3.5, 6.75)));
+        sample.lower_bound = true;
         assert_eq!(interval(&sample), Some((3.5, f64::INFINITY)));
         sample.state = ForceState::Stale;
         assert_eq!(interval(&sample), None);

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_engine::calibration::SessionState;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::session::SessionState;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::PumpCommand;
 use taxel_skin::{Kilopascal, Time};
@@ -187,6 +187,7 @@ impl Operator {
             target: Some(Kilopascal(target_kpa)),
             branches: None,
             confirmed_by: None,
+            leave_out: Vec::new(),
         };
         stage.give(Kind::Session, command);
     }

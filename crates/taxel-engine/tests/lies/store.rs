@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use taxel_engine::Restored;
-use taxel_engine::io::RestoredSession;
+use taxel_engine::RestoredSession;
+use taxel_engine::calibration::{RampBaseline, SessionSamples, SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
-use taxel_engine::session::{RampBaseline, SessionSamples, SessionState, SessionView};
 use taxel_skin::Time;
 
 /// Records on disk, and records that wait for it in order.
@@ -30,12 +30,14 @@ impl Store {
         Self { model_sets: vec![Arc::clone(set)], active, sessions, ..Self::default() }
     }
 
-    /// Will be on disk at `due`, after all that came before.
-    pub fn take(&mut self, due: Time, record: Record) {
-        if !self.failed {
-            let due = self.waiting.back().map_or(due, |(last, _)| due.max(*last));
-            self.waiting.push_back((due, record));
+    /// Will be on disk at `due`, after all that came before; when that is, if the store takes it.
+    pub fn take(&mut self, due: Time, record: Record) -> Option<Time> {
+        if self.failed {
+            return None;
         }
+        let due = self.waiting.back().map_or(due, |(last, _)| due.max(*last));
+        self.waiting.push_back((due, record));
+        Some(due)
     }
 
     /// Writes what is due; for each session of which samples were written, their number.
@@ -67,6 +69,7 @@ impl Store {
             Record::Sample { session, sample, .. } => {
                 self.sessions.entry(session).or_default().1.samples.push(sample);
             }
+            Record::ModelSet(set) if self.model_sets.iter().any(|known| known.id == set.id) => {}
             Record::ModelSet(set) => self.model_sets.push(set),
             Record::Activated { patch, model_set, .. } => {
                 self.active.insert(patch, model_set);
