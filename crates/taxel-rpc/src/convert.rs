@@ -117,7 +117,7 @@ fn reading(taxel: &TaxelState, now: Time) -> v1::TaxelReading {
 }
 
 pub(crate) fn faults(set: FaultSet) -> Vec<i32> {
-    const WORDS: [(Fault, v1::TaxelFault); 11] = [
+    const WORDS: [(Fault, v1::TaxelFault); 10] = [
         (Fault::Rail, v1::TaxelFault::Rail),
         (Fault::Frozen, v1::TaxelFault::Frozen),
         (Fault::Jumping, v1::TaxelFault::Jumping),
@@ -127,7 +127,6 @@ pub(crate) fn faults(set: FaultSet) -> Vec<i32> {
         (Fault::NotConnected, v1::TaxelFault::NotConnected),
         (Fault::NoAck, v1::TaxelFault::NoAck),
         (Fault::Stale, v1::TaxelFault::Stale),
-        (Fault::BoardStep, v1::TaxelFault::BoardStep),
         (Fault::TooFast, v1::TaxelFault::TooFast),
     ];
     if set.is_empty() {

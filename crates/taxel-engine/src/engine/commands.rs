@@ -137,6 +137,7 @@ impl Engine {
             let patch = &self.patches[member];
             patch.calibration().refuse_if_open("abort it first")?;
             patch.check_vented(now)?; // a board that takes its zero under vacuum takes the load for rest
+            patch.check_unloaded()?;
         }
         for member in group {
             self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, effects));

@@ -11,6 +11,9 @@ use crate::force::neighbours::{Filled, Neighbours};
 use crate::force::remainder::Unseen;
 use crate::force::sample::{ForceSample, RangeFlag};
 
+/// The force of a taxel that is active alone is known to this share of it.
+const LONELY_SHARE: f64 = 0.5;
+
 /// Which parts of a force sample are computed beside the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outputs {
@@ -200,6 +203,8 @@ impl ForceModel {
     /// Standard uncertainty of the total: taxels are independent, while hysteresis, drift, gauge gain, gauge offset and
     /// area are common to all of them and so add up before they are squared.
     ///
+    /// What taxels read that are active alone counts with half of it.
+    ///
     /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2 + (o sum A_i)^2 + (a F)^2`,
     /// where s is the uncertainty of a taxel, h what of it is hysteresis, z the zero's in counts, and the s of a filled
     /// taxel is the scatter of its neighbours.
@@ -228,6 +233,7 @@ impl ForceModel {
         }
         let set = evaluator.tables().set();
         let shared = [
+            LONELY_SHARE * self.lonely_n(active),
             hysteresis,
             present.zero_sigma_counts * per_count,
             set.gauge_gain_rel * total_n,
@@ -235,6 +241,16 @@ impl ForceModel {
             self.area_uncertainty * total_n,
         ];
         shared.iter().fold(own, |variance, sigma| variance + sigma * sigma).sqrt()
+    }
+
+    /// The force on active taxels none of whose neighbours is active, in N. A taxel that hangs at some count looks like
+    /// this, and a contact that small is read badly in any case.
+    fn lonely_n(&self, active: &[(usize, f64)]) -> f64 {
+        let Some(neighbours) = &self.neighbours else { return 0.0 };
+        let mut touched = vec![false; self.areas_mm2.len()];
+        active.iter().for_each(|&(taxel, _)| touched[taxel] = true);
+        let lonely = active.iter().filter(|&&(taxel, _)| !neighbours.of(taxel).any(|other| touched[other]));
+        lonely.fold(0.0, |sum, &(_, newton)| sum + newton)
     }
 
     fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)]) {

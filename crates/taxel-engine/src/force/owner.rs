@@ -201,10 +201,12 @@ impl Force {
             let why = "no taxel has a usable model and is free of faults".to_owned();
             return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
         }
-        let present = Present { coverage: self.coverage, zero_sigma_counts: zero.sigma_counts };
         let touch = self.model.touch(evaluator, scan.counts, self.coverage);
         let active = touch.active.iter().map(|&(taxel, _)| taxel);
         let unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
+        // Where the untouched taxels lie away from their zero, the touched ones may, too.
+        let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
+        let present = Present { coverage: self.coverage, zero_sigma_counts };
         let faulty_beside = self.faulty_beside(&touch);
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, touch, unseen, present);

@@ -4,6 +4,10 @@
 //! (area times threshold pressure over threshold distance) and `c` its counts from the zero towards pressure, the
 //! remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`, and what all
 //! taxels share, the zero's: `(z sum w)^2`.
+//!
+//! A zero is taken where nothing seems to lie on the skin, which the counts can tell from a light load only as far as
+//! they return from day to day. So what the zero itself may hide counts, too: `H = sum w (zero - zero of the models)`,
+//! if that is positive. The floor is `max(R, 0) + max(H, 0)` and two standard uncertainties.
 
 use taxel_skin::Newton;
 
@@ -36,6 +40,8 @@ pub struct Remainder {
     noise_n2: f64,
     /// Sum of the forces per count, N.
     per_count_n: f64,
+    /// Force that the zero would hide if everything by which it lies towards load from that of the models were load, N.
+    hidden_n: f64,
 }
 
 /// What may press unseen.
@@ -45,6 +51,9 @@ pub struct Unseen {
     pub sigma_n: f64,
     /// The force that may press in addition without activating a taxel.
     pub floor: Newton,
+    /// How far the taxels that are not active lie from their zero in the mean, counts towards pressure: by so much the
+    /// zero may be off under the active ones, too.
+    pub offset_counts: f64,
 }
 
 impl Remainder {
@@ -67,6 +76,7 @@ impl Remainder {
         Self {
             newton_per_count: shares.iter().map(|s| s.newton_per_count).collect(),
             zeros_n: sum(&|s| f64::from(s.newton_per_count) * f64::from(s.zero)),
+            hidden_n: hidden_n(tables, &shares).max(0.0),
             noise_n2: sum(&|s| f64::from(s.noise_n).powi(2)),
             per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
             shares,
@@ -85,8 +95,20 @@ impl Remainder {
             per_count_n -= f64::from(share.newton_per_count).abs();
         }
         let sigma_n = (noise_n2.max(0.0) + (zero_sigma_counts * per_count_n).powi(2)).sqrt();
-        Unseen { sigma_n, floor: Newton(rest_n.max(0.0) + FLOOR_SIGMAS * sigma_n) }
+        Unseen {
+            sigma_n,
+            floor: Newton(rest_n.max(0.0) + self.hidden_n + FLOOR_SIGMAS * sigma_n),
+            offset_counts: if per_count_n > 0.0 { rest_n / per_count_n } else { 0.0 },
+        }
     }
+}
+
+/// What the zero hides if it lies towards load because of a load, N.
+fn hidden_n(tables: &Tables, shares: &[Share]) -> f64 {
+    let moved = |(share, then): (&Share, &TaxelBaseline)| {
+        f64::from(share.newton_per_count) * (f64::from(share.zero) - then.mean)
+    };
+    shares.iter().zip(&tables.set().baseline).map(moved).filter(|n| n.is_finite()).sum()
 }
 
 /// Sum of the products, in a fixed order, sixteen chains at a time.

@@ -11,6 +11,9 @@ use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
 use crate::force::sample::RangeFlag;
 use crate::model_set::{ModelSet, RecordedTaxel};
 
+/// A reading so close to the end of the calibrated range, in multiples of the noise, counts as beyond it.
+const RANGE_MARGIN_SIGMAS: f64 = 2.0;
+
 /// Entries from one force table to the next. Taxels at rest all read about the same count; if their tables lay a power
 /// of two apart, all those entries would compete for the same few sets of the cache (5,000 taxels: 7 us instead of 4).
 const FORCE_STRIDE: usize = 256 + 16;
@@ -199,12 +202,20 @@ impl<'a> Source<'a> {
     /// Tables for what is looked up now and then, and the force that every scan needs.
     fn tabulate(&self, area: SquareMillimetre, activation: Activation) -> (TaxelTable, ForceTable) {
         let mut table = self.model.tabulate(self.shift);
-        let mut range = std::array::from_fn(|code| in_pressure(table.range_state(code as u8), self.sign));
+        // Noise must not decide whether a reading near the end of the range says that it is beyond.
+        let margin = RANGE_MARGIN_SIGMAS * self.now.noise.max(NOISE_FLOOR_COUNTS);
+        let nearer = |code: f64| (code + self.sign.as_f64() * margin).round().clamp(0.0, 255.0);
+        let mut range = std::array::from_fn(|code| {
+            let beyond = in_pressure(table.range_state(nearer(code as f64) as u8), self.sign);
+            if beyond == RangeFlag::Above { beyond } else { in_pressure(table.range_state(code as u8), self.sign) }
+        });
         if let Some(plays) = self.plays {
             for code in 0..=u8::MAX {
                 let count = f64::from(code) + self.shift;
                 table.pressure_kpa[usize::from(code)] = plays.mid_kpa(count) as f32;
-                range[usize::from(code)] = in_pressure(plays.range_state(count), self.sign);
+                let beyond = in_pressure(plays.range_state(nearer(f64::from(code)) + self.shift), self.sign);
+                let here = in_pressure(plays.range_state(count), self.sign);
+                range[usize::from(code)] = if beyond == RangeFlag::Above { beyond } else { here };
             }
         }
         if let Some(sigma_kpa) = self.sigma_in_use_kpa() {

@@ -13,7 +13,7 @@ use crate::intake::assembler::{ScanAssembler, ScanEnd};
 use crate::intake::boards::{BoardState, SilenceLimits};
 use crate::intake::bring_up::{BoardSetup, BringUp};
 use crate::intake::faults::detector::FaultDetector;
-use crate::intake::faults::fault::{Fault, FaultSet};
+use crate::intake::faults::fault::FaultSet;
 use crate::intake::faults::limits::FaultLimits;
 use crate::intake::gauge::GaugeHistory;
 use crate::intake::health::BoardHealth;
@@ -80,7 +80,7 @@ impl Intake {
     pub fn new(plan: IntakePlan) -> Self {
         let regions = Regions::new(&plan.patch);
         let (modules, boards) = (plan.patch.modules().len(), plan.patch.boards().len());
-        let faults = FaultDetector::new(regions.taxels(), regions.modules(), regions.boards(), plan.faults)
+        let faults = FaultDetector::new(regions.taxels(), regions.modules(), plan.faults)
             .with_kinds(regions.kinds().iter().copied());
         Self {
             assembler: ScanAssembler::new(&plan.patch, plan.period),
@@ -161,7 +161,7 @@ impl Intake {
         let counts = &self.assembler.counts()[taxels.clone()];
         let faults_changed = self.faults.push_module(scan.time, module, counts, scan.status.0);
         let board = usize::from(self.plan.patch.modules()[module].board);
-        self.watch_board(board, scan, taxels.start, events);
+        self.watch_board(board, scan, events);
         if faults_changed || self.silent[module] {
             self.refresh_soundness();
         }
@@ -172,7 +172,7 @@ impl Intake {
     }
 
     /// Looks for signs that the board has lost its zero.
-    fn watch_board(&mut self, board: usize, scan: &ModuleScan, first_taxel: usize, events: &mut Vec<IntakeEvent>) {
+    fn watch_board(&mut self, board: usize, scan: &ModuleScan, events: &mut Vec<IntakeEvent>) {
         let limits =
             SilenceLimits { doubt_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after };
         let doubt = self.boards[board].on_module(scan.time, scan.status, limits);
@@ -183,10 +183,6 @@ impl Intake {
         if let Some(doubt) = doubt {
             let why = format!("board {address} {}", doubt.why);
             events.push(IntakeEvent::BoardDoubted { board, why, certain: doubt.certain });
-        }
-        if self.faults.faults(first_taxel).contains(Fault::BoardStep) {
-            let why = format!("all taxels of board {address} stepped at once: it has taken a new zero");
-            events.push(IntakeEvent::BoardDoubted { board, why, certain: true });
         }
     }
 

@@ -57,6 +57,20 @@ impl Patch {
         self.zero.reject(request);
     }
 
+    /// Refuses to configure boards while a load is felt: they would take it for nothing, and nobody could tell later.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with the force.
+    pub fn check_unloaded(&self) -> Result<(), Rejection> {
+        let Some((total, taxels)) = self.felt.filter(|(_, taxels)| *taxels > 0) else { return Ok(()) };
+        let (name, newton) = (self.name(), total.0);
+        let why = format!(
+            "{taxels} taxels of patch `{name}` read {newton:.2} N, and boards that are configured take what lies on \
+             them for nothing: unload the skin first"
+        );
+        Err(Rejection::FailedPrecondition(why))
+    }
+
     /// Refuses what needs a skin at rest while the bag presses on it.
     ///
     /// # Errors

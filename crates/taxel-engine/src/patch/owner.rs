@@ -4,7 +4,7 @@
 //! no force is made of a scan that shows that the zero is lost.
 
 use std::sync::Arc;
-use taxel_skin::{Kilopascal, Time};
+use taxel_skin::{Kilopascal, Newton, Time};
 use taxel_wire::icub::Refusal;
 use taxel_wire::{Frame, TimedFrame};
 
@@ -60,6 +60,8 @@ pub struct Patch {
     pub(super) faults: (Option<u64>, Arc<[FaultSet]>),
     /// Something changed that readers must see before the next scan.
     pub(super) dirty: bool,
+    /// The force that was published last, and from how many taxels.
+    pub(super) felt: Option<(Newton, usize)>,
 }
 
 impl Patch {
@@ -77,6 +79,7 @@ impl Patch {
             sequence: 0,
             faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
             dirty: true,
+            felt: None,
             intake,
             plan,
         }

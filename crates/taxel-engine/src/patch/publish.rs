@@ -22,6 +22,7 @@ impl Patch {
             load_vanished: self.zero.load_vanished(),
         };
         let measured = self.force.sample(&scan, self.intake.silent_taxels(), &zero);
+        self.felt = measured.sample.total.map(|total| (total, measured.active.len()));
         let time = self.intake.newest().unwrap_or_default();
         let tare = self.zero.view();
         if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured.sample) {

@@ -27,7 +27,7 @@ impl Masks {
     #[must_use]
     pub fn find(scans: &Scans<'_>, modules: &[Range<usize>], limits: &FaultLimits) -> Self {
         let taxels = scans.counts.len();
-        let mut detector = FaultDetector::new(taxels, modules, &[], *limits);
+        let mut detector = FaultDetector::new(taxels, modules, *limits);
         let mut masks = Self {
             masked: vec![vec![false; scans.len()]; taxels],
             scans_of: vec![Default::default(); taxels],

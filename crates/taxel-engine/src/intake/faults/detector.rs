@@ -15,7 +15,6 @@ use super::taxel::TaxelWatch;
 #[derive(Clone, Debug)]
 struct ModuleWatch {
     taxels: Range<usize>,
-    board: Option<usize>,
     /// Which of the module's twelve values each taxel is.
     slots: &'static [u8],
     heard: Option<Time>,
@@ -27,15 +26,6 @@ struct ModuleWatch {
     status_until: Time,
     /// Its taxels carry faults that they share.
     marked: bool,
-    /// Taxels that rose and that fell in one step, as of the last scan.
-    steps: [usize; 2],
-}
-
-#[derive(Clone, Debug, Default)]
-struct BoardWatch {
-    taxels: usize,
-    steps: [usize; 2],
-    stepped_until: Option<Time>,
 }
 
 /// Watches every taxel of a patch.
@@ -45,20 +35,18 @@ pub struct FaultDetector {
     hold: Duration,
     taxels: Vec<TaxelWatch>,
     modules: Vec<ModuleWatch>,
-    boards: Vec<BoardWatch>,
     /// Taxels that changed within the freezing time, as of their last scan.
     pub(super) lively: usize,
 }
 
 impl FaultDetector {
-    /// `modules` and `boards` are ranges of taxel numbers; those beyond `taxel_count` are cut off.
+    /// `modules` are ranges of taxel numbers; those beyond `taxel_count` are cut off.
     /// Modules of 10, 11 and 12 taxels are taken for triangles, palms with pad 11 and fingertips.
     #[must_use]
-    pub fn new(taxel_count: usize, modules: &[Range<usize>], boards: &[Range<usize>], limits: FaultLimits) -> Self {
+    pub fn new(taxel_count: usize, modules: &[Range<usize>], limits: FaultLimits) -> Self {
         let clip = |r: &Range<usize>| r.start.min(taxel_count)..r.end.min(taxel_count).max(r.start.min(taxel_count));
         let watch = |range: &Range<usize>| ModuleWatch {
             taxels: clip(range),
-            board: boards.iter().position(|b| b.contains(&range.start)),
             slots: slots_by_size(range.len()),
             heard: None,
             not_connected_until: Time::from_nanos(i64::MIN),
@@ -67,14 +55,12 @@ impl FaultDetector {
             out_of_range_until: [Time::from_nanos(i64::MIN); VALUES_PER_MODULE],
             status_until: Time::from_nanos(i64::MIN),
             marked: false,
-            steps: [0; 2],
         };
         Self {
             limits,
             hold: Duration::from_secs_f32(limits.hold_s.clamp(0.0, 1e6)),
             taxels: vec![TaxelWatch::default(); taxel_count],
             modules: modules.iter().map(watch).collect(),
-            boards: boards.iter().map(|b| BoardWatch { taxels: clip(b).len(), ..BoardWatch::default() }).collect(),
             lively: 0,
         }
     }
@@ -114,7 +100,7 @@ impl FaultDetector {
         watch.heard = Some(now);
         watch.take_status(now + self.hold, status);
         let others_change = 4 * self.lively >= self.taxels.len();
-        let (mut broken, mut steps, mut changed) = (0, [0; 2], false);
+        let (mut broken, mut changed) = (0, false);
         let range = watch.taxels.clone();
         for (taxel, &count) in self.taxels[range.clone()].iter_mut().zip(counts) {
             let before = (taxel.faults, taxel.is_lively);
@@ -131,48 +117,26 @@ impl FaultDetector {
                 _ => {}
             }
             broken += usize::from(taxel.faults.contains(Fault::Jumping) || taxel.faults.contains(Fault::Rail));
-            match taxel.step(self.limits.board_step_counts) {
-                step if step > 0.0 => steps[0] += 1,
-                step if step < 0.0 => steps[1] += 1,
-                _ => {}
-            }
             changed |= taxel.faults != before.0;
         }
         let flicker = !range.is_empty() && broken as f32 >= self.limits.module_share * range.len() as f32;
-        let stepped = self.board_stepped(now, module, steps);
         let watch = &mut self.modules[module];
-        let shares = flicker || stepped || now < watch.status_until || now < watch.too_fast_until;
+        let shares = flicker || now < watch.status_until || now < watch.too_fast_until;
         if shares || watch.marked {
             watch.marked = shares;
-            changed |= self.mark(now, module, flicker, stepped);
+            changed |= self.mark(now, module, flicker);
         }
         changed
     }
 
-    /// Whether the module's board has stepped within the hold time.
-    fn board_stepped(&mut self, now: Time, module: usize, steps: [usize; 2]) -> bool {
-        let watch = &mut self.modules[module];
-        let Some(board) = watch.board.and_then(|b| self.boards.get_mut(b)) else { return false };
-        for (i, &fresh) in steps.iter().enumerate() {
-            board.steps[i] = board.steps[i] + fresh - watch.steps[i];
-        }
-        watch.steps = steps;
-        let needed = (self.limits.board_step_share * board.taxels as f32).max(1.0);
-        if board.steps[0].max(board.steps[1]) as f32 >= needed {
-            board.stepped_until = Some(now + self.hold);
-        }
-        board.stepped_until.is_some_and(|until| now < until)
-    }
-
     /// Sets the faults that a whole module shares.
-    fn mark(&mut self, now: Time, module: usize, flicker: bool, stepped: bool) -> bool {
+    fn mark(&mut self, now: Time, module: usize, flicker: bool) -> bool {
         let watch = &self.modules[module];
         let mut changed = false;
         for (i, taxel) in self.taxels[watch.taxels.clone()].iter_mut().enumerate() {
             let before = taxel.faults;
             let out = watch.slots.get(i).is_some_and(|&slot| now < watch.out_of_range_until[slot as usize]);
             taxel.faults.set(Fault::ModuleFlicker, flicker);
-            taxel.faults.set(Fault::BoardStep, stepped);
             taxel.faults.set(Fault::StatusOutOfRange, out);
             taxel.faults.set(Fault::NotConnected, now < watch.not_connected_until);
             taxel.faults.set(Fault::NoAck, now < watch.no_ack_until);

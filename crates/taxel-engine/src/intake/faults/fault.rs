@@ -24,15 +24,13 @@ pub enum Fault {
     NoAck,
     /// Its module has been silent for too long.
     Stale,
-    /// Its whole board stepped at once: a silent re-tare.
-    BoardStep,
     /// Its module's scans come faster than its board can send them.
     TooFast,
 }
 
 impl Fault {
     /// Every fault, in the order of its bit.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 10] = [
         Self::Rail,
         Self::Frozen,
         Self::Jumping,
@@ -42,7 +40,6 @@ impl Fault {
         Self::NotConnected,
         Self::NoAck,
         Self::Stale,
-        Self::BoardStep,
         Self::TooFast,
     ];
 
@@ -59,7 +56,6 @@ impl Fault {
             Self::NotConnected => "not connected",
             Self::NoAck => "no acknowledgement",
             Self::Stale => "stale",
-            Self::BoardStep => "board step",
             Self::TooFast => "too fast",
         }
     }

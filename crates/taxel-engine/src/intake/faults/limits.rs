@@ -18,10 +18,6 @@ pub struct FaultLimits {
     /// Share of a module's taxels that jump or sit on a rail, from which on the whole module is flickering.
     /// Above one half: one of a module's two converters may flicker alone.
     pub module_share: f32,
-    /// A step of a whole board, counts. Above what a fast vent does between flat stretches.
-    pub board_step_counts: f32,
-    /// Share of a board's taxels that must step.
-    pub board_step_share: f32,
     /// A fault is over when its cause has been absent for so many seconds.
     pub hold_s: f32,
     /// A module is stale after so many seconds of silence.
@@ -38,8 +34,6 @@ impl Default for FaultLimits {
             jump_on_counts: 4.0,
             jump_off_counts: 3.0,
             module_share: 0.7,
-            board_step_counts: 10.0,
-            board_step_share: 0.75,
             hold_s: 2.0,
             stale_after_s: 1.0,
         }

@@ -6,13 +6,6 @@ use taxel_skin::Time;
 use super::fault::{Fault, FaultSet};
 use super::limits::FaultLimits;
 
-/// Scans that a step is looked for in: two flat ones, one of transition, two flat ones.
-const STEP_SCANS: usize = 5;
-
-/// Counts within which two scans are flat; noise of 1.1 counts stays within in 95 %. Three of these are less than the
-/// step looked for, so that no ramp is taken for one.
-const FLAT_COUNTS: f32 = 3.0;
-
 /// Changes that the noise is averaged over, about 3 s of a 27 Hz conversion.
 const NOISE_CHANGES: f32 = 40.0;
 
@@ -36,7 +29,7 @@ pub(super) struct TaxelWatch {
     pub(super) faults: FaultSet,
     /// Changed within the freezing time.
     pub(super) is_lively: bool,
-    history: [f32; STEP_SCANS],
+    newest: f32,
     scans: u32,
     changes: u32,
     last_change: Time,
@@ -67,12 +60,9 @@ impl TaxelWatch {
 
     /// `others_change`: enough of the patch is lively to expect life of this taxel too.
     pub(super) fn push(&mut self, now: Time, count: f32, others_change: bool, hold: Duration, limits: &FaultLimits) {
-        let delta = count - self.history[0];
-        self.history.rotate_right(1);
-        self.history[0] = count;
+        let delta = count - std::mem::replace(&mut self.newest, count);
         self.scans = self.scans.saturating_add(1);
         if self.scans == 1 {
-            self.history = [count; STEP_SCANS];
             self.last_change = now;
         } else if delta != 0.0 {
             self.change(now, delta);
@@ -134,14 +124,6 @@ impl TaxelWatch {
         let held = self.still_until.is_some_and(|until| now < until);
         self.faults.set(Fault::Dead, dead || (held && self.faults.contains(Fault::Dead)));
         self.faults.set(Fault::Frozen, frozen || (held && self.faults.contains(Fault::Frozen)));
-    }
-
-    /// The step over the last five scans if they are flat on both sides and differ by `least`; else 0.
-    pub(super) fn step(&self, least: f32) -> f32 {
-        let [newest, new, _, old, oldest] = self.history;
-        let step = 0.5 * (newest + new - old - oldest);
-        let flat = (newest - new).abs() <= FLAT_COUNTS && (old - oldest).abs() <= FLAT_COUNTS;
-        if flat && step.abs() >= least { step } else { 0.0 }
     }
 
     fn begin(&mut self, at: Time) {

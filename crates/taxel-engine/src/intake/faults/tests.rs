@@ -33,7 +33,7 @@ struct Rig {
 impl Rig {
     fn new(seed: u64) -> Self {
         let modules: Vec<_> = (0..MODULES).map(|m| 10 * m..10 * m + 10).collect();
-        let detector = FaultDetector::new(TAXELS, &modules, &[0..20, 20..40], FaultLimits::default());
+        let detector = FaultDetector::new(TAXELS, &modules, FaultLimits::default());
         Self { detector, noise: Noise(seed), now: Time::from_nanos(0), last: vec![240; TAXELS], scan: 0 }
     }
 
@@ -88,7 +88,7 @@ fn a_sound_skin_has_no_fault_under_rest_ramps_and_blows() {
 }
 
 #[test]
-fn a_fast_vent_is_no_board_step_but_a_silent_re_tare_is_one_and_ends() {
+fn a_fast_vent_and_a_load_that_lands_on_everything_are_no_fault() {
     let mut rig = Rig::new(2);
     rig.seconds(4.0, |_, _| Some(190.0));
     let begun = rig.scan;
@@ -96,13 +96,11 @@ fn a_fast_vent_is_no_board_step_but_a_silent_re_tare_is_one_and_ends() {
         rig.scan(0, |_, s| Some(240.0 - 50.0 * (-((s - begun) as f32) * 0.02 / 0.3).exp()));
         assert_eq!(rig.faulty(), vec![], "venting at {}", rig.now);
     }
-    rig.seconds(2.0, |_, _| Some(190.0 + 50.0));
-    rig.seconds(2.0, |t, _| Some(if t < 20 { 240.0 - 20.0 } else { 240.0 }));
-    rig.seconds(0.2, |_, _| Some(240.0));
-    assert!(rig.detector.faults(3).contains(Fault::BoardStep) && rig.detector.faults(19).contains(Fault::BoardStep));
-    assert!(rig.detector.faults(20).is_empty(), "the other board did not step");
-    rig.seconds(2.5, |_, _| Some(240.0));
-    assert_eq!(rig.faulty(), vec![]);
+    rig.seconds(2.0, |_, _| Some(240.0));
+    for _ in 0..100 {
+        rig.scan(0, |_, _| Some(200.0));
+        assert_eq!(rig.faulty(), vec![], "loaded at {}", rig.now);
+    }
 }
 
 #[test]
