@@ -170,8 +170,7 @@ impl ForceModel {
         let (filled, filled_n, missing_n) = match &self.neighbours {
             Some(_) if self.outputs.fill => (beside, beside_n, 0.0),
             Some(_) => (Vec::new(), 0.0, beside_n),
-            // Nobody knows where the uncovered taxels lie: the load is as likely on them as on the others.
-            None => (Vec::new(), 0.0, measured_n * uncovered_share / (1.0 - uncovered_share).max(f64::EPSILON)),
+            None => (Vec::new(), 0.0, self.missing_n(&active, evaluator.selection())),
         };
         let total_n = measured_n + filled_n;
         let sigma_n = self.sigma_n(evaluator, counts, &active, &filled, total_n, present);
@@ -193,6 +192,18 @@ impl ForceModel {
             self.add_geometry(&mut sample, geometry, &active);
         }
         sample
+    }
+
+    /// Without positions nobody knows which excluded taxels lie under a contact. Those of a module that it touches may
+    /// carry what the touched ones carry in the mean. In N.
+    fn missing_n(&self, active: &[(usize, f64)], selected: &[bool]) -> f64 {
+        let of_module = |range: &Range<usize>| {
+            let touched = active.iter().filter(|(taxel, _)| range.contains(taxel));
+            let (sum_n, n) = touched.fold((0.0, 0), |(sum, n), &(_, newton)| (sum + newton, n + 1));
+            let missing = range.clone().filter(|&taxel| !selected[taxel]).count();
+            if n == 0 { 0.0 } else { missing as f64 * sum_n / f64::from(n) }
+        };
+        self.modules.iter().map(of_module).sum()
     }
 
     /// 1 kPa on 1 mm2 is 1e-3 N.

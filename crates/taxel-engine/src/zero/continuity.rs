@@ -221,7 +221,9 @@ impl Continuity {
         let means = [4, 16].map(|scans| (self.scans >= scans).then(|| self.evidence(index, ground, scans)));
         let vanishes = self.vanishes(index, scan, ground);
         let board = &mut self.boards[index];
-        if means.iter().flatten().any(|e| e.exceeds(CERTAIN)) {
+        // Where something else speaks for a new zero, too, less evidence is enough.
+        let needed = if board.doubt.is_some() || board.vanished > 0 { LIKELY } else { CERTAIN };
+        if means.iter().flatten().any(|e| e.exceeds(needed)) {
             let why = "reads less than its zero on taxels that nothing touches, or on its thermal pads: it has taken a \
                        new zero, or the zero was taken under a load that has gone";
             return Some(Finding::NewZero(why.to_owned()));

@@ -19,6 +19,7 @@ use crate::zero::drift::follow::Drift;
 use crate::zero::drift::view::DriftView;
 use crate::zero::plan::ZeroPlan;
 use crate::zero::rest::judge::{Reference, judge};
+use crate::zero::rest::moves::Moves;
 use crate::zero::rest::statistics::{RestStatistics, RestWindow};
 use crate::zero::rest::verdict::RestVerdict;
 use crate::zero::unloading::unloading;
@@ -27,6 +28,9 @@ use crate::zero::watch::{Purpose, Watch};
 
 /// Unloading below the zero is looked for in windows of this length.
 const UNLOADING_WINDOW: Duration = Duration::from_secs(2);
+
+/// A median beyond this is a load on half of the skin, and no uncertainty of the zero, counts.
+const OFFSET_MAX_COUNTS: f64 = 4.0;
 
 /// A zero's noise is no more than this times what the models know: a threshold in multiples of the noise must not grow
 /// because something moved while the zero was taken.
@@ -90,6 +94,9 @@ pub struct Zero {
     /// Whether the continuity is in doubt, as last told.
     doubted: bool,
     later: RestStatistics,
+    /// How far the median taxel lay from its zero in the last such window, counts. Half of the skin is seldom touched,
+    /// so this is what the zero is off by everywhere.
+    offset_counts: f64,
     /// Which way pressure moves the count of each taxel; -1 where no model says, as on all boards of iCub.
     signs: Vec<i8>,
     /// Counts from the zero from which on each taxel is touched.
@@ -113,6 +120,7 @@ impl Zero {
             continuity: Continuity::new(&regions),
             doubted: false,
             later: RestStatistics::new(regions.taxels()).in_modules(regions.modules().iter().cloned()),
+            offset_counts: 0.0,
             signs: vec![-1; regions.taxels()],
             touched_counts: vec![0.0; regions.taxels()],
             now: Vec::new(),
@@ -160,7 +168,7 @@ impl Zero {
     #[must_use]
     pub fn sigma_counts(&self) -> f64 {
         let drift = self.drift.as_ref().filter(|_| self.view.valid).map_or(0.0, |drift| drift.view().sigma_counts);
-        drift.hypot(UNSEEN_COUNTS)
+        drift.hypot(UNSEEN_COUNTS).hypot(self.offset_counts)
     }
 
     /// What keeps a force at this zero from being a good one.
@@ -280,6 +288,8 @@ impl Zero {
         if (self.later.count() as f64) < scans {
             return;
         }
+        let median = Moves::against(&self.now, &self.later, &self.signs).median();
+        self.offset_counts = if median.is_finite() { median.abs().min(OFFSET_MAX_COUNTS) } else { 0.0 };
         let found = unloading(&self.now, &self.later, &self.signs, &self.plan.tare.rest);
         self.restart_unloading();
         if let Some(found) = found {
@@ -387,6 +397,7 @@ impl Zero {
         self.baseline = Some(baseline);
         self.continuity.begin();
         self.doubted = false;
+        self.offset_counts = 0.0;
         self.restart_unloading();
     }
 

@@ -203,11 +203,15 @@ fn reading(snapshot: &PatchSnapshot, (least, greatest): (f64, f64)) -> String {
     let number = |newton: Option<taxel_skin::Newton>| newton.map_or(f64::NAN, |newton| newton.0);
     let at: Time = snapshot.time;
     format!(
-        "{:?} {:.3} N, sigma {:.3} N, {} active, truth {least:.3} to {greatest:.3} N (frame of {at:?}; {})",
+        "{:?} {:.3} N, sigma {:.3} N, floor {:.3} N, {} active, {} filled, {} excluded, truth {least:.3} to {greatest:.3} N \
+         (frame of {at:?}; {})",
         force.state,
         number(force.total),
         number(force.total_sigma),
+        number(force.detection_floor),
         force.active,
+        force.filled,
+        force.excluded,
         force.reasons.join("; ")
     )
 }

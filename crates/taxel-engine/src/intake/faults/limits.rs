@@ -29,7 +29,7 @@ impl Default for FaultLimits {
         Self {
             rail_low: 0.0,
             rail_high: 255.0,
-            frozen_after_s: 3.0,
+            frozen_after_s: 2.0,
             dead_after_s: 3.0,
             jump_on_counts: 4.0,
             jump_off_counts: 3.0,
