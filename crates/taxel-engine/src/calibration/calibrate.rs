@@ -104,6 +104,15 @@ impl Calibration {
         Err(Rejection::FailedPrecondition(format!("session {} is {}; {then}", open.number, open.state.name())))
     }
 
+    /// Refuses a command that cannot be given to the session in its present state.
+    ///
+    /// # Errors
+    /// [`Rejection`] if there is no session, or not in its present state.
+    pub fn refuse_unless_possible(&self, command: Trigger) -> Result<(), Rejection> {
+        let view = self.session().ok_or_else(|| Rejection::NotFound("session".to_owned()))?;
+        commanded(view.number, view.state, command).map(|_| ())
+    }
+
     /// Whether scans are offered to a ramp now.
     #[must_use]
     pub fn is_ramping(&self) -> bool {

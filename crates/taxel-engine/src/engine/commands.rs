@@ -142,6 +142,7 @@ impl Engine {
         for member in group {
             self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, effects));
         }
+        self.health_dirty.0 = true; // boards that were verified are not any more
         Ok(Done::BringUpStarted)
     }
 

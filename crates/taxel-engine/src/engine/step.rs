@@ -50,7 +50,7 @@ pub struct Engine {
     health: Arc<Health>,
     health_shown: Option<Time>,
     /// Something but a counter changed since the health was shown, or a counter did.
-    health_dirty: (bool, bool),
+    pub(super) health_dirty: (bool, bool),
 }
 
 impl Engine {

@@ -70,7 +70,7 @@ pub struct Force {
     coverage: Coverage,
     /// Soundness of the scan that the selection was last made for.
     selected_for: Option<u64>,
-    /// Taxels with a usable model and a fault.
+    /// Taxels of modules that are heard, with a usable model and a fault.
     faulty: Vec<usize>,
 }
 
@@ -177,7 +177,9 @@ impl Force {
         evaluator.select(|taxel| scan.sound[taxel]);
         self.coverage = self.model.coverage(evaluator.selection());
         let tables = evaluator.tables();
-        self.faulty = (0..scan.sound.len()).filter(|&t| tables.has(t) && !scan.sound[t]).collect();
+        let heard = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| !**silent);
+        let heard = heard.flat_map(|(taxels, _)| taxels.clone());
+        self.faulty = heard.filter(|&t| tables.has(t) && !scan.sound[t]).collect();
         if let Some(zero) = &self.zero {
             self.remainder = Remainder::new(tables, zero, self.plan.activation, evaluator.selection());
         }

@@ -46,6 +46,7 @@ impl BoardState {
         let lost = std::mem::take(&mut self.frames_lost);
         self.last = Some(time);
         self.status_errors += u64::from(!status.is_ok());
+        let no_ack = status.no_ack().then(|| self.on_no_ack()); // counted whatever else is found
         if let Some(silence) = silence.filter(|&s| s > limits.doubt_after) {
             let seconds = silence.as_secs_f64();
             if silence > limits.power_cycle_after && !lost {
@@ -53,9 +54,10 @@ impl BoardState {
                 let why = format!("was silent for {seconds:.1} s and may have lost its power");
                 return Some(BoardDoubt { why, certain: true });
             }
-            return Some(BoardDoubt { why: format!("was not heard for {seconds:.2} s"), certain: false });
+            let not_heard = BoardDoubt { why: format!("was not heard for {seconds:.2} s"), certain: false };
+            return no_ack.filter(|doubt| doubt.certain).or(Some(not_heard));
         }
-        status.no_ack().then(|| self.on_no_ack())
+        no_ack
     }
 
     /// How far the board's own count was when we began to listen is not known, so any lost acknowledgement may be the

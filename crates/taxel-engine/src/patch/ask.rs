@@ -109,6 +109,7 @@ impl Patch {
         command: Trigger,
         effects: &mut Effects<'_>,
     ) -> Result<Arc<SessionView>, Rejection> {
+        self.calibration.refuse_unless_possible(command)?;
         if command == Trigger::StartRamp {
             self.check_vented(now)?;
         }

@@ -65,7 +65,7 @@ const LOAD_MIN_COUNTS: f64 = 12.0;
 /// What the test says of a board.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Finding {
-    /// It has taken a new zero, or nobody can tell any more; in words.
+    /// It has taken a new zero, or nobody can tell any more; in words that name the board.
     NewZero(String),
     /// It may have; in words.
     Doubt(String),
@@ -85,6 +85,8 @@ struct Input {
 /// A board's doubts.
 #[derive(Clone, Debug, Default)]
 struct BoardWatch {
+    /// `board 13 `, to begin a sentence with.
+    name: String,
     taxels: Range<usize>,
     modules: Range<usize>,
     /// Why its zero is in doubt, and for how many scans yet.
@@ -121,11 +123,12 @@ pub struct Ground<'a> {
 }
 
 impl Continuity {
-    /// Boards of which nothing was seen yet.
+    /// Boards of which nothing was seen yet; `names` has one entry per board.
     #[must_use]
-    pub fn new(regions: &Regions) -> Self {
-        let boards = regions.boards().iter().zip(regions.board_modules());
-        let watch = |(taxels, modules): (&Range<usize>, &Range<usize>)| BoardWatch {
+    pub fn new(regions: &Regions, names: &[String]) -> Self {
+        let boards = regions.boards().iter().zip(regions.board_modules()).enumerate();
+        let watch = |(board, (taxels, modules)): (usize, (&Range<usize>, &Range<usize>))| BoardWatch {
+            name: names.get(board).map_or_else(String::new, |name| format!("board {name} ")),
             taxels: taxels.clone(),
             modules: modules.clone(),
             ..BoardWatch::default()
@@ -172,14 +175,14 @@ impl Continuity {
         self.boards.iter().any(|board| board.vanished > 0)
     }
 
-    /// Takes a scan. Returns the position of a board and what is found of it, the worst first.
-    pub fn on_scan(&mut self, scan: &Scan<'_>, ground: &Ground<'_>) -> Option<(usize, Finding)> {
+    /// Takes a scan. Returns what is found, the worst of all boards.
+    pub fn on_scan(&mut self, scan: &Scan<'_>, ground: &Ground<'_>) -> Option<Finding> {
         self.push(scan);
         let mut worst = None;
         for index in 0..self.boards.len() {
             match self.judge(index, scan, ground) {
-                Some(finding @ Finding::NewZero(_)) => return Some((index, finding)),
-                Some(doubt) => worst = worst.or(Some((index, doubt))),
+                Some(finding @ Finding::NewZero(_)) => return Some(finding),
+                Some(doubt) => worst = worst.or(Some(doubt)),
                 None => {}
             }
         }
@@ -226,17 +229,18 @@ impl Continuity {
         if means.iter().flatten().any(|e| e.exceeds(needed)) {
             let why = "reads less than its zero on taxels that nothing touches, or on its thermal pads: it has taken a \
                        new zero, or the zero was taken under a load that has gone";
-            return Some(Finding::NewZero(why.to_owned()));
+            return Some(Finding::NewZero(format!("{}{why}", board.name)));
         }
         if vanishes && ground.pressing {
             let why = "lost its load at once while the bag was pressing: it has taken a new zero";
-            return Some(Finding::NewZero(why.to_owned()));
+            return Some(Finding::NewZero(format!("{}{why}", board.name)));
         }
         board.vanished = if vanishes { PROBATION_SCANS } else { board.vanished.saturating_sub(1) };
         if newest.exceeds(LIKELY) && board.doubt.is_none() {
             let why = "reads less than its zero on taxels that nothing touches: it may have taken a new zero";
-            board.doubt = Some((why.to_owned(), PROBATION_SCANS));
-            return Some(Finding::Doubt(why.to_owned()));
+            let why = format!("{}{why}", board.name);
+            board.doubt = Some((why.clone(), PROBATION_SCANS));
+            return Some(Finding::Doubt(why));
         }
         let (why, left) = board.doubt.as_mut()?;
         *left = left.saturating_sub(1);

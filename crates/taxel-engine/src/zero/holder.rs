@@ -117,7 +117,7 @@ impl Zero {
             proven: None,
             watch: None,
             drift,
-            continuity: Continuity::new(&regions),
+            continuity: Continuity::new(&regions, &plan.board_names),
             doubted: false,
             later: RestStatistics::new(regions.taxels()).in_modules(regions.modules().iter().cloned()),
             offset_counts: 0.0,
@@ -221,15 +221,9 @@ impl Zero {
         }
         let ground = Ground { zero: &self.now, signs: &self.signs, touched_counts: &self.touched_counts, pressing };
         match self.continuity.on_scan(scan, &ground) {
-            Some((board, Finding::NewZero(why))) => self.lose(format!("{}{why}", self.board(board)), events),
-            Some((_, Finding::Doubt(_))) | None => self.tell_doubt(events),
+            Some(Finding::NewZero(why)) => self.lose(why, events),
+            Some(Finding::Doubt(_)) | None => self.tell_doubt(events),
         }
-    }
-
-    /// The name of a board, to begin a sentence with.
-    fn board(&self, position: usize) -> String {
-        let names = &self.plan.board_names;
-        names.get(position).map_or_else(String::new, |name| format!("board {name} "))
     }
 
     fn tell_doubt(&mut self, events: &mut Vec<ZeroEvent>) {

@@ -137,7 +137,7 @@ fn what_enters_goes_the_way_of_its_branch() {
     let session_now = bench.host.session();
     assert_eq!((session_now.state, session_now.branches), (SessionState::Ramping, Branch::Both));
     bench.ramp(30.0, 4.0);
-    bench.seconds(8.0);
+    bench.seconds(9.2); // the fall, and the second for which its last scans wait
     let refused = |bench: &Bench| bench.host.session().refused.get(SampleRefusal::NotFalling);
     let (accepted, before) = (bench.host.session().accepted, refused(&bench));
     bench.ramp(45.0, 4.0); // back up in the middle of the fall
