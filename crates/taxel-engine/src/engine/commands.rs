@@ -160,6 +160,7 @@ impl Engine {
             return Err(Rejection::InvalidArgument { field: "target_kpa", problem });
         }
         patch.calibration().refuse_if_open("finish or abort it first")?;
+        patch.check_set_up()?;
         patch.check_vented(now)?;
         let view = SessionView {
             number: self.next_session,

@@ -181,7 +181,8 @@ impl Force {
         let heard = heard.flat_map(|(taxels, _)| taxels.clone());
         self.faulty = heard.filter(|&t| tables.has(t) && !scan.sound[t]).collect();
         if let Some(zero) = &self.zero {
-            self.remainder = Remainder::new(tables, zero, self.plan.activation, evaluator.selection());
+            let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
+            self.remainder = Remainder::new(tables, zero, activation, evaluator.selection(), modules);
         }
     }
 

@@ -6,9 +6,11 @@
 //! taxels share, the zero's: `(z sum w)^2`.
 //!
 //! A zero is taken where nothing seems to lie on the skin, which the counts can tell from a light load only as far as
-//! they return from day to day. So what the zero itself may hide counts, too: `H = sum w (zero - zero of the models)`,
-//! if that is positive. The floor is `max(R, 0) + max(H, 0)` and two standard uncertainties.
+//! they return from day to day. So what the zero itself may hide counts, too: with `h = sum w (zero - zero of the models)`
+//! over a module, `H` is the sum of all `h`, a load on everything, or that of the three greatest, a contact, whichever is
+//! more. The floor is `max(R, 0) + max(H, 0)` and two standard uncertainties.
 
+use std::ops::Range;
 use taxel_skin::Newton;
 
 use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
@@ -16,6 +18,9 @@ use crate::force::tables::Tables;
 
 /// Standard uncertainties that the detection floor lies above the remainder: 95 %.
 const FLOOR_SIGMAS: f64 = 2.0;
+
+/// A contact touches so many modules at the most that a fingertip or a known mass does.
+const CONTACT_MODULES: usize = 3;
 
 /// One taxel's share in the remainder, by its raw count.
 #[derive(Clone, Copy, Debug, Default)]
@@ -59,7 +64,13 @@ pub struct Unseen {
 impl Remainder {
     /// For the taxels that are `selected` at the zero `rest`; all slices by taxel.
     #[must_use]
-    pub fn new(tables: &Tables, rest: &[TaxelBaseline], activation: Activation, selected: &[bool]) -> Self {
+    pub fn new(
+        tables: &Tables,
+        rest: &[TaxelBaseline],
+        activation: Activation,
+        selected: &[bool],
+        modules: &[Range<usize>],
+    ) -> Self {
         let share = |taxel: usize| {
             let rest = rest[taxel];
             let distance = activation.distance_counts(rest.noise);
@@ -76,7 +87,7 @@ impl Remainder {
         Self {
             newton_per_count: shares.iter().map(|s| s.newton_per_count).collect(),
             zeros_n: sum(&|s| f64::from(s.newton_per_count) * f64::from(s.zero)),
-            hidden_n: hidden_n(tables, &shares).max(0.0),
+            hidden_n: hidden_n(tables, &shares, modules),
             noise_n2: sum(&|s| f64::from(s.noise_n).powi(2)),
             per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
             shares,
@@ -104,11 +115,17 @@ impl Remainder {
 }
 
 /// What the zero hides if it lies towards load because of a load, N.
-fn hidden_n(tables: &Tables, shares: &[Share]) -> f64 {
-    let moved = |(share, then): (&Share, &TaxelBaseline)| {
-        f64::from(share.newton_per_count) * (f64::from(share.zero) - then.mean)
+fn hidden_n(tables: &Tables, shares: &[Share], modules: &[Range<usize>]) -> f64 {
+    let moved_n = |taxel: usize| {
+        let (share, then) = (shares.get(taxel)?, tables.set().baseline.get(taxel)?);
+        let newton = f64::from(share.newton_per_count) * (f64::from(share.zero) - then.mean);
+        newton.is_finite().then_some(newton)
     };
-    shares.iter().zip(&tables.set().baseline).map(moved).filter(|n| n.is_finite()).sum()
+    let mut by_module: Vec<f64> = modules.iter().map(|range| range.clone().filter_map(moved_n).sum()).collect();
+    let everything: f64 = by_module.iter().sum();
+    by_module.sort_by(|a, b| b.total_cmp(a));
+    let contact = by_module.iter().take(CONTACT_MODULES).map(|n| n.max(0.0)).sum();
+    everything.max(contact)
 }
 
 /// Sum of the products, in a fixed order, sixteen chains at a time.

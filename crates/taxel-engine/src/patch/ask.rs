@@ -29,10 +29,7 @@ impl Patch {
         effects: &mut Effects<'_>,
     ) -> Result<(), Rejection> {
         self.calibration.refuse_if_open("it takes the zero itself; abort it first")?;
-        if !self.intake.bring_up().is_done() {
-            let why = "the boards are being configured, which takes their zero anew: tare when they are verified";
-            return Err(Rejection::FailedPrecondition(why.to_owned()));
-        }
+        self.check_set_up()?;
         let mut events = Vec::new();
         self.zero.watch(now.time, Purpose::Operator { request, confirmed_by }, &mut events);
         self.on_zero_events(now, events, effects);
@@ -55,6 +52,18 @@ impl Patch {
     /// The zero that was proven for `request` could not be written down.
     pub fn reject_zero(&mut self, request: RequestId) {
         self.zero.reject(request);
+    }
+
+    /// Refuses what needs boards that send while they are being configured, which takes their zero anew.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`].
+    pub fn check_set_up(&self) -> Result<(), Rejection> {
+        if !self.bring_up_waits && self.intake.bring_up().is_done() {
+            return Ok(());
+        }
+        let why = "the boards are being configured, which takes their zero anew: ask again when they are verified";
+        Err(Rejection::FailedPrecondition(why.to_owned()))
     }
 
     /// Refuses to configure boards while a load is felt: they would take it for nothing, and nobody could tell later.

@@ -34,6 +34,8 @@ impl Patch {
                         self.calibration.on_zero_taken(now, baseline, self.intake.gauge(), &mut follows);
                     }
                 }
+                ZeroEvent::Looked(found) => self.on_looked(now, found, effects),
+                ZeroEvent::Refused(Purpose::BeforeBringUp, _) => self.on_looked(now, Ok(()), effects),
                 ZeroEvent::Refused(Purpose::AtStart, why) => self.zero.explain(format!("rest is not proven: {why}")),
                 ZeroEvent::Refused(Purpose::Operator { request, .. }, why) => {
                     let hint = "if nothing touches the skin, say so with confirmed_by";
@@ -55,6 +57,32 @@ impl Patch {
             }
             self.on_calibration_events(now, follows, effects);
         }
+    }
+
+    /// The boards were looked at before they are configured. Silent ones are configured, too; those that something
+    /// presses on wait until it is gone, or until an operator asks for it.
+    fn on_looked(&mut self, now: Now, found: Result<(), String>, effects: &mut Effects<'_>) {
+        if !self.bring_up_waits {
+            return;
+        }
+        match found {
+            Ok(()) => {
+                self.bring_up_waits = false;
+                self.intake.start_bring_up(now.time);
+            }
+            Err(why) => {
+                let why = format!("the boards are not configured while something presses on them: {why}");
+                self.zero.explain(why);
+                self.look_before_bring_up(now, effects);
+            }
+        }
+    }
+
+    /// Watches the skin before its boards are configured.
+    pub(super) fn look_before_bring_up(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.zero.watch(now.time, Purpose::BeforeBringUp, &mut events);
+        self.on_zero_events(now, events, effects);
     }
 
     pub(super) fn use_zero(&mut self) {

@@ -4,6 +4,7 @@
 //! no force is made of a scan that shows that the zero is lost.
 
 use std::sync::Arc;
+use std::time::Duration;
 use taxel_skin::{Kilopascal, Newton, Time};
 use taxel_wire::icub::Refusal;
 use taxel_wire::{Frame, TimedFrame};
@@ -22,6 +23,9 @@ use crate::now::Now;
 use crate::plan::PatchPlan;
 use crate::request::RequestId;
 use crate::zero::holder::{Surroundings, Zero};
+
+/// Boards that were not heard for so long after the start do not stream: three of the longest periods.
+const SILENT_BOARDS_AFTER: Duration = Duration::from_millis(300);
 
 /// What must be on disk before it takes effect.
 #[derive(Clone, Debug)]
@@ -60,6 +64,9 @@ pub struct Patch {
     pub(super) faults: (Option<u64>, Arc<[FaultSet]>),
     /// Something changed that readers must see before the next scan.
     pub(super) dirty: bool,
+    /// The boards are to be configured once it is known that nothing presses on them, or that they are silent.
+    pub(super) bring_up_waits: bool,
+    silent_until: Time,
     /// The force that was published last, and from how many taxels.
     pub(super) felt: Option<(Newton, usize)>,
 }
@@ -79,6 +86,8 @@ impl Patch {
             sequence: 0,
             faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
             dirty: true,
+            bring_up_waits: false,
+            silent_until: Time::default(),
             felt: None,
             intake,
             plan,
@@ -126,11 +135,31 @@ impl Patch {
         let mut events = Vec::new();
         self.zero.lose("no zero has been taken since start", &mut events);
         self.on_zero_events(now, events, effects);
-        self.intake.start_bring_up(now.time);
+        // Boards that stream already show whether something lies on them.
+        self.bring_up_waits = !self.plan.bring_up.is_empty() && self.force.models().is_some();
+        if self.bring_up_waits {
+            self.silent_until = now.time + SILENT_BOARDS_AFTER;
+        } else {
+            self.intake.start_bring_up(now.time);
+        }
+    }
+
+    /// Boards that do not stream are configured at once; the others are looked at first.
+    fn begin_bring_up(&mut self, now: Now, effects: &mut Effects<'_>) {
+        if !self.bring_up_waits || self.zero.watching().is_some() {
+            return;
+        }
+        if self.intake.newest().is_some() {
+            self.look_before_bring_up(now, effects);
+        } else if now.time >= self.silent_until {
+            self.bring_up_waits = false;
+            self.intake.start_bring_up(now.time);
+        }
     }
 
     /// Configures the boards again: the zero is lost.
     pub fn bring_up_again(&mut self, now: Now, effects: &mut Effects<'_>) {
+        self.bring_up_waits = false;
         self.lose_zero(now, "the boards are being configured, which takes their zero anew", effects);
         self.intake.start_bring_up(now.time);
     }
@@ -198,7 +227,7 @@ impl Patch {
         let left_out = self.calibration.session().is_some_and(|view| view.state.is_open() && !view.left_out.is_empty());
         let around = Surroundings {
             models: self.force.models().map(Arc::as_ref),
-            boards_ready: self.intake.bring_up().is_done(),
+            boards_ready: self.intake.bring_up().is_done() && !self.bring_up_waits,
             session_open: self.calibration.open().is_some(),
             parts_left_out: left_out,
             pressing: self.calibration.is_ramping() && !self.pressure_falls(now.time),
@@ -235,6 +264,7 @@ impl Patch {
 
     /// Time passed.
     pub fn tick(&mut self, now: Now, effects: &mut Effects<'_>) {
+        self.begin_bring_up(now, effects);
         let (mut frames, mut events) = (Vec::new(), Vec::new());
         self.intake.tick(now.time, &mut frames, &mut events);
         for (board, frame) in frames {
@@ -263,8 +293,9 @@ impl Patch {
         if self.dirty {
             return Some(Time::from_nanos(i64::MIN)); // now
         }
+        let bring_up = (self.bring_up_waits && self.zero.watching().is_none()).then_some(self.silent_until);
         let organs = [self.intake.deadline(), self.zero.deadline(), self.loads.deadline(), self.calibration.deadline()];
-        organs.into_iter().flatten().min()
+        organs.into_iter().chain([bring_up]).flatten().min()
     }
 
     /// One entry per board.

@@ -12,7 +12,7 @@
 //! their standard deviations, a board's evidence is `T = sum min(max(a, 0)^2, 9) + sum min(p^2, 9)`. The bound of 9
 //! keeps a single flickering input from deciding. It is formed of the newest scan, and of the means over the last 4 and
 //! 16 scans, in which noise averages out and a step does not. While nothing happens `T` has the mean `N/2 + M` and the
-//! variance `1.2 N + 1.9 M` for N taxels and M pads; [`LIKELY`] and [`CERTAIN`] are fits to Chernoff bounds of its tail
+//! variance `1.25 N + 2 M` for N taxels and M pads; [`LIKELY`] and [`CERTAIN`] are fits to Chernoff bounds of its tail
 //! for 1e-5 and 1e-11 (N from 8 to 400). A single scan beyond the first takes the force away for up to 16 scans; means
 //! beyond the second prove a new zero.
 //!
@@ -46,15 +46,15 @@ const REFERENCE_VARIANCE: f64 = 0.1;
 /// Slow changes that the recent mean lags behind, counts.
 const SLOW_COUNTS: f64 = 0.15;
 /// One input counts for at most so much.
-const EVIDENCE_MAX: f64 = 9.0;
+const EVIDENCE_MAX: f64 = 16.0;
 /// Weight of a scan in the recent mean: 40 scans.
 const RECENT_SHARE: f64 = 1.0 / 40.0;
 /// Noise estimates may be low by so much.
 const MEAN_SLACK: f64 = 1.15;
 /// Standard deviations and offset above the mean: once in 1e5 scans by chance.
-const LIKELY: [f64; 2] = [4.9, 13.0];
+const LIKELY: [f64; 2] = [4.9, 16.0];
 /// Once in 1e11 scans by chance.
-const CERTAIN: [f64; 2] = [7.4, 25.0];
+const CERTAIN: [f64; 2] = [7.4, 37.0];
 /// Of the load on a board less than this share remains when it vanishes.
 const VANISHED_SHARE: f64 = 0.4;
 /// A load on so many taxels, or fewer, may be their noise.
@@ -274,7 +274,7 @@ impl Continuity {
             let least = (sign * zero.mean).min(sign * input.recent);
             let variance = zero.noise.max(NOISE_MIN_COUNTS).powi(2) * share + SLOW_COUNTS * SLOW_COUNTS;
             let away = (least - sign * mean(input, taxel)).max(0.0);
-            evidence.add(away * away / variance, [0.5, 1.2, 1.0]);
+            evidence.add(away * away / variance, [0.5, 1.25, 1.0]);
         }
         let pad_variance = PAD_NOISE_COUNTS * PAD_NOISE_COUNTS * share + SLOW_COUNTS * SLOW_COUNTS;
         for module in board.modules.clone() {
@@ -282,7 +282,7 @@ impl Continuity {
                 let input = &self.pads[pad];
                 let change = mean(input, self.taxels.len() + pad) - input.recent;
                 if input.unsound == 0 && change.is_finite() {
-                    evidence.add(change * change / pad_variance, [1.0, 1.9, 2.0]);
+                    evidence.add(change * change / pad_variance, [1.0, 2.0, 2.0]);
                 }
             }
         }

@@ -60,6 +60,8 @@ pub enum ZeroEvent {
     Doubted,
     /// It holds after all.
     Cleared,
+    /// The boards may be configured; or why not: something presses on them.
+    Looked(Result<(), String>),
 }
 
 /// What the zero has to be told with each scan.
@@ -327,6 +329,12 @@ impl Zero {
             sign: &self.signs,
         };
         let verdict = judge(&window, reference, &self.plan.tare.rest);
+        if purpose == Purpose::BeforeBringUp {
+            // What is far from the models' zero in another way is what a configuration mends.
+            let pressed = verdict.is_loaded() || !verdict.is_still();
+            events.push(ZeroEvent::Looked(if pressed { Err(verdict.to_string()) } else { Ok(()) }));
+            return;
+        }
         // In its first session a skin has nothing to be compared with: its zero is what the models refer to, and the
         // gauge shows that the bag does not press.
         let first = matches!((&verdict, &purpose), (RestVerdict::Unproven { .. }, Purpose::Session { .. }));

@@ -113,6 +113,14 @@ impl RestVerdict {
     }
 }
 
+impl RestVerdict {
+    /// Whether something lies on the skin.
+    #[must_use]
+    pub const fn is_loaded(&self) -> bool {
+        matches!(self, Self::Loaded { .. } | Self::LoadedInPart { .. })
+    }
+}
+
 /// How a module moved while it was watched.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unsteadiness {
