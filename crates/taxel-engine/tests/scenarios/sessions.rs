@@ -65,8 +65,7 @@ fn a_command_in_the_wrong_state_is_refused_and_names_the_state() {
     let set = bench.host.session().model_set.clone().unwrap();
     bench.activate(&set).unwrap();
     bench.until_state(1.0, SessionState::Active);
-    for command in
-        [Command::StartRamp { session }, Command::FinishRamp { session }, Command::AbortSession { session }]
+    for command in [Command::StartRamp { session }, Command::FinishRamp { session }, Command::AbortSession { session }]
     {
         let why = bench.refused(command.clone());
         assert!(why.contains("session 1 is ACTIVE"), "{command:?}: {why}");
