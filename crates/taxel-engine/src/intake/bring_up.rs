@@ -98,9 +98,14 @@ impl BringUp {
     }
 
     /// The next command that is due, with the position of its board; call until there is none.
+    ///
+    /// Who comes late moves all that follows, because boards need the waits between the commands, and so do patches that
+    /// share a board: the second's configuration must not come after the first has enabled its modules.
     pub fn next_due(&mut self, now: Time) -> Option<(usize, Frame)> {
-        let due = self.steps.front().is_some_and(|step| step.due <= now);
-        let step = if due { self.steps.pop_front()? } else { return None };
+        let step = self.steps.pop_front_if(|step| step.due <= now)?;
+        let late = now.since(step.due);
+        self.steps.iter_mut().for_each(|step| step.due = step.due + late);
+        self.proof_until = self.proof_until + late;
         if self.steps.is_empty() {
             self.state = BringUpState::Proving;
         }
@@ -225,11 +230,25 @@ mod tests {
     }
 
     #[test]
+    fn the_waits_are_kept_however_late_somebody_asks() {
+        let mut bring_up = BringUp::new(4);
+        bring_up.start(ms(0), &patch(), &[setup(), setup()]);
+        let mut stages = Vec::new();
+        for t in (100..2_000).step_by(30) {
+            let sent = std::iter::from_fn(|| bring_up.next_due(ms(t))).count();
+            stages.extend((sent > 0).then_some((t, sent)));
+        }
+        assert_eq!(stages, [(100, 4), (130, 2), (640, 2), (670, 2)]);
+    }
+
+    #[test]
     fn only_frames_of_every_module_verify_it() {
         let mut bring_up = BringUp::new(4);
         bring_up.start(ms(0), &patch(), &[setup(), setup()]);
         bring_up.heard(3); // before the start: an old stream, proves nothing
-        while bring_up.next_due(ms(1_000)).is_some() {}
+        for t in 0..=520 {
+            while bring_up.next_due(ms(t)).is_some() {}
+        }
         for module in 0..3 {
             bring_up.heard(module);
         }

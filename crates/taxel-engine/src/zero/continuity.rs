@@ -9,18 +9,22 @@
 //! - a thermal pad, which no load reaches, is evidence in both directions.
 //!
 //! With `a` the excess of a taxel away from load over `min(zero, recent mean)`, `p` the change of a pad, both over
-//! their standard deviations, a board's evidence is `T = sum min(max(a, 0)^2, 9) + sum min(p^2, 9)`. The bound of 9
+//! their standard deviations, a board's evidence is `T = sum min(max(a, 0)^2, 16) + sum min(p^2, 16)`. The bound of 16
 //! keeps a single flickering input from deciding. It is formed of the newest scan, and of the means over the last 4 and
 //! 16 scans, in which noise averages out and a step does not. While nothing happens `T` has the mean `N/2 + M` and the
 //! variance `1.25 N + 2 M` for N taxels and M pads; [`LIKELY`] and [`CERTAIN`] are fits to Chernoff bounds of its tail
-//! for 1e-5 and 1e-11 (N from 8 to 400). A single scan beyond the first takes the force away for up to 16 scans; means
-//! beyond the second prove a new zero.
+//! for 1e-5 and 1e-11 (N from 8 to 400). A single scan beyond the first takes the force away for 16 scans; means beyond
+//! the second prove a new zero.
+//!
+//! Of a board that is suspected already, because it was not heard, reported a fault or lost its whole load at once, less
+//! is asked: the mean over 16 scans proves a new zero beyond the first bound, and the suspicion is over only when that
+//! mean is below [`POSSIBLE`], the bound for 1e-3. If it is not within 16 further scans, the zero is lost.
 //!
 //! What it cannot see: a board with fewer than [`WITNESSES_MIN`] sound inputs; a new zero whose residues differ from the
-//! old ones by less than about a third of a count everywhere, pads included; and for the first scans a step that is
-//! small against the noise of one scan. For the last, the load of a board that vanishes from one scan to the next makes
-//! the force a lower bound until 16 scans have shown nothing. What a shift that stays below all this does to a force
-//! is in the uncertainty: [`UNSEEN_COUNTS`].
+//! old ones by less than about a count (root mean square, of a board with twenty taxels; by less than about two thirds
+//! of a suspected one), pads included; and for the first scans a step that is small against the noise of one scan. For
+//! the last, the load of a board that vanishes from one scan to the next makes the force a lower bound until 16 scans
+//! have shown nothing. What a shift that stays below all this does to a force is in the uncertainty: [`UNSEEN_COUNTS`].
 
 use std::ops::Range;
 
@@ -55,6 +59,12 @@ const MEAN_SLACK: f64 = 1.15;
 const LIKELY: [f64; 2] = [4.9, 16.0];
 /// Once in 1e11 scans by chance.
 const CERTAIN: [f64; 2] = [7.4, 37.0];
+/// Once in 1e3 scans by chance.
+const POSSIBLE: [f64; 2] = [3.3, 11.0];
+/// What is said of a board that was suspected and whose counts bear it out.
+const SINCE_SUSPECTED: &str = "lost its load at once, was not heard or reported a fault, and since then reads less than \
+                               its zero on taxels that nothing touches: it has taken a new zero, or the zero was taken \
+                               under a load that has gone";
 /// Of the load on a board less than this share remains when it vanishes.
 const VANISHED_SHARE: f64 = 0.4;
 /// A load on so many taxels, or fewer, may be their noise.
@@ -93,6 +103,8 @@ struct BoardWatch {
     doubt: Option<(String, u8)>,
     /// For how many scans yet its force is a lower bound: its load vanished at once.
     vanished: u8,
+    /// For how many scans longer than that the counts have left it unclear.
+    unclear: u8,
 }
 
 /// Watches the boards of a patch. Begins anew with each zero.
@@ -152,7 +164,7 @@ impl Continuity {
         self.pads.fill(input);
         self.scans = 0;
         for board in &mut self.boards {
-            (board.doubt, board.vanished) = (None, 0);
+            (board.doubt, board.vanished, board.unclear) = (None, 0, 0);
         }
     }
 
@@ -235,22 +247,21 @@ impl Continuity {
             let why = "lost its load at once while the bag was pressing: it has taken a new zero";
             return Some(Finding::NewZero(format!("{}{why}", board.name)));
         }
-        board.vanished = if vanishes { PROBATION_SCANS } else { board.vanished.saturating_sub(1) };
+        if board.is_suspected() && means[1].is_some_and(|e| e.exceeds(LIKELY)) {
+            return Some(Finding::NewZero(format!("{}{SINCE_SUSPECTED}", board.name)));
+        }
+        let unclear = means[1].is_some_and(|e| e.exceeds(POSSIBLE));
+        board.vanished = if vanishes { PROBATION_SCANS } else { wait(board.vanished, unclear) };
         if newest.exceeds(LIKELY) && board.doubt.is_none() {
             let why = "reads less than its zero on taxels that nothing touches: it may have taken a new zero";
             let why = format!("{}{why}", board.name);
             board.doubt = Some((why.clone(), PROBATION_SCANS));
             return Some(Finding::Doubt(why));
         }
-        let (why, left) = board.doubt.as_mut()?;
-        *left = left.saturating_sub(1);
-        if *left > 0 {
-            return None;
+        if let Some((_, left)) = &mut board.doubt {
+            *left = wait(*left, unclear);
         }
-        let why = std::mem::take(why);
-        board.doubt = None;
-        let blind = newest.witnesses < WITNESSES_MIN;
-        blind.then(|| Finding::NewZero(format!("{why}, and too few of its taxels are sound to show that it has not")))
+        board.end_doubt(unclear, newest.witnesses)
     }
 
     /// The evidence of the mean over the last `scans`, which is 1, 4 or 16.
@@ -308,6 +319,31 @@ impl Continuity {
             }
         }
         taxels >= LOAD_TAXELS_MIN && was >= LOAD_MIN_COUNTS && is < VANISHED_SHARE * was
+    }
+}
+
+/// One scan less to wait for, but not the last one while the counts leave it unclear.
+fn wait(left: u8, unclear: bool) -> u8 {
+    if unclear { left.saturating_sub(1).max(left.min(1)) } else { left.saturating_sub(1) }
+}
+
+impl BoardWatch {
+    /// Whether something beside the counts' means says that the board may have taken a new zero.
+    const fn is_suspected(&self) -> bool {
+        self.doubt.is_some() || self.vanished > 0
+    }
+
+    /// Ends a doubt whose scans are over, or finds that nobody can end it.
+    fn end_doubt(&mut self, unclear: bool, witnesses: f64) -> Option<Finding> {
+        let waits = self.vanished.max(self.doubt.as_ref().map_or(0, |(_, left)| *left));
+        // Whoever is suspected has its last scan to wait for as long as the counts leave it unclear.
+        self.unclear = if unclear && waits == 1 { self.unclear + 1 } else { 0 };
+        if self.unclear >= PROBATION_SCANS {
+            return Some(Finding::NewZero(format!("{}{SINCE_SUSPECTED}", self.name)));
+        }
+        let (why, _) = self.doubt.take_if(|(_, left)| *left == 0)?;
+        let blind = witnesses < WITNESSES_MIN;
+        blind.then(|| Finding::NewZero(format!("{why}, and too few of its taxels are sound to show that it has not")))
     }
 }
 

@@ -267,8 +267,8 @@ impl Zero {
 
     /// Ends a watch, and a zero that waits to be written down, because of what has happened meanwhile.
     fn refuse_watch(&mut self, why: &str, events: &mut Vec<ZeroEvent>) {
-        let proven = self.proven.take().map(|(request, ..)| Purpose::Operator { request, confirmed_by: None });
-        for purpose in self.stop_watching().into_iter().chain(proven) {
+        self.proven = None; // whoever asked for it is told once it is on disk
+        if let Some(purpose) = self.stop_watching() {
             events.push(ZeroEvent::Refused(purpose, format!("meanwhile {why}")));
         }
     }

@@ -1,5 +1,6 @@
 //! A simulated skin on a simulated bus, and the engine that listens to it, in virtual time.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -14,6 +15,7 @@ use taxel_skin::{Kilopascal, Newton, TaxelIndex, Time};
 use taxel_wire::TimedFrame;
 
 use crate::host::{Host, SLOT};
+use crate::truth::Truth;
 
 pub struct Bench {
     pub world: World,
@@ -22,6 +24,12 @@ pub struct Bench {
     pub log: Option<Vec<TimedFrame>>,
     /// Which frames reach the engine.
     pub passes: Box<dyn FnMut(&TimedFrame) -> bool>,
+    /// What the bus does to the frames that do.
+    pub alters: Box<dyn FnMut(&mut TimedFrame)>,
+    /// Frames of somebody else on the bus, in order of time.
+    pub foreign: VecDeque<TimedFrame>,
+    /// What the skin truly bore.
+    pub truth: Truth,
     /// How many of the engine's frames the boards have got.
     delivered: usize,
 }
@@ -30,7 +38,16 @@ impl Bench {
     /// The engine starts at the world's present.
     pub fn new(world: World, plan: Arc<Plan>, restored: Restored) -> Self {
         let host = Host::new(plan, restored, world.now());
-        Self { world, host, log: None, passes: Box::new(|_| true), delivered: 0 }
+        Self {
+            world,
+            host,
+            log: None,
+            passes: Box::new(|_| true),
+            alters: Box::new(|_| ()),
+            foreign: VecDeque::new(),
+            truth: Truth::default(),
+            delivered: 0,
+        }
     }
 
     pub fn now(&self) -> Time {
@@ -53,6 +70,10 @@ impl Bench {
         let mut frames = Vec::new();
         self.world.advance(end, &mut frames);
         frames.retain(|frame| (self.passes)(frame));
+        frames.iter_mut().for_each(|frame| (self.alters)(frame));
+        let theirs = self.foreign.partition_point(|frame| frame.time <= end);
+        frames.extend(self.foreign.drain(..theirs));
+        frames.sort_by_key(|frame| frame.time);
         self.host.frames(&frames);
         if let Some(log) = &mut self.log {
             log.extend(frames);
@@ -62,6 +83,7 @@ impl Bench {
             self.world.send(*time, frame);
         }
         self.delivered = self.host.sent.len();
+        self.truth.note(self.world.true_force().0, self.host.snapshots.len());
     }
 
     /// Lets time pass until `done`, which must come within `limit_s`.

@@ -1,10 +1,13 @@
 //! Boards are configured, proven by their frames, and not touched where the scene only listens.
 
+use std::cell::Cell;
+use std::rc::Rc;
+
 use taxel_engine::command::Command;
 use taxel_engine::snapshot::ForceState;
 use taxel_engine::{Restored, plan::PatchPlan};
 use taxel_sim::Fault;
-use taxel_wire::icub;
+use taxel_wire::{CanId, Frame, icub};
 
 use crate::bench::Bench;
 use crate::rig::{board, module, patch_plan, plan, small_world};
@@ -31,6 +34,43 @@ fn a_bring_up_loses_the_zero_and_is_verified_again() {
     assert_ne!(bench.host.state(), ForceState::Ok, "no zero was taken yet");
     bench.tare(None).unwrap();
     bench.until_force(1.0, ForceState::Ok);
+}
+
+/// The daemon counts lost acknowledgements from the last bring-up. The status words say so and nothing is wrong, so that
+/// the counts show no new zero.
+#[test]
+fn lost_acknowledgements_are_counted_anew_after_a_bring_up() {
+    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    bench.brought_up();
+    bench.until_force(5.0, ForceState::Ok);
+    let left = Rc::new(Cell::new(0));
+    let reports = Rc::clone(&left);
+    bench.alters = Box::new(move |timed| {
+        if let [0xC0, .., _] = timed.frame.bytes()
+            && timed.frame.id == CanId::Standard(0x4D1)
+            && reports.get() > 0
+        {
+            reports.set(reports.get() - 1);
+            let mut tail = timed.frame.bytes().to_vec();
+            tail[7] |= 1;
+            timed.frame = Frame::data(timed.frame.id, &tail).unwrap();
+        }
+    });
+    for _ in 0..3 {
+        left.set(3);
+        bench.seconds(4.0);
+        assert_eq!((left.get(), bench.host.state()), (0, ForceState::Ok), "{}", bench.host.reasons());
+        bench.ask(bring_up_again()).unwrap();
+        bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+        bench.brought_up();
+        bench.tare(None).unwrap();
+        bench.until_force(1.0, ForceState::Ok);
+    }
+    left.set(3);
+    bench.seconds(4.0);
+    assert_eq!(bench.host.state(), ForceState::Ok, "{}", bench.host.reasons());
+    left.set(2);
+    bench.until(0.3, "five", |host| host.reasons().contains("reported 5 lost acknowledgements"));
 }
 
 #[test]

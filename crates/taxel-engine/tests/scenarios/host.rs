@@ -1,6 +1,6 @@
 //! The engine, driven as the daemon drives it, and all that came out of it.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
@@ -28,7 +28,10 @@ pub struct Host {
     pub plan: Arc<Plan>,
     pub now: Time,
     requests: u64,
+    /// What came out of the first patch.
     pub snapshots: Vec<Arc<PatchSnapshot>>,
+    /// The newest of each other patch, by its position.
+    pub others: BTreeMap<usize, Arc<PatchSnapshot>>,
     /// When each snapshot came out.
     pub published: Vec<Time>,
     pub sessions: Vec<Arc<SessionView>>,
@@ -40,6 +43,10 @@ pub struct Host {
     /// Commits that wait for the disk, and whether it takes them by itself.
     pub commits: Vec<u64>,
     pub disk_is_slow: bool,
+    /// Whether every fit ends in a panic.
+    pub fits_panic: bool,
+    /// How far the wall clock was set since the start.
+    pub wall_offset_ns: i64,
     fitted: usize,
     replies: HashMap<RequestId, Reply>,
 }
@@ -52,6 +59,7 @@ impl Host {
             now,
             requests: 0,
             snapshots: Vec::new(),
+            others: BTreeMap::new(),
             published: Vec::new(),
             sessions: Vec::new(),
             healths: Vec::new(),
@@ -61,6 +69,8 @@ impl Host {
             fits: Vec::new(),
             commits: Vec::new(),
             disk_is_slow: false,
+            fits_panic: false,
+            wall_offset_ns: 0,
             fitted: 0,
             replies: HashMap::new(),
         };
@@ -80,7 +90,11 @@ impl Host {
     pub fn tick(&mut self, now: Time) {
         self.now = self.now.max(now);
         while self.fitted < self.fits.len() {
-            let outcome = self.fits[self.fitted].run(|set| format!("m-{:016x}", digest(&format!("{:?}", set.taxels))));
+            let panics = self.fits_panic;
+            let outcome = self.fits[self.fitted].run(|set| {
+                assert!(!panics, "this fit was to panic");
+                format!("m-{:016x}", digest(&format!("{:?}", set.taxels)))
+            });
             self.fitted += 1;
             self.step(Input::Fitted(outcome));
         }
@@ -171,7 +185,7 @@ impl Host {
     }
 
     fn step(&mut self, input: Input<'_>) {
-        let now = Now { time: self.now, wall_ns: EPOCH_NS + self.now.as_nanos() };
+        let now = Now { time: self.now, wall_ns: EPOCH_NS + self.now.as_nanos() + self.wall_offset_ns };
         let mut out = Vec::new();
         self.engine.step(now, input, &mut out);
         for output in out {
@@ -191,6 +205,11 @@ impl Host {
 
     fn collect(&mut self, output: Output) {
         match output {
+            Output::Patch(index @ 1.., snapshot) => {
+                let before = self.others.get(&index).map(Arc::as_ref);
+                check::snapshot(&self.plan.patches[index], self.now, before, &snapshot);
+                self.others.insert(index, snapshot);
+            }
             Output::Patch(_, snapshot) => {
                 check::snapshot(&self.plan.patches[0], self.now, self.snapshots.last().map(Arc::as_ref), &snapshot);
                 self.snapshots.push(snapshot);

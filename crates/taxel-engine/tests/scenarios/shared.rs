@@ -11,7 +11,7 @@ use taxel_sim::{Config, PumpCommand, Skin, World};
 use taxel_wire::TimedFrame;
 
 use crate::bench::Bench;
-use crate::rig::{patch_plan, plan, small_world};
+use crate::rig::{patch_plan, plan, small_skin, small_world};
 
 /// A skin after its calibration, vented and settled, its boards streaming.
 pub struct Calibrated {
@@ -33,6 +33,12 @@ pub fn forearm() -> &'static Calibrated {
 pub fn small() -> &'static Calibrated {
     static SMALL: OnceLock<Calibrated> = OnceLock::new();
     SMALL.get_or_init(|| calibrate(small_world(), 4.0))
+}
+
+/// 80 taxels of an ordinary skin, whose boards leave as much of a zero as those of the forearm.
+pub fn ordinary() -> &'static Calibrated {
+    static ORDINARY: OnceLock<Calibrated> = OnceLock::new();
+    ORDINARY.get_or_init(|| calibrate(World::new(small_skin(), Config::seeded(11)).unwrap(), 4.0))
 }
 
 fn calibrate(world: World, kpa_per_s: f64) -> Calibrated {

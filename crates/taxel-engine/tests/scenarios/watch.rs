@@ -20,6 +20,7 @@ pub mod check {
             check_taxel(taxel, state, oldest);
         }
         check_force(&snapshot.force);
+        check_active(plan, snapshot);
         let stale = snapshot.taxels.iter().filter(|t| t.stale).count();
         assert_eq!(snapshot.force.stale as usize, stale, "stale taxels");
         let tare = snapshot.tare.as_ref().expect("a snapshot tells of its zero");
@@ -31,6 +32,7 @@ pub mod check {
     fn check_taxel(taxel: usize, state: &TaxelState, oldest: Time) {
         let reading = [state.pressure_kpa, state.sigma_kpa];
         assert!(reading.iter().flatten().all(|x| x.is_finite()), "taxel {taxel}: {state:?}");
+        assert!(state.pressure_kpa.is_none_or(|p| p >= 0.0), "a skin cannot be pulled, taxel {taxel}: {state:?}");
         assert!(state.sigma_kpa.is_none_or(|s| s >= 0.0), "taxel {taxel}: {state:?}");
         assert!(state.seen || state.stale, "taxel {taxel} was never heard and is not stale");
         assert!(state.stale || state.time >= oldest, "taxel {taxel} is stale and does not say so: {state:?}");
@@ -54,6 +56,16 @@ pub mod check {
         assert!(numbers.iter().all(|x| x.is_finite()), "{force:?}");
         assert!((0.0..=1.0).contains(&force.filled_share) && (0.0..=1.0).contains(&force.uncovered_share), "{force:?}");
         assert!(force.total.is_none_or(|n| n.0 >= 0.0) && force.total_sigma.is_none_or(|n| n.0 >= 0.0), "{force:?}");
+    }
+
+    /// The taxels that are called active are those that the total is made of.
+    fn check_active(plan: &PatchPlan, snapshot: &PatchSnapshot) {
+        let active = || snapshot.taxels.iter().zip(&plan.areas).filter(|(taxel, _)| taxel.active);
+        assert_eq!(snapshot.force.active as usize, active().count(), "active taxels");
+        let Some(total) = snapshot.force.total.filter(|_| !plan.area_from_loads) else { return };
+        let sum: f64 = active().map(|(taxel, area)| f64::from(taxel.pressure_kpa.unwrap_or(0.0)) * area.0 * 1e-3).sum();
+        let measured = (1.0 - snapshot.force.filled_share) * total.0;
+        assert!((sum - measured).abs() < 1e-3 + 1e-3 * measured, "{sum} N on active taxels, {measured} N in the total");
     }
 
     pub fn session(view: &SessionView) {

@@ -1,0 +1,125 @@
+//! What is acknowledged is on disk, and what the disk refuses has no effect.
+
+use std::sync::Arc;
+
+use taxel_engine::command::{Command, Done, Rejection, RequestId};
+use taxel_engine::loads::{KnownLoad, Weight};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::record::Record;
+
+use crate::bench::Bench;
+use crate::shared::small;
+
+fn other_set(id: &str) -> Arc<ModelSet> {
+    Arc::new(ModelSet { id: id.to_owned(), session: None, ..ModelSet::clone(&small().set) })
+}
+
+fn import(id: &str) -> Command {
+    Command::Import { model_set: other_set(id) }
+}
+
+fn activate(id: &str) -> Command {
+    Command::Activate { patch: String::new(), model_set: id.to_owned(), expected: None }
+}
+
+/// Everything that a reader or an operator sees, but counters and time.
+fn seen(bench: &Bench) -> String {
+    let snapshot = bench.host.snapshot();
+    format!("{:?} {:?} {:?}", bench.host.catalogue, snapshot.tare, snapshot.force.model_set)
+}
+
+/// A disk that takes its time, and then refuses.
+fn is_refused_and_has_no_effect(bench: &mut Bench, request: RequestId, before: &str, what: &str) {
+    assert!(!bench.host.replied(request), "{what} was answered before it was on disk");
+    assert_eq!(seen(bench), before, "{what} took effect before it was on disk");
+    bench.host.commit(Err("no space left on device".to_owned()));
+    let reply = bench.host.reply(request);
+    let Some(Err(Rejection::Unavailable(why))) = reply else { panic!("{what}: {reply:?}") };
+    assert!(why.contains("no space left on device") && why.contains("nothing has changed"), "{what}: {why}");
+    bench.seconds(1.0);
+    assert_eq!(seen(bench), before, "{what} took effect although it was refused");
+}
+
+#[test]
+fn an_activation_that_the_disk_refuses_has_no_effect() {
+    let mut bench = small().in_use();
+    bench.ask(import("m-other")).unwrap();
+    bench.host.disk_is_slow = true;
+    let before = seen(&bench);
+    let request = bench.host.command(activate("m-other"));
+    bench.seconds(1.0);
+    is_refused_and_has_no_effect(&mut bench, request, &before, "an activation");
+    bench.host.disk_is_slow = false;
+    assert!(matches!(bench.ask(activate("m-other")), Ok(Done::Activated { .. })), "and can be asked for again");
+}
+
+#[test]
+fn an_import_that_the_disk_refuses_has_no_effect() {
+    let mut bench = small().in_use();
+    bench.host.disk_is_slow = true;
+    let before = seen(&bench);
+    let request = bench.host.command(import("m-other"));
+    bench.seconds(1.0);
+    is_refused_and_has_no_effect(&mut bench, request, &before, "an import");
+    let reply = bench.ask(activate("m-other"));
+    assert!(matches!(reply, Err(Rejection::NotFound(_))), "{reply:?}");
+}
+
+#[test]
+fn a_tare_that_the_disk_refuses_has_no_effect() {
+    let mut bench = small().in_use();
+    bench.host.disk_is_slow = true;
+    let before = seen(&bench);
+    let request = bench.host.command(Command::Tare { patch: String::new(), confirmed_by: None });
+    bench.seconds(2.0);
+    assert_eq!(bench.host.commits.len(), 1);
+    is_refused_and_has_no_effect(&mut bench, request, &before, "a tare");
+}
+
+#[test]
+fn a_load_that_the_disk_refuses_has_no_effect() {
+    let mut bench = small().in_use();
+    bench.lay(0.5, 33);
+    bench.seconds(1.5);
+    bench.host.disk_is_slow = true;
+    let before = seen(&bench);
+    let weight = Weight::Kilogram(0.5);
+    let load = KnownLoad { weight, relative_sigma: 0.005, note: String::new(), by: "Ada".to_owned(), replaces: None };
+    let request = bench.host.command(Command::RecordLoad { patch: String::new(), load });
+    bench.seconds(3.0);
+    assert_eq!(bench.host.commits.len(), 1);
+    is_refused_and_has_no_effect(&mut bench, request, &before, "a load");
+}
+
+#[test]
+fn a_second_import_of_a_set_is_not_acknowledged_while_the_first_waits_for_the_disk() {
+    for result in [Ok(()), Err("no space left on device".to_owned())] {
+        let mut bench = small().in_use();
+        bench.host.disk_is_slow = true;
+        let first = bench.host.command(import("m-other"));
+        let second = bench.host.command(import("m-other"));
+        bench.seconds(0.5);
+        assert!(!bench.host.replied(first) && !bench.host.replied(second));
+        bench.host.commit(result.clone());
+        for request in [first, second] {
+            assert_eq!(bench.host.reply(request).unwrap().is_ok(), result.is_ok());
+        }
+        let known = bench.host.catalogue.model_sets.iter().filter(|set| set.id == "m-other").count();
+        assert_eq!(known, usize::from(result.is_ok()));
+    }
+}
+
+#[test]
+fn a_second_activation_is_refused_while_the_first_waits_for_the_disk() {
+    let mut bench = small().in_use();
+    bench.ask(import("m-other")).unwrap();
+    bench.host.disk_is_slow = true;
+    let first = bench.host.command(activate("m-other"));
+    let why = bench.refused(activate(&small().set.id));
+    assert!(why.contains("is being activated"), "{why}");
+    bench.host.commit(Ok(()));
+    assert!(matches!(bench.host.reply(first), Some(Ok(Done::Activated { .. }))));
+    let activated = bench.host.records.iter().filter(|record| matches!(record, Record::Activated { .. }));
+    assert_eq!(activated.count(), 1);
+    assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some("m-other"));
+}

@@ -1,0 +1,160 @@
+//! Patches that share a bus, a board or a gauge.
+
+use std::sync::Arc;
+
+use taxel_engine::Restored;
+use taxel_engine::calibration::SessionState;
+use taxel_engine::command::Command;
+use taxel_engine::conflict::{Conflict, conflicts};
+use taxel_engine::plan::{BoardSetup, Gauge, PatchPlan, Plan};
+use taxel_sim::{GaugeConfig, HOST_BOARD_CONFIG};
+use taxel_skin::{Board, ModuleKind, Patch};
+use taxel_wire::CanId;
+use taxel_wire::icub::TriangleConfig;
+
+use crate::bench::Bench;
+use crate::rig::{BUS, board, module, small_world};
+
+/// A patch of these modules, by board.
+fn patch(name: &str, boards: &[(u8, std::ops::Range<u8>)]) -> PatchPlan {
+    let layout = boards.iter().map(|(address, modules)| Board {
+        bus: BUS,
+        address: board(*address),
+        modules: modules.clone().map(|m| (module(m), ModuleKind::Triangle)).collect(),
+    });
+    let patch = Patch::new(name, layout.collect()).unwrap();
+    let setup = |(_, modules): &(u8, std::ops::Range<u8>)| BoardSetup {
+        board: HOST_BOARD_CONFIG,
+        triangles: vec![TriangleConfig {
+            first: module(modules.start),
+            last: module(modules.end - 1),
+            shift: 2,
+            enabled: true,
+            cdc_offset: 0x2200,
+        }],
+    };
+    PatchPlan {
+        bring_up: boards.iter().map(setup).collect(),
+        gauge: Some(Gauge { bus: BUS, signal: GaugeConfig::default().signal }),
+        ..PatchPlan::new(patch)
+    }
+}
+
+fn plan_of(patches: Vec<PatchPlan>) -> Plan {
+    Plan { buses: 1, patches }
+}
+
+/// Board 13 in halves, the second with board 12.
+fn halves() -> [PatchPlan; 2] {
+    [patch("upper", &[(13, 0..3)]), patch("lower", &[(13, 3..6), (12, 0..2)])]
+}
+
+#[test]
+fn patches_that_share_a_board_are_fine_and_a_module_is_not() {
+    assert_eq!(conflicts(&plan_of(halves().into())), []);
+    let overlapping = plan_of(vec![patch("upper", &[(13, 0..4)]), patch("lower", &[(13, 3..6)])]);
+    let patches = || ["upper".to_owned(), "lower".to_owned()];
+    assert_eq!(conflicts(&overlapping), [Conflict::SharedModule { patches: patches(), board: 13, module: 3 }]);
+    let twice = plan_of(vec![patch("upper", &[(13, 0..2)]), patch("lower", &[(13, 0..2)])]);
+    assert_eq!(conflicts(&twice).len(), 2, "both modules: {:?}", conflicts(&twice));
+}
+
+#[test]
+fn patches_that_configure_a_board_each_in_its_way_are_a_conflict() {
+    let shared = [Conflict::SharedBoard { patches: ["upper".to_owned(), "lower".to_owned()], board: 13 }];
+    let change = |change: &dyn Fn(&mut PatchPlan)| {
+        let [upper, mut lower] = halves();
+        change(&mut lower);
+        conflicts(&plan_of(vec![upper, lower]))
+    };
+    assert_eq!(change(&|lower| lower.period *= 2), shared);
+    assert_eq!(change(&|lower| lower.bring_up[0].board.period_ms = 100), shared);
+    assert_eq!(change(&|lower| lower.bring_up.clear()), shared, "one only listens");
+    assert_eq!(change(&|lower| lower.bring_up[1].board.period_ms = 100), [], "board 12 is the second's alone");
+}
+
+#[test]
+fn a_gauge_with_an_identifier_of_a_board_is_a_conflict() {
+    for (id, is_used) in [(0x4D3, true), (0x3C1, true), (0x6D0, true), (0x2C0, true), (0x4D6, false), (0x4E0, false)] {
+        let [mut upper, lower] = halves();
+        upper.gauge.as_mut().unwrap().signal.id = CanId::Standard(id);
+        let found = conflicts(&plan_of(vec![upper.clone(), lower.clone()]));
+        let named =
+            found.iter().any(|c| matches!(c, Conflict::GaugeOnBoard { id: of, .. } if *of == CanId::Standard(id)));
+        assert_eq!(named, is_used, "{id:#x}: {found:?}");
+        if is_used {
+            let bench = Bench::new(small_world(), Arc::new(plan_of(vec![upper, lower])), Restored::default());
+            drop(bench); // an engine for such a plan runs and says so
+        }
+    }
+}
+
+#[test]
+fn an_engine_for_a_plan_that_contradicts_itself_says_so_in_its_health() {
+    let overlapping = plan_of(vec![patch("upper", &[(13, 0..4)]), patch("lower", &[(13, 3..6), (12, 0..2)])]);
+    let mut bench = Bench::new(small_world(), Arc::new(overlapping), Restored::default());
+    bench.seconds(1.5);
+    assert!(bench.host.health().problems[0].contains("module 3 of board 13 is in patch `upper` and in patch `lower`"));
+}
+
+fn both() -> Bench {
+    let mut bench = Bench::new(small_world(), Arc::new(plan_of(halves().into())), Restored::default());
+    bench.brought_up();
+    bench.seconds(1.5);
+    bench
+}
+
+#[test]
+fn a_bring_up_of_one_patch_brings_up_all_that_share_its_boards() {
+    for name in ["upper", "lower"] {
+        let mut bench = both();
+        bench.ask(Command::BringUp { patch: name.to_owned() }).unwrap();
+        bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+        bench.brought_up();
+        bench.seconds(1.5);
+        for board in &bench.host.health().boards {
+            assert_eq!(board.modules.0, board.modules.1, "{name} was brought up: {board:?}");
+        }
+    }
+}
+
+#[test]
+fn a_bring_up_is_refused_while_a_session_holds_a_patch_that_shares_a_board() {
+    let mut bench = both();
+    bench
+        .ask(Command::StartSession {
+            patch: "lower".to_owned(),
+            target: None,
+            branches: None,
+            confirmed_by: None,
+            leave_out: Vec::new(),
+        })
+        .unwrap();
+    let why = bench.refused(Command::BringUp { patch: "upper".to_owned() });
+    assert!(why.contains("session 1 is TARING"), "{why}");
+}
+
+/// The first patch expects a longer frame than the gauge sends, the second takes it as it is.
+#[test]
+fn a_gauge_frame_that_one_patch_refuses_still_reaches_the_next() {
+    let [mut upper, lower] = halves();
+    upper.gauge.as_mut().unwrap().signal.start_bit = 48;
+    let mut bench = Bench::new(small_world(), Arc::new(plan_of(vec![upper, lower])), Restored::default());
+    bench.brought_up();
+    bench
+        .ask(Command::StartSession {
+            patch: "lower".to_owned(),
+            target: None,
+            branches: None,
+            confirmed_by: None,
+            leave_out: Vec::new(),
+        })
+        .unwrap();
+    bench.until_state(10.0, SessionState::Ramping);
+    bench.ramp(20.0, 4.0);
+    bench.seconds(4.0);
+    assert!(bench.host.session().pressure_kpa.is_some_and(|kpa| kpa > 10.0), "{:?}", bench.host.session());
+    assert!(bench.host.session().accepted > 20, "{:?}", bench.host.session());
+    let bus = &bench.host.health().buses[0];
+    assert!(bus.malformed > 0 && !bus.last_malformed.is_empty(), "the refusal is counted: {bus:?}");
+}

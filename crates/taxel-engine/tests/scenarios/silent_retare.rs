@@ -1,0 +1,125 @@
+//! A board that takes a new zero without a word, under a load: whatever lies on it would read as nothing.
+
+use std::time::Duration;
+
+use taxel_engine::Restored;
+use taxel_engine::calibration::SessionState;
+use taxel_engine::snapshot::ForceState;
+use taxel_sim::{Config, Fault, World};
+
+use crate::bench::Bench;
+use crate::rig::{board, patch_plan, plan, small_skin, small_world};
+use crate::shared::{Calibrated, ordinary, small};
+
+/// Boards, a taxel in the middle of each.
+const BOARDS: [(u8, u16); 2] = [(13, 33), (12, 70)];
+
+fn loaded(skin: &Calibrated, kilogram: f64, centre: u16) -> Bench {
+    let mut bench = skin.in_use();
+    bench.lay(kilogram, centre);
+    bench.seconds(3.0);
+    assert!(bench.host.snapshot().force.total.is_some(), "{}", bench.host.reasons());
+    bench
+}
+
+fn a_retare_is_no_lie(skin: &Calibrated) {
+    for (address, centre) in BOARDS {
+        for kilogram in [0.2, 0.4, 0.6, 0.8, 1.0, 1.2] {
+            let mut bench = loaded(skin, kilogram, centre);
+            let mark = bench.mark();
+            bench.inject(Fault::SilentRetare(board(address)));
+            bench.seconds(5.0);
+            bench.world.clear();
+            bench.seconds(3.0);
+            bench.lay(kilogram, centre);
+            bench.seconds(3.0);
+            bench.is_truthful_since(mark, &format!("a new zero of board {address} under {kilogram} kg"));
+        }
+    }
+}
+
+#[test]
+fn a_retare_under_a_load_tells_no_lie() {
+    a_retare_is_no_lie(ordinary());
+}
+
+/// Its boards leave a quarter of the usual residue, so that a new zero hardly differs from the one before.
+#[test]
+fn a_retare_of_boards_with_small_residues_under_a_load_tells_no_lie() {
+    a_retare_is_no_lie(small());
+}
+
+/// Pressed on everywhere, every count of the board steps by less than ten counts.
+#[test]
+fn a_retare_that_moves_every_taxel_by_less_than_ten_counts_tells_no_lie() {
+    for kilogram in [1.5, 3.0, 4.5] {
+        for (address, _) in BOARDS {
+            let mut bench = ordinary().in_use();
+            bench.press_everywhere(kilogram);
+            bench.seconds(1.0);
+            let mark = bench.mark();
+            bench.inject(Fault::SilentRetare(board(address)));
+            bench.seconds(5.0);
+            bench.is_truthful_since(mark, &format!("a new zero of board {address} under {kilogram} kg everywhere"));
+        }
+    }
+}
+
+#[test]
+fn an_outage_that_ends_in_a_new_zero_tells_no_lie() {
+    for (address, centre) in BOARDS {
+        for tenths in 1..=9 {
+            let mut bench = loaded(ordinary(), 0.5, centre);
+            let mark = bench.mark();
+            bench.inject(Fault::BoardSilent(board(address)));
+            bench.seconds(0.1 * f64::from(tenths));
+            bench.inject(Fault::SilentRetare(board(address)));
+            bench.repair(Fault::BoardSilent(board(address)));
+            bench.seconds(4.0);
+            bench
+                .is_truthful_since(mark, &format!("board {address} was out for 0.{tenths} s and came with a new zero"));
+        }
+    }
+}
+
+/// What it costs: an outage without a new zero is over sixteen scans later.
+#[test]
+fn an_outage_without_a_new_zero_costs_sixteen_scans() {
+    for tenths in [3, 6, 9] {
+        let mut bench = loaded(ordinary(), 0.5, 33);
+        let mark = bench.mark();
+        bench.inject(Fault::BoardSilent(board(13)));
+        bench.seconds(0.1 * f64::from(tenths));
+        bench.repair(Fault::BoardSilent(board(13)));
+        bench.seconds(1.0);
+        bench.is_truthful_since(mark, "an outage");
+        assert!(bench.host.snapshot().force.total.is_some(), "0.{tenths} s: {}", bench.host.reasons());
+    }
+}
+
+#[test]
+fn a_retare_in_a_ramp_fails_the_ramp_and_nothing_of_the_new_zero_is_in_the_session() {
+    let ordinary = || World::new(small_skin(), Config::seeded(11)).unwrap();
+    let worlds: [(&str, &dyn Fn() -> World); 2] = [("small residues", &small_world), ("ordinary", &ordinary)];
+    for (name, world) in worlds {
+        for kpa_per_s in [2.0, 4.0] {
+            for kpa in [3.0, 4.0, 6.0, 8.0] {
+                let mut bench = Bench::new(world(), plan(patch_plan(&small().skin)), Restored::default());
+                bench.brought_up();
+                let session = bench.start_session(None);
+                bench.ramp(74.0, kpa_per_s);
+                bench.until(10.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= kpa));
+                let retare = bench.now();
+                bench.inject(Fault::SilentRetare(board(12)));
+                bench.seconds(5.0);
+                let (view, story) = (bench.host.session(), format!("{name}: at {kpa} kPa and {kpa_per_s} kPa/s"));
+                assert_eq!(view.state, SessionState::Failed, "{story}: {view:?}");
+                assert!(view.reason.contains("board 12"), "{story}: {}", view.reason);
+                let last = bench.host.samples(session).last().map(|sample| sample.time_ns);
+                let limit = (retare + Duration::from_millis(10)).as_nanos();
+                assert!(last.is_none_or(|last| last <= limit), "{story}: a sample {last:?} after {limit}");
+                assert_ne!(bench.host.state(), ForceState::Ok);
+            }
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! A tare while a load arrives or leaves: what was moving while it was watched is no zero.
+
+use taxel_engine::command::{Command, Rejection};
+use taxel_sim::Fault;
+
+use crate::bench::Bench;
+use crate::rig::board;
+use crate::shared::{Calibrated, forearm, ordinary, small};
+
+fn tare() -> Command {
+    Command::Tare { patch: String::new(), confirmed_by: None }
+}
+
+/// The load comes and goes twice more, and all that was published since `mark` is true.
+fn goes_on_truthfully(bench: &mut Bench, mark: usize, centre: u16, story: &str) {
+    for _ in 0..2 {
+        bench.world.clear();
+        bench.seconds(3.0);
+        bench.lay(0.5, centre);
+        bench.seconds(2.0);
+    }
+    bench.is_truthful_since(mark, story);
+    assert!(bench.host.snapshot().force.total.is_some(), "{story}: {}", bench.host.reasons());
+    assert!((4.0..6.0).contains(&bench.weigh(10)), "{story}: half a kilogram");
+}
+
+/// Asks for a tare `before_s` before half a kilogram lands. Whether it was refused.
+fn lands_after(skin: &Calibrated, before_s: f64, centre: u16) -> bool {
+    let mut bench = skin.in_use();
+    bench.seconds(1.0);
+    let mark = bench.mark();
+    let request = bench.host.command(tare());
+    bench.seconds(before_s);
+    bench.lay(0.5, centre);
+    bench.seconds(3.0);
+    let refused = bench.host.reply(request).expect("an answer").is_err();
+    goes_on_truthfully(&mut bench, mark, centre, &format!("a tare {before_s} s before the load lands"));
+    refused
+}
+
+fn leaves_after(skin: &Calibrated, before_s: f64, centre: u16) {
+    let mut bench = skin.in_use();
+    bench.seconds(1.0);
+    bench.lay(0.5, centre);
+    bench.seconds(3.0);
+    let mark = bench.mark();
+    let request = bench.host.command(tare());
+    bench.seconds(before_s);
+    bench.world.clear();
+    bench.seconds(3.0);
+    let reply = bench.host.reply(request).expect("an answer");
+    assert!(matches!(reply, Err(Rejection::FailedPrecondition(_))), "{before_s} s before: {reply:?}");
+    goes_on_truthfully(&mut bench, mark, centre, &format!("a tare {before_s} s before the load leaves"));
+}
+
+/// From 50 ms to a second, in steps of 50 ms.
+fn steps() -> impl Iterator<Item = f64> {
+    (1..=20).map(|step| 0.05 * f64::from(step))
+}
+
+#[test]
+fn a_tare_shortly_before_a_load_lands_tells_no_lie() {
+    for before_s in steps() {
+        let refused = lands_after(small(), before_s, 33);
+        // A scan is up to 100 ms old, and what lands after the last one changes nothing.
+        assert!(refused || before_s > 0.85, "a load that landed after {before_s} s was taken for rest");
+    }
+}
+
+#[test]
+fn a_tare_shortly_before_a_load_leaves_tells_no_lie() {
+    for before_s in steps() {
+        leaves_after(small(), before_s, 33);
+    }
+}
+
+#[test]
+fn a_tare_about_a_load_on_an_ordinary_skin_tells_no_lie() {
+    for before_s in steps().step_by(3) {
+        lands_after(ordinary(), before_s, 44);
+        leaves_after(ordinary(), before_s, 44);
+    }
+}
+
+/// As in the demonstration.
+#[test]
+fn a_tare_about_a_load_on_the_forearm_tells_no_lie() {
+    for before_s in [0.45, 0.6, 0.75, 0.85] {
+        lands_after(forearm(), before_s, 105);
+        leaves_after(forearm(), before_s, 105);
+    }
+}
+
+#[test]
+fn a_load_that_lands_while_a_board_is_silent_is_not_in_the_zero() {
+    let mut bench = small().in_use();
+    bench.inject(Fault::BoardSilent(board(13)));
+    bench.seconds(0.5);
+    let mark = bench.mark();
+    bench.host.command(tare());
+    bench.seconds(0.2);
+    bench.lay(0.5, 33);
+    bench.repair(Fault::BoardSilent(board(13)));
+    bench.seconds(5.0);
+    bench.is_truthful_since(mark, "a tare beside a silent board on which a load lands");
+}

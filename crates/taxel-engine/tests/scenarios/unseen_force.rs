@@ -1,0 +1,117 @@
+//! Force that no taxel can show: it is in the uncertainty, the detection floor, or the total says that it is a bound.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use taxel_engine::command::{Command, Done};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::snapshot::ForceState;
+use taxel_model::Status;
+use taxel_sim::{Fault, Mass};
+use taxel_skin::TaxelIndex;
+
+use crate::bench::Bench;
+use crate::shared::{Calibrated, ordinary, small};
+
+/// The skin in use with a model set that leaves these taxels out.
+pub fn without(skin: &Calibrated, taxels: Range<usize>) -> Bench {
+    let mut bench = skin.in_use();
+    let mut set = ModelSet { id: "m-without".to_owned(), session: None, ..ModelSet::clone(&skin.set) };
+    set.taxels[taxels].iter_mut().for_each(|model| model.status = Status::Dead { count: 0.0 });
+    assert!(matches!(bench.ask(Command::Import { model_set: Arc::new(set) }), Ok(Done::Imported { .. })));
+    bench.activate("m-without").unwrap();
+    bench.until(2.0, "a force", |host| host.snapshot().force.total.is_some());
+    bench.seconds(0.2);
+    bench
+}
+
+/// Every force since `mark` has an uncertainty and a floor.
+fn is_never_certain(bench: &Bench, mark: usize) {
+    for snapshot in &bench.host.snapshots[mark..] {
+        let force = &snapshot.force;
+        assert!(force.total_sigma.is_none_or(|sigma| sigma.0 > 0.005), "{force:?}");
+        assert!(force.detection_floor.is_none_or(|floor| floor.0 > 0.005), "{force:?}");
+    }
+}
+
+#[test]
+fn an_unloaded_skin_has_an_uncertainty_and_a_floor() {
+    for skin in [small(), ordinary()] {
+        let mut bench = skin.in_use();
+        let mark = bench.mark();
+        bench.seconds(5.0);
+        is_never_certain(&bench, mark);
+        bench.is_truthful_since(mark, "an unloaded skin");
+    }
+}
+
+#[test]
+fn a_load_too_light_to_be_a_touch_is_within_the_floor() {
+    for skin in [small(), ordinary()] {
+        for gram in [5.0, 10.0, 20.0, 40.0, 80.0] {
+            let mut bench = skin.in_use();
+            let mark = bench.mark();
+            for centre in [14, 35, 70] {
+                bench.world.lay(Mass::on_disc(gram / 1_000.0, TaxelIndex(centre), 600.0)).unwrap();
+                bench.seconds(2.0);
+            }
+            is_never_certain(&bench, mark);
+            let missed: Vec<String> =
+                bench.lies_since(mark).into_iter().filter(|lie| lie.contains("at least")).collect();
+            assert!(missed.is_empty(), "{gram} g: {missed:#?}");
+        }
+    }
+}
+
+/// The whole load lies on a module that the models do not cover.
+fn carries_the_load(bench: &mut Bench, what: &str) {
+    let mark = bench.mark();
+    bench.world.lay(Mass::on_disc(0.5, TaxelIndex(35), 60.0)).unwrap();
+    bench.seconds(3.0);
+    is_never_certain(bench, mark);
+    bench.is_truthful_since(mark, what);
+    let force = &bench.host.snapshot().force;
+    assert_eq!((force.state, force.lower_bound), (ForceState::Degraded, true), "{what}: {force:?}");
+    assert!(bench.host.reasons().contains("lower bound"), "{what}: {}", bench.host.reasons());
+}
+
+#[test]
+fn an_excluded_module_that_carries_the_whole_load_makes_the_total_a_lower_bound() {
+    carries_the_load(&mut without(small(), 30..40), "an excluded module");
+    let mut bench = without(small(), 20..50);
+    carries_the_load(&mut bench, "three excluded modules");
+}
+
+#[test]
+fn a_faulty_module_that_carries_the_whole_load_makes_the_total_a_lower_bound() {
+    let mut bench = small().in_use();
+    for taxel in 30..40 {
+        bench.inject(Fault::TaxelFrozen(TaxelIndex(taxel)));
+    }
+    bench.seconds(8.0); // so long do readings have to stand still
+    carries_the_load(&mut bench, "a frozen module");
+}
+
+#[test]
+fn a_skin_of_which_nothing_is_usable_has_no_force() {
+    let mut bench = small().in_use();
+    for taxel in 0..80 {
+        bench.inject(Fault::TaxelFrozen(TaxelIndex(taxel)));
+    }
+    bench.seconds(8.0);
+    let mark = bench.mark();
+    bench.lay(1.0, 35);
+    bench.seconds(3.0);
+    assert!(!bench.has_force_since(mark), "{:?}", bench.host.snapshot().force);
+}
+
+#[test]
+fn a_single_excluded_taxel_under_a_load_is_within_the_interval() {
+    for taxel in [33, 35, 39] {
+        let mut bench = without(small(), taxel..taxel + 1);
+        let mark = bench.mark();
+        bench.lay(0.5, 35);
+        bench.seconds(3.0);
+        bench.is_truthful_since(mark, &format!("taxel {taxel} excluded"));
+    }
+}
