@@ -14,6 +14,7 @@ mod branches;
 mod bring_up;
 mod calibrate;
 mod circles;
+mod deletions;
 mod determinism;
 mod drift;
 mod frames;
