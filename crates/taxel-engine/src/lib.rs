@@ -43,7 +43,7 @@ mod scan;
 pub mod statistics;
 pub mod zero;
 
-pub use boundary::catalogue::{Restored, RestoredSession};
+pub use boundary::catalogue::Restored;
 pub use boundary::input::Input;
 pub use boundary::output::Output;
 pub use boundary::{catalogue, command, record, snapshot};

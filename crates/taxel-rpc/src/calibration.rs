@@ -54,6 +54,17 @@ impl CalibrationService for Service {
         self.session_command("DiscardSession", Command::DiscardSession { session }).await
     }
 
+    async fn delete_session(
+        &self,
+        request: Request<v1::DeleteSessionRequest>,
+    ) -> Result<Response<v1::DeleteSessionResponse>, Status> {
+        let session = numbered(request.get_ref().session)?;
+        match self.command("DeleteSession", Command::DeleteSession { session }).await? {
+            Done::Deleted => Ok(Response::new(v1::DeleteSessionResponse {})),
+            other => Err(strange_answer(&other)),
+        }
+    }
+
     async fn get_session(&self, request: Request<v1::GetSessionRequest>) -> Answer {
         Ok(Response::new(self.message(&*self.session(request.get_ref().session)?)))
     }
@@ -67,7 +78,8 @@ impl CalibrationService for Service {
             self.patch(&request.patch)?;
         }
         let wanted = |view: &Arc<SessionView>| request.patch.is_empty() || view.patch == request.patch;
-        let (sessions, next_page_token) = page(&self.sessions(), request.page_size, &request.page_token, wanted)?;
+        let (sessions, next_page_token) =
+            page(&self.sessions(), request.page_size, &request.page_token, |view| view.number.to_string(), wanted)?;
         let sessions = sessions.iter().map(|view| self.message(view)).collect();
         Ok(Response::new(v1::ListSessionsResponse { sessions, next_page_token }))
     }

@@ -122,6 +122,13 @@ impl Publisher {
         }
     }
 
+    /// The patch at this position of the plan has no session any more: it was deleted.
+    pub fn session_gone(&self, position: usize) {
+        if let Some(sender) = self.sessions.get(position) {
+            sender.send_replace(None);
+        }
+    }
+
     /// Buses, boards or modules changed.
     pub fn health(&self, health: Arc<Health>) {
         self.health.send_replace(health);

@@ -25,7 +25,8 @@ impl ModelService for Service {
         }
         let wanted = |set: &Arc<ModelSet>| request.patch.is_empty() || set.patch == request.patch;
         let catalogue = Arc::clone(&self.handle.catalogue.borrow());
-        let (sets, next_page_token) = page(&catalogue.model_sets, request.page_size, &request.page_token, wanted)?;
+        let (sets, next_page_token) =
+            page(&catalogue.model_sets, request.page_size, &request.page_token, |set| set.id.clone(), wanted)?;
         let model_sets = sets.iter().map(|set| self.summary(set)).collect();
         Ok(Response::new(v1::ListModelSetsResponse { model_sets, next_page_token }))
     }
@@ -97,6 +98,20 @@ impl ModelService for Service {
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
         match self.command("ImportModelSet", Command::Import { model_set }).await? {
             Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),
+            other => Err(strange_answer(&other)),
+        }
+    }
+
+    async fn delete_model_set(
+        &self,
+        request: Request<v1::DeleteModelSetRequest>,
+    ) -> Result<Response<v1::DeleteModelSetResponse>, Status> {
+        let model_set = request.into_inner().model_set;
+        if model_set.is_empty() {
+            return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
+        }
+        match self.command("DeleteModelSet", Command::DeleteModelSet { model_set }).await? {
+            Done::Deleted => Ok(Response::new(v1::DeleteModelSetResponse {})),
             other => Err(strange_answer(&other)),
         }
     }

@@ -7,12 +7,14 @@ use crate::status::invalid;
 const SIZE_DEFAULT: usize = 100;
 const SIZE_MAX: usize = 1_000;
 
-/// A page of `items`, which are oldest first and only ever grow at their end, so that the position of an item is a
-/// stable token. Gives the items newest first, and the token of the next page or nothing.
+/// A page of `items`, which are oldest first. Gives the items newest first, and the token of the next page or nothing.
+///
+/// The token is the name of the last item shown: positions move when an item is deleted, names do not.
 pub(crate) fn page<T: Clone>(
     items: &[T],
     size: u32,
     token: &str,
+    name: impl Fn(&T) -> String,
     wanted: impl Fn(&T) -> bool,
 ) -> Result<(Vec<T>, String), Status> {
     let size = match size as usize {
@@ -23,15 +25,16 @@ pub(crate) fn page<T: Clone>(
     let end = if token.is_empty() {
         items.len()
     } else {
-        let known = token.parse().ok().filter(|&end: &usize| end > 0 && end <= items.len());
+        let known = items.iter().position(|item| name(item) == token);
         let short: String = token.chars().take(20).collect();
-        known.ok_or_else(|| invalid("page_token", format_args!("`{short}` is not a token that this call gave")))?
+        let problem = "is not a token that this call gave, or what it names was deleted: begin anew";
+        known.ok_or_else(|| invalid("page_token", format_args!("`{short}` {problem}")))?
     };
-    let mut kept = items[..end].iter().enumerate().rev().filter(|(_, item)| wanted(item));
-    let page: Vec<(usize, &T)> = kept.by_ref().take(size).collect();
+    let mut kept = items[..end].iter().rev().filter(|item| wanted(item));
+    let page: Vec<T> = kept.by_ref().take(size).cloned().collect();
     let more = kept.next().is_some();
-    let next = page.last().filter(|_| more).map_or_else(String::new, |(position, _)| position.to_string());
-    Ok((page.into_iter().map(|(_, item)| item.clone()).collect(), next))
+    let next = page.last().filter(|_| more).map(&name).unwrap_or_default();
+    Ok((page, next))
 }
 
 #[cfg(test)]
@@ -43,7 +46,7 @@ mod tests {
         let items: Vec<u32> = (0..25).collect();
         let (mut seen, mut token) = (Vec::new(), String::new());
         loop {
-            let (page, next) = page(&items, 4, &token, |n| n % 2 == 0).unwrap();
+            let (page, next) = page(&items, 4, &token, u32::to_string, |n| n % 2 == 0).unwrap();
             assert!(!page.is_empty() && page.len() <= 4);
             seen.extend(page);
             token = next;
@@ -56,12 +59,26 @@ mod tests {
     }
 
     #[test]
+    fn what_is_deleted_between_two_pages_hides_nothing_else() {
+        let mut items: Vec<u32> = (1..=9).collect();
+        let (first, token) = page(&items, 3, "", u32::to_string, |_| true).unwrap();
+        assert_eq!(first, [9, 8, 7]);
+        items.retain(|n| ![2, 8].contains(n));
+        let (rest, _) = page(&items, 9, &token, u32::to_string, |_| true).unwrap();
+        assert_eq!(rest, [6, 5, 4, 3, 1]);
+        items.retain(|n| *n != 7);
+        let refused = page(&items, 9, &token, u32::to_string, |_| true).unwrap_err();
+        assert!(refused.message().contains("was deleted: begin anew"), "{refused}");
+    }
+
+    #[test]
     fn strange_tokens_and_sizes_are_refused() {
         let items = [1, 2, 3];
+        let code = |size, token| page(&items, size, token, i32::to_string, |_| true).unwrap_err().code();
         for token in ["0", "4", "-1", "x", "99999999999999999999999999", " 1"] {
-            assert_eq!(page(&items, 0, token, |_| true).unwrap_err().code(), tonic::Code::InvalidArgument, "{token}");
+            assert_eq!(code(0, token), tonic::Code::InvalidArgument, "{token}");
         }
-        assert_eq!(page(&items, 1_001, "", |_| true).unwrap_err().code(), tonic::Code::InvalidArgument);
-        assert_eq!(page::<u8>(&[], 0, "", |_| true).unwrap(), (vec![], String::new()));
+        assert_eq!(code(1_001, ""), tonic::Code::InvalidArgument);
+        assert_eq!(page(&[], 0, "", u8::to_string, |_| true).unwrap(), (vec![], String::new()));
     }
 }

@@ -44,6 +44,8 @@ impl Appender {
             Record::Sample { session, index, sample } => self.sample(transaction, *session, *index, sample),
             Record::ModelSet(set) => self.model_set(transaction, set),
             Record::Activated { patch, model_set, wall_ns } => self.activated(transaction, patch, model_set, *wall_ns),
+            Record::ModelSetDeleted { model_set, wall_ns } => self.delete_model_set(transaction, model_set, *wall_ns),
+            Record::SessionDeleted { session, wall_ns } => self.delete_session(transaction, *session, *wall_ns),
             Record::Load(load) => self.load(transaction, load),
             Record::Tared { patch, tare, baseline } => tared(transaction, patch, tare, baseline),
         }
@@ -125,13 +127,66 @@ impl Appender {
         let json = models_json::to_json(set).map_err(|error| unstorable(error.to_string()))?;
         // What goes to disk is proven readable first: a set that could not be loaded again is no use there.
         models_json::from_json(&json).map_err(|error| unstorable(error.to_string()))?;
-        let seq = next_seq(connection, self.tally.get(connection, Stream::ModelSets)?, "model_sets")?;
+        let tally = self.tally.get(connection, Stream::ModelSets)?;
+        let seq =
+            next_seq(connection, tally, "(SELECT seq FROM model_sets UNION ALL SELECT seq FROM deleted_model_sets)")?;
         connection.execute(
             "INSERT INTO model_sets (seq, id, sha256, json) VALUES (?1, ?2, ?3, ?4)",
             params![seq, set.id, rows::sha256_of(json.as_bytes()), json.as_bytes()],
         )?;
         self.tally.set(Stream::ModelSets, seq);
         self.model_sets.insert(set.id.clone());
+        Ok(())
+    }
+
+    /// Every row with this id goes, also one that is damaged; for each a row stays that says so.
+    fn delete_model_set(&mut self, connection: &Connection, id: &str, wall_ns: i64) -> Result<(), StoreError> {
+        let mut statement = connection.prepare("SELECT seq FROM model_sets WHERE id = ?1 ORDER BY seq")?;
+        let rows = statement.query_map([id], |row| row.get(0))?.collect::<Result<Vec<u64>, _>>()?;
+        if rows.is_empty() {
+            let what = format!("the deletion of model set `{id}`");
+            return Err(StoreError::Unstorable { what, reason: "the store has no such set".to_owned() });
+        }
+        let activation = self.tally.get(connection, Stream::Activations)?;
+        for seq in rows {
+            connection.execute(
+                "INSERT INTO deleted_model_sets (seq, id, activation, wall_ns, checksum) VALUES (?1, ?2, ?3, ?4, ?5)",
+                params![seq, id, activation, wall_ns, rows::deleted_set_checksum(seq, id, activation, wall_ns)],
+            )?;
+            connection.execute("DELETE FROM model_sets WHERE seq = ?1", [seq])?;
+            let deleted = self.tally.get(connection, Stream::DeletedModelSets)? + 1;
+            self.tally.set(Stream::DeletedModelSets, deleted);
+        }
+        self.model_sets.remove(id);
+        Ok(())
+    }
+
+    /// The session goes with its ramps and samples; a row stays that says so, and so its number is never used again.
+    fn delete_session(&mut self, connection: &Connection, session: u64, wall_ns: i64) -> Result<(), StoreError> {
+        let there: bool =
+            connection
+                .query_row("SELECT EXISTS (SELECT 1 FROM sessions WHERE number = ?1)", [session], |r| r.get(0))?;
+        if !there {
+            let what = format!("the deletion of session {session}");
+            return Err(StoreError::Unstorable { what, reason: "the store has no such session".to_owned() });
+        }
+        connection.execute(
+            "INSERT INTO deleted_sessions (number, wall_ns, checksum) VALUES (?1, ?2, ?3)",
+            params![session, wall_ns, rows::deleted_session_checksum(session, wall_ns)],
+        )?;
+        for statement in [
+            "DELETE FROM samples WHERE session = ?1",
+            "DELETE FROM ramps WHERE session = ?1",
+            "DELETE FROM sessions WHERE number = ?1",
+        ] {
+            connection.execute(statement, [session])?;
+        }
+        for stream in [Stream::Ramps(session), Stream::Samples(session)] {
+            self.tally.forget(connection, stream)?;
+        }
+        self.grown.remove(&session);
+        let deleted = self.tally.get(connection, Stream::DeletedSessions)? + 1;
+        self.tally.set(Stream::DeletedSessions, deleted);
         Ok(())
     }
 

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use rusqlite::config::DbConfig;
-use rusqlite::{Connection, TransactionBehavior};
+use rusqlite::{Connection, ErrorCode, TransactionBehavior};
 use taxel_engine::Restored;
+use taxel_engine::calibration::SessionSamples;
 use taxel_engine::record::Record;
 
 use crate::append::Appender;
@@ -20,12 +21,17 @@ const BUSY_TIMEOUT: Duration = Duration::from_secs(1);
 /// Length of the write-ahead log at which it is folded back into the file: 1,000 pages of 4 KiB, SQLite's own default.
 const WAL_BYTES_MAX: u64 = 4096 * 1000;
 
+/// A file is rewritten at a start if half of it and at least so many pages, 4 MiB, are empty.
+const FREE_PAGES_MIN: i64 = 1024;
+
 /// The connection and what it must remember between transactions.
 pub(crate) struct Db {
     connection: Connection,
     /// The write-ahead log; `None` if all is in memory.
     wal: Option<PathBuf>,
     appender: Appender,
+    /// Something was deleted that the write-ahead log still holds.
+    erasing: bool,
 }
 
 impl Db {
@@ -43,11 +49,15 @@ impl Db {
         }
         check_structure(&connection, path)?;
         bring_up_to_date(&mut connection).map_err(opening)?;
+        give_back_space(&connection, path).map_err(opening)?;
         let (restored, quarantined) = restore::read(&connection).map_err(opening)?;
         let appender = Appender::new(restored.model_sets.iter().map(|set| set.id.clone()));
         let mut wal = path.as_os_str().to_owned();
         wal.push("-wal");
-        Ok((Self { connection, wal: Some(wal.into()), appender }, restored, quarantined))
+        let db = Self { connection, wal: Some(wal.into()), appender, erasing: false };
+        // What an earlier run deleted may still be in the log if it was killed then.
+        db.checkpoint().map_err(|error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() })?;
+        Ok((db, restored, quarantined))
     }
 
     /// A store that ends with the process.
@@ -55,7 +65,7 @@ impl Db {
         let mut connection = Connection::open_in_memory()?;
         configure(&connection)?;
         bring_up_to_date(&mut connection)?;
-        Ok(Self { connection, wal: None, appender: Appender::new(None) })
+        Ok(Self { connection, wal: None, appender: Appender::new(None), erasing: false })
     }
 
     /// Whether what is committed survives the process.
@@ -70,11 +80,22 @@ impl Db {
     ) -> Result<Vec<(u64, u64)>, StoreError> {
         let transaction = self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
         for record in records {
+            self.erasing |= matches!(record, Record::ModelSetDeleted { .. } | Record::SessionDeleted { .. });
             self.appender.append(&transaction, record)?;
         }
         let grown = self.appender.finish(&transaction)?;
         transaction.commit()?;
         Ok(grown)
+    }
+
+    /// The samples and ramps of a session, each proven, or why they cannot be trusted.
+    pub(crate) fn samples(&self, session: u64) -> Result<SessionSamples, String> {
+        restore::samples(&self.connection, session)
+    }
+
+    /// Folds the write-ahead log back if it holds what was deleted.
+    pub(crate) fn erase(&mut self) -> Result<(), StoreError> {
+        if std::mem::take(&mut self.erasing) && self.is_on_disk() { self.checkpoint() } else { Ok(()) }
     }
 
     /// Folds the write-ahead log back once it is long.
@@ -107,11 +128,12 @@ impl Db {
     }
 
     /// Lets the file grow by no more than `pages`, so that tests meet a full disk.
-    #[cfg(test)]
-    pub(crate) fn limit_growth(&self, pages: i64) {
-        let now: i64 = self.connection.pragma_query_value(None, "page_count", |row| row.get(0)).unwrap();
+    #[cfg(any(test, feature = "fixtures"))]
+    pub(crate) fn limit_growth(&self, pages: i64) -> Result<(), StoreError> {
+        let now: i64 = self.connection.pragma_query_value(None, "page_count", |row| row.get(0))?;
         let set = |row: &rusqlite::Row<'_>| row.get::<_, i64>(0);
-        self.connection.pragma_update_and_check(None, "max_page_count", now + pages, set).unwrap();
+        self.connection.pragma_update_and_check(None, "max_page_count", now + pages, set)?;
+        Ok(())
     }
 }
 
@@ -121,6 +143,8 @@ fn configure(connection: &Connection) -> rusqlite::Result<()> {
     connection.pragma_update_and_check(None, "locking_mode", "exclusive", |_| Ok(()))?;
     connection.pragma_update(None, "synchronous", "full")?;
     connection.pragma_update(None, "foreign_keys", true)?;
+    // What is deleted is overwritten with zeros. The pages are used again.
+    connection.pragma_update_and_check(None, "secure_delete", true, |_| Ok(()))?;
     connection.pragma_update(None, "trusted_schema", false)?;
     connection.pragma_update(None, "cell_size_check", true)?;
     connection.pragma_update_and_check(None, "journal_size_limit", WAL_BYTES_MAX as i64, |_| Ok(()))?;
@@ -167,6 +191,27 @@ fn bring_up_to_date(connection: &mut Connection) -> rusqlite::Result<()> {
     transaction.pragma_update(None, "user_version", schema::VERSION)?;
     lacking.iter().try_for_each(|step| transaction.execute_batch(step))?;
     transaction.commit()
+}
+
+/// Rewrites a file that is mostly empty pages, which deletions leave, and so gives their space back. This takes a
+/// second for 100 MB, so it is done at a start and never while samples come.
+fn give_back_space(connection: &Connection, path: &Path) -> rusqlite::Result<()> {
+    let number = |pragma: &str| connection.pragma_query_value(None, pragma, |row| row.get::<_, i64>(0));
+    let (pages, free) = (number("page_count")?, number("freelist_count")?);
+    if free < FREE_PAGES_MIN || 2 * free < pages {
+        return Ok(());
+    }
+    match connection.execute_batch("VACUUM") {
+        Ok(()) => {
+            tracing::info!(store = %path.display(), pages = free, "the store gave back the space of what was deleted")
+        }
+        // The file is as it was, and its empty pages are used again.
+        Err(error) if error.sqlite_error_code() == Some(ErrorCode::DiskFull) => {
+            tracing::warn!(store = %path.display(), %error, "no room to give back the space of what was deleted");
+        }
+        Err(error) => return Err(error),
+    }
+    Ok(())
 }
 
 /// Reads every page once and checks its structure.

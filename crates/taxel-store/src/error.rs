@@ -69,6 +69,23 @@ pub enum StoreError {
         /// The first failure.
         reason: String,
     },
+    /// More waits for the disk than may.
+    #[error("the store is behind: {waiting} batches wait for the disk")]
+    Behind {
+        /// How many wait.
+        waiting: usize,
+    },
+    /// Samples on disk are not what was written.
+    #[error("samples of session {session} are damaged on disk: {findings}")]
+    DamagedSamples {
+        /// Number of the session.
+        session: u64,
+        /// What is wrong with them.
+        findings: String,
+    },
+    /// The writer's thread met a fault of this programme.
+    #[error("the store's thread ended with an internal error")]
+    Panicked,
     /// The writer has ended.
     #[error("the store is closed")]
     Closed,
@@ -113,6 +130,23 @@ impl Quarantined {
     pub(crate) fn new(what: impl Into<String>, reason: impl fmt::Display) -> Self {
         Self { what: what.into(), reason: reason.to_string() }
     }
+}
+
+/// So many findings are told in full, and so many bytes of each: a disk that dies leaves thousands.
+const LINES_MAX: usize = 20;
+const LINE_BYTES_MAX: usize = 300;
+
+/// A line for each finding, and one for those beyond the first twenty.
+pub(crate) fn lines(findings: &[Quarantined]) -> Vec<String> {
+    let line = |finding: &Quarantined| {
+        let mut line = finding.to_string().replace(['\n', '\r'], " ");
+        line.truncate(line.floor_char_boundary(LINE_BYTES_MAX));
+        line
+    };
+    let more = findings.len().saturating_sub(LINES_MAX);
+    let rest =
+        (more > 0).then(|| format!("{more} more rows of the store are damaged and not used; the log names them"));
+    findings.iter().take(LINES_MAX).map(line).chain(rest).collect()
 }
 
 impl fmt::Display for Quarantined {

@@ -5,39 +5,46 @@ use std::sync::Arc;
 
 use rusqlite::{Connection, Row};
 use taxel_engine::Restored;
-use taxel_engine::RestoredSession;
 use taxel_engine::calibration::{RampBaseline, SessionSamples, SessionState, SessionView};
 use taxel_engine::loads::Load;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Sample;
 
-use crate::error::Quarantined;
+use crate::deletions::Deletions;
+use crate::error::{Quarantined, lines};
 use crate::load_row::load_from_text;
 use crate::models_json;
 use crate::rows;
-use crate::tally::{Stream, shortfall};
+use crate::tally::{Stream, shortfall, written};
 
 /// Reads all that the engine starts from. Errors are those of reading; a row that is wrong is quarantined instead.
 pub(crate) fn read(connection: &Connection) -> rusqlite::Result<(Restored, Vec<Quarantined>)> {
     let mut quarantined = Vec::new();
-    let model_sets = model_sets(connection, &mut quarantined)?;
-    let active = active(connection, &model_sets, &mut quarantined)?;
-    let (sessions, next_session) = sessions(connection, &mut quarantined)?;
+    let deletions = Deletions::read(connection, &mut quarantined)?;
+    let model_sets = model_sets(connection, &deletions, &mut quarantined)?;
+    let active = active(connection, &model_sets, &deletions, &mut quarantined)?;
+    let (sessions, next_session) = sessions(connection, &deletions, &mut quarantined)?;
     let (loads, next_load) = loads(connection, &mut quarantined)?;
-    Ok((Restored { model_sets, active, sessions, next_session, loads, next_load }, quarantined))
+    let problems = lines(&quarantined);
+    Ok((Restored { model_sets, active, sessions, next_session, loads, next_load, problems }, quarantined))
 }
 
-fn model_sets(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> rusqlite::Result<Vec<Arc<ModelSet>>> {
+fn model_sets(
+    connection: &Connection,
+    deletions: &Deletions,
+    quarantined: &mut Vec<Quarantined>,
+) -> rusqlite::Result<Vec<Arc<ModelSet>>> {
     let mut statement = connection.prepare("SELECT seq, id, sha256, json FROM model_sets ORDER BY seq")?;
     let mut rows = statement.query([])?;
     let mut sets: Vec<Arc<ModelSet>> = Vec::new();
-    let mut newest = 0;
+    let mut there = deletions.rows_of_sets();
     while let Some(row) = rows.next()? {
-        newest = row.get(0)?;
+        let seq = row.get(0)?;
+        there.insert(seq);
         let id: String = match row.get(1) {
             Ok(id) => id,
             Err(error) => {
-                quarantined.push(Quarantined::new(format!("model set in row {newest}"), error));
+                quarantined.push(Quarantined::new(format!("model set in row {seq}"), error));
                 continue;
             }
         };
@@ -46,6 +53,11 @@ fn model_sets(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> ru
             Ok(set) => sets.push(Arc::new(set)),
             Err(reason) => quarantined.push(Quarantined::new(format!("model set {id}"), reason)),
         }
+    }
+    let newest = there.last().copied().unwrap_or(0);
+    let lost = newest.saturating_sub(there.len() as u64);
+    if lost > 0 {
+        quarantined.push(Quarantined::new("the list of model sets", format!("{lost} of {newest} rows are missing")));
     }
     if let Some(reason) = shortfall(connection, Stream::ModelSets, newest)? {
         quarantined.push(Quarantined::new("the list of model sets", reason));
@@ -70,6 +82,7 @@ fn model_set(row: &Row<'_>, id: &str) -> Result<ModelSet, String> {
 fn active(
     connection: &Connection,
     sets: &[Arc<ModelSet>],
+    deletions: &Deletions,
     quarantined: &mut Vec<Quarantined>,
 ) -> rusqlite::Result<Vec<(String, String)>> {
     let mut statement =
@@ -86,7 +99,7 @@ fn active(
         newest = seq;
         match activation(row, seq) {
             Ok((patch, set)) => {
-                active.insert(patch, set);
+                active.insert(patch, (set, seq));
             }
             Err(reason) => {
                 active.clear();
@@ -98,7 +111,10 @@ fn active(
         active.clear();
         quarantined.push(Quarantined::new("the list of activations", reason));
     }
-    active.retain(|patch, id| {
+    active.retain(|patch, (id, seq)| {
+        if deletions.ended(id, *seq) {
+            return false;
+        }
         let served = sets.iter().any(|set| set.id == *id && set.patch == *patch);
         if !served {
             let reason = format!("it names model set {id}, which is not there or not of this patch");
@@ -107,7 +123,7 @@ fn active(
         }
         served
     });
-    Ok(active.into_iter().collect())
+    Ok(active.into_iter().map(|(patch, (id, _))| (patch, id)).collect())
 }
 
 fn activation(row: &Row<'_>, seq: u64) -> Result<(String, String), String> {
@@ -122,8 +138,9 @@ fn activation(row: &Row<'_>, seq: u64) -> Result<(String, String), String> {
 
 fn sessions(
     connection: &Connection,
+    deletions: &Deletions,
     quarantined: &mut Vec<Quarantined>,
-) -> rusqlite::Result<(Vec<RestoredSession>, u64)> {
+) -> rusqlite::Result<(Vec<Arc<SessionView>>, u64)> {
     let mut statement = connection.prepare("SELECT number, view, checksum FROM sessions ORDER BY number")?;
     let mut rows = statement.query([])?;
     let mut sessions = Vec::new();
@@ -133,44 +150,54 @@ fn sessions(
         [],
         |row| row.get(0),
     )?;
-    let mut found = 0;
+    newest = newest.max(deletions.newest_session()).max(written(connection, Stream::Sessions).unwrap_or(0));
+    let mut found = deletions.sessions();
     while let Some(row) = rows.next()? {
         let number: i64 = row.get(0)?;
         newest = newest.max(u64::try_from(number).unwrap_or(0));
         found += 1;
         match session_view(row, number) {
-            Ok(view) => sessions.push(restored_session(connection, view, quarantined)),
+            Ok(view) => sessions.push(view),
             Err(reason) => quarantined.push(Quarantined::new(format!("session {number}"), reason)),
         }
     }
     if let Some(reason) = shortfall(connection, Stream::Sessions, found)? {
         quarantined.push(Quarantined::new("the list of sessions", reason));
     }
-    give_samples_to_newest(connection, &mut sessions, quarantined);
-    Ok((sessions, newest + 1))
+    let sessions = prove_newest(connection, sessions, quarantined).into_iter();
+    Ok((sessions.map(|view| Arc::new(view)).collect(), newest + 1))
 }
 
-/// The newest session of a patch may get another ramp if it waits for review, failed or was aborted. Without its
-/// samples it is still what it was, so that damage to them fails nothing.
-fn give_samples_to_newest(
+/// The samples of sessions that an operator is likely to go on with are proven at the start, so that damage shows before
+/// a day in the vacuum bag is planned: those of every interrupted session, and of the newest one of each patch if it can
+/// take another ramp. None is kept. Damage to the latter fails nothing, because it is still what it was.
+fn prove_newest(
     connection: &Connection,
-    sessions: &mut [RestoredSession],
+    sessions: Vec<SessionView>,
     quarantined: &mut Vec<Quarantined>,
-) {
+) -> Vec<SessionView> {
     let mut patches = BTreeSet::new();
-    for session in sessions.iter_mut().rev() {
-        let view = &session.view;
+    let mut proven: Vec<SessionView> = Vec::new();
+    for view in sessions.into_iter().rev() {
+        let is_newest = patches.insert(view.patch.clone());
+        let view = interrupted(connection, view, quarantined);
         let can_go_on = matches!(view.state, SessionState::Review | SessionState::Failed | SessionState::Aborted);
-        if !patches.insert(view.patch.clone()) || !can_go_on {
-            continue;
+        let was_proven = quarantined.last().is_some_and(|last| last.what == samples_of(view.number));
+        if is_newest
+            && can_go_on
+            && !was_proven
+            && let Err(reason) = prove(connection, view.number)
+        {
+            quarantined.push(Quarantined::new(samples_of(view.number), reason));
         }
-        match gathered(connection, view.number) {
-            Ok(samples) => session.samples = Some(samples),
-            Err(reason) => {
-                quarantined.push(Quarantined::new(format!("samples of session {}", view.number), reason));
-            }
-        }
+        proven.push(view);
     }
+    proven.reverse();
+    proven
+}
+
+fn samples_of(session: u64) -> String {
+    format!("samples of session {session}")
 }
 
 fn loads(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> rusqlite::Result<(Vec<Arc<Load>>, u64)> {
@@ -208,72 +235,87 @@ fn session_view(row: &Row<'_>, number: i64) -> Result<SessionView, String> {
     rows::view_from_text(&view)
 }
 
-/// A session that was under way is interrupted and gets its samples; one whose samples are damaged has failed.
-fn restored_session(
-    connection: &Connection,
-    mut view: SessionView,
-    quarantined: &mut Vec<Quarantined>,
-) -> RestoredSession {
+/// A session that was under way is interrupted; one whose samples are damaged has failed.
+fn interrupted(connection: &Connection, mut view: SessionView, quarantined: &mut Vec<Quarantined>) -> SessionView {
     if view.state.is_open() {
         view.reason = format!("the daemon stopped while the session was {}", view.state.name());
         view.state = SessionState::Interrupted;
     }
     if view.state != SessionState::Interrupted {
-        return RestoredSession { view: Arc::new(view), samples: None };
+        return view;
     }
-    match gathered(connection, view.number) {
-        Ok(samples) => {
+    match prove(connection, view.number) {
+        Ok((ramps, samples)) => {
             // The view was written when the state changed; more may have come since.
-            view.ramps = u16::try_from(samples.ramps.len()).unwrap_or(u16::MAX);
-            view.accepted = samples.samples.len() as u64;
-            view.durable = view.accepted;
-            RestoredSession { view: Arc::new(view), samples: Some(samples) }
+            view.ramps = u16::try_from(ramps).unwrap_or(u16::MAX);
+            (view.accepted, view.durable) = (samples, samples);
         }
         Err(reason) => {
             view.state = SessionState::Failed;
             view.reason = format!("its samples are damaged on disk: {reason}");
-            quarantined.push(Quarantined::new(format!("samples of session {}", view.number), reason));
-            RestoredSession { view: Arc::new(view), samples: None }
+            quarantined.push(Quarantined::new(samples_of(view.number), reason));
         }
     }
+    view
+}
+
+/// Reads every ramp and sample of a session and keeps none; how many there are of each.
+fn prove(connection: &Connection, session: u64) -> Result<(u64, u64), String> {
+    each_of(connection, session, |_| {}, |_| {})
 }
 
 /// Every ramp and sample of a session, or why they cannot be trusted.
-fn gathered(connection: &Connection, session: u64) -> Result<SessionSamples, String> {
-    let ramps = collect(
+pub(crate) fn samples(connection: &Connection, session: u64) -> Result<SessionSamples, String> {
+    let (mut ramps, mut samples) = (Vec::new(), Vec::new());
+    each_of(connection, session, |ramp| ramps.push(ramp), |sample| samples.push(sample))?;
+    Ok(SessionSamples { ramps, samples })
+}
+
+/// Gives every ramp and sample of a session, each proven, and then how many there are of each.
+fn each_of(
+    connection: &Connection,
+    session: u64,
+    on_ramp: impl FnMut(RampBaseline),
+    on_sample: impl FnMut(Sample),
+) -> Result<(u64, u64), String> {
+    let ramps = each(
         connection,
         "SELECT ramp, baseline, checksum FROM ramps WHERE session = ?1 ORDER BY ramp",
         session,
         |position, row| ramp(session, position, row),
+        on_ramp,
     )?;
-    let samples = collect(
+    let samples = each(
         connection,
         "SELECT idx, ramp, time_ns, pressure_kpa, counts, checksum FROM samples WHERE session = ?1 ORDER BY idx",
         session,
         |position, row| sample(session, position, row),
+        on_sample,
     )?;
-    for (stream, found) in [(Stream::Ramps(session), ramps.len()), (Stream::Samples(session), samples.len())] {
-        if let Some(reason) = shortfall(connection, stream, found as u64).map_err(text)? {
+    for (stream, found) in [(Stream::Ramps(session), ramps), (Stream::Samples(session), samples)] {
+        if let Some(reason) = shortfall(connection, stream, found).map_err(text)? {
             return Err(format!("{stream}: {reason}"));
         }
     }
-    Ok(SessionSamples { ramps, samples })
+    Ok((ramps, samples))
 }
 
-/// All rows of a session, each proven by `read`, which also gets the row's position.
-fn collect<T>(
+/// All rows of a session, each proven by `read`, which also gets the row's position; how many there are.
+fn each<T>(
     connection: &Connection,
     query: &str,
     session: u64,
     read: impl Fn(u64, &Row<'_>) -> Result<T, String>,
-) -> Result<Vec<T>, String> {
+    mut take: impl FnMut(T),
+) -> Result<u64, String> {
     let mut statement = connection.prepare(query).map_err(text)?;
     let mut rows = statement.query([session]).map_err(text)?;
-    let mut all = Vec::new();
+    let mut found = 0;
     while let Some(row) = rows.next().map_err(text)? {
-        all.push(read(all.len() as u64, row)?);
+        take(read(found, row)?);
+        found += 1;
     }
-    Ok(all)
+    Ok(found)
 }
 
 fn ramp(session: u64, position: u64, row: &Row<'_>) -> Result<RampBaseline, String> {

@@ -58,6 +58,17 @@ pub(crate) fn load_checksum(number: u64, load: &str) -> Vec<u8> {
     checksum(&[b"load", &number.to_le_bytes(), load.as_bytes()])
 }
 
+/// Checksum of the row that stands for a deleted session.
+pub(crate) fn deleted_session_checksum(session: u64, wall_ns: i64) -> Vec<u8> {
+    checksum(&[b"deleted session", &session.to_le_bytes(), &wall_ns.to_le_bytes()])
+}
+
+/// Checksum of the row that stands for a deleted model set.
+pub(crate) fn deleted_set_checksum(seq: u64, id: &str, activation: u64, wall_ns: i64) -> Vec<u8> {
+    let numbers = [seq.to_le_bytes(), activation.to_le_bytes(), wall_ns.to_le_bytes()];
+    checksum(&[b"deleted model set", numbers.as_flattened(), id.as_bytes()])
+}
+
 /// Checksum of the number of rows of a stream.
 pub(crate) fn tally_checksum(stream: &str, rows: u64) -> Vec<u8> {
     checksum(&[stream.as_bytes(), &rows.to_le_bytes()])

@@ -1,5 +1,6 @@
-//! The tables. Every row but a session's newest view and the tally is written once and never touched again; triggers hold that, also
-//! against other programmes.
+//! The tables. Every row but a session's newest view and the tally is written once and never touched again, but that a
+//! session or a model set can be deleted: then a row in another table says so. Triggers hold that, also against other
+//! programmes.
 
 /// `taxl`: marks the file as ours in its header.
 pub(crate) const APPLICATION_ID: i64 = 0x7461_786C;
@@ -11,7 +12,7 @@ pub(crate) const VERSION: i64 = STEPS.len() as i64;
 ///
 /// `checksum` columns hold the first bytes of a SHA-256 over the row's content: SQLite itself notices a flipped bit
 /// only in its own structure. Numbers that may be NaN are blobs of little-endian f64, because SQLite stores NaN as NULL.
-pub(crate) const STEPS: [&str; 2] = [SESSIONS_AND_MODELS, KNOWN_LOADS];
+pub(crate) const STEPS: [&str; 3] = [SESSIONS_AND_MODELS, KNOWN_LOADS, DELETIONS];
 
 const SESSIONS_AND_MODELS: &str = "
 CREATE TABLE sessions (
@@ -110,4 +111,52 @@ CREATE TRIGGER loads_stay BEFORE DELETE ON loads
     BEGIN SELECT RAISE(ABORT, 'loads are append-only'); END;
 CREATE TRIGGER loads_keep BEFORE UPDATE ON loads
     BEGIN SELECT RAISE(ABORT, 'loads are append-only'); END;
+";
+
+/// A row here is written before the rows that it stands for may go, in the same transaction.
+const DELETIONS: &str = "
+CREATE TABLE deleted_sessions (
+    number   INTEGER PRIMARY KEY,
+    wall_ns  INTEGER NOT NULL,
+    checksum BLOB NOT NULL
+) STRICT;
+
+-- `seq` is that of the row in model_sets. Activations up to the one given do not bring the set back if it is imported
+-- again.
+CREATE TABLE deleted_model_sets (
+    seq        INTEGER PRIMARY KEY,
+    id         TEXT NOT NULL,
+    activation INTEGER NOT NULL,
+    wall_ns    INTEGER NOT NULL,
+    checksum   BLOB NOT NULL
+) STRICT;
+
+CREATE TRIGGER deleted_sessions_stay BEFORE DELETE ON deleted_sessions
+    BEGIN SELECT RAISE(ABORT, 'deleted_sessions are append-only'); END;
+CREATE TRIGGER deleted_sessions_keep BEFORE UPDATE ON deleted_sessions
+    BEGIN SELECT RAISE(ABORT, 'deleted_sessions are append-only'); END;
+CREATE TRIGGER deleted_model_sets_stay BEFORE DELETE ON deleted_model_sets
+    BEGIN SELECT RAISE(ABORT, 'deleted_model_sets are append-only'); END;
+CREATE TRIGGER deleted_model_sets_keep BEFORE UPDATE ON deleted_model_sets
+    BEGIN SELECT RAISE(ABORT, 'deleted_model_sets are append-only'); END;
+
+DROP TRIGGER sessions_stay;
+CREATE TRIGGER sessions_stay BEFORE DELETE ON sessions
+    WHEN NOT EXISTS (SELECT 1 FROM deleted_sessions WHERE number = OLD.number)
+    BEGIN SELECT RAISE(ABORT, 'sessions are append-only'); END;
+CREATE TRIGGER sessions_end BEFORE INSERT ON sessions
+    WHEN EXISTS (SELECT 1 FROM deleted_sessions WHERE number = NEW.number)
+    BEGIN SELECT RAISE(ABORT, 'this session was deleted'); END;
+DROP TRIGGER ramps_stay;
+CREATE TRIGGER ramps_stay BEFORE DELETE ON ramps
+    WHEN NOT EXISTS (SELECT 1 FROM deleted_sessions WHERE number = OLD.session)
+    BEGIN SELECT RAISE(ABORT, 'ramps are append-only'); END;
+DROP TRIGGER samples_stay;
+CREATE TRIGGER samples_stay BEFORE DELETE ON samples
+    WHEN NOT EXISTS (SELECT 1 FROM deleted_sessions WHERE number = OLD.session)
+    BEGIN SELECT RAISE(ABORT, 'samples are append-only'); END;
+DROP TRIGGER model_sets_stay;
+CREATE TRIGGER model_sets_stay BEFORE DELETE ON model_sets
+    WHEN NOT EXISTS (SELECT 1 FROM deleted_model_sets WHERE seq = OLD.seq)
+    BEGIN SELECT RAISE(ABORT, 'model_sets are append-only'); END;
 ";

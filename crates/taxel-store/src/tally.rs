@@ -1,4 +1,5 @@
-//! How many rows each stream of the store ever got.
+//! How many rows each stream of the store ever got, those included that were deleted on purpose: their deletion is a row
+//! of another stream, and so a deleted row is told from a lost one.
 //!
 //! A row proves itself by its checksum; that the last rows of a table are missing, only a number kept elsewhere can
 //! tell. It is written in the transaction that adds the rows.
@@ -21,6 +22,10 @@ pub(crate) enum Stream {
     ModelSets,
     Activations,
     Loads,
+    /// Rows that stand for deleted sessions.
+    DeletedSessions,
+    /// Rows that stand for deleted model sets.
+    DeletedModelSets,
 }
 
 impl fmt::Display for Stream {
@@ -32,6 +37,8 @@ impl fmt::Display for Stream {
             Self::ModelSets => f.write_str("model sets"),
             Self::Activations => f.write_str("activations"),
             Self::Loads => f.write_str("loads"),
+            Self::DeletedSessions => f.write_str("deleted sessions"),
+            Self::DeletedModelSets => f.write_str("deleted model sets"),
         }
     }
 }
@@ -67,6 +74,14 @@ impl Tally {
         self.changed.insert(name);
     }
 
+    /// The stream is gone with what it belonged to.
+    pub(crate) fn forget(&mut self, connection: &Connection, stream: Stream) -> rusqlite::Result<()> {
+        let name = stream.to_string();
+        self.rows.remove(&name);
+        self.changed.remove(&name);
+        connection.execute("DELETE FROM tally WHERE stream = ?1", [&name]).map(|_| ())
+    }
+
     /// Writes what has changed.
     pub(crate) fn save(&mut self, connection: &Connection) -> rusqlite::Result<()> {
         let mut statement = connection.prepare_cached(
@@ -79,6 +94,11 @@ impl Tally {
         }
         Ok(())
     }
+}
+
+/// How many rows a stream got, as far as that is known.
+pub(crate) fn written(connection: &Connection, stream: Stream) -> rusqlite::Result<u64> {
+    Tally::default().get(connection, stream)
 }
 
 /// Why a stream of which a start found `rows` rows is not whole; `None` if it is.

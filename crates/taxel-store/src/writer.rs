@@ -1,12 +1,14 @@
 //! One thread owns the file. Batches come in through a bounded queue, acknowledgements go out from the thread itself.
 
 use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use taxel_engine::Restored;
+use taxel_engine::calibration::SessionSamples;
 use taxel_engine::record::Record;
 use thiserror::Error;
 
@@ -35,6 +37,9 @@ pub enum Durability {
 
 /// Told once, on the writer's thread, how its batch fared.
 pub type OnDurable = Box<dyn FnOnce(Result<Durability, StoreError>) + Send>;
+
+/// Told once, most often on the writer's thread, what a session gathered, or why that cannot be had.
+pub type OnSamples = Box<dyn FnOnce(Result<SessionSamples, StoreError>) + Send>;
 
 /// Records that are stored together: all of them or none.
 #[derive(Default)]
@@ -78,7 +83,7 @@ pub struct QueueFull(pub Batch);
 #[derive(Debug)]
 pub struct Store {
     /// The writer's thread holds the receiver; dropping this ends it after a last flush.
-    queue: SyncSender<Batch>,
+    queue: SyncSender<Work>,
     /// Its result is that of the last flush.
     thread: JoinHandle<Result<(), StoreError>>,
 }
@@ -86,7 +91,8 @@ pub struct Store {
 impl Store {
     /// Opens or creates the store at `path`, checks all of it and starts its writer.
     ///
-    /// Gives what the engine starts from, and what was found damaged and left out of it.
+    /// Gives what the engine starts from, and what was found damaged and left out of it: all of that, where the lines in
+    /// [`Restored::problems`] are bounded.
     ///
     /// # Errors
     /// [`StoreError`] if the file cannot be opened, is another process's, another programme's or a newer version's, or
@@ -107,12 +113,23 @@ impl Store {
         Self::start(Db::in_memory()?, notify)
     }
 
+    /// As [`Store::open`], but the file may grow by no more than so many pages of 4 KiB: for tests that meet a full disk.
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    #[cfg(any(test, feature = "fixtures"))]
+    pub fn open_with_room(path: &Path, pages: u32, notify: Notify) -> Result<(Self, Restored), StoreError> {
+        let (db, restored, _) = Db::open(path)?;
+        db.limit_growth(pages.into())?;
+        Ok((Self::start(db, notify)?, restored))
+    }
+
     pub(crate) fn start(db: Db, notify: Notify) -> Result<Self, StoreError> {
-        let (queue, batches) = sync_channel(QUEUE_BATCHES);
+        let (queue, work) = sync_channel(QUEUE_BATCHES);
         let writer = Writer { db: Ok(db), notify, group: Group::default() };
         let thread = std::thread::Builder::new()
             .name("store".to_owned())
-            .spawn(move || writer.run(&batches))
+            .spawn(move || writer.run(&work))
             .map_err(|error| StoreError::Io(format!("cannot start its thread: {error}")))?;
         Ok(Self { queue, thread })
     }
@@ -122,15 +139,19 @@ impl Store {
     /// # Errors
     /// [`QueueFull`] with the batch, nothing of which is stored.
     pub fn submit(&self, batch: Batch) -> Result<(), QueueFull> {
-        match self.queue.try_send(batch) {
+        let Batch { records, on_durable } = batch;
+        match self.queue.try_send(Work::Write(Entry { records, waiting: Waiting(on_durable) })) {
             Ok(()) => Ok(()),
-            Err(TrySendError::Full(batch)) => Err(QueueFull(batch)),
-            Err(TrySendError::Disconnected(batch)) => {
-                if let Some(on_durable) = batch.on_durable {
-                    on_durable(Err(StoreError::Closed));
-                }
-                Ok(())
-            }
+            Err(TrySendError::Full(work)) => Err(QueueFull(work.into_batch())),
+            Err(TrySendError::Disconnected(_)) => Ok(()), // whoever waits was told as this was dropped
+        }
+    }
+
+    /// Reads the samples of a session, after all that was submitted before. Never waits.
+    pub fn read_samples(&self, session: u64, on_samples: OnSamples) {
+        let work = Work::Read { session, waiting: Waiting(Some(on_samples)) };
+        if let Err(TrySendError::Full(Work::Read { waiting, .. })) = self.queue.try_send(work) {
+            waiting.tell(Err(StoreError::Behind { waiting: QUEUE_BATCHES }));
         }
     }
 
@@ -144,10 +165,50 @@ impl Store {
     }
 }
 
+/// Somebody who waits for an answer and always gets one: that the store is closed, if nothing else is told before.
+struct Waiting<T>(Option<Box<dyn FnOnce(Result<T, StoreError>) + Send>>);
+
+impl<T> Waiting<T> {
+    fn tell(mut self, outcome: Result<T, StoreError>) {
+        if let Some(tell) = self.0.take() {
+            tell(outcome);
+        }
+    }
+}
+
+impl<T> Drop for Waiting<T> {
+    fn drop(&mut self) {
+        if let Some(tell) = self.0.take() {
+            tell(Err(StoreError::Closed));
+        }
+    }
+}
+
+/// A batch on its way to the disk.
+struct Entry {
+    records: Vec<Record>,
+    waiting: Waiting<Durability>,
+}
+
+/// What the writer's thread is asked for.
+enum Work {
+    Write(Entry),
+    Read { session: u64, waiting: Waiting<SessionSamples> },
+}
+
+impl Work {
+    fn into_batch(self) -> Batch {
+        match self {
+            Self::Write(Entry { records, mut waiting }) => Batch { records, on_durable: waiting.0.take() },
+            Self::Read { .. } => Batch::default(),
+        }
+    }
+}
+
 /// Batches that go to disk in one transaction.
 #[derive(Default)]
 struct Group {
-    batches: Vec<Batch>,
+    entries: Vec<Entry>,
     samples: usize,
     /// When the first of them came.
     since: Option<Instant>,
@@ -156,15 +217,15 @@ struct Group {
 }
 
 impl Group {
-    fn push(&mut self, batch: Batch) {
-        self.samples += batch.records.iter().filter(|record| matches!(record, Record::Sample { .. })).count();
+    fn push(&mut self, entry: Entry) {
+        self.samples += entry.records.iter().filter(|record| matches!(record, Record::Sample { .. })).count();
         self.since.get_or_insert_with(Instant::now);
-        self.urgent |= batch.on_durable.is_some();
-        self.batches.push(batch);
+        self.urgent |= entry.waiting.0.is_some();
+        self.entries.push(entry);
     }
 
     fn is_full(&self) -> bool {
-        self.samples >= GROUP_SAMPLES || self.batches.len() >= GROUP_SAMPLES
+        self.samples >= GROUP_SAMPLES || self.entries.len() >= GROUP_SAMPLES
     }
 
     /// How long the next batch may still take to be part of it: if someone waits, only one that is there already.
@@ -184,42 +245,65 @@ struct Writer {
 }
 
 impl Writer {
-    fn run(mut self, batches: &Receiver<Batch>) -> Result<(), StoreError> {
+    fn run(mut self, work: &Receiver<Work>) -> Result<(), StoreError> {
+        // A fault of this programme ends all writing, as a failing disk does, and nobody waits for ever.
+        while catch_unwind(AssertUnwindSafe(|| self.serve(work))).is_err() {
+            self.fail(StoreError::Panicked);
+        }
+        self.db.and_then(Db::close)
+    }
+
+    fn serve(&mut self, work: &Receiver<Work>) {
         loop {
             let next = match self.group.wait() {
-                None => batches.recv().map_err(|_| RecvTimeoutError::Disconnected),
+                None => work.recv().map_err(|_| RecvTimeoutError::Disconnected),
                 Some(_) if self.group.is_full() => Err(RecvTimeoutError::Timeout),
-                Some(wait) => batches.recv_timeout(wait),
+                Some(wait) => work.recv_timeout(wait),
             };
             match next {
-                Ok(batch) => self.group.push(batch),
+                Ok(Work::Write(entry)) => self.group.push(entry),
+                Ok(Work::Read { session, waiting }) => {
+                    self.flush();
+                    waiting.tell(self.read(session));
+                }
                 Err(RecvTimeoutError::Timeout) => self.flush(),
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
         self.flush();
-        self.db.and_then(Db::close)
+    }
+
+    fn read(&self, session: u64) -> Result<SessionSamples, StoreError> {
+        match &self.db {
+            Ok(db) => db.samples(session).map_err(|findings| StoreError::DamagedSamples { session, findings }),
+            Err(first) => Err(StoreError::ReadOnly { reason: first.to_string() }),
+        }
     }
 
     /// Commits the group, then tells everyone.
     fn flush(&mut self) {
-        let group = std::mem::take(&mut self.group).batches;
+        let group = std::mem::take(&mut self.group).entries;
         if group.is_empty() {
             return;
         }
         let written = match &mut self.db {
             Ok(db) => {
                 let kept = if db.is_on_disk() { Durability::OnDisk } else { Durability::InMemory };
-                db.write(group.iter().flat_map(|batch| &batch.records)).map(|grown| (kept, grown))
+                db.write(group.iter().flat_map(|entry| &entry.records)).map(|grown| (kept, grown))
             }
             Err(first) => Err(StoreError::ReadOnly { reason: first.to_string() }),
         };
+        // Whoever deleted something may rely on its bytes being gone. That the commit holds does not hang on it.
+        let erased = match (&written, &mut self.db) {
+            (Ok(_), Ok(db)) => db.erase(),
+            _ => Ok(()),
+        };
         let outcome = written.as_ref().map(|&(kept, _)| kept).map_err(Clone::clone);
-        for on_durable in group.into_iter().filter_map(|batch| batch.on_durable) {
-            on_durable(outcome.clone());
+        for entry in group {
+            entry.waiting.tell(outcome.clone());
         }
-        match written {
-            Ok((_, grown)) => {
+        match written.and_then(|(_, grown)| erased.map(|()| grown)) {
+            Ok(grown) => {
                 for (session, samples) in grown {
                     (self.notify)(StoreEvent::Durable { session, samples });
                 }

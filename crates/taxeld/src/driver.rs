@@ -8,14 +8,14 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_engine::calibration::{Direction, FitJob, SessionState, SessionView};
+use taxel_engine::calibration::{Direction, FitJob, FitOutcome, NotLoaded, SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{Rejection, Reply, RequestId};
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
 use taxel_engine::{Engine, Input, Output, Restored};
 use taxel_rpc::{BEAT_EVERY, Publisher, Request};
 use taxel_skin::{BusIndex, Time};
-use taxel_store::{Batch, Durability, OnDurable, QueueFull, Store, StoreError, StoreEvent, models_json};
+use taxel_store::{Batch, Durability, OnDurable, QUEUE_BATCHES, QueueFull, Store, StoreError, StoreEvent, models_json};
 use taxel_wire::Frame;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
@@ -204,6 +204,7 @@ impl Driver {
         match done {
             Done::Fitted(outcome) => self.step(Input::Fitted(outcome)),
             Done::Committed(ticket, result) => self.step(Input::Committed { ticket, result }),
+            Done::Loaded(ticket, result) => self.step(Input::Loaded { ticket, result }),
             Done::Store(StoreEvent::Durable { session, samples }) => self.step(Input::Durable { session, samples }),
             Done::Store(StoreEvent::Failed(why)) => {
                 tracing::error!(%why, "the store failed");
@@ -220,6 +221,7 @@ impl Driver {
             match output {
                 Output::Patch(index, snapshot) => self.publisher.patch(index, snapshot),
                 Output::Session(index, view) => self.show_session(index, view),
+                Output::SessionGone(index) => self.hide_session(index),
                 Output::Health(health) => self.publisher.health(health),
                 Output::Catalogue(catalogue) => self.publisher.catalogue(catalogue),
                 Output::Send(bus, frame) => self.send(bus, frame),
@@ -229,6 +231,10 @@ impl Driver {
                     // What came before goes first, so that the order on disk is that of what happened.
                     self.commit(std::mem::take(&mut records), Vec::new());
                     self.commit_intended(ticket, intended);
+                }
+                Output::Load { ticket, session } => {
+                    self.commit(std::mem::take(&mut records), Vec::new());
+                    self.load(ticket, session);
                 }
                 Output::Reply(request, reply) => replies.extend(self.waiting.remove(&request).map(|to| (to, reply))),
             }
@@ -248,11 +254,7 @@ impl Driver {
         let on_durable: Option<OnDurable> =
             if replies.is_empty() { None } else { Some(Box::new(move |outcome| answer(replies, outcome))) };
         if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable }) {
-            let full = QueueFull(Batch::default()).to_string();
-            if let Some(on_durable) = batch.on_durable {
-                on_durable(Err(StoreError::Closed));
-            }
-            self.step(Input::StoreFailed(full));
+            self.step(Input::StoreFailed(refuse(batch)));
         }
     }
 
@@ -263,12 +265,28 @@ impl Driver {
             done.tell(Done::Committed(ticket, outcome.map(|_| ()).map_err(|error| error.to_string())));
         });
         if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable: Some(on_durable) }) {
-            let full = QueueFull(Batch::default()).to_string();
-            if let Some(on_durable) = batch.on_durable {
-                on_durable(Err(StoreError::Closed));
-            }
-            self.tell_done.tell(Done::Store(StoreEvent::Failed(full)));
+            self.tell_done.tell(Done::Store(StoreEvent::Failed(refuse(batch))));
         }
+    }
+
+    /// Reads the samples of a session, and gives them to the engine.
+    fn load(&self, ticket: u64, session: u64) {
+        let done = self.tell_done.clone();
+        let on_samples = Box::new(move |outcome: Result<SessionSamples, StoreError>| {
+            let result = outcome.map_err(|error| match error {
+                StoreError::DamagedSamples { findings, .. } => NotLoaded::Damaged(findings),
+                error => NotLoaded::Unavailable(error.to_string()),
+            });
+            done.tell(Done::Loaded(ticket, result));
+        });
+        self.store.read_samples(session, on_samples);
+    }
+
+    fn hide_session(&mut self, index: usize) {
+        if let Some((session, _)) = self.logged[index].take() {
+            tracing::info!(session, "calibration session deleted");
+        }
+        self.publisher.session_gone(index);
     }
 
     fn show_session(&mut self, index: usize, view: Arc<SessionView>) {
@@ -291,9 +309,29 @@ impl Driver {
     }
 
     fn fit(&self, job: FitJob) {
-        let done = self.tell_done.clone();
-        tokio::task::spawn_blocking(move || done.tell(Done::Fitted(job.run(models_json::content_id))));
+        let (session, done) = (job.session, self.tell_done.clone());
+        tokio::spawn(fit(session, done, move || job.run(models_json::content_id)));
     }
+}
+
+/// Runs a fit beside the engine. Also one that is lost comes back, so that its session does not wait for ever.
+async fn fit(session: u64, done: TellDone, run: impl FnOnce() -> FitOutcome + Send + 'static) {
+    let outcome = tokio::task::spawn_blocking(run).await.unwrap_or_else(|lost| {
+        tracing::error!(session, %lost, "a fit");
+        let why = "the fit was lost, which is a fault of this program; the samples are kept";
+        FitOutcome { session, result: Err(why.to_owned()) }
+    });
+    done.tell(Done::Fitted(outcome));
+}
+
+/// Tells whoever waits for a batch that the store's queue has no room for it, and gives the words.
+fn refuse(batch: Batch) -> String {
+    let behind = StoreError::Behind { waiting: QUEUE_BATCHES };
+    let why = behind.to_string();
+    if let Some(on_durable) = batch.on_durable {
+        on_durable(Err(behind));
+    }
+    why
 }
 
 /// Tells everyone who waited for a commit how it went.

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_engine::calibration::{FitJob, SessionView};
+use taxel_engine::calibration::{FitJob, NotLoaded, SessionView};
 use taxel_engine::command::{Command, Reply, RequestId};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
@@ -33,6 +33,8 @@ pub struct Offline {
     reply: Option<(RequestId, Reply)>,
     /// Commits that the engine waits for.
     commits: Vec<u64>,
+    /// Samples that the engine asks for.
+    loads: Vec<u64>,
     /// Fits that were asked for; they come back with the next tick, as if they took that long.
     fits: Vec<FitJob>,
     /// Newest state per patch.
@@ -61,6 +63,7 @@ impl Offline {
             requests: 0,
             reply: None,
             commits: Vec::new(),
+            loads: Vec::new(),
             fits: Vec::new(),
             snapshots: vec![Arc::default(); patches],
             published: 0,
@@ -143,6 +146,10 @@ impl Offline {
         for ticket in std::mem::take(&mut self.commits) {
             self.step(Input::Committed { ticket, result: Ok(()) });
         }
+        for ticket in std::mem::take(&mut self.loads) {
+            let result = Err(NotLoaded::Unavailable("without a store no earlier session can go on".to_owned()));
+            self.step(Input::Loaded { ticket, result });
+        }
     }
 
     fn apply(&mut self, output: Output) {
@@ -152,6 +159,8 @@ impl Offline {
                 self.published += 1;
             }
             Output::Session(index, view) => self.sessions[index] = Some(view),
+            Output::SessionGone(index) => self.sessions[index] = None,
+            Output::Load { ticket, .. } => self.loads.push(ticket),
             Output::Health(health) => self.health = health,
             Output::Send(bus, frame) => self.to_send.push((bus, frame)),
             Output::Fit(job) => self.fits.push(job),

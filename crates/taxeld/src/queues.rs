@@ -5,7 +5,7 @@ use std::future::poll_fn;
 use std::task::{Context, Poll};
 
 use taxel_engine::BusNotice;
-use taxel_engine::calibration::FitOutcome;
+use taxel_engine::calibration::{FitOutcome, NotLoaded, SessionSamples};
 use taxel_rpc::Request;
 use taxel_skin::BusIndex;
 use taxel_store::StoreEvent;
@@ -28,6 +28,8 @@ pub enum Done {
     Fitted(FitOutcome),
     /// Something about what was given to the store.
     Store(StoreEvent),
+    /// The samples of a session, by the ticket of the question, or why there are none.
+    Loaded(u64, Result<SessionSamples, NotLoaded>),
     /// The records of a commit, by its ticket, are on disk, or why not.
     Committed(u64, Result<(), String>),
 }
@@ -38,7 +40,7 @@ pub struct TellDone(mpsc::UnboundedSender<Done>);
 
 impl TellDone {
     /// A new line to the driver. Its length is bounded by the work under way: one event per commit, at most ten a
-    /// second, and one per fit.
+    /// second, one per fit, and one per session that is taken up.
     pub fn new() -> (Self, mpsc::UnboundedReceiver<Done>) {
         let (sender, receiver) = mpsc::unbounded_channel();
         (Self(sender), receiver)

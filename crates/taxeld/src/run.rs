@@ -146,7 +146,8 @@ fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Store, R
                 std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
             }
             let opened = Store::open(path, tell_done.of_store());
-            let (store, restored, _quarantined) = opened.with_context(|| format!("opening {}", path.display()))?;
+            // What was found damaged is in the log already, and in `restored` for the health.
+            let (store, restored, _) = opened.with_context(|| format!("opening {}", path.display()))?;
             Ok((store, restored))
         }
     }

@@ -168,6 +168,45 @@ fn a_configuration_that_cannot_be_is_refused_with_its_place() {
     assert!(fails(&["check", "--config", "/nowhere.toml"]).contains("/nowhere.toml"));
 }
 
+/// A second patch beside the one of `CONFIG`.
+fn with_a_second_patch(modules: &str, more: &str) -> String {
+    format!(
+        "{CONFIG}\n[[patch]]\nname = \"thumb\"\nbus = \"skin\"\n{more}\n[[patch.board]]\naddress = 13\n\
+         modules = \"{modules}\"\n"
+    )
+}
+
+#[test]
+fn two_patches_on_one_board_with_the_same_settings_are_allowed() {
+    let folder = scratch(&[("t.toml", &with_a_second_patch("2-3", "listen_only = true"))]);
+    let printed = succeeds(&["check", "--config", &path(folder.path(), "t.toml")]);
+    assert!(printed.contains("patch thumb: 20 taxels on 2 modules"), "{printed}");
+}
+
+#[test]
+fn a_configuration_that_contradicts_itself_is_refused_with_all_that_does() {
+    let module =
+        |module| format!("module {module} of board 13 is in patch `palm` and in patch `thumb`: expected in one only");
+    let settings = "board 13 is configured by patch `palm` and by patch `thumb` with other settings";
+    let gauge = "the gauge of patch `palm` has identifier 4D0, with which board 13 of patch `palm` sends";
+    let overlapping = with_a_second_patch("0-1", "listen_only = true\nperiod_ms = 20");
+    for (config, says) in [
+        (overlapping.clone(), vec![module(0), module(1), settings.to_owned()]),
+        (with_a_second_patch("2-3", "period_ms = 50"), vec![settings.to_owned()]),
+        (CONFIG.replace("0x3A1", "0x4D0"), vec![gauge.to_owned()]),
+        (overlapping.replace("0x3A1", "0x4D0"), vec![module(0), module(1), settings.to_owned(), gauge.to_owned()]),
+    ] {
+        let folder = scratch(&[("t.toml", &config)]);
+        for command in ["check", "run"] {
+            let said = fails(&[command, "--config", &path(folder.path(), "t.toml")]);
+            for problem in &says {
+                assert!(said.contains(problem), "{command}: expected `{problem}` in: {said}");
+            }
+        }
+        assert!(!folder.path().join("t.db").exists(), "nothing was begun");
+    }
+}
+
 #[test]
 fn a_replay_calibrates_counts_what_it_cannot_use_and_is_bit_identical() {
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log())]);

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::calibration::samples::SessionSamples;
 use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
 use crate::loads::validation::Validation;
@@ -28,21 +27,15 @@ pub struct Restored {
     pub model_sets: Vec<Arc<ModelSet>>,
     /// Per patch name: the active model set.
     pub active: Vec<(String, String)>,
-    /// Every session that ended, oldest first, and those that were interrupted (state `Interrupted`).
-    pub sessions: Vec<RestoredSession>,
+    /// Every session that ended, oldest first, and those that were interrupted (state `Interrupted`). Their samples stay
+    /// in the store until one is taken up again.
+    pub sessions: Vec<Arc<SessionView>>,
     /// The number that the next session gets.
     pub next_session: u64,
     /// Every known load, oldest first.
     pub loads: Vec<Arc<Load>>,
     /// The number that the next known load gets.
     pub next_load: u64,
-}
-
-/// A session as the store found it.
-#[derive(Clone, Debug)]
-pub struct RestoredSession {
-    /// Its last state; a session that was under way is `Interrupted`.
-    pub view: Arc<SessionView>,
-    /// Its samples, if it can go on: it was interrupted, or it is the newest of its patch and waits for review.
-    pub samples: Option<SessionSamples>,
+    /// What was found damaged and left out, a line each.
+    pub problems: Vec<String>,
 }

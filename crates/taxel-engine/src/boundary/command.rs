@@ -75,6 +75,16 @@ pub enum Command {
         /// What lies there.
         load: KnownLoad,
     },
+    /// Delete a session with all its samples. The model set that came of it stays.
+    DeleteSession {
+        /// Number of the session.
+        session: u64,
+    },
+    /// Delete a model set.
+    DeleteModelSet {
+        /// The model set's id.
+        model_set: String,
+    },
     /// Take in a model set made elsewhere.
     Import {
         /// The set; its patch must be one of this daemon's.
@@ -103,6 +113,8 @@ pub enum Done {
     },
     /// The known load was read.
     LoadRecorded(Arc<Load>),
+    /// What was to be deleted is gone from the disk.
+    Deleted,
     /// The model set is stored under its id.
     Imported {
         /// The set's id.

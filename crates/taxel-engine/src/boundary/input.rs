@@ -6,6 +6,7 @@ use taxel_wire::TimedFrame;
 
 use crate::boundary::command::Command;
 use crate::calibration::job::FitOutcome;
+use crate::calibration::samples::{NotLoaded, SessionSamples};
 use crate::intake::health::BusNotice;
 use crate::request::RequestId;
 
@@ -31,6 +32,13 @@ pub enum Input<'a> {
         ticket: u64,
         /// Whether they are.
         result: Result<(), String>,
+    },
+    /// Samples that were asked for with [`crate::Output::Load`], or why there are none.
+    Loaded {
+        /// The ticket of the question.
+        ticket: u64,
+        /// What the session gathered.
+        result: Result<SessionSamples, NotLoaded>,
     },
     /// Samples of this session are on disk up to, not including, this index.
     Durable {

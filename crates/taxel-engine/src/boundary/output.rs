@@ -19,6 +19,8 @@ pub enum Output {
     Patch(usize, Arc<PatchSnapshot>),
     /// The session of the patch with this position changed.
     Session(usize, Arc<SessionView>),
+    /// The patch with this position has no session any more: it was deleted.
+    SessionGone(usize),
     /// Buses, boards or modules changed.
     Health(Arc<Health>),
     /// Sessions or model sets changed.
@@ -35,6 +37,13 @@ pub enum Output {
         ticket: u64,
         /// In this order, after every record that came before.
         records: Vec<Record>,
+    },
+    /// Read the samples of a session, with every record that came before, and give them with [`crate::Input::Loaded`].
+    Load {
+        /// To be given back.
+        ticket: u64,
+        /// Number of the session.
+        session: u64,
     },
     /// Answer a command, once every record that came before is on disk.
     Reply(RequestId, Reply),

@@ -9,7 +9,7 @@ use crate::loads::load::Load;
 use crate::model_set::ModelSet;
 use crate::zero::view::TareView;
 
-/// One durable fact. The store appends them; none is ever changed.
+/// One durable fact. The store appends them; none is ever changed, and what is deleted leaves a row that says so.
 #[derive(Clone, Debug)]
 pub enum Record {
     /// A session began or changed its state; the newest view of a session counts.
@@ -40,6 +40,20 @@ pub enum Record {
         patch: String,
         /// The set.
         model_set: String,
+        /// When, nanoseconds since 1970.
+        wall_ns: i64,
+    },
+    /// A model set was deleted.
+    ModelSetDeleted {
+        /// Its id.
+        model_set: String,
+        /// When, nanoseconds since 1970.
+        wall_ns: i64,
+    },
+    /// A session was deleted, with its ramps and samples. Its number is never used again.
+    SessionDeleted {
+        /// Its number.
+        session: u64,
         /// When, nanoseconds since 1970.
         wall_ns: i64,
     },

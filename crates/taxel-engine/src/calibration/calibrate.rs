@@ -137,6 +137,11 @@ impl Calibration {
         self.session = Some(SessionRun::resume(now, view, self.plan.session, self.plan.taxels, samples));
     }
 
+    /// The session was deleted. The caller has checked that it is not open.
+    pub fn forget(&mut self) {
+        (self.session, self.dirty) = (None, false);
+    }
+
     /// What an operator asks of the session.
     ///
     /// # Errors

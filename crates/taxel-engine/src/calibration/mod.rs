@@ -17,5 +17,5 @@ pub use calibrate::{Calibration, CalibrationEvent, CalibrationPlan};
 pub use job::{FitJob, FitOutcome};
 pub use limits::SessionLimits;
 pub use method::method;
-pub use samples::{RampBaseline, Sample, SessionSamples};
+pub use samples::{NotLoaded, RampBaseline, Sample, SessionSamples};
 pub use view::{RefusalCounts, SampleRefusal, SessionState, SessionView};

@@ -22,6 +22,15 @@ pub struct SessionSamples {
     pub samples: Vec<Sample>,
 }
 
+/// Why the samples of a session cannot be had.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NotLoaded {
+    /// What is on disk is not what was written; what of it.
+    Damaged(String),
+    /// The store cannot read now; why.
+    Unavailable(String),
+}
+
 /// One scan that entered a session.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sample {

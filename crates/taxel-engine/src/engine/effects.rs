@@ -58,6 +58,10 @@ impl Engine {
                 self.catalogue_dirty = true;
                 out.push(Output::Reply(request, Ok(Done::LoadRecorded(load))));
             }
+            Effect::Forget { request, what } => {
+                self.forget(&what, out);
+                out.push(Output::Reply(request, Ok(Done::Deleted)));
+            }
             Effect::Fitted { patch, outcome } => {
                 if let Ok(set) = &outcome.result {
                     self.learn(Arc::clone(set));
@@ -70,7 +74,10 @@ impl Engine {
     fn leave_undone(&mut self, now: Now, effect: Effect, why: &str, out: &mut Vec<Output>) {
         let why = format!("it could not be written to disk, and nothing has changed: {why}");
         let request = match effect {
-            Effect::Activate { request, .. } | Effect::Import { request, .. } | Effect::Load { request, .. } => request,
+            Effect::Activate { request, .. }
+            | Effect::Import { request, .. }
+            | Effect::Load { request, .. }
+            | Effect::Forget { request, .. } => request,
             Effect::Zero { request, patch } => {
                 self.patches[patch].reject_zero(request);
                 request

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use crate::calibration::job::FitOutcome;
+use crate::calibration::transition::Trigger;
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
 use crate::request::RequestId;
@@ -43,6 +44,13 @@ pub enum Effect {
         /// The load.
         load: Arc<Load>,
     },
+    /// Something is not known any more.
+    Forget {
+        /// Whom to answer.
+        request: RequestId,
+        /// What it is.
+        what: Forgotten,
+    },
     /// A fit ends its session.
     Fitted {
         /// Position of the patch.
@@ -52,11 +60,32 @@ pub enum Effect {
     },
 }
 
-/// Effects by the ticket under which the shell writes them down.
+/// What is deleted.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Forgotten {
+    /// The model set of this id.
+    ModelSet(String),
+    /// The session of this number.
+    Session(u64),
+}
+
+/// A command to a session whose samples are being read.
+#[derive(Clone, Copy, Debug)]
+pub struct Loading {
+    /// Whom to answer.
+    pub request: RequestId,
+    /// Number of the session.
+    pub session: u64,
+    /// What is asked of it.
+    pub command: Trigger,
+}
+
+/// What waits for the disk, by the ticket under which the shell writes or reads.
 #[derive(Debug, Default)]
 pub struct Pending {
     next: u64,
     effects: BTreeMap<u64, Effect>,
+    loads: BTreeMap<u64, Loading>,
 }
 
 impl Pending {
@@ -72,9 +101,39 @@ impl Pending {
         self.effects.remove(&ticket)
     }
 
+    /// Keeps a command until the samples of its session are read; its ticket.
+    pub fn load(&mut self, loading: Loading) -> u64 {
+        self.next += 1;
+        self.loads.insert(self.next, loading);
+        self.next
+    }
+
+    /// The command of a ticket, once.
+    pub fn take_load(&mut self, ticket: u64) -> Option<Loading> {
+        self.loads.remove(&ticket)
+    }
+
     /// Whether a patch waits for a model set to come into use.
     #[must_use]
     pub fn activates(&self, index: usize) -> bool {
         self.effects.values().any(|effect| matches!(effect, Effect::Activate { patch, .. } if *patch == index))
+    }
+
+    /// Whether a model set waits to come into use.
+    #[must_use]
+    pub fn activates_set(&self, id: &str) -> bool {
+        self.effects.values().any(|effect| matches!(effect, Effect::Activate { set, .. } if set.id == id))
+    }
+
+    /// How many model sets will be known beyond those that are.
+    #[must_use]
+    pub fn imports(&self) -> usize {
+        self.effects.values().filter(|effect| matches!(effect, Effect::Import { .. })).count()
+    }
+
+    /// Whether something is being deleted.
+    #[must_use]
+    pub fn forgets(&self, gone: &Forgotten) -> bool {
+        self.effects.values().any(|effect| matches!(effect, Effect::Forget { what, .. } if what == gone))
     }
 }

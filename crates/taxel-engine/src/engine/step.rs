@@ -11,7 +11,6 @@ use crate::boundary::input::Input;
 use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::boundary::snapshot::Health;
-use crate::calibration::samples::SessionSamples;
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::conflict::conflicts;
@@ -37,8 +36,6 @@ pub struct Engine {
     pub(super) patches: Vec<Patch>,
     buses: Vec<BusState>,
     pub(super) sessions: BTreeMap<u64, Arc<SessionView>>,
-    /// Samples of restored sessions that can go on, until one is taken up again.
-    pub(super) resumable: BTreeMap<u64, SessionSamples>,
     pub(super) model_sets: Vec<Arc<ModelSet>>,
     pub(super) next_session: u64,
     pub(super) next_load: u64,
@@ -66,42 +63,23 @@ impl Engine {
             routes: Routes::new(&plan),
             buses: vec![BusState::default(); plan.buses],
             patches: plan.patches.iter().enumerate().map(patch).collect(),
-            sessions: BTreeMap::new(),
-            resumable: BTreeMap::new(),
+            sessions: restored.sessions.into_iter().map(|view| (view.number, view)).collect(),
             model_sets: restored.model_sets,
             next_session: restored.next_session.max(1),
             next_load: restored.next_load.max(newest_load + 1),
             pending: Pending::default(),
             store_problem: None,
-            problems: conflicts(&plan).iter().map(ToString::to_string).collect(),
+            problems: conflicts(&plan).iter().map(ToString::to_string).chain(restored.problems).collect(),
             catalogue_dirty: true,
             health: Arc::default(),
             health_shown: None,
             health_dirty: (true, true),
             plan,
         };
-        for session in restored.sessions {
-            let number = session.view.number;
-            if let Some(samples) = session.samples {
-                engine.take_up(&session.view, samples);
-            }
-            engine.sessions.insert(number, session.view);
-        }
         for (patch, id) in restored.active {
             engine.install(&patch, &id);
         }
         engine
-    }
-
-    /// Keeps the samples of a session that can go on, if they are of the patch as it is configured now.
-    fn take_up(&mut self, view: &SessionView, samples: SessionSamples) {
-        let taxels = self.patches.iter().find(|p| p.name() == view.patch).map_or(0, Patch::taxels);
-        if samples.samples.iter().all(|sample| sample.counts.len() == taxels) {
-            self.resumable.insert(view.number, samples);
-        } else {
-            let (number, patch) = (view.number, &view.patch);
-            self.problems.push(format!("session {number} is of another layout of patch `{patch}` and cannot go on"));
-        }
     }
 
     /// Installs the model set that was active when the store was last written.
@@ -150,6 +128,7 @@ impl Engine {
             Input::Command(request, command) => self.on_command(now, request, command, out),
             Input::Fitted(outcome) => self.on_fitted(now, outcome, out),
             Input::Committed { ticket, result } => self.on_committed(now, ticket, result, out),
+            Input::Loaded { ticket, result } => self.on_loaded(now, ticket, result, out),
             Input::Durable { session, samples } => {
                 self.patches.iter_mut().for_each(|patch| patch.on_durable(session, samples));
             }

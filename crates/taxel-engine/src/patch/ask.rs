@@ -108,6 +108,11 @@ impl Patch {
         self.calibration.resume(now, view, samples);
     }
 
+    /// The session that the patch holds was deleted.
+    pub fn forget_session(&mut self) {
+        self.calibration.forget();
+    }
+
     /// What an operator asks of the session that the patch holds.
     ///
     /// # Errors

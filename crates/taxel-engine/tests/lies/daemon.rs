@@ -34,6 +34,8 @@ pub struct Daemon {
     /// Commits and when they are on disk; `None` where the disk refuses.
     commits: Vec<(Option<Time>, u64)>,
     fits: Vec<(Time, FitJob)>,
+    /// Questions for the samples of a session: when they are answered, the ticket and the session.
+    loads: Vec<(Time, u64, u64)>,
     /// Frames that came while the engine stood still.
     waiting: Vec<TimedFrame>,
     stalled_until: Time,
@@ -62,6 +64,7 @@ impl Daemon {
             dice,
             commits: Vec::new(),
             fits: Vec::new(),
+            loads: Vec::new(),
             waiting: Vec::new(),
             stalled_until: now,
             deaf: false,
@@ -92,6 +95,7 @@ impl Daemon {
         self.engine = None;
         (self.newest, self.session) = (Arc::default(), None);
         self.fits.clear();
+        self.loads.clear();
         self.commits.clear();
         self.waiting.clear();
     }
@@ -156,6 +160,11 @@ impl Daemon {
             let result = due.map(|_| ()).ok_or_else(|| "the disk is full".to_owned());
             self.step(now, Input::Committed { ticket, result });
         }
+        while let Some(place) = self.loads.iter().position(|(due, ..)| *due <= now) {
+            let (_, ticket, session) = self.loads.remove(place);
+            let result = self.store.samples_of(session);
+            self.step(now, Input::Loaded { ticket, result });
+        }
         while let Some(place) = self.fits.iter().position(|(due, _)| *due <= now) {
             let (_, job) = self.fits.remove(place);
             let outcome = job.run(|set| format!("m-{:016x}", digest(&format!("{:?}", set.taxels))));
@@ -192,6 +201,11 @@ impl Daemon {
             }
             Output::Reply(request, reply) => self.replies.push((request, in_words(&reply))),
             Output::Fit(job) => self.fits.push((now + self.dice.span(0.05, 2.0), job)),
+            Output::Load { ticket, session } => {
+                let due = self.store.answers_at(now + self.dice.span(0.002, 0.1));
+                self.loads.push((due, ticket, session));
+            }
+            Output::SessionGone(_) => self.session = None,
             Output::Health(_) => {}
         }
     }
@@ -205,6 +219,7 @@ fn in_words(reply: &Reply) -> String {
         Ok(Done::Activated { model_set, .. }) => format!("{model_set} is active"),
         Ok(Done::LoadRecorded(_)) => "load recorded".to_owned(),
         Ok(Done::Imported { model_set }) => format!("{model_set} imported"),
+        Ok(Done::Deleted) => "deleted".to_owned(),
         Err(rejection) => format!("refused: {rejection}"),
     }
 }

@@ -4,8 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use taxel_engine::Restored;
-use taxel_engine::RestoredSession;
-use taxel_engine::calibration::{RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_engine::calibration::{NotLoaded, RampBaseline, SessionSamples, SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 use taxel_skin::Time;
@@ -38,6 +37,17 @@ impl Store {
         let due = self.waiting.back().map_or(due, |(last, _)| due.max(*last));
         self.waiting.push_back((due, record));
         Some(due)
+    }
+
+    /// When a question that is asked at `due` is answered: after all that came before is on disk.
+    pub fn answers_at(&self, due: Time) -> Time {
+        self.waiting.back().map_or(due, |(last, _)| due.max(*last))
+    }
+
+    /// What a session gathered.
+    pub fn samples_of(&self, session: u64) -> Result<SessionSamples, NotLoaded> {
+        let found = self.sessions.get(&session).map(|(_, samples)| samples.clone());
+        found.ok_or_else(|| NotLoaded::Damaged("they are not there".to_owned()))
     }
 
     /// Writes what is due; for each session of which samples were written, their number.
@@ -74,6 +84,8 @@ impl Store {
             Record::Activated { patch, model_set, .. } => {
                 self.active.insert(patch, model_set);
             }
+            Record::ModelSetDeleted { model_set, .. } => self.model_sets.retain(|set| set.id != model_set),
+            Record::SessionDeleted { session, .. } => drop(self.sessions.remove(&session)),
             Record::Load(_) | Record::Tared { .. } => {}
         }
     }
@@ -86,14 +98,12 @@ impl Store {
     /// What a start finds.
     pub fn restored(&self) -> Restored {
         let newest = self.sessions.keys().next_back().copied();
-        let sessions = self.sessions.iter().filter_map(|(number, (view, samples))| {
+        let sessions = self.sessions.values().filter_map(|(view, _)| {
             let mut view = SessionView::clone(view.as_ref()?);
             if view.state.is_open() {
                 view.state = SessionState::Interrupted;
             }
-            let goes_on = view.state == SessionState::Interrupted
-                || (view.state == SessionState::Review && Some(*number) == newest);
-            Some(RestoredSession { view: Arc::new(view), samples: goes_on.then(|| samples.clone()) })
+            Some(Arc::new(view))
         });
         Restored {
             model_sets: self.model_sets.clone(),

@@ -10,9 +10,8 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Fault, PumpCommand};
 
-use crate::bench::{Bench, session_of};
+use crate::bench::{Bench, Disk, session_of};
 use crate::rig::{board, module, patch_plan, plan, small_world};
-use crate::sessions::after_a_crash;
 use crate::shared::small;
 
 /// A session in review after a ramp to about 30 kPa, the bag vented; its number and its set.
@@ -170,7 +169,7 @@ fn failed_and_aborted_sessions_take_a_ramp_also_after_a_restart() {
         let mut world = bench.world.clone();
         world.pump(PumpCommand::Vent);
         world.advance(bench.now() + Duration::from_secs(20), &mut Vec::new());
-        let mut resumed = Bench::new(world, plan(patch), after_a_crash(&bench.host, session));
+        let mut resumed = Bench::after(world, plan(patch), Disk::after_a_crash(&bench.host));
         resumed.brought_up();
         ramps_again(&mut resumed, session);
         resumed.seconds(8.0);

@@ -1,14 +1,15 @@
 //! A simulated skin on a simulated bus, and the engine that listens to it, in virtual time.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::Restored;
 use taxel_engine::calibration::fit::Branch;
-use taxel_engine::calibration::{SessionState, SessionView};
+use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection, Reply};
 use taxel_engine::plan::Plan;
+use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Fault, Mass, PumpCommand, World};
 use taxel_skin::{Kilopascal, Newton, TaxelIndex, Time};
@@ -48,6 +49,13 @@ impl Bench {
             truth: Truth::default(),
             delivered: 0,
         }
+    }
+
+    /// An engine that starts on what another one left on disk; the boards are as they are in `world`.
+    pub fn after(world: World, plan: Arc<Plan>, disk: Disk) -> Self {
+        let mut bench = Self::new(world, plan, disk.restored);
+        bench.host.stored = disk.samples;
+        bench
     }
 
     pub fn now(&self) -> Time {
@@ -210,5 +218,36 @@ pub fn session_of(reply: Reply) -> Arc<SessionView> {
     match reply {
         Ok(Done::Session(view)) => view,
         other => panic!("expected a session, got {other:?}"),
+    }
+}
+
+/// What a run leaves on disk.
+pub struct Disk {
+    pub restored: Restored,
+    pub samples: HashMap<u64, SessionSamples>,
+}
+
+impl Disk {
+    /// What a store makes of the records of a run that ended here.
+    pub fn after_a_crash(host: &Host) -> Self {
+        let (mut restored, mut sessions) = (Restored::default(), BTreeMap::new());
+        for record in &host.records {
+            match record {
+                Record::Session(view) => {
+                    sessions.insert(view.number, SessionView::clone(view));
+                    restored.next_session = restored.next_session.max(view.number + 1);
+                }
+                Record::SessionDeleted { session, .. } => drop(sessions.remove(session)),
+                _ => {}
+            }
+        }
+        let samples = sessions.keys().filter_map(|number| Some((*number, host.on_disk(*number)?))).collect();
+        for mut view in sessions.into_values() {
+            if view.state.is_open() {
+                view.state = SessionState::Interrupted;
+            }
+            restored.sessions.push(Arc::new(view));
+        }
+        Self { restored, samples }
     }
 }

@@ -12,9 +12,9 @@ use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Sample;
 use taxel_sim::{Config, DielectricConfig, PumpCommand, World};
 
-use crate::bench::{Bench, session_of};
+use crate::bench::{Bench, Disk, session_of};
 use crate::rig::{patch_plan, plan, small_skin};
-use crate::sessions::{after_a_crash, content};
+use crate::sessions::content;
 use crate::shared::small;
 
 const STRONG: [f64; 2] = [0.08, 0.12];
@@ -204,13 +204,13 @@ fn a_session_killed_on_its_falling_branch_gives_the_same_models_as_one_that_was_
     let (mut bench, session) = risen(STRONG);
     bench.ramp(0.0, 4.0);
     bench.seconds(10.0);
-    let restored = after_a_crash(&bench.host, session);
-    assert_eq!(restored.sessions[0].view.direction, Direction::Falling, "the turn is on disk");
+    let disk = Disk::after_a_crash(&bench.host);
+    assert_eq!(disk.restored.sessions[0].direction, Direction::Falling, "the turn is on disk");
     bench.ask(Command::FinishRamp { session }).unwrap();
     bench.until_state(1.0, SessionState::Review);
     let uninterrupted = Arc::clone(&bench.host.catalogue.model_sets[0]);
 
-    let mut resumed = Bench::new(bench.world.clone(), bench.host.plan.clone(), restored);
+    let mut resumed = Bench::after(bench.world.clone(), bench.host.plan.clone(), disk);
     resumed.seconds(0.5);
     let view = session_of(resumed.ask(Command::FinishRamp { session }));
     assert_eq!((view.state, view.branches), (SessionState::Fitting, Branch::Both));

@@ -5,7 +5,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_engine::calibration::{FitJob, SessionView};
+use taxel_engine::calibration::{FitJob, NotLoaded, RampBaseline, SessionSamples, SessionView};
 use taxel_engine::command::{Command, Reply, RequestId};
 use taxel_engine::plan::Plan;
 use taxel_engine::record::{Record, Sample};
@@ -40,6 +40,12 @@ pub struct Host {
     pub sent: Vec<(Time, Frame)>,
     pub records: Vec<Record>,
     pub fits: Vec<FitJob>,
+    /// What an earlier run left on disk of its sessions.
+    pub stored: HashMap<u64, SessionSamples>,
+    /// Tickets and sessions whose samples are to be read, as soon as the disk is not slow.
+    pub loads: Vec<(u64, u64)>,
+    /// Patches whose session was deleted.
+    pub sessions_gone: Vec<usize>,
     /// Commits that wait for the disk, and whether it takes them by itself.
     pub commits: Vec<u64>,
     pub disk_is_slow: bool,
@@ -67,6 +73,9 @@ impl Host {
             sent: Vec::new(),
             records: Vec::new(),
             fits: Vec::new(),
+            stored: HashMap::new(),
+            loads: Vec::new(),
+            sessions_gone: Vec::new(),
             commits: Vec::new(),
             disk_is_slow: false,
             fits_panic: false,
@@ -193,7 +202,36 @@ impl Host {
         }
         if !self.disk_is_slow {
             self.commit(Ok(()));
+            self.load();
         }
+    }
+
+    /// The disk gives the samples that were asked for.
+    pub fn load(&mut self) {
+        for (ticket, session) in std::mem::take(&mut self.loads) {
+            let samples = self.on_disk(session);
+            let result = samples.ok_or_else(|| NotLoaded::Damaged("they are not there".to_owned()));
+            self.step(Input::Loaded { ticket, result });
+        }
+    }
+
+    /// What this run and an earlier one wrote down of a session.
+    pub fn on_disk(&self, number: u64) -> Option<SessionSamples> {
+        let mut found = self.stored.get(&number).cloned();
+        for record in &self.records {
+            match record {
+                Record::Ramp { session, ramp, baseline } if *session == number => {
+                    let ramp = RampBaseline { ramp: *ramp, taxels: baseline.clone() };
+                    found.get_or_insert_default().ramps.push(ramp);
+                }
+                Record::Sample { session, sample, .. } if *session == number => {
+                    found.get_or_insert_default().samples.push(sample.clone());
+                }
+                Record::SessionDeleted { session, .. } if *session == number => found = None,
+                _ => {}
+            }
+        }
+        found
     }
 
     /// The disk takes, or refuses, everything that waits for it.
@@ -232,6 +270,8 @@ impl Host {
                 self.commits.push(ticket);
             }
             Output::Fit(job) => self.fits.push(job),
+            Output::Load { ticket, session } => self.loads.push((ticket, session)),
+            Output::SessionGone(patch) => self.sessions_gone.push(patch),
         }
     }
 }

@@ -17,6 +17,7 @@ mod branches;
 mod bring_up;
 mod calibrate;
 mod circles;
+mod deletions;
 mod determinism;
 mod drift;
 mod durability;

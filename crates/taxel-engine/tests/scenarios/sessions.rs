@@ -4,20 +4,18 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::Restored;
-use taxel_engine::RestoredSession;
-use taxel_engine::calibration::{RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_engine::calibration::SessionState;
 use taxel_engine::command::{Command, Done, Rejection};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::PumpCommand;
 
-use crate::bench::{Bench, session_of};
-use crate::host::Host;
+use crate::bench::{Bench, Disk, session_of};
 use crate::rig::{patch_plan, plan, small_world};
 use crate::shared::small;
 
-fn start() -> Command {
+pub fn start() -> Command {
     Command::StartSession {
         patch: String::new(),
         target: None,
@@ -28,7 +26,7 @@ fn start() -> Command {
 }
 
 /// A session that ramps.
-fn ramping(kpa: f64) -> (Bench, u64) {
+pub fn ramping(kpa: f64) -> (Bench, u64) {
     let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
     bench.brought_up();
     let number = bench.start_session(None);
@@ -37,7 +35,7 @@ fn ramping(kpa: f64) -> (Bench, u64) {
     (bench, number)
 }
 
-fn in_review(kpa: f64) -> (Bench, u64) {
+pub fn in_review(kpa: f64) -> (Bench, u64) {
     let (mut bench, session) = ramping(kpa);
     bench.ask(Command::FinishRamp { session }).unwrap();
     bench.until_state(1.0, SessionState::Review);
@@ -71,7 +69,7 @@ fn a_command_in_the_wrong_state_is_refused_and_names_the_state() {
         assert!(why.contains("session 1 is ACTIVE"), "{command:?}: {why}");
     }
     let why = bench.refused(Command::DiscardSession { session });
-    assert_eq!(why, "the models of session 1 are in use; activate others first");
+    assert_eq!(why, "session 1 is ACTIVE and its models are in use; activate others first");
 }
 
 #[test]
@@ -156,7 +154,7 @@ fn a_session_is_active_only_while_its_models_are_in_use() {
     assert!(matches!(bench.activate(&set), Ok(Done::Activated { .. })));
     assert_eq!(bench.host.session().state, SessionState::Active);
     let why = bench.refused(Command::DiscardSession { session });
-    assert_eq!(why, "the models of session 1 are in use; activate others first");
+    assert_eq!(why, "session 1 is ACTIVE and its models are in use; activate others first");
     let imported =
         taxel_engine::model_set::ModelSet { id: "m-other".to_owned(), session: None, ..(*small().set).clone() };
     assert!(matches!(bench.ask(Command::Import { model_set: Arc::new(imported) }), Ok(Done::Imported { .. })));
@@ -175,26 +173,6 @@ fn samples_that_reach_the_disk_after_the_ramp_are_shown() {
     assert_eq!(bench.host.session().durable, accepted);
 }
 
-/// What a store makes of the records of a run that ended here.
-pub fn after_a_crash(host: &Host, session: u64) -> Restored {
-    let mut samples = SessionSamples { ramps: Vec::new(), samples: host.samples(session) };
-    let mut view = SessionView::default();
-    for record in &host.records {
-        match record {
-            Record::Session(newer) => view = SessionView::clone(newer),
-            Record::Ramp { ramp, baseline, .. } => {
-                samples.ramps.push(RampBaseline { ramp: *ramp, taxels: baseline.clone() });
-            }
-            _ => {}
-        }
-    }
-    if view.state.is_open() {
-        view.state = SessionState::Interrupted;
-    }
-    let sessions = vec![RestoredSession { view: Arc::new(view), samples: Some(samples) }];
-    Restored { sessions, next_session: session + 1, ..Restored::default() }
-}
-
 /// All but the labels of a run.
 pub fn content(set: &ModelSet) -> String {
     format!("{:?} {:?} {:?} {:?}", set.taxels, set.baseline, set.pressure_max_kpa, set.method)
@@ -203,12 +181,12 @@ pub fn content(set: &ModelSet) -> String {
 #[test]
 fn an_interrupted_session_gives_the_same_models_as_an_uninterrupted_one() {
     let (mut bench, session) = ramping(40.0);
-    let restored = after_a_crash(&bench.host, session);
+    let disk = Disk::after_a_crash(&bench.host);
     bench.ask(Command::FinishRamp { session }).unwrap();
     bench.until_state(1.0, SessionState::Review);
     let uninterrupted = bench.host.catalogue.model_sets[0].clone();
 
-    let mut resumed = Bench::new(bench.world.clone(), bench.host.plan.clone(), restored);
+    let mut resumed = Bench::after(bench.world.clone(), bench.host.plan.clone(), disk);
     resumed.seconds(0.5);
     let listed = &resumed.host.catalogue.sessions[0];
     assert_eq!((listed.number, listed.state), (session, SessionState::Interrupted));
@@ -221,13 +199,82 @@ fn an_interrupted_session_gives_the_same_models_as_an_uninterrupted_one() {
 }
 
 #[test]
+fn an_interrupted_session_is_aborted_without_its_samples() {
+    let (bench, session) = ramping(30.0);
+    let mut disk = Disk::after_a_crash(&bench.host);
+    disk.samples.clear();
+    let mut resumed = Bench::after(bench.world.clone(), bench.host.plan.clone(), disk);
+    let view = session_of(resumed.ask(Command::AbortSession { session }));
+    assert_eq!((view.state, view.reason.as_str()), (SessionState::Aborted, "an operator aborted it"));
+    assert_eq!(resumed.host.catalogue.sessions[0].state, SessionState::Aborted);
+}
+
+#[test]
+fn a_session_whose_samples_are_damaged_or_of_another_layout_cannot_go_on() {
+    let (bench, session) = ramping(30.0);
+    let mut disk = Disk::after_a_crash(&bench.host);
+    let samples = disk.samples.remove(&session).unwrap();
+    let mut resumed = Bench::after(bench.world.clone(), bench.host.plan.clone(), disk);
+    let why = resumed.refused(Command::FinishRamp { session });
+    assert_eq!(why, "session 1 cannot go on, its samples are damaged on disk: they are not there; start a new one");
+    let mut narrow = samples;
+    narrow.samples.iter_mut().for_each(|sample| sample.counts = sample.counts[..70].into());
+    resumed.host.stored.insert(session, narrow);
+    let why = resumed.refused(Command::FinishRamp { session });
+    assert!(why.contains("session 1 is of another layout of patch `small`"), "{why}");
+    assert!(resumed.host.sessions.is_empty(), "the patch holds no session");
+}
+
+/// Time passes while samples are read from disk, and everything may change in it.
+#[test]
+fn what_changed_while_samples_were_read_counts() {
+    let (bench, session) = ramping(30.0);
+    let mut world = bench.world.clone();
+    world.pump(PumpCommand::Vent);
+    world.advance(bench.now() + Duration::from_secs(20), &mut Vec::new());
+    let mut resumed = Bench::after(world, bench.host.plan.clone(), Disk::after_a_crash(&bench.host));
+    resumed.brought_up();
+    resumed.host.disk_is_slow = true;
+    let first = resumed.host.command(Command::StartRamp { session });
+    let second = resumed.host.command(Command::StartRamp { session });
+    resumed.seconds(0.5);
+    assert!(!resumed.host.replied(first) && resumed.host.sessions.is_empty(), "nothing happens before they are there");
+    resumed.host.load();
+    assert_eq!(session_of(resumed.host.reply(first).unwrap()).state, SessionState::Taring);
+    let Some(Err(Rejection::FailedPrecondition(why))) = resumed.host.reply(second) else { panic!("not refused") };
+    assert!(why.contains("session 1 is TARING"), "{why}");
+    session_of(resumed.ask(Command::AbortSession { session }));
+
+    let begun = resumed.host.command(start());
+    let other = resumed.host.session().number;
+    assert!(resumed.host.reply(begun).unwrap().is_ok());
+    session_of(resumed.ask(Command::AbortSession { session: other }));
+    let late = resumed.host.command(Command::StartRamp { session });
+    let begun = resumed.host.command(start());
+    assert!(resumed.host.reply(begun).unwrap().is_ok());
+    resumed.host.load();
+    let Some(Err(Rejection::FailedPrecondition(why))) = resumed.host.reply(late) else { panic!("not refused") };
+    assert!(why.contains("session 3 is TARING; finish or abort it first"), "{why}");
+}
+
+#[test]
+fn a_session_that_gave_way_to_a_newer_one_takes_another_ramp() {
+    let (mut bench, session) = in_review(30.0);
+    let accepted = bench.host.session().accepted;
+    let newer = session_of(bench.ask(start())).number;
+    session_of(bench.ask(Command::AbortSession { session: newer }));
+    let view = session_of(bench.ask(Command::StartRamp { session }));
+    assert_eq!((view.state, view.accepted, view.ramps), (SessionState::Taring, accepted, 1));
+}
+
+#[test]
 fn an_interrupted_session_takes_another_ramp() {
     let (bench, session) = ramping(30.0);
     let accepted = bench.host.samples(session).len() as u64;
     let mut world = bench.world.clone();
     world.pump(PumpCommand::Vent); // before the boards take their zero anew
     world.advance(bench.now() + Duration::from_secs(20), &mut Vec::new());
-    let mut resumed = Bench::new(world, bench.host.plan.clone(), after_a_crash(&bench.host, session));
+    let mut resumed = Bench::after(world, bench.host.plan.clone(), Disk::after_a_crash(&bench.host));
     resumed.brought_up();
     session_of(resumed.ask(Command::StartRamp { session }));
     resumed.until_state(30.0, SessionState::Ramping);
@@ -251,7 +298,7 @@ fn a_session_in_review_takes_another_ramp_after_a_restart() {
     let mut world = bench.world.clone();
     world.pump(PumpCommand::Vent);
     world.advance(bench.now() + Duration::from_secs(20), &mut Vec::new());
-    let mut resumed = Bench::new(world, bench.host.plan.clone(), after_a_crash(&bench.host, session));
+    let mut resumed = Bench::after(world, bench.host.plan.clone(), Disk::after_a_crash(&bench.host));
     resumed.brought_up();
     assert_eq!(resumed.host.catalogue.sessions[0].state, SessionState::Review);
     session_of(resumed.ask(Command::StartRamp { session }));

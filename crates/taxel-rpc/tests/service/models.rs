@@ -1,11 +1,13 @@
 //! What a session over both branches knows beyond its curves goes out too.
 
 use std::sync::Arc;
+use taxel_engine::command::{Command, Done, Rejection};
 use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
 use taxel_engine::snapshot::Catalogue;
 use taxel_model::{Plays, Sign};
 use taxel_proto::v1;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
+use tonic::Code;
 
 use crate::fixture::{FOREARM, TAXELS, model_set, start};
 
@@ -57,4 +59,23 @@ async fn hysteresis_and_quality_in_use_are_shown() {
 
     let rising = v1::GetModelSetRequest { model_set: "m-rising".to_owned(), ..Default::default() };
     assert_eq!(client.get_model_set(rising).await.unwrap().into_inner().in_use, None);
+}
+
+#[tokio::test]
+async fn a_deletion_reaches_the_engine_and_a_refusal_comes_back_with_its_words() {
+    let mut daemon = start().await;
+    let mut client = ModelServiceClient::new(daemon.connect().await);
+    let request = || v1::DeleteModelSetRequest { model_set: "m-1".to_owned() };
+    let named = |command| {
+        let Command::DeleteModelSet { model_set } = command else { panic!("{command:?}") };
+        assert_eq!(model_set, "m-1");
+    };
+    let (answer, ()) = tokio::join!(client.delete_model_set(request()), daemon.answer(Ok(Done::Deleted), named));
+    answer.unwrap();
+    let refusal = Err(Rejection::FailedPrecondition("model set `m-1` is in use".to_owned()));
+    let (answer, ()) = tokio::join!(client.delete_model_set(request()), daemon.answer(refusal, named));
+    let status = answer.unwrap_err();
+    assert_eq!((status.code(), status.message()), (Code::FailedPrecondition, "model set `m-1` is in use"));
+    let status = client.delete_model_set(v1::DeleteModelSetRequest::default()).await.unwrap_err();
+    assert_eq!(status.code(), Code::InvalidArgument);
 }

@@ -83,6 +83,31 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
     let (answer, ()) =
         tokio::join!(call, daemon.answer(done(), |c| assert!(matches!(c, Command::DiscardSession { session: 8 }))));
     answer.unwrap();
+    let call = client.delete_session(v1::DeleteSessionRequest { session: 8 });
+    let deleted = daemon.answer(Ok(Done::Deleted), |c| assert!(matches!(c, Command::DeleteSession { session: 8 })));
+    let (answer, ()) = tokio::join!(call, deleted);
+    answer.unwrap();
+    let status = client.delete_session(v1::DeleteSessionRequest::default()).await.unwrap_err();
+    assert_eq!(status.code(), Code::InvalidArgument);
+}
+
+#[tokio::test]
+async fn a_session_that_is_deleted_is_found_no_more_and_its_watcher_is_told() {
+    let daemon = start().await;
+    let listed = |sessions| daemon.engine().catalogue(Arc::new(Catalogue { sessions, ..Catalogue::default() }));
+    listed(vec![Arc::new(view(2, SessionState::Review))]);
+    publish(&daemon, 2, SessionState::Review);
+    let mut client = CalibrationServiceClient::new(daemon.connect().await);
+    let mut watch = client.watch_session(v1::WatchSessionRequest { session: 2 }).await.unwrap().into_inner();
+    assert_eq!(watch.message().await.unwrap().unwrap().state(), v1::SessionState::Review);
+    daemon.engine().session_gone(0);
+    listed(Vec::new());
+    let status = watch.message().await.unwrap_err();
+    assert_eq!((status.code(), status.message()), (Code::NotFound, "there is no session 2"));
+    let status = client.get_session(v1::GetSessionRequest { session: 2 }).await.unwrap_err();
+    assert_eq!(status.code(), Code::NotFound);
+    let list = client.list_sessions(v1::ListSessionsRequest::default()).await.unwrap().into_inner();
+    assert_eq!(list.sessions, []);
 }
 
 #[tokio::test]

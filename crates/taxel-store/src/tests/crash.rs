@@ -1,18 +1,21 @@
-//! What was acknowledged is on disk: a process is killed at any moment, 50 times on one file.
+//! What was acknowledged is on disk, and what was deleted is not: a process is killed at any moment, 50 and 30 times on
+//! one file.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 
 use taxel_engine::calibration::SessionState;
-use taxel_engine::record::Record;
+use taxel_engine::record::{Record, Sample};
 
 use super::fixture::*;
 use crate::{Batch, Store, StoreEvent};
 
 const CYCLES: u64 = 50;
 const CHILD: &str = "TAXEL_STORE_CRASH_CHILD";
+const DELETING_CHILD: &str = "TAXEL_STORE_DELETING_CHILD";
 
 /// One line to the parent; the test harness must not hold it back.
 fn say(line: &str) {
@@ -35,6 +38,98 @@ fn submit(store: &Store, records: Vec<Record>, name: Option<String>) {
     }
 }
 
+/// The counts of a sample that bear the number of its session.
+fn signed(session: u64, index: u64) -> Record {
+    let counts = format!("<<session-{session:06}>>").into_bytes();
+    Record::Sample { session, index, sample: Sample { counts: counts.into(), ..sample(index) } }
+}
+
+/// Runs in the child: makes sessions and model sets for ever, and deletes each as soon as the next is there.
+#[test]
+fn deleting_child() {
+    let Ok(path) = std::env::var(DELETING_CHILD) else { return };
+    let (store, restored, _) = Store::open(Path::new(&path), Box::new(|_| ())).unwrap();
+    let mut before = restored.sessions.last().map(|view| view.number);
+    let mut old_set = restored.model_sets.last().map(|set| set.id.clone());
+    for number in restored.next_session.. {
+        let mut records = vec![session(number, SessionState::Review), ramp(number, 0)];
+        records.extend((0..50).map(|index| signed(number, index)));
+        let set = model_set(number as i64);
+        records.push(Record::ModelSet(Arc::new(set.clone())));
+        submit(&store, records, Some(format!("made {number} {}", set.id)));
+        if let Some((session, model_set)) = before.zip(old_set) {
+            let said = format!("deleted {session} {model_set}");
+            let records =
+                vec![Record::SessionDeleted { session, wall_ns: 0 }, Record::ModelSetDeleted { model_set, wall_ns: 0 }];
+            submit(&store, records, Some(said));
+        }
+        (before, old_set) = (Some(number), Some(set.id));
+    }
+}
+
+#[test]
+fn what_was_deleted_stays_deleted_through_thirty_kills() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let (mut made, mut deleted) = (BTreeMap::new(), BTreeMap::new());
+    for cycle in 0..30 {
+        for line in lines_until_killed("tests::crash::deleting_child", DELETING_CHILD, &path, 1 + cycle * 7 % 20) {
+            let words: Vec<_> = line.split(' ').collect();
+            match words[..] {
+                ["made", number, id] => made.insert(number.parse::<u64>().unwrap(), id.to_owned()),
+                ["deleted", number, id] => deleted.insert(number.parse::<u64>().unwrap(), id.to_owned()),
+                _ => None, // the test harness talks, too
+            };
+        }
+        let (store, restored, quarantined, _events) = open(&path);
+        assert_eq!(quarantined, [], "cycle {cycle}");
+        assert!(restored.sessions.len() <= 2, "cycle {cycle}: each deletes the one before");
+        let bytes = std::fs::read(&path).unwrap();
+        for (number, id) in &made {
+            let session = restored.sessions.iter().any(|view| view.number == *number);
+            let set = restored.model_sets.iter().any(|set| set.id == *id);
+            assert_eq!(session, set, "cycle {cycle}: session {number} and {id} went together or not at all");
+            assert!(!session || !deleted.contains_key(number), "cycle {cycle}: session {number} is back");
+            let text = format!("<<session-{number:06}>>");
+            let on_disk = bytes.windows(text.len()).any(|window| window == text.as_bytes());
+            assert_eq!(on_disk, session, "cycle {cycle}: the samples of session {number}");
+        }
+        let newest = made.keys().last().copied().unwrap_or(0);
+        assert!(restored.next_session > newest, "cycle {cycle}: no number is used again");
+        if let Some(number) = made.keys().last() {
+            let there = restored.sessions.iter().any(|view| view.number >= *number);
+            assert!(there, "cycle {cycle}: session {number} is lost");
+        }
+        store.close().unwrap();
+    }
+    assert!(deleted.len() > 30, "the children got somewhere: {} deletions", deleted.len());
+}
+
+/// Starts this programme as a child that runs one test, reads so many lines of it, kills it, and gives all lines.
+fn lines_until_killed(test: &str, variable: &str, path: &Path, lines_read: usize) -> Vec<String> {
+    let mut child = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", test, "--nocapture"])
+        .env(variable, path)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap());
+    let mut read = Vec::new();
+    for _ in 0..lines_read {
+        let mut line = String::new();
+        lines.read_line(&mut line).unwrap();
+        read.push(line.trim_end().to_owned());
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let mut rest = String::new();
+    lines.read_to_string(&mut rest).unwrap();
+    // A last line without its end may be torn.
+    read.extend(rest.lines().filter(|_| rest.ends_with('\n')).map(str::to_owned));
+    read
+}
+
 /// Runs in the child: goes on with the session for ever, with a model set made and activated now and then.
 #[test]
 fn child() {
@@ -44,7 +139,7 @@ fn child() {
         StoreEvent::Failed(why) => panic!("{why}"),
     });
     let (store, restored, _) = Store::open(Path::new(&path), notify).unwrap();
-    let known = restored.sessions.first().map_or(0, |session| session.view.accepted);
+    let known = restored.sessions.first().map_or(0, |session| session.accepted);
     submit(&store, vec![session(1, SessionState::Ramping)], None);
     for index in known.. {
         let name = index.is_multiple_of(3).then(|| format!("sample {index}"));
@@ -82,26 +177,9 @@ fn what_was_acknowledged_survives_fifty_kills() {
     let path = dir.path().join("store.db");
     let mut told = Acknowledged::default();
     for cycle in 0..CYCLES {
-        let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "tests::crash::child", "--nocapture"])
-            .env(CHILD, &path)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap());
         // Not the same place twice: how many lines are read before the kill wanders from 1 to 40.
-        for _ in 0..1 + cycle * 17 % 40 {
-            let mut line = String::new();
-            lines.read_line(&mut line).unwrap();
-            told.note(line.trim_end());
-        }
-        child.kill().unwrap();
-        child.wait().unwrap();
-        let mut rest = String::new();
-        lines.read_to_string(&mut rest).unwrap();
-        // A last line without its end may be torn.
-        rest.lines().filter(|_| rest.ends_with('\n')).for_each(|line| told.note(line));
+        let lines = lines_until_killed("tests::crash::child", CHILD, &path, 1 + cycle as usize * 17 % 40);
+        lines.iter().for_each(|line| told.note(line));
 
         let (store, restored, quarantined, _events) = open(&path);
         assert_eq!(quarantined, [], "cycle {cycle}");
@@ -113,11 +191,11 @@ fn what_was_acknowledged_survives_fifty_kills() {
             let active = restored.model_sets.iter().find(|set| set.id == *active).unwrap();
             assert!(active.created_wall_ns >= *newest as i64, "cycle {cycle}: an older set is active");
         }
-        let stored = restored.sessions.first().map_or(0, |session| session.view.accepted);
+        let stored = restored.sessions.first().map_or(0, |session| session.accepted);
         assert!(stored >= told.samples, "cycle {cycle}: {} samples acknowledged, {stored} there", told.samples);
         if let Some(found) = restored.sessions.first() {
-            assert_eq!(found.view.state, SessionState::Interrupted);
-            let samples = &found.samples.as_ref().unwrap().samples;
+            assert_eq!(found.state, SessionState::Interrupted);
+            let samples = samples_of(&store, 1).unwrap().samples;
             assert!(samples.iter().cloned().eq((0..stored).map(sample)), "cycle {cycle}");
         }
         store.close().unwrap();

@@ -14,10 +14,8 @@ use crate::{Batch, QUEUE_BATCHES, QueueFull, Store, StoreError, StoreEvent};
 fn a_full_disk_ends_all_writing_and_loses_nothing_acknowledged() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
-    let (db, ..) = Db::open(&path).unwrap();
-    db.limit_growth(8);
     let (tell, events) = channel();
-    let store = Store::start(db, Box::new(move |event| drop(tell.send(event)))).unwrap();
+    let (store, _) = Store::open_with_room(&path, 8, Box::new(move |event| drop(tell.send(event)))).unwrap();
     write(&store, vec![session(1, SessionState::Ramping)]).unwrap();
     let mut acknowledged = 0;
     let refused = loop {
@@ -34,7 +32,7 @@ fn a_full_disk_ends_all_writing_and_loses_nothing_acknowledged() {
     assert_eq!(failures, [StoreEvent::Failed(refused.to_string())], "told once");
     let (_, restored, quarantined) = Db::open(&path).unwrap();
     assert_eq!(quarantined, []);
-    assert_eq!(restored.sessions[0].view.accepted, acknowledged);
+    assert_eq!(restored.sessions[0].accepted, acknowledged);
     assert!(acknowledged > 0);
 }
 
@@ -97,4 +95,35 @@ fn records_that_do_not_follow_are_refused_with_the_reason() {
         let refused = write(&store, records).unwrap_err().to_string();
         assert!(refused.contains(expected), "{refused}");
     }
+}
+
+/// A fault of this programme on the writer's thread.
+#[test]
+fn when_the_writers_thread_panics_everyone_who_waits_is_told_and_nothing_more_is_stored() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let (store, _, _, events) = open(&path);
+    let (release, hold) = channel::<()>();
+    let (tell, told) = channel();
+    let blocker: crate::OnDurable = Box::new(move |_| hold.recv().unwrap());
+    store.submit(Batch { records: vec![session(1, SessionState::Ramping)], on_durable: Some(blocker) }).unwrap();
+    let fault: crate::OnDurable = Box::new(|_| panic!("a fault that this test makes"));
+    store.submit(Batch { records: vec![sample_record(1, 0)], on_durable: Some(fault) }).unwrap();
+    for index in 1..4 {
+        let tell = tell.clone();
+        let on_durable: crate::OnDurable = Box::new(move |outcome| tell.send(outcome.map(|_| ())).unwrap());
+        store.submit(Batch { records: vec![sample_record(1, index)], on_durable: Some(on_durable) }).unwrap();
+    }
+    let read = tell.clone();
+    store.read_samples(1, Box::new(move |samples| read.send(samples.map(|_| ())).unwrap()));
+    release.send(()).unwrap();
+    drop(tell);
+    let answers: Vec<_> = told.iter().collect();
+    assert_eq!(answers.len(), 4, "{answers:?}");
+    assert!(answers.iter().all(Result::is_err), "{answers:?}");
+    let later = write(&store, vec![sample_record(1, 4)]).unwrap_err();
+    assert_eq!(later, StoreError::ReadOnly { reason: StoreError::Panicked.to_string() });
+    assert_eq!(store.close(), Err(StoreError::Panicked));
+    let failures: Vec<_> = events.iter().filter(|event| matches!(event, StoreEvent::Failed(_))).collect();
+    assert_eq!(failures, [StoreEvent::Failed(StoreError::Panicked.to_string())]);
 }

@@ -6,7 +6,7 @@ use std::sync::{Arc, LazyLock};
 
 use taxel_engine::Restored;
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::calibration::{SessionState, SessionView};
+use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::{Record, Sample};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
@@ -101,6 +101,13 @@ pub fn write(store: &Store, records: Vec<Record>) -> Result<Durability, StoreErr
     let (tell, told) = channel();
     let on_durable = Box::new(move |outcome| tell.send(outcome).unwrap());
     store.submit(Batch { records, on_durable: Some(on_durable) }).unwrap();
+    told.recv().unwrap()
+}
+
+/// Waits for the samples of a session.
+pub fn samples_of(store: &Store, session: u64) -> Result<SessionSamples, StoreError> {
+    let (tell, told) = channel();
+    store.read_samples(session, Box::new(move |samples| tell.send(samples).unwrap()));
     told.recv().unwrap()
 }
 

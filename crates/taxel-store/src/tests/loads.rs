@@ -1,6 +1,5 @@
 //! Known loads on disk, and files that are older than they are.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use rusqlite::Connection;
@@ -33,13 +32,6 @@ fn load(number: u64) -> Load {
 
 fn record(number: u64) -> Record {
     Record::Load(Arc::new(load(number)))
-}
-
-fn schema_of(path: &Path) -> Vec<String> {
-    let connection = Connection::open(path).unwrap();
-    let mut statement =
-        connection.prepare("SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY name").unwrap();
-    statement.query_map([], |row| row.get(0)).unwrap().map(Result::unwrap).collect()
 }
 
 #[test]
@@ -87,30 +79,6 @@ fn a_load_with_a_figure_that_is_no_number_is_refused() {
     let broken = Load { force_n: f64::NAN, ..load(1) };
     let refused = write(&store, vec![Record::Load(Arc::new(broken))]).unwrap_err().to_string();
     assert!(refused.contains("load 1"), "{refused}");
-}
-
-#[test]
-fn a_file_of_version_1_keeps_all_it_has_and_takes_loads() {
-    let dir = tempfile::tempdir().unwrap();
-    let (path, fresh) = (dir.path().join("store.db"), dir.path().join("fresh.db"));
-    let sets = filled(&path);
-    filled(&fresh);
-    let old = Connection::open(&path).unwrap();
-    old.execute_batch("DROP TABLE loads; PRAGMA user_version = 1").unwrap();
-    drop(old);
-    let (store, restored, quarantined, _events) = open(&path);
-    assert_eq!(quarantined, []);
-    assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())]);
-    assert_eq!((restored.model_sets.len(), restored.sessions.len(), restored.next_session), (2, 2, 3));
-    assert_eq!(restored.sessions[1].samples.as_ref().unwrap().samples.len(), 40);
-    assert_eq!((restored.loads.len(), restored.next_load), (0, 1));
-    write(&store, vec![record(1)]).unwrap();
-    store.close().unwrap();
-    assert_eq!(schema_of(&path), schema_of(&fresh));
-    let version: i64 =
-        Connection::open(&path).unwrap().pragma_query_value(None, "user_version", |row| row.get(0)).unwrap();
-    assert_eq!(version, schema::VERSION);
-    assert_eq!(Db::open(&path).unwrap().1.loads.len(), 1);
 }
 
 #[test]

@@ -3,7 +3,9 @@
 mod codec;
 mod crash;
 mod damage;
+mod deletions;
 mod failure;
 mod fixture;
 mod loads;
+mod older;
 mod store;

@@ -23,39 +23,34 @@ fn a_restart_finds_everything_again() {
     assert_eq!(format!("{:?}", restored.model_sets[0]), format!("{:?}", sets[0]));
     assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())]);
     assert_eq!(restored.next_session, 3);
-    assert_eq!(restored.sessions[0].view.state, SessionState::Active);
-    assert!(restored.sessions[0].samples.is_none());
-    let view = &restored.sessions[1].view;
+    assert_eq!(restored.sessions[0].state, SessionState::Active);
+    let view = &restored.sessions[1];
     assert_eq!((view.state, view.accepted, view.durable, view.ramps), (SessionState::Interrupted, 40, 40, 1));
     assert!(view.reason.contains("RAMPING"), "{}", view.reason);
-    let samples = restored.sessions[1].samples.as_ref().unwrap();
+    assert_eq!(restored.problems, [""; 0]);
+    let samples = samples_of(&store, 2).unwrap();
     assert_eq!(samples.samples, (0..40).map(sample).collect::<Vec<_>>());
     assert_eq!(samples.ramps[0].taxels, sets[0].baseline);
     // It goes on where it stopped.
     write(&store, vec![session(2, SessionState::Ramping), ramp(2, 1), sample_record(2, 40)]).unwrap();
     store.close().unwrap();
     let (_, restored, ..) = open(&path);
-    assert_eq!(restored.sessions[1].view.accepted, 41);
-    assert_eq!(restored.sessions[1].view.ramps, 2);
+    assert_eq!(restored.sessions[1].accepted, 41);
+    assert_eq!(restored.sessions[1].ramps, 2);
 }
 
 #[test]
-fn the_newest_session_of_a_patch_keeps_its_samples_for_another_ramp_while_it_waits_for_review() {
+fn samples_are_read_with_all_that_was_submitted_before() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     filled(&path);
     let (store, ..) = open(&path);
-    write(&store, vec![session(2, SessionState::Review)]).unwrap();
+    store.submit(quiet(vec![session(2, SessionState::Review), sample_record(2, 40)])).unwrap();
+    store.submit(quiet(vec![sample_record(2, 41)])).unwrap();
+    let found = samples_of(&store, 2).unwrap();
+    assert_eq!(found.samples, (0..42).map(sample).collect::<Vec<_>>());
+    assert_eq!(samples_of(&store, 1).unwrap().samples, [], "a session without a ramp has none");
     store.close().unwrap();
-    let (store, restored, quarantined, _events) = open(&path);
-    assert_eq!(quarantined, []);
-    assert_eq!(restored.sessions[1].view.state, SessionState::Review);
-    assert_eq!(restored.sessions[1].samples.as_ref().map(|s| s.samples.len()), Some(40));
-    write(&store, vec![session(3, SessionState::Review)]).unwrap();
-    store.close().unwrap();
-    let (_, restored, ..) = open(&path);
-    let kept: Vec<bool> = restored.sessions.iter().map(|session| session.samples.is_some()).collect();
-    assert_eq!(kept, [false, false, true], "only the newest can go on");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 use taxel_engine::calibration::fit::{Branch, PlaysChoice};
+use taxel_engine::conflict::conflicts;
 use taxel_engine::plan::{BoardSetup, DriftPlan, Gauge, LiveLimits, Outputs, PatchPlan, Plan, SessionLimits, TarePlan};
 use taxel_model::{Estimator, Exclusion, FitOptions, GaugeUncertainty, Order};
 use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Kilopascal, Module, ModuleKind, NormalsVerdict, Patch};
@@ -53,7 +54,8 @@ pub fn resolve(config: &Config, path: &Path) -> Result<Scene, ConfigError> {
     if scene.plan.patches.is_empty() {
         return Err(unusable("there is no [[patch]]: at least one is needed".to_owned()));
     }
-    Ok(scene)
+    let conflicts: Vec<String> = conflicts(&scene.plan).iter().map(ToString::to_string).collect();
+    if conflicts.is_empty() { Ok(scene) } else { Err(unusable(conflicts.join("; "))) }
 }
 
 fn check_service(config: &Config) -> Result<(), String> {

@@ -4,7 +4,10 @@
 
 use super::*;
 use std::path::Path;
+use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::command::Command;
+use taxel_engine::model_set::ModelSet;
+use taxel_model::{Accumulator, FitOptions};
 use taxel_rpc::handle::channel;
 use taxel_rpc::{Clocks, Handle, ModelCodec, STALLED_AFTER};
 use taxel_sim::{BoardsConfig, Config, Skin, World};
@@ -34,6 +37,10 @@ struct Bench {
 impl Bench {
     /// The forearm of the demo, whose boards send already.
     fn new() -> Self {
+        Self::with_store(|notify| Store::in_memory(notify).unwrap())
+    }
+
+    fn with_store(open: impl FnOnce(taxel_store::Notify) -> Store) -> Self {
         let path = Path::new("demo_config.toml");
         let config = config::parse(path, include_str!("../demo_config.toml")).unwrap();
         let mut plan = config::resolve(&config, path).unwrap().plan;
@@ -45,7 +52,7 @@ impl Bench {
         let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json: |_| Err("not here".to_owned()) };
         let (handle, publisher, _) = channel(Arc::clone(&plan), clocks, codec, cancel.clone());
         let (tell_done, done) = TellDone::new();
-        let store = Store::in_memory(tell_done.of_store()).unwrap();
+        let store = open(tell_done.of_store());
         let (bus, _to_send) = mpsc::channel(64);
         let (batches, frames) = mpsc::channel(BATCHES_WAITING_MAX);
         let (commands, requests) = mpsc::channel(16);
@@ -69,12 +76,55 @@ impl Bench {
         self.batches.try_send(BusBatch { bus: BusIndex(0), frames, notices: Vec::new() }).is_ok()
     }
 
+    /// Gives a command and takes turns until it is answered.
+    async fn reply(&mut self, command: Command) -> Reply {
+        let (reply, mut answer) = oneshot::channel();
+        self.commands.try_send(Request { command, reply }).unwrap();
+        loop {
+            self.turn().await;
+            match answer.try_recv() {
+                Err(oneshot::error::TryRecvError::Empty) => {}
+                answered => return answered.unwrap(),
+            }
+        }
+    }
+
+    /// Imports a set that must be refused as not to be stored; why it is.
+    async fn refused_import(&mut self, wall_ns: i64) -> String {
+        match self.reply(import(wall_ns)).await {
+            Err(Rejection::Unavailable(why)) => why,
+            other => panic!("{other:?}"),
+        }
+    }
+
     /// Gives a command that is refused at once; the refusal comes here.
     fn ask(&self) -> Option<oneshot::Receiver<Reply>> {
         let (reply, answer) = oneshot::channel();
         let command = Command::BringUp { patch: "nose".to_owned() };
         self.commands.try_send(Request { command, reply }).ok().map(|()| answer)
     }
+}
+
+/// A model set of the demo's forearm that differs from others by its time.
+fn import(created_wall_ns: i64) -> Command {
+    let baseline = vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; 230];
+    let taxels = vec![Accumulator::new().fit(&FitOptions::default()); 230];
+    let mut set = ModelSet {
+        id: String::new(),
+        patch: "left_forearm".to_owned(),
+        created_wall_ns,
+        session: None,
+        method: "none".to_owned(),
+        board_settings: Vec::new(),
+        baseline,
+        pressure_max_kpa: 70.0,
+        gauge_gain_rel: 0.01,
+        gauge_offset_kpa: 0.1,
+        taxels,
+        recorded: None,
+    };
+    set.id = models_json::content_id(&set);
+    Command::Import { model_set: Arc::new(set) }
 }
 
 fn foreign(time: Time) -> TimedFrame {
@@ -162,4 +212,72 @@ async fn after_a_stall_what_came_meanwhile_is_taken_before_any_tick() {
     // A tick before the frames would publish that all boards are silent: one state more.
     assert_eq!(frozen, running);
     assert!(!frozen.1);
+}
+
+#[tokio::test]
+async fn on_a_full_disk_a_commit_is_refused_with_the_reason_and_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("store.db");
+    let mut bench = Bench::with_store(|notify| Store::open_with_room(&path, 40, notify).unwrap().0);
+    let mut stored = Vec::new();
+    let why = loop {
+        match bench.reply(import(stored.len() as i64)).await {
+            Ok(taxel_engine::command::Done::Imported { model_set }) => stored.push(model_set),
+            Err(Rejection::Unavailable(why)) => break why,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert!(why.contains("nothing has changed: no space is left for the store"), "{why}");
+    let later = bench.refused_import(-1).await;
+    assert!(later.contains("the store"), "{later}");
+    assert!(!stored.is_empty());
+    let Bench { driver, .. } = bench;
+    driver.store.close().unwrap_err();
+    let (store, restored, quarantined) = Store::open(&path, Box::new(|_| ())).unwrap();
+    assert_eq!(restored.model_sets.iter().map(|set| set.id.clone()).collect::<Vec<_>>(), stored);
+    assert_eq!(quarantined, []);
+    store.close().unwrap();
+}
+
+#[tokio::test]
+async fn a_commit_that_the_stores_queue_has_no_room_for_is_refused_with_the_reason() {
+    let mut bench = Bench::new();
+    bench.turn().await;
+    let (release, hold) = std::sync::mpsc::channel::<()>();
+    let (tell, told) = std::sync::mpsc::channel();
+    let blocker: OnDurable = Box::new(move |_| {
+        tell.send(()).unwrap();
+        hold.recv().unwrap();
+    });
+    bench.driver.store.submit(Batch { records: Vec::new(), on_durable: Some(blocker) }).unwrap();
+    told.recv().unwrap(); // the writer is in the callback now
+    while bench.driver.store.submit(Batch::default()).is_ok() {}
+    let why = bench.refused_import(1).await;
+    let behind = StoreError::Behind { waiting: QUEUE_BATCHES }.to_string();
+    assert_eq!(why, format!("it could not be written to disk, and nothing has changed: {behind}"));
+    release.send(()).unwrap();
+    let later = bench.refused_import(2).await;
+    assert!(later.contains(&behind), "a record may be lost, so nothing is taken until a restart: {later}");
+}
+
+#[tokio::test]
+async fn when_the_stores_thread_dies_every_commit_is_refused_with_the_reason() {
+    let mut bench = Bench::new();
+    let fault: OnDurable = Box::new(|_| panic!("a fault that this test makes"));
+    bench.driver.store.submit(Batch { records: Vec::new(), on_durable: Some(fault) }).unwrap();
+    for wall_ns in 0..3 {
+        let why = bench.refused_import(wall_ns).await;
+        assert!(why.contains("the store"), "{why}");
+    }
+    assert!(bench.refused_import(3).await.contains("internal error"));
+}
+
+#[tokio::test]
+async fn a_fit_that_is_lost_comes_back_with_the_reason() {
+    let (tell_done, mut done) = TellDone::new();
+    fit(7, tell_done, || panic!("a fault that this test makes")).await;
+    let Some(Done::Fitted(outcome)) = done.recv().await else { panic!("nothing came back") };
+    assert_eq!(outcome.session, 7);
+    let why = outcome.result.unwrap_err();
+    assert!(why.contains("the fit was lost") && why.contains("samples are kept"), "{why}");
 }

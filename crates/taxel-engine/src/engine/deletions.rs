@@ -1,0 +1,100 @@
+//! What an operator deletes: refused while anything uses it, gone once that is on disk.
+
+use crate::boundary::output::Output;
+use crate::boundary::record::Record;
+use crate::engine::answer::Answer;
+use crate::engine::pending::{Effect, Forgotten};
+use crate::engine::step::Engine;
+use crate::now::Now;
+use crate::patch::owner::Patch;
+use crate::request::{Rejection, RequestId};
+
+impl Engine {
+    pub(super) fn delete_model_set(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        id: String,
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
+        self.store_takes_records()?;
+        let set = self.model_sets.iter().find(|set| set.id == id);
+        let set = set.ok_or_else(|| Rejection::NotFound(format!("model set `{id}`")))?;
+        self.refuse_if_set_is_deleted(&id)?;
+        self.refuse_if_set_is_used(&id)?;
+        if let Some(view) = self.session_of(set).filter(|view| view.state.is_open()) {
+            let (session, state) = (view.number, view.state.name());
+            let why = format!("`{id}` is of session {session}, which is {state}; finish or abort that first");
+            return Err(Rejection::FailedPrecondition(why));
+        }
+        let record = Record::ModelSetDeleted { model_set: id.clone(), wall_ns: now.wall_ns };
+        self.commit(Effect::Forget { request, what: Forgotten::ModelSet(id) }, vec![record], out);
+        Ok(Answer::Later)
+    }
+
+    pub(super) fn delete_session(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        number: u64,
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
+        self.store_takes_records()?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        self.refuse_if_session_is_deleted(number)?;
+        if view.state.is_open() {
+            let why = format!("session {number} is {}; abort it first", view.state.name());
+            return Err(Rejection::FailedPrecondition(why));
+        }
+        if let Some(id) = view.model_set.as_deref() {
+            self.refuse_if_set_is_used(id)?;
+        }
+        let record = Record::SessionDeleted { session: number, wall_ns: now.wall_ns };
+        self.commit(Effect::Forget { request, what: Forgotten::Session(number) }, vec![record], out);
+        Ok(Answer::Later)
+    }
+
+    /// It is gone from the disk.
+    pub(super) fn forget(&mut self, what: &Forgotten, out: &mut Vec<Output>) {
+        match what {
+            Forgotten::ModelSet(id) => self.model_sets.retain(|set| set.id != *id),
+            Forgotten::Session(number) => {
+                self.sessions.remove(number);
+                if let Some(index) = self.held(*number) {
+                    self.patches[index].forget_session();
+                    out.push(Output::SessionGone(index));
+                }
+            }
+        }
+        self.catalogue_dirty = true;
+    }
+
+    /// Refuses what needs a model set that is on its way out.
+    pub(super) fn refuse_if_set_is_deleted(&self, id: &str) -> Result<(), Rejection> {
+        if self.pending.forgets(&Forgotten::ModelSet(id.to_owned())) {
+            return Err(Rejection::FailedPrecondition(format!("model set `{id}` is being deleted")));
+        }
+        Ok(())
+    }
+
+    /// Refuses what needs a session that is on its way out.
+    pub(super) fn refuse_if_session_is_deleted(&self, number: u64) -> Result<(), Rejection> {
+        if self.pending.forgets(&Forgotten::Session(number)) {
+            return Err(Rejection::FailedPrecondition(format!("session {number} is being deleted")));
+        }
+        Ok(())
+    }
+
+    /// Refuses what cannot be while a model set is in use or about to be.
+    pub(super) fn refuse_if_set_is_used(&self, id: &str) -> Result<(), Rejection> {
+        let uses = |patch: &&Patch| patch.models().is_some_and(|set| set.id == id);
+        if let Some(patch) = self.patches.iter().find(uses) {
+            let why = format!("model set `{id}` is in use on patch `{}`; activate another one first", patch.name());
+            return Err(Rejection::FailedPrecondition(why));
+        }
+        if self.pending.activates_set(id) {
+            return Err(Rejection::FailedPrecondition(format!("model set `{id}` is being activated")));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,224 @@
+//! What is asked of sessions, and how one that no patch holds is taken up again with its samples.
+
+use std::sync::Arc;
+use taxel_skin::Kilopascal;
+
+use crate::boundary::command::{Done, Reply};
+use crate::boundary::output::Output;
+use crate::boundary::record::Record;
+use crate::calibration::branch::Branch;
+use crate::calibration::samples::{NotLoaded, SessionSamples};
+use crate::calibration::transition::{Trigger, commanded};
+use crate::calibration::view::SessionView;
+use crate::engine::answer::Answer;
+use crate::engine::pending::Loading;
+use crate::engine::step::Engine;
+use crate::now::Now;
+use crate::patch::owner::Patch;
+use crate::request::{Rejection, RequestId};
+
+/// Targets beyond this are not a vacuum bag's, nor a pressure chamber's for skin.
+const TARGET_MAX_KPA: f64 = 1_000.0;
+
+/// What a session is started with.
+pub(super) struct SessionRequest {
+    /// Where the rise of a ramp ends by itself.
+    pub target: Option<Kilopascal>,
+    /// Which branches it gathers.
+    pub branches: Option<Branch>,
+    /// Who vouches for rest.
+    pub confirmed_by: Option<String>,
+    /// Modules to do without.
+    pub leave_out: Vec<(u8, u8)>,
+}
+
+impl Engine {
+    pub(super) fn start_session(
+        &mut self,
+        now: Now,
+        patch: &str,
+        asked: SessionRequest,
+        out: &mut Vec<Output>,
+    ) -> Reply {
+        let index = self.patch_named(patch)?;
+        self.store_takes_records()?;
+        self.room_for_session()?;
+        self.room_for_model_set()?;
+        let patch = &self.patches[index];
+        if patch.plan().gauge.is_none() {
+            let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
+            return Err(Rejection::FailedPrecondition(why));
+        }
+        let target = asked.target.unwrap_or(patch.plan().session.target).0;
+        if !(target > 0.0 && target <= TARGET_MAX_KPA) {
+            let problem = format!("{target} is not in (0, {TARGET_MAX_KPA}]");
+            return Err(Rejection::InvalidArgument { field: "target_kpa", problem });
+        }
+        patch.calibration().refuse_if_open("finish or abort it first")?;
+        patch.check_set_up()?;
+        patch.check_vented(now)?;
+        let view = SessionView {
+            number: self.next_session,
+            patch: patch.name().to_owned(),
+            started_wall_ns: now.wall_ns,
+            confirmed_by: asked.confirmed_by,
+            left_out: left_out(patch, &asked.leave_out)?,
+            target_kpa: target,
+            branches: asked.branches.unwrap_or(patch.plan().session.branches),
+            ..SessionView::default()
+        };
+        self.next_session += 1;
+        self.with_patch(now, index, out, |patch, effects| patch.start_session(now, view, effects));
+        let view = self.patches[index].calibration().session().cloned();
+        view.map(|view| Done::Session(Arc::new(view))).ok_or_else(|| Rejection::NotFound("session".to_owned()))
+    }
+
+    /// What an operator asks of a session. The samples of one that no patch holds are read first.
+    pub(super) fn command_session(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        number: u64,
+        command: Trigger,
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
+        if command != Trigger::Abort {
+            self.store_takes_records()?;
+        }
+        self.refuse_if_session_is_deleted(number)?;
+        if command == Trigger::StartRamp {
+            self.room_for_model_set()?;
+        }
+        if let Some(index) = self.held(number) {
+            return self.command_held(now, index, command, out).map(Answer::Now);
+        }
+        self.check_take_up(now, number, command)?;
+        if command == Trigger::Abort {
+            return self.end_unheld(now, number, command, "an operator aborted it", out).map(Answer::Now);
+        }
+        self.room_for_model_set()?;
+        let ticket = self.pending.load(Loading { request, session: number, command });
+        out.push(Output::Load { ticket, session: number });
+        Ok(Answer::Later)
+    }
+
+    fn command_held(&mut self, now: Now, index: usize, command: Trigger, out: &mut Vec<Output>) -> Reply {
+        if let Some(view) = self.patches[index].calibration().session() {
+            commanded(view.number, view.state, command)?; // before what only matters in the right state
+        }
+        let view = self.with_patch(now, index, out, |patch, effects| patch.command_session(now, command, effects))?;
+        Ok(Done::Session(view))
+    }
+
+    pub(super) fn discard(&mut self, now: Now, number: u64, out: &mut Vec<Output>) -> Reply {
+        self.refuse_if_session_is_deleted(number)?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        let used = |patch: &Patch| patch.models().is_some_and(|set| view.model_set.as_deref() == Some(set.id.as_str()));
+        if self.patches.iter().any(used) {
+            let state = view.state.name();
+            let why = format!("session {number} is {state} and its models are in use; activate others first");
+            return Err(Rejection::FailedPrecondition(why));
+        }
+        if let Some(index) = self.held(number) {
+            self.store_takes_records()?;
+            return self.command_held(now, index, Trigger::Discard, out);
+        }
+        self.end_unheld(now, number, Trigger::Discard, "an operator laid it aside", out)
+    }
+
+    /// Ends a session that no patch holds.
+    fn end_unheld(&self, now: Now, number: u64, command: Trigger, reason: &str, out: &mut Vec<Output>) -> Reply {
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        let mut view = SessionView::clone(view);
+        view.state = commanded(number, view.state, command)?;
+        view.reason = reason.to_owned();
+        view.changed_wall_ns = now.wall_ns;
+        let view = Arc::new(view);
+        out.push(Output::Record(Record::Session(Arc::clone(&view))));
+        Ok(Done::Session(view))
+    }
+
+    /// The patch that could take up a session for `command`.
+    fn check_take_up(&self, now: Now, number: u64, command: Trigger) -> Result<usize, Rejection> {
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        commanded(number, view.state, command)?;
+        let index = self.patch_named(&view.patch)?;
+        self.patches[index].calibration().refuse_if_open("finish or abort it first")?;
+        if command == Trigger::StartRamp {
+            self.patches[index].check_vented(now)?;
+        }
+        Ok(index)
+    }
+
+    /// The samples of a session were read, or why not: the command that needs them goes on.
+    pub(super) fn on_loaded(
+        &mut self,
+        now: Now,
+        ticket: u64,
+        result: Result<SessionSamples, NotLoaded>,
+        out: &mut Vec<Output>,
+    ) {
+        let Some(loading) = self.pending.take_load(ticket) else { return };
+        let reply = self.take_up(now, loading, result, out);
+        out.push(Output::Reply(loading.request, reply));
+    }
+
+    /// Everything may have changed while the samples were read, so that everything is asked again.
+    fn take_up(
+        &mut self,
+        now: Now,
+        loading: Loading,
+        result: Result<SessionSamples, NotLoaded>,
+        out: &mut Vec<Output>,
+    ) -> Reply {
+        let Loading { session: number, command, .. } = loading;
+        self.store_takes_records()?;
+        self.refuse_if_session_is_deleted(number)?;
+        if let Some(index) = self.held(number) {
+            return self.command_held(now, index, command, out);
+        }
+        let index = self.check_take_up(now, number, command)?;
+        let samples = result.map_err(|why| match why {
+            NotLoaded::Damaged(what) => Rejection::FailedPrecondition(format!(
+                "session {number} cannot go on, its samples are damaged on disk: {what}; start a new one"
+            )),
+            NotLoaded::Unavailable(why) => Rejection::Unavailable(why),
+        })?;
+        let patch = &mut self.patches[index];
+        if samples.samples.iter().any(|sample| sample.counts.len() != patch.taxels()) {
+            let name = patch.name();
+            let why = format!("session {number} is of another layout of patch `{name}` and cannot go on");
+            return Err(Rejection::FailedPrecondition(why));
+        }
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        patch.resume_session(now, SessionView::clone(view), samples);
+        self.command_held(now, index, command, out)
+    }
+
+    /// The patch that holds a session.
+    pub(super) fn held(&self, number: u64) -> Option<usize> {
+        self.patches.iter().position(|p| p.calibration().session().is_some_and(|s| s.number == number))
+    }
+}
+
+/// The positions of the modules that an operator leaves out, given as board address and module number.
+fn left_out(patch: &Patch, names: &[(u8, u8)]) -> Result<Vec<u16>, Rejection> {
+    let layout = &patch.plan().patch;
+    let invalid = |problem: String| Err(Rejection::InvalidArgument { field: "leave_out", problem });
+    let mut positions = Vec::new();
+    for &(board, module) in names {
+        let found = layout.modules().iter().position(|site| {
+            layout.boards()[usize::from(site.board)].address.get() == board && site.module.get() == module
+        });
+        match found.and_then(|position| u16::try_from(position).ok()) {
+            Some(position) => positions.push(position),
+            None => return invalid(format!("patch `{}` has no module {module} on board {board}", patch.name())),
+        }
+    }
+    positions.sort_unstable();
+    positions.dedup();
+    if positions.len() == layout.modules().len() {
+        return invalid("every module is left out: nothing would be calibrated".to_owned());
+    }
+    Ok(positions)
+}

@@ -1,0 +1,196 @@
+//! What is deleted, what is not, and how much there can be.
+
+use std::sync::Arc;
+
+use taxel_engine::Restored;
+use taxel_engine::calibration::{SessionState, SessionView};
+use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::engine::limits::{MODEL_SETS_MAX, SESSIONS_MAX};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::record::Record;
+
+use crate::bench::{Bench, session_of};
+use crate::rig::{patch_plan, plan, small_world};
+use crate::sessions::{in_review, ramping, start};
+use crate::shared::small;
+
+fn delete_set(id: &str) -> Command {
+    Command::DeleteModelSet { model_set: id.to_owned() }
+}
+
+fn another(id: &str) -> Arc<ModelSet> {
+    Arc::new(ModelSet { id: id.to_owned(), session: None, ..(*small().set).clone() })
+}
+
+fn known(bench: &Bench) -> Vec<&str> {
+    bench.host.catalogue.model_sets.iter().map(|set| set.id.as_str()).collect()
+}
+
+#[test]
+fn a_model_set_is_deleted_once_nothing_uses_it() {
+    let (mut bench, session) = in_review(30.0);
+    let set = bench.host.session().model_set.clone().unwrap();
+    bench.activate(&set).unwrap();
+    let why = bench.refused(delete_set(&set));
+    assert_eq!(why, format!("model set `{set}` is in use on patch `small`; activate another one first"));
+    assert_eq!(bench.refused(Command::DeleteSession { session }), why, "nor is the session that it came from");
+    bench.ask(Command::Import { model_set: another("m-other") }).unwrap();
+    bench.activate("m-other").unwrap();
+    assert!(matches!(bench.ask(delete_set(&set)), Ok(Done::Deleted)));
+    assert_eq!(known(&bench), ["m-other"]);
+    for command in
+        [delete_set(&set), Command::Activate { patch: String::new(), model_set: set.to_string(), expected: None }]
+    {
+        assert_eq!(bench.ask(command).unwrap_err(), Rejection::NotFound(format!("model set `{set}`")));
+    }
+    let view = &bench.host.catalogue.sessions[0];
+    assert_eq!((view.number, view.state), (session, SessionState::Review), "its session stays");
+}
+
+#[test]
+fn neither_an_open_session_nor_its_models_are_deleted() {
+    let (mut bench, session) = ramping(30.0);
+    assert_eq!(bench.refused(Command::DeleteSession { session }), "session 1 is RAMPING; abort it first");
+    let (mut bench, session) = in_review(30.0);
+    let set = bench.host.session().model_set.clone().unwrap();
+    session_of(bench.ask(Command::StartRamp { session }));
+    let why = bench.refused(delete_set(&set));
+    assert_eq!(why, format!("`{set}` is of session 1, which is TARING; finish or abort that first"));
+    assert_eq!(known(&bench), [&*set]);
+    let nothing = bench.ask(Command::DeleteSession { session: 77 });
+    assert_eq!(nothing.unwrap_err(), Rejection::NotFound("session 77".to_owned()));
+}
+
+#[test]
+fn a_deletion_takes_effect_when_it_is_on_disk_and_a_refused_one_has_none() {
+    let (mut bench, session) = in_review(30.0);
+    bench.host.disk_is_slow = true;
+    for refused in [true, false] {
+        let deletion = bench.host.command(Command::DeleteSession { session });
+        bench.seconds(0.1);
+        assert!(!bench.host.replied(deletion));
+        assert_eq!(bench.host.catalogue.sessions.len(), 1, "it is there until the disk has it");
+        for command in
+            [Command::StartRamp { session }, Command::DiscardSession { session }, Command::DeleteSession { session }]
+        {
+            assert_eq!(bench.refused(command), "session 1 is being deleted");
+        }
+        if refused {
+            bench.host.commit(Err("no space".to_owned()));
+            let Some(Err(Rejection::Unavailable(why))) = bench.host.reply(deletion) else { panic!("acknowledged") };
+            assert!(why.contains("nothing has changed: no space"), "{why}");
+            assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Review);
+            assert!(bench.host.sessions_gone.is_empty());
+        } else {
+            bench.host.commit(Ok(()));
+            assert!(matches!(bench.host.reply(deletion), Some(Ok(Done::Deleted))));
+        }
+    }
+    bench.host.disk_is_slow = false;
+    assert!(bench.host.catalogue.sessions.is_empty());
+    assert_eq!(bench.host.sessions_gone, [0], "readers of the patch's session learn of it");
+    assert_eq!(bench.ask(Command::StartRamp { session }).unwrap_err(), Rejection::NotFound("session 1".to_owned()));
+    let shown = bench.host.sessions.len();
+    bench.host.durable(session, 1_000);
+    bench.seconds(1.0);
+    assert_eq!(bench.host.sessions.len(), shown, "nothing more is shown of it");
+    assert_eq!(known(&bench).len(), 1, "its models stay");
+    assert_eq!(session_of(bench.ask(start())).number, 2, "its number is not used again");
+}
+
+#[test]
+fn what_is_being_activated_is_not_deleted_and_what_is_being_deleted_not_activated() {
+    let (mut bench, session) = in_review(30.0);
+    let set = bench.host.session().model_set.clone().unwrap();
+    bench.host.disk_is_slow = true;
+    let activate = || Command::Activate { patch: String::new(), model_set: set.to_string(), expected: None };
+    let activation = bench.host.command(activate());
+    for command in [delete_set(&set), Command::DeleteSession { session }] {
+        assert_eq!(bench.refused(command), format!("model set `{set}` is being activated"));
+    }
+    bench.host.commit(Err("no space".to_owned()));
+    assert!(bench.host.reply(activation).unwrap().is_err());
+    let deletion = bench.host.command(delete_set(&set));
+    for command in [activate(), delete_set(&set)] {
+        assert_eq!(bench.refused(command), format!("model set `{set}` is being deleted"));
+    }
+    bench.host.commit(Ok(()));
+    assert!(matches!(bench.host.reply(deletion), Some(Ok(Done::Deleted))));
+    assert!(known(&bench).is_empty());
+}
+
+/// A session whose samples are being read is not open yet.
+#[test]
+fn a_session_that_is_deleted_while_its_samples_are_read_does_not_go_on() {
+    let (mut bench, session) = in_review(30.0);
+    let newer = session_of(bench.ask(start())).number;
+    session_of(bench.ask(Command::AbortSession { session: newer }));
+    bench.host.disk_is_slow = true;
+    for deleted in [false, true] {
+        let ramp = bench.host.command(Command::StartRamp { session });
+        let deletion = bench.host.command(Command::DeleteSession { session });
+        if deleted {
+            bench.host.commit(Ok(()));
+        }
+        bench.host.load();
+        let refusal = bench.host.reply(ramp).unwrap().unwrap_err();
+        let expected = if deleted {
+            Rejection::NotFound("session 1".to_owned())
+        } else {
+            Rejection::FailedPrecondition("session 1 is being deleted".to_owned())
+        };
+        assert_eq!(refusal, expected);
+        bench.host.commit(Err("no space".to_owned()));
+        assert_eq!(bench.host.reply(deletion).unwrap().is_ok(), deleted);
+    }
+    let ramps = bench.host.records.iter().filter(|r| matches!(r, Record::Session(view) if view.number == session));
+    assert!(ramps.clone().all(|r| !matches!(r, Record::Session(view) if view.ramps > 1)));
+}
+
+#[test]
+fn at_the_limit_of_model_sets_an_operator_is_told_to_delete_some() {
+    let sets: Vec<_> = (0..MODEL_SETS_MAX).map(|n| another(&format!("m-{n}"))).collect();
+    let restored = Restored { model_sets: sets.clone(), ..Restored::default() };
+    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), restored);
+    bench.brought_up();
+    let import = |model_set| Command::Import { model_set };
+    for command in [import(another("m-more")), start()] {
+        let why = bench.refused(command);
+        let expected = "there are 100 model sets, and 100 is the limit: delete some with DeleteModelSet first";
+        assert_eq!(why, expected);
+    }
+    assert!(bench.ask(import(Arc::clone(&sets[7]))).is_ok(), "one that is there already needs no room");
+    bench.ask(delete_set("m-7")).unwrap();
+    bench.host.disk_is_slow = true;
+    let first = bench.host.command(import(another("m-more")));
+    let why = bench.refused(import(another("m-too-much")));
+    assert!(why.contains("100 is the limit"), "what is being written counts: {why}");
+    bench.host.commit(Ok(()));
+    assert!(matches!(bench.host.reply(first), Some(Ok(Done::Imported { .. }))));
+    assert_eq!(known(&bench).len(), MODEL_SETS_MAX);
+}
+
+#[test]
+fn at_the_limit_of_sessions_an_operator_is_told_to_delete_some() {
+    let view = |number| {
+        let (patch, state) = ("small".to_owned(), SessionState::Aborted);
+        Arc::new(SessionView { number, patch, state, ..SessionView::default() })
+    };
+    let sessions: Vec<_> = (1..=SESSIONS_MAX as u64).map(view).collect();
+    let restored = Restored { sessions, next_session: SESSIONS_MAX as u64 + 1, ..Restored::default() };
+    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), restored);
+    bench.brought_up();
+    let why = bench.refused(start());
+    assert_eq!(why, "there are 1000 sessions, and 1000 is the limit: delete some with DeleteSession first");
+    bench.ask(Command::DeleteSession { session: 1 }).unwrap();
+    assert_eq!(session_of(bench.ask(start())).number, 1_001);
+}
+
+#[test]
+fn what_the_store_found_damaged_is_a_problem_of_the_health() {
+    let line = "model set m-1 is damaged on disk and not used: its hash is not that of its content".to_owned();
+    let restored = Restored { problems: vec![line.clone()], ..Restored::default() };
+    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), restored);
+    bench.seconds(1.0);
+    assert_eq!(bench.host.health().problems, [line]);
+}

@@ -1,0 +1,67 @@
+//! Files that an earlier version wrote.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use rusqlite::Connection;
+use taxel_engine::loads::Load;
+use taxel_engine::record::Record;
+
+use super::fixture::*;
+use crate::db::Db;
+use crate::schema;
+
+/// The tables of each version that hold rows.
+const TABLES: [&[&str]; 2] =
+    [&["sessions", "ramps", "samples", "model_sets", "activations", "tares", "tally"], &["loads"]];
+
+/// A store as `version` wrote it, with what [`filled`] has.
+fn written_by(version: usize, path: &Path) -> [taxel_engine::model_set::ModelSet; 2] {
+    let newer = path.with_extension("newer");
+    let sets = filled(&newer);
+    let old = Connection::open(path).unwrap();
+    old.execute_batch("PRAGMA journal_mode = wal").unwrap();
+    schema::STEPS[..version].iter().for_each(|step| old.execute_batch(step).unwrap());
+    old.pragma_update(None, "application_id", schema::APPLICATION_ID).unwrap();
+    old.pragma_update(None, "user_version", version as i64).unwrap();
+    old.execute("ATTACH ?1 AS newer", [newer.to_str().unwrap()]).unwrap();
+    for table in TABLES[..version].iter().copied().flatten() {
+        old.execute(&format!("INSERT INTO {table} SELECT * FROM newer.{table}"), []).unwrap();
+    }
+    sets
+}
+
+fn schema_of(path: &Path) -> Vec<String> {
+    let connection = Connection::open(path).unwrap();
+    let mut statement =
+        connection.prepare("SELECT sql FROM sqlite_schema WHERE sql IS NOT NULL ORDER BY name").unwrap();
+    statement.query_map([], |row| row.get(0)).unwrap().map(Result::unwrap).collect()
+}
+
+#[test]
+fn a_file_of_every_earlier_version_keeps_all_it_has_and_takes_what_is_new() {
+    for version in 1..schema::STEPS.len() {
+        let dir = tempfile::tempdir().unwrap();
+        let (path, fresh) = (dir.path().join("store.db"), dir.path().join("fresh.db"));
+        let sets = written_by(version, &path);
+        filled(&fresh);
+        let (store, restored, quarantined, _events) = open(&path);
+        assert_eq!(quarantined, [], "version {version}");
+        assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())]);
+        assert_eq!((restored.model_sets.len(), restored.sessions.len(), restored.next_session), (2, 2, 3));
+        assert_eq!(samples_of(&store, 2).unwrap().samples.len(), 40);
+        assert_eq!((restored.loads.len(), restored.next_load), (0, 1));
+        let load = Load { number: 1, patch: PATCH.to_owned(), force_n: 1.0, ..Load::default() };
+        write(&store, vec![Record::Load(Arc::new(load))]).unwrap();
+        write(&store, vec![Record::SessionDeleted { session: 2, wall_ns: 5 }]).unwrap();
+        store.close().unwrap();
+        assert_eq!(schema_of(&path), schema_of(&fresh), "version {version}");
+        let connection = Connection::open(&path).unwrap();
+        let found: i64 = connection.pragma_query_value(None, "user_version", |row| row.get(0)).unwrap();
+        drop(connection);
+        assert_eq!(found, schema::VERSION);
+        let (_, restored, quarantined) = Db::open(&path).unwrap();
+        assert_eq!(quarantined, [], "version {version}");
+        assert_eq!((restored.loads.len(), restored.sessions.len(), restored.next_session), (1, 1, 3));
+    }
+}
