@@ -63,7 +63,7 @@ pub enum CalibrationEvent {
     /// Its progress, for readers alone.
     Progress(Arc<SessionView>),
     /// This is to be computed outside the engine.
-    Fit(FitJob),
+    Fit(Box<FitJob>),
 }
 
 /// The calibration of one patch.
@@ -282,7 +282,7 @@ impl Calibration {
             _ => String::new(),
         };
         self.enter(now, SessionState::Fitting, ended_early, gauge, events);
-        events.push(CalibrationEvent::Fit(job));
+        events.push(CalibrationEvent::Fit(Box::new(job)));
     }
 
     /// Whether the outcome of a fit is the one that this session waits for.

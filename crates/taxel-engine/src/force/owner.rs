@@ -44,6 +44,9 @@ pub struct ZeroState {
     pub load_vanished: bool,
 }
 
+/// The tables of the models at the present zero, and what hysteresis adds to each taxel, kPa, where it is compensated.
+pub type SharedTables = (Arc<Tables>, Option<Arc<[f32]>>);
+
 /// A sample, and the taxels whose force is in its total, ascending.
 #[derive(Clone, Debug, Default)]
 pub struct Measured {
@@ -272,7 +275,7 @@ impl Force {
 
     /// The tables at the present zero and what each taxel's history adds, for readers of taxels.
     #[must_use]
-    pub fn tables(&self) -> Option<(Arc<Tables>, Option<Arc<[f32]>>)> {
+    pub fn tables(&self) -> Option<SharedTables> {
         self.evaluator.as_ref().map(|e| (Arc::clone(e.tables()), e.hysteresis().cloned()))
     }
 }

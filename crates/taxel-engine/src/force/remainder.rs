@@ -9,6 +9,9 @@
 //! they return from day to day. So what the zero itself may hide counts, too: with `h = sum w (zero - zero of the models)`
 //! over a module, `H` is the sum of all `h`, a load on everything, or that of the three greatest, a contact, whichever is
 //! more. The floor is `max(R, 0) + max(H, 0)` and two standard uncertainties.
+//!
+//! Taxels below the threshold that are in the total because they touch an active one were chosen by their reading, so
+//! that their noise does not average out: it adds up, `(sum w s)^2` over these.
 
 use std::ops::Range;
 use taxel_skin::Newton;
@@ -31,6 +34,8 @@ struct Share {
     zero: f32,
     /// Noise of a single reading, N.
     noise_n: f32,
+    /// Its force at the activation threshold, N.
+    threshold_n: f32,
 }
 
 /// The remainder of a patch at one zero and one selection.
@@ -52,7 +57,7 @@ pub struct Remainder {
 /// What may press unseen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Unseen {
-    /// Its standard uncertainty, N.
+    /// Its standard uncertainty, and that of the choice of the active taxels, N.
     pub sigma_n: f64,
     /// The force that may press in addition without activating a taxel.
     pub floor: Newton,
@@ -79,7 +84,8 @@ impl Remainder {
             let noise_n = (per_count * rest.noise.max(NOISE_FLOOR_COUNTS)) as f32;
             let newton_per_count = (per_count * tables.sign(taxel)) as f32;
             let usable = rest.mean.is_finite() && newton_per_count.is_finite() && noise_n.is_finite();
-            usable.then_some(Share { newton_per_count, zero: rest.mean as f32, noise_n })
+            let threshold_n = edge as f32;
+            usable.then_some(Share { newton_per_count, zero: rest.mean as f32, noise_n, threshold_n })
         };
         let shares: Vec<Share> =
             (0..selected.len()).map(|t| selected[t].then(|| share(t)).flatten().unwrap_or_default()).collect();
@@ -99,16 +105,21 @@ impl Remainder {
     pub fn unseen(&self, counts: &[u8], active: impl Iterator<Item = usize>, zero_sigma_counts: f64) -> Unseen {
         let (mut rest_n, mut noise_n2, mut per_count_n) =
             (dot(&self.newton_per_count, counts) - self.zeros_n, self.noise_n2, self.per_count_n);
+        let mut chosen_n = 0.0;
         for taxel in active {
             let (Some(share), Some(&count)) = (self.shares.get(taxel), counts.get(taxel)) else { continue };
-            rest_n -= f64::from(share.newton_per_count) * (f64::from(count) - f64::from(share.zero));
+            let pressed_n = f64::from(share.newton_per_count) * (f64::from(count) - f64::from(share.zero));
+            rest_n -= pressed_n;
+            if pressed_n < f64::from(share.threshold_n) {
+                chosen_n += f64::from(share.noise_n);
+            }
             noise_n2 -= f64::from(share.noise_n).powi(2);
             per_count_n -= f64::from(share.newton_per_count).abs();
         }
-        let sigma_n = (noise_n2.max(0.0) + (zero_sigma_counts * per_count_n).powi(2)).sqrt();
+        let unseen_n = (noise_n2.max(0.0) + (zero_sigma_counts * per_count_n).powi(2)).sqrt();
         Unseen {
-            sigma_n,
-            floor: Newton(rest_n.max(0.0) + self.hidden_n + FLOOR_SIGMAS * sigma_n),
+            sigma_n: unseen_n.hypot(chosen_n),
+            floor: Newton(rest_n.max(0.0) + self.hidden_n + FLOOR_SIGMAS * unseen_n),
             offset_counts: if per_count_n > 0.0 { rest_n / per_count_n } else { 0.0 },
         }
     }

@@ -102,7 +102,8 @@ impl BringUp {
     /// Who comes late moves all that follows, because boards need the waits between the commands, and so do patches that
     /// share a board: the second's configuration must not come after the first has enabled its modules.
     pub fn next_due(&mut self, now: Time) -> Option<(usize, Frame)> {
-        let step = self.steps.pop_front_if(|step| step.due <= now)?;
+        let due = self.steps.front().is_some_and(|step| step.due <= now);
+        let step = if due { self.steps.pop_front()? } else { return None };
         let late = now.since(step.due);
         self.steps.iter_mut().for_each(|step| step.due = step.due + late);
         self.proof_until = self.proof_until + late;

@@ -108,7 +108,7 @@ fn the_story_of_a_named_seed_holds_no_lie() {
 
 #[test]
 fn the_same_seed_tells_the_same_story() {
-    for seed in [1, 2] {
+    for seed in [1, 4] {
         let (first, second) = (story::play(seed), story::play(seed));
         assert!(first.lines.len() > 5 && first.tally.samples > 100, "seed {seed}: {:?}", first.lines);
         assert_eq!(first.lines, second.lines, "seed {seed}");

@@ -153,3 +153,13 @@ fn unsafe_code_is_in_taxel_can_alone() {
     }
     assert_eq!(with_unsafe, BTreeSet::from(["taxel-can".to_owned()]));
 }
+
+/// The engine belongs to one task; a snapshot to all.
+#[test]
+fn the_engine_can_move_to_its_task_and_snapshots_can_be_shared() {
+    const fn may_move<T: Send>() {}
+    const fn may_be_shared<T: Send + Sync>() {}
+    may_move::<taxel_engine::Engine>();
+    may_be_shared::<taxel_engine::snapshot::PatchSnapshot>();
+    may_be_shared::<taxel_engine::calibration::SessionView>();
+}

@@ -95,9 +95,7 @@ fn a_board_that_sends_at_another_period_gets_a_warning() {
     for ms in [10, 100] {
         let mut bench = at_a_period_of(ms);
         let expected = format!("sends every {ms} ms, the configuration says 50 ms");
-        bench.until(4.5, &expected, |host| {
-            host.health().boards.iter().all(|board| board.warnings.iter().any(|warning| *warning == expected))
-        });
+        bench.until(4.5, &expected, |host| host.health().boards.iter().all(|board| board.warnings.contains(&expected)));
     }
     let mut bench = small().in_use();
     bench.seconds(10.0);

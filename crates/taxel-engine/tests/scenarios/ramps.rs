@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
+use taxel_engine::Restored;
 use taxel_engine::calibration::{SampleRefusal, SessionState};
 use taxel_engine::command::{Command, Rejection};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
-use taxel_engine::{Engine, Restored};
 use taxel_model::{Status, TaxelModel};
 use taxel_sim::{Fault, PumpCommand};
 use taxel_skin::TaxelIndex;
@@ -328,16 +328,6 @@ fn a_store_that_fails_ends_the_session_and_takes_no_new_one() {
     }
     bench.seconds(0.5);
     assert!(bench.host.health().problems[0].contains("the disk is full"));
-}
-
-/// The engine belongs to one task; a snapshot to all.
-#[test]
-fn the_engine_can_move_to_its_task_and_snapshots_can_be_shared() {
-    const fn may_move<T: Send>() {}
-    const fn may_be_shared<T: Send + Sync>() {}
-    may_move::<Engine>();
-    may_be_shared::<taxel_engine::snapshot::PatchSnapshot>();
-    may_be_shared::<taxel_engine::calibration::SessionView>();
 }
 
 /// The median over its calibrated counts of how far two models of one taxel lie apart, kPa.

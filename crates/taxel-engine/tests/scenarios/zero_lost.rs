@@ -55,7 +55,7 @@ fn a_zero_taken_under_a_load_stays_lost_when_the_load_comes_back() {
     }
 }
 
-/// A tare was asked for, the zero went `after_s` later: the tare is refused, and no force is made of either.
+/// A tare is refused because of what happened while the skin was watched for it.
 fn is_refused(reply: Option<Reply>, what: &str) {
     let Some(Err(Rejection::FailedPrecondition(why))) = reply else { panic!("{what}: {reply:?}") };
     assert!(why.contains("meanwhile"), "{what}: {why}");
@@ -152,6 +152,9 @@ fn a_tare_while_boards_are_configured_is_refused() {
     bench.tare(None).unwrap();
 }
 
+/// What happens to a zero, by name.
+type Event<'a> = (&'a str, &'a dyn Fn(&mut Bench));
+
 /// Something happens 0.9 s into the watch of a session: its ramp begins after a second of rest that came later.
 #[test]
 fn a_session_watches_a_whole_second_after_its_zero_was_lost() {
@@ -171,7 +174,7 @@ fn a_session_watches_a_whole_second_after_its_zero_was_lost() {
         bench.world.bring_up_boards(now);
         bench.seconds(0.1);
     };
-    let events: [(&str, &dyn Fn(&mut Bench)); 3] =
+    let events: [Event<'_>; 3] =
         [("bus-off", &bus_off), ("lost acknowledgements", &no_acks), ("power cycle", &power_cycle)];
     for (name, happens) in events {
         for models in [true, false] {

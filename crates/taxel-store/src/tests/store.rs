@@ -54,6 +54,23 @@ fn samples_are_read_with_all_that_was_submitted_before() {
 }
 
 #[test]
+fn failed_and_aborted_sessions_keep_their_samples_for_another_ramp() {
+    for state in [SessionState::Failed, SessionState::Aborted] {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        filled(&path);
+        let (store, ..) = open(&path);
+        write(&store, vec![session(2, state)]).unwrap();
+        store.close().unwrap();
+        let (_, restored, quarantined, _events) = open(&path);
+        assert_eq!(quarantined, []);
+        assert_eq!(restored.sessions[1].view.state, state);
+        let samples = restored.sessions[1].samples.as_ref();
+        assert_eq!(samples.map(|s| (s.ramps.len(), s.samples.len())), Some((1, 40)), "{state:?}");
+    }
+}
+
+#[test]
 fn samples_that_nobody_waits_for_become_durable_and_are_counted() {
     let dir = tempfile::tempdir().unwrap();
     let (store, _, _, events) = open(&dir.path().join("store.db"));
