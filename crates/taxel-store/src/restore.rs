@@ -167,7 +167,11 @@ fn give_samples_to_newest(
         match gathered(connection, view.number) {
             Ok(samples) => session.samples = Some(samples),
             Err(reason) => {
-                quarantined.push(Quarantined::new(format!("samples of session {}", view.number), reason));
+                let what = format!("samples of session {}", view.number);
+                // A session that was under way and has failed because of them has told of it already.
+                if quarantined.iter().all(|known| known.what != what) {
+                    quarantined.push(Quarantined::new(what, reason));
+                }
             }
         }
     }
