@@ -150,7 +150,7 @@ fn sessions(
         [],
         |row| row.get(0),
     )?;
-    newest = newest.max(deletions.newest_session()).max(written(connection, Stream::Sessions).unwrap_or(0));
+    newest = newest.max(deletions.newest_session()).max(written(connection, Stream::Sessions)?.unwrap_or(0));
     let mut found = deletions.sessions();
     while let Some(row) = rows.next()? {
         let number: i64 = row.get(0)?;

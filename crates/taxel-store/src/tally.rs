@@ -96,22 +96,23 @@ impl Tally {
     }
 }
 
-/// How many rows a stream got, as far as that is known.
-pub(crate) fn written(connection: &Connection, stream: Stream) -> rusqlite::Result<u64> {
-    Tally::default().get(connection, stream)
+/// How many rows a stream got; `None` if the record of it is damaged.
+pub(crate) fn written(connection: &Connection, stream: Stream) -> rusqlite::Result<Option<u64>> {
+    let name = stream.to_string();
+    let mut statement = connection.prepare_cached("SELECT rows, checksum FROM tally WHERE stream = ?1")?;
+    let mut found = statement.query([&name])?;
+    let Some(row) = found.next()? else { return Ok(Some(0)) };
+    Ok(match (row.get::<_, u64>(0), row.get::<_, Vec<u8>>(1)) {
+        (Ok(written), Ok(checksum)) if checksum == rows::tally_checksum(&name, written) => Some(written),
+        _ => None,
+    })
 }
 
 /// Why a stream of which a start found `rows` rows is not whole; `None` if it is.
 pub(crate) fn shortfall(connection: &Connection, stream: Stream, rows: u64) -> rusqlite::Result<Option<String>> {
-    let name = stream.to_string();
-    let mut statement = connection.prepare_cached("SELECT rows, checksum FROM tally WHERE stream = ?1")?;
-    let mut found = statement.query([&name])?;
-    let written = match found.next()? {
-        None => 0,
-        Some(row) => match (row.get::<_, u64>(0), row.get::<_, Vec<u8>>(1)) {
-            (Ok(written), Ok(checksum)) if checksum == rows::tally_checksum(&name, written) => written,
-            _ => return Ok(Some("the record of how many there were is damaged".to_owned())),
-        },
-    };
-    Ok((written != rows).then(|| format!("{written} were written, {rows} are there")))
+    Ok(match written(connection, stream)? {
+        None => Some("the record of how many there were is damaged".to_owned()),
+        Some(written) if written == rows => None,
+        Some(written) => Some(format!("{written} were written, {rows} are there")),
+    })
 }

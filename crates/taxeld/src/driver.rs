@@ -258,14 +258,16 @@ impl Driver {
         }
     }
 
-    /// Writes down what the engine intends, and tells it how that went.
-    fn commit_intended(&mut self, ticket: u64, records: Vec<Record>) {
+    /// Writes down what the engine intends, and tells it how that went. Where the store's queue has no room nothing is
+    /// lost: what is not written does not come about.
+    fn commit_intended(&self, ticket: u64, records: Vec<Record>) {
         let done = self.tell_done.clone();
         let on_durable: OnDurable = Box::new(move |outcome: Result<Durability, StoreError>| {
             done.tell(Done::Committed(ticket, outcome.map(|_| ()).map_err(|error| error.to_string())));
         });
         if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable: Some(on_durable) }) {
-            self.tell_done.tell(Done::Store(StoreEvent::Failed(refuse(batch))));
+            let why = refuse(batch);
+            tracing::warn!(%why, "a change was refused");
         }
     }
 

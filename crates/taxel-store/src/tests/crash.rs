@@ -83,7 +83,8 @@ fn what_was_deleted_stays_deleted_through_thirty_kills() {
         }
         let (store, restored, quarantined, _events) = open(&path);
         assert_eq!(quarantined, [], "cycle {cycle}");
-        assert!(restored.sessions.len() <= 2, "cycle {cycle}: each deletes the one before");
+        // A kill between making the next one and deleting the one before leaves one behind.
+        assert!(restored.sessions.len() <= cycle + 2, "cycle {cycle}: {} sessions", restored.sessions.len());
         let bytes = std::fs::read(&path).unwrap();
         for (number, id) in &made {
             let session = restored.sessions.iter().any(|view| view.number == *number);
