@@ -58,6 +58,16 @@ impl Trigger {
         Self::Restart,
     ];
 
+    /// Why a session is in the state that an operator's command ended it with, in words.
+    #[must_use]
+    pub const fn reason(self) -> &'static str {
+        match self {
+            Self::Abort => "an operator aborted it",
+            Self::Discard => "an operator laid it aside",
+            _ => "",
+        }
+    }
+
     /// What an operator cannot do now, in words; for triggers that are commands.
     const fn what(self) -> &'static str {
         match self {

@@ -182,8 +182,9 @@ impl Engine {
         command: Trigger,
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
-        if command != Trigger::Abort {
-            self.store_takes_records()?;
+        self.store_takes_records()?;
+        if matches!(command, Trigger::Abort | Trigger::Discard) && self.held(number).is_none() {
+            return self.end_session_of_earlier(now, number, command, out);
         }
         let index = self.hold_session(now, number, command)?;
         let view = self.with_patch(now, index, out, |patch, effects| patch.command_session(now, command, effects))?;
@@ -192,20 +193,33 @@ impl Engine {
 
     fn discard(&mut self, now: Now, number: u64, out: &mut Vec<Output>) -> Result<Answer, Rejection> {
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
-        let used = |patch: &Patch| patch.models().is_some_and(|set| view.model_set.as_deref() == Some(set.id.as_str()));
-        if self.patches.iter().any(used) {
+        let in_use = |id: &str| {
+            self.patches.iter().any(|patch| patch.models().is_some_and(|set| set.id == id))
+                || self.pending.brings_into_use(id)
+        };
+        if view.model_set.as_deref().is_some_and(in_use) {
             let why = format!("the models of session {number} are in use; activate others first");
             return Err(Rejection::FailedPrecondition(why));
         }
-        if self.held(number).is_some() {
-            return self.command_session(now, number, Trigger::Discard, out);
-        }
-        // A session of an earlier run that no patch holds any more.
+        self.command_session(now, number, Trigger::Discard, out)
+    }
+
+    /// Ends a session that no patch holds: the one that its patch holds stays there, with its samples.
+    fn end_session_of_earlier(
+        &mut self,
+        now: Now,
+        number: u64,
+        command: Trigger,
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
         let mut view = SessionView::clone(view);
-        view.state = commanded(number, view.state, Trigger::Discard)?;
-        view.reason = "an operator laid it aside".to_owned();
+        view.state = commanded(number, view.state, command)?;
+        view.reason = command.reason().to_owned();
         view.changed_wall_ns = now.wall_ns;
-        self.resumable.remove(&number);
+        if view.state == SessionState::Discarded {
+            self.resumable.remove(&number);
+        }
         let view = Arc::new(view);
         out.push(Output::Record(Record::Session(Arc::clone(&view))));
         Ok(Answer::Now(Done::Session(view)))

@@ -72,6 +72,12 @@ impl Pending {
         self.effects.remove(&ticket)
     }
 
+    /// Whether some patch waits for this model set to come into use.
+    #[must_use]
+    pub fn brings_into_use(&self, id: &str) -> bool {
+        self.effects.values().any(|effect| matches!(effect, Effect::Activate { set, .. } if set.id == id))
+    }
+
     /// Whether a patch waits for a model set to come into use.
     #[must_use]
     pub fn activates(&self, index: usize) -> bool {

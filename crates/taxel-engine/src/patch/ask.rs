@@ -44,9 +44,8 @@ impl Patch {
     /// # Errors
     /// [`Rejection`] if something moved the zero meanwhile.
     pub fn adopt_zero(&mut self, now: Now, request: RequestId) -> Result<TareView, Rejection> {
-        let view = self.zero.adopt(now, request);
-        let lost = || Rejection::FailedPrecondition(format!("the zero was lost meanwhile: {}", self.zero.reason()));
-        let view = view.ok_or_else(lost)?;
+        let lost = |why| Rejection::FailedPrecondition(format!("the zero was lost while it was written down: {why}"));
+        let view = self.zero.adopt(now, request).map_err(lost)?;
         self.use_zero();
         self.dirty = true;
         Ok(view)
@@ -112,10 +111,10 @@ impl Patch {
         self.on_calibration_events(now, events, effects);
     }
 
-    /// The fit that its session awaits came back.
+    /// A fit came back.
     pub fn on_fitted(&mut self, now: Now, outcome: &FitOutcome, effects: &mut Effects<'_>) {
         let mut events = Vec::new();
-        self.calibration.on_fitted(now, &outcome.result, self.intake.gauge(), &mut events);
+        self.calibration.on_fitted(now, outcome, self.intake.gauge(), &mut events);
         self.on_calibration_events(now, events, effects);
     }
 

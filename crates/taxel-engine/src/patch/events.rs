@@ -90,7 +90,7 @@ impl Patch {
                     effects.out.push(Output::Session(self.index, view));
                 }
                 CalibrationEvent::Progress(view) => effects.out.push(Output::Session(self.index, view)),
-                CalibrationEvent::Fit(job) => effects.out.push(Output::Fit(job)),
+                CalibrationEvent::Fit(job) => effects.out.push(Output::Fit(*job)),
             }
         }
     }

@@ -22,6 +22,7 @@ use crate::now::Now;
 use crate::plan::PatchPlan;
 use crate::request::RequestId;
 use crate::zero::holder::{Surroundings, Zero};
+use crate::zero::watch::Purpose;
 
 /// What must be on disk before it takes effect.
 #[derive(Clone, Debug)]
@@ -191,6 +192,7 @@ impl Patch {
     }
 
     fn on_scan(&mut self, now: Now, effects: &mut Effects<'_>) {
+        self.end_watch_under_pressure(now, effects);
         let mut events = Vec::new();
         let left_out = self.calibration.session().is_some_and(|view| view.state.is_open() && !view.left_out.is_empty());
         let around = Surroundings {
@@ -205,6 +207,19 @@ impl Patch {
         self.offer_to_session(now, left_out, effects);
         self.force.follow(&self.intake.scan());
         self.publish(now, effects);
+    }
+
+    /// A ramp's zero is taken of a skin that nothing presses on. In its first session a skin has no models that would
+    /// show a bag that stands at a pressure, but the gauge does.
+    fn end_watch_under_pressure(&mut self, now: Now, effects: &mut Effects<'_>) {
+        if !matches!(self.zero.watching(), Some(Purpose::Session { .. })) {
+            return;
+        }
+        if let Err(presses) = self.check_vented(now) {
+            let mut events = Vec::new();
+            self.zero.end_watch(presses.to_string(), &mut events);
+            self.on_zero_events(now, events, effects);
+        }
     }
 
     /// Whether the bag is letting go, so that loads may vanish.
