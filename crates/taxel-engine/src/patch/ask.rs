@@ -29,10 +29,7 @@ impl Patch {
         effects: &mut Effects<'_>,
     ) -> Result<(), Rejection> {
         self.calibration.refuse_if_open("it takes the zero itself; abort it first")?;
-        if !self.intake.bring_up().is_done() {
-            let why = "the boards are being configured, which takes their zero anew: tare when they are verified";
-            return Err(Rejection::FailedPrecondition(why.to_owned()));
-        }
+        self.check_configured()?;
         let mut events = Vec::new();
         self.zero.watch(now.time, Purpose::Operator { request, confirmed_by }, &mut events);
         self.on_zero_events(now, events, effects);
@@ -54,6 +51,18 @@ impl Patch {
     /// The zero that was proven for `request` could not be written down.
     pub fn reject_zero(&mut self, request: RequestId) {
         self.zero.reject(request);
+    }
+
+    /// Refuses to take a zero while the boards are being configured.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with what to wait for.
+    pub fn check_configured(&self) -> Result<(), Rejection> {
+        if self.intake.bring_up().is_done() {
+            return Ok(());
+        }
+        let why = "the boards are being configured, which takes their zero anew: tare when they are verified";
+        Err(Rejection::FailedPrecondition(why.to_owned()))
     }
 
     /// Refuses what needs a skin at rest while the bag presses on it.

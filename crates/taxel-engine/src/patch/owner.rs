@@ -192,7 +192,7 @@ impl Patch {
     }
 
     fn on_scan(&mut self, now: Now, effects: &mut Effects<'_>) {
-        self.end_watch_under_pressure(now, effects);
+        let no_rest = self.end_watch_of_no_rest(now, effects);
         let mut events = Vec::new();
         let left_out = self.calibration.session().is_some_and(|view| view.state.is_open() && !view.left_out.is_empty());
         let around = Surroundings {
@@ -200,6 +200,7 @@ impl Patch {
             boards_ready: self.intake.bring_up().is_done(),
             session_open: self.calibration.open().is_some(),
             parts_left_out: left_out,
+            no_rest,
             pressing: self.calibration.is_ramping() && !self.pressure_falls(now.time),
         };
         self.zero.on_scan(now, &self.intake.scan(), around, &mut events);
@@ -209,17 +210,18 @@ impl Patch {
         self.publish(now, effects);
     }
 
-    /// A ramp's zero is taken of a skin that nothing presses on. In its first session a skin has no models that would
-    /// show a bag that stands at a pressure, but the gauge does.
-    fn end_watch_under_pressure(&mut self, now: Now, effects: &mut Effects<'_>) {
+    /// A ramp's zero is taken of boards that keep theirs, and of a skin that nothing presses on. In its first session a
+    /// skin has no models that would show a bag that stands at a pressure, but the gauge does.
+    /// Returns whether that is not so.
+    fn end_watch_of_no_rest(&mut self, now: Now, effects: &mut Effects<'_>) -> bool {
         if !matches!(self.zero.watching(), Some(Purpose::Session { .. })) {
-            return;
+            return false;
         }
-        if let Err(presses) = self.check_vented(now) {
-            let mut events = Vec::new();
-            self.zero.end_watch(presses.to_string(), &mut events);
-            self.on_zero_events(now, events, effects);
-        }
+        let Err(why) = self.check_configured().and_then(|()| self.check_vented(now)) else { return false };
+        let mut events = Vec::new();
+        self.zero.end_watch(why.to_string(), &mut events);
+        self.on_zero_events(now, events, effects);
+        true
     }
 
     /// Whether the bag is letting go, so that loads may vanish.

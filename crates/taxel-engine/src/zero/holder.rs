@@ -77,6 +77,8 @@ pub struct Surroundings<'a> {
     pub session_open: bool,
     /// Whether that session does without some modules.
     pub parts_left_out: bool,
+    /// Whether the scan cannot be one of rest for a session: the bag presses, or the boards are being configured.
+    pub no_rest: bool,
     /// Whether a bag presses on everything and does not let go.
     pub pressing: bool,
 }
@@ -317,7 +319,8 @@ impl Zero {
         }
         let Some(watch) = &mut self.watch else { return };
         // A session needs every module. A live zero does without the silent ones: they have none, and no force.
-        if !scan.whole && matches!(watch.purpose(), Purpose::Session { .. }) && !around.parts_left_out {
+        let for_session = matches!(watch.purpose(), Purpose::Session { .. });
+        if for_session && (around.no_rest || (!scan.whole && !around.parts_left_out)) {
             return;
         }
         watch.push(now.time, scan.sound_counts());

@@ -1,10 +1,13 @@
 //! What random walks have found, one short walk each.
 
+use taxel_engine::record::Record;
+
 use crate::check::{Seen, check};
 use crate::daemon::Daemon;
 use crate::model::Passing::{Hold, Rise, Vent};
 use crate::model::Step::{self, *};
 use crate::model::{Model, Set};
+use crate::world::EPOCH_NS;
 
 /// Walks these steps, and checks everything after each.
 fn walk(steps: &[Step]) {
@@ -29,6 +32,20 @@ fn from_review(steps: &[Step]) {
 #[test]
 fn no_ramp_begins_while_the_bag_presses() {
     walk(&[StartSession, Pass(Rise), Pass(Hold)]);
+}
+
+/// While boards are configured they take their zeros anew, and what is seen of them is of two zeros.
+#[test]
+fn the_zero_of_a_ramp_is_watched_when_the_boards_are_configured() {
+    let mut daemon = Daemon::new();
+    daemon.apply(StartSession);
+    daemon.apply(Pass(Hold));
+    let tared = daemon.store.on_disk().iter().find_map(|record| match record {
+        Record::Tared { tare, .. } => Some(tare.wall_ns - EPOCH_NS),
+        _ => None,
+    });
+    // The boards are configured for half a second, and then the skin is watched for a second.
+    assert!(tared.is_some_and(|ns| ns >= 1_500_000_000), "{tared:?}");
 }
 
 /// The fit of fewer samples, asked for before an abort, comes back while a second one is awaited.

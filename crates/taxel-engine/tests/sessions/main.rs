@@ -9,6 +9,7 @@ mod check;
 mod daemon;
 mod found;
 mod model;
+mod patches;
 mod store;
 mod walk;
 mod world;
