@@ -19,7 +19,6 @@ use crate::calibration::transition::{Trigger, commanded, transition};
 use crate::calibration::view::{SessionState, SessionView};
 use crate::intake::faults::limits::FaultLimits;
 use crate::intake::gauge::GaugeHistory;
-use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::request::Rejection;
 use crate::scan::Scan;
@@ -71,6 +70,8 @@ pub enum CalibrationEvent {
 pub struct Calibration {
     plan: CalibrationPlan,
     session: Option<SessionRun>,
+    /// How many fits were asked for: the number of the newest one.
+    fits: u64,
     /// The view has changed since it was last shown.
     dirty: bool,
     shown: Time,
@@ -80,7 +81,7 @@ impl Calibration {
     /// No session.
     #[must_use]
     pub const fn new(plan: CalibrationPlan) -> Self {
-        Self { plan, session: None, dirty: false, shown: Time::from_nanos(i64::MIN) }
+        Self { plan, session: None, fits: 0, dirty: false, shown: Time::from_nanos(i64::MIN) }
     }
 
     /// The session that holds the patch or was the last to.
@@ -158,8 +159,7 @@ impl Calibration {
         match command {
             Trigger::FinishRamp if session.turn(now.time) => self.tell(now, gauge, events),
             Trigger::FinishRamp => self.fit(now, gauge, events),
-            Trigger::Discard => self.enter(now, next, "an operator laid it aside", gauge, events),
-            Trigger::Abort => self.enter(now, next, "an operator aborted it", gauge, events),
+            Trigger::Discard | Trigger::Abort => self.enter(now, next, command.reason(), gauge, events),
             _ => {
                 self.enter(now, next, "", gauge, events);
                 self.want_zero(events);
@@ -258,9 +258,11 @@ impl Calibration {
     /// Ends the ramp and hands the samples to the fit.
     fn fit(&mut self, now: Now, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
         let Some(session) = &self.session else { return };
+        self.fits += 1;
         let (view, plan) = (session.view(), &self.plan);
         let job = FitJob {
             session: view.number,
+            fit: self.fits,
             patch: plan.patch.clone(),
             wall_ns: now.wall_ns,
             board_settings: plan.board_settings.clone(),
@@ -288,18 +290,25 @@ impl Calibration {
     /// Whether the outcome of a fit is the one that this session waits for.
     #[must_use]
     pub fn awaits(&self, outcome: &FitOutcome) -> bool {
-        self.session().is_some_and(|v| v.number == outcome.session && transition(v.state, Trigger::Fitted).is_some())
+        let of_session =
+            |view: &SessionView| view.number == outcome.session && transition(view.state, Trigger::Fitted).is_some();
+        self.fits == outcome.fit && self.session().is_some_and(of_session)
     }
 
-    /// The fit that was awaited came back with a model set that is on disk, or why there is none.
+    /// A fit came back with a model set that is on disk, or why there is none. One that is not awaited changes nothing:
+    /// its session was aborted meanwhile.
     pub fn on_fitted(
         &mut self,
         now: Now,
-        result: &Result<Arc<ModelSet>, String>,
+        outcome: &FitOutcome,
         gauge: &GaugeHistory,
         events: &mut Vec<CalibrationEvent>,
     ) {
+        if !self.awaits(outcome) {
+            return;
+        }
         let Some(session) = &mut self.session else { return };
+        let result = &outcome.result;
         let trigger = if result.is_ok() { Trigger::Fitted } else { Trigger::FitFailed };
         let Some(next) = transition(session.view().state, trigger) else { return };
         match result {

@@ -31,6 +31,8 @@ const RETURN_MAX_COUNTS: f64 = 3.0;
 pub struct FitJob {
     /// Number of the session.
     pub session: u64,
+    /// Which fit of the patch it is: a session may ask for another one after an abort, while the first still runs.
+    pub fit: u64,
     /// The patch.
     pub patch: String,
     /// When it was asked for, nanoseconds since 1970.
@@ -52,6 +54,8 @@ pub struct FitJob {
 pub struct FitOutcome {
     /// Number of the session.
     pub session: u64,
+    /// Which fit of the patch it was.
+    pub fit: u64,
     /// The model set, or why there is none.
     pub result: Result<Arc<ModelSet>, String>,
 }
@@ -71,7 +75,7 @@ impl FitJob {
             Err("the fit ended with an internal error, which is a fault of this program; the samples are kept"
                 .to_owned())
         });
-        FitOutcome { session: self.session, result }
+        FitOutcome { session: self.session, fit: self.fit, result }
     }
 
     fn model_set(&self) -> Result<ModelSet, String> {

@@ -58,6 +58,16 @@ impl Trigger {
         Self::Restart,
     ];
 
+    /// Why a session is in the state that an operator's command ended it with, in words.
+    #[must_use]
+    pub const fn reason(self) -> &'static str {
+        match self {
+            Self::Abort => "an operator aborted it",
+            Self::Discard => "an operator laid it aside",
+            _ => "",
+        }
+    }
+
     /// What an operator cannot do now, in words; for triggers that are commands.
     const fn what(self) -> &'static str {
         match self {
@@ -129,6 +139,51 @@ mod tests {
             assert_eq!(ended(Trigger::Restart), state.is_open(), "{state:?}");
             assert_eq!(ended(Trigger::StoreFailed), state.is_open(), "{state:?}");
         }
+    }
+
+    /// Every cell. A row is a trigger; where it leads from each state of [`SessionState::ALL`], by its first letters.
+    #[test]
+    fn the_table_is_this_one() {
+        const TABLE: [(Trigger, &str); 15] = [
+            //                      Tar Ram Fit Rev Act Dis Abo Fai Int
+            (Trigger::StartRamp, "    -   -   - TAR   -   - TAR TAR TAR"),
+            (Trigger::FinishRamp, "   - FIT   -   -   -   -   - FIT FIT"),
+            (Trigger::Abort, "      ABO ABO ABO   -   -   -   -   - ABO"),
+            (Trigger::Discard, "      -   -   - DIS   - DIS DIS DIS DIS"),
+            (Trigger::Zeroed, "     RAM   -   -   -   -   -   -   -   -"),
+            (Trigger::NeverAtRest, "FAI   -   -   -   -   -   -   -   -"),
+            (Trigger::ZeroLost, "     - FAI   -   -   -   -   -   -   -"),
+            (Trigger::Hopeless, "     - FAI   -   -   -   -   -   -   -"),
+            (Trigger::RampOver, "     - FIT   -   -   -   -   -   -   -"),
+            (Trigger::Fitted, "       -   - REV   -   -   -   -   -   -"),
+            (Trigger::FitFailed, "    -   - FAI   -   -   -   -   -   -"),
+            (Trigger::StoreFailed, "FAI FAI FAI   -   -   -   -   -   -"),
+            (Trigger::TakenIntoUse, " -   -   - ACT   -   - ACT ACT ACT"),
+            (Trigger::TakenOutOfUse, "-   -   -   - REV   -   -   -   -"),
+            (Trigger::Restart, "    INT INT INT   -   -   -   -   -   -"),
+        ];
+        assert_eq!(TABLE.map(|(trigger, _)| trigger), Trigger::ALL);
+        for (trigger, row) in TABLE {
+            for (state, leads) in SessionState::ALL.into_iter().zip(row.split_whitespace()) {
+                let next = transition(state, trigger).map_or("-", |next| &next.name()[..3]);
+                assert_eq!(next, leads, "{trigger:?} in {state:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_refusal_says_what_cannot_be_done() {
+        let why = |command| match commanded(3, SessionState::Active, command) {
+            Err(Rejection::FailedPrecondition(why)) => why,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(
+            why(Trigger::FinishRamp),
+            "session 3 is ACTIVE; a ramp can be finished only in RAMPING, FAILED, INTERRUPTED"
+        );
+        assert!(why(Trigger::Abort).contains("a session can be aborted only in TARING, RAMPING, FITTING"));
+        assert!(why(Trigger::Discard).contains("a session can be discarded only in REVIEW, DISCARDED"));
+        assert!(why(Trigger::TakenIntoUse).contains("this can happen only in"));
     }
 
     #[test]

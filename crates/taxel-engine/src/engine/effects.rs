@@ -7,17 +7,18 @@ use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::calibration::job::FitOutcome;
 use crate::calibration::transition::{Trigger, transition};
-use crate::calibration::view::SessionView;
+use crate::calibration::view::{SessionState, SessionView};
 use crate::engine::pending::Effect;
 use crate::engine::step::Engine;
 use crate::model_set::ModelSet;
 use crate::now::Now;
+use crate::patch::owner::Patch;
 use crate::request::{Rejection, RequestId};
 
 impl Engine {
     /// A fit came back. A model set is written down before the session says that it has one.
     pub(super) fn on_fitted(&mut self, now: Now, outcome: FitOutcome, out: &mut Vec<Output>) {
-        // Aborted meanwhile: the samples are kept, the fit is not.
+        // Aborted meanwhile: the samples are kept, the fit is not. Also asked again once the model set is on disk.
         let Some(patch) = self.patches.iter().position(|p| p.calibration().awaits(&outcome)) else { return };
         match &outcome.result {
             Ok(set) => {
@@ -112,6 +113,24 @@ impl Engine {
         self.catalogue_dirty = true;
         let previous = before.map(|set| set.id.clone());
         out.push(Output::Reply(request, Ok(Done::Activated { model_set: set.id.clone(), previous })));
+    }
+
+    /// What the sessions say of the models in use follows the models: the daemon may have ended when an activation was
+    /// on disk and what the sessions say of it was not.
+    pub(super) fn agree_on_use(&mut self, now: Now, out: &mut Vec<Output>) {
+        let in_use = |view: &SessionView| {
+            let set = self.patches.iter().find(|p| p.name() == view.patch).and_then(Patch::models);
+            set.is_some_and(|set| view.model_set.as_deref() == Some(set.id.as_str()))
+        };
+        let differs = |view: &SessionView| match (view.state, in_use(view)) {
+            (SessionState::Active, false) => Some((Trigger::TakenOutOfUse, "its model set is not in use")),
+            (SessionState::Review, true) => Some((Trigger::TakenIntoUse, "")),
+            _ => None,
+        };
+        let changes = self.sessions.values().filter_map(|view| Some((view.number, differs(view)?)));
+        for (number, (trigger, reason)) in changes.collect::<Vec<_>>() {
+            self.change_use(now, number, trigger, reason, out);
+        }
     }
 
     /// A session's models came into use or went out of it.

@@ -55,7 +55,7 @@ impl Engine {
             return Err(Rejection::InvalidArgument { field: "target_kpa", problem });
         }
         patch.calibration().refuse_if_open("finish or abort it first")?;
-        patch.check_set_up()?;
+        patch.check_looked_at()?;
         patch.check_vented(now)?;
         let view = SessionView {
             number: self.next_session,
@@ -82,9 +82,7 @@ impl Engine {
         command: Trigger,
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
-        if command != Trigger::Abort {
-            self.store_takes_records()?;
-        }
+        self.store_takes_records()?;
         self.refuse_if_session_is_deleted(number)?;
         if command == Trigger::StartRamp {
             self.room_for_model_set()?;
@@ -92,10 +90,10 @@ impl Engine {
         if let Some(index) = self.held(number) {
             return self.command_held(now, index, command, out).map(Answer::Now);
         }
-        self.check_take_up(now, number, command)?;
         if command == Trigger::Abort {
-            return self.end_unheld(now, number, command, "an operator aborted it", out).map(Answer::Now);
+            return self.end_unheld(now, number, command, out).map(Answer::Now);
         }
+        self.check_take_up(now, number, command)?;
         self.room_for_model_set()?;
         let ticket = self.pending.load(Loading { request, session: number, command });
         out.push(Output::Load { ticket, session: number });
@@ -113,25 +111,28 @@ impl Engine {
     pub(super) fn discard(&mut self, now: Now, number: u64, out: &mut Vec<Output>) -> Reply {
         self.refuse_if_session_is_deleted(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
-        let used = |patch: &Patch| patch.models().is_some_and(|set| view.model_set.as_deref() == Some(set.id.as_str()));
-        if self.patches.iter().any(used) {
+        let used = |id: &str| {
+            let in_use = |patch: &Patch| patch.models().is_some_and(|set| set.id == id);
+            self.patches.iter().any(in_use) || self.pending.activates_set(id)
+        };
+        if view.model_set.as_deref().is_some_and(used) {
             let state = view.state.name();
             let why = format!("session {number} is {state} and its models are in use; activate others first");
             return Err(Rejection::FailedPrecondition(why));
         }
+        self.store_takes_records()?;
         if let Some(index) = self.held(number) {
-            self.store_takes_records()?;
             return self.command_held(now, index, Trigger::Discard, out);
         }
-        self.end_unheld(now, number, Trigger::Discard, "an operator laid it aside", out)
+        self.end_unheld(now, number, Trigger::Discard, out)
     }
 
-    /// Ends a session that no patch holds.
-    fn end_unheld(&self, now: Now, number: u64, command: Trigger, reason: &str, out: &mut Vec<Output>) -> Reply {
+    /// Ends a session that no patch holds: the one that its patch holds stays there, with its samples.
+    fn end_unheld(&self, now: Now, number: u64, command: Trigger, out: &mut Vec<Output>) -> Reply {
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
         let mut view = SessionView::clone(view);
         view.state = commanded(number, view.state, command)?;
-        view.reason = reason.to_owned();
+        view.reason = command.reason().to_owned();
         view.changed_wall_ns = now.wall_ns;
         let view = Arc::new(view);
         out.push(Output::Record(Record::Session(Arc::clone(&view))));
@@ -145,6 +146,7 @@ impl Engine {
         let index = self.patch_named(&view.patch)?;
         self.patches[index].calibration().refuse_if_open("finish or abort it first")?;
         if command == Trigger::StartRamp {
+            self.patches[index].check_looked_at()?;
             self.patches[index].check_vented(now)?;
         }
         Ok(index)

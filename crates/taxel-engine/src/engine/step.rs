@@ -119,6 +119,7 @@ impl Engine {
         if self.health_shown.is_none() {
             self.health_shown = Some(now.time);
             self.each_patch(now, out, |patch, effects| patch.start(now, effects));
+            self.agree_on_use(now, out);
         }
         match input {
             Input::Frames(bus, frames) => self.on_frames(now, bus, frames, out),

@@ -41,9 +41,8 @@ impl Patch {
     /// # Errors
     /// [`Rejection`] if something moved the zero meanwhile.
     pub fn adopt_zero(&mut self, now: Now, request: RequestId) -> Result<TareView, Rejection> {
-        let view = self.zero.adopt(now, request);
-        let lost = || Rejection::FailedPrecondition(format!("the zero was lost meanwhile: {}", self.zero.reason()));
-        let view = view.ok_or_else(lost)?;
+        let lost = |why| Rejection::FailedPrecondition(format!("the zero was lost while it was written down: {why}"));
+        let view = self.zero.adopt(now, request).map_err(lost)?;
         self.use_zero();
         self.dirty = true;
         Ok(view)
@@ -64,6 +63,18 @@ impl Patch {
         }
         let why = "the boards are being configured, which takes their zero anew: ask again when they are verified";
         Err(Rejection::FailedPrecondition(why.to_owned()))
+    }
+
+    /// Refuses a ramp while the boards wait to be configured, because it is not known yet that nothing presses on them.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with what they wait for.
+    pub fn check_looked_at(&self) -> Result<(), Rejection> {
+        if !self.bring_up_waits {
+            return Ok(());
+        }
+        let why = format!("the boards are not configured yet: {}", self.zero.reason());
+        Err(Rejection::FailedPrecondition(why))
     }
 
     /// Refuses to configure boards while a load is felt: they would take it for nothing, and nobody could tell later.
@@ -125,6 +136,7 @@ impl Patch {
     ) -> Result<Arc<SessionView>, Rejection> {
         self.calibration.refuse_unless_possible(command)?;
         if command == Trigger::StartRamp {
+            self.check_looked_at()?;
             self.check_vented(now)?;
         }
         let mut events = Vec::new();
@@ -141,10 +153,10 @@ impl Patch {
         self.on_calibration_events(now, events, effects);
     }
 
-    /// The fit that its session awaits came back.
+    /// A fit came back.
     pub fn on_fitted(&mut self, now: Now, outcome: &FitOutcome, effects: &mut Effects<'_>) {
         let mut events = Vec::new();
-        self.calibration.on_fitted(now, &outcome.result, self.intake.gauge(), &mut events);
+        self.calibration.on_fitted(now, outcome, self.intake.gauge(), &mut events);
         self.on_calibration_events(now, events, effects);
     }
 

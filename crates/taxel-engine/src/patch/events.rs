@@ -35,7 +35,12 @@ impl Patch {
                     }
                 }
                 ZeroEvent::Looked(found) => self.on_looked(now, found, effects),
-                ZeroEvent::Refused(Purpose::BeforeBringUp, _) => self.on_looked(now, Ok(()), effects),
+                // Boards that are all silent show nothing; else they are looked at again.
+                ZeroEvent::Refused(Purpose::BeforeBringUp, _) => {
+                    if self.intake.silent_taxels() == self.taxels() {
+                        self.on_looked(now, Ok(()), effects);
+                    }
+                }
                 ZeroEvent::Refused(Purpose::AtStart, why) => self.zero.explain(format!("rest is not proven: {why}")),
                 ZeroEvent::Refused(Purpose::Operator { request, .. }, why) => {
                     let hint = "if nothing touches the skin, say so with confirmed_by";

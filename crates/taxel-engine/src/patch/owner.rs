@@ -23,6 +23,7 @@ use crate::now::Now;
 use crate::plan::PatchPlan;
 use crate::request::RequestId;
 use crate::zero::holder::{Surroundings, Zero};
+use crate::zero::watch::Purpose;
 
 /// Boards that were not heard for so long after the start do not stream: three of the longest periods.
 const SILENT_BOARDS_AFTER: Duration = Duration::from_millis(300);
@@ -223,6 +224,7 @@ impl Patch {
     }
 
     fn on_scan(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let no_rest = self.end_watch_of_no_rest(now, effects);
         let mut events = Vec::new();
         let left_out = self.calibration.session().is_some_and(|view| view.state.is_open() && !view.left_out.is_empty());
         let around = Surroundings {
@@ -230,6 +232,7 @@ impl Patch {
             boards_ready: self.intake.bring_up().is_done() && !self.bring_up_waits,
             session_open: self.calibration.open().is_some(),
             parts_left_out: left_out,
+            no_rest,
             pressing: self.calibration.is_ramping() && !self.pressure_falls(now.time),
         };
         self.zero.on_scan(now, &self.intake.scan(), around, &mut events);
@@ -237,6 +240,20 @@ impl Patch {
         self.offer_to_session(now, left_out, effects);
         self.force.follow(&self.intake.scan());
         self.publish(now, effects);
+    }
+
+    /// A ramp's zero is taken of boards that keep theirs, and of a skin that nothing presses on. In its first session a
+    /// skin has no models that would show a bag that stands at a pressure, but the gauge does.
+    /// Returns whether that is not so.
+    fn end_watch_of_no_rest(&mut self, now: Now, effects: &mut Effects<'_>) -> bool {
+        if !matches!(self.zero.watching(), Some(Purpose::Session { .. })) {
+            return false;
+        }
+        let Err(why) = self.check_set_up().and_then(|()| self.check_vented(now)) else { return false };
+        let mut events = Vec::new();
+        self.zero.end_watch(why.to_string(), &mut events);
+        self.on_zero_events(now, events, effects);
+        true
     }
 
     /// Whether the bag is letting go, so that loads may vanish.

@@ -64,6 +64,14 @@ pub enum ZeroEvent {
     Looked(Result<(), String>),
 }
 
+/// A zero that was proven for an operator and is being written down.
+#[derive(Clone, Debug)]
+struct Proven {
+    request: RequestId,
+    /// The zero, or what has moved it meanwhile.
+    zero: Result<(TareView, Vec<TaxelBaseline>), String>,
+}
+
 /// What the zero has to be told with each scan.
 #[derive(Clone, Copy, Debug)]
 pub struct Surroundings<'a> {
@@ -75,6 +83,8 @@ pub struct Surroundings<'a> {
     pub session_open: bool,
     /// Whether that session does without some modules.
     pub parts_left_out: bool,
+    /// Whether the scan cannot be one of rest for a session: the bag presses, or the boards are being configured.
+    pub no_rest: bool,
     /// Whether a bag presses on everything and does not let go.
     pub pressing: bool,
 }
@@ -87,8 +97,7 @@ pub struct Zero {
     view: TareView,
     baseline: Option<Vec<TaxelBaseline>>,
     taken: Time,
-    /// A zero that was proven for an operator and is being written down.
-    proven: Option<(RequestId, TareView, Vec<TaxelBaseline>)>,
+    proven: Option<Proven>,
     watch: Option<Watch>,
     /// `None` where drift is not followed.
     drift: Option<Drift>,
@@ -265,11 +274,19 @@ impl Zero {
         }
     }
 
-    /// Ends a watch, and a zero that waits to be written down, because of what has happened meanwhile.
+    /// Ends a watch because of what has happened meanwhile. A zero that is being written down is none any more; who
+    /// asked for it is told when that has ended, by [`Zero::adopt`].
     fn refuse_watch(&mut self, why: &str, events: &mut Vec<ZeroEvent>) {
-        self.proven = None; // whoever asked for it is told once it is on disk
+        if let Some(proven) = self.proven.as_mut().filter(|proven| proven.zero.is_ok()) {
+            proven.zero = Err(why.to_owned());
+        }
+        self.end_watch(format!("meanwhile {why}"), events);
+    }
+
+    /// Ends a watch of a skin that cannot be at rest; whoever wanted it is told why.
+    pub fn end_watch(&mut self, why: String, events: &mut Vec<ZeroEvent>) {
         if let Some(purpose) = self.stop_watching() {
-            events.push(ZeroEvent::Refused(purpose, format!("meanwhile {why}")));
+            events.push(ZeroEvent::Refused(purpose, why));
         }
     }
 
@@ -308,7 +325,8 @@ impl Zero {
         }
         let Some(watch) = &mut self.watch else { return };
         // A session needs every module. A live zero does without the silent ones: they have none, and no force.
-        if !scan.whole && matches!(watch.purpose(), Purpose::Session { .. }) && !around.parts_left_out {
+        let for_session = matches!(watch.purpose(), Purpose::Session { .. });
+        if for_session && (around.no_rest || (!scan.whole && !around.parts_left_out)) {
             return;
         }
         watch.push(now.time, scan.sound_counts());
@@ -352,9 +370,10 @@ impl Zero {
         let baseline = capped(window.all().baseline(), models);
         let view = self.next_view(now, reason, &baseline);
         if let Purpose::Operator { request, .. } = purpose {
-            self.proven = Some((request, view.clone(), baseline.clone()));
+            self.proven = Some(Proven { request, zero: Ok((view.clone(), baseline.clone())) });
             events.push(ZeroEvent::Proven { request, view, baseline });
         } else {
+            self.proven = None; // of an earlier moment
             self.take(now.time, view, baseline);
             events.push(ZeroEvent::Taken(purpose));
         }
@@ -372,18 +391,21 @@ impl Zero {
         }
     }
 
-    /// The zero that was proven for `request` is on disk: it holds from now on. Returns it, unless something has moved
-    /// the zero meanwhile.
-    pub fn adopt(&mut self, now: Now, request: RequestId) -> Option<TareView> {
-        let (_, mut view, baseline) = self.proven.take_if(|(proven, ..)| *proven == request)?;
+    /// The zero that was proven for `request` is on disk: it holds from now on.
+    ///
+    /// # Errors
+    /// What has moved the zero meanwhile, in words.
+    pub fn adopt(&mut self, now: Now, request: RequestId) -> Result<TareView, String> {
+        let proven = self.proven.take_if(|proven| proven.request == request);
+        let (mut view, baseline) = proven.ok_or("a newer zero was taken")?.zero?;
         view.epoch = self.view.epoch + 1;
         self.take(now.time, view.clone(), baseline);
-        Some(view)
+        Ok(view)
     }
 
     /// The zero that was proven for `request` could not be written down: the earlier one stays.
     pub fn reject(&mut self, request: RequestId) {
-        self.proven.take_if(|(proven, ..)| *proven == request);
+        self.proven.take_if(|proven| proven.request == request);
     }
 
     fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>) {

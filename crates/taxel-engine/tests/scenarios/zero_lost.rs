@@ -133,7 +133,7 @@ fn a_zero_that_is_lost_while_it_is_written_down_is_not_taken() {
     bench.host.disk_is_slow = false;
     bench.host.commit(Ok(()));
     let Some(Err(Rejection::FailedPrecondition(why))) = bench.host.reply(request) else { panic!("taken") };
-    assert!(why.starts_with("the zero was lost meanwhile: ") && why.contains("bus-off"), "{why}");
+    assert!(why.starts_with("the zero was lost while it was written down: ") && why.contains("bus-off"), "{why}");
     bench.seconds(0.1);
     let mark = bench.mark();
     stays_without_force(&mut bench, mark, "bus-off while it was written down");

@@ -129,6 +129,7 @@ impl Run {
     fn model(&self) -> Option<TaxelModel> {
         let job = FitJob {
             session: 1,
+            fit: 1,
             patch: String::new(),
             wall_ns: 0,
             board_settings: Vec::new(),

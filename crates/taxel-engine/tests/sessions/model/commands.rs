@@ -1,0 +1,115 @@
+//! The table of commands: which are done, in which states, and what follows.
+
+use taxel_engine::calibration::SessionState as S;
+
+use super::state::{Model, Pending};
+use super::step::{Answer, Disk, Set, Step};
+
+impl Model {
+    /// Gives a command.
+    pub(super) fn command(&mut self, step: Step) -> Answer {
+        let request = self.requests;
+        if self.disk == Disk::Failed && step != Step::BringUp {
+            return Answer::Refused;
+        }
+        match step {
+            Step::StartSession => {
+                if self.open().is_some() || self.presses() || self.boards_wait {
+                    return Answer::Refused;
+                }
+                let number = self.next_session;
+                self.next_session += 1;
+                self.held = Some(number);
+                self.want_zero(number);
+                Answer::Done
+            }
+            Step::StartRamp(number) => {
+                let can = matches!(self.state(number), Some(S::Review | S::Interrupted | S::Failed | S::Aborted));
+                if !can || self.presses() || self.boards_wait || !self.take_up(number) {
+                    return Answer::Refused;
+                }
+                self.want_zero(number);
+                Answer::Done
+            }
+            Step::FinishRamp(number) => {
+                let can = matches!(self.state(number), Some(S::Ramping | S::Interrupted | S::Failed));
+                if !can || !self.take_up(number) {
+                    return Answer::Refused;
+                }
+                self.fit(number);
+                Answer::Done
+            }
+            Step::Abort(number) => {
+                let can = matches!(self.state(number), Some(S::Taring | S::Ramping | S::Fitting | S::Interrupted));
+                if can {
+                    self.enter(number, S::Aborted);
+                }
+                if can { Answer::Done } else { Answer::Refused }
+            }
+            Step::Discard(number) => self.discard(number),
+            Step::Activate(set) => self.activate(request, set),
+            Step::Import(set) => {
+                self.recorded.known.insert(set);
+                self.pending.push(Pending::Import { request, set });
+                Answer::Later
+            }
+            Step::Tare { confirmed } => {
+                if self.open().is_some() || !self.boards_ready {
+                    return Answer::Refused;
+                }
+                self.end_tare();
+                self.tare = Some((request, confirmed));
+                Answer::Later
+            }
+            _ => {
+                if self.open().is_some() || self.presses() {
+                    return Answer::Refused;
+                }
+                self.lose_zero();
+                (self.boards_ready, self.boards_wait) = (false, false);
+                Answer::Done
+            }
+        }
+    }
+
+    fn activate(&mut self, request: u64, set: Set) -> Answer {
+        let other = self.pending.iter().any(|pending| matches!(pending, Pending::Activate { .. }));
+        let discarded = self.owner(set).is_some_and(|number| self.state(number) == Some(S::Discarded));
+        if !self.live.known.contains(&set) || other || discarded {
+            return Answer::Refused;
+        }
+        self.recorded.active = Some(set);
+        self.pending.push(Pending::Activate { request, set });
+        Answer::Later
+    }
+
+    fn discard(&mut self, number: u64) -> Answer {
+        let Some((state, set)) = self.live.sessions.get(&number).copied() else { return Answer::Refused };
+        let can = matches!(state, S::Review | S::Discarded | S::Aborted | S::Failed | S::Interrupted);
+        let comes_into_use = |pending: &Pending| match pending {
+            Pending::Activate { set: coming, .. } => Some(*coming) == set,
+            _ => false,
+        };
+        let used = set.is_some() && (self.live.active == set || self.pending.iter().any(comes_into_use));
+        if !can || used {
+            return Answer::Refused;
+        }
+        self.enter(number, S::Discarded);
+        Answer::Done
+    }
+
+    /// Whether a session can go on; it holds the patch then. Its samples are in memory or on disk.
+    fn take_up(&mut self, number: u64) -> bool {
+        let can = self.held == Some(number) || self.open().is_none();
+        if can {
+            self.held = Some(number);
+        }
+        can
+    }
+
+    fn want_zero(&mut self, number: u64) {
+        self.end_tare();
+        self.enter(number, S::Taring);
+        self.idle_s = (0.0, 0.0);
+    }
+}

@@ -1,0 +1,103 @@
+//! The table of fits and disks: what takes effect once it is written, and what a restart finds.
+
+use taxel_engine::calibration::SessionState as S;
+
+use super::state::{Model, Pending};
+use super::step::{Disk, Set};
+
+impl Model {
+    pub(super) fn fit_ends(&mut self, fit: usize, well: bool) {
+        self.fits[fit].out = false;
+        if !self.awaits(fit) {
+            return;
+        }
+        if well {
+            self.recorded.known.insert(Set::Fit(fit));
+            self.pending.push(Pending::Fitted { fit });
+        } else {
+            self.enter(self.fits[fit].session, S::Failed);
+        }
+    }
+
+    /// All that was recorded so far is on disk, and what waited for that takes effect.
+    pub(super) fn write(&mut self) {
+        self.on_disk = self.recorded.clone();
+        for pending in std::mem::take(&mut self.pending) {
+            match pending {
+                Pending::Activate { request, set } => {
+                    self.settle(request, true);
+                    self.put_to_use(set);
+                }
+                Pending::Import { request, set } => {
+                    self.settle(request, true);
+                    self.live.known.insert(set);
+                }
+                Pending::Zero { request, good } => self.settle(request, good),
+                Pending::Fitted { fit } => {
+                    self.live.known.insert(Set::Fit(fit));
+                    if self.awaits(fit) {
+                        let session = self.fits[fit].session;
+                        self.live.sessions.insert(session, (S::Review, Some(Set::Fit(fit))));
+                        self.enter(session, S::Review);
+                    }
+                }
+            }
+        }
+    }
+
+    fn put_to_use(&mut self, set: Set) {
+        let before = self.live.active.replace(set);
+        let (old, new) = (before.and_then(|old| self.owner(old)), self.owner(set));
+        if let Some(old) = old.filter(|old| Some(*old) != new && self.state(*old) == Some(S::Active)) {
+            self.enter(old, S::Review);
+        }
+        let can = |state| matches!(state, Some(S::Review | S::Aborted | S::Failed | S::Interrupted));
+        if let Some(new) = new.filter(|new| can(self.state(*new))) {
+            self.enter(new, S::Active);
+        }
+    }
+
+    /// Whoever waits for the disk is refused, and no session can go on.
+    pub(super) fn disk_fails(&mut self) {
+        self.disk = Disk::Failed;
+        for pending in std::mem::take(&mut self.pending) {
+            if let Pending::Activate { request, .. } | Pending::Import { request, .. } | Pending::Zero { request, .. } =
+                pending
+            {
+                self.settle(request, false);
+            }
+        }
+        if let Some((number, _)) = self.open() {
+            self.enter(number, S::Failed);
+        }
+    }
+
+    /// Only what is on disk is left. Of it, what was open is interrupted, and a session is ACTIVE if its set is.
+    pub(super) fn restart(&mut self) {
+        let mut live = self.on_disk.clone();
+        let newest = live.sessions.keys().next_back().copied();
+        for (state, _) in live.sessions.values_mut() {
+            if matches!(state, S::Taring | S::Ramping | S::Fitting) {
+                *state = S::Interrupted;
+            }
+        }
+        self.recorded = self.on_disk.clone();
+        self.next_session = newest.unwrap_or(0) + 1;
+        self.live = live;
+        let active = self.live.active;
+        for (number, (state, set)) in self.live.sessions.clone() {
+            match state {
+                S::Active if set != active => self.enter(number, S::Review),
+                S::Review if active.is_some() && set == active => self.enter(number, S::Active),
+                _ => {}
+            }
+        }
+        self.fits.iter_mut().for_each(|fit| fit.out = false);
+        (self.held, self.tare, self.disk) = (None, None, Disk::Fast);
+        self.pending.clear();
+        self.waiting.clear();
+        self.settled.clear();
+        // Without models nobody can tell what a load would look like.
+        (self.gauge_fresh, self.boards_ready, self.boards_wait) = (false, false, self.live.active.is_some());
+    }
+}

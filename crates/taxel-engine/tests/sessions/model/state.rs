@@ -1,0 +1,170 @@
+//! Where everything stands, and what whoever changes it needs.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use taxel_engine::calibration::SessionState as S;
+
+use super::step::{Answer, Disk, Set, VENTED_KPA};
+
+/// What readers see, and what a store keeps.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Facts {
+    /// State and model set of each session.
+    pub sessions: BTreeMap<u64, (S, Option<Set>)>,
+    pub known: BTreeSet<Set>,
+    pub active: Option<Set>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pending {
+    Activate { request: u64, set: Set },
+    Import { request: u64, set: Set },
+    Zero { request: u64, good: bool },
+    Fitted { fit: usize },
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fit {
+    pub session: u64,
+    /// It has not come back, and the daemon that asked for it still runs.
+    pub out: bool,
+}
+
+#[derive(Clone, Debug)]
+pub struct Model {
+    pub live: Facts,
+    /// What all records together say.
+    pub(super) recorded: Facts,
+    /// What of it is on disk.
+    pub on_disk: Facts,
+    pub disk: Disk,
+    pub(super) next_session: u64,
+    /// The session that the patch holds or held last: its samples are in memory.
+    pub(super) held: Option<u64>,
+    pub(super) pending: Vec<Pending>,
+    pub fits: Vec<Fit>,
+    pub(super) kpa: u32,
+    pub(super) gauge_fresh: bool,
+    pub(super) boards_ready: bool,
+    /// The boards wait to be configured until it is known that nothing presses on them.
+    pub(super) boards_wait: bool,
+    /// A zero that an operator waits for: request, and whether it was vouched for.
+    pub(super) tare: Option<(u64, bool)>,
+    /// How long the open session has come no further, at least and at most.
+    pub(super) idle_s: (f64, f64),
+    /// Furthest pressure of the ramp.
+    pub(super) reached_kpa: u32,
+    /// Commands given so far: the number of the last request.
+    pub requests: u64,
+    /// The requests that have no answer yet.
+    pub waiting: BTreeSet<u64>,
+    /// What came of the last step, if it was a command.
+    pub answer: Option<Answer>,
+    /// What was answered later, and whether it was done.
+    pub settled: BTreeMap<u64, bool>,
+    /// Whether samples entered with the last step.
+    pub grew: bool,
+}
+
+impl Model {
+    pub fn new() -> Self {
+        Self {
+            live: Facts::default(),
+            recorded: Facts::default(),
+            on_disk: Facts::default(),
+            disk: Disk::Fast,
+            next_session: 1,
+            held: None,
+            pending: Vec::new(),
+            fits: Vec::new(),
+            kpa: 0,
+            gauge_fresh: false,
+            boards_ready: false,
+            boards_wait: false,
+            tare: None,
+            idle_s: (0.0, 0.0),
+            reached_kpa: 0,
+            requests: 0,
+            waiting: BTreeSet::new(),
+            answer: None,
+            settled: BTreeMap::new(),
+            grew: false,
+        }
+    }
+
+    /// The session that holds the patch.
+    pub fn open(&self) -> Option<(u64, S)> {
+        let open = |(number, (state, _)): (&u64, &(S, Option<Set>))| {
+            matches!(state, S::Taring | S::Ramping | S::Fitting).then_some((*number, *state))
+        };
+        self.live.sessions.iter().find_map(open)
+    }
+
+    /// The pressure in the bag.
+    pub fn kpa(&self) -> u32 {
+        self.kpa
+    }
+
+    pub(super) fn state(&self, number: u64) -> Option<S> {
+        self.live.sessions.get(&number).map(|(state, _)| *state)
+    }
+
+    /// Whether the bag is known to press.
+    pub(super) fn presses(&self) -> bool {
+        self.gauge_fresh && self.kpa > VENTED_KPA
+    }
+
+    pub(super) fn enter(&mut self, number: u64, state: S) {
+        let session = self.live.sessions.entry(number).or_insert((state, None));
+        session.0 = state;
+        self.recorded.sessions.insert(number, *session);
+    }
+
+    pub(super) fn fit(&mut self, number: u64) {
+        self.enter(number, S::Fitting);
+        self.fits.push(Fit { session: number, out: true });
+    }
+
+    /// The session of this daemon that a set came from.
+    pub(super) fn owner(&self, set: Set) -> Option<u64> {
+        let names = |(number, (_, of)): (&u64, &(S, Option<Set>))| (*of == Some(set)).then_some(*number);
+        self.live.sessions.iter().find_map(names)
+    }
+
+    /// Whether a fit is the last that its session asked for, and it waits for it.
+    pub(super) fn awaits(&self, fit: usize) -> bool {
+        let session = self.fits[fit].session;
+        let last = self.fits.iter().rposition(|other| other.session == session);
+        last == Some(fit) && self.state(session) == Some(S::Fitting)
+    }
+
+    /// A request that waited is answered.
+    pub(super) fn settle(&mut self, request: u64, done: bool) {
+        self.waiting.remove(&request);
+        self.settled.insert(request, done);
+    }
+
+    /// An operator who waits for a zero is told that there is none.
+    pub(super) fn end_tare(&mut self) {
+        if let Some((request, _)) = self.tare.take() {
+            self.settle(request, false);
+        }
+    }
+
+    /// Zeros that are being written down are none any more.
+    pub(super) fn void_zeros(&mut self) {
+        for pending in &mut self.pending {
+            if let Pending::Zero { good, .. } = pending {
+                *good = false;
+            }
+        }
+    }
+
+    pub(super) fn lose_zero(&mut self) {
+        self.end_tare();
+        self.void_zeros();
+        if let Some((number, S::Ramping)) = self.open() {
+            self.enter(number, S::Failed);
+        }
+    }
+}

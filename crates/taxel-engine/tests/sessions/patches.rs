@@ -1,0 +1,106 @@
+//! Commands where there are several patches: which one is meant, and whose boards are shared.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::command::{Command, Done, Rejection, Reply, RequestId};
+use taxel_engine::plan::{BoardSetup, PatchPlan, Plan};
+use taxel_engine::{Engine, Input, Now, Output, Restored};
+use taxel_skin::{Board, BoardAddress, Module, ModuleKind, Patch, Time};
+use taxel_wire::icub::Command as BoardCommand;
+
+use crate::world::{BUS, EPOCH_NS, plan};
+
+/// One module of each board.
+fn patch(name: &str, boards: &[(u8, u8)]) -> PatchPlan {
+    let board = |&(address, module): &(u8, u8)| Board {
+        bus: BUS,
+        address: BoardAddress::new(address).unwrap(),
+        modules: vec![(Module::new(module).unwrap(), ModuleKind::Triangle)],
+    };
+    let like = &plan().patches[0];
+    let setup = BoardSetup { ..like.bring_up[0].clone() };
+    let bring_up = vec![setup; boards.len()];
+    let patch = Patch::new(name, boards.iter().map(board).collect()).unwrap();
+    PatchPlan { bring_up, gauge: like.gauge.clone(), session: like.session, ..PatchPlan::new(patch) }
+}
+
+/// `upper` and `middle` share board 13, `middle` and `lower` board 12; `far` shares none.
+fn engine() -> Engine {
+    let patches = vec![
+        patch("upper", &[(13, 0)]),
+        patch("far", &[(9, 0)]),
+        patch("middle", &[(12, 0), (13, 1)]),
+        patch("lower", &[(11, 0), (12, 1)]),
+    ];
+    Engine::new(Arc::new(Plan { buses: 1, patches }), Restored::default())
+}
+
+fn step(engine: &mut Engine, time: Time, input: Input<'_>) -> Vec<Output> {
+    let mut out = Vec::new();
+    engine.step(Now { time, wall_ns: EPOCH_NS + time.as_nanos() }, input, &mut out);
+    out
+}
+
+fn ask(engine: &mut Engine, time: Time, command: Command) -> Reply {
+    let out = step(engine, time, Input::Command(RequestId(1), command));
+    let reply = out.into_iter().find_map(|out| if let Output::Reply(_, reply) = out { Some(reply) } else { None });
+    reply.expect("it is answered at once")
+}
+
+/// Lets time pass, and counts the starts that go to each board.
+fn starts(engine: &mut Engine, from: Time, until: Time) -> BTreeMap<u8, usize> {
+    let mut starts = BTreeMap::new();
+    let mut now = from;
+    while now < until {
+        for out in step(engine, now, Input::Tick) {
+            let Output::Send(_, frame) = out else { continue };
+            if let Some((board, BoardCommand::Start)) = BoardCommand::decode(&frame) {
+                *starts.entry(board.get()).or_default() += 1;
+            }
+        }
+        now = now + Duration::from_millis(100);
+    }
+    starts
+}
+
+#[test]
+fn boards_are_configured_with_all_patches_that_share_them_and_no_others() {
+    let seconds = |s: i64| Time::from_nanos(s * 1_000_000_000);
+    for (name, boards) in [("upper", [11, 12, 13].as_slice()), ("lower", &[11, 12, 13]), ("far", &[9])] {
+        let mut engine = engine();
+        let all = starts(&mut engine, seconds(0), seconds(5));
+        assert_eq!(all, BTreeMap::from([(9, 1), (11, 1), (12, 2), (13, 2)]));
+        let reply = ask(&mut engine, seconds(5), Command::BringUp { patch: name.to_owned() });
+        assert!(matches!(reply, Ok(Done::BringUpStarted)), "{reply:?}");
+        let expected = all.into_iter().filter(|(board, _)| boards.contains(board)).collect();
+        assert_eq!(starts(&mut engine, seconds(5), seconds(10)), expected, "{name}");
+    }
+}
+
+#[test]
+fn a_patch_is_named_where_there_are_several() {
+    let mut engine = engine();
+    let tare = |patch: &str| Command::Tare { patch: patch.to_owned(), confirmed_by: None };
+    let Err(Rejection::InvalidArgument { field, problem }) = ask(&mut engine, Time::default(), tare("")) else {
+        panic!("it was not refused")
+    };
+    assert_eq!((field, problem.as_str()), ("patch", "must name one of the patches: upper, far, middle, lower"));
+    let unknown = ask(&mut engine, Time::default(), tare("elbow")).unwrap_err();
+    assert!(unknown.to_string().contains("`elbow`; this daemon has upper, far"), "{unknown}");
+    // One session at a time of each patch, with numbers of their own.
+    for (number, name) in [(1, "lower"), (2, "upper")] {
+        let patch = name.to_owned();
+        let (target, branches, confirmed_by, leave_out) = (None, None, None, Vec::new());
+        let start = Command::StartSession { patch, target, branches, confirmed_by, leave_out };
+        let Ok(Done::Session(view)) = ask(&mut engine, Time::default(), start) else { panic!("no session") };
+        assert_eq!((view.number, view.patch.as_str()), (number, name));
+    }
+    let ended = ask(&mut engine, Time::default(), Command::AbortSession { session: 1 });
+    let Ok(Done::Session(view)) = ended else { panic!("{ended:?}") };
+    assert_eq!((view.patch.as_str(), view.reason.as_str()), ("lower", "an operator aborted it"));
+    let ended = ask(&mut engine, Time::default(), Command::DiscardSession { session: 1 });
+    let Ok(Done::Session(view)) = ended else { panic!("{ended:?}") };
+    assert_eq!(view.reason, "an operator laid it aside");
+}
