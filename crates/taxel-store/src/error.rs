@@ -132,16 +132,14 @@ impl Quarantined {
     }
 }
 
-/// So many findings are told in full, and so many bytes of each: a disk that dies leaves thousands.
+/// So many findings are told in full, and so many characters of each: a disk that dies leaves thousands.
 const LINES_MAX: usize = 20;
-const LINE_BYTES_MAX: usize = 300;
+const LINE_CHARS_MAX: usize = 300;
 
 /// A line for each finding, and one for those beyond the first twenty.
 pub(crate) fn lines(findings: &[Quarantined]) -> Vec<String> {
     let line = |finding: &Quarantined| {
-        let mut line = finding.to_string().replace(['\n', '\r'], " ");
-        line.truncate(line.floor_char_boundary(LINE_BYTES_MAX));
-        line
+        finding.to_string().replace(['\n', '\r'], " ").chars().take(LINE_CHARS_MAX).collect::<String>()
     };
     let more = findings.len().saturating_sub(LINES_MAX);
     let rest =

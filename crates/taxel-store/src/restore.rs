@@ -165,7 +165,7 @@ fn sessions(
         quarantined.push(Quarantined::new("the list of sessions", reason));
     }
     let sessions = prove_newest(connection, sessions, quarantined).into_iter();
-    Ok((sessions.map(|view| Arc::new(view)).collect(), newest + 1))
+    Ok((sessions.map(Arc::new).collect(), newest + 1))
 }
 
 /// The samples of sessions that an operator is likely to go on with are proven at the start, so that damage shows before

@@ -31,7 +31,7 @@ const MARK: [u8; 11] = *b"zq9!xKvJ&4w";
 /// Whether a file holds at least eleven bytes of the counts of any marked sample, or of the baseline of its ramp.
 fn holds_marks(bytes: &[u8]) -> bool {
     let other = MARK.map(|byte| byte ^ 1);
-    let mean = [1234.567_89_f64.to_le_bytes(), 9.876_543_21_f64.to_le_bytes()].concat();
+    let mean = [1_234.567_89_f64.to_le_bytes(), 9.876_543_21_f64.to_le_bytes()].concat();
     bytes.windows(MARK.len()).any(|window| window == MARK || window == other)
         || bytes.windows(mean.len()).any(|window| window == mean)
 }
@@ -43,7 +43,7 @@ fn a_deleted_session_is_gone_from_the_disk_and_is_not_taken_for_lost() {
     let log = dir.path().join("store.db-wal");
     filled(&path);
     let (store, ..) = open(&path);
-    let baseline = vec![TaxelBaseline { mean: 1234.567_89, noise: 9.876_543_21 }; 60];
+    let baseline = vec![TaxelBaseline { mean: 1_234.567_89, noise: 9.876_543_21 }; 60];
     let mut records = vec![session(3, SessionState::Review), Record::Ramp { session: 3, ramp: 0, baseline }];
     records.extend((0..2_000).map(marked));
     write(&store, records).unwrap();
