@@ -8,6 +8,7 @@ use crate::daemon::{Daemon, id_of};
 use crate::model::Passing::{Hold, ModuleSilent, Rise};
 use crate::model::Set;
 use crate::model::Step::{self, FitEnds, Import, Pass};
+use crate::world::EPOCH_NS;
 
 fn start(daemon: &mut Daemon, target: Option<f64>, leave_out: &[(u8, u8)]) -> Reply {
     daemon.ask(Command::StartSession {
@@ -54,9 +55,20 @@ fn a_session_does_without_the_modules_that_are_left_out() {
 }
 
 #[test]
+fn a_session_says_when_it_began_and_who_vouches_for_its_rest() {
+    let mut daemon = Daemon::new();
+    daemon.apply(Pass(Hold));
+    let (patch, confirmed_by) = (String::new(), Some("Ada".to_owned()));
+    let (target, branches, leave_out) = (None, None, Vec::new());
+    let reply = daemon.ask(Command::StartSession { patch, target, branches, confirmed_by, leave_out });
+    let Ok(Done::Session(view)) = reply else { panic!("{reply:?}") };
+    assert_eq!((view.started_wall_ns, view.confirmed_by.as_deref()), (EPOCH_NS + 4_000_000_000, Some("Ada")));
+}
+
+#[test]
 fn an_activation_may_name_the_set_that_is_active_before_it() {
     let mut daemon = Daemon::new();
-    let [first, second] = [0, 1].map(|n| Set::Foreign(n));
+    let [first, second] = [0, 1].map(Set::Foreign);
     for set in [first, second] {
         daemon.apply(Import(set));
     }
