@@ -5,6 +5,7 @@
 //! `PROPTEST_RNG_SEED=... cargo test -p taxel-engine --test sessions`. `PROPTEST_CASES` sets the number of sequences.
 #![allow(missing_docs, clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
+mod arguments;
 mod check;
 mod daemon;
 mod found;

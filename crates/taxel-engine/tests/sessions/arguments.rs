@@ -1,0 +1,104 @@
+//! What commands say beside their names: targets, modules that are left out, and the set that is expected to be active.
+
+use taxel_engine::calibration::SessionState;
+use taxel_engine::command::{Command, Done, Rejection, Reply};
+use taxel_skin::Kilopascal;
+
+use crate::daemon::{Daemon, id_of};
+use crate::model::Passing::{Hold, ModuleSilent, Rise};
+use crate::model::Set;
+use crate::model::Step::{self, FitEnds, Import, Pass};
+use crate::world::EPOCH_NS;
+
+fn start(daemon: &mut Daemon, target: Option<f64>, leave_out: &[(u8, u8)]) -> Reply {
+    daemon.ask(Command::StartSession {
+        patch: String::new(),
+        target: target.map(Kilopascal),
+        branches: None,
+        confirmed_by: None,
+        leave_out: leave_out.to_vec(),
+    })
+}
+
+#[test]
+fn a_target_is_above_zero_and_at_most_a_thousand_kilopascal() {
+    for target in [0.0, -5.0, f64::NAN, f64::INFINITY, 1_000.1] {
+        let reply = start(&mut Daemon::new(), Some(target), &[]);
+        assert!(matches!(reply, Err(Rejection::InvalidArgument { field: "target_kpa", .. })), "{target}: {reply:?}");
+    }
+    for (target, is) in [(None, 40.0), (Some(0.1), 0.1), (Some(1_000.0), 1_000.0)] {
+        let reply = start(&mut Daemon::new(), target, &[]);
+        assert!(matches!(&reply, Ok(Done::Session(view)) if view.target_kpa == is), "{target:?}: {reply:?}");
+    }
+}
+
+#[test]
+fn a_session_does_without_the_modules_that_are_left_out() {
+    let mut daemon = Daemon::new();
+    for (names, what) in [
+        ([(13, 2)].as_slice(), "has no module 2 on board 13"),
+        (&[(12, 0)], "has no module 0 on board 12"),
+        (&[(13, 1), (13, 0), (13, 1)], "every module is left out"),
+    ] {
+        let why = start(&mut daemon, None, names).unwrap_err().to_string();
+        assert!(why.starts_with("leave_out: ") && why.contains(what), "{why}");
+    }
+    start(&mut daemon, None, &[(13, 1), (13, 1)]).unwrap();
+    daemon.apply(Pass(ModuleSilent));
+    let view = daemon.session.clone().unwrap();
+    assert_eq!((view.state, view.left_out.as_slice()), (SessionState::Ramping, [1].as_slice()), "{view:?}");
+    for _ in 0..3 {
+        daemon.apply(Pass(Rise));
+    }
+    assert_eq!(daemon.fits[0].left_out, [1]);
+    assert!(daemon.fits[0].samples.samples.len() > 50);
+}
+
+#[test]
+fn a_session_says_when_it_began_and_who_vouches_for_its_rest() {
+    let mut daemon = Daemon::new();
+    daemon.apply(Pass(Hold));
+    let (patch, confirmed_by) = (String::new(), Some("Ada".to_owned()));
+    let (target, branches, leave_out) = (None, None, Vec::new());
+    let reply = daemon.ask(Command::StartSession { patch, target, branches, confirmed_by, leave_out });
+    let Ok(Done::Session(view)) = reply else { panic!("{reply:?}") };
+    assert_eq!((view.started_wall_ns, view.confirmed_by.as_deref()), (EPOCH_NS + 4_000_000_000, Some("Ada")));
+}
+
+#[test]
+fn an_activation_may_name_the_set_that_is_active_before_it() {
+    let mut daemon = Daemon::new();
+    let [first, second] = [0, 1].map(Set::Foreign);
+    for set in [first, second] {
+        daemon.apply(Import(set));
+    }
+    let mut activate = |set: Set, expected: &str| {
+        let expected = Some(expected.to_owned());
+        daemon.ask(Command::Activate { patch: String::new(), model_set: id_of(set), expected })
+    };
+    let why = activate(first, "m-other").unwrap_err().to_string();
+    assert_eq!(why, "expected `m-other` to be active, but it is none");
+    assert!(matches!(activate(first, ""), Ok(Done::Activated { previous: None, .. })));
+    assert!(activate(second, "").is_err() && activate(second, &id_of(second)).is_err());
+    let reply = activate(second, &id_of(first));
+    assert!(matches!(&reply, Ok(Done::Activated { previous: Some(id), .. }) if *id == id_of(first)), "{reply:?}");
+}
+
+#[test]
+fn a_view_shows_how_far_its_ramp_is() {
+    let mut daemon = Daemon::new();
+    for step in [Step::StartSession, Pass(Hold), Pass(Rise), Pass(Rise)] {
+        daemon.apply(step);
+    }
+    let view = daemon.session.clone().unwrap();
+    assert!(view.pressure_kpa.is_some_and(|kpa| (31.0..32.1).contains(&kpa)), "{view:?}");
+    assert!(view.rate_kpa_per_s.is_some_and(|rate| (rate - 4.0).abs() < 0.1), "{view:?}");
+    assert!(view.remaining_s.is_some_and(|s| (s - 2.0).abs() < 0.2), "8 kPa are left: {view:?}");
+    assert!((0.65..0.76).contains(&view.coverage), "28 of 40 steps, the last second waits: {view:?}");
+    assert_eq!(view.responding, (20, 20));
+    assert_eq!((view.ramps, view.reason.as_str()), (1, ""));
+    daemon.apply(Step::FinishRamp(1));
+    assert_eq!(daemon.session.clone().unwrap().remaining_s, None);
+    daemon.apply(FitEnds { fit: 0, well: false });
+    assert_eq!(daemon.session.clone().unwrap().reason, "none of the taxels gives a usable model");
+}
