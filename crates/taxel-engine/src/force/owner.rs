@@ -72,6 +72,9 @@ pub struct Force {
     selected_for: Option<u64>,
     /// Taxels with a usable model and a fault.
     faulty: Vec<usize>,
+    /// How many taxels are selected.
+    usable: usize,
+    touch: Touch,
 }
 
 impl Force {
@@ -90,6 +93,8 @@ impl Force {
             coverage: Coverage { uncovered_share: 1.0, blind: 0 },
             selected_for: None,
             faulty: Vec::new(),
+            usable: 0,
+            touch: Touch::default(),
         }
     }
 
@@ -176,6 +181,7 @@ impl Force {
         self.selected_for = Some(scan.soundness);
         evaluator.select(|taxel| scan.sound[taxel]);
         self.coverage = self.model.coverage(evaluator.selection());
+        self.usable = evaluator.selected().count();
         let tables = evaluator.tables();
         self.faulty = (0..scan.sound.len()).filter(|&t| tables.has(t) && !scan.sound[t]).collect();
         if let Some(zero) = &self.zero {
@@ -196,20 +202,21 @@ impl Force {
         let Some(evaluator) = self.evaluator.as_ref().filter(|_| zero.lacks.is_empty()) else {
             return self.nothing(ForceState::TareInvalid, zero.lacks.clone(), silent, taxels);
         };
-        let usable = evaluator.selected().count();
-        if usable == 0 {
+        if self.usable == 0 {
             let why = "no taxel has a usable model and is free of faults".to_owned();
             return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
         }
         let present = Present { coverage: self.coverage, zero_sigma_counts: zero.sigma_counts };
-        let touch = self.model.touch(evaluator, scan.counts, self.coverage);
+        let mut touch = std::mem::take(&mut self.touch);
+        self.model.touch(evaluator, scan.counts, self.coverage, &mut touch);
         let active = touch.active.iter().map(|&(taxel, _)| taxel);
         let unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
         let faulty_beside = self.faulty_beside(&touch);
         let in_total = in_order(&touch);
-        let mut sample = self.model.measure(evaluator, scan.counts, touch, unseen, present);
+        let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, unseen, present);
+        self.touch = touch;
         sample.stale = silent as u32;
-        sample.excluded = (taxels - usable).saturating_sub(silent) as u32;
+        sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
         self.name_shortcomings(&mut sample, faulty_beside, zero);
         Measured { sample, active: in_total }
     }
