@@ -44,6 +44,9 @@ pub struct ZeroState {
     pub load_vanished: bool,
 }
 
+/// The tables at the present zero, and what each taxel's history adds to its pressure in kPa, where that is compensated.
+pub type TablesNow = (Arc<Tables>, Option<Arc<[f32]>>);
+
 /// A sample, and the taxels whose force is in its total, ascending.
 #[derive(Clone, Debug, Default)]
 pub struct Measured {
@@ -274,7 +277,7 @@ impl Force {
 
     /// The tables at the present zero and what each taxel's history adds, for readers of taxels.
     #[must_use]
-    pub fn tables(&self) -> Option<(Arc<Tables>, Option<Arc<[f32]>>)> {
+    pub fn tables(&self) -> Option<TablesNow> {
         self.evaluator.as_ref().map(|e| (Arc::clone(e.tables()), e.hysteresis().cloned()))
     }
 }

@@ -122,7 +122,7 @@ impl ScanAssembler {
     /// over the whole period stay long, which is why it is done once only.
     fn realign(&mut self) -> bool {
         let early = self.newest - self.span_max;
-        if self.realigned || !self.earliest_fresh.is_some_and(|earliest| earliest < early) {
+        if self.realigned || self.earliest_fresh.is_none_or(|earliest| earliest >= early) {
             return false;
         }
         self.earliest_fresh = None;

@@ -139,10 +139,17 @@ impl Run {
     }
 
     fn step(&mut self, input: Input<'_>) -> anyhow::Result<()> {
-        let (mut out, mut fits) = (Vec::new(), Vec::new());
+        let (mut out, mut fits, mut tickets) = (Vec::new(), Vec::new(), Vec::new());
         self.engine.step(at(self.now), input, &mut out);
         for output in out {
             match output {
+                Output::Commit { ticket, records } => {
+                    tickets.push(ticket);
+                    let mut sets = records.into_iter();
+                    self.set = sets
+                        .find_map(|r| if let Record::ModelSet(set) = r { Some(set) } else { None })
+                        .or(self.set.take());
+                }
                 Output::Session(_, view) => self.state = Some(view.state),
                 Output::Record(Record::ModelSet(set)) => self.set = Some(set),
                 Output::Fit(job) => fits.push(job),
@@ -150,6 +157,8 @@ impl Run {
                 _ => {}
             }
         }
+        // Nothing here can fail to be written down.
+        tickets.into_iter().try_for_each(|ticket| self.step(Input::Committed { ticket, result: Ok(()) }))?;
         fits.into_iter().try_for_each(|job| self.step(Input::Fitted(job.run(content_id))))
     }
 }
