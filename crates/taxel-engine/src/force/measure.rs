@@ -9,7 +9,7 @@ use crate::force::contacts::clusters;
 use crate::force::evaluator::Evaluator;
 use crate::force::neighbours::{Filled, Neighbours};
 use crate::force::remainder::Unseen;
-use crate::force::sample::{ForceSample, RangeFlag};
+use crate::force::sample::ForceSample;
 
 /// The force of a taxel that is active alone is known to this share of it.
 const LONELY_SHARE: f64 = 0.5;
@@ -74,12 +74,31 @@ pub struct Present {
     pub zero_sigma_counts: f64,
 }
 
-/// The active taxels of a scan with their force in N, and what was taken from neighbours.
+/// The active taxels of a scan with their force in N, and what was taken from neighbours. Its owner keeps it from scan
+/// to scan, so that no scan has to ask for memory.
 #[derive(Clone, Debug, Default)]
 pub struct Touch {
     /// Taxel and force, those beyond the activation threshold first.
     pub active: Vec<(usize, f64)>,
     beside: Vec<Filled>,
+    seen: Vec<bool>,
+}
+
+/// Sums over the taxels of a total that its uncertainty follows from.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shares {
+    /// Variance that each taxel has for itself, N squared.
+    own_n2: f64,
+    /// Hysteresis that all have in common, N.
+    hysteresis_n: f64,
+    /// Change of the force if all counts change by one, N.
+    per_count_n: f64,
+    /// N per kPa.
+    area: f64,
+    /// Force on taxels that are active alone, N.
+    lonely_n: f64,
+    /// Taxels beyond the calibrated range.
+    above: f64,
 }
 
 impl ForceModel {
@@ -136,60 +155,62 @@ impl ForceModel {
     }
 
     /// Which taxels are touched, those at the rim of a contact with them, and what lies on excluded ones beside them.
-    #[must_use]
-    pub fn touch(&self, evaluator: &Evaluator, counts: &[u8], coverage: Coverage) -> Touch {
-        let mut touch = Touch { active: evaluator.active(counts), beside: Vec::new() };
+    pub fn touch(&self, evaluator: &Evaluator, counts: &[u8], coverage: Coverage, touch: &mut Touch) {
+        touch.active.clear();
+        touch.beside.clear();
+        evaluator.find_active(counts, &mut touch.active);
         if let Some(neighbours) = self.neighbours.as_ref().filter(|_| !touch.active.is_empty()) {
-            let low = |taxel: usize| evaluator.low_n(taxel, counts[taxel]);
-            neighbours.grow(&mut touch.active, |taxel| low(taxel).unwrap_or(0.0));
+            let low = |taxel: usize| evaluator.low_n(taxel, counts[taxel]).unwrap_or(0.0);
+            neighbours.grow(&mut touch.active, &mut touch.seen, low);
             if coverage.uncovered_share > 0.0 {
-                let kpa = |taxel| Some(low(taxel)? / self.newton_per_kpa(taxel));
-                touch.beside = neighbours.fill(&touch.active, kpa);
+                let selected = evaluator.selection();
+                let kpa = |taxel| low(taxel) / self.newton_per_kpa(taxel);
+                neighbours.fill(&touch.active, |taxel| selected[taxel], kpa, &mut touch.beside);
             }
         }
-        touch
     }
 
-    /// The force of one scan. State, reasons and the counts of excluded and stale taxels are the caller's.
+    /// The force of one scan, which is `touch`. State, reasons and the counts of excluded and stale taxels are the
+    /// caller's.
     #[must_use]
     pub fn measure(
         &self,
         evaluator: &Evaluator,
         counts: &[u8],
-        touch: Touch,
+        touch: &mut Touch,
         unseen: Unseen,
         present: Present,
     ) -> ForceSample {
-        let Touch { mut active, beside } = touch;
+        let Touch { active, beside, .. } = touch;
         let uncovered_share = present.coverage.uncovered_share;
         let measured_n = match self.neighbours {
-            None => evaluator.total_n(counts),
+            None => evaluator.sum_n(active),
             Some(_) => active.iter().fold(0.0, |sum, &(_, newton)| sum + newton), // sum() of nothing is -0.0
         };
         let beside_n = beside.iter().fold(0.0, |sum, f| sum + f.kpa * self.newton_per_kpa(f.taxel));
-        let (filled, filled_n, missing_n) = match &self.neighbours {
+        let (filled, filled_n, missing_n): (&[Filled], f64, f64) = match &self.neighbours {
             Some(_) if self.outputs.fill => (beside, beside_n, 0.0),
-            Some(_) => (Vec::new(), 0.0, beside_n),
-            None => (Vec::new(), 0.0, self.missing_n(&active, evaluator.selection())),
+            Some(_) => (&[], 0.0, beside_n),
+            None => (&[], 0.0, self.missing_n(active, evaluator.selection())),
         };
         let total_n = measured_n + filled_n;
-        let sigma_n = self.sigma_n(evaluator, counts, &active, &filled, total_n, present);
+        let shares = self.shares(evaluator, counts, active, filled);
+        let sigma_n = self.sigma_n(evaluator, shares, total_n, present.zero_sigma_counts);
         let mut sample = ForceSample {
             total: Some(Newton(total_n)),
             total_sigma: Some(Newton(sigma_n.hypot(missing_n).hypot(unseen.sigma_n))),
             detection_floor: Some(unseen.floor),
             active: active.len() as u32,
+            out_of_range: shares.above as u32,
             filled: filled.len() as u32,
             filled_share: if total_n > 0.0 { filled_n / total_n } else { 0.0 },
             uncovered_share,
             model_set: Some(Arc::clone(evaluator.tables().id())),
             ..ForceSample::default()
         };
-        let above = |taxel: usize| evaluator.reading(taxel, counts[taxel]).is_some_and(|r| r.range == RangeFlag::Above);
-        sample.out_of_range = active.iter().filter(|&&(taxel, _)| above(taxel)).count() as u32;
         if let Some(geometry) = &self.geometry {
             active.extend(filled.iter().map(|f| (f.taxel, f.kpa * self.newton_per_kpa(f.taxel))));
-            self.add_geometry(&mut sample, geometry, &active);
+            self.add_geometry(&mut sample, geometry, active);
         }
         sample
     }
@@ -211,6 +232,25 @@ impl ForceModel {
         self.areas_mm2[taxel] * 1e-3
     }
 
+    /// What the taxels of a total bring to its uncertainty, in one walk.
+    fn shares(&self, evaluator: &Evaluator, counts: &[u8], active: &[(usize, f64)], filled: &[Filled]) -> Shares {
+        let (tables, lonely_n) = (evaluator.tables(), self.lonely_n(active));
+        let mut sums = Shares { lonely_n, ..Shares::default() };
+        for &(taxel, _) in active {
+            let Some(share) = tables.share(taxel, counts[taxel]) else { continue };
+            sums.own_n2 += f64::from(share.own_n2);
+            sums.per_count_n += f64::from(share.per_count_n);
+            sums.above += f64::from(share.above);
+            sums.hysteresis_n += f64::from(tables.hysteresis_n(taxel));
+            sums.area += self.newton_per_kpa(taxel);
+        }
+        for taxel in filled {
+            sums.own_n2 += (self.newton_per_kpa(taxel.taxel) * taxel.sigma_kpa).powi(2);
+            sums.area += self.newton_per_kpa(taxel.taxel);
+        }
+        sums
+    }
+
     /// Standard uncertainty of the total: taxels are independent, while hysteresis, drift, gauge gain, gauge offset and
     /// area are common to all of them and so add up before they are squared.
     ///
@@ -219,39 +259,17 @@ impl ForceModel {
     /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2 + (o sum A_i)^2 + (a F)^2`,
     /// where s is the uncertainty of a taxel, h what of it is hysteresis, z the zero's in counts, and the s of a filled
     /// taxel is the scatter of its neighbours.
-    fn sigma_n(
-        &self,
-        evaluator: &Evaluator,
-        counts: &[u8],
-        active: &[(usize, f64)],
-        filled: &[Filled],
-        total_n: f64,
-        present: Present,
-    ) -> f64 {
-        let (mut own, mut hysteresis, mut per_count, mut area) = (0.0, 0.0, 0.0, 0.0);
-        for &(taxel, _) in active {
-            let Some(reading) = evaluator.reading(taxel, counts[taxel]) else { continue };
-            let newton_per_kpa = self.newton_per_kpa(taxel);
-            let (sigma_kpa, shared_kpa) = (f64::from(reading.sigma_kpa), f64::from(reading.shared_kpa));
-            own += newton_per_kpa.powi(2) * (sigma_kpa.powi(2) - shared_kpa.powi(2)).max(0.0);
-            hysteresis += newton_per_kpa * shared_kpa;
-            per_count += newton_per_kpa * f64::from(reading.kpa_per_count);
-            area += newton_per_kpa;
-        }
-        for taxel in filled {
-            own += (self.newton_per_kpa(taxel.taxel) * taxel.sigma_kpa).powi(2);
-            area += self.newton_per_kpa(taxel.taxel);
-        }
+    fn sigma_n(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
         let set = evaluator.tables().set();
         let shared = [
-            LONELY_SHARE * self.lonely_n(active),
-            hysteresis,
-            present.zero_sigma_counts * per_count,
+            LONELY_SHARE * sums.lonely_n,
+            sums.hysteresis_n,
+            zero_sigma_counts * sums.per_count_n,
             set.gauge_gain_rel * total_n,
-            set.gauge_offset_kpa * area,
+            set.gauge_offset_kpa * sums.area,
             self.area_uncertainty * total_n,
         ];
-        shared.iter().fold(own, |variance, sigma| variance + sigma * sigma).sqrt()
+        shared.iter().fold(sums.own_n2, |variance, sigma| variance + sigma * sigma).sqrt()
     }
 
     /// The force on active taxels none of whose neighbours is active, in N. A taxel that hangs at some count looks like
@@ -265,6 +283,9 @@ impl ForceModel {
     }
 
     fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)]) {
+        if self.outputs == (Outputs { fill: self.outputs.fill, ..Outputs::default() }) {
+            return; // nobody asks for any of it
+        }
         let poses = |taxel: usize| geometry.poses.get(taxel).copied().flatten();
         let (mut resultant, mut moment, mut weighted) = (Vector3::zeros(), Vector3::zeros(), Vector3::zeros());
         let mut weight = 0.0;
@@ -284,5 +305,39 @@ impl ForceModel {
             let placed = active.iter().filter_map(|&(taxel, newton)| Some((poses(taxel)?.position, newton)));
             sample.contacts = clusters(&placed.collect::<Vec<_>>(), self.contact_reach_m);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::force::tests::{layout, row};
+
+    fn coverage(geometry: Option<Geometry>, missing: impl Fn(usize) -> bool) -> Coverage {
+        let selected: Vec<bool> = (0..20).map(|taxel| !missing(taxel)).collect();
+        ForceModel::new(&layout(20, geometry)).coverage(&selected)
+    }
+
+    #[test]
+    fn an_excluded_taxel_among_sound_ones_is_uncovered_but_not_blind() {
+        let one = coverage(Some(row(20)), |taxel| taxel == 5);
+        assert!((one.uncovered_share - 0.05).abs() < 1e-12);
+        assert_eq!(one.blind, 0);
+    }
+
+    #[test]
+    fn a_module_that_is_excluded_as_a_whole_is_blind() {
+        let module = coverage(Some(row(20)), |taxel| taxel >= 10);
+        assert_eq!((module.uncovered_share, module.blind), (0.5, 10));
+        let all = coverage(Some(row(20)), |_| true);
+        assert_eq!((all.uncovered_share, all.blind), (1.0, 20));
+    }
+
+    #[test]
+    fn without_positions_most_of_a_module_has_to_be_missing() {
+        assert_eq!(coverage(None, |taxel| taxel < 5).blind, 0, "half of a module");
+        assert_eq!(coverage(None, |taxel| taxel < 6).blind, 6);
+        assert_eq!(coverage(None, |taxel| taxel % 3 == 0).blind, 0, "here and there");
+        assert_eq!(coverage(None, |taxel| taxel >= 10).blind, 10);
     }
 }

@@ -10,6 +10,8 @@ pub mod remainder;
 pub mod sample;
 pub mod tables;
 pub mod taxels;
+#[cfg(test)]
+pub(crate) mod tests;
 
 pub use crate::baseline::Activation;
 pub use evaluator::Evaluator;

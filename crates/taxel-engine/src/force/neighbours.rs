@@ -47,8 +47,10 @@ impl Neighbours {
     }
 
     /// Adds to `active` (taxel, value) what is connected to it through taxels that `low` gives a value above zero.
-    pub fn grow(&self, active: &mut Vec<(usize, f64)>, low: impl Fn(usize) -> f64) {
-        let mut seen = vec![false; self.of.len()];
+    /// `seen` is working space whose content does not matter.
+    pub fn grow(&self, active: &mut Vec<(usize, f64)>, seen: &mut Vec<bool>, low: impl Fn(usize) -> f64) {
+        seen.clear();
+        seen.resize(self.of.len(), false);
         for &(taxel, _) in active.iter() {
             seen[taxel] = true;
         }
@@ -79,31 +81,43 @@ impl Neighbours {
         self.of[taxel].iter().map(|&other| usize::from(other))
     }
 
-    /// Pressures for taxels that have none, where at least two neighbours have one and one of these is touched.
+    /// Appends pressures for taxels that have none, where at least two neighbours have one and one of these is touched.
     ///
-    /// `pressure_kpa` is `None` for a taxel without a pressure of its own, and zero for one that is not touched.
-    #[must_use]
-    pub fn fill(&self, touched: &[(usize, f64)], pressure_kpa: impl Fn(usize) -> Option<f64>) -> Vec<Filled> {
-        let mut missing: Vec<usize> = Vec::new();
+    /// `has_pressure` is whether a taxel has a pressure of its own, `pressure_kpa` is that: zero where nothing touches it.
+    pub fn fill(
+        &self,
+        touched: &[(usize, f64)],
+        has_pressure: impl Fn(usize) -> bool,
+        pressure_kpa: impl Fn(usize) -> f64,
+        filled: &mut Vec<Filled>,
+    ) {
+        let first = filled.len();
         for &(taxel, _) in touched {
-            let beside = self.of[taxel].iter().map(|&other| usize::from(other));
-            missing.extend(beside.filter(|&other| pressure_kpa(other).is_none()));
+            for &missing in self.of[taxel].iter().filter(|&&other| !has_pressure(usize::from(other))) {
+                filled.push(Filled { taxel: usize::from(missing), kpa: 0.0, sigma_kpa: 0.0 });
+            }
         }
-        missing.sort_unstable();
-        missing.dedup();
-        missing.into_iter().filter_map(|taxel| self.fill_one(taxel, &pressure_kpa)).collect()
+        filled[first..].sort_unstable_by_key(|f| f.taxel);
+        filled.dedup_by_key(|f| f.taxel);
+        filled.retain_mut(|f| {
+            let known = || self.of(f.taxel).filter(|&other| has_pressure(other)).map(&pressure_kpa);
+            let Some((kpa, sigma_kpa)) = mean_and_scatter(known) else { return false };
+            (f.kpa, f.sigma_kpa) = (kpa, sigma_kpa);
+            true
+        });
     }
+}
 
-    fn fill_one(&self, taxel: usize, pressure_kpa: &impl Fn(usize) -> Option<f64>) -> Option<Filled> {
-        let known: Vec<f64> = self.of[taxel].iter().filter_map(|&other| pressure_kpa(usize::from(other))).collect();
-        if known.len() < FILL_NEIGHBOURS_MIN {
-            return None;
-        }
-        let n = known.len() as f64;
-        let kpa = known.iter().sum::<f64>() / n;
-        let sigma_kpa = (known.iter().map(|p| (p - kpa).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
-        Some(Filled { taxel, kpa, sigma_kpa })
+/// Mean and standard deviation of `values`, which gives the same ones twice; `None` of fewer than
+/// [`FILL_NEIGHBOURS_MIN`].
+fn mean_and_scatter<I: Iterator<Item = f64>>(values: impl Fn() -> I) -> Option<(f64, f64)> {
+    let (count, sum) = values().fold((0, 0.0), |(count, sum), value| (count + 1, sum + value));
+    if count < FILL_NEIGHBOURS_MIN {
+        return None;
     }
+    let mean = sum / count as f64;
+    let squares: f64 = values().map(|value| (value - mean).powi(2)).sum();
+    Some((mean, (squares / (count - 1) as f64).sqrt()))
 }
 
 #[cfg(test)]
@@ -121,14 +135,16 @@ mod tests {
     fn weak_touch_counts_only_where_it_is_connected_to_a_strong_one() {
         let weak = [0.0, 1.0, 1.0, 0.0, 1.0, 1.0];
         let mut active = vec![(0, 5.0)];
-        row(6).grow(&mut active, |taxel| weak[taxel]);
+        row(6).grow(&mut active, &mut Vec::new(), |taxel| weak[taxel]);
         assert_eq!(active, [(0, 5.0), (1, 1.0), (2, 1.0)]);
     }
 
     #[test]
     fn an_excluded_taxel_takes_the_mean_of_its_neighbours() {
         let pressures = [Some(0.0), Some(10.0), None, Some(14.0), None];
-        let filled = row(5).fill(&[(1, 1.0), (3, 1.0)], |taxel| pressures[taxel]);
+        let (has, kpa) = (|t: usize| pressures[t].is_some(), |t: usize| pressures[t].unwrap());
+        let mut filled = Vec::new();
+        row(5).fill(&[(1, 1.0), (3, 1.0)], has, kpa, &mut filled);
         assert_eq!(filled.len(), 1, "taxel 4 has one neighbour only");
         assert_eq!((filled[0].taxel, filled[0].kpa), (2, 12.0));
         assert!((filled[0].sigma_kpa - 8.0_f64.sqrt()).abs() < 1e-12);

@@ -75,6 +75,9 @@ pub struct Force {
     selected_for: Option<u64>,
     /// Taxels of modules that are heard, with a usable model and a fault.
     faulty: Vec<usize>,
+    /// How many taxels are selected.
+    usable: usize,
+    touch: Touch,
 }
 
 impl Force {
@@ -93,6 +96,8 @@ impl Force {
             coverage: Coverage { uncovered_share: 1.0, blind: 0 },
             selected_for: None,
             faulty: Vec::new(),
+            usable: 0,
+            touch: Touch::default(),
         }
     }
 
@@ -179,6 +184,7 @@ impl Force {
         self.selected_for = Some(scan.soundness);
         evaluator.select(|taxel| scan.sound[taxel]);
         self.coverage = self.model.coverage(evaluator.selection());
+        self.usable = evaluator.selected().count();
         let tables = evaluator.tables();
         let heard = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| !**silent);
         let heard = heard.flat_map(|(taxels, _)| taxels.clone());
@@ -202,12 +208,12 @@ impl Force {
         let Some(evaluator) = self.evaluator.as_ref().filter(|_| zero.lacks.is_empty()) else {
             return self.nothing(ForceState::TareInvalid, zero.lacks.clone(), silent, taxels);
         };
-        let usable = evaluator.selected().count();
-        if usable == 0 {
+        if self.usable == 0 {
             let why = "no taxel has a usable model and is free of faults".to_owned();
             return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
         }
-        let touch = self.model.touch(evaluator, scan.counts, self.coverage);
+        let mut touch = std::mem::take(&mut self.touch);
+        self.model.touch(evaluator, scan.counts, self.coverage, &mut touch);
         let active = touch.active.iter().map(|&(taxel, _)| taxel);
         let unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
@@ -215,9 +221,10 @@ impl Force {
         let present = Present { coverage: self.coverage, zero_sigma_counts };
         let faulty_beside = self.faulty_beside(&touch);
         let in_total = in_order(&touch);
-        let mut sample = self.model.measure(evaluator, scan.counts, touch, unseen, present);
+        let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, unseen, present);
+        self.touch = touch;
         sample.stale = silent as u32;
-        sample.excluded = (taxels - usable).saturating_sub(silent) as u32;
+        sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
         self.name_shortcomings(&mut sample, faulty_beside, zero);
         Measured { sample, active: in_total }
     }

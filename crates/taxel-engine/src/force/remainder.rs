@@ -153,3 +153,88 @@ fn dot(weights: &[f32], counts: &[u8]) -> f64 {
     let rest: f64 = weights_rest.iter().zip(counts_rest).map(|(w, c)| f64::from(*w) * f64::from(*c)).sum();
     lanes.iter().fold(rest, |sum, lane| sum + f64::from(*lane))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::force::tests::{ACTIVATION, AREA, REST, rest, set};
+    use proptest::prelude::*;
+
+    const TAXELS: usize = 37;
+
+    fn tables() -> Tables {
+        Tables::new(set(TAXELS), &rest(TAXELS), &[AREA; TAXELS], ACTIVATION)
+    }
+
+    /// Count, selected, active.
+    fn taxels(counts: std::ops::RangeInclusive<u8>) -> impl Strategy<Value = Vec<(u8, bool, bool)>> {
+        proptest::collection::vec((counts, prop::bool::weighted(0.9), prop::bool::weighted(0.2)), TAXELS)
+    }
+
+    fn unseen(tables: &Tables, taxels: &[(u8, bool, bool)], zero_sigma: f64) -> Unseen {
+        let counts: Vec<u8> = taxels.iter().map(|t| t.0).collect();
+        let selected: Vec<bool> = taxels.iter().map(|t| t.1).collect();
+        let active = (0..TAXELS).filter(|&t| taxels[t].1 && taxels[t].2);
+        Remainder::new(tables, &rest(TAXELS), ACTIVATION, &selected, &[]).unseen(&counts, active, zero_sigma)
+    }
+
+    proptest! {
+        #[test]
+        fn it_is_what_a_plain_loop_over_the_taxels_gives(taxels in taxels(0..=255), zero_sigma in 0.0..0.5_f64) {
+            let tables = tables();
+            let (mut remainder, mut noise, mut per_count, mut chosen) = (0.0, 0.0, 0.0, 0.0);
+            for (taxel, &(count, selected, active)) in taxels.iter().enumerate() {
+                let distance = ACTIVATION.distance_counts(0.5);
+                let newton_per_count = tables.threshold_n(taxel, distance).unwrap() / distance;
+                if selected && active && f64::from(REST) - f64::from(count) < distance {
+                    chosen += newton_per_count * 0.5;
+                }
+                if selected && !active {
+                    remainder += newton_per_count * (f64::from(REST) - f64::from(count));
+                    noise += (newton_per_count * 0.5).powi(2);
+                    per_count += newton_per_count;
+                }
+            }
+            let sigma = (noise + (zero_sigma * per_count).powi(2)).sqrt();
+            let found = unseen(&tables, &taxels, zero_sigma);
+            let with_chosen = sigma.hypot(chosen);
+            prop_assert!((found.sigma_n - with_chosen).abs() < 1e-4 * (1.0 + with_chosen), "{found:?} {with_chosen}");
+            let floor = remainder.max(0.0) + FLOOR_SIGMAS * sigma;
+            prop_assert!((found.floor.0 - floor).abs() < 1e-3 * (1.0 + floor), "{found:?} {floor}");
+        }
+
+        /// Whatever lies on taxels below their thresholds, as their own curves tell it, is less than the floor.
+        #[test]
+        fn the_floor_holds_what_presses_below_the_thresholds(taxels in taxels(REST - 2..=REST), zero_sigma in 0.0..0.5_f64) {
+            let tables = tables();
+            let below = |(taxel, &(count, selected, active)): (usize, &(u8, bool, bool))| {
+                let kpa = tables.reading(taxel, count, 0.0).map_or(0.0, |reading| f64::from(reading.pressure_kpa));
+                if selected && !active { kpa * AREA.0 * 1e-3 } else { 0.0 }
+            };
+            let pressing: f64 = taxels.iter().enumerate().map(below).sum();
+            let found = unseen(&tables, &taxels, zero_sigma);
+            prop_assert!(found.floor.0 >= pressing - 1e-4, "{found:?} {pressing}");
+        }
+
+        #[test]
+        fn it_is_never_certain_of_a_selected_taxel_and_never_not_a_number(
+            taxels in taxels(0..=255), zero_sigma in 0.0..0.5_f64
+        ) {
+            let found = unseen(&tables(), &taxels, zero_sigma);
+            prop_assert!(found.sigma_n.is_finite() && found.floor.0.is_finite() && found.floor.0 >= 0.0, "{found:?}");
+            let open = taxels.iter().any(|&(_, selected, active)| selected && !active);
+            prop_assert!(!open || found.sigma_n > 0.0, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_zero_that_is_not_known_makes_no_number_that_is_none() {
+        let mut unknown = rest(TAXELS);
+        unknown[3] = TaxelBaseline::UNKNOWN;
+        unknown[4].noise = f64::NAN;
+        let tables = Tables::new(set(TAXELS), &unknown, &[AREA; TAXELS], ACTIVATION);
+        let remainder = Remainder::new(&tables, &unknown, ACTIVATION, &[true; TAXELS], &[]);
+        let found = remainder.unseen(&[REST; TAXELS], std::iter::once(4), 0.1);
+        assert!(found.sigma_n > 0.0 && found.floor.0.is_finite(), "{found:?}");
+    }
+}

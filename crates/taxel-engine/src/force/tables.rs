@@ -30,12 +30,25 @@ struct TaxelTable {
     pressure_kpa: [f32; 256],
     sigma_kpa: [f32; 256],
     range: [RangeFlag; 256],
-    /// Force in newton with the low threshold that holds beside an activated taxel.
-    low_n: [f32; 256],
+    shares: [Share; 256],
     /// What of `sigma_kpa` all taxels have in common.
     shared_kpa: f32,
     /// The count at the present zero.
     zero: f64,
+}
+
+/// What a taxel's count contributes to a force and to its uncertainty, side by side, so that one access to the memory
+/// has it all.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Share {
+    /// Force in newton with the low threshold that holds beside an activated taxel.
+    pub(crate) low_n: f32,
+    /// Variance of the force that this taxel does not share with the others, N squared.
+    pub(crate) own_n2: f32,
+    /// How much the force changes with the count here, N per count, not negative.
+    pub(crate) per_count_n: f32,
+    /// 1 where the count is beyond the calibrated range, on the side of pressure, and 0 elsewhere.
+    pub(crate) above: f32,
 }
 
 /// What a taxel's count means.
@@ -69,6 +82,7 @@ pub struct Tables {
     /// Threshold code: the greatest count in that polarity that is no touch; 255 where nothing is.
     threshold: Vec<u8>,
     newton_per_kpa: Vec<f32>,
+    hysteresis_n: Vec<f32>,
 }
 
 impl Tables {
@@ -84,6 +98,7 @@ impl Tables {
             force_n: vec![[0.0; FORCE_STRIDE]; taxels],
             polarity: vec![0; taxels],
             threshold: vec![u8::MAX; taxels],
+            hysteresis_n: vec![0.0; taxels],
             newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
             set,
         };
@@ -97,6 +112,7 @@ impl Tables {
                 let (table, force_n) = source.tabulate(*area, activation);
                 tables.polarity[taxel] = if source.sign == Sign::Falling { u8::MAX } else { 0 };
                 tables.threshold[taxel] = source.threshold(activation);
+                tables.hysteresis_n[taxel] = table.shared_kpa * tables.newton_per_kpa[taxel];
                 tables.taxels[taxel] = Some(Box::new(table));
                 tables.force_n[taxel] = force_n;
             }
@@ -132,12 +148,10 @@ impl Tables {
     #[must_use]
     pub fn reading(&self, taxel: usize, count: u8, offset_kpa: f32) -> Option<TaxelReading> {
         let (table, code) = (self.taxels.get(taxel)?.as_ref()?, usize::from(count));
-        let (before, after) = (count.saturating_sub(1), count.saturating_add(1));
-        let rise = table.pressure_kpa[usize::from(after)] - table.pressure_kpa[usize::from(before)];
         Some(TaxelReading {
             // Hysteresis takes no touch below nothing.
             pressure_kpa: (table.pressure_kpa[code] + offset_kpa).max(0.0),
-            kpa_per_count: rise.abs() / f32::from(after - before),
+            kpa_per_count: kpa_per_count(&table.pressure_kpa, count),
             sigma_kpa: table.sigma_kpa[code],
             shared_kpa: table.shared_kpa,
             range: table.range[code],
@@ -147,7 +161,17 @@ impl Tables {
 
     /// Force in newton of a taxel beside an activated one, where a weaker touch counts.
     pub(crate) fn low_n(&self, taxel: usize, count: u8) -> Option<f32> {
-        Some(self.taxels.get(taxel)?.as_ref()?.low_n[usize::from(count)])
+        Some(self.share(taxel, count)?.low_n)
+    }
+
+    /// What `count` of a taxel contributes; `None` without a usable model.
+    pub(crate) fn share(&self, taxel: usize, count: u8) -> Option<&Share> {
+        Some(&self.taxels.get(taxel)?.as_ref()?.shares[usize::from(count)])
+    }
+
+    /// Hysteresis that is not compensated, as a force that all taxels have in common, N; 0 without a usable model.
+    pub(crate) fn hysteresis_n(&self, taxel: usize) -> f32 {
+        self.hysteresis_n[taxel]
     }
 
     pub(crate) fn force_n(&self) -> &[ForceTable] {
@@ -229,12 +253,21 @@ impl<'a> Source<'a> {
             })
         };
         let distance = activation.distance_counts(self.now.noise);
-        let low_n = beyond(LOW_SHARE * distance);
+        let (low_n, newton_per_kpa) = (beyond(LOW_SHARE * distance), area.0 * 1e-3);
+        let shares = std::array::from_fn(|code| {
+            let own_kpa2 = (f64::from(table.sigma_kpa[code]).powi(2) - shared_kpa.powi(2)).max(0.0);
+            Share {
+                low_n: low_n[code],
+                own_n2: (newton_per_kpa.powi(2) * own_kpa2) as f32,
+                per_count_n: (newton_per_kpa * f64::from(kpa_per_count(&table.pressure_kpa, code as u8))) as f32,
+                above: if range[code] == RangeFlag::Above { 1.0 } else { 0.0 },
+            }
+        });
         let mut force_n = [0.0; FORCE_STRIDE];
         force_n[..256].copy_from_slice(&beyond(distance));
         let (pressure_kpa, sigma_kpa) = (table.pressure_kpa, table.sigma_kpa);
         (
-            TaxelTable { pressure_kpa, sigma_kpa, range, low_n, shared_kpa: shared_kpa as f32, zero: self.now.mean },
+            TaxelTable { pressure_kpa, sigma_kpa, range, shares, shared_kpa: shared_kpa as f32, zero: self.now.mean },
             force_n,
         )
     }
@@ -260,11 +293,49 @@ impl<'a> Source<'a> {
     }
 }
 
+/// How much the pressure changes with the count at `count`, not negative.
+fn kpa_per_count(pressure_kpa: &[f32; 256], count: u8) -> f32 {
+    let (before, after) = (count.saturating_sub(1), count.saturating_add(1));
+    let rise = pressure_kpa[usize::from(after)] - pressure_kpa[usize::from(before)];
+    rise.abs() / f32::from(after - before)
+}
+
 /// Beyond which end of the pressure a count lies: where counts fall with pressure, few counts are much pressure.
 const fn in_pressure(counts: RangeState, sign: Sign) -> RangeFlag {
     match (counts, sign) {
         (RangeState::InRange, _) => RangeFlag::In,
         (RangeState::Below, Sign::Rising) | (RangeState::Above, Sign::Falling) => RangeFlag::Below,
         (RangeState::Above, Sign::Rising) | (RangeState::Below, Sign::Falling) => RangeFlag::Above,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::force::tests::{ACTIVATION, AREA, rest, set};
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn no_history_makes_a_pressure_negative(count in any::<u8>(), offset_kpa in -100.0..100.0_f32) {
+            let tables = Tables::new(set(1), &rest(1), &[AREA], ACTIVATION);
+            let reading = tables.reading(0, count, offset_kpa).unwrap();
+            prop_assert!(reading.pressure_kpa >= 0.0, "{reading:?}");
+            prop_assert!(reading.sigma_kpa >= 0.0 && reading.kpa_per_count >= 0.0, "{reading:?}");
+        }
+    }
+
+    #[test]
+    fn what_a_count_contributes_follows_from_what_it_means() {
+        let tables = Tables::new(set(1), &rest(1), &[AREA], ACTIVATION);
+        for count in 0..=u8::MAX {
+            let (share, reading) = (tables.share(0, count).unwrap(), tables.reading(0, count, 0.0).unwrap());
+            let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * b.abs().max(1e-3);
+            assert!(near(share.per_count_n, 0.1 * reading.kpa_per_count), "{count}: {share:?} {reading:?}");
+            let own_kpa2 = reading.sigma_kpa.powi(2) - reading.shared_kpa.powi(2);
+            assert!(near(share.own_n2, 0.01 * own_kpa2.max(0.0)), "{count}: {share:?} {reading:?}");
+            assert_eq!(share.above > 0.0, reading.range == RangeFlag::Above, "{count}");
+            assert!(!reading.active || near(share.low_n, 0.1 * reading.pressure_kpa), "{count}: {share:?} {reading:?}");
+        }
     }
 }

@@ -35,6 +35,10 @@ pub struct ScanAssembler {
     expected: usize,
     newest: Time,
     begun: Option<Time>,
+    /// No module of the scan being assembled was received before this time.
+    earliest_fresh: Option<Time>,
+    /// No module that is listened for was received last before this time; `None` if nobody knows.
+    heard_since: Option<Time>,
     /// Modules of one scan should lie within this.
     span_max: Duration,
     /// Whether the scans were cut anew; they are not again until one is overrun.
@@ -70,6 +74,8 @@ impl ScanAssembler {
             expected: patch.modules().len(),
             newest: Time::default(),
             begun: None,
+            earliest_fresh: None,
+            heard_since: None,
             span_max: period / 2,
             realigned: false,
         }
@@ -100,6 +106,8 @@ impl ScanAssembler {
         module.fresh = true;
         self.fresh += 1;
         self.newest = self.newest.max(scan.time);
+        self.earliest_fresh = Some(self.earliest_fresh.map_or(scan.time, |earliest| earliest.min(scan.time)));
+        self.heard_since = self.heard_since.map(|since| since.min(scan.time));
         self.begun.get_or_insert(scan.time);
         self.realigned &= overrun.is_none();
         if self.fresh < self.expected || self.realign() {
@@ -114,16 +122,22 @@ impl ScanAssembler {
     /// over the whole period stay long, which is why it is done once only.
     fn realign(&mut self) -> bool {
         let early = self.newest - self.span_max;
-        let is_early = |m: &ModuleState| m.fresh && m.last.is_some_and(|last| last < early);
-        if self.realigned || !self.modules.iter().any(is_early) {
+        if self.realigned || self.earliest_fresh.is_none_or(|earliest| earliest >= early) {
             return false;
         }
-        for module in self.modules.iter_mut().filter(|m| is_early(m)) {
-            module.fresh = false;
-            self.fresh -= 1;
+        self.earliest_fresh = None;
+        let before = self.fresh;
+        for module in self.modules.iter_mut().filter(|m| m.fresh) {
+            match module.last {
+                Some(last) if last < early => {
+                    module.fresh = false;
+                    self.fresh -= 1;
+                }
+                last => self.earliest_fresh = self.earliest_fresh.min(last).or(last),
+            }
         }
-        self.realigned = true;
-        true
+        self.realigned = self.fresh < before;
+        self.realigned
     }
 
     fn end_scan(&mut self) -> ScanEnd {
@@ -136,6 +150,7 @@ impl ScanAssembler {
             module.fresh = false;
         }
         self.fresh = 0;
+        self.earliest_fresh = None;
         let mean = (sum / count.max(1)) as i64;
         ScanEnd { whole: count as usize == self.modules.len(), time: Time::from_nanos(mean) }
     }
@@ -143,6 +158,10 @@ impl ScanAssembler {
     /// Marks modules that have been silent for longer than `limit`; returns the positions of those that fell silent now.
     pub fn mark_stale(&mut self, now: Time, limit: Duration) -> Vec<usize> {
         let mut silent = Vec::new();
+        if self.heard_since.is_some_and(|since| now.since(since) <= limit) {
+            return silent; // nearly always
+        }
+        let mut heard_since = None;
         for (index, module) in self.modules.iter_mut().enumerate() {
             let since = module.last.or(self.begun);
             if module.expected && since.is_some_and(|since| now.since(since) > limit) {
@@ -151,9 +170,12 @@ impl ScanAssembler {
                 self.expected -= 1;
                 self.fresh -= usize::from(std::mem::take(&mut module.fresh));
                 silent.push(index);
+            } else if module.expected {
+                heard_since = heard_since.min(since).or(since);
             }
             module.pairer.expire(now);
         }
+        self.heard_since = heard_since;
         silent
     }
 

@@ -49,6 +49,9 @@ pub struct Pace {
     configured: Duration,
     /// The period that is believed.
     period: Duration,
+    /// [`PERIOD_SHARE`] and [`TOLERANCE_SHARE`] of it.
+    least: Duration,
+    tolerance: Duration,
     /// When the next scan is due at the earliest, without the tolerance.
     due: Option<Time>,
     last: Option<Time>,
@@ -62,24 +65,37 @@ pub struct Pace {
 impl Pace {
     /// A module that should send at this period, which is not zero.
     #[must_use]
-    pub const fn new(period: Duration) -> Self {
-        let configured = period;
-        Self { configured, period, due: None, last: None, mean_s: 0.0, even_since: None, excess: (None, 0) }
+    pub fn new(period: Duration) -> Self {
+        Self {
+            configured: period,
+            period,
+            least: period.mul_f64(PERIOD_SHARE),
+            tolerance: period.mul_f64(TOLERANCE_SHARE),
+            due: None,
+            last: None,
+            mean_s: 0.0,
+            even_since: None,
+            excess: (None, 0),
+        }
+    }
+
+    fn believe(&mut self, period: Duration) {
+        self.period = period;
+        (self.least, self.tolerance) = (period.mul_f64(PERIOD_SHARE), period.mul_f64(TOLERANCE_SHARE));
+        self.due = None;
     }
 
     /// A scan of the module came.
     pub fn on_scan(&mut self, time: Time) -> Arrival {
         self.learn(time);
-        let period = self.period.mul_f64(PERIOD_SHARE);
-        let tolerance = self.period.mul_f64(TOLERANCE_SHARE);
         if let Some(due) = self.due
-            && time < due - tolerance
+            && time < due - self.tolerance
         {
             let again = self.excess.0.is_some_and(|before| time.since(before) <= MEMORY);
             self.excess = (Some(time), self.excess.1 + 1);
             return Arrival::TooFast { until: time + if again { HOLD } else { 2 * self.period } };
         }
-        self.due = Some(self.due.map_or(time, |due| due.max(time)) + period);
+        self.due = Some(self.due.map_or(time, |due| due.max(time)) + self.least);
         Arrival::InTime
     }
 
@@ -97,8 +113,7 @@ impl Pace {
         let steady = self.even_since.is_some_and(|since| time.since(since) >= STEADY);
         let faster = self.mean_s < (1.0 - WORD_SHARE) * self.period.as_secs_f64();
         if steady && faster && self.mean_s >= PERIOD_MIN.as_secs_f64() {
-            self.period = Duration::from_secs_f64(self.mean_s);
-            self.due = None;
+            self.believe(Duration::from_secs_f64(self.mean_s));
         }
     }
 

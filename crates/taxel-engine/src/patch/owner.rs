@@ -190,7 +190,9 @@ impl Patch {
     ) -> Result<(), Refusal> {
         let mut events = Vec::new();
         self.intake.on_module_frame(module, frame, &mut events)?;
-        self.on_intake_events(now, events, effects);
+        if !events.is_empty() {
+            self.on_intake_events(now, events, effects);
+        }
         Ok(())
     }
 

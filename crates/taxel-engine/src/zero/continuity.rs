@@ -27,18 +27,21 @@
 //! have shown nothing. What a shift that stays below all this does to a force is in the uncertainty: [`UNSEEN_COUNTS`].
 
 use std::ops::Range;
+use taxel_skin::ModuleKind;
 
 use crate::baseline::TaxelBaseline;
 use crate::regions::Regions;
 use crate::scan::Scan;
+use crate::zero::inputs::{Inputs, KEPT, LANES};
+use crate::zero::lanes::{EVIDENCE_MAX, Reference, Sums};
 
 /// Standard uncertainty, in counts, of a common shift of a board that the test would miss.
 pub const UNSEEN_COUNTS: f64 = 0.15;
 
 /// Scans that a doubt lasts: as many as the longest mean runs over.
-const PROBATION_SCANS: u8 = 16;
+const PROBATION_SCANS: u8 = KEPT as u8;
 /// Fewest sound inputs, pads counted twice, that may clear a board of a doubt.
-const WITNESSES_MIN: f64 = 8.0;
+const WITNESSES_MIN: f32 = 8.0;
 /// Noise that an input is credited with at least, counts: rounding and what a short watch did not show.
 const NOISE_MIN_COUNTS: f64 = 0.5;
 /// Noise of a thermal pad, counts.
@@ -49,28 +52,24 @@ const INDEPENDENT_SHARE: f64 = 0.6;
 const REFERENCE_VARIANCE: f64 = 0.1;
 /// Slow changes that the recent mean lags behind, counts.
 const SLOW_COUNTS: f64 = 0.15;
-/// One input counts for at most so much.
-const EVIDENCE_MAX: f64 = 16.0;
-/// Weight of a scan in the recent mean: 40 scans.
-const RECENT_SHARE: f64 = 1.0 / 40.0;
 /// Noise estimates may be low by so much.
-const MEAN_SLACK: f64 = 1.15;
+const MEAN_SLACK: f32 = 1.15;
 /// Standard deviations and offset above the mean: once in 1e5 scans by chance.
-const LIKELY: [f64; 2] = [4.9, 16.0];
+const LIKELY: [f32; 2] = [4.9, 16.0];
 /// Once in 1e11 scans by chance.
-const CERTAIN: [f64; 2] = [7.4, 37.0];
+const CERTAIN: [f32; 2] = [7.4, 37.0];
 /// Once in 1e3 scans by chance.
-const POSSIBLE: [f64; 2] = [3.3, 11.0];
+const POSSIBLE: [f32; 2] = [3.3, 11.0];
 /// What is said of a board that was suspected and whose counts bear it out.
 const SINCE_SUSPECTED: &str = "lost its load at once, was not heard or reported a fault, and since then reads less than \
                                its zero on taxels that nothing touches: it has taken a new zero, or the zero was taken \
                                under a load that has gone";
 /// Of the load on a board less than this share remains when it vanishes.
-const VANISHED_SHARE: f64 = 0.4;
+const VANISHED_SHARE: f32 = 0.4;
 /// A load on so many taxels, or fewer, may be their noise.
-const LOAD_TAXELS_MIN: usize = 3;
+const LOAD_TAXELS_MIN: f32 = 3.0;
 /// A load of so many counts in all is worth a doubt.
-const LOAD_MIN_COUNTS: f64 = 12.0;
+const LOAD_MIN_COUNTS: f32 = 12.0;
 
 /// What the test says of a board.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -81,17 +80,6 @@ pub enum Finding {
     Doubt(String),
 }
 
-/// One input of a board: a taxel or a pad.
-#[derive(Clone, Copy, Debug, Default)]
-struct Input {
-    /// Mean over the scans before the last 16; NaN before there is one.
-    recent: f64,
-    /// Sums over the last 4 and 16 scans.
-    sums: [f64; 2],
-    /// Scans until all of the last 16 were sound.
-    unsound: u8,
-}
-
 /// A board's doubts.
 #[derive(Clone, Debug, Default)]
 struct BoardWatch {
@@ -99,6 +87,8 @@ struct BoardWatch {
     name: String,
     taxels: Range<usize>,
     modules: Range<usize>,
+    /// What its taxels are compared with, [`LANES`] at a time.
+    references: Vec<Reference>,
     /// Why its zero is in doubt, and for how many scans yet.
     doubt: Option<(String, u8)>,
     /// For how many scans yet its force is a lower bound: its load vanished at once.
@@ -107,18 +97,20 @@ struct BoardWatch {
     unclear: u8,
 }
 
+/// Scans of the three means that evidence is formed of.
+const MEANS: [usize; 3] = [1, 4, KEPT];
+
 /// Watches the boards of a patch. Begins anew with each zero.
 #[derive(Clone, Debug)]
 pub struct Continuity {
     boards: Vec<BoardWatch>,
-    taxels: Vec<Input>,
-    /// Two per module.
-    pads: Vec<Input>,
-    has_pads: Vec<usize>,
-    /// Counts of the last 16 scans, taxels then pads; the newest is at `at`.
-    ring: Vec<Vec<u8>>,
-    at: usize,
-    scans: usize,
+    taxels: Inputs,
+    /// Two per module, whether it has them or not.
+    pads: Inputs,
+    /// Which of the pads there are.
+    is_pad: Vec<bool>,
+    /// Whether the module of each pad is heard, and the soundness of the scan that this is of.
+    pads_heard: (Option<u64>, Vec<bool>),
 }
 
 /// What the test compares with, all per taxel.
@@ -130,8 +122,6 @@ pub struct Ground<'a> {
     pub signs: &'a [i8],
     /// Counts from the zero from which on a taxel is touched.
     pub touched_counts: &'a [f64],
-    /// A bag presses on everything, so that no load can vanish by itself.
-    pub pressing: bool,
 }
 
 impl Continuity {
@@ -145,26 +135,38 @@ impl Continuity {
             modules: modules.clone(),
             ..BoardWatch::default()
         };
-        let input = Input { recent: f64::NAN, sums: [0.0; 2], unsound: 0 };
+        let pads = |kind: &ModuleKind| [0, 1].map(|pad| pad < kind.thermal_slots().len());
         Self {
             boards: boards.map(watch).collect(),
-            taxels: vec![input; regions.taxels()],
-            pads: vec![input; 2 * regions.modules().len()],
-            has_pads: regions.kinds().iter().map(|kind| kind.thermal_slots().len()).collect(),
-            ring: vec![Vec::new(); usize::from(PROBATION_SCANS)],
-            at: 0,
-            scans: 0,
+            taxels: Inputs::new(regions.taxels()),
+            pads: Inputs::new(2 * regions.modules().len()),
+            is_pad: regions.kinds().iter().flat_map(pads).collect(),
+            pads_heard: (None, vec![false; 2 * regions.modules().len()]),
         }
     }
 
     /// A zero was taken: nothing that was seen before counts.
     pub fn begin(&mut self) {
-        let input = Input { recent: f64::NAN, sums: [0.0; 2], unsound: 0 };
-        self.taxels.fill(input);
-        self.pads.fill(input);
-        self.scans = 0;
+        self.taxels.begin();
+        self.pads.begin();
         for board in &mut self.boards {
             (board.doubt, board.vanished, board.unclear) = (None, 0, 0);
+        }
+    }
+
+    /// From now on counts are compared with this; what was seen before stays.
+    pub fn compare_with(&mut self, ground: &Ground<'_>) {
+        for board in &mut self.boards {
+            let blocks = board.taxels.len().div_ceil(LANES);
+            board.references = vec![Reference::default(); blocks];
+            for (i, taxel) in board.taxels.clone().enumerate() {
+                let (Some(zero), Some(&sign)) = (ground.zero.get(taxel), ground.signs.get(taxel)) else { continue };
+                let touched = ground.touched_counts.get(taxel).copied().unwrap_or(f64::MAX);
+                if sign != 0 && zero.mean.is_finite() {
+                    let per_variance = MEANS.map(|scans| 1.0 / variance(zero.noise.max(NOISE_MIN_COUNTS), scans));
+                    board.references[i / LANES].set(i % LANES, f64::from(sign), zero.mean, per_variance, touched);
+                }
+            }
         }
     }
 
@@ -187,12 +189,13 @@ impl Continuity {
         self.boards.iter().any(|board| board.vanished > 0)
     }
 
-    /// Takes a scan. Returns what is found, the worst of all boards.
-    pub fn on_scan(&mut self, scan: &Scan<'_>, ground: &Ground<'_>) -> Option<Finding> {
+    /// Takes a scan. Returns what is found, the worst of all boards. A bag that is `pressing` presses on everything, so
+    /// that no load can vanish by itself.
+    pub fn on_scan(&mut self, scan: &Scan<'_>, pressing: bool) -> Option<Finding> {
         self.push(scan);
         let mut worst = None;
         for index in 0..self.boards.len() {
-            match self.judge(index, scan, ground) {
+            match self.judge(index, scan, pressing) {
                 Some(finding @ Finding::NewZero(_)) => return Some(finding),
                 Some(doubt) => worst = worst.or(Some(doubt)),
                 None => {}
@@ -202,57 +205,40 @@ impl Continuity {
     }
 
     fn push(&mut self, scan: &Scan<'_>) {
-        self.at = (self.at + 1) % self.ring.len();
-        let fourth = (self.at + self.ring.len() - 4) % self.ring.len();
-        let (full, quarter) = (self.scans >= self.ring.len(), self.scans >= 4);
-        let taxels = self.taxels.len();
-        let mut newest = std::mem::take(&mut self.ring[self.at]);
-        newest.resize(taxels + self.pads.len(), 0);
-        for (i, input) in self.taxels.iter_mut().chain(&mut self.pads).enumerate() {
-            let count = if i < taxels { scan.counts[i] } else { scan.pads[(i - taxels) / 2][(i - taxels) % 2] };
-            let leaves = std::mem::replace(&mut newest[i], count);
-            let leaves_quarter = if quarter { f64::from(self.ring[fourth][i]) } else { 0.0 };
-            input.sums[0] += f64::from(count) - leaves_quarter;
-            input.sums[1] += f64::from(count) - if full { f64::from(leaves) } else { 0.0 };
-            if full && input.unsound == 0 {
-                let leaves = f64::from(leaves);
-                input.recent =
-                    if input.recent.is_nan() { leaves } else { input.recent + RECENT_SHARE * (leaves - input.recent) };
-            }
-            let sound = if i < taxels { scan.sound[i] } else { !scan.silent[(i - taxels) / 2] };
-            input.unsound = if sound { input.unsound.saturating_sub(1) } else { PROBATION_SCANS };
+        if self.pads_heard.0 != Some(scan.soundness) {
+            let heard = scan.silent.iter().flat_map(|silent| [!silent; 2]);
+            self.pads_heard.1.iter_mut().zip(heard).for_each(|(known, heard)| *known = heard);
+            self.pads_heard.0 = Some(scan.soundness);
         }
-        self.ring[self.at] = newest;
-        self.scans += 1;
+        self.taxels.push(scan.counts, scan.sound);
+        self.pads.push(scan.pads.as_flattened(), &self.pads_heard.1);
     }
 
     /// What the newest scan says of one board.
-    fn judge(&mut self, index: usize, scan: &Scan<'_>, ground: &Ground<'_>) -> Option<Finding> {
+    fn judge(&mut self, index: usize, scan: &Scan<'_>, pressing: bool) -> Option<Finding> {
         let silent = self.boards[index].modules.clone().all(|module| scan.silent[module]);
         if silent {
             return None; // nothing to be judged by, and nothing of it in the force
         }
-        let newest = self.evidence(index, ground, 1);
-        let means = [4, 16].map(|scans| (self.scans >= scans).then(|| self.evidence(index, ground, scans)));
-        let vanishes = self.vanishes(index, scan, ground);
+        let (evidence, vanishes) = self.evidence(index);
+        let scans = self.taxels.scans();
+        let seen = |mean: usize, bound| scans >= MEANS[mean] && evidence.exceeds(mean, bound);
         let board = &mut self.boards[index];
-        // Where something else speaks for a new zero, too, less evidence is enough.
-        let needed = if board.doubt.is_some() || board.vanished > 0 { LIKELY } else { CERTAIN };
-        if means.iter().flatten().any(|e| e.exceeds(needed)) {
+        if seen(1, CERTAIN) || seen(2, CERTAIN) {
             let why = "reads less than its zero on taxels that nothing touches, or on its thermal pads: it has taken a \
                        new zero, or the zero was taken under a load that has gone";
             return Some(Finding::NewZero(format!("{}{why}", board.name)));
         }
-        if vanishes && ground.pressing {
+        if vanishes && pressing {
             let why = "lost its load at once while the bag was pressing: it has taken a new zero";
             return Some(Finding::NewZero(format!("{}{why}", board.name)));
         }
-        if board.is_suspected() && means[1].is_some_and(|e| e.exceeds(LIKELY)) {
+        if board.is_suspected() && seen(2, LIKELY) {
             return Some(Finding::NewZero(format!("{}{SINCE_SUSPECTED}", board.name)));
         }
-        let unclear = means[1].is_some_and(|e| e.exceeds(POSSIBLE));
+        let unclear = seen(2, POSSIBLE);
         board.vanished = if vanishes { PROBATION_SCANS } else { wait(board.vanished, unclear) };
-        if newest.exceeds(LIKELY) && board.doubt.is_none() {
+        if seen(0, LIKELY) && board.doubt.is_none() {
             let why = "reads less than its zero on taxels that nothing touches: it may have taken a new zero";
             let why = format!("{}{why}", board.name);
             board.doubt = Some((why.clone(), PROBATION_SCANS));
@@ -261,64 +247,40 @@ impl Continuity {
         if let Some((_, left)) = &mut board.doubt {
             *left = wait(*left, unclear);
         }
-        board.end_doubt(unclear, newest.witnesses)
+        board.end_doubt(unclear, evidence.witnesses())
     }
 
-    /// The evidence of the mean over the last `scans`, which is 1, 4 or 16.
-    fn evidence(&self, index: usize, ground: &Ground<'_>, scans: usize) -> Evidence {
+    /// The evidence of a board, all three means in one walk, and whether the load that lay on it is gone with this scan.
+    fn evidence(&self, index: usize) -> (Evidence, bool) {
         let board = &self.boards[index];
-        let mean = |input: &Input, position: usize| match scans {
-            1 => f64::from(self.ring[self.at][position]),
-            4 => input.sums[0] / 4.0,
-            _ => input.sums[1] / 16.0,
-        };
-        let independent = if scans == 1 { 1.0 } else { INDEPENDENT_SHARE * scans as f64 };
-        let share = 1.0 / independent + REFERENCE_VARIANCE;
-        let mut evidence = Evidence::default();
-        for taxel in board.taxels.clone() {
-            let (input, zero) = (&self.taxels[taxel], ground.zero[taxel]);
-            let sign = f64::from(ground.signs[taxel]);
-            if input.unsound > 0 || sign == 0.0 || !zero.mean.is_finite() {
+        let mut sums = Sums::default();
+        for (block, reference) in board.references.iter().enumerate() {
+            let first = board.taxels.start + block * LANES;
+            sums.add(reference, &self.taxels.block(first..(first + LANES).min(board.taxels.end)));
+        }
+        let mut evidence = Evidence { sums: sums.evidence(), taxels: sums.taxels(), pads: 0.0 };
+        self.add_pads(board, &mut evidence);
+        let [was, is, touched] = sums.load();
+        let is_load = touched >= LOAD_TAXELS_MIN && was >= LOAD_MIN_COUNTS;
+        (evidence, self.taxels.scans() >= 8 && is_load && is < VANISHED_SHARE * was)
+    }
+
+    fn add_pads(&self, board: &BoardWatch, evidence: &mut Evidence) {
+        let per_variance = MEANS.map(|scans| (1.0 / variance(PAD_NOISE_COUNTS, scans)) as f32);
+        let newest = self.pads.newest();
+        let [quarter, whole] = self.pads.sums();
+        let (recent, unsound) = (self.pads.recent(), self.pads.unsound());
+        for pad in 2 * board.modules.start..2 * board.modules.end {
+            if unsound[pad] > 0 || !self.is_pad[pad] || recent[pad].is_nan() {
                 continue;
             }
-            // f64::min takes the number of the two where there is no recent mean yet.
-            let least = (sign * zero.mean).min(sign * input.recent);
-            let variance = zero.noise.max(NOISE_MIN_COUNTS).powi(2) * share + SLOW_COUNTS * SLOW_COUNTS;
-            let away = (least - sign * mean(input, taxel)).max(0.0);
-            evidence.add(away * away / variance, [0.5, 1.25, 1.0]);
-        }
-        let pad_variance = PAD_NOISE_COUNTS * PAD_NOISE_COUNTS * share + SLOW_COUNTS * SLOW_COUNTS;
-        for module in board.modules.clone() {
-            for pad in 2 * module..2 * module + self.has_pads[module] {
-                let input = &self.pads[pad];
-                let change = mean(input, self.taxels.len() + pad) - input.recent;
-                if input.unsound == 0 && change.is_finite() {
-                    evidence.add(change * change / pad_variance, [1.0, 2.0, 2.0]);
-                }
+            let means = [f32::from(newest[pad]), f32::from(quarter[pad]) / 4.0, f32::from(whole[pad]) / 16.0];
+            for ((sum, mean), per_variance) in evidence.sums.iter_mut().zip(means).zip(per_variance) {
+                let change = mean - recent[pad];
+                *sum += (change * change * per_variance).min(EVIDENCE_MAX);
             }
+            evidence.pads += 1.0;
         }
-        evidence
-    }
-
-    /// Whether the load that lay on the board is gone with this scan.
-    fn vanishes(&self, index: usize, scan: &Scan<'_>, ground: &Ground<'_>) -> bool {
-        if self.scans < 8 {
-            return false;
-        }
-        // The four scans before the last: the boards' scans are cut anew now and then, and one may be of both.
-        let before = [2, 3, 4, 5].map(|back| &self.ring[(self.at + self.ring.len() - back) % self.ring.len()]);
-        let (mut was, mut is, mut taxels) = (0.0, 0.0, 0);
-        for taxel in self.boards[index].taxels.clone() {
-            let (sign, zero) = (f64::from(ground.signs[taxel]), ground.zero[taxel].mean);
-            let pressed = |count: f64| sign * (count - zero);
-            let then = pressed(before.iter().map(|scan| f64::from(scan[taxel])).sum::<f64>() / 4.0);
-            if scan.sound[taxel] && self.taxels[taxel].unsound == 0 && then > ground.touched_counts[taxel] {
-                was += then;
-                is += pressed(f64::from(scan.counts[taxel])).max(0.0);
-                taxels += 1;
-            }
-        }
-        taxels >= LOAD_TAXELS_MIN && was >= LOAD_MIN_COUNTS && is < VANISHED_SHARE * was
     }
 }
 
@@ -334,7 +296,7 @@ impl BoardWatch {
     }
 
     /// Ends a doubt whose scans are over, or finds that nobody can end it.
-    fn end_doubt(&mut self, unclear: bool, witnesses: f64) -> Option<Finding> {
+    fn end_doubt(&mut self, unclear: bool, witnesses: f32) -> Option<Finding> {
         let waits = self.vanished.max(self.doubt.as_ref().map_or(0, |(_, left)| *left));
         // Whoever is suspected has its last scan to wait for as long as the counts leave it unclear.
         self.unclear = if unclear && waits == 1 { self.unclear + 1 } else { 0 };
@@ -347,25 +309,32 @@ impl BoardWatch {
     }
 }
 
+/// Variance of a mean over so many scans against a zero or a recent mean, counts squared.
+fn variance(noise: f64, scans: usize) -> f64 {
+    let independent = if scans == 1 { 1.0 } else { INDEPENDENT_SHARE * scans as f64 };
+    noise * noise * (1.0 / independent + REFERENCE_VARIANCE) + SLOW_COUNTS * SLOW_COUNTS
+}
+
 /// The evidence of a board.
 #[derive(Clone, Copy, Debug, Default)]
 struct Evidence {
-    sum: f64,
-    mean: f64,
-    variance: f64,
-    witnesses: f64,
+    /// Of the newest scan and of the means over the last 4 and 16.
+    sums: [f32; 3],
+    /// Sound inputs that it is of.
+    taxels: f32,
+    pads: f32,
 }
 
 impl Evidence {
-    /// One input, with the mean, the variance and the weight as a witness that it has by chance.
-    fn add(&mut self, square: f64, [mean, variance, witness]: [f64; 3]) {
-        self.sum += square.min(EVIDENCE_MAX);
-        self.mean += mean;
-        self.variance += variance;
-        self.witnesses += witness;
+    /// How many inputs may clear the board of a doubt.
+    const fn witnesses(&self) -> f32 {
+        self.taxels + 2.0 * self.pads
     }
 
-    fn exceeds(&self, [deviations, offset]: [f64; 2]) -> bool {
-        self.witnesses > 0.0 && self.sum > MEAN_SLACK * self.mean + deviations * self.variance.sqrt() + offset
+    /// Whether the evidence of one of the three means is beyond chance.
+    fn exceeds(&self, mean: usize, [deviations, offset]: [f32; 2]) -> bool {
+        let by_chance = 0.5 * self.taxels + self.pads;
+        let variance = 1.25 * self.taxels + 2.0 * self.pads;
+        self.witnesses() > 0.0 && self.sums[mean] > MEAN_SLACK * by_chance + deviations * variance.sqrt() + offset
     }
 }

@@ -15,14 +15,15 @@ use crate::request::RequestId;
 use crate::scan::Scan;
 use crate::statistics::median;
 use crate::zero::continuity::{Continuity, Finding, Ground, UNSEEN_COUNTS};
+use crate::zero::count_sums::CountSums;
 use crate::zero::drift::follow::Drift;
 use crate::zero::drift::view::DriftView;
 use crate::zero::plan::ZeroPlan;
 use crate::zero::rest::judge::{Reference, judge};
 use crate::zero::rest::moves::Moves;
-use crate::zero::rest::statistics::{RestStatistics, RestWindow};
+use crate::zero::rest::statistics::RestWindow;
 use crate::zero::rest::verdict::RestVerdict;
-use crate::zero::unloading::unloading;
+use crate::zero::unloading::Later;
 use crate::zero::view::TareView;
 use crate::zero::watch::{Purpose, Watch};
 
@@ -104,12 +105,17 @@ pub struct Zero {
     continuity: Continuity,
     /// Whether the continuity is in doubt, as last told.
     doubted: bool,
-    later: RestStatistics,
+    /// What was read since the zero was taken, or since the last look at whether the skin is unloaded.
+    later: CountSums,
+    /// Scans from one such look to the next.
+    later_scans: u64,
     /// How far the median taxel lay from its zero in the last such window, counts. Half of the skin is seldom touched,
     /// so this is what the zero is off by everywhere.
     offset_counts: f64,
     /// Which way pressure moves the count of each taxel; -1 where no model says, as on all boards of iCub.
     signs: Vec<i8>,
+    /// Whether any of them is known.
+    signed: bool,
     /// Counts from the zero from which on each taxel is touched.
     touched_counts: Vec<f64>,
     /// The zero with its drift.
@@ -130,9 +136,11 @@ impl Zero {
             drift,
             continuity: Continuity::new(&regions, &plan.board_names),
             doubted: false,
-            later: RestStatistics::new(regions.taxels()).in_modules(regions.modules().iter().cloned()),
+            later: CountSums::new(regions.taxels()),
+            later_scans: (UNLOADING_WINDOW.as_secs_f64() / plan.period.as_secs_f64()).ceil() as u64,
             offset_counts: 0.0,
             signs: vec![-1; regions.taxels()],
+            signed: true,
             touched_counts: vec![0.0; regions.taxels()],
             now: Vec::new(),
             plan,
@@ -214,8 +222,9 @@ impl Zero {
     pub fn on_models(&mut self, set: Option<&ModelSet>) {
         if let Some(set) = set {
             self.signs = set.signs();
+            self.renew_ground();
         }
-        self.restart_unloading();
+        self.later.restart();
     }
 
     /// Takes a scan.
@@ -230,11 +239,17 @@ impl Zero {
         if !self.view.valid {
             return;
         }
-        let ground = Ground { zero: &self.now, signs: &self.signs, touched_counts: &self.touched_counts, pressing };
-        match self.continuity.on_scan(scan, &ground) {
+        match self.continuity.on_scan(scan, pressing) {
             Some(Finding::NewZero(why)) => self.lose(why, events),
             Some(Finding::Doubt(_)) | None => self.tell_doubt(events),
         }
+    }
+
+    /// The zero or the signs have changed: what boards are compared with.
+    fn renew_ground(&mut self) {
+        let (zero, signs, touched_counts) = (&self.now, &self.signs, &self.touched_counts);
+        self.continuity.compare_with(&Ground { zero, signs, touched_counts });
+        self.signed = signs.iter().any(|sign| *sign != 0);
     }
 
     fn tell_doubt(&mut self, events: &mut Vec<ZeroEvent>) {
@@ -293,29 +308,25 @@ impl Zero {
     /// A skin that becomes lighter than its zero was not at rest when that was taken. What is found stays: the zero is
     /// lost until another is taken.
     fn check_unloading(&mut self, scan: &Scan<'_>, events: &mut Vec<ZeroEvent>) {
-        if !self.holds() || self.signs.iter().all(|sign| *sign == 0) {
+        if !self.holds() || !self.signed {
             return;
         }
-        self.later.push(scan.sound_counts());
-        let scans = UNLOADING_WINDOW.as_secs_f64() / self.plan.period.as_secs_f64();
-        if (self.later.count() as f64) < scans {
+        self.later.push(scan);
+        if self.later.scans() < self.later_scans {
             return;
         }
-        let median = Moves::against(&self.now, &self.later, &self.signs).median();
+        let (seen, scans) = (self.later.baseline(), self.later.scans());
+        let median = Moves::between(&self.now, &seen, scans, &self.signs).median();
         self.offset_counts = if median.is_finite() { median.abs().min(OFFSET_MAX_COUNTS) } else { 0.0 };
-        let found = unloading(&self.now, &self.later, &self.signs, &self.plan.tare.rest);
-        self.restart_unloading();
+        let later = Later { seen: &seen, scans, modules: self.regions.modules() };
+        let found = later.unloaded(&self.now, &self.signs, &self.plan.tare.rest);
+        self.later.restart();
         if let Some(found) = found {
             self.lose(
                 format!("{found}: the zero was taken under a load, or is another; unload the skin and tare"),
                 events,
             );
         }
-    }
-
-    fn restart_unloading(&mut self) {
-        let modules = self.regions.modules().iter().cloned();
-        self.later = RestStatistics::new(self.regions.taxels()).in_modules(modules);
     }
 
     fn watch_rest(&mut self, now: Now, scan: &Scan<'_>, around: Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
@@ -420,9 +431,10 @@ impl Zero {
         }
         self.baseline = Some(baseline);
         self.continuity.begin();
+        self.renew_ground();
         self.doubted = false;
         self.offset_counts = 0.0;
-        self.restart_unloading();
+        self.later.restart();
     }
 
     /// The zero as it was taken, one per taxel, if there is one.
@@ -445,6 +457,7 @@ impl Zero {
         self.view.drift = *drift.view();
         if let Some(baseline) = self.baseline.as_ref().filter(|_| moved) {
             self.now = drift.applied_to(baseline);
+            self.renew_ground();
             events.push(ZeroEvent::Moved);
         }
     }

@@ -1,8 +1,11 @@
 //! What is zero, and does it hold: watched at rest, proven, followed with the temperature, and lost.
 
 pub mod continuity;
+pub mod count_sums;
 pub mod drift;
 pub mod holder;
+pub mod inputs;
+pub mod lanes;
 pub mod plan;
 pub mod rest;
 pub mod unloading;

@@ -1,6 +1,7 @@
 //! A skin that becomes lighter than its zero was not at rest when the zero was taken.
 
 use std::fmt;
+use std::ops::Range;
 
 use crate::baseline::TaxelBaseline;
 use crate::zero::rest::limits::RestLimits;
@@ -43,17 +44,37 @@ pub fn unloading(
     sign: &[i8],
     limits: &RestLimits,
 ) -> Option<Unloading> {
-    if later.count() < limits.scans_min {
-        return None;
+    let later = Later { seen: &later.baseline(), scans: later.count(), modules: later.modules() };
+    later.unloaded(zero, sign, limits)
+}
+
+/// What was seen of each taxel in a window of scans after the zero.
+#[derive(Clone, Copy, Debug)]
+pub struct Later<'a> {
+    /// Mean and noise, one per taxel.
+    pub seen: &'a [TaxelBaseline],
+    /// Scans of the window.
+    pub scans: u64,
+    /// Which taxels form each module.
+    pub modules: &'a [Range<usize>],
+}
+
+impl Later<'_> {
+    /// As [`unloading`].
+    #[must_use]
+    pub fn unloaded(&self, zero: &[TaxelBaseline], sign: &[i8], limits: &RestLimits) -> Option<Unloading> {
+        if self.scans < limits.scans_min {
+            return None;
+        }
+        let lighter = Moves::between(zero, self.seen, self.scans, sign).reversed();
+        if !lighter.are_enough(limits.sound_share_min) {
+            return None;
+        }
+        let median = lighter.median();
+        let (module, module_median) = lighter.worst_module(self.modules, 0.0);
+        let (_, third) = lighter.worst_third(self.modules, 0.0);
+        let found =
+            median > limits.lift_median_max || module_median > limits.lift_module_max || third > limits.lift_third_max;
+        found.then_some(Unloading { median, module, module_median, third })
     }
-    let lighter = Moves::against(zero, later, sign).reversed();
-    if !lighter.are_enough(limits.sound_share_min) {
-        return None;
-    }
-    let median = lighter.median();
-    let (module, module_median) = lighter.worst_module(later.modules(), 0.0);
-    let (_, third) = lighter.worst_third(later.modules(), 0.0);
-    let found =
-        median > limits.lift_median_max || module_median > limits.lift_module_max || third > limits.lift_third_max;
-    found.then_some(Unloading { median, module, module_median, third })
 }

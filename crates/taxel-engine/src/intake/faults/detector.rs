@@ -37,6 +37,8 @@ pub struct FaultDetector {
     modules: Vec<ModuleWatch>,
     /// Taxels that changed within the freezing time, as of their last scan.
     pub(super) lively: usize,
+    /// No module that is not stale was heard last before this time.
+    heard_since: Option<Time>,
 }
 
 impl FaultDetector {
@@ -62,6 +64,7 @@ impl FaultDetector {
             taxels: vec![TaxelWatch::default(); taxel_count],
             modules: modules.iter().map(watch).collect(),
             lively: 0,
+            heard_since: None,
         }
     }
 
@@ -98,6 +101,7 @@ impl FaultDetector {
         let Some(watch) = self.modules.get_mut(module) else { return false };
         let silent = watch.heard.is_some_and(|last| now.seconds_since(last) > f64::from(self.limits.stale_after_s));
         watch.heard = Some(now);
+        self.heard_since = Some(self.heard_since.map_or(now, |since| since.min(now)));
         watch.take_status(now + self.hold, status);
         let others_change = 4 * self.lively >= self.taxels.len();
         let (mut broken, mut changed) = (0, false);
@@ -109,7 +113,6 @@ impl FaultDetector {
             }
             if count.is_finite() {
                 taxel.push(now, count, others_change, self.hold, &self.limits);
-                taxel.note_onset(now);
             }
             match (before.1, taxel.is_lively) {
                 (false, true) => self.lively += 1,
@@ -161,10 +164,17 @@ impl FaultDetector {
 
     /// Time passed: modules that have been silent for too long are stale. Returns whether any became so.
     pub fn tick(&mut self, now: Time) -> bool {
+        let stale_after_s = f64::from(self.limits.stale_after_s);
+        let is_silent = |last| now.seconds_since(last) > stale_after_s;
+        if !self.heard_since.is_some_and(is_silent) {
+            return false; // nearly always
+        }
         let mut changed = false;
+        self.heard_since = None;
         for module in &mut self.modules {
-            let silent = |last| now.seconds_since(last) > f64::from(self.limits.stale_after_s);
-            if !module.heard.is_some_and(silent) {
+            let Some(heard) = module.heard else { continue };
+            if !is_silent(heard) {
+                self.heard_since = Some(self.heard_since.map_or(heard, |since| since.min(heard)));
                 continue;
             }
             module.marked = true;

@@ -24,13 +24,17 @@ const NOISE_SHOWS: f32 = 0.3;
 /// A taxel is frozen after so many of its mean intervals between changes, where the noise is not known.
 const INTERVALS: f32 = 20.0;
 
-#[derive(Clone, Debug, Default)]
+/// What never was, or is long over.
+const NEVER: Time = Time::from_nanos(i64::MIN);
+
+#[derive(Clone, Debug)]
 pub(super) struct TaxelWatch {
     pub(super) faults: FaultSet,
     /// Changed within the freezing time.
     pub(super) is_lively: bool,
     newest: f32,
-    scans: u32,
+    /// Whether there is a scan before the next one.
+    begun: bool,
     changes: u32,
     last_change: Time,
     last_delta: f32,
@@ -39,10 +43,34 @@ pub(super) struct TaxelWatch {
     variance: f32,
     mean_interval_s: f32,
     expected_noise: f32,
-    rail_until: Option<Time>,
-    jump_until: Option<Time>,
-    still_until: Option<Time>,
+    rail_until: Time,
+    jump_until: Time,
+    still_until: Time,
+    /// The last of these three.
+    held_until: Time,
     since: Option<Time>,
+}
+
+impl Default for TaxelWatch {
+    fn default() -> Self {
+        Self {
+            faults: FaultSet::default(),
+            is_lively: false,
+            begun: false,
+            newest: 0.0,
+            changes: 0,
+            last_change: Time::default(),
+            last_delta: 0.0,
+            variance: 0.0,
+            mean_interval_s: 0.0,
+            expected_noise: 0.0,
+            rail_until: NEVER,
+            jump_until: NEVER,
+            still_until: NEVER,
+            held_until: NEVER,
+            since: None,
+        }
+    }
 }
 
 impl TaxelWatch {
@@ -52,7 +80,7 @@ impl TaxelWatch {
 
     /// The scans before a silence say nothing about those after it.
     pub(super) fn forget_trend(&mut self) {
-        self.scans = 0;
+        self.begun = false;
         self.changes = 0;
         self.last_delta = 0.0;
         self.variance = 0.0;
@@ -60,52 +88,82 @@ impl TaxelWatch {
 
     /// `others_change`: enough of the patch is lively to expect life of this taxel too.
     pub(super) fn push(&mut self, now: Time, count: f32, others_change: bool, hold: Duration, limits: &FaultLimits) {
-        let delta = count - std::mem::replace(&mut self.newest, count);
-        self.scans = self.scans.saturating_add(1);
-        if self.scans == 1 {
+        let newest = std::mem::replace(&mut self.newest, count);
+        if self.begun {
+            self.change(now, count - newest);
+        } else {
+            self.begun = true;
             self.last_change = now;
-        } else if delta != 0.0 {
-            self.change(now, delta);
+        }
+        if self.is_plainly_sound(now, count, limits) {
+            self.is_lively = true;
+            return;
         }
         self.watch_rails(now, count, hold, limits);
         self.watch_jumps(now, hold, limits);
         self.watch_stillness(now, others_change, hold, limits);
+        self.held_until = self.rail_until.max(self.jump_until).max(self.still_until);
+        self.note_onset(now);
     }
 
+    /// Nearly always a taxel has no fault and gives no reason for one; then none of the watches below would change it.
+    fn is_plainly_sound(&self, now: Time, count: f32, limits: &FaultLimits) -> bool {
+        let on_at = self.jumps_on_at(limits);
+        self.faults.is_empty()
+            & (now >= self.held_until)
+            & (count > limits.rail_low)
+            & (count < limits.rail_high)
+            & (self.variance <= on_at * on_at)
+            & (self.changes > 0)
+            & (now.seconds_since(self.last_change) as f32 <= limits.frozen_after_s)
+    }
+
+    /// The noise from which on it is jumping, counts.
+    fn jumps_on_at(&self, limits: &FaultLimits) -> f32 {
+        limits.jump_on_counts.max(4.0 * self.expected_noise)
+    }
+
+    /// Takes the difference to the scan before; none changes nothing. No branches: whether a count changes is as good as
+    /// random, and a processor that guesses wrong every other time would take longer for it than for the sums.
     fn change(&mut self, now: Time, delta: f32) {
+        let changed = delta != 0.0;
+        let (one, none) = (f32::from(u8::from(changed)), f32::from(u8::from(!changed)));
         let interval = now.seconds_since(self.last_change) as f32;
-        let weight = (1.0 / NOISE_CHANGES).max(1.0 / (self.changes as f32 + 1.0));
-        self.mean_interval_s += (interval - self.mean_interval_s) * weight;
-        if self.changes > 0 {
-            let product = (-delta * self.last_delta).clamp(-PRODUCT_MAX, PRODUCT_MAX);
-            let weight = (1.0 / NOISE_CHANGES).max(1.0 / (self.changes as f32 + NOISE_PRIOR));
-            self.variance += (product - self.variance) * weight;
-        }
-        self.changes = self.changes.saturating_add(1);
-        self.last_delta = delta;
-        self.last_change = now;
+        self.mean_interval_s += (interval - self.mean_interval_s) * (one * self.weight(1.0));
+        let product = (-delta * self.last_delta).clamp(-PRODUCT_MAX, PRODUCT_MAX);
+        let follows = if self.changes > 0 { one } else { 0.0 };
+        self.variance += (product - self.variance) * (follows * self.weight(NOISE_PRIOR));
+        self.changes = self.changes.saturating_add(u32::from(changed));
+        self.last_delta = delta + none * self.last_delta;
+        self.last_change = if changed { now } else { self.last_change };
+    }
+
+    /// What the newest change counts in an average that began with a belief worth `prior` changes.
+    fn weight(&self, prior: f32) -> f32 {
+        let changes = self.changes as f32;
+        if changes < NOISE_CHANGES { (1.0 / NOISE_CHANGES).max(1.0 / (changes + prior)) } else { 1.0 / NOISE_CHANGES }
     }
 
     fn watch_rails(&mut self, now: Time, count: f32, hold: Duration, limits: &FaultLimits) {
         if count <= limits.rail_low || count >= limits.rail_high {
-            self.rail_until = Some(now + hold);
+            self.rail_until = now + hold;
             self.begin(now);
         }
-        let on = self.rail_until.is_some_and(|until| now < until);
+        let on = now < self.rail_until;
         self.faults.set(Fault::Rail, on);
     }
 
     fn watch_jumps(&mut self, now: Time, hold: Duration, limits: &FaultLimits) {
-        let on_at = limits.jump_on_counts.max(4.0 * self.expected_noise);
+        let on_at = self.jumps_on_at(limits);
         let off_at = on_at * limits.jump_off_counts / limits.jump_on_counts;
         let was = self.faults.contains(Fault::Jumping);
         if self.variance > on_at * on_at || (was && self.variance > off_at * off_at) {
-            self.jump_until = Some(now + hold);
+            self.jump_until = now + hold;
             if !was {
                 self.begin(now - FLICKER_LOOKBACK);
             }
         }
-        let on = self.jump_until.is_some_and(|until| now < until);
+        let on = now < self.jump_until;
         self.faults.set(Fault::Jumping, on);
     }
 
@@ -119,9 +177,9 @@ impl TaxelWatch {
         let dead = expected && self.changes == 0 && still_s > limits.dead_after_s;
         if frozen || dead {
             self.begin(self.last_change);
-            self.still_until = Some(now + hold);
+            self.still_until = now + hold;
         }
-        let held = self.still_until.is_some_and(|until| now < until);
+        let held = now < self.still_until;
         self.faults.set(Fault::Dead, dead || (held && self.faults.contains(Fault::Dead)));
         self.faults.set(Fault::Frozen, frozen || (held && self.faults.contains(Fault::Frozen)));
     }

@@ -28,8 +28,14 @@ impl Moves {
     /// is not known.
     #[must_use]
     pub fn against(reference: &[TaxelBaseline], now: &RestStatistics, sign: &[i8]) -> Self {
+        Self::between(reference, &now.baseline(), now.count(), sign)
+    }
+
+    /// From `reference` to what was seen in so many `scans`; `sign` as in [`Moves::against`].
+    #[must_use]
+    pub fn between(reference: &[TaxelBaseline], now: &[TaxelBaseline], scans: u64, sign: &[i8]) -> Self {
         let mut comparable = 0;
-        let (short, now) = (now.count() < LIFE_SCANS, now.baseline());
+        let short = scans < LIFE_SCANS;
         let mut moved = vec![f64::NAN; now.len()];
         for (((moved, now), reference), &sign) in moved.iter_mut().zip(now).zip(reference).zip(sign) {
             if sign == 0 || !reference.mean.is_finite() {

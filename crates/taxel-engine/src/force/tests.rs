@@ -1,0 +1,275 @@
+//! The force of a patch as a whole: what degrades it, what makes it a lower bound, and which taxels are in it; and a
+//! small skin for all tests of the force: taxels whose counts fall from 240 by one a kilopascal.
+
+use proptest::prelude::*;
+use std::sync::Arc;
+use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
+use taxel_skin::{Geometry, SquareMillimetre, TaxelPose, Time};
+
+use crate::baseline::{Activation, TaxelBaseline};
+use crate::force::evaluator::Evaluator;
+use crate::force::measure::{Layout, Outputs};
+use crate::force::owner::{Force, ForcePlan, Measured, ZeroState};
+use crate::force::sample::ForceState;
+use crate::force::taxels::{Basis, ModuleAge, Taxels};
+use crate::intake::faults::fault::FaultSet;
+use crate::model_set::ModelSet;
+use crate::scan::Scan;
+
+/// The count at rest.
+pub const REST: u8 = 240;
+/// A taxel is touched from three counts on: below 237.
+pub const ACTIVATION: Activation = Activation { sigmas: 4.0, floor_counts: 3.0 };
+/// 1 kPa is 0.1 N.
+pub const AREA: SquareMillimetre = SquareMillimetre(100.0);
+
+/// A zero of so many taxels.
+pub fn rest(taxels: usize) -> Vec<TaxelBaseline> {
+    vec![TaxelBaseline { mean: f64::from(REST), noise: 0.5 }; taxels]
+}
+
+/// A model of 0 to 70 kPa.
+pub fn model() -> TaxelModel {
+    let mut sums = Accumulator::new();
+    for k in 0..700_u32 {
+        let kpa = f64::from(k) / 10.0;
+        sums.add((f64::from(REST) - kpa).round() as u8, FixedPressure::from_kpa(kpa), 0);
+    }
+    sums.fit(&FitOptions::default())
+}
+
+/// The same model for so many taxels.
+pub fn set(taxels: usize) -> Arc<ModelSet> {
+    Arc::new(ModelSet {
+        id: "m-test".to_owned(),
+        patch: "p".to_owned(),
+        created_wall_ns: 0,
+        session: None,
+        method: String::new(),
+        board_settings: vec![],
+        baseline: rest(taxels),
+        pressure_max_kpa: 70.0,
+        gauge_gain_rel: 0.0,
+        gauge_offset_kpa: 0.0,
+        taxels: vec![model(); taxels],
+        recorded: None,
+    })
+}
+
+/// Taxels in a row, 6 mm apart, with 100 mm from each module of ten to the next.
+pub fn row(taxels: usize) -> Geometry {
+    let x = |i: usize| 0.006 * i as f64 + 0.1 * (i / 10) as f64;
+    let pose = |i: usize| TaxelPose { position: [x(i), 0.0, 0.0], normal: [0.0, 0.0, 1.0] };
+    Geometry::from_poses((0..taxels).map(|i| Some(pose(i))).collect())
+}
+
+/// Modules of ten taxels; the total alone is asked for.
+pub fn layout(taxels: usize, geometry: Option<Geometry>) -> Layout {
+    Layout {
+        areas: vec![AREA; taxels],
+        area_uncertainty: 0.05,
+        outputs: Outputs::default(),
+        geometry,
+        modules: (0..taxels / 10).map(|module| 10 * module..10 * module + 10).collect(),
+        contact_reach_m: 0.015,
+    }
+}
+
+/// What a force needs to know of such a skin; up to a fifth of it may be silent.
+pub fn plan(taxels: usize, geometry: Option<Geometry>) -> ForcePlan {
+    ForcePlan { layout: layout(taxels, geometry), activation: ACTIVATION, stale_share_max: 0.2 }
+}
+
+const TAXELS: usize = 100;
+
+/// A skin of ten modules at rest.
+struct Skin {
+    force: Force,
+    counts: Vec<u8>,
+    sound: Vec<bool>,
+    silent: Vec<bool>,
+    zero: ZeroState,
+    soundness: u64,
+}
+
+impl Skin {
+    fn new(geometry: Option<Geometry>) -> Self {
+        Self::with_models(geometry, set(TAXELS))
+    }
+
+    fn with_models(geometry: Option<Geometry>, set: Arc<ModelSet>) -> Self {
+        let mut force = Force::new(plan(TAXELS, geometry));
+        force.set_models(set);
+        force.set_zero(Some(&rest(TAXELS)));
+        Self {
+            force,
+            counts: vec![REST; TAXELS],
+            sound: vec![true; TAXELS],
+            silent: vec![false; TAXELS / 10],
+            zero: ZeroState { sigma_counts: 0.1, ..ZeroState::default() },
+            soundness: 0,
+        }
+    }
+
+    fn press(mut self, taxels: std::ops::Range<usize>, counts: u8) -> Self {
+        self.counts[taxels].fill(REST - counts);
+        self
+    }
+
+    fn fault(mut self, taxel: usize) -> Self {
+        self.sound[taxel] = false;
+        self
+    }
+
+    fn silence(mut self, module: usize) -> Self {
+        self.silent[module] = true;
+        self.sound[10 * module..10 * module + 10].fill(false);
+        self
+    }
+
+    fn zero(mut self, zero: ZeroState) -> Self {
+        self.zero = zero;
+        self
+    }
+
+    fn measured(&mut self) -> Measured {
+        self.soundness += 1;
+        let silent_taxels = 10 * self.silent.iter().filter(|silent| **silent).count();
+        let scan = Scan {
+            time: Time::default(),
+            whole: true,
+            counts: &self.counts,
+            pads: &[],
+            silent: &self.silent,
+            sound: &self.sound,
+            soundness: self.soundness,
+        };
+        self.force.sample(&scan, silent_taxels, &self.zero)
+    }
+
+    /// State, reasons and whether the total is a lower bound.
+    fn verdict(mut self) -> (ForceState, Vec<String>, bool) {
+        let sample = self.measured().sample;
+        (sample.state, sample.reasons, sample.lower_bound)
+    }
+}
+
+#[test]
+fn a_sound_skin_is_ok_at_rest_and_under_load_and_never_certain() {
+    for geometry in [None, Some(row(TAXELS))] {
+        for counts in [0, 30] {
+            let mut skin = Skin::new(geometry.clone()).press(20..26, counts);
+            let sample = skin.measured().sample;
+            assert_eq!((sample.state, sample.lower_bound), (ForceState::Ok, false), "{:?}", sample.reasons);
+            assert!(sample.total_sigma.is_some_and(|sigma| sigma.0 > 0.0), "{sample:?}");
+            assert!(sample.detection_floor.is_some_and(|floor| floor.0 > 0.0), "{sample:?}");
+        }
+    }
+}
+
+#[test]
+fn a_fault_away_from_the_contact_degrades_nothing_and_one_beside_it_does() {
+    let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).press(20..24, 30).fault(75).verdict();
+    assert_eq!((state, reasons.as_slice(), bound), (ForceState::Ok, [].as_slice(), false));
+    let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).press(20..24, 30).fault(24).verdict();
+    assert_eq!((state, reasons, bound), (ForceState::Degraded, vec!["1 taxels have a fault".to_owned()], false));
+    let (state, ..) = Skin::new(None).press(20..24, 30).fault(75).verdict();
+    assert_eq!(state, ForceState::Degraded, "without positions nobody knows where it lies");
+}
+
+#[test]
+fn a_taxel_that_the_models_exclude_degrades_nothing() {
+    let mut models = ModelSet::clone(&set(TAXELS));
+    models.taxels[22] = Accumulator::new().fit(&FitOptions::default());
+    assert!(!models.taxels[22].is_usable());
+    for sound in [true, false] {
+        let mut skin = Skin::with_models(Some(row(TAXELS)), Arc::new(models.clone())).press(20..26, 30);
+        skin.sound[22] = sound;
+        let (state, reasons, bound) = skin.verdict();
+        assert_eq!(
+            (state, reasons.as_slice(), bound),
+            (ForceState::Ok, [].as_slice(), false),
+            "its own fault: {sound}"
+        );
+    }
+}
+
+#[test]
+fn silent_and_blind_modules_make_the_total_a_lower_bound() {
+    let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).silence(5).verdict();
+    assert_eq!((state, reasons, bound), (ForceState::Degraded, vec!["10 taxels are silent".to_owned()], true));
+    let blind = (50..60).fold(Skin::new(Some(row(TAXELS))), Skin::fault);
+    let (state, reasons, bound) = blind.verdict();
+    assert!(state == ForceState::Degraded && bound && reasons.len() == 1, "{reasons:?}");
+    assert!(reasons[0].starts_with("10 taxels are blind"), "{reasons:?}");
+}
+
+#[test]
+fn one_blind_taxel_is_borne_but_told() {
+    let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).fault(50).verdict(); // it has one neighbour only
+    assert_eq!((state, reasons.as_slice(), bound), (ForceState::Ok, [].as_slice(), true));
+}
+
+#[test]
+fn a_load_beyond_the_calibrated_range_is_a_lower_bound() {
+    let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).press(20..22, 100).verdict();
+    assert!(state == ForceState::Degraded && bound && reasons[0].contains("than was calibrated"), "{reasons:?}");
+}
+
+#[test]
+fn what_the_zero_says_of_itself_degrades_the_force() {
+    let vanished = ZeroState { load_vanished: true, ..ZeroState::default() };
+    let (state, reasons, bound) = Skin::new(None).zero(vanished).verdict();
+    assert!(state == ForceState::Degraded && bound && reasons.len() == 1, "{reasons:?}");
+    let short = ZeroState { shortcoming: Some("drift".to_owned()), ..ZeroState::default() };
+    let (state, reasons, bound) = Skin::new(None).zero(short).verdict();
+    assert_eq!((state, reasons, bound), (ForceState::Degraded, vec!["drift".to_owned()], false));
+    let lost = ZeroState { lacks: "power cycle".to_owned(), ..ZeroState::default() };
+    let mut skin = Skin::new(None).zero(lost);
+    let sample = skin.measured().sample;
+    assert_eq!((sample.state, sample.total), (ForceState::TareInvalid, None));
+    assert_eq!(sample.reasons, ["power cycle"]);
+}
+
+proptest! {
+    /// The total of a sample is the one of `total_n`, where no weak touch is added.
+    #[test]
+    fn the_total_of_a_sample_is_that_of_the_evaluator(
+        pressed in proptest::collection::vec(0..70_u8, TAXELS), faulty in proptest::collection::vec(0..TAXELS, 0..20)
+    ) {
+        let mut skin = faulty.into_iter().fold(Skin::new(None), Skin::fault);
+        skin.counts.iter_mut().zip(&pressed).for_each(|(count, pressed)| *count -= pressed);
+        let mut evaluator = Evaluator::new(set(TAXELS), &rest(TAXELS), &[AREA; TAXELS], ACTIVATION);
+        evaluator.select(|taxel| skin.sound[taxel]);
+        let total = evaluator.total_n(&skin.counts);
+        prop_assert_eq!(evaluator.sum_n(&evaluator.active(&skin.counts)).to_bits(), total.to_bits());
+        prop_assert_eq!(skin.measured().sample.total.map(|t| t.0.to_bits()), Some(total.to_bits()));
+    }
+
+    /// A reader of taxels sees as active those whose force is in the total, and no others.
+    #[test]
+    fn the_active_taxels_are_those_in_the_total(
+        pressed in proptest::collection::vec(prop_oneof![3 => Just(0_u8), 1 => 0..5_u8, 1 => 0..70_u8], TAXELS)
+    ) {
+        let mut skin = Skin::new(Some(row(TAXELS))).fault(33);
+        skin.counts.iter_mut().zip(&pressed).for_each(|(count, pressed)| *count -= pressed);
+        let Measured { sample, active } = skin.measured();
+        prop_assert_eq!(sample.active as usize, active.len());
+        let (tables, offset_kpa) = skin.force.tables().unwrap();
+        let taxels = Taxels::of(Basis {
+            counts: skin.counts.clone().into(),
+            modules: vec![ModuleAge { last: Some(Time::default()), stale: false }; TAXELS / 10].into(),
+            module_of: (0..TAXELS).map(|taxel| (taxel / 10) as u16).collect(),
+            faults: vec![FaultSet::default(); TAXELS].into(),
+            tables: Some(tables),
+            offset_kpa,
+            active,
+            model_set: skin.force.models().cloned(),
+        });
+        let of_active = taxels.iter().filter(|taxel| taxel.active);
+        let newton: f64 = of_active.map(|taxel| f64::from(taxel.pressure_kpa.unwrap()) * AREA.0 * 1e-3).sum();
+        let total = sample.total.unwrap().0;
+        prop_assert!((newton - total).abs() <= 1e-5 * total.max(1.0), "{newton} N against {total} N");
+        prop_assert!(!taxels[33].active, "its fault keeps it out");
+    }
+}
