@@ -34,3 +34,18 @@ impl Activation {
         (self.sigmas * noise_counts.max(NOISE_FLOOR_COUNTS)).max(self.floor_counts)
     }
 }
+
+/// A zero's noise is no more than this times what the models know: a threshold in multiples of the noise must not grow
+/// because something moved while the zero was taken.
+const NOISE_GROWTH_MAX: f64 = 1.5;
+
+/// A zero with a noise that is no more than [`NOISE_GROWTH_MAX`] times what is `known` of each taxel.
+#[must_use]
+pub fn with_noise_capped(mut baseline: Vec<TaxelBaseline>, known: &[TaxelBaseline]) -> Vec<TaxelBaseline> {
+    for (taxel, known) in baseline.iter_mut().zip(known) {
+        if known.noise.is_finite() && known.noise > 0.0 {
+            taxel.noise = taxel.noise.min(NOISE_GROWTH_MAX * known.noise.max(NOISE_FLOOR_COUNTS));
+        }
+    }
+    baseline
+}

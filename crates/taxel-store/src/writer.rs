@@ -165,8 +165,11 @@ impl Store {
     }
 }
 
+/// What is done with an answer.
+type Tell<T> = Box<dyn FnOnce(Result<T, StoreError>) + Send>;
+
 /// Somebody who waits for an answer and always gets one: that the store is closed, if nothing else is told before.
-struct Waiting<T>(Option<Box<dyn FnOnce(Result<T, StoreError>) + Send>>);
+struct Waiting<T>(Option<Tell<T>>);
 
 impl<T> Waiting<T> {
     fn tell(mut self, outcome: Result<T, StoreError>) {

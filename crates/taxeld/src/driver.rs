@@ -311,17 +311,18 @@ impl Driver {
     }
 
     fn fit(&self, job: FitJob) {
-        let (session, done) = (job.session, self.tell_done.clone());
-        tokio::spawn(fit(session, done, move || job.run(models_json::content_id)));
+        let (of, done) = ((job.session, job.fit), self.tell_done.clone());
+        tokio::spawn(fit(of, done, move || job.run(models_json::content_id)));
     }
 }
 
-/// Runs a fit beside the engine. Also one that is lost comes back, so that its session does not wait for ever.
-async fn fit(session: u64, done: TellDone, run: impl FnOnce() -> FitOutcome + Send + 'static) {
+/// Runs a fit beside the engine. Also one that is lost comes back, so that its session does not wait for ever: it is named
+/// by the number of the session and its own.
+async fn fit((session, fit): (u64, u64), done: TellDone, run: impl FnOnce() -> FitOutcome + Send + 'static) {
     let outcome = tokio::task::spawn_blocking(run).await.unwrap_or_else(|lost| {
         tracing::error!(session, %lost, "a fit");
         let why = "the fit was lost, which is a fault of this program; the samples are kept";
-        FitOutcome { session, result: Err(why.to_owned()) }
+        FitOutcome { session, fit, result: Err(why.to_owned()) }
     });
     done.tell(Done::Fitted(outcome));
 }

@@ -9,7 +9,7 @@ use crate::calibration::session::SessionRecord;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
 use crate::request::Rejection;
-use crate::zero::holder::ZeroEvent;
+use crate::zero::events::ZeroEvent;
 use crate::zero::watch::Purpose;
 
 impl Patch {

@@ -22,7 +22,8 @@ use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::plan::PatchPlan;
 use crate::request::RequestId;
-use crate::zero::holder::{Surroundings, Zero};
+use crate::zero::events::Surroundings;
+use crate::zero::holder::Zero;
 use crate::zero::watch::Purpose;
 
 /// Boards that were not heard for so long after the start do not stream: three of the longest periods.

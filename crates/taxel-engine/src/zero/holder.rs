@@ -7,63 +7,23 @@
 use std::time::Duration;
 use taxel_skin::Time;
 
-use crate::baseline::TaxelBaseline;
+use crate::baseline::{TaxelBaseline, with_noise_capped};
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::regions::Regions;
 use crate::request::RequestId;
 use crate::scan::Scan;
-use crate::statistics::median;
 use crate::zero::continuity::{Continuity, Finding, Ground, UNSEEN_COUNTS};
-use crate::zero::count_sums::CountSums;
 use crate::zero::drift::follow::Drift;
 use crate::zero::drift::view::DriftView;
+use crate::zero::events::{Surroundings, ZeroEvent};
+use crate::zero::lookback::{Lookback, Present};
 use crate::zero::plan::ZeroPlan;
 use crate::zero::rest::judge::{Reference, judge};
-use crate::zero::rest::moves::Moves;
 use crate::zero::rest::statistics::RestWindow;
 use crate::zero::rest::verdict::RestVerdict;
-use crate::zero::unloading::Later;
 use crate::zero::view::TareView;
 use crate::zero::watch::{Purpose, Watch};
-
-/// Unloading below the zero is looked for in windows of this length.
-const UNLOADING_WINDOW: Duration = Duration::from_secs(2);
-
-/// A median beyond this is a load on half of the skin, and no uncertainty of the zero, counts.
-const OFFSET_MAX_COUNTS: f64 = 4.0;
-
-/// A zero's noise is no more than this times what the models know: a threshold in multiples of the noise must not grow
-/// because something moved while the zero was taken.
-const NOISE_GROWTH_MAX: f64 = 1.5;
-
-/// What became of the zero.
-#[derive(Clone, Debug)]
-pub enum ZeroEvent {
-    /// Rest is proven, or vouched for, for an operator: the zero waits for [`Zero::adopt`], once it is on disk.
-    Proven {
-        /// Whom to answer.
-        request: RequestId,
-        /// The zero as readers will see it.
-        view: TareView,
-        /// One per taxel.
-        baseline: Vec<TaxelBaseline>,
-    },
-    /// A zero was taken, and who wanted it.
-    Taken(Purpose),
-    /// The skin was not at rest; why, and who wanted a zero.
-    Refused(Purpose, String),
-    /// The zero does not hold any more; why.
-    Lost(String),
-    /// It has followed the temperature.
-    Moved,
-    /// Whether it holds is not known for now.
-    Doubted,
-    /// It holds after all.
-    Cleared,
-    /// The boards may be configured; or why not: something presses on them.
-    Looked(Result<(), String>),
-}
 
 /// A zero that was proven for an operator and is being written down.
 #[derive(Clone, Debug)]
@@ -71,23 +31,6 @@ struct Proven {
     request: RequestId,
     /// The zero, or what has moved it meanwhile.
     zero: Result<(TareView, Vec<TaxelBaseline>), String>,
-}
-
-/// What the zero has to be told with each scan.
-#[derive(Clone, Copy, Debug)]
-pub struct Surroundings<'a> {
-    /// The active model set.
-    pub models: Option<&'a ModelSet>,
-    /// Whether the boards are expected to send.
-    pub boards_ready: bool,
-    /// Whether a session holds the patch: then the zero does not follow the temperature.
-    pub session_open: bool,
-    /// Whether that session does without some modules.
-    pub parts_left_out: bool,
-    /// Whether the scan cannot be one of rest for a session: the bag presses, or the boards are being configured.
-    pub no_rest: bool,
-    /// Whether a bag presses on everything and does not let go.
-    pub pressing: bool,
 }
 
 /// The zero of one patch.
@@ -105,13 +48,7 @@ pub struct Zero {
     continuity: Continuity,
     /// Whether the continuity is in doubt, as last told.
     doubted: bool,
-    /// What was read since the zero was taken, or since the last look at whether the skin is unloaded.
-    later: CountSums,
-    /// Scans from one such look to the next.
-    later_scans: u64,
-    /// How far the median taxel lay from its zero in the last such window, counts. Half of the skin is seldom touched,
-    /// so this is what the zero is off by everywhere.
-    offset_counts: f64,
+    lookback: Lookback,
     /// Which way pressure moves the count of each taxel; -1 where no model says, as on all boards of iCub.
     signs: Vec<i8>,
     /// Whether any of them is known.
@@ -136,9 +73,7 @@ impl Zero {
             drift,
             continuity: Continuity::new(&regions, &plan.board_names),
             doubted: false,
-            later: CountSums::new(regions.taxels()),
-            later_scans: (UNLOADING_WINDOW.as_secs_f64() / plan.period.as_secs_f64()).ceil() as u64,
-            offset_counts: 0.0,
+            lookback: Lookback::new(regions.taxels(), plan.period),
             signs: vec![-1; regions.taxels()],
             signed: true,
             touched_counts: vec![0.0; regions.taxels()],
@@ -187,7 +122,7 @@ impl Zero {
     #[must_use]
     pub fn sigma_counts(&self) -> f64 {
         let drift = self.drift.as_ref().filter(|_| self.view.valid).map_or(0.0, |drift| drift.view().sigma_counts);
-        drift.hypot(UNSEEN_COUNTS).hypot(self.offset_counts)
+        drift.hypot(UNSEEN_COUNTS).hypot(self.lookback.offset_counts())
     }
 
     /// What keeps a force at this zero from being a good one.
@@ -224,7 +159,7 @@ impl Zero {
             self.signs = set.signs();
             self.renew_ground();
         }
-        self.later.restart();
+        self.lookback.restart();
     }
 
     /// Takes a scan.
@@ -311,21 +246,11 @@ impl Zero {
         if !self.holds() || !self.signed {
             return;
         }
-        self.later.push(scan);
-        if self.later.scans() < self.later_scans {
-            return;
-        }
-        let (seen, scans) = (self.later.baseline(), self.later.scans());
-        let median = Moves::between(&self.now, &seen, scans, &self.signs).median();
-        self.offset_counts = if median.is_finite() { median.abs().min(OFFSET_MAX_COUNTS) } else { 0.0 };
-        let later = Later { seen: &seen, scans, modules: self.regions.modules() };
-        let found = later.unloaded(&self.now, &self.signs, &self.plan.tare.rest);
-        self.later.restart();
-        if let Some(found) = found {
-            self.lose(
-                format!("{found}: the zero was taken under a load, or is another; unload the skin and tare"),
-                events,
-            );
+        let (modules, limits) = (self.regions.modules(), &self.plan.tare.rest);
+        let present = Present { zero: &self.now, signs: &self.signs, modules, limits };
+        if let Some(found) = self.lookback.on_scan(scan, present) {
+            let why = "the zero was taken under a load, or is another; unload the skin and tare";
+            self.lose(format!("{found}: {why}"), events);
         }
     }
 
@@ -378,8 +303,8 @@ impl Zero {
             Some(who) => format!("{who} confirms that nothing touches the skin; {verdict}"),
             None => verdict.to_string(),
         };
-        let baseline = capped(window.all().baseline(), models);
-        let view = self.next_view(now, reason, &baseline);
+        let baseline = with_noise_capped(window.all().baseline(), models.map_or(&[], |set| &set.baseline));
+        let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, &baseline);
         if let Purpose::Operator { request, .. } = purpose {
             self.proven = Some(Proven { request, zero: Ok((view.clone(), baseline.clone())) });
             events.push(ZeroEvent::Proven { request, view, baseline });
@@ -387,18 +312,6 @@ impl Zero {
             self.proven = None; // of an earlier moment
             self.take(now.time, view, baseline);
             events.push(ZeroEvent::Taken(purpose));
-        }
-    }
-
-    fn next_view(&self, now: Now, reason: String, baseline: &[TaxelBaseline]) -> TareView {
-        TareView {
-            epoch: self.view.epoch + 1,
-            valid: true,
-            wall_ns: now.wall_ns,
-            reason,
-            baseline_median: median(baseline.iter().map(|t| t.mean)).unwrap_or(f64::NAN),
-            noise_median: median(baseline.iter().map(|t| t.noise)).unwrap_or(f64::NAN),
-            drift: DriftView::default(),
         }
     }
 
@@ -433,8 +346,7 @@ impl Zero {
         self.continuity.begin();
         self.renew_ground();
         self.doubted = false;
-        self.offset_counts = 0.0;
-        self.later.restart();
+        self.lookback.begin();
     }
 
     /// The zero as it was taken, one per taxel, if there is one.
@@ -483,15 +395,4 @@ impl Zero {
             self.view.reason = reason;
         }
     }
-}
-
-/// The baseline with a noise that is no more than [`NOISE_GROWTH_MAX`] times what the models know.
-fn capped(mut baseline: Vec<TaxelBaseline>, models: Option<&ModelSet>) -> Vec<TaxelBaseline> {
-    let Some(set) = models else { return baseline };
-    for (taxel, known) in baseline.iter_mut().zip(&set.baseline) {
-        if known.noise.is_finite() && known.noise > 0.0 {
-            taxel.noise = taxel.noise.min(NOISE_GROWTH_MAX * known.noise.max(crate::baseline::NOISE_FLOOR_COUNTS));
-        }
-    }
-    baseline
 }

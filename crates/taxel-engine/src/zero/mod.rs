@@ -3,16 +3,19 @@
 pub mod continuity;
 pub mod count_sums;
 pub mod drift;
+pub mod events;
 pub mod holder;
 pub mod inputs;
 pub mod lanes;
+pub mod lookback;
 pub mod plan;
 pub mod rest;
 pub mod unloading;
 pub mod view;
 pub mod watch;
 
-pub use holder::{Zero, ZeroEvent};
+pub use events::ZeroEvent;
+pub use holder::Zero;
 pub use plan::{TarePlan, ZeroPlan};
 pub use view::TareView;
 pub use watch::Purpose;

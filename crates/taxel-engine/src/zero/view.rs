@@ -1,5 +1,7 @@
 //! The zero as readers see it.
 
+use crate::baseline::TaxelBaseline;
+use crate::statistics::median;
 use crate::zero::drift::view::DriftView;
 
 /// How the present zero came to be.
@@ -19,4 +21,20 @@ pub struct TareView {
     pub noise_median: f64,
     /// How it follows the temperature.
     pub drift: DriftView,
+}
+
+impl TareView {
+    /// A zero that was taken.
+    #[must_use]
+    pub fn taken(epoch: u64, wall_ns: i64, reason: String, baseline: &[TaxelBaseline]) -> Self {
+        Self {
+            epoch,
+            valid: true,
+            wall_ns,
+            reason,
+            baseline_median: median(baseline.iter().map(|t| t.mean)).unwrap_or(f64::NAN),
+            noise_median: median(baseline.iter().map(|t| t.noise)).unwrap_or(f64::NAN),
+            drift: DriftView::default(),
+        }
+    }
 }

@@ -143,13 +143,6 @@ impl Run {
         self.engine.step(at(self.now), input, &mut out);
         for output in out {
             match output {
-                Output::Commit { ticket, records } => {
-                    tickets.push(ticket);
-                    let mut sets = records.into_iter();
-                    self.set = sets
-                        .find_map(|r| if let Record::ModelSet(set) = r { Some(set) } else { None })
-                        .or(self.set.take());
-                }
                 Output::Session(_, view) => self.state = Some(view.state),
                 Output::Commit { ticket, records } => {
                     let sets = records.into_iter().filter_map(|record| match record {

@@ -62,11 +62,11 @@ fn failed_and_aborted_sessions_keep_their_samples_for_another_ramp() {
         let (store, ..) = open(&path);
         write(&store, vec![session(2, state)]).unwrap();
         store.close().unwrap();
-        let (_, restored, quarantined, _events) = open(&path);
+        let (store, restored, quarantined, _events) = open(&path);
         assert_eq!(quarantined, []);
-        assert_eq!(restored.sessions[1].view.state, state);
-        let samples = restored.sessions[1].samples.as_ref();
-        assert_eq!(samples.map(|s| (s.ramps.len(), s.samples.len())), Some((1, 40)), "{state:?}");
+        assert_eq!(restored.sessions[1].state, state);
+        let samples = samples_of(&store, 2).unwrap();
+        assert_eq!((samples.ramps.len(), samples.samples.len()), (1, 40), "{state:?}");
     }
 }
 

@@ -277,7 +277,7 @@ async fn when_the_stores_thread_dies_every_commit_is_refused_with_the_reason() {
 #[tokio::test]
 async fn a_fit_that_is_lost_comes_back_with_the_reason() {
     let (tell_done, mut done) = TellDone::new();
-    fit(7, tell_done, || panic!("a fault that this test makes")).await;
+    fit((7, 1), tell_done, || panic!("a fault that this test makes")).await;
     let Some(Done::Fitted(outcome)) = done.recv().await else { panic!("nothing came back") };
     assert_eq!(outcome.session, 7);
     let why = outcome.result.unwrap_err();

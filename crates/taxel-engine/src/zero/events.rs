@@ -1,0 +1,52 @@
+//! What the zero is told, and what it tells.
+
+use crate::baseline::TaxelBaseline;
+use crate::model_set::ModelSet;
+use crate::request::RequestId;
+use crate::zero::view::TareView;
+use crate::zero::watch::Purpose;
+
+/// What became of the zero.
+#[derive(Clone, Debug)]
+pub enum ZeroEvent {
+    /// Rest is proven, or vouched for, for an operator: the zero waits for `Zero::adopt`, once it is on disk.
+    Proven {
+        /// Whom to answer.
+        request: RequestId,
+        /// The zero as readers will see it.
+        view: TareView,
+        /// One per taxel.
+        baseline: Vec<TaxelBaseline>,
+    },
+    /// A zero was taken, and who wanted it.
+    Taken(Purpose),
+    /// The skin was not at rest; why, and who wanted a zero.
+    Refused(Purpose, String),
+    /// The zero does not hold any more; why.
+    Lost(String),
+    /// It has followed the temperature.
+    Moved,
+    /// Whether it holds is not known for now.
+    Doubted,
+    /// It holds after all.
+    Cleared,
+    /// The boards may be configured; or why not: something presses on them.
+    Looked(Result<(), String>),
+}
+
+/// What the zero has to be told with each scan.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings<'a> {
+    /// The active model set.
+    pub models: Option<&'a ModelSet>,
+    /// Whether the boards are expected to send.
+    pub boards_ready: bool,
+    /// Whether a session holds the patch: then the zero does not follow the temperature.
+    pub session_open: bool,
+    /// Whether that session does without some modules.
+    pub parts_left_out: bool,
+    /// Whether the scan cannot be one of rest for a session: the bag presses, or the boards are being configured.
+    pub no_rest: bool,
+    /// Whether a bag presses on everything and does not let go.
+    pub pressing: bool,
+}

@@ -1,0 +1,81 @@
+//! What a patch read since its zero was taken, looked at in windows: how far off the zero is, and whether the skin became
+//! lighter than it.
+
+use std::ops::Range;
+use std::time::Duration;
+
+use crate::baseline::TaxelBaseline;
+use crate::scan::Scan;
+use crate::zero::count_sums::CountSums;
+use crate::zero::rest::limits::RestLimits;
+use crate::zero::rest::moves::Moves;
+use crate::zero::unloading::{Later, Unloading};
+
+/// Length of a window.
+const WINDOW: Duration = Duration::from_secs(2);
+
+/// A median beyond this is a load on half of the skin, and no uncertainty of the zero, counts.
+const OFFSET_MAX_COUNTS: f64 = 4.0;
+
+/// The window that is being read, and what the last one showed.
+#[derive(Clone, Debug)]
+pub struct Lookback {
+    later: CountSums,
+    /// Scans of a window.
+    scans: u64,
+    offset_counts: f64,
+}
+
+/// What a window is compared with.
+#[derive(Clone, Copy, Debug)]
+pub struct Present<'a> {
+    /// The zero now, one per taxel.
+    pub zero: &'a [TaxelBaseline],
+    /// Which way pressure moves the count of each taxel: +1, -1, or 0 where that is not known.
+    pub signs: &'a [i8],
+    /// Which taxels form each module.
+    pub modules: &'a [Range<usize>],
+    /// How much lighter a true zero allows a skin to be.
+    pub limits: &'a RestLimits,
+}
+
+impl Lookback {
+    /// For so many taxels that are scanned once in each `period`.
+    #[must_use]
+    pub fn new(taxels: usize, period: Duration) -> Self {
+        let scans = (WINDOW.as_secs_f64() / period.as_secs_f64()).ceil() as u64;
+        Self { later: CountSums::new(taxels), scans, offset_counts: 0.0 }
+    }
+
+    /// A zero was taken.
+    pub fn begin(&mut self) {
+        self.offset_counts = 0.0;
+        self.restart();
+    }
+
+    /// The window begins anew.
+    pub fn restart(&mut self) {
+        self.later.restart();
+    }
+
+    /// How far the median taxel lay from its zero in the last window, counts. Half of the skin is seldom touched, so this
+    /// is what the zero is off by everywhere.
+    #[must_use]
+    pub const fn offset_counts(&self) -> f64 {
+        self.offset_counts
+    }
+
+    /// Takes a scan. At the end of a window, what shows that the skin became lighter than its zero.
+    pub fn on_scan(&mut self, scan: &Scan<'_>, present: Present<'_>) -> Option<Unloading> {
+        self.later.push(scan);
+        if self.later.scans() < self.scans {
+            return None;
+        }
+        let Present { zero, signs, modules, limits } = present;
+        let (seen, scans) = (self.later.baseline(), self.later.scans());
+        let median = Moves::between(zero, &seen, scans, signs).median();
+        self.offset_counts = if median.is_finite() { median.abs().min(OFFSET_MAX_COUNTS) } else { 0.0 };
+        self.later.restart();
+        Later { seen: &seen, scans, modules }.unloaded(zero, signs, limits)
+    }
+}
