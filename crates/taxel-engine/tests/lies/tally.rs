@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
+use crate::allowed::is_allowed;
 use crate::judge::Lie;
 use crate::kinds::{Kind, Kinds};
 
@@ -87,6 +88,8 @@ pub struct Tally {
     pub simulated: Duration,
     pub samples: u64,
     pub lies: u64,
+    /// Of them those that are argued.
+    pub argued: u64,
     liars: BTreeMap<String, Liars>,
     /// Those by more than a little, by the first part of their names.
     roots: BTreeMap<String, Liars>,
@@ -105,6 +108,7 @@ impl Tally {
             simulated: Duration::ZERO,
             samples: 0,
             lies: 0,
+            argued: 0,
             liars: BTreeMap::new(),
             roots: BTreeMap::new(),
             gone: BTreeMap::new(),
@@ -127,6 +131,7 @@ impl Tally {
 
     /// A lie by its name, which begins with what it may come from.
     pub fn lie(&mut self, name: &str, seed: u64, ok: bool, lie: Lie, told: impl FnOnce() -> String) {
+        self.argued += u64::from(is_allowed(name));
         let liars = self.liars.entry(name.to_owned()).or_default();
         if liars.count(seed, ok, lie) {
             liars.example = told();
@@ -184,6 +189,7 @@ impl Tally {
         self.simulated += other.simulated;
         self.samples += other.samples;
         self.lies += other.lies;
+        self.argued += other.argued;
         for (name, (span, seed)) in &other.gone {
             let gone = self.gone.entry(name.clone()).or_default();
             *gone = (gone.0 + *span, *seed);
@@ -200,6 +206,11 @@ impl Tally {
         self.quiet.without_force.as_secs_f64() / self.quiet_time.as_secs_f64().max(1.0)
     }
 
+    /// The lies that nobody has argued, by name.
+    pub fn not_argued(&self) -> Vec<(&String, &Liars)> {
+        ranked(&self.liars).into_iter().filter(|(name, _)| !is_allowed(name)).collect()
+    }
+
     /// The names of lies, first those that are more than a little wrong, and among them those of most stories.
     pub fn most_frequent(&self) -> Vec<(&String, &Liars)> {
         ranked(&self.liars)
@@ -212,9 +223,9 @@ impl fmt::Display for Tally {
         let share = 100.0 * self.quiet_share_without_force();
         writeln!(
             f,
-            "{} stories, {minutes:.0} simulated minutes, {} samples judged, {} lies in {} stories; {share:.2} % of the \
+            "{} stories, {minutes:.0} simulated minutes, {} samples judged, {} lies in {} stories, of them {} argued; {share:.2} % of the \
              fault-free time without a force\n",
-            self.stories, self.samples, self.lies, self.lying_stories
+            self.stories, self.samples, self.lies, self.lying_stories, self.argued
         )?;
         writeln!(f, "| what happened | stories | samples judged | lies | s without a force |")?;
         writeln!(f, "|---|---:|---:|---:|---:|")?;
