@@ -62,8 +62,10 @@ fn log() -> String {
         let pascal: String = ((kpa * 1000.0) as i32).to_le_bytes().iter().map(|b| format!("{b:02X}")).collect();
         line(format!("3A1#{pascal}"));
         for module in 0..2 {
+            // Pressure does not reach the two thermal pads.
+            let pressed = |k: u32| if matches!(k, 6 | 10) { 0.0 } else { kpa };
             let count =
-                |k: u32| (240.0 - kpa + f64::from((scan * 7 + k * 3) % 3) - 1.0).clamp(0.0, 255.0).round() as u8;
+                |k: u32| (240.0 - pressed(k) + f64::from((scan * 7 + k * 3) % 3) - 1.0).clamp(0.0, 255.0).round() as u8;
             let hex = |from: u32, to: u32| (from..to).map(|k| format!("{:02X}", count(k))).collect::<String>();
             line(format!("4D{module}#40{}", hex(0, 7)));
             line(format!("4D{module}#C0{}0000", hex(7, 12)));

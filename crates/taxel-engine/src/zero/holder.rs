@@ -164,17 +164,17 @@ impl Zero {
 
     /// Takes a scan.
     pub fn on_scan(&mut self, now: Now, scan: &Scan<'_>, around: Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
-        self.check_continuity(scan, around.pressing, events);
+        self.check_continuity(scan, &around, events);
         self.check_unloading(scan, events);
         self.watch_rest(now, scan, around, events);
         self.follow_drift(now, scan, around.session_open, events);
     }
 
-    fn check_continuity(&mut self, scan: &Scan<'_>, pressing: bool, events: &mut Vec<ZeroEvent>) {
+    fn check_continuity(&mut self, scan: &Scan<'_>, around: &Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
         if !self.view.valid {
             return;
         }
-        match self.continuity.on_scan(scan, pressing) {
+        match self.continuity.on_scan(scan, around.pressing, around.session_open) {
             Some(Finding::NewZero(why)) => self.lose(why, events),
             Some(Finding::Doubt(_)) | None => self.tell_doubt(events),
         }

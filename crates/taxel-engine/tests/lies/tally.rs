@@ -131,7 +131,7 @@ impl Tally {
 
     /// A lie by its name, which begins with what it may come from.
     pub fn lie(&mut self, name: &str, seed: u64, ok: bool, lie: Lie, told: impl FnOnce() -> String) {
-        self.argued += u64::from(is_allowed(name));
+        self.argued += u64::from(is_allowed(name, lie.excess_n));
         let liars = self.liars.entry(name.to_owned()).or_default();
         if liars.count(seed, ok, lie) {
             liars.example = told();
@@ -208,7 +208,7 @@ impl Tally {
 
     /// The lies that nobody has argued, by name.
     pub fn not_argued(&self) -> Vec<(&String, &Liars)> {
-        ranked(&self.liars).into_iter().filter(|(name, _)| !is_allowed(name)).collect()
+        ranked(&self.liars).into_iter().filter(|(name, liars)| !is_allowed(name, liars.worst_n)).collect()
     }
 
     /// The names of lies, first those that are more than a little wrong, and among them those of most stories.
