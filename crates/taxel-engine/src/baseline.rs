@@ -39,7 +39,7 @@ impl Activation {
 /// because something moved while the zero was taken.
 const NOISE_GROWTH_MAX: f64 = 1.5;
 
-/// A zero with a noise that is no more than [`NOISE_GROWTH_MAX`] times what is `known` of each taxel.
+/// A zero with a noise that is no more than `NOISE_GROWTH_MAX` times what is `known` of each taxel.
 #[must_use]
 pub fn with_noise_capped(mut baseline: Vec<TaxelBaseline>, known: &[TaxelBaseline]) -> Vec<TaxelBaseline> {
     for (taxel, known) in baseline.iter_mut().zip(known) {

@@ -22,7 +22,7 @@ pub enum Input<'a> {
     /// The shell could not take frames for so long and takes now what waited: a board that was not heard meanwhile need
     /// not have been silent.
     Resumed(Duration),
-    /// A command, to be answered with [`Output::Reply`] carrying the same id.
+    /// A command, to be answered with [`crate::Output::Reply`] carrying the same id.
     Command(RequestId, Command),
     /// A fit that was handed out has ended.
     Fitted(FitOutcome),

@@ -27,7 +27,7 @@ pub enum Output {
     Catalogue(Arc<Catalogue>),
     /// Send this frame on this bus.
     Send(BusIndex, Frame),
-    /// Run this (it takes milliseconds, so not here) and hand its outcome back as [`Input::Fitted`].
+    /// Run this (it takes milliseconds, so not here) and hand its outcome back as [`crate::Input::Fitted`].
     Fit(FitJob),
     /// Write this to disk.
     Record(Record),

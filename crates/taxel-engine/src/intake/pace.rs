@@ -4,9 +4,9 @@
 //! somewhere on the way that lets old frames go at once, and a second node that uses the board's identifier. In both
 //! cases some of the values are wrong and nothing in a frame says which. So at most one scan a period is believed, with
 //! a tolerance of half a period for what the bus delays (the generic cell rate algorithm of ITU-T I.371). One scan too
-//! many takes the module out for two periods, a second one within [`MEMORY`] for a whole second.
+//! many takes the module out for two periods, a second one within `MEMORY` for a whole second.
 //!
-//! A board that steadily sends faster than configured is no such case: after [`STEADY`] of even intervals its own period
+//! A board that steadily sends faster than configured is no such case: after `STEADY` of even intervals its own period
 //! is believed, and the health says that the configuration has another.
 
 use std::time::Duration;

@@ -13,15 +13,15 @@
 //! their standard deviations, a board's evidence is `T = sum min(max(a, 0)^2, 16) + sum min(p^2, 16)`. The bound of 16
 //! keeps a single flickering input from deciding. It is formed of the newest scan, and of the means over the last 4 and
 //! 16 scans, in which noise averages out and a step does not. While nothing happens `T` has the mean `N/2 + M` and the
-//! variance `1.25 N + 2 M` for N taxels and M pads; [`LIKELY`] and [`CERTAIN`] are fits to Chernoff bounds of its tail
+//! variance `1.25 N + 2 M` for N taxels and M pads; `LIKELY` and `CERTAIN` are fits to Chernoff bounds of its tail
 //! for 1e-5 and 1e-11 (N from 8 to 400). A single scan beyond the first takes the force away for 16 scans; means beyond
 //! the second prove a new zero.
 //!
 //! Of a board that is suspected already, because it was not heard, reported a fault or lost its whole load at once, less
 //! is asked: the mean over 16 scans proves a new zero beyond the first bound, and the suspicion is over only when that
-//! mean is below [`POSSIBLE`], the bound for 1e-3. If it is not within 16 further scans, the zero is lost.
+//! mean is below `POSSIBLE`, the bound for 1e-3. If it is not within 16 further scans, the zero is lost.
 //!
-//! What it cannot see: a board with fewer than [`WITNESSES_MIN`] sound inputs; a new zero whose residues differ from the
+//! What it cannot see: a board with fewer than `WITNESSES_MIN` sound inputs; a new zero whose residues differ from the
 //! old ones by less than about a count (root mean square, of a board with twenty taxels; by less than about two thirds
 //! of a suspected one), pads included; and for the first scans a step that is small against the noise of one scan. For
 //! the last, the load of a board that vanishes from one scan to the next makes the force a lower bound until 16 scans

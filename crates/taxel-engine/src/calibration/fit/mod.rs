@@ -1,7 +1,7 @@
 //! Whole recordings: the recipe behind `taxeld fit` and `taxeld apply`.
 //!
 //! What a file allows and a live stream does not: a fault counts from its onset and not from its discovery
-//! ([`Masks`]), counts are averaged over scans before and after ([`smooth`]), and a tare is taken back if anything later
+//! ([`Masks`]), counts are averaged over scans before and after ([`smooth()`]), and a tare is taken back if anything later
 //! in the file is lighter than its window ([`Zero`]). The rules for faults and rest are those of the live engine.
 //!
 //! Why each step is there, measured on a real 280-taxel skin (fitted on one recording, judged on two others): broken
