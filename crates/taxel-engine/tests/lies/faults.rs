@@ -99,7 +99,9 @@ fn of_the_rest(kind: Kind, dice: &mut Dice) -> (Vec<Fault>, Duration) {
         Kind::FramesSwapped => Fault::FramesSwapped { probability },
         Kind::FramesHeld => {
             let span = dice.span(0.05, 3.0);
-            return (vec![Fault::FramesHeld { span, within: dice.span(0.002, 0.2) }], span);
+            // What waited must come faster than new frames do, or the wait would never end.
+            let within = dice.span(0.002, 0.2).min(span.mul_f64(0.4));
+            return (vec![Fault::FramesHeld { span, within }], span);
         }
         Kind::FramesReplayed => {
             let within = dice.span(0.002, 1.0);
