@@ -211,7 +211,8 @@ def check_link(client, rest):
         subprocess.run(["ip", "link", "set", "vcan0", "up"], check=True)
     with Player(rest, loop=True):
         health_until(client, lambda h: h.buses[0].up)
-        # The boards were silent for more than a second, as after a loss of power: their zero has to be taken anew.
+        # The boards were silent, as after a loss of power: their zero has to be taken anew, once they are heard again.
+        force_until(client, "boards that are heard", lambda s: state_of(s) == "TARE_INVALID")
         tare = client.call("SkinService/Tare")
         assert tare.valid, tare
         force_until(client, "a force again", served)
