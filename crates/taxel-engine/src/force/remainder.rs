@@ -1,8 +1,8 @@
 //! What presses below the activation thresholds: the force that a scan cannot show as a touch.
 //!
 //! The counts of all taxels that are not active still say how much may lie there. With `w` the force per count of a taxel
-//! (area times threshold pressure over threshold distance) and `c` its counts from the zero towards pressure, the
-//! remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`, and what all
+//! (area times threshold pressure, or its uncertainty if that is more, over threshold distance) and `c` its counts from
+//! the zero towards pressure, the remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`, and what all
 //! taxels share, the zero's: `(z sum w)^2`.
 //!
 //! A zero is taken where nothing seems to lie on the skin, which the counts can tell from a light load only as far as

@@ -191,11 +191,13 @@ impl Tables {
         if self.polarity[taxel] == 0 { 1.0 } else { -1.0 }
     }
 
-    /// Force in newton of a taxel that is `distance` counts from its zero; `None` without a usable model.
+    /// Force in newton that may press on a taxel `distance` counts from its zero: what its curve says there, or the
+    /// curve's own uncertainty where that is more, as where it is flat. `None` without a usable model.
     pub(crate) fn threshold_n(&self, taxel: usize, distance: f64) -> Option<f64> {
         let table = self.taxels.get(taxel)?.as_ref()?;
         let code = (table.zero + self.sign(taxel) * distance).round().clamp(0.0, 255.0);
-        Some(f64::from(table.pressure_kpa[code as usize].max(0.0)) * f64::from(self.newton_per_kpa[taxel]))
+        let kpa = table.pressure_kpa[code as usize].max(table.sigma_kpa[code as usize]).max(0.0);
+        Some(f64::from(kpa) * f64::from(self.newton_per_kpa[taxel]))
     }
 
     pub(crate) fn newton_per_kpa(&self, taxel: usize) -> f32 {

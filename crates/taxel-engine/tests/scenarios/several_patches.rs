@@ -118,18 +118,16 @@ fn a_bring_up_of_one_patch_brings_up_all_that_share_its_boards() {
     }
 }
 
+fn start_lower(bench: &mut Bench) {
+    let patch = "lower".to_owned();
+    let leave_out = Vec::new();
+    bench.ask(Command::StartSession { patch, target: None, branches: None, confirmed_by: None, leave_out }).unwrap();
+}
+
 #[test]
 fn a_bring_up_is_refused_while_a_session_holds_a_patch_that_shares_a_board() {
     let mut bench = both();
-    bench
-        .ask(Command::StartSession {
-            patch: "lower".to_owned(),
-            target: None,
-            branches: None,
-            confirmed_by: None,
-            leave_out: Vec::new(),
-        })
-        .unwrap();
+    start_lower(&mut bench);
     let why = bench.refused(Command::BringUp { patch: "upper".to_owned() });
     assert!(why.contains("session 1 is TARING"), "{why}");
 }
@@ -141,15 +139,7 @@ fn a_gauge_frame_that_one_patch_refuses_still_reaches_the_next() {
     upper.gauge.as_mut().unwrap().signal.start_bit = 48;
     let mut bench = Bench::new(small_world(), Arc::new(plan_of(vec![upper, lower])), Restored::default());
     bench.brought_up();
-    bench
-        .ask(Command::StartSession {
-            patch: "lower".to_owned(),
-            target: None,
-            branches: None,
-            confirmed_by: None,
-            leave_out: Vec::new(),
-        })
-        .unwrap();
+    start_lower(&mut bench);
     bench.until_state(10.0, SessionState::Ramping);
     bench.ramp(20.0, 4.0);
     bench.seconds(4.0);

@@ -5,10 +5,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::plan::{BoardSetup, Gauge, PatchPlan, Plan};
+use taxel_sim::GaugeConfig;
 use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Patch, Time};
+use taxel_wire::TimedFrame;
 use taxel_wire::icub::{BoardConfig, Message, StatusWord, TriangleConfig};
-use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
-use taxel_wire::{CanId, TimedFrame};
+use taxel_wire::signal::SignalSpec;
 
 use crate::model::step::{PASS_S, PATIENCE_S, Passing, RISE_KPA, TARGET_KPA};
 
@@ -26,17 +27,7 @@ fn board() -> BoardAddress {
 }
 
 fn signal() -> SignalSpec {
-    SignalSpec {
-        id: CanId::Standard(0x3A1),
-        start_bit: 0,
-        length_bits: 32,
-        byte_order: ByteOrder::Little,
-        signed: true,
-        scale: 1.0,
-        offset: 0.0,
-        unit: PressureUnit::Pascal,
-        meaning: PressureMeaning::Differential,
-    }
+    GaugeConfig::default().signal
 }
 
 /// The scene: one patch that is brought up, with sessions that lose their patience within three passes.
