@@ -91,7 +91,8 @@ impl Patch {
         Err(Rejection::FailedPrecondition(why))
     }
 
-    /// Refuses what needs a skin at rest while the bag presses on it.
+    /// Refuses what needs a skin at rest while the bag presses on it, or while the gauge reads what a vented bag cannot
+    /// have: its pressure is above the air's or equal to it, so what is below is an offset of the gauge.
     ///
     /// # Errors
     /// [`Rejection::FailedPrecondition`] with the pressure and the limit.
@@ -99,12 +100,21 @@ impl Patch {
         let limits = &self.plan.session;
         // Without a reading the ramp itself waits for the gauge.
         let Some((time, pressure)) = self.intake.gauge().newest() else { return Ok(()) };
-        if now.time.since(time) > limits.gauge_timeout || pressure <= limits.vented_below {
+        let gauge = &self.plan.fit.gauge;
+        // Three standard deviations of what is stated of the gauge, beside the noise that sessions allow for.
+        let least = -(limits.noise_band.0 + 3.0 * gauge.offset_kpa.hypot(gauge.noise_kpa));
+        let (kpa, limit) = (pressure.0, limits.vented_below.0);
+        if now.time.since(time) > limits.gauge_timeout || (least..=limit).contains(&kpa) {
             return Ok(());
         }
-        let (kpa, limit) = (pressure.0, limits.vented_below.0);
-        let why = format!("the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first");
-        Err(Rejection::FailedPrecondition(why))
+        Err(Rejection::FailedPrecondition(if kpa > limit {
+            format!("the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first")
+        } else {
+            format!(
+                "the gauge reads {kpa:.2} kPa, and a vented bag has no less than {least:.2} kPa: set the gauge's zero, \
+                 or state its uncertainty in `gauge.offset_uncertainty_kpa`"
+            )
+        }))
     }
 
     /// Begins a session. The caller has checked that none is open.

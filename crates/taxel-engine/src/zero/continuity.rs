@@ -21,11 +21,19 @@
 //! is asked: the mean over 16 scans proves a new zero beyond the first bound, and the suspicion is over only when that
 //! mean is below `POSSIBLE`, the bound for 1e-3. If it is not within 16 further scans, the zero is lost.
 //!
+//! A board that is silent or doubted and then reads nothing of what lay on it has lost its zero without further proof: its
+//! load may have been lifted just then, but nobody can tell. In a bag that presses, the load of a whole board does not
+//! vanish at all.
+//!
 //! What it cannot see: a board with fewer than `WITNESSES_MIN` sound inputs; a new zero whose residues differ from the
 //! old ones by less than about a count (root mean square, of a board with twenty taxels; by less than about two thirds
 //! of a suspected one), pads included; and for the first scans a step that is small against the noise of one scan. For
 //! the last, the load of a board that vanishes from one scan to the next makes the force a lower bound until 16 scans
 //! have shown nothing. What a shift that stays below all this does to a force is in the uncertainty: [`UNSEEN_COUNTS`].
+
+mod board;
+#[cfg(test)]
+mod tests;
 
 use std::ops::Range;
 use taxel_skin::ModuleKind;
@@ -35,14 +43,12 @@ use crate::regions::Regions;
 use crate::scan::Scan;
 use crate::zero::inputs::{Inputs, KEPT, LANES};
 use crate::zero::lanes::{EVIDENCE_MAX, Reference, Sums};
+pub use board::Finding;
+use board::{BoardWatch, Seen, is_vanished};
 
 /// Standard uncertainty, in counts, of a common shift of a board that the test would miss.
 pub const UNSEEN_COUNTS: f64 = 0.15;
 
-/// Scans that a doubt lasts: as many as the longest mean runs over.
-const PROBATION_SCANS: u8 = KEPT as u8;
-/// Fewest sound inputs, pads counted twice, that may clear a board of a doubt.
-const WITNESSES_MIN: f32 = 8.0;
 /// Noise that an input is credited with at least, counts: rounding and what a short watch did not show.
 const NOISE_MIN_COUNTS: f64 = 0.5;
 /// Noise of a thermal pad, counts.
@@ -61,42 +67,8 @@ const LIKELY: [f32; 2] = [4.9, 16.0];
 const CERTAIN: [f32; 2] = [7.4, 37.0];
 /// Once in 1e3 scans by chance.
 const POSSIBLE: [f32; 2] = [3.3, 11.0];
-/// What is said of a board that was suspected and whose counts bear it out.
-const SINCE_SUSPECTED: &str = "lost its load at once, was not heard or reported a fault, and since then reads less than \
-                               its zero on taxels that nothing touches: it has taken a new zero, or the zero was taken \
-                               under a load that has gone";
-/// Of the load on a board less than this share remains when it vanishes.
-const VANISHED_SHARE: f32 = 0.4;
-/// A load on so many taxels, or fewer, may be their noise.
-const LOAD_TAXELS_MIN: f32 = 3.0;
-/// A load of so many counts in all is worth a doubt.
-const LOAD_MIN_COUNTS: f32 = 12.0;
-
-/// What the test says of a board.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Finding {
-    /// It has taken a new zero, or nobody can tell any more; in words that name the board.
-    NewZero(String),
-    /// It may have; in words.
-    Doubt(String),
-}
-
-/// A board's doubts.
-#[derive(Clone, Debug, Default)]
-struct BoardWatch {
-    /// `board 13 `, to begin a sentence with.
-    name: String,
-    taxels: Range<usize>,
-    modules: Range<usize>,
-    /// What its taxels are compared with, [`LANES`] at a time.
-    references: Vec<Reference>,
-    /// Why its zero is in doubt, and for how many scans yet.
-    doubt: Option<(String, u8)>,
-    /// For how many scans yet its force is a lower bound: its load vanished at once.
-    vanished: u8,
-    /// For how many scans longer than that the counts have left it unclear.
-    unclear: u8,
-}
+/// A bag that presses touches at least this share of a board's taxels.
+const IN_BAG_SHARE: f32 = 0.5;
 
 /// Scans of the three means that evidence is formed of.
 const MEANS: [usize; 3] = [1, 4, KEPT];
@@ -130,11 +102,9 @@ impl Continuity {
     #[must_use]
     pub fn new(regions: &Regions, names: &[String]) -> Self {
         let boards = regions.boards().iter().zip(regions.board_modules()).enumerate();
-        let watch = |(board, (taxels, modules)): (usize, (&Range<usize>, &Range<usize>))| BoardWatch {
-            name: names.get(board).map_or_else(String::new, |name| format!("board {name} ")),
-            taxels: taxels.clone(),
-            modules: modules.clone(),
-            ..BoardWatch::default()
+        let watch = |(board, (taxels, modules)): (usize, (&Range<usize>, &Range<usize>))| {
+            let name = names.get(board).map_or_else(String::new, |name| format!("board {name} "));
+            BoardWatch::new(name, taxels.clone(), modules.clone())
         };
         let pads = |kind: &ModuleKind| [0, 1].map(|pad| pad < kind.thermal_slots().len());
         Self {
@@ -150,9 +120,7 @@ impl Continuity {
     pub fn begin(&mut self) {
         self.taxels.begin();
         self.pads.begin();
-        for board in &mut self.boards {
-            (board.doubt, board.vanished, board.unclear) = (None, 0, 0);
-        }
+        self.boards.iter_mut().for_each(BoardWatch::begin);
     }
 
     /// From now on counts are compared with this; what was seen before stays.
@@ -173,21 +141,22 @@ impl Continuity {
 
     /// Something else says that the zero of a board may be another: the next scans have to show that it is not.
     pub fn doubt(&mut self, board: usize, why: String) {
+        let read = (self.taxels.scans() > 0).then(|| self.taxels.newest());
         if let Some(board) = self.boards.get_mut(board) {
-            board.doubt = Some((why, PROBATION_SCANS));
+            board.suspect(why, read);
         }
     }
 
-    /// Why the zero of some board is in doubt now.
+    /// Why the zero of some board is in doubt now. A silent one has no part in the force, and its doubt waits.
     #[must_use]
     pub fn doubted(&self) -> Option<&str> {
-        self.boards.iter().find_map(|board| board.doubt.as_ref()).map(|(why, _)| why.as_str())
+        self.boards.iter().find_map(BoardWatch::doubted)
     }
 
     /// Whether the load of some board has just vanished at once.
     #[must_use]
     pub fn load_vanished(&self) -> bool {
-        self.boards.iter().any(|board| board.vanished > 0)
+        self.boards.iter().any(BoardWatch::load_vanished)
     }
 
     /// Takes a scan. Returns what is found, the worst of all boards. A bag that is `pressing` presses on everything, so
@@ -217,42 +186,30 @@ impl Continuity {
 
     /// What the newest scan says of one board.
     fn judge(&mut self, index: usize, scan: &Scan<'_>, pressing: bool, in_bag: bool) -> Option<Finding> {
-        let silent = self.boards[index].modules.clone().all(|module| scan.silent[module]);
-        if silent {
+        let board = &mut self.boards[index];
+        if board.is_silent(scan) {
             return None; // nothing to be judged by, and nothing of it in the force
+        }
+        if let Some(lost) = board.has_lost_its_load(scan.counts) {
+            return Some(lost);
         }
         let (evidence, vanishes) = self.evidence(index, !in_bag);
         let scans = self.taxels.scans();
         let seen = |mean: usize, bound| scans >= MEANS[mean] && evidence.exceeds(mean, bound);
-        let board = &mut self.boards[index];
-        if seen(1, CERTAIN) || seen(2, CERTAIN) {
-            let why = "reads less than its zero on taxels that nothing touches, or on its thermal pads: it has taken a \
-                       new zero, or the zero was taken under a load that has gone";
-            return Some(Finding::NewZero(format!("{}{why}", board.name)));
-        }
-        if vanishes && pressing {
-            let why = "lost its load at once while the bag was pressing: it has taken a new zero";
-            return Some(Finding::NewZero(format!("{}{why}", board.name)));
-        }
-        if board.is_suspected() && seen(2, LIKELY) {
-            return Some(Finding::NewZero(format!("{}{SINCE_SUSPECTED}", board.name)));
-        }
-        let unclear = seen(2, POSSIBLE);
-        board.vanished = if vanishes { PROBATION_SCANS } else { wait(board.vanished, unclear) };
-        if seen(0, LIKELY) && board.doubt.is_none() {
-            let why = "reads less than its zero on taxels that nothing touches: it may have taken a new zero";
-            let why = format!("{}{why}", board.name);
-            board.doubt = Some((why.clone(), PROBATION_SCANS));
-            return Some(Finding::Doubt(why));
-        }
-        if let Some((_, left)) = &mut board.doubt {
-            *left = wait(*left, unclear);
-        }
-        board.end_doubt(unclear, evidence.witnesses())
+        self.boards[index].judge(&Seen {
+            certain: seen(1, CERTAIN) || seen(2, CERTAIN),
+            likely: seen(2, LIKELY),
+            likely_now: seen(0, LIKELY),
+            possible: seen(2, POSSIBLE),
+            load_vanishes: vanishes.is_some(),
+            vanishes_in_bag: pressing && vanishes.is_some_and(|share| share >= IN_BAG_SHARE),
+            witnesses: evidence.witnesses(),
+        })
     }
 
-    /// The evidence of a board, all three means in one walk, and whether the load that lay on it is gone with this scan.
-    fn evidence(&self, index: usize, with_pads: bool) -> (Evidence, bool) {
+    /// The evidence of a board, all three means in one walk, and, if the load that lay on it is gone with this scan, the
+    /// share of its taxels that it lay on.
+    fn evidence(&self, index: usize, with_pads: bool) -> (Evidence, Option<f32>) {
         let board = &self.boards[index];
         let mut sums = Sums::default();
         for (block, reference) in board.references.iter().enumerate() {
@@ -264,8 +221,8 @@ impl Continuity {
             self.add_pads(board, &mut evidence);
         }
         let [was, is, touched] = sums.load();
-        let is_load = touched >= LOAD_TAXELS_MIN && was >= LOAD_MIN_COUNTS;
-        (evidence, self.taxels.scans() >= 8 && is_load && is < VANISHED_SHARE * was)
+        let vanishes = self.taxels.scans() >= 8 && is_vanished([was, is, touched]);
+        (evidence, vanishes.then(|| touched / evidence.taxels))
     }
 
     fn add_pads(&self, board: &BoardWatch, evidence: &mut Evidence) {
@@ -284,31 +241,6 @@ impl Continuity {
             }
             evidence.pads += 1.0;
         }
-    }
-}
-
-/// One scan less to wait for, but not the last one while the counts leave it unclear.
-fn wait(left: u8, unclear: bool) -> u8 {
-    if unclear { left.saturating_sub(1).max(left.min(1)) } else { left.saturating_sub(1) }
-}
-
-impl BoardWatch {
-    /// Whether something beside the counts' means says that the board may have taken a new zero.
-    const fn is_suspected(&self) -> bool {
-        self.doubt.is_some() || self.vanished > 0
-    }
-
-    /// Ends a doubt whose scans are over, or finds that nobody can end it.
-    fn end_doubt(&mut self, unclear: bool, witnesses: f32) -> Option<Finding> {
-        let waits = self.vanished.max(self.doubt.as_ref().map_or(0, |(_, left)| *left));
-        // Whoever is suspected has its last scan to wait for as long as the counts leave it unclear.
-        self.unclear = if unclear && waits == 1 { self.unclear + 1 } else { 0 };
-        if self.unclear >= PROBATION_SCANS {
-            return Some(Finding::NewZero(format!("{}{SINCE_SUSPECTED}", self.name)));
-        }
-        let (why, _) = self.doubt.take_if(|(_, left)| *left == 0)?;
-        let blind = witnesses < WITNESSES_MIN;
-        blind.then(|| Finding::NewZero(format!("{why}, and too few of its taxels are sound to show that it has not")))
     }
 }
 

@@ -30,6 +30,13 @@ impl Reference {
             column[i] = value as f32;
         }
     }
+
+    /// The load on the taxel in lane `i`, if it was touched: its counts then and now, and 1. Zeros if it was not.
+    #[must_use]
+    pub fn load(&self, i: usize, then: u8, now: u8) -> [f32; 3] {
+        let [then, now] = [then, now].map(|count| self.sign[i] * f32::from(count) - self.zero[i]);
+        if self.sign[i] != 0.0 && then > self.touched[i] { [then, now.max(0.0), 1.0] } else { [0.0; 3] }
+    }
 }
 
 /// Sums over the taxels of a board, lane by lane.

@@ -292,6 +292,25 @@ fn no_session_begins_in_a_bag_under_vacuum() {
     assert!(why.contains("the bag is at 20.") && why.contains("vent it below 10.0 kPa first"), "{why}");
 }
 
+/// A vented bag is at the air's pressure: what a gauge reads below that is its own offset, and would be in every model.
+#[test]
+fn no_session_begins_with_a_gauge_that_reads_less_than_a_vented_bag_can_have() {
+    let mut bench = fresh(|_| {});
+    bench.inject(Fault::GaugeOffset { kpa: -7.8 });
+    bench.seconds(1.0);
+    let why = bench.refused(Command::StartSession {
+        patch: String::new(),
+        target: None,
+        branches: None,
+        confirmed_by: None,
+        leave_out: Vec::new(),
+    });
+    assert!(why.contains("the gauge reads -7.") && why.contains("set the gauge's zero"), "{why}");
+    bench.repair(Fault::GaugeOffset { kpa: -7.8 });
+    bench.seconds(1.0);
+    bench.start_session(None);
+}
+
 #[test]
 fn a_session_waits_for_rest_and_fails_when_it_never_comes() {
     let mut bench = fresh(|plan| plan.session.patience = Duration::from_secs(6));

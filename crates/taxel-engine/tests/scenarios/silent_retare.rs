@@ -8,7 +8,7 @@ use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Config, Fault, World};
 
 use crate::bench::Bench;
-use crate::rig::{board, patch_plan, plan, small_skin, small_world};
+use crate::rig::{board, module, patch_plan, plan, small_skin, small_world};
 use crate::shared::{Calibrated, ordinary, small};
 
 /// Boards, a taxel in the middle of each.
@@ -80,6 +80,46 @@ fn an_outage_that_ends_in_a_new_zero_tells_no_lie() {
                 .is_truthful_since(mark, &format!("board {address} was out for 0.{tenths} s and came with a new zero"));
         }
     }
+}
+
+/// Its boards leave residues of half a count, and of twenty taxels eighteen are under the load: what the counts before and
+/// after the silence show has to do.
+#[test]
+fn an_outage_that_ends_in_a_new_zero_with_small_residues_tells_no_lie() {
+    for (address, centre) in BOARDS {
+        for tenths in 2..=9 {
+            let mut bench = loaded(small(), 0.5, centre);
+            let mark = bench.mark();
+            bench.inject(Fault::BoardSilent(board(address)));
+            bench.seconds(0.1 * f64::from(tenths));
+            bench.inject(Fault::SilentRetare(board(address)));
+            bench.repair(Fault::BoardSilent(board(address)));
+            bench.seconds(4.0);
+            bench
+                .is_truthful_since(mark, &format!("board {address} was out for 0.{tenths} s and came with a new zero"));
+            assert!(bench.host.reasons().contains("lost its load while it was silent"), "{}", bench.host.reasons());
+        }
+    }
+}
+
+/// A board that may have taken a new zero and falls silent then has no part in the force: its doubt waits until it is
+/// heard, and the other board's force comes meanwhile.
+#[test]
+fn the_doubt_of_a_silent_board_leaves_the_other_boards_their_force() {
+    let mut bench = small().in_use_with(|plan| plan.live.stale_share_max = 0.3);
+    bench.lay(0.5, 33);
+    bench.seconds(3.0);
+    bench.inject(Fault::ModuleNoAck(board(12), module(0)));
+    bench.until(3.0, "the doubt", |host| host.reasons().contains("looked at"));
+    bench.repair(Fault::ModuleNoAck(board(12), module(0)));
+    bench.inject(Fault::BoardSilent(board(12)));
+    let mark = bench.mark();
+    bench.seconds(0.5);
+    assert!(bench.host.snapshot().force.total.is_some(), "{}", bench.host.reasons());
+    bench.repair(Fault::BoardSilent(board(12)));
+    bench.until(1.0, "the doubt again", |host| host.snapshot().force.total.is_none());
+    bench.until(2.0, "its end", |host| host.snapshot().force.total.is_some());
+    bench.is_truthful_since(mark, "a silent board in doubt");
 }
 
 /// What it costs: an outage without a new zero is over sixteen scans later.

@@ -1,0 +1,201 @@
+//! What is held against one board: doubts, silence, a load that is gone.
+
+use std::ops::Range;
+
+use crate::scan::Scan;
+use crate::zero::inputs::{KEPT, LANES};
+use crate::zero::lanes::Reference;
+
+/// Scans that a doubt lasts: as many as the longest mean runs over.
+const PROBATION_SCANS: u8 = KEPT as u8;
+/// Scans until all modules of a board that was silent are in a scan again.
+const RETURN_SCANS: u8 = 3;
+/// Fewest sound inputs, pads counted twice, that may clear a board of a doubt.
+const WITNESSES_MIN: f32 = 8.0;
+/// Of the load on a board less than this share remains when it vanishes.
+const VANISHED_SHARE: f32 = 0.4;
+/// A load on so many taxels, or fewer, may be their noise.
+const LOAD_TAXELS_MIN: f32 = 3.0;
+/// A load of so many counts in all is worth a doubt.
+const LOAD_MIN_COUNTS: f32 = 12.0;
+
+/// What is said of a board whose counts alone show it.
+const CERTAIN: &str = "reads less than its zero on taxels that nothing touches, or on its thermal pads: it has taken a new \
+                       zero, or the zero was taken under a load that has gone";
+/// What is said of a board whose counts may show it.
+const LIKELY: &str = "reads less than its zero on taxels that nothing touches: it may have taken a new zero";
+/// What is said of a board that was suspected and whose counts bear it out.
+const SINCE_SUSPECTED: &str = "lost its load at once, was not heard or reported a fault, and since then reads less than \
+                               its zero on taxels that nothing touches: it has taken a new zero, or the zero was taken \
+                               under a load that has gone";
+/// What is said of a board that was silent or reported a fault.
+const SINCE_SILENT: &str = "lost its load while it was silent or reported a fault: it has taken a new zero, or the load \
+                            was lifted; unload the skin and tare";
+/// What is said of a board on which the bag presses.
+const IN_BAG: &str = "lost its load at once while the bag was pressing: it has taken a new zero";
+
+/// What the test says of a board.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Finding {
+    /// It has taken a new zero, or nobody can tell any more; in words that name the board.
+    NewZero(String),
+    /// It may have; in words.
+    Doubt(String),
+}
+
+/// What the counts of a scan show of a board.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen {
+    /// The means over four or sixteen scans are beyond any chance.
+    pub certain: bool,
+    /// The mean over sixteen scans is hardly chance.
+    pub likely: bool,
+    /// The scan itself is hardly chance.
+    pub likely_now: bool,
+    /// The mean over sixteen scans may be no chance.
+    pub possible: bool,
+    /// The load that lay on it is gone with this scan.
+    pub load_vanishes: bool,
+    /// That load was all over the board, and the bag presses as it did.
+    pub vanishes_in_bag: bool,
+    /// Sound inputs, pads counted twice.
+    pub witnesses: f32,
+}
+
+/// A board and what is held against it.
+#[derive(Clone, Debug, Default)]
+pub struct BoardWatch {
+    /// `board 13 `, to begin a sentence with.
+    name: String,
+    /// Its taxels and modules in the patch.
+    pub taxels: Range<usize>,
+    pub modules: Range<usize>,
+    /// What its taxels are compared with, [`LANES`] at a time.
+    pub references: Vec<Reference>,
+    /// Why its zero is in doubt, and for how many scans yet.
+    doubt: Option<(String, u8)>,
+    /// For how many scans yet its force is a lower bound: its load vanished at once.
+    vanished: u8,
+    /// For how many scans longer than that the counts have left it unclear.
+    unclear: u8,
+    /// All its modules are silent.
+    silent: bool,
+    /// What it read when it fell silent or was doubted, and for how many scans yet this is compared with.
+    before: Option<(Vec<u8>, u8)>,
+}
+
+impl BoardWatch {
+    /// A board of which nothing was seen yet.
+    #[must_use]
+    pub fn new(name: String, taxels: Range<usize>, modules: Range<usize>) -> Self {
+        Self { name, taxels, modules, ..Self::default() }
+    }
+
+    /// A zero was taken: nothing is held against the board.
+    pub fn begin(&mut self) {
+        (self.doubt, self.vanished, self.unclear, self.before) = (None, 0, 0, None);
+    }
+
+    /// Something else says that it may have taken a new zero; `read` are the counts of the patch before, if there are.
+    pub fn suspect(&mut self, why: String, read: Option<&[u8]>) {
+        self.doubt = Some((why, PROBATION_SCANS));
+        if let Some(counts) = read {
+            self.keep(counts);
+        }
+    }
+
+    /// Why its zero is in doubt. A silent board has no part in the force, and its doubt waits.
+    #[must_use]
+    pub fn doubted(&self) -> Option<&str> {
+        self.doubt.as_ref().filter(|_| !self.silent).map(|(why, _)| why.as_str())
+    }
+
+    /// Whether its load has just vanished at once.
+    #[must_use]
+    pub const fn load_vanished(&self) -> bool {
+        self.vanished > 0
+    }
+
+    /// Whether all its modules are silent. What it read is kept, and what it was doubted for waits.
+    pub fn is_silent(&mut self, scan: &Scan<'_>) -> bool {
+        self.silent = self.modules.clone().all(|module| scan.silent[module]);
+        if self.silent {
+            self.keep(scan.counts);
+            if let Some((_, left)) = &mut self.doubt {
+                *left = PROBATION_SCANS;
+            }
+        }
+        self.silent
+    }
+
+    /// Keeps what the board read, of the counts of the patch, unless that is kept already.
+    fn keep(&mut self, counts: &[u8]) {
+        let (_, scans) = self.before.get_or_insert_with(|| (counts[self.taxels.clone()].to_vec(), 0));
+        *scans = RETURN_SCANS;
+    }
+
+    /// Finds that a board that was silent or doubted until now reads nothing of the load that lay on it before. Nobody
+    /// can tell whether the load was lifted meanwhile or the board has taken a new zero under it.
+    pub fn has_lost_its_load(&mut self, counts: &[u8]) -> Option<Finding> {
+        let (then, left) = self.before.as_mut()?;
+        *left -= 1;
+        let mut load = [0.0; 3];
+        for (i, (&then, &now)) in then.iter().zip(&counts[self.taxels.clone()]).enumerate() {
+            let of_one = self.references[i / LANES].load(i % LANES, then, now);
+            load.iter_mut().zip(of_one).for_each(|(sum, value)| *sum += value);
+        }
+        self.before.take_if(|(_, left)| *left == 0);
+        is_vanished(load).then(|| self.new_zero(SINCE_SILENT))
+    }
+
+    /// What follows from a scan.
+    pub fn judge(&mut self, seen: &Seen) -> Option<Finding> {
+        if seen.certain {
+            return Some(self.new_zero(CERTAIN));
+        }
+        if seen.vanishes_in_bag {
+            return Some(self.new_zero(IN_BAG));
+        }
+        if seen.likely && (self.doubt.is_some() || self.vanished > 0) {
+            return Some(self.new_zero(SINCE_SUSPECTED));
+        }
+        self.vanished = if seen.load_vanishes { PROBATION_SCANS } else { wait(self.vanished, seen.possible) };
+        if seen.likely_now && self.doubt.is_none() {
+            let why = format!("{}{LIKELY}", self.name);
+            self.doubt = Some((why.clone(), PROBATION_SCANS));
+            return Some(Finding::Doubt(why));
+        }
+        if let Some((_, left)) = &mut self.doubt {
+            *left = wait(*left, seen.possible);
+        }
+        self.end_doubt(seen)
+    }
+
+    /// Ends a doubt whose scans are over, or finds that nobody can end it.
+    fn end_doubt(&mut self, seen: &Seen) -> Option<Finding> {
+        let waits = self.vanished.max(self.doubt.as_ref().map_or(0, |(_, left)| *left));
+        // Whoever is suspected has its last scan to wait for as long as the counts leave it unclear.
+        self.unclear = if seen.possible && waits == 1 { self.unclear + 1 } else { 0 };
+        if self.unclear >= PROBATION_SCANS {
+            return Some(self.new_zero(SINCE_SUSPECTED));
+        }
+        let (why, _) = self.doubt.take_if(|(_, left)| *left == 0)?;
+        let blind = seen.witnesses < WITNESSES_MIN;
+        blind.then(|| Finding::NewZero(format!("{why}, and too few of its taxels are sound to show that it has not")))
+    }
+
+    fn new_zero(&self, why: &str) -> Finding {
+        Finding::NewZero(format!("{}{why}", self.name))
+    }
+}
+
+/// Whether a load (its counts then and now, and how many taxels it lay on) was one, and has vanished.
+#[must_use]
+pub fn is_vanished([was, is, touched]: [f32; 3]) -> bool {
+    touched >= LOAD_TAXELS_MIN && was >= LOAD_MIN_COUNTS && is < VANISHED_SHARE * was
+}
+
+/// One scan less to wait for, but not the last one while the counts leave it unclear.
+fn wait(left: u8, unclear: bool) -> u8 {
+    if unclear { left.saturating_sub(1).max(left.min(1)) } else { left.saturating_sub(1) }
+}
