@@ -53,8 +53,10 @@ impl SkinService for Service {
     }
 
     async fn bring_up(&self, request: Request<v1::BringUpRequest>) -> Result<Response<v1::BringUpResponse>, Status> {
-        let patch = self.plan(self.patch(&request.get_ref().patch)?).patch.name().to_owned();
-        match self.command("BringUp", Command::BringUp { patch }).await? {
+        let request = request.into_inner();
+        let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
+        let confirmed_by = confirmed_by(request.confirmed_by)?;
+        match self.command("BringUp", Command::BringUp { patch, confirmed_by }).await? {
             Done::BringUpStarted => Ok(Response::new(v1::BringUpResponse {})),
             other => Err(strange_answer(&other)),
         }

@@ -154,7 +154,8 @@ mod tests {
         for _ in 0..12 {
             let _ = to_batches.try_send(BusBatch { bus: BusIndex(0), frames: Vec::new(), notices: Vec::new() });
             let (reply, _) = oneshot::channel();
-            let _ = to_commands.try_send(Request { command: Command::BringUp { patch: String::new() }, reply });
+            let _ = to_commands
+                .try_send(Request { command: Command::BringUp { patch: String::new(), confirmed_by: None }, reply });
             tell.tell(Done::Store(StoreEvent::Failed(String::new())));
             seen.push(match queues.next().await {
                 Action::Batch(_) => 'b',

@@ -25,6 +25,8 @@ pub enum Command {
     BringUp {
         /// The patch; empty for the only one.
         patch: String,
+        /// An operator who vouches that nothing touches the skin, so that it need not be looked at first.
+        confirmed_by: Option<String>,
     },
     /// Begin a calibration: tare, then the first ramp.
     StartSession {

@@ -22,7 +22,9 @@ impl Engine {
         let answer = match command {
             Command::Tare { patch, confirmed_by } => self.tare(now, request, &patch, confirmed_by, out),
             Command::RecordLoad { patch, load } => self.start_load(now, request, &patch, load),
-            Command::BringUp { patch } => self.bring_up(now, &patch, out).map(Answer::Now),
+            Command::BringUp { patch, confirmed_by } => {
+                self.bring_up(now, &patch, confirmed_by.is_some(), out).map(Answer::Now)
+            }
             Command::StartSession { patch, target, branches, confirmed_by, leave_out } => {
                 let asked = SessionRequest { target, branches, confirmed_by, leave_out };
                 self.start_session(now, &patch, asked, out).map(Answer::Now)
@@ -104,7 +106,7 @@ impl Engine {
         group
     }
 
-    fn bring_up(&mut self, now: Now, patch: &str, out: &mut Vec<Output>) -> Reply {
+    fn bring_up(&mut self, now: Now, patch: &str, confirmed: bool, out: &mut Vec<Output>) -> Reply {
         let index = self.patch_named(patch)?;
         if self.patches[index].plan().bring_up.is_empty() {
             let why = "the daemon only listens (listen_only): it sends nothing to the boards".to_owned();
@@ -115,10 +117,12 @@ impl Engine {
             let patch = &self.patches[member];
             patch.calibration().refuse_if_open("abort it first")?;
             patch.check_vented(now)?; // a board that takes its zero under vacuum takes the load for rest
-            patch.check_unloaded()?;
+            if !confirmed {
+                patch.check_unloaded()?;
+            }
         }
         for member in group {
-            self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, effects));
+            self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, confirmed, effects));
         }
         self.health_dirty.0 = true; // boards that were verified are not any more
         Ok(Done::BringUpStarted)

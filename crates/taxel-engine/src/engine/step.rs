@@ -278,7 +278,9 @@ impl Engine {
     }
 
     fn tick(&mut self, now: Now, out: &mut Vec<Output>) {
+        let before = out.len();
         self.each_patch(now, out, |patch, effects| patch.tick(now, effects));
+        self.health_dirty.0 |= out.len() > before; // silence and bring-up show without a frame
         let since = self.health_shown.map_or(Duration::MAX, |shown| now.time.since(shown));
         // Boards change with their frames; what they say is looked at with the counters.
         let (changed, counted) = self.health_dirty;

@@ -11,7 +11,7 @@ use crate::loads::owner::LoadRead;
 use crate::loads::validation::Validation;
 use crate::model_set::ModelSet;
 use crate::now::Now;
-use crate::patch::owner::{Effects, Patch};
+use crate::patch::owner::{BEING_CONFIGURED, Effects, Patch};
 use crate::request::{Rejection, RequestId};
 use crate::zero::view::TareView;
 use crate::zero::watch::Purpose;
@@ -61,8 +61,7 @@ impl Patch {
         if !self.bring_up_waits && self.intake.bring_up().is_done() {
             return Ok(());
         }
-        let why = "the boards are being configured, which takes their zero anew: ask again when they are verified";
-        Err(Rejection::FailedPrecondition(why.to_owned()))
+        Err(Rejection::FailedPrecondition(format!("{BEING_CONFIGURED}: ask again when they are verified")))
     }
 
     /// Refuses a ramp while the boards wait to be configured, because it is not known yet that nothing presses on them.

@@ -7,7 +7,7 @@ use crate::boundary::record::Record;
 use crate::calibration::calibrate::CalibrationEvent;
 use crate::calibration::session::SessionRecord;
 use crate::now::Now;
-use crate::patch::owner::{Effects, Intent, Patch};
+use crate::patch::owner::{BEING_CONFIGURED, Effects, Intent, Patch};
 use crate::request::Rejection;
 use crate::zero::events::ZeroEvent;
 use crate::zero::watch::Purpose;
@@ -73,10 +73,13 @@ impl Patch {
         match found {
             Ok(()) => {
                 self.bring_up_waits = false;
-                self.intake.start_bring_up(now.time);
+                self.zero.explain(BEING_CONFIGURED.to_owned());
+                self.dirty = true;
+                self.configure_boards(now.time);
             }
             Err(why) => {
-                let why = format!("the boards are not configured while something presses on them: {why}");
+                let hint = "if nothing touches the skin, ask for BringUp and say so with confirmed_by";
+                let why = format!("the boards are not configured while something presses on them: {why}; {hint}");
                 self.zero.explain(why);
                 self.look_before_bring_up(now, effects);
             }

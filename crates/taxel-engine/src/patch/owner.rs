@@ -22,9 +22,13 @@ use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::plan::PatchPlan;
 use crate::request::RequestId;
+use crate::zero::bag::Bag;
 use crate::zero::events::Surroundings;
 use crate::zero::holder::Zero;
 use crate::zero::watch::Purpose;
+
+/// Why a patch has no zero while its boards are configured.
+pub(super) const BEING_CONFIGURED: &str = "the boards are being configured, which takes their zero anew";
 
 /// Boards that were not heard for so long after the start do not stream: three of the longest periods.
 const SILENT_BOARDS_AFTER: Duration = Duration::from_millis(300);
@@ -69,7 +73,8 @@ pub struct Patch {
     /// The boards are to be configured once it is known that nothing presses on them, or that they are silent.
     pub(super) bring_up_waits: bool,
     silent_until: Time,
-    /// The force that was published last, and from how many taxels.
+    /// The force that was published last, and from how many taxels; none of them if it is below what can be told from
+    /// nothing.
     pub(super) felt: Option<(Newton, usize)>,
 }
 
@@ -142,7 +147,7 @@ impl Patch {
         if self.bring_up_waits {
             self.silent_until = now.time + SILENT_BOARDS_AFTER;
         } else {
-            self.intake.start_bring_up(now.time);
+            self.configure_boards(now.time);
         }
     }
 
@@ -155,15 +160,27 @@ impl Patch {
             self.look_before_bring_up(now, effects);
         } else if now.time >= self.silent_until {
             self.bring_up_waits = false;
-            self.intake.start_bring_up(now.time);
+            self.configure_boards(now.time);
         }
     }
 
-    /// Configures the boards again: the zero is lost.
-    pub fn bring_up_again(&mut self, now: Now, effects: &mut Effects<'_>) {
-        self.bring_up_waits = false;
-        self.lose_zero(now, "the boards are being configured, which takes their zero anew", effects);
-        self.intake.start_bring_up(now.time);
+    pub(super) fn configure_boards(&mut self, now: Time) {
+        self.zero.on_bring_up();
+        self.intake.start_bring_up(now);
+    }
+
+    /// Configures the boards again: the zero is lost. Where there is no force that would show a load, boards that stream
+    /// are looked at first, unless it is confirmed that nothing touches the skin.
+    pub fn bring_up_again(&mut self, now: Now, confirmed: bool, effects: &mut Effects<'_>) {
+        let streams = self.intake.silent_taxels() < self.taxels();
+        let feels = self.zero.holds() && self.felt.is_some();
+        self.bring_up_waits = !confirmed && !feels && self.force.models().is_some() && streams;
+        self.lose_zero(now, BEING_CONFIGURED, effects);
+        if self.bring_up_waits {
+            self.look_before_bring_up(now, effects);
+        } else {
+            self.configure_boards(now.time);
+        }
     }
 
     /// Something has moved the zero of the boards.
@@ -232,11 +249,15 @@ impl Patch {
         let left_out = self.calibration.session().is_some_and(|view| view.state.is_open() && !view.left_out.is_empty());
         let around = Surroundings {
             models: self.force.models().map(Arc::as_ref),
+            configuring: !self.intake.bring_up().is_done(),
             boards_ready: self.intake.bring_up().is_done() && !self.bring_up_waits,
-            session_open: self.calibration.open().is_some(),
             parts_left_out: left_out,
             no_rest,
-            pressing: self.calibration.is_ramping() && !self.pressure_falls(now.time),
+            bag: Bag {
+                session_open: self.calibration.open().is_some(),
+                presses: self.bag_presses(now),
+                holds: self.calibration.is_ramping() && !self.pressure_falls(now.time),
+            },
         };
         self.zero.on_scan(now, &self.intake.scan(), around, &mut events);
         self.on_zero_events(now, events, effects);
@@ -257,6 +278,12 @@ impl Patch {
         self.zero.end_watch(why.to_string(), &mut events);
         self.on_zero_events(now, events, effects);
         true
+    }
+
+    fn bag_presses(&self, now: Now) -> bool {
+        let limits = &self.plan.session;
+        let newest = self.intake.gauge().newest();
+        newest.is_some_and(|(time, kpa)| now.time.since(time) <= limits.gauge_timeout && kpa > limits.vented_below)
     }
 
     /// Whether the bag is letting go, so that loads may vanish.

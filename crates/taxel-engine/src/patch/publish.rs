@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use taxel_skin::Newton;
+
 use crate::boundary::output::Output;
 use crate::boundary::snapshot::PatchSnapshot;
 use crate::force::owner::ZeroState;
@@ -22,7 +24,9 @@ impl Patch {
             load_vanished: self.zero.load_vanished(),
         };
         let measured = self.force.sample(&scan, self.intake.silent_taxels(), &zero);
-        self.felt = measured.sample.total.map(|total| (total, measured.active.len()));
+        let floor = measured.sample.detection_floor.unwrap_or_default();
+        let felt = |total: Newton| (total, if total > floor { measured.active.len() } else { 0 });
+        self.felt = measured.sample.total.map(felt);
         let time = self.intake.newest().unwrap_or_default();
         let tare = self.zero.view();
         if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured.sample) {

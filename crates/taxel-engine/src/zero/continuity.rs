@@ -38,9 +38,10 @@ mod tests;
 use std::ops::Range;
 use taxel_skin::ModuleKind;
 
-use crate::baseline::TaxelBaseline;
 use crate::regions::Regions;
 use crate::scan::Scan;
+use crate::zero::bag::Bag;
+use crate::zero::ground::Ground;
 use crate::zero::inputs::{Inputs, KEPT, LANES};
 use crate::zero::lanes::{EVIDENCE_MAX, Reference, Sums};
 pub use board::Finding;
@@ -82,19 +83,10 @@ pub struct Continuity {
     pads: Inputs,
     /// Which of the pads there are.
     is_pad: Vec<bool>,
+    /// Why the counts cannot show any more that the skin is at rest.
+    unproven: Option<String>,
     /// Whether the module of each pad is heard, and the soundness of the scan that this is of.
     pads_heard: (Option<u64>, Vec<bool>),
-}
-
-/// What the test compares with, all per taxel.
-#[derive(Clone, Copy, Debug)]
-pub struct Ground<'a> {
-    /// The zero now, with its drift.
-    pub zero: &'a [TaxelBaseline],
-    /// Which way pressure moves the count: +1, -1, or 0 where that is not known.
-    pub signs: &'a [i8],
-    /// Counts from the zero from which on a taxel is touched.
-    pub touched_counts: &'a [f64],
 }
 
 impl Continuity {
@@ -112,25 +104,26 @@ impl Continuity {
             taxels: Inputs::new(regions.taxels()),
             pads: Inputs::new(2 * regions.modules().len()),
             is_pad: regions.kinds().iter().flat_map(pads).collect(),
+            unproven: None,
             pads_heard: (None, vec![false; 2 * regions.modules().len()]),
         }
     }
 
     /// A zero was taken: nothing that was seen before counts.
     pub fn begin(&mut self) {
+        self.forget();
         self.taxels.begin();
         self.pads.begin();
-        self.boards.iter_mut().for_each(BoardWatch::begin);
     }
 
     /// From now on counts are compared with this; what was seen before stays.
-    pub fn compare_with(&mut self, ground: &Ground<'_>) {
+    pub fn compare_with(&mut self, ground: &Ground) {
         for board in &mut self.boards {
             let blocks = board.taxels.len().div_ceil(LANES);
             board.references = vec![Reference::default(); blocks];
             for (i, taxel) in board.taxels.clone().enumerate() {
-                let (Some(zero), Some(&sign)) = (ground.zero.get(taxel), ground.signs.get(taxel)) else { continue };
-                let touched = ground.touched_counts.get(taxel).copied().unwrap_or(f64::MAX);
+                let (Some(zero), Some(&sign)) = (ground.zero().get(taxel), ground.signs().get(taxel)) else { continue };
+                let touched = ground.touched_counts(taxel);
                 if sign != 0 && zero.mean.is_finite() {
                     let per_variance = MEANS.map(|scans| 1.0 / variance(zero.noise.max(NOISE_MIN_COUNTS), scans));
                     board.references[i / LANES].set(i % LANES, f64::from(sign), zero.mean, per_variance, touched);
@@ -159,13 +152,35 @@ impl Continuity {
         self.boards.iter().any(BoardWatch::load_vanished)
     }
 
-    /// Takes a scan. Returns what is found, the worst of all boards. A bag that is `pressing` presses on everything, so
-    /// that no load can vanish by itself; `in_bag` is a session under way, in which thermal pads do not count.
-    pub fn on_scan(&mut self, scan: &Scan<'_>, pressing: bool, in_bag: bool) -> Option<Finding> {
+    /// Why the counts cannot show that the skin is at rest: a load vanished while its board was silent. Over with the next
+    /// zero, which somebody has to vouch for, or once the boards are configured.
+    #[must_use]
+    pub fn unproven(&self) -> Option<&str> {
+        self.unproven.as_deref()
+    }
+
+    /// The boards take zeros of their own on a skin that was looked at: what was seen before says nothing of these.
+    pub fn forget(&mut self) {
+        self.unproven = None;
+        self.boards.iter_mut().for_each(BoardWatch::begin);
+    }
+
+    /// Takes a scan while there is no zero: only loads that vanish while a board is silent are looked for.
+    pub fn without_zero(&mut self, scan: &Scan<'_>, bag: Bag) {
+        self.push(scan);
+        for board in &mut self.boards {
+            if !board.is_silent(scan, bag) {
+                self.unproven = board.has_lost_its_load(scan.counts).or(self.unproven.take());
+            }
+        }
+    }
+
+    /// Takes a scan. Returns what is found, the worst of all boards.
+    pub fn on_scan(&mut self, scan: &Scan<'_>, bag: Bag) -> Option<Finding> {
         self.push(scan);
         let mut worst = None;
         for index in 0..self.boards.len() {
-            match self.judge(index, scan, pressing, in_bag) {
+            match self.judge(index, scan, bag) {
                 Some(finding @ Finding::NewZero(_)) => return Some(finding),
                 Some(doubt) => worst = worst.or(Some(doubt)),
                 None => {}
@@ -185,15 +200,16 @@ impl Continuity {
     }
 
     /// What the newest scan says of one board.
-    fn judge(&mut self, index: usize, scan: &Scan<'_>, pressing: bool, in_bag: bool) -> Option<Finding> {
+    fn judge(&mut self, index: usize, scan: &Scan<'_>, bag: Bag) -> Option<Finding> {
         let board = &mut self.boards[index];
-        if board.is_silent(scan) {
+        if board.is_silent(scan, bag) {
             return None; // nothing to be judged by, and nothing of it in the force
         }
-        if let Some(lost) = board.has_lost_its_load(scan.counts) {
-            return Some(lost);
+        if let Some(why) = board.has_lost_its_load(scan.counts) {
+            self.unproven = Some(why.clone());
+            return Some(Finding::NewZero(why));
         }
-        let (evidence, vanishes) = self.evidence(index, !in_bag);
+        let (evidence, vanishes) = self.evidence(index, !bag.session_open);
         let scans = self.taxels.scans();
         let seen = |mean: usize, bound| scans >= MEANS[mean] && evidence.exceeds(mean, bound);
         self.boards[index].judge(&Seen {
@@ -202,7 +218,7 @@ impl Continuity {
             likely_now: seen(0, LIKELY),
             possible: seen(2, POSSIBLE),
             load_vanishes: vanishes.is_some(),
-            vanishes_in_bag: pressing && vanishes.is_some_and(|share| share >= IN_BAG_SHARE),
+            vanishes_in_bag: bag.holds && vanishes.is_some_and(|share| share >= IN_BAG_SHARE),
             witnesses: evidence.witnesses(),
         })
     }

@@ -3,6 +3,7 @@
 use crate::baseline::TaxelBaseline;
 use crate::model_set::ModelSet;
 use crate::request::RequestId;
+use crate::zero::bag::Bag;
 use crate::zero::view::TareView;
 use crate::zero::watch::Purpose;
 
@@ -41,12 +42,12 @@ pub struct Surroundings<'a> {
     pub models: Option<&'a ModelSet>,
     /// Whether the boards are expected to send.
     pub boards_ready: bool,
-    /// Whether a session holds the patch: then the zero does not follow the temperature.
-    pub session_open: bool,
+    /// Whether they are being configured, and take zeros of their own.
+    pub configuring: bool,
+    /// What the bag does. While a session holds the patch the zero does not follow the temperature.
+    pub bag: Bag,
     /// Whether that session does without some modules.
     pub parts_left_out: bool,
     /// Whether the scan cannot be one of rest for a session: the bag presses, or the boards are being configured.
     pub no_rest: bool,
-    /// Whether a bag presses on everything and does not let go.
-    pub pressing: bool,
 }

@@ -13,25 +13,19 @@ use crate::now::Now;
 use crate::regions::Regions;
 use crate::request::RequestId;
 use crate::scan::Scan;
-use crate::zero::continuity::{Continuity, Finding, Ground, UNSEEN_COUNTS};
+use crate::zero::continuity::{Continuity, Finding, UNSEEN_COUNTS};
 use crate::zero::drift::follow::Drift;
 use crate::zero::drift::view::DriftView;
 use crate::zero::events::{Surroundings, ZeroEvent};
+use crate::zero::ground::Ground;
 use crate::zero::lookback::{Lookback, Present};
 use crate::zero::plan::ZeroPlan;
+use crate::zero::proven::Proven;
 use crate::zero::rest::judge::{Reference, judge};
 use crate::zero::rest::statistics::RestWindow;
 use crate::zero::rest::verdict::RestVerdict;
 use crate::zero::view::TareView;
 use crate::zero::watch::{Purpose, Watch};
-
-/// A zero that was proven for an operator and is being written down.
-#[derive(Clone, Debug)]
-struct Proven {
-    request: RequestId,
-    /// The zero, or what has moved it meanwhile.
-    zero: Result<(TareView, Vec<TaxelBaseline>), String>,
-}
 
 /// The zero of one patch.
 #[derive(Debug)]
@@ -49,14 +43,10 @@ pub struct Zero {
     /// Whether the continuity is in doubt, as last told.
     doubted: bool,
     lookback: Lookback,
-    /// Which way pressure moves the count of each taxel; -1 where no model says, as on all boards of iCub.
-    signs: Vec<i8>,
-    /// Whether any of them is known.
-    signed: bool,
-    /// Counts from the zero from which on each taxel is touched.
-    touched_counts: Vec<f64>,
-    /// The zero with its drift.
-    now: Vec<TaxelBaseline>,
+    /// Whether the boards were being configured when the last scan came, or are since.
+    configuring: bool,
+    /// The last zero with its drift, or that of the models.
+    ground: Ground,
 }
 
 impl Zero {
@@ -74,10 +64,8 @@ impl Zero {
             continuity: Continuity::new(&regions, &plan.board_names),
             doubted: false,
             lookback: Lookback::new(regions.taxels(), plan.period),
-            signs: vec![-1; regions.taxels()],
-            signed: true,
-            touched_counts: vec![0.0; regions.taxels()],
-            now: Vec::new(),
+            configuring: false,
+            ground: Ground::new(regions.taxels(), plan.activation),
             plan,
             regions,
         }
@@ -86,7 +74,7 @@ impl Zero {
     /// The zero with its drift, one per taxel, if it holds.
     #[must_use]
     pub fn zero(&self) -> Option<&[TaxelBaseline]> {
-        self.holds().then_some(self.now.as_slice())
+        self.holds().then_some(self.ground.zero())
     }
 
     /// Whether live force may rely on it.
@@ -156,8 +144,11 @@ impl Zero {
     /// The active model set changed: which way pressure moves the counts.
     pub fn on_models(&mut self, set: Option<&ModelSet>) {
         if let Some(set) = set {
-            self.signs = set.signs();
-            self.renew_ground();
+            self.ground.set_signs(set.signs());
+            if !self.view.valid {
+                self.ground.take(&set.baseline); // without a zero, loads are told from the models'
+            }
+            self.continuity.compare_with(&self.ground);
         }
         self.lookback.restart();
     }
@@ -167,24 +158,26 @@ impl Zero {
         self.check_continuity(scan, &around, events);
         self.check_unloading(scan, events);
         self.watch_rest(now, scan, around, events);
-        self.follow_drift(now, scan, around.session_open, events);
+        self.follow_drift(now, scan, around.bag.session_open, events);
     }
 
     fn check_continuity(&mut self, scan: &Scan<'_>, around: &Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
         if !self.view.valid {
+            self.continuity.without_zero(scan, around.bag);
+            if std::mem::replace(&mut self.configuring, around.configuring) {
+                self.continuity.forget(); // boards that were configured have taken zeros of their own
+            }
             return;
         }
-        match self.continuity.on_scan(scan, around.pressing, around.session_open) {
+        match self.continuity.on_scan(scan, around.bag) {
             Some(Finding::NewZero(why)) => self.lose(why, events),
             Some(Finding::Doubt(_)) | None => self.tell_doubt(events),
         }
     }
 
-    /// The zero or the signs have changed: what boards are compared with.
-    fn renew_ground(&mut self) {
-        let (zero, signs, touched_counts) = (&self.now, &self.signs, &self.touched_counts);
-        self.continuity.compare_with(&Ground { zero, signs, touched_counts });
-        self.signed = signs.iter().any(|sign| *sign != 0);
+    /// The boards are being configured, and take zeros of their own on a skin that was looked at.
+    pub const fn on_bring_up(&mut self) {
+        self.configuring = true;
     }
 
     fn tell_doubt(&mut self, events: &mut Vec<ZeroEvent>) {
@@ -198,8 +191,8 @@ impl Zero {
     /// Something may have moved the zero of a board: the counts have to show that it did not.
     pub fn doubt(&mut self, board: usize, why: &str, events: &mut Vec<ZeroEvent>) {
         self.refuse_watch(why, events);
+        self.continuity.doubt(board, why.to_owned());
         if self.view.valid {
-            self.continuity.doubt(board, why.to_owned());
             self.tell_doubt(events);
         }
     }
@@ -219,7 +212,6 @@ impl Zero {
                 drift.end();
             }
             self.doubted = false;
-            self.now.clear();
             events.push(ZeroEvent::Lost(reason));
         }
     }
@@ -227,8 +219,8 @@ impl Zero {
     /// Ends a watch because of what has happened meanwhile. A zero that is being written down is none any more; who
     /// asked for it is told when that has ended, by [`Zero::adopt`].
     fn refuse_watch(&mut self, why: &str, events: &mut Vec<ZeroEvent>) {
-        if let Some(proven) = self.proven.as_mut().filter(|proven| proven.zero.is_ok()) {
-            proven.zero = Err(why.to_owned());
+        if let Some(proven) = &mut self.proven {
+            proven.spoil(why);
         }
         self.end_watch(format!("meanwhile {why}"), events);
     }
@@ -243,11 +235,11 @@ impl Zero {
     /// A skin that becomes lighter than its zero was not at rest when that was taken. What is found stays: the zero is
     /// lost until another is taken.
     fn check_unloading(&mut self, scan: &Scan<'_>, events: &mut Vec<ZeroEvent>) {
-        if !self.holds() || !self.signed {
+        if !self.holds() || !self.ground.is_signed() {
             return;
         }
         let (modules, limits) = (self.regions.modules(), &self.plan.tare.rest);
-        let present = Present { zero: &self.now, signs: &self.signs, modules, limits };
+        let present = Present { zero: self.ground.zero(), signs: self.ground.signs(), modules, limits };
         if let Some(found) = self.lookback.on_scan(scan, present) {
             let why = "the zero was taken under a load, or is another; unload the skin and tare";
             self.lose(format!("{found}: {why}"), events);
@@ -280,7 +272,7 @@ impl Zero {
         let reference = Reference {
             models: models.map(|set| set.baseline.as_slice()),
             zero: self.zero().map(|zero| (zero, minutes)),
-            sign: &self.signs,
+            sign: self.ground.signs(),
         };
         let verdict = judge(&window, reference, &self.plan.tare.rest);
         if purpose == Purpose::BeforeBringUp {
@@ -295,8 +287,9 @@ impl Zero {
         let rest = first || matches!(verdict, RestVerdict::Rest { .. });
         // Nobody can vouch for a skin that moved while it was watched: a mean over that is no zero.
         let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
-        if !rest && vouched.is_none() {
-            events.push(ZeroEvent::Refused(purpose, verdict.to_string()));
+        if vouched.is_none() && (!rest || self.continuity.unproven().is_some()) {
+            let why = self.continuity.unproven().map_or_else(|| verdict.to_string(), str::to_owned);
+            events.push(ZeroEvent::Refused(purpose, why));
             return;
         }
         let reason = match vouched {
@@ -306,7 +299,7 @@ impl Zero {
         let baseline = with_noise_capped(window.all().baseline(), models.map_or(&[], |set| &set.baseline));
         let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, &baseline);
         if let Purpose::Operator { request, .. } = purpose {
-            self.proven = Some(Proven { request, zero: Ok((view.clone(), baseline.clone())) });
+            self.proven = Some(Proven::new(request, view.clone(), baseline.clone()));
             events.push(ZeroEvent::Proven { request, view, baseline });
         } else {
             self.proven = None; // of an earlier moment
@@ -320,8 +313,8 @@ impl Zero {
     /// # Errors
     /// What has moved the zero meanwhile, in words.
     pub fn adopt(&mut self, now: Now, request: RequestId) -> Result<TareView, String> {
-        let proven = self.proven.take_if(|proven| proven.request == request);
-        let (mut view, baseline) = proven.ok_or("a newer zero was taken")?.zero?;
+        let proven = self.proven.take_if(|proven| proven.is_for(request));
+        let (mut view, baseline) = proven.ok_or("a newer zero was taken")?.zero()?;
         view.epoch = self.view.epoch + 1;
         self.take(now.time, view.clone(), baseline);
         Ok(view)
@@ -329,22 +322,21 @@ impl Zero {
 
     /// The zero that was proven for `request` could not be written down: the earlier one stays.
     pub fn reject(&mut self, request: RequestId) {
-        self.proven.take_if(|proven| proven.request == request);
+        self.proven.take_if(|proven| proven.is_for(request));
     }
 
     fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>) {
         let wall_ns = view.wall_ns;
         self.view = view;
         self.taken = now;
-        self.touched_counts = baseline.iter().map(|t| self.plan.activation.distance_counts(t.noise)).collect();
-        self.now.clone_from(&baseline);
+        self.ground.take(&baseline);
         if let Some(drift) = &mut self.drift {
             drift.begin(Now { time: now, wall_ns }, &baseline);
             self.view.drift = *drift.view();
         }
         self.baseline = Some(baseline);
         self.continuity.begin();
-        self.renew_ground();
+        self.continuity.compare_with(&self.ground);
         self.doubted = false;
         self.lookback.begin();
     }
@@ -368,8 +360,8 @@ impl Zero {
         };
         self.view.drift = *drift.view();
         if let Some(baseline) = self.baseline.as_ref().filter(|_| moved) {
-            self.now = drift.applied_to(baseline);
-            self.renew_ground();
+            self.ground.follow(drift.applied_to(baseline));
+            self.continuity.compare_with(&self.ground);
             events.push(ZeroEvent::Moved);
         }
     }

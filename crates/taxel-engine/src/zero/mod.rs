@@ -1,14 +1,17 @@
 //! What is zero, and does it hold: watched at rest, proven, followed with the temperature, and lost.
 
+pub mod bag;
 pub mod continuity;
 pub mod count_sums;
 pub mod drift;
 pub mod events;
+mod ground;
 pub mod holder;
 pub mod inputs;
 pub mod lanes;
 pub mod lookback;
 pub mod plan;
+mod proven;
 pub mod rest;
 pub mod unloading;
 pub mod view;

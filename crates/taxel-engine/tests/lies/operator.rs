@@ -126,7 +126,7 @@ impl Operator {
         let patch = String::new;
         match task {
             Task::Tare => self.tare(stage),
-            Task::BringUp => stage.give(Kind::BringUp, Command::BringUp { patch: patch() }),
+            Task::BringUp => stage.give(Kind::BringUp, Command::BringUp { patch: patch(), confirmed_by: None }),
             Task::Session if self.calibration.is_none() => self.begin_session(stage),
             Task::Session => {}
             Task::Activate => {
@@ -289,7 +289,7 @@ impl Operator {
                 if self.listens_only {
                     stage.bring_up_by_another();
                 } else {
-                    stage.give(Kind::BringUp, Command::BringUp { patch: String::new() });
+                    stage.give(Kind::BringUp, Command::BringUp { patch: String::new(), confirmed_by: None });
                 }
             }
             ForceState::TareInvalid if stage.truth.newest() < FREE_N || self.dice.chance(0.1) => {

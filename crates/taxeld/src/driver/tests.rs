@@ -100,7 +100,7 @@ impl Bench {
     /// Gives a command that is refused at once; the refusal comes here.
     fn ask(&self) -> Option<oneshot::Receiver<Reply>> {
         let (reply, answer) = oneshot::channel();
-        let command = Command::BringUp { patch: "nose".to_owned() };
+        let command = Command::BringUp { patch: "nose".to_owned(), confirmed_by: None };
         self.commands.try_send(Request { command, reply }).ok().map(|()| answer)
     }
 }

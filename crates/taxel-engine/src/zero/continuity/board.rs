@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::scan::Scan;
+use crate::zero::bag::Bag;
 use crate::zero::inputs::{KEPT, LANES};
 use crate::zero::lanes::Reference;
 
@@ -29,8 +30,8 @@ const SINCE_SUSPECTED: &str = "lost its load at once, was not heard or reported 
                                its zero on taxels that nothing touches: it has taken a new zero, or the zero was taken \
                                under a load that has gone";
 /// What is said of a board that was silent or reported a fault.
-const SINCE_SILENT: &str = "lost its load while it was silent or reported a fault: it has taken a new zero, or the load \
-                            was lifted; unload the skin and tare";
+const SINCE_SILENT: &str = "lost its load while it was silent or reported a fault: it has taken a new zero under it, or \
+                            the load was lifted; unload the skin and ask for BringUp";
 /// What is said of a board on which the bag presses.
 const IN_BAG: &str = "lost its load at once while the bag was pressing: it has taken a new zero";
 
@@ -80,6 +81,8 @@ pub struct BoardWatch {
     unclear: u8,
     /// All its modules are silent.
     silent: bool,
+    /// What presses on it is the bag.
+    in_bag: bool,
     /// What it read when it fell silent or was doubted, and for how many scans yet this is compared with.
     before: Option<(Vec<u8>, u8)>,
 }
@@ -96,9 +99,11 @@ impl BoardWatch {
         (self.doubt, self.vanished, self.unclear, self.before) = (None, 0, 0, None);
     }
 
-    /// Something else says that it may have taken a new zero; `read` are the counts of the patch before, if there are.
+    /// Something that it sent says that it may have taken a new zero; `read` are the counts of the patch before, if there
+    /// are.
     pub fn suspect(&mut self, why: String, read: Option<&[u8]>) {
         self.doubt = Some((why, PROBATION_SCANS));
+        self.silent = false;
         if let Some(counts) = read {
             self.keep(counts);
         }
@@ -117,7 +122,8 @@ impl BoardWatch {
     }
 
     /// Whether all its modules are silent. What it read is kept, and what it was doubted for waits.
-    pub fn is_silent(&mut self, scan: &Scan<'_>) -> bool {
+    pub fn is_silent(&mut self, scan: &Scan<'_>, bag: Bag) -> bool {
+        self.in_bag = bag.presses;
         self.silent = self.modules.clone().all(|module| scan.silent[module]);
         if self.silent {
             self.keep(scan.counts);
@@ -128,24 +134,28 @@ impl BoardWatch {
         self.silent
     }
 
-    /// Keeps what the board read, of the counts of the patch, unless that is kept already.
+    /// Keeps what the board read, of the counts of the patch, unless that is kept already, or what presses is the bag.
     fn keep(&mut self, counts: &[u8]) {
+        if self.in_bag && self.before.is_none() {
+            return;
+        }
         let (_, scans) = self.before.get_or_insert_with(|| (counts[self.taxels.clone()].to_vec(), 0));
         *scans = RETURN_SCANS;
     }
 
-    /// Finds that a board that was silent or doubted until now reads nothing of the load that lay on it before. Nobody
-    /// can tell whether the load was lifted meanwhile or the board has taken a new zero under it.
-    pub fn has_lost_its_load(&mut self, counts: &[u8]) -> Option<Finding> {
+    /// Says so if a board that was silent or doubted until now reads nothing of the load that lay on it before. Nobody can
+    /// tell whether the load was lifted meanwhile or the board has taken a new zero under it.
+    pub fn has_lost_its_load(&mut self, counts: &[u8]) -> Option<String> {
         let (then, left) = self.before.as_mut()?;
         *left -= 1;
         let mut load = [0.0; 3];
         for (i, (&then, &now)) in then.iter().zip(&counts[self.taxels.clone()]).enumerate() {
-            let of_one = self.references[i / LANES].load(i % LANES, then, now);
+            let Some(reference) = self.references.get(i / LANES) else { break };
+            let of_one = reference.load(i % LANES, then, now);
             load.iter_mut().zip(of_one).for_each(|(sum, value)| *sum += value);
         }
         self.before.take_if(|(_, left)| *left == 0);
-        is_vanished(load).then(|| self.new_zero(SINCE_SILENT))
+        is_vanished(load).then(|| format!("{}{SINCE_SILENT}", self.name))
     }
 
     /// What follows from a scan.

@@ -3,6 +3,7 @@
 use taxel_skin::{Board, BoardAddress, BusIndex, Module, Patch, Time};
 
 use super::*;
+use crate::baseline::{Activation, TaxelBaseline};
 
 /// One board of eight triangles at a zero of 240, every taxel of which feels `load` counts for thirty scans and then, at
 /// once, nothing; the bag presses.
@@ -14,7 +15,8 @@ fn finding_after(load: impl Fn(usize) -> u8) -> Option<Finding> {
     let zero = vec![TaxelBaseline { mean: 240.0, noise: 0.8 }; taxels];
     let mut continuity = Continuity::new(&regions, &["12".to_owned()]);
     continuity.begin();
-    let ground = Ground { zero: &zero, signs: &vec![-1; taxels], touched_counts: &vec![3.5; taxels] };
+    let mut ground = Ground::new(taxels, Activation { sigmas: 4.0, floor_counts: 2.0 });
+    ground.take(&zero);
     continuity.compare_with(&ground);
     let (pads, silent, sound) = (vec![[100; 2]; 8], [false; 8], vec![true; taxels]);
     let mut found = None;
@@ -23,7 +25,7 @@ fn finding_after(load: impl Fn(usize) -> u8) -> Option<Finding> {
         let time = Time::from_nanos(scan * 50_000_000);
         let scan =
             Scan { time, whole: true, counts: &counts, pads: &pads, silent: &silent, sound: &sound, soundness: 1 };
-        found = found.or(continuity.on_scan(&scan, true, true));
+        found = found.or(continuity.on_scan(&scan, Bag { session_open: true, presses: true, holds: true }));
     }
     found
 }
