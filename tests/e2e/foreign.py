@@ -35,13 +35,18 @@ class Client:
         method, request = self._method(name)
         return method(json_format.ParseDict(fields, request()), timeout=timeout)
 
-    def refused(self, name, **fields):
-        """The status of a call that must fail."""
+    def outcome(self, name, **fields):
+        """The status of a call and its details: `OK` and the answer."""
         try:
-            answer = self.call(name, **fields)
+            return "OK", self.call(name, **fields)
         except grpc.RpcError as error:
             return error.code().name, error.details()
-        raise AssertionError(f"{name} {fields} was not refused: {answer}")
+
+    def refused(self, name, **fields):
+        """The status of a call that must fail."""
+        code, details = self.outcome(name, **fields)
+        assert code != "OK", f"{name} {fields} was not refused: {details}"
+        return code, details
 
 
 def enum_name(message, field):

@@ -28,6 +28,7 @@ name = "{name}"
 bus = "skin"
 listen_only = true
 period_ms = {period_ms}
+area = "equal"
 area_mm2 = 32.4
 {boards}
 [patch.gauge]
@@ -114,6 +115,16 @@ def mean_force(client, scans, at_least_n):
     raise AssertionError("the stream ended")
 
 
+def tare_at_rest(client):
+    """A zero. A busy machine holds frames back and plays them at once, which is refused, as is a watch of such scans."""
+    for _ in range(20):
+        code, text = client.outcome("SkinService/Tare")
+        if code == "OK":
+            return
+        assert code == "FAILED_PRECONDITION" and "rest is not proven" in text, (code, text)
+    raise AssertionError(f"no zero in 20 watches: {text}")
+
+
 def calibrate(client, rest_log, ramp_log):
     with Player(rest_log, loop=True):
         session = client.call("CalibrationService/StartSession").session
@@ -128,8 +139,7 @@ def calibrate(client, rest_log, ramp_log):
         assert code == "FAILED_PRECONDITION" and "REVIEW" in text, (code, text)
         answer = client.call("ModelService/ActivateModelSet", modelSet=view.model_set)
         assert answer.model_set == view.model_set, answer
-        tare = client.call("SkinService/Tare")
-        assert tare.valid, tare
+        tare_at_rest(client)
         force_until(client, "a proven zero", served)
     print(f"calibrated: {view.accepted} scans entered, {view.durable} on disk, model set {view.model_set}", flush=True)
     return view
@@ -213,8 +223,7 @@ def check_link(client, rest):
         health_until(client, lambda h: h.buses[0].up)
         # The boards were silent, as after a loss of power: their zero has to be taken anew, once they are heard again.
         force_until(client, "boards that are heard", lambda s: state_of(s) == "TARE_INVALID")
-        tare = client.call("SkinService/Tare")
-        assert tare.valid, tare
+        tare_at_rest(client)
         force_until(client, "a force again", served)
     print("link up: reading went on by itself", flush=True)
 

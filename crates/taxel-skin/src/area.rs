@@ -1,4 +1,5 @@
-//! The area that each taxel stands for: its Voronoi cell on the surface, capped at the edge of its module.
+//! The area that each taxel stands for: its share of a module that tiles the surface, or its Voronoi cell on the surface,
+//! capped at the edge of its module.
 //!
 //! A module is a small flexible board and nearly flat, so its cells are cut in the plane that fits its taxels best.
 //! Between two modules the bisector lies half way along the straight line between their taxels.
@@ -8,11 +9,58 @@ use std::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::geometry::{Geometry, TaxelPose};
+use crate::layout::{ModuleKind, Patch, TaxelSite};
 use crate::polygon::{Convex, Point, length, minus};
 use crate::units::SquareMillimetre;
 
 /// Taxels that are closer than this are at one place: some of iCub's files give several taxels the place of another.
 const SAME_PLACE_MM: f64 = 1e-3;
+
+/// Shares of an iCub triangle's area, by the distance of the module centres: what its corner, edge and centre taxels
+/// have of the Voronoi cells in a tiling without holes, gaps included.
+const SHARES: [(f64, [f64; 3]); 3] =
+    [(17.32, [0.1085, 0.098, 0.089]), (18.0, [0.115, 0.095, 0.085]), (18.8, [0.122, 0.093, 0.078])];
+
+/// Each taxel's share of the area of its module, which is `mean` per taxel, gaps included; one entry per taxel.
+///
+/// The pattern of a triangle's ten taxels is rigid, so its shares are known better than any file of positions tells them:
+/// those of corner, edge and centre, from a tiling of triangles whose centres lie d apart, of (3 sqrt(3) / 4) d^2 each.
+/// Taxels of other modules have equal shares.
+#[must_use]
+pub fn template(patch: &Patch, mean: SquareMillimetre) -> Vec<SquareMillimetre> {
+    let spacing_mm = (10.0 * mean.0 / (0.75 * 3.0_f64.sqrt())).sqrt();
+    let [corner, edge, centre] = shares(spacing_mm);
+    let area = |site: &TaxelSite| {
+        if patch.modules()[usize::from(site.module)].kind != ModuleKind::Triangle {
+            return mean;
+        }
+        let share = match site.slot {
+            1 | 5 | 9 => corner,
+            3 => centre,
+            _ => edge,
+        };
+        SquareMillimetre(10.0 * mean.0 * share)
+    };
+    patch.taxels().iter().map(area).collect()
+}
+
+/// Shares of corner, edge and centre taxels, between the tabulated distances and beyond them as at the nearest; the ten
+/// of a module add up to 1.
+fn shares(spacing_mm: f64) -> [f64; 3] {
+    let [(first, of_first), .., (last, _)] = SHARES;
+    let spacing_mm = spacing_mm.clamp(first, last);
+    let mut shares = of_first;
+    for pair in SHARES.windows(2) {
+        let [(from, a), (to, b)] = [pair[0], pair[1]];
+        if spacing_mm >= from {
+            let t = ((spacing_mm - from) / (to - from)).min(1.0);
+            shares = std::array::from_fn(|i| a[i] + t * (b[i] - a[i]));
+        }
+    }
+    let [corner, edge, centre] = shares;
+    let all = 3.0 * corner + 6.0 * edge + centre;
+    shares.map(|share| share / all)
+}
 
 /// The Voronoi cells of all taxels. `modules` are the taxels of each module; the answer has one entry per taxel of the
 /// geometry, above zero.

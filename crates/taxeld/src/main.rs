@@ -12,6 +12,7 @@ mod config;
 mod demo;
 mod driver;
 mod fit;
+mod force_file;
 mod judge;
 mod offline;
 #[cfg(feature = "sim")]
@@ -90,6 +91,12 @@ struct ReplayArgs {
     /// Write the models of the calibration here.
     #[arg(long, value_name = "MODELS.json", requires = "calibrate")]
     out: Option<PathBuf>,
+    /// Use these models from the first frame on. Only without --speed.
+    #[arg(long, value_name = "MODELS.json", conflicts_with_all = ["speed", "calibrate"])]
+    models: Option<PathBuf>,
+    /// Write the force of each scan here: time, state, newtons, uncertainty. Only without --speed.
+    #[arg(long, value_name = "FORCE.csv", conflicts_with = "speed")]
+    force: Option<PathBuf>,
 }
 
 fn parse_speed(text: &str) -> Result<f64, String> {
@@ -127,8 +134,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         }
         Subcommands::Replay(args) => {
             let (config, scene) = load(&args.config)?;
-            let ReplayArgs { log, speed, calibrate, out, .. } = args;
-            replay::replay(replay::Request { log, speed, calibrate, out }, config, scene)
+            let ReplayArgs { log, speed, calibrate, out, models, force, .. } = args;
+            replay::replay(replay::Request { log, speed, calibrate, out, models, force }, config, scene)
         }
         Subcommands::Fit(args) => fit::fit(&args),
         Subcommands::Apply(args) => apply::apply(&args),

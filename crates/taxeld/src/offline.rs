@@ -41,6 +41,8 @@ pub struct Offline {
     pub snapshots: Vec<Arc<PatchSnapshot>>,
     /// Snapshots published.
     pub published: u64,
+    /// Each of them with its patch, where somebody collects them.
+    pub collected: Option<Vec<(usize, Arc<PatchSnapshot>)>>,
     /// Newest session per patch.
     pub sessions: Vec<Option<Arc<SessionView>>>,
     /// Newest health.
@@ -67,6 +69,7 @@ impl Offline {
             fits: Vec::new(),
             snapshots: vec![Arc::default(); patches],
             published: 0,
+            collected: None,
             sessions: vec![None; patches],
             health: Arc::default(),
             model_sets: Vec::new(),
@@ -155,6 +158,9 @@ impl Offline {
     fn apply(&mut self, output: Output) {
         match output {
             Output::Patch(index, snapshot) => {
+                if let Some(collected) = &mut self.collected {
+                    collected.push((index, Arc::clone(&snapshot)));
+                }
                 self.snapshots[index] = snapshot;
                 self.published += 1;
             }

@@ -11,11 +11,13 @@ use indicatif::ProgressBar;
 use taxel_can::{LogReader, Pace, Replay};
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
+use taxel_engine::model_set::ModelSet;
 use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
 use crate::clock::RunClock;
 use crate::config::{Config, Scene};
+use crate::force_file::ForceFile;
 use crate::offline::Offline;
 use crate::run::{Daemon, StoreAt};
 
@@ -32,6 +34,10 @@ pub struct Request {
     pub calibrate: Option<Option<f64>>,
     /// Where the models go.
     pub out: Option<PathBuf>,
+    /// Models to use from the first frame on.
+    pub models: Option<PathBuf>,
+    /// Where the force of each scan goes.
+    pub force: Option<PathBuf>,
 }
 
 /// Replays a log.
@@ -66,7 +72,10 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
         bail!("a replay at full speed takes one bus, the configuration has {}", config.bus.len());
     };
     let mut reader = LogReader::open(&request.log, section.interface.clone())?;
+    let models = request.models.as_deref().map(crate::apply::read_models).transpose()?;
+    let mut force = request.force.as_deref().map(|path| ForceFile::create(path, &scene.plan)).transpose()?;
     let mut offline = Offline::new(Arc::new(scene.plan));
+    offline.collected = force.is_some().then(Vec::new);
     let mut frames = Vec::with_capacity(FRAMES);
     let (begun, mut total, mut more, mut first) = (Instant::now(), 0_u64, true, None);
     let bar = if std::io::stderr().is_terminal() { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
@@ -81,8 +90,15 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
             offline.advance(frame.time);
             start_session(&mut offline, target)?;
         }
+        if let (None, Some(set), Some(frame)) = (first, &models, frames.first()) {
+            offline.advance(frame.time);
+            use_models(&mut offline, set)?;
+        }
         first = first.or(frames.first().map(|f| f.time));
         offline.frames(BusIndex(0), &frames);
+        if let (Some(file), Some(collected)) = (&mut force, &mut offline.collected) {
+            file.write(collected.drain(..))?;
+        }
     }
     let elapsed = begun.elapsed();
     bar.finish_and_clear();
@@ -97,7 +113,21 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
         offline.published,
     );
     print_report(&reader, &offline);
+    if let Some(file) = force {
+        say!("{}", file.finish()?);
+    }
     print_models(request, &offline)
+}
+
+/// The models are in use from now on.
+fn use_models(offline: &mut Offline, set: &ModelSet) -> anyhow::Result<()> {
+    let model_set = Arc::new(set.clone());
+    let activate = Command::Activate { patch: set.patch.clone(), model_set: set.id.clone(), expected: None };
+    for command in [Command::Import { model_set }, activate] {
+        let reply = offline.command(command).context("the engine did not answer")?;
+        reply.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
+    }
+    Ok(())
 }
 
 fn start_session(offline: &mut Offline, target: Option<f64>) -> anyhow::Result<()> {

@@ -96,7 +96,7 @@ fn check_prints_the_scene_and_what_it_leaves_out() {
     let folder = scratch(&[("t.toml", CONFIG)]);
     let printed = succeeds(&["check", "--config", &path(folder.path(), "t.toml")]);
     assert!(printed.contains("patch palm: 20 taxels on 2 modules"), "{printed}");
-    assert!(printed.contains("area: 32.4 mm2 a taxel, 6.5 cm2 in all"), "{printed}");
+    assert!(printed.contains("area: 35.8 to 48.4 mm2 a taxel, 8.4 cm2 in all"), "{printed}");
     assert!(printed.contains("palm: board bring-up: listen_only sends nothing"), "{printed}");
     assert!(printed.contains("palm: resultant: not asked for in outputs, and there is no geometry"), "{printed}");
     // Two modules have three identifiers each, their board four, and the gauge one.

@@ -33,7 +33,13 @@ impl Evaluator {
     /// All slices have one entry per taxel of the patch.
     #[must_use]
     pub fn new(set: Arc<ModelSet>, rest: &[TaxelBaseline], areas: &[SquareMillimetre], activation: Activation) -> Self {
-        let tables = Arc::new(Tables::new(set, rest, areas, activation));
+        Self::of(Tables::new(set, rest, areas, activation))
+    }
+
+    /// An evaluator that looks up in `tables`; every taxel with a usable model counts.
+    #[must_use]
+    pub fn of(tables: Tables) -> Self {
+        let tables = Arc::new(tables);
         let mut evaluator =
             Self { tables, selected: vec![], all_selected: vec![], threshold: vec![], offset_kpa: None };
         evaluator.select(|_| true);

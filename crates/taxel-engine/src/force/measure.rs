@@ -10,9 +10,7 @@ use crate::force::evaluator::Evaluator;
 use crate::force::neighbours::{Filled, Neighbours};
 use crate::force::remainder::Unseen;
 use crate::force::sample::ForceSample;
-
-/// The force of a taxel that is active alone is known to this share of it.
-const LONELY_SHARE: f64 = 0.5;
+use crate::force::sampling::Contact;
 
 /// Which parts of a force sample are computed beside the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -81,7 +79,9 @@ pub struct Touch {
     /// Taxel and force, those beyond the activation threshold first.
     pub active: Vec<(usize, f64)>,
     beside: Vec<Filled>,
-    seen: Vec<bool>,
+    /// The contact that each taxel belongs to, and the sums of each; the first is of taxels without a position.
+    labels: Vec<u16>,
+    contacts: Vec<Contact>,
 }
 
 /// Sums over the taxels of a total that its uncertainty follows from.
@@ -95,8 +95,6 @@ struct Shares {
     per_count_n: f64,
     /// N per kPa.
     area: f64,
-    /// Force on taxels that are active alone, N.
-    lonely_n: f64,
     /// Taxels beyond the calibrated range.
     above: f64,
 }
@@ -158,15 +156,25 @@ impl ForceModel {
     pub fn touch(&self, evaluator: &Evaluator, counts: &[u8], coverage: Coverage, touch: &mut Touch) {
         touch.active.clear();
         touch.beside.clear();
+        touch.contacts.clear();
         evaluator.find_active(counts, &mut touch.active);
-        if let Some(neighbours) = self.neighbours.as_ref().filter(|_| !touch.active.is_empty()) {
+        if touch.active.is_empty() {
+            return;
+        }
+        let mut contacts = 0;
+        if let Some(neighbours) = &self.neighbours {
             let low = |taxel: usize| evaluator.low_n(taxel, counts[taxel]).unwrap_or(0.0);
-            neighbours.grow(&mut touch.active, &mut touch.seen, low);
+            contacts = neighbours.grow(&mut touch.active, &mut touch.labels, low);
             if coverage.uncovered_share > 0.0 {
                 let selected = evaluator.selection();
                 let kpa = |taxel| low(taxel) / self.newton_per_kpa(taxel);
                 neighbours.fill(&touch.active, |taxel| selected[taxel], kpa, &mut touch.beside);
             }
+        }
+        touch.contacts.resize(contacts + 1, Contact::default());
+        for &(taxel, newton) in &touch.active {
+            let contact = touch.labels.get(taxel).map_or(0, |&label| usize::from(label));
+            touch.contacts[contact].add(newton / self.newton_per_kpa(taxel), newton);
         }
     }
 
@@ -181,7 +189,7 @@ impl ForceModel {
         unseen: Unseen,
         present: Present,
     ) -> ForceSample {
-        let Touch { active, beside, .. } = touch;
+        let Touch { active, beside, contacts, .. } = touch;
         let uncovered_share = present.coverage.uncovered_share;
         let measured_n = match self.neighbours {
             None => evaluator.sum_n(active),
@@ -195,10 +203,11 @@ impl ForceModel {
         };
         let total_n = measured_n + filled_n;
         let shares = self.shares(evaluator, counts, active, filled);
-        let sigma_n = self.sigma_n(evaluator, shares, total_n, present.zero_sigma_counts);
+        let sampling_n = contacts.iter().fold(0.0, |sigma: f64, contact| sigma.hypot(contact.sigma_n()));
+        let sigma_n = self.sigma_n(evaluator, shares, total_n, present.zero_sigma_counts).hypot(sampling_n);
         let mut sample = ForceSample {
             total: Some(Newton(total_n)),
-            total_sigma: Some(Newton(sigma_n.hypot(missing_n).hypot(unseen.sigma_n))),
+            total_sigma: Some(Newton(sigma_n.hypot(missing_n).hypot(unseen.choice_n))),
             detection_floor: Some(unseen.floor),
             active: active.len() as u32,
             out_of_range: shares.above as u32,
@@ -234,8 +243,7 @@ impl ForceModel {
 
     /// What the taxels of a total bring to its uncertainty, in one walk.
     fn shares(&self, evaluator: &Evaluator, counts: &[u8], active: &[(usize, f64)], filled: &[Filled]) -> Shares {
-        let (tables, lonely_n) = (evaluator.tables(), self.lonely_n(active));
-        let mut sums = Shares { lonely_n, ..Shares::default() };
+        let (tables, mut sums) = (evaluator.tables(), Shares::default());
         for &(taxel, _) in active {
             let Some(share) = tables.share(taxel, counts[taxel]) else { continue };
             sums.own_n2 += f64::from(share.own_n2);
@@ -254,32 +262,20 @@ impl ForceModel {
     /// Standard uncertainty of the total: taxels are independent, while hysteresis, drift, gauge gain, gauge offset and
     /// area are common to all of them and so add up before they are squared.
     ///
-    /// What taxels read that are active alone counts with half of it.
-    ///
     /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2 + (o sum A_i)^2 + (a F)^2`,
-    /// where s is the uncertainty of a taxel, h what of it is hysteresis, z the zero's in counts, and the s of a filled
-    /// taxel is the scatter of its neighbours.
+    /// where s is the uncertainty of a taxel, h what of it is hysteresis, z the zero's in counts with what the skin may
+    /// remember of earlier loads, and the s of a filled taxel is the scatter of its neighbours. What the pads' places add
+    /// is in [`Contact::sigma_n`].
     fn sigma_n(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
         let set = evaluator.tables().set();
         let shared = [
-            LONELY_SHARE * sums.lonely_n,
             sums.hysteresis_n,
-            zero_sigma_counts * sums.per_count_n,
+            zero_sigma_counts.hypot(evaluator.tables().residue_sigma_counts()) * sums.per_count_n,
             set.gauge_gain_rel * total_n,
             set.gauge_offset_kpa * sums.area,
             self.area_uncertainty * total_n,
         ];
         shared.iter().fold(sums.own_n2, |variance, sigma| variance + sigma * sigma).sqrt()
-    }
-
-    /// The force on active taxels none of whose neighbours is active, in N. A taxel that hangs at some count looks like
-    /// this, and a contact that small is read badly in any case.
-    fn lonely_n(&self, active: &[(usize, f64)]) -> f64 {
-        let Some(neighbours) = &self.neighbours else { return 0.0 };
-        let mut touched = vec![false; self.areas_mm2.len()];
-        active.iter().for_each(|&(taxel, _)| touched[taxel] = true);
-        let lonely = active.iter().filter(|&&(taxel, _)| !neighbours.of(taxel).any(|other| touched[other]));
-        lonely.fold(0.0, |sum, &(_, newton)| sum + newton)
     }
 
     fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)]) {

@@ -8,6 +8,7 @@ pub mod neighbours;
 pub mod owner;
 pub mod remainder;
 pub mod sample;
+pub mod sampling;
 pub mod tables;
 pub mod taxels;
 #[cfg(test)]

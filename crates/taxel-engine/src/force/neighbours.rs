@@ -46,27 +46,44 @@ impl Neighbours {
         Self { of: (0..taxels).map(beside).collect() }
     }
 
-    /// Adds to `active` (taxel, value) what is connected to it through taxels that `low` gives a value above zero.
-    /// `seen` is working space whose content does not matter.
-    pub fn grow(&self, active: &mut Vec<(usize, f64)>, seen: &mut Vec<bool>, low: impl Fn(usize) -> f64) {
-        seen.clear();
-        seen.resize(self.of.len(), false);
+    /// Adds to `active` (taxel, value) what is connected to it through taxels that `low` gives a value above zero, and
+    /// numbers the contacts: in `labels`, by taxel, from 1. Returns how many there are. What was in `labels` does not
+    /// matter; taxels that are not active end at 0 or [`u16::MAX`].
+    pub fn grow(&self, active: &mut Vec<(usize, f64)>, labels: &mut Vec<u16>, low: impl Fn(usize) -> f64) -> usize {
+        const TOUCHED: u16 = u16::MAX - 1;
+        const NOT: u16 = u16::MAX;
+        labels.clear();
+        labels.resize(self.of.len(), 0);
         for &(taxel, _) in active.iter() {
-            seen[taxel] = true;
+            labels[taxel] = TOUCHED;
         }
-        let mut next = 0;
-        while let Some(&(taxel, _)) = active.get(next) {
-            next += 1;
-            for &other in &self.of[taxel] {
-                let other = usize::from(other);
-                if !std::mem::replace(&mut seen[other], true) {
-                    let value = low(other);
+        let (seeds, mut contacts) = (active.len(), 0);
+        let mut frontier = Vec::new();
+        for seed in 0..seeds {
+            let (taxel, _) = active[seed];
+            if labels[taxel] != TOUCHED {
+                continue;
+            }
+            contacts += 1;
+            labels[taxel] = contacts;
+            frontier.push(taxel);
+            while let Some(taxel) = frontier.pop() {
+                for &other in &self.of[taxel] {
+                    let other = usize::from(other);
+                    let value = if labels[other] == 0 { low(other) } else { 0.0 };
                     if value > 0.0 {
                         active.push((other, value));
+                    }
+                    if value > 0.0 || labels[other] == TOUCHED {
+                        labels[other] = contacts;
+                        frontier.push(other);
+                    } else if labels[other] == 0 {
+                        labels[other] = NOT;
                     }
                 }
             }
         }
+        usize::from(contacts)
     }
 
     /// Whether a taxel has enough neighbours with a pressure of their own, so that a load on it would show.
@@ -135,8 +152,18 @@ mod tests {
     fn weak_touch_counts_only_where_it_is_connected_to_a_strong_one() {
         let weak = [0.0, 1.0, 1.0, 0.0, 1.0, 1.0];
         let mut active = vec![(0, 5.0)];
-        row(6).grow(&mut active, &mut Vec::new(), |taxel| weak[taxel]);
+        let mut labels = Vec::new();
+        let contacts = row(6).grow(&mut active, &mut labels, |taxel| weak[taxel]);
         assert_eq!(active, [(0, 5.0), (1, 1.0), (2, 1.0)]);
+        assert_eq!((contacts, &labels[..3]), (1, [1, 1, 1].as_slice()));
+    }
+
+    #[test]
+    fn contacts_that_nothing_connects_have_numbers_of_their_own() {
+        let weak = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+        let (mut active, mut labels) = (vec![(0, 5.0), (2, 1.0), (4, 5.0), (6, 2.0)], Vec::new());
+        assert_eq!(row(7).grow(&mut active, &mut labels, |taxel| weak[taxel]), 3);
+        assert_eq!([0, 2, 3, 4, 6].map(|taxel| labels[taxel]), [1, 2, 2, 2, 3]);
     }
 
     #[test]

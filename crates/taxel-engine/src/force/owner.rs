@@ -66,6 +66,8 @@ pub struct Force {
     id: Option<Arc<str>>,
     /// The zero that the tables are for, if one holds.
     zero: Option<Vec<TaxelBaseline>>,
+    /// How far it lies towards load from that of the models, as far as that may be what the skin remembers, counts.
+    residue_counts: f64,
     evaluator: Option<Evaluator>,
     /// Hysteresis of the active model set at the present zero, where it is compensated.
     hysteresis: Option<Hysteresis>,
@@ -90,6 +92,7 @@ impl Force {
             set: None,
             id: None,
             zero: None,
+            residue_counts: 0.0,
             evaluator: None,
             hysteresis: None,
             remainder: Remainder::default(),
@@ -120,9 +123,9 @@ impl Force {
         self.begin();
     }
 
-    /// Another zero was taken, or it was lost: histories begin anew.
-    pub fn set_zero(&mut self, zero: Option<&[TaxelBaseline]>) {
-        self.zero = zero.map(<[TaxelBaseline]>::to_vec);
+    /// Another zero was taken, or it was lost: histories begin anew. `residue_counts` as [`Tables::with_residue`] has it.
+    pub fn set_zero(&mut self, zero: Option<&[TaxelBaseline]>, residue_counts: f64) {
+        (self.zero, self.residue_counts) = (zero.map(<[TaxelBaseline]>::to_vec), residue_counts);
         self.begin();
     }
 
@@ -155,7 +158,9 @@ impl Force {
     fn tabulate(&mut self) {
         self.evaluator = match (&self.set, &self.zero) {
             (Some(set), Some(zero)) => {
-                Some(Evaluator::new(Arc::clone(set), zero, &self.plan.layout.areas, self.plan.activation))
+                let (areas, activation) = (&self.plan.layout.areas, self.plan.activation);
+                let set = Arc::clone(set);
+                Some(Evaluator::of(Tables::with_residue(set, zero, areas, activation, self.residue_counts)))
             }
             _ => None,
         };

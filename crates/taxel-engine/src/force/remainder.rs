@@ -10,8 +10,9 @@
 //! over a module, `H` is the sum of all `h`, a load on everything, or that of the three greatest, a contact, whichever is
 //! more. The floor is `max(R, 0) + max(H, 0)` and two standard uncertainties.
 //!
-//! Taxels below the threshold that are in the total because they touch an active one were chosen by their reading, so
-//! that their noise does not average out: it adds up, `(sum w s)^2` over these.
+//! Which taxels are in a total hangs on their noise, too. That of a contact on the modules that have most of it,
+//! `sqrt(sum (w s)^2)`, is in every total, as is that of taxels below the threshold that are in it because they touch an active one: these were
+//! chosen by their reading, so that their noise does not average out but adds up, `sum w s`.
 
 use std::ops::Range;
 use taxel_skin::Newton;
@@ -48,6 +49,8 @@ pub struct Remainder {
     zeros_n: f64,
     /// Sum of the squared noises, N squared.
     noise_n2: f64,
+    /// Noise of a contact on the modules that have most of it, N.
+    contact_noise_n: f64,
     /// Sum of the forces per count, N.
     per_count_n: f64,
     /// Force that the zero would hide if everything by which it lies towards load from that of the models were load, N.
@@ -57,8 +60,8 @@ pub struct Remainder {
 /// What may press unseen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Unseen {
-    /// Its standard uncertainty, and that of the choice of the active taxels, N.
-    pub sigma_n: f64,
+    /// Standard uncertainty of a total because noise decides which taxels are in it, N.
+    pub choice_n: f64,
     /// The force that may press in addition without activating a taxel.
     pub floor: Newton,
     /// How far the taxels that are not active lie from their zero in the mean, counts towards pressure: by so much the
@@ -89,12 +92,21 @@ impl Remainder {
         };
         let shares: Vec<Share> =
             (0..selected.len()).map(|t| selected[t].then(|| share(t)).flatten().unwrap_or_default()).collect();
+        let of_module = |range: &Range<usize>| {
+            let noises =
+                range.clone().filter_map(|taxel| shares.get(taxel)).map(|share| f64::from(share.noise_n).powi(2));
+            noises.sum::<f64>()
+        };
+        let mut by_module: Vec<f64> = modules.iter().map(of_module).collect();
+        by_module.sort_by(|a, b| b.total_cmp(a));
+        let contact_noise_n = by_module.iter().take(CONTACT_MODULES).sum::<f64>().sqrt();
         let sum = |of: &dyn Fn(&Share) -> f64| shares.iter().map(of).sum::<f64>();
         Self {
             newton_per_count: shares.iter().map(|s| s.newton_per_count).collect(),
             zeros_n: sum(&|s| f64::from(s.newton_per_count) * f64::from(s.zero)),
             hidden_n: hidden_n(tables, &shares, modules),
             noise_n2: sum(&|s| f64::from(s.noise_n).powi(2)),
+            contact_noise_n,
             per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
             shares,
         }
@@ -118,7 +130,7 @@ impl Remainder {
         }
         let unseen_n = (noise_n2.max(0.0) + (zero_sigma_counts * per_count_n).powi(2)).sqrt();
         Unseen {
-            sigma_n: unseen_n.hypot(chosen_n),
+            choice_n: chosen_n.hypot(self.contact_noise_n),
             floor: Newton(rest_n.max(0.0) + self.hidden_n + FLOOR_SIGMAS * unseen_n),
             offset_counts: if per_count_n > 0.0 { rest_n / per_count_n } else { 0.0 },
         }
@@ -182,13 +194,10 @@ mod tests {
         #[test]
         fn it_is_what_a_plain_loop_over_the_taxels_gives(taxels in taxels(0..=255), zero_sigma in 0.0..0.5_f64) {
             let tables = tables();
-            let (mut remainder, mut noise, mut per_count, mut chosen) = (0.0, 0.0, 0.0, 0.0);
+            let (mut remainder, mut noise, mut per_count) = (0.0, 0.0, 0.0);
             for (taxel, &(count, selected, active)) in taxels.iter().enumerate() {
                 let distance = ACTIVATION.distance_counts(0.5);
                 let newton_per_count = tables.threshold_n(taxel, distance).unwrap() / distance;
-                if selected && active && f64::from(REST) - f64::from(count) < distance {
-                    chosen += newton_per_count * 0.5;
-                }
                 if selected && !active {
                     remainder += newton_per_count * (f64::from(REST) - f64::from(count));
                     noise += (newton_per_count * 0.5).powi(2);
@@ -197,8 +206,6 @@ mod tests {
             }
             let sigma = (noise + (zero_sigma * per_count).powi(2)).sqrt();
             let found = unseen(&tables, &taxels, zero_sigma);
-            let with_chosen = sigma.hypot(chosen);
-            prop_assert!((found.sigma_n - with_chosen).abs() < 1e-4 * (1.0 + with_chosen), "{found:?} {with_chosen}");
             let floor = remainder.max(0.0) + FLOOR_SIGMAS * sigma;
             prop_assert!((found.floor.0 - floor).abs() < 1e-3 * (1.0 + floor), "{found:?} {floor}");
         }
@@ -221,9 +228,9 @@ mod tests {
             taxels in taxels(0..=255), zero_sigma in 0.0..0.5_f64
         ) {
             let found = unseen(&tables(), &taxels, zero_sigma);
-            prop_assert!(found.sigma_n.is_finite() && found.floor.0.is_finite() && found.floor.0 >= 0.0, "{found:?}");
+            prop_assert!(found.floor.0.is_finite() && found.floor.0 >= 0.0, "{found:?}");
             let open = taxels.iter().any(|&(_, selected, active)| selected && !active);
-            prop_assert!(!open || found.sigma_n > 0.0, "{found:?}");
+            prop_assert!(!open || found.floor.0 > 0.0, "{found:?}");
         }
     }
 
@@ -235,6 +242,6 @@ mod tests {
         let tables = Tables::new(set(TAXELS), &unknown, &[AREA; TAXELS], ACTIVATION);
         let remainder = Remainder::new(&tables, &unknown, ACTIVATION, &[true; TAXELS], &[]);
         let found = remainder.unseen(&[REST; TAXELS], std::iter::once(4), 0.1);
-        assert!(found.sigma_n > 0.0 && found.floor.0.is_finite(), "{found:?}");
+        assert!(found.floor.0 > 0.0 && found.floor.0.is_finite(), "{found:?}");
     }
 }

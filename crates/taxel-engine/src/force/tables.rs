@@ -24,6 +24,9 @@ pub(crate) type ForceTable = [f32; FORCE_STRIDE];
 /// Beside an activated taxel this share of the threshold suffices: the low one of two thresholds.
 const LOW_SHARE: f64 = 0.375;
 
+/// What of a residue touched taxels are read at more.
+const RESIDUE_SHARE: f64 = 0.5;
+
 /// One taxel's tables, indexed by raw count.
 #[derive(Clone, Debug)]
 struct TaxelTable {
@@ -83,6 +86,7 @@ pub struct Tables {
     threshold: Vec<u8>,
     newton_per_kpa: Vec<f32>,
     hysteresis_n: Vec<f32>,
+    residue_counts: f64,
 }
 
 impl Tables {
@@ -91,6 +95,24 @@ impl Tables {
     /// All slices have one entry per taxel of the patch.
     #[must_use]
     pub fn new(set: Arc<ModelSet>, rest: &[TaxelBaseline], areas: &[SquareMillimetre], activation: Activation) -> Self {
+        Self::with_residue(set, rest, areas, activation, 0.0)
+    }
+
+    /// The same at a zero that lies `residue_counts` (not negative) towards load from that of the models.
+    ///
+    /// A skin that was pressed returns not quite to its rest, and a zero that is taken then takes what remains for nothing.
+    /// Whether the next load finds that remainder again (as with play: it reads as much too little) or it has gone
+    /// (creep), counts do not tell. So touched taxels are read at half of it more, and the other half is uncertain.
+    /// Where hysteresis is compensated it is known, and nothing is added.
+    #[must_use]
+    pub fn with_residue(
+        set: Arc<ModelSet>,
+        rest: &[TaxelBaseline],
+        areas: &[SquareMillimetre],
+        activation: Activation,
+        residue_counts: f64,
+    ) -> Self {
+        let residue_counts = if set.recorded.is_none() { residue_counts } else { 0.0 };
         let taxels = set.taxels.len();
         let mut tables = Self {
             id: Arc::from(set.id.as_str()),
@@ -99,6 +121,7 @@ impl Tables {
             polarity: vec![0; taxels],
             threshold: vec![u8::MAX; taxels],
             hysteresis_n: vec![0.0; taxels],
+            residue_counts,
             newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
             set,
         };
@@ -108,7 +131,7 @@ impl Tables {
                 // A zero or a reference that was never measured proves nothing about the taxel.
                 && (tables.set.taxels[taxel].is_usable() && now.mean.is_finite() && then.mean.is_finite())
             {
-                let source = Source::new(&tables.set, taxel, *now, *then);
+                let source = Source::new(&tables.set, taxel, *now, *then, RESIDUE_SHARE * residue_counts);
                 let (table, force_n) = source.tabulate(*area, activation);
                 tables.polarity[taxel] = if source.sign == Sign::Falling { u8::MAX } else { 0 };
                 tables.threshold[taxel] = source.threshold(activation);
@@ -118,6 +141,12 @@ impl Tables {
             }
         }
         tables
+    }
+
+    /// Standard uncertainty of the zero under touched taxels because the skin remembers earlier loads, counts: half of the
+    /// residue either way, all of it equally likely.
+    pub(crate) fn residue_sigma_counts(&self) -> f64 {
+        RESIDUE_SHARE * self.residue_counts / 3.0_f64.sqrt()
     }
 
     /// The model set.
@@ -219,10 +248,11 @@ struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    fn new(set: &'a ModelSet, taxel: usize, now: TaxelBaseline, then: TaxelBaseline) -> Self {
+    fn new(set: &'a ModelSet, taxel: usize, now: TaxelBaseline, then: TaxelBaseline, more_counts: f64) -> Self {
         let (model, plays) = (&set.taxels[taxel], set.plays(taxel));
         let sign = plays.map_or(model.sign, |plays| plays.sign);
-        Self { model, plays, in_use: set.in_use(taxel), set, now, shift: then.mean - now.mean, sign }
+        let shift = then.mean - now.mean + sign.as_f64() * more_counts;
+        Self { model, plays, in_use: set.in_use(taxel), set, now, shift, sign }
     }
 
     /// Tables for what is looked up now and then, and the force that every scan needs.

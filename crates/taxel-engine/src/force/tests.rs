@@ -100,7 +100,7 @@ impl Skin {
     fn with_models(geometry: Option<Geometry>, set: Arc<ModelSet>) -> Self {
         let mut force = Force::new(plan(TAXELS, geometry));
         force.set_models(set);
-        force.set_zero(Some(&rest(TAXELS)));
+        force.set_zero(Some(&rest(TAXELS)), 0.0);
         Self {
             force,
             counts: vec![REST; TAXELS],

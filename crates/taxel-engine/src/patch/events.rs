@@ -51,7 +51,7 @@ impl Patch {
                     self.calibration.on_zero_refused(now, &why, gauge, &mut follows);
                 }
                 ZeroEvent::Lost(why) => {
-                    self.force.set_zero(None);
+                    self.force.set_zero(None, 0.0);
                     self.calibration.on_zero_lost(now, &why, gauge, &mut follows);
                 }
                 ZeroEvent::Doubted => {
@@ -94,7 +94,7 @@ impl Patch {
     }
 
     pub(super) fn use_zero(&mut self) {
-        self.force.set_zero(self.zero.zero());
+        self.force.set_zero(self.zero.zero(), self.zero.residue_counts());
         if let Some(baseline) = self.zero.baseline() {
             self.intake.expect_noise(baseline);
         }

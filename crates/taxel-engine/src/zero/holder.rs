@@ -7,12 +7,13 @@
 use std::time::Duration;
 use taxel_skin::Time;
 
-use crate::baseline::{TaxelBaseline, with_noise_capped};
+use crate::baseline::TaxelBaseline;
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::regions::Regions;
 use crate::request::RequestId;
 use crate::scan::Scan;
+use crate::zero::bag::Bag;
 use crate::zero::continuity::{Continuity, Finding, UNSEEN_COUNTS};
 use crate::zero::drift::follow::Drift;
 use crate::zero::drift::view::DriftView;
@@ -21,32 +22,33 @@ use crate::zero::ground::Ground;
 use crate::zero::lookback::{Lookback, Present};
 use crate::zero::plan::ZeroPlan;
 use crate::zero::proven::Proven;
-use crate::zero::rest::judge::{Reference, judge};
+use crate::zero::residue::Memory;
 use crate::zero::rest::statistics::RestWindow;
-use crate::zero::rest::verdict::RestVerdict;
 use crate::zero::view::TareView;
 use crate::zero::watch::{Purpose, Watch};
 
 /// The zero of one patch.
 #[derive(Debug)]
 pub struct Zero {
-    plan: ZeroPlan,
+    pub(super) plan: ZeroPlan,
     regions: Regions,
-    view: TareView,
-    baseline: Option<Vec<TaxelBaseline>>,
-    taken: Time,
-    proven: Option<Proven>,
-    watch: Option<Watch>,
+    pub(super) view: TareView,
+    pub(super) baseline: Option<Vec<TaxelBaseline>>,
+    pub(super) taken: Time,
+    pub(super) proven: Option<Proven>,
+    pub(super) watch: Option<Watch>,
     /// `None` where drift is not followed.
     drift: Option<Drift>,
-    continuity: Continuity,
+    pub(super) continuity: Continuity,
     /// Whether the continuity is in doubt, as last told.
     doubted: bool,
     lookback: Lookback,
     /// Whether the boards were being configured when the last scan came, or are since.
     configuring: bool,
     /// The last zero with its drift, or that of the models.
-    ground: Ground,
+    pub(super) ground: Ground,
+    /// What the skin remembers of earlier loads.
+    memory: Memory,
 }
 
 impl Zero {
@@ -66,6 +68,7 @@ impl Zero {
             lookback: Lookback::new(regions.taxels(), plan.period),
             configuring: false,
             ground: Ground::new(regions.taxels(), plan.activation),
+            memory: Memory::default(),
             plan,
             regions,
         }
@@ -113,6 +116,13 @@ impl Zero {
         drift.hypot(UNSEEN_COUNTS).hypot(self.lookback.offset_counts())
     }
 
+    /// How far the zero lies towards load from that of the models, as far as that may be what the skin remembers of earlier
+    /// loads, counts.
+    #[must_use]
+    pub fn residue_counts(&self) -> f64 {
+        self.memory.residue_counts()
+    }
+
     /// What keeps a force at this zero from being a good one.
     #[must_use]
     pub fn shortcoming(&self) -> Option<String> {
@@ -145,6 +155,8 @@ impl Zero {
     pub fn on_models(&mut self, set: Option<&ModelSet>) {
         if let Some(set) = set {
             self.ground.set_signs(set.signs());
+            let zero = self.baseline.as_deref().filter(|_| self.view.valid);
+            self.memory.on_models(&set.baseline, zero, self.ground.signs());
             if !self.view.valid {
                 self.ground.take(&set.baseline); // without a zero, loads are told from the models'
             }
@@ -156,7 +168,7 @@ impl Zero {
     /// Takes a scan.
     pub fn on_scan(&mut self, now: Now, scan: &Scan<'_>, around: Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
         self.check_continuity(scan, &around, events);
-        self.check_unloading(scan, events);
+        self.check_unloading(scan, around.bag, events);
         self.watch_rest(now, scan, around, events);
         self.follow_drift(now, scan, around.bag.session_open, events);
     }
@@ -234,7 +246,7 @@ impl Zero {
 
     /// A skin that becomes lighter than its zero was not at rest when that was taken. What is found stays: the zero is
     /// lost until another is taken.
-    fn check_unloading(&mut self, scan: &Scan<'_>, events: &mut Vec<ZeroEvent>) {
+    fn check_unloading(&mut self, scan: &Scan<'_>, bag: Bag, events: &mut Vec<ZeroEvent>) {
         if !self.holds() || !self.ground.is_signed() {
             return;
         }
@@ -243,69 +255,24 @@ impl Zero {
         if let Some(found) = self.lookback.on_scan(scan, present) {
             let why = "the zero was taken under a load, or is another; unload the skin and tare";
             self.lose(format!("{found}: {why}"), events);
-        }
-    }
-
-    fn watch_rest(&mut self, now: Now, scan: &Scan<'_>, around: Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
-        let by_itself = self.plan.tare.at_start && self.baseline.is_none() && around.models.is_some();
-        if by_itself && self.watch.is_none() && around.boards_ready {
-            self.watch(now.time, Purpose::AtStart, events);
-        }
-        let Some(watch) = &mut self.watch else { return };
-        // A session needs every module. A live zero does without the silent ones: they have none, and no force.
-        let for_session = matches!(watch.purpose(), Purpose::Session { .. });
-        if for_session && (around.no_rest || (!scan.whole && !around.parts_left_out)) {
             return;
         }
-        watch.push(now.time, scan.sound_counts());
-        if watch.is_over(now.time, self.plan.tare.rest.scans_min)
-            && let Some(watch) = self.watch.take()
+        let seconds = scan.time.seconds_since(self.taken);
+        if let Some(median) = self.lookback.median_counts().filter(|_| !bag.session_open)
+            && self.memory.follow(median, seconds)
         {
-            self.conclude(now, watch, around.models, events);
+            self.renew_zero(events);
         }
     }
 
-    /// The watch has seen enough: rest is proven, vouched for, or refused.
-    fn conclude(&mut self, now: Now, watch: Watch, models: Option<&ModelSet>, events: &mut Vec<ZeroEvent>) {
-        let (purpose, window) = watch.end();
-        let minutes = now.time.seconds_since(self.taken) / 60.0;
-        let reference = Reference {
-            models: models.map(|set| set.baseline.as_slice()),
-            zero: self.zero().map(|zero| (zero, minutes)),
-            sign: self.ground.signs(),
-        };
-        let verdict = judge(&window, reference, &self.plan.tare.rest);
-        if purpose == Purpose::BeforeBringUp {
-            // What is far from the models' zero in another way is what a configuration mends.
-            let pressed = verdict.is_loaded() || !verdict.is_still();
-            events.push(ZeroEvent::Looked(if pressed { Err(verdict.to_string()) } else { Ok(()) }));
-            return;
-        }
-        // In its first session a skin has nothing to be compared with: its zero is what the models refer to, and the
-        // gauge shows that the bag does not press.
-        let first = matches!((&verdict, &purpose), (RestVerdict::Unproven { .. }, Purpose::Session { .. }));
-        let rest = first || matches!(verdict, RestVerdict::Rest { .. });
-        // Nobody can vouch for a skin that moved while it was watched: a mean over that is no zero.
-        let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
-        if vouched.is_none() && (!rest || self.continuity.unproven().is_some()) {
-            let why = self.continuity.unproven().map_or_else(|| verdict.to_string(), str::to_owned);
-            events.push(ZeroEvent::Refused(purpose, why));
-            return;
-        }
-        let reason = match vouched {
-            Some(who) => format!("{who} confirms that nothing touches the skin; {verdict}"),
-            None => verdict.to_string(),
-        };
-        let baseline = with_noise_capped(window.all().baseline(), models.map_or(&[], |set| &set.baseline));
-        let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, &baseline);
-        if let Purpose::Operator { request, .. } = purpose {
-            self.proven = Some(Proven::new(request, view.clone(), baseline.clone()));
-            events.push(ZeroEvent::Proven { request, view, baseline });
-        } else {
-            self.proven = None; // of an earlier moment
-            self.take(now.time, view, baseline);
-            events.push(ZeroEvent::Taken(purpose));
-        }
+    /// The zero as it was taken, with its drift and what the skin has recovered since.
+    fn renew_zero(&mut self, events: &mut Vec<ZeroEvent>) {
+        let Some(baseline) = &self.baseline else { return };
+        let drifted = self.drift.as_ref().map(|drift| drift.applied_to(baseline));
+        let zero = self.memory.applied_to(drifted.as_ref().unwrap_or(baseline), self.ground.signs());
+        self.ground.follow(zero);
+        self.continuity.compare_with(&self.ground);
+        events.push(ZeroEvent::Moved);
     }
 
     /// The zero that was proven for `request` is on disk: it holds from now on.
@@ -325,11 +292,12 @@ impl Zero {
         self.proven.take_if(|proven| proven.is_for(request));
     }
 
-    fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>) {
+    pub(super) fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>) {
         let wall_ns = view.wall_ns;
         self.view = view;
         self.taken = now;
         self.ground.take(&baseline);
+        self.memory.begin(&baseline, self.ground.signs());
         if let Some(drift) = &mut self.drift {
             drift.begin(Now { time: now, wall_ns }, &baseline);
             self.view.drift = *drift.view();
@@ -359,10 +327,8 @@ impl Zero {
             drift.on_scan(now, scan.counts, pads, |taxel| scan.sound[taxel])
         };
         self.view.drift = *drift.view();
-        if let Some(baseline) = self.baseline.as_ref().filter(|_| moved) {
-            self.ground.follow(drift.applied_to(baseline));
-            self.continuity.compare_with(&self.ground);
-            events.push(ZeroEvent::Moved);
+        if moved {
+            self.renew_zero(events);
         }
     }
 

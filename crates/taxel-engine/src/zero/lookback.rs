@@ -24,6 +24,8 @@ pub struct Lookback {
     /// Scans of a window.
     scans: u64,
     offset_counts: f64,
+    /// How far the median taxel moved towards load in the window that ended with this scan, counts.
+    median_counts: Option<f64>,
 }
 
 /// What a window is compared with.
@@ -44,7 +46,7 @@ impl Lookback {
     #[must_use]
     pub fn new(taxels: usize, period: Duration) -> Self {
         let scans = (WINDOW.as_secs_f64() / period.as_secs_f64()).ceil() as u64;
-        Self { later: CountSums::new(taxels), scans, offset_counts: 0.0 }
+        Self { later: CountSums::new(taxels), scans, offset_counts: 0.0, median_counts: None }
     }
 
     /// A zero was taken.
@@ -65,15 +67,23 @@ impl Lookback {
         self.offset_counts
     }
 
+    /// How far the median taxel moved towards load, if a window has just ended, counts.
+    #[must_use]
+    pub const fn median_counts(&self) -> Option<f64> {
+        self.median_counts
+    }
+
     /// Takes a scan. At the end of a window, what shows that the skin became lighter than its zero.
     pub fn on_scan(&mut self, scan: &Scan<'_>, present: Present<'_>) -> Option<Unloading> {
         self.later.push(scan);
+        self.median_counts = None;
         if self.later.scans() < self.scans {
             return None;
         }
         let Present { zero, signs, modules, limits } = present;
         let (seen, scans) = (self.later.baseline(), self.later.scans());
         let median = Moves::between(zero, &seen, scans, signs).median();
+        self.median_counts = median.is_finite().then_some(median);
         self.offset_counts = if median.is_finite() { median.abs().min(OFFSET_MAX_COUNTS) } else { 0.0 };
         self.later.restart();
         Later { seen: &seen, scans, modules }.unloaded(zero, signs, limits)

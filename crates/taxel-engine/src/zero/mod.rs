@@ -12,10 +12,12 @@ pub mod lanes;
 pub mod lookback;
 pub mod plan;
 mod proven;
+mod residue;
 pub mod rest;
 pub mod unloading;
 pub mod view;
 pub mod watch;
+mod watching;
 
 pub use events::ZeroEvent;
 pub use holder::Zero;

@@ -23,6 +23,10 @@ const ALLOWED: &[(&str, &str)] = &[
          of them under the load, and residues of half a count has too few such taxels.",
     ),
     (
+        "board hangs below 1 s, new zero",
+        "As a silent re-tare: a hang that is shorter than a silence leaves nothing but the new zero.",
+    ),
+    (
         "module flickers",
         "The first scans of a module that begins to jump towards load look like a touch. Each is judged by its own \
          changes within two scans to a second.",

@@ -161,7 +161,7 @@ fn weigh(set: ModelSet, plan: &PatchPlan, exam: &Exam) -> f64 {
     let (sound, silent, pads) = (vec![true; counts], vec![false; modules], vec![[0; 2]; modules]);
     let mut measured = Force::new(plan.force());
     measured.set_models(Arc::new(set));
-    measured.set_zero(Some(rest));
+    measured.set_zero(Some(rest), 0.0);
     let mut force = |scan: &Scan| {
         let scan = taxel_engine::Scan {
             time: Time::default(),

@@ -1,4 +1,4 @@
-//! The area that each taxel stands for: equal, or its Voronoi cell.
+//! The area that each taxel stands for: its share of the module, equal for all, or its Voronoi cell.
 
 use taxel_skin::{Geometry, Patch, SquareMillimetre, area};
 
@@ -13,15 +13,39 @@ pub fn problem(section: &PatchSection) -> Option<(usize, String)> {
     lacks_geometry.then(|| (section.area.span().start, text()))
 }
 
+/// Area of a taxel of an iCub triangle with its share of the gaps between modules 18 mm apart: a tenth of
+/// (3 sqrt(3) / 4) (18 mm)^2. The soft layer carries load over the gaps, too.
+const WITH_GAPS_MM2: f64 = 42.1;
+
+/// The mean area of a taxel, mm2.
+pub fn mean_mm2(section: &PatchSection) -> f64 {
+    let default = match section.area.get_ref() {
+        AreaWord::Template => WITH_GAPS_MM2,
+        AreaWord::Equal | AreaWord::Voronoi => SquareMillimetre::ICUB_TAXEL.0,
+    };
+    section.area_mm2.unwrap_or(default)
+}
+
+/// Relative standard uncertainty of the areas. Without a known load nobody knows the spacing of the modules better than
+/// by 0.8 mm in 18 mm, nor how much the gaps carry: a tenth. The triangles alone leave the gaps out, a quarter of the
+/// area.
+pub fn uncertainty(section: &PatchSection) -> f64 {
+    let gaps_left_out = *section.area.get_ref() != AreaWord::Template && section.area_mm2.is_none();
+    section.area_uncertainty.unwrap_or(if gaps_left_out { 0.2 } else { 0.1 })
+}
+
 /// The area of each taxel, and what a user should know of it.
 pub fn areas(
     section: &PatchSection,
     patch: &Patch,
     geometry: Option<&Geometry>,
 ) -> (Vec<SquareMillimetre>, Option<String>) {
-    let mean = SquareMillimetre(section.area_mm2);
-    let (Some(geometry), AreaWord::Voronoi) = (geometry, *section.area.get_ref()) else {
-        return (vec![mean; patch.taxels().len()], None);
+    let mean = SquareMillimetre(mean_mm2(section));
+    let (geometry, word) = (geometry, *section.area.get_ref());
+    let (Some(geometry), AreaWord::Voronoi) = (geometry, word) else {
+        let areas =
+            if word == AreaWord::Template { area::template(patch, mean) } else { vec![mean; patch.taxels().len()] };
+        return (areas, None);
     };
     let modules = patch.modules().iter().map(|site| {
         let first = usize::from(site.first_taxel);
@@ -48,7 +72,7 @@ mod tests {
 
     #[test]
     fn voronoi_without_geometry_is_refused_with_its_line() {
-        let text = EXAMPLE.replace("area = \"equal\"", "area = \"voronoi\"");
+        let text = EXAMPLE.replace("area = \"template\"", "area = \"voronoi\"");
         let line = 1 + text.lines().position(|l| l.starts_with("area = \"voronoi\"")).unwrap();
         let message = parse(Path::new("t.toml"), &text).unwrap_err().to_string();
         assert!(message.starts_with(&format!("t.toml:{line}: patch `left_forearm`: area")), "{message}");
@@ -58,7 +82,7 @@ mod tests {
     #[test]
     fn the_two_words_are_closed_lists() {
         for (word, wrong) in
-            [("area = \"equal\"", "area = \"hexagons\""), ("area_factor = \"off\"", "area_factor = \"on\"")]
+            [("area = \"template\"", "area = \"hexagons\""), ("area_factor = \"off\"", "area_factor = \"on\"")]
         {
             let text = EXAMPLE.replace(word, wrong);
             assert_ne!(text, EXAMPLE, "{word} is in the example");
@@ -75,7 +99,8 @@ mod tests {
         let skin = taxel_sim::Skin::forearm().unwrap();
         std::fs::write(folder.path().join("skin.txt"), skin.positions_file()).unwrap();
         let text = EXAMPLE
-            .replace("area = \"equal\"", "area = \"voronoi\"")
+            .replace("area = \"template\"", "area = \"voronoi\"")
+            .replace("area_mm2 = 42.1", "area_mm2 = 32.4")
             .replace("# geometry = \"left_forearm_mesh.txt\"", "geometry = \"skin.txt\"")
             .replace("area_factor = \"off\"", "area_factor = \"from-loads\"");
         std::fs::write(&file, text).unwrap();

@@ -7,8 +7,10 @@ use toml::Spanned;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum AreaWord {
-    /// `area_mm2` for each, as in the paper.
+    /// The module's area is shared out as its taxels sample it, `area_mm2` in the mean of a module.
     #[default]
+    Template,
+    /// `area_mm2` for each, as in the paper.
     Equal,
     /// The cell of each taxel on the surface, `area_mm2` in the mean of a module.
     Voronoi,
@@ -26,6 +28,6 @@ pub enum AreaFactorWord {
 }
 
 /// The default of `area`, which is at no place in the file.
-pub fn equal() -> Spanned<AreaWord> {
-    Spanned::new(0..0, AreaWord::Equal)
+pub fn template() -> Spanned<AreaWord> {
+    Spanned::new(0..0, AreaWord::Template)
 }

@@ -109,7 +109,7 @@ mod tests {
 
     #[test]
     fn a_wrong_type_names_the_line() {
-        let text = EXAMPLE.replace("area_mm2 = 32.4", "area_mm2 = \"much\"");
+        let text = EXAMPLE.replace("area_mm2 = 42.1", "area_mm2 = \"much\"");
         let line = 1 + text.lines().position(|l| l.contains("\"much\"")).unwrap();
         assert!(error(&text).starts_with(&format!("t.toml:{line}: ")));
     }

@@ -83,17 +83,15 @@ pub struct PatchSection {
     /// A position file, relative to this one.
     pub geometry: Option<PathBuf>,
     /// How the areas of the taxels are known.
-    #[serde(default = "super::area_words::equal")]
+    #[serde(default = "super::area_words::template")]
     pub area: Spanned<AreaWord>,
     /// Whether they are multiplied by the factor that known loads give.
     #[serde(default)]
     pub area_factor: AreaFactorWord,
-    /// Area per taxel.
-    #[serde(default = "icub_taxel")]
-    pub area_mm2: f64,
-    /// Relative standard uncertainty of the area.
-    #[serde(default = "five_percent")]
-    pub area_uncertainty: f64,
+    /// Area per taxel; by default that of an iCub triangle, with the gaps beside it unless the areas are `equal`.
+    pub area_mm2: Option<f64>,
+    /// Relative standard uncertainty of the area; by default as little as is known of it.
+    pub area_uncertainty: Option<f64>,
     /// What a force sample carries beside the total: `resultant`, `moment`, `contacts`, `fill`.
     #[serde(default)]
     pub outputs: Vec<OutputWord>,
@@ -120,14 +118,6 @@ pub struct PatchSection {
 
 fn fifty() -> u8 {
     50
-}
-
-fn icub_taxel() -> f64 {
-    taxel_skin::SquareMillimetre::ICUB_TAXEL.0
-}
-
-fn five_percent() -> f64 {
-    0.05
 }
 
 /// A part of the force sample.

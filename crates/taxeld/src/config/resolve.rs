@@ -93,8 +93,9 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
         return Err("a name is 1 to 64 letters, digits, `_` or `-`".to_owned());
     }
     within("period_ms", f64::from(section.period_ms), 1.0, f64::from(PERIOD_MAX_MS))?;
-    within("area_mm2", section.area_mm2, 0.01, 1e5)?;
-    within("area_uncertainty", section.area_uncertainty, 0.0, 1.0)?;
+    within("area_mm2", super::area::mean_mm2(section), 0.01, 1e5)?;
+    let area_uncertainty = super::area::uncertainty(section);
+    within("area_uncertainty", area_uncertainty, 0.0, 1.0)?;
     let boards = section.board.iter().map(|b| board(b, bus)).collect::<Result<Vec<_>, _>>()?;
     let patch = Patch::new(name, boards).map_err(|e| e.to_string())?;
     let geometry = section.geometry.as_ref().map(|file| geometry(file, path, &patch)).transpose()?;
@@ -134,7 +135,7 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
     }
     Ok(PatchPlan {
         areas,
-        area_uncertainty: section.area_uncertainty,
+        area_uncertainty,
         area_from_loads: section.area_factor == AreaFactorWord::FromLoads,
         bring_up: if section.listen_only { Vec::new() } else { setups },
         period,

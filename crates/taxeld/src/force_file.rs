@@ -1,0 +1,98 @@
+//! The force of each scan of a replay, as a table that any other program reads.
+
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::Context;
+use taxel_engine::plan::Plan;
+use taxel_engine::snapshot::{ForceState, PatchSnapshot};
+
+/// A CSV file with one row for each snapshot of each patch.
+///
+/// Columns: `time_s` of the log, `patch`, `state` (as in the service, without its prefix), `total_n`, `sigma_n`
+/// (standard uncertainty), `detection_floor_n`, `lower_bound` (0 or 1), `active`, `out_of_range`, `excluded`, `stale`
+/// (taxels), and `reasons`, separated by semicolons. Without a force the newtons are empty.
+pub struct ForceFile {
+    path: PathBuf,
+    patches: Vec<String>,
+    csv: csv::Writer<BufWriter<File>>,
+    rows: u64,
+    with_force: u64,
+}
+
+impl ForceFile {
+    /// An empty table; an existing file is overwritten.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn create(path: &Path, plan: &Plan) -> anyhow::Result<Self> {
+        let file = File::create(path).with_context(|| path.display().to_string())?;
+        let mut csv = csv::Writer::from_writer(BufWriter::new(file));
+        csv.write_record([
+            "time_s",
+            "patch",
+            "state",
+            "total_n",
+            "sigma_n",
+            "detection_floor_n",
+            "lower_bound",
+            "active",
+            "out_of_range",
+            "excluded",
+            "stale",
+            "reasons",
+        ])?;
+        let patches = plan.patches.iter().map(|patch| patch.patch.name().to_owned()).collect();
+        Ok(Self { path: path.to_owned(), patches, csv, rows: 0, with_force: 0 })
+    }
+
+    /// Appends snapshots, each with the position of its patch.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&mut self, snapshots: impl Iterator<Item = (usize, Arc<PatchSnapshot>)>) -> anyhow::Result<()> {
+        for (patch, snapshot) in snapshots.filter(|(_, snapshot)| snapshot.seen) {
+            let force = &snapshot.force;
+            let newton = |value: Option<taxel_skin::Newton>| value.map_or_else(String::new, |n| format!("{:.6}", n.0));
+            let time_ns = snapshot.time.as_nanos();
+            self.csv.write_record([
+                format!("{}.{:09}", time_ns.div_euclid(1_000_000_000), time_ns.rem_euclid(1_000_000_000)),
+                self.patches[patch].clone(),
+                state_name(force.state).to_owned(),
+                newton(force.total),
+                newton(force.total_sigma),
+                newton(force.detection_floor),
+                u8::from(force.lower_bound).to_string(),
+                force.active.to_string(),
+                force.out_of_range.to_string(),
+                force.excluded.to_string(),
+                force.stale.to_string(),
+                force.reasons.join("; "),
+            ])?;
+            self.rows += 1;
+            self.with_force += u64::from(force.total.is_some());
+        }
+        Ok(())
+    }
+
+    /// Writes what is left; says what the file holds.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn finish(mut self) -> anyhow::Result<String> {
+        self.csv.flush().with_context(|| self.path.display().to_string())?;
+        Ok(format!("force: {} rows, {} with a force: {}", self.rows, self.with_force, self.path.display()))
+    }
+}
+
+const fn state_name(state: ForceState) -> &'static str {
+    match state {
+        ForceState::Ok => "OK",
+        ForceState::Degraded => "DEGRADED",
+        ForceState::Stale => "STALE",
+        ForceState::TareInvalid => "TARE_INVALID",
+        ForceState::Uncalibrated => "UNCALIBRATED",
+    }
+}
