@@ -31,6 +31,24 @@ pub enum Estimator {
     /// A set of fewer than [`MIN_BINNED_SAMPLES`] samples has nothing to average and is fitted per sample.
     #[default]
     PressureBinned,
+    /// The paper's equation and nothing else: all samples have a say, clipped and rare ones too, the curve is served as
+    /// it comes out over all counts that were seen, monotone or not, and swing alone excludes a taxel.
+    Paper,
+}
+
+impl Estimator {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::PerSample, Self::PressureBinned, Self::Paper];
+
+    /// A short stable word for files, interfaces and configurations.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PerSample => "per-sample",
+            Self::PressureBinned => "pressure-binned",
+            Self::Paper => "paper",
+        }
+    }
 }
 
 /// Below this many samples `PressureBinned` falls back to `PerSample`: two samples for each of 140 bins.
@@ -153,6 +171,16 @@ impl Default for FitOptions {
 }
 
 impl FitOptions {
+    /// The counts at which a reading is clipped. `bytes`: it is a recording of integer counts within 0..=255.
+    pub(crate) fn rails(&self, bytes: bool) -> Option<(f64, f64)> {
+        match self.rails {
+            _ if self.estimator == Estimator::Paper => None,
+            Rails::Auto if bytes => Some((0.0, 255.0)),
+            Rails::At { low, high } => Some((low, high)),
+            Rails::Auto | Rails::None => None,
+        }
+    }
+
     /// The highest order that may come out.
     pub(crate) fn max_order(&self) -> usize {
         let order = match self.order {

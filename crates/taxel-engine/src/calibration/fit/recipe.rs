@@ -6,6 +6,7 @@ use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::Branch;
 use crate::calibration::fit::course::Course;
 use crate::calibration::fit::lag;
+use crate::calibration::fit::legs::GAUGE_MEDIAN_SCANS;
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::{FitRecipe, RecordingError};
 use crate::calibration::fit::scans::{Scans, modules};
@@ -14,9 +15,6 @@ use crate::calibration::fit::smooth::running_median;
 use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
 use crate::calibration::method::method as method_of;
 use crate::model_set::{ModelSet, Recorded};
-
-/// Gauges give single readings that are off by 8 to 14 kPa: a median over 0.3 s takes them out.
-const GAUGE_MEDIAN_SCANS: usize = 15;
 
 /// Fits a recording. The set comes without id, patch and time of making. `progress` is told taxels done and all.
 ///
@@ -28,15 +26,16 @@ pub fn fit(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<ModelSet, RecordingError> {
     let gauge = scans.pressure_kpa.ok_or(RecordingError::NoPressure)?;
-    let modules = modules(scans.counts.len(), recipe.module_size);
-    let masks = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans);
-    let kpa = running_median(gauge, GAUGE_MEDIAN_SCANS);
+    let recipe = &recipe.settled();
+    let masks = masks(scans, recipe);
+    let kpa = if recipe.is_paper() { gauge.to_vec() } else { running_median(gauge, GAUGE_MEDIAN_SCANS) };
     let whole: Vec<Range<usize>> = std::iter::once(0..scans.len()).collect();
     let lag_s = if recipe.max_lag_s > 0.0 { lag::estimate(scans, &kpa, &masks, &whole, recipe.max_lag_s) } else { 0.0 };
     let kpa = lag::shifted(scans.time_s, &kpa, lag_s, &whole);
     let known = kpa.iter().enumerate().filter(|(_, p)| p.is_finite());
     let top = known.max_by(|a, b| a.1.total_cmp(b.1)).ok_or(RecordingError::NoPressure)?.0;
-    let fit = SkinFit { scans, masks, kpa, course: Course::of_recording(scans.len(), top), recipe };
+    let course = if recipe.is_paper() { Course::of_runs(&kpa) } else { Course::of_recording(scans.len(), top) };
+    let fit = SkinFit { scans, masks, kpa, course, recipe };
     let fitted = fit.run(progress);
     let (usable, rest) = (fitted.usable(), rest_scans(&fit.kpa, top));
     let of = |t: usize| baseline(scans.counts[t], fit.masks.of(t), &rest);
@@ -62,6 +61,14 @@ pub fn fit(
         baseline,
         taxels: fitted.models,
     })
+}
+
+/// What of the scans must not be believed; of the paper's only what was never read.
+fn masks(scans: &Scans<'_>, recipe: &FitRecipe) -> Masks {
+    if recipe.is_paper() {
+        return Masks::missing(scans);
+    }
+    Masks::find(scans, &modules(scans.counts.len(), recipe.module_size), &recipe.faults).without_dropouts(scans)
 }
 
 /// How a set was fitted, in words.
