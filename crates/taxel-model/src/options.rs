@@ -23,7 +23,8 @@ impl Default for Order {
 /// Which least-squares problem is solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Estimator {
-    /// The paper's equation: the sum of (P - P(C))^2 over all samples. Noise in the counts flattens the curve
+    /// The paper's equation, made fit for use: the sum of (P - P(C))^2 over all samples off the rails, on a range of
+    /// counts that were seen more than once or twice, its curve repaired to be monotone. Noise in the counts flattens the curve
     /// (regression dilution), the same way for every taxel, so that it does not average out of a force.
     PerSample,
     /// The counts are averaged in bins of equal pressure first, which removes most of that bias.

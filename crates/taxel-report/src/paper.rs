@@ -42,3 +42,6 @@ pub fn write(out: &Path, data: &Data, min_swing_counts: f64) -> anyhow::Result<T
     put(out, "index.html", page::page(&charts, &tables).as_bytes())?;
     Ok(tables)
 }
+
+#[cfg(test)]
+mod tests;

@@ -19,6 +19,12 @@ const INK: &str = "#222222";
 const FAINT: &str = "#555555";
 const LEVEL_INK: &str = "#b00020";
 
+/// Marks of several series stand side by side, so far apart, or they would hide each other.
+const ASIDE_PX: f64 = 9.0;
+
+/// What lies so little below zero, as a share of an axis, is noise about zero: the axis begins there all the same.
+const NOISE_SHARE: f64 = 0.005;
+
 /// Told apart also without colour: dark and light alternate.
 const COLOURS: [&str; 5] = ["#1f5fa8", "#d98200", "#00795f", "#7b3f9e", "#c0392b"];
 
@@ -93,6 +99,8 @@ impl<'a> Drawing<'a> {
             y.extend(series.points.iter().map(|point| point.1));
             y.extend((half > 0.0).then_some(0.0));
         }
+        about_zero(&mut x);
+        about_zero(&mut y);
         let axis = |label: &str| Axis { label: label.to_owned(), log: false };
         let (x, y) =
             (Scale::new(&axis(chart.x), &x, (LEFT_PX, RIGHT_PX)), Scale::new(&axis(chart.y), &y, (BOTTOM_PX, TOP_PX)));
@@ -106,8 +114,15 @@ impl<'a> Drawing<'a> {
     fn draw(&self, out: &mut String) -> Result {
         let mut body = String::new();
         self.axes(&mut body)?;
+        let marked = self.chart.series.iter().filter(|series| series.look == Look::Marks).count();
+        let mut aside_px = -0.5 * ASIDE_PX * marked.saturating_sub(1) as f64;
         for (series, colour) in self.coloured() {
-            self.series(&mut body, series, colour)?;
+            if series.look == Look::Marks {
+                self.series(&mut body, series, colour, aside_px)?;
+                aside_px += ASIDE_PX;
+            } else {
+                self.series(&mut body, series, colour, 0.0)?;
+            }
         }
         self.levels(&mut body)?;
         let height = self.legend(&mut body)?;
@@ -146,7 +161,7 @@ impl<'a> Drawing<'a> {
         writeln!(out, r#"<text x="{x}" y="{y}" font-size="15" text-anchor="middle" {turned}>{label}</text>"#)
     }
 
-    fn series(&self, out: &mut String, series: &Series, colour: &str) -> Result {
+    fn series(&self, out: &mut String, series: &Series, colour: &str, aside_px: f64) -> Result {
         if let Look::Bars(width) = series.look {
             let zero = self.y.place(0.0).px();
             for &(x, y) in series.points.iter().filter(|point| point.1 > 0.0) {
@@ -167,6 +182,7 @@ impl<'a> Drawing<'a> {
         let mut path = String::new();
         for (k, point) in series.points.iter().enumerate() {
             let (x, y) = self.at(*point);
+            let x = x + aside_px;
             match (joined, k) {
                 (true, 0) => write!(path, "M{x:.1} {y:.1}")?,
                 (true, _) => write!(path, "L{x:.1} {y:.1}")?,
@@ -221,6 +237,12 @@ impl<'a> Drawing<'a> {
         }
         Ok(y + 20.0)
     }
+}
+
+/// Takes out what is noise about zero.
+fn about_zero(values: &mut Vec<f64>) {
+    let high = values.iter().copied().filter(|v| v.is_finite()).fold(0.0, f64::max);
+    values.retain(|v| *v >= 0.0 || *v < -NOISE_SHARE * high);
 }
 
 fn stroke(look: Look) -> &'static str {

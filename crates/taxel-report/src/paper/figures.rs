@@ -1,10 +1,12 @@
 //! Every figure of the paper that the data can draw, and why the others cannot be drawn.
 
+use std::ops::Range;
+
 use taxel_model::TaxelModel;
 
 use crate::paper::chart::{Chart, Look, Series};
 use crate::paper::data::Data;
-use crate::paper::statistics::{Binned, branch, mean, quantile};
+use crate::paper::statistics::{Binned, branch, differences, mean, quantile};
 
 /// Samples that a figure shows at most of one kind: more hide each other.
 const DOTS_MAX: usize = 6000;
@@ -55,6 +57,7 @@ impl<'a> Figures<'a> {
             Ok(self.swings()),
             self.baselines(),
             self.repeatability(),
+            self.apart(),
             self.both_branches(),
             self.fitted("fit-typical", "of median swing", 0.5),
             self.fitted("fit-weak", "of little swing", 0.1),
@@ -177,12 +180,7 @@ impl<'a> Figures<'a> {
 
     fn repeatability(&self) -> Drawn {
         let figure = "repeatability of three runs";
-        let taxel = self.taxel(0.5, figure)?;
-        let runs: Vec<_> = self.data.branches(true).take(3).collect();
-        if runs.len() < 2 {
-            let why = format!("{} run is in the data, three are wanted", runs.len());
-            return Err(LeftOut { figure, why });
-        }
+        let (taxel, runs) = (self.taxel(0.5, figure)?, self.runs(figure)?);
         let series = runs
             .iter()
             .enumerate()
@@ -194,6 +192,35 @@ impl<'a> Figures<'a> {
             x: "pressure, kPa",
             y: "count, mean of each bin",
             series: series.collect(),
+            levels: Vec::new(),
+        })
+    }
+
+    /// The first three runs, or the two there are.
+    fn runs(&self, figure: &'static str) -> Result<Vec<&'a Range<usize>>, LeftOut> {
+        let runs: Vec<_> = self.data.branches(true).take(3).collect();
+        let why = || format!("{} run in the data, three are wanted", runs.len());
+        if runs.len() < 2 { Err(LeftOut { figure, why: why() }) } else { Ok(runs) }
+    }
+
+    /// The lines of three runs lie on each other: what they differ by, for all taxels.
+    fn apart(&self) -> Drawn {
+        let figure = "differences between three runs";
+        self.taxel(0.5, figure)?;
+        let runs = self.runs(figure)?;
+        let apart = differences(self.data, &self.usable, &runs);
+        let series = apart.into_iter().enumerate();
+        Ok(Chart {
+            id: "repeatability-difference",
+            title: format!("Repeatability: {} runs less their mean", runs.len()),
+            caption: format!(
+                "Mean over the {} taxels that are not excluded, in bins of equal pressure, of each run's count less \
+                 the mean of the runs.",
+                self.usable.len()
+            ),
+            x: "pressure, kPa",
+            y: "difference, counts",
+            series: series.map(|(k, run)| Series::new(format!("run {}", k + 1), Look::Line, run)).collect(),
             levels: Vec::new(),
         })
     }
@@ -261,7 +288,7 @@ impl<'a> Figures<'a> {
         Ok(Chart {
             id: "force",
             title: "Measured against true force of known loads".to_owned(),
-            caption: "One mark a load. The dashed lines are the mean error that the paper reports of its real forearm."
+            caption: "One mark a load, side by side where several were read. The dashed lines are the mean error that the paper reports of its real forearm."
                 .to_owned(),
             x: "true force, N",
             y: "measured force, N",

@@ -37,7 +37,9 @@ pub fn simulate(seed: u64, min_swing_counts: f64) -> anyhow::Result<Data> {
         rise.extend(forearm.ramp(TARGET_KPA, KPA_PER_S));
         risen.extend_from_slice(&rise);
         scans.extend(rise);
-        scans.extend(forearm.release(TARGET_KPA, KPA_PER_S));
+        // The pump went a little further while nothing was gathered.
+        let fall = forearm.release(TARGET_KPA, KPA_PER_S).into_iter();
+        scans.extend(fall.filter(|scan| scan.gauge_kpa.iter().all(|kpa| *kpa <= TARGET_KPA)));
     }
     let data = data(&forearm, &scans, seed);
     forearm.vent();

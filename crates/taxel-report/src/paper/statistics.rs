@@ -58,6 +58,26 @@ pub(super) fn repeatability_counts(data: &Data, taxels: &[usize]) -> Option<f64>
     Some(mean(squares.into_iter()).sqrt()).filter(|counts| counts.is_finite())
 }
 
+/// What each of `runs` lies apart from their mean at equal pressure: by bin, kPa and counts, mean over `taxels`.
+pub(super) fn differences(data: &Data, taxels: &[usize], runs: &[&Range<usize>]) -> Vec<Vec<(f64, f64)>> {
+    let mut sums = vec![vec![(0.0, 0.0, 0.0); BINS as usize]; runs.len()];
+    for &taxel in taxels {
+        let runs: Vec<Binned> = runs.iter().map(|run| branch(data, taxel, run)).collect();
+        for bin in 0..BINS as usize {
+            let Some(points) = runs.iter().map(|run| run.0[bin]).collect::<Option<Vec<(f64, f64)>>>() else { continue };
+            let middle = mean(points.iter().map(|point| point.1));
+            for (run, (kpa, count)) in sums.iter_mut().zip(points) {
+                let sum = &mut run[bin];
+                *sum = (sum.0 + 1.0, sum.1 + kpa, sum.2 + count - middle);
+            }
+        }
+    }
+    let line = |run: Vec<(f64, f64, f64)>| {
+        run.into_iter().filter(|sum| sum.0 > 0.0).map(|(n, kpa, count)| (kpa / n, count / n)).collect()
+    };
+    sums.into_iter().map(line).collect()
+}
+
 /// How far the branches of a run lie apart at equal pressure: median over `taxels` of the mean over the bins of the
 /// distance, counts. `None` without both branches.
 pub(super) fn loop_counts(data: &Data, taxels: &[usize]) -> Option<f64> {

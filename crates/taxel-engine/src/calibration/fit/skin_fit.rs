@@ -17,7 +17,7 @@ use crate::model_set::RecordedTaxel;
 use crate::statistics::{quantile, root_mean_square};
 
 /// A taxel that must be left out of more of the scans than this is not fitted.
-const MASKED_MAX: f64 = 0.3;
+pub(crate) const MASKED_MAX: f64 = 0.3;
 
 /// A taxel whose error is so many times the median over the taxels is broken in a way that has no name.
 const POOR_FIT_RATIO: f64 = 2.5;

@@ -343,6 +343,7 @@ fn paper() -> FitRecipe {
 #[test]
 fn the_papers_recipe_is_its_equation_over_every_rising_sample() {
     let mut skin = Skin::cycle(5.0);
+    skin.spoil(2, 20.0..75.9, |_| 90.0); // frozen until the end
     skin.spoil(3, 20.0..30.0, |_| 240.0); // frozen
     skin.spoil(5, 20.0..20.5, |_| 255.0); // on a rail
     skin.spoil(7, 25.0..25.02, |_| 120.0); // one reading that stands alone
@@ -350,6 +351,8 @@ fn the_papers_recipe_is_its_equation_over_every_rising_sample() {
     skin.kpa[900] += 14.0; // a reading of the gauge that is off
     let set = fitted(&skin, &paper());
     assert_eq!(set.method, "order 5, paper, rising");
+    let zero_return = set.recorded.as_ref().unwrap().zero_return_counts;
+    assert!(zero_return < 2.0, "a broken taxel has no say in where the others come back to: {zero_return}");
     let top = (0..skin.kpa.len()).fold(0, |top, i| if skin.kpa[i] > skin.kpa[top] { i } else { top });
     assert_eq!(top, 1900);
     for (taxel, model) in set.taxels.iter().enumerate() {
