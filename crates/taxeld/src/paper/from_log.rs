@@ -33,7 +33,8 @@ pub(super) fn read(path: &Path, config: &Path) -> anyhow::Result<Data> {
     }
     let mut reader = LogReader::open(path, bus.interface.clone())?;
     let mut offline = Offline::new(Arc::new(scene.plan));
-    let (mut frames, mut more, mut started) = (Vec::with_capacity(FRAMES), true, false);
+    let mut frames = Vec::with_capacity(FRAMES);
+    let (mut more, mut started, mut ramps_follow) = (true, false, true);
     while more {
         frames.clear();
         more = reader.next_batch(&mut frames, FRAMES)?;
@@ -43,9 +44,9 @@ pub(super) fn read(path: &Path, config: &Path) -> anyhow::Result<Data> {
             started = true;
         }
         offline.frames(BusIndex(0), &frames);
-        // Another ramp may follow.
-        if let Some(view) = session(&offline).filter(|view| view.state == SessionState::Review) {
-            command(&mut offline, Command::StartRamp { session: view.number })?;
+        // Another ramp may follow; if the engine takes none, those before it are still there to be drawn.
+        if let Some(view) = session(&offline).filter(|view| ramps_follow && view.state == SessionState::Review) {
+            ramps_follow = command(&mut offline, Command::StartRamp { session: view.number }).is_ok();
         }
     }
     finish(&mut offline)?;
