@@ -46,7 +46,7 @@ pub(crate) fn fit_reduced(data: &Reduced, options: &FitOptions) -> TaxelModel {
     let quality = Quality { samples, distinct_counts: data.codes.len() as u32, ..Quality::default() };
     let none = |status, flags| TaxelModel {
         flags,
-        estimator: estimator(data, options),
+        estimator: options.estimator.used(data.binned),
         quality: quality.clone(),
         ..TaxelModel::without_curve(status, options.gauge)
     };
@@ -250,7 +250,7 @@ impl<'a> Fit<'a> {
         TaxelModel {
             status,
             flags,
-            estimator: estimator(data, options),
+            estimator: options.estimator.used(data.binned),
             order: order as u8,
             sign: self.sign(),
             range: Some(self.range),
@@ -341,14 +341,6 @@ impl<'a> Fit<'a> {
         }
         let mean = means.iter().sum::<f64>() / n;
         Some((means.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt())
-    }
-}
-
-/// The estimator that is used, which for few samples is not the one asked for.
-fn estimator(data: &Reduced, options: &FitOptions) -> Estimator {
-    match options.estimator {
-        Estimator::PressureBinned if !data.binned => Estimator::PerSample,
-        asked => asked,
     }
 }
 

@@ -50,6 +50,14 @@ impl Estimator {
             Self::Paper => "paper",
         }
     }
+
+    /// The one that is used, which for samples that are too few to be `binned` is not the one asked for.
+    pub(crate) const fn used(self, binned: bool) -> Self {
+        match self {
+            Self::PressureBinned if !binned => Self::PerSample,
+            asked => asked,
+        }
+    }
 }
 
 /// Below this many samples `PressureBinned` falls back to `PerSample`: two samples for each of 140 bins.
