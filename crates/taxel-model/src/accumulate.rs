@@ -7,7 +7,7 @@ use crate::bins::{Bins, Sums, bin_of};
 use crate::dd::Dd;
 use crate::fit::fit_reduced;
 use crate::model::TaxelModel;
-use crate::options::{Estimator, FitOptions, MIN_BINNED_SAMPLES, Rails};
+use crate::options::{Estimator, FitOptions, MIN_BINNED_SAMPLES};
 use crate::pressure::{FixedPressure, UNITS_PER_KPA};
 use crate::reduce::{CodeStat, RampGroup, Reduced, Row, rails_to_drop};
 
@@ -147,11 +147,7 @@ impl Accumulator {
 
     pub(crate) fn reduce(&self, options: &FitOptions) -> Reduced {
         let recording = self.samples() >= MIN_BINNED_SAMPLES;
-        let rails = match options.rails {
-            Rails::Auto if recording => Some((0.0, 255.0)),
-            Rails::At { low, high } => Some((low, high)),
-            Rails::Auto | Rails::None => None,
-        };
+        let rails = options.rails(recording);
         let mut codes: Vec<CodeStat> = Vec::with_capacity(256);
         codes.extend((0..256).filter_map(|c| self.code_stat(c)));
         let dropped = rails_to_drop(&codes, rails);

@@ -46,6 +46,7 @@ pub(crate) fn fit_reduced(data: &Reduced, options: &FitOptions) -> TaxelModel {
     let quality = Quality { samples, distinct_counts: data.codes.len() as u32, ..Quality::default() };
     let none = |status, flags| TaxelModel {
         flags,
+        estimator: options.estimator.used(data.binned),
         quality: quality.clone(),
         ..TaxelModel::without_curve(status, options.gauge)
     };
@@ -172,6 +173,7 @@ impl<'a> Fit<'a> {
         let Some(place) = wrong_slope(&free, from, to, sign) else { return (free, None) };
         let small = (self.data.samples as u64) < MIN_BINNED_SAMPLES;
         let report = match self.options.shape {
+            _ if self.options.estimator == Estimator::Paper => true,
             Shape::Auto => small && !self.data.integer,
             Shape::Repair => false,
             Shape::Report => true,
@@ -248,7 +250,7 @@ impl<'a> Fit<'a> {
         TaxelModel {
             status,
             flags,
-            estimator: if data.binned { Estimator::PressureBinned } else { Estimator::PerSample },
+            estimator: options.estimator.used(data.binned),
             order: order as u8,
             sign: self.sign(),
             range: Some(self.range),
@@ -269,6 +271,9 @@ impl<'a> Fit<'a> {
         }
         if quality.dof <= 0.0 {
             return Status::Unproven { samples: quality.samples };
+        }
+        if self.options.estimator == Estimator::Paper {
+            return Status::Ok;
         }
         match quality.interval_share {
             Some(share) if share <= exclusion.max_interval_share => Status::Ok,
@@ -342,12 +347,12 @@ impl<'a> Fit<'a> {
 /// The range of counts in which the curve may be evaluated.
 ///
 /// A recording's rare outermost counts are noise, and bins of pressure say nothing about counts beyond their means: a
-/// polynomial must not be extended to either.
+/// polynomial must not be extended to either. The paper leaves nothing out.
 fn calibrated_range(data: &Reduced, options: &FitOptions) -> [f64; 2] {
     let samples = data.samples;
     let all = ends(&data.codes, |_| true).unwrap_or([0.0, 0.0]);
     let mut range = all;
-    if samples >= MIN_BINNED_SAMPLES as f64 {
+    if samples >= MIN_BINNED_SAMPLES as f64 && options.estimator != Estimator::Paper {
         let trimmed = if data.integer {
             ends(&data.codes, |code| code.n >= f64::from(options.min_samples_at_ends))
         } else {

@@ -23,7 +23,8 @@ impl Default for Order {
 /// Which least-squares problem is solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Estimator {
-    /// The paper's equation: the sum of (P - P(C))^2 over all samples. Noise in the counts flattens the curve
+    /// The paper's equation, made fit for use: the sum of (P - P(C))^2 over all samples off the rails, on a range of
+    /// counts that were seen more than once or twice, its curve repaired to be monotone. Noise in the counts flattens the curve
     /// (regression dilution), the same way for every taxel, so that it does not average out of a force.
     PerSample,
     /// The counts are averaged in bins of equal pressure first, which removes most of that bias.
@@ -31,6 +32,32 @@ pub enum Estimator {
     /// A set of fewer than [`MIN_BINNED_SAMPLES`] samples has nothing to average and is fitted per sample.
     #[default]
     PressureBinned,
+    /// The paper's equation and nothing else: all samples have a say, clipped and rare ones too, the curve is served as
+    /// it comes out over all counts that were seen, monotone or not, and swing alone excludes a taxel.
+    Paper,
+}
+
+impl Estimator {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::PerSample, Self::PressureBinned, Self::Paper];
+
+    /// A short stable word for files, interfaces and configurations.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PerSample => "per-sample",
+            Self::PressureBinned => "pressure-binned",
+            Self::Paper => "paper",
+        }
+    }
+
+    /// The one that is used, which for samples that are too few to be `binned` is not the one asked for.
+    pub(crate) const fn used(self, binned: bool) -> Self {
+        match self {
+            Self::PressureBinned if !binned => Self::PerSample,
+            asked => asked,
+        }
+    }
 }
 
 /// Below this many samples `PressureBinned` falls back to `PerSample`: two samples for each of 140 bins.
@@ -153,6 +180,16 @@ impl Default for FitOptions {
 }
 
 impl FitOptions {
+    /// The counts at which a reading is clipped. `bytes`: it is a recording of integer counts within 0..=255.
+    pub(crate) fn rails(&self, bytes: bool) -> Option<(f64, f64)> {
+        match self.rails {
+            _ if self.estimator == Estimator::Paper => None,
+            Rails::Auto if bytes => Some((0.0, 255.0)),
+            Rails::At { low, high } => Some((low, high)),
+            Rails::Auto | Rails::None => None,
+        }
+    }
+
     /// The highest order that may come out.
     pub(crate) fn max_order(&self) -> usize {
         let order = match self.order {

@@ -4,7 +4,7 @@ use crate::accumulate::Accumulator;
 use crate::dd::Dd;
 use crate::fit::fit_reduced;
 use crate::model::TaxelModel;
-use crate::options::{DEFAULT_BINS, Estimator, FitOptions, MIN_BINNED_SAMPLES, Rails};
+use crate::options::{DEFAULT_BINS, Estimator, FitOptions, MIN_BINNED_SAMPLES};
 use crate::pressure::FixedPressure;
 use crate::reduce::{CodeStat, RampGroup, Reduced, Row, rails_to_drop};
 
@@ -90,11 +90,7 @@ fn reduce(samples: &Samples<'_>, options: &FitOptions) -> Reduced {
         reduced.rejected += rejected;
         return reduced;
     }
-    let rails = match options.rails {
-        Rails::Auto if bytes && recording => Some((0.0, 255.0)),
-        Rails::At { low, high } => Some((low, high)),
-        Rails::Auto | Rails::None => None,
-    };
+    let rails = options.rails(bytes && recording);
     list.sort_unstable_by(|a, b| order(a.x, b.x).then(order(a.y, b.y)).then(a.ramp.cmp(&b.ramp)));
     let codes = group_by_count(&list);
     let dropped = rails_to_drop(&codes, rails);

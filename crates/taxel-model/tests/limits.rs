@@ -1,6 +1,8 @@
 //! Where f64 ends. The stability suite, with exact references, is in taxel-report.
 
-use taxel_model::{Estimator, FitOptions, Flag, Order, Rails, Samples, Shape, TaxelModel, fit};
+use taxel_model::{
+    Accumulator, Estimator, FitOptions, FixedPressure, Flag, Order, Rails, Samples, Shape, Status, TaxelModel, fit,
+};
 
 #[test]
 fn a_count_far_from_all_others_costs_order_and_not_digits() {
@@ -50,4 +52,26 @@ fn what_is_beyond_any_number_does_not_end_up_in_a_file() {
         let file = serde_json::to_string(&model).unwrap();
         assert_eq!(serde_json::from_str::<TaxelModel>(&file).unwrap().validate(), Ok(()), "order {order}: {file}");
     }
+}
+
+#[test]
+fn the_paper_leaves_nothing_out_and_repairs_nothing() {
+    let kpa: Vec<f64> = (0..1000).map(|k| 0.07 * f64::from(k)).collect();
+    let mut counts: Vec<f64> = kpa.iter().map(|p| (240.0 - 30.0 * p / (p + 40.0)).round()).collect();
+    (counts[300], counts[301], counts[999]) = (0.0, 255.0, 180.0); // two rails and an outlier, each once
+    let options = FitOptions { estimator: Estimator::Paper, ..FitOptions::default() };
+    let model = fit(&Samples::new(&counts, &kpa), &options);
+    assert_eq!((model.status, model.range), (Status::Ok, Some([0.0, 255.0])));
+    assert_eq!((model.estimator, model.repaired, model.quality.samples), (Estimator::Paper, false, 1000));
+    assert!(model.flags.iter().any(|flag| matches!(flag, Flag::NotMonotone { .. })), "{:?}", model.flags);
+    assert_eq!(model.validate(), Ok(()));
+    let mut swing = options;
+    swing.exclusion.min_swing_counts = 255.5;
+    let status = fit(&Samples::new(&counts, &kpa), &swing).status;
+    assert_eq!(status, Status::InsufficientSwing { swing_counts: 255.0, needed_counts: 255.5 });
+    // From the bus the same samples, their pressures rounded to a thousandth of a pascal.
+    let mut sums = Accumulator::new();
+    sums.extend(counts.iter().zip(&kpa).map(|(c, p)| (*c as u8, FixedPressure::from_kpa(*p))), 0);
+    let live = sums.fit(&options);
+    assert_eq!((live.status, live.range, live.estimator), (Status::Ok, model.range, Estimator::Paper));
 }

@@ -1,4 +1,5 @@
-//! Error against run time, the stability table, and what a scene costs: `taxeld report`.
+//! Error against run time, the stability table, and what a scene costs: `taxeld report`. [`paper`] draws the paper's
+//! figures: `taxeld paper`.
 //!
 //! Each section is a module with a function that measures and returns a [`document::Section`]; `page` makes files of
 //! them.
@@ -11,6 +12,7 @@ pub mod live;
 pub mod machine;
 pub mod options;
 pub mod page;
+pub mod paper;
 pub mod peers;
 pub mod plot;
 pub mod reference;

@@ -67,7 +67,8 @@ impl Names {
     }
 }
 
-fn put(folder: &Path, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
+/// Writes a file beside its place and renames it, so that what is there is whole.
+pub(crate) fn put(folder: &Path, name: &str, bytes: &[u8]) -> anyhow::Result<()> {
     let (place, beside) = (folder.join(name), folder.join(format!(".{name}.part")));
     std::fs::write(&beside, bytes).with_context(|| format!("cannot write {}", beside.display()))?;
     std::fs::rename(&beside, &place).with_context(|| format!("cannot write {}", place.display()))

@@ -4,7 +4,7 @@
 //! below the plot and the names of the bands right of it, so that neither hides a point.
 
 mod legend;
-mod scale;
+pub(crate) mod scale;
 mod style;
 
 use crate::document::{Figure, Line, Point};

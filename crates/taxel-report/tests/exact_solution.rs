@@ -14,7 +14,7 @@ use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use taxel_model::{Estimator, FitOptions, Order, Samples, Shape, TaxelModel, fit};
 use taxel_report::peers;
-use taxel_report::reference::Reference;
+use taxel_report::reference::{Reference, to_f64};
 
 /// The unit roundoff of f64, 2^-53.
 const ROUNDOFF: f64 = f64::EPSILON / 2.0;
@@ -107,6 +107,13 @@ impl Curve {
         Self::new(exact, order, centre, half_width)
     }
 
+    /// The size of the terms that add up to the coefficient of C^k: those of powers of s, up to 5 times 16 of the
+    /// `largest` Chebyshev coefficient each, times binomials of up to 10 that come with the shift to raw counts.
+    fn cancelling(&self, k: usize, largest: f64) -> f64 {
+        let shifted = |j: usize| self.centre.abs().powi((j - k) as i32) / self.half_width.powi(j as i32);
+        800.0 * largest * (k..self.chebyshev.len()).map(shifted).sum::<f64>()
+    }
+
     /// What rounding may do to the pressure at `count`, kPa.
     ///
     /// P = sum c_k T_k(s) is summed by Clenshaw's rule, b_k = 2 s b_{k+1} - b_{k+2} + c_k. Its analysis (D. Elliott,
@@ -179,6 +186,44 @@ proptest! {
         prop_assert_eq!(usize::from(model.order), order);
         let error = design.error(&exact, &curve, |count| model.evaluate(count).unwrap().kpa);
         prop_assert!(error <= 1.0, "order {order}: {error} times what rounding may do: {:?}", curve.chebyshev);
+    }
+}
+
+/// Readings of a whole ramp and more of an 8-bit taxel: enough that every other estimator bins, trims and repairs.
+fn ramp_readings() -> impl Strategy<Value = Vec<(f64, f64)>> {
+    proptest::collection::vec((0.0..70.0_f64, -3.0..3.0_f64), 280..600)
+}
+
+proptest! {
+    #![proptest_config(cases(60))]
+
+    /// The paper's estimator at its order 5: every count that was seen is in the range, rails too, and in the fit.
+    #[test]
+    fn the_papers_estimator_is_the_exact_least_squares_of_all_samples(
+        swing in 0.02..1.0_f64, half in 5.0..80.0_f64, noise in 0.0..0.2_f64,
+        readings in prop_oneof![any_readings(), ramp_readings()],
+    ) {
+        let design = Design::new(8, swing, half, noise, &readings, 5);
+        let order = design.order();
+        prop_assume!(order > 0);
+        let options = FitOptions { estimator: Estimator::Paper, ..FitOptions::default() };
+        let model = fit(&Samples::new(&design.counts, &design.kpa), &options);
+        prop_assert_eq!((model.estimator, usize::from(model.order)), (Estimator::Paper, order));
+        let exact = design.exact(order);
+        let curve = Curve::of(&model, &design, &exact, order);
+        let error = design.error(&exact, &curve, |count| model.evaluate(count).unwrap().kpa);
+        prop_assert!(error <= 1.0, "{error} times what rounding may do: {:?}", curve.chebyshev);
+        // A Chebyshev coefficient is as uncertain as the rounding of the largest one; a power of the raw count as the
+        // terms that cancel in it, of which double-double keeps 25 digits.
+        let largest = curve.chebyshev.iter().fold(0.0_f64, |largest, c| largest.max(c.abs()));
+        for (served, exact) in model.curve.as_ref().unwrap().chebyshev.iter().zip(&curve.chebyshev) {
+            prop_assert!((served - exact).abs() <= 1e-12 * largest, "{served} for {exact} of {largest}");
+        }
+        for (k, (printed, exact)) in model.raw_coefficients.iter().zip(exact.coefficients()).enumerate() {
+            let exact = to_f64(&exact);
+            let bound = 1e-12 * exact.abs() + 1e-25 * curve.cancelling(k, largest);
+            prop_assert!((printed - exact).abs() <= bound, "{printed} for {exact} of C^{k}");
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
-use taxel_model::{Curve, Estimator, Quality, Sign, TaxelModel};
+use taxel_model::{Curve, Quality, Sign, TaxelModel};
 use taxel_proto::v1;
 use taxel_proto::v1::model_service_server::ModelService;
 use tonic::{Request, Response, Status};
@@ -171,10 +171,7 @@ fn taxel_model(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelMod
         count_max: range.map(|[_, high]| high),
         falling: model.sign == Sign::Falling,
         repaired: model.repaired,
-        estimator: match model.estimator {
-            Estimator::PerSample => "per-sample".to_owned(),
-            Estimator::PressureBinned => "pressure-binned".to_owned(),
-        },
+        estimator: model.estimator.name().to_owned(),
         quality: Some(quality(&model.quality, set.in_use(taxel))),
         notes: model.flags.iter().map(ToString::to_string).collect(),
         points: points(model),

@@ -9,13 +9,13 @@ use anyhow::{Context, bail};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans, legs};
 use taxel_engine::calibration::method;
 use taxel_engine::model_set::ModelSet;
 use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Samples};
 use taxel_store::models_json;
 
-use crate::recording::Recording;
+use crate::recording::{Column, Recording};
 
 /// A bar is shown for what takes longer.
 const BAR_AFTER: Duration = Duration::from_secs(1);
@@ -35,6 +35,10 @@ pub struct FitArgs {
     /// Order of the polynomial, 1 to 10, or `auto`: per taxel by leave-one-out error.
     #[arg(long, default_value = "5", value_parser = parse_order)]
     order: Order,
+    /// The paper's method and nothing else: its equation over all samples of rising pressure, every fault and outlier
+    /// included, the curve as it comes out, monotone or not. Only --min-swing excludes a taxel.
+    #[arg(long, conflicts_with_all = ["estimator", "branch", "plays", "smooth", "max_lag", "bin_width"])]
+    paper: bool,
     /// Least-squares problem. Without it: pressure-binned for recordings, per-sample for other tables.
     #[arg(long)]
     estimator: Option<EstimatorArg>,
@@ -137,7 +141,7 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
 impl FitArgs {
     fn recipe(&self) -> FitRecipe {
         FitRecipe {
-            options: self.options(Estimator::PressureBinned),
+            options: self.options(if self.paper { Estimator::Paper } else { Estimator::PressureBinned }),
             branch: match self.branch {
                 BranchArg::Both => Branch::Both,
                 BranchArg::Rising => Branch::Rising,
@@ -169,16 +173,23 @@ impl FitArgs {
         options
     }
 
-    /// Fits each column as it stands.
+    /// Fits each column as it stands, with --paper the rows of rising pressure alone.
     fn fit_table(&self, recording: &Recording) -> anyhow::Result<ModelSet> {
         let Some(pressure) = &recording.pressure_kpa else {
             bail!("there is no column `pressure_kpa` to fit to");
         };
-        let fitted = |counts: &crate::recording::Column| {
+        let rising = self.paper.then(|| legs::rising(&pressure.hi, &legs::legs(&pressure.hi)));
+        let pressure = pressure.only(rising.as_deref());
+        let fitted = |counts: &Column| {
+            let counts = counts.only(rising.as_deref());
             // One column of bytes over time is still a taxel; a regression set is not.
             let byte = |c: &f64| (0.0..=255.0).contains(c) && c.fract() == 0.0;
             let taxel = counts.hi.len() as u64 >= MIN_BINNED_SAMPLES && counts.hi.iter().all(byte);
-            let options = self.options(if taxel { Estimator::PressureBinned } else { Estimator::PerSample });
+            let options = self.options(match taxel {
+                _ if self.paper => Estimator::Paper,
+                true => Estimator::PressureBinned,
+                false => Estimator::PerSample,
+            });
             let samples = Samples {
                 counts: &counts.hi,
                 counts_low: counts.lo.as_deref(),
@@ -198,7 +209,7 @@ impl FitArgs {
             patch: String::new(),
             created_wall_ns: 0,
             session: None,
-            method: method(&self.options(Estimator::PerSample)),
+            method: method(&self.options(if self.paper { Estimator::Paper } else { Estimator::PerSample })),
             board_settings: Vec::new(),
             baseline: vec![TaxelBaseline { mean: f64::NAN, noise: f64::NAN }; taxels.len()],
             pressure_max_kpa: highest,

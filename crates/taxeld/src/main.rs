@@ -15,6 +15,8 @@ mod fit;
 mod force_file;
 mod judge;
 mod offline;
+#[cfg(feature = "report")]
+mod paper;
 #[cfg(feature = "sim")]
 mod picture;
 mod queues;
@@ -70,6 +72,9 @@ enum Subcommands {
     /// Error against run time, the stability table and what a scene costs, as one page with its data.
     #[cfg(feature = "report")]
     Report(report::ReportArgs),
+    /// Every figure and table of the paper that data can draw: of the simulator, a recording, a log or a session.
+    #[cfg(feature = "report")]
+    Paper(paper::PaperArgs),
     /// Compares a recording's pressure with what models say of its counts.
     #[command(hide = true)]
     Judge(judge::JudgeArgs),
@@ -141,6 +146,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Apply(args) => apply::apply(&args),
         #[cfg(feature = "report")]
         Subcommands::Report(args) => report::report(args),
+        #[cfg(feature = "report")]
+        Subcommands::Paper(args) => paper::paper(&args),
         Subcommands::Judge(args) => judge::judge(&args),
     }
 }

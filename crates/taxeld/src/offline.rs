@@ -47,6 +47,9 @@ pub struct Offline {
     pub sessions: Vec<Option<Arc<SessionView>>>,
     /// Newest health.
     pub health: Arc<Health>,
+    /// All that was gathered for the last fit.
+    #[cfg(feature = "report")]
+    pub samples: Option<Arc<taxel_engine::calibration::SessionSamples>>,
     /// Model sets made, oldest first.
     pub model_sets: Vec<Arc<ModelSet>>,
     /// Frames that the engine wants sent, for whoever plays the bus.
@@ -72,6 +75,8 @@ impl Offline {
             collected: None,
             sessions: vec![None; patches],
             health: Arc::default(),
+            #[cfg(feature = "report")]
+            samples: None,
             model_sets: Vec::new(),
             to_send: Vec::new(),
         }
@@ -169,7 +174,11 @@ impl Offline {
             Output::Load { ticket, .. } => self.loads.push(ticket),
             Output::Health(health) => self.health = health,
             Output::Send(bus, frame) => self.to_send.push((bus, frame)),
-            Output::Fit(job) => self.fits.push(job),
+            Output::Fit(job) => {
+                #[cfg(feature = "report")]
+                self.samples.replace(Arc::clone(&job.samples));
+                self.fits.push(job);
+            }
             Output::Commit { ticket, records } => {
                 let sets = records.into_iter().filter_map(|record| match record {
                     Record::ModelSet(set) => Some(set),

@@ -1,5 +1,6 @@
 //! DATA.csv: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or gzipped.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -25,7 +26,7 @@ pub struct Recording {
 }
 
 /// A column of decimals: the nearest doubles, and what they leave over of the text.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Column {
     /// Nearest double.
     pub hi: Vec<f64>,
@@ -34,6 +35,13 @@ pub struct Column {
 }
 
 impl Column {
+    /// The column with only the rows of which `keep` says so; all of it without one.
+    pub fn only(&self, keep: Option<&[bool]>) -> Cow<'_, Self> {
+        let Some(keep) = keep else { return Cow::Borrowed(self) };
+        let kept = |all: &[f64]| all.iter().zip(keep).filter(|(_, keep)| **keep).map(|(value, _)| *value).collect();
+        Cow::Owned(Self { hi: kept(&self.hi), lo: self.lo.as_deref().map(kept) })
+    }
+
     fn push(&mut self, hi: f64, lo: f64) {
         if lo != 0.0 && self.lo.is_none() {
             self.lo = Some(vec![0.0; self.hi.len()]);

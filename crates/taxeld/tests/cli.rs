@@ -245,3 +245,28 @@ fn the_demo_weighs_within_the_papers_error() {
     let percent: f64 = line.split_whitespace().nth(4).and_then(|word| word.parse().ok()).expect("a number");
     assert!(percent <= 5.0, "{line}");
 }
+
+#[cfg(feature = "report")]
+#[test]
+fn a_log_gives_the_papers_figures_of_its_ramp() {
+    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log())]);
+    let [log, config, out] = ["t.log", "t.toml", "out"].map(|name| path(folder.path(), name));
+    let said = succeeds(&["paper", &log, "--config", &config, "--out", &out]);
+    assert!(said.contains("| taxels | 20, 20 with a model |"), "{said}");
+    assert!(said.contains("measured against true force: a log has no known loads"), "{said}");
+    assert!(folder.path().join("out/fit-typical.svg").exists());
+}
+
+#[test]
+fn the_configuration_takes_the_papers_estimator_and_refuses_what_it_excludes() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("t.toml");
+    let check = ["check", "--config", file.to_str().unwrap()];
+    std::fs::write(&file, format!("{CONFIG}[patch.fit]\nestimator = \"paper\"\n")).unwrap();
+    succeeds(&check);
+    for (setting, says) in [("plays = \"on\"", "no hysteresis"), ("max_interval_share = 0.1", "min_swing_counts")] {
+        std::fs::write(&file, format!("{CONFIG}[patch.fit]\nestimator = \"paper\"\n{setting}\n")).unwrap();
+        let said = fails(&check);
+        assert!(said.contains(says), "{setting}: {said}");
+    }
+}

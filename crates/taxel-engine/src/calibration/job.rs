@@ -87,19 +87,24 @@ impl FitJob {
         let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
         let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
         let raw = scans(&time_s, &columns);
-        let masks = Masks::find(&raw, &self.modules, &self.recipe.faults).without_dropouts(&raw);
+        let recipe = self.recipe.settled();
+        let masks = if recipe.is_paper() {
+            Masks::missing(&raw)
+        } else {
+            Masks::find(&raw, &self.modules, &recipe.faults).without_dropouts(&raw)
+        };
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
         let scans = scans(&time_s, &columns);
         let kpa: Vec<f64> = samples.iter().map(|sample| sample.pressure_kpa).collect();
         let course = Course::of_session(samples, self.recipe.branch);
-        let fit = SkinFit { scans: &scans, masks, kpa, course, recipe: &self.recipe };
+        let fit = SkinFit { scans: &scans, masks, kpa, course, recipe: &recipe };
         let fitted = fit.run(&mut |_, _| {});
         if fitted.usable().is_empty() {
             let why = fitted.models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
             let samples = samples.len();
             return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
-        let (gauge, branch) = (self.recipe.options.gauge, self.recipe.branch);
+        let (gauge, branch) = (recipe.options.gauge, recipe.branch);
         Ok(ModelSet {
             id: String::new(),
             patch: self.patch.clone(),
@@ -166,7 +171,7 @@ impl FitJob {
     }
 
     fn method(&self, plays_on: bool) -> String {
-        let branches = match self.recipe.branch {
+        let branches = match self.recipe.settled().branch {
             Branch::Rising => "",
             Branch::Both => ", rising and falling",
         };

@@ -1,6 +1,6 @@
 //! How a model set was fitted, in words.
 
-use taxel_model::{Estimator, FitOptions, Order};
+use taxel_model::{FitOptions, Order};
 
 /// How a set was fitted, in words.
 #[must_use]
@@ -9,9 +9,6 @@ pub fn method(options: &FitOptions) -> String {
         Order::Fixed(order) => format!("order {order}"),
         Order::Auto => "order by leave-one-out error".to_owned(),
     };
-    let estimator = match options.estimator {
-        Estimator::PerSample => "per-sample",
-        Estimator::PressureBinned => "pressure-binned",
-    };
+    let estimator = options.estimator.name();
     format!("{order}, {estimator}{}", if options.exact { ", exact" } else { "" })
 }

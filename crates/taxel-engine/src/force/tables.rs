@@ -220,12 +220,15 @@ impl Tables {
         if self.polarity[taxel] == 0 { 1.0 } else { -1.0 }
     }
 
-    /// Force in newton that may press on a taxel `distance` counts from its zero: what its curve says there, or the
-    /// curve's own uncertainty where that is more, as where it is flat. `None` without a usable model.
+    /// Force in newton that may press on a taxel up to `distance` counts from its zero: the most that its curve says on
+    /// the way, for the paper's may turn there, or the curve's own uncertainty at that distance where that is more, as
+    /// where it is flat. `None` without a usable model.
     pub(crate) fn threshold_n(&self, taxel: usize, distance: f64) -> Option<f64> {
         let table = self.taxels.get(taxel)?.as_ref()?;
-        let code = (table.zero + self.sign(taxel) * distance).round().clamp(0.0, 255.0);
-        let kpa = table.pressure_kpa[code as usize].max(table.sigma_kpa[code as usize]).max(0.0);
+        let code = |distance: f64| (table.zero + self.sign(taxel) * distance).round().clamp(0.0, 255.0) as usize;
+        let (zero, end) = (code(0.0), code(distance));
+        let on_the_way = &table.pressure_kpa[zero.min(end)..=zero.max(end)];
+        let kpa = on_the_way.iter().copied().fold(table.sigma_kpa[end].max(0.0), f32::max);
         Some(f64::from(kpa) * f64::from(self.newton_per_kpa[taxel]))
     }
 

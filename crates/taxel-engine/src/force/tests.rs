@@ -3,7 +3,7 @@
 
 use proptest::prelude::*;
 use std::sync::Arc;
-use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
+use taxel_model::{Accumulator, Estimator, FitOptions, FixedPressure, Flag, TaxelModel};
 use taxel_skin::{Geometry, SquareMillimetre, TaxelPose, Time};
 
 use crate::baseline::{Activation, TaxelBaseline};
@@ -229,6 +229,40 @@ fn what_the_zero_says_of_itself_degrades_the_force() {
     let sample = skin.measured().sample;
     assert_eq!((sample.state, sample.total), (ForceState::TareInvalid, None));
     assert_eq!(sample.reasons, ["power cycle"]);
+}
+
+/// A model as the paper's estimator may give it: between rest and threshold, and again further on, it turns.
+fn paper_set() -> Arc<ModelSet> {
+    let mut models = ModelSet::clone(&set(TAXELS));
+    for model in &mut models.taxels {
+        let curve = model.curve.as_mut().unwrap();
+        curve.chebyshev[5] += 6.0;
+        model.estimator = Estimator::Paper;
+        model.flags.push(Flag::NotMonotone { count: 200.0 });
+        assert_eq!(model.validate(), Ok(()));
+    }
+    Arc::new(models)
+}
+
+#[test]
+fn a_curve_that_turns_is_served_as_it_is() {
+    let curve = paper_set().taxels[0].clone();
+    let kpa = |counts: u8| curve.evaluate(f64::from(REST - counts)).unwrap().kpa;
+    assert!((1..70).any(|counts| kpa(counts) < kpa(counts - 1) - 0.1), "it does not turn");
+    for counts in 0..=120 {
+        let mut skin = Skin::with_models(Some(row(TAXELS)), paper_set()).press(20..26, counts);
+        let sample = skin.measured().sample;
+        let (total, sigma) = (sample.total.unwrap().0, sample.total_sigma.unwrap().0);
+        assert!(total.is_finite() && total >= 0.0 && sigma.is_finite(), "{counts}: {sample:?}");
+        // Up to the threshold nothing is felt, and what the curve says there is in the floor.
+        if (4..=60).contains(&counts) {
+            let expected = 6.0 * kpa(counts).max(0.0) * 0.1;
+            assert!((total - expected).abs() < 1e-3 * expected.max(1.0), "{counts}: {total} N, not {expected}");
+        }
+        let floor = sample.detection_floor.unwrap().0;
+        let hidden = (0..=3).map(|counts| 0.1 * kpa(counts)).fold(0.0, f64::max);
+        assert!(floor >= hidden, "{counts}: a floor of {floor} N under {hidden} N");
+    }
 }
 
 proptest! {

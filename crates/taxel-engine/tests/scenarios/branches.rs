@@ -10,6 +10,8 @@ use taxel_engine::command::Command;
 use taxel_engine::model_set::{ModelSet, RecordedTaxel};
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Sample;
+use taxel_engine::snapshot::ForceState;
+use taxel_model::{Estimator, FitOptions, Samples};
 use taxel_sim::{Config, DielectricConfig, PumpCommand, World};
 
 use crate::bench::{Bench, Disk, session_of};
@@ -219,4 +221,31 @@ fn a_session_killed_on_its_falling_branch_gives_the_same_models_as_one_that_was_
     assert_eq!(content(set), content(&uninterrupted));
     assert_eq!(format!("{:?}", set.recorded), format!("{:?}", uninterrupted.recorded));
     assert!(set.recorded.as_ref().unwrap().taxels.iter().flatten().all(|taxel| taxel.hysteresis_kpa.is_some()));
+}
+
+/// The falling branch is gathered as asked, but has no say, and the set is served like any other.
+#[test]
+fn a_session_of_the_papers_estimator_is_its_equation_over_the_rise_and_gives_a_force() {
+    let (mut bench, session) = risen_with(STRONG, |plan| plan.fit.estimator = Estimator::Paper);
+    let set = fallen(&mut bench);
+    assert_eq!((set.method.as_str(), set.recorded.is_none()), ("order 5, paper", true));
+    let samples = bench.host.samples(session);
+    let (rising, falling) = branches_are_in_order(&samples, 0.3);
+    assert!(falling > 250, "{falling}");
+    let kpa: Vec<f64> = samples[..rising].iter().map(|s| s.pressure_kpa).collect();
+    for (taxel, model) in set.taxels.iter().enumerate() {
+        let counts: Vec<f64> = samples[..rising].iter().map(|s| f64::from(s.counts[taxel])).collect();
+        let options = FitOptions { estimator: Estimator::Paper, ..bench.host.plan.patches[0].fit };
+        let alone = taxel_model::fit(&Samples::new(&counts, &kpa), &options);
+        assert_eq!((model.estimator, &model.curve), (Estimator::Paper, &alone.curve), "taxel {taxel}");
+    }
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    bench.activate(&set.id).unwrap();
+    bench.tare(None).unwrap();
+    bench.until_force(10.0, ForceState::Ok);
+    let weight = bench.lay(0.5, 35).0;
+    bench.seconds(1.0);
+    let read = bench.weigh(10);
+    assert!((read / weight - 1.0).abs() < 0.4, "{read} N of {weight} N");
 }

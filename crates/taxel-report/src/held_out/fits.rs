@@ -39,6 +39,7 @@ impl Recipe {
         let estimator = match self.estimator {
             Estimator::PerSample => "per sample",
             Estimator::PressureBinned => "binned",
+            Estimator::Paper => "paper",
         };
         match self.order {
             Order::Fixed(order) => format!("{estimator}, order {order}"),
@@ -157,6 +158,17 @@ pub fn judge(set: ModelSet, forearm: &Forearm, plan: &PatchPlan, exam: &Exam) ->
 /// Mean relative error of the weighings, by the engine's own force.
 fn weigh(set: ModelSet, plan: &PatchPlan, exam: &Exam) -> f64 {
     let (rest, weighings) = &exam.weighings;
+    mean(forces(set, plan, rest, weighings).into_iter().map(|(weight_n, read_n)| (read_n / weight_n - 1.0).abs()))
+}
+
+/// Weight and the engine's own force, both in N, of each weighing at the zero `rest`.
+#[must_use]
+pub fn forces(
+    set: ModelSet,
+    plan: &PatchPlan,
+    rest: &[TaxelBaseline],
+    weighings: &[(Newton, Vec<Scan>)],
+) -> Vec<(f64, f64)> {
     let (counts, modules) = (plan.areas.len(), plan.patch.modules().len());
     let (sound, silent, pads) = (vec![true; counts], vec![false; modules], vec![[0; 2]; modules]);
     let mut measured = Force::new(plan.force());
@@ -174,8 +186,7 @@ fn weigh(set: ModelSet, plan: &PatchPlan, exam: &Exam) -> f64 {
         };
         measured.sample(&scan, 0, &ZeroState::default()).sample.total.map_or(f64::NAN, |total| total.0)
     };
-    let error = |(weight, scans): &(Newton, Vec<Scan>)| (mean(scans.iter().map(&mut force)) / weight.0 - 1.0).abs();
-    mean(weighings.iter().map(error))
+    weighings.iter().map(|(weight, scans)| (weight.0, mean(scans.iter().map(&mut force)))).collect()
 }
 
 /// Mean of some numbers; NaN of none.

@@ -217,6 +217,12 @@ impl Forearm {
         scans
     }
 
+    /// Lets the pressure back down from about `from_kpa` at this rate, and rests for a moment.
+    pub fn release(&mut self, from_kpa: f64, kpa_per_s: f64) -> Vec<Scan> {
+        self.world.pump(PumpCommand::Ramp { target: Kilopascal(0.0), kpa_per_s });
+        self.watch((from_kpa + 2.0) / kpa_per_s + 2.0)
+    }
+
     /// Vents the bag and waits until the fabric has settled.
     pub fn vent(&mut self) {
         self.world.pump(PumpCommand::Vent);

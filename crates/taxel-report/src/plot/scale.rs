@@ -22,7 +22,7 @@ const FEW_DECADES: i32 = 5;
 
 /// One axis with its range and where it lies.
 #[derive(Clone, Debug)]
-pub(super) struct Scale {
+pub(crate) struct Scale {
     log: bool,
     /// In the axis' own measure: the quantity, or its decimal logarithm.
     from: f64,
@@ -33,7 +33,7 @@ pub(super) struct Scale {
 
 /// Where a value is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Place {
+pub(crate) enum Place {
     /// At its own place.
     Here(f64),
     /// At the lower edge: not above 0, on a logarithmic axis.
@@ -51,14 +51,14 @@ impl Place {
 
 /// A line of the grid, with a label if it has room for one.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Tick {
+pub(crate) struct Tick {
     pub px: f64,
     pub label: Label,
 }
 
 /// How a tick is named.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Label {
+pub(crate) enum Label {
     None,
     Plain(String),
     /// Ten to this power.

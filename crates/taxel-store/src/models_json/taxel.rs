@@ -46,7 +46,7 @@ pub(super) fn mirror(taxel: usize, model: &TaxelModel) -> Entry {
         sign: sign_name(model.sign).to_owned(),
         curve: model.curve.clone(),
         sigma: model.sigma.clone(),
-        estimator: estimator_name(model.estimator).to_owned(),
+        estimator: model.estimator.name().to_owned(),
         repaired: model.repaired,
         gauge: model.gauge,
         quality: model.quality.clone(),
@@ -63,12 +63,7 @@ pub(super) fn read(taxel: usize, value: Value) -> Result<TaxelModel, String> {
     Ok(TaxelModel {
         status: status(&entry.status, entry.figures)?,
         flags: entry.flags,
-        estimator: named(
-            "estimator",
-            &entry.estimator,
-            &[Estimator::PerSample, Estimator::PressureBinned],
-            estimator_name,
-        )?,
+        estimator: named("estimator", &entry.estimator, &Estimator::ALL, Estimator::name)?,
         order: entry.order,
         sign: named("sign", &entry.sign, &[Sign::Rising, Sign::Falling], sign_name)?,
         range: entry.range,
@@ -85,13 +80,6 @@ const fn sign_name(sign: Sign) -> &'static str {
     match sign {
         Sign::Rising => "rising",
         Sign::Falling => "falling",
-    }
-}
-
-const fn estimator_name(estimator: Estimator) -> &'static str {
-    match estimator {
-        Estimator::PerSample => "per-sample",
-        Estimator::PressureBinned => "pressure-binned",
     }
 }
 

@@ -220,11 +220,11 @@ prop_compose! {
     fn any_model()(
         status in any_status(), flags in proptest::collection::vec(any_flag(), 0..4), value in finite(),
         range in (-1e9..1e9_f64, 0.0..1e9_f64), sigma in proptest::collection::vec(positive(), 1..20), first in finite(),
-        gauge in (finite(), finite(), finite()), quality in any_quality(), repaired: bool, binned: bool,
+        gauge in (finite(), finite(), finite()), quality in any_quality(), repaired: bool,
+        estimator in proptest::sample::select(Estimator::ALL.to_vec()),
     ) -> TaxelModel {
         TaxelModel {
-            status, flags, quality, repaired,
-            estimator: if binned { Estimator::PressureBinned } else { Estimator::PerSample },
+            status, flags, quality, repaired, estimator,
             range: Some([range.0, range.0 + range.1]),
             curve: Some(Curve { centre: range.0, half_width: range.1 + 1.0, chebyshev: vec![value] }),
             raw_coefficients: vec![value],

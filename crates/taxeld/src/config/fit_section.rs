@@ -8,7 +8,7 @@ use serde::Deserialize;
 pub struct FitSection {
     /// 1 to 10, or `auto`.
     pub order: OrderWord,
-    /// `pressure-binned` or `per-sample`.
+    /// `pressure-binned`, `per-sample` or `paper`.
     pub estimator: EstimatorWord,
     /// Whether the solution is refined in double-double until nothing changes.
     pub exact: bool,
@@ -71,6 +71,8 @@ pub enum EstimatorWord {
     /// Counts averaged in bins of equal pressure first.
     #[default]
     PressureBinned,
-    /// The paper's equation.
+    /// The paper's equation, its curve repaired to be monotone.
     PerSample,
+    /// The paper's equation and nothing else.
+    Paper,
 }

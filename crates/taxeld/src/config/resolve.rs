@@ -365,6 +365,14 @@ fn fit_options(section: &FitSection, gauge: Option<&GaugeSection>) -> Result<Fit
     if let OrderWord::Fixed(order) = section.order {
         within("fit.order", f64::from(order), 1.0, 10.0)?;
     }
+    if section.estimator == EstimatorWord::Paper && section.plays == PlaysWord::On {
+        return Err("fit.plays is \"on\", but the paper's estimator compensates no hysteresis".to_owned());
+    }
+    if section.estimator == EstimatorWord::Paper && section.max_interval_share.is_some() {
+        return Err(
+            "fit.max_interval_share is set, but the paper's estimator excludes by min_swing_counts alone".to_owned()
+        );
+    }
     Ok(FitOptions {
         order: match section.order {
             OrderWord::Fixed(order) => Order::Fixed(order),
@@ -374,6 +382,7 @@ fn fit_options(section: &FitSection, gauge: Option<&GaugeSection>) -> Result<Fit
         estimator: match section.estimator {
             EstimatorWord::PressureBinned => Estimator::PressureBinned,
             EstimatorWord::PerSample => Estimator::PerSample,
+            EstimatorWord::Paper => Estimator::Paper,
         },
         exclusion: Exclusion {
             min_swing_counts: within("fit.min_swing_counts", section.min_swing_counts, 0.0, 255.0)?,

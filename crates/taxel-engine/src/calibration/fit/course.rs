@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::calibration::branch::Branch;
+use crate::calibration::fit::legs::{legs, rising};
 use crate::calibration::samples::Sample;
 use crate::statistics::quantile;
 
@@ -34,6 +35,19 @@ impl Course {
             falling: (0..scans).map(|i| i > top).collect(),
             stretches: std::iter::once(0..scans).collect(),
         }
+    }
+
+    /// A recording of one run or several, each a ramp of its own; whatever does not rise counts as falling.
+    pub(crate) fn of_runs(kpa: &[f64]) -> Self {
+        let legs = legs(kpa);
+        let mut ramp = Vec::with_capacity(kpa.len());
+        let mut runs = 0;
+        for leg in &legs {
+            runs += u16::from(leg.rising && leg.scans.start > 0);
+            ramp.resize(leg.scans.end, runs);
+        }
+        let falling = rising(kpa, &legs).into_iter().map(|rises| !rises).collect();
+        Self { ramp, falling, stretches: std::iter::once(0..kpa.len()).collect() }
     }
 
     /// The samples of a session. Its branches need no mark on disk: what comes after the highest pressure of a ramp

@@ -14,6 +14,7 @@ mod dropouts;
 mod hysteresis;
 pub mod judge;
 pub(crate) mod lag;
+pub mod legs;
 pub mod masks;
 pub mod recipe;
 pub mod recipe_options;

@@ -6,17 +6,15 @@ use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::Branch;
 use crate::calibration::fit::course::Course;
 use crate::calibration::fit::lag;
+use crate::calibration::fit::legs::GAUGE_MEDIAN_SCANS;
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::{FitRecipe, RecordingError};
 use crate::calibration::fit::scans::{Scans, modules};
-use crate::calibration::fit::skin_fit::SkinFit;
+use crate::calibration::fit::skin_fit::{MASKED_MAX, SkinFit};
 use crate::calibration::fit::smooth::running_median;
 use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
 use crate::calibration::method::method as method_of;
 use crate::model_set::{ModelSet, Recorded};
-
-/// Gauges give single readings that are off by 8 to 14 kPa: a median over 0.3 s takes them out.
-const GAUGE_MEDIAN_SCANS: usize = 15;
 
 /// Fits a recording. The set comes without id, patch and time of making. `progress` is told taxels done and all.
 ///
@@ -28,19 +26,23 @@ pub fn fit(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<ModelSet, RecordingError> {
     let gauge = scans.pressure_kpa.ok_or(RecordingError::NoPressure)?;
-    let modules = modules(scans.counts.len(), recipe.module_size);
-    let masks = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans);
-    let kpa = running_median(gauge, GAUGE_MEDIAN_SCANS);
+    let recipe = &recipe.settled();
+    let (masks, faults) = masks(scans, recipe);
+    let kpa = if recipe.is_paper() { gauge.to_vec() } else { running_median(gauge, GAUGE_MEDIAN_SCANS) };
     let whole: Vec<Range<usize>> = std::iter::once(0..scans.len()).collect();
     let lag_s = if recipe.max_lag_s > 0.0 { lag::estimate(scans, &kpa, &masks, &whole, recipe.max_lag_s) } else { 0.0 };
     let kpa = lag::shifted(scans.time_s, &kpa, lag_s, &whole);
     let known = kpa.iter().enumerate().filter(|(_, p)| p.is_finite());
     let top = known.max_by(|a, b| a.1.total_cmp(b.1)).ok_or(RecordingError::NoPressure)?.0;
-    let fit = SkinFit { scans, masks, kpa, course: Course::of_recording(scans.len(), top), recipe };
+    let course = if recipe.is_paper() { Course::of_runs(&kpa) } else { Course::of_recording(scans.len(), top) };
+    let fit = SkinFit { scans, masks, kpa, course, recipe };
     let fitted = fit.run(progress);
     let (usable, rest) = (fitted.usable(), rest_scans(&fit.kpa, top));
     let of = |t: usize| baseline(scans.counts[t], fit.masks.of(t), &rest);
     let baseline: Vec<TaxelBaseline> = (0..scans.counts.len()).map(of).collect();
+    // The paper fits broken taxels, too. How far the others come back is not theirs to say.
+    let faults = faults.as_ref().unwrap_or(&fit.masks);
+    let sound: Vec<usize> = usable.into_iter().filter(|&t| faults.share(t) <= MASKED_MAX).collect();
     Ok(ModelSet {
         id: String::new(),
         patch: String::new(),
@@ -55,13 +57,21 @@ pub fn fit(
             smooth_s: recipe.smooth_s,
             module_size: recipe.module_size,
             lag_s,
-            zero_return_counts: zero_return(scans, &fit.masks, &fit.kpa, &baseline, &usable),
+            zero_return_counts: zero_return(scans, faults, &fit.kpa, &baseline, &sound),
             plays_error_ratio: fitted.plays_error_ratio,
             taxels: fitted.in_use,
         }),
         baseline,
         taxels: fitted.models,
     })
+}
+
+/// What of the scans must not be believed, and the faults of the skin where that is something else: of the paper's scans
+/// only what was never read is left out.
+fn masks(scans: &Scans<'_>, recipe: &FitRecipe) -> (Masks, Option<Masks>) {
+    let modules = modules(scans.counts.len(), recipe.module_size);
+    let faults = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans);
+    if recipe.is_paper() { (Masks::missing(scans), Some(faults)) } else { (faults, None) }
 }
 
 /// How a set was fitted, in words.

@@ -1,6 +1,6 @@
 //! How a recording is fitted, and why it cannot be.
 
-use taxel_model::FitOptions;
+use taxel_model::{Estimator, FitOptions};
 use thiserror::Error;
 
 use crate::calibration::branch::{Branch, PlaysChoice};
@@ -36,6 +36,25 @@ impl Default for FitRecipe {
             max_lag_s: 0.0,
             faults: FaultLimits::default(),
         }
+    }
+}
+
+impl FitRecipe {
+    /// Whether the paper's equation is solved over the paper's samples: no fault is looked for, nothing is averaged,
+    /// shifted in time or compensated, and only rising pressure has a say.
+    #[must_use]
+    pub fn is_paper(&self) -> bool {
+        self.options.estimator == Estimator::Paper
+    }
+
+    /// The recipe with everything that its estimator leaves no choice in.
+    #[must_use]
+    pub fn settled(&self) -> Self {
+        if !self.is_paper() {
+            return self.clone();
+        }
+        let (branch, plays) = (Branch::Rising, PlaysChoice::Off);
+        Self { branch, plays, smooth_s: 0.0, max_lag_s: 0.0, ..self.clone() }
     }
 }
 

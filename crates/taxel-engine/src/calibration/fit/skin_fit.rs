@@ -17,7 +17,7 @@ use crate::model_set::RecordedTaxel;
 use crate::statistics::{quantile, root_mean_square};
 
 /// A taxel that must be left out of more of the scans than this is not fitted.
-const MASKED_MAX: f64 = 0.3;
+pub(crate) const MASKED_MAX: f64 = 0.3;
 
 /// A taxel whose error is so many times the median over the taxels is broken in a way that has no name.
 const POOR_FIT_RATIO: f64 = 2.5;
@@ -75,7 +75,9 @@ impl SkinFit<'_> {
             fitted.push(self.fit_static(taxel));
             progress(taxel, 2 * n);
         }
-        exclude_poor_fits(&mut fitted);
+        if !self.recipe.is_paper() {
+            exclude_poor_fits(&mut fitted);
+        }
         let usable: Vec<usize> = (0..n).filter(|&t| fitted[t].model.is_usable()).collect();
         let (plays_on, plays_error_ratio) = self.decide_on_plays(&usable, has_wide_loops(&fitted));
         let mut in_use: Vec<Option<RecordedTaxel>> = vec![None; n];
@@ -114,7 +116,7 @@ impl SkinFit<'_> {
             hysteresis_kpa: None,
         };
         let share = self.masks.share(taxel);
-        if share > MASKED_MAX {
+        if share > MASKED_MAX && !self.recipe.is_paper() {
             let first = self.scans.counts[taxel].iter().copied().find(|c| c.is_finite());
             return without(faulty(self.masks.main_fault(taxel), share, first));
         }
@@ -137,7 +139,8 @@ impl SkinFit<'_> {
     fn static_model(&self, counts: &[f64], kpa: &[f64]) -> TaxelModel {
         let options: &FitOptions = &self.recipe.options;
         let sound = || counts.iter().zip(kpa).filter(|(_, p)| p.is_finite());
-        if sound().all(|(c, _)| c.fract() == 0.0 && (0.0..=255.0).contains(c)) {
+        // The accumulator rounds pressures to a thousandth of a pascal, which the paper's equation does not.
+        if !self.recipe.is_paper() && sound().all(|(c, _)| c.fract() == 0.0 && (0.0..=255.0).contains(c)) {
             // Counts are integers, and so are all sums.
             let mut sums = Accumulator::new();
             for (ramp, scans) in self.course.ramps() {

@@ -1,0 +1,151 @@
+//! The legs of a recording's pressure: up, down and up again.
+
+use std::ops::Range;
+
+use crate::calibration::fit::smooth::running_median;
+
+/// Gauges give single readings that are off by 8 to 14 kPa: a median over 0.3 s takes them out.
+pub(crate) const GAUGE_MEDIAN_SCANS: usize = 15;
+
+/// The pressure turns where it goes back by this share of its range.
+const TURN_SHARE: f64 = 0.25;
+
+/// On the way up a sample may lie behind the furthest pressure so far by this share of the range.
+const BAND_SHARE: f64 = 0.01;
+
+/// A stretch over which the pressure goes one way.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Leg {
+    /// Its scans. The scan with the highest pressure ends a rise, the one after it begins a fall.
+    pub scans: Range<usize>,
+    /// Up, and not down.
+    pub rising: bool,
+}
+
+/// All legs, in order; together they are all scans. NaN is no pressure.
+///
+/// A rise that nothing follows goes on to the end of the recording, a hold at its top included.
+#[must_use]
+pub fn legs(kpa: &[f64]) -> Vec<Leg> {
+    let course = running_median(kpa, GAUGE_MEDIAN_SCANS);
+    let (first_rises, turns) = turns(&course);
+    let mut legs = Vec::new();
+    let (mut begin, mut rising) = (0, first_rises);
+    for turn in turns {
+        let end = if rising { highest_near(kpa, turn) + 1 } else { turn };
+        legs.push(Leg { scans: begin..end, rising });
+        (begin, rising) = (end, !rising);
+    }
+    legs.push(Leg { scans: begin..kpa.len(), rising });
+    legs
+}
+
+/// Whether each scan belongs to rising pressure: on a leg upwards, and not in a dip of it. `legs` are those of `kpa`.
+#[must_use]
+pub fn rising(kpa: &[f64], legs: &[Leg]) -> Vec<bool> {
+    let course = running_median(kpa, GAUGE_MEDIAN_SCANS);
+    let band = BAND_SHARE * range_of(&course);
+    let mut rising = vec![false; kpa.len()];
+    for leg in legs.iter().filter(|leg| leg.rising) {
+        let mut furthest = f64::NEG_INFINITY;
+        for i in leg.scans.clone() {
+            furthest = furthest.max(course[i]);
+            rising[i] = course[i] >= furthest - band;
+        }
+    }
+    rising
+}
+
+fn range_of(kpa: &[f64]) -> f64 {
+    let finite = || kpa.iter().copied().filter(|p| p.is_finite());
+    (finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min)).max(0.0)
+}
+
+/// Whether the first leg rises, and the scans of the highest and lowest pressures at which the course turns.
+fn turns(course: &[f64]) -> (bool, Vec<usize>) {
+    let back = TURN_SHARE * range_of(course);
+    let mut turns = Vec::new();
+    let mut way: Option<bool> = None;
+    let mut first_rises = true;
+    let Some(start) = course.iter().position(|p| p.is_finite()) else { return (true, turns) };
+    let (mut high, mut low) = (start, start);
+    for i in (start..course.len()).filter(|&i| course[i].is_finite() && back > 0.0) {
+        if course[i] > course[high] {
+            high = i;
+        }
+        if course[i] < course[low] {
+            low = i;
+        }
+        let (fell, rose) = (course[high] - course[i] >= back, course[i] - course[low] >= back);
+        match way {
+            None if rose || fell => {
+                first_rises = rose;
+                way = Some(rose);
+                (high, low) = (i, i);
+            }
+            Some(true) if fell => {
+                turns.push(high);
+                way = Some(false);
+                low = i;
+            }
+            Some(false) if rose => {
+                turns.push(low);
+                way = Some(true);
+                high = i;
+            }
+            _ => {}
+        }
+    }
+    (first_rises, turns)
+}
+
+/// The first scan with the highest pressure about `turn`, as near to it as the median may have moved it.
+fn highest_near(kpa: &[f64], turn: usize) -> usize {
+    let near = turn.saturating_sub(GAUGE_MEDIAN_SCANS)..(turn + GAUGE_MEDIAN_SCANS + 1).min(kpa.len());
+    near.filter(|&i| kpa[i].is_finite())
+        .fold(turn, |best, i| if kpa[i] > kpa[best] || (kpa[i] == kpa[best] && i < best) { i } else { best })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp(from: f64, to: f64, scans: usize) -> impl Iterator<Item = f64> {
+        (0..scans).map(move |k| from + (to - from) * k as f64 / scans as f64)
+    }
+
+    #[test]
+    fn a_ramp_up_and_down_turns_at_its_highest_scan() {
+        let kpa: Vec<f64> = ramp(0.0, 70.0, 700).chain(ramp(70.0, 0.0, 350)).collect();
+        let legs = legs(&kpa);
+        let expected = [Leg { scans: 0..701, rising: true }, Leg { scans: 701..1050, rising: false }];
+        assert_eq!(legs, expected);
+        assert_eq!(rising(&kpa, &legs).iter().filter(|r| **r).count(), 701);
+    }
+
+    #[test]
+    fn noise_never_leaves_a_sample_of_a_ramp_out() {
+        let noise = |k: usize| 0.3 * (k as f64 * 7919.0).sin();
+        let kpa: Vec<f64> = ramp(0.0, 70.0, 700).enumerate().map(|(k, p)| p + noise(k)).collect();
+        assert!(rising(&kpa, &legs(&kpa)).iter().all(|rising| *rising));
+    }
+
+    #[test]
+    fn every_run_has_its_rise_and_a_dip_on_the_way_is_none() {
+        let run = || ramp(0.0, 40.0, 400).chain(ramp(40.0, 35.0, 50)).chain(ramp(35.0, 70.0, 350));
+        let kpa: Vec<f64> = (0..3).flat_map(|_| run().chain(ramp(70.0, 0.0, 100))).collect();
+        let legs = legs(&kpa);
+        assert_eq!(legs.iter().map(|leg| leg.rising).collect::<Vec<_>>(), [true, false].repeat(3));
+        let rising = rising(&kpa, &legs);
+        assert!(!rising[440] && !rising[455] && rising[399] && rising[510], "{:?}", &rising[395..515]);
+        assert_eq!(legs.iter().map(|leg| leg.scans.len()).sum::<usize>(), kpa.len());
+    }
+
+    #[test]
+    fn what_has_no_course_has_no_turn() {
+        for kpa in [vec![], vec![f64::NAN; 5], vec![3.0; 40]] {
+            assert_eq!(legs(&kpa), [Leg { scans: 0..kpa.len(), rising: true }]);
+            assert_eq!(rising(&kpa, &legs(&kpa)).len(), kpa.len());
+        }
+    }
+}
