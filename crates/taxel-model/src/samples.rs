@@ -6,7 +6,7 @@ use crate::fit::fit_reduced;
 use crate::model::TaxelModel;
 use crate::options::{DEFAULT_BINS, Estimator, FitOptions, MIN_BINNED_SAMPLES, Rails};
 use crate::pressure::FixedPressure;
-use crate::reduce::{CodeStat, RampGroup, Reduced, Row, rails_to_drop};
+use crate::reduce::{CodeStat, RampGroup, Reduced, Row, converter_rails, rails_to_drop};
 
 /// Larger counts or pressures (kPa) are refused: a gauge or a converter that says so is broken.
 pub const MAX_MAGNITUDE: f64 = 1e15;
@@ -91,7 +91,7 @@ fn reduce(samples: &Samples<'_>, options: &FitOptions) -> Reduced {
         return reduced;
     }
     let rails = match options.rails {
-        Rails::Auto if bytes && recording => Some((0.0, 255.0)),
+        Rails::Auto if integer && recording => converter_rails(list.iter().map(|s| s.x.hi)),
         Rails::At { low, high } => Some((low, high)),
         Rails::Auto | Rails::None => None,
     };
