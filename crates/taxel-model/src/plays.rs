@@ -12,7 +12,7 @@
 use crate::curve::Curve;
 use crate::model::{RangeState, Sign};
 use crate::nnls::nnls;
-use crate::options::{Estimator, FitOptions, Order, Rails, Shape};
+use crate::options::{Estimator, FitOptions, MAX_ORDER, Order, Rails, Shape};
 use crate::orthogonal::Basis;
 use crate::samples::{Samples, fit};
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ pub const PLAYS: usize = 2;
 /// Radii as shares of the taxel's swing.
 pub const RADII_OF_SWING: [f64; PLAYS] = [0.08, 0.20];
 
-/// Order of the mid curve: with the plays to bend it, a higher one gains nothing.
+/// Order of the mid curve unless another is asked for: with the plays to bend it, a higher one gains nothing.
 const ORDER: u8 = 3;
 
 /// Ridge on the weights, per sample: it decides between radii that the recording cannot tell apart.
@@ -64,13 +64,23 @@ impl PlayState {
 }
 
 impl Plays {
-    /// Identifies curve and weights from a recording: least squares in all of them at once, weights not negative.
+    /// The order of the mid curve that [`Plays::identify`] takes.
+    pub const DEFAULT_ORDER: Order = Order::Fixed(ORDER);
+
+    /// As [`Plays::identify_of_order`], with a mid curve of order 3.
+    #[must_use]
+    pub fn identify(counts: &[f64], kpa: &[f64], radii_counts: [f64; PLAYS]) -> Option<Self> {
+        Self::identify_of_order(counts, kpa, radii_counts, Self::DEFAULT_ORDER)
+    }
+
+    /// Identifies curve and weights from a recording: least squares in all of them at once, weights not negative. With
+    /// [`Order::Auto`] the weights are those about order 3, and the curve's order is chosen thereafter.
     ///
     /// `counts` in the order of time, freed of noise as far as they will be in use (a play takes noise for motion);
     /// NaN where there is none. `kpa` is NaN where a sample must not be fitted; the plays follow its count still.
     /// `radii_counts` of zero give the curve alone. `None` if the samples do not carry a monotone curve.
     #[must_use]
-    pub fn identify(counts: &[f64], kpa: &[f64], radii_counts: [f64; PLAYS]) -> Option<Self> {
+    pub fn identify_of_order(counts: &[f64], kpa: &[f64], radii_counts: [f64; PLAYS], order: Order) -> Option<Self> {
         let (mut x, mut y) = (Vec::new(), Vec::new());
         let mut lags: [Vec<f64>; PLAYS] = Default::default();
         let fitted = counts.iter().zip(kpa).filter(|(c, p)| c.is_finite() && p.is_finite()).count();
@@ -89,12 +99,12 @@ impl Plays {
             lags.iter_mut().zip(z).for_each(|(lag, z)| lag.push(z - count));
         }
         let sign = direction(&x, &y)?;
-        let weights_kpa = weights(&x, &y, &lags, sign);
+        let weights_kpa = weights(&x, &y, &lags, sign, order);
         for (lag, w) in lags.iter().zip(weights_kpa) {
             y.iter_mut().zip(lag).for_each(|(y, lag)| *y += sign.as_f64() * w * lag);
         }
         let options = FitOptions {
-            order: Order::Fixed(ORDER),
+            order,
             estimator: Estimator::PerSample,
             shape: Shape::Repair,
             rails: Rails::None,
@@ -163,11 +173,15 @@ fn direction(x: &[f64], y: &[f64]) -> Option<Sign> {
 
 /// The best weights: what the polynomial explains is projected out of both sides, the rest is a problem in the weights
 /// alone.
-fn weights(x: &[f64], y: &[f64], lags: &[Vec<f64>; PLAYS], sign: Sign) -> [f64; PLAYS] {
+fn weights(x: &[f64], y: &[f64], lags: &[Vec<f64>; PLAYS], sign: Sign, order: Order) -> [f64; PLAYS] {
+    let order = match order {
+        Order::Fixed(order) => order.clamp(1, MAX_ORDER),
+        Order::Auto => ORDER,
+    };
     let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
     let (centre, half) = Curve::frame(low, high);
     let t: Vec<f64> = x.iter().map(|x| (x - centre) / half).collect();
-    let basis = Basis::new(&t, &vec![1.0; t.len()], usize::from(ORDER));
+    let basis = Basis::new(&t, &vec![1.0; t.len()], usize::from(order));
     let rest = |values: Vec<f64>| {
         let mut rest = values;
         for (d, q) in basis.project(&rest).iter().zip(&basis.vectors) {
@@ -234,6 +248,19 @@ mod tests {
             }
             assert_eq!(Plays::identify(&path, &run(&truth, &path), [0.0; PLAYS]).unwrap().weights_kpa, [0.0; PLAYS]);
         }
+    }
+
+    #[test]
+    fn the_mid_curve_has_the_order_that_is_asked_for() {
+        let truth = plays(Sign::Falling);
+        let path: Vec<f64> = (0..9000).map(|k| 200.0 + 25.0 * (f64::from(k) / 700.0).sin()).collect();
+        let kpa = run(&truth, &path);
+        for order in [1, 3, 5, 7] {
+            let found = Plays::identify_of_order(&path, &kpa, RADII, Order::Fixed(order)).unwrap();
+            assert_eq!(found.curve.order(), usize::from(order));
+        }
+        let chosen = Plays::identify_of_order(&path, &kpa, RADII, Order::Auto).unwrap();
+        assert!(chosen.curve.order() >= 2, "the truth is of order 2: {:?}", chosen.curve);
     }
 
     #[test]

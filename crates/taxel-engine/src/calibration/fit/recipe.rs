@@ -12,7 +12,7 @@ use crate::calibration::fit::scans::{Scans, modules};
 use crate::calibration::fit::skin_fit::SkinFit;
 use crate::calibration::fit::smooth::running_median;
 use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
-use crate::calibration::method::method as method_of;
+use crate::calibration::method::{method as method_of, plays_in_words};
 use crate::model_set::{ModelSet, Recorded};
 
 /// Gauges give single readings that are off by 8 to 14 kPa: a median over 0.3 s takes them out.
@@ -70,6 +70,6 @@ fn method(recipe: &FitRecipe, plays_on: bool) -> String {
         Branch::Both => "rising and falling",
         Branch::Rising => "rising",
     };
-    let plays = if plays_on { ", two plays about order 3 in use" } else { "" };
+    let plays = if plays_on { plays_in_words(recipe.plays_order) } else { String::new() };
     format!("{}, {branch}{plays}", method_of(&recipe.options))
 }
