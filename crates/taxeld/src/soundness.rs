@@ -201,7 +201,7 @@ fn check_steps(steps: &[f64], notes: &mut Vec<String>) -> anyhow::Result<()> {
         );
     }
     if median < STEP_MIN_S {
-        bail!("t_s rises by {median:e} a row (median): expected seconds, {STEP_MIN_S} at least from scan to scan");
+        bail!("t_s rises by {median:.1e} a row (median): expected seconds, {STEP_MIN_S} at least from scan to scan");
     }
     if median >= STEP_ODD_S {
         notes.push(format!(

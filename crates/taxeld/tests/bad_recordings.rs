@@ -84,7 +84,7 @@ fn a_time_that_is_none_is_refused_with_its_place() {
         ("coarse", coarse, ["line 3: t_s goes from 0 to 0", "digits enough"]),
         ("milliseconds", scaled(1000.0), ["rises by 20.000000 a row", "if these are milliseconds, divide by 1000"]),
         ("an hour a row", scaled(180_000.0), ["rises by 3600.000000 a row", "expected seconds, 5 at most"]),
-        ("hours", scaled(1e-4), ["rises by 2e-6 a row", "expected seconds, 0.0001 at least"]),
+        ("hours", scaled(1e-4), ["rises by 2.0e-6 a row", "expected seconds, 0.0001 at least"]),
     ] {
         let refused = fit(folder.path(), &bad).unwrap_err();
         for words in says {
@@ -100,12 +100,12 @@ fn a_pressure_that_is_none_is_refused_with_its_place() {
     let pressure = |of: &dyn Fn(f64) -> f64| Table { kpa: table.kpa.iter().map(|p| of(*p)).collect(), ..table.clone() };
     let folder = tempfile::tempdir().unwrap();
     for (name, bad, says) in [
-        ("negative", pressure(&|p| -p - 0.5), ["line 301: pressure_kpa is -70.38", "change the sign"]),
+        ("negative", pressure(&|p| -p - 0.5), ["line 302: pressure_kpa is -70.38", "change the sign"]),
         ("negative but for noise", pressure(&|p| 0.4 - p), ["pressure_kpa is -69.48", "positive under load"]),
         (
             "pascal",
             pressure(&|p| 1000.0 * p),
-            ["line 301: pressure_kpa is 69883", "if these are pascals, divide by 1000"],
+            ["line 302: pressure_kpa is 69883", "if these are pascals, divide by 1000"],
         ),
     ] {
         let refused = fit(folder.path(), &bad).unwrap_err();

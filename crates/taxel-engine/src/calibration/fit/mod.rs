@@ -15,6 +15,8 @@ mod hysteresis;
 pub mod judge;
 pub(crate) mod lag;
 pub mod masks;
+#[cfg(test)]
+mod plays_tests;
 pub mod recipe;
 pub mod recipe_options;
 pub mod scans;
