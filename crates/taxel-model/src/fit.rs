@@ -26,8 +26,12 @@ const GAP_SHARE: f64 = 0.25;
 /// Share of the samples that the range of real counts loses at each end.
 const REAL_TRIM: f64 = 0.002;
 
-/// Share of the samples that the range of integer counts may lose at an end because none of those counts was seen often.
+/// Share of the samples that the range of integer counts may lose at an end because none of those counts was seen often,
+/// where counts hardly repeat.
 const END_MAX: f64 = 0.01;
+
+/// Counts repeat if half of them were seen so many times as often as the count at an end of the range must be.
+const DENSE: f64 = 2.0;
 
 /// A curve may be this far from the projection that it stands for, as a share of the largest pressure. Healthy ones
 /// are within 1e-14; a cluster of counts with one 1e5 times as far away as it is wide is beyond f64.
@@ -351,7 +355,10 @@ fn calibrated_range(data: &Reduced, options: &FitOptions) -> [f64; 2] {
     let all = ends(&data.codes).unwrap_or([0.0, 0.0]);
     let mut range = all;
     if samples >= MIN_BINNED_SAMPLES as f64 {
-        let often = data.integer.then_some(f64::from(options.min_samples_at_ends));
+        let often = f64::from(options.min_samples_at_ends);
+        // Half of the counts, and not their mean: a long rest at one count says nothing of the others.
+        let dense = 2 * data.codes.iter().filter(|code| code.n >= DENSE * often).count() >= data.codes.len();
+        let often = data.integer.then_some((often, if dense { 1.0 } else { END_MAX }));
         let ends =
             [trimmed_end(data.codes.iter(), samples, often), trimmed_end(data.codes.iter().rev(), samples, often)];
         if let [Some(low), Some(high)] = ends
@@ -370,10 +377,13 @@ fn calibrated_range(data: &Reduced, options: &FitOptions) -> [f64; 2] {
     range
 }
 
-/// Where the calibrated range ends, from the outermost of `codes` inwards: at the first count that was seen `often`. A
-/// fine converter hardly repeats a count: where that would cost more than [`END_MAX`] of the samples, and for real
-/// counts, [`REAL_TRIM`] of the samples lie beyond.
-fn trimmed_end<'a>(codes: impl Iterator<Item = &'a CodeStat> + Clone, samples: f64, often: Option<f64>) -> Option<f64> {
+/// Where the calibrated range ends, from the outermost of `codes` inwards: at the first count that was seen `often`, how
+/// many times and within which share of the samples. Without such a count, [`REAL_TRIM`] of the samples lie beyond.
+fn trimmed_end<'a>(
+    codes: impl Iterator<Item = &'a CodeStat> + Clone,
+    samples: f64,
+    often: Option<(f64, f64)>,
+) -> Option<f64> {
     let first_beyond = |share: f64, often: f64| {
         let mut seen = 0.0;
         codes.clone().find(|code| {
@@ -381,7 +391,7 @@ fn trimmed_end<'a>(codes: impl Iterator<Item = &'a CodeStat> + Clone, samples: f
             seen > share * samples || code.n >= often
         })
     };
-    let common = often.and_then(|often| first_beyond(END_MAX, often).filter(|code| code.n >= often));
+    let common = often.and_then(|(often, within)| first_beyond(within, often).filter(|code| code.n >= often));
     common.or_else(|| first_beyond(REAL_TRIM, f64::INFINITY)).map(|code| code.x.to_f64())
 }
 

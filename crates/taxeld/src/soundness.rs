@@ -245,7 +245,7 @@ fn check_pressure(recording: &mut Recording, notes: &mut Vec<String>) -> anyhow:
         ));
     }
     let beyond = |p: &f64| p.abs() > PRESSURE_MAX_KPA;
-    if let Some(row) = column.hi.iter().position(|p| beyond(p)) {
+    if let Some(row) = column.hi.iter().position(beyond) {
         let (n, value) = (column.hi.iter().filter(|p| beyond(p)).count(), column.hi[row]);
         notes.push(format!(
             "{n} pressures left out that are beyond {PRESSURE_MAX_KPA} kPa (first: {}, {value})",

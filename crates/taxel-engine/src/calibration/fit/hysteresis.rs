@@ -1,5 +1,7 @@
 //! How far the falling branch lies from the rising one, and whether plays earn their place.
 
+use std::ops::Range;
+
 use taxel_model::{Order, PLAYS, PlayState, Plays, RADII_OF_SWING};
 
 use crate::statistics::{mean, quantile, root_mean_square};
@@ -23,15 +25,23 @@ pub(super) fn identify(smoothed: &[f64], kpa: &[f64], order: Order) -> Option<Pl
     Plays::identify_of_order(smoothed, kpa, RADII_OF_SWING.map(|share| share * swing), order)
 }
 
-/// The pressures that plays fitted to `seen` make of a smoothed count, and those that their curve makes without them.
-pub(super) fn with_and_without(smoothed: &[f64], seen: &[f64], order: Order) -> Option<(Vec<f64>, Vec<f64>)> {
+/// Root mean square errors on the scans `held_out`, kPa: of plays fitted to `seen`, the pressures without those, and of
+/// their curve alone.
+pub(super) fn held_out_errors(
+    smoothed: &[f64],
+    seen: &[f64],
+    kpa: &[f64],
+    held_out: &Range<usize>,
+    order: Order,
+) -> Option<(f64, f64)> {
+    let error = |plays: &Plays| error_on(&read(plays, smoothed), kpa, held_out);
     let alone = Plays::identify_of_order(smoothed, seen, [0.0; PLAYS], order)?;
-    Some((read(&identify(smoothed, seen, order)?, smoothed), read(&alone, smoothed)))
+    Some((error(&identify(smoothed, seen, order)?), error(&alone)))
 }
 
-/// Root mean square of what is read less `kpa` over some scans; NaN if there is none.
-pub(super) fn error_on(read: &[f64], kpa: &[f64], scans: &[usize]) -> f64 {
-    root_mean_square(scans.iter().filter_map(|&i| Some(read.get(i)? - kpa.get(i)?)))
+/// Root mean square of what is read less `kpa` over some scans.
+pub(super) fn error_on(read: &[f64], kpa: &[f64], scans: &Range<usize>) -> f64 {
+    root_mean_square(scans.clone().filter_map(|i| Some(read.get(i)? - kpa.get(i)?)))
 }
 
 /// The pressures that plays make of a smoothed count; NaN where there is none.

@@ -25,19 +25,6 @@ const POOR_FIT_RATIO: f64 = 2.5;
 /// Plays are switched on if they leave at most so much of the error on the branch that was not fitted.
 const PLAYS_WIN_BELOW: f64 = 0.9;
 
-/// They stay off if they leave more than this of the error at light touch, there.
-const PLAYS_LIGHT_BELOW: f64 = 1.0;
-
-/// A pressure within this share of the range above the least one is a light touch: 6 kPa of 70.
-const LIGHT_SHARE: f64 = 0.086;
-
-/// Scans that judge plays.
-struct HeldOut {
-    range: Range<usize>,
-    /// All of them, and those of a light touch.
-    scans: [Vec<usize>; 2],
-}
-
 /// Scans with all that is known of them, ready to be fitted.
 pub(crate) struct SkinFit<'a> {
     /// The scans; all counts refer to one zero.
@@ -201,37 +188,24 @@ impl SkinFit<'_> {
         if self.recipe.plays == PlaysChoice::Off || self.recipe.branch == Branch::Rising {
             return (false, None);
         }
-        let Some(held_out) = self.held_out() else {
+        let Some(held_out) = self.course.held_out(&self.kpa) else {
             return (self.recipe.plays == PlaysChoice::On, None);
         };
-        let ratios: Vec<[f64; 2]> = taxels.iter().filter_map(|&t| self.error_ratios(t, &held_out)).collect();
-        let median = |of: usize| quantile(ratios.iter().map(|ratio| ratio[of]).collect(), 0.5);
-        let (ratio, light) = (median(0), median(1));
-        let wins = wide_loops
-            && ratio.is_some_and(|ratio| ratio < PLAYS_WIN_BELOW)
-            && light.is_none_or(|light| light < PLAYS_LIGHT_BELOW);
+        let ratio = quantile(taxels.iter().filter_map(|&t| self.error_ratio(t, &held_out)).collect(), 0.5);
+        let wins = wide_loops && ratio.is_some_and(|ratio| ratio < PLAYS_WIN_BELOW);
         (wins || self.recipe.plays == PlaysChoice::On, ratio)
     }
 
-    /// The scans that judge plays: all those that a fit can be tried on which did not see them, and of these the light ones.
-    fn held_out(&self) -> Option<HeldOut> {
-        let range = self.course.held_out(&self.kpa)?;
-        let (low, high) = (quantile(self.kpa.clone(), 0.0)?, quantile(self.kpa.clone(), 1.0)?);
-        let light = range.clone().filter(|&i| self.kpa[i] < low + LIGHT_SHARE * (high - low));
-        Some(HeldOut { scans: [range.clone().collect(), light.collect()], range })
-    }
-
-    /// Errors of plays over those of the better static curve, the one that they would replace or their own without them,
-    /// on scans that no fit saw: all of them and the light ones, where only what they would replace is compared with.
-    fn error_ratios(&self, taxel: usize, held_out: &HeldOut) -> Option<[f64; 2]> {
+    /// Error of plays over that of the better static curve, the one that they would replace or their own without them,
+    /// on scans that no fit saw.
+    fn error_ratio(&self, taxel: usize, held_out: &Range<usize>) -> Option<f64> {
         let (smoothed, kpa) = (self.smoothed(taxel), self.pressure(taxel));
         let seen: Vec<f64> =
-            kpa.iter().enumerate().map(|(i, p)| if held_out.range.contains(&i) { f64::NAN } else { *p }).collect();
-        let (with, alone) = hysteresis::with_and_without(&smoothed, &seen, self.recipe.plays_order)?;
-        let curve = read_static(&self.static_model(self.scans.counts[taxel], &seen), &smoothed);
-        let error = |read: &[f64], of: usize| hysteresis::error_on(read, &kpa, &held_out.scans[of]);
-        let all = error(&with, 0) / error(&curve, 0).min(error(&alone, 0));
-        all.is_finite().then(|| [all, error(&with, 1) / error(&curve, 1)])
+            kpa.iter().enumerate().map(|(i, p)| if held_out.contains(&i) { f64::NAN } else { *p }).collect();
+        let (with, alone) = hysteresis::held_out_errors(&smoothed, &seen, &kpa, held_out, self.recipe.plays_order)?;
+        let curve = self.static_model(self.scans.counts[taxel], &seen);
+        let curve = hysteresis::error_on(&read_static(&curve, &smoothed), &kpa, held_out);
+        Some(with / curve.min(alone)).filter(|ratio| ratio.is_finite())
     }
 
     /// What is known of a usable taxel in use; `None` if it never moved while the pressure did.
