@@ -34,6 +34,12 @@ pub struct ModelSet {
 }
 
 impl ModelSet {
+    /// Whether it was fitted to scans of a skin over time, and not to a table of counts and pressures.
+    #[must_use]
+    pub const fn is_of_skin(&self) -> bool {
+        self.session.is_some() || self.recorded.is_some()
+    }
+
     /// Which way pressure moves the count of each taxel: +1, -1, or 0 where no usable model says.
     #[must_use]
     pub fn signs(&self) -> Vec<i8> {

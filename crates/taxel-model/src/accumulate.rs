@@ -147,7 +147,7 @@ impl Accumulator {
 
     pub(crate) fn reduce(&self, options: &FitOptions) -> Reduced {
         let recording = self.samples() >= MIN_BINNED_SAMPLES;
-        let rails = options.rails(recording);
+        let rails = options.rails(recording.then_some((0.0, 255.0)));
         let mut codes: Vec<CodeStat> = Vec::with_capacity(256);
         codes.extend((0..256).filter_map(|c| self.code_stat(c)));
         let dropped = rails_to_drop(&codes, rails);

@@ -26,6 +26,13 @@ const GAP_SHARE: f64 = 0.25;
 /// Share of the samples that the range of real counts loses at each end.
 const REAL_TRIM: f64 = 0.002;
 
+/// Share of the samples that the range of integer counts may lose at an end because none of those counts was seen often,
+/// where counts hardly repeat.
+const END_MAX: f64 = 0.01;
+
+/// Counts repeat if half of them were seen so many times as often as the count at an end of the range must be.
+const DENSE: f64 = 2.0;
+
 /// A curve may be this far from the projection that it stands for, as a share of the largest pressure. Healthy ones
 /// are within 1e-14; a cluster of counts with one 1e5 times as far away as it is wide is beyond f64.
 const CURVE_TOLERANCE: f64 = 1e-9;
@@ -350,19 +357,20 @@ impl<'a> Fit<'a> {
 /// polynomial must not be extended to either. The paper leaves nothing out.
 fn calibrated_range(data: &Reduced, options: &FitOptions) -> [f64; 2] {
     let samples = data.samples;
-    let all = ends(&data.codes, |_| true).unwrap_or([0.0, 0.0]);
+    let all = ends(&data.codes).unwrap_or([0.0, 0.0]);
     let mut range = all;
     if samples >= MIN_BINNED_SAMPLES as f64 && options.estimator != Estimator::Paper {
-        let trimmed = if data.integer {
-            ends(&data.codes, |code| code.n >= f64::from(options.min_samples_at_ends))
-        } else {
-            let mut below = 0.0;
-            ends(&data.codes, |code| {
-                below += code.n;
-                below > REAL_TRIM * samples && below - code.n < (1.0 - REAL_TRIM) * samples
-            })
-        };
-        range = trimmed.filter(|range| range[1] > range[0]).unwrap_or(all);
+        let often = f64::from(options.min_samples_at_ends);
+        // Half of the counts, and not their mean: a long rest at one count says nothing of the others.
+        let dense = 2 * data.codes.iter().filter(|code| code.n >= DENSE * often).count() >= data.codes.len();
+        let often = data.integer.then_some((often, if dense { 1.0 } else { END_MAX }));
+        let ends =
+            [trimmed_end(data.codes.iter(), samples, often), trimmed_end(data.codes.iter().rev(), samples, often)];
+        if let [Some(low), Some(high)] = ends
+            && high > low
+        {
+            range = [low, high];
+        }
     }
     if data.binned && !data.rows.is_empty() {
         let x = || data.rows.iter().map(|row| row.x.to_f64());
@@ -374,14 +382,27 @@ fn calibrated_range(data: &Reduced, options: &FitOptions) -> [f64; 2] {
     range
 }
 
-/// The least and the greatest of the counts, which are ascending, that are kept; asks for each once, in their order.
-fn ends(codes: &[CodeStat], mut keep: impl FnMut(&CodeStat) -> bool) -> Option<[f64; 2]> {
-    let mut ends = None;
-    for code in codes.iter().filter(|code| keep(code)) {
-        let count = code.x.to_f64();
-        ends = Some([ends.map_or(count, |[first, _]: [f64; 2]| first), count]);
-    }
-    ends
+/// Where the calibrated range ends, from the outermost of `codes` inwards: at the first count that was seen `often`, how
+/// many times and within which share of the samples. Without such a count, [`REAL_TRIM`] of the samples lie beyond.
+fn trimmed_end<'a>(
+    codes: impl Iterator<Item = &'a CodeStat> + Clone,
+    samples: f64,
+    often: Option<(f64, f64)>,
+) -> Option<f64> {
+    let first_beyond = |share: f64, often: f64| {
+        let mut seen = 0.0;
+        codes.clone().find(|code| {
+            seen += code.n;
+            seen > share * samples || code.n >= often
+        })
+    };
+    let common = often.and_then(|(often, within)| first_beyond(within, often).filter(|code| code.n >= often));
+    common.or_else(|| first_beyond(REAL_TRIM, f64::INFINITY)).map(|code| code.x.to_f64())
+}
+
+/// The least and the greatest count; `codes` are ascending.
+fn ends(codes: &[CodeStat]) -> Option<[f64; 2]> {
+    Some([codes.first()?.x.to_f64(), codes.last()?.x.to_f64()])
 }
 
 /// The value below which half of the weight lies.

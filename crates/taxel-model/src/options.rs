@@ -120,7 +120,8 @@ pub enum Shape {
 /// Which counts are the ends of the converter, where a reading is clipped and not measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Rails {
-    /// 0 and 255 for recordings of integer counts within 0..=255, none otherwise.
+    /// For recordings of integer counts 0 and the greatest count of the fewest bits, 8 to 24, that hold them all: 255 for
+    /// those within 0..=255. None otherwise.
     #[default]
     Auto,
     /// No count is a rail.
@@ -154,7 +155,8 @@ pub struct FitOptions {
     /// When a curve must not be used.
     pub exclusion: Exclusion,
     /// The calibrated range ends at the outermost counts that were seen this often. Applies to recordings
-    /// ([`MIN_BINNED_SAMPLES`] samples and more) of integer counts; real counts lose 0.2 % of the samples per end.
+    /// ([`MIN_BINNED_SAMPLES`] samples and more) of integer counts that repeat. Real counts, and those of a converter so
+    /// fine that this would cost an end 1 % of the samples, lose 0.2 % of the samples per end.
     pub min_samples_at_ends: u32,
     /// What to do where the curve is not monotone.
     pub shape: Shape,
@@ -180,13 +182,13 @@ impl Default for FitOptions {
 }
 
 impl FitOptions {
-    /// The counts at which a reading is clipped. `bytes`: it is a recording of integer counts within 0..=255.
-    pub(crate) fn rails(&self, bytes: bool) -> Option<(f64, f64)> {
+    /// The counts at which a reading is clipped, where those of the converter are known or guessed from a recording.
+    pub(crate) fn rails(&self, of_converter: Option<(f64, f64)>) -> Option<(f64, f64)> {
         match self.rails {
             _ if self.estimator == Estimator::Paper => None,
-            Rails::Auto if bytes => Some((0.0, 255.0)),
+            Rails::Auto => of_converter,
             Rails::At { low, high } => Some((low, high)),
-            Rails::Auto | Rails::None => None,
+            Rails::None => None,
         }
     }
 

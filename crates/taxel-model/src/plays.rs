@@ -12,7 +12,7 @@
 use crate::curve::Curve;
 use crate::model::{RangeState, Sign};
 use crate::nnls::nnls;
-use crate::options::{Estimator, FitOptions, Order, Rails, Shape};
+use crate::options::{Estimator, FitOptions, MAX_ORDER, Order, Rails, Shape};
 use crate::orthogonal::Basis;
 use crate::samples::{Samples, fit};
 use serde::{Deserialize, Serialize};
@@ -23,7 +23,7 @@ pub const PLAYS: usize = 2;
 /// Radii as shares of the taxel's swing.
 pub const RADII_OF_SWING: [f64; PLAYS] = [0.08, 0.20];
 
-/// Order of the mid curve: with the plays to bend it, a higher one gains nothing.
+/// Order of the mid curve unless another is asked for: with the plays to bend it, a higher one gains nothing.
 const ORDER: u8 = 3;
 
 /// Ridge on the weights, per sample: it decides between radii that the recording cannot tell apart.
@@ -31,6 +31,9 @@ const RIDGE: f64 = 1e-3;
 
 /// About so many samples are used of a recording: neighbours in time say the same.
 const SAMPLES: usize = 2100;
+
+/// Share of the counts that lie beyond the range in which the plays are thought to have moved, at each end.
+const RANGE_TRIM: f64 = 0.002;
 
 /// A curve with the plays about it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -52,10 +55,10 @@ pub struct Plays {
 pub struct PlayState(Option<[f64; PLAYS]>);
 
 impl PlayState {
-    /// Follows the count. The first one centres the plays: without a history the mid curve is the best guess.
-    fn follow(&mut self, count: f64, radii: &[f64; PLAYS]) -> [f64; PLAYS] {
-        let mut z = self.0.unwrap_or([count; PLAYS]);
-        for (z, r) in z.iter_mut().zip(radii) {
+    /// Follows the count, from where `frame` says that the plays may stand before the first one.
+    fn follow(&mut self, count: f64, frame: &Frame) -> [f64; PLAYS] {
+        let mut z = self.0.unwrap_or_else(|| frame.radii.map(|r| frame.unknown(count, r)));
+        for (z, r) in z.iter_mut().zip(&frame.radii) {
             *z = z.max(count - r).min(count + r);
         }
         self.0 = Some(z);
@@ -63,20 +66,55 @@ impl PlayState {
     }
 }
 
+/// What plays move in.
+#[derive(Clone, Copy, Debug)]
+struct Frame {
+    radii: [f64; PLAYS],
+    range: [f64; 2],
+    sign: Sign,
+}
+
+impl Frame {
+    /// Where a play stands at its first count, of whose past nothing is known: midway between where a pressure that only
+    /// rose from rest would have left it and where one that only fell from the top would have. At rest both are the same:
+    /// the last load has gone, and the play hangs back on the side of the load. Without this a touch that begins at rest
+    /// would begin on the mid curve, which at rest reads too high.
+    fn unknown(&self, count: f64, r: f64) -> f64 {
+        let sign = self.sign.as_f64();
+        let (a, b) = (sign * self.range[0], sign * self.range[1]);
+        let (rest, top, load) = (a.min(b), a.max(b), sign * count);
+        let (risen, fallen) = ((rest + r).max(load - r), (top - r).min(load + r));
+        sign * (risen + (fallen - risen) / 2.0)
+    }
+}
+
 impl Plays {
-    /// Identifies curve and weights from a recording: least squares in all of them at once, weights not negative.
+    /// The order of the mid curve that [`Plays::identify`] takes.
+    pub const DEFAULT_ORDER: Order = Order::Fixed(ORDER);
+
+    /// As [`Plays::identify_of_order`], with a mid curve of order 3.
+    #[must_use]
+    pub fn identify(counts: &[f64], kpa: &[f64], radii_counts: [f64; PLAYS]) -> Option<Self> {
+        Self::identify_of_order(counts, kpa, radii_counts, Self::DEFAULT_ORDER)
+    }
+
+    /// Identifies curve and weights from a recording: least squares in all of them at once, weights not negative. With
+    /// [`Order::Auto`] the weights are those about order 3, and the curve's order is chosen thereafter.
     ///
     /// `counts` in the order of time, freed of noise as far as they will be in use (a play takes noise for motion);
     /// NaN where there is none. `kpa` is NaN where a sample must not be fitted; the plays follow its count still.
     /// `radii_counts` of zero give the curve alone. `None` if the samples do not carry a monotone curve.
     #[must_use]
-    pub fn identify(counts: &[f64], kpa: &[f64], radii_counts: [f64; PLAYS]) -> Option<Self> {
+    pub fn identify_of_order(counts: &[f64], kpa: &[f64], radii_counts: [f64; PLAYS], order: Order) -> Option<Self> {
+        let sign = direction(counts, kpa)?;
+        let range = range(counts)?;
+        let frame = Frame { radii: radii_counts, range, sign };
         let (mut x, mut y) = (Vec::new(), Vec::new());
         let mut lags: [Vec<f64>; PLAYS] = Default::default();
         let fitted = counts.iter().zip(kpa).filter(|(c, p)| c.is_finite() && p.is_finite()).count();
         let (stride, mut state, mut seen) = (fitted.div_ceil(SAMPLES).max(1), PlayState::default(), 0_usize);
         for (&count, &kpa) in counts.iter().zip(kpa).filter(|(c, _)| c.is_finite()) {
-            let z = state.follow(count, &radii_counts);
+            let z = state.follow(count, &frame);
             if !kpa.is_finite() {
                 continue;
             }
@@ -88,13 +126,12 @@ impl Plays {
             y.push(kpa);
             lags.iter_mut().zip(z).for_each(|(lag, z)| lag.push(z - count));
         }
-        let sign = direction(&x, &y)?;
-        let weights_kpa = weights(&x, &y, &lags, sign);
+        let weights_kpa = weights(&x, &y, &lags, sign, order);
         for (lag, w) in lags.iter().zip(weights_kpa) {
             y.iter_mut().zip(lag).for_each(|(y, lag)| *y += sign.as_f64() * w * lag);
         }
         let options = FitOptions {
-            order: Order::Fixed(ORDER),
+            order,
             estimator: Estimator::PerSample,
             shape: Shape::Repair,
             rails: Rails::None,
@@ -120,9 +157,15 @@ impl Plays {
         if !count.is_finite() {
             return f64::NAN;
         }
-        let inside = self.inside(count);
-        let z = state.follow(inside, &self.radii_counts);
-        let bent: f64 = z.iter().zip(&self.weights_kpa).map(|(z, w)| w * (z - inside)).sum();
+        // A load beyond the calibrated range moves the plays, too: when it goes they turn where it turned. Beyond rest
+        // there is no load.
+        let felt = match self.sign {
+            Sign::Rising => count.max(self.range[0]),
+            Sign::Falling => count.min(self.range[1]),
+        };
+        let frame = Frame { radii: self.radii_counts, range: self.range, sign: self.sign };
+        let z = state.follow(felt, &frame);
+        let bent: f64 = z.iter().zip(&self.weights_kpa).map(|(z, w)| w * (z - felt)).sum();
         -self.sign.as_f64() * bent
     }
 
@@ -147,11 +190,12 @@ impl Plays {
     }
 }
 
-/// The sign of the slope of pressure over count; `None` without one.
+/// The sign of the slope of pressure over count, over pairs of finite numbers; `None` without one.
 fn direction(x: &[f64], y: &[f64]) -> Option<Sign> {
-    let n = x.len() as f64;
-    let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
-    let cross: f64 = x.iter().zip(y).map(|(x, y)| (x - mx) * (y - my)).sum();
+    let pairs = || x.iter().zip(y).filter(|(x, y)| x.is_finite() && y.is_finite());
+    let n = pairs().count() as f64;
+    let (mx, my) = (pairs().map(|(x, _)| x).sum::<f64>() / n, pairs().map(|(_, y)| y).sum::<f64>() / n);
+    let cross: f64 = pairs().map(|(x, y)| (x - mx) * (y - my)).sum();
     if cross > 0.0 {
         Some(Sign::Rising)
     } else if cross < 0.0 {
@@ -161,13 +205,26 @@ fn direction(x: &[f64], y: &[f64]) -> Option<Sign> {
     }
 }
 
+/// Least and greatest of the finite counts but for a few in a thousand at each end, which may be noise.
+fn range(counts: &[f64]) -> Option<[f64; 2]> {
+    let stride = counts.len().div_ceil(SAMPLES).max(1);
+    let mut some: Vec<f64> = counts.iter().step_by(stride).copied().filter(|c| c.is_finite()).collect();
+    some.sort_unstable_by(f64::total_cmp);
+    let beyond = (RANGE_TRIM * some.len() as f64) as usize;
+    Some([*some.get(beyond)?, *some.get(some.len().checked_sub(beyond + 1)?)?])
+}
+
 /// The best weights: what the polynomial explains is projected out of both sides, the rest is a problem in the weights
 /// alone.
-fn weights(x: &[f64], y: &[f64], lags: &[Vec<f64>; PLAYS], sign: Sign) -> [f64; PLAYS] {
+fn weights(x: &[f64], y: &[f64], lags: &[Vec<f64>; PLAYS], sign: Sign, order: Order) -> [f64; PLAYS] {
+    let order = match order {
+        Order::Fixed(order) => order.clamp(1, MAX_ORDER),
+        Order::Auto => ORDER,
+    };
     let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(*x), hi.max(*x)));
     let (centre, half) = Curve::frame(low, high);
     let t: Vec<f64> = x.iter().map(|x| (x - centre) / half).collect();
-    let basis = Basis::new(&t, &vec![1.0; t.len()], usize::from(ORDER));
+    let basis = Basis::new(&t, &vec![1.0; t.len()], usize::from(order));
     let rest = |values: Vec<f64>| {
         let mut rest = values;
         for (d, q) in basis.project(&rest).iter().zip(&basis.vectors) {
@@ -215,8 +272,10 @@ mod tests {
             let cycle: Vec<f64> = load.iter().chain(load.iter().rev()).copied().collect();
             let kpa = run(&plays, &cycle);
             let mid = plays.curve.evaluate(200.0);
-            assert_eq!(kpa[0], plays.curve.evaluate(load[0]), "begins on the mid curve");
             let bent = 0.8 * 4.0 + 0.4 * 10.0;
+            assert_eq!(kpa[0], plays.curve.evaluate(load[0]) - bent, "begins at rest, where the last load has left it");
+            assert_eq!(kpa[0], kpa[kpa.len() - 1], "and comes back to that");
+            assert_eq!(run(&plays, &[200.0])[0], mid, "with the load on, nothing is known of how it came there");
             assert!((kpa[25] - mid - bent).abs() < 1e-9, "{sign:?}: {} {mid}", kpa[25]);
             assert!((mid - kpa[75 + 1] - bent).abs() < 1e-9, "{sign:?}: {} {mid}", kpa[76]);
         }
@@ -234,6 +293,19 @@ mod tests {
             }
             assert_eq!(Plays::identify(&path, &run(&truth, &path), [0.0; PLAYS]).unwrap().weights_kpa, [0.0; PLAYS]);
         }
+    }
+
+    #[test]
+    fn the_mid_curve_has_the_order_that_is_asked_for() {
+        let truth = plays(Sign::Falling);
+        let path: Vec<f64> = (0..9000).map(|k| 200.0 + 25.0 * (f64::from(k) / 700.0).sin()).collect();
+        let kpa = run(&truth, &path);
+        for order in [1, 3, 5, 7] {
+            let found = Plays::identify_of_order(&path, &kpa, RADII, Order::Fixed(order)).unwrap();
+            assert_eq!(found.curve.order(), usize::from(order));
+        }
+        let chosen = Plays::identify_of_order(&path, &kpa, RADII, Order::Auto).unwrap();
+        assert!(chosen.curve.order() >= 2, "the truth is of order 2: {:?}", chosen.curve);
     }
 
     #[test]

@@ -11,8 +11,11 @@ pub(crate) const MAX_RAIL_SHARE_OF_BIN: f64 = 0.05;
 /// A rail with a larger share of all samples than this is clipping; a smaller one may be a true reading.
 const MAX_RAIL_SHARE: f64 = 0.01;
 
-/// A rail this many counts away from every other reading is a dropout, however rare.
-const DROPOUT_GAP_COUNTS: f64 = 8.0;
+/// A rail this share of the converter's range, 8 counts of 255, away from every other reading is a dropout, however rare.
+const DROPOUT_GAP_SHARE: f64 = 8.0 / 255.0;
+
+/// Bits of the finest converter whose ends are known without being told.
+const WIDEST_BITS: i32 = 24;
 
 /// A row of the least-squares problem: `n` samples of mean count `x` and mean pressure `y`, kPa.
 #[derive(Clone, Copy, Debug)]
@@ -79,6 +82,19 @@ pub(crate) struct Spread {
     pub range_kpa: f64,
 }
 
+/// The ends of the converter that gave these counts: 0 and the greatest count of the fewest bits, 8 to 24, that hold them
+/// all. `None` where they are no integers of such a converter.
+pub(crate) fn converter_rails(counts: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    let mut greatest = 0.0_f64;
+    for count in counts {
+        if count < 0.0 || count.fract() != 0.0 {
+            return None;
+        }
+        greatest = greatest.max(count);
+    }
+    (8..=WIDEST_BITS).map(|bits| 2.0_f64.powi(bits) - 1.0).find(|top| greatest <= *top).map(|top| (0.0, top))
+}
+
 /// Which of the two rail counts must stay out of the fit, with their share of the samples.
 pub(crate) fn rails_to_drop(codes: &[CodeStat], rails: Option<(f64, f64)>) -> Vec<(f64, f64)> {
     let Some((low, high)) = rails else { return Vec::new() };
@@ -92,7 +108,7 @@ pub(crate) fn rails_to_drop(codes: &[CodeStat], rails: Option<(f64, f64)>) -> Ve
         .filter(|c| !is_inner(c))
         .filter(|c| {
             let gap = if c.x.hi <= low { first.x.hi - c.x.hi } else { c.x.hi - last.x.hi };
-            c.n > MAX_RAIL_SHARE * total || gap >= DROPOUT_GAP_COUNTS
+            c.n > MAX_RAIL_SHARE * total || gap >= DROPOUT_GAP_SHARE * (high - low)
         })
         .map(|c| (c.x.hi, c.n / total))
         .collect()

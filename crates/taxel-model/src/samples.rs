@@ -6,7 +6,7 @@ use crate::fit::fit_reduced;
 use crate::model::TaxelModel;
 use crate::options::{DEFAULT_BINS, Estimator, FitOptions, MIN_BINNED_SAMPLES};
 use crate::pressure::FixedPressure;
-use crate::reduce::{CodeStat, RampGroup, Reduced, Row, rails_to_drop};
+use crate::reduce::{CodeStat, RampGroup, Reduced, Row, converter_rails, rails_to_drop};
 
 /// Larger counts or pressures (kPa) are refused: a gauge or a converter that says so is broken.
 pub const MAX_MAGNITUDE: f64 = 1e15;
@@ -90,7 +90,8 @@ fn reduce(samples: &Samples<'_>, options: &FitOptions) -> Reduced {
         reduced.rejected += rejected;
         return reduced;
     }
-    let rails = options.rails(bytes && recording);
+    let of_converter = (integer && recording).then(|| converter_rails(list.iter().map(|s| s.x.hi))).flatten();
+    let rails = options.rails(of_converter);
     list.sort_unstable_by(|a, b| order(a.x, b.x).then(order(a.y, b.y)).then(a.ramp.cmp(&b.ramp)));
     let codes = group_by_count(&list);
     let dropped = rails_to_drop(&codes, rails);

@@ -12,6 +12,7 @@ use taxel_store::models_json;
 
 use crate::fit::{parse_seconds, scans_of};
 use crate::recording::Recording;
+use crate::soundness::{Wanted, check};
 
 /// Turns the counts of a recording into pressures.
 #[derive(Debug, clap::Args)]
@@ -84,8 +85,10 @@ pub fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
 /// A file that cannot be read or written, or models of another number of taxels.
 pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     let set = read_models(&args.models)?;
-    let recording = Recording::read(&args.data)?;
+    let mut recording = Recording::read(&args.data)?;
     recording.report_refused(&args.data);
+    let named = || args.data.display().to_string();
+    let notes = if set.is_of_skin() { check(&mut recording, Wanted::APPLY).with_context(named)? } else { Vec::new() };
     let scans = scans_of(&recording);
     let applied = taxel_engine::calibration::fit::apply(&scans, &set, &args.recipe.recipe(args.sigma.is_some()))
         .with_context(|| format!("{} with {}", args.data.display(), args.models.display()))?;
@@ -94,14 +97,15 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     if let Some(path) = &args.sigma {
         write(path, "s", &recording.time_s, &applied.sigma_kpa, decimals)?;
     }
-    print_applied(&args.data, &applied);
+    print_applied(&args.data, &notes, &applied);
     say!("written to {}", args.out.display());
     Ok(())
 }
 
 /// Says what was done and what was left out.
-pub fn print_applied(data: &Path, applied: &Applied) {
+pub fn print_applied(data: &Path, notes: &[String], applied: &Applied) {
     say!("{}: {}", data.display(), applied.zero);
+    notes.iter().for_each(|note| say!("  {note}"));
     let all = applied.unread.len();
     let read = applied.unread.iter().filter(|why| why.is_none()).count();
     let mut reasons: BTreeMap<String, usize> = BTreeMap::new();

@@ -12,10 +12,11 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans, legs};
 use taxel_engine::calibration::method;
 use taxel_engine::model_set::ModelSet;
-use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Samples};
+use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Plays, Samples};
 use taxel_store::models_json;
 
 use crate::recording::{Column, Recording};
+use crate::soundness::{Wanted, check};
 
 /// A bar is shown for what takes longer.
 const BAR_AFTER: Duration = Duration::from_secs(1);
@@ -26,20 +27,22 @@ pub struct FitArgs {
     /// Recording: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or .gz.
     ///
     /// 280 rows and more of integers within 0..=255 in two columns or more are a recording of a skin: faulty stretches
-    /// are left out, and the hysteresis is compensated where that wins. Anything else is fitted as it stands, decimals
-    /// as written.
+    /// are left out, and the hysteresis is compensated where that wins; one cell in a hundred may be something else and
+    /// is left out. Anything else is fitted as it stands, decimals as written.
     data: PathBuf,
     /// Where the models go.
     #[arg(long, value_name = "MODELS.json")]
     out: PathBuf,
-    /// Order of the polynomial, 1 to 10, or `auto`: per taxel by leave-one-out error.
-    #[arg(long, default_value = "5", value_parser = parse_order)]
-    order: Order,
+    /// Order of the polynomial, 1 to 10, or `auto`: per taxel by leave-one-out error [default: 5, and 3 for the curve
+    /// that plays bend].
+    #[arg(long, value_parser = parse_order)]
+    order: Option<Order>,
     /// The paper's method and nothing else: its equation over all samples of rising pressure, every fault and outlier
     /// included, the curve as it comes out, monotone or not. Only --min-swing excludes a taxel.
     #[arg(long, conflicts_with_all = ["estimator", "branch", "plays", "smooth", "max_lag", "bin_width"])]
     paper: bool,
-    /// Least-squares problem. Without it: pressure-binned for recordings, per-sample for other tables.
+    /// Least-squares problem. Without it: pressure-binned for recordings and other columns of 280 integers and more,
+    /// per-sample for other tables.
     #[arg(long)]
     estimator: Option<EstimatorArg>,
     /// Solve in double-double throughout, for audits and reference values.
@@ -113,8 +116,9 @@ fn parse_positive(text: &str) -> Result<f64, String> {
 /// # Errors
 /// A file that cannot be read or written, or has no pressure; or not one usable taxel.
 pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
-    let recording = Recording::read(&args.data)?;
+    let mut recording = Recording::read(&args.data)?;
     recording.report_refused(&args.data);
+    let notes = check(&mut recording, Wanted::FIT).with_context(|| args.data.display().to_string())?;
     let began = Instant::now();
     let scans = scans_of(&recording);
     let mut set = if scans.is_recording() {
@@ -133,6 +137,7 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
     let text = models_json::to_json(&set).context("the models cannot be written")?;
     std::fs::write(&args.out, text).with_context(|| args.out.display().to_string())?;
     say!("{}: {} scans fitted in {:.2} s", args.data.display(), recording.scans(), took.as_secs_f64());
+    notes.iter().for_each(|note| say!("  {note}"));
     print_summary(&set);
     say!("written to {}", args.out.display());
     Ok(())
@@ -151,6 +156,7 @@ impl FitArgs {
                 PlaysArg::On => PlaysChoice::On,
                 PlaysArg::Off => PlaysChoice::Off,
             },
+            plays_order: self.order.unwrap_or(Plays::DEFAULT_ORDER),
             module_size: usize::from(self.module_size),
             smooth_s: self.smooth,
             max_lag_s: self.max_lag,
@@ -160,7 +166,7 @@ impl FitArgs {
 
     fn options(&self, estimator: Estimator) -> FitOptions {
         let mut options = FitOptions {
-            order: self.order,
+            order: self.order.unwrap_or_default(),
             estimator: self.estimator.map_or(estimator, |chosen| match chosen {
                 EstimatorArg::PerSample => Estimator::PerSample,
                 EstimatorArg::PressureBinned => Estimator::PressureBinned,
@@ -182,9 +188,9 @@ impl FitArgs {
         let pressure = pressure.only(rising.as_deref());
         let fitted = |counts: &Column| {
             let counts = counts.only(rising.as_deref());
-            // One column of bytes over time is still a taxel; a regression set is not.
-            let byte = |c: &f64| (0.0..=255.0).contains(c) && c.fract() == 0.0;
-            let taxel = counts.hi.len() as u64 >= MIN_BINNED_SAMPLES && counts.hi.iter().all(byte);
+            // One column of counts over time, or counts of more than eight bits, are still taxels; a regression set is not.
+            let count = |c: &f64| c.is_nan() || (*c >= 0.0 && c.fract() == 0.0);
+            let taxel = counts.hi.len() as u64 >= MIN_BINNED_SAMPLES && counts.hi.iter().all(count);
             let options = self.options(match taxel {
                 _ if self.paper => Estimator::Paper,
                 true => Estimator::PressureBinned,
@@ -204,12 +210,14 @@ impl FitArgs {
         if !highest.is_finite() {
             bail!("the column `pressure_kpa` has no finite number");
         }
+        let binned = taxels.iter().any(|model| model.estimator == Estimator::PressureBinned);
+        let estimator = if binned { Estimator::PressureBinned } else { Estimator::PerSample };
         Ok(ModelSet {
             id: String::new(),
             patch: String::new(),
             created_wall_ns: 0,
             session: None,
-            method: method(&self.options(if self.paper { Estimator::Paper } else { Estimator::PerSample })),
+            method: method(&self.options(if self.paper { Estimator::Paper } else { estimator })),
             board_settings: Vec::new(),
             baseline: vec![TaxelBaseline { mean: f64::NAN, noise: f64::NAN }; taxels.len()],
             pressure_max_kpa: highest,

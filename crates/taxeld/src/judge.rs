@@ -10,6 +10,7 @@ use taxel_engine::calibration::fit::judge as score_of;
 use crate::apply::{RecipeArgs, print_applied, read_models};
 use crate::fit::scans_of;
 use crate::recording::Recording;
+use crate::soundness::{Wanted, check};
 
 /// Compares a recording's pressure with what models say of its counts.
 #[derive(Debug, clap::Args)]
@@ -37,13 +38,14 @@ pub fn judge(args: &JudgeArgs) -> anyhow::Result<()> {
         return table::print(directory);
     };
     let set = read_models(models)?;
-    let recording = Recording::read(data)?;
+    let mut recording = Recording::read(data)?;
     recording.report_refused(data);
-    let scans = scans_of(&recording);
     let named = || data.display().to_string();
+    let notes = if set.is_of_skin() { check(&mut recording, Wanted::JUDGE).with_context(named)? } else { Vec::new() };
+    let scans = scans_of(&recording);
     let gauge = scans.pressure_kpa.context("there is no column `pressure_kpa` to judge by").with_context(named)?;
     let applied = taxel_engine::calibration::fit::apply(&scans, &set, &args.recipe.recipe(true)).with_context(named)?;
-    print_applied(data, &applied);
+    print_applied(data, &notes, &applied);
     let score = score_of(&applied, gauge);
     say!("  area-mean error above 30 kPa: {:.2} % (bias {:+.2} kPa)", score.area_percent, score.bias_kpa);
     say!("  taxel RMSE: mean {:.2} kPa, median {:.2} kPa", score.taxel_rmse_kpa, score.taxel_rmse_median_kpa);

@@ -29,6 +29,7 @@ mod run;
 mod show_demo;
 #[cfg(feature = "sim")]
 mod sim_bus;
+mod soundness;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

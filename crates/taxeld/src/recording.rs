@@ -17,6 +17,8 @@ const TOLD_MAX: usize = 5;
 pub struct Recording {
     /// Time of each scan in seconds.
     pub time_s: Vec<f64>,
+    /// The line of the file that each scan stands in, from 1.
+    pub lines: Vec<u64>,
     /// Pressure in kPa; `None` if the file has no such column.
     pub pressure_kpa: Option<Column>,
     /// One column per taxel.
@@ -133,6 +135,7 @@ impl Recording {
             return self.refused.tell(|| format!("line {line}: t_s is `{text}`, expected seconds"));
         };
         self.time_s.push(time);
+        self.lines.push(line);
         let pressure = self.pressure_kpa.as_mut().into_iter();
         for (cell, column) in row.iter().skip(1).zip(pressure.chain(&mut self.counts)) {
             let (hi, lo) = number(cell).unwrap_or((f64::NAN, 0.0));
@@ -151,6 +154,16 @@ impl Recording {
         self.time_s.len()
     }
 
+    /// Keeps the scans that are marked, one mark a scan.
+    pub fn retain(&mut self, kept: &[bool]) {
+        keep(&mut self.time_s, kept);
+        keep(&mut self.lines, kept);
+        for column in self.pressure_kpa.as_mut().into_iter().chain(&mut self.counts) {
+            keep(&mut column.hi, kept);
+            column.lo.iter_mut().for_each(|lo| keep(lo, kept));
+        }
+    }
+
     /// Prints what could not be used.
     pub fn report_refused(&self, path: &Path) {
         if self.refused.rows + self.refused.cells == 0 {
@@ -162,6 +175,12 @@ impl Recording {
             eprintln!("  {line}");
         }
     }
+}
+
+/// Keeps the values that are marked.
+fn keep<T>(values: &mut Vec<T>, kept: &[bool]) {
+    let mut marks = kept.iter();
+    values.retain(|_| marks.next().is_none_or(|mark| *mark));
 }
 
 /// Whether there is a pressure column.

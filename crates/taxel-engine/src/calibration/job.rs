@@ -14,7 +14,7 @@ use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::skin_fit::{FittedSkin, SkinFit};
 use crate::calibration::fit::{lag, zero};
-use crate::calibration::method::method;
+use crate::calibration::method::{method, plays_in_words};
 use crate::calibration::samples::{RampBaseline, SessionSamples};
 use crate::model_set::{ModelSet, Recorded};
 use crate::statistics::root_mean_square;
@@ -175,7 +175,7 @@ impl FitJob {
             Branch::Rising => "",
             Branch::Both => ", rising and falling",
         };
-        let plays = if plays_on { ", two plays about order 3 in use" } else { "" };
+        let plays = if plays_on { plays_in_words(self.recipe.plays_order) } else { String::new() };
         format!("{}{branches}{plays}", method(&self.recipe.options))
     }
 }

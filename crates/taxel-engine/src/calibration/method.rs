@@ -5,10 +5,19 @@ use taxel_model::{FitOptions, Order};
 /// How a set was fitted, in words.
 #[must_use]
 pub fn method(options: &FitOptions) -> String {
-    let order = match options.order {
-        Order::Fixed(order) => format!("order {order}"),
-        Order::Auto => "order by leave-one-out error".to_owned(),
-    };
+    let order = order_in_words(options.order);
     let estimator = options.estimator.name();
     format!("{order}, {estimator}{}", if options.exact { ", exact" } else { "" })
+}
+
+/// What follows where hysteresis is compensated about a curve of this order.
+pub(crate) fn plays_in_words(order: Order) -> String {
+    format!(", two plays about {} in use", order_in_words(order))
+}
+
+fn order_in_words(order: Order) -> String {
+    match order {
+        Order::Fixed(order) => format!("order {order}"),
+        Order::Auto => "order by leave-one-out error".to_owned(),
+    }
 }

@@ -45,7 +45,7 @@ fn a_mass_beyond_the_calibrated_range_is_flagged_and_counted_and_the_total_is_cl
     let reason =
         format!("{} active taxels read more than was calibrated: the total is a lower bound", force.out_of_range);
     assert!(force.reasons.contains(&reason), "{:?}", force.reasons);
-    let highest = small().set.pressure_max_kpa + 1.0; // the fit's own error at the end of the range
+    let highest = small().set.pressure_max_kpa + 2.0; // the fit's own error at the end of the range, about a count
     for (taxel, state) in snapshot.taxels.iter().enumerate() {
         let kpa = f64::from(state.pressure_kpa.unwrap_or(0.0));
         assert!(kpa <= highest, "taxel {taxel} reads {kpa} kPa, {} was calibrated", small().set.pressure_max_kpa);

@@ -6,7 +6,7 @@ use serde::Deserialize;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FitSection {
-    /// 1 to 10, or `auto`.
+    /// 1 to 10, or `auto`: of the static curve. The one that plays bend is of order 3.
     pub order: OrderWord,
     /// `pressure-binned`, `per-sample` or `paper`.
     pub estimator: EstimatorWord,

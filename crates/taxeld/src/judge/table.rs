@@ -12,6 +12,7 @@ use taxel_model::{Estimator, FitOptions, Order};
 
 use crate::fit::scans_of;
 use crate::recording::Recording;
+use crate::soundness::{Wanted, check};
 
 /// Name and recipe; the last is what `taxeld fit` does by default.
 fn recipes() -> [(&'static str, FitRecipe); 6] {
@@ -43,7 +44,14 @@ fn recipes() -> [(&'static str, FitRecipe); 6] {
 /// # Errors
 /// A recording of the three that cannot be read.
 pub fn print(directory: &Path) -> anyhow::Result<()> {
-    let read = |name: &str| Recording::read(&directory.join(format!("{name}.csv.gz")));
+    let read = |name: &str| -> anyhow::Result<Recording> {
+        let path = directory.join(format!("{name}.csv.gz"));
+        let mut recording = Recording::read(&path)?;
+        let named = || path.display().to_string();
+        let notes = check(&mut recording, Wanted::FIT).with_context(named)?;
+        notes.iter().for_each(|note| eprintln!("{}: {note}", path.display()));
+        Ok(recording)
+    };
     let calibration = read("left_calibration")?;
     let judged = [("validation", read("left_validation")?), ("steps", read("left_steps")?)];
     say!("| recipe | fit | judged on | tare | area-mean | taxel RMSE (median) | within 95 % | taxels | left out |");

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use taxel_model::{PLAYS, PlayState, Plays, RADII_OF_SWING};
+use taxel_model::{Order, PLAYS, PlayState, Plays, RADII_OF_SWING};
 
 use crate::statistics::{mean, quantile, root_mean_square};
 
@@ -20,9 +20,9 @@ pub(super) fn swing(smoothed: &[f64], kpa: &[f64]) -> Option<f64> {
 }
 
 /// Plays of one taxel over the scans with a pressure.
-pub(super) fn identify(smoothed: &[f64], kpa: &[f64]) -> Option<Plays> {
+pub(super) fn identify(smoothed: &[f64], kpa: &[f64], order: Order) -> Option<Plays> {
     let swing = swing(smoothed, kpa)?;
-    Plays::identify(smoothed, kpa, RADII_OF_SWING.map(|share| share * swing))
+    Plays::identify_of_order(smoothed, kpa, RADII_OF_SWING.map(|share| share * swing), order)
 }
 
 /// Root mean square errors on the scans `held_out`, kPa: of plays fitted to `seen`, the pressures without those, and of
@@ -32,10 +32,11 @@ pub(super) fn held_out_errors(
     seen: &[f64],
     kpa: &[f64],
     held_out: &Range<usize>,
+    order: Order,
 ) -> Option<(f64, f64)> {
     let error = |plays: &Plays| error_on(&read(plays, smoothed), kpa, held_out);
-    let alone = Plays::identify(smoothed, seen, [0.0; PLAYS])?;
-    Some((error(&identify(smoothed, seen)?), error(&alone)))
+    let alone = Plays::identify_of_order(smoothed, seen, [0.0; PLAYS], order)?;
+    Some((error(&identify(smoothed, seen, order)?), error(&alone)))
 }
 
 /// Root mean square of what is read less `kpa` over some scans.

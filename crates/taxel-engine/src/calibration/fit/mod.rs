@@ -16,6 +16,8 @@ pub mod judge;
 pub(crate) mod lag;
 pub mod legs;
 pub mod masks;
+#[cfg(test)]
+mod plays_tests;
 pub mod recipe;
 pub mod recipe_options;
 pub mod scans;

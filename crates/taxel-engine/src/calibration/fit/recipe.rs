@@ -13,7 +13,7 @@ use crate::calibration::fit::scans::{Scans, modules};
 use crate::calibration::fit::skin_fit::{MASKED_MAX, SkinFit};
 use crate::calibration::fit::smooth::running_median;
 use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
-use crate::calibration::method::method as method_of;
+use crate::calibration::method::{method as method_of, plays_in_words};
 use crate::model_set::{ModelSet, Recorded};
 
 /// Fits a recording. The set comes without id, patch and time of making. `progress` is told taxels done and all.
@@ -80,6 +80,6 @@ fn method(recipe: &FitRecipe, plays_on: bool) -> String {
         Branch::Both => "rising and falling",
         Branch::Rising => "rising",
     };
-    let plays = if plays_on { ", two plays about order 3 in use" } else { "" };
+    let plays = if plays_on { plays_in_words(recipe.plays_order) } else { String::new() };
     format!("{}, {branch}{plays}", method_of(&recipe.options))
 }

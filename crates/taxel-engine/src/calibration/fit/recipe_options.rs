@@ -1,6 +1,6 @@
 //! How a recording is fitted, and why it cannot be.
 
-use taxel_model::{Estimator, FitOptions};
+use taxel_model::{Estimator, FitOptions, Order, Plays};
 use thiserror::Error;
 
 use crate::calibration::branch::{Branch, PlaysChoice};
@@ -15,6 +15,8 @@ pub struct FitRecipe {
     pub branch: Branch,
     /// Whether hysteresis is compensated.
     pub plays: PlaysChoice,
+    /// Order of the curve that the plays bend; `options` has that of the static one.
+    pub plays_order: Order,
     /// So many neighbouring taxels form a module.
     pub module_size: usize,
     /// Counts are averaged over so many seconds for the plays and in use; 0 is not at all.
@@ -31,6 +33,7 @@ impl Default for FitRecipe {
             options: FitOptions::default(),
             branch: Branch::Both,
             plays: PlaysChoice::default(),
+            plays_order: Plays::DEFAULT_ORDER,
             module_size: 10,
             smooth_s: 0.5,
             max_lag_s: 0.0,

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use taxel_model::{Accumulator, FitOptions, FixedPressure, Flag, Plays, Samples, Status, TaxelModel};
+use taxel_model::{Accumulator, FitOptions, FixedPressure, Flag, Plays, Samples, Status, TaxelModel, student_975};
 
 use crate::calibration::branch::{Branch, PlaysChoice};
 use crate::calibration::fit::course::Course;
@@ -58,11 +58,39 @@ impl FittedSkin {
     }
 }
 
-/// A taxel's static curve with its figures in use: RMSE in kPa, NaN without a usable curve, and hysteresis.
+/// A taxel's static curve with its figures in use: RMSE in kPa, NaN without a curve that may be used, and hysteresis.
 struct FittedTaxel {
     model: TaxelModel,
     rmse_kpa: f64,
     hysteresis_kpa: Option<f64>,
+}
+
+impl FittedTaxel {
+    /// Whether the curve may be used, or nothing but a wide interval forbids it that is wide by hysteresis: plays may
+    /// mend it.
+    fn may_be_used(&self) -> bool {
+        let wide_by_loop = || is_wide_loop(self.hysteresis_kpa.unwrap_or(0.0), self.rmse_kpa);
+        self.model.is_usable() || (self.has_wide_interval() && wide_by_loop())
+    }
+
+    fn has_wide_interval(&self) -> bool {
+        self.model.curve.is_some() && matches!(self.model.status, Status::IntervalTooWide { .. })
+    }
+
+    /// Takes the error in use for that of the taxel. With plays the interval is judged anew: they take the difference of
+    /// the two mean squares out of it.
+    fn judge_in_use(&mut self, in_use: Option<&RecordedTaxel>) {
+        let Some(in_use) = in_use.filter(|in_use| in_use.plays.is_some()) else { return };
+        let (quality, rest_kpa) = (&self.model.quality, in_use.rmse_kpa);
+        let deviations = student_975(quality.dof);
+        let taken = deviations.powi(2) * (self.rmse_kpa.powi(2) - rest_kpa.powi(2));
+        self.rmse_kpa = rest_kpa;
+        let Status::IntervalTooWide { limit, .. } = self.model.status else { return };
+        let (Some(width), Some(share)) = (quality.interval_kpa, quality.interval_share) else { return };
+        let left_kpa = (width.powi(2) - taken).max(0.0).sqrt().max(deviations * rest_kpa);
+        let share = share * left_kpa / width;
+        self.model.status = if share <= limit { Status::Ok } else { Status::IntervalTooWide { share, limit } };
+    }
 }
 
 impl SkinFit<'_> {
@@ -75,16 +103,22 @@ impl SkinFit<'_> {
             fitted.push(self.fit_static(taxel));
             progress(taxel, 2 * n);
         }
+        // Hysteresis is part of a static curve's error: whether a taxel is good enough is judged with the plays, if there
+        // are any.
+        let candidates: Vec<usize> = (0..n).filter(|&t| fitted[t].may_be_used()).collect();
+        let (plays_on, plays_error_ratio) = self.decide_on_plays(&candidates, has_wide_loops(&fitted));
+        let mut in_use: Vec<Option<RecordedTaxel>> = vec![None; n];
+        for (done, &taxel) in candidates.iter().enumerate() {
+            in_use[taxel] = self.in_use(taxel, &fitted[taxel], plays_on);
+            if !self.recipe.is_paper() {
+                fitted[taxel].judge_in_use(in_use[taxel].as_ref());
+            }
+            progress(n + done * n / candidates.len(), 2 * n);
+        }
         if !self.recipe.is_paper() {
             exclude_poor_fits(&mut fitted);
         }
-        let usable: Vec<usize> = (0..n).filter(|&t| fitted[t].model.is_usable()).collect();
-        let (plays_on, plays_error_ratio) = self.decide_on_plays(&usable, has_wide_loops(&fitted));
-        let mut in_use: Vec<Option<RecordedTaxel>> = vec![None; n];
-        for (done, &taxel) in usable.iter().enumerate() {
-            in_use[taxel] = self.in_use(taxel, &fitted[taxel], plays_on);
-            progress(n + done * n / usable.len(), 2 * n);
-        }
+        in_use.iter_mut().zip(&fitted).filter(|(_, f)| !f.model.is_usable()).for_each(|(in_use, _)| *in_use = None);
         let models = fitted.into_iter().map(|fitted| fitted.model).collect();
         FittedSkin { models, in_use, plays_on, plays_error_ratio }
     }
@@ -126,13 +160,13 @@ impl SkinFit<'_> {
         if dropouts > 0 {
             model.flags.push(Flag::Dropouts { samples: u64::from(dropouts) });
         }
-        if !model.is_usable() {
-            return FittedTaxel { model, ..without(Status::NoData) };
+        let mut fitted = FittedTaxel { model, ..without(Status::NoData) };
+        if fitted.model.is_usable() || fitted.has_wide_interval() {
+            let read = read_static(&fitted.model, &self.smoothed(taxel));
+            fitted.rmse_kpa = root_mean_square(read.iter().zip(&kpa).map(|(read, p)| read - p));
+            fitted.hysteresis_kpa = hysteresis::width_kpa(&read, &kpa, self.course.falling());
         }
-        let read = read_static(&model, &self.smoothed(taxel));
-        let rmse_kpa = root_mean_square(read.iter().zip(&kpa).map(|(read, p)| read - p));
-        let hysteresis_kpa = hysteresis::width_kpa(&read, &kpa, self.course.falling());
-        FittedTaxel { model, rmse_kpa, hysteresis_kpa }
+        fitted
     }
 
     /// The static curve over the scans with a pressure.
@@ -155,14 +189,14 @@ impl SkinFit<'_> {
         taxel_model::fit(&Samples { ramp: Some(&ramps), ..Samples::new(&counts, &kpa) }, options)
     }
 
-    fn decide_on_plays(&self, usable: &[usize], wide_loops: bool) -> (bool, Option<f64>) {
+    fn decide_on_plays(&self, taxels: &[usize], wide_loops: bool) -> (bool, Option<f64>) {
         if self.recipe.plays == PlaysChoice::Off || self.recipe.branch == Branch::Rising {
             return (false, None);
         }
         let Some(held_out) = self.course.held_out(&self.kpa) else {
             return (self.recipe.plays == PlaysChoice::On, None);
         };
-        let ratio = quantile(usable.iter().filter_map(|&t| self.error_ratio(t, &held_out)).collect(), 0.5);
+        let ratio = quantile(taxels.iter().filter_map(|&t| self.error_ratio(t, &held_out)).collect(), 0.5);
         let wins = wide_loops && ratio.is_some_and(|ratio| ratio < PLAYS_WIN_BELOW);
         (wins || self.recipe.plays == PlaysChoice::On, ratio)
     }
@@ -173,7 +207,7 @@ impl SkinFit<'_> {
         let (smoothed, kpa) = (self.smoothed(taxel), self.pressure(taxel));
         let seen: Vec<f64> =
             kpa.iter().enumerate().map(|(i, p)| if held_out.contains(&i) { f64::NAN } else { *p }).collect();
-        let (with, alone) = hysteresis::held_out_errors(&smoothed, &seen, &kpa, held_out)?;
+        let (with, alone) = hysteresis::held_out_errors(&smoothed, &seen, &kpa, held_out, self.recipe.plays_order)?;
         let curve = self.static_model(self.scans.counts[taxel], &seen);
         let curve = hysteresis::error_on(&read_static(&curve, &smoothed), &kpa, held_out);
         Some(with / curve.min(alone)).filter(|ratio| ratio.is_finite())
@@ -188,7 +222,8 @@ impl SkinFit<'_> {
         };
         let sensitivity = hysteresis::swing(&smoothed, &kpa)? / range(&kpa);
         // Plays that contradict the static curve would be of another taxel.
-        let plays: Option<Plays> = if plays_on { hysteresis::identify(&smoothed, &kpa) } else { None };
+        let plays: Option<Plays> =
+            if plays_on { hysteresis::identify(&smoothed, &kpa, self.recipe.plays_order) } else { None };
         let plays = plays.filter(|plays| plays.sign == fitted.model.sign);
         let rmse_kpa = plays.as_ref().map_or(fitted.rmse_kpa, |plays| {
             root_mean_square(hysteresis::read(plays, &smoothed).iter().zip(&kpa).map(|(read, p)| read - p))
@@ -202,17 +237,23 @@ fn read_static(model: &TaxelModel, smoothed: &[f64]) -> Vec<f64> {
     smoothed.iter().map(|count| model.evaluate(*count).map_or(f64::NAN, |reading| reading.kpa)).collect()
 }
 
-/// Whether the hysteresis is large enough for plays to win by taking it out. A loop of width w makes an error of w / 2;
-/// if plays win where there is less of it in the error, they bend the curve and compensate nothing.
+/// Whether a loop is large enough for plays to win by taking it out. One of width w makes an error of w / 2; if plays win
+/// where there is less of it in the error, they bend the curve and compensate nothing.
+fn is_wide_loop(width_kpa: f64, error_kpa: f64) -> bool {
+    0.5 * width_kpa > (1.0 - PLAYS_WIN_BELOW * PLAYS_WIN_BELOW).sqrt() * error_kpa
+}
+
+/// Whether the loops of the skin are.
 fn has_wide_loops(fitted: &[FittedTaxel]) -> bool {
-    let usable = || fitted.iter().filter(|f| f.model.is_usable());
+    let usable = || fitted.iter().filter(|f| f.may_be_used());
     let width = quantile(usable().filter_map(|f| f.hysteresis_kpa).collect(), 0.5).unwrap_or(0.0);
     let error = quantile(usable().map(|f| f.rmse_kpa).collect(), 0.5).unwrap_or(f64::INFINITY);
-    0.5 * width > (1.0 - PLAYS_WIN_BELOW * PLAYS_WIN_BELOW).sqrt() * error
+    is_wide_loop(width, error)
 }
 
 fn exclude_poor_fits(fitted: &mut [FittedTaxel]) {
-    let Some(median) = quantile(fitted.iter().map(|f| f.rmse_kpa).collect(), 0.5) else { return };
+    let usable = fitted.iter().filter(|f| f.model.is_usable());
+    let Some(median) = quantile(usable.map(|f| f.rmse_kpa).collect(), 0.5) else { return };
     let limit_kpa = POOR_FIT_RATIO * median;
     for taxel in fitted.iter_mut().filter(|f| f.model.is_usable() && f.rmse_kpa > limit_kpa) {
         taxel.model.status = Status::PoorFit { rmse_kpa: taxel.rmse_kpa, limit_kpa };

@@ -1,7 +1,7 @@
 //! The rules on a synthetic skin of three modules, and the filters against what they are defined as.
 
 use proptest::prelude::*;
-use taxel_model::{Estimator, FitOptions, Flag, PLAYS, Samples, Status};
+use taxel_model::{Estimator, FitOptions, Flag, Order, PLAYS, Samples, Status};
 
 use super::scans::modules;
 use super::*;
@@ -176,6 +176,65 @@ fn plays_are_switched_on_only_where_they_win_on_what_was_not_fitted() {
     assert!(without.taxels.iter().flatten().all(|taxel| taxel.plays.is_none()));
     let rising = FitRecipe { branch: Branch::Rising, ..FitRecipe::default() };
     assert_eq!(fitted(&Skin::cycle(8.0), &rising).recorded.unwrap().plays_error_ratio, None);
+}
+
+/// Twenty sensitive taxels in a bag up to 70 kPa that follow the pressure through a play of 8 kPa alone.
+fn pure_play() -> Skin {
+    let mut skin = Skin::new(cycle(0.0, 70.0), 8.0, 0.0, 1);
+    let mut noise = Noise(11);
+    let mut felt = 0.0_f64;
+    let felt: Vec<f64> = skin
+        .kpa
+        .iter()
+        .map(|p| {
+            felt = felt.max(p - 8.0).min(p + 8.0);
+            felt
+        })
+        .collect();
+    skin.counts.truncate(20);
+    for column in &mut skin.counts {
+        column.iter_mut().zip(&felt).for_each(|(count, p)| *count = (230.0 - 1.5 * p + 0.7 * noise.next()).round());
+    }
+    skin
+}
+
+#[test]
+fn whether_a_taxel_is_good_enough_is_judged_with_its_plays() {
+    let skin = pure_play();
+    let without = fitted(&skin, &FitRecipe { plays: PlaysChoice::Off, ..FitRecipe::default() });
+    let too_wide = |model: &taxel_model::TaxelModel| matches!(model.status, Status::IntervalTooWide { .. });
+    assert!(without.taxels.iter().all(too_wide), "a loop of 16 kPa of 70: {:?}", without.taxels[0].status);
+    assert!(without.recorded.unwrap().taxels.iter().all(Option::is_none));
+    let with = fitted(&skin, &FitRecipe::default());
+    assert!(with.taxels.iter().all(taxel_model::TaxelModel::is_usable), "{:?}", with.taxels[0].status);
+    let recorded = with.recorded.unwrap();
+    assert!(recorded.plays_error_ratio.unwrap() < 0.5, "{:?}", recorded.plays_error_ratio);
+    for taxel in recorded.taxels.iter().flatten() {
+        assert!(taxel.plays.is_some() && taxel.rmse_kpa < 3.0, "{taxel:?}");
+    }
+    // What plays cannot take out still excludes.
+    let mut noisy = skin;
+    let mut noise = Noise(12);
+    noisy.counts[4].iter_mut().for_each(|count| *count = (*count + 25.0 * noise.next()).round().clamp(1.0, 254.0));
+    let with = fitted(
+        &noisy,
+        &FitRecipe { faults: FaultLimits { jump_on_counts: 99.0, ..FaultLimits::default() }, ..FitRecipe::default() },
+    );
+    assert!(!with.taxels[4].is_usable() && with.taxels[5].is_usable(), "{:?}", with.taxels[4].status);
+    assert!(with.recorded.unwrap().taxels[4].is_none());
+}
+
+#[test]
+fn the_curve_under_the_plays_has_the_order_that_is_asked_for() {
+    let skin = Skin::cycle(8.0);
+    for order in [2, 3, 6] {
+        let recipe = FitRecipe { plays_order: Order::Fixed(order), ..FitRecipe::default() };
+        let set = fitted(&skin, &recipe);
+        assert!(set.method.ends_with(&format!("two plays about order {order} in use")), "{}", set.method);
+        let recorded = set.recorded.unwrap();
+        let plays = recorded.taxels[0].as_ref().and_then(|taxel| taxel.plays.as_ref()).unwrap();
+        assert_eq!(plays.curve.order(), usize::from(order));
+    }
 }
 
 #[test]
