@@ -27,9 +27,11 @@
 mod accumulate;
 mod bins;
 mod check;
+mod clock;
 mod curve;
 mod dd;
 mod decimal;
+mod extension;
 mod fit;
 mod model;
 mod nnls;
@@ -49,9 +51,11 @@ mod uncertainty;
 
 pub use accumulate::Accumulator;
 pub use check::ModelError;
+pub use clock::{ClockProblem, FoundClock};
 pub use curve::Curve;
 pub use dd::Dd;
 pub use decimal::parse_decimal;
+pub use extension::{Beyond, End, Extension, SkinSlope};
 pub use model::{Quality, RangeState, Reading, Sign, TaxelModel};
 pub use options::{
     Estimator, Exclusion, FitOptions, GaugeUncertainty, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Rails, Shape,

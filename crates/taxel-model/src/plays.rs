@@ -120,9 +120,9 @@ impl Plays {
         if !count.is_finite() {
             return f64::NAN;
         }
-        let inside = self.inside(count);
-        let z = state.follow(inside, &self.radii_counts);
-        let bent: f64 = z.iter().zip(&self.weights_kpa).map(|(z, w)| w * (z - inside)).sum();
+        let count = self.followed(count);
+        let z = state.follow(count, &self.radii_counts);
+        let bent: f64 = z.iter().zip(&self.weights_kpa).map(|(z, w)| w * (z - count)).sum();
         -self.sign.as_f64() * bent
     }
 
@@ -139,6 +139,15 @@ impl Plays {
             c if c < self.range[0] => RangeState::Below,
             c if c > self.range[1] => RangeState::Above,
             _ => RangeState::InRange,
+        }
+    }
+
+    /// What the plays follow: beyond the end of most pressure the skin goes on, and turns where it turns. Beyond the
+    /// other end a taxel is at rest.
+    fn followed(&self, count: f64) -> f64 {
+        match self.sign {
+            Sign::Rising => count.max(self.range[0]),
+            Sign::Falling => count.min(self.range[1]),
         }
     }
 

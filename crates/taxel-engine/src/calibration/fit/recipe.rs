@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::Branch;
+use crate::calibration::fit::clock;
 use crate::calibration::fit::course::Course;
 use crate::calibration::fit::lag;
 use crate::calibration::fit::masks::Masks;
@@ -33,14 +34,21 @@ pub fn fit(
     let kpa = running_median(gauge, GAUGE_MEDIAN_SCANS);
     let whole: Vec<Range<usize>> = std::iter::once(0..scans.len()).collect();
     let lag_s = if recipe.max_lag_s > 0.0 { lag::estimate(scans, &kpa, &masks, &whole, recipe.max_lag_s) } else { 0.0 };
-    let kpa = lag::shifted(scans.time_s, &kpa, lag_s, &whole);
-    let known = kpa.iter().enumerate().filter(|(_, p)| p.is_finite());
-    let top = known.max_by(|a, b| a.1.total_cmp(b.1)).ok_or(RecordingError::NoPressure)?.0;
+    let mut kpa = lag::shifted(scans.time_s, &kpa, lag_s, &whole);
+    let mut top = top_of(&kpa).ok_or(RecordingError::NoPressure)?;
+    let course = Course::of_recording(scans.len(), top);
+    let clock = Some(recipe.max_clock_s).filter(|max_s| *max_s > 0.0);
+    let clock = clock.and_then(|max_s| clock::find(scans, &kpa, &masks, &course, max_s));
+    if let Some(clock) = clock.filter(|clock| clock.wins) {
+        kpa = clock::set_right(scans.time_s, &kpa, &clock);
+        top = top_of(&kpa).ok_or(RecordingError::NoPressure)?;
+    }
     let fit = SkinFit { scans, masks, kpa, course: Course::of_recording(scans.len(), top), recipe };
     let fitted = fit.run(progress);
     let (usable, rest) = (fitted.usable(), rest_scans(&fit.kpa, top));
     let of = |t: usize| baseline(scans.counts[t], fit.masks.of(t), &rest);
     let baseline: Vec<TaxelBaseline> = (0..scans.counts.len()).map(of).collect();
+    let zero_return = zero_return(scans, &fit.masks, &fit.kpa, &baseline, &usable);
     Ok(ModelSet {
         id: String::new(),
         patch: String::new(),
@@ -55,13 +63,21 @@ pub fn fit(
             smooth_s: recipe.smooth_s,
             module_size: recipe.module_size,
             lag_s,
-            zero_return_counts: zero_return(scans, &fit.masks, &fit.kpa, &baseline, &usable),
+            zero_return_counts: zero_return.rms,
+            zero_return_common_counts: Some(zero_return.common),
+            clock: clock.as_ref().map(clock::told),
             plays_error_ratio: fitted.plays_error_ratio,
             taxels: fitted.in_use,
         }),
         baseline,
         taxels: fitted.models,
     })
+}
+
+/// The scan of the highest pressure; `None` without a pressure.
+fn top_of(kpa: &[f64]) -> Option<usize> {
+    let known = kpa.iter().enumerate().filter(|(_, p)| p.is_finite());
+    Some(known.max_by(|a, b| a.1.total_cmp(b.1))?.0)
 }
 
 /// How a set was fitted, in words.
