@@ -19,7 +19,8 @@
 //! 1. Reduce: exact sums per count or per bin of pressure stand for all samples ([`Accumulator`], `reduce`).
 //! 2. Solve on polynomials orthonormal over the reduced rows, refined in double-double (`orthogonal`, `refine`).
 //! 3. Choose the order (`order`), prove the shape or repair it (`shape`), tell the error (`uncertainty`).
-//! 4. Judge: [`Status`] says whether the curve may be used, [`Flag`]s what else there is to know.
+//! 4. Beyond its range a curve goes on as the skin's curves do ([`SkinSlope`]).
+//! 5. Judge: [`Status`] says whether the curve may be used, [`Flag`]s what else there is to know.
 //!
 //! Nothing here does I/O, and nothing panics on data: what has no curve says why. Equal samples give bit-identical
 //! models in whatever order they come.
