@@ -162,8 +162,9 @@ impl Extension {
             return Beyond::default();
         }
         let added = distance.min(self.reach_counts);
-        // The chord's slope is that of its middle: half a chord before the end, and half of the way beyond it.
-        let bend = added * self.bend_kpa * (0.5 + 0.5 * added / self.chord_counts);
+        // The chord's slope is that of its middle, half a chord before the end. Beyond that the slope may change at least
+        // as fast as before: curves of skin that stiffens bend more and more.
+        let bend = added * self.bend_kpa * (0.5 + added / self.chord_counts);
         let untold = (distance - added) * self.slope_kpa;
         Beyond {
             kpa: added * self.slope_kpa,

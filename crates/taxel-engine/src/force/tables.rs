@@ -14,6 +14,11 @@ use crate::model_set::{ModelSet, RecordedTaxel};
 /// A reading so close to the end of the calibrated range, in multiples of the noise, counts as beyond it.
 const RANGE_MARGIN_SIGMAS: f64 = 2.0;
 
+/// Least uncertainty of what a curve's extension adds, as a share of it. Live, a count beyond the range may also come from
+/// a zero that is wrong or a fault that is not seen yet: two standard deviations reach back to the range's end, which is
+/// all that the calibration vouches for.
+const UNVOUCHED_SHARE: f64 = 0.5;
+
 /// Entries from one force table to the next. Taxels at rest all read about the same count; if their tables lay a power
 /// of two apart, all those entries would compete for the same few sets of the cache (5,000 taxels: 7 us instead of 4).
 const FORCE_STRIDE: usize = 256 + 16;
@@ -259,7 +264,8 @@ impl<'a> Source<'a> {
         for code in 0..=u8::MAX {
             let (beyond, code) = (self.beyond(code), usize::from(code));
             table.pressure_kpa[code] += beyond.kpa as f32;
-            table.sigma_kpa[code] = table.sigma_kpa[code].hypot(beyond.sigma_kpa() as f32);
+            let sigma_kpa = beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa);
+            table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
         }
         let shared_kpa = self.in_use.map_or(0.0, |in_use| in_use.shared_kpa(self.set.plays_error_ratio()));
         let beyond = |distance: f64| -> [f32; 256] {
