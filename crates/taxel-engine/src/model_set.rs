@@ -1,6 +1,6 @@
 //! A model set: what a session produced for a patch, with all it depends on.
 
-use taxel_model::{Plays, Sign, TaxelModel};
+use taxel_model::{End, Extension, Plays, Sign, SkinSlope, TaxelModel};
 
 use crate::baseline::TaxelBaseline;
 
@@ -63,6 +63,20 @@ impl ModelSet {
         self.in_use(taxel)?.plays.as_ref()
     }
 
+    /// How the curve in use of each taxel goes on beyond its calibrated range; `None` without a usable one.
+    #[must_use]
+    pub fn extensions(&self) -> Vec<Option<Extension>> {
+        let end = |taxel: usize| {
+            let model = self.taxels.get(taxel).filter(|model| model.is_usable())?;
+            Some(match self.plays(taxel) {
+                Some(plays) => End { curve: &plays.curve, range: plays.range, sign: plays.sign },
+                None => End { curve: model.curve.as_ref()?, range: model.range?, sign: model.sign },
+            })
+        };
+        let skin = SkinSlope::of((0..self.taxels.len()).filter_map(end));
+        (0..self.taxels.len()).map(|taxel| skin?.extend(&end(taxel)?)).collect()
+    }
+
     /// What plays leave of the error on a branch that they were not fitted to; 1 without a recording.
     #[must_use]
     pub fn plays_error_ratio(&self) -> f64 {
@@ -102,12 +116,30 @@ pub struct Recorded {
     /// The pressure seems to lag behind the counts by so many seconds: taken out of a recording where one was looked
     /// for, only told of a session. At a steady rate hysteresis of width w looks like a lag of -w / (2 rate).
     pub lag_s: f64,
+    /// What was found of the gauge's own clock; `None` where it was not looked for.
+    pub clock: Option<GaugeClock>,
     /// How far the counts stay away from their rest when the load has gone: root mean square over the taxels, counts.
     pub zero_return_counts: f64,
+    /// What of it all taxels have in common, counts; `None` in sets that were made before this was told.
+    pub zero_return_common_counts: Option<f64>,
     /// Median error with plays over that without, on the part of the falling branch that neither was fitted to.
     pub plays_error_ratio: Option<f64>,
     /// One entry per taxel; `None` where it was not fitted.
     pub taxels: Vec<Option<RecordedTaxel>>,
+}
+
+/// The clock of a gauge that another logger has recorded: at the counts' time t its own shows
+/// `t + offset_s + rate (t - t0)`, t0 being the middle of the recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GaugeClock {
+    /// How late the gauge's times are in the middle of the recording, seconds.
+    pub offset_s: f64,
+    /// How much faster its clock runs, relative.
+    pub rate: f64,
+    /// Error with this clock over that without, on the part of the recording that the clock was not found on.
+    pub error_ratio: f64,
+    /// Whether the fit uses it: it wins on that part.
+    pub applied: bool,
 }
 
 /// One taxel in use.

@@ -19,7 +19,8 @@
 //! 1. Reduce: exact sums per count or per bin of pressure stand for all samples ([`Accumulator`], `reduce`).
 //! 2. Solve on polynomials orthonormal over the reduced rows, refined in double-double (`orthogonal`, `refine`).
 //! 3. Choose the order (`order`), prove the shape or repair it (`shape`), tell the error (`uncertainty`).
-//! 4. Judge: [`Status`] says whether the curve may be used, [`Flag`]s what else there is to know.
+//! 4. Beyond its range a curve goes on as the skin's curves do ([`SkinSlope`]).
+//! 5. Judge: [`Status`] says whether the curve may be used, [`Flag`]s what else there is to know.
 //!
 //! Nothing here does I/O, and nothing panics on data: what has no curve says why. Equal samples give bit-identical
 //! models in whatever order they come.
@@ -27,9 +28,11 @@
 mod accumulate;
 mod bins;
 mod check;
+mod clock;
 mod curve;
 mod dd;
 mod decimal;
+mod extension;
 mod fit;
 mod model;
 mod nnls;
@@ -49,9 +52,11 @@ mod uncertainty;
 
 pub use accumulate::Accumulator;
 pub use check::ModelError;
+pub use clock::{ClockProblem, FoundClock};
 pub use curve::Curve;
 pub use dd::Dd;
 pub use decimal::parse_decimal;
+pub use extension::{Beyond, End, Extension, SkinSlope};
 pub use model::{Quality, RangeState, Reading, Sign, TaxelModel};
 pub use options::{
     Estimator, Exclusion, FitOptions, GaugeUncertainty, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Rails, Shape,

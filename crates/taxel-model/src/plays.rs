@@ -159,10 +159,7 @@ impl Plays {
         }
         // A load beyond the calibrated range moves the plays, too: when it goes they turn where it turned. Beyond rest
         // there is no load.
-        let felt = match self.sign {
-            Sign::Rising => count.max(self.range[0]),
-            Sign::Falling => count.min(self.range[1]),
-        };
+        let felt = self.followed(count);
         let frame = Frame { radii: self.radii_counts, range: self.range, sign: self.sign };
         let z = state.follow(felt, &frame);
         let bent: f64 = z.iter().zip(&self.weights_kpa).map(|(z, w)| w * (z - felt)).sum();
@@ -182,6 +179,15 @@ impl Plays {
             c if c < self.range[0] => RangeState::Below,
             c if c > self.range[1] => RangeState::Above,
             _ => RangeState::InRange,
+        }
+    }
+
+    /// What the plays follow: beyond the end of most pressure the skin goes on, and turns where it turns. Beyond the
+    /// other end a taxel is at rest.
+    fn followed(&self, count: f64) -> f64 {
+        match self.sign {
+            Sign::Rising => count.max(self.range[0]),
+            Sign::Falling => count.min(self.range[1]),
         }
     }
 

@@ -66,6 +66,10 @@ pub struct FitArgs {
     /// Look for one constant lag of at most so many seconds between gauge and counts, and take it out.
     #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_seconds)]
     max_lag: f64,
+    /// Look for a clock of the gauge's own, late by at most so many seconds and fast or slow by up to 2 %, and use it
+    /// where it wins on a stretch that it was not found on; 0 is not at all.
+    #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = parse_seconds)]
+    max_clock: f64,
     /// Exclude taxels that move by less than so many counts, as the paper does; 0 is off.
     #[arg(long, value_name = "COUNTS", default_value_t = 0.0, value_parser = parse_seconds)]
     min_swing: f64,
@@ -160,6 +164,7 @@ impl FitArgs {
             module_size: usize::from(self.module_size),
             smooth_s: self.smooth,
             max_lag_s: self.max_lag,
+            max_clock_s: self.max_clock,
             ..FitRecipe::default()
         }
     }
@@ -314,6 +319,15 @@ pub fn print_summary(set: &ModelSet) {
         None => say!("  plays: {plays} taxels"),
     }
     say!("  zero after the load has gone: {:.2} counts off (root mean square)", recorded.zero_return_counts);
+    if let Some(clock) = recorded.clock {
+        let use_of_it = if clock.applied { "used" } else { "not used" };
+        say!(
+            "  clock of the gauge: {:+.2} s late, {:+.3} % fast; where it was not found it leaves {:.0} % of the error: {use_of_it}",
+            clock.offset_s,
+            100.0 * clock.rate,
+            100.0 * clock.error_ratio
+        );
+    }
     if recorded.lag_s != 0.0 {
         let use_of_it = if set.session.is_some() { "not taken out: one clock pairs them" } else { "taken out" };
         say!("  lag of the gauge behind the counts: {:.3} s, {use_of_it}", recorded.lag_s);

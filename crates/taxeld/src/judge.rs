@@ -50,7 +50,13 @@ pub fn judge(args: &JudgeArgs) -> anyhow::Result<()> {
     say!("  area-mean error above 30 kPa: {:.2} % (bias {:+.2} kPa)", score.area_percent, score.bias_kpa);
     say!("  taxel RMSE: mean {:.2} kPa, median {:.2} kPa", score.taxel_rmse_kpa, score.taxel_rmse_median_kpa);
     if let Some(coverage) = score.coverage_percent {
-        say!("  within the 95 % interval: {coverage:.1} %");
+        say!("  within the 95 % interval: {coverage:.1} % of the readings");
+    }
+    if let Some(coverage) = score.coverage_beyond_percent {
+        say!("    {coverage:.1} % of the {:.1} % that are beyond the calibrated range", score.beyond_percent);
+    }
+    if let Some(coverage) = score.area_coverage_percent {
+        say!("    {coverage:.1} % of the area-means");
     }
     Ok(())
 }

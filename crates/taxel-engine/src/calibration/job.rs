@@ -13,6 +13,7 @@ use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::skin_fit::{FittedSkin, SkinFit};
+use crate::calibration::fit::zero::ZeroReturn;
 use crate::calibration::fit::{lag, zero};
 use crate::calibration::method::{method, plays_in_words};
 use crate::calibration::samples::{RampBaseline, SessionSamples};
@@ -125,23 +126,28 @@ impl FitJob {
     fn recorded(&self, fit: &SkinFit<'_>, fitted: &FittedSkin, rest: &[TaxelBaseline]) -> Recorded {
         let usable = fitted.usable();
         let at_the_end = || zero::zero_return(fit.scans, &fit.masks, &fit.kpa, rest, &usable);
+        let zero_return = self.zero_between_ramps(&usable).unwrap_or_else(at_the_end);
         Recorded {
             smooth_s: self.recipe.smooth_s,
             module_size: self.recipe.module_size,
             lag_s: lag::estimate(fit.scans, &fit.kpa, &fit.masks, fit.course.stretches(), LAG_MAX_S),
-            zero_return_counts: self.zero_between_ramps(&usable).unwrap_or_else(at_the_end),
+            zero_return_counts: zero_return.rms,
+            zero_return_common_counts: Some(zero_return.common),
+            clock: None,
             plays_error_ratio: fitted.plays_error_ratio,
             taxels: fitted.in_use.clone(),
         }
     }
 
-    /// How far the `taxels` rest from where they rested a ramp before, root mean square in counts over all ramps.
-    fn zero_between_ramps(&self, taxels: &[usize]) -> Option<f64> {
-        let pairs = self.samples.ramps.windows(2).filter_map(|pair| {
+    /// How far the `taxels` rest from where they rested a ramp before, root mean square over all ramps.
+    fn zero_between_ramps(&self, taxels: &[usize]) -> Option<ZeroReturn> {
+        let pair = |pair: &[RampBaseline]| {
             let moved = taxels.iter().filter_map(|&t| Some(pair[1].taxels.get(t)?.mean - pair[0].taxels.get(t)?.mean));
-            Some(root_mean_square(moved)).filter(|moved| *moved <= RETURN_MAX_COUNTS)
-        });
-        Some(root_mean_square(pairs)).filter(|moved| moved.is_finite())
+            ZeroReturn::of(&moved.collect::<Vec<f64>>()).filter(|moved| moved.rms <= RETURN_MAX_COUNTS)
+        };
+        let pairs: Vec<ZeroReturn> = self.samples.ramps.windows(2).filter_map(pair).collect();
+        let over = |figure: fn(&ZeroReturn) -> f64| root_mean_square(pairs.iter().map(figure));
+        (!pairs.is_empty()).then(|| ZeroReturn { rms: over(|p| p.rms), common: over(|p| p.common) })
     }
 
     /// One taxel's raw counts; NaN where a sample has none.

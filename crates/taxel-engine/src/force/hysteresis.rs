@@ -143,6 +143,8 @@ mod tests {
                 module_size: 10,
                 lag_s: 0.0,
                 zero_return_counts: 0.0,
+                zero_return_common_counts: None,
+                clock: None,
                 plays_error_ratio: Some(0.5),
                 taxels: vec![Some(taxel(Some(plays))), Some(taxel(None))],
             }),

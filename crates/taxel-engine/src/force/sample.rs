@@ -92,7 +92,7 @@ pub struct TaxelState {
     pub range: RangeFlag,
     /// What is wrong with it now.
     pub faults: FaultSet,
-    /// Pressure in kPa, present if calibrated, tared and fresh; clamped to the calibrated range.
+    /// Pressure in kPa, present if calibrated, tared and fresh; beyond the calibrated range by the curve's extension.
     pub pressure_kpa: Option<f32>,
     /// Standard uncertainty of the pressure in kPa.
     pub sigma_kpa: Option<f32>,
@@ -106,6 +106,6 @@ pub enum RangeFlag {
     In,
     /// Less pressure than was calibrated; read as the low end.
     Below,
-    /// More pressure than was calibrated; read as the high end.
+    /// More pressure than was calibrated; read by the curve's extension.
     Above,
 }

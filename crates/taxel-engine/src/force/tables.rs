@@ -4,7 +4,7 @@
 //! area) is baked into a table of 256 entries when the zero or the model set changes.
 
 use std::sync::Arc;
-use taxel_model::{Plays, RangeState, Sign, TaxelModel};
+use taxel_model::{Beyond, Extension, Plays, RangeState, Sign, TaxelModel};
 use taxel_skin::SquareMillimetre;
 
 use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
@@ -13,6 +13,11 @@ use crate::model_set::{ModelSet, RecordedTaxel};
 
 /// A reading so close to the end of the calibrated range, in multiples of the noise, counts as beyond it.
 const RANGE_MARGIN_SIGMAS: f64 = 2.0;
+
+/// Least uncertainty of what a curve's extension adds, as a share of it. Live, a count beyond the range may also come from
+/// a zero that is wrong or a fault that is not seen yet: two standard deviations reach back to the range's end, which is
+/// all that the calibration vouches for.
+const UNVOUCHED_SHARE: f64 = 0.5;
 
 /// Entries from one force table to the next. Taxels at rest all read about the same count; if their tables lay a power
 /// of two apart, all those entries would compete for the same few sets of the cache (5,000 taxels: 7 us instead of 4).
@@ -57,7 +62,7 @@ pub(crate) struct Share {
 /// What a taxel's count means.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TaxelReading {
-    /// Pressure, clamped to the calibrated range.
+    /// Pressure; beyond the calibrated range by the curve's extension (see [`taxel_model::SkinSlope`]).
     pub pressure_kpa: f32,
     /// Its standard uncertainty.
     pub sigma_kpa: f32,
@@ -65,7 +70,7 @@ pub struct TaxelReading {
     pub shared_kpa: f32,
     /// How much the pressure changes with the count here, not negative.
     pub kpa_per_count: f32,
-    /// Whether it was clamped.
+    /// Whether it is beyond the calibrated range.
     pub range: RangeFlag,
     /// Whether the count is beyond the activation threshold.
     pub active: bool,
@@ -125,13 +130,15 @@ impl Tables {
             newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
             set,
         };
-        for taxel in 0..taxels {
+        let extensions = tables.set.extensions();
+        for (taxel, extension) in extensions.into_iter().enumerate() {
             let then = tables.set.baseline.get(taxel);
             if let (Some(now), Some(then), Some(area)) = (rest.get(taxel), then, areas.get(taxel))
                 // A zero or a reference that was never measured proves nothing about the taxel.
                 && (tables.set.taxels[taxel].is_usable() && now.mean.is_finite() && then.mean.is_finite())
             {
-                let source = Source::new(&tables.set, taxel, *now, *then, RESIDUE_SHARE * residue_counts);
+                let more_counts = RESIDUE_SHARE * residue_counts;
+                let source = Source::new(&tables.set, taxel, extension, (*now, *then), more_counts);
                 let (table, force_n) = source.tabulate(*area, activation);
                 tables.polarity[taxel] = if source.sign == Sign::Falling { u8::MAX } else { 0 };
                 tables.threshold[taxel] = source.threshold(activation);
@@ -243,6 +250,8 @@ struct Source<'a> {
     /// Where hysteresis is compensated the mid curve is served; the play operators add their offset scan by scan.
     plays: Option<&'a Plays>,
     in_use: Option<&'a RecordedTaxel>,
+    /// How the curve goes on beyond its range.
+    extension: Option<Extension>,
     set: &'a ModelSet,
     now: TaxelBaseline,
     /// What is added to a raw count to get the count that the models refer to.
@@ -251,11 +260,18 @@ struct Source<'a> {
 }
 
 impl<'a> Source<'a> {
-    fn new(set: &'a ModelSet, taxel: usize, now: TaxelBaseline, then: TaxelBaseline, more_counts: f64) -> Self {
-        let (model, plays) = (&set.taxels[taxel], set.plays(taxel));
+    /// `zeros` are the present one and that of the models.
+    fn new(
+        set: &'a ModelSet,
+        taxel: usize,
+        extension: Option<Extension>,
+        zeros: (TaxelBaseline, TaxelBaseline),
+        more_counts: f64,
+    ) -> Self {
+        let (model, plays, (now, then)) = (&set.taxels[taxel], set.plays(taxel), zeros);
         let sign = plays.map_or(model.sign, |plays| plays.sign);
         let shift = then.mean - now.mean + sign.as_f64() * more_counts;
-        Self { model, plays, in_use: set.in_use(taxel), set, now, shift, sign }
+        Self { model, plays, in_use: set.in_use(taxel), extension, set, now, shift, sign }
     }
 
     /// Tables for what is looked up now and then, and the force that every scan needs.
@@ -279,6 +295,12 @@ impl<'a> Source<'a> {
         }
         if let Some(sigma_kpa) = self.sigma_in_use_kpa() {
             table.sigma_kpa = [sigma_kpa as f32; 256];
+        }
+        for code in 0..=u8::MAX {
+            let (beyond, code) = (self.beyond(code), usize::from(code));
+            table.pressure_kpa[code] += beyond.kpa as f32;
+            let sigma_kpa = beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa);
+            table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
         }
         let shared_kpa = self.in_use.map_or(0.0, |in_use| in_use.shared_kpa(self.set.plays_error_ratio()));
         let beyond = |distance: f64| -> [f32; 256] {
@@ -305,6 +327,11 @@ impl<'a> Source<'a> {
             TaxelTable { pressure_kpa, sigma_kpa, range, shares, shared_kpa: shared_kpa as f32, zero: self.now.mean },
             force_n,
         )
+    }
+
+    /// What a code beyond the calibrated range adds to the pressure at the range's end, and how uncertain that is.
+    fn beyond(&self, code: u8) -> Beyond {
+        self.extension.map_or(Beyond::default(), |extension| extension.at(f64::from(code) + self.shift))
     }
 
     /// Counts from rest towards pressure.
@@ -358,6 +385,23 @@ mod tests {
             prop_assert!(reading.pressure_kpa >= 0.0, "{reading:?}");
             prop_assert!(reading.sigma_kpa >= 0.0 && reading.kpa_per_count >= 0.0, "{reading:?}");
         }
+    }
+
+    #[test]
+    fn beyond_the_calibrated_range_pressure_and_uncertainty_grow_and_it_is_told() {
+        let tables = Tables::new(set(1), &rest(1), &[AREA], ACTIVATION);
+        let readings: Vec<TaxelReading> = (0..=u8::MAX).map(|count| tables.reading(0, count, 0.0).unwrap()).collect();
+        // Counts fall with pressure: the first one in range is the one of most pressure.
+        let end = readings.iter().position(|reading| reading.range != RangeFlag::Above).unwrap();
+        assert!(end > 20, "{end}");
+        for pair in readings[..end].windows(2) {
+            assert!(pair[0].pressure_kpa >= pair[1].pressure_kpa && pair[0].sigma_kpa >= pair[1].sigma_kpa, "{pair:?}");
+        }
+        let (last, beyond) = (readings[end], readings[end - 15]);
+        assert!(
+            beyond.pressure_kpa > last.pressure_kpa + 5.0 && beyond.sigma_kpa > last.sigma_kpa,
+            "{beyond:?} {last:?}"
+        );
     }
 
     #[test]

@@ -35,8 +35,8 @@ pub(super) fn cases() -> Vec<Case> {
         Case::of("7.9", "radii of 0 give the mid curve", same, 0.0, no_radius),
         Case::of(
             "7.10",
-            "radii beyond the range: the state stays where it began, readings finite",
-            "max |P - mid curve| over sum w swing",
+            "radii beyond the range: the state stays where it began, what is added is as the counts move",
+            "max |P - mid curve| over sum w times the counts' own excursion",
             1.0 + 1e-12,
             huge_radius,
         ),
@@ -220,8 +220,11 @@ fn no_radius() -> Outcome {
 fn huge_radius() -> Outcome {
     let plays = Plays { radii_counts: [1e300, 1e6], ..plays(Sign::Falling) };
     let path = walk(82, 10_000);
-    let swing = (plays.range[1] - plays.range[0]) * plays.weights_kpa.iter().sum::<f64>();
-    largest(run(&plays, &path).iter().zip(&path).map(|(kpa, count)| (kpa - mid(&plays, *count)) / swing))
+    // Plays that cannot move stand in the middle of the range, and follow loads beyond its end as well.
+    let middle = 0.5 * (plays.range[0] + plays.range[1]);
+    let excursion = path.iter().map(|count| (count.min(plays.range[1]) - middle).abs()).fold(0.0, f64::max);
+    let bound_kpa = excursion * plays.weights_kpa.iter().sum::<f64>();
+    largest(run(&plays, &path).iter().zip(&path).map(|(kpa, count)| (kpa - mid(&plays, *count)) / bound_kpa))
 }
 
 fn replay() -> Outcome {

@@ -178,6 +178,8 @@ fn hysteresis() -> Option<Hysteresis> {
             module_size: 1,
             lag_s: 0.0,
             zero_return_counts: 0.0,
+            zero_return_common_counts: None,
+            clock: None,
             plays_error_ratio: Some(0.5),
             taxels: vec![Some(taxel)],
         }),

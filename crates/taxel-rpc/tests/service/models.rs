@@ -29,6 +29,8 @@ fn over_both_branches(id: &str) -> ModelSet {
         module_size: 10,
         lag_s: -0.1,
         zero_return_counts: 0.4,
+        zero_return_common_counts: None,
+        clock: None,
         plays_error_ratio: Some(0.6),
         taxels,
     };

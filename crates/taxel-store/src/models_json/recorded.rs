@@ -1,7 +1,7 @@
 //! What rising and falling pressure together add to MODELS.json.
 
 use serde::{Deserialize, Serialize};
-use taxel_engine::model_set::{Recorded, RecordedTaxel};
+use taxel_engine::model_set::{GaugeClock, Recorded, RecordedTaxel};
 use taxel_model::Plays;
 
 /// The part of the file, field by field; the names are the format.
@@ -12,8 +12,21 @@ pub(super) struct Part {
     module_size: usize,
     lag_s: f64,
     zero_return_counts: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    zero_return_common_counts: Option<f64>,
     plays_error_ratio: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    clock: Option<Clock>,
     taxels: Vec<Option<Entry>>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Clock {
+    offset_s: f64,
+    rate: f64,
+    error_ratio: f64,
+    applied: bool,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -33,11 +46,15 @@ impl Part {
             hysteresis_kpa: taxel.hysteresis_kpa,
             plays: taxel.plays.clone(),
         };
+        let clock =
+            |GaugeClock { offset_s, rate, error_ratio, applied }| Clock { offset_s, rate, error_ratio, applied };
         Self {
+            clock: recorded.clock.map(clock),
             smooth_s: recorded.smooth_s,
             module_size: recorded.module_size,
             lag_s: recorded.lag_s,
             zero_return_counts: recorded.zero_return_counts,
+            zero_return_common_counts: recorded.zero_return_common_counts,
             plays_error_ratio: recorded.plays_error_ratio,
             taxels: recorded.taxels.iter().map(|taxel| taxel.as_ref().map(entry)).collect(),
         }
@@ -50,11 +67,15 @@ impl Part {
             hysteresis_kpa: entry.hysteresis_kpa,
             plays: entry.plays,
         };
+        let clock =
+            |Clock { offset_s, rate, error_ratio, applied }| GaugeClock { offset_s, rate, error_ratio, applied };
         Recorded {
+            clock: self.clock.map(clock),
             smooth_s: self.smooth_s,
             module_size: self.module_size,
             lag_s: self.lag_s,
             zero_return_counts: self.zero_return_counts,
+            zero_return_common_counts: self.zero_return_common_counts,
             plays_error_ratio: self.plays_error_ratio,
             taxels: self.taxels.into_iter().map(|entry| entry.map(taxel)).collect(),
         }
@@ -76,6 +97,12 @@ pub(super) fn check(recorded: &Recorded, taxels: usize) -> Result<(), String> {
     finite("smooth_s", recorded.smooth_s, 0.0)?;
     finite("lag_s", recorded.lag_s, f64::MIN)?;
     finite("zero_return_counts", recorded.zero_return_counts, 0.0)?;
+    finite("zero_return_common_counts", recorded.zero_return_common_counts.unwrap_or(0.0), 0.0)?;
+    if let Some(clock) = recorded.clock {
+        finite("clock.offset_s", clock.offset_s, f64::MIN)?;
+        finite("clock.rate", clock.rate, f64::MIN)?;
+        finite("clock.error_ratio", clock.error_ratio, 0.0)?;
+    }
     finite("plays_error_ratio", recorded.plays_error_ratio.unwrap_or(0.0), 0.0)?;
     for (number, taxel) in recorded.taxels.iter().enumerate() {
         let Some(taxel) = taxel else { continue };

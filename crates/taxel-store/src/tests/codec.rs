@@ -3,7 +3,7 @@
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
+use taxel_engine::model_set::{GaugeClock, ModelSet, Recorded, RecordedTaxel};
 use taxel_model::{
     Curve, Estimator, FitOptions, Flag, GaugeUncertainty, Order, Plays, Quality, Samples, SigmaProfile, Sign, Status,
     TaxelModel,
@@ -250,6 +250,8 @@ fn what_a_recording_adds_comes_back_and_is_checked() {
         module_size: 10,
         lag_s: -0.1,
         zero_return_counts: 1.2,
+        zero_return_common_counts: Some(0.9),
+        clock: Some(GaugeClock { offset_s: -0.7, rate: 3e-4, error_ratio: 0.8, applied: true }),
         plays_error_ratio: Some(0.58),
         taxels: vec![Some(taxel), None, None, None],
     };
@@ -258,9 +260,10 @@ fn what_a_recording_adds_comes_back_and_is_checked() {
     let back = from_json(&to_json(&set).unwrap()).unwrap();
     assert_eq!(back.recorded, Some(recorded.clone()));
     type Change = fn(&mut Recorded);
-    let cases: [(Change, &str); 4] = [
+    let cases: [(Change, &str); 5] = [
         (|r| r.smooth_s = f64::NAN, "`recorded.smooth_s` is NaN"),
         (|r| r.taxels.truncate(1), "`recorded.taxels` has 1 entries, expected 4"),
+        (|r| r.clock.as_mut().unwrap().rate = f64::INFINITY, "`recorded.clock.rate` is inf"),
         (|r| r.module_size = 0, "`recorded.module_size` is 0"),
         (|r| r.taxels[0].as_mut().unwrap().plays.as_mut().unwrap().weights_kpa[0] = -1.0, "plays` is -1"),
     ];

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use taxel_model::{PlayState, Status};
+use taxel_model::{Beyond, Extension, PlayState, Plays, Sign, Status};
 
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::RecordingError;
@@ -15,6 +15,11 @@ use crate::model_set::ModelSet;
 
 /// How far taxels move between days, root mean square in counts: what an unproven zero may be off by.
 const DAY_COUNTS: f64 = 3.0;
+
+/// By how much a skin's gain differs between days, relative standard uncertainty: a calibration of one day cannot know
+/// it. Capacitive insoles differed by -2.9 to +3.0 % between two days under the same loads (Hurkmans et al. 2006, Gait
+/// and Posture 23, 118, the dynamic tests): a rectangle of half-width 3 %, so 3 % / sqrt(3).
+const GAIN_OF_DAY_REL: f64 = 0.017;
 
 /// How models are applied.
 #[derive(Clone, Debug, Default)]
@@ -55,11 +60,17 @@ impl fmt::Display for Unread {
 /// Pressures of a recording.
 #[derive(Clone, Debug)]
 pub struct Applied {
-    /// One column per taxel, kPa, clamped to the calibrated range; NaN where the taxel is excluded. The column is empty
-    /// where it is excluded throughout.
+    /// One column per taxel, kPa, beyond the calibrated range extended (see [`taxel_model::SkinSlope`]); NaN where the
+    /// taxel is excluded. The column is empty where it is excluded throughout.
     pub pressure_kpa: Vec<Vec<f64>>,
-    /// Their standard deviations, kPa, likewise; all empty if they were not wanted.
+    /// Their standard deviations, kPa, likewise; all empty if they were not wanted. Infinite at an end of the converter
+    /// towards pressure: there the reading is a lower bound only.
     pub sigma_kpa: Vec<Vec<f64>>,
+    /// Whether a reading is of more pressure than was calibrated, likewise.
+    pub beyond: Vec<Vec<bool>>,
+    /// Standard deviation of the mean pressure over the taxels that are read, kPa, one per scan: what they have in
+    /// common does not average out. Empty if deviations were not wanted.
+    pub area_sigma_kpa: Vec<f64>,
     /// Why a column is empty.
     pub unread: Vec<Option<Unread>>,
     /// What was done about the zero.
@@ -87,11 +98,16 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
     let mut applied = Applied {
         pressure_kpa: vec![Vec::new(); models],
         sigma_kpa: vec![Vec::new(); models],
+        beyond: vec![Vec::new(); models],
+        area_sigma_kpa: Vec::new(),
         unread: vec![None; models],
         zero,
         masked: (0, 0),
     };
-    let reader = Reader { set, half: half_width(scans, smooth_s), sigma: recipe.sigma };
+    let extensions = if skin { set.extensions() } else { vec![None; models] };
+    let tared = applied.zero.is_tared();
+    let reader = Reader { set, extensions, half: half_width(scans, smooth_s), skin, tared };
+    let mut area = AreaSums::default();
     for (taxel, counts) in scans.counts.iter().enumerate() {
         match reader.readable(taxel, &applied.zero, &masks) {
             Err(why) => applied.unread[taxel] = Some(why),
@@ -99,20 +115,72 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
                 let masked = masks.of(taxel);
                 applied.masked.0 += masked.iter().filter(|m| **m).count();
                 applied.masked.1 += masked.len();
-                let tared = applied.zero.is_tared();
-                let (kpa, sigma) = reader.column(taxel, counts, masked, moved, tared);
-                applied.pressure_kpa[taxel] = kpa;
-                applied.sigma_kpa[taxel] = sigma;
+                let column = reader.column(taxel, counts, masked, moved);
+                if recipe.sigma {
+                    area.add(&column);
+                    applied.sigma_kpa[taxel] =
+                        column.own_kpa.iter().zip(&column.shared_kpa).map(|(o, s)| o.hypot(*s)).collect();
+                }
+                applied.pressure_kpa[taxel] = column.kpa;
+                applied.beyond[taxel] = column.beyond;
             }
         }
     }
+    applied.area_sigma_kpa = area.sigma_kpa();
     Ok(applied)
+}
+
+/// What one taxel reads, scan by scan, with the standard deviation that it has for itself and that which it shares with
+/// all others; NaN where it is excluded.
+struct Column {
+    kpa: Vec<f64>,
+    own_kpa: Vec<f64>,
+    shared_kpa: Vec<f64>,
+    beyond: Vec<bool>,
+}
+
+/// Sums over the taxels, one per scan, that the uncertainty of their mean follows from.
+#[derive(Default)]
+struct AreaSums {
+    own_kpa2: Vec<f64>,
+    shared_kpa: Vec<f64>,
+    taxels: Vec<f64>,
+}
+
+impl AreaSums {
+    fn add(&mut self, column: &Column) {
+        for sums in [&mut self.own_kpa2, &mut self.shared_kpa, &mut self.taxels] {
+            sums.resize(column.kpa.len(), 0.0);
+        }
+        for (i, (own, shared)) in column.own_kpa.iter().zip(&column.shared_kpa).enumerate() {
+            if own.is_nan() || shared.is_nan() {
+                continue;
+            }
+            self.own_kpa2[i] += own * own;
+            self.shared_kpa[i] += shared;
+            self.taxels[i] += 1.0;
+        }
+    }
+
+    /// Own parts are independent, shared ones add up before they are squared.
+    fn sigma_kpa(&self) -> Vec<f64> {
+        let sums = self.own_kpa2.iter().zip(&self.shared_kpa).zip(&self.taxels);
+        sums.map(|((own, shared), n)| own.sqrt().hypot(*shared) / n).collect()
+    }
+}
+
+/// The uncertainty of a taxel's readings in the calibrated range, own and shared, without what grows with the pressure.
+struct Base {
+    own_kpa: f64,
+    shared_kpa: f64,
 }
 
 struct Reader<'a> {
     set: &'a ModelSet,
+    extensions: Vec<Option<Extension>>,
     half: usize,
-    sigma: bool,
+    skin: bool,
+    tared: bool,
 }
 
 impl Reader<'_> {
@@ -128,26 +196,43 @@ impl Reader<'_> {
         zero.moved(taxel).ok_or(Unread::NoZero)
     }
 
-    /// Pressures and standard deviations of a taxel.
-    fn column(&self, taxel: usize, counts: &[f64], masked: &[bool], moved: f64, tared: bool) -> (Vec<f64>, Vec<f64>) {
-        let model = &self.set.taxels[taxel];
-        let recorded = self.set.recorded.as_ref();
-        let in_use = recorded.and_then(|r| r.taxels.get(taxel)).and_then(Option::as_ref);
-        let plays = in_use.and_then(|taxel| taxel.plays.as_ref());
-        let zero_counts = recorded.map_or(0.0, |r| r.zero_return_counts).hypot(if tared { 0.0 } else { DAY_COUNTS });
-        let in_use_sigma = in_use.map(|taxel| taxel.sigma_kpa(zero_counts));
+    /// What is known of a taxel's error in use; `None` if nothing but its curve's own scatter is.
+    fn base(&self, taxel: usize) -> Option<Base> {
+        let (recorded, in_use) = (self.set.recorded.as_ref()?, self.set.in_use(taxel)?);
+        let day = if self.tared { 0.0 } else { DAY_COUNTS };
+        let zero_counts = recorded.zero_return_counts.hypot(day);
+        // What nobody told may all be common, and the zero of another day mostly is.
+        let common = recorded.zero_return_common_counts.unwrap_or(recorded.zero_return_counts).hypot(day);
+        let all_kpa = in_use.sigma_kpa(zero_counts);
+        let hysteresis_kpa = in_use.shared_kpa(self.set.plays_error_ratio());
+        let shared_kpa = hysteresis_kpa.hypot(common / in_use.sensitivity).min(all_kpa);
+        Some(Base { own_kpa: (all_kpa.powi(2) - shared_kpa.powi(2)).max(0.0).sqrt(), shared_kpa })
+    }
+
+    /// Pressures of a taxel with their uncertainty.
+    fn column(&self, taxel: usize, counts: &[f64], masked: &[bool], moved: f64) -> Column {
+        let (model, plays) = (&self.set.taxels[taxel], self.set.plays(taxel));
+        let (base, extension) = (self.base(taxel), self.extensions[taxel]);
+        let rail = if plays.map_or(model.sign, |plays| plays.sign) == Sign::Falling { 0.0 } else { 255.0 };
+        let gain = if self.skin { GAIN_OF_DAY_REL } else { 0.0 };
         let smoothed = smooth(counts, masked, self.half);
         let mut state = PlayState::default();
-        let mut kpa = vec![f64::NAN; counts.len()];
-        let mut sigma = vec![f64::NAN; if self.sigma { counts.len() } else { 0 }];
+        let nothing = || vec![f64::NAN; counts.len()];
+        let (kpa, own_kpa, shared_kpa) = (nothing(), nothing(), nothing());
+        let mut column = Column { kpa, own_kpa, shared_kpa, beyond: vec![false; counts.len()] };
         for i in (0..counts.len()).filter(|&i| !masked[i]) {
             let count = smoothed[i] - moved;
             let Some(reading) = model.evaluate(count) else { continue };
-            kpa[i] = plays.map_or(reading.kpa, |plays| plays.evaluate(&mut state, count));
-            if self.sigma {
-                sigma[i] = in_use_sigma.unwrap_or(reading.sigma_kpa);
-            }
+            let beyond = extension.map_or(Beyond::default(), |extension| extension.at(count));
+            let kpa = plays.map_or(reading.kpa, |plays: &Plays| plays.evaluate(&mut state, count)) + beyond.kpa;
+            let (own, shared) = base.as_ref().map_or((reading.sigma_kpa, 0.0), |base| (base.own_kpa, base.shared_kpa));
+            let railed = self.skin && counts[i] == rail;
+            column.kpa[i] = kpa;
+            column.own_kpa[i] = own.hypot(beyond.own_kpa);
+            column.shared_kpa[i] =
+                if railed { f64::INFINITY } else { shared.hypot(beyond.shared_kpa).hypot(gain * kpa) };
+            column.beyond[i] = beyond.sigma_kpa() > 0.0 || railed;
         }
-        (kpa, sigma)
+        column
     }
 }

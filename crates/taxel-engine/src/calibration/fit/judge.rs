@@ -24,6 +24,13 @@ pub struct Score {
     pub taxels: usize,
     /// Share of the readings within 1.96 standard deviations of the gauge, in percent; `None` without deviations.
     pub coverage_percent: Option<f64>,
+    /// The same of the readings beyond the calibrated range.
+    pub coverage_beyond_percent: Option<f64>,
+    /// How many readings those are, in percent of all.
+    pub beyond_percent: f64,
+    /// Share of the scans in which the mean over the taxels is within 1.96 of its standard deviations of the gauge, in
+    /// percent; `None` without deviations.
+    pub area_coverage_percent: Option<f64>,
 }
 
 /// Judges `applied` against the gauge, kPa, one value per scan.
@@ -34,19 +41,44 @@ pub fn judge(applied: &Applied, gauge_kpa: &[f64]) -> Score {
     let high = || (0..gauge_kpa.len()).filter(|&i| gauge_kpa[i] > RELATIVE_ABOVE_KPA);
     let errors: Vec<f64> =
         columns.iter().map(|c| root_mean_square(c.iter().zip(gauge_kpa).map(|(read, p)| read - p))).collect();
-    let (mut within, mut all) = (0_u64, 0_u64);
-    for (kpa, sigma) in applied.pressure_kpa.iter().zip(&applied.sigma_kpa) {
-        for ((read, sigma), p) in kpa.iter().zip(sigma).zip(gauge_kpa).filter(|((r, _), p)| (*r - *p).is_finite()) {
-            all += 1;
-            within += u64::from((read - p).abs() <= WITHIN_95 * sigma);
+    let (mut inside, mut beyond) = (Tally::default(), Tally::default());
+    for ((kpa, sigma), is_beyond) in applied.pressure_kpa.iter().zip(&applied.sigma_kpa).zip(&applied.beyond) {
+        for (((read, sigma), p), is_beyond) in kpa.iter().zip(sigma).zip(gauge_kpa).zip(is_beyond) {
+            if *is_beyond { beyond.add(read - p, *sigma) } else { inside.add(read - p, *sigma) }
         }
     }
+    let mut mean_of_taxels = Tally::default();
+    applied.area_sigma_kpa.iter().enumerate().for_each(|(i, sigma)| mean_of_taxels.add(area(i), *sigma));
+    let both = Tally { within: inside.within + beyond.within, all: inside.all + beyond.all };
     Score {
         area_percent: 100.0 * mean(high().map(|i| area(i).abs() / gauge_kpa[i])).0,
         bias_kpa: mean(high().map(area)).0,
         taxel_rmse_kpa: mean(errors.iter().copied()).0,
         taxel_rmse_median_kpa: quantile(errors, 0.5).unwrap_or(f64::NAN),
         taxels: columns.len(),
-        coverage_percent: (all > 0).then(|| 100.0 * within as f64 / all as f64),
+        coverage_percent: both.percent(),
+        coverage_beyond_percent: beyond.percent(),
+        beyond_percent: 100.0 * beyond.all as f64 / both.all.max(1) as f64,
+        area_coverage_percent: mean_of_taxels.percent(),
+    }
+}
+
+/// Errors within the 95 % interval, and all of them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    within: u64,
+    all: u64,
+}
+
+impl Tally {
+    fn add(&mut self, error: f64, sigma: f64) {
+        if error.is_finite() {
+            self.all += 1;
+            self.within += u64::from(error.abs() <= WITHIN_95 * sigma);
+        }
+    }
+
+    fn percent(self) -> Option<f64> {
+        (self.all > 0).then(|| 100.0 * self.within as f64 / self.all as f64)
     }
 }

@@ -24,8 +24,7 @@ const MASKED_MAX: f64 = 0.01;
 /// At a steady rate hysteresis looks like a lag of the counts, a negative one here, of half its width over the rate:
 /// only what goes beyond that is a lag of the clocks.
 pub(crate) fn estimate(scans: &Scans<'_>, kpa: &[f64], masks: &Masks, stretches: &[Range<usize>], max_s: f64) -> f64 {
-    let sound: Vec<usize> = (0..scans.counts.len()).filter(|&t| masks.share(t) <= MASKED_MAX).collect();
-    let counts: Vec<f64> = (0..scans.len()).map(|i| mean(sound.iter().map(|&t| scans.counts[t][i])).0).collect();
+    let counts = mean_counts(scans, masks);
     let options = FitOptions { estimator: Estimator::PerSample, ..FitOptions::default() };
     // Every lag is judged by the same scans: those that have a pressure at the ends of the search.
     let ends = [max_s, -max_s].map(|lag_s| shifted(scans.time_s, kpa, lag_s, stretches));
@@ -42,6 +41,12 @@ pub(crate) fn estimate(scans: &Scans<'_>, kpa: &[f64], masks: &Masks, stretches:
     best(near, &error)
 }
 
+/// Mean count of the taxels that are sound nearly throughout, one per scan; NaN without any.
+pub(crate) fn mean_counts(scans: &Scans<'_>, masks: &Masks) -> Vec<f64> {
+    let sound: Vec<usize> = (0..scans.counts.len()).filter(|&t| masks.share(t) <= MASKED_MAX).collect();
+    (0..scans.len()).map(|i| mean(sound.iter().map(|&t| scans.counts[t][i])).0).collect()
+}
+
 /// The candidate of least error, of equals the one next to zero; 0 if none can be judged.
 fn best(candidates: impl Iterator<Item = f64>, error: &dyn Fn(f64) -> f64) -> f64 {
     let scored = candidates.map(|lag| (lag, error(lag))).filter(|(_, error)| error.is_finite());
@@ -51,9 +56,16 @@ fn best(candidates: impl Iterator<Item = f64>, error: &dyn Fn(f64) -> f64) -> f6
 /// The pressure that belongs to each scan if the gauge's times are `lag_s` late, linear between its readings; NaN where
 /// that lies beyond the scan's own stretch.
 pub(crate) fn shifted(time_s: &[f64], kpa: &[f64], lag_s: f64, stretches: &[Range<usize>]) -> Vec<f64> {
-    if lag_s == 0.0 {
-        return kpa.to_vec();
-    }
+    if lag_s == 0.0 { kpa.to_vec() } else { shifted_to(time_s, kpa, &|t| t + lag_s, stretches) }
+}
+
+/// The same if the gauge's time at a scan's time t is `gauge_time(t)`, seconds.
+pub(crate) fn shifted_to(
+    time_s: &[f64],
+    kpa: &[f64],
+    gauge_time: &dyn Fn(f64) -> f64,
+    stretches: &[Range<usize>],
+) -> Vec<f64> {
     let mut all = vec![f64::NAN; kpa.len()];
     for stretch in stretches {
         let (time_s, kpa) = (&time_s[stretch.clone()], &kpa[stretch.clone()]);
@@ -65,7 +77,7 @@ pub(crate) fn shifted(time_s: &[f64], kpa: &[f64], lag_s: f64, stretches: &[Rang
             let share = (t - time_s[after - 1]) / (time_s[after] - time_s[after - 1]);
             kpa[after - 1] + share * (kpa[after] - kpa[after - 1])
         };
-        all[stretch.clone()].iter_mut().zip(time_s).for_each(|(p, t)| *p = at(t + lag_s));
+        all[stretch.clone()].iter_mut().zip(time_s).for_each(|(p, t)| *p = at(gauge_time(*t)));
     }
     all
 }

@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use crate::baseline::TaxelBaseline;
-use crate::calibration::branch::Branch;
+use crate::calibration::branch::{Branch, PlaysChoice};
+use crate::calibration::fit::clock;
 use crate::calibration::fit::course::Course;
 use crate::calibration::fit::lag;
 use crate::calibration::fit::legs::GAUGE_MEDIAN_SCANS;
@@ -31,9 +32,17 @@ pub fn fit(
     let kpa = if recipe.is_paper() { gauge.to_vec() } else { running_median(gauge, GAUGE_MEDIAN_SCANS) };
     let whole: Vec<Range<usize>> = std::iter::once(0..scans.len()).collect();
     let lag_s = if recipe.max_lag_s > 0.0 { lag::estimate(scans, &kpa, &masks, &whole, recipe.max_lag_s) } else { 0.0 };
-    let kpa = lag::shifted(scans.time_s, &kpa, lag_s, &whole);
-    let known = kpa.iter().enumerate().filter(|(_, p)| p.is_finite());
-    let top = known.max_by(|a, b| a.1.total_cmp(b.1)).ok_or(RecordingError::NoPressure)?.0;
+    let mut kpa = lag::shifted(scans.time_s, &kpa, lag_s, &whole);
+    let mut top = top_of(&kpa).ok_or(RecordingError::NoPressure)?;
+    // Without plays the loop of hysteresis would be taken for a lag.
+    let looks_for_clock = recipe.max_clock_s > 0.0 && recipe.plays != PlaysChoice::Off && !recipe.is_paper();
+    let max_clock_s = looks_for_clock.then_some(recipe.max_clock_s);
+    let course = Course::of_recording(scans.len(), top);
+    let clock = max_clock_s.and_then(|max_s| clock::find(scans, &kpa, &masks, &course, max_s));
+    if let Some(clock) = clock.filter(|clock| clock.wins) {
+        kpa = clock::set_right(scans.time_s, &kpa, &clock);
+        top = top_of(&kpa).ok_or(RecordingError::NoPressure)?;
+    }
     let course = if recipe.is_paper() { Course::of_runs(&kpa) } else { Course::of_recording(scans.len(), top) };
     let fit = SkinFit { scans, masks, kpa, course, recipe };
     let fitted = fit.run(progress);
@@ -43,6 +52,7 @@ pub fn fit(
     // The paper fits broken taxels, too. How far the others come back is not theirs to say.
     let faults = faults.as_ref().unwrap_or(&fit.masks);
     let sound: Vec<usize> = usable.into_iter().filter(|&t| faults.share(t) <= MASKED_MAX).collect();
+    let zero_return = zero_return(scans, faults, &fit.kpa, &baseline, &sound);
     Ok(ModelSet {
         id: String::new(),
         patch: String::new(),
@@ -57,7 +67,9 @@ pub fn fit(
             smooth_s: recipe.smooth_s,
             module_size: recipe.module_size,
             lag_s,
-            zero_return_counts: zero_return(scans, faults, &fit.kpa, &baseline, &sound),
+            zero_return_counts: zero_return.rms,
+            zero_return_common_counts: Some(zero_return.common),
+            clock: clock.as_ref().map(clock::told),
             plays_error_ratio: fitted.plays_error_ratio,
             taxels: fitted.in_use,
         }),
@@ -72,6 +84,12 @@ fn masks(scans: &Scans<'_>, recipe: &FitRecipe) -> (Masks, Option<Masks>) {
     let modules = modules(scans.counts.len(), recipe.module_size);
     let faults = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans);
     if recipe.is_paper() { (Masks::missing(scans), Some(faults)) } else { (faults, None) }
+}
+
+/// The scan of the highest pressure; `None` without a pressure.
+fn top_of(kpa: &[f64]) -> Option<usize> {
+    let known = kpa.iter().enumerate().filter(|(_, p)| p.is_finite());
+    Some(known.max_by(|a, b| a.1.total_cmp(b.1))?.0)
 }
 
 /// How a set was fitted, in words.

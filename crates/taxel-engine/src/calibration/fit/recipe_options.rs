@@ -23,6 +23,9 @@ pub struct FitRecipe {
     pub smooth_s: f64,
     /// A lag of at most so many seconds between gauge and counts is looked for; 0 is none.
     pub max_lag_s: f64,
+    /// A clock of the gauge's own is looked for within so many seconds, and used where it wins on a stretch that it was
+    /// not found on; 0 is not at all.
+    pub max_clock_s: f64,
     /// Limits of the faults.
     pub faults: FaultLimits,
 }
@@ -37,6 +40,7 @@ impl Default for FitRecipe {
             module_size: 10,
             smooth_s: 0.5,
             max_lag_s: 0.0,
+            max_clock_s: 8.0,
             faults: FaultLimits::default(),
         }
     }

@@ -125,6 +125,20 @@ fn faults_are_masked_from_their_onset_until_they_are_over() {
 }
 
 #[test]
+fn a_gauge_with_a_clock_of_its_own_is_found_out_and_one_without_is_left_alone() {
+    let mut skin = Skin::cycle(5.0);
+    let clock = |skin: &Skin| fitted(skin, &FitRecipe::default()).recorded.unwrap().clock.unwrap();
+    let right = clock(&skin);
+    assert!(!right.applied, "{right:?}");
+    // The gauge is 3 s late: what stands at a scan was measured 3 s before.
+    skin.kpa = (0..skin.kpa.len()).map(|i| skin.kpa[i.saturating_sub(150)]).collect();
+    let late = clock(&skin);
+    assert!(late.applied && (late.offset_s - 3.0).abs() < 0.7 && late.error_ratio < 0.9, "{late:?}");
+    let off = FitRecipe { max_clock_s: 0.0, ..FitRecipe::default() };
+    assert_eq!(fitted(&skin, &off).recorded.unwrap().clock, None);
+}
+
+#[test]
 fn a_module_goes_when_most_of_it_flickers_and_not_before() {
     for (broken, whole) in [(6, false), (7, true)] {
         let mut skin = Skin::cycle(5.0);
@@ -284,13 +298,38 @@ fn the_operators_word_is_taken_and_another_skin_is_not() {
 }
 
 #[test]
-fn readings_stay_within_the_calibrated_range() {
+fn beyond_the_calibrated_range_readings_go_on_and_their_interval_grows() {
     let set = fitted(&Skin::cycle(0.0), &FitRecipe::default());
-    let skin = Skin::new([vec![4.0; 300], cycle(4.0, 600.0)].concat(), 0.0, 0.0, 3);
-    let applied = apply(&skin.scans(), &set, &ApplyRecipe::default()).unwrap();
+    let sigma = ApplyRecipe { sigma: true, ..ApplyRecipe::default() };
+    let read = |top: f64| {
+        let skin = Skin::new([vec![4.0; 300], cycle(4.0, top)].concat(), 0.0, 0.0, 3);
+        let applied = apply(&skin.scans(), &set, &sigma).unwrap();
+        (judge(&applied, &skin.kpa), applied)
+    };
+    let (score, applied) = read(300.0);
     let highest = applied.pressure_kpa.iter().flatten().copied().fold(0.0, f64::max);
-    // One count is 18 kPa up there.
-    assert!((190.0..240.0).contains(&highest), "{highest}");
+    assert!((245.0..340.0).contains(&highest), "{highest}");
+    // This skin stiffens without end: its curves bend more and more, always to the same side of a straight line.
+    assert!(score.beyond_percent > 10.0 && score.coverage_beyond_percent.unwrap() > 75.0, "{score:?}");
+    assert!(score.area_coverage_percent.unwrap() > 95.0, "{score:?}");
+    // Too far for a straight line: the pressure stays, and the uncertainty goes on.
+    let (_, applied) = read(900.0);
+    let widest = applied.sigma_kpa.iter().flatten().copied().fold(0.0, f64::max);
+    assert!(widest > 100.0, "{widest}");
+}
+
+#[test]
+fn at_an_end_of_the_converter_a_reading_is_a_lower_bound() {
+    let set = fitted(&Skin::cycle(0.0), &FitRecipe::default());
+    let mut skin = Skin::cycle(0.0);
+    skin.spoil(3, 30.0..30.02, |_| 0.0);
+    let applied = apply(&skin.scans(), &set, &ApplyRecipe { sigma: true, ..ApplyRecipe::default() }).unwrap();
+    let railed: Vec<usize> = (0..skin.kpa.len()).filter(|&i| skin.counts[3][i] == 0.0).collect();
+    assert!(!railed.is_empty());
+    for i in railed {
+        let (kpa, sigma) = (applied.pressure_kpa[3][i], applied.sigma_kpa[3][i]);
+        assert!(kpa.is_nan() || sigma == f64::INFINITY, "{kpa} {sigma}");
+    }
 }
 
 #[test]
@@ -300,7 +339,7 @@ fn one_lag_is_found_and_taken_out() {
     skin.kpa = (0..skin.kpa.len()).map(|i| skin.kpa[i.saturating_sub(late)]).collect();
     let found = fitted(&skin, &FitRecipe { max_lag_s: 1.0, ..FitRecipe::default() }).recorded.unwrap();
     assert!((found.lag_s - 0.5).abs() <= 0.05, "{}", found.lag_s);
-    let left = fitted(&skin, &FitRecipe::default()).recorded.unwrap();
+    let left = fitted(&skin, &FitRecipe { max_clock_s: 0.0, ..FitRecipe::default() }).recorded.unwrap();
     let rmse = |r: &crate::model_set::Recorded| r.taxels[0].as_ref().unwrap().rmse_kpa;
     assert_eq!(left.lag_s, 0.0);
     assert!(rmse(&found) < rmse(&left));
