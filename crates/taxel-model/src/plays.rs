@@ -83,6 +83,9 @@ impl Frame {
         let sign = self.sign.as_f64();
         let (a, b) = (sign * self.range[0], sign * self.range[1]);
         let (rest, top, load) = (a.min(b), a.max(b), sign * count);
+        if 2.0 * r >= top - rest {
+            return sign * (rest + (top - rest) / 2.0); // the sums below would lose it for a great r
+        }
         let (risen, fallen) = ((rest + r).max(load - r), (top - r).min(load + r));
         sign * (risen + (fallen - risen) / 2.0)
     }
