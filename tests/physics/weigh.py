@@ -1,0 +1,160 @@
+#!/usr/bin/env python3
+"""Weighs on the second simulated skin (skin.py): calibrates taxeld in the bag, lays masses or fingers, reads the force.
+
+usage: weigh.py TAXELD SCRATCH [--first-seed 1] [--seeds 3] [--placements 24] [--quick]      needs numpy
+
+Per row of the table: mean and bias of the force's error, share of placements whose truth lies within two stated standard
+uncertainties, the bias of the lightest mass, and the force that is read where nothing lies (99 % of the scans below it).
+With --quick a small number of placements, and exit status 1 if the aims are missed.
+"""
+
+import argparse
+import csv
+import json
+import math
+import os
+import statistics as st
+import subprocess
+import sys
+
+import numpy as np
+
+from skin import Log, PERIOD_S, Skin, footprint, positions_file
+
+CONFIG = """
+[store]
+path = "none.db"
+[[bus]]
+name = "skin"
+interface = "can0"
+[[patch]]
+name = "arm"
+bus = "skin"
+listen_only = true
+geometry = "positions.txt"
+outputs = ["fill"]
+{area}
+[[patch.board]]
+address = 13
+modules = "0-15"
+[[patch.board]]
+address = 12
+modules = "0-6"
+[patch.gauge]
+id = 0x3A1
+length_bits = 32
+signed = true
+unit = "Pa"
+noise_kpa = 0.02
+"""
+MASSES_KG = (0.2, 0.3, 0.4, 0.6, 0.8, 1.0)
+# What, hysteresis, rest between venting and zero in s, area, contact.
+ROWS = [
+    ("no hysteresis, creep or drift", "none", 8, "", "mass"),
+    ("play", "play", 8, "", "mass"),
+    ("play, rest of 120 s", "play", 120, "", "mass"),
+    ("play, the paper's equal areas without gaps", "play", 8, 'area = "equal"', "mass"),
+    ("loop that closes at rest", "loop", 8, "", "mass"),
+    ("the same, rest of 120 s", "loop", 120, "", "mass"),
+    ("the same, fingers of 1 to 10 N", "loop", 8, "", "finger"),
+]
+
+
+def simulate(folder, hysteresis, rest_s, kind, seed, placements):
+    """Writes a calibration log, a log of placements and the positions; returns (from s, to s, newton) of each."""
+    rng = np.random.default_rng(seed)
+    skin = Skin(rng, hysteresis)
+    zero = np.zeros(skin.taxels)
+
+    def run(log, seconds, pads_kpa, gauge_kpa=lambda t: 0.0):
+        for k in range(round(seconds / PERIOD_S)):
+            t = k * PERIOD_S
+            log.scan(skin.scan(zero + pads_kpa(t)), gauge_kpa(t) + rng.normal(0, 0.02))
+
+    log = Log(f"{folder}/calibration.log")
+    rise, fall = (lambda t: min(2 * t, 72.0)), (lambda t: max(0.0, 72 - 6.5 * t))
+    run(log, 4, lambda t: 0.0)
+    run(log, 37, rise, rise)
+    run(log, 14, fall, fall)
+    log.close()
+    for _ in range(round(rest_s / PERIOD_S)):
+        skin.scan(zero)
+    log, truth = Log(f"{folder}/placements.log"), []
+    run(log, 4, lambda t: 0.0)
+    for i in range(placements):
+        newton = MASSES_KG[i % 6] * 9.80665 if kind == "mass" else math.exp(rng.uniform(0, math.log(10)))
+        pads = skin.pads_kpa(footprint(rng, skin, kind, newton))
+        begin = log.time
+        run(log, 3.0, lambda t: pads * min(t / 0.3, 1))
+        truth.append((begin + 2.0, log.time - 0.1, newton))
+        run(log, 5.0, lambda t: pads * max(1 - t / 0.3, 0))
+    log.close()
+    with open(f"{folder}/positions.txt", "w", encoding="ascii") as out:
+        out.write(positions_file(skin))
+    return truth
+
+
+def weigh(taxeld, folder, area, truth):
+    """Truth, force and standard uncertainty of each placement in N (mean of a second), and the forces read at rest."""
+    config = f"{folder}/scene.toml"
+    with open(config, "w", encoding="ascii") as out:
+        out.write(CONFIG.format(area=area))
+    replay = lambda log, *more: subprocess.run(
+        [taxeld, "replay", f"{folder}/{log}.log", "--config", config, *more], check=True, capture_output=True)
+    replay("calibration", "--calibrate", "--out", f"{folder}/models.json")
+    replay("placements", "--models", f"{folder}/models.json", "--force", f"{folder}/force.csv")
+    with open(f"{folder}/force.csv", encoding="ascii") as table:
+        rows = [(float(r["time_s"]), float(r["total_n"]), float(r["sigma_n"]))
+                for r in csv.DictReader(table) if r["total_n"]]
+    read = []
+    for begin, end, newton in truth:
+        inside = [row for row in rows if begin <= row[0] <= end]
+        assert inside, f"no force between {begin} and {end} s"
+        read.append((newton, st.mean(r[1] for r in inside), st.mean(r[2] for r in inside)))
+    laid = lambda t: any(begin - 2.5 <= t <= end + 1 for begin, end, _ in truth)
+    return read, [row[1] for row in rows if not laid(row[0])]
+
+
+def row(args, what, hysteresis, rest_s, area, kind):
+    read, at_rest = [], []
+    for seed in range(args.first_seed, args.first_seed + args.seeds):
+        folder = f"{args.scratch}/{hysteresis}-{rest_s}-{kind}-{seed}"
+        os.makedirs(folder, exist_ok=True)
+        truth_file = f"{folder}/truth.json"
+        if not os.path.exists(truth_file):
+            with open(truth_file, "w", encoding="ascii") as out:
+                json.dump(simulate(folder, hysteresis, rest_s, kind, seed, args.placements), out)
+        with open(truth_file, encoding="ascii") as file:
+            of_seed = weigh(args.taxeld, folder, area, json.load(file))
+        read += of_seed[0]
+        at_rest += of_seed[1]
+    errors = [(force - newton) / newton for newton, force, _ in read]
+    light = [(force - newton) / newton for newton, force, _ in read if kind == "mass" and newton < 2.0]
+    within = sum(abs(force - newton) <= 2 * sigma for newton, force, sigma in read) / len(read)
+    mean = st.mean(map(abs, errors))
+    ghost_n = sorted(at_rest)[int(0.99 * len(at_rest))]
+    lightest = f"{100 * st.mean(light):+.0f} %" if light else ""
+    print(f"| {what} | {len(read)} | {100 * mean:.1f} % | {100 * st.mean(errors):+.1f} % | {100 * within:.0f} % | "
+          f"{lightest} | {ghost_n:.2f} N |", flush=True)
+    return mean, within
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("taxeld")
+    parser.add_argument("scratch")
+    parser.add_argument("--first-seed", type=int, default=1)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--placements", type=int, default=24)
+    parser.add_argument("--quick", action="store_true")
+    args = parser.parse_args()
+    if args.quick:
+        args.seeds, args.placements = 1, 12
+    print("| skin | placements | mean error | bias | within 2 sigma | bias at 0.2 kg | read at rest, 99 % below |")
+    print("|---|---|---|---|---|---|---|")
+    of_rows = [row(args, *what) for what in (ROWS[1:2] + ROWS[4:5] if args.quick else ROWS)]
+    if args.quick and any(mean > 0.12 or within < 0.9 for mean, within in of_rows):
+        sys.exit("a mean error above 12 %, or fewer than 90 % of the placements within two standard uncertainties")
+
+
+main()
