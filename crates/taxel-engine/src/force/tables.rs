@@ -29,8 +29,11 @@ pub(crate) type ForceTable = [f32; FORCE_STRIDE];
 /// Beside an activated taxel this share of the threshold suffices: the low one of two thresholds.
 const LOW_SHARE: f64 = 0.375;
 
-/// What of a residue touched taxels are read at more.
-const RESIDUE_SHARE: f64 = 0.5;
+/// What of a residue touched taxels are read at more: on skins with a play all of it would be right, on skins that creep
+/// nothing. Half of it reads the former more too little than the latter too much.
+const RESIDUE_SHARE: f64 = 0.6;
+/// Standard deviation, about this share, of a share that may as well be anything from 0 to 1.
+const RESIDUE_SIGMA: f64 = 0.31;
 
 /// One taxel's tables, indexed by raw count.
 #[derive(Clone, Debug)]
@@ -107,7 +110,7 @@ impl Tables {
     ///
     /// A skin that was pressed returns not quite to its rest, and a zero that is taken then takes what remains for nothing.
     /// Whether the next load finds that remainder again (as with play: it reads as much too little) or it has gone
-    /// (creep), counts do not tell. So touched taxels are read at half of it more, and the other half is uncertain.
+    /// (creep), counts do not tell. So touched taxels are read at a share of it more, and which share is right is uncertain.
     /// Where hysteresis is compensated it is known, and nothing is added.
     #[must_use]
     pub fn with_residue(
@@ -150,10 +153,9 @@ impl Tables {
         tables
     }
 
-    /// Standard uncertainty of the zero under touched taxels because the skin remembers earlier loads, counts: half of the
-    /// residue either way, all of it equally likely.
+    /// Standard uncertainty of the zero under touched taxels because the skin remembers earlier loads, counts.
     pub(crate) fn residue_sigma_counts(&self) -> f64 {
-        RESIDUE_SHARE * self.residue_counts / 3.0_f64.sqrt()
+        RESIDUE_SIGMA * self.residue_counts
     }
 
     /// The model set.
