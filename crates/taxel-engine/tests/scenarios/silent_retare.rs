@@ -178,3 +178,23 @@ fn a_retare_in_a_ramp_fails_the_ramp_and_nothing_of_the_new_zero_is_in_the_sessi
         }
     }
 }
+
+/// The gauge shows that the bag presses on, so a board that comes back without its load has taken a new zero under it.
+#[test]
+fn a_board_that_is_out_in_a_ramp_and_comes_with_a_new_zero_fails_the_ramp() {
+    for skin in [small(), ordinary()] {
+        let mut bench = skin.in_use();
+        bench.start_session(None);
+        bench.ramp(74.0, 2.0);
+        bench.until(40.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 40.0));
+        let mark = bench.mark();
+        bench.inject(Fault::BoardSilent(board(13)));
+        bench.seconds(0.7);
+        bench.inject(Fault::SilentRetare(board(13)));
+        bench.repair(Fault::BoardSilent(board(13)));
+        bench.seconds(3.0);
+        bench.is_truthful_since(mark, "a new zero of a board in a ramp");
+        let view = bench.host.session();
+        assert_eq!(view.state, SessionState::Failed, "{view:?}");
+    }
+}

@@ -81,8 +81,8 @@ pub struct BoardWatch {
     unclear: u8,
     /// All its modules are silent.
     silent: bool,
-    /// What presses on it is the bag.
-    in_bag: bool,
+    /// What presses on it is the bag, as far as known when it was heard last.
+    bag: Bag,
     /// What it read when it fell silent or was doubted, and for how many scans yet this is compared with.
     before: Option<(Vec<u8>, u8)>,
 }
@@ -123,20 +123,25 @@ impl BoardWatch {
 
     /// Whether all its modules are silent. What it read is kept, and what it was doubted for waits.
     pub fn is_silent(&mut self, scan: &Scan<'_>, bag: Bag) -> bool {
-        self.in_bag = bag.presses;
         self.silent = self.modules.clone().all(|module| scan.silent[module]);
         if self.silent {
             self.keep(scan.counts);
             if let Some((_, left)) = &mut self.doubt {
                 *left = PROBATION_SCANS;
             }
+        } else if self.bag.presses && !bag.holds {
+            self.before = None; // the bag has let go meanwhile
+        }
+        if !self.silent {
+            self.bag = bag;
         }
         self.silent
     }
 
-    /// Keeps what the board read, of the counts of the patch, unless that is kept already, or what presses is the bag.
+    /// Keeps what the board read, of the counts of the patch, unless that is kept already, or what presses is a bag
+    /// that lets go.
     fn keep(&mut self, counts: &[u8]) {
-        if self.in_bag && self.before.is_none() {
+        if self.bag.presses && !self.bag.holds && self.before.is_none() {
             return;
         }
         let (_, scans) = self.before.get_or_insert_with(|| (counts[self.taxels.clone()].to_vec(), 0));
