@@ -253,10 +253,30 @@ impl ForceModel {
             sums.area += self.newton_per_kpa(taxel);
         }
         for taxel in filled {
-            sums.own_n2 += (self.newton_per_kpa(taxel.taxel) * taxel.sigma_kpa).powi(2);
-            sums.area += self.newton_per_kpa(taxel.taxel);
+            let newton_per_kpa = self.newton_per_kpa(taxel.taxel);
+            sums.own_n2 += (newton_per_kpa * taxel.sigma_kpa).powi(2);
+            sums.area += newton_per_kpa;
+            let [per_count_kpa, hysteresis_kpa] = self.common_beside(evaluator, counts, taxel.taxel);
+            sums.per_count_n += newton_per_kpa * per_count_kpa;
+            sums.hysteresis_n += newton_per_kpa * hysteresis_kpa;
         }
         sums
+    }
+
+    /// What a filled taxel takes over from those it is filled from, in the mean: kPa per count, and hysteresis in kPa. A
+    /// zero or a hysteresis that is wrong for all of them is wrong for it, too.
+    fn common_beside(&self, evaluator: &Evaluator, counts: &[u8], taxel: usize) -> [f64; 2] {
+        let (tables, selected) = (evaluator.tables(), evaluator.selection());
+        let (mut sums, mut known) = ([0.0; 2], 0.0);
+        for other in self.neighbours.iter().flat_map(|neighbours| neighbours.of(taxel)).filter(|&other| selected[other])
+        {
+            let Some(share) = tables.share(other, counts[other]) else { continue };
+            let newton_per_kpa = self.newton_per_kpa(other);
+            sums[0] += f64::from(share.per_count_n) / newton_per_kpa;
+            sums[1] += f64::from(tables.hysteresis_n(other)) / newton_per_kpa;
+            known += 1.0;
+        }
+        if known > 0.0 { sums.map(|sum| sum / known) } else { sums }
     }
 
     /// Standard uncertainty of the total: taxels are independent, while hysteresis, drift, gauge gain, gauge offset and

@@ -11,8 +11,8 @@
 //! more. The floor is `max(R, 0) + max(H, 0)` and two standard uncertainties.
 //!
 //! Which taxels are in a total hangs on their noise, too. That of a contact on the modules that have most of it,
-//! `sqrt(sum (w s)^2)`, is in every total, as is that of taxels below the threshold that are in it because they touch an active one: these were
-//! chosen by their reading, so that their noise does not average out but adds up, `sum w s`.
+//! `sqrt(sum (w s)^2)`, is in every total, as is that of taxels below the threshold that are in it because they touch an
+//! active one: these were chosen by their reading, so that their noise does not average out but adds up, `sum w s`.
 
 use std::ops::Range;
 use taxel_skin::Newton;
@@ -173,6 +173,7 @@ mod tests {
     use proptest::prelude::*;
 
     const TAXELS: usize = 37;
+    const MODULES: [Range<usize>; 4] = [0..10, 10..20, 20..30, 30..37];
 
     fn tables() -> Tables {
         Tables::new(set(TAXELS), &rest(TAXELS), &[AREA; TAXELS], ACTIVATION)
@@ -187,17 +188,24 @@ mod tests {
         let counts: Vec<u8> = taxels.iter().map(|t| t.0).collect();
         let selected: Vec<bool> = taxels.iter().map(|t| t.1).collect();
         let active = (0..TAXELS).filter(|&t| taxels[t].1 && taxels[t].2);
-        Remainder::new(tables, &rest(TAXELS), ACTIVATION, &selected, &[]).unseen(&counts, active, zero_sigma)
+        Remainder::new(tables, &rest(TAXELS), ACTIVATION, &selected, &MODULES).unseen(&counts, active, zero_sigma)
     }
 
     proptest! {
         #[test]
         fn it_is_what_a_plain_loop_over_the_taxels_gives(taxels in taxels(0..=255), zero_sigma in 0.0..0.5_f64) {
             let tables = tables();
-            let (mut remainder, mut noise, mut per_count) = (0.0, 0.0, 0.0);
+            let (mut remainder, mut noise, mut per_count, mut chosen) = (0.0, 0.0, 0.0, 0.0);
+            let mut of_modules = [0.0; 4];
             for (taxel, &(count, selected, active)) in taxels.iter().enumerate() {
                 let distance = ACTIVATION.distance_counts(0.5);
                 let newton_per_count = tables.threshold_n(taxel, distance).unwrap() / distance;
+                if selected {
+                    of_modules[taxel / 10] += (newton_per_count * 0.5).powi(2);
+                }
+                if selected && active && f64::from(REST) - f64::from(count) < distance {
+                    chosen += newton_per_count * 0.5;
+                }
                 if selected && !active {
                     remainder += newton_per_count * (f64::from(REST) - f64::from(count));
                     noise += (newton_per_count * 0.5).powi(2);
@@ -206,6 +214,9 @@ mod tests {
             }
             let sigma = (noise + (zero_sigma * per_count).powi(2)).sqrt();
             let found = unseen(&tables, &taxels, zero_sigma);
+            of_modules.sort_by(f64::total_cmp);
+            let choice = of_modules[1..].iter().sum::<f64>().sqrt().hypot(chosen);
+            prop_assert!((found.choice_n - choice).abs() < 1e-4 * (1.0 + choice), "{found:?} {choice}");
             let floor = remainder.max(0.0) + FLOOR_SIGMAS * sigma;
             prop_assert!((found.floor.0 - floor).abs() < 1e-3 * (1.0 + floor), "{found:?} {floor}");
         }
@@ -231,6 +242,8 @@ mod tests {
             prop_assert!(found.floor.0.is_finite() && found.floor.0 >= 0.0, "{found:?}");
             let open = taxels.iter().any(|&(_, selected, active)| selected && !active);
             prop_assert!(!open || found.floor.0 > 0.0, "{found:?}");
+            let selected = taxels.iter().any(|&(_, selected, _)| selected);
+            prop_assert!(found.choice_n.is_finite() && (!selected || found.choice_n > 0.0), "{found:?}");
         }
     }
 
@@ -240,8 +253,9 @@ mod tests {
         unknown[3] = TaxelBaseline::UNKNOWN;
         unknown[4].noise = f64::NAN;
         let tables = Tables::new(set(TAXELS), &unknown, &[AREA; TAXELS], ACTIVATION);
-        let remainder = Remainder::new(&tables, &unknown, ACTIVATION, &[true; TAXELS], &[]);
+        let remainder = Remainder::new(&tables, &unknown, ACTIVATION, &[true; TAXELS], &MODULES);
         let found = remainder.unseen(&[REST; TAXELS], std::iter::once(4), 0.1);
         assert!(found.floor.0 > 0.0 && found.floor.0.is_finite(), "{found:?}");
+        assert!(found.choice_n > 0.0 && found.choice_n.is_finite(), "{found:?}");
     }
 }
