@@ -4,7 +4,9 @@
 usage: controller.py [ADDRESS [PATCH]]          (127.0.0.1:50051 and the only patch unless given)
 needs: pip install grpcio grpcio-reflection     (no generated code: the messages come from the daemon's reflection)
 
-Policy, the same as that of crates/taxel-proto/examples/controller.rs:
+The whole policy in one file; the package in python/ has the same and more, for use as it is.
+
+Policy:
 1. A thread of its own takes samples off the stream at once and keeps the newest. The control loop never waits and
    never works through a queue of old samples.
 2. Only OK and DEGRADED are forces. STALE, TARE_INVALID and UNCALIBRATED carry none: the loop does without.

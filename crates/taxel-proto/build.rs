@@ -5,12 +5,15 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-const FILES: [&str; 5] = [
+const FILES: [&str; 8] = [
     "taxel/v1/force.proto",
     "taxel/v1/skin.proto",
     "taxel/v1/calibration.proto",
     "taxel/v1/model.proto",
     "taxel/v1/validation.proto",
+    "taxel/v1/audit.proto",
+    "taxel/v1/ingest.proto",
+    "taxel/v1/recording.proto",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {

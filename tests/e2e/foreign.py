@@ -30,7 +30,7 @@ class Client:
         method, request = self._method(name)
         return method(json_format.ParseDict(fields, request()), timeout=timeout)
 
-    def stream(self, name, timeout=120, **fields):
+    def stream(self, name, timeout=300, **fields):
         """Answers one by one, until the caller stops or the time is over."""
         method, request = self._method(name)
         return method(json_format.ParseDict(fields, request()), timeout=timeout)

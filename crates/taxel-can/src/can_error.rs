@@ -2,6 +2,8 @@
 //!
 //! Layout: `linux/can/error.h`. The identifier holds class bits, the data bytes the details.
 
+use std::fmt;
+
 use taxel_wire::{CanId, Frame, FrameKind};
 
 /// One thing that an error frame reports.
@@ -45,6 +47,40 @@ pub enum BusError {
         /// The bits.
         class: u32,
     },
+}
+
+impl fmt::Display for BusError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let with = |f: &mut fmt::Formatter<'_>, what: &str, counters: &Counters| match counters {
+            Some(ErrorCounters { transmit, receive }) => {
+                write!(f, "{what} (error counters: {transmit} sending, {receive} receiving)")
+            }
+            None => f.write_str(what),
+        };
+        match self {
+            Self::BusOff => f.write_str("bus-off: the controller left the bus"),
+            Self::Restarted => f.write_str("the controller is back after bus-off"),
+            Self::Warning(counters) => with(f, "error-warning: many errors on the bus", counters),
+            Self::Passive(counters) => with(f, "error-passive: very many errors on the bus", counters),
+            Self::Active(counters) => with(f, "error-active: the errors have become few again", counters),
+            Self::ControllerOverflow { receive: true } => f.write_str("the controller's receive buffer overran"),
+            Self::ControllerOverflow { receive: false } => f.write_str("the controller's transmit buffer overran"),
+            Self::Protocol { violations } => {
+                write!(
+                    f,
+                    "a frame broke the protocol (CAN_ERR_PROT {violations:#04x}): wiring, termination or bit rate"
+                )
+            }
+            Self::TxTimeout => f.write_str("a frame was not sent in time"),
+            Self::LostArbitration => f.write_str("another node won the arbitration"),
+            Self::Transceiver { status } => {
+                write!(f, "the transceiver reports a fault of the wires (CAN_ERR_TRX {status:#04x})")
+            }
+            Self::NoAck => f.write_str("nobody acknowledged a frame: no other node, or another bit rate"),
+            Self::Unspecified => f.write_str("an error on the bus that the controller does not specify"),
+            Self::Unknown { class } => write!(f, "an error frame of an unknown class {class:#x}"),
+        }
+    }
 }
 
 /// The controller's error counters, where it told them.
@@ -175,6 +211,17 @@ mod tests {
             assert!(!decoded(1 << bit, [0; 8]).is_empty(), "class bit {bit}");
         }
         assert_eq!(decoded(0, [0; 8]), [BusError::Unknown { class: 0 }]);
+    }
+
+    #[test]
+    fn errors_are_told_in_words() {
+        let said = |class, data| decoded(class, data)[0].to_string();
+        let active = said(0x204, [0, 0x40, 0, 0, 0, 0, 5, 0]);
+        assert_eq!(active, "error-active: the errors have become few again (error counters: 5 sending, 0 receiving)");
+        for bit in 0..29 {
+            let words = said(1 << bit, [0; 8]);
+            assert!(!words.contains(['{', '}']) && !words.contains("Some") && words.contains(' '), "{words}");
+        }
     }
 
     #[test]

@@ -14,7 +14,7 @@ use crate::can_error;
 use crate::clock::ClockReading;
 use crate::filter::{Filters, Wanted};
 use crate::source::{Batch, BusEvent};
-use crate::sys::{self, FRAME_BYTES, Received, Receiver};
+use crate::sys::{self, FD_FRAME_BYTES, FRAME_BYTES, Received, Receiver};
 
 /// Most frames/s of a bus at 1 Mbit/s: 111 bits each, eight data bytes, no stuff bits.
 const FULL_BUS_FRAMES_PER_S: usize = 9_009;
@@ -81,6 +81,8 @@ impl Rx {
             let kernel: Vec<(u32, u32)> = kernel.iter().map(|filter| (filter.id, filter.mask)).collect();
             socket.set_filters(&kernel).map_err(failed("setsockopt(CAN_RAW_FILTER)"))?;
         }
+        // A kernel without CAN FD goes on with classic frames.
+        let _classic_only = socket.set_socket_option_int(libc::SOL_CAN_RAW, libc::CAN_RAW_FD_FRAMES, 1);
         socket.set_error_filter(ALL_ERRORS).map_err(failed("setsockopt(CAN_RAW_ERR_FILTER)"))?;
         setsockopt(&socket, sockopt::ReceiveTimestampns, &true).map_err(failed("setsockopt(SO_TIMESTAMPNS)"))?;
         setsockopt(&socket, sockopt::RxqOvfl, &1).map_err(failed("setsockopt(SO_RXQ_OVFL)"))?;
@@ -187,16 +189,18 @@ fn grow_buffer(socket: &CanSocket) -> Result<usize, Failure> {
     nix::sys::socket::getsockopt(socket, sockopt::RcvBuf).map_err(failed::<Errno>("getsockopt(SO_RCVBUF)"))
 }
 
-/// `struct can_frame { u32 id; u8 len; u8 pad[3]; u8 data[8]; }` as a frame; `None` if it is none.
+/// `struct can_frame { u32 id; u8 len; u8 pad[3]; u8 data[8]; }` as a frame, or `struct canfd_frame`, which has the same
+/// head and 64 bytes; `None` if it is none. The length of a read tells them apart.
 fn frame_of(received: &Received) -> Option<Frame> {
-    if received.length != FRAME_BYTES || received.truncated {
+    if !matches!(received.length, FRAME_BYTES | FD_FRAME_BYTES) || received.truncated {
         return None;
     }
-    let (head, data) = received.bytes.split_at(8);
+    let (head, data) = received.bytes[..received.length].split_at(8);
     let id = u32::from_ne_bytes(*head.first_chunk()?);
     let data = data.get(..usize::from(head[4]))?;
     let kind = match id {
         _ if id & ERROR != 0 => FrameKind::Error,
+        _ if received.length == FD_FRAME_BYTES => FrameKind::Fd,
         _ if id & REMOTE != 0 => FrameKind::Remote,
         _ => FrameKind::Data,
     };
@@ -207,7 +211,8 @@ fn frame_of(received: &Received) -> Option<Frame> {
     Frame::new(id, kind, data)
 }
 
-/// A frame as the kernel wants it; `None` for an error frame, which is not to be sent.
+/// A classic frame as the kernel wants it; `None` for an error frame, which is not to be sent, and one of CAN FD: bring-up
+/// commands are classic frames.
 pub(crate) fn bytes_of(frame: &Frame) -> Option<[u8; FRAME_BYTES]> {
     let id = match frame.id {
         CanId::Standard(id) => u32::from(id & 0x7FF),
@@ -216,7 +221,7 @@ pub(crate) fn bytes_of(frame: &Frame) -> Option<[u8; FRAME_BYTES]> {
     let id = match frame.kind {
         FrameKind::Data => id,
         FrameKind::Remote => id | REMOTE,
-        FrameKind::Error => return None,
+        FrameKind::Error | FrameKind::Fd => return None,
     };
     let mut bytes = [0; FRAME_BYTES];
     bytes[..4].copy_from_slice(&id.to_ne_bytes());
@@ -231,7 +236,22 @@ mod tests {
     use proptest::prelude::*;
 
     fn received(bytes: [u8; FRAME_BYTES]) -> Received {
-        Received { bytes, length: FRAME_BYTES, ..Received::default() }
+        let mut received = Received { length: FRAME_BYTES, ..Received::default() };
+        received.bytes[..FRAME_BYTES].copy_from_slice(&bytes);
+        received
+    }
+
+    #[test]
+    fn a_read_of_72_bytes_is_a_frame_of_can_fd() {
+        let mut fd = Received { length: FD_FRAME_BYTES, ..Received::default() };
+        fd.bytes[..4].copy_from_slice(&(0x123_4567_u32 | EXTENDED).to_ne_bytes());
+        (fd.bytes[4], fd.bytes[5]) = (64, 5);
+        fd.bytes[8..].fill(0xAB);
+        assert_eq!(frame_of(&fd), Frame::fd(CanId::Extended(0x123_4567), &[0xAB; 64]));
+        fd.bytes[4] = 65;
+        assert_eq!(frame_of(&fd), None);
+        let classic = Received { length: FRAME_BYTES, ..fd };
+        assert_eq!(frame_of(&classic), None, "a classic frame of more than eight bytes is none");
     }
 
     #[test]
@@ -270,8 +290,9 @@ mod tests {
         }
 
         #[test]
-        fn no_bytes_make_the_reading_of_a_frame_panic(bytes: [u8; FRAME_BYTES], length in 0_usize..80) {
-            let _ = frame_of(&Received { length, ..received(bytes) });
+        fn no_bytes_make_the_reading_of_a_frame_panic(bytes in prop::collection::vec(any::<u8>(), 72), length in 0_usize..80) {
+            let bytes = bytes.try_into().unwrap();
+            let _ = frame_of(&Received { length, bytes, ..Received::default() });
         }
     }
 }

@@ -94,7 +94,7 @@ pub enum OpenError {
 /// The kernel hands each sent frame to every other socket of this machine. So a frame sent here is also received
 /// here, if it is among the wanted identifiers; on a real bus that is when it was on the wire.
 ///
-/// CAN FD frames are not seen: the kernel does not give them to a classic socket.
+/// Frames of CAN FD are received where the interface has them; only classic ones are sent.
 pub struct SocketCan {
     interface: String,
     wanted: Wanted,

@@ -12,6 +12,8 @@ use tokio::io::unix::AsyncFd;
 pub(crate) const READS: usize = 64;
 /// Bytes of `struct can_frame`.
 pub(crate) const FRAME_BYTES: usize = 16;
+/// Bytes of `struct canfd_frame`.
+pub(crate) const FD_FRAME_BYTES: usize = 72;
 /// Room for a timestamp (32) and a drop count (24), headers included.
 const CONTROL_BYTES: usize = 64;
 
@@ -25,13 +27,13 @@ pub(crate) const WAKES: Interest = Interest::READABLE.add(Interest::ERROR);
 struct Control([u8; CONTROL_BYTES]);
 
 /// One read: a frame's bytes and what the kernel tells of it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Received {
-    /// `struct can_frame`, unless `length` says otherwise.
-    pub bytes: [u8; FRAME_BYTES],
+    /// `struct can_frame` or `struct canfd_frame`, as `length` says.
+    pub bytes: [u8; FD_FRAME_BYTES],
     /// Bytes that the kernel wrote.
     pub length: usize,
-    /// The frame was longer than a classic one.
+    /// The frame was longer than one of CAN FD.
     pub truncated: bool,
     /// A process of this machine sent it.
     pub local: bool,
@@ -41,15 +43,22 @@ pub(crate) struct Received {
     pub drops: Option<u32>,
 }
 
+impl Default for Received {
+    fn default() -> Self {
+        let bytes = [0; FD_FRAME_BYTES];
+        Self { bytes, length: 0, truncated: false, local: false, stamp_wall_ns: None, drops: None }
+    }
+}
+
 /// Where the kernel writes to, made once.
 pub(crate) struct Receiver {
-    frames: Box<[[u8; FRAME_BYTES]; READS]>,
+    frames: Box<[[u8; FD_FRAME_BYTES]; READS]>,
     control: Box<[Control; READS]>,
 }
 
 impl Receiver {
     pub fn new() -> Self {
-        Self { frames: Box::new([[0; FRAME_BYTES]; READS]), control: Box::new([Control([0; CONTROL_BYTES]); READS]) }
+        Self { frames: Box::new([[0; FD_FRAME_BYTES]; READS]), control: Box::new([Control([0; CONTROL_BYTES]); READS]) }
     }
 
     /// Takes what the socket holds, at most [`READS`], without waiting, and puts it into `received`.
@@ -62,7 +71,7 @@ impl Receiver {
         let (mut places, mut headers) = unsafe { mem::zeroed::<([libc::iovec; READS], [libc::mmsghdr; READS])>() };
         for i in 0..READS {
             places[i].iov_base = self.frames[i].as_mut_ptr().cast();
-            places[i].iov_len = FRAME_BYTES;
+            places[i].iov_len = FD_FRAME_BYTES;
             let header = &mut headers[i].msg_hdr;
             header.msg_iov = &raw mut places[i];
             header.msg_iovlen = 1;

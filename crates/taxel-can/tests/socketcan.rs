@@ -145,6 +145,28 @@ async fn an_interface_that_is_deleted_and_made_again_is_found_and_nothing_leaks(
     assert_eq!(files.first(), files.last(), "open files: {files:?}");
 }
 
+/// The interface goes down and up 50 times, or as often as TAXELD_FLAPS says: `TAXELD_FLAPS=1000 LAB_TIMEOUT=900
+/// tests/vcan/run-can-tests flaps`.
+#[tokio::test]
+async fn flaps_of_the_interface_are_each_told_lose_nothing_after_them_and_leak_nothing() {
+    let Some(vcan) = Vcan::up("vc_flaps") else { return };
+    let flaps = std::env::var("TAXELD_FLAPS").map_or(50, |flaps| flaps.parse().unwrap());
+    let mut bus = vcan.open(None, true);
+    Heard::event(&mut bus, BusEvent::Up).await;
+    let mut files = Vec::new();
+    for round in 0..flaps {
+        vcan.set("down");
+        Heard::event(&mut bus, INTERFACE_DOWN).await;
+        vcan.set("up");
+        Heard::event(&mut bus, BusEvent::Up).await;
+        vcan.cansend(&format!("301#{round:08X}"));
+        assert_eq!(Heard::frames(&mut bus, 1).await.plain_frames(), [numbered(round)], "flap {round}");
+        files.push(std::fs::read_dir("/proc/self/fd").unwrap().count());
+    }
+    assert!(files.iter().all(|open| *open == files[0]), "open files: {files:?}");
+    println!("{flaps} flaps, {} open files at each", files[0]);
+}
+
 #[tokio::test]
 async fn an_interface_that_is_replaced_between_two_looks_is_found() {
     let Some(vcan) = Vcan::up("vc_swap") else { return };

@@ -61,6 +61,7 @@ fn tables_us(taxels: usize) -> f64 {
         gauge_offset_kpa: 0.0,
         taxels: vec![model(); taxels],
         recorded: None,
+        recalibrated: None,
     });
     let (zero, areas) = (vec![ZERO; taxels], vec![SquareMillimetre(32.4); taxels]);
     let begun = Instant::now();

@@ -59,6 +59,7 @@ fn model_set() -> ModelSet {
         gauge_offset_kpa: 0.0,
         taxels: (0..TAXELS).map(|taxel| shapes[taxel % shapes.len()].clone()).collect(),
         recorded: None,
+        recalibrated: None,
     }
 }
 

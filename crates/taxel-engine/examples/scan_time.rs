@@ -124,7 +124,10 @@ fn at(time: Time) -> Now {
 
 fn engine(plan: &Arc<Plan>, sets: &[Arc<ModelSet>]) -> Engine {
     let active = sets.iter().map(|set| (set.patch.clone(), set.id.clone())).collect();
-    Engine::new(Arc::clone(plan), Restored { model_sets: sets.to_vec(), active, ..Restored::default() })
+    Engine::new(
+        Arc::clone(plan),
+        Restored { model_sets: sets.iter().cloned().map(Into::into).collect(), active, ..Restored::default() },
+    )
 }
 
 fn forearm(full: bool) -> Result<PatchPlan, Error> {

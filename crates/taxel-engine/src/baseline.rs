@@ -39,13 +39,31 @@ impl Activation {
 /// because something moved while the zero was taken.
 const NOISE_GROWTH_MAX: f64 = 1.5;
 
-/// A zero with a noise that is no more than `NOISE_GROWTH_MAX` times what is `known` of each taxel.
+/// A zero with a noise that is no more than `NOISE_GROWTH_MAX` times what is `known` of each taxel. A taxel that gave no
+/// value at rest stays unknown.
 #[must_use]
 pub fn with_noise_capped(mut baseline: Vec<TaxelBaseline>, known: &[TaxelBaseline]) -> Vec<TaxelBaseline> {
     for (taxel, known) in baseline.iter_mut().zip(known) {
-        if known.noise.is_finite() && known.noise > 0.0 {
+        // `min` would take the cap for a noise that is not a number.
+        if taxel.noise.is_finite() && known.noise.is_finite() && known.noise > 0.0 {
             taxel.noise = taxel.noise.min(NOISE_GROWTH_MAX * known.noise.max(NOISE_FLOOR_COUNTS));
         }
     }
     baseline
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_noise_is_capped_by_what_is_known_and_an_unknown_taxel_stays_unknown() {
+        let rest = |mean, noise| TaxelBaseline { mean, noise };
+        let zero = vec![rest(240.0, 9.0), TaxelBaseline::UNKNOWN, rest(240.0, 9.0), rest(240.0, 0.5)];
+        let known = [rest(239.0, 1.0), rest(239.0, 1.0), TaxelBaseline::UNKNOWN, rest(239.0, 1.0)];
+        let capped = with_noise_capped(zero, &known);
+        let noises: Vec<f64> = capped.iter().map(|taxel| taxel.noise).collect();
+        assert_eq!((noises[0], noises[2], noises[3]), (1.5, 9.0, 0.5));
+        assert!(capped[1].mean.is_nan() && capped[1].noise.is_nan(), "{:?}", capped[1]);
+    }
 }

@@ -2,8 +2,10 @@
 
 use std::fmt;
 
+use taxel_skin::BusIndex;
 use taxel_wire::CanId;
 
+use crate::engine::routes::{Route, Routes};
 use crate::plan::{PatchPlan, Plan};
 
 /// A plan that contradicts itself.
@@ -24,6 +26,15 @@ pub enum Conflict {
         patches: [String; 2],
         /// The board's address.
         board: u8,
+    },
+    /// A device is said to send with an identifier that a skin board sends with.
+    DeviceOnBoard {
+        /// The patch of the device.
+        patch: String,
+        /// The identifier.
+        id: CanId,
+        /// The patch whose board it is.
+        board_of: String,
     },
     /// The gauge has an identifier that a board sends with.
     GaugeOnBoard {
@@ -49,6 +60,12 @@ impl fmt::Display for Conflict {
                     f,
                     "board {board} is configured by patch `{a}` and by patch `{b}` with other settings: expected \
                            the same period, type, no-load value and listen_only in both"
+                )
+            }
+            Self::DeviceOnBoard { patch, id, board_of } => {
+                write!(
+                    f,
+                    "signals of patch `{patch}` have identifier {id}, with which a board of patch `{board_of}` sends"
                 )
             }
             Self::GaugeOnBoard { patch, id, board_of, board } => {
@@ -78,6 +95,9 @@ pub fn conflicts(plan: &Plan) -> Vec<Conflict> {
 }
 
 fn conflicts_between(a: &PatchPlan, b: &PatchPlan) -> Vec<Conflict> {
+    if !a.devices.is_empty() || !b.devices.is_empty() {
+        return identifier_conflict(a, b).into_iter().collect();
+    }
     let patches = || [a.patch.name().to_owned(), b.patch.name().to_owned()];
     let mut found = Vec::new();
     for (i, x) in a.patch.boards().iter().enumerate() {
@@ -98,9 +118,29 @@ fn conflicts_between(a: &PatchPlan, b: &PatchPlan) -> Vec<Conflict> {
     found
 }
 
+/// A frame of a skin board that a device is said to send, too.
+fn identifier_conflict(a: &PatchPlan, b: &PatchPlan) -> Option<Conflict> {
+    let (devices, boards) = if a.devices.is_empty() { (b, a) } else { (a, b) };
+    if !boards.devices.is_empty() {
+        return None; // devices may share frames: each number has one reader
+    }
+    let only_boards = Plan { buses: usize::from(u8::MAX) + 1, patches: vec![boards.clone()] };
+    let routes = Routes::new(&only_boards);
+    let sent =
+        devices.devices.iter().zip(devices.patch.boards()).flat_map(|(device, at)| device.ids().map(|id| (at.bus, id)));
+    let taken =
+        |&(bus, id): &(BusIndex, CanId)| matches!(routes.of(bus, id), Route::Module { .. } | Route::Board { .. });
+    let (_, id) = sent.into_iter().find(taken)?;
+    Some(Conflict::DeviceOnBoard {
+        patch: devices.patch.name().to_owned(),
+        id,
+        board_of: boards.patch.name().to_owned(),
+    })
+}
+
 /// Skin frames of class 3, 4 and 6 carry board and module in their identifiers, replies the board alone.
 fn gauge_conflict(gauged: &PatchPlan, with: &PatchPlan) -> Option<Conflict> {
-    let gauge = gauged.gauge.as_ref()?;
+    let gauge = gauged.gauge.as_ref().filter(|_| with.devices.is_empty())?;
     let CanId::Standard(id) = gauge.signal.id else { return None };
     let board = with.patch.boards().iter().find(|board| {
         let low = u16::from(board.address.get()) << 4;

@@ -16,6 +16,7 @@
 //! | [`force`] | models at the present zero, selection, sum, uncertainty |
 //! | [`calibration`] | sessions and fits |
 //! | [`loads`] | known loads and the effective-area factor |
+//! | [`recalibration`] | what known loads correct of a model set |
 //! | [`boundary`] | inputs, outputs, commands, records, snapshots: all that the world sees |
 //! | [`engine`] | `step`, commands, routes |
 //!
@@ -28,15 +29,19 @@
 pub mod baseline;
 pub mod boundary;
 pub mod calibration;
+pub mod comparison;
 pub mod conflict;
+pub mod counts;
 pub mod engine;
 pub mod force;
 pub mod intake;
+pub mod known_set;
 pub mod loads;
 pub mod model_set;
 mod now;
 mod patch;
 pub mod plan;
+pub mod recalibration;
 mod regions;
 mod request;
 mod scan;
@@ -46,7 +51,8 @@ pub mod zero;
 pub use boundary::catalogue::Restored;
 pub use boundary::input::Input;
 pub use boundary::output::Output;
-pub use boundary::{catalogue, command, record, snapshot};
+pub use boundary::pushed::PushedScan;
+pub use boundary::{audit, catalogue, command, events, record, snapshot};
 pub use engine::Engine;
 pub use intake::health::BusNotice;
 pub use now::Now;

@@ -3,6 +3,7 @@
 use taxel_model::{End, Extension, Plays, Sign, SkinSlope, TaxelModel};
 
 use crate::baseline::TaxelBaseline;
+use crate::recalibration::evidence::LoadPoint;
 
 /// Models of all taxels of a patch, immutable once made.
 #[derive(Clone, Debug)]
@@ -31,13 +32,73 @@ pub struct ModelSet {
     pub taxels: Vec<TaxelModel>,
     /// What rising and falling pressure together tell beyond that; `None` after a session over the rising branch.
     pub recorded: Option<Recorded>,
+    /// By what known loads corrected another set, where this one came to be that way.
+    pub recalibrated: Option<Recalibrated>,
+}
+
+/// So often a set may be corrected after a correction.
+pub const EARLIER_MAX: usize = 32;
+
+/// Areas that differ by less than this share are the same, but for rounding.
+const SAME_AREA_SHARE: f64 = 1e-9;
+
+/// How a set came of another one by known loads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recalibrated {
+    /// Id of the set that was corrected.
+    pub derived_from: String,
+    /// Ids of the sets that this one was made of in the same way, the nearest first; at most [`EARLIER_MAX`].
+    pub earlier: Vec<String>,
+    /// Mean area of the taxels that the loads were read with, in mm2: with other areas the gain says nothing. `None` if
+    /// pressures were compared.
+    pub area_mm2: Option<f64>,
+    /// What its pressures were multiplied by.
+    pub gain: f64,
+    /// Standard uncertainty of the gain.
+    pub gain_sigma: f64,
+    /// What was added then, kPa.
+    pub offset_kpa: f64,
+    /// Standard uncertainty of the offset, kPa.
+    pub offset_sigma_kpa: f64,
+    /// Relative standard deviation from place to place that was assumed.
+    pub place_rel: f64,
+    /// Relative standard uncertainty that a load at a new place has by the correction; in `gauge_gain_rel`.
+    pub relative_sigma: f64,
+    /// The gains of this correction and all before it, multiplied.
+    pub gain_in_all: f64,
+    /// The loads: what was read, at the areas as configured, and what lay there.
+    pub points: Vec<LoadPoint>,
 }
 
 impl ModelSet {
     /// Whether it was fitted to scans of a skin over time, and not to a table of counts and pressures.
     #[must_use]
     pub const fn is_of_skin(&self) -> bool {
-        self.session.is_some() || self.recorded.is_some()
+        self.session.is_some() || self.recorded.is_some() || self.recalibrated.is_some()
+    }
+
+    /// Id of the set that this one was made of by known loads.
+    #[must_use]
+    pub fn derived_from(&self) -> Option<&str> {
+        self.origins().next()
+    }
+
+    /// Ids of all sets that this one was made of by known loads, the nearest first.
+    pub fn origins(&self) -> impl Iterator<Item = &str> {
+        self.recalibrated.iter().flat_map(|of| std::iter::once(&of.derived_from).chain(&of.earlier)).map(String::as_str)
+    }
+
+    /// Why the set says nothing of a patch whose taxels have this mean area, in words: the loads that corrected it were
+    /// read with other areas, and what was in those may be in the gain.
+    #[must_use]
+    pub fn unfit_for_area(&self, area_mm2: f64) -> Option<String> {
+        let recalibrated = self.recalibrated.as_ref()?;
+        let read_with = recalibrated.area_mm2.filter(|with| (with / area_mm2 - 1.0).abs() > SAME_AREA_SHARE)?;
+        Some(format!(
+            "the loads that corrected `{}` were read with areas of {read_with:.3} mm2 in the mean, now they are \
+             {area_mm2:.3} mm2: activate `{}`, which it was made of, or set the areas as they were",
+            self.id, recalibrated.derived_from
+        ))
     }
 
     /// Which way pressure moves the count of each taxel: +1, -1, or 0 where no usable model says.

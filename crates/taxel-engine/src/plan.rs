@@ -2,19 +2,20 @@
 
 use std::time::Duration;
 
-use taxel_model::FitOptions;
-use taxel_skin::{Board, Geometry, Patch, SquareMillimetre};
+use taxel_model::{FitOptions, Rails};
+use taxel_skin::{Board, CountRange, Geometry, Patch, SquareMillimetre};
 use taxel_wire::icub::TriangleConfig;
 
 pub use crate::calibration::limits::SessionLimits;
 pub use crate::force::measure::Outputs;
 pub use crate::intake::bring_up::BoardSetup;
+pub use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin};
 pub use crate::intake::gauge::Gauge;
 pub use crate::zero::drift::plan::DriftPlan;
 pub use crate::zero::plan::TarePlan;
 
 use crate::baseline::Activation;
-use crate::calibration::calibrate::CalibrationPlan;
+use crate::calibration::calibration_plan::CalibrationPlan;
 use crate::force::measure::Layout;
 use crate::force::owner::ForcePlan;
 use crate::intake::faults::limits::FaultLimits;
@@ -40,6 +41,11 @@ pub struct PatchPlan {
     pub patch: Patch,
     /// How each board of `patch.boards()` is brought up, in that order; empty if the daemon only listens.
     pub bring_up: Vec<BoardSetup>,
+    /// One per board of `patch.boards()` where these are no skin boards but devices that are described by their signals;
+    /// else empty.
+    pub devices: Vec<DevicePlan>,
+    /// Where the scans are handed over whole by a program, and come in no frames; then `devices` has one without any.
+    pub pushed: Option<PushPlan>,
     /// The period at which the boards send.
     pub period: Duration,
     /// Positions and normals, where the scene has them.
@@ -74,6 +80,8 @@ impl PatchPlan {
     pub fn new(patch: Patch) -> Self {
         Self {
             bring_up: Vec::new(),
+            devices: Vec::new(),
+            pushed: None,
             period: Duration::from_millis(50),
             geometry: None,
             areas: vec![SquareMillimetre::ICUB_TAXEL; patch.taxels().len()],
@@ -91,16 +99,50 @@ impl PatchPlan {
         }
     }
 
+    /// Whether anything measures the pressure in the bag: without it there is no calibration.
+    #[must_use]
+    pub fn has_gauge(&self) -> bool {
+        self.gauge.is_some() || self.pushed.is_some_and(|pushed| pushed.pressure)
+    }
+
+    /// Whether the daemon sends anything to the boards.
+    #[must_use]
+    pub fn configures(&self) -> bool {
+        !self.bring_up.is_empty() || self.devices.iter().any(|device| !device.commands.is_empty())
+    }
+
     /// What of it the intake needs.
     #[must_use]
     pub fn intake(&self) -> IntakePlan {
         IntakePlan {
             patch: self.patch.clone(),
             bring_up: self.bring_up.clone(),
+            devices: self.devices.clone(),
             period: self.period,
-            faults: self.faults,
+            faults: self.fault_limits(),
             stale_after: self.live.stale_after,
             power_cycle_after: self.live.power_cycle_after,
+            shared: Vec::new(),
+        }
+    }
+
+    /// A rail is where the converter ends.
+    fn fault_limits(&self) -> FaultLimits {
+        let counts = self.patch.counts();
+        if counts == CountRange::BYTE {
+            return self.faults;
+        }
+        FaultLimits { rail_high: counts.units(counts.top()) as f32, ..self.faults }
+    }
+
+    /// Counts of more than eight bits are reals in units, whose rails a fit cannot guess.
+    fn fit_options(&self) -> FitOptions {
+        let counts = self.patch.counts();
+        match self.fit.rails {
+            Rails::Auto if counts != CountRange::BYTE => {
+                FitOptions { rails: Rails::At { low: 0.0, high: counts.units(counts.top()) }, ..self.fit }
+            }
+            _ => self.fit,
         }
     }
 
@@ -129,6 +171,7 @@ impl PatchPlan {
                 modules: Regions::new(&self.patch).modules().to_vec(),
                 contact_reach_m: self.live.contact_reach_m,
             },
+            counts: self.patch.counts(),
             activation: self.live.activation(),
             stale_share_max: self.live.stale_share_max,
         }
@@ -142,8 +185,8 @@ impl PatchPlan {
             modules: Regions::new(&self.patch).modules().to_vec(),
             taxels: self.patch.taxels().len(),
             session: self.session,
-            fit: self.fit,
-            faults: self.faults,
+            fit: self.fit_options(),
+            faults: self.fault_limits(),
             board_settings: self.board_settings(),
         }
     }
@@ -161,6 +204,11 @@ impl PatchPlan {
 
     /// What the counts depend on, a line each board.
     fn board_settings(&self) -> Vec<String> {
+        if !self.devices.is_empty() {
+            let counts = self.patch.counts();
+            let range = format!("counts from 0 to {}, {} to a unit", counts.top(), counts.per_unit());
+            return self.patch.boards().iter().map(|b| format!("device {}: {range}", b.address)).collect();
+        }
         if self.bring_up.is_empty() {
             return self.patch.boards().iter().map(|b| format!("board {}: settings unknown", b.address)).collect();
         }
@@ -175,6 +223,13 @@ impl PatchPlan {
         };
         self.patch.boards().iter().zip(&self.bring_up).map(line).collect()
     }
+}
+
+/// A skin whose scans are handed over by a program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PushPlan {
+    /// Whether the pressure in the bag comes with them.
+    pub pressure: bool,
 }
 
 /// When a taxel counts as touched or stale.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 use std::sync::Arc;
-use taxel_skin::{ModuleKind, Patch};
+use taxel_skin::{CountRange, ModuleKind, Patch};
 
 /// The parts of a patch as ranges of taxel numbers; modules and boards follow each other without gaps.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -13,6 +13,7 @@ pub struct Regions {
     /// Modules of each board.
     board_modules: Vec<Range<usize>>,
     module_of: Arc<[u16]>,
+    counts: CountRange,
 }
 
 impl Regions {
@@ -38,6 +39,7 @@ impl Regions {
             boards: by_board,
             board_modules,
             module_of: patch.taxels().iter().map(|site| site.module).collect(),
+            counts: patch.counts(),
         }
     }
 
@@ -69,6 +71,12 @@ impl Regions {
     #[must_use]
     pub const fn module_of(&self) -> &Arc<[u16]> {
         &self.module_of
+    }
+
+    /// The range of their raw counts.
+    #[must_use]
+    pub const fn counts(&self) -> CountRange {
+        self.counts
     }
 
     /// How many taxels there are.

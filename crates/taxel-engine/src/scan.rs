@@ -2,6 +2,8 @@
 
 use taxel_skin::Time;
 
+use crate::counts::Counts;
+
 /// One value from every module that was heard, and what of it may be believed.
 #[derive(Clone, Copy, Debug)]
 pub struct Scan<'a> {
@@ -10,7 +12,7 @@ pub struct Scan<'a> {
     /// Whether every module of the patch is in it.
     pub whole: bool,
     /// One raw count per taxel, as last received.
-    pub counts: &'a [u8],
+    pub counts: Counts<'a>,
     /// Two thermal pads per module, as last received; a module without pads has zeros.
     pub pads: &'a [[u8; 2]],
     /// One per module: it has been silent for too long.
@@ -22,15 +24,14 @@ pub struct Scan<'a> {
 }
 
 impl Scan<'_> {
-    /// The count of a taxel that may be believed.
+    /// The count of a taxel that may be believed, in units.
     #[must_use]
     pub fn sound_count(&self, taxel: usize) -> Option<f64> {
-        let count = self.counts.get(taxel)?;
-        self.sound.get(taxel).filter(|sound| **sound).map(|_| f64::from(*count))
+        self.counts.units(taxel).filter(|_| self.sound.get(taxel).is_some_and(|sound| *sound))
     }
 
-    /// The counts of all taxels, `None` for those that may not be believed.
+    /// The counts of all taxels in units, `None` for those that may not be believed.
     pub fn sound_counts(&self) -> impl Iterator<Item = Option<f64>> {
-        self.counts.iter().zip(self.sound).map(|(&count, &sound)| sound.then_some(f64::from(count)))
+        self.counts.iter_units().zip(self.sound).map(|(count, &sound)| sound.then_some(count))
     }
 }

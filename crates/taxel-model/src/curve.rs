@@ -1,5 +1,7 @@
 //! A taxel's curve in the form it is served in.
 
+use crate::bounded;
+use crate::options::TERMS_MAX;
 use crate::series::{Chebyshev, powers_of, powers_of_raw};
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +16,7 @@ pub struct Curve {
     /// Counts from the centre to the farther end of the range; positive.
     pub half_width: f64,
     /// Coefficients of T_0, T_1, ... in kPa; 1 to 11 of them.
+    #[serde(deserialize_with = "bounded::list::<_, _, TERMS_MAX>")]
     pub chebyshev: Vec<f64>,
 }
 

@@ -27,6 +27,7 @@
 
 mod accumulate;
 mod bins;
+pub mod bounded;
 mod check;
 mod clock;
 mod curve;
@@ -44,6 +45,7 @@ mod pressure;
 mod reduce;
 mod refine;
 mod samples;
+mod scale;
 mod series;
 mod shape;
 mod status;
@@ -59,7 +61,7 @@ pub use decimal::parse_decimal;
 pub use extension::{Beyond, End, Extension, SkinSlope};
 pub use model::{Quality, RangeState, Reading, Sign, TaxelModel};
 pub use options::{
-    Estimator, Exclusion, FitOptions, GaugeUncertainty, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Rails, Shape,
+    Estimator, Exclusion, FitOptions, GaugeUncertainty, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Rails, Shape, TERMS_MAX,
 };
 pub use order::OrderScore;
 pub use plays::{PLAYS, PlayState, Plays, RADII_OF_SWING};
@@ -67,4 +69,4 @@ pub use pressure::FixedPressure;
 pub use samples::{MAX_MAGNITUDE, Samples, fit};
 pub use status::{Flag, Status};
 pub use table::Table;
-pub use uncertainty::{SigmaProfile, student_975};
+pub use uncertainty::{KNOTS_MAX, SigmaProfile, student_975};

@@ -1,7 +1,8 @@
 //! What a fit gives: a curve with its range, its error and what is known of its quality.
 
+use crate::bounded;
 use crate::curve::Curve;
-use crate::options::{Estimator, GaugeUncertainty};
+use crate::options::{Estimator, GaugeUncertainty, TERMS_MAX};
 use crate::order::OrderScore;
 use crate::status::{Flag, Status};
 use crate::uncertainty::SigmaProfile;
@@ -69,6 +70,7 @@ pub struct Quality {
     /// Leave-one-out error of the order fitted, kPa.
     pub press_kpa: Option<f64>,
     /// Leave-one-out error of every order tried.
+    #[serde(deserialize_with = "bounded::list::<_, _, TERMS_MAX>")]
     pub press_by_order: Vec<OrderScore>,
     /// Largest leverage of a single sample, 0..1.
     pub max_leverage: f64,

@@ -5,6 +5,9 @@ use serde::{Deserialize, Serialize};
 /// The highest polynomial order that may be asked for.
 pub const MAX_ORDER: u8 = 10;
 
+/// Most coefficients of a curve: those of [`MAX_ORDER`].
+pub const TERMS_MAX: usize = MAX_ORDER as usize + 1;
+
 /// The polynomial order of a taxel's curve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Order {

@@ -4,6 +4,7 @@
 //! s^2 where samples are few: skin is noisier, in kPa, where it is flat, and a pooled value alone covers only four
 //! of five readings there. h is the leverage of a new sample. What gauge and area share among taxels is not in it.
 
+use crate::bounded;
 use crate::curve::Curve;
 use crate::orthogonal::Basis;
 use serde::{Deserialize, Serialize};
@@ -15,6 +16,9 @@ const PRIOR_SAMPLES: f64 = 8.0;
 const REAL_KNOTS: usize = 64;
 const MAX_KNOTS: f64 = 1024.0;
 
+/// Most knots of a profile.
+pub const KNOTS_MAX: usize = MAX_KNOTS as usize + 1;
+
 /// Standard deviation at equally spaced counts, linear between them, constant beyond.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SigmaProfile {
@@ -23,6 +27,7 @@ pub struct SigmaProfile {
     /// Counts from knot to knot.
     pub step_counts: f64,
     /// Standard deviation of one reading at each knot, kPa, quantisation included.
+    #[serde(deserialize_with = "bounded::list::<_, _, KNOTS_MAX>")]
     pub sigma_kpa: Vec<f64>,
 }
 

@@ -45,7 +45,7 @@ impl Bench {
         forearm.vent();
         let restored = Restored {
             active: vec![(set.patch.clone(), set.id.clone())],
-            model_sets: vec![Arc::new(set)],
+            model_sets: vec![Arc::new(set).into()],
             ..Restored::default()
         };
         let engine = Engine::new(Arc::new(Plan { buses: 1, patches: vec![plan] }), restored);

@@ -10,12 +10,14 @@ use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_server::CalibrationService;
 use taxel_skin::Kilopascal;
-use tokio::sync::{OwnedSemaphorePermit, watch};
+use tokio::sync::watch;
 use tonic::{Request, Response, Status};
 
+use crate::access::caller::Caller;
 use crate::convert::{known, timestamp};
 use crate::page::page;
-use crate::service::{Service, check_session, confirmed_by, strange_answer};
+use crate::service::{Service, caller, check_session, confirmed_by, strange_answer};
+use crate::shares::Place;
 use crate::status::{engine_stopped, invalid, shutting_down};
 use crate::stream::MessageStream;
 
@@ -24,42 +26,48 @@ type Answer = Result<Response<v1::Session>, Status>;
 #[tonic::async_trait]
 impl CalibrationService for Service {
     async fn start_session(&self, request: Request<v1::StartSessionRequest>) -> Answer {
+        let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
         let target = request.target_kpa.map(Kilopascal);
         let branches = asked_branches(request.branches)?;
-        let confirmed_by = confirmed_by(request.confirmed_by)?;
+        let confirmed_by = confirmed_by(&request.confirmed_by)?;
         let leave_out = request.leave_out.iter().map(module_name).collect::<Result<_, _>>()?;
         let command = Command::StartSession { patch, target, branches, confirmed_by, leave_out };
-        self.session_command("StartSession", command).await
+        self.session_command(&caller, "StartSession", command).await
     }
 
     async fn start_ramp(&self, request: Request<v1::StartRampRequest>) -> Answer {
+        let caller = caller(&request)?;
         let session = numbered(request.get_ref().session)?;
-        self.session_command("StartRamp", Command::StartRamp { session }).await
+        self.session_command(&caller, "StartRamp", Command::StartRamp { session }).await
     }
 
     async fn finish_ramp(&self, request: Request<v1::FinishRampRequest>) -> Answer {
+        let caller = caller(&request)?;
         let session = numbered(request.get_ref().session)?;
-        self.session_command("FinishRamp", Command::FinishRamp { session }).await
+        self.session_command(&caller, "FinishRamp", Command::FinishRamp { session }).await
     }
 
     async fn abort_session(&self, request: Request<v1::AbortSessionRequest>) -> Answer {
+        let caller = caller(&request)?;
         let session = numbered(request.get_ref().session)?;
-        self.session_command("AbortSession", Command::AbortSession { session }).await
+        self.session_command(&caller, "AbortSession", Command::AbortSession { session }).await
     }
 
     async fn discard_session(&self, request: Request<v1::DiscardSessionRequest>) -> Answer {
+        let caller = caller(&request)?;
         let session = numbered(request.get_ref().session)?;
-        self.session_command("DiscardSession", Command::DiscardSession { session }).await
+        self.session_command(&caller, "DiscardSession", Command::DiscardSession { session }).await
     }
 
     async fn delete_session(
         &self,
         request: Request<v1::DeleteSessionRequest>,
     ) -> Result<Response<v1::DeleteSessionResponse>, Status> {
+        let caller = caller(&request)?;
         let session = numbered(request.get_ref().session)?;
-        match self.command("DeleteSession", Command::DeleteSession { session }).await? {
+        match self.command(&caller, "DeleteSession", Command::DeleteSession { session }).await? {
             Done::Deleted => Ok(Response::new(v1::DeleteSessionResponse {})),
             other => Err(strange_answer(&other)),
         }
@@ -84,6 +92,28 @@ impl CalibrationService for Service {
         Ok(Response::new(v1::ListSessionsResponse { sessions, next_page_token }))
     }
 
+    type ExportSamplesStream = MessageStream<v1::SampleBlock>;
+
+    async fn export_samples(
+        &self,
+        request: Request<v1::ExportSamplesRequest>,
+    ) -> Result<Response<Self::ExportSamplesStream>, Status> {
+        let session = self.session(request.get_ref().session)?.number;
+        Ok(Response::new(self.export(&caller(&request)?, session).await?))
+    }
+
+    async fn refit_session(&self, request: Request<v1::RefitSessionRequest>) -> Result<Response<v1::Refit>, Status> {
+        let caller = caller(&request)?;
+        let v1::RefitSessionRequest { session, options } = request.into_inner();
+        self.refit(&caller, "RefitSession", &[session], &options.unwrap_or_default()).await.map(Response::new)
+    }
+
+    async fn merge_sessions(&self, request: Request<v1::MergeSessionsRequest>) -> Result<Response<v1::Refit>, Status> {
+        let caller = caller(&request)?;
+        let v1::MergeSessionsRequest { sessions, options } = request.into_inner();
+        self.refit(&caller, "MergeSessions", &sessions, &options.unwrap_or_default()).await.map(Response::new)
+    }
+
     type WatchSessionStream = MessageStream<v1::Session>;
 
     async fn watch_session(
@@ -95,7 +125,7 @@ impl CalibrationService for Service {
         let patch = self.patch(&view.patch)?;
         let live = self.handle.patches[patch].session.clone();
         let catalogue = self.handle.catalogue.clone();
-        let (service, _place) = (self.clone(), self.stream_place()?);
+        let (service, _place) = (self.clone(), self.stream_place(&caller(&request)?)?);
         let watch = Watch { service, number, live, catalogue, last: None, ended: false, _place };
         Ok(Response::new(Box::pin(stream::unfold(watch, |mut watch| async {
             let item = watch.next().await?;
@@ -111,8 +141,8 @@ impl Service {
         session(plan, view)
     }
 
-    async fn session_command(&self, name: &'static str, command: Command) -> Answer {
-        match self.command(name, command).await? {
+    async fn session_command(&self, caller: &Caller, name: &'static str, command: Command) -> Answer {
+        match self.command(caller, name, command).await? {
             Done::Session(view) => Ok(Response::new(self.message(&view))),
             other => Err(strange_answer(&other)),
         }
@@ -120,7 +150,7 @@ impl Service {
 }
 
 /// What a request asks for; `None` is as configured.
-fn asked_branches(word: i32) -> Result<Option<Branch>, Status> {
+pub(crate) fn asked_branches(word: i32) -> Result<Option<Branch>, Status> {
     match v1::Branches::try_from(word) {
         Ok(v1::Branches::Unspecified) => Ok(None),
         Ok(v1::Branches::Rising) => Ok(Some(Branch::Rising)),
@@ -155,7 +185,7 @@ struct Watch {
     catalogue: watch::Receiver<Arc<Catalogue>>,
     last: Option<Arc<SessionView>>,
     ended: bool,
-    _place: OwnedSemaphorePermit,
+    _place: Place,
 }
 
 impl Watch {
@@ -209,6 +239,7 @@ const fn has_ended(state: SessionState) -> bool {
 
 fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
     let refused = |reason| view.refused.get(reason);
+    let limits = plan.map(|plan| plan.session).unwrap_or_default();
     v1::Session {
         session: view.number,
         patch: view.patch.clone(),
@@ -229,6 +260,7 @@ fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
             full: refused(SampleRefusal::Full),
             not_falling: refused(SampleRefusal::NotFalling),
             zero_in_doubt: refused(SampleRefusal::ZeroInDoubt),
+            gauge_stuck: refused(SampleRefusal::GaugeStuck),
         }),
         durable: view.durable,
         pressure_kpa: view.pressure_kpa.and_then(known),
@@ -245,6 +277,13 @@ fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
         .into(),
         falling: view.direction == Direction::Falling,
         left_out: plan.map(|plan| left_out(plan, view)).unwrap_or_default(),
+        rise_max_kpa_per_s: limits.rise_max_kpa_per_s,
+        fall_max_kpa_per_s: limits.fall_max_kpa_per_s,
+        fall_end_kpa: limits.fall_end.0,
+        vented_below_kpa: limits.vented_below.0,
+        look: view.look.to_vec(),
+        predecessor: view.predecessor,
+        not_responding: view.not_responding.iter().map(|taxel| u32::from(*taxel)).collect(),
     }
 }
 

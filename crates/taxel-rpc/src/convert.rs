@@ -93,6 +93,7 @@ pub(crate) fn taxels(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sendin
         time: timestamp(snapshot.wall_ns).filter(|_| framed),
         skipped: sending.skipped,
         taxels: snapshot.taxels.iter().map(sent).collect(),
+        count_max: u32::from(plan.patch.counts().top()),
     }
 }
 

@@ -3,121 +3,176 @@
 //! tonic bounds the calls of a connection but not the connections; and one that never sends the HTTP/2 preface would
 //! live for ever and hold the shutdown up.
 
-use futures_util::stream::{self, Stream};
 use std::future::Future;
 use std::io::{self, ErrorKind};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
-use std::time::Duration;
-use tokio::io::{AsyncRead, AsyncWrite, BufWriter, ReadBuf};
-use tokio::net::{TcpListener, TcpStream, UnixListener, UnixStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
-use tokio::time::Sleep;
-use tokio_util::either::Either;
-use tokio_util::sync::{CancellationToken, WaitForCancellationFutureOwned};
-use tonic::transport::server::{Connected, TcpConnectInfo};
+use std::time::SystemTime;
 
+use tokio::io::{AsyncRead, AsyncWrite, BufWriter, ReadBuf};
+use tokio::time::Sleep;
+use tokio_util::sync::{CancellationToken, WaitForCancellationFutureOwned};
+use tonic::transport::server::Connected;
+
+use crate::access::origin::Origin;
+use crate::access::role::Role;
+use crate::access::rules::Access;
 use crate::limits::Limits;
+use crate::refusals::Refusals;
+use crate::shares::{NoPlace, Place, Shares, What};
+use crate::unproven::{Ticket, Unproven};
 
 /// Length of the HTTP/2 client preface, RFC 9113 section 3.4.
 const PREFACE_BYTES: usize = 24;
 
-/// A failed accept mostly means that file descriptors ran out; it is tried again after this pause.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
-
 /// Frames gather here until HTTP/2 flushes. A sample of 230 taxels fits; what is larger passes by.
 const WRITE_BUFFER_BYTES: usize = 8 << 10;
 
-/// Where connections come from. The caller binds it, so that a taken address is reported at start.
-#[derive(Debug)]
-pub enum Listener {
-    /// TCP; there is no authentication here, so bind it to the loopback interface.
-    Tcp(TcpListener),
-    /// A Unix socket, guarded by its file's mode.
-    Unix(UnixListener),
+/// A socket of any sort.
+pub(crate) trait Io: AsyncRead + AsyncWrite + Send + Unpin {}
+
+impl<T: AsyncRead + AsyncWrite + Send + Unpin> Io for T {}
+
+/// What all connections share.
+#[derive(Clone)]
+pub(crate) struct Guard {
+    pub(crate) access: Access,
+    pub(crate) shares: Arc<Shares>,
+    pub(crate) refusals: Arc<Refusals>,
+    pub(crate) unproven: Unproven,
+    pub(crate) limits: Arc<Limits>,
+    /// Closes all of them.
+    pub(crate) cut: CancellationToken,
 }
 
-impl Listener {
-    async fn accept(&self) -> io::Result<Either<TcpStream, UnixStream>> {
-        match self {
-            Self::Tcp(listener) => {
-                let (stream, _) = listener.accept().await?;
-                stream.set_nodelay(true)?; // a force sample is small and must not wait for the next
-                Ok(Either::Left(stream))
+impl Guard {
+    /// A connection from there has no place.
+    pub(crate) fn tell(&self, origin: &Origin, why: NoPlace) {
+        let key = origin.key();
+        self.refusals.tell(("connection", &key), || {
+            format!("a connection from {} was refused: {}", origin.place(), why.text("connections", &key))
+        });
+    }
+
+    /// Lets a connection in that has yet to prove that it speaks HTTP/2; `None` if there is no place for it anyway.
+    pub(crate) fn let_in(&self, io: Box<dyn Io>, origin: Origin) -> Option<Connection> {
+        let ticket = self.arrive(&origin)?;
+        Some(self.connection(io, origin, ticket))
+    }
+
+    /// A place among those that have proven nothing yet, if there is one for it later.
+    pub(crate) fn arrive(&self, origin: &Origin) -> Option<Ticket> {
+        let room = self.shares.room(What::Connection, &origin.key(), self.is_operator(origin));
+        room.inspect_err(|why| self.tell(origin, *why)).ok()?;
+        Some(self.unproven.arrive(origin.key()))
+    }
+
+    pub(crate) fn connection(&self, io: Box<dyn Io>, origin: Origin, ticket: Ticket) -> Connection {
+        let deadline = Box::pin(tokio::time::sleep(self.limits.preface));
+        let expires = match &origin {
+            Origin::Tls(_, certificate) => {
+                let left = certificate.until.duration_since(SystemTime::now()).unwrap_or_default();
+                Some(Box::pin(tokio::time::sleep(left)))
             }
-            Self::Unix(listener) => listener.accept().await.map(|(stream, _)| Either::Right(stream)),
+            _ => None,
+        };
+        Connection {
+            io: BufWriter::with_capacity(WRITE_BUFFER_BYTES, io),
+            origin: Arc::new(origin),
+            proof: Proof::Awaited { missing: PREFACE_BYTES, deadline, ticket },
+            cut: Box::pin(self.cut.clone().cancelled_owned()),
+            expires,
+            guard: self.clone(),
         }
+    }
+
+    /// Whether whoever comes from there is an operator without showing a token.
+    fn is_operator(&self, origin: &Origin) -> bool {
+        self.access.rules().role(origin) >= Some(Role::Operator)
     }
 }
 
-/// Accepts connections for ever; no error of one ends it. `cut` closes all of them.
-pub(crate) fn accept(
-    listener: Listener,
-    limits: &Limits,
-    cut: CancellationToken,
-) -> impl Stream<Item = io::Result<Connection>> + use<> {
-    let places = Arc::new(Semaphore::new(limits.connections));
-    let (most, preface) = (limits.connections, limits.preface);
-    stream::unfold(listener, move |listener| {
-        let (places, cut) = (Arc::clone(&places), cut.clone());
-        async move {
-            loop {
-                match listener.accept().await {
-                    Ok(io) => match places.clone().try_acquire_owned() {
-                        Ok(place) => return Some((Ok(Connection::new(io, preface, cut, place)), listener)),
-                        Err(_) => tracing::warn!("connection refused: {most} are open, which is the limit"),
-                    },
-                    Err(error) => {
-                        tracing::warn!(%error, "a connection was not accepted");
-                        tokio::time::sleep(ACCEPT_PAUSE).await;
-                    }
-                }
-            }
-        }
-    })
+/// Whether a connection speaks HTTP/2.
+enum Proof {
+    Awaited {
+        /// Bytes of the preface still to come.
+        missing: usize,
+        /// By when.
+        deadline: Pin<Box<Sleep>>,
+        ticket: Ticket,
+    },
+    /// The place is free again when the connection is gone.
+    Given { _place: Place },
 }
 
 /// One connection under guard.
 pub(crate) struct Connection {
     /// Buffered, so that a large frame's head and payload are one write.
-    io: BufWriter<Either<TcpStream, UnixStream>>,
-    /// Bytes of the preface still to come, and by when.
-    preface: Option<(usize, Pin<Box<Sleep>>)>,
+    io: BufWriter<Box<dyn Io>>,
+    origin: Arc<Origin>,
+    proof: Proof,
     cut: Pin<Box<WaitForCancellationFutureOwned>>,
-    /// Free again when the connection is gone.
-    _place: OwnedSemaphorePermit,
+    /// A connection does not outlive the certificate that it was opened with.
+    expires: Option<Pin<Box<Sleep>>>,
+    guard: Guard,
 }
 
 impl Connection {
-    fn new(
-        io: Either<TcpStream, UnixStream>,
-        preface: Duration,
-        cut: CancellationToken,
-        place: OwnedSemaphorePermit,
-    ) -> Self {
-        let preface = Some((PREFACE_BYTES, Box::pin(tokio::time::sleep(preface))));
-        let io = BufWriter::with_capacity(WRITE_BUFFER_BYTES, io);
-        Self { io, preface, cut: Box::pin(cut.cancelled_owned()), _place: place }
+    /// Whether it has to end, and why.
+    fn poll_end(&mut self, cx: &mut Context<'_>) -> Poll<io::Error> {
+        if self.cut.as_mut().poll(cx).is_ready() {
+            return Poll::Ready(io::Error::new(ErrorKind::ConnectionAborted, "cut at shutdown"));
+        }
+        if let Some(expires) = &mut self.expires
+            && expires.as_mut().poll(cx).is_ready()
+        {
+            return Poll::Ready(io::Error::new(ErrorKind::PermissionDenied, "the client certificate has expired"));
+        }
+        if let Proof::Awaited { deadline, ticket, .. } = &mut self.proof {
+            if ticket.poll_evicted(cx).is_ready() {
+                return Poll::Ready(io::Error::new(ErrorKind::TimedOut, "no HTTP/2 preface, and others wait"));
+            }
+            if deadline.as_mut().poll(cx).is_ready() {
+                return Poll::Ready(io::Error::new(ErrorKind::TimedOut, "no HTTP/2 preface within the limit"));
+            }
+        }
+        Poll::Pending
+    }
+
+    /// So many bytes more came. With the last of the preface the connection takes its place.
+    fn note(&mut self, bytes: usize) -> io::Result<()> {
+        let Proof::Awaited { missing, .. } = &mut self.proof else { return Ok(()) };
+        *missing = missing.saturating_sub(bytes);
+        if *missing > 0 {
+            return Ok(());
+        }
+        let guard = &self.guard;
+        let taken = guard.shares.take(What::Connection, self.origin.key(), guard.is_operator(&self.origin));
+        match taken {
+            Ok(place) => {
+                self.proof = Proof::Given { _place: place };
+                Ok(())
+            }
+            Err(why) => {
+                guard.tell(&self.origin, why);
+                Err(io::Error::new(ErrorKind::ConnectionRefused, "there is no place for it"))
+            }
+        }
     }
 }
 
 impl AsyncRead for Connection {
     fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
-        if self.cut.as_mut().poll(cx).is_ready() {
-            return Poll::Ready(Err(io::Error::new(ErrorKind::ConnectionAborted, "cut at shutdown")));
-        }
         let before = buf.filled().len();
         let read = Pin::new(&mut self.io).poll_read(cx, buf);
-        if let Some((missing, deadline)) = &mut self.preface {
-            *missing = missing.saturating_sub(buf.filled().len() - before);
-            if *missing == 0 {
-                self.preface = None;
-            } else if deadline.as_mut().poll(cx).is_ready() {
-                return Poll::Ready(Err(io::Error::new(ErrorKind::TimedOut, "no HTTP/2 preface within the limit")));
-            }
+        if let Err(error) = self.note(buf.filled().len() - before) {
+            return Poll::Ready(Err(error));
         }
-        read
+        match self.poll_end(cx) {
+            Poll::Ready(error) => Poll::Ready(Err(error)),
+            Poll::Pending => read,
+        }
     }
 }
 
@@ -142,13 +197,10 @@ impl AsyncWrite for Connection {
 }
 
 impl Connected for Connection {
-    /// Without addresses for a Unix socket.
-    type ConnectInfo = TcpConnectInfo;
+    /// Who is at the other end; every call finds it among its extensions.
+    type ConnectInfo = Arc<Origin>;
 
-    fn connect_info(&self) -> TcpConnectInfo {
-        match self.io.get_ref() {
-            Either::Left(tcp) => tcp.connect_info(),
-            Either::Right(_) => TcpConnectInfo { local_addr: None, remote_addr: None },
-        }
+    fn connect_info(&self) -> Arc<Origin> {
+        Arc::clone(&self.origin)
     }
 }

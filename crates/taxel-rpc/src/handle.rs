@@ -2,22 +2,33 @@
 
 use std::sync::Arc;
 use std::time::Duration;
-use taxel_engine::calibration::SessionView;
+use taxel_engine::audit::{Asked, AuditEntry};
+use taxel_engine::calibration::{SessionSamples, SessionView};
 use taxel_engine::command::{Command, Reply};
+use taxel_engine::events::Event;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::{Catalogue, Health, PatchSnapshot};
+use taxel_proto::v1::RecordingHealth;
 use taxel_skin::Time;
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{Semaphore, mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
+use crate::certificate_maker::CertificateMaker;
 use crate::clock::{Clock, Clocks};
+use crate::codec::ModelCodec;
+use crate::event_log::EventLog;
 use crate::freshness::{self, Freshness};
 use crate::heartbeat::Heartbeat;
+use crate::push_line::PushLine;
+use crate::stored_sets::{ModelSetSource, StoredSets};
 
 /// Commands that may wait for the engine's task. Commands come from people and the engine takes one in microseconds, so
 /// more than a few waiting means that the task hangs; then it is better to refuse than to queue.
 pub const COMMANDS_WAITING_MAX: usize = 16;
+
+/// The first turn comes within milliseconds of the start.
+const FIRST_TURN_LOOK: Duration = Duration::from_millis(1);
 
 /// A command on its way to the engine.
 #[derive(Debug)]
@@ -27,16 +38,27 @@ pub struct Request {
     /// Where the answer goes. Dropped without an answer, the caller is told that the engine has stopped; nobody may be
     /// listening any more, which changes nothing about the command.
     pub reply: oneshot::Sender<Reply>,
+    /// For the audit log: who asks for what. Absent, nothing is written there.
+    pub asked: Option<Box<Asked>>,
 }
 
-/// How model sets become files and come back.
-#[derive(Clone, Copy, Debug)]
-pub struct ModelCodec {
-    /// The text of MODELS.json, or what of the set cannot be written.
-    pub to_json: fn(&ModelSet) -> Result<String, String>,
-    /// The set that such a text describes, or where it is wrong, what was found and what was expected.
-    pub from_json: fn(&str) -> Result<ModelSet, String>,
-}
+/// Told entries of the audit log, or why they cannot be had.
+pub type OnEntries = Box<dyn FnOnce(Result<Vec<AuditEntry>, String>) + Send>;
+
+/// Reads the audit log: entries with numbers below the first argument, at most so many, newest first.
+pub type AuditSource = Arc<dyn Fn(u64, u32, OnEntries) + Send + Sync>;
+
+/// Where the samples of a stored session come from: called with its number and what to do with the answer. It must not
+/// wait, and the answer may come from any thread.
+pub type SamplesSource = Arc<dyn Fn(u64, OnSamples) + Send + Sync>;
+
+/// What is done with the samples, or with the reason why there are none.
+pub type OnSamples = Box<dyn FnOnce(Result<SessionSamples, String>) + Send>;
+/// Whether the disk has room for what is kept for ever, or why not.
+pub type Room = Arc<dyn Fn() -> Result<(), String> + Send + Sync>;
+
+/// What the recording is at; asked for each health.
+pub type RecordingSource = Arc<dyn Fn() -> RecordingHealth + Send + Sync>;
 
 /// What every service holds: the newest snapshots, and the way to the engine. Cheap to clone.
 #[derive(Clone)]
@@ -49,7 +71,20 @@ pub struct Handle {
     pub(crate) clock: Clock,
     pub(crate) heartbeat: Arc<Heartbeat>,
     pub(crate) codec: ModelCodec,
+    pub(crate) samples: Option<SamplesSource>,
+    /// Without it only sets that are in the engine's memory can be had.
+    pub(crate) stored_sets: Option<StoredSets>,
+    /// Makes the id of a model set from its content.
+    pub(crate) id_of: Option<fn(&ModelSet) -> String>,
+    pub(crate) audit: Option<AuditSource>,
+    pub(crate) room: Option<Room>,
+    pub(crate) push: Option<PushLine>,
+    pub(crate) certificates: Option<CertificateMaker>,
+    pub(crate) recording: Option<RecordingSource>,
     pub(crate) shutdown: CancellationToken,
+    /// Held by whoever fits: one fit takes up to 150 MB.
+    pub(crate) fits: Arc<Semaphore>,
+    pub(crate) events: Arc<EventLog>,
 }
 
 /// What comes from one patch.
@@ -66,6 +101,8 @@ pub struct Publisher {
     sessions: Vec<watch::Sender<Option<Arc<SessionView>>>>,
     health: watch::Sender<Arc<Health>>,
     catalogue: watch::Sender<Arc<Catalogue>>,
+    fits: Arc<Semaphore>,
+    events: Arc<EventLog>,
 }
 
 /// Makes both ends for the patches of `plan`. Until the first publication readers see empty snapshots, which say so.
@@ -84,7 +121,16 @@ pub fn channel(
     let (health, health_seen) = watch::channel(Arc::default());
     let (catalogue, catalogue_seen) = watch::channel(Arc::default());
     let beats = Arc::clone(&heartbeat);
-    let mut publisher = Publisher { heartbeat: beats, snapshots: Vec::new(), sessions: Vec::new(), health, catalogue };
+    let (fits, events) = (Arc::new(Semaphore::new(1)), Arc::new(EventLog::new()));
+    let mut publisher = Publisher {
+        heartbeat: beats,
+        snapshots: Vec::new(),
+        sessions: Vec::new(),
+        health,
+        catalogue,
+        fits: Arc::clone(&fits),
+        events: Arc::clone(&events),
+    };
     let mut patches = Vec::new();
     for _ in &plan.patches {
         let (to_snapshot, snapshot) = watch::channel(Arc::default());
@@ -95,10 +141,41 @@ pub fn channel(
     }
     let patches = patches.into();
     let (health, catalogue) = (health_seen, catalogue_seen);
-    (Handle { commands, patches, health, catalogue, plan, clock, heartbeat, codec, shutdown }, publisher, requests)
+    let (audit, room) = (None, None);
+    (
+        Handle {
+            commands,
+            patches,
+            health,
+            catalogue,
+            plan,
+            clock,
+            heartbeat,
+            codec,
+            samples: None,
+            stored_sets: None,
+            id_of: None,
+            audit,
+            room,
+            push: None,
+            certificates: None,
+            recording: None,
+            shutdown,
+            fits,
+            events,
+        },
+        publisher,
+        requests,
+    )
 }
 
 impl Publisher {
+    /// What whoever fits has to hold meanwhile: the fits of sessions and those that clients ask for take turns.
+    #[must_use]
+    pub fn fits(&self) -> Arc<Semaphore> {
+        Arc::clone(&self.fits)
+    }
+
     /// The engine's task has its turn now; due at least every [`BEAT_EVERY`](crate::BEAT_EVERY). Gives for how long the
     /// task had none if that was longer than [`STALLED_AFTER`](crate::STALLED_AFTER), for which readers were told that
     /// the engine is stalled.
@@ -134,6 +211,11 @@ impl Publisher {
         self.health.send_replace(health);
     }
 
+    /// Something happened that an operator may ask for later.
+    pub fn event(&self, event: Event) {
+        self.events.push(event);
+    }
+
     /// Sessions or model sets changed.
     pub fn catalogue(&self, catalogue: Arc<Catalogue>) {
         self.catalogue.send_replace(catalogue);
@@ -141,10 +223,102 @@ impl Publisher {
 }
 
 impl Handle {
+    /// The same with the samples of stored sessions, which `ExportSamples` then serves.
+    #[must_use]
+    pub fn with_samples(self, samples: SamplesSource) -> Self {
+        Self { samples: Some(samples), ..self }
+    }
+
+    /// The same with the model sets that the store has and the engine has not in memory.
+    #[must_use]
+    pub fn with_model_sets(self, source: ModelSetSource) -> Self {
+        Self { stored_sets: Some(StoredSets::new(source, self.codec)), ..self }
+    }
+
+    /// The same that fits stored samples once more; `id_of` makes the id of a model set from its content.
+    #[must_use]
+    pub fn with_refits(self, id_of: fn(&ModelSet) -> String) -> Self {
+        Self { id_of: Some(id_of), ..self }
+    }
+
+    /// Gives the engine a command from within the process, as the services do for their clients, and waits for its answer.
+    /// `None` if the engine has stopped.
+    pub async fn ask(&self, command: Command) -> Option<Reply> {
+        let (reply, answer) = oneshot::channel();
+        self.commands.send(Request { command, reply, asked: None }).await.ok()?;
+        answer.await.ok()
+    }
+
+    /// The same handle with an audit log to read.
+    #[must_use]
+    pub fn with_audit(mut self, audit: AuditSource) -> Self {
+        self.audit = Some(audit);
+        self
+    }
+
+    /// The same handle that starts sessions and imports model sets only where there is room.
+    #[must_use]
+    pub fn with_room(mut self, room: Room) -> Self {
+        self.room = Some(room);
+        self
+    }
+
+    /// The same handle with a way for pushed scans.
+    #[must_use]
+    pub fn with_push(mut self, line: PushLine) -> Self {
+        self.push = Some(line);
+        self
+    }
+
+    /// The same handle with someone who makes certificates.
+    #[must_use]
+    pub fn with_certificates(mut self, maker: CertificateMaker) -> Self {
+        self.certificates = Some(maker);
+        self
+    }
+
+    /// The same handle whose health tells of a recording.
+    #[must_use]
+    pub fn with_recording(mut self, recording: RecordingSource) -> Self {
+        self.recording = Some(recording);
+        self
+    }
+
     /// The newest state of the patch at this position of the plan, as the engine published it.
     #[must_use]
     pub fn newest(&self, patch: usize) -> Option<Arc<PatchSnapshot>> {
         self.patches.get(patch).map(|feed| Arc::clone(&feed.snapshot.borrow()))
+    }
+
+    /// Sessions and model sets as the engine published them last.
+    #[must_use]
+    pub fn stored(&self) -> Arc<Catalogue> {
+        Arc::clone(&self.catalogue.borrow())
+    }
+
+    /// How many patches there are.
+    #[must_use]
+    pub fn patches(&self) -> usize {
+        self.patches.len()
+    }
+
+    /// For how long the engine has had no turn, if that is longer than it may be. An engine that is gone has none.
+    #[must_use]
+    pub fn stalled_for(&self) -> Option<Duration> {
+        if self.is_connected() { self.heartbeat.stalled_for() } else { Some(self.heartbeat.silence()) }
+    }
+
+    /// Waits until the engine has had its first turn.
+    pub async fn first_turn(&self) {
+        while !self.heartbeat.has_begun() && !self.is_over() {
+            tokio::time::sleep(FIRST_TURN_LOOK).await;
+        }
+    }
+
+    /// Whether the shutdown has begun.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.shutdown.is_cancelled()
     }
 
     /// Whether this snapshot of the patch at this position of the plan may be believed when it is sent now.

@@ -10,8 +10,11 @@ use tonic_health::server::HealthReporter;
 
 use crate::handle::{Handle, PatchFeed};
 
+/// The store, which is no service of its own.
+const STORE: &str = "taxel.store";
+
 /// The services, the whole server under the empty name.
-const SERVICES: [&str; 5] = ["", FORCE, SKIN, CALIBRATION, MODEL];
+const SERVICES: [&str; 6] = ["", FORCE, SKIN, CALIBRATION, MODEL, STORE];
 
 /// What was reported last, in the order of [`SERVICES`].
 pub(crate) struct Report {
@@ -57,11 +60,17 @@ impl Report {
 fn serving(handle: &Handle) -> [bool; SERVICES.len()] {
     let connected = handle.is_connected();
     let runs = connected && handle.heartbeat.stalled_for().is_none();
-    let buses = runs && handle.health.borrow().buses.iter().all(|bus| bus.up);
+    let (all_up, store) = {
+        let health = handle.health.borrow();
+        (health.buses.iter().all(|bus| bus.up), health.store.clone())
+    };
+    let buses = runs && all_up;
+    let calibrates = buses && store.problem.is_none();
     let has_force = |(patch, feed): (usize, &PatchFeed)| {
         let snapshot = feed.snapshot.borrow();
         snapshot.force.state <= ForceState::Degraded && handle.freshness(patch, &snapshot).is_fresh()
     };
     let force = runs && handle.patches.iter().enumerate().all(has_force);
-    [runs, force, buses, buses, connected] // model sets are read without the engine
+    // Model sets are read without the engine.
+    [runs, force, buses, calibrates, connected, connected && store.is_whole()]
 }

@@ -47,7 +47,13 @@ impl Heartbeat {
         STALLED_AFTER.checked_sub(self.silence())
     }
 
-    fn silence(&self) -> Duration {
+    /// Whether there was a first turn.
+    pub(crate) fn has_begun(&self) -> bool {
+        self.last_ns.load(Ordering::Relaxed) != NEVER
+    }
+
+    /// How long ago the last turn was; nothing before the first.
+    pub(crate) fn silence(&self) -> Duration {
         // Read before the clock: a beat in between would be taken for one of the future, which is no silence either.
         let last_ns = self.last_ns.load(Ordering::Relaxed);
         silence(last_ns, (self.clock)())

@@ -4,9 +4,20 @@
 //! something goes to the engine as a command and is answered with the engine's own words. The engine never waits for a
 //! subscriber: a snapshot that nobody has read yet is replaced by the next.
 
+mod access;
+mod audit;
+mod audit_words;
 mod calibration;
+mod certificate;
+mod certificate_maker;
 mod clock;
+mod codec;
+mod compare;
 mod convert;
+mod event_log;
+mod events;
+mod export;
+mod follow;
 mod force;
 mod freshness;
 mod guard;
@@ -14,18 +25,44 @@ pub mod handle;
 mod health;
 mod heartbeat;
 pub mod limits;
+mod listener;
 mod model;
 mod page;
+mod push;
+pub mod push_line;
+mod recalibration;
+mod refit;
+mod refusals;
 mod serve;
 mod service;
+mod shared;
+mod shares;
 mod skin;
 mod status;
+mod stored_sets;
 mod stream;
+#[cfg(feature = "tls")]
+mod tls;
+mod unproven;
 mod validation;
 mod watchdog;
 
+pub use access::accounts::group_id;
+pub use access::private_file::read_private;
+pub use access::role::Role;
+pub use access::rules::{Access, Grant, Rules, Subject};
+pub use access::token::Tokens;
+pub use certificate_maker::{CertificateMaker, CertificateOf, MadeCertificate};
 pub use clock::{Clock, Clocks};
-pub use handle::{Handle, ModelCodec, Publisher, Request};
+pub use codec::ModelCodec;
+pub use compare::comparison;
+pub use follow::{EventFollower, PatchFollower};
+pub use handle::{AuditSource, Handle, OnEntries, OnSamples, Publisher, RecordingSource, Request, Room, SamplesSource};
 pub use heartbeat::{BEAT_EVERY, STALLED_AFTER};
-pub use limits::Limits;
-pub use serve::{Drain, Listener, ServeError, serve};
+pub use limits::{Limits, Rate};
+pub use listener::Listener;
+pub use serve::{Drain, ServeError, serve, serve_and_share};
+pub use shared::SharedServices;
+pub use stored_sets::{ModelSetSource, OnModelSet};
+#[cfg(feature = "tls")]
+pub use tls::{Tls, TlsError, TlsFiles};

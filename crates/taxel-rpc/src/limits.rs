@@ -2,20 +2,49 @@
 
 use std::time::Duration;
 
+/// How often something may be done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rate {
+    /// So many at once ...
+    pub burst: u32,
+    /// ... and then one after so long.
+    pub every: Duration,
+}
+
 /// What one server grants. The defaults suit one robot with a handful of controllers and an operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Connections at once; a further one is closed on arrival. An idle one costs about 24 KiB.
     pub connections: usize,
+    /// Of one peer: an account on the Unix socket, a certificate, or an address.
+    pub connections_per_peer: usize,
+    /// Of all, those that only whoever is an operator by account, certificate or address can have.
+    pub connections_reserved: usize,
+    /// Connections that have not yet sent the HTTP/2 preface; beyond, the oldest of the peer with the most is closed. An
+    /// honest client sends it at once.
+    pub unproven: usize,
     /// A connection that has not sent the HTTP/2 preface by then is closed: without this it would live for ever.
     pub preface: Duration,
-    /// Calls at once on one connection; the client queues further ones.
+    /// Calls at once on one connection; the client queues further ones. Well above the streams, so that one stream too
+    /// many is refused with its reason and calls beside the streams go on.
     pub calls_per_connection: u32,
     /// Streams at once over all connections. Measured elsewhere: 64 subscribers at 1 kHz stay below 1 ms at the 99th
     /// percentile on two cores.
     pub streams: usize,
+    /// Sessions that are exported at once. One of 36,000 scans of 230 taxels takes 10 MB of memory.
+    pub exports: usize,
+    /// Of one peer.
+    pub streams_per_peer: usize,
+    /// Of all, those that only operators can have.
+    pub streams_reserved: usize,
+    /// Calls of one peer that change something. Each costs two rows of the audit log, about 1 KiB.
+    pub commands: Rate,
+    /// Sessions that one peer may start. An aborted one is kept, about 2 KiB.
+    pub session_starts: Rate,
     /// A stream whose reader leaves a value unread for so long ends with ABORTED.
     pub unread: Duration,
+    /// A stream that pushes no scan for so long ends, and another may begin.
+    pub push_pause: Duration,
     /// How long a command may take. A tare watches the skin for seconds.
     pub command: Duration,
     /// Largest request, in bytes; a request is a few names and numbers.
@@ -36,10 +65,19 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             connections: 128,
+            connections_per_peer: 96,
+            connections_reserved: 8,
+            unproven: 64,
             preface: Duration::from_secs(3),
-            calls_per_connection: 64,
+            calls_per_connection: 256,
             streams: 64,
+            exports: 2,
+            streams_per_peer: 100,
+            streams_reserved: 8,
+            commands: Rate { burst: 100, every: Duration::from_millis(200) },
+            session_starts: Rate { burst: 20, every: Duration::from_secs(6) },
             unread: Duration::from_secs(5),
+            push_pause: Duration::from_secs(10),
             command: Duration::from_secs(60),
             request_bytes: 64 << 10,
             models_bytes: 16 << 20,

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
+use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
 use taxel_model::{Curve, Quality, Sign, TaxelModel};
 use taxel_proto::v1;
@@ -10,7 +11,7 @@ use tonic::{Request, Response, Status};
 
 use crate::convert::{known, timestamp};
 use crate::page::page;
-use crate::service::{Service, strange_answer};
+use crate::service::{Service, caller, strange_answer};
 use crate::status::invalid;
 
 #[tonic::async_trait]
@@ -23,19 +24,19 @@ impl ModelService for Service {
         if !request.patch.is_empty() {
             self.patch(&request.patch)?;
         }
-        let wanted = |set: &Arc<ModelSet>| request.patch.is_empty() || set.patch == request.patch;
+        let wanted = |set: &KnownSet| request.patch.is_empty() || set.patch == request.patch;
         let catalogue = Arc::clone(&self.handle.catalogue.borrow());
         let (sets, next_page_token) =
             page(&catalogue.model_sets, request.page_size, &request.page_token, |set| set.id.clone(), wanted)?;
-        let model_sets = sets.iter().map(|set| self.summary(set)).collect();
+        let model_sets = sets.iter().map(|set| self.summary(set.summary())).collect();
         Ok(Response::new(v1::ListModelSetsResponse { model_sets, next_page_token }))
     }
 
     async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Result<Response<v1::ModelSet>, Status> {
         let request = request.into_inner();
-        let set = self.model_set(&request.model_set, &request.patch)?;
+        let set = self.model_set(&request.model_set, &request.patch).await?;
         Ok(Response::new(v1::ModelSet {
-            summary: Some(self.summary(&set)),
+            summary: Some(self.summary(&SetSummary::of(&set))),
             board_settings: set.board_settings.clone(),
             gauge_gain_rel: set.gauge_gain_rel,
             gauge_offset_kpa: set.gauge_offset_kpa,
@@ -49,7 +50,7 @@ impl ModelService for Service {
         request: Request<v1::GetTaxelModelRequest>,
     ) -> Result<Response<v1::TaxelModel>, Status> {
         let request = request.into_inner();
-        let set = self.model_set(&request.model_set, &request.patch)?;
+        let set = self.model_set(&request.model_set, &request.patch).await?;
         let (taxel, taxels) = (request.taxel as usize, set.taxels.len());
         let model = set.taxels.get(taxel).ok_or_else(|| {
             let last = taxels.saturating_sub(1);
@@ -62,12 +63,13 @@ impl ModelService for Service {
         &self,
         request: Request<v1::ActivateModelSetRequest>,
     ) -> Result<Response<v1::ActivateModelSetResponse>, Status> {
+        let caller = caller(&request)?;
         let v1::ActivateModelSetRequest { patch, model_set, expected } = request.into_inner();
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
         let patch = self.plan(self.patch(&patch)?).patch.name().to_owned();
-        match self.command("ActivateModelSet", Command::Activate { patch, model_set, expected }).await? {
+        match self.command(&caller, "ActivateModelSet", Command::Activate { patch, model_set, expected }).await? {
             Done::Activated { model_set, previous } => {
                 let previous = previous.unwrap_or_default();
                 Ok(Response::new(v1::ActivateModelSetResponse { model_set, previous }))
@@ -81,36 +83,57 @@ impl ModelService for Service {
         request: Request<v1::ExportModelSetRequest>,
     ) -> Result<Response<v1::ExportModelSetResponse>, Status> {
         let request = request.into_inner();
-        let set = self.model_set(&request.model_set, &request.patch)?;
+        let set = self.model_set(&request.model_set, &request.patch).await?;
         let json = (self.handle.codec.to_json)(&set).map_err(Status::internal)?;
         Ok(Response::new(v1::ExportModelSetResponse { model_set: set.id.clone(), json }))
+    }
+
+    async fn get_certificate(
+        &self,
+        request: Request<v1::GetCertificateRequest>,
+    ) -> Result<Response<v1::Certificate>, Status> {
+        let request = request.into_inner();
+        let set = self.model_set(&request.model_set, &request.patch).await?;
+        Ok(Response::new(self.certificate(set).await?))
     }
 
     async fn import_model_set(
         &self,
         request: Request<v1::ImportModelSetRequest>,
     ) -> Result<Response<v1::ImportModelSetResponse>, Status> {
-        let json = request.into_inner().json;
+        let caller = caller(&request)?;
+        let v1::ImportModelSetRequest { json, insist } = request.into_inner();
         let from_json = self.handle.codec.from_json;
+        // One at a time, so that what reading takes is taken once, however many ask for it.
+        let turn = self.reading.acquire().await;
         // Reading 16 MiB takes tens of milliseconds, for which no stream should wait.
         let read = tokio::task::spawn_blocking(move || from_json(&json)).await;
+        drop(turn);
         let set = read.map_err(|failed| Status::internal(format!("the file was not read: {failed}")))?;
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
-        match self.command("ImportModelSet", Command::Import { model_set }).await? {
+        match self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await? {
             Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),
             other => Err(strange_answer(&other)),
         }
+    }
+
+    async fn compare_model_sets(
+        &self,
+        request: Request<v1::CompareModelSetsRequest>,
+    ) -> Result<Response<v1::ModelSetComparison>, Status> {
+        self.compare(request.get_ref()).await.map(Response::new)
     }
 
     async fn delete_model_set(
         &self,
         request: Request<v1::DeleteModelSetRequest>,
     ) -> Result<Response<v1::DeleteModelSetResponse>, Status> {
+        let caller = caller(&request)?;
         let model_set = request.into_inner().model_set;
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
-        match self.command("DeleteModelSet", Command::DeleteModelSet { model_set }).await? {
+        match self.command(&caller, "DeleteModelSet", Command::DeleteModelSet { model_set }).await? {
             Done::Deleted => Ok(Response::new(v1::DeleteModelSetResponse {})),
             other => Err(strange_answer(&other)),
         }
@@ -118,18 +141,25 @@ impl ModelService for Service {
 }
 
 impl Service {
-    fn summary(&self, set: &ModelSet) -> v1::ModelSetSummary {
-        v1::ModelSetSummary {
-            model_set: set.id.clone(),
-            patch: set.patch.clone(),
-            created: timestamp(set.created_wall_ns),
-            session: set.session,
-            method: set.method.clone(),
-            taxels: set.taxels.len() as u32,
-            calibrated: set.taxels.iter().filter(|model| model.is_usable()).count() as u32,
-            pressure_max_kpa: set.pressure_max_kpa,
-            active: self.active(&set.patch).as_deref() == Some(set.id.as_str()),
-        }
+    pub(crate) fn summary(&self, set: &SetSummary) -> v1::ModelSetSummary {
+        summary(set, self.active(&set.patch).as_deref() == Some(set.id.as_str()))
+    }
+}
+
+/// What a set is; `active`: whether it is in use.
+pub(crate) fn summary(set: &SetSummary, active: bool) -> v1::ModelSetSummary {
+    v1::ModelSetSummary {
+        model_set: set.id.clone(),
+        patch: set.patch.clone(),
+        created: timestamp(set.created_wall_ns),
+        session: set.session,
+        method: set.method.clone(),
+        taxels: set.taxels as u32,
+        calibrated: set.calibrated as u32,
+        pressure_max_kpa: set.pressure_max_kpa,
+        active,
+        derived_from: set.origins.first().cloned().unwrap_or_default(),
+        recalibration_gain: set.recalibration_gain,
     }
 }
 

@@ -7,6 +7,15 @@ use crate::status::invalid;
 const SIZE_DEFAULT: usize = 100;
 const SIZE_MAX: usize = 1_000;
 
+/// How many items a page has for which so many were asked.
+pub(crate) fn page_size(size: u32) -> Result<usize, Status> {
+    match size as usize {
+        0 => Ok(SIZE_DEFAULT),
+        size if size <= SIZE_MAX => Ok(size),
+        size => Err(invalid("page_size", format_args!("{size} is not in 0 to {SIZE_MAX}"))),
+    }
+}
+
 /// A page of `items`, which are oldest first. Gives the items newest first, and the token of the next page or nothing.
 ///
 /// The token is the name of the last item shown: positions move when an item is deleted, names do not.
@@ -17,11 +26,7 @@ pub(crate) fn page<T: Clone>(
     name: impl Fn(&T) -> String,
     wanted: impl Fn(&T) -> bool,
 ) -> Result<(Vec<T>, String), Status> {
-    let size = match size as usize {
-        0 => SIZE_DEFAULT,
-        size if size <= SIZE_MAX => size,
-        size => return Err(invalid("page_size", format_args!("{size} is not in 0 to {SIZE_MAX}"))),
-    };
+    let size = page_size(size)?;
     let end = if token.is_empty() {
         items.len()
     } else {

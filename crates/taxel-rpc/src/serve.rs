@@ -2,24 +2,33 @@
 
 use std::sync::Arc;
 use std::time::Duration;
+use taxel_proto::v1::audit_service_server::AuditServiceServer;
 use taxel_proto::v1::calibration_service_server::CalibrationServiceServer;
 use taxel_proto::v1::force_service_server::ForceServiceServer;
+use taxel_proto::v1::ingest_service_server::IngestServiceServer;
 use taxel_proto::v1::model_service_server::ModelServiceServer;
 use taxel_proto::v1::skin_service_server::SkinServiceServer;
 use taxel_proto::v1::validation_service_server::ValidationServiceServer;
 use thiserror::Error;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
+use tonic::service::Routes;
 use tonic::transport::Server;
-use tonic::transport::server::Router;
 use tonic_health::server::HealthReporter;
+use tower_layer::Layer;
 
-pub use crate::guard::Listener;
-use crate::guard::accept;
+use crate::access::layer::Gate;
+use crate::access::rules::Access;
+use crate::guard::Guard;
 use crate::handle::{Handle, PatchFeed};
 use crate::health::Report;
 use crate::limits::Limits;
+use crate::listener::{Listener, accept};
+use crate::refusals::Refusals;
 use crate::service::Service;
+use crate::shared::SharedServices;
+use crate::shares::Shares;
+use crate::unproven::Unproven;
 use crate::watchdog::Watchdog;
 
 /// How a server ended.
@@ -37,6 +46,9 @@ pub enum ServeError {
     /// The compiled-in description of the service is broken.
     #[error("the service descriptors cannot be read")]
     Reflection(#[from] tonic_reflection::server::Error),
+    /// A listener cannot be used.
+    #[error("a listener cannot be used")]
+    Listener(#[from] std::io::Error),
     /// The server itself failed.
     #[error("the gRPC server failed")]
     Server(#[from] tonic::transport::Error),
@@ -48,18 +60,52 @@ const PENDING_RESETS_MAX: usize = 20;
 /// A cut connection ends as soon as its task runs; a server that takes longer is left behind.
 const CUT_MAX: Duration = Duration::from_secs(1);
 
-/// Serves everything on `listener` until the shutdown of `handle`, then at most [`Limits::drain`] longer.
+/// Serves everything on all `listeners` until the shutdown of `handle`, then at most [`Limits::drain`] longer. Each call is
+/// let through by `access`.
 ///
 /// # Errors
 /// [`ServeError`] if the server cannot be set up or fails; a failing connection or call is not an error of the server.
-pub async fn serve(handle: Handle, listener: Listener, limits: Limits) -> Result<Drain, ServeError> {
+pub async fn serve(
+    handle: Handle,
+    listeners: Vec<Listener>,
+    access: Access,
+    limits: Limits,
+) -> Result<Drain, ServeError> {
+    serve_and_share(handle, listeners, access, limits, |_| {}).await
+}
+
+/// The same, and hands the services to `share` once they are there: whoever has them calls them without a socket, let
+/// through by the same rules, checks and limits, from any runtime.
+///
+/// # Errors
+/// As [`serve`].
+pub async fn serve_and_share(
+    handle: Handle,
+    listeners: Vec<Listener>,
+    access: Access,
+    limits: Limits,
+    share: impl FnOnce(SharedServices),
+) -> Result<Drain, ServeError> {
     let (wake, woken) = watch::channel(());
     let handle = relayed(handle, &woken);
     let shutdown = handle.shutdown.clone();
     let (drain, cut) = (limits.drain, CancellationToken::new());
-    let incoming = accept(listener, &limits, cut.clone());
+    let (shares, refusals) = (Shares::new(&limits), Arc::new(Refusals::default()));
+    let gate = Gate::new(access.clone(), Arc::clone(&shares), Arc::clone(&refusals));
+    let guard = Guard {
+        access,
+        shares: Arc::clone(&shares),
+        refusals: Arc::clone(&refusals),
+        unproven: Unproven::new(limits.unproven),
+        limits: Arc::new(limits.clone()),
+        cut: cut.clone(),
+    };
+    let incoming = accept(listeners, &guard)?;
     let reporter = HealthReporter::new();
-    let server = router(&handle, limits, &reporter)?;
+    let service = Service::new(handle.clone(), limits.clone(), shares);
+    let routes = routes(service, &reporter)?;
+    share(SharedServices::new(gate.layer(routes.clone())));
+    let server = server(&limits).layer(gate).add_routes(routes);
     let server = server.serve_with_incoming_shutdown(incoming, shutdown.clone().cancelled_owned());
     let overdue = async {
         shutdown.cancelled().await;
@@ -71,6 +117,7 @@ pub async fn serve(handle: Handle, listener: Listener, limits: Limits) -> Result
     tokio::select! {
         served = &mut server => return Ok(served.map(|()| Drain::Clean)?),
         never = watchdog.keep() => match never {},
+        never = refusals.keep() => match never {},
         () = overdue => {}
     }
     tracing::warn!("connections were still open {} s after the shutdown began: cut", drain.as_secs_f64());
@@ -103,17 +150,19 @@ fn relayed(mut handle: Handle, woken: &watch::Receiver<()>) -> Handle {
     handle
 }
 
-fn router(handle: &Handle, limits: Limits, reporter: &HealthReporter) -> Result<Router, ServeError> {
-    let (small, large) = (limits.request_bytes, limits.models_bytes);
-    let mut server = Server::builder()
+fn server(limits: &Limits) -> Server {
+    Server::builder()
         // Covers a call up to the head of its answer, so that a request that never ends is no place to hide.
         .timeout(limits.command + limits.preface)
         .max_concurrent_streams(limits.calls_per_connection)
         .http2_keepalive_interval(Some(limits.keepalive_interval))
         .http2_keepalive_timeout(Some(limits.keepalive_timeout))
         .http2_max_header_list_size(limits.header_bytes)
-        .http2_max_pending_accept_reset_streams(Some(PENDING_RESETS_MAX));
-    let service = Service::new(handle.clone(), limits);
+        .http2_max_pending_accept_reset_streams(Some(PENDING_RESETS_MAX))
+}
+
+fn routes(service: Service, reporter: &HealthReporter) -> Result<Routes, ServeError> {
+    let (small, large) = (service.limits.request_bytes, service.limits.models_bytes);
     macro_rules! limited {
         ($server:expr, $request_bytes:expr) => {
             $server.max_decoding_message_size($request_bytes).max_encoding_message_size(large)
@@ -126,13 +175,16 @@ fn router(handle: &Handle, limits: Limits, reporter: &HealthReporter) -> Result<
             .register_encoded_file_descriptor_set(taxel_proto::DESCRIPTORS)
             .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
     };
-    Ok(server
+    Ok(Routes::default()
         .add_service(limited!(ForceServiceServer::new(service.clone()), small))
         .add_service(limited!(SkinServiceServer::new(service.clone()), small))
         .add_service(limited!(CalibrationServiceServer::new(service.clone()), small))
         .add_service(limited!(ValidationServiceServer::new(service.clone()), small))
+        .add_service(limited!(AuditServiceServer::new(service.clone()), small))
+        .add_service(limited!(IngestServiceServer::new(service.clone()), small))
         .add_service(limited!(ModelServiceServer::new(service), large))
         .add_service(limited!(tonic_health::pb::health_server::HealthServer::new(health), small))
         .add_service(limited!(reflection().build_v1()?, small))
-        .add_service(limited!(reflection().build_v1alpha()?, small)))
+        .add_service(limited!(reflection().build_v1alpha()?, small))
+        .prepare())
 }

@@ -3,15 +3,20 @@
 use std::sync::Arc;
 use taxel_engine::calibration::SessionView;
 use taxel_engine::command::{Command, Done};
+use taxel_engine::known_set::KnownSet;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc, oneshot};
+use tokio::sync::Semaphore;
+use tokio::sync::{mpsc, oneshot};
 use tonic::Status;
 
+use crate::access::caller::Caller;
+use crate::audit_words;
 use crate::convert::Sending;
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
+use crate::shares::{Place, Shares};
 use crate::status::{engine_stopped, invalid, of_rejection, shutting_down};
 
 /// Longest text that a client may have written down, in bytes.
@@ -22,13 +27,17 @@ const NAME_BYTES_MAX: usize = 256;
 pub(crate) struct Service {
     pub(crate) handle: Handle,
     pub(crate) limits: Arc<Limits>,
-    streams: Arc<Semaphore>,
+    shares: Arc<Shares>,
+    /// Held while a model set is read.
+    pub(crate) reading: Arc<Semaphore>,
+    /// Each export holds a whole session in memory.
+    pub(crate) exports: Arc<Semaphore>,
 }
 
 impl Service {
-    pub(crate) fn new(handle: Handle, limits: Limits) -> Self {
-        let streams = Arc::new(Semaphore::new(limits.streams));
-        Self { handle, limits: Arc::new(limits), streams }
+    pub(crate) fn new(handle: Handle, limits: Limits, shares: Arc<Shares>) -> Self {
+        let exports = Arc::new(Semaphore::new(limits.exports));
+        Self { handle, limits: Arc::new(limits), shares, reading: Arc::new(Semaphore::new(1)), exports }
     }
 
     /// Position of the patch of this name; an empty name stands for the only one.
@@ -66,8 +75,8 @@ impl Service {
         catalogue.active.iter().find(|(name, _)| name == patch).and_then(|(_, id)| id.clone())
     }
 
-    /// The model set of this id; an empty id stands for the active one of `patch`.
-    pub(crate) fn model_set(&self, id: &str, patch: &str) -> Result<Arc<ModelSet>, Status> {
+    /// The model set of this id; an empty id stands for the active one of `patch`. One that is not in memory is read.
+    pub(crate) async fn model_set(&self, id: &str, patch: &str) -> Result<Arc<ModelSet>, Status> {
         let id = if id.is_empty() {
             let name = self.plan(self.patch(patch)?).patch.name();
             let active = self.active(name);
@@ -75,10 +84,19 @@ impl Service {
         } else {
             id.to_owned()
         };
-        let catalogue = self.handle.catalogue.borrow();
-        let set = catalogue.model_sets.iter().find(|set| set.id == id).cloned();
+        let known = self.known_set(&id);
         let short = || id.chars().take(NAME_BYTES_MAX).collect::<String>();
-        set.ok_or_else(|| Status::not_found(format!("there is no model set `{}`", short())))
+        let known = known.ok_or_else(|| Status::not_found(format!("there is no model set `{}`", short())))?;
+        if let Some(set) = known.at_hand {
+            return Ok(set);
+        }
+        let not_kept = || Status::failed_precondition(format!("model set `{}` is not in memory", short()));
+        self.handle.stored_sets.as_ref().ok_or_else(not_kept)?.get(known.summary()).await
+    }
+
+    /// What lists show of the model set of this id.
+    pub(crate) fn known_set(&self, id: &str) -> Option<KnownSet> {
+        self.handle.catalogue.borrow().model_sets.iter().find(|set| set.id == id).cloned()
     }
 
     /// Every session, oldest first. What a patch is at is newer than what the catalogue has.
@@ -103,30 +121,65 @@ impl Service {
         found.or_else(stored).ok_or_else(|| Status::not_found(format!("there is no session {number}")))
     }
 
-    /// A place for one more stream. The place moves into the stream and is free again when that is dropped.
-    pub(crate) fn stream_place(&self) -> Result<OwnedSemaphorePermit, Status> {
-        Arc::clone(&self.streams).try_acquire_owned().map_err(|_| {
-            let limit = self.limits.streams;
-            Status::resource_exhausted(format!(
-                "{limit} streams are being served, which is the limit: end another first"
-            ))
-        })
+    /// A place for one more stream of this caller. The place moves into the stream and is free again when that is dropped.
+    pub(crate) fn stream_place(&self, caller: &Caller) -> Result<Place, Status> {
+        self.shares.stream(caller)
     }
 
     /// Streams that are being served now.
     pub(crate) fn streams_open(&self) -> usize {
-        self.limits.streams.saturating_sub(self.streams.available_permits())
+        self.shares.streams_open()
+    }
+
+    /// The patch that a command is about; empty if it cannot be told.
+    pub(crate) fn patch_of(&self, command: &Command) -> String {
+        let of_set = |id: &str| self.known_set(id).map(|set| set.patch.clone()).unwrap_or_default();
+        match command {
+            Command::Tare { patch, .. }
+            | Command::BringUp { patch, .. }
+            | Command::BeginPush { patch }
+            | Command::StartSession { patch, .. }
+            | Command::Activate { patch, .. }
+            | Command::RecordLoad { patch, .. } => patch.clone(),
+            Command::StartRamp { session }
+            | Command::FinishRamp { session }
+            | Command::AbortSession { session }
+            | Command::DiscardSession { session }
+            | Command::DeleteSession { session } => {
+                self.session(*session).map(|view| view.patch.clone()).unwrap_or_default()
+            }
+            Command::DeleteModelSet { model_set } => of_set(model_set),
+            Command::Import { model_set, .. }
+            | Command::KeepRefit { model_set, .. }
+            | Command::KeepRecalibration { model_set } => model_set.patch.clone(),
+        }
     }
 
     /// Hands a command to the engine and waits for its answer, which comes once everything before it is on disk.
-    pub(crate) async fn command(&self, name: &'static str, command: Command) -> Result<Done, Status> {
+    pub(crate) async fn command(&self, caller: &Caller, name: &'static str, command: Command) -> Result<Done, Status> {
+        let keeps = matches!(
+            command,
+            Command::StartSession { .. }
+                | Command::Import { .. }
+                | Command::KeepRefit { .. }
+                | Command::KeepRecalibration { .. }
+        );
+        if keeps && let Some(room) = &self.handle.room {
+            room().map_err(Status::resource_exhausted)?;
+        }
         let (reply, answer) = oneshot::channel();
-        self.handle.commands.try_send(Request { command, reply }).map_err(|refused| match refused {
-            mpsc::error::TrySendError::Full(_) => {
-                let waiting = self.handle.commands.max_capacity();
-                Status::resource_exhausted(format!("{waiting} commands wait for the engine already: try again later"))
+        let asked = audit_words::asked(caller, name, self.patch_of(&command), &command);
+        let (request, claimed) = (asked.what.clone(), asked.claimed.clone());
+        self.handle.commands.try_send(Request { command, reply, asked: Some(Box::new(asked)) }).map_err(|refused| {
+            match refused {
+                mpsc::error::TrySendError::Full(_) => {
+                    let waiting = self.handle.commands.max_capacity();
+                    Status::resource_exhausted(format!(
+                        "{waiting} commands wait for the engine already: try again later"
+                    ))
+                }
+                mpsc::error::TrySendError::Closed(_) => engine_stopped(),
             }
-            mpsc::error::TrySendError::Closed(_) => engine_stopped(),
         })?;
         let limit = self.limits.command;
         let outcome = tokio::select! {
@@ -141,12 +194,22 @@ impl Service {
             },
             () = self.handle.shutdown.cancelled() => Err(shutting_down()),
         };
+        let (who, role, from) = (caller.who(), caller.role.map_or("none", |role| role.name()), caller.origin.place());
         match &outcome {
-            Ok(_) => tracing::info!(command = name, "done"),
-            Err(status) => tracing::info!(command = name, code = ?status.code(), why = status.message(), "refused"),
+            Ok(_) => tracing::info!(command = name, request, who, role, from, claimed, "done"),
+            Err(status) => {
+                let (code, why) = (status.code(), status.message());
+                tracing::info!(command = name, request, who, role, from, claimed, ?code, why, "refused");
+            }
         }
         outcome
     }
+}
+
+/// Who makes a call: the gate has noted it.
+pub(crate) fn caller<T>(request: &tonic::Request<T>) -> Result<Caller, Status> {
+    let unknown = || Status::internal("nobody has judged who makes this call, which is a fault of this program");
+    request.extensions().get::<Caller>().cloned().ok_or_else(unknown)
 }
 
 /// Session numbers begin at 1, so that a field that was left out is not taken for a session.
@@ -155,13 +218,23 @@ pub(crate) fn check_session(number: u64) -> Result<(), Status> {
 }
 
 /// The operator who vouches for something, if one does.
-pub(crate) fn confirmed_by(text: String) -> Result<Option<String>, Status> {
-    if text.len() > NAME_BYTES_MAX {
-        let length = text.len();
-        return Err(invalid("confirmed_by", format_args!("{length} bytes, at most {NAME_BYTES_MAX} are kept")));
+pub(crate) fn confirmed_by(text: &str) -> Result<Option<String>, Status> {
+    let name = name("confirmed_by", text)?;
+    Ok((!name.is_empty()).then_some(name))
+}
+
+/// A person's name in a request, trimmed. It is written down and shown, so it is short and nothing but text.
+pub(crate) fn name(field: &'static str, text: &str) -> Result<String, Status> {
+    let length = text.len();
+    if length > NAME_BYTES_MAX {
+        return Err(invalid(field, format_args!("{length} bytes, at most {NAME_BYTES_MAX} are kept")));
     }
-    let name = text.trim();
-    Ok((!name.is_empty()).then(|| name.to_owned()))
+    match text.chars().find(|c| c.is_control()) {
+        Some(control) => {
+            Err(invalid(field, format_args!("has the control character U+{:04X}, expected a name", u32::from(control))))
+        }
+        None => Ok(text.trim().to_owned()),
+    }
 }
 
 /// The engine answered a command with something else than that command's result.

@@ -11,7 +11,7 @@ use tonic::{Request, Response, Status};
 
 use crate::convert::{self, vector};
 use crate::freshness::not_run_for;
-use crate::service::{Service, confirmed_by, strange_answer};
+use crate::service::{Service, caller, confirmed_by, strange_answer};
 use crate::stream::{MessageStream, subscribe};
 
 #[tonic::async_trait]
@@ -19,7 +19,10 @@ impl SkinService for Service {
     async fn get_skin(&self, request: Request<v1::GetSkinRequest>) -> Result<Response<v1::Skin>, Status> {
         let plan = self.plan(self.patch(&request.get_ref().patch)?);
         let active = self.active(plan.patch.name());
-        let set = active.map(|id| self.model_set(&id, "")).transpose()?;
+        let set = match active {
+            Some(id) => Some(self.model_set(&id, "").await?),
+            None => None,
+        };
         let patches = self.handle.plan.patches.iter().map(|p| p.patch.name().to_owned()).collect();
         Ok(Response::new(skin(plan, patches, set.as_deref())))
     }
@@ -37,42 +40,74 @@ impl SkinService for Service {
         &self,
         request: Request<v1::StreamTaxelsRequest>,
     ) -> Result<Response<Self::StreamTaxelsStream>, Status> {
+        let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.patch(&request.patch)?;
-        subscribe(self, patch, request.rate_hz, convert::taxels).map(Response::new)
+        subscribe(self, &caller, patch, request.rate_hz, convert::taxels).map(Response::new)
     }
 
     async fn tare(&self, request: Request<v1::TareRequest>) -> Result<Response<v1::TareStatus>, Status> {
+        let caller = caller(&request)?;
         let request = request.into_inner();
         let name = self.plan(self.patch(&request.patch)?).patch.name();
-        let confirmed_by = confirmed_by(request.confirmed_by)?;
-        match self.command("Tare", Command::Tare { patch: name.to_owned(), confirmed_by }).await? {
+        let confirmed_by = confirmed_by(&request.confirmed_by)?;
+        match self.command(&caller, "Tare", Command::Tare { patch: name.to_owned(), confirmed_by }).await? {
             Done::Tared(view) => Ok(Response::new(convert::tare(name, Some(&view)))),
             other => Err(strange_answer(&other)),
         }
     }
 
     async fn bring_up(&self, request: Request<v1::BringUpRequest>) -> Result<Response<v1::BringUpResponse>, Status> {
+        let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
-        let confirmed_by = confirmed_by(request.confirmed_by)?;
-        match self.command("BringUp", Command::BringUp { patch, confirmed_by }).await? {
+        let confirmed_by = confirmed_by(&request.confirmed_by)?;
+        match self.command(&caller, "BringUp", Command::BringUp { patch, confirmed_by }).await? {
             Done::BringUpStarted => Ok(Response::new(v1::BringUpResponse {})),
             other => Err(strange_answer(&other)),
         }
+    }
+
+    async fn list_events(
+        &self,
+        request: Request<v1::ListEventsRequest>,
+    ) -> Result<Response<v1::ListEventsResponse>, Status> {
+        self.list_events_of(request.get_ref()).map(Response::new)
+    }
+
+    type WatchEventsStream = MessageStream<v1::Event>;
+
+    async fn watch_events(
+        &self,
+        request: Request<v1::WatchEventsRequest>,
+    ) -> Result<Response<Self::WatchEventsStream>, Status> {
+        let caller = caller(&request)?;
+        self.watch_events_of(&caller, request.get_ref()).map(Response::new)
     }
 
     async fn get_health(&self, _: Request<v1::GetHealthRequest>) -> Result<Response<v1::Health>, Status> {
         let health = self.handle.health.borrow().clone();
         // Found here and not by the engine, which cannot tell that it does not run.
         let stalled = self.handle.heartbeat.stalled_for().map(not_run_for);
+        let unknown = health.buses.is_empty() && !self.handle.heartbeat.has_begun();
+        let unknown = unknown.then(|| "the engine has not run yet: nothing is known of buses and boards".to_owned());
+        let recording = self.handle.recording.as_ref().map(|state| state());
+        let unrecorded = recording.iter().map(|state| &state.problem).filter(|problem| !problem.is_empty());
+        let unrecorded = unrecorded.map(|problem| format!("nothing is recorded: {problem}"));
+        let own = [stalled, unknown].into_iter().flatten();
         Ok(Response::new(v1::Health {
             buses: health.buses.iter().enumerate().map(|(bus, health)| bus_health(bus, health)).collect(),
             boards: health.boards.iter().map(board_health).collect(),
             patches: (0..self.handle.plan.patches.len()).map(|patch| self.patch_health(patch)).collect(),
-            problems: stalled.into_iter().chain(health.problems.iter().cloned()).collect(),
+            problems: own.chain(health.problems.iter().cloned()).chain(unrecorded).collect(),
             streams: self.streams_open() as u32,
             streams_max: self.limits.streams as u32,
+            store: Some(v1::StoreHealth {
+                whole: health.store.is_whole(),
+                problem: health.store.problem.clone().unwrap_or_default(),
+                damage: health.store.damage.clone(),
+            }),
+            recording,
         }))
     }
 }
@@ -101,8 +136,10 @@ fn skin(plan: &PatchPlan, patches: Vec<String>, set: Option<&ModelSet>) -> v1::S
         excluded: taxels.iter().filter(|taxel| !taxel.calibrated).count() as u32,
         taxels,
         model_set: set.map(|set| set.id.clone()).unwrap_or_default(),
+        count_max: u32::from(plan.patch.counts().top()),
+        counts_per_unit: plan.patch.counts().per_unit(),
         scan_period_s: plan.period.as_secs_f64(),
-        has_gauge: plan.gauge.is_some(),
+        has_gauge: plan.has_gauge(),
         geometry_remarks: plan.geometry.as_ref().map_or_else(
             || vec!["no geometry is configured: no vector, moment or contact is served".to_owned()],
             |geometry| geometry.remarks.clone(),
@@ -157,6 +194,7 @@ const fn module_kind(kind: ModuleKind) -> v1::ModuleKind {
         ModuleKind::Fingertip => v1::ModuleKind::Fingertip,
         ModuleKind::PalmPad11 => v1::ModuleKind::PalmPad11,
         ModuleKind::PalmPad7 => v1::ModuleKind::PalmPad7,
+        ModuleKind::Cells(_) => v1::ModuleKind::Cells,
     }
 }
 
@@ -170,6 +208,7 @@ fn bus_health(bus: usize, health: &BusHealth) -> v1::BusHealth {
         malformed: health.malformed,
         last_malformed: health.last_malformed.clone(),
         dropped: health.dropped,
+        forged_errors: health.forged,
     }
 }
 

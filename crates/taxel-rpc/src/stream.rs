@@ -11,14 +11,16 @@ use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
-use tokio::sync::{OwnedSemaphorePermit, watch};
+use tokio::sync::watch;
 use tokio::time::{Instant, Interval, MissedTickBehavior};
 use tokio_util::sync::WaitForCancellationFutureOwned;
 use tonic::Status;
 
+use crate::access::caller::Caller;
 use crate::convert::Sending;
 use crate::freshness::Freshness;
 use crate::service::Service;
+use crate::shares::Place;
 use crate::status::{engine_stopped, invalid, shutting_down};
 
 /// A stream of messages that ends with a status.
@@ -57,12 +59,13 @@ struct Subscription<M> {
     last: Option<Told>,
     ended: bool,
     /// Free again when the subscriber is gone.
-    _place: OwnedSemaphorePermit,
+    _place: Place,
 }
 
 /// A subscription to `patch`: `rate_hz` absent gives each new value, else the last one is held.
 pub(crate) fn subscribe<M: Send + 'static>(
     service: &Service,
+    caller: &Caller,
     patch: usize,
     rate_hz: Option<f64>,
     encode: Encode<M>,
@@ -77,7 +80,7 @@ pub(crate) fn subscribe<M: Send + 'static>(
         unread_limit: service.limits.unread,
         last: None,
         ended: false,
-        _place: service.stream_place()?,
+        _place: service.stream_place(caller)?,
         service: service.clone(),
     };
     Ok(Box::pin(stream::unfold(subscription, |mut subscription| async {

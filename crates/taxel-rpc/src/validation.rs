@@ -9,20 +9,20 @@ use taxel_skin::Newton;
 use tonic::{Request, Response, Status};
 
 use crate::convert::{known, timestamp};
-use crate::service::{Service, strange_answer};
+use crate::service::{Service, caller, name, strange_answer};
 use crate::status::invalid;
 
 /// A load whose uncertainty is not given: a kitchen scale, or a mass that stands 8 degrees off the vertical.
 const RELATIVE_UNCERTAINTY: f64 = 0.01;
-/// Longest texts that are kept with a load, in bytes.
+/// Longest note that is kept with a load, in bytes.
 const NOTE_BYTES_MAX: usize = 1024;
-const NAME_BYTES_MAX: usize = 256;
 /// Most loads in one answer.
 const LOADS_MAX: usize = 1000;
 
 #[tonic::async_trait]
 impl ValidationService for Service {
     async fn record_load(&self, request: Request<v1::RecordLoadRequest>) -> Result<Response<v1::Load>, Status> {
+        let caller = caller(&request)?;
         let request = request.into_inner();
         let patch = self.plan(self.patch(&request.patch)?).patch.name().to_owned();
         let load = KnownLoad {
@@ -32,11 +32,11 @@ impl ValidationService for Service {
                 None => return Err(invalid("load", "neither mass_kg nor force_n is given")),
             },
             relative_sigma: request.relative_uncertainty.unwrap_or(RELATIVE_UNCERTAINTY),
-            note: text("note", request.note, NOTE_BYTES_MAX)?,
-            by: text("by", request.by, NAME_BYTES_MAX)?,
+            note: text("note", request.note)?,
+            by: name("by", &request.by)?,
             replaces: (request.replaces != 0).then_some(request.replaces),
         };
-        match self.command("RecordLoad", Command::RecordLoad { patch, load }).await? {
+        match self.command(&caller, "RecordLoad", Command::RecordLoad { patch, load }).await? {
             Done::LoadRecorded(recorded) => Ok(Response::new(self.judged(&recorded))),
             other => Err(strange_answer(&other)),
         }
@@ -52,6 +52,21 @@ impl ValidationService for Service {
         let name = || self.plan(patch).patch.name().to_owned();
         Ok(Response::new(answer.unwrap_or_else(|| v1::Validation { patch: name(), ..v1::Validation::default() })))
     }
+
+    async fn propose_recalibration(
+        &self,
+        request: Request<v1::ProposeRecalibrationRequest>,
+    ) -> Result<Response<v1::RecalibrationProposal>, Status> {
+        Ok(Response::new(self.recalibration(request.get_ref()).await?.message))
+    }
+
+    async fn accept_recalibration(
+        &self,
+        request: Request<v1::AcceptRecalibrationRequest>,
+    ) -> Result<Response<v1::AcceptRecalibrationResponse>, Status> {
+        let caller = caller(&request)?;
+        self.keep_recalibration(&caller, request.get_ref()).await.map(Response::new)
+    }
 }
 
 impl Service {
@@ -64,10 +79,10 @@ impl Service {
 }
 
 /// A text of an operator, trimmed.
-fn text(field: &'static str, text: String, bytes_max: usize) -> Result<String, Status> {
+fn text(field: &'static str, text: String) -> Result<String, Status> {
     match text.len() {
-        length if length > bytes_max => {
-            Err(invalid(field, format_args!("{length} bytes, at most {bytes_max} are kept")))
+        length if length > NOTE_BYTES_MAX => {
+            Err(invalid(field, format_args!("{length} bytes, at most {NOTE_BYTES_MAX} are kept")))
         }
         _ => Ok(text.trim().to_owned()),
     }

@@ -21,6 +21,8 @@ pub struct BagConfig {
     pub pump_limit_kpa: f64,
     /// Gain of the pump's controller in 1/s.
     pub controller_per_s: f64,
+    /// Wrinkles and the tension of the foil: relative standard deviation of the pressure on a taxel from that of the bag.
+    pub wrinkle_sd: f64,
 }
 
 impl Default for BagConfig {
@@ -32,6 +34,7 @@ impl Default for BagConfig {
             pump_kpa_per_s: 20.0,
             pump_limit_kpa: 88.0,
             controller_per_s: 2.0,
+            wrinkle_sd: 0.0,
         }
     }
 }

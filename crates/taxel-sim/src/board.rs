@@ -1,7 +1,7 @@
 //! A skin board: its firmware's states, commands and clock.
 
 use crate::converter::{Arithmetic, Converter, Reading, Surroundings};
-use crate::dielectric::{Fabric, LSB_PER_COUNT};
+use crate::dielectric::{Fabric, LSB_PER_COUNT, Sense};
 use crate::faults::ForeignScan;
 use crate::rng::{Rng, Stream};
 use std::time::Duration;
@@ -264,6 +264,15 @@ impl Board {
             slot.converter.convert(&around, slot.cdc_offset, &mut self.noise, &mut self.faults, tare);
         }
         (self.tare_pending, self.zeroed) = (false, true);
+    }
+
+    /// Every taxel's gain changes by a factor that is drawn for it.
+    pub(crate) fn scale_gains(&mut self, mut factor: impl FnMut() -> f64) {
+        for dot in self.slots.iter_mut().flat_map(|slot| &mut slot.converter.dots) {
+            if let Sense::Taxel(_, dielectric) = &mut dot.sense {
+                dielectric.scale(factor());
+            }
+        }
     }
 
     /// The frames of one scan, modules ascending, head before tail; plans the next scan.

@@ -4,6 +4,7 @@ use crate::bag::BagConfig;
 use crate::board::BoardsConfig;
 use crate::dielectric::DielectricConfig;
 use crate::gauge::GaugeConfig;
+use crate::path::LoadPath;
 use crate::thermal::ThermalConfig;
 use std::time::Duration;
 use taxel_skin::Time;
@@ -27,6 +28,8 @@ pub struct Config {
     pub boards: BoardsConfig,
     /// The course of temperature.
     pub thermal: ThermalConfig,
+    /// How loads reach the taxels.
+    pub loads: LoadPath,
 }
 
 /// A world that cannot be.
@@ -72,6 +75,9 @@ impl Config {
             ("dielectric.insensitive_stiffness[1]", d.insensitive_stiffness[1]),
             ("dielectric.friction_reach_kpa", d.friction_reach_kpa),
             ("dielectric.creep_s", d.creep_s),
+            ("dielectric.more_creep[0].time_s", d.more_creep[0].1),
+            ("dielectric.more_creep[1].time_s", d.more_creep[1].1),
+            ("dielectric.more_creep[2].time_s", d.more_creep[2].1),
             ("bag.ambient_kpa", b.ambient_kpa),
             ("bag.leak_s", b.leak_s),
             ("bag.vent_s", b.vent_s),
@@ -90,16 +96,24 @@ impl Config {
             ("bag.pump_kpa_per_s", b.pump_kpa_per_s),
             ("bag.controller_per_s", b.controller_per_s),
             ("gauge.noise_kpa", self.gauge.noise_kpa),
+            ("gauge.lag_s", self.gauge.lag_s),
         ];
         let shares = [
             ("dielectric.insensitive_share", d.insensitive_share),
             ("dielectric.friction[0]", d.friction[0]),
             ("dielectric.friction[1]", d.friction[1]),
             ("dielectric.creep_share", d.creep_share),
+            ("dielectric.more_creep[0].share", d.more_creep[0].0),
+            ("dielectric.more_creep[1].share", d.more_creep[1].0),
+            ("dielectric.more_creep[2].share", d.more_creep[2].0),
+            ("dielectric.day_gain_sd[0]", d.day_gain_sd[0]),
+            ("dielectric.day_gain_sd[1]", d.day_gain_sd[1]),
+            ("bag.wrinkle_sd", b.wrinkle_sd),
         ];
         let signed = [
             ("dielectric.thermal_counts_per_k", d.thermal_counts_per_k),
             ("dielectric.thermal_relative_sd", d.thermal_relative_sd),
+            ("dielectric.thermal_gradient", d.thermal_gradient),
             ("gauge.offset_kpa", self.gauge.offset_kpa),
             ("gauge.gain_error", self.gauge.gain_error),
             ("thermal.start_celsius", t.start_celsius),
@@ -112,12 +126,20 @@ impl Config {
         within(&shares, 0.0, 0.5)?;
         within(&signed, -huge, huge)?;
         within(&exponents, 1.01, 10.0)?;
+        validate_loads(self.loads)?;
         within(&[("boards.clock_ppm", self.boards.clock_ppm)], 0.0, 10_000.0)?;
         if self.gauge.period < Duration::from_millis(1) {
             return Err(ConfigError::GaugePeriod(self.gauge.period));
         }
         Ok(self.gauge.signal.validate()?)
     }
+}
+
+fn validate_loads(path: LoadPath) -> Result<(), ConfigError> {
+    let LoadPath::Layer(layer) = path else { return Ok(()) };
+    let millimetres = [("loads.depth_mm", layer.depth_mm), ("loads.pad_radius_mm", layer.pad_radius_mm)];
+    within(&millimetres, 0.1, 4.0)?;
+    within(&[("loads.crosstalk", layer.crosstalk)], 0.0, 0.5)
 }
 
 fn within(fields: &[(&'static str, f64)], least: f64, most: f64) -> Result<(), ConfigError> {

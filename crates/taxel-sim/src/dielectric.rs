@@ -8,12 +8,15 @@
 //! - friction in the fabric grows with the load: the spring feels P (1 - mu z), where z in [-1, 1] follows the sense of
 //!   motion over a reach Pc, dz = (sign(dP) - z) |dP| / Pc (Dahl 1968). Solved exactly over each monotone step, so the
 //!   loop does not depend on how time is cut;
-//! - creep: a small share of the strain follows with a time constant (standard linear solid).
+//! - creep: small shares of the strain follow with time constants of their own (standard linear solids in a row).
 
 use crate::rng::Rng;
 
 /// Least significant bits of the converter in one count at the boards' default shift of 2.
 pub const LSB_PER_COUNT: f64 = 4.0;
+
+/// Time constants of the creep beside the first one.
+pub const MORE_CREEP: usize = 3;
 
 /// How the dielectrics of a skin are spread. The defaults give, over the forearm, counts whose standard deviation over
 /// the taxels is about 5.9 at rest and 25.6 at 70 kPa (Kangro et al. 2016), at a mean swing of about 88 counts.
@@ -43,6 +46,8 @@ pub struct DielectricConfig {
     pub creep_share: f64,
     /// Time constant of the creep in seconds.
     pub creep_s: f64,
+    /// More shares that creep, each with its time constant in seconds.
+    pub more_creep: [(f64, f64); MORE_CREEP],
     /// Noise of a taxel in counts, before rounding, uniform between these.
     pub noise_counts: [f64; 2],
     /// Noise of a thermal pad in counts.
@@ -51,6 +56,12 @@ pub struct DielectricConfig {
     pub thermal_counts_per_k: f64,
     /// Relative standard deviation of the thermal coefficient.
     pub thermal_relative_sd: f64,
+    /// Relative change of the thermal coefficient from the first to the last taxel: one end of the limb is warmed more than
+    /// the other.
+    pub thermal_gradient: f64,
+    /// Relative standard deviation of what the gain of the whole skin changes from one day to another, and of what that of a
+    /// single taxel does; see [`crate::World::next_day`].
+    pub day_gain_sd: [f64; 2],
     /// Residue of a tare that a taxel shows every time, standard deviation in counts.
     pub tare_bias_counts: f64,
     /// Residue of a tare that is new every time, standard deviation in counts.
@@ -72,10 +83,13 @@ impl Default for DielectricConfig {
             friction_reach_kpa: 7.0,
             creep_share: 0.01,
             creep_s: 15.0,
+            more_creep: [(0.0, 1.0); MORE_CREEP],
             noise_counts: [0.7, 1.0],
             pad_noise_counts: 0.4,
             thermal_counts_per_k: 1.0,
             thermal_relative_sd: 0.1,
+            thermal_gradient: 0.0,
+            day_gain_sd: [0.0; 2],
             tare_bias_counts: 5.9,
             tare_residue_counts: 2.0,
         }
@@ -87,8 +101,8 @@ impl Default for DielectricConfig {
 struct Memory {
     friction: f64,
     reach_kpa: f64,
-    creep_share: f64,
-    creep_s: f64,
+    /// Shares of the strain, each with its time constant in seconds.
+    creep: [(f64, f64); 1 + MORE_CREEP],
 }
 
 /// One taxel's capacitor with its history.
@@ -105,10 +119,10 @@ pub(crate) struct Dielectric {
     sense: f64,
     /// Strain of the spring at the last step.
     strain: f64,
-    /// The part of the strain that lags behind.
-    crept: f64,
-    /// Time between steps in seconds, and the share of its way that the creep goes in it.
-    creep_step: (f64, f64),
+    /// The parts of the strain that lag behind.
+    crept: [f64; 1 + MORE_CREEP],
+    /// Time between steps in seconds, and the share of its way that each part goes in it.
+    creep_step: (f64, [f64; 1 + MORE_CREEP]),
 }
 
 impl Dielectric {
@@ -123,13 +137,14 @@ impl Dielectric {
             self.pressure_kpa = pressure_kpa;
             self.strain = self.strain(pressure_kpa * (1.0 - memory.friction * self.sense));
         }
-        if memory.creep_share > 0.0 {
-            if elapsed_s != self.creep_step.0 {
-                self.creep_step = (elapsed_s, -(-elapsed_s / memory.creep_s).exp_m1());
-            }
-            self.crept += (self.strain - self.crept) * self.creep_step.1;
+        if elapsed_s != self.creep_step.0 {
+            self.creep_step = (elapsed_s, memory.creep.map(|(_, time_s)| -(-elapsed_s / time_s).exp_m1()));
         }
-        let total = self.strain + memory.creep_share * (self.crept - self.strain);
+        let mut total = self.strain;
+        for (part, (share, _)) in memory.creep.iter().enumerate().filter(|(_, (share, _))| *share > 0.0) {
+            self.crept[part] += (self.strain - self.crept[part]) * self.creep_step.1[part];
+            total += share * (self.crept[part] - self.strain);
+        }
         self.gain_lsb * total / (1.0 - total)
     }
 
@@ -142,11 +157,18 @@ impl Dielectric {
     }
 }
 
+impl Dielectric {
+    /// From now on it gives so many times as much.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        self.gain_lsb *= factor;
+    }
+}
+
 /// What one of a module's twelve values measures.
 #[derive(Clone, Debug)]
 pub(crate) enum Sense {
     /// Pressure on the taxel of this patch index.
-    Taxel(usize, Dielectric),
+    Taxel(usize, Box<Dielectric>),
     /// Temperature alone.
     Pad,
 }
@@ -176,6 +198,9 @@ pub(crate) struct Fabric<'a> {
     config: &'a DielectricConfig,
     rng: Rng,
     insensitive: Vec<bool>,
+    creep: [(f64, f64); 1 + MORE_CREEP],
+    /// Where the last taxel lies along the skin, -0.5 to 0.5.
+    along: f64,
 }
 
 impl<'a> Fabric<'a> {
@@ -188,7 +213,9 @@ impl<'a> Fabric<'a> {
             order.swap(n, n + rng.below(taxels - n));
             insensitive[order[n]] = true;
         }
-        Self { config, rng, insensitive }
+        let [second, third, fourth] = config.more_creep;
+        let creep = [(config.creep_share, config.creep_s), second, third, fourth];
+        Self { config, rng, insensitive, creep, along: -0.5 }
     }
 
     pub(crate) fn insensitive(&self) -> &[bool] {
@@ -213,17 +240,17 @@ impl<'a> Fabric<'a> {
             memory: Memory {
                 friction: rng.between(config.friction[0], config.friction[1]),
                 reach_kpa: config.friction_reach_kpa,
-                creep_share: config.creep_share,
-                creep_s: config.creep_s,
+                creep: self.creep,
             },
             pressure_kpa: 0.0,
             sense: 0.0,
             strain: 0.0,
-            crept: 0.0,
-            creep_step: (0.0, 0.0),
+            crept: [0.0; 1 + MORE_CREEP],
+            creep_step: (0.0, [0.0; 1 + MORE_CREEP]),
         };
+        self.along = index as f64 / self.insensitive.len() as f64 - 0.5;
         let noise_counts = rng.between(config.noise_counts[0], config.noise_counts[1]);
-        self.dot(Sense::Taxel(index, dielectric), noise_counts, config.tare_bias_counts)
+        self.dot(Sense::Taxel(index, Box::new(dielectric)), noise_counts, config.tare_bias_counts)
     }
 
     pub(crate) fn pad(&mut self) -> Dot {
@@ -234,6 +261,7 @@ impl<'a> Fabric<'a> {
     fn dot(&mut self, sense: Sense, noise_counts: f64, tare_bias_counts: f64) -> Dot {
         let (config, rng) = (self.config, &mut self.rng);
         let thermal = config.thermal_counts_per_k * (1.0 + config.thermal_relative_sd * rng.truncated_normal(2.5));
+        let thermal = thermal * (1.0 + config.thermal_gradient * self.along);
         Dot {
             sense,
             noise_lsb: noise_counts * LSB_PER_COUNT,
@@ -251,7 +279,7 @@ mod tests {
 
     fn dielectric(seed: u64, config: &DielectricConfig) -> Dielectric {
         match Fabric::new(config, 1, Rng::new(seed, Stream::Fabric)).taxel(0).sense {
-            Sense::Taxel(_, dielectric) => dielectric,
+            Sense::Taxel(_, dielectric) => *dielectric,
             Sense::Pad => unreachable!(),
         }
     }

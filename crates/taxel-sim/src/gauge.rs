@@ -19,6 +19,8 @@ pub struct GaugeConfig {
     pub offset_kpa: f64,
     /// Relative error of its gain.
     pub gain_error: f64,
+    /// Time constant with which it follows the pressure, in seconds; 0 is at once.
+    pub lag_s: f64,
 }
 
 impl Default for GaugeConfig {
@@ -39,6 +41,7 @@ impl Default for GaugeConfig {
             noise_kpa: 0.01,
             offset_kpa: 0.01,
             gain_error: 0.001,
+            lag_s: 0.0,
         }
     }
 }
@@ -48,6 +51,8 @@ pub(crate) struct Gauge {
     config: GaugeConfig,
     rng: Rng,
     last: Option<Frame>,
+    /// The pressure as far as it has followed it, kPa.
+    followed_kpa: f64,
     /// When it reads next.
     pub(crate) next: Time,
     pub(crate) silent: bool,
@@ -64,7 +69,18 @@ impl Gauge {
         let mut rng = Rng::new(seed, Stream::Gauge);
         let next = start + config.period.mul_f64(rng.uniform());
         let spike_rng = Rng::new(seed, Stream::GaugeFault);
-        Self { config, rng, last: None, next, silent: false, stuck: false, jump_kpa: 0.0, spikes: None, spike_rng }
+        Self {
+            config,
+            rng,
+            last: None,
+            followed_kpa: 0.0,
+            next,
+            silent: false,
+            stuck: false,
+            jump_kpa: 0.0,
+            spikes: None,
+            spike_rng,
+        }
     }
 
     pub(crate) fn reseed(&mut self, seed: u64) {
@@ -82,7 +98,13 @@ impl Gauge {
             _ => 0.0,
         };
         let wrong = self.jump_kpa + spike;
-        let shown = pressure_kpa * (1.0 + self.config.gain_error) + self.config.offset_kpa + noise + wrong;
+        let step = if self.config.lag_s > 0.0 {
+            -(-self.config.period.as_secs_f64() / self.config.lag_s).exp_m1()
+        } else {
+            1.0
+        };
+        self.followed_kpa += (pressure_kpa - self.followed_kpa) * step;
+        let shown = self.followed_kpa * (1.0 + self.config.gain_error) + self.config.offset_kpa + noise + wrong;
         if !self.stuck || self.last.is_none() {
             self.last = self.config.signal.encode(Kilopascal(shown)).ok();
         }

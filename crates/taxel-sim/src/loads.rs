@@ -1,6 +1,7 @@
 //! Masses that come, move and go over time.
 
 use crate::load::{LoadError, Mass};
+use crate::path::{LoadPath, Path, Pressed};
 use crate::skin::Skin;
 use std::time::Duration;
 use taxel_skin::{TaxelIndex, Time};
@@ -34,8 +35,8 @@ struct Placed {
     /// Share of its weight that rests on the skin.
     weight: Change<f64>,
     centre_mm: Change<[f64; 2]>,
-    /// Pressures of the whole weight at the end of its way.
-    arrived_kpa: Vec<(usize, f64)>,
+    /// What its whole weight does at the end of its way.
+    arrived: Pressed,
 }
 
 impl Placed {
@@ -50,17 +51,14 @@ impl Placed {
         [from[0] + (to[0] - from[0]) * share, from[1] + (to[1] - from[1]) * share]
     }
 
-    fn add_to(&self, now: Time, skin: &Skin, kpa: &mut [f64]) {
+    /// Hands over what it does now, and the share of its weight that rests on the skin.
+    fn pressing<R>(&self, now: Time, skin: &Skin, path: &Path, then: impl FnOnce(f64, &Pressed) -> R) -> R {
         let weight = self.weight(now);
-        let mut add = |pressures: &[(usize, f64)]| {
-            for &(taxel, pressure) in pressures {
-                kpa[taxel] += weight * pressure;
-            }
-        };
-        if self.centre_mm.share(now) < 1.0 {
-            add(&self.mass.spread(skin, self.centre_mm(now)));
-        } else {
-            add(&self.arrived_kpa);
+        let rolling = (self.centre_mm.share(now) < 1.0).then(|| path.press(skin, &self.mass, self.centre_mm(now)));
+        match rolling {
+            // Where its way leads over no skin it stays where it goes to.
+            Some(Ok(on_its_way)) => then(weight, &on_its_way),
+            Some(Err(_)) | None => then(weight, &self.arrived),
         }
     }
 }
@@ -70,27 +68,39 @@ impl Placed {
 pub(crate) struct Loads {
     /// Those that lie still until all are cleared.
     still_kpa: Vec<f64>,
+    /// Their force, and the same as a vector, N.
+    still_n: (f64, [f64; 3]),
+    path: Path,
     placed: Vec<Placed>,
     next: u32,
 }
 
 impl Loads {
-    pub(crate) fn new(taxels: usize) -> Self {
-        Self { still_kpa: vec![0.0; taxels], placed: Vec::new(), next: 1 }
+    pub(crate) fn new(skin: &Skin, path: LoadPath) -> Self {
+        let (still_kpa, still_n) = (vec![0.0; skin.poses().len()], (0.0, [0.0; 3]));
+        Self { still_kpa, still_n, path: Path::new(path, skin), placed: Vec::new(), next: 1 }
+    }
+
+    fn pressed(&self, skin: &Skin, mass: &Mass) -> Result<Pressed, LoadError> {
+        mass.validate(skin)?;
+        self.path.press(skin, mass, mass.footprint.centre_mm(skin)?)
     }
 
     /// A mass lies there from now on.
     pub(crate) fn lay(&mut self, skin: &Skin, mass: &Mass) -> Result<(), LoadError> {
-        for (taxel, kpa) in mass.pressures(skin)? {
+        let pressed = self.pressed(skin, mass)?;
+        for (taxel, kpa) in pressed.kpa {
             self.still_kpa[taxel] += kpa;
         }
+        self.still_n.0 += mass.weight().0;
+        self.still_n.1.iter_mut().zip(pressed.vector_n).for_each(|(sum, n)| *sum += n);
         Ok(())
     }
 
     /// A mass comes to rest within `over`.
     pub(crate) fn place(&mut self, now: Time, skin: &Skin, mass: Mass, over: Duration) -> Result<LoadId, LoadError> {
-        let arrived_kpa = mass.pressures(skin)?;
-        let centre = skin.poses()[mass.footprint.centre.get()].unrolled_mm;
+        let arrived = self.pressed(skin, &mass)?;
+        let centre = mass.footprint.centre_mm(skin)?;
         let id = LoadId(self.next);
         self.next += 1;
         self.placed.push(Placed {
@@ -98,7 +108,7 @@ impl Loads {
             mass,
             weight: Change { from: 0.0, to: 1.0, begin: now, over },
             centre_mm: Change { from: centre, to: centre, begin: now, over: Duration::ZERO },
-            arrived_kpa,
+            arrived,
         });
         Ok(id)
     }
@@ -121,19 +131,21 @@ impl Loads {
         to: TaxelIndex,
         over: Duration,
     ) -> Result<(), LoadError> {
-        let Some(placed) = self.placed.iter_mut().find(|placed| placed.id == load) else { return Ok(()) };
-        let mut mass = placed.mass;
+        let Some(index) = self.placed.iter().position(|placed| placed.id == load) else { return Ok(()) };
+        let mut mass = self.placed[index].mass;
         mass.footprint.centre = to;
-        let arrived_kpa = mass.pressures(skin)?;
-        let end = skin.poses()[to.get()].unrolled_mm;
+        let arrived = self.pressed(skin, &mass)?;
+        let end = mass.footprint.centre_mm(skin)?;
+        let placed = &mut self.placed[index];
         placed.centre_mm = Change { from: placed.centre_mm(now), to: end, begin: now, over };
-        (placed.mass, placed.arrived_kpa) = (mass, arrived_kpa);
+        (placed.mass, placed.arrived) = (mass, arrived);
         Ok(())
     }
 
     /// All masses are gone at once.
     pub(crate) fn clear(&mut self) {
         self.still_kpa.fill(0.0);
+        self.still_n = (0.0, [0.0; 3]);
         self.placed.clear();
     }
 
@@ -141,8 +153,22 @@ impl Loads {
     pub(crate) fn write(&self, now: Time, skin: &Skin, kpa: &mut Vec<f64>) {
         kpa.clone_from(&self.still_kpa);
         for placed in &self.placed {
-            placed.add_to(now, skin, kpa);
+            placed.pressing(now, skin, &self.path, |weight, pressed| {
+                pressed.kpa.iter().for_each(|&(taxel, pressure)| kpa[taxel] += weight * pressure);
+            });
         }
+    }
+
+    /// The force of all masses, and the sum of force times outward normal, N.
+    pub(crate) fn force_n(&self, now: Time, skin: &Skin) -> (f64, [f64; 3]) {
+        let (mut sum, mut vector) = self.still_n;
+        for placed in &self.placed {
+            placed.pressing(now, skin, &self.path, |weight, pressed| {
+                sum += weight * placed.mass.weight().0;
+                vector.iter_mut().zip(pressed.vector_n).for_each(|(sum, n)| *sum += weight * n);
+            });
+        }
+        (sum, vector)
     }
 }
 
@@ -160,7 +186,7 @@ mod tests {
     #[test]
     fn a_mass_comes_and_goes_linearly() {
         let skin = Skin::forearm().unwrap();
-        let mut loads = Loads::new(230);
+        let mut loads = Loads::new(&skin, LoadPath::Shared);
         let mass = Mass::on_disc(0.5, TaxelIndex(100), 600.0);
         let second = Duration::from_secs(1);
         let id = loads.place(Time::from_seconds(1.0), &skin, mass, 2 * second).unwrap();
@@ -176,7 +202,7 @@ mod tests {
     #[test]
     fn a_mass_that_leaves_before_it_has_come_leaves_from_where_it_is() {
         let skin = Skin::forearm().unwrap();
-        let mut loads = Loads::new(230);
+        let mut loads = Loads::new(&skin, LoadPath::Shared);
         let mass = Mass::on_disc(1.0, TaxelIndex(100), 600.0);
         let id = loads.place(Time::default(), &skin, mass, Duration::from_secs(4)).unwrap();
         loads.lift(Time::from_seconds(1.0), id, Duration::from_secs(1));
@@ -186,7 +212,7 @@ mod tests {
     #[test]
     fn a_rolling_mass_keeps_its_weight_and_arrives() {
         let skin = Skin::forearm().unwrap();
-        let mut loads = Loads::new(230);
+        let mut loads = Loads::new(&skin, LoadPath::Shared);
         let mass = Mass::on_disc(0.5, TaxelIndex(40), 300.0);
         let id = loads.place(Time::default(), &skin, mass, Duration::ZERO).unwrap();
         loads.roll(Time::default(), &skin, id, TaxelIndex(180), Duration::from_secs(2)).unwrap();
@@ -195,7 +221,7 @@ mod tests {
             assert!((force - mass.weight().0).abs() < 1e-9, "{force} N after {n} steps");
         }
         let (mut there, mut moved) = (Vec::new(), Vec::new());
-        let mut at_rest = Loads::new(230);
+        let mut at_rest = Loads::new(&skin, LoadPath::Shared);
         at_rest.lay(&skin, &Mass::on_disc(0.5, TaxelIndex(180), 300.0)).unwrap();
         at_rest.write(Time::default(), &skin, &mut there);
         loads.write(Time::from_seconds(3.0), &skin, &mut moved);

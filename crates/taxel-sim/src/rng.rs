@@ -38,6 +38,10 @@ pub(crate) enum Stream {
     GaugeFault,
     /// Phase of a foreign node with a board's identifiers.
     Foreign(usize),
+    /// Wrinkles of the bag.
+    Wrinkles,
+    /// What the gains change to on another day.
+    Day(usize),
 }
 
 impl Stream {
@@ -57,6 +61,8 @@ impl Stream {
             Self::TaxelFault(n) => (12, n),
             Self::GaugeFault => (13, 0),
             Self::Foreign(n) => (14, n),
+            Self::Wrinkles => (15, 0),
+            Self::Day(n) => (16, n),
         };
         (part << 32) | index as u64
     }

@@ -20,9 +20,6 @@ const TRIANGLE_MM: [[f64; 2]; VALUES_PER_MODULE] = [
     [0.0, 7.41],
     [3.22, 5.57],
 ];
-/// Base and height of a triangle's outline in millimetres.
-const TRIANGLE_BASE_MM: f64 = 27.5;
-const TRIANGLE_HEIGHT_MM: f64 = 23.9;
 /// Triangles side by side around the limb; with alternating orientation each adds half a base.
 const TRIANGLES_PER_STRIP: usize = 8;
 /// Radius at the middle of the first strip, the narrow end: eight triangles then go around half the limb.
@@ -45,11 +42,60 @@ pub struct Pose {
     pub unrolled_mm: [f64; 2],
 }
 
+/// How triangles tile the unrolled surface: side by side in strips, every second one upside down, without holes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Tiling {
+    base_mm: f64,
+    height_mm: f64,
+}
+
+impl Tiling {
+    /// Triangles so close that each taxel of a module has the area that the triangle alone gives it.
+    const WITHOUT_GAPS: Self = Self { base_mm: 27.5, height_mm: 23.9 };
+
+    /// Equilateral triangles whose centres lie so far apart.
+    fn spaced(module_spacing_mm: f64) -> Self {
+        Self { base_mm: module_spacing_mm * 3_f64.sqrt(), height_mm: module_spacing_mm * 1.5 }
+    }
+
+    /// Where a point of the module that is laid as number `module` lies; `place_mm` is about the module's centre.
+    fn unrolled_mm(self, module: usize, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (strip, column) = (module / TRIANGLES_PER_STRIP, module % TRIANGLES_PER_STRIP);
+        // The centre lies a third of the height above the base, so two thirds in a triangle that points down.
+        let (x, y, centre) = if points_up(strip, column) { (x, y, 1.0 / 3.0) } else { (-x, -y, 2.0 / 3.0) };
+        let middle = (TRIANGLES_PER_STRIP - 1) as f64 / 2.0;
+        let around = (column as f64 - middle) * self.base_mm / 2.0 + x;
+        let along = (strip as f64 + centre - 0.5) * self.height_mm + y;
+        [around, along]
+    }
+
+    /// Whether one of so many modules covers this point of the unrolled surface, its share of the gaps included.
+    fn covers(self, modules: usize, [around, along]: [f64; 2]) -> bool {
+        let middle = (TRIANGLES_PER_STRIP - 1) as f64 / 2.0;
+        let (height, column) = (along / self.height_mm + 0.5, around / (self.base_mm / 2.0) + middle);
+        let (strip, above_base) = (height.floor(), height - height.floor());
+        [column.floor(), column.ceil()].into_iter().any(|nearest| {
+            if strip < 0.0 || !(0.0..TRIANGLES_PER_STRIP as f64).contains(&nearest) {
+                return false;
+            }
+            let (strip, nearest_column) = (strip as usize, nearest as usize);
+            let half_width = if points_up(strip, nearest_column) { 1.0 - above_base } else { above_base };
+            (column - nearest).abs() <= half_width && strip * TRIANGLES_PER_STRIP + nearest_column < modules
+        })
+    }
+}
+
+fn points_up(strip: usize, column: usize) -> bool {
+    (strip + column).is_multiple_of(2)
+}
+
 /// A patch of skin with the place of every taxel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Skin {
     patch: Patch,
     poses: Vec<Pose>,
+    tiling: Tiling,
+    taxel_area: SquareMillimetre,
 }
 
 impl Skin {
@@ -58,12 +104,27 @@ impl Skin {
     /// # Errors
     /// [`LayoutError`], which the fixed layout cannot cause.
     pub fn forearm() -> Result<Self, LayoutError> {
+        Ok(Self::sleeve(Self::forearm_patch()?))
+    }
+
+    /// The same forearm with the gaps between its modules that the real part has: their centres lie
+    /// `module_spacing_mm` apart (17.3 to 18.8 mm on the robots), and the soft layer over the gaps carries load, too.
+    ///
+    /// # Errors
+    /// [`LayoutError`], which the fixed layout cannot cause.
+    pub fn forearm_with_gaps(module_spacing_mm: f64) -> Result<Self, LayoutError> {
+        let tiling = Tiling::spaced(module_spacing_mm);
+        let taxel_mm2 = tiling.base_mm * tiling.height_mm / 2.0 / ModuleKind::Triangle.taxel_slots().len() as f64;
+        Ok(Self::tiled(Self::forearm_patch()?, tiling, SquareMillimetre(taxel_mm2)))
+    }
+
+    fn forearm_patch() -> Result<Patch, LayoutError> {
         let boards = [(13, 16), (12, 7)].into_iter().filter_map(|(address, modules)| {
             let address = BoardAddress::new(address).ok()?;
             let modules = (0..modules).map(|m| (Module::from_nibble(m), ModuleKind::Triangle)).collect();
             Some(Board { bus: BusIndex(0), address, modules })
         });
-        Ok(Self::sleeve(Patch::new("left_forearm", boards.collect())?))
+        Patch::new("left_forearm", boards.collect())
     }
 
     /// Any patch of one bus, its modules laid in strips of eight around a limb that grows wider.
@@ -72,8 +133,13 @@ impl Skin {
     /// true outline of a fingertip.
     #[must_use]
     pub fn sleeve(patch: Patch) -> Self {
-        let poses = patch.taxels().iter().map(|site| pose_of(site.module as usize, site.slot as usize)).collect();
-        Self { patch, poses }
+        Self::tiled(patch, Tiling::WITHOUT_GAPS, SquareMillimetre::ICUB_TAXEL)
+    }
+
+    fn tiled(patch: Patch, tiling: Tiling, taxel_area: SquareMillimetre) -> Self {
+        let pose = |site: &TaxelSite| pose_of(tiling, site.module as usize, site.slot as usize);
+        let poses = patch.taxels().iter().map(pose).collect();
+        Self { patch, poses, tiling, taxel_area }
     }
 
     /// Boards, modules and the numbering of the taxels.
@@ -100,10 +166,21 @@ impl Skin {
         self.poses.iter().map(|pose| pose.normal).collect()
     }
 
-    /// The area that every taxel stands for.
+    /// The area that every taxel stands for in the mean: a tenth of its module's share of the skin.
     #[must_use]
     pub const fn taxel_area(&self) -> SquareMillimetre {
-        SquareMillimetre::ICUB_TAXEL
+        self.taxel_area
+    }
+
+    /// Whether there is skin at this point of the unrolled surface, in millimetres. Gaps between modules are skin.
+    #[must_use]
+    pub fn covers(&self, unrolled_mm: [f64; 2]) -> bool {
+        self.tiling.covers(self.patch.modules().len(), unrolled_mm)
+    }
+
+    /// The outward unit normal at a point of the unrolled surface, in millimetres.
+    pub(crate) fn normal_at(unrolled_mm: [f64; 2]) -> [f64; 3] {
+        rolled(unrolled_mm).normal
     }
 
     /// The skin as an iCub position file: `taxel2Repr`, then a row `x y z nx ny nz` per port index, in metres.
@@ -120,7 +197,7 @@ impl Skin {
             for slot in 0..VALUES_PER_MODULE {
                 let is_pad = site.kind.thermal_slots().contains(&(slot as u8));
                 representative[first + slot] = if is_pad { -2 } else { first as i64 + 3 };
-                pose[first + slot] = Some(pose_of(index, slot));
+                pose[first + slot] = Some(pose_of(self.tiling, index, slot));
             }
         }
         let mut text =
@@ -144,16 +221,8 @@ impl Skin {
 }
 
 /// The place of value `slot` of the module that is laid as number `module`.
-fn pose_of(module: usize, slot: usize) -> Pose {
-    let (strip, column) = (module / TRIANGLES_PER_STRIP, module % TRIANGLES_PER_STRIP);
-    let points_up = (strip + column).is_multiple_of(2);
-    let [x, y] = TRIANGLE_MM[slot];
-    // The centre lies a third of the height above the base, so two thirds in a triangle that points down.
-    let (x, y, centre) = if points_up { (x, y, 1.0 / 3.0) } else { (-x, -y, 2.0 / 3.0) };
-    let middle = (TRIANGLES_PER_STRIP - 1) as f64 / 2.0;
-    let around = (column as f64 - middle) * TRIANGLE_BASE_MM / 2.0 + x;
-    let along = (strip as f64 + centre - 0.5) * TRIANGLE_HEIGHT_MM + y;
-    rolled([around, along])
+fn pose_of(tiling: Tiling, module: usize, slot: usize) -> Pose {
+    rolled(tiling.unrolled_mm(module, TRIANGLE_MM[slot]))
 }
 
 /// Rolls a point of the plane onto the cone. In the plane the cone is a sector about its apex: the distance from the
@@ -193,6 +262,18 @@ mod tests {
             // Across the edge of a module its neighbour's taxels are nearer than the module's own.
             assert!((4.7..6.5).contains(&nearest), "taxel {i}: nearest neighbour at {nearest} mm");
         }
+    }
+
+    #[test]
+    fn with_gaps_the_skin_covers_a_tenth_of_a_module_for_each_taxel() {
+        let skin = Skin::forearm_with_gaps(18.0).unwrap();
+        assert!((skin.taxel_area().0 - 42.09).abs() < 0.01, "(3 sqrt(3) / 4) (18 mm)^2 / 10");
+        assert!(skin.poses().iter().all(|pose| skin.covers(pose.unrolled_mm)));
+        let step_mm = 0.5;
+        let points = (0..400).flat_map(|x| (0..300).map(move |y| [x as f64, y as f64]));
+        let covered = points.filter(|[x, y]| skin.covers([x * step_mm - 100.0, y * step_mm - 40.0])).count();
+        let area_mm2 = covered as f64 * step_mm * step_mm;
+        assert!((area_mm2 / (230.0 * skin.taxel_area().0) - 1.0).abs() < 0.005, "{area_mm2} mm2");
     }
 
     #[test]

@@ -8,9 +8,10 @@ use std::ops::Range;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::geometry::{Geometry, TaxelPose};
+use crate::geometry::Geometry;
 use crate::layout::{ModuleKind, Patch, TaxelSite};
 use crate::polygon::{Convex, Point, length, minus};
+use crate::positions::TaxelPose;
 use crate::units::SquareMillimetre;
 
 /// Taxels that are closer than this are at one place: some of iCub's files give several taxels the place of another.

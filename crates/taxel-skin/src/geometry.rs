@@ -1,23 +1,9 @@
-//! Where the taxels are and which way they face: iCub position files as they are in the wild.
-//!
-//! Such a file has header lines (`name`, `spatial_sampling`, `taxel2Repr (...)`), a line `[calibration]` and then one row
-//! a port index: `x y z nx ny nz` in metres, in the link's frame. Six zeros mean "no such taxel". Files differ in how
-//! `taxel2Repr` is written and in whether thermal pads have coordinates, so neither decides what a taxel is: the
-//! patch's layout does.
+//! Where the taxels of a patch are and which way they face.
 
 use std::collections::HashMap;
-use thiserror::Error;
 
 use crate::layout::Patch;
-
-/// Position and outward unit normal of a taxel, metres, in the frame of the link.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TaxelPose {
-    /// Position in metres.
-    pub position: [f64; 3],
-    /// Outward unit normal; zero if the file has none for this taxel.
-    pub normal: [f64; 3],
-}
+use crate::positions::{GeometryError, PositionFile, TaxelPose};
 
 /// Whether directions can be served.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,54 +27,14 @@ pub struct Geometry {
     pub remarks: Vec<String>,
 }
 
-/// A position file that cannot be read.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-pub enum GeometryError {
-    /// There is no `[calibration]` line.
-    #[error("no line `[calibration]`: the rows of positions must follow it")]
-    NoSection,
-    /// A row is not six finite numbers.
-    #[error("line {line}: `{text}`: expected six finite numbers x y z nx ny nz")]
-    Row {
-        /// Line in the file, from 1.
-        line: usize,
-        /// The row, shortened.
-        text: String,
-    },
-    /// A coordinate cannot be on a robot.
-    #[error("line {line}: position {value} m is beyond 10 m: the file must be in metres")]
-    NotMetres {
-        /// Line in the file, from 1.
-        line: usize,
-        /// The coordinate.
-        value: String,
-    },
-    /// Too few rows for the patch.
-    #[error("{rows} rows of positions, but taxel {taxel} of the patch is row {row}")]
-    TooFewRows {
-        /// Rows in the file.
-        rows: usize,
-        /// First taxel without a row.
-        taxel: usize,
-        /// Where its row would be.
-        row: usize,
-    },
-    /// No taxel of the patch has a position.
-    #[error("none of the {taxels} taxels of the patch has a position in the file")]
-    NothingPlaced {
-        /// Taxels of the patch.
-        taxels: usize,
-    },
-}
-
 impl Geometry {
-    /// Reads an iCub position file for `patch`. Carriage returns, tabs, `#` comments and blank lines are tolerated,
-    /// normals are renormalised.
+    /// Reads an iCub position file for `patch`, as leniently as [`PositionFile::parse`]; normals are renormalised.
     ///
     /// # Errors
     /// [`GeometryError`] with the line.
     pub fn parse(text: &str, patch: &Patch) -> Result<Self, GeometryError> {
-        let rows = parse_rows(text)?;
+        let file = PositionFile::parse(text)?;
+        let rows = file.rows();
         let mut poses = Vec::with_capacity(patch.taxels().len());
         for taxel in 0..patch.taxels().len() {
             let row = patch.port_index(taxel).unwrap_or(usize::MAX);
@@ -116,40 +62,6 @@ impl Geometry {
         let remarks = remarks(&poses, normals, furthest);
         Self { poses, normals, remarks }
     }
-}
-
-fn parse_rows(text: &str) -> Result<Vec<Option<TaxelPose>>, GeometryError> {
-    let mut lines = text.lines().enumerate();
-    lines.find(|(_, line)| line.trim().eq_ignore_ascii_case("[calibration]")).ok_or(GeometryError::NoSection)?;
-    let mut rows = Vec::new();
-    for (index, line) in lines {
-        let content = line.split('#').next().unwrap_or("").trim();
-        if content.starts_with('[') {
-            break; // the next section
-        }
-        if !content.is_empty() {
-            rows.push(parse_row(content, index + 1)?);
-        }
-    }
-    Ok(rows)
-}
-
-fn parse_row(content: &str, line: usize) -> Result<Option<TaxelPose>, GeometryError> {
-    let wrong = || GeometryError::Row { line, text: content.chars().take(60).collect() };
-    let mut numbers = [0.0; 6];
-    let mut words = content.split_whitespace();
-    for number in &mut numbers {
-        *number = words.next().and_then(|w| w.parse().ok()).filter(|v: &f64| v.is_finite()).ok_or_else(wrong)?;
-    }
-    if words.next().is_some() {
-        return Err(wrong());
-    }
-    let [x, y, z, nx, ny, nz] = numbers;
-    if let Some(value) = [x, y, z].into_iter().find(|v| v.abs() > 10.0) {
-        return Err(GeometryError::NotMetres { line, value: value.to_string() });
-    }
-    let somewhere = [x, y, z] != [0.0; 3];
-    Ok(somewhere.then_some(TaxelPose { position: [x, y, z], normal: [nx, ny, nz] }))
 }
 
 fn judge_normals(poses: &[Option<TaxelPose>]) -> NormalsVerdict {

@@ -1,5 +1,6 @@
 //! Which boards, modules and values make up a patch, and in which order its taxels are numbered.
 
+use crate::count_range::CountRange;
 use crate::ids::{BoardAddress, BusIndex, Module};
 use thiserror::Error;
 
@@ -18,7 +19,20 @@ pub enum ModuleKind {
     PalmPad11,
     /// A palm module with its one pad at value 7.
     PalmPad7,
+    /// So many taxels of a sensor that is described by its signals, no pad.
+    Cells(u8),
 }
+
+/// The values of the largest module there can be.
+const ALL_SLOTS: [u8; 255] = {
+    let mut slots = [0; 255];
+    let mut slot = 0;
+    while slot < slots.len() {
+        slots[slot] = slot as u8;
+        slot += 1;
+    }
+    slots
+};
 
 impl ModuleKind {
     /// The values that are pressure taxels, ascending.
@@ -29,6 +43,7 @@ impl ModuleKind {
             Self::Fingertip => &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11],
             Self::PalmPad11 => &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10],
             Self::PalmPad7 => &[0, 1, 2, 3, 4, 5, 6, 8, 9, 10, 11],
+            Self::Cells(taxels) => ALL_SLOTS.split_at(taxels as usize).0,
         }
     }
 
@@ -37,7 +52,7 @@ impl ModuleKind {
     pub const fn thermal_slots(self) -> &'static [u8] {
         match self {
             Self::Triangle => &[6, 10],
-            Self::Fingertip => &[],
+            Self::Fingertip | Self::Cells(_) => &[],
             Self::PalmPad11 => &[11],
             Self::PalmPad7 => &[7],
         }
@@ -117,6 +132,7 @@ pub struct Patch {
     boards: Vec<Board>,
     modules: Vec<ModuleSite>,
     taxels: Vec<TaxelSite>,
+    counts: CountRange,
 }
 
 impl Patch {
@@ -143,7 +159,20 @@ impl Patch {
         if modules.is_empty() {
             return Err(LayoutError::Empty { patch });
         }
-        Ok(Self { name: patch, boards, modules, taxels })
+        Ok(Self { name: patch, boards, modules, taxels, counts: CountRange::BYTE })
+    }
+
+    /// The same taxels with counts of another range than eight bits.
+    #[must_use]
+    pub const fn with_counts(mut self, counts: CountRange) -> Self {
+        self.counts = counts;
+        self
+    }
+
+    /// The range of its raw counts.
+    #[must_use]
+    pub const fn counts(&self) -> CountRange {
+        self.counts
     }
 
     /// The patch's name, for example `left_forearm`.

@@ -3,15 +3,19 @@
 //! Nothing here does I/O or reads a clock. Every other crate speaks in these types.
 
 pub mod area;
+mod count_range;
 mod geometry;
 mod ids;
 mod layout;
 mod polygon;
+mod positions;
 mod time;
 mod units;
 
-pub use geometry::{Geometry, GeometryError, NormalsVerdict, TaxelPose};
+pub use count_range::CountRange;
+pub use geometry::{Geometry, NormalsVerdict};
 pub use ids::{BoardAddress, BusIndex, IdError, Module, TaxelIndex};
 pub use layout::{Board, LayoutError, ModuleKind, ModuleSite, Patch, TaxelSite, VALUES_PER_MODULE};
+pub use positions::{GeometryError, PositionFile, TaxelPose};
 pub use time::Time;
 pub use units::{Kilopascal, Newton, SquareMillimetre};

@@ -1,34 +1,63 @@
 //! Records become rows, in the order they happened.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 
-use rusqlite::{Connection, Transaction, params};
+use rusqlite::{Connection, ErrorCode, Transaction, params};
+use taxel_engine::audit::{Answered, Asked};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::SessionView;
+use taxel_engine::known_set::SetSummary;
 use taxel_engine::loads::Load;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::{Record, Sample};
 use taxel_engine::snapshot::TareView;
 
+use crate::audit_rows;
 use crate::error::StoreError;
 use crate::load_row::{load_from_text, load_to_text};
 use crate::models_json;
 use crate::rows;
+use crate::sets;
 use crate::tally::{Stream, Tally};
 
 /// Appends records and refuses those that do not follow from what is there.
+#[derive(Default)]
 pub(crate) struct Appender {
-    /// Ids of the sets that are intact on disk.
-    model_sets: HashSet<String>,
+    /// Rows of the sets that are on disk, by their ids; none that is known to be damaged.
+    model_sets: HashMap<String, u64>,
     /// How many rows there are of each sort, and so which number comes next.
     tally: Tally,
     /// Sessions that got samples since the last commit.
     grown: BTreeMap<u64, u64>,
+    /// Requests of this run that have no result yet: their rows, by their numbers in the run.
+    asked: HashMap<u64, u64>,
 }
 
 impl Appender {
-    pub(crate) fn new(model_sets: impl IntoIterator<Item = String>) -> Self {
-        Self { model_sets: model_sets.into_iter().collect(), tally: Tally::default(), grown: BTreeMap::new() }
+    pub(crate) fn new(model_sets: impl IntoIterator<Item = (String, u64)>) -> Self {
+        Self { model_sets: model_sets.into_iter().collect(), tally: Tally::default(), ..Self::default() }
+    }
+
+    /// The row of a model set.
+    pub(crate) fn row_of_set(&self, id: &str) -> Option<u64> {
+        self.model_sets.get(id).copied()
+    }
+
+    /// A model set was found damaged: it is as good as not there, and can be written again.
+    pub(crate) fn lose_set(&mut self, id: &str) {
+        self.model_sets.remove(id);
+    }
+
+    /// Before a transaction: if the record is a model set that is there and is found damaged now, it is written again. Within
+    /// the transaction SQLite writes nothing more once it has met a damaged page.
+    pub(crate) fn look_at_set(&mut self, connection: &Connection, record: &Record) -> Result<(), StoreError> {
+        if let Record::ModelSet(set) = record
+            && let Some(seq) = self.row_of_set(&set.id)
+            && !is_sound(connection, seq)?
+        {
+            self.lose_set(&set.id);
+        }
+        Ok(())
     }
 
     /// Ends a transaction: per session that grew in it, how many samples it has.
@@ -47,6 +76,8 @@ impl Appender {
             Record::ModelSetDeleted { model_set, wall_ns } => self.delete_model_set(transaction, model_set, *wall_ns),
             Record::SessionDeleted { session, wall_ns } => self.delete_session(transaction, *session, *wall_ns),
             Record::Load(load) => self.load(transaction, load),
+            Record::Asked(asked) => self.asked(transaction, asked),
+            Record::Answered(answered) => self.answered(transaction, answered),
             Record::Tared { patch, tare, baseline } => tared(transaction, patch, tare, baseline),
         }
     }
@@ -111,7 +142,7 @@ impl Appender {
                 sample.ramp,
                 sample.time_ns,
                 sample.pressure_kpa,
-                &sample.counts[..],
+                rows::counts_to_blob(sample.counts.counts()),
                 rows::sample_checksum(session, index, sample),
             ])?;
         self.tally.set(Stream::Samples(session), index + 1);
@@ -120,8 +151,9 @@ impl Appender {
     }
 
     fn model_set(&mut self, connection: &Connection, set: &ModelSet) -> Result<(), StoreError> {
-        if self.model_sets.contains(&set.id) {
-            return Ok(()); // the id is the content's hash: it is there already
+        // The id is the content's hash: it is there already.
+        if self.model_sets.contains_key(&set.id) {
+            return Ok(());
         }
         let unstorable = |reason: String| StoreError::Unstorable { what: format!("model set {}", set.id), reason };
         let json = models_json::to_json(set).map_err(|error| unstorable(error.to_string()))?;
@@ -130,12 +162,14 @@ impl Appender {
         let tally = self.tally.get(connection, Stream::ModelSets)?;
         let seq =
             next_seq(connection, tally, "(SELECT seq FROM model_sets UNION ALL SELECT seq FROM deleted_model_sets)")?;
+        let hash = rows::sha256_of(json.as_bytes());
         connection.execute(
             "INSERT INTO model_sets (seq, id, sha256, json) VALUES (?1, ?2, ?3, ?4)",
-            params![seq, set.id, rows::sha256_of(json.as_bytes()), json.as_bytes()],
+            params![seq, set.id, hash, json.as_bytes()],
         )?;
+        sets::index(connection, seq, &hash, &SetSummary::of(set))?;
         self.tally.set(Stream::ModelSets, seq);
-        self.model_sets.insert(set.id.clone());
+        self.model_sets.insert(set.id.clone(), seq);
         Ok(())
     }
 
@@ -154,6 +188,7 @@ impl Appender {
                 params![seq, id, activation, wall_ns, rows::deleted_set_checksum(seq, id, activation, wall_ns)],
             )?;
             connection.execute("DELETE FROM model_sets WHERE seq = ?1", [seq])?;
+            connection.execute("DELETE FROM set_index WHERE seq = ?1", [seq])?;
             let deleted = self.tally.get(connection, Stream::DeletedModelSets)? + 1;
             self.tally.set(Stream::DeletedModelSets, deleted);
         }
@@ -206,8 +241,27 @@ impl Appender {
         Ok(())
     }
 
+    fn asked(&mut self, connection: &Connection, asked: &Asked) -> Result<(), StoreError> {
+        let seq = next_seq(connection, self.tally.get(connection, Stream::Audit)?, "audit")?;
+        audit_rows::insert_asked(connection, seq, asked)?;
+        self.tally.set(Stream::Audit, seq);
+        self.asked.insert(asked.request, seq);
+        Ok(())
+    }
+
+    fn answered(&mut self, connection: &Connection, answered: &Answered) -> Result<(), StoreError> {
+        let Some(seq) = self.asked.remove(&answered.request) else {
+            let what = format!("the result of request {}", answered.request);
+            return Err(StoreError::Unstorable { what, reason: "nobody asked, or it has one already".to_owned() });
+        };
+        audit_rows::insert_answered(connection, seq, answered)?;
+        let results = self.tally.get(connection, Stream::AuditResults)? + 1;
+        self.tally.set(Stream::AuditResults, results);
+        Ok(())
+    }
+
     fn activated(&mut self, connection: &Connection, patch: &str, set: &str, wall_ns: i64) -> Result<(), StoreError> {
-        if !self.model_sets.contains(set) {
+        if !self.model_sets.contains_key(set) {
             let what = format!("activation of model set `{set}` on patch `{patch}`");
             return Err(StoreError::Unstorable { what, reason: "the store has no such set".to_owned() });
         }
@@ -218,6 +272,14 @@ impl Appender {
         )?;
         self.tally.set(Stream::Activations, seq);
         Ok(())
+    }
+}
+
+/// Whether a model set can be read. One on a page that is damaged cannot, as one whose content is.
+fn is_sound(connection: &Connection, seq: u64) -> rusqlite::Result<bool> {
+    match sets::text(connection, seq) {
+        Err(error) if error.sqlite_error_code() == Some(ErrorCode::DatabaseCorrupt) => Ok(false),
+        read => Ok(matches!(read?, Some(Ok(_)))),
     }
 }
 

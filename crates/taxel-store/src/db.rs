@@ -1,63 +1,101 @@
 //! The one file: opened, checked, held exclusively, and flushed on commit.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::path::PathBuf;
 
 use rusqlite::config::DbConfig;
-use rusqlite::{Connection, ErrorCode, TransactionBehavior};
+use rusqlite::{Connection, TransactionBehavior};
 use taxel_engine::Restored;
+use taxel_engine::audit::AuditEntry;
 use taxel_engine::calibration::SessionSamples;
 use taxel_engine::record::Record;
 
+use crate::active_file::IdAndText;
 use crate::append::Appender;
-use crate::error::{Quarantined, StoreError};
-use crate::restore;
-use crate::schema;
+use crate::audit_rows;
+use crate::error::StoreError;
+use crate::pass::{Finding, Lost, Step, Unproven};
+use crate::prepare::{WAL_BYTES_MAX, bring_up_to_date, configure};
+use crate::retention::{self, Retention, Size};
+use crate::{active_file, beside, restore, session_samples, sets};
 
-/// How long a start waits for a predecessor that is still closing the file.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(1);
-
-/// Length of the write-ahead log at which it is folded back into the file: 1,000 pages of 4 KiB, SQLite's own default.
-const WAL_BYTES_MAX: u64 = 4096 * 1000;
-
-/// A file is rewritten at a start if half of it and at least so many pages, 4 MiB, are empty.
-const FREE_PAGES_MIN: i64 = 1024;
+mod open;
 
 /// The connection and what it must remember between transactions.
 pub(crate) struct Db {
     connection: Connection,
-    /// The write-ahead log; `None` if all is in memory.
-    wal: Option<PathBuf>,
+    /// The file; `None` if all is in memory.
+    path: Option<PathBuf>,
     appender: Appender,
     /// Something was deleted that the write-ahead log still holds.
     erasing: bool,
+    /// A model set was activated since the plain file of the active ones was written.
+    activated: bool,
+    /// What is not proven yet.
+    unproven: Unproven,
+    /// How many texts of model sets the start has read.
+    #[cfg(test)]
+    pub(crate) texts_read: usize,
 }
 
 impl Db {
-    /// Opens or creates the file, checks all of it and reads what a start needs.
-    pub(crate) fn open(path: &Path) -> Result<(Self, Restored, Vec<Quarantined>), StoreError> {
-        let opening = |error: rusqlite::Error| StoreError::opening(path, &error);
-        let mut connection = Connection::open(path).map_err(opening)?;
-        configure(&connection).map_err(opening)?;
-        check_identity(&connection, path)?;
-        let mode: String =
-            connection.pragma_update_and_check(None, "journal_mode", "wal", |row| row.get(0)).map_err(opening)?;
-        if mode != "wal" {
-            let reason = format!("its file system has no write-ahead log (journal mode is `{mode}`)");
-            return Err(StoreError::Open { path: path.to_path_buf(), reason });
+    /// Deletes what is beyond the limits.
+    fn retain(&mut self, restored: &mut Restored, limits: &Retention) -> Result<(), StoreError> {
+        if !limits.limits() {
+            return Ok(());
         }
-        check_structure(&connection, path)?;
-        bring_up_to_date(&mut connection).map_err(opening)?;
-        give_back_space(&connection, path).map_err(opening)?;
-        let (restored, quarantined) = restore::read(&connection).map_err(opening)?;
-        let appender = Appender::new(restored.model_sets.iter().map(|set| set.id.clone()));
-        let mut wal = path.as_os_str().to_owned();
-        wal.push("-wal");
-        let db = Self { connection, wal: Some(wal.into()), appender, erasing: false };
-        // What an earlier run deleted may still be in the log if it was killed then.
-        db.checkpoint().map_err(|error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() })?;
-        Ok((db, restored, quarantined))
+        let sets = retention::sets_to_go(restored, limits);
+        self.write(sets.iter())?;
+        for set in sets {
+            let Record::ModelSetDeleted { model_set, .. } = set else { continue };
+            tracing::info!(model_set, "deleted: more model sets than are to be kept");
+            restored.model_sets.retain(|set| set.id != model_set);
+        }
+        while let Some(record) = retention::session_to_go(restored, self.size()?, limits) {
+            let Record::SessionDeleted { session, .. } = record else { break };
+            self.write([record].iter())?;
+            tracing::info!(session, "deleted: more sessions than are to be kept");
+            restored.sessions.retain(|view| view.number != session);
+        }
+        self.erase()
+    }
+
+    /// What the database holds.
+    pub(crate) fn size(&self) -> Result<Size, StoreError> {
+        Ok(retention::size(&self.connection)?)
+    }
+
+    /// Rewrites the file without its empty pages.
+    pub(crate) fn compact(&self) -> Result<(), StoreError> {
+        self.connection.execute_batch("VACUUM")?;
+        self.checkpoint()
+    }
+
+    /// Writes the plain file of the active model sets if one was activated since. Without it the database alone has them,
+    /// so that a failure is told and ends nothing.
+    pub(crate) fn keep_active(&mut self) {
+        let Some(path) = self.path.clone().filter(|_| std::mem::take(&mut self.activated)) else { return };
+        let content = self
+            .active_texts()
+            .map_err(|error| error.to_string())
+            .and_then(|(newest, texts)| active_file::content(newest, &texts).map_err(|error| error.to_string()));
+        let kept = content.and_then(|content| active_file::keep(&path, &content).map_err(|error| error.to_string()));
+        if let Err(error) = kept {
+            tracing::warn!(store = %path.display(), %error, "the plain file of the active model sets was not written");
+        }
+    }
+
+    /// The newest activation of all, and the id and text of each set that is active.
+    fn active_texts(&self) -> Result<(u64, Vec<IdAndText>), StoreError> {
+        let newest = restore::newest_activation(&self.connection)?;
+        let mut found = Vec::new();
+        for (patch, id) in restore::active_now(&self.connection)? {
+            match restore::text_of(&self.connection, &id)? {
+                Some(text) => found.push((id, text)),
+                None => tracing::warn!(patch, model_set = id, "the active model set has no sound row in the store"),
+            }
+        }
+        Ok((newest, found))
     }
 
     /// A store that ends with the process.
@@ -65,21 +103,34 @@ impl Db {
         let mut connection = Connection::open_in_memory()?;
         configure(&connection)?;
         bring_up_to_date(&mut connection)?;
-        Ok(Self { connection, wal: None, appender: Appender::new(None), erasing: false })
+        Ok(Self {
+            connection,
+            path: None,
+            appender: Appender::new(None),
+            erasing: false,
+            activated: false,
+            unproven: Unproven::default(),
+            #[cfg(test)]
+            texts_read: 0,
+        })
     }
 
     /// Whether what is committed survives the process.
     pub(crate) fn is_on_disk(&self) -> bool {
-        self.wal.is_some()
+        self.path.is_some()
     }
 
     /// Writes all records or none, and returns once the disk has them: per session, how many of its samples it has now.
     pub(crate) fn write<'a>(
         &mut self,
-        records: impl Iterator<Item = &'a Record>,
+        records: impl Iterator<Item = &'a Record> + Clone,
     ) -> Result<Vec<(u64, u64)>, StoreError> {
+        for record in records.clone() {
+            self.appender.look_at_set(&self.connection, record)?;
+        }
         let transaction = self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
         for record in records {
+            self.activated |= matches!(record, Record::Activated { .. } | Record::ModelSetDeleted { .. });
             self.erasing |= matches!(record, Record::ModelSetDeleted { .. } | Record::SessionDeleted { .. });
             self.appender.append(&transaction, record)?;
         }
@@ -90,7 +141,44 @@ impl Db {
 
     /// The samples and ramps of a session, each proven, or why they cannot be trusted.
     pub(crate) fn samples(&self, session: u64) -> Result<SessionSamples, String> {
-        restore::samples(&self.connection, session)
+        session_samples::samples(&self.connection, session)
+    }
+
+    /// The text of a model set as it was written, or why it cannot be had.
+    pub(crate) fn set_text(&self, id: &str) -> Result<String, StoreError> {
+        let missing = || StoreError::NoModelSet { model_set: id.to_owned() };
+        let seq = self.appender.row_of_set(id).ok_or_else(missing)?;
+        let text = sets::text(&self.connection, seq)?.ok_or_else(missing)?;
+        text.map_err(|findings| StoreError::DamagedModelSet { model_set: id.to_owned(), findings })
+    }
+
+    /// Whether all is proven.
+    pub(crate) fn is_proven(&self) -> bool {
+        self.unproven.is_over()
+    }
+
+    /// Proves the next part of what is left. `disturbed` tells whether somebody waits.
+    pub(crate) fn prove_next(&mut self, disturbed: impl Fn() -> bool + Send + 'static) -> Step {
+        self.unproven.step(&mut self.connection, |id| self.appender.row_of_set(id), disturbed)
+    }
+
+    /// Remembers damage: a model set can be written again, and a file that may be damaged is looked at by the next start.
+    pub(crate) fn note(&mut self, finding: &Finding) {
+        match &finding.lost {
+            Lost::ModelSet(id) => self.appender.lose_set(id),
+            Lost::Structure => self.doubt(),
+            Lost::Samples(_) => {}
+        }
+    }
+
+    /// The file may be damaged: the next start looks at all of it.
+    pub(crate) fn doubt(&self) {
+        self.path.iter().for_each(|path| beside::mark_doubt(path));
+    }
+
+    /// Entries of the audit log before this number, newest first.
+    pub(crate) fn audit(&self, before: u64, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
+        Ok(audit_rows::read(&self.connection, before, most)?)
     }
 
     /// Folds the write-ahead log back if it holds what was deleted.
@@ -103,8 +191,8 @@ impl Db {
     /// SQLite would do so by itself, but it ignores an error there and tries again later; after a failed flush the
     /// kernel may have dropped the pages and call the second try a success. Here the error is seen and is final.
     pub(crate) fn checkpoint_if_long(&self) -> Result<(), StoreError> {
-        let Some(wal) = &self.wal else { return Ok(()) };
-        let length = fs::metadata(wal).map_or(0, |file| file.len());
+        let Some(path) = &self.path else { return Ok(()) };
+        let length = fs::metadata(beside::wal(path)).map_or(0, |file| file.len());
         if length > WAL_BYTES_MAX { self.checkpoint() } else { Ok(()) }
     }
 
@@ -115,10 +203,19 @@ impl Db {
 
     /// Folds the log back and closes the file.
     pub(crate) fn close(self) -> Result<(), StoreError> {
-        if self.is_on_disk() {
-            self.checkpoint()?;
+        if let Err(error) = self.end_log() {
+            self.abandon();
+            return Err(error);
         }
-        self.connection.close().map_err(|(_, error)| error.into())
+        self.connection.close().map_err(|(_, error)| StoreError::from(error))
+    }
+
+    /// Folds the log back, and notes that one that is missing from here on is none that was lost. Closing removes it, so that
+    /// this comes first: a process that dies between the two must not find a loss.
+    fn end_log(&self) -> Result<(), StoreError> {
+        let Some(path) = &self.path else { return Ok(()) };
+        self.checkpoint()?;
+        beside::remove(&beside::open_mark(path)).map_err(|error| StoreError::Io(error.to_string()))
     }
 
     /// Closes the file after a failure without writing or flushing anything more.
@@ -135,103 +232,4 @@ impl Db {
         self.connection.pragma_update_and_check(None, "max_page_count", now + pages, set)?;
         Ok(())
     }
-}
-
-fn configure(connection: &Connection) -> rusqlite::Result<()> {
-    connection.busy_timeout(BUSY_TIMEOUT)?;
-    // One process, one connection: a second daemon on the same file is refused instead of interleaving its numbers.
-    connection.pragma_update_and_check(None, "locking_mode", "exclusive", |_| Ok(()))?;
-    connection.pragma_update(None, "synchronous", "full")?;
-    connection.pragma_update(None, "foreign_keys", true)?;
-    // What is deleted is overwritten with zeros. The pages are used again.
-    connection.pragma_update_and_check(None, "secure_delete", true, |_| Ok(()))?;
-    connection.pragma_update(None, "trusted_schema", false)?;
-    connection.pragma_update(None, "cell_size_check", true)?;
-    connection.pragma_update_and_check(None, "journal_size_limit", WAL_BYTES_MAX as i64, |_| Ok(()))?;
-    connection.pragma_update_and_check(None, "wal_autocheckpoint", 0, |_| Ok(()))
-}
-
-/// Refuses what is not ours or is newer than we are; lets an empty file pass.
-fn check_identity(connection: &Connection, path: &Path) -> Result<(), StoreError> {
-    let opening = |error: rusqlite::Error| StoreError::opening(path, &error);
-    let number = |pragma: &str| connection.pragma_query_value(None, pragma, |row| row.get::<_, i64>(0));
-    let (application, version) = (number("application_id").map_err(opening)?, number("user_version").map_err(opening)?);
-    if is_empty(connection).map_err(opening)? && (application, version) == (0, 0) {
-        return Ok(());
-    }
-    let path = path.to_path_buf();
-    if application != schema::APPLICATION_ID {
-        let expected = schema::APPLICATION_ID;
-        let reason = format!("its application id is {application:#x}, expected {expected:#x}");
-        return Err(StoreError::Foreign { path, reason });
-    }
-    if version > schema::VERSION {
-        return Err(StoreError::TooNew { path, found: version, newest: schema::VERSION });
-    }
-    if version < 1 {
-        let findings = format!("its schema version is {version}, which never existed");
-        return Err(StoreError::Damaged { path, findings });
-    }
-    Ok(())
-}
-
-fn is_empty(connection: &Connection) -> rusqlite::Result<bool> {
-    connection.query_row("SELECT count(*) = 0 FROM sqlite_schema", [], |row| row.get(0))
-}
-
-/// Takes the steps that the file lacks, all or none; an empty file lacks every one.
-fn bring_up_to_date(connection: &mut Connection) -> rusqlite::Result<()> {
-    let version: i64 = connection.pragma_query_value(None, "user_version", |row| row.get(0))?;
-    let lacking = schema::STEPS.get(usize::try_from(version).unwrap_or(0)..).unwrap_or_default();
-    if lacking.is_empty() {
-        return Ok(());
-    }
-    let transaction = connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
-    transaction.pragma_update(None, "application_id", schema::APPLICATION_ID)?;
-    transaction.pragma_update(None, "user_version", schema::VERSION)?;
-    lacking.iter().try_for_each(|step| transaction.execute_batch(step))?;
-    transaction.commit()
-}
-
-/// Rewrites a file that is mostly empty pages, which deletions leave, and so gives their space back. This takes a
-/// second for 100 MB, so it is done at a start and never while samples come.
-fn give_back_space(connection: &Connection, path: &Path) -> rusqlite::Result<()> {
-    let number = |pragma: &str| connection.pragma_query_value(None, pragma, |row| row.get::<_, i64>(0));
-    let (pages, free) = (number("page_count")?, number("freelist_count")?);
-    if free < FREE_PAGES_MIN || 2 * free < pages {
-        return Ok(());
-    }
-    match connection.execute_batch("VACUUM") {
-        Ok(()) => {
-            tracing::info!(store = %path.display(), pages = free, "the store gave back the space of what was deleted")
-        }
-        // The file is as it was, and its empty pages are used again.
-        Err(error) if error.sqlite_error_code() == Some(ErrorCode::DiskFull) => {
-            tracing::warn!(store = %path.display(), %error, "no room to give back the space of what was deleted");
-        }
-        Err(error) => return Err(error),
-    }
-    Ok(())
-}
-
-/// Reads every page once and checks its structure.
-fn check_structure(connection: &Connection, path: &Path) -> Result<(), StoreError> {
-    let opening = |error: rusqlite::Error| StoreError::opening(path, &error);
-    let mut findings = Vec::new();
-    connection
-        .pragma_query(None, "quick_check", |row| {
-            findings.push(row.get::<_, String>(0)?);
-            Ok(())
-        })
-        .map_err(opening)?;
-    if findings == ["ok"] {
-        return Ok(());
-    }
-    let more = findings.len().saturating_sub(3);
-    findings.truncate(3);
-    let mut findings = findings.join("; ").replace('\n', " ");
-    if more > 0 {
-        findings += &format!("; and {more} more");
-    }
-    Err(StoreError::Damaged { path: path.to_path_buf(), findings })
 }

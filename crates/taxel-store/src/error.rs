@@ -55,6 +55,9 @@ pub enum StoreError {
     /// Writing or reading failed.
     #[error("the store failed: {0}")]
     Io(String),
+    /// The file was found damaged while it was open.
+    #[error("the store's file is damaged: {0}")]
+    Corrupt(String),
     /// A record that cannot be kept as it is.
     #[error("{what} cannot be stored: {reason}")]
     Unstorable {
@@ -83,6 +86,20 @@ pub enum StoreError {
         /// What is wrong with them.
         findings: String,
     },
+    /// A model set on disk is not what was written.
+    #[error("model set {model_set} is damaged on disk: {findings}")]
+    DamagedModelSet {
+        /// Its id.
+        model_set: String,
+        /// What is wrong with it.
+        findings: String,
+    },
+    /// There is no such model set.
+    #[error("there is no model set `{model_set}` in the store")]
+    NoModelSet {
+        /// The id that was asked for.
+        model_set: String,
+    },
     /// The writer's thread met a fault of this programme.
     #[error("the store's thread ended with an internal error")]
     Panicked,
@@ -101,9 +118,16 @@ impl StoreError {
         match error.sqlite_error_code() {
             Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => Self::InUse { path },
             Some(ErrorCode::NotADatabase) => Self::Foreign { path, reason: "it is no SQLite file".to_owned() },
-            Some(ErrorCode::DatabaseCorrupt) => Self::Damaged { path, findings: error.to_string() },
             Some(ErrorCode::DiskFull) => Self::Full(error.to_string()),
-            _ => Self::Open { path, reason: error.to_string() },
+            Some(
+                ErrorCode::PermissionDenied
+                | ErrorCode::CannotOpen
+                | ErrorCode::OutOfMemory
+                | ErrorCode::NoLargeFileSupport
+                | ErrorCode::FileLockingProtocolFailed,
+            ) => Self::Open { path, reason: error.to_string() },
+            // Also what is read and is not of the type that was written, and what the disk does not give back.
+            _ => Self::Damaged { path, findings: error.to_string().replace('\n', " ") },
         }
     }
 }
@@ -112,6 +136,7 @@ impl From<rusqlite::Error> for StoreError {
     fn from(error: rusqlite::Error) -> Self {
         match error.sqlite_error_code() {
             Some(ErrorCode::DiskFull) => Self::Full(error.to_string()),
+            Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => Self::Corrupt(error.to_string()),
             _ => Self::Io(error.to_string()),
         }
     }

@@ -2,23 +2,43 @@
 //!
 //! What was acknowledged is on disk: an acknowledgement is sent after the commit returned, and a commit returns after
 //! the flush. What is on disk is always a beginning of what happened: after a failed write nothing more is written.
-//! A row that is not what was written, or is lost, is reported and never served. Sessions and model sets are deleted by
+//! A row that is not what was written, or is lost, is reported and never served. A damaged file is kept under another name,
+//! and what can be read of it goes into a new one; the active model sets are there once more as plain text. Sessions and model sets are deleted by
 //! command alone: their bytes are overwritten, and a row stays that tells deleted from lost. Samples are read when a
 //! session is taken up again; a start proves them and holds none.
 
+mod active_file;
 mod append;
+mod audit_rows;
+mod beside;
 mod db;
 mod deletions;
 mod error;
+mod group;
+mod identity;
 mod load_row;
+mod maintenance;
 pub mod models_json;
+mod pass;
+mod prepare;
+mod readers;
 mod restore;
+mod retention;
 mod rows;
+mod salvage;
 mod schema;
+mod session_samples;
+mod sets;
 mod tally;
 #[cfg(test)]
 mod tests;
+mod wal_check;
+mod work;
 mod writer;
 
 pub use error::{Quarantined, StoreError};
-pub use writer::{Batch, Durability, Notify, OnDurable, OnSamples, QUEUE_BATCHES, QueueFull, Store, StoreEvent};
+pub use maintenance::{Checked, Compacted, check, compact};
+pub use readers::{AuditReader, SamplesReader, SetReader, SizeReader};
+pub use retention::{Retention, Size, session_to_go, sets_to_go};
+pub use work::{Batch, Durability, OnAudit, OnDurable, OnModelSet, OnSamples, OnSize, QUEUE_BATCHES, QueueFull};
+pub use writer::{Notify, Store, StoreEvent};

@@ -1,17 +1,29 @@
 //! MODELS.json: a model set as text, for export and import, for files, and as the blob in the store.
 //!
 //! Every finite f64 comes back bit for bit. The id is the hash of the content, so a file that was changed by accident is
-//! refused; one that was changed on purpose has to drop its `id` and gets a new one.
+//! refused; one that was changed on purpose has to drop its `id` and gets a new one. When a set was made, and the number of
+//! its session, are no part of that content: the same samples fitted with the same options give the same id whenever and
+//! wherever that is done. Earlier versions hashed both, and sets that have such an id keep it.
 
+//!
+//! A text is read once, straight into the set that it describes, and every string and list of it has a bound: what a
+//! hostile text can cost is a few times its own size.
+
+pub(crate) mod limits;
+mod recalibrated;
 mod recorded;
 mod taxel;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::error::Category;
+use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::model_set::ModelSet;
+use taxel_model::bounded::{List, Text};
 use thiserror::Error;
+
+use limits::{SETTINGS_MAX, TAXELS_MAX, WORDS_BYTES_MAX, check_length, check_size};
 
 /// The word by which a file of this kind is known.
 pub const FORMAT: &str = "taxeld-models";
@@ -19,8 +31,8 @@ pub const FORMAT: &str = "taxeld-models";
 /// The version that is written and read.
 pub const VERSION: u64 = 1;
 
-/// Most taxels of a set: their numbers are 16 bit.
-const TAXELS_MAX: usize = u16::MAX as usize;
+/// So many characters of a text that is not understood are shown.
+const SHOWN_CHARS_MAX: usize = 200;
 
 /// Why a text is no model set, or a model set cannot be written.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -28,6 +40,9 @@ pub enum ModelsJsonError {
     /// It is no JSON; the parser's words, with line and column.
     #[error("not JSON: {0}")]
     Syntax(String),
+    /// More than is read: what, where, and the limit.
+    #[error("{0}")]
+    TooLarge(String),
     /// It is JSON, but not a file of this kind.
     #[error("`format` is {0}, expected \"{FORMAT}\"")]
     Format(String),
@@ -55,27 +70,41 @@ pub enum ModelsJsonError {
     },
 }
 
-/// The file, field by field. Taxels are read one by one, so that an error names the taxel.
+/// A string of a set.
+type Words = Text<WORDS_BYTES_MAX>;
+
+/// The file, field by field.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    format: String,
+    format: Words,
     version: u64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    id: Option<String>,
-    patch: String,
+    id: Option<Words>,
+    patch: Words,
     created_wall_ns: i64,
     session: Option<u64>,
-    method: String,
-    board_settings: Vec<String>,
+    method: Words,
+    board_settings: List<Words, SETTINGS_MAX>,
     /// `null` for a taxel that never gave a value at rest; NaN in memory.
-    baseline: Vec<Option<Baseline>>,
+    baseline: List<Option<Baseline>, TAXELS_MAX>,
     pressure_max_kpa: f64,
     gauge_gain_rel: f64,
     gauge_offset_kpa: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     recorded: Option<recorded::Part>,
-    taxels: Vec<Value>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    recalibrated: Option<recalibrated::Part>,
+    taxels: List<taxel::Entry, TAXELS_MAX>,
+}
+
+/// What tells the kind of a file, whatever else it holds.
+#[derive(Deserialize)]
+struct Kind<'a> {
+    #[serde(borrow)]
+    format: Option<&'a RawValue>,
+    #[serde(borrow)]
+    version: Option<&'a RawValue>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -91,14 +120,21 @@ struct Baseline {
 /// [`ModelsJsonError`] if it contradicts itself or holds a number that is not finite: it could not be read again.
 pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
     check(set)?;
-    let taxels = taxel_lines(set);
-    let content = hash(set, &taxels);
-    if set.id != content {
-        return Err(ModelsJsonError::Id { given: set.id.clone(), content });
+    let (head, mut content) = (head(set, Some(&set.id), Origin::of(set)), Ids::begin(set));
+    let mut text = head.strip_suffix("]}").unwrap_or(&head).to_owned();
+    for (taxel, model) in set.taxels.iter().enumerate() {
+        let line = to_text(&taxel::mirror(taxel, model));
+        content.add(&line);
+        text += if taxel == 0 { "\n" } else { ",\n" };
+        text += &line;
+        check_length(text.len()).map_err(ModelsJsonError::TooLarge)?;
     }
-    let head = head(set, Some(content));
-    let head = head.strip_suffix("[]}").unwrap_or(&head);
-    Ok(format!("{head}[\n{}\n]}}\n", taxels.join(",\n")))
+    text += "\n]}\n";
+    let content = content.end();
+    if content.allow(&set.id) {
+        return Ok(text);
+    }
+    Err(ModelsJsonError::Id { given: set.id.clone(), content: content.now })
 }
 
 /// Reads a model set. The order of keys and white space do not matter.
@@ -106,83 +142,182 @@ pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
 /// # Errors
 /// [`ModelsJsonError`], with the place and what was expected.
 pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
-    let value: Value = serde_json::from_str(text).map_err(|error| ModelsJsonError::Syntax(error.to_string()))?;
-    check_kind(&value)?;
-    let file: File = serde_json::from_value(value).map_err(|error| ModelsJsonError::Set(error.to_string()))?;
+    let (mut set, given) = read(text)?;
+    let mut content = Ids::begin(&set);
+    let mut bytes = head(&set, None, Origin::of(&set)).len();
+    for (taxel, model) in set.taxels.iter().enumerate() {
+        let line = to_text(&taxel::mirror(taxel, model));
+        bytes += line.len() + 2;
+        content.add(&line);
+    }
+    // As this programme would write it, which may be longer.
+    check_length(bytes).map_err(ModelsJsonError::TooLarge)?;
+    let content = content.end();
+    set.id = match given {
+        Some(given) if content.allow(&given) => given,
+        Some(given) => return Err(ModelsJsonError::Id { given, content: content.now }),
+        None => content.now,
+    };
+    Ok(set)
+}
+
+/// Reads a text that [`to_json`] made and that is proven to be as it was written, so that its id needs no second proof.
+///
+/// # Errors
+/// As [`from_json`].
+pub(crate) fn from_proven_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
+    let (mut set, given) = read(text)?;
+    set.id = given.ok_or_else(|| ModelsJsonError::Set("missing field `id`".to_owned()))?;
+    Ok(set)
+}
+
+/// The set, without an id, and the id that the text gives.
+fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
+    check_size(text).map_err(ModelsJsonError::TooLarge)?;
+    check_kind(text)?;
+    let file: File =
+        serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_str(text)).map_err(located)?;
     let taxels: Result<Vec<_>, _> = file
         .taxels
+        .0
         .into_iter()
         .enumerate()
-        .map(|(taxel, value)| taxel::read(taxel, value).map_err(|problem| ModelsJsonError::Taxel { taxel, problem }))
+        .map(|(taxel, entry)| taxel::read(taxel, entry).map_err(|problem| ModelsJsonError::Taxel { taxel, problem }))
         .collect();
     let absent = TaxelBaseline { mean: f64::NAN, noise: f64::NAN };
-    let mut set = ModelSet {
+    let baseline =
+        |rest: Option<Baseline>| rest.map_or(absent, |Baseline { mean, noise }| TaxelBaseline { mean, noise });
+    let set = ModelSet {
         id: String::new(),
-        patch: file.patch,
+        patch: file.patch.0,
         created_wall_ns: file.created_wall_ns,
         session: file.session,
-        method: file.method,
-        board_settings: file.board_settings,
-        baseline: file
-            .baseline
-            .into_iter()
-            .map(|rest| rest.map_or(absent, |Baseline { mean, noise }| TaxelBaseline { mean, noise }))
-            .collect(),
+        method: file.method.0,
+        board_settings: file.board_settings.0.into_iter().map(|line| line.0).collect(),
+        baseline: file.baseline.0.into_iter().map(baseline).collect(),
         pressure_max_kpa: file.pressure_max_kpa,
         gauge_gain_rel: file.gauge_gain_rel,
         gauge_offset_kpa: file.gauge_offset_kpa,
         taxels: taxels?,
         recorded: file.recorded.map(recorded::Part::read),
+        recalibrated: file.recalibrated.map(recalibrated::Part::read),
     };
     check(&set)?;
-    set.id = content_id(&set);
-    match file.id {
-        Some(given) if given != set.id => Err(ModelsJsonError::Id { given, content: set.id }),
-        _ => Ok(set),
+    Ok((set, file.id.map(|id| id.0)))
+}
+
+/// An error of the parser with the place in the file; one in the list of taxels names the taxel.
+fn located(error: serde_path_to_error::Error<serde_json::Error>) -> ModelsJsonError {
+    let path = error.path().to_string();
+    let inner = error.into_inner();
+    let words = shown(&inner.to_string());
+    if inner.classify() != Category::Data {
+        return ModelsJsonError::Syntax(words);
+    }
+    let of_taxel = path.strip_prefix("taxels[").and_then(|rest| rest.split_once(']'));
+    match of_taxel.and_then(|(taxel, rest)| Some((taxel.parse().ok()?, rest.trim_start_matches('.')))) {
+        Some((taxel, "")) => ModelsJsonError::Taxel { taxel, problem: words },
+        Some((taxel, field)) => ModelsJsonError::Taxel { taxel, problem: format!("{words}, in `{}`", shown(field)) },
+        None => ModelsJsonError::Set(format!("{words}, in `{}`", shown(&path))),
     }
 }
 
-/// The id of a set's content: `m-` and the first 16 hexadecimal digits of the SHA-256 of its compact JSON without `id`.
-#[must_use]
-pub fn content_id(set: &ModelSet) -> String {
-    hash(set, &taxel_lines(set))
+/// The beginning of a text.
+fn shown(text: &str) -> String {
+    match text.char_indices().nth(SHOWN_CHARS_MAX) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
 }
 
-/// The id, given the lines of the taxels.
-fn hash(set: &ModelSet, taxel_lines: &[String]) -> String {
-    let mut hash = Sha256::new();
-    hash.update(head(set, None));
-    taxel_lines.iter().for_each(|line| hash.update(line));
-    hash.finalize()[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"))
+/// The id of a set's content: `m-` and the first 16 hexadecimal digits of a SHA-256. Hashed are the compact JSON without
+/// `id`, with 0 for `created_wall_ns`, `null` for `session` and an empty list of taxels, and then that of each taxel.
+#[must_use]
+pub fn content_id(set: &ModelSet) -> String {
+    let mut content = Ids::begin(set);
+    for (taxel, model) in set.taxels.iter().enumerate() {
+        content.add(&to_text(&taxel::mirror(taxel, model)));
+    }
+    content.end().now
+}
+
+/// When and in which session a set was made.
+#[derive(Clone, Copy)]
+struct Origin {
+    wall_ns: i64,
+    session: Option<u64>,
+}
+
+impl Origin {
+    /// What stands in its place where it must not matter.
+    const NONE: Self = Self { wall_ns: 0, session: None };
+
+    const fn of(set: &ModelSet) -> Self {
+        Self { wall_ns: set.created_wall_ns, session: set.session }
+    }
+}
+
+/// The ids that a set may have, on their way: the head, then the line of each taxel.
+struct Ids {
+    now: Sha256,
+    earlier: Sha256,
+}
+
+impl Ids {
+    fn begin(set: &ModelSet) -> Self {
+        let hash = |origin| Sha256::new_with_prefix(head(set, None, origin));
+        Self { now: hash(Origin::NONE), earlier: hash(Origin::of(set)) }
+    }
+
+    fn add(&mut self, line: &str) {
+        self.now.update(line);
+        self.earlier.update(line);
+    }
+
+    fn end(self) -> ContentIds {
+        let id = |hash: Sha256| hash.finalize()[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"));
+        ContentIds { now: id(self.now), earlier: id(self.earlier) }
+    }
+}
+
+/// The id of a content, and the one that earlier versions gave it, who counted its origin.
+struct ContentIds {
+    now: String,
+    earlier: String,
+}
+
+impl ContentIds {
+    /// Whether a set of this content may have this id.
+    fn allow(&self, id: &str) -> bool {
+        self.now == id || self.earlier == id
+    }
 }
 
 /// Everything but the taxels, as one line that ends with an empty list of them.
-fn head(set: &ModelSet, id: Option<String>) -> String {
+fn head(set: &ModelSet, id: Option<&str>, origin: Origin) -> String {
+    let words = |text: &str| Text(text.to_owned());
     let baseline = |rest: &TaxelBaseline| {
         let known = !rest.mean.is_nan() || !rest.noise.is_nan();
         known.then_some(Baseline { mean: rest.mean, noise: rest.noise })
     };
     let file = File {
-        format: FORMAT.to_owned(),
+        format: words(FORMAT),
         version: VERSION,
-        id,
-        patch: set.patch.clone(),
-        created_wall_ns: set.created_wall_ns,
-        session: set.session,
-        method: set.method.clone(),
-        board_settings: set.board_settings.clone(),
-        baseline: set.baseline.iter().map(baseline).collect(),
+        id: id.map(words),
+        patch: words(&set.patch),
+        created_wall_ns: origin.wall_ns,
+        session: origin.session,
+        method: words(&set.method),
+        board_settings: List(set.board_settings.iter().map(|line| words(line)).collect()),
+        baseline: List(set.baseline.iter().map(baseline).collect()),
         pressure_max_kpa: set.pressure_max_kpa,
         gauge_gain_rel: set.gauge_gain_rel,
         gauge_offset_kpa: set.gauge_offset_kpa,
         recorded: set.recorded.as_ref().map(recorded::Part::mirror),
-        taxels: Vec::new(),
+        recalibrated: set.recalibrated.as_ref().map(recalibrated::Part::mirror),
+        taxels: List(Vec::new()),
     };
     to_text(&file)
-}
-
-fn taxel_lines(set: &ModelSet) -> Vec<String> {
-    set.taxels.iter().enumerate().map(|(taxel, model)| to_text(&taxel::mirror(taxel, model))).collect()
 }
 
 /// Compact JSON. Strings, numbers and lists with text keys have one always; there is no error to lose.
@@ -191,13 +326,18 @@ fn to_text(value: &impl Serialize) -> String {
 }
 
 /// Kind and version come first: of a file of another kind nothing else means anything.
-fn check_kind(value: &Value) -> Result<(), ModelsJsonError> {
-    let found = |key: &str| value.get(key).map_or("missing".to_owned(), Value::to_string);
-    if value.get("format").and_then(Value::as_str) != Some(FORMAT) {
-        return Err(ModelsJsonError::Format(found("format")));
+fn check_kind(text: &str) -> Result<(), ModelsJsonError> {
+    if text.trim_start().starts_with(|c| c != '{') {
+        return Err(ModelsJsonError::Format("missing".to_owned()));
     }
-    if value.get("version").and_then(Value::as_u64) != Some(VERSION) {
-        return Err(ModelsJsonError::Version(found("version")));
+    let kind: Kind<'_> =
+        serde_json::from_str(text).map_err(|error| ModelsJsonError::Syntax(shown(&error.to_string())))?;
+    let found = |value: Option<&RawValue>| value.map_or("missing".to_owned(), |value| shown(value.get()));
+    if kind.format.and_then(|format| serde_json::from_str(format.get()).ok()) != Some(FORMAT) {
+        return Err(ModelsJsonError::Format(found(kind.format)));
+    }
+    if kind.version.and_then(|version| serde_json::from_str(version.get()).ok()) != Some(VERSION) {
+        return Err(ModelsJsonError::Version(found(kind.version)));
     }
     Ok(())
 }
@@ -207,6 +347,16 @@ fn check(set: &ModelSet) -> Result<(), ModelsJsonError> {
     let wrong = |problem: String| Err(ModelsJsonError::Set(problem));
     if set.patch.is_empty() {
         return wrong("`patch` is empty, expected the name of a patch".to_owned());
+    }
+    let strings = [("patch", &set.patch), ("method", &set.method)];
+    let settings = set.board_settings.iter().map(|line| ("board_settings", line));
+    for (name, text) in strings.into_iter().chain(settings) {
+        if text.len() > WORDS_BYTES_MAX {
+            return wrong(format!("`{name}` has a text of {} bytes, the limit is {WORDS_BYTES_MAX}", text.len()));
+        }
+    }
+    if set.board_settings.len() > SETTINGS_MAX {
+        return wrong(format!("`board_settings` has {} lines, the limit is {SETTINGS_MAX}", set.board_settings.len()));
     }
     if !(1..=TAXELS_MAX).contains(&set.taxels.len()) {
         return wrong(format!("`taxels` has {} entries, expected 1 to {TAXELS_MAX}", set.taxels.len()));
@@ -225,6 +375,9 @@ fn check(set: &ModelSet) -> Result<(), ModelsJsonError> {
     }
     if let Some(recorded) = &set.recorded {
         recorded::check(recorded, set.taxels.len()).map_err(ModelsJsonError::Set)?;
+    }
+    if let Some(recalibrated) = &set.recalibrated {
+        recalibrated::check(recalibrated).map_err(ModelsJsonError::Set)?;
     }
     for (taxel, (rest, model)) in set.baseline.iter().zip(&set.taxels).enumerate() {
         let known = rest.mean.is_finite() && rest.noise.is_finite() && rest.noise >= 0.0;

@@ -5,74 +5,114 @@ use std::sync::Arc;
 
 use rusqlite::{Connection, Row};
 use taxel_engine::Restored;
-use taxel_engine::calibration::{RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::loads::Load;
-use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::Sample;
 
+use crate::audit_rows;
 use crate::deletions::Deletions;
-use crate::error::{Quarantined, lines};
+use crate::error::Quarantined;
 use crate::load_row::load_from_text;
-use crate::models_json;
+use crate::pass::Unproven;
 use crate::rows;
+use crate::session_samples::{prove, samples_of};
+use crate::sets::{self, Listed};
 use crate::tally::{Stream, shortfall, written};
 
-/// Reads all that the engine starts from. Errors are those of reading; a row that is wrong is quarantined instead.
-pub(crate) fn read(connection: &Connection) -> rusqlite::Result<(Restored, Vec<Quarantined>)> {
-    let mut quarantined = Vec::new();
-    let deletions = Deletions::read(connection, &mut quarantined)?;
-    let model_sets = model_sets(connection, &deletions, &mut quarantined)?;
-    let active = active(connection, &model_sets, &deletions, &mut quarantined)?;
-    let (sessions, next_session) = sessions(connection, &deletions, &mut quarantined)?;
-    let (loads, next_load) = loads(connection, &mut quarantined)?;
-    let problems = lines(&quarantined);
-    Ok((Restored { model_sets, active, sessions, next_session, loads, next_load, problems }, quarantined))
+/// What a start has from the database.
+pub(crate) struct Found {
+    /// What the engine starts from.
+    pub(crate) restored: Restored,
+    /// The row of each model set.
+    pub(crate) rows_of_sets: Vec<(String, u64)>,
+    /// What is left to be proven; nothing if all was.
+    pub(crate) unproven: Unproven,
+    /// How many texts of model sets were read.
+    pub(crate) texts_read: usize,
 }
 
-fn model_sets(
+/// Reads all that the engine starts from. Errors are those of reading; a row that is wrong is quarantined instead.
+///
+/// Unless it is to prove the `whole` store, it reads the model sets that are active and no samples.
+pub(crate) fn read(
     connection: &Connection,
-    deletions: &Deletions,
+    whole: bool,
     quarantined: &mut Vec<Quarantined>,
-) -> rusqlite::Result<Vec<Arc<ModelSet>>> {
-    let mut statement = connection.prepare("SELECT seq, id, sha256, json FROM model_sets ORDER BY seq")?;
+) -> rusqlite::Result<Found> {
+    let deletions = Deletions::read(connection, quarantined)?;
+    let mut list = sets::list(connection, &deletions, whole, quarantined)?;
+    let active = active(connection, &mut list.sets, &deletions, quarantined)?;
+    let (sessions, next_session) = sessions(connection, &deletions, quarantined)?;
+    let mut unproven = Unproven::default();
+    let sessions = sessions.into_iter().map(|view| interrupted(connection, view)).collect::<rusqlite::Result<_>>()?;
+    let mut sessions: Vec<SessionView> = sessions;
+    let to_prove = likely_to_go_on(&sessions);
+    if whole {
+        prove_samples(connection, &mut sessions, &to_prove, quarantined);
+    } else {
+        let idle = list.sets.iter().filter(|set| set.known.at_hand.is_none());
+        unproven = Unproven::new(idle.map(|set| (set.seq, set.known.id.clone())), to_prove);
+    }
+    let (loads, next_load) = loads(connection, quarantined)?;
+    audit_rows::count(connection, quarantined)?;
+    let texts_read = list.texts_read + active.len();
+    let rows_of_sets = list.sets.iter().map(|set| (set.known.id.clone(), set.seq)).collect();
+    let model_sets = list.sets.into_iter().map(|set| set.known).collect();
+    let sessions = sessions.into_iter().map(Arc::new).collect();
+    let restored = Restored { model_sets, active, sessions, next_session, loads, next_load, problems: Vec::new() };
+    Ok(Found { restored, rows_of_sets, unproven, texts_read })
+}
+
+/// The active set of each patch, as the rows that are sound tell it; what is not sound was reported at the start.
+pub(crate) fn active_now(connection: &Connection) -> rusqlite::Result<Vec<(String, String)>> {
+    let mut statement =
+        connection.prepare("SELECT seq, patch, model_set, wall_ns, checksum FROM activations ORDER BY seq")?;
     let mut rows = statement.query([])?;
-    let mut sets: Vec<Arc<ModelSet>> = Vec::new();
-    let mut there = deletions.rows_of_sets();
+    let mut active = BTreeMap::new();
     while let Some(row) = rows.next()? {
-        let seq = row.get(0)?;
-        there.insert(seq);
-        let id: String = match row.get(1) {
-            Ok(id) => id,
-            Err(error) => {
-                quarantined.push(Quarantined::new(format!("model set in row {seq}"), error));
-                continue;
-            }
-        };
-        match model_set(row, &id) {
-            Ok(set) if sets.iter().any(|other| other.id == set.id) => {}
-            Ok(set) => sets.push(Arc::new(set)),
-            Err(reason) => quarantined.push(Quarantined::new(format!("model set {id}"), reason)),
+        match activation(row, row.get(0)?) {
+            Ok((patch, set)) => drop(active.insert(patch, (set, row.get(0)?))),
+            Err(_) => active.clear(), // it may have been any patch's
         }
     }
-    let newest = there.last().copied().unwrap_or(0);
-    let lost = newest.saturating_sub(there.len() as u64);
-    if lost > 0 {
-        quarantined.push(Quarantined::new("the list of model sets", format!("{lost} of {newest} rows are missing")));
-    }
-    if let Some(reason) = shortfall(connection, Stream::ModelSets, newest)? {
-        quarantined.push(Quarantined::new("the list of model sets", reason));
-    }
-    Ok(sets)
+    let deletions = Deletions::read(connection, &mut Vec::new())?;
+    active.retain(|_, (id, seq)| !deletions.ended(id, *seq));
+    Ok(active.into_iter().map(|(patch, (id, _))| (patch, id)).collect())
 }
 
-fn model_set(row: &Row<'_>, id: &str) -> Result<ModelSet, String> {
-    let (hash, json): (Vec<u8>, Vec<u8>) = (row.get(2).map_err(text)?, row.get(3).map_err(text)?);
-    if hash != rows::sha256_of(&json) {
-        return Err("its hash is not that of its content".to_owned());
+/// The newest activation of all that is proven to have been; 0 if none is.
+pub(crate) fn newest_activation(connection: &Connection) -> rusqlite::Result<u64> {
+    let mut statement =
+        connection.prepare("SELECT seq, patch, model_set, wall_ns, checksum FROM activations ORDER BY seq DESC")?;
+    let mut rows = statement.query([])?;
+    let mut newest = written(connection, Stream::Activations)?.unwrap_or(0);
+    while let Some(row) = rows.next()? {
+        let seq: u64 = row.get(0)?;
+        if seq <= newest {
+            break;
+        }
+        if activation(row, seq).is_ok() {
+            newest = seq;
+        }
     }
-    let json = std::str::from_utf8(&json).map_err(|error| error.to_string())?;
-    let set = models_json::from_json(json).map_err(|error| error.to_string())?;
-    if set.id == id { Ok(set) } else { Err(format!("its row names it `{id}`, its content is {}", set.id)) }
+    Ok(newest)
+}
+
+/// The text of a model set, as it was written.
+pub(crate) fn text_of(connection: &Connection, id: &str) -> rusqlite::Result<Option<Vec<u8>>> {
+    let mut statement = connection.prepare("SELECT sha256, json FROM model_sets WHERE id = ?1 ORDER BY seq DESC")?;
+    let mut rows = statement.query([id])?;
+    while let Some(row) = rows.next()? {
+        let (hash, json): (Vec<u8>, Vec<u8>) = (row.get(0)?, row.get(1)?);
+        if hash == rows::sha256_of(&json) {
+            return Ok(Some(json));
+        }
+    }
+    Ok(None)
+}
+
+/// Whether a model set was deleted after this activation of all.
+pub(crate) fn was_deleted(connection: &Connection, id: &str, activation: u64) -> rusqlite::Result<bool> {
+    Ok(Deletions::read(connection, &mut Vec::new())?.ended(id, activation))
 }
 
 /// The newest activation of each patch.
@@ -81,7 +121,7 @@ fn model_set(row: &Row<'_>, id: &str) -> Result<ModelSet, String> {
 /// model is served rather than one that was replaced.
 fn active(
     connection: &Connection,
-    sets: &[Arc<ModelSet>],
+    sets: &mut Vec<Listed>,
     deletions: &Deletions,
     quarantined: &mut Vec<Quarantined>,
 ) -> rusqlite::Result<Vec<(String, String)>> {
@@ -111,19 +151,41 @@ fn active(
         active.clear();
         quarantined.push(Quarantined::new("the list of activations", reason));
     }
-    active.retain(|patch, (id, seq)| {
-        if deletions.ended(id, *seq) {
-            return false;
+    let mut served = Vec::new();
+    for (patch, (id, seq)) in active {
+        if deletions.ended(&id, seq) {
+            continue;
         }
-        let served = sets.iter().any(|set| set.id == *id && set.patch == *patch);
-        if !served {
-            let reason = format!("it names model set {id}, which is not there or not of this patch");
-            quarantined
-                .push(Quarantined::new(format!("the choice of the active model set of patch `{patch}`"), reason));
+        if take_at_hand(connection, sets, &patch, &id, quarantined)? {
+            served.push((patch, id));
+            continue;
         }
-        served
-    });
-    Ok(active.into_iter().map(|(patch, (id, _))| (patch, id)).collect())
+        let reason = format!("it names model set {id}, which is not there or not of this patch");
+        quarantined.push(Quarantined::new(format!("the choice of the active model set of patch `{patch}`"), reason));
+    }
+    Ok(served)
+}
+
+/// Reads an active set; whether it is there and sound. One that is not is no longer listed.
+fn take_at_hand(
+    connection: &Connection,
+    sets: &mut Vec<Listed>,
+    patch: &str,
+    id: &str,
+    quarantined: &mut Vec<Quarantined>,
+) -> rusqlite::Result<bool> {
+    let Some(position) = sets.iter().position(|set| set.known.id == id && set.known.patch == patch) else {
+        return Ok(false);
+    };
+    match sets::model_set(connection, sets[position].seq, id)? {
+        Ok(set) => sets[position].known.at_hand = Some(Arc::new(set)),
+        Err(reason) => {
+            quarantined.push(Quarantined::new(format!("model set {id}"), reason));
+            sets.remove(position);
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 fn activation(row: &Row<'_>, seq: u64) -> Result<(String, String), String> {
@@ -140,7 +202,7 @@ fn sessions(
     connection: &Connection,
     deletions: &Deletions,
     quarantined: &mut Vec<Quarantined>,
-) -> rusqlite::Result<(Vec<Arc<SessionView>>, u64)> {
+) -> rusqlite::Result<(Vec<SessionView>, u64)> {
     let mut statement = connection.prepare("SELECT number, view, checksum FROM sessions ORDER BY number")?;
     let mut rows = statement.query([])?;
     let mut sessions = Vec::new();
@@ -164,40 +226,36 @@ fn sessions(
     if let Some(reason) = shortfall(connection, Stream::Sessions, found)? {
         quarantined.push(Quarantined::new("the list of sessions", reason));
     }
-    let sessions = prove_newest(connection, sessions, quarantined).into_iter();
-    Ok((sessions.map(Arc::new).collect(), newest + 1))
+    Ok((sessions, newest + 1))
 }
 
-/// The samples of sessions that an operator is likely to go on with are proven at the start, so that damage shows before
-/// a day in the vacuum bag is planned: those of every interrupted session, and of the newest one of each patch if it can
-/// take another ramp. None is kept. Damage to the latter fails nothing, because it is still what it was.
-fn prove_newest(
-    connection: &Connection,
-    sessions: Vec<SessionView>,
-    quarantined: &mut Vec<Quarantined>,
-) -> Vec<SessionView> {
+/// Sessions that an operator is likely to go on with: their samples are proven, so that damage shows before a day in the
+/// vacuum bag is planned. Those are every interrupted session, and the newest one of each patch if it can take another ramp.
+fn likely_to_go_on(sessions: &[SessionView]) -> Vec<u64> {
     let mut patches = BTreeSet::new();
-    let mut proven: Vec<SessionView> = Vec::new();
-    for view in sessions.into_iter().rev() {
+    let goes_on = |view: &&SessionView| {
         let is_newest = patches.insert(view.patch.clone());
-        let view = interrupted(connection, view, quarantined);
         let can_go_on = matches!(view.state, SessionState::Review | SessionState::Failed | SessionState::Aborted);
-        let was_proven = quarantined.last().is_some_and(|last| last.what == samples_of(view.number));
-        if is_newest
-            && can_go_on
-            && !was_proven
-            && let Err(reason) = prove(connection, view.number)
-        {
-            quarantined.push(Quarantined::new(samples_of(view.number), reason));
-        }
-        proven.push(view);
-    }
-    proven.reverse();
-    proven
+        view.state == SessionState::Interrupted || (is_newest && can_go_on)
+    };
+    sessions.iter().rev().filter(goes_on).map(|view| view.number).collect()
 }
 
-fn samples_of(session: u64) -> String {
-    format!("samples of session {session}")
+/// Proves samples and keeps none. An interrupted session whose samples are damaged has failed; another is still what it was.
+fn prove_samples(
+    connection: &Connection,
+    sessions: &mut [SessionView],
+    to_prove: &[u64],
+    quarantined: &mut Vec<Quarantined>,
+) {
+    for view in sessions.iter_mut().rev().filter(|view| to_prove.contains(&view.number)) {
+        let Err(reason) = prove(connection, view.number) else { continue };
+        if view.state == SessionState::Interrupted {
+            view.state = SessionState::Failed;
+            view.reason = format!("its samples are damaged on disk: {reason}");
+        }
+        quarantined.push(Quarantined::new(samples_of(view.number), reason));
+    }
 }
 
 fn loads(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> rusqlite::Result<(Vec<Arc<Load>>, u64)> {
@@ -235,119 +293,22 @@ fn session_view(row: &Row<'_>, number: i64) -> Result<SessionView, String> {
     rows::view_from_text(&view)
 }
 
-/// A session that was under way is interrupted; one whose samples are damaged has failed.
-fn interrupted(connection: &Connection, mut view: SessionView, quarantined: &mut Vec<Quarantined>) -> SessionView {
+/// A session that was under way is interrupted. Its view was written when its state changed; more may have come since.
+fn interrupted(connection: &Connection, mut view: SessionView) -> rusqlite::Result<SessionView> {
     if view.state.is_open() {
         view.reason = format!("the daemon stopped while the session was {}", view.state.name());
         view.state = SessionState::Interrupted;
     }
     if view.state != SessionState::Interrupted {
-        return view;
+        return Ok(view);
     }
-    match prove(connection, view.number) {
-        Ok((ramps, samples)) => {
-            // The view was written when the state changed; more may have come since.
-            view.ramps = u16::try_from(ramps).unwrap_or(u16::MAX);
-            (view.accepted, view.durable) = (samples, samples);
-        }
-        Err(reason) => {
-            view.state = SessionState::Failed;
-            view.reason = format!("its samples are damaged on disk: {reason}");
-            quarantined.push(Quarantined::new(samples_of(view.number), reason));
-        }
+    if let Some(ramps) = written(connection, Stream::Ramps(view.number))? {
+        view.ramps = u16::try_from(ramps).unwrap_or(u16::MAX);
     }
-    view
-}
-
-/// Reads every ramp and sample of a session and keeps none; how many there are of each.
-fn prove(connection: &Connection, session: u64) -> Result<(u64, u64), String> {
-    each_of(connection, session, |_| {}, |_| {})
-}
-
-/// Every ramp and sample of a session, or why they cannot be trusted.
-pub(crate) fn samples(connection: &Connection, session: u64) -> Result<SessionSamples, String> {
-    let (mut ramps, mut samples) = (Vec::new(), Vec::new());
-    each_of(connection, session, |ramp| ramps.push(ramp), |sample| samples.push(sample))?;
-    Ok(SessionSamples { ramps, samples })
-}
-
-/// Gives every ramp and sample of a session, each proven, and then how many there are of each.
-fn each_of(
-    connection: &Connection,
-    session: u64,
-    on_ramp: impl FnMut(RampBaseline),
-    on_sample: impl FnMut(Sample),
-) -> Result<(u64, u64), String> {
-    let ramps = each(
-        connection,
-        "SELECT ramp, baseline, checksum FROM ramps WHERE session = ?1 ORDER BY ramp",
-        session,
-        |position, row| ramp(session, position, row),
-        on_ramp,
-    )?;
-    let samples = each(
-        connection,
-        "SELECT idx, ramp, time_ns, pressure_kpa, counts, checksum FROM samples WHERE session = ?1 ORDER BY idx",
-        session,
-        |position, row| sample(session, position, row),
-        on_sample,
-    )?;
-    for (stream, found) in [(Stream::Ramps(session), ramps), (Stream::Samples(session), samples)] {
-        if let Some(reason) = shortfall(connection, stream, found).map_err(text)? {
-            return Err(format!("{stream}: {reason}"));
-        }
+    if let Some(samples) = written(connection, Stream::Samples(view.number))? {
+        (view.accepted, view.durable) = (samples, samples);
     }
-    Ok((ramps, samples))
-}
-
-/// All rows of a session, each proven by `read`, which also gets the row's position; how many there are.
-fn each<T>(
-    connection: &Connection,
-    query: &str,
-    session: u64,
-    read: impl Fn(u64, &Row<'_>) -> Result<T, String>,
-    mut take: impl FnMut(T),
-) -> Result<u64, String> {
-    let mut statement = connection.prepare(query).map_err(text)?;
-    let mut rows = statement.query([session]).map_err(text)?;
-    let mut found = 0;
-    while let Some(row) = rows.next().map_err(text)? {
-        take(read(found, row)?);
-        found += 1;
-    }
-    Ok(found)
-}
-
-fn ramp(session: u64, position: u64, row: &Row<'_>) -> Result<RampBaseline, String> {
-    let (ramp, blob): (u16, Vec<u8>) = (row.get(0).map_err(text)?, row.get(1).map_err(text)?);
-    let checksum: Vec<u8> = row.get(2).map_err(text)?;
-    if u64::from(ramp) != position {
-        return Err(format!("ramp {position} is missing"));
-    }
-    if checksum != rows::ramp_checksum(session, ramp, &blob) {
-        return Err(format!("the checksum of ramp {ramp} is wrong"));
-    }
-    let taxels = rows::baseline_from_blob(&blob).ok_or_else(|| format!("ramp {ramp} has a torn baseline"))?;
-    Ok(RampBaseline { ramp, taxels })
-}
-
-fn sample(session: u64, position: u64, row: &Row<'_>) -> Result<Sample, String> {
-    let index: u64 = row.get(0).map_err(text)?;
-    let counts: Vec<u8> = row.get(4).map_err(text)?;
-    let sample = Sample {
-        ramp: row.get(1).map_err(text)?,
-        time_ns: row.get(2).map_err(text)?,
-        pressure_kpa: row.get(3).map_err(text)?,
-        counts: counts.into(),
-    };
-    let checksum: Vec<u8> = row.get(5).map_err(text)?;
-    if index != position {
-        return Err(format!("sample {position} is missing"));
-    }
-    if checksum != rows::sample_checksum(session, index, &sample) {
-        return Err(format!("the checksum of sample {index} is wrong"));
-    }
-    Ok(sample)
+    Ok(view)
 }
 
 fn text(error: rusqlite::Error) -> String {

@@ -2,10 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use std::borrow::Cow;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::fit::Branch;
 use taxel_engine::calibration::{Direction, RefusalCounts, SampleRefusal, SessionState, SessionView};
+use taxel_engine::counts::{Counts, SharedCounts};
 use taxel_engine::record::Sample;
+use taxel_skin::CountRange;
 
 /// Bytes of a row's checksum: enough against chance, small beside a sample of 230 counts.
 const CHECKSUM_BYTES: usize = 8;
@@ -30,17 +33,46 @@ pub(crate) fn view_checksum(session: u64, view: &str) -> Vec<u8> {
     checksum(&[&session.to_le_bytes(), view.as_bytes()])
 }
 
+/// Counts as they lie in a row: a byte each up to eight bits; of a finer converter its greatest count and then each
+/// count, 16 bits each, little-endian. The checksum tells the two apart.
+pub(crate) fn counts_to_blob(counts: Counts<'_>) -> Cow<'_, [u8]> {
+    match counts {
+        Counts::Bytes(bytes) => Cow::Borrowed(bytes),
+        Counts::Words(words, range) => {
+            Cow::Owned(std::iter::once(&range.top()).chain(words).flat_map(|word| word.to_le_bytes()).collect())
+        }
+    }
+}
+
+/// Counts of more than eight bits; `None` if the blob holds none.
+fn wide_counts(blob: &[u8]) -> Option<SharedCounts> {
+    let words: Vec<u16> = blob.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
+    let (top, words) = words.split_first()?;
+    let range = CountRange::to(*top).filter(|range| !range.is_byte() && blob.len().is_multiple_of(2))?;
+    words.iter().all(|word| word <= top).then(|| SharedCounts::Words(words.into(), range))
+}
+
+/// A sample with the counts of a row, if the row's checksum is its.
+pub(crate) fn with_counts(session: u64, index: u64, sample: Sample, blob: Vec<u8>, found: &[u8]) -> Option<Sample> {
+    let wide = wide_counts(&blob);
+    [Some(SharedCounts::from(blob)), wide].into_iter().flatten().find_map(|counts| {
+        let sample = Sample { counts, ..sample.clone() };
+        (sample_checksum(session, index, &sample) == found).then_some(sample)
+    })
+}
+
 /// Checksum of a sample's row.
 pub(crate) fn sample_checksum(session: u64, index: u64, sample: &Sample) -> Vec<u8> {
-    checksum(&[
-        &session.to_le_bytes(),
-        &index.to_le_bytes(),
-        &sample.ramp.to_le_bytes(),
-        &sample.time_ns.to_le_bytes(),
-        // Adding zero turns -0 into 0: SQLite does not keep the difference.
-        &(sample.pressure_kpa + 0.0).to_le_bytes(),
-        &sample.counts,
-    ])
+    let (session, index) = (session.to_le_bytes(), index.to_le_bytes());
+    let (ramp, time_ns) = (sample.ramp.to_le_bytes(), sample.time_ns.to_le_bytes());
+    // Adding zero turns -0 into 0: SQLite does not keep the difference.
+    let pressure_kpa = (sample.pressure_kpa + 0.0).to_le_bytes();
+    let counts = counts_to_blob(sample.counts.counts());
+    let parts: [&[u8]; 6] = [&session, &index, &ramp, &time_ns, &pressure_kpa, &counts];
+    match sample.counts.counts() {
+        Counts::Bytes(_) => checksum(&parts),
+        Counts::Words(..) => checksum(&[b"wide".as_slice()].into_iter().chain(parts).collect::<Vec<_>>()),
+    }
 }
 
 /// Checksum of a ramp's row.
@@ -51,6 +83,16 @@ pub(crate) fn ramp_checksum(session: u64, ramp: u16, baseline: &[u8]) -> Vec<u8>
 /// Checksum of an activation's row.
 pub(crate) fn activation_checksum(seq: u64, patch: &str, model_set: &str, wall_ns: i64) -> Vec<u8> {
     checksum(&[&seq.to_le_bytes(), patch.as_bytes(), model_set.as_bytes(), &wall_ns.to_le_bytes()])
+}
+
+/// Checksum of a set in the file of active ones.
+pub(crate) fn active_checksum(activation: u64, id: &str, text: &[u8]) -> Vec<u8> {
+    checksum(&[b"active", &activation.to_le_bytes(), id.as_bytes(), text])
+}
+
+/// Checksum of the index row of a model set, `sha256` being that of the set's text.
+pub(crate) fn index_checksum(seq: u64, sha256: &[u8], entry: &str) -> Vec<u8> {
+    checksum(&[b"set index", &seq.to_le_bytes(), sha256, entry.as_bytes()])
 }
 
 /// Checksum of a known load's row.
@@ -67,6 +109,11 @@ pub(crate) fn deleted_session_checksum(session: u64, wall_ns: i64) -> Vec<u8> {
 pub(crate) fn deleted_set_checksum(seq: u64, id: &str, activation: u64, wall_ns: i64) -> Vec<u8> {
     let numbers = [seq.to_le_bytes(), activation.to_le_bytes(), wall_ns.to_le_bytes()];
     checksum(&[b"deleted model set", numbers.as_flattened(), id.as_bytes()])
+}
+
+/// Checksum of a row of the audit log, `table` being that of requests or that of results.
+pub(crate) fn audit_checksum(table: &str, seq: u64, entry: &str) -> Vec<u8> {
+    checksum(&[table.as_bytes(), &seq.to_le_bytes(), entry.as_bytes()])
 }
 
 /// Checksum of the number of rows of a stream.
@@ -114,6 +161,9 @@ struct StoredView {
     /// Absent in views of earlier versions, which needed every module.
     #[serde(default)]
     left_out: Vec<u16>,
+    /// Absent in views of earlier versions, and of a session that goes on from none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    predecessor: Option<u64>,
 }
 
 /// The view as JSON.
@@ -136,6 +186,7 @@ pub(crate) fn view_to_text(view: &SessionView) -> Result<String, serde_json::Err
         responding: view.responding,
         model_set: view.model_set.as_deref().map(str::to_owned),
         left_out: view.left_out.clone(),
+        predecessor: view.predecessor,
     })
 }
 
@@ -167,8 +218,10 @@ pub(crate) fn view_from_text(text: &str) -> Result<SessionView, String> {
         durable: stored.accepted,
         coverage: stored.coverage.unwrap_or_default(),
         responding: stored.responding,
+        not_responding: std::sync::Arc::default(), // of a session that is held alone
         model_set: stored.model_set.map(Into::into),
         left_out: stored.left_out,
+        predecessor: stored.predecessor,
         ..SessionView::default()
     })
 }
@@ -208,6 +261,7 @@ mod tests {
                 coverage: numbers.3 / 100.0,
                 responding,
                 model_set: model_set.map(Into::into),
+                predecessor: numbers.6.0.then_some(numbers.5),
                 ..SessionView::default()
             })
     }

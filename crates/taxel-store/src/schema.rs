@@ -1,4 +1,4 @@
-//! The tables. Every row but a session's newest view and the tally is written once and never touched again, but that a
+//! The tables. Every row but a session's newest view, the tally and the index of model sets is written once and never touched again, but that a
 //! session or a model set can be deleted: then a row in another table says so. Triggers hold that, also against other
 //! programmes.
 
@@ -12,7 +12,8 @@ pub(crate) const VERSION: i64 = STEPS.len() as i64;
 ///
 /// `checksum` columns hold the first bytes of a SHA-256 over the row's content: SQLite itself notices a flipped bit
 /// only in its own structure. Numbers that may be NaN are blobs of little-endian f64, because SQLite stores NaN as NULL.
-pub(crate) const STEPS: [&str; 3] = [SESSIONS_AND_MODELS, KNOWN_LOADS, DELETIONS];
+/// Counts of a sample: see `rows::counts_to_blob`.
+pub(crate) const STEPS: [&str; 5] = [SESSIONS_AND_MODELS, KNOWN_LOADS, DELETIONS, AUDIT, SET_INDEX];
 
 const SESSIONS_AND_MODELS: &str = "
 CREATE TABLE sessions (
@@ -159,4 +160,39 @@ DROP TRIGGER model_sets_stay;
 CREATE TRIGGER model_sets_stay BEFORE DELETE ON model_sets
     WHEN NOT EXISTS (SELECT 1 FROM deleted_model_sets WHERE seq = OLD.seq)
     BEGIN SELECT RAISE(ABORT, 'model_sets are append-only'); END;
+";
+
+/// Who asked for what, and in the second table what came of it. A request without a result is one that the daemon did not
+/// live to answer.
+const AUDIT: &str = "
+CREATE TABLE audit (
+    seq      INTEGER PRIMARY KEY,
+    entry    TEXT NOT NULL,
+    checksum BLOB NOT NULL
+) STRICT;
+
+CREATE TABLE audit_results (
+    seq      INTEGER PRIMARY KEY REFERENCES audit (seq),
+    entry    TEXT NOT NULL,
+    checksum BLOB NOT NULL
+) STRICT;
+
+CREATE TRIGGER audit_stay BEFORE DELETE ON audit
+    BEGIN SELECT RAISE(ABORT, 'audit is append-only'); END;
+CREATE TRIGGER audit_keep BEFORE UPDATE ON audit
+    BEGIN SELECT RAISE(ABORT, 'audit is append-only'); END;
+CREATE TRIGGER audit_results_stay BEFORE DELETE ON audit_results
+    BEGIN SELECT RAISE(ABORT, 'audit_results are append-only'); END;
+CREATE TRIGGER audit_results_keep BEFORE UPDATE ON audit_results
+    BEGIN SELECT RAISE(ABORT, 'audit_results are append-only'); END;
+";
+
+/// What lists show of each row of model_sets, so that a start need not read the sets. It follows from these and is made again
+/// where it is missing or damaged; its checksum has the set's hash in it.
+const SET_INDEX: &str = "
+CREATE TABLE set_index (
+    seq      INTEGER PRIMARY KEY,
+    entry    TEXT NOT NULL,
+    checksum BLOB NOT NULL
+) STRICT;
 ";

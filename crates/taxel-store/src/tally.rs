@@ -22,6 +22,10 @@ pub(crate) enum Stream {
     ModelSets,
     Activations,
     Loads,
+    /// Requests of the audit log.
+    Audit,
+    /// Their results.
+    AuditResults,
     /// Rows that stand for deleted sessions.
     DeletedSessions,
     /// Rows that stand for deleted model sets.
@@ -37,6 +41,8 @@ impl fmt::Display for Stream {
             Self::ModelSets => f.write_str("model sets"),
             Self::Activations => f.write_str("activations"),
             Self::Loads => f.write_str("loads"),
+            Self::Audit => f.write_str("audit"),
+            Self::AuditResults => f.write_str("audit results"),
             Self::DeletedSessions => f.write_str("deleted sessions"),
             Self::DeletedModelSets => f.write_str("deleted model sets"),
         }

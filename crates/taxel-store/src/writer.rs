@@ -1,61 +1,37 @@
 //! One thread owns the file. Batches come in through a bounded queue, acknowledgements go out from the thread itself.
 
-use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, TrySendError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use taxel_engine::Restored;
 use taxel_engine::calibration::SessionSamples;
-use taxel_engine::record::Record;
-use thiserror::Error;
+use taxel_engine::catalogue::StoreDamage;
 
 use crate::db::Db;
-use crate::error::{Quarantined, StoreError};
+use crate::error::{Quarantined, StoreError, lines};
+use crate::group::Group;
+use crate::pass::{Finding, Lost, Step};
+use crate::readers::{AuditReader, SamplesReader, SetReader, SizeReader, read_samples, read_set};
+use crate::retention::Retention;
+use crate::work::{
+    Batch, Durability, Entry, OnModelSet, OnSamples, QueueFull, Waiting, Work, WorkQueue, WorkSource, work_queue,
+};
 
-/// Batches that may wait for the disk.
-///
-/// Four patches at 100 scans a second and a disk that stalls for 5 s, as worn flash does: 2,000 batches. At about
-/// 400 bytes a sample that is below 1 MB. More waiting means that the disk is gone, and then the caller has to know.
-pub const QUEUE_BATCHES: usize = 2048;
+/// What a start has left is proven from here on, a part at a time: a large model set takes the thread some milliseconds.
+const PROVE_AFTER: Duration = Duration::from_secs(1);
+const PROVE_EVERY: Duration = Duration::from_millis(10);
 
-/// Samples that are committed together at most, and for how long the first of them waits at most. A flush costs
-/// milliseconds; a crash costs no more than this.
-const GROUP_SAMPLES: usize = 64;
-const GROUP_WAIT: Duration = Duration::from_millis(100);
+/// The look at the file's structure takes seconds for a gigabyte and begins anew if work comes in between: first after so
+/// long, then after twice as long each time.
+const STRUCTURE_AGAIN: Duration = Duration::from_secs(10);
+const STRUCTURE_AGAIN_MAX: Duration = Duration::from_secs(3600);
 
-/// How an acknowledged batch is kept.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Durability {
-    /// On disk: the commit returned, with the file flushed.
-    OnDisk,
-    /// In a store that ends with the process.
-    InMemory,
-}
-
-/// Told once, on the writer's thread, how its batch fared.
-pub type OnDurable = Box<dyn FnOnce(Result<Durability, StoreError>) + Send>;
-
-/// Told once, most often on the writer's thread, what a session gathered, or why that cannot be had.
-pub type OnSamples = Box<dyn FnOnce(Result<SessionSamples, StoreError>) + Send>;
-
-/// Records that are stored together: all of them or none.
-#[derive(Default)]
-pub struct Batch {
-    /// In the order they happened.
-    pub records: Vec<Record>,
-    /// Who waits for them. A batch with someone waiting is committed at once, with all that came before it; one
-    /// without is committed with others, at most 100 ms or 64 samples later.
-    pub on_durable: Option<OnDurable>,
-}
-
-impl fmt::Debug for Batch {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Batch").field("records", &self.records).field("on_durable", &self.on_durable.is_some()).finish()
-    }
-}
+/// What an operator has to know of a damaged file.
+const MENDED_BY_A_RESTART: &str = "the force goes on, and a restart looks at all of the file and mends it";
 
 /// What the store tells without being asked, on the writer's thread.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -69,27 +45,25 @@ pub enum StoreEvent {
     },
     /// A write failed; why. Nothing is written any more.
     Failed(String),
+    /// Something on disk was found damaged: when it was asked for, or while the store was proven.
+    Damaged(StoreDamage),
 }
 
 /// Who hears the [`StoreEvent`]s. It runs between commits and must not wait.
 pub type Notify = Box<dyn Fn(StoreEvent) + Send>;
 
-/// The queue holds as much as it may; the batch is given back.
-#[derive(Debug, Error)]
-#[error("the store is behind: {QUEUE_BATCHES} batches wait for the disk")]
-pub struct QueueFull(pub Batch);
-
 /// The handle to the writer. All methods return at once, but [`Store::open`] and [`Store::close`].
 #[derive(Debug)]
 pub struct Store {
     /// The writer's thread holds the receiver; dropping this ends it after a last flush.
-    queue: SyncSender<Work>,
+    queue: Arc<WorkQueue>,
     /// Its result is that of the last flush.
     thread: JoinHandle<Result<(), StoreError>>,
 }
 
 impl Store {
-    /// Opens or creates the store at `path`, checks all of it and starts its writer.
+    /// Opens or creates the store at `path` and starts its writer. A small store is proven whole; of a large one the rest is
+    /// proven while it is open, and what is found then is told as [`StoreEvent::Damaged`].
     ///
     /// Gives what the engine starts from, and what was found damaged and left out of it: all of that, where the lines in
     /// [`Restored::problems`] are bounded.
@@ -98,11 +72,23 @@ impl Store {
     /// [`StoreError`] if the file cannot be opened, is another process's, another programme's or a newer version's, or
     /// if its structure is broken.
     pub fn open(path: &Path, notify: Notify) -> Result<(Self, Restored, Vec<Quarantined>), StoreError> {
-        let (db, restored, quarantined) = Db::open(path)?;
+        Self::open_keeping(path, &Retention::default(), notify)
+    }
+
+    /// As [`Store::open`], and deletes what is beyond `limits`, oldest first, but nothing that is in use.
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    pub fn open_keeping(
+        path: &Path,
+        limits: &Retention,
+        notify: Notify,
+    ) -> Result<(Self, Restored, Vec<Quarantined>), StoreError> {
+        let (db, restored, quarantined) = Db::open_keeping(path, limits)?;
         for damage in &quarantined {
             tracing::error!(store = %path.display(), "{damage}");
         }
-        Ok((Self::start(db, notify)?, restored, quarantined))
+        Ok((Self::start(db, quarantined.clone(), notify)?, restored, quarantined))
     }
 
     /// A store that ends with the process, for the demo and for tests.
@@ -110,7 +96,7 @@ impl Store {
     /// # Errors
     /// [`StoreError::Io`] if memory or a thread is not to be had.
     pub fn in_memory(notify: Notify) -> Result<Self, StoreError> {
-        Self::start(Db::in_memory()?, notify)
+        Self::start(Db::in_memory()?, Vec::new(), notify)
     }
 
     /// As [`Store::open`], but the file may grow by no more than so many pages of 4 KiB: for tests that meet a full disk.
@@ -121,17 +107,17 @@ impl Store {
     pub fn open_with_room(path: &Path, pages: u32, notify: Notify) -> Result<(Self, Restored), StoreError> {
         let (db, restored, _) = Db::open(path)?;
         db.limit_growth(pages.into())?;
-        Ok((Self::start(db, notify)?, restored))
+        Ok((Self::start(db, Vec::new(), notify)?, restored))
     }
 
-    pub(crate) fn start(db: Db, notify: Notify) -> Result<Self, StoreError> {
-        let (queue, work) = sync_channel(QUEUE_BATCHES);
-        let writer = Writer { db: Ok(db), notify, group: Group::default() };
+    pub(crate) fn start(db: Db, found: Vec<Quarantined>, notify: Notify) -> Result<Self, StoreError> {
+        let (queue, work) = work_queue();
+        let writer = Writer::new(db, found, notify);
         let thread = std::thread::Builder::new()
             .name("store".to_owned())
             .spawn(move || writer.run(&work))
             .map_err(|error| StoreError::Io(format!("cannot start its thread: {error}")))?;
-        Ok(Self { queue, thread })
+        Ok(Self { queue: Arc::new(queue), thread })
     }
 
     /// Hands a batch to the writer. Never waits.
@@ -149,10 +135,36 @@ impl Store {
 
     /// Reads the samples of a session, after all that was submitted before. Never waits.
     pub fn read_samples(&self, session: u64, on_samples: OnSamples) {
-        let work = Work::Read { session, waiting: Waiting(Some(on_samples)) };
-        if let Err(TrySendError::Full(Work::Read { waiting, .. })) = self.queue.try_send(work) {
-            waiting.tell(Err(StoreError::Behind { waiting: QUEUE_BATCHES }));
-        }
+        read_samples(&self.queue, session, on_samples);
+    }
+
+    /// Reads the text of a model set, after all that was submitted before. Never waits.
+    pub fn read_model_set(&self, model_set: String, on_model_set: OnModelSet) {
+        read_set(&self.queue, model_set, on_model_set);
+    }
+
+    /// Reads model sets for whoever does not own the store; it does not keep the store open.
+    #[must_use]
+    pub fn set_reader(&self) -> SetReader {
+        SetReader(Arc::downgrade(&self.queue))
+    }
+
+    /// Reads samples for whoever does not own the store; it does not keep the store open.
+    #[must_use]
+    pub fn reader(&self) -> SamplesReader {
+        SamplesReader(Arc::downgrade(&self.queue))
+    }
+
+    /// What reads the audit log; it may outlive the store.
+    #[must_use]
+    pub fn audit_reader(&self) -> AuditReader {
+        AuditReader(Arc::downgrade(&self.queue))
+    }
+
+    /// What tells how much the store holds; it may outlive the store.
+    #[must_use]
+    pub fn size_reader(&self) -> SizeReader {
+        SizeReader(Arc::downgrade(&self.queue))
     }
 
     /// Writes what waits, folds the log back into the file and closes it.
@@ -165,90 +177,28 @@ impl Store {
     }
 }
 
-/// What is done with an answer.
-type Tell<T> = Box<dyn FnOnce(Result<T, StoreError>) + Send>;
-
-/// Somebody who waits for an answer and always gets one: that the store is closed, if nothing else is told before.
-struct Waiting<T>(Option<Tell<T>>);
-
-impl<T> Waiting<T> {
-    fn tell(mut self, outcome: Result<T, StoreError>) {
-        if let Some(tell) = self.0.take() {
-            tell(outcome);
-        }
-    }
-}
-
-impl<T> Drop for Waiting<T> {
-    fn drop(&mut self) {
-        if let Some(tell) = self.0.take() {
-            tell(Err(StoreError::Closed));
-        }
-    }
-}
-
-/// A batch on its way to the disk.
-struct Entry {
-    records: Vec<Record>,
-    waiting: Waiting<Durability>,
-}
-
-/// What the writer's thread is asked for.
-enum Work {
-    Write(Entry),
-    Read { session: u64, waiting: Waiting<SessionSamples> },
-}
-
-impl Work {
-    fn into_batch(self) -> Batch {
-        match self {
-            Self::Write(Entry { records, mut waiting }) => Batch { records, on_durable: waiting.0.take() },
-            Self::Read { .. } => Batch::default(),
-        }
-    }
-}
-
-/// Batches that go to disk in one transaction.
-#[derive(Default)]
-struct Group {
-    entries: Vec<Entry>,
-    samples: usize,
-    /// When the first of them came.
-    since: Option<Instant>,
-    /// Whether someone waits.
-    urgent: bool,
-}
-
-impl Group {
-    fn push(&mut self, entry: Entry) {
-        self.samples += entry.records.iter().filter(|record| matches!(record, Record::Sample { .. })).count();
-        self.since.get_or_insert_with(Instant::now);
-        self.urgent |= entry.waiting.0.is_some();
-        self.entries.push(entry);
-    }
-
-    fn is_full(&self) -> bool {
-        self.samples >= GROUP_SAMPLES || self.entries.len() >= GROUP_SAMPLES
-    }
-
-    /// How long the next batch may still take to be part of it: if someone waits, only one that is there already.
-    fn wait(&self) -> Option<Duration> {
-        let since = self.since?;
-        Some(if self.urgent { Duration::ZERO } else { GROUP_WAIT.saturating_sub(since.elapsed()) })
-    }
-}
-
 /// The thread's state.
-struct Writer {
+pub(crate) struct Writer {
     /// The file, or the first failure, after which nothing is tried again: once a flush has failed, the kernel may
     /// have dropped what it could not write, and a second flush would succeed without it.
     db: Result<Db, StoreError>,
     notify: Notify,
     group: Group,
+    /// All that was found damaged.
+    found: Vec<Quarantined>,
+    /// When the next part of what is not proven is; `None` if all is.
+    prove_at: Option<Instant>,
+    /// How long to wait before a proof that was disturbed begins anew.
+    undisturbed: Duration,
 }
 
 impl Writer {
-    fn run(mut self, work: &Receiver<Work>) -> Result<(), StoreError> {
+    pub(crate) fn new(db: Db, found: Vec<Quarantined>, notify: Notify) -> Self {
+        let prove_at = (!db.is_proven()).then(|| Instant::now() + PROVE_AFTER);
+        Self { db: Ok(db), notify, group: Group::default(), found, prove_at, undisturbed: STRUCTURE_AGAIN }
+    }
+
+    fn run(mut self, work: &WorkSource) -> Result<(), StoreError> {
         // A fault of this programme ends all writing, as a failing disk does, and nobody waits for ever.
         while catch_unwind(AssertUnwindSafe(|| self.serve(work))).is_err() {
             self.fail(StoreError::Panicked);
@@ -256,31 +206,116 @@ impl Writer {
         self.db.and_then(Db::close)
     }
 
-    fn serve(&mut self, work: &Receiver<Work>) {
+    fn serve(&mut self, work: &WorkSource) {
         loop {
-            let next = match self.group.wait() {
-                None => work.recv().map_err(|_| RecvTimeoutError::Disconnected),
-                Some(_) if self.group.is_full() => Err(RecvTimeoutError::Timeout),
-                Some(wait) => work.recv_timeout(wait),
+            let next = match (self.group.wait(), self.until_proof()) {
+                (None, None) => work.work.recv().map_err(|_| RecvTimeoutError::Disconnected),
+                (Some(_), _) if self.group.is_full() => Err(RecvTimeoutError::Timeout),
+                (Some(wait), _) | (None, Some(wait)) => work.work.recv_timeout(wait),
             };
+            if next.is_ok() {
+                work.took_one();
+            }
             match next {
                 Ok(Work::Write(entry)) => self.group.push(entry),
                 Ok(Work::Read { session, waiting }) => {
                     self.flush();
                     waiting.tell(self.read(session));
                 }
-                Err(RecvTimeoutError::Timeout) => self.flush(),
+                Ok(Work::ReadSet { model_set, waiting }) => {
+                    self.flush();
+                    waiting.tell(self.read_set(&model_set));
+                }
+                Ok(Work::Audit { before, most, waiting }) => {
+                    self.flush();
+                    waiting.tell(self.db().and_then(|db| db.audit(before, most)));
+                }
+                Ok(Work::Size { waiting }) => {
+                    self.flush();
+                    waiting.tell(self.db().and_then(|db| db.size()));
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    self.flush();
+                    self.prove_if_due(work);
+                }
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
         self.flush();
     }
 
-    fn read(&self, session: u64) -> Result<SessionSamples, StoreError> {
-        match &self.db {
-            Ok(db) => db.samples(session).map_err(|findings| StoreError::DamagedSamples { session, findings }),
-            Err(first) => Err(StoreError::ReadOnly { reason: first.to_string() }),
+    /// How long it is until the next part is to be proven; `None` if none is.
+    pub(crate) fn until_proof(&self) -> Option<Duration> {
+        self.prove_at.map(|at| at.saturating_duration_since(Instant::now()))
+    }
+
+    /// The file, unless something failed before.
+    fn db(&mut self) -> Result<&mut Db, StoreError> {
+        self.db.as_mut().map_err(|first| StoreError::ReadOnly { reason: first.to_string() })
+    }
+
+    fn read(&mut self, session: u64) -> Result<SessionSamples, StoreError> {
+        let read = self.db()?.samples(session);
+        read.map_err(|findings| {
+            self.tell_damage(&Finding::of_samples(session, &findings));
+            StoreError::DamagedSamples { session, findings }
+        })
+    }
+
+    fn read_set(&mut self, model_set: &str) -> Result<String, StoreError> {
+        let read = self.db()?.set_text(model_set);
+        if let Err(StoreError::DamagedModelSet { findings, .. }) = &read {
+            self.tell_damage(&Finding::of_set(model_set, findings));
         }
+        read
+    }
+
+    /// Proves the next part of what a start has left, if that is due.
+    fn prove_if_due(&mut self, work: &WorkSource) {
+        let now = Instant::now();
+        let (Ok(db), true) = (&mut self.db, self.prove_at.is_some_and(|at| at <= now)) else { return };
+        let mut pause = PROVE_EVERY;
+        let step = db.prove_next(work.look());
+        let over = db.is_proven();
+        match step {
+            Step::Sound => {}
+            Step::Found(finding) => {
+                self.tell_damage(&finding);
+                // What is written into such a file may be lost with it, so that nothing more is called stored.
+                if finding.lost == Lost::Structure {
+                    self.fail(StoreError::Corrupt(finding.damage.reason));
+                    return;
+                }
+            }
+            Step::Disturbed => {
+                pause = self.undisturbed;
+                self.undisturbed = (2 * pause).min(STRUCTURE_AGAIN_MAX);
+            }
+        }
+        if over {
+            tracing::info!(damaged = self.found.len(), "all of the store was looked at");
+        }
+        self.prove_at = (!over).then(|| Instant::now() + pause);
+    }
+
+    /// Tells damage that was not told before, and remembers it.
+    fn tell_damage(&mut self, finding: &Finding) {
+        if let Ok(db) = &mut self.db {
+            db.note(finding);
+        }
+        let Finding { lost, damage } = finding;
+        if self.found.contains(damage) {
+            return;
+        }
+        tracing::error!("{damage}");
+        self.found.push(damage.clone());
+        let mut told = StoreDamage { problems: lines(&self.found), ..StoreDamage::default() };
+        match lost {
+            Lost::ModelSet(id) => told.model_sets.push(id.clone()),
+            Lost::Samples(session) => told.sessions.push((*session, damage.reason.clone())),
+            Lost::Structure => {}
+        }
+        (self.notify)(StoreEvent::Damaged(told));
     }
 
     /// Commits the group, then tells everyone.
@@ -296,6 +331,10 @@ impl Writer {
             }
             Err(first) => Err(StoreError::ReadOnly { reason: first.to_string() }),
         };
+        // The plain file of the active sets is on disk before whoever activated one learns that it is active.
+        if let (Ok(_), Ok(db)) = (&written, &mut self.db) {
+            db.keep_active();
+        }
         // Whoever deleted something may rely on its bytes being gone. That the commit holds does not hang on it.
         let erased = match (&written, &mut self.db) {
             (Ok(_), Ok(db)) => db.erase(),
@@ -320,10 +359,16 @@ impl Writer {
     }
 
     /// Ends all writing; only the first failure counts.
-    fn fail(&mut self, error: StoreError) {
-        if self.db.is_err() {
-            return;
-        }
+    pub(crate) fn fail(&mut self, error: StoreError) {
+        self.prove_at = None;
+        let Ok(db) = &self.db else { return };
+        let error = match error {
+            StoreError::Corrupt(findings) => {
+                db.doubt();
+                StoreError::Corrupt(format!("{findings}; {MENDED_BY_A_RESTART}"))
+            }
+            other => other,
+        };
         tracing::error!("{error}; nothing is stored any more until the programme is started again");
         (self.notify)(StoreEvent::Failed(error.to_string()));
         if let Ok(db) = std::mem::replace(&mut self.db, Err(error)) {

@@ -5,13 +5,14 @@
 //! (1600000000.000240) can0 18AAA301#0102 R
 //! (1600000000.000360) can0 3A1#R4
 //! (1600000000.000480) can0 20000040#0000000000000000
+//! (1600000000.000600) can0 180##5001122334455667788990A0B
 //! ```
 //!
 //! Time in seconds with one to nine fractional digits; interface; identifier in three (11 bits) or eight hexadecimal
 //! digits (29 bits; with bit 29 set it is an error frame); up to eight data bytes, or `R` and a length digit for a
-//! remote frame; then, if candump ran with `-x`, whether the frame was received or sent.
+//! remote frame, or a second `#`, a digit of flags and up to 64 bytes of a CAN FD frame; then, if candump ran with `-x`, whether the frame was received or sent.
 
-use crate::frame::{CanId, Frame, FrameKind};
+use crate::frame::{CanId, FD_BYTES, Frame, FrameKind};
 use std::fmt;
 use taxel_skin::Time;
 use thiserror::Error;
@@ -75,12 +76,6 @@ pub enum LogError {
         /// The largest with so many digits.
         max: u32,
     },
-    /// A CAN FD frame, which skin boards do not speak.
-    #[error("column {column}: a CAN FD frame (`##`), expected a classic CAN frame (`#`)")]
-    CanFd {
-        /// Where the second `#` stands.
-        column: usize,
-    },
 }
 
 fn shown(found: Option<u8>) -> String {
@@ -135,6 +130,9 @@ pub fn write_line(out: &mut impl fmt::Write, time: Time, interface: &str, frame:
         (FrameKind::Error, CanId::Extended(id)) => write!(out, "{:08X}#", ERROR_FLAG | id & EXTENDED_MASK)?,
         (_, CanId::Standard(id)) => write!(out, "{:03X}#", id & STANDARD_MASK)?,
         (_, CanId::Extended(id)) => write!(out, "{:08X}#", id & EXTENDED_MASK)?,
+    }
+    if frame.kind == FrameKind::Fd {
+        out.write_str("#0")?; // its flags are not kept
     }
     match (frame.kind, frame.bytes()) {
         (FrameKind::Remote, []) => out.write_str("R\n"),
@@ -245,15 +243,17 @@ impl<'a> Cursor<'a> {
 
     fn frame(&mut self) -> Result<Frame, LogError> {
         let (id, kind) = self.identifier()?;
-        if self.peek() == Some(b'#') {
-            return Err(LogError::CanFd { column: self.at + 1 });
-        }
-        let mut data = [0; 8];
+        let mut data = [0; FD_BYTES];
         let (kind, length) = match (self.peek(), kind) {
             (Some(b'R'), FrameKind::Data) => (FrameKind::Remote, self.remote_length()?),
-            _ => (kind, self.data(&mut data)?),
+            (Some(b'#'), FrameKind::Data) => {
+                self.at += 1;
+                self.flags()?;
+                (FrameKind::Fd, self.data(&mut data, "the end of up to 64 data bytes, two hexadecimal digits each")?)
+            }
+            _ => (kind, self.data(&mut data[..8], "the end of up to eight data bytes, two hexadecimal digits each")?),
         };
-        // Never refused: both lengths are at most eight.
+        // Never refused: all lengths are within the kind's.
         Frame::new(id, kind, &data[..length]).ok_or_else(|| self.refuse("at most eight bytes"))
     }
 
@@ -296,12 +296,21 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    fn data(&mut self, data: &mut [u8; 8]) -> Result<usize, LogError> {
+    /// The flags of a CAN FD frame, which say how it was sent and not what.
+    fn flags(&mut self) -> Result<(), LogError> {
+        if self.peek().is_none_or(|byte| HEX[usize::from(byte)] == 0xFF) {
+            return Err(self.refuse("a hexadecimal digit, the flags of a CAN FD frame"));
+        }
+        self.at += 1;
+        Ok(())
+    }
+
+    fn data(&mut self, data: &mut [u8], end: &'static str) -> Result<usize, LogError> {
         let mut length = 0;
         while let Some(high) = self.peek().filter(|&byte| byte != b' ') {
             let high = HEX[usize::from(high)];
             let Some(byte) = data.get_mut(length).filter(|_| high != 0xFF) else {
-                return Err(self.refuse("the end of up to eight data bytes, two hexadecimal digits each"));
+                return Err(self.refuse(end));
             };
             self.at += 1;
             let low = self.peek().map_or(0xFF, |low| HEX[usize::from(low)]);

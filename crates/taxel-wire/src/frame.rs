@@ -31,17 +31,24 @@ pub enum FrameKind {
     Remote,
     /// Made by the kernel or the controller: the identifier holds the error class bits.
     Error,
+    /// Carries data in the format of CAN FD.
+    Fd,
 }
 
-/// A classic CAN frame: up to eight bytes.
+/// Most bytes of a classic frame.
+const CLASSIC_BYTES: usize = 8;
+/// Most bytes of a CAN FD frame.
+pub const FD_BYTES: usize = 64;
+
+/// A CAN frame: up to eight bytes, or 64 in the format of CAN FD.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Frame {
     /// Identifier; for [`FrameKind::Error`] the class bits as an extended identifier.
     pub id: CanId,
-    /// Data, remote or error.
+    /// Data, remote or error, or data of CAN FD.
     pub kind: FrameKind,
     len: u8,
-    data: [u8; 8],
+    data: [u8; FD_BYTES],
 }
 
 impl Frame {
@@ -51,15 +58,23 @@ impl Frame {
         Self::new(id, FrameKind::Data, bytes)
     }
 
-    /// A frame of any kind; `None` if there are more than eight bytes.
+    /// A data frame of CAN FD; `None` if there are more than 64 bytes. Lengths that no bus carries are taken as they are,
+    /// as virtual buses do.
+    #[must_use]
+    pub fn fd(id: CanId, bytes: &[u8]) -> Option<Self> {
+        Self::new(id, FrameKind::Fd, bytes)
+    }
+
+    /// A frame of any kind; `None` if there are more than eight bytes, or 64 for CAN FD.
     ///
     /// Of a remote frame's bytes only the number is kept, because only the length asked for travels on the bus.
     #[must_use]
     pub fn new(id: CanId, kind: FrameKind, bytes: &[u8]) -> Option<Self> {
-        let mut data = [0; 8];
-        data.get_mut(..bytes.len())?.copy_from_slice(bytes);
+        let most = if kind == FrameKind::Fd { FD_BYTES } else { CLASSIC_BYTES };
+        let mut data = [0; FD_BYTES];
+        data.get_mut(..bytes.len()).filter(|to| to.len() <= most)?.copy_from_slice(bytes);
         if kind == FrameKind::Remote {
-            data = [0; 8];
+            data = [0; FD_BYTES];
         }
         Some(Self { id, kind, len: bytes.len() as u8, data })
     }
@@ -67,8 +82,8 @@ impl Frame {
     /// A data frame of a length that the compiler checks: more than eight bytes do not build.
     #[must_use]
     pub const fn of<const N: usize>(id: CanId, bytes: [u8; N]) -> Self {
-        const { assert!(N <= 8, "a classic CAN frame holds at most eight bytes") };
-        let mut data = [0; 8];
+        const { assert!(N <= CLASSIC_BYTES, "a classic CAN frame holds at most eight bytes") };
+        let mut data = [0; FD_BYTES];
         let mut i = 0;
         while i < N {
             data[i] = bytes[i];
@@ -77,7 +92,7 @@ impl Frame {
         Self { id, kind: FrameKind::Data, len: N as u8, data }
     }
 
-    /// The frame's bytes, at most eight.
+    /// The frame's bytes, at most eight, or 64 of CAN FD.
     #[must_use]
     pub fn bytes(&self) -> &[u8] {
         &self.data[..usize::from(self.len)]

@@ -1,13 +1,16 @@
 //! Bytes to meaning and back, without I/O and total over all byte strings.
 //!
-//! - [`Frame`]: a classic CAN frame, independent of any socket library.
+//! - [`Frame`]: a CAN frame, classic or FD, independent of any socket library.
 //! - [`icub`]: what skin boards say, what the host tells them, and how two frames become one module scan.
-//! - [`signal`]: where any other sensor keeps its pressure in a frame.
+//! - [`bits`]: a number anywhere in a frame; [`signal`]: the pressure of any other sensor; [`array`](mod@array): the taxels of any other
+//!   skin.
 //! - [`candump`]: the log text of can-utils.
 //!
 //! Every decoder takes any frame or line there is: what it does not accept is refused with the reason, never lost
 //! and never a panic.
 
+pub mod array;
+pub mod bits;
 pub mod candump;
 mod frame;
 pub mod icub;
@@ -15,4 +18,4 @@ pub mod icub;
 mod insole_log_tests;
 pub mod signal;
 
-pub use frame::{CanId, Frame, FrameKind, TimedFrame};
+pub use frame::{CanId, FD_BYTES, Frame, FrameKind, TimedFrame};

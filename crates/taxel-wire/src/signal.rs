@@ -3,19 +3,11 @@
 //! `pressure = raw * scale + offset` in the sensor's unit, as in a DBC file; then kilopascal; then, for a sensor that
 //! reads the absolute pressure in the bag, ambient minus bag.
 
-use crate::frame::{CanId, Frame, FrameKind};
+pub use crate::bits::ByteOrder;
+use crate::bits::{BitField, PlaceError};
+use crate::frame::{CanId, FD_BYTES, Frame, FrameKind};
 use taxel_skin::Kilopascal;
 use thiserror::Error;
-
-/// Which end of a number comes first.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum ByteOrder {
-    /// Least significant byte first ("Intel" in DBC files).
-    #[default]
-    Little,
-    /// Most significant byte first ("Motorola" in DBC files).
-    Big,
-}
 
 /// The unit of `raw * scale + offset`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -79,17 +71,14 @@ pub enum PressureMeaning {
 
 /// One pressure in the frames of one identifier.
 ///
-/// `start_bit` counts as DBC files do: bit n is bit n % 8 of byte n / 8, where bit 0 of a byte is its least
-/// significant. It names the number's *least* significant bit in little endian and its *most* significant bit in big
-/// endian. So 16 bits in bytes 2 and 3 start at 16 in little endian, at 23 in big endian; 12 bits of big endian that
-/// fill byte 0 and the upper half of byte 1 start at 7.
+/// `start_bit` counts as [`BitField`] says.
 ///
 /// Numbers of more than 53 bits are rounded to the nearest double.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SignalSpec {
     /// The identifier of the sensor's frames.
     pub id: CanId,
-    /// First bit, 0 to 63, in the counting above.
+    /// First bit, 0 to 511.
     pub start_bit: u16,
     /// Width of the number, 1 to 64.
     pub length_bits: u16,
@@ -118,22 +107,9 @@ pub enum SignalError {
         /// The largest of its kind.
         max: CanId,
     },
-    /// No number, or one longer than a frame.
-    #[error("length is {length_bits} bits, expected 1 to 64")]
-    Length {
-        /// The length.
-        length_bits: u16,
-    },
-    /// The number sticks out of the frame.
-    #[error("{length_bits} bits from start bit {start_bit} ({byte_order:?} endian) do not fit into eight bytes")]
-    OutsideFrame {
-        /// First bit.
-        start_bit: u16,
-        /// Width.
-        length_bits: u16,
-        /// Which end comes first.
-        byte_order: ByteOrder,
-    },
+    /// No frame has a number there.
+    #[error(transparent)]
+    Place(#[from] PlaceError),
     /// A step of zero or of no size at all.
     #[error("scale is {0}, expected a finite number other than 0")]
     Scale(f64),
@@ -192,14 +168,6 @@ pub enum SignalRefusal {
     Spec(#[from] SignalError),
 }
 
-/// Where the number lies in the frame read as one 64-bit number of its byte order.
-#[derive(Clone, Copy)]
-struct Field {
-    shift: u32,
-    mask: u64,
-    bytes_needed: u8,
-}
-
 impl SignalSpec {
     /// # Errors
     /// [`SignalError`] for the first field that is out of its range. Every other method says the same.
@@ -234,17 +202,15 @@ impl SignalSpec {
         if frame.id != self.id || frame.kind == FrameKind::Error {
             return Err(SignalRefusal::NotThisSignal { found: frame.id });
         }
-        if frame.kind != FrameKind::Data {
+        if !matches!(frame.kind, FrameKind::Data | FrameKind::Fd) {
             return Err(SignalRefusal::Kind(frame.kind));
         }
         self.validate()?;
         let field = self.field()?;
         let bytes = frame.bytes();
-        if bytes.len() < usize::from(field.bytes_needed) {
-            let found = bytes.len() as u8;
-            return Err(SignalRefusal::Short { id: frame.id, found, needed: field.bytes_needed });
-        }
-        let raw = self.extract(field, bytes);
+        let short =
+            || SignalRefusal::Short { id: frame.id, found: bytes.len() as u8, needed: field.bytes_needed() as u8 };
+        let raw = field.read(bytes).ok_or_else(short)?;
         let pressure = self.unit.to_kilopascal(raw as f64 * self.scale + self.offset);
         let kpa = match self.meaning {
             PressureMeaning::Differential => pressure,
@@ -253,7 +219,8 @@ impl SignalSpec {
         if kpa.is_finite() { Ok(Kilopascal(kpa)) } else { Err(SignalRefusal::NotFinite { id: frame.id, raw }) }
     }
 
-    /// The shortest data frame that holds the number nearest to `pressure`, all other bits 0.
+    /// The shortest data frame that holds the number nearest to `pressure`, all other bits 0: one of CAN FD where the
+    /// number lies beyond eight bytes.
     ///
     /// # Errors
     /// [`SignalError::Overflow`] if the number does not fit or `pressure` is not finite, else a fault of the spec.
@@ -265,66 +232,21 @@ impl SignalSpec {
             PressureMeaning::AbsoluteBag { ambient_kpa } => ambient_kpa - pressure.0,
         };
         let raw = ((self.unit.from_kilopascal(kpa) - self.offset) / self.scale).round();
-        let (min, max) = self.raw_range();
+        let (min, max) = field.range();
         let overflow = SignalError::Overflow { kpa: pressure.0, raw, min, max };
         // The cast saturates far outside of any range and makes NaN zero, hence the test before it.
         if !raw.is_finite() || !(min..=max).contains(&(raw as i128)) {
             return Err(overflow);
         }
-        let data = self.insert(field, raw as i128);
-        Frame::data(self.id, &data[..usize::from(field.bytes_needed)]).ok_or(overflow)
+        let mut data = [0; FD_BYTES];
+        let data = &mut data[..field.bytes_needed()];
+        let kind = if data.len() > 8 { FrameKind::Fd } else { FrameKind::Data };
+        field.write(raw as i128, data);
+        Frame::new(self.id, kind, data).ok_or(overflow)
     }
 
-    /// Smallest and largest raw number.
-    fn raw_range(&self) -> (i128, i128) {
-        let span = 1_i128 << self.length_bits;
-        if self.signed { (-(span / 2), span / 2 - 1) } else { (0, span - 1) }
-    }
-
-    fn field(&self) -> Result<Field, SignalError> {
-        let Self { start_bit, length_bits, byte_order, .. } = *self;
-        if !(1..=64).contains(&length_bits) {
-            return Err(SignalError::Length { length_bits });
-        }
-        // Bits from the frame's first sent bit in big endian, from the lowest bit in little endian.
-        let first = match byte_order {
-            ByteOrder::Little => start_bit,
-            ByteOrder::Big => start_bit ^ 7,
-        };
-        if first > 64 - length_bits {
-            return Err(SignalError::OutsideFrame { start_bit, length_bits, byte_order });
-        }
-        let shift = match byte_order {
-            ByteOrder::Little => first,
-            ByteOrder::Big => 64 - length_bits - first,
-        };
-        Ok(Field {
-            shift: u32::from(shift),
-            mask: u64::MAX >> (64 - length_bits),
-            bytes_needed: (first + length_bits).div_ceil(8) as u8,
-        })
-    }
-
-    fn extract(&self, field: Field, bytes: &[u8]) -> i128 {
-        let mut word = [0; 8];
-        for (to, from) in word.iter_mut().zip(bytes) {
-            *to = *from;
-        }
-        let word = match self.byte_order {
-            ByteOrder::Little => u64::from_le_bytes(word),
-            ByteOrder::Big => u64::from_be_bytes(word),
-        };
-        let bits = i128::from(word >> field.shift & field.mask);
-        if bits > self.raw_range().1 { bits - (1 << self.length_bits) } else { bits }
-    }
-
-    /// `raw` must be in [`Self::raw_range`].
-    fn insert(&self, field: Field, raw: i128) -> [u8; 8] {
-        let word = (raw as u64 & field.mask) << field.shift;
-        match self.byte_order {
-            ByteOrder::Little => word.to_le_bytes(),
-            ByteOrder::Big => word.to_be_bytes(),
-        }
+    fn field(&self) -> Result<BitField, SignalError> {
+        Ok(BitField::new(self.start_bit, self.length_bits, self.byte_order, self.signed)?)
     }
 }
 

@@ -1,25 +1,33 @@
 //! `taxeld apply`: pressures from the counts of a recording.
 
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
+use anyhow::{Context, bail};
 use taxel_engine::calibration::fit::{Applied, ApplyRecipe, Tare};
 use taxel_engine::model_set::ModelSet;
 use taxel_store::models_json;
 
+use crate::files;
 use crate::fit::{parse_seconds, scans_of};
 use crate::recording::Recording;
+use crate::say;
 use crate::soundness::{Wanted, check};
+
+/// Counts that are all so many calibrated widths away are of another scale.
+const FAR_WIDTHS: f64 = 1.0;
 
 /// Turns the counts of a recording into pressures.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxeld apply models.json walk.csv.gz --out pressure.csv\n  taxeld apply models.json - --tare 5 --out - < walk.csv | head"
+)]
 pub struct ApplyArgs {
     /// Models, as `taxeld fit` or a calibration session writes them.
     models: PathBuf,
-    /// Recording: `t_s[,pressure_kpa],c0,c1,...`, one row a scan, plain or .gz. Its pressure is not looked at.
+    /// Recording: `t_s[,pressure_kpa],c0,c1,...`, one row a scan, plain or .gz; `-` is the standard input. Its
+    /// pressure is not looked at.
     data: PathBuf,
     /// Where the pressures go: `t_s,p0,p1,...` in kPa, an empty cell where a taxel is excluded.
     #[arg(long, value_name = "PRESSURE.csv")]
@@ -75,7 +83,7 @@ fn parse_tare(text: &str) -> Result<Tare, String> {
 /// # Errors
 /// The file's path and what is wrong with it.
 pub fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
-    let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
+    let text = files::read_text(path).with_context(|| path.display().to_string())?;
     models_json::from_json(&text).with_context(|| path.display().to_string())
 }
 
@@ -84,10 +92,19 @@ pub fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
 /// # Errors
 /// A file that cannot be read or written, or models of another number of taxels.
 pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
+    let inputs: [&Path; 2] = [&args.models, &args.data];
+    files::refuse_overwriting(&args.out, &inputs)?;
+    if let Some(sigma) = &args.sigma {
+        files::refuse_overwriting(sigma, &inputs)?;
+    }
+    if files::is_standard(&args.out) || args.sigma.as_deref().is_some_and(files::is_standard) {
+        say::step_aside();
+    }
     let set = read_models(&args.models)?;
     let mut recording = Recording::read(&args.data)?;
     recording.report_refused(&args.data);
     let named = || args.data.display().to_string();
+    refuse_other_counts(&set, &recording).with_context(named)?;
     let notes = if set.is_of_skin() { check(&mut recording, Wanted::APPLY).with_context(named)? } else { Vec::new() };
     let scans = scans_of(&recording);
     let applied = taxel_engine::calibration::fit::apply(&scans, &set, &args.recipe.recipe(args.sigma.is_some()))
@@ -98,7 +115,26 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
         write(path, "s", &recording.time_s, &applied.sigma_kpa, decimals)?;
     }
     print_applied(&args.data, &notes, &applied);
+    if applied.unread.iter().all(Option::is_some) {
+        bail!("not one of {} taxels could be read", applied.unread.len());
+    }
     say!("written to {}", args.out.display());
+    Ok(())
+}
+
+/// Refuses counts of another scale than the models', for example of 16 bits where the models are for 8.
+fn refuse_other_counts(set: &ModelSet, recording: &Recording) -> anyhow::Result<()> {
+    let ranges = set.taxels.iter().filter(|model| model.is_usable()).filter_map(|model| model.range);
+    let Some([low, high]) = ranges.reduce(|[a, b], [low, high]| [a.min(low), b.max(high)]) else { return Ok(()) };
+    let counts = recording.counts.iter().flat_map(|column| &column.hi).copied().filter(|count| count.is_finite());
+    let Some((least, most)) = counts.map(|c| (c, c)).reduce(|(a, b), (c, d)| (a.min(c), b.max(d))) else {
+        return Ok(());
+    };
+    // All of them far outside: neither a load beyond the calibrated one nor a zero that moved does that.
+    let far = FAR_WIDTHS * (high - low).max(1.0);
+    if least > high + far || most < low - far {
+        bail!("the counts are {least} to {most}, the models are for {low:.1} to {high:.1}: another converter or scale");
+    }
     Ok(())
 }
 
@@ -131,8 +167,8 @@ fn write(
     columns: &[Vec<f64>],
     decimals: Option<usize>,
 ) -> anyhow::Result<()> {
-    let file = || -> std::io::Result<()> {
-        let mut out = BufWriter::with_capacity(1 << 16, File::create(path)?);
+    let file = || -> anyhow::Result<()> {
+        let mut out = files::writer(path)?;
         write!(out, "t_s")?;
         for taxel in 0..columns.len() {
             write!(out, ",{letter}{taxel}")?;
@@ -149,7 +185,7 @@ fn write(
             }
             writeln!(out)?;
         }
-        out.flush()
+        Ok(out.flush()?)
     };
-    file().with_context(|| path.display().to_string())
+    files::quiet_end(path, file()).with_context(|| path.display().to_string())
 }

@@ -8,6 +8,7 @@ use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
 use crate::queues::BusBatch;
+use crate::record::Tap;
 
 /// Batches that may wait for the engine: a batch is at least one frame, so that at the 9,009 frames/s of a full bus the
 /// engine may be 7 ms behind before a bus waits, and then the kernel's buffer holds another half second and counts.
@@ -33,6 +34,7 @@ pub async fn run(
     mut source: impl FrameSource,
     to_engine: mpsc::Sender<BusBatch>,
     mut to_send: mpsc::Receiver<Frame>,
+    mut tap: Tap,
     cancel: CancellationToken,
 ) -> BusEnd {
     let mut batch = Batch::default();
@@ -51,8 +53,9 @@ pub async fn run(
                     let _ = to_engine.send(BusBatch { bus, frames: Vec::new(), notices }).await;
                     return BusEnd::Failed;
                 }
-                let notices = batch.events.drain(..).filter_map(|event| notice(bus, event)).collect();
+                let notices: Vec<_> = batch.events.drain(..).filter_map(|event| notice(bus, event)).collect();
                 let frames = std::mem::take(&mut batch.frames);
+                tap.look(&frames, &notices);
                 if to_engine.send(BusBatch { bus, frames, notices }).await.is_err() {
                     return BusEnd::Cancelled;
                 }
@@ -81,7 +84,7 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
             Some(BusNotice::Dropped(frames))
         }
         BusEvent::Malformed { frames } => {
-            tracing::warn!(bus, frames, "reads that were no classic CAN frame");
+            tracing::warn!(bus, frames, "reads that were no CAN frame");
             None
         }
         BusEvent::BufferGranted { bytes, wanted } if bytes < wanted => {
@@ -97,13 +100,41 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
             tracing::info!(bus, bytes, "receive buffer");
             None
         }
-        BusEvent::Error { error, local } => {
-            tracing::debug!(bus, ?error, local, "error frame");
-            Some(if error == BusError::BusOff {
-                BusNotice::BusOff
-            } else {
-                BusNotice::ControllerError(format!("{error:?}"))
+        // The kernel marks what a process of this machine sent, and that anybody may.
+        BusEvent::Error { error, local: true } => {
+            tracing::debug!(bus, %error, "an error frame that is not the controller's");
+            Some(BusNotice::Forged)
+        }
+        BusEvent::Error { error, local: false } => {
+            tracing::debug!(bus, %error, "error frame");
+            Some(match error {
+                BusError::BusOff => BusNotice::BusOff,
+                BusError::Active(_) | BusError::Restarted => BusNotice::ControllerRecovered(error.to_string()),
+                other => BusNotice::ControllerError(other.to_string()),
             })
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(error: BusError, local: bool) -> Option<BusNotice> {
+        notice(BusIndex(0), BusEvent::Error { error, local })
+    }
+
+    #[test]
+    fn an_error_frame_of_a_process_of_this_machine_is_no_error_of_the_bus() {
+        assert_eq!(told(BusError::BusOff, true), Some(BusNotice::Forged));
+        assert_eq!(told(BusError::BusOff, false), Some(BusNotice::BusOff));
+    }
+
+    #[test]
+    fn what_the_controller_reports_is_told_in_words() {
+        let words = "error-passive: very many errors on the bus".to_owned();
+        assert_eq!(told(BusError::Passive(None), false), Some(BusNotice::ControllerError(words)));
+        let words = "error-active: the errors have become few again".to_owned();
+        assert_eq!(told(BusError::Active(None), false), Some(BusNotice::ControllerRecovered(words)));
     }
 }

@@ -1,10 +1,15 @@
 //! `taxeld check`: what a configuration resolves to, and what it leaves out.
 
+use std::path::Path;
+
 use taxel_engine::engine::routes::{Route, Routes};
 use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_skin::{Board, BusIndex, SquareMillimetre};
+use taxel_rpc::{Grant, Role, Subject};
+use taxel_skin::{BusIndex, SquareMillimetre};
 
-use crate::config::{BusSource, Config, Scene};
+use crate::config::{
+    BusSource, Config, Doors, Problems, Scene, examine, modules_written, record_written, shared_memory_written,
+};
 
 /// One socket takes so many kernel filters (`CAN_RAW_FILTER_MAX`); beyond, `taxel-can` merges them.
 const FILTERS_MAX: usize = 512;
@@ -12,16 +17,39 @@ const FILTERS_MAX: usize = 512;
 /// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
 const FRAME_S: f64 = 111e-6;
 
+/// Checks a configuration: prints what it resolves to, or everything that is wrong with it.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
+    let examined = examine(path);
+    if json {
+        let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
+        say!("{}", serde_json::json!({ "problems": problems }));
+    }
+    let (config, scene) = examined?;
+    if !json {
+        print(&config, &scene);
+    }
+    Ok(())
+}
+
 /// Prints the resolved scene.
-pub fn print(config: &Config, scene: &Scene) {
+fn print(config: &Config, scene: &Scene) {
     let service = &config.service;
     say!("store: {}, one SQLite file", config.store.path.display());
-    say!(
-        "service: gRPC on {} (loopback, unencrypted), at most {} streams on {} connections",
-        service.listen,
-        service.subscribers_max,
-        service.connections_max
-    );
+    say!("service: gRPC, at most {} streams on {} connections", service.subscribers_max, service.connections_max);
+    scene.doors.doors.iter().for_each(|door| say!("  on {door}"));
+    access(&scene.doors).iter().for_each(|line| say!("  {line}"));
+    if let Some(page) = &config.page {
+        say!("page: http://{}/ (loopback, unencrypted), and the service as JSON", page.listen);
+    }
+    if let Some(metrics) = &config.metrics {
+        let at = metrics.listen.or(config.page.as_ref().map(|page| page.listen));
+        say!("metrics: http://{}/metrics", at.map(|at| at.to_string()).unwrap_or_default());
+    }
+    config.shared_memory.iter().for_each(|section| say!("{}", shared_memory_written(section)));
+    config.record.iter().for_each(|section| say!("{}", record_written(section)));
     let routes = Routes::new(&scene.plan);
     for position in 0..config.bus.len() {
         say!("{}", bus(config, &scene.plan, &routes, BusIndex(position as u8)));
@@ -38,14 +66,44 @@ pub fn print(config: &Config, scene: &Scene) {
     }
 }
 
+/// Who may do what, a line each.
+fn access(doors: &Doors) -> Vec<String> {
+    if !doors.ruled {
+        return vec!["access: everything is allowed to whoever connects: there is no [access] section".to_owned()];
+    }
+    let rules = &doors.rules;
+    let word = |role: Option<Role>| role.map_or("none", Role::name);
+    let ways = [
+        ("over loopback TCP without a token", rules.loopback),
+        ("on the Unix socket", rules.unix),
+        ("with a certificate that no grant names", rules.certificate),
+        ("from elsewhere without TLS", rules.insecure),
+    ];
+    let mut lines: Vec<String> = ways.iter().map(|(way, role)| format!("access: {} {way}", word(*role))).collect();
+    lines.extend(rules.grants.iter().map(|Grant { subject, role }| match subject {
+        Subject::User(name) => format!("access: {role} for user {name}"),
+        Subject::Group(name) => format!("access: {role} for group {name}"),
+        Subject::Certificate(name) => format!("access: {role} for certificate {name}"),
+    }));
+    lines.extend(doors.tokens.iter().map(|path| format!("access: tokens of {}", path.display())));
+    lines
+}
+
 fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
     let section = &config.bus[bus.0 as usize];
     let wanted = routes.wanted(bus);
     let modules = wanted.iter().filter(|id| matches!(routes.of(bus, **id), Route::Module { .. })).count();
-    let gauges = wanted.iter().filter(|id| routes.of(bus, **id) == Route::Gauge).count();
-    let boards = wanted.len() - modules - gauges;
-    let kinds = format!("{modules} of modules, {boards} of boards, {gauges} of gauges");
+    let of = |route: Route| wanted.iter().filter(|id| routes.of(bus, **id) == route).count();
+    let (gauges, devices) = (of(Route::Gauge), of(Route::Device));
+    let boards = wanted.len() - modules - gauges - devices;
+    let mut kinds = format!("{modules} of modules, {boards} of boards, {gauges} of gauges");
+    if devices > 0 {
+        kinds = format!("{kinds}, {devices} of described signals");
+    }
     let source = match (section.source, wanted.len()) {
+        (BusSource::Push, _) => {
+            return format!("bus {}: none; a program pushes the scans over the service (PushScans)", section.name);
+        }
         (BusSource::Sim, ids) => format!("the simulated forearm; {ids} identifiers are read ({kinds})"),
         (BusSource::SocketCan, ids) => {
             let interface = section.interface.as_deref().unwrap_or_default();
@@ -57,7 +115,7 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
             format!("interface {interface}; {filters} ({kinds})")
         }
     };
-    let speaks = |p: &PatchPlan| !p.bring_up.is_empty() && p.patch.boards().iter().any(|board| board.bus == bus);
+    let speaks = |p: &PatchPlan| p.configures() && p.patch.boards().iter().any(|board| board.bus == bus);
     let sends = if plan.patches.iter().any(speaks) { "sends the boards' bring-up" } else { "nothing is sent" };
     format!("bus {}: {source}; {sends}", section.name)
 }
@@ -67,14 +125,19 @@ fn patch(config: &Config, plan: &PatchPlan) {
     say!("patch {}: {} taxels on {} modules", patch.name(), patch.taxels().len(), patch.modules().len());
     for board in patch.boards() {
         let bus = config.bus.get(board.bus.0 as usize).map_or("", |section| &section.name);
-        say!("  board {} of bus {bus}: modules {}", board.address, modules(board));
+        let kind = if plan.devices.is_empty() { "board" } else { "device" };
+        say!("  {kind} {} of bus {bus}: modules {}", board.address, modules_written(&board.modules));
     }
-    let frames_per_s = 2.0 * patch.modules().len() as f64 / plan.period.as_secs_f64();
-    say!(
-        "  reads: {frames_per_s:.0} frames/s at {} ms: {:.1} % of a 1 Mbit/s bus",
-        plan.period.as_millis(),
-        frames_per_s * FRAME_S * 100.0
-    );
+    if !plan.devices.is_empty() {
+        let (top, per_unit) = (patch.counts().top(), patch.counts().per_unit());
+        say!("  counts: 0 to {top}, {per_unit} of them to a unit of all keys and figures in counts");
+    }
+    let (scans_per_s, ms) = (1.0 / plan.period.as_secs_f64(), plan.period.as_millis());
+    if plan.pushed.is_some() {
+        say!("  takes: {scans_per_s:.0} pushed scans/s at {ms} ms");
+    } else {
+        reads(plan);
+    }
     let outputs = plan.outputs;
     let computed = [
         ("total normal force", true),
@@ -87,14 +150,28 @@ fn patch(config: &Config, plan: &PatchPlan) {
     say!("  encodes: one force message a subscriber; per-taxel messages only for subscribers to taxels");
     let parts = [
         ("geometry", plan.geometry.is_some()),
-        ("calibration with the gauge", plan.gauge.is_some()),
-        ("board bring-up", !plan.bring_up.is_empty()),
+        ("calibration with the gauge", plan.has_gauge()),
+        ("board bring-up", plan.configures()),
         ("zero after start", plan.tare.at_start),
         ("areas set right by known loads", plan.area_from_loads),
         ("following of thermal drift", plan.drift.follow),
     ];
     say!("  optional parts: {}", listed(&parts));
     say!("  {}", areas(&plan.areas));
+}
+
+/// What a patch reads from its bus.
+fn reads(plan: &PatchPlan) {
+    let frames = match plan.devices.iter().map(|device| device.frames.len()).sum::<usize>() {
+        0 => 2 * plan.patch.modules().len(),
+        described => described,
+    };
+    let frames_per_s = frames as f64 / plan.period.as_secs_f64();
+    say!(
+        "  reads: {frames_per_s:.0} frames/s at {} ms: {:.1} % of a 1 Mbit/s bus",
+        plan.period.as_millis(),
+        frames_per_s * FRAME_S * 100.0
+    );
 }
 
 /// Sum and range of the areas of the taxels.
@@ -111,17 +188,6 @@ fn listed(parts: &[(&str, bool)]) -> String {
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }
 }
 
-/// A board's modules as a configuration writes them: `0-3, 7`.
-fn modules(board: &Board) -> String {
-    let numbers: Vec<u8> = board.modules.iter().map(|(module, _)| module.get()).collect();
-    let run = |run: &[u8]| match run {
-        [first, .., last] => format!("{first}-{last}"),
-        [only] => only.to_string(),
-        [] => String::new(),
-    };
-    numbers.chunk_by(|a, b| a + 1 == *b).map(run).collect::<Vec<_>>().join(", ")
-}
-
 /// The threads of `taxeld run` and what each is for.
 fn threads(config: &Config, plan: &Plan) -> Vec<String> {
     let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
@@ -130,10 +196,16 @@ fn threads(config: &Config, plan: &Plan) -> Vec<String> {
         "service: subscribers must not hold the engine up".to_owned(),
         "store writer: a slow disk must not hold the engine up".to_owned(),
     ];
+    if config.page.is_some() || config.metrics.is_some() {
+        threads.push("page, metrics: what they cost must not delay a controller's sample".to_owned());
+    }
+    if config.record.is_some() {
+        threads.push("record, recorder: a slow disk must not hold the engine up".to_owned());
+    }
     if config.bus.iter().any(|section| section.source == BusSource::Sim) {
         threads.push("sim-bus: the simulated forearm, one for each such bus".to_owned());
     }
-    if plan.patches.iter().any(|patch| patch.gauge.is_some()) {
+    if plan.patches.iter().any(|patch| patch.has_gauge()) {
         threads.push("one more while models are fitted".to_owned());
     }
     threads
@@ -142,6 +214,7 @@ fn threads(config: &Config, plan: &Plan) -> Vec<String> {
 fn left_out_buses(config: &Config, routes: &Routes) -> Vec<String> {
     let unused = config.bus.iter().enumerate().filter(|(bus, _)| routes.wanted(BusIndex(*bus as u8)).is_empty());
     unused
+        .filter(|(_, section)| section.source != BusSource::Push)
         .map(|(_, section)| format!("bus {}: no board and no gauge is on it: nothing is read", section.name))
         .collect()
 }
@@ -151,6 +224,9 @@ fn left_out_of_the_build() -> Vec<String> {
     let features = [
         (cfg!(feature = "sim"), "sim", "the simulated bus and `taxeld demo`"),
         (cfg!(feature = "report"), "report", "`taxeld report`"),
+        (cfg!(feature = "page"), "page", "the operator's page"),
+        (cfg!(feature = "tls"), "tls", "TLS"),
+        (cfg!(feature = "record"), "record", "recordings"),
     ];
     let absent = features.iter().filter(|(built, ..)| !built);
     absent.map(|(_, feature, what)| format!("build: {what}: cargo feature `{feature}` is not built in")).collect()

@@ -8,7 +8,7 @@ use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::{Command, Done};
 use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::ForceState;
-use taxel_sim::{Config, Mass, PumpCommand, Skin, World};
+use taxel_sim::{Config, Effect, Footprint, Mass, Profile, PumpCommand, STANDARD_GRAVITY, Skin, World};
 use taxel_skin::{BusIndex, Kilopascal, TaxelIndex, Time};
 use taxel_wire::TimedFrame;
 
@@ -20,8 +20,17 @@ const STEP: Duration = Duration::from_millis(10);
 /// The masses of the paper's validation, in kilogram.
 pub const MASSES_KG: [f64; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
 
-/// The area that a mass lies on, in mm2: a disc of 28 mm, about 18 taxels.
+/// The forces of fingers, in newton.
+pub const FINGERS_N: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
+
+/// The area that a mass lies on, in mm2: some 14 taxels with their gaps.
 const FOOTPRINT_MM2: f64 = 600.0;
+
+/// Radius of the area that a finger presses on, least and most, in mm.
+const FINGER_MM: [f64; 2] = [4.5, 9.5];
+
+/// A load lies on the skin with at least this share of its area.
+const ON_SKIN_MIN: f64 = 0.98;
 
 /// Places that each mass is laid on, spread over the forearm.
 const PLACES: usize = 4;
@@ -30,10 +39,19 @@ const PLACES: usize = 4;
 const PUMP_TARGET: Kilopascal = Kilopascal(74.0);
 const PUMP_KPA_PER_S: f64 = 1.0;
 
+/// What a load is like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Contact {
+    /// A mass on an ellipse, flat or round, maybe tilted.
+    Mass,
+    /// A finger on a disc.
+    Finger,
+}
+
 /// One weighing.
 pub struct Weighing {
-    /// The mass.
-    pub kilogram: f64,
+    /// What lies there.
+    pub contact: Contact,
     /// What it presses with.
     pub true_n: f64,
     /// What the daemon reports, mean of ten scans.
@@ -59,13 +77,6 @@ pub struct Outcome {
     pub weighings: Vec<Weighing>,
 }
 
-impl Outcome {
-    /// Mean absolute error over all weighings, relative.
-    pub fn mean_error(&self) -> f64 {
-        mean(self.weighings.iter().map(|w| w.error().abs()))
-    }
-}
-
 /// Mean of some numbers; NaN of none.
 pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
@@ -81,8 +92,9 @@ struct Bench {
 }
 
 impl Bench {
-    fn new(plan: Arc<Plan>, seed: u64) -> anyhow::Result<Self> {
-        let world = World::new(Skin::forearm()?, Config::seeded(seed))?;
+    fn new(plan: Arc<Plan>, seed: u64, effects: &[Effect]) -> anyhow::Result<Self> {
+        let (skin, config) = Effect::forearm(effects, seed)?;
+        let world = World::new(skin, config)?;
         let mut offline = Offline::new(plan);
         offline.advance(Time::default());
         Ok(Self { world, offline, frames: Vec::new(), now: Time::default() })
@@ -153,6 +165,8 @@ impl Bench {
             bail!("session {} is {}: {}", session.number, session.state.name(), session.reason);
         };
         self.world.pump(PumpCommand::Vent);
+        // Models are used on other days than that of their calibration.
+        self.world.next_day();
         let (patch, model_set) = (String::new(), id.to_owned());
         self.command(Command::Activate { patch, model_set: model_set.clone(), expected: None })?;
         Ok(model_set)
@@ -167,28 +181,33 @@ impl Bench {
         Ok(())
     }
 
-    /// Lays a mass down, lets it settle, and reads ten scans.
-    fn weigh(&mut self, kilogram: f64, centre: TaxelIndex) -> anyhow::Result<Weighing> {
-        let force = self.world.lay(Mass::on_disc(kilogram, centre, FOOTPRINT_MM2))?;
+    fn has_force(&self) -> bool {
+        let sample = &self.offline.snapshots[0].force;
+        sample.total.is_some() && matches!(sample.state, ForceState::Ok | ForceState::Degraded)
+    }
+
+    /// Lays a load down, lets it settle, and reads ten scans.
+    fn weigh(&mut self, (contact, load): (Contact, Mass)) -> anyhow::Result<Weighing> {
+        let force = self.world.lay(load)?;
         self.run(Duration::from_secs(1));
         let (mut measured_n, mut sigma_n) = (0.0, 0.0);
         for _ in 0..10 {
             self.run(Duration::from_millis(50));
+            // A zero that is in doubt for a moment gives no force; a weighing waits for it as an operator would.
+            self.run_until(Duration::from_secs(3), "a force", Self::has_force)?;
             let sample = &self.offline.snapshots[0].force;
-            let good = matches!(sample.state, ForceState::Ok | ForceState::Degraded);
-            let total = sample.total.filter(|_| good).with_context(|| format!("no force: {:?}", sample.reasons))?;
-            measured_n += total.0 / 10.0;
+            measured_n += sample.total.map_or(f64::NAN, |total| total.0) / 10.0;
             sigma_n += sample.total_sigma.map_or(f64::NAN, |s| s.0) / 10.0;
         }
         self.world.clear();
         self.run(Duration::from_secs(2));
-        Ok(Weighing { kilogram, true_n: force.0, measured_n, sigma_n })
+        Ok(Weighing { contact, true_n: force.0, measured_n, sigma_n })
     }
 }
 
-/// The whole procedure on the skin of one seed.
-pub fn procedure(plan: &Arc<Plan>, seed: u64, progress: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
-    let mut bench = Bench::new(Arc::clone(plan), seed)?;
+/// The whole procedure on the skin of one seed, with some of what makes a real skin worse than an ideal one.
+pub fn procedure(plan: &Arc<Plan>, seed: u64, effects: &[Effect], progress: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
+    let mut bench = Bench::new(Arc::clone(plan), seed, effects)?;
     progress("calibrating: ramp from 0 to 70 kPa");
     let id = bench.calibrate()?;
     let session = SessionView::clone(&*bench.session()?);
@@ -196,17 +215,67 @@ pub fn procedure(plan: &Arc<Plan>, seed: u64, progress: &dyn Fn(&str)) -> anyhow
     progress("venting and taring");
     bench.run(Duration::from_secs(20));
     bench.tare()?;
-    let taxels = plan.patches[0].patch.taxels().len();
+    let mut places = Places { state: seed };
     let mut weighings = Vec::new();
-    for kilogram in MASSES_KG {
-        progress(&format!("weighing {kilogram} kg"));
-        for place in 0..PLACES {
-            // Evenly spread, a few taxels on with each mass and seed, so that no place is special.
-            let step = taxels / PLACES;
-            let offset = (kilogram * 100.0) as usize + 7 * seed as usize;
-            let centre = (place * step + offset) % taxels;
-            weighings.push(bench.weigh(kilogram, TaxelIndex(centre as u16))?);
+    let masses = MASSES_KG.map(|kilogram| (Contact::Mass, kilogram * STANDARD_GRAVITY));
+    for (contact, newton) in masses.into_iter().chain(FINGERS_N.map(|newton| (Contact::Finger, newton))) {
+        progress(&format!("laying {newton:.1} N on the skin"));
+        for _ in 0..PLACES {
+            let load = places.load(contact, newton, bench.world.skin())?;
+            weighings.push(bench.weigh((contact, load))?);
         }
     }
     Ok(Outcome { session, models, weighings })
+}
+
+/// The demo's skin: all that makes a real one worse than an ideal one.
+pub fn skin(seed: u64) -> anyhow::Result<(Skin, Config)> {
+    Ok(Effect::forearm(&Effect::ALL, seed)?)
+}
+
+/// Draws where loads lie, the same for the same seed.
+struct Places {
+    state: u64,
+}
+
+impl Places {
+    /// Uniform from `low` to `high` (SplitMix64; Steele, Lea and Flood 2014).
+    fn between(&mut self, low: f64, high: f64) -> f64 {
+        self.state = self.state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut mixed = self.state;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        mixed ^= mixed >> 31;
+        low + (high - low) * (mixed >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// A load of so many newton anywhere on the skin, not only over a taxel's centre.
+    fn load(&mut self, contact: Contact, newton: f64, skin: &Skin) -> anyhow::Result<Mass> {
+        for _ in 0..1000 {
+            let footprint = self.footprint(contact, skin.poses().len());
+            if footprint.share_on_skin(skin)? >= ON_SKIN_MIN {
+                return Ok(Mass { kilogram: newton / STANDARD_GRAVITY, footprint });
+            }
+        }
+        bail!("no place on the simulated skin is wide enough for {newton} N");
+    }
+
+    fn footprint(&mut self, contact: Contact, taxels: usize) -> Footprint {
+        let centre = TaxelIndex(self.between(0.0, taxels as f64) as u16);
+        let offset_mm = [self.between(-4.0, 4.0), self.between(-4.0, 4.0)];
+        let turn = self.between(0.0, std::f64::consts::PI);
+        let disc = Footprint { offset_mm, turn, ..Footprint::disc(centre, FOOTPRINT_MM2) };
+        match contact {
+            Contact::Mass => {
+                let (radius, stretch) = (disc.semi_axes_mm[0], self.between(1.0, 2.0).sqrt());
+                let profile = if self.between(0.0, 1.0) < 0.5 { Profile::Flat } else { Profile::Hertz };
+                let semi_axes_mm = [radius * stretch, radius / stretch];
+                Footprint { semi_axes_mm, profile, tilt: self.between(0.0, 0.4), ..disc }
+            }
+            Contact::Finger => {
+                let radius = self.between(FINGER_MM[0], FINGER_MM[1]);
+                Footprint { semi_axes_mm: [radius; 2], ..disc }
+            }
+        }
+    }
 }

@@ -8,11 +8,15 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_engine::audit::Asked;
 use taxel_engine::calibration::{Direction, FitJob, FitOutcome, NotLoaded, SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{Rejection, Reply, RequestId};
+use taxel_engine::events::EventWatch;
+use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
-use taxel_engine::{Engine, Input, Output, Restored};
+use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
+use taxel_rpc::push_line::{PushEvent, Pushed};
 use taxel_rpc::{BEAT_EVERY, Publisher, Request};
 use taxel_skin::{BusIndex, Time};
 use taxel_store::{Batch, Durability, OnDurable, QUEUE_BATCHES, QueueFull, Store, StoreError, StoreEvent, models_json};
@@ -20,9 +24,11 @@ use taxel_wire::Frame;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 
+use crate::audit::Auditor;
 use crate::bus::BATCHES_WAITING_MAX;
 use crate::clock::RunClock;
 use crate::queues::{Action, BusBatch, Done, Queues, TellDone};
+use crate::shared_memory::Pages;
 
 /// Batches taken at once after a stall, so that not even a bus that never pauses puts the next tick off for ever. The
 /// kernel keeps half a second of a full bus, 4,505 frames in 71 reads; beside what waited here that is four buses.
@@ -42,21 +48,31 @@ pub struct Stage {
     pub direction: Direction,
 }
 
+/// Somebody who waits for the answer to a command.
+struct Waiting {
+    reply: oneshot::Sender<Reply>,
+    /// The patch that it is about, if the audit log has it.
+    patch: Option<String>,
+}
+
 /// Everything that the engine's task holds.
 pub struct Driver {
     engine: Engine,
     clock: RunClock,
     publisher: Publisher,
+    pages: Pages,
     /// The state of each patch's session as it was last logged.
     logged: Vec<Option<(u64, SessionState)>>,
     store: Store,
     /// One queue of frames to send per bus; a full one loses the frame, which the bring-up's proof then shows.
     buses: Vec<mpsc::Sender<Frame>>,
-    waiting: HashMap<RequestId, oneshot::Sender<Reply>>,
+    waiting: HashMap<RequestId, Waiting>,
+    audit: Auditor,
     requests: u64,
     tell_done: TellDone,
     /// On the run's clock.
     last_tick: Option<Time>,
+    events: EventWatch,
     out: Vec<Output>,
     /// What the newest session is at, for whoever plays the operator's hand.
     session_state: Option<watch::Sender<Option<Stage>>>,
@@ -73,14 +89,19 @@ impl Driver {
         buses: Vec<mpsc::Sender<Frame>>,
     ) -> Self {
         let (store, tell_done) = store;
+        let active = restored.active.clone();
+        let patches = plan.patches.iter().map(|plan| plan.patch.name());
         Self {
+            events: EventWatch::new(patches, &active),
             logged: vec![None; plan.patches.len()],
             engine: Engine::new(plan, restored),
             clock,
             publisher,
+            pages: Pages::default(),
             store,
             buses,
             waiting: HashMap::new(),
+            audit: Auditor::new(active),
             requests: 0,
             tell_done,
             last_tick: None,
@@ -95,9 +116,16 @@ impl Driver {
         self
     }
 
+    /// Also writes these pages.
+    pub fn writing(mut self, pages: Pages) -> Self {
+        self.pages = pages;
+        self
+    }
+
     /// Runs until cancelled; then the store is closed with everything that was recorded.
     pub async fn run(mut self, mut queues: Queues, cancel: CancellationToken) {
         while self.turn(&mut queues, &cancel).await {}
+        drop(self.pages); // from here on nobody judges what they say
         // Closing commits what is queued, which can take a disk's time.
         let store = self.store;
         match tokio::task::spawn_blocking(move || store.close()).await {
@@ -109,6 +137,7 @@ impl Driver {
 
     /// One turn; `false` after the last.
     async fn turn(&mut self, queues: &mut Queues, cancel: &CancellationToken) -> bool {
+        self.pages.beat();
         if let Some(gap) = self.publisher.beat() {
             self.resumed(gap);
             self.catch_up(queues).await;
@@ -134,6 +163,7 @@ impl Driver {
     fn apply(&mut self, action: Action) {
         match action {
             Action::Batch(batch) => self.take_batch(batch),
+            Action::Pushed(pushed) => self.take_pushed(pushed),
             Action::Command(request) => self.take_command(request),
             Action::Done(done) => self.take_done(done),
             Action::Wake | Action::Stop => {}
@@ -154,8 +184,8 @@ impl Driver {
         while quiet < QUIET_LOOKS {
             tokio::task::yield_now().await;
             quiet += 1;
-            while let Some(batch) = queues.waiting_batch() {
-                self.take_batch(batch);
+            while let Some(action) = queues.waiting_input() {
+                self.apply(action);
                 quiet = 0;
                 left -= 1;
                 if left == 0 {
@@ -193,11 +223,41 @@ impl Driver {
         }
     }
 
-    fn take_command(&mut self, Request { command, reply }: Request) {
+    fn take_pushed(&mut self, pushed: Pushed) {
+        if pushed.refused > 0 {
+            self.step(Input::Bus(pushed.bus, BusNotice::Dropped(pushed.refused)));
+        }
+        match pushed.event {
+            PushEvent::Scan(scan) => self.step(Input::Pushed(&scan)),
+            PushEvent::Ended(why) => self.step(Input::Bus(pushed.bus, BusNotice::Down(why))),
+        }
+    }
+
+    fn take_command(&mut self, Request { command, reply, asked }: Request) {
         self.requests += 1;
         let request = RequestId(self.requests);
-        self.waiting.insert(request, reply);
+        let patch = match asked {
+            None => None,
+            Some(asked) => match self.note(request, *asked) {
+                Ok(patch) => Some(patch),
+                Err(why) => {
+                    // Nothing is done that nobody could find out about later.
+                    let _ = reply.send(Err(Rejection::Unavailable(format!("the audit log cannot be written: {why}"))));
+                    return;
+                }
+            },
+        };
+        self.waiting.insert(request, Waiting { reply, patch });
         self.step(Input::Command(request, command));
+    }
+
+    /// Writes down who asks for what, before the engine hears of it: what the engine writes because of it comes after.
+    /// Gives the patch that it is about.
+    fn note(&self, request: RequestId, asked: Asked) -> Result<String, String> {
+        let (patch, row) = self.audit.asked(request, self.clock.now().wall_ns, asked)?;
+        let batch = Batch { records: vec![row], on_durable: None };
+        self.store.submit(batch).map_err(|full| full.to_string())?;
+        Ok(patch)
     }
 
     fn take_done(&mut self, done: Done) {
@@ -205,9 +265,12 @@ impl Driver {
             Done::Fitted(outcome) => self.step(Input::Fitted(outcome)),
             Done::Committed(ticket, result) => self.step(Input::Committed { ticket, result }),
             Done::Loaded(ticket, result) => self.step(Input::Loaded { ticket, result }),
+            Done::SetLoaded(ticket, result) => self.step(Input::SetLoaded { ticket, result }),
+            Done::Store(StoreEvent::Damaged(damage)) => self.step(Input::StoreDamaged(damage)),
             Done::Store(StoreEvent::Durable { session, samples }) => self.step(Input::Durable { session, samples }),
             Done::Store(StoreEvent::Failed(why)) => {
                 tracing::error!(%why, "the store failed");
+                self.audit.store_failed(&why);
                 self.step(Input::StoreFailed(why));
             }
         }
@@ -216,14 +279,21 @@ impl Driver {
     fn step(&mut self, input: Input<'_>) {
         let mut out = std::mem::take(&mut self.out);
         self.engine.step(self.clock.now(), input, &mut out);
-        let (mut records, mut replies) = (Vec::new(), Vec::new());
+        let (mut records, mut answers) = (Vec::new(), Vec::new());
+        self.note_events(&out);
         for output in out.drain(..) {
             match output {
-                Output::Patch(index, snapshot) => self.publisher.patch(index, snapshot),
+                Output::Patch(index, snapshot) => {
+                    self.pages.patch(index, &snapshot);
+                    self.publisher.patch(index, snapshot);
+                }
                 Output::Session(index, view) => self.show_session(index, view),
                 Output::SessionGone(index) => self.hide_session(index),
                 Output::Health(health) => self.publisher.health(health),
-                Output::Catalogue(catalogue) => self.publisher.catalogue(catalogue),
+                Output::Catalogue(catalogue) => {
+                    self.audit.catalogue(&catalogue);
+                    self.publisher.catalogue(catalogue);
+                }
                 Output::Send(bus, frame) => self.send(bus, frame),
                 Output::Fit(job) => self.fit(job),
                 Output::Record(record) => records.push(record),
@@ -236,11 +306,41 @@ impl Driver {
                     self.commit(std::mem::take(&mut records), Vec::new());
                     self.load(ticket, session);
                 }
-                Output::Reply(request, reply) => replies.extend(self.waiting.remove(&request).map(|to| (to, reply))),
+                Output::LoadSet { ticket, model_set } => {
+                    self.commit(std::mem::take(&mut records), Vec::new());
+                    self.load_set(ticket, model_set);
+                }
+                Output::Reply(request, reply) => {
+                    answers.extend(self.waiting.remove(&request).map(|to| (request, to, reply)));
+                }
             }
         }
         self.out = out;
+        self.answer(records, answers);
+    }
+
+    /// What an operator may ask for later goes to the event log.
+    fn note_events(&mut self, out: &[Output]) {
+        let mut events = Vec::new();
+        let wall_ns = self.clock.now().wall_ns;
+        out.iter().for_each(|output| self.events.look(wall_ns, output, &mut events));
+        events.into_iter().for_each(|event| self.publisher.event(event));
+    }
+
+    /// Answers go out when the disk has them, and what was recorded in the same step. That something was refused is
+    /// written down as well, but nobody waits for it.
+    fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>) {
+        let wall_ns = self.clock.now().wall_ns;
+        let (mut replies, mut refusals) = (Vec::new(), Vec::new());
+        for (request, Waiting { reply: to, patch }, reply) in answers {
+            let row = patch.map(|patch| self.audit.answered(request, wall_ns, &patch, &reply));
+            if reply.is_ok() { &mut records } else { &mut refusals }.extend(row);
+            replies.push((to, reply));
+        }
         self.commit(records, replies);
+        if !refusals.is_empty() {
+            self.commit(refusals, Vec::new());
+        }
     }
 
     /// A reply goes out once everything recorded in the same step is on disk.
@@ -251,8 +351,13 @@ impl Driver {
             }
             return;
         }
-        let on_durable: Option<OnDurable> =
-            if replies.is_empty() { None } else { Some(Box::new(move |outcome| answer(replies, outcome))) };
+        // What was done is on disk already where only the audit log is written: then it is done, whatever becomes of that.
+        let is_done = records.iter().all(|record| matches!(record, Record::Answered(_)));
+        let on_durable: Option<OnDurable> = if replies.is_empty() {
+            None
+        } else {
+            Some(Box::new(move |outcome| answer(replies, if is_done { Ok(Durability::OnDisk) } else { outcome })))
+        };
         if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable }) {
             self.step(Input::StoreFailed(refuse(batch)));
         }
@@ -284,6 +389,22 @@ impl Driver {
         self.store.read_samples(session, on_samples);
     }
 
+    /// Reads a model set beside the engine, and gives it to the engine.
+    fn load_set(&self, ticket: u64, model_set: String) {
+        let done = self.tell_done.clone();
+        let (tell, told) = oneshot::channel();
+        // The driver waits for it below as long as it runs.
+        self.store.read_model_set(model_set, Box::new(move |text| drop(tell.send(text))));
+        tokio::spawn(async move {
+            let text = told.await.unwrap_or(Err(StoreError::Closed));
+            // Ten milliseconds, for which no frame should wait.
+            let read = tokio::task::spawn_blocking(move || read_set(text)).await;
+            let lost =
+                |_| Err(NotLoaded::Unavailable("reading it was lost, which is a fault of this program".to_owned()));
+            done.tell(Done::SetLoaded(ticket, read.unwrap_or_else(lost)));
+        });
+    }
+
     fn hide_session(&mut self, index: usize) {
         if let Some((session, _)) = self.logged[index].take() {
             tracing::info!(session, "calibration session deleted");
@@ -312,7 +433,11 @@ impl Driver {
 
     fn fit(&self, job: FitJob) {
         let (of, done) = ((job.session, job.fit), self.tell_done.clone());
-        tokio::spawn(fit(of, done, move || job.run(models_json::content_id)));
+        let fits = self.publisher.fits();
+        tokio::spawn(async move {
+            let _turn = fits.acquire_owned().await; // nobody closes it
+            fit(of, done, move || job.run(models_json::content_id)).await;
+        });
     }
 }
 
@@ -325,6 +450,17 @@ async fn fit((session, fit): (u64, u64), done: TellDone, run: impl FnOnce() -> F
         FitOutcome { session, fit, result: Err(why.to_owned()) }
     });
     done.tell(Done::Fitted(outcome));
+}
+
+fn read_set(text: Result<String, StoreError>) -> Result<Arc<ModelSet>, NotLoaded> {
+    match text {
+        Ok(text) => match models_json::from_json(&text) {
+            Ok(set) => Ok(Arc::new(set)),
+            Err(why) => Err(NotLoaded::Damaged(why.to_string())),
+        },
+        Err(StoreError::DamagedModelSet { findings, .. }) => Err(NotLoaded::Damaged(findings)),
+        Err(error) => Err(NotLoaded::Unavailable(error.to_string())),
+    }
 }
 
 /// Tells whoever waits for a batch that the store's queue has no room for it, and gives the words.

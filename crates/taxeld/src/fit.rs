@@ -15,7 +15,9 @@ use taxel_engine::model_set::ModelSet;
 use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Plays, Samples};
 use taxel_store::models_json;
 
+use crate::files;
 use crate::recording::{Column, Recording};
+use crate::say;
 use crate::soundness::{Wanted, check};
 
 /// A bar is shown for what takes longer.
@@ -23,14 +25,17 @@ const BAR_AFTER: Duration = Duration::from_secs(1);
 
 /// Fits models to DATA.csv and writes MODELS.json.
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxeld fit ramp.csv.gz --out models.json\n  taxeld fit ramp.csv --order auto --branch rising --out models.json\n  zstdcat ramp.csv.zst | taxeld fit - --patch palm --out - > models.json"
+)]
 pub struct FitArgs {
-    /// Recording: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or .gz.
+    /// Recording: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or .gz; `-` is the standard input.
     ///
     /// 280 rows and more of integers within 0..=255 in two columns or more are a recording of a skin: faulty stretches
     /// are left out, and the hysteresis is compensated where that wins; one cell in a hundred may be something else and
     /// is left out. Anything else is fitted as it stands, decimals as written.
     data: PathBuf,
-    /// Where the models go.
+    /// Where the models go; `-` is the standard output.
     #[arg(long, value_name = "MODELS.json")]
     out: PathBuf,
     /// Order of the polynomial, 1 to 10, or `auto`: per taxel by leave-one-out error [default: 5, and 3 for the curve
@@ -84,20 +89,28 @@ enum EstimatorArg {
     PressureBinned,
 }
 
+/// Which part of a recording is fitted.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum BranchArg {
+pub enum BranchArg {
+    /// Rising and falling pressure.
     Both,
+    /// Rising pressure alone.
     Rising,
 }
 
+/// Compensation of hysteresis.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum PlaysArg {
+pub enum PlaysArg {
+    /// Where it wins on a branch that no fit saw.
     Auto,
+    /// Wherever a taxel carries it.
     On,
+    /// Nowhere.
     Off,
 }
 
-fn parse_order(text: &str) -> Result<Order, String> {
+/// `auto`, or an order that is fitted.
+pub fn parse_order(text: &str) -> Result<Order, String> {
     if text == "auto" {
         return Ok(Order::Auto);
     }
@@ -111,7 +124,8 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "expected a finite number of 0 or more".to_owned())
 }
 
-fn parse_positive(text: &str) -> Result<f64, String> {
+/// A finite number above 0.
+pub fn parse_positive(text: &str) -> Result<f64, String> {
     parse_seconds(text).ok().filter(|v| *v > 0.0).ok_or_else(|| "expected a finite number above 0".to_owned())
 }
 
@@ -120,6 +134,10 @@ fn parse_positive(text: &str) -> Result<f64, String> {
 /// # Errors
 /// A file that cannot be read or written, or has no pressure; or not one usable taxel.
 pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
+    files::refuse_overwriting(&args.out, &[&args.data])?;
+    if files::is_standard(&args.out) {
+        say::step_aside();
+    }
     let mut recording = Recording::read(&args.data)?;
     recording.report_refused(&args.data);
     let notes = check(&mut recording, Wanted::FIT).with_context(|| args.data.display().to_string())?;
@@ -138,11 +156,14 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     set.created_wall_ns = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
     set.id = models_json::content_id(&set);
-    let text = models_json::to_json(&set).context("the models cannot be written")?;
-    std::fs::write(&args.out, text).with_context(|| args.out.display().to_string())?;
     say!("{}: {} scans fitted in {:.2} s", args.data.display(), recording.scans(), took.as_secs_f64());
     notes.iter().for_each(|note| say!("  {note}"));
     print_summary(&set);
+    if set.taxels.iter().all(|model| !model.is_usable()) {
+        bail!("not one of {} taxels got a usable model: nothing is written", set.taxels.len());
+    }
+    let text = models_json::to_json(&set).context("the models cannot be written")?;
+    files::write_text(&args.out, &text)?;
     say!("written to {}", args.out.display());
     Ok(())
 }
@@ -230,6 +251,7 @@ impl FitArgs {
             gauge_offset_kpa: 0.0,
             taxels,
             recorded: None,
+            recalibrated: None,
         })
     }
 }
@@ -342,7 +364,7 @@ fn listed(taxels: &[usize]) -> String {
 }
 
 /// Least, median and greatest of the finite values.
-fn spread(mut values: Vec<f64>) -> Option<(f64, f64, f64)> {
+pub fn spread(mut values: Vec<f64>) -> Option<(f64, f64, f64)> {
     values.retain(|v| v.is_finite());
     values.sort_by(f64::total_cmp);
     Some((*values.first()?, values[values.len() / 2], *values.last()?))

@@ -1,5 +1,7 @@
 //! `taxeld judge`: how good models are on a recording that has its own gauge.
 
+mod judged;
+mod recalibrated;
 mod table;
 
 use std::path::PathBuf;
@@ -11,6 +13,7 @@ use crate::apply::{RecipeArgs, print_applied, read_models};
 use crate::fit::scans_of;
 use crate::recording::Recording;
 use crate::soundness::{Wanted, check};
+use judged::Judged;
 
 /// Compares a recording's pressure with what models say of its counts.
 #[derive(Debug, clap::Args)]
@@ -24,8 +27,14 @@ pub struct JudgeArgs {
     #[command(flatten)]
     recipe: RecipeArgs,
     /// Instead: fit DIR/left_calibration.csv.gz by every recipe, judge on left_validation and left_steps, print a table.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["models", "data", "tare", "smooth", "module_size"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["models", "data", "tare", "smooth", "module_size", "load_points"])]
     table: Option<PathBuf>,
+    /// Correct the gain by so many load points, stretches in which gauge and skin hold still, and score only the rest.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(5..=100))]
+    load_points: Option<u8>,
+    /// With --load-points: another recording, scored as it is with the same correction.
+    #[arg(long, value_name = "DATA.csv", requires = "load_points")]
+    then: Vec<PathBuf>,
 }
 
 /// Runs `taxeld judge`.
@@ -38,6 +47,11 @@ pub fn judge(args: &JudgeArgs) -> anyhow::Result<()> {
         return table::print(directory);
     };
     let set = read_models(models)?;
+    if let Some(points) = args.load_points {
+        let others = args.then.iter().map(|path| Judged::read(path)).collect::<anyhow::Result<Vec<_>>>()?;
+        let (data, recipe) = (Judged::read(data)?, args.recipe.recipe(true));
+        return recalibrated::judge_recalibrated(&set, &data, &recipe, usize::from(points), &others);
+    }
     let mut recording = Recording::read(data)?;
     recording.report_refused(data);
     let named = || data.display().to_string();

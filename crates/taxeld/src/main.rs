@@ -4,45 +4,77 @@
 mod say;
 
 mod apply;
+mod audit;
+mod audit_command;
 mod bus;
+#[cfg(feature = "certificate")]
+mod certificate;
 mod check;
+#[cfg(feature = "client")]
+mod client;
 mod clock;
 mod config;
 #[cfg(feature = "sim")]
 mod demo;
+#[cfg(feature = "sim")]
+mod demo_effects;
+mod doors;
 mod driver;
+mod files;
 mod fit;
 mod force_file;
 mod judge;
+mod logs;
 mod offline;
+mod open_log;
+#[cfg(feature = "page")]
+mod page;
+#[cfg(feature = "client")]
+mod pages;
 #[cfg(feature = "report")]
 mod paper;
 #[cfg(feature = "sim")]
 mod picture;
 mod queues;
+mod record;
 mod recording;
+mod reload;
 mod replay;
 #[cfg(feature = "report")]
 mod report;
 mod run;
+mod runtime;
+mod scan;
+mod setup;
+mod shared_memory;
 #[cfg(feature = "sim")]
 mod show_demo;
 #[cfg(feature = "sim")]
 mod sim_bus;
 mod soundness;
+mod store_command;
+mod systemd;
+mod upkeep;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+#[cfg(feature = "client")]
+use clap::CommandFactory;
 use clap::{Parser, Subcommand};
 use config::{Config, Scene};
 
 /// Calibrates robot skin in a vacuum bag and streams its force.
 ///
-/// Start with `taxeld demo`: no hardware, no configuration. README.md has the whole procedure.
+/// Start with `taxeld demo`: no hardware, no configuration. `taxeld COMMAND --help` has examples; the whole procedure is
+/// in crates/taxeld/doc/walkthrough.md.
 #[derive(Debug, Parser)]
 #[command(name = "taxeld", version)]
 struct Cli {
+    /// What a line of the log on standard error looks like. RUST_LOG says what is logged, for example "warn",
+    /// "taxel_rpc=debug,info"; without it `log.filter` of the configuration does, else "info".
+    #[arg(long, global = true, value_enum, default_value_t)]
+    log_format: logs::LogFormat,
     #[command(subcommand)]
     command: Subcommands,
 }
@@ -53,19 +85,34 @@ enum Subcommands {
     #[cfg(feature = "sim")]
     Demo(show_demo::DemoArgs),
     /// The daemon.
+    #[command(after_help = "Examples:\n  taxeld run\n  taxeld run --config palm.toml")]
     Run {
         /// Configuration; deploy/taxeld.toml is a complete example.
-        #[arg(long)]
+        #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
     },
     /// Validates a configuration and prints what it resolves to and what it leaves out.
+    #[command(
+        after_help = "Examples:\n  taxeld check\n  taxeld check --config palm.toml\n  taxeld check --json | jq .problems"
+    )]
     Check {
         /// Configuration.
-        #[arg(long)]
+        #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
+        /// Print what is wrong with it as JSON: code, file, line, key, value, what was expected.
+        #[arg(long)]
+        json: bool,
     },
-    /// A candump log, plain or .gz, through the same engine.
+    /// Looks at a store, or gives back its empty space. Not while a daemon has it open.
+    Store(store_command::StoreArgs),
+    /// A candump log, plain or .gz, or a recording (MCAP), through the same engine.
     Replay(ReplayArgs),
+    /// A configuration from the robot's own files: positions and drawings of its skin, its configuration.
+    Setup(setup::SetupArgs),
+    /// Listens to a bus, or reads a log, and says what is there: boards, modules, faults, what could be the gauge.
+    Scan(scan::ScanArgs),
+    /// Who changed what: the audit log of a running daemon, or of a store.
+    Audit(audit_command::AuditArgs),
     /// Fits models to a recording and writes MODELS.json.
     Fit(fit::FitArgs),
     /// Turns the counts of a recording into pressures.
@@ -76,17 +123,41 @@ enum Subcommands {
     /// Every figure and table of the paper that data can draw: of the simulator, a recording, a log or a session.
     #[cfg(feature = "report")]
     Paper(paper::PaperArgs),
+    #[cfg(feature = "client")]
+    #[command(flatten)]
+    Client(client::ClientCommand),
     /// Compares a recording's pressure with what models say of its counts.
     #[command(hide = true)]
     Judge(judge::JudgeArgs),
+    /// Completions of this command line for a shell, on the standard output.
+    #[cfg(feature = "client")]
+    #[command(hide = true)]
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+    /// Manual pages of this command line, a file a command.
+    #[cfg(feature = "client")]
+    #[command(hide = true)]
+    Man {
+        /// The folder that they are written to.
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
 }
 
+/// The configuration of an installed daemon.
+const CONFIG_FILE: &str = "/etc/taxeld/taxeld.toml";
+
 #[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxeld replay candump.log --config palm.toml\n  zstdcat log.zst | taxeld replay - --calibrate --out models.json\n  taxeld replay candump.log --models models.json --force force.csv\n  taxeld replay /var/lib/taxeld/recordings --models models.json --force force.csv"
+)]
 struct ReplayArgs {
-    /// The log, as candump -l writes it.
+    /// The log, as candump -l writes it, plain or .gz, or a recording (.mcap) or a folder of these; `-` is the standard input.
     log: PathBuf,
     /// Configuration; the buses' interfaces name those of the log.
-    #[arg(long)]
+    #[arg(long, default_value = CONFIG_FILE)]
     config: PathBuf,
     /// Times as fast as the log was written, with the service up. Without it: as fast as it can be read, no service.
     #[arg(long, value_name = "X", value_parser = parse_speed)]
@@ -112,14 +183,16 @@ fn parse_speed(text: &str) -> Result<f64, String> {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    tracing_subscriber::fmt()
-        .with_env_filter(tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| "info".into()))
-        .with_writer(std::io::stderr)
-        .init();
-    match dispatch(cli.command) {
+    logs::start(cli.log_format);
+    let done = match cli.command {
+        #[cfg(feature = "client")]
+        Subcommands::Client(command) => return client::run(command),
+        command => dispatch(command),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("taxeld: {error:#}");
+            say::failure(&format!("{error:#}"));
             ExitCode::FAILURE
         }
     }
@@ -127,22 +200,32 @@ fn main() -> ExitCode {
 
 fn dispatch(command: Subcommands) -> anyhow::Result<()> {
     match command {
+        #[cfg(feature = "client")]
+        Subcommands::Completions { shell } => pages::completions(Cli::command(), shell),
+        #[cfg(feature = "client")]
+        Subcommands::Man { out } => pages::man(Cli::command(), &out),
+        #[cfg(feature = "client")]
+        Subcommands::Client(_) => Ok(()), // has an exit code of its own and went another way
         #[cfg(feature = "sim")]
         Subcommands::Demo(args) => show_demo::demo(&args),
-        Subcommands::Run { config } => {
-            let (config, scene) = load(&config)?;
-            run::runtime()?.block_on(run::run(config, scene))
+        Subcommands::Run { config: path } => {
+            let (config, scene) = load(&path)?;
+            runtime::runtime()?.block_on(run::run(config, scene, &path))
         }
-        Subcommands::Check { config } => {
-            let (config, scene) = load(&config)?;
-            check::print(&config, &scene);
-            Ok(())
-        }
+        Subcommands::Check { config, json } => check::check(&config, json),
+        Subcommands::Store(args) => store_command::store(&args),
         Subcommands::Replay(args) => {
             let (config, scene) = load(&args.config)?;
-            let ReplayArgs { log, speed, calibrate, out, models, force, .. } = args;
+            let ReplayArgs { log, config: file, speed, calibrate, out, models, force } = args;
+            for output in out.iter().chain(&force) {
+                let inputs: Vec<&Path> = [&log, &file].into_iter().chain(&models).map(PathBuf::as_path).collect();
+                files::refuse_overwriting(output, &inputs)?;
+            }
             replay::replay(replay::Request { log, speed, calibrate, out, models, force }, config, scene)
         }
+        Subcommands::Setup(args) => setup::setup(&args),
+        Subcommands::Scan(args) => scan::scan(&args),
+        Subcommands::Audit(args) => audit_command::audit(&args),
         Subcommands::Fit(args) => fit::fit(&args),
         Subcommands::Apply(args) => apply::apply(&args),
         #[cfg(feature = "report")]
@@ -154,7 +237,5 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
 }
 
 fn load(path: &Path) -> anyhow::Result<(Config, Scene)> {
-    let config = config::load(path)?;
-    let scene = config::resolve(&config, path)?;
-    Ok((config, scene))
+    Ok(config::examine(path)?)
 }

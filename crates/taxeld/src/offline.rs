@@ -35,6 +35,7 @@ pub struct Offline {
     commits: Vec<u64>,
     /// Samples that the engine asks for.
     loads: Vec<u64>,
+    set_loads: Vec<(u64, String)>,
     /// Fits that were asked for; they come back with the next tick, as if they took that long.
     fits: Vec<FitJob>,
     /// Newest state per patch.
@@ -69,6 +70,7 @@ impl Offline {
             reply: None,
             commits: Vec::new(),
             loads: Vec::new(),
+            set_loads: Vec::new(),
             fits: Vec::new(),
             snapshots: vec![Arc::default(); patches],
             published: 0,
@@ -120,7 +122,11 @@ impl Offline {
             for job in std::mem::take(&mut self.fits) {
                 self.step(Input::Fitted(job.run(content_id)));
             }
-            slot_end = slot_end + SLOT;
+            let next = slot_end + SLOT;
+            if next == slot_end {
+                break; // the end of all time, which only a file can say
+            }
+            slot_end = next;
         }
         slot_end
     }
@@ -158,6 +164,11 @@ impl Offline {
             let result = Err(NotLoaded::Unavailable("without a store no earlier session can go on".to_owned()));
             self.step(Input::Loaded { ticket, result });
         }
+        for (ticket, id) in std::mem::take(&mut self.set_loads) {
+            let found = self.model_sets.iter().find(|set| set.id == id).cloned();
+            let result = found.ok_or_else(|| NotLoaded::Unavailable("there is no store".to_owned()));
+            self.step(Input::SetLoaded { ticket, result });
+        }
     }
 
     fn apply(&mut self, output: Output) {
@@ -172,6 +183,7 @@ impl Offline {
             Output::Session(index, view) => self.sessions[index] = Some(view),
             Output::SessionGone(index) => self.sessions[index] = None,
             Output::Load { ticket, .. } => self.loads.push(ticket),
+            Output::LoadSet { ticket, model_set } => self.set_loads.push((ticket, model_set)),
             Output::Health(health) => self.health = health,
             Output::Send(bus, frame) => self.to_send.push((bus, frame)),
             Output::Fit(job) => {

@@ -120,7 +120,7 @@ fn paper(out: &mut String, scale: &Scale) -> std::fmt::Result {
 
 fn points(out: &mut String, drawn: &[&Weighing], scale: &Scale) -> std::fmt::Result {
     for (position, weighing) in drawn.iter().enumerate() {
-        let of_mass = |w: &&&Weighing| w.kilogram == weighing.kilogram;
+        let of_mass = |w: &&&Weighing| w.true_n == weighing.true_n;
         let (all, before) = (drawn.iter().filter(of_mass).count(), drawn[..position].iter().filter(of_mass).count());
         let shift_n = SPREAD_N * ((before as f64 + 0.5) / all as f64 - 0.5);
         // Along the identity, so that a shifted weighing stays as far from it as it is.
@@ -157,7 +157,7 @@ mod tests {
     use super::*;
 
     fn weighing(true_n: f64, measured_n: f64, sigma_n: f64) -> Weighing {
-        Weighing { kilogram: true_n / 9.81, true_n, measured_n, sigma_n }
+        Weighing { contact: crate::demo::Contact::Mass, true_n, measured_n, sigma_n }
     }
 
     #[test]

@@ -2,11 +2,14 @@
 //! behind another that is always full.
 
 use std::future::poll_fn;
+use std::sync::Arc;
 use std::task::{Context, Poll};
 
 use taxel_engine::BusNotice;
 use taxel_engine::calibration::{FitOutcome, NotLoaded, SessionSamples};
+use taxel_engine::model_set::ModelSet;
 use taxel_rpc::Request;
+use taxel_rpc::push_line::Pushed;
 use taxel_skin::BusIndex;
 use taxel_store::StoreEvent;
 use taxel_wire::TimedFrame;
@@ -30,6 +33,8 @@ pub enum Done {
     Store(StoreEvent),
     /// The samples of a session, by the ticket of the question, or why there are none.
     Loaded(u64, Result<SessionSamples, NotLoaded>),
+    /// A model set, by the ticket of the question, or why there is none.
+    SetLoaded(u64, Result<Arc<ModelSet>, NotLoaded>),
     /// The records of a commit, by its ticket, are on disk, or why not.
     Committed(u64, Result<(), String>),
 }
@@ -40,7 +45,8 @@ pub struct TellDone(mpsc::UnboundedSender<Done>);
 
 impl TellDone {
     /// A new line to the driver. Its length is bounded by the work under way: one event per commit, at most ten a
-    /// second, one per fit, and one per session that is taken up.
+    /// second, one per fit, one per session or model set that is taken up, and one per damaged
+    /// row of the store.
     pub fn new() -> (Self, mpsc::UnboundedReceiver<Done>) {
         let (sender, receiver) = mpsc::unbounded_channel();
         (Self(sender), receiver)
@@ -62,6 +68,8 @@ impl TellDone {
 pub enum Action {
     /// Take what a bus handed over.
     Batch(BusBatch),
+    /// Take what a program has pushed.
+    Pushed(Pushed),
     /// Take a command.
     Command(Request),
     /// Take what is done.
@@ -76,16 +84,18 @@ pub enum Action {
 #[derive(Clone, Copy)]
 enum Turn {
     Batches,
+    Pushed,
     Commands,
     Done,
 }
 
 impl Turn {
-    const COUNT: usize = 3;
+    const COUNT: usize = 4;
 
     const fn next(self) -> Self {
         match self {
-            Self::Batches => Self::Commands,
+            Self::Batches => Self::Pushed,
+            Self::Pushed => Self::Commands,
             Self::Commands => Self::Done,
             Self::Done => Self::Batches,
         }
@@ -95,6 +105,8 @@ impl Turn {
 /// Everything that waits for the engine's task. The other ends: the bus tasks, the service, and [`TellDone`].
 pub struct Queues {
     batches: mpsc::Receiver<BusBatch>,
+    /// Absent where no patch has its scans pushed.
+    pushed: Option<mpsc::Receiver<Pushed>>,
     commands: mpsc::Receiver<Request>,
     done: mpsc::UnboundedReceiver<Done>,
     turn: Turn,
@@ -107,7 +119,12 @@ impl Queues {
         commands: mpsc::Receiver<Request>,
         done: mpsc::UnboundedReceiver<Done>,
     ) -> Self {
-        Self { batches, commands, done, turn: Turn::Batches }
+        Self { batches, pushed: None, commands, done, turn: Turn::Batches }
+    }
+
+    /// The same with what is pushed.
+    pub fn with_pushed(self, pushed: Option<mpsc::Receiver<Pushed>>) -> Self {
+        Self { pushed, ..self }
     }
 
     /// The next item: of the queue whose turn it is, or of the next one that has any. So an item at the head of its
@@ -116,9 +133,10 @@ impl Queues {
         poll_fn(|context| self.poll_next(context)).await
     }
 
-    /// A batch that waits already.
-    pub fn waiting_batch(&mut self) -> Option<BusBatch> {
-        self.batches.try_recv().ok()
+    /// A batch or a scan that waits already.
+    pub fn waiting_input(&mut self) -> Option<Action> {
+        let batch = self.batches.try_recv().ok().map(Action::Batch);
+        batch.or_else(|| self.pushed.as_mut()?.try_recv().ok().map(Action::Pushed))
     }
 
     fn poll_next(&mut self, context: &mut Context<'_>) -> Poll<Action> {
@@ -127,6 +145,10 @@ impl Queues {
             self.turn = turn.next();
             let item = match turn {
                 Turn::Batches => self.batches.poll_recv(context).map(|item| item.map(Action::Batch)),
+                Turn::Pushed => match &mut self.pushed {
+                    Some(pushed) => pushed.poll_recv(context).map(|item| item.map(Action::Pushed)),
+                    None => Poll::Pending,
+                },
                 Turn::Commands => self.commands.poll_recv(context).map(|item| item.map(Action::Command)),
                 Turn::Done => self.done.poll_recv(context).map(|item| item.map(Action::Done)),
             };
@@ -154,14 +176,17 @@ mod tests {
         for _ in 0..12 {
             let _ = to_batches.try_send(BusBatch { bus: BusIndex(0), frames: Vec::new(), notices: Vec::new() });
             let (reply, _) = oneshot::channel();
-            let _ = to_commands
-                .try_send(Request { command: Command::BringUp { patch: String::new(), confirmed_by: None }, reply });
+            let _ = to_commands.try_send(Request {
+                command: Command::BringUp { patch: String::new(), confirmed_by: None },
+                reply,
+                asked: None,
+            });
             tell.tell(Done::Store(StoreEvent::Failed(String::new())));
             seen.push(match queues.next().await {
                 Action::Batch(_) => 'b',
                 Action::Command(_) => 'c',
                 Action::Done(_) => 'd',
-                Action::Wake | Action::Stop => '?',
+                Action::Pushed(_) | Action::Wake | Action::Stop => '?',
             });
         }
         assert_eq!(seen, "bcdbcdbcdbcd");

@@ -1,13 +1,15 @@
 //! DATA.csv: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or gzipped.
 
 use std::borrow::Cow;
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::Path;
 
 use anyhow::{Context, bail};
 use flate2::read::MultiGzDecoder;
 use taxel_model::parse_decimal;
+
+use crate::files;
+use crate::say::{error_line, short};
 
 /// Most bad rows that are told one by one.
 const TOLD_MAX: usize = 5;
@@ -74,12 +76,15 @@ impl Refused {
     }
 }
 
-/// Opens a file, plain or gzipped by its first bytes.
+/// Longest piece of a file that a message shows, in characters.
+const SHOWN_CHARS_MAX: usize = 60;
+
+/// Opens a file, plain or gzipped by its first bytes; `-` is the standard input.
 ///
 /// # Errors
 /// The file's path and the system's reason.
 pub fn open(path: &Path) -> anyhow::Result<Box<dyn Read>> {
-    let mut file = BufReader::with_capacity(1 << 16, File::open(path).with_context(|| path.display().to_string())?);
+    let mut file = BufReader::with_capacity(1 << 16, files::reader(path)?);
     let gzipped = std::io::BufRead::fill_buf(&mut file)?.starts_with(&[0x1F, 0x8B]);
     Ok(if gzipped { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) })
 }
@@ -131,7 +136,7 @@ impl Recording {
         }
         let Some((time, _)) = row.get(0).and_then(number) else {
             self.refused.rows += 1;
-            let text = String::from_utf8_lossy(row.get(0).unwrap_or_default()).into_owned();
+            let text = shown(row.get(0).unwrap_or_default());
             return self.refused.tell(|| format!("line {line}: t_s is `{text}`, expected seconds"));
         };
         self.time_s.push(time);
@@ -143,7 +148,7 @@ impl Recording {
             if hi.is_nan() && !cell.is_empty() {
                 self.refused.cells += 1;
                 let at = column.hi.len();
-                let text = String::from_utf8_lossy(cell).into_owned();
+                let text = shown(cell);
                 self.refused.tell(|| format!("line {line}: `{text}` (row {at}) is not a finite number"));
             }
         }
@@ -170,9 +175,9 @@ impl Recording {
             return;
         }
         let (rows, cells) = (self.refused.rows, self.refused.cells);
-        eprintln!("{}: left out {rows} rows and {cells} cells that could not be read:", path.display());
+        error_line(format_args!("{}: left out {rows} rows and {cells} cells that could not be read:", path.display()));
         for line in &self.refused.told {
-            eprintln!("  {line}");
+            error_line(format_args!("  {line}"));
         }
     }
 }
@@ -189,17 +194,26 @@ fn check_header(header: &csv::StringRecord) -> anyhow::Result<bool> {
     let (has_pressure, taxels) = match columns.as_slice() {
         ["t_s", "pressure_kpa", taxels @ ..] => (true, taxels),
         ["t_s", taxels @ ..] => (false, taxels),
-        _ => bail!("line 1: the header begins with `{}`, expected `t_s,pressure_kpa,c0,c1,...`", columns.join(",")),
+        _ => bail!(
+            "line 1: the header begins with `{}`, expected `t_s,pressure_kpa,c0,c1,...`",
+            short(&columns.join(","), SHOWN_CHARS_MAX)
+        ),
     };
     if taxels.is_empty() {
         bail!("line 1: the header has no taxel column: expected `t_s,pressure_kpa,c0,c1,...`");
     }
     for (i, name) in taxels.iter().enumerate() {
         if *name != format!("c{i}") {
+            let name = short(name, SHOWN_CHARS_MAX);
             bail!("line 1: column {} is `{name}`, expected `c{i}`", i + 2 + usize::from(has_pressure));
         }
     }
     Ok(has_pressure)
+}
+
+/// A cell as a message shows it.
+fn shown(cell: &[u8]) -> String {
+    short(&String::from_utf8_lossy(cell), SHOWN_CHARS_MAX)
 }
 
 /// A finite decimal; short integers, the bulk of all cells, without the long way.

@@ -16,10 +16,13 @@ use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
 use crate::clock::RunClock;
-use crate::config::{Config, Scene};
+use crate::config::{BusSource, Config, Scene};
+use crate::files;
 use crate::force_file::ForceFile;
 use crate::offline::Offline;
+use crate::open_log::{Wanted, open_log};
 use crate::run::{Daemon, StoreAt};
+use crate::say;
 
 /// Frames per read.
 const FRAMES: usize = 4096;
@@ -45,13 +48,19 @@ pub struct Request {
 /// # Errors
 /// An unreadable log, or a calibration that fails.
 pub fn replay(request: Request, config: Config, mut scene: Scene) -> anyhow::Result<()> {
+    refuse_pushed(&config)?;
     for patch in &mut scene.plan.patches {
         patch.bring_up.clear(); // a log cannot be configured
+        patch.devices.iter_mut().for_each(|device| device.commands.clear());
     }
+    if request.out.as_deref().is_some_and(files::is_standard) {
+        say::step_aside();
+    }
+    let request = Request { log: files::named(request.log), ..request };
     match request.speed {
         None => at_full_speed(&request, &config, scene),
         Some(speed) => {
-            let runtime = crate::run::runtime()?;
+            let runtime = crate::runtime::runtime()?;
             runtime.block_on(paced(&request.log, speed, config, scene))
         }
     }
@@ -61,17 +70,29 @@ async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::
     let clock = RunClock::of_log(speed);
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, clock).await?;
     for (position, section) in config.bus.iter().enumerate() {
-        let reader = LogReader::open(log, section.interface.clone())?;
+        // A recording knows the names of buses; with one bus they need not be the same.
+        let bus = (config.bus.len() > 1).then(|| section.name.clone());
+        let reader = open_log(log, Wanted { interface: section.interface.clone(), bus })?;
         daemon.add_bus(BusIndex(position as u8), Replay::new(reader, Pace::Realtime { speed }));
     }
     daemon.until_the_end().await
+}
+
+/// No log has scans that a program pushes.
+fn refuse_pushed(config: &Config) -> anyhow::Result<()> {
+    match config.bus.iter().find(|section| section.source == BusSource::Push) {
+        Some(section) => {
+            bail!("bus `{}` has source = \"push\": there is no log of pushed scans to replay", section.name)
+        }
+        None => Ok(()),
+    }
 }
 
 fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Result<()> {
     let [section] = config.bus.as_slice() else {
         bail!("a replay at full speed takes one bus, the configuration has {}", config.bus.len());
     };
-    let mut reader = LogReader::open(&request.log, section.interface.clone())?;
+    let mut reader = open_log(&request.log, Wanted::interface(section.interface.clone()))?;
     let models = request.models.as_deref().map(crate::apply::read_models).transpose()?;
     let mut force = request.force.as_deref().map(|path| ForceFile::create(path, &scene.plan)).transpose()?;
     let mut offline = Offline::new(Arc::new(scene.plan));
@@ -113,6 +134,12 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
         offline.published,
     );
     print_report(&reader, &offline);
+    let understood: u64 = offline.health.buses.iter().map(|bus| bus.frames).sum();
+    if understood == 0 {
+        bail!(
+            "not one of {total} frames was understood: do the interface and the identifiers of the configuration fit the log?"
+        );
+    }
     if let Some(file) = force {
         say!("{}", file.finish()?);
     }
@@ -123,7 +150,7 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
 fn use_models(offline: &mut Offline, set: &ModelSet) -> anyhow::Result<()> {
     let model_set = Arc::new(set.clone());
     let activate = Command::Activate { patch: set.patch.clone(), model_set: set.id.clone(), expected: None };
-    for command in [Command::Import { model_set }, activate] {
+    for command in [Command::Import { model_set, insist: true }, activate] {
         let reply = offline.command(command).context("the engine did not answer")?;
         reply.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
     }
@@ -189,7 +216,7 @@ fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
     };
     crate::fit::print_summary(set);
     if let Some(out) = &request.out {
-        std::fs::write(out, models_json::to_json(set)?).with_context(|| out.display().to_string())?;
+        files::write_text(out, &models_json::to_json(set)?)?;
         say!("models: {}", out.display());
     }
     Ok(())

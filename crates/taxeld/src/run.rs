@@ -1,19 +1,26 @@
 //! `taxeld run`: buses, engine, store and service, wired together until a signal ends them.
 
+use std::future::pending;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context;
 use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
-use taxel_engine::Restored;
+use taxel_engine::command::Command;
 use taxel_engine::engine::routes::Routes;
+use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_rpc::{Clocks, Handle, Limits, Listener, ModelCodec, handle::channel, serve};
+use taxel_engine::{BusNotice, Restored};
+use taxel_rpc::push_line::{PushLine, Pushed, push_line};
+use taxel_rpc::{
+    Access, AuditSource, Clocks, Handle, Limits, Listener, ModelCodec, ModelSetSource, Room, SamplesSource,
+    SharedServices, handle::channel, serve_and_share,
+};
 use taxel_skin::BusIndex;
-use taxel_store::{Store, models_json};
+use taxel_store::{AuditReader, Retention, SamplesReader, SetReader, Store, models_json};
 use taxel_wire::Frame;
-use tokio::net::TcpListener;
-use tokio::runtime::Runtime;
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
@@ -21,8 +28,15 @@ use tokio_util::sync::CancellationToken;
 use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, FRAMES_WAITING_MAX};
 use crate::clock::{RunClock, process_clock};
 use crate::config::{BusSource, Config, Scene};
+use crate::doors::{self, Open, Reloader};
 use crate::driver::{Driver, Stage};
+use crate::logs;
 use crate::queues::{BusBatch, Queues, TellDone};
+use crate::record::{self, Tap};
+use crate::reload::Reload;
+use crate::shared_memory::Pages;
+use crate::systemd;
+use crate::upkeep;
 
 /// After the end was asked for, the parts have this long to close.
 const CLOSE_WITHIN: Duration = Duration::from_secs(5);
@@ -33,16 +47,49 @@ pub const CODEC: ModelCodec = ModelCodec {
     from_json: |text| models_json::from_json(text).map_err(|error| error.to_string()),
 };
 
+/// How the service reads the audit log.
+fn audit_source(reader: AuditReader) -> AuditSource {
+    Arc::new(move |before, most, on_entries| {
+        reader.read(before, most, Box::new(move |read| on_entries(read.map_err(|error| error.to_string()))));
+    })
+}
+
+/// Whether the store's files are within their budget.
+fn room_of(store: &StoreAt<'_>, budget_mb: u64) -> Room {
+    let StoreAt::File(path, _) = store else { return Arc::new(|| Ok(())) };
+    let files = ["", "-wal"].map(|end| {
+        let mut file = path.as_os_str().to_owned();
+        file.push(end);
+        std::path::PathBuf::from(file)
+    });
+    Arc::new(move || {
+        let bytes: u64 = files.iter().filter_map(|file| Some(std::fs::metadata(file).ok()?.len())).sum();
+        let megabytes = bytes.div_ceil(1_000_000);
+        if megabytes <= budget_mb {
+            return Ok(());
+        }
+        Err(format!(
+            "the store has {megabytes} MB, its budget is {budget_mb} MB (store.budget_mb): delete sessions or model sets, \
+             a restart gives their space back"
+        ))
+    })
+}
+
 /// Everything of a daemon but its buses.
 pub struct Daemon {
     plan: Arc<Plan>,
+    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
+    handle: Handle,
     cancel: CancellationToken,
     to_engine: mpsc::Sender<BusBatch>,
-    to_buses: Vec<Option<mpsc::Receiver<Frame>>>,
+    to_buses: Vec<Option<(mpsc::Receiver<Frame>, Tap)>>,
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
     session: watch::Receiver<Option<Stage>>,
+    reloader: Reloader,
     tasks: JoinSet<()>,
     buses: JoinSet<BusEnd>,
+    /// What SIGHUP reloads; without it SIGHUP ends the process, as it does by itself.
+    reload: Option<(Signal, Reload)>,
 }
 
 impl Daemon {
@@ -51,37 +98,85 @@ impl Daemon {
     /// # Errors
     /// If the store cannot be opened or the address cannot be bound.
     pub async fn start(config: &Config, scene: Scene, store: StoreAt<'_>, clock: RunClock) -> anyhow::Result<Self> {
+        #[cfg(feature = "certificate")]
+        let certificates = crate::certificate::maker(config, &scene);
         let plan = Arc::new(scene.plan);
         let cancel = CancellationToken::new();
         let (tell_done, done) = TellDone::new();
+        let room = room_of(&store, config.store.budget_mb);
+        let pages = pages(config, &plan, &clock)?;
+        let kept = match &store {
+            StoreAt::File(_, kept) => *kept,
+            StoreAt::Memory => Retention::default(),
+        };
         let (store, restored) = open_store(store, &tell_done)?;
-        let (now, patches) = (clock.clone(), plan.patches.len());
+        let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
         let clocks = Clocks { run: Arc::new(move || now.now().time), process: Arc::new(process_clock()) };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
+        let handle = handle.with_samples(samples_of(store.reader())).with_refits(models_json::content_id);
+        let handle = handle.with_model_sets(model_sets_of(store.set_reader()));
+        let handle = handle.with_audit(audit_source(store.audit_reader())).with_room(room);
+        let size = store.size_reader();
+        #[cfg(feature = "certificate")]
+        let handle = handle.with_certificates(certificates);
         let (to_engine, batches) = mpsc::channel(BATCHES_WAITING_MAX);
-        let (senders, receivers): (Vec<_>, Vec<_>) =
-            (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).map(|(s, r)| (s, Some(r))).unzip();
+        let (senders, receivers): (Vec<_>, Vec<_>) = (0..plan.buses).map(|_| mpsc::channel(FRAMES_WAITING_MAX)).unzip();
         let (session_state, session) = watch::channel(None);
+        let (push, pushed) = push_ways(&plan);
+        let handle = if let Some(line) = push { handle.with_push(line) } else { handle };
         let driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders)
-            .telling(session_state);
-        let queues = Queues::new(batches, commands, done);
+            .telling(session_state)
+            .writing(pages);
+        let queues = Queues::new(batches, commands, done).with_pushed(pushed);
         let mut tasks = JoinSet::new();
         tasks.spawn(driver.run(queues, cancel.clone()));
-        tasks.spawn(service(handle, listen(config)?, limits(config))?);
-        tracing::info!(patches, listen = %config.service.listen, "taxeld is up");
-        Ok(Self { plan, cancel, to_engine, to_buses: receivers, session, tasks, buses: JoinSet::new() })
+        tasks.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
+        let share = share_with_pages(config, &cancel, &mut tasks)?;
+        let Open { listeners, access, reloader } = doors::open(&scene.doors)?;
+        let (handle, taps) = record::begin((config, live), &plan, handle, (&mut tasks, &cancel))?;
+        tasks.spawn(service(handle.clone(), listeners, (access, reloader.clone()), limits(config), share)?);
+        let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
+        tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
+        let (to_buses, buses) = (taps.beside(receivers), JoinSet::new());
+        Ok(Self { plan, handle, cancel, to_engine, to_buses, session, reloader, tasks, buses, reload: None })
     }
 
     /// Adds the source of a bus.
     pub fn add_bus(&mut self, bus: BusIndex, source: impl FrameSource + 'static) {
-        let Some(to_send) = self.to_buses.get_mut(bus.0 as usize).and_then(Option::take) else { return };
-        self.buses.spawn(bus::run(bus, source, self.to_engine.clone(), to_send, self.cancel.clone()));
+        let Some((to_send, tap)) = self.to_buses.get_mut(bus.0 as usize).and_then(Option::take) else { return };
+        self.buses.spawn(bus::run(bus, source, self.to_engine.clone(), to_send, tap, self.cancel.clone()));
+    }
+
+    /// Adds a bus whose scans are pushed: there is nothing to read, and nobody has pushed any yet.
+    fn add_push_bus(&mut self, bus: BusIndex) {
+        let notices = vec![BusNotice::Down("nobody has pushed a scan yet".to_owned())];
+        let (to_engine, cancel) = (self.to_engine.clone(), self.cancel.clone());
+        self.buses.spawn(async move {
+            let _ = to_engine.send(BusBatch { bus, frames: Vec::new(), notices }).await; // the engine has stopped
+            cancel.cancelled().await;
+            BusEnd::Cancelled
+        });
     }
 
     /// What the calibration is at, for whoever plays the operator's hand.
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
     pub fn session(&self) -> watch::Receiver<Option<Stage>> {
         self.session.clone()
+    }
+
+    /// Uses a model set from now on.
+    ///
+    /// # Errors
+    /// What the engine has against it.
+    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
+    pub async fn use_models(&self, model_set: Arc<ModelSet>) -> anyhow::Result<()> {
+        let (patch, id) = (model_set.patch.clone(), model_set.id.clone());
+        let activate = Command::Activate { patch, model_set: id, expected: None };
+        for command in [Command::Import { model_set, insist: false }, activate] {
+            let reply = self.handle.ask(command).await.context("the engine has stopped")?;
+            reply.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
+        }
+        Ok(())
     }
 
     /// Which identifiers each bus needs.
@@ -94,11 +189,12 @@ impl Daemon {
     /// # Errors
     /// If signals cannot be waited for.
     pub async fn until_the_end(mut self) -> anyhow::Result<()> {
-        let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())?;
+        let mut terminate = signal(SignalKind::terminate())?;
         loop {
             tokio::select! {
                 interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
                 _ = terminate.recv() => break,
+                () = hung_up(&mut self.reload) => self.reloader.reload_and_tell(),
                 ended = self.buses.join_next() => match ended {
                     Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
                     Some(Ok(BusEnd::LogOver)) if !self.buses.is_empty() => {}
@@ -118,6 +214,7 @@ impl Daemon {
     }
 
     async fn close(mut self) {
+        systemd::stopping();
         tracing::info!("taxeld stops");
         self.cancel.cancel();
         let all = async {
@@ -130,10 +227,57 @@ impl Daemon {
     }
 }
 
+/// Both ends of the way of pushed scans, where there is a patch that has any.
+fn push_ways(plan: &Plan) -> (Option<PushLine>, Option<mpsc::Receiver<Pushed>>) {
+    if plan.patches.iter().all(|patch| patch.pushed.is_none()) {
+        return (None, None);
+    }
+    let (line, pushed) = push_line(plan.patches.len());
+    (Some(line), Some(pushed))
+}
+
+/// The pages in shared memory, where they are configured. Readers judge ages by the machine's clock, so that a log, which
+/// has its own, has none.
+fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<Pages> {
+    let section = config.shared_memory.as_ref();
+    if section.is_some() && !matches!(clock, RunClock::Live) {
+        tracing::info!("no pages in shared memory: a log has a clock of its own");
+        return Ok(Pages::default());
+    }
+    let pages = Pages::make(section, plan)?;
+    pages.paths().for_each(|page| tracing::info!(page = %page.display(), "in shared memory"));
+    Ok(pages)
+}
+
+/// The samples of stored sessions, for the service.
+fn samples_of(store: SamplesReader) -> SamplesSource {
+    Arc::new(move |session, told| {
+        store.read(session, Box::new(move |samples| told(samples.map_err(|error| error.to_string()))));
+    })
+}
+
+/// The texts of stored model sets, for the service.
+fn model_sets_of(store: SetReader) -> ModelSetSource {
+    Arc::new(move |model_set, told| {
+        store.read(model_set, Box::new(move |text| told(text.map_err(|error| error.to_string()))));
+    })
+}
+
+/// Waits for SIGHUP and reloads. The engine shares this thread: reading a few kilobytes takes it less than a scan's time.
+async fn hung_up(reload: &mut Option<(Signal, Reload)>) {
+    let Some((signal, reload)) = reload else { return pending().await };
+    if signal.recv().await.is_none() {
+        return pending().await;
+    }
+    systemd::reloading();
+    reload.again();
+    systemd::reloaded();
+}
+
 /// Where records go.
 pub enum StoreAt<'a> {
-    /// A file.
-    File(&'a std::path::Path),
+    /// A file, and how much of it is kept.
+    File(&'a Path, Retention),
     /// Nowhere that outlives the process.
     Memory,
 }
@@ -141,11 +285,11 @@ pub enum StoreAt<'a> {
 fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Store, Restored)> {
     match at {
         StoreAt::Memory => Ok((Store::in_memory(tell_done.of_store())?, Restored::default())),
-        StoreAt::File(path) => {
+        StoreAt::File(path, retention) => {
             if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
                 std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
             }
-            let opened = Store::open(path, tell_done.of_store());
+            let opened = Store::open_keeping(path, &retention, tell_done.of_store());
             // What was found damaged is in the log already, and in `restored` for the health.
             let (store, restored, _) = opened.with_context(|| format!("opening {}", path.display()))?;
             Ok((store, restored))
@@ -153,29 +297,55 @@ fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Store, R
     }
 }
 
-fn listen(config: &Config) -> anyhow::Result<std::net::TcpListener> {
-    let address = config.service.listen;
-    let listener = std::net::TcpListener::bind(address).with_context(|| format!("service.listen = {address}"))?;
-    listener.set_nonblocking(true)?;
-    Ok(listener)
-}
-
 fn limits(config: &Config) -> Limits {
     let service = &config.service;
-    Limits { streams: service.subscribers_max, connections: service.connections_max, ..Limits::default() }
+    Limits {
+        streams: service.subscribers_max,
+        streams_per_peer: service.subscribers_per_peer_max,
+        connections: service.connections_max,
+        ..Limits::default()
+    }
+}
+
+/// Where the services go besides: to the page and to the metrics, where they are configured.
+#[cfg_attr(not(feature = "page"), allow(unused_variables, clippy::unnecessary_wraps))]
+fn share_with_pages(
+    config: &Config,
+    cancel: &CancellationToken,
+    tasks: &mut JoinSet<()>,
+) -> anyhow::Result<Vec<oneshot::Sender<SharedServices>>> {
+    #[cfg(feature = "page")]
+    {
+        let start = |site: crate::page::Site| {
+            let (share, end) = site.start(cancel.clone())?;
+            tasks.spawn(end);
+            Ok(share)
+        };
+        crate::page::sites(config).into_iter().map(start).collect()
+    }
+    #[cfg(not(feature = "page"))]
+    Ok(Vec::new())
 }
 
 /// Starts the service on a thread of its own, so that what subscribers cost never delays a frame. Gives its end.
 fn service(
     handle: Handle,
-    listener: std::net::TcpListener,
+    listeners: Vec<Listener>,
+    (access, reloader): (Access, Reloader),
     limits: Limits,
+    share: Vec<oneshot::Sender<SharedServices>>,
 ) -> anyhow::Result<impl Future<Output = ()> + use<>> {
-    let runtime = runtime()?;
+    let runtime = crate::runtime::runtime()?;
     let (ended, end) = oneshot::channel();
     let serving = async move {
-        let listener = Listener::Tcp(TcpListener::from_std(listener)?);
-        anyhow::Ok(serve(handle, listener, limits).await?)
+        tokio::spawn(reloader.watch()); // ends with the runtime
+        let give = |services: SharedServices| {
+            share.into_iter().for_each(|to| drop(to.send(services.clone()))); // to a page that may have failed
+        };
+        tokio::select! {
+            served = serve_and_share(handle.clone(), listeners, access, limits, give) => anyhow::Ok(served?),
+            never = systemd::keep(handle) => match never {},
+        }
     };
     let run = move || {
         if let Err(error) = runtime.block_on(serving) {
@@ -191,32 +361,34 @@ fn service(
     })
 }
 
-/// A runtime on the thread that drives it. One thread wakes tasks without waking another thread, and takes them in the
-/// order in which they were woken: a connection is written to when all of its streams have had their turn.
-///
-/// # Errors
-/// If the system has no more descriptors.
-pub fn runtime() -> std::io::Result<Runtime> {
-    tokio::runtime::Builder::new_current_thread().enable_all().build()
-}
-
 /// The daemon on the buses of its configuration.
 ///
 /// # Errors
 /// Whatever keeps it from starting.
-pub async fn run(config: Config, scene: Scene) -> anyhow::Result<()> {
-    let mut daemon = Daemon::start(&config, scene, StoreAt::File(&config.store.path), RunClock::Live).await?;
+pub async fn run(config: Config, scene: Scene, path: &Path) -> anyhow::Result<()> {
+    logs::filter(config.log.filter.as_deref()).map_err(anyhow::Error::msg)?;
+    let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
+    let store = &config.store;
+    let retention = Retention {
+        model_sets: store.keep_model_sets,
+        sessions: store.keep_sessions,
+        samples: store.keep_samples,
+        bytes: store.keep_mb.map(|mb| mb.saturating_mul(1_000_000)),
+    };
+    let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, retention), RunClock::Live).await?;
+    daemon.reload = Some((hangup, Reload::new(path)));
     let routes = daemon.routes();
     for (position, section) in config.bus.iter().enumerate() {
         let bus = BusIndex(position as u8);
         match section.source {
             BusSource::SocketCan => {
                 let interface = section.interface.clone().unwrap_or_default();
-                let speaks = |p: &PatchPlan| !p.bring_up.is_empty() && p.patch.boards().iter().any(|b| b.bus == bus);
+                let speaks = |p: &PatchPlan| p.configures() && p.patch.boards().iter().any(|b| b.bus == bus);
                 let tx = daemon.plan.patches.iter().any(speaks);
                 let options = SocketCanOptions { interface, ids: Some(routes.wanted(bus)), tx };
                 daemon.add_bus(bus, SocketCan::open(options)?);
             }
+            BusSource::Push => daemon.add_push_bus(bus),
             #[cfg(feature = "sim")]
             BusSource::Sim => daemon.add_bus(bus, crate::sim_bus::SimBus::new(section.seed, daemon.session())?),
             #[cfg(not(feature = "sim"))]

@@ -14,7 +14,7 @@ use std::time::Duration;
 use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, SendError, SourceError};
 use taxel_engine::calibration::{Direction, SessionState};
 
-use taxel_sim::{BoardsConfig, Config, Mass, PumpCommand, Skin, World};
+use taxel_sim::{BoardsConfig, Config, Mass, PumpCommand, World};
 use taxel_skin::{Kilopascal, TaxelIndex, Time};
 use taxel_wire::{Frame, TimedFrame};
 use tokio::sync::{mpsc, watch};
@@ -56,7 +56,8 @@ impl SimBus {
         let begun = ClockReading::now().time;
         // A robot's boards stream already when a daemon comes that only listens.
         let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
-        let world = World::new(Skin::forearm()?, Config { start: begun, boards, ..Config::seeded(seed) })?;
+        let (skin, config) = crate::demo::skin(seed)?;
+        let world = World::new(skin, Config { start: begun, boards, ..config })?;
         let (to_bus, frames) = mpsc::channel(FRAMES_WAITING_MAX);
         let (commands, received) = std::sync::mpsc::channel();
         let simulation = Simulation { world, begun, session, received, to_bus, pumping: None, loaded: false };

@@ -121,6 +121,54 @@ fn a_real_skin_is_calibrated_and_read_with_the_defaults() {
     }
 }
 
+/// The first number after `before`, of the first line that holds `line`.
+fn number_after(said: &str, line: &str, before: &str) -> f64 {
+    let found = said.lines().find(|found| found.contains(line) && found.contains(before));
+    assert!(found.is_some(), "no `{line}` with `{before}` in {said}");
+    let rest = found.unwrap().split_once(before).unwrap().1.trim_start();
+    rest.split([' ', '%']).next().unwrap().parse().unwrap()
+}
+
+#[test]
+fn five_load_points_correct_the_gain_of_another_day_on_scans_that_none_of_them_is_of() {
+    let Some((header, calibration)) = rows("insole/left_calibration.csv.gz") else { return };
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let (models, recording) = (at("models.json"), at("recording.csv"));
+    write(&recording, &header, &calibration);
+    ran(&["fit", text(&recording), "--out", text(&models)]);
+    let (days, names) = ([at("validation.csv"), at("steps.csv")], ["left_validation", "left_steps"]);
+    for (day, name) in days.iter().zip(names) {
+        let Some((_, judged)) = rows(&format!("insole/{name}.csv.gz")) else { return };
+        write(day, &header, &judged);
+    }
+    // The aim is 3 % on the validation, and the steps no worse, by points of their own or by those of the other day.
+    for (day, other, area_max) in [(&days[0], &days[1], 3.0), (&days[1], &days[0], 3.0)] {
+        let said = ran(&["judge", text(&models), text(day), "--load-points", "5", "--then", text(other)]);
+        eprintln!("{said}");
+        let (held, of) = (text(day), "area-mean error");
+        let (before, after) = (number_after(&said, held, of), number_after(&said, held, "% before,"));
+        assert!(after <= area_max && after < before, "{held}: {before} % before, {after} % after");
+        let (before, after) = (number_after(&said, text(other), of), number_after(&said, text(other), "% before,"));
+        assert!(after < before, "{}: {before} % before, {after} % after", text(other));
+    }
+    // A chamber whose gauge was read wrong for a time contradicts itself, and nothing is corrected.
+    let Some((_, judged)) = rows("insole/left_validation.csv.gz") else { return };
+    let wrong = |row: &String| {
+        let mut cells: Vec<String> = row.split(',').map(str::to_owned).collect();
+        if let Ok(kpa) = cells[1].parse::<f64>()
+            && kpa > 250.0
+        {
+            cells[1] = (1.2 * kpa).to_string();
+        }
+        cells.join(",")
+    };
+    write(&recording, &header, &judged.iter().map(wrong).collect::<Vec<_>>());
+    let output = taxeld(&["judge", text(&models), text(&recording), "--load-points", "5"]);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && (errors.contains("contradicts") || errors.contains("disagree")), "{errors}");
+}
+
 #[test]
 fn a_regression_set_keeps_every_digit() {
     let Some(path) = data("strd/wampler2.csv") else { return };

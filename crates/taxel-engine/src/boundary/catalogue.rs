@@ -3,17 +3,17 @@
 use std::sync::Arc;
 
 use crate::calibration::view::SessionView;
+use crate::known_set::KnownSet;
 use crate::loads::load::Load;
 use crate::loads::validation::Validation;
-use crate::model_set::ModelSet;
 
 /// Sessions and model sets as the store has them.
 #[derive(Clone, Debug, Default)]
 pub struct Catalogue {
     /// Oldest first.
     pub sessions: Vec<Arc<SessionView>>,
-    /// Oldest first.
-    pub model_sets: Vec<Arc<ModelSet>>,
+    /// Oldest first. Those in use are at hand.
+    pub model_sets: Vec<KnownSet>,
     /// Per patch, in plan order: patch name and active model set.
     pub active: Vec<(String, Option<String>)>,
     /// Per patch, in plan order: its known loads.
@@ -23,8 +23,9 @@ pub struct Catalogue {
 /// What the store found at start.
 #[derive(Clone, Debug, Default)]
 pub struct Restored {
-    /// Every stored model set, oldest first.
-    pub model_sets: Vec<Arc<ModelSet>>,
+    /// Every stored model set, oldest first. Those that are active are at hand, the others stay in the store until somebody
+    /// asks for one.
+    pub model_sets: Vec<KnownSet>,
     /// Per patch name: the active model set.
     pub active: Vec<(String, String)>,
     /// Every session that ended, oldest first, and those that were interrupted (state `Interrupted`). Their samples stay
@@ -38,4 +39,15 @@ pub struct Restored {
     pub next_load: u64,
     /// What was found damaged and left out, a line each.
     pub problems: Vec<String>,
+}
+
+/// What the store found damaged while it runs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StoreDamage {
+    /// All that is damaged, also what was told before, a line each; their number is bounded.
+    pub problems: Vec<String>,
+    /// Model sets that cannot be read any more.
+    pub model_sets: Vec<String>,
+    /// Sessions whose samples cannot be read any more, and why.
+    pub sessions: Vec<(u64, String)>,
 }

@@ -7,6 +7,7 @@ pub use crate::request::{Rejection, RequestId};
 
 use crate::calibration::branch::Branch;
 use crate::calibration::view::SessionView;
+use crate::known_set::KnownSet;
 use crate::loads::load::{KnownLoad, Load};
 use crate::model_set::ModelSet;
 use crate::zero::view::TareView;
@@ -27,6 +28,11 @@ pub enum Command {
         patch: String,
         /// An operator who vouches that nothing touches the skin, so that it need not be looked at first.
         confirmed_by: Option<String>,
+    },
+    /// A program begins to hand over the scans of a patch; the zero of what came before it is lost.
+    BeginPush {
+        /// The patch; empty for the only one.
+        patch: String,
     },
     /// Begin a calibration: tare, then the first ramp.
     StartSession {
@@ -91,6 +97,20 @@ pub enum Command {
     Import {
         /// The set; its patch must be one of this daemon's.
         model_set: Arc<ModelSet>,
+        /// An operator insists on curves that do not look like those of the patch.
+        insist: bool,
+    },
+    /// Keep the model set that a fit of stored samples gave, without using it.
+    KeepRefit {
+        /// The set; it is for one of this daemon's patches.
+        model_set: Arc<ModelSet>,
+        /// The sessions whose samples were fitted.
+        sessions: Vec<u64>,
+    },
+    /// Keep the model set that known loads made of another one, without using it.
+    KeepRecalibration {
+        /// The set; it is for one of this daemon's patches.
+        model_set: Arc<ModelSet>,
     },
 }
 
@@ -104,6 +124,8 @@ pub enum Done {
     Tared(TareView),
     /// Boards are being configured; see the health.
     BringUpStarted,
+    /// Scans may be handed over.
+    PushBegun,
     /// The session after the command.
     Session(Arc<SessionView>),
     /// The model set is active.
@@ -121,5 +143,12 @@ pub enum Done {
     Imported {
         /// The set's id.
         model_set: String,
+    },
+    /// The model set of a fit of stored samples, or of known loads, is on disk, now or since before.
+    RefitKept {
+        /// The set.
+        model_set: KnownSet,
+        /// Whether it was there already: the same samples or loads were used in the same way before.
+        known: bool,
     },
 }

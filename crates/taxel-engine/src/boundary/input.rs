@@ -1,13 +1,17 @@
 //! What goes into the engine.
 
+use std::sync::Arc;
 use std::time::Duration;
 use taxel_skin::BusIndex;
 use taxel_wire::TimedFrame;
 
+use crate::boundary::catalogue::StoreDamage;
 use crate::boundary::command::Command;
+use crate::boundary::pushed::PushedScan;
 use crate::calibration::job::FitOutcome;
 use crate::calibration::samples::{NotLoaded, SessionSamples};
 use crate::intake::health::BusNotice;
+use crate::model_set::ModelSet;
 use crate::request::RequestId;
 
 /// One thing that happened.
@@ -15,6 +19,8 @@ use crate::request::RequestId;
 pub enum Input<'a> {
     /// Frames of one bus, in the order of reception.
     Frames(BusIndex, &'a [TimedFrame]),
+    /// A scan that a program handed over.
+    Pushed(&'a PushedScan),
     /// Something about the bus itself.
     Bus(BusIndex, BusNotice),
     /// Time passed: due at [`crate::Engine::next_deadline`], or staleness is seen late.
@@ -40,6 +46,13 @@ pub enum Input<'a> {
         /// What the session gathered.
         result: Result<SessionSamples, NotLoaded>,
     },
+    /// The model set that was asked for with [`crate::Output::LoadSet`], or why there is none.
+    SetLoaded {
+        /// The ticket of the question.
+        ticket: u64,
+        /// The set.
+        result: Result<Arc<ModelSet>, NotLoaded>,
+    },
     /// Samples of this session are on disk up to, not including, this index.
     Durable {
         /// Number of the session.
@@ -49,4 +62,6 @@ pub enum Input<'a> {
     },
     /// The store refused a write; why. No session can go on.
     StoreFailed(String),
+    /// The store found that something on disk is not what was written.
+    StoreDamaged(StoreDamage),
 }

@@ -45,6 +45,13 @@ pub enum Output {
         /// Number of the session.
         session: u64,
     },
+    /// Read a model set, with every record that came before, and give it with [`crate::Input::SetLoaded`].
+    LoadSet {
+        /// To be given back.
+        ticket: u64,
+        /// Its id.
+        model_set: String,
+    },
     /// Answer a command, once every record that came before is on disk.
     Reply(RequestId, Reply),
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::baseline::TaxelBaseline;
+use crate::boundary::audit::{Answered, Asked};
 pub use crate::calibration::samples::Sample;
 use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
@@ -59,6 +60,10 @@ pub enum Record {
     },
     /// A known load was read.
     Load(Arc<Load>),
+    /// Somebody asked for something; the engine itself never records this.
+    Asked(Box<Asked>),
+    /// What came of it; the engine itself never records this.
+    Answered(Box<Answered>),
     /// A zero was taken.
     Tared {
         /// The patch.

@@ -36,4 +36,23 @@ pub struct Health {
     pub boards: Vec<BoardHealth>,
     /// What else is wrong, for example the store.
     pub problems: Vec<String>,
+    /// What is wrong with the store; part of `problems`, too.
+    pub store: StoreHealth,
+}
+
+/// What is wrong with the store.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StoreHealth {
+    /// Why it takes no records any more, if it does not.
+    pub problem: Option<String>,
+    /// What a start found damaged and left out, a line each.
+    pub damage: Vec<String>,
+}
+
+impl StoreHealth {
+    /// Whether it takes records and nothing of it is damaged.
+    #[must_use]
+    pub const fn is_whole(&self) -> bool {
+        self.problem.is_none() && self.damage.is_empty()
+    }
 }

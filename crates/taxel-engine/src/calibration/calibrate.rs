@@ -3,21 +3,17 @@
 //! Order of calls: a command, [`Calibration::on_scan`] for each scan, [`Calibration::advance`] whenever pressure or time
 //! moved on, and what the zero says as it says it. All that follows comes back as [`CalibrationEvent`]s, in order.
 
-use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
-use taxel_model::FitOptions;
 use taxel_skin::Time;
 
 use crate::baseline::TaxelBaseline;
-use crate::calibration::fit::recipe_options::FitRecipe;
+use crate::calibration::calibration_plan::CalibrationPlan;
 use crate::calibration::job::{FitJob, FitOutcome};
-use crate::calibration::limits::SessionLimits;
 use crate::calibration::samples::SessionSamples;
 use crate::calibration::session::{Pending, Progress, SessionRecord, SessionRun};
 use crate::calibration::transition::{Trigger, commanded, transition};
 use crate::calibration::view::{SessionState, SessionView};
-use crate::intake::faults::limits::FaultLimits;
 use crate::intake::gauge::GaugeHistory;
 use crate::now::Now;
 use crate::request::Rejection;
@@ -26,24 +22,8 @@ use crate::scan::Scan;
 /// While a session is open its view is shown this often, besides at each change of state.
 const SHOW_EVERY: Duration = Duration::from_millis(200);
 
-/// What calibration needs to know of a patch.
-#[derive(Clone, Debug)]
-pub struct CalibrationPlan {
-    /// The patch's name.
-    pub patch: String,
-    /// Which taxels form each module.
-    pub modules: Vec<Range<usize>>,
-    /// How many taxels there are.
-    pub taxels: usize,
-    /// The rules of a session.
-    pub session: SessionLimits,
-    /// How models are fitted.
-    pub fit: FitOptions,
-    /// When a taxel counts as faulty.
-    pub faults: FaultLimits,
-    /// Board settings that the counts depend on, in words: one line a board.
-    pub board_settings: Vec<String>,
-}
+/// In review a pressure that moved by less is not shown anew: that is the gauge's noise.
+const REVIEW_STEP_KPA: f64 = 0.5;
 
 /// What follows from a step of the calibration.
 #[derive(Clone, Debug)]
@@ -138,6 +118,23 @@ impl Calibration {
         self.session = Some(SessionRun::resume(now, view, self.plan.session, self.plan.taxels, samples));
     }
 
+    /// Begins a session that goes on from the samples of another one. The caller has checked that none is open.
+    pub fn succeed(
+        &mut self,
+        now: Now,
+        view: SessionView,
+        samples: SessionSamples,
+        gauge: &GaugeHistory,
+        events: &mut Vec<CalibrationEvent>,
+    ) {
+        let mut records = Vec::new();
+        let (limits, taxels) = (self.plan.session, self.plan.taxels);
+        self.session = Some(SessionRun::succeed(now, view, limits, taxels, samples, &mut records));
+        self.enter(now, SessionState::Taring, "", gauge, events);
+        events.extend(records.into_iter().map(CalibrationEvent::Record));
+        self.want_zero(events);
+    }
+
     /// The session was deleted. The caller has checked that it is not open.
     pub fn forget(&mut self) {
         (self.session, self.dirty) = (None, false);
@@ -223,7 +220,7 @@ impl Calibration {
     /// A scan ended. `complete`: every module that the session needs is in it, and the zero holds.
     pub fn on_scan(&mut self, scan: &Scan<'_>, complete: bool) {
         let Some(session) = self.session.as_mut().filter(|s| s.view().state == SessionState::Ramping) else { return };
-        session.on_scan(complete.then(|| Pending { time: scan.time, counts: Arc::from(scan.counts) }));
+        session.on_scan(complete.then(|| Pending { time: scan.time, counts: scan.counts.into() }));
         self.dirty = true;
     }
 
@@ -269,15 +266,8 @@ impl Calibration {
             samples: Arc::clone(session.samples()),
             modules: plan.modules.clone(),
             left_out: view.left_out.clone(),
-            recipe: FitRecipe {
-                options: plan.fit,
-                branch: view.branches,
-                plays: plan.session.plays,
-                faults: plan.faults,
-                // What a table of counts is cut into when this set is applied to one; live, each module has its own.
-                module_size: plan.modules.iter().map(ExactSizeIterator::len).max().unwrap_or(1),
-                ..FitRecipe::default()
-            },
+            together: Vec::new(),
+            recipe: plan.recipe(view.branches),
         };
         let ended_early = match view.state {
             SessionState::Ramping => view.reason.clone(),
@@ -370,20 +360,31 @@ impl Calibration {
         self.shown = now.time;
     }
 
-    /// Shows an open session's progress, a few times a second.
+    /// Shows an open session's progress, a few times a second. In review it goes on while the bag is being vented.
     pub fn show(&mut self, now: Time, gauge: &GaugeHistory, events: &mut Vec<CalibrationEvent>) {
         let due = self.deadline().is_some_and(|deadline| now >= deadline);
+        let idle = !self.dirty && self.open().is_none();
         if let Some(session) = self.session.as_mut().filter(|_| due) {
+            self.shown = now;
+            let before = session.view().pressure_kpa;
             session.refresh(now, gauge);
+            let moved = match (before, session.view().pressure_kpa) {
+                (Some(before), Some(kpa)) => (before - kpa).abs() > REVIEW_STEP_KPA,
+                (before, kpa) => before.is_some() != kpa.is_some(),
+            };
+            if idle && !moved {
+                session.keep_pressure(before);
+                return;
+            }
             events.push(CalibrationEvent::Progress(Arc::new(session.view().clone())));
             self.dirty = false;
-            self.shown = now;
         }
     }
 
     /// When the progress is to be shown next; a session that holds its patch is looked at then, too.
     #[must_use]
     pub fn deadline(&self) -> Option<Time> {
-        (self.dirty || self.open().is_some()).then(|| self.shown.max(Time::default()) + SHOW_EVERY)
+        let reviewed = || self.session().is_some_and(|view| view.state == SessionState::Review);
+        (self.dirty || self.open().is_some() || reviewed()).then(|| self.shown.max(Time::default()) + SHOW_EVERY)
     }
 }

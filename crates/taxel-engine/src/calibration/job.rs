@@ -30,8 +30,10 @@ const RETURN_MAX_COUNTS: f64 = 3.0;
 /// A fit to be run outside the engine.
 #[derive(Clone, Debug)]
 pub struct FitJob {
-    /// Number of the session.
+    /// Number of the session; of several together, of the newest.
     pub session: u64,
+    /// The numbers of all sessions whose samples are fitted, where these are several; else empty.
+    pub together: Vec<u64>,
     /// Which fit of the patch it is: a session may ask for another one after an abort, while the first still runs.
     pub fit: u64,
     /// The patch.
@@ -84,7 +86,7 @@ impl FitJob {
         let (Some(first), Some(ramp)) = (samples.first(), self.samples.ramps.first()) else {
             return Err("no sample was gathered: the pressure never rose while every module was heard".to_owned());
         };
-        let taxels = first.counts.len();
+        let taxels = first.counts.counts().len();
         let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
         let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
         let raw = scans(&time_s, &columns);
@@ -119,6 +121,7 @@ impl FitJob {
             gauge_offset_kpa: gauge.offset_kpa,
             recorded: (branch == Branch::Both).then(|| self.recorded(&fit, &fitted, &ramp.taxels)),
             taxels: fitted.models,
+            recalibrated: None,
         })
     }
 
@@ -150,13 +153,13 @@ impl FitJob {
         (!pairs.is_empty()).then(|| ZeroReturn { rms: over(|p| p.rms), common: over(|p| p.common) })
     }
 
-    /// One taxel's raw counts; NaN where a sample has none.
+    /// One taxel's counts in units; NaN where a sample has none.
     fn column(&self, taxel: usize) -> Vec<f64> {
         let left_out = |module: &u16| self.modules.get(usize::from(*module)).is_some_and(|m| m.contains(&taxel));
         if self.left_out.iter().any(left_out) {
             return vec![f64::NAN; self.samples.samples.len()];
         }
-        self.samples.samples.iter().map(|s| s.counts.get(taxel).map_or(f64::NAN, |c| f64::from(*c))).collect()
+        self.samples.samples.iter().map(|s| s.counts.counts().units(taxel).unwrap_or(f64::NAN)).collect()
     }
 
     /// Each ramp has its own zero: counts are brought to that of the first.
@@ -182,7 +185,10 @@ impl FitJob {
             Branch::Both => ", rising and falling",
         };
         let plays = if plays_on { plays_in_words(self.recipe.plays_order) } else { String::new() };
-        format!("{}{branches}{plays}", method(&self.recipe.options))
+        let numbers: Vec<String> = self.together.iter().map(u64::to_string).collect();
+        let together =
+            if numbers.is_empty() { String::new() } else { format!(", of sessions {} together", numbers.join(", ")) };
+        format!("{}{branches}{plays}{together}", method(&self.recipe.options))
     }
 }
 

@@ -2,20 +2,25 @@
 
 pub mod branch;
 pub mod calibrate;
+pub mod calibration_plan;
+pub mod export;
 pub mod fit;
 pub mod job;
 pub mod limits;
 pub mod method;
 pub mod ramp;
+pub mod refit;
 pub mod samples;
 pub mod session;
 pub mod transition;
 pub mod view;
 
 pub use branch::{Branch, Direction, PlaysChoice};
-pub use calibrate::{Calibration, CalibrationEvent, CalibrationPlan};
+pub use calibrate::{Calibration, CalibrationEvent};
+pub use calibration_plan::CalibrationPlan;
 pub use job::{FitJob, FitOutcome};
 pub use limits::SessionLimits;
 pub use method::method;
+pub use refit::{Refit, RefitOptions, StoredSession};
 pub use samples::{NotLoaded, RampBaseline, Sample, SessionSamples};
 pub use view::{RefusalCounts, SampleRefusal, SessionState, SessionView};

@@ -59,6 +59,9 @@ impl Ramp {
         if (pressure.0 - level_kpa).abs() > SPIKE_BANDS * limits.noise_band.0 {
             return Gate::Refuse(SampleRefusal::GaugeSpike);
         }
+        if gauge.stuck_by(time) > SPIKE_BANDS * limits.noise_band.0 {
+            return Gate::Refuse(SampleRefusal::GaugeStuck);
+        }
         let sign = self.direction.sign();
         let (rate, ahead) = (sign * rate_kpa_per_s, sign * pressure.0);
         let (steepest, astray) = match self.direction {

@@ -1,8 +1,7 @@
 //! The samples of a session.
 
-use std::sync::Arc;
-
 use crate::baseline::TaxelBaseline;
+use crate::counts::SharedCounts;
 
 /// The zero at which a ramp began.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,5 +40,5 @@ pub struct Sample {
     /// Pressure interpolated at that time.
     pub pressure_kpa: f64,
     /// One raw count per taxel.
-    pub counts: Arc<[u8]>,
+    pub counts: SharedCounts,
 }

@@ -11,6 +11,7 @@ use crate::calibration::limits::SessionLimits;
 use crate::calibration::ramp::{Gate, Ramp};
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
 use crate::calibration::view::{SampleRefusal, SessionState, SessionView};
+use crate::counts::{Counts, SharedCounts};
 use crate::intake::gauge::GaugeHistory;
 use crate::now::Now;
 
@@ -28,7 +29,7 @@ pub struct Pending {
     /// Mean time of its modules.
     pub time: Time,
     /// One raw count per taxel.
-    pub counts: Arc<[u8]>,
+    pub counts: SharedCounts,
 }
 
 /// What a step of the session came to.
@@ -73,8 +74,8 @@ pub struct SessionRun {
     pending: VecDeque<Pending>,
     /// One flag per 1 kPa step from 0 to the target.
     covered: Vec<bool>,
-    /// Least and greatest count per taxel so far.
-    extremes: Vec<(u8, u8)>,
+    /// Least and greatest count per taxel so far, in units.
+    extremes: Vec<(f64, f64)>,
     /// Scans whose modules were not all fresh, since the last sample: they explain a failure.
     stale_since_progress: u64,
     /// When it reached its present state, on the run's clock.
@@ -88,7 +89,7 @@ impl SessionRun {
         limits.target = Kilopascal(view.target_kpa);
         let mut run = Self {
             covered: vec![false; view.target_kpa.ceil().max(1.0) as usize],
-            extremes: vec![(u8::MAX, u8::MIN); taxels],
+            extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); taxels],
             ramp: Ramp::new(now.time, view.direction),
             view,
             limits,
@@ -107,13 +108,33 @@ impl SessionRun {
         let mut run = Self::new(now, view, limits, taxels);
         for sample in &samples.samples {
             run.cover(sample.pressure_kpa);
-            run.note_extremes(&sample.counts);
+            run.note_extremes(sample.counts.counts());
         }
         run.view.accepted = samples.samples.len() as u64;
         run.view.durable = run.view.accepted;
         run.view.ramps = samples.ramps.len() as u16;
         run.samples = Arc::new(samples);
         run.count_responding();
+        run
+    }
+
+    /// A session that goes on from the samples of another one. They are not its own on disk yet: all that has to be
+    /// written of them goes to `records`.
+    #[must_use]
+    pub fn succeed(
+        now: Now,
+        view: SessionView,
+        limits: SessionLimits,
+        taxels: usize,
+        samples: SessionSamples,
+        records: &mut Vec<SessionRecord>,
+    ) -> Self {
+        let ramp = |ramp: &RampBaseline| SessionRecord::Ramp { ramp: ramp.ramp, baseline: ramp.taxels.clone() };
+        records.extend(samples.ramps.iter().map(ramp));
+        let sample = |(index, sample): (u64, &Sample)| SessionRecord::Sample { index, sample: sample.clone() };
+        records.extend((0..).zip(&samples.samples).map(sample));
+        let mut run = Self::resume(now, view, limits, taxels, samples);
+        run.view.durable = 0;
         run
     }
 
@@ -255,7 +276,7 @@ impl SessionRun {
 
     fn accept(&mut self, scan: Pending, pressure: Kilopascal) -> SessionRecord {
         self.cover(pressure.0);
-        self.note_extremes(&scan.counts);
+        self.note_extremes(scan.counts.counts());
         self.stale_since_progress = 0;
         let sample = Sample {
             ramp: self.view.ramps.saturating_sub(1),
@@ -275,8 +296,8 @@ impl SessionRun {
         }
     }
 
-    fn note_extremes(&mut self, counts: &[u8]) {
-        for ((low, high), &count) in self.extremes.iter_mut().zip(counts) {
+    fn note_extremes(&mut self, counts: Counts<'_>) {
+        for ((low, high), count) in self.extremes.iter_mut().zip(counts.iter_units()) {
             *low = count.min(*low);
             *high = count.max(*high);
         }
@@ -326,6 +347,11 @@ impl SessionRun {
         }
     }
 
+    /// Shows the pressure as it was shown before.
+    pub const fn keep_pressure(&mut self, kpa: Option<f64>) {
+        self.view.pressure_kpa = kpa;
+    }
+
     /// Brings pressure, rate, coverage and the time left up to date.
     pub fn refresh(&mut self, now: Time, gauge: &GaugeHistory) {
         let fresh = gauge.newest().filter(|&(time, _)| now.since(time) <= self.limits.gauge_timeout);
@@ -348,8 +374,13 @@ impl SessionRun {
     }
 
     fn count_responding(&mut self) {
-        let least = self.limits.responding_counts;
-        let moved = self.extremes.iter().filter(|(low, high)| high.saturating_sub(*low) >= least).count();
-        self.view.responding.0 = moved as u32;
+        let least = f64::from(self.limits.responding_counts);
+        let still = |(low, high): &(f64, f64)| high - low < least;
+        let taxels = (0_u16..).zip(&self.extremes);
+        let unmoved: Vec<u16> = taxels.filter(|(_, extremes)| still(extremes)).map(|(taxel, _)| taxel).collect();
+        self.view.responding.0 = (self.extremes.len() - unmoved.len()) as u32;
+        if *self.view.not_responding != *unmoved {
+            self.view.not_responding = unmoved.into();
+        }
     }
 }

@@ -90,11 +90,13 @@ pub enum SampleRefusal {
     NotFalling,
     /// The zero was lost or came into doubt within a second after it.
     ZeroInDoubt,
+    /// The gauge repeated the same reading while the pressure went on.
+    GaugeStuck,
 }
 
 impl SampleRefusal {
     /// Every reason, in the order of [`RefusalCounts`].
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::NotRising,
         Self::TooFast,
         Self::NoPressure,
@@ -103,6 +105,7 @@ impl SampleRefusal {
         Self::GaugeSpike,
         Self::NotFalling,
         Self::ZeroInDoubt,
+        Self::GaugeStuck,
     ];
 
     /// The word for it.
@@ -117,6 +120,7 @@ impl SampleRefusal {
             Self::GaugeSpike => "gauge_spike",
             Self::NotFalling => "not_falling",
             Self::ZeroInDoubt => "zero_in_doubt",
+            Self::GaugeStuck => "gauge_stuck",
         }
     }
 }
@@ -160,6 +164,8 @@ pub struct SessionView {
     pub changed_wall_ns: i64,
     /// Who confirmed that the skin was unloaded, if someone did.
     pub confirmed_by: Option<String>,
+    /// The session whose samples it goes on from, if it does: that one is in use and stays as it is.
+    pub predecessor: Option<u64>,
     /// Modules that the operator left out: positions in the patch, ascending. Their taxels get no model.
     pub left_out: Vec<u16>,
     /// Where the rise of a ramp ends by itself, in kPa.
@@ -184,8 +190,12 @@ pub struct SessionView {
     pub coverage: f64,
     /// Taxels that responded so far, and all taxels.
     pub responding: (u32, u32),
+    /// Those that did not, ascending; empty where only the numbers are known.
+    pub not_responding: Arc<[u16]>,
     /// Time to the end of the branch at the present rate, in seconds.
     pub remaining_s: Option<f64>,
+    /// What should have been seen to when it began, a line each; not kept on disk.
+    pub look: Arc<[String]>,
     /// The model set it produced.
     pub model_set: Option<Arc<str>>,
 }

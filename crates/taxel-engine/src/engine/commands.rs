@@ -9,12 +9,14 @@ use crate::calibration::transition::Trigger;
 use crate::calibration::view::{SessionState, SessionView};
 use crate::engine::answer::Answer;
 use crate::engine::pending::Effect;
+use crate::engine::plausible::implausible;
 use crate::engine::sessions::SessionRequest;
 use crate::engine::step::Engine;
+use crate::known_set::SetSummary;
 use crate::loads::load::KnownLoad;
 use crate::model_set::ModelSet;
 use crate::now::Now;
-use crate::patch::owner::Patch;
+use crate::patch::owner::{Effects, Patch};
 use crate::request::{Rejection, RequestId};
 
 impl Engine {
@@ -25,6 +27,7 @@ impl Engine {
             Command::BringUp { patch, confirmed_by } => {
                 self.bring_up(now, &patch, confirmed_by.is_some(), out).map(Answer::Now)
             }
+            Command::BeginPush { patch } => self.begin_push(now, &patch, out).map(Answer::Now),
             Command::StartSession { patch, target, branches, confirmed_by, leave_out } => {
                 let asked = SessionRequest { target, branches, confirmed_by, leave_out };
                 self.start_session(now, &patch, asked, out).map(Answer::Now)
@@ -36,9 +39,11 @@ impl Engine {
             Command::DeleteSession { session } => self.delete_session(now, request, session, out),
             Command::DeleteModelSet { model_set } => self.delete_model_set(now, request, model_set, out),
             Command::Activate { patch, model_set, expected } => {
-                self.activate(now, request, &patch, &model_set, expected, out)
+                self.activate(now, request, (&patch, model_set, expected), out)
             }
-            Command::Import { model_set } => self.import(request, model_set, out),
+            Command::Import { model_set, insist } => self.import(request, model_set, insist, out),
+            Command::KeepRefit { model_set, sessions } => self.keep_refit(request, model_set, &sessions, out),
+            Command::KeepRecalibration { model_set } => self.keep_recalibration(request, model_set, out),
         };
         match answer {
             Ok(Answer::Now(done)) => out.push(Output::Reply(request, Ok(done))),
@@ -88,31 +93,28 @@ impl Engine {
         Ok(Answer::Later)
     }
 
-    /// The patches that share a board with this one, directly or through others: their boards are configured together,
-    /// because a board that is configured forgets all its modules.
-    fn sharing_boards(&self, index: usize) -> Vec<usize> {
-        let share = |a: usize, b: usize| {
-            let boards = |p: usize| self.plan.patches[p].patch.boards().iter().map(|board| (board.bus, board.address));
-            boards(a).any(|board| boards(b).any(|other| other == board))
-        };
-        let mut group = vec![index];
-        let mut next = 0;
-        while let Some(&member) = group.get(next) {
-            next += 1;
-            let others = (0..self.patches.len()).filter(|other| !group.contains(other) && share(member, *other));
-            let others: Vec<usize> = others.collect();
-            group.extend(others);
+    /// Nothing presses on the boards of a patch: they are configured once that holds of all that share one of them.
+    pub(super) fn on_boards_ready(&mut self, now: Now, index: usize, out: &mut Vec<Output>) {
+        let group = self.shared.group(index).to_vec();
+        if !group.iter().all(|&member| self.patches[member].is_ready_for_bring_up()) {
+            return;
         }
-        group
+        let look = |patch: &mut Patch, effects: &mut Effects<'_>| patch.looks_again(now, effects);
+        if group.iter().filter(|&&member| self.with_patch(now, member, out, look)).count() > 0 {
+            return;
+        }
+        for member in group {
+            self.patches[member].configure_boards(now.time);
+        }
     }
 
     fn bring_up(&mut self, now: Now, patch: &str, confirmed: bool, out: &mut Vec<Output>) -> Reply {
         let index = self.patch_named(patch)?;
-        if self.patches[index].plan().bring_up.is_empty() {
+        if !self.patches[index].plan().configures() {
             let why = "the daemon only listens (listen_only): it sends nothing to the boards".to_owned();
             return Err(Rejection::FailedPrecondition(why));
         }
-        let group = self.sharing_boards(index);
+        let group = self.shared.group(index).to_vec();
         for &member in &group {
             let patch = &self.patches[member];
             patch.calibration().refuse_if_open("abort it first")?;
@@ -128,54 +130,31 @@ impl Engine {
         Ok(Done::BringUpStarted)
     }
 
-    fn activate(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        patch: &str,
-        id: &str,
-        expected: Option<String>,
-        out: &mut Vec<Output>,
-    ) -> Result<Answer, Rejection> {
-        let index = self.patch_named(patch)?;
-        self.store_takes_records()?;
-        let set = self.model_sets.iter().find(|set| set.id == id).cloned();
-        let set = set.ok_or_else(|| Rejection::NotFound(format!("model set `{id}`")))?;
-        self.refuse_if_set_is_deleted(id)?;
-        let patch = &self.patches[index];
-        let name = patch.name().to_owned();
-        if set.patch != name {
-            let problem = format!("`{id}` is for patch `{}`, not for `{name}`", set.patch);
-            return Err(Rejection::InvalidArgument { field: "model_set", problem });
-        }
-        let refuse = |why: String| Err(Rejection::FailedPrecondition(why));
-        let (given, taxels) = (set.taxels.len(), patch.taxels());
-        if given != taxels {
-            return refuse(format!("`{id}` has {given} taxels, patch `{name}` has {taxels}: its layout has changed"));
-        }
-        if self.pending.activates(index) {
-            return refuse(format!("another model set of patch `{name}` is being activated: ask again"));
-        }
-        let is = patch.models().map_or("none", |set| set.id.as_str());
-        if let Some(expected) = expected.filter(|e| if e.is_empty() { is != "none" } else { e != is }) {
-            return refuse(format!("expected `{expected}` to be active, but it is {is}"));
-        }
-        if self.session_of(&set).is_some_and(|view| view.state == SessionState::Discarded) {
-            return refuse(format!("the session of `{id}` is DISCARDED: its models are not to be used"));
-        }
-        let record = Record::Activated { patch: name, model_set: set.id.clone(), wall_ns: now.wall_ns };
-        self.commit(Effect::Activate { request, patch: index, set }, vec![record], out);
-        Ok(Answer::Later)
-    }
-
     /// The session of this daemon that a set came from. The number that a set carries is that of the robot where it was
     /// made, so it proves nothing: the session has to name the set.
-    pub(super) fn session_of(&self, set: &ModelSet) -> Option<&Arc<SessionView>> {
-        let view = self.sessions.get(&set.session?)?;
-        (view.model_set.as_deref() == Some(set.id.as_str())).then_some(view)
+    pub(super) fn session_of(&self, set: &str, session: Option<u64>) -> Option<&Arc<SessionView>> {
+        let view = self.sessions.get(&session?)?;
+        (view.model_set.as_deref() == Some(set)).then_some(view)
     }
 
-    fn import(&mut self, request: RequestId, set: Arc<ModelSet>, out: &mut Vec<Output>) -> Result<Answer, Rejection> {
+    /// Whether a set, or one that it was made of by known loads, is that of a session which was laid aside.
+    pub(super) fn comes_of_discarded(&self, set: &SetSummary) -> bool {
+        let discarded = |id: &str| {
+            let of = |view: &Arc<SessionView>| view.model_set.as_deref() == Some(id);
+            self.sessions.values().any(|view| of(view) && view.state == SessionState::Discarded)
+        };
+        let own = self.session_of(&set.id, set.session);
+        own.is_some_and(|view| view.state == SessionState::Discarded)
+            || set.origins.iter().any(|origin| discarded(origin))
+    }
+
+    fn import(
+        &mut self,
+        request: RequestId,
+        set: Arc<ModelSet>,
+        insist: bool,
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
         let index = self.patch_named(&set.patch)?;
         let (taxels, given) = (self.patches[index].taxels(), set.taxels.len());
@@ -183,7 +162,12 @@ impl Engine {
             let problem = format!("the set has {given} taxels, patch `{}` has {taxels}", set.patch);
             return Err(Rejection::InvalidArgument { field: "json", problem });
         }
-        if self.model_sets.iter().all(|known| known.id != set.id) {
+        let target = self.patches[index].plan().session.target;
+        if let Some(problem) = implausible(&set, target).filter(|_| !insist) {
+            let problem = format!("{problem}; if the set is right all the same, set `insist`");
+            return Err(Rejection::InvalidArgument { field: "json", problem });
+        }
+        if self.model_sets.get(&set.id).is_none() {
             self.room_for_model_set()?;
         }
         // A set that is known already may still wait for the disk: it is written again, which the store finds done.

@@ -5,6 +5,7 @@ use crate::boundary::record::Record;
 use crate::engine::answer::Answer;
 use crate::engine::pending::{Effect, Forgotten};
 use crate::engine::step::Engine;
+use crate::known_set::KnownSet;
 use crate::now::Now;
 use crate::patch::owner::Patch;
 use crate::request::{Rejection, RequestId};
@@ -18,11 +19,11 @@ impl Engine {
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
-        let set = self.model_sets.iter().find(|set| set.id == id);
-        let set = set.ok_or_else(|| Rejection::NotFound(format!("model set `{id}`")))?;
+        let set = self.model_sets.get(&id).map(|set| set.session);
+        let session = set.ok_or_else(|| Rejection::NotFound(format!("model set `{id}`")))?;
         self.refuse_if_set_is_deleted(&id)?;
         self.refuse_if_set_is_used(&id)?;
-        if let Some(view) = self.session_of(set).filter(|view| view.state.is_open()) {
+        if let Some(view) = self.session_of(&id, session).filter(|view| view.state.is_open()) {
             let (session, state) = (view.number, view.state.name());
             let why = format!("`{id}` is of session {session}, which is {state}; finish or abort that first");
             return Err(Rejection::FailedPrecondition(why));
@@ -57,7 +58,7 @@ impl Engine {
     /// It is gone from the disk.
     pub(super) fn forget(&mut self, what: &Forgotten, out: &mut Vec<Output>) {
         match what {
-            Forgotten::ModelSet(id) => self.model_sets.retain(|set| set.id != *id),
+            Forgotten::ModelSet(id) => self.model_sets.forget(id),
             Forgotten::Session(number) => {
                 self.sessions.remove(number);
                 if let Some(index) = self.held(*number) {
@@ -90,6 +91,15 @@ impl Engine {
         let uses = |patch: &&Patch| patch.models().is_some_and(|set| set.id == id);
         if let Some(patch) = self.patches.iter().find(uses) {
             let why = format!("model set `{id}` is in use on patch `{}`; activate another one first", patch.name());
+            return Err(Rejection::FailedPrecondition(why));
+        }
+        let in_use = |set: &KnownSet| {
+            let active = self.patches.iter().filter_map(Patch::models).any(|active| active.id == set.id);
+            active || self.pending.activates_set(&set.id)
+        };
+        let comes_of_it = |set: &KnownSet| set.origins.iter().any(|origin| origin == id);
+        if let Some(set) = self.model_sets.all().iter().find(|set| in_use(set) && comes_of_it(set)) {
+            let why = format!("`{}`, which is in use, was made of model set `{id}` by known loads", set.id);
             return Err(Rejection::FailedPrecondition(why));
         }
         if self.pending.activates_set(id) {

@@ -50,6 +50,12 @@ impl Engine {
                 self.learn(set);
                 out.push(Output::Reply(request, Ok(Done::Imported { model_set: id })));
             }
+            Effect::Refit { request, set } => {
+                let there = self.model_sets.get(&set.id).cloned();
+                let (known, model_set) = (there.is_some(), there.unwrap_or_else(|| Arc::clone(&set).into()));
+                self.learn(set);
+                out.push(Output::Reply(request, Ok(Done::RefitKept { model_set, known })));
+            }
             Effect::Zero { request, patch } => {
                 let reply = self.patches[patch].adopt_zero(now, request).map(Done::Tared);
                 out.push(Output::Reply(request, reply));
@@ -77,6 +83,7 @@ impl Engine {
         let request = match effect {
             Effect::Activate { request, .. }
             | Effect::Import { request, .. }
+            | Effect::Refit { request, .. }
             | Effect::Load { request, .. }
             | Effect::Forget { request, .. } => request,
             Effect::Zero { request, patch } => {
@@ -92,9 +99,8 @@ impl Engine {
     }
 
     fn learn(&mut self, set: Arc<ModelSet>) {
-        if self.model_sets.iter().all(|known| known.id != set.id) {
-            self.model_sets.push(set);
-        }
+        let Self { model_sets, patches, .. } = self;
+        model_sets.learn(set, |id| is_used(patches, id));
         self.catalogue_dirty = true;
     }
 
@@ -102,7 +108,11 @@ impl Engine {
     fn put_to_use(&mut self, now: Now, request: RequestId, patch: usize, set: &Arc<ModelSet>, out: &mut Vec<Output>) {
         let before = self.patches[patch].models().cloned();
         self.patches[patch].set_models(Arc::clone(set));
-        let session = |set: &Arc<ModelSet>| self.session_of(set).map(|view| view.number);
+        let Self { model_sets, patches, .. } = self;
+        for set in [Some(set), before.as_ref()].into_iter().flatten() {
+            model_sets.keep_at_hand(set, |id| is_used(patches, id));
+        }
+        let session = |set: &Arc<ModelSet>| self.session_of(&set.id, set.session).map(|view| view.number);
         let (old, new) = (before.as_ref().and_then(session), session(set));
         if let Some(number) = old.filter(|number| Some(*number) != new) {
             self.change_use(now, number, Trigger::TakenOutOfUse, "another model set is in use", out);
@@ -146,4 +156,9 @@ impl Engine {
         (view.state, view.reason, view.changed_wall_ns) = (state, reason.to_owned(), now.wall_ns);
         out.push(Output::Record(Record::Session(Arc::new(view))));
     }
+}
+
+/// Whether a patch uses this model set.
+fn is_used(patches: &[Patch], id: &str) -> bool {
+    patches.iter().any(|patch| patch.models().is_some_and(|set| set.id == id))
 }

@@ -5,12 +5,13 @@ use crate::loads::owner::LOADS_MAX;
 use crate::patch::owner::Patch;
 use crate::request::Rejection;
 
-/// Model sets that are held in memory. A set of the forearm takes about a megabyte, and the daemon's service unit gives
-/// it 256 MB. A store that has more already is served whole and takes no further one.
-pub const MODEL_SETS_MAX: usize = 100;
+/// Model sets that are listed. Their summaries are in memory, half a kilobyte each, and the sets themselves on disk, half a
+/// megabyte each of the forearm. A store that has more already is served whole and takes no further one.
+pub const MODEL_SETS_MAX: usize = 1_000;
 
-/// Sessions that are listed. Beyond these views nothing of them is in memory; their samples are on disk.
-pub const SESSIONS_MAX: usize = 1_000;
+/// Sessions that are listed. Beyond these views, half a kilobyte each, nothing of them is in memory; their samples are on
+/// disk.
+pub const SESSIONS_MAX: usize = 10_000;
 
 impl Engine {
     /// Refuses what would make one more model set.

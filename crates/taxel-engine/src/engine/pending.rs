@@ -28,6 +28,13 @@ pub enum Effect {
         /// The set.
         set: Arc<ModelSet>,
     },
+    /// The model set of a fit of stored samples is known.
+    Refit {
+        /// Whom to answer.
+        request: RequestId,
+        /// The set.
+        set: Arc<ModelSet>,
+    },
     /// A zero holds.
     Zero {
         /// Whom to answer.
@@ -80,12 +87,26 @@ pub struct Loading {
     pub command: Trigger,
 }
 
+/// A command to use a model set that is being read.
+#[derive(Clone, Debug)]
+pub struct LoadingSet {
+    /// Whom to answer.
+    pub request: RequestId,
+    /// Position of the patch.
+    pub patch: usize,
+    /// The set's id.
+    pub model_set: String,
+    /// The set that has to be active now, if one was named.
+    pub expected: Option<String>,
+}
+
 /// What waits for the disk, by the ticket under which the shell writes or reads.
 #[derive(Debug, Default)]
 pub struct Pending {
     next: u64,
     effects: BTreeMap<u64, Effect>,
     loads: BTreeMap<u64, Loading>,
+    sets: BTreeMap<u64, LoadingSet>,
 }
 
 impl Pending {
@@ -113,6 +134,18 @@ impl Pending {
         self.loads.remove(&ticket)
     }
 
+    /// Keeps an activation until its set is read; its ticket.
+    pub fn load_set(&mut self, loading: LoadingSet) -> u64 {
+        self.next += 1;
+        self.sets.insert(self.next, loading);
+        self.next
+    }
+
+    /// The activation of a ticket, once.
+    pub fn take_set(&mut self, ticket: u64) -> Option<LoadingSet> {
+        self.sets.remove(&ticket)
+    }
+
     /// Whether a patch waits for a model set to come into use.
     #[must_use]
     pub fn activates(&self, index: usize) -> bool {
@@ -128,7 +161,7 @@ impl Pending {
     /// How many model sets will be known beyond those that are.
     #[must_use]
     pub fn imports(&self) -> usize {
-        self.effects.values().filter(|effect| matches!(effect, Effect::Import { .. })).count()
+        self.effects.values().filter(|effect| matches!(effect, Effect::Import { .. } | Effect::Refit { .. })).count()
     }
 
     /// Whether something is being deleted.

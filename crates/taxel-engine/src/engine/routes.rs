@@ -26,6 +26,8 @@ pub enum Route {
     },
     /// The gauge of one patch or several.
     Gauge,
+    /// Devices of one patch or several, which are described by their signals; perhaps a gauge as well.
+    Device,
 }
 
 /// Standard identifiers have 11 bits.
@@ -36,8 +38,8 @@ const STANDARD_IDS: usize = 0x800;
 pub struct Routes {
     /// Per bus, by standard identifier.
     standard: Vec<[Route; STANDARD_IDS]>,
-    /// Extended identifiers of gauges; skin boards have none.
-    extended: Vec<(BusIndex, u32)>,
+    /// Extended identifiers of gauges and devices, ascending; skin boards have none.
+    extended: Vec<(BusIndex, u32, Route)>,
 }
 
 impl Routes {
@@ -46,7 +48,11 @@ impl Routes {
     pub fn new(plan: &Plan) -> Self {
         let mut routes = Self { standard: vec![[Route::Foreign; STANDARD_IDS]; plan.buses], extended: Vec::new() };
         for (p, patch) in plan.patches.iter().enumerate() {
-            for (b, board) in patch.patch.boards().iter().enumerate() {
+            for (device, board) in patch.devices.iter().zip(patch.patch.boards()) {
+                device.ids().for_each(|id| routes.set_any(board.bus, id, Route::Device));
+            }
+            let boards = if patch.devices.is_empty() { patch.patch.boards() } else { &[] };
+            for (b, board) in boards.iter().enumerate() {
                 let address = u16::from(board.address.get()) << 4;
                 let route = Route::Board { patch: p as u8, board: b as u8 };
                 // firmware reply, thermometer (two type nibbles are in use), overflow notice
@@ -55,7 +61,8 @@ impl Routes {
                 }
                 routes.set(board.bus, 0x700 | address | 0x5, route);
             }
-            for (m, site) in patch.patch.modules().iter().enumerate() {
+            let modules = if patch.devices.is_empty() { patch.patch.modules() } else { &[] };
+            for (m, site) in modules.iter().enumerate() {
                 let board = &patch.patch.boards()[site.board as usize];
                 let low = u16::from(board.address.get()) << 4 | u16::from(site.module.get());
                 let route = Route::Module { patch: p as u8, module: m as u16 };
@@ -65,13 +72,25 @@ impl Routes {
                 }
             }
             if let Some(gauge) = &patch.gauge {
-                match gauge.signal.id {
-                    CanId::Standard(id) => routes.set(gauge.bus, id, Route::Gauge),
-                    CanId::Extended(id) => routes.extended.push((gauge.bus, id)),
-                }
+                routes.set_any(gauge.bus, gauge.signal.id, Route::Gauge);
             }
         }
         routes
+    }
+
+    /// A device may have its gauge in a frame with its taxels: that frame concerns both.
+    fn set_any(&mut self, bus: BusIndex, id: CanId, route: Route) {
+        let route = if self.of(bus, id) == Route::Device { Route::Device } else { route };
+        match id {
+            CanId::Standard(id) => self.set(bus, id, route),
+            CanId::Extended(id) => {
+                let place = self.extended.partition_point(|&(b, other, _)| (b, other) < (bus, id));
+                match self.extended.get_mut(place).filter(|(b, other, _)| (*b, *other) == (bus, id)) {
+                    Some(known) => known.2 = route,
+                    None => self.extended.insert(place, (bus, id, route)),
+                }
+            }
+        }
     }
 
     fn set(&mut self, bus: BusIndex, id: u16, route: Route) {
@@ -88,8 +107,10 @@ impl Routes {
                 let ids = self.standard.get(bus.0 as usize);
                 ids.and_then(|ids| ids.get(id as usize)).copied().unwrap_or(Route::Foreign)
             }
-            CanId::Extended(id) if self.extended.contains(&(bus, id)) => Route::Gauge,
-            CanId::Extended(_) => Route::Foreign,
+            CanId::Extended(id) => {
+                let place = self.extended.binary_search_by(|&(b, other, _)| (b, other).cmp(&(bus, id)));
+                place.map_or(Route::Foreign, |place| self.extended[place].2)
+            }
         }
     }
 
@@ -99,7 +120,7 @@ impl Routes {
         let standard = self.standard.get(bus.0 as usize).into_iter().flatten().enumerate();
         let standard =
             standard.filter(|(_, route)| **route != Route::Foreign).map(|(id, _)| CanId::Standard(id as u16));
-        let extended = self.extended.iter().filter(|(b, _)| *b == bus).map(|&(_, id)| CanId::Extended(id));
+        let extended = self.extended.iter().filter(|(b, ..)| *b == bus).map(|&(_, id, _)| CanId::Extended(id));
         standard.chain(extended).collect()
     }
 }

@@ -10,6 +10,7 @@ use crate::calibration::branch::Branch;
 use crate::calibration::samples::{NotLoaded, SessionSamples};
 use crate::calibration::transition::{Trigger, commanded};
 use crate::calibration::view::SessionView;
+use crate::counts::Counts;
 use crate::engine::answer::Answer;
 use crate::engine::pending::Loading;
 use crate::engine::step::Engine;
@@ -45,7 +46,7 @@ impl Engine {
         self.room_for_session()?;
         self.room_for_model_set()?;
         let patch = &self.patches[index];
-        if patch.plan().gauge.is_none() {
+        if !patch.plan().has_gauge() {
             let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
             return Err(Rejection::FailedPrecondition(why));
         }
@@ -57,12 +58,14 @@ impl Engine {
         patch.calibration().refuse_if_open("finish or abort it first")?;
         patch.check_looked_at()?;
         patch.check_vented(now)?;
+        let left_out = left_out(patch, &asked.leave_out)?;
         let view = SessionView {
             number: self.next_session,
             patch: patch.name().to_owned(),
             started_wall_ns: now.wall_ns,
             confirmed_by: asked.confirmed_by,
-            left_out: left_out(patch, &asked.leave_out)?,
+            look: patch.look(now, &left_out).into(),
+            left_out,
             target_kpa: target,
             branches: asked.branches.unwrap_or(patch.plan().session.branches),
             ..SessionView::default()
@@ -86,6 +89,12 @@ impl Engine {
         self.refuse_if_session_is_deleted(number)?;
         if command == Trigger::StartRamp {
             self.room_for_model_set()?;
+        }
+        if self.is_succeeded(number, command) {
+            self.check_successor(now, number)?;
+            let ticket = self.pending.load(Loading { request, session: number, command });
+            out.push(Output::Load { ticket, session: number });
+            return Ok(Answer::Later);
         }
         if let Some(index) = self.held(number) {
             return self.command_held(now, index, command, out).map(Answer::Now);
@@ -111,11 +120,7 @@ impl Engine {
     pub(super) fn discard(&mut self, now: Now, number: u64, out: &mut Vec<Output>) -> Reply {
         self.refuse_if_session_is_deleted(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
-        let used = |id: &str| {
-            let in_use = |patch: &Patch| patch.models().is_some_and(|set| set.id == id);
-            self.patches.iter().any(in_use) || self.pending.activates_set(id)
-        };
-        if view.model_set.as_deref().is_some_and(used) {
+        if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
             let state = view.state.name();
             let why = format!("session {number} is {state} and its models are in use; activate others first");
             return Err(Rejection::FailedPrecondition(why));
@@ -176,25 +181,43 @@ impl Engine {
         let Loading { session: number, command, .. } = loading;
         self.store_takes_records()?;
         self.refuse_if_session_is_deleted(number)?;
+        if self.is_succeeded(number, command) {
+            let index = self.check_successor(now, number)?;
+            let samples = self.usable_samples(index, number, result)?;
+            return self.begin_successor(now, index, number, samples, out);
+        }
         if let Some(index) = self.held(number) {
             return self.command_held(now, index, command, out);
         }
         let index = self.check_take_up(now, number, command)?;
-        let samples = result.map_err(|why| match why {
+        let samples = self.usable_samples(index, number, result)?;
+        let patch = &mut self.patches[index];
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        patch.resume_session(now, SessionView::clone(view), samples);
+        self.command_held(now, index, command, out)
+    }
+
+    /// The samples of a session that is to go on, if they were read and are of the patch as it is now.
+    fn usable_samples(
+        &self,
+        index: usize,
+        number: u64,
+        read: Result<SessionSamples, NotLoaded>,
+    ) -> Result<SessionSamples, Rejection> {
+        let samples = read.map_err(|why| match why {
             NotLoaded::Damaged(what) => Rejection::FailedPrecondition(format!(
                 "session {number} cannot go on, its samples are damaged on disk: {what}; start a new one"
             )),
             NotLoaded::Unavailable(why) => Rejection::Unavailable(why),
         })?;
-        let patch = &mut self.patches[index];
-        if samples.samples.iter().any(|sample| sample.counts.len() != patch.taxels()) {
+        let patch = &self.patches[index];
+        let fits = |counts: Counts<'_>| counts.len() == patch.taxels() && counts.fits(patch.plan().patch.counts());
+        if !samples.samples.iter().all(|sample| fits(sample.counts.counts())) {
             let name = patch.name();
             let why = format!("session {number} is of another layout of patch `{name}` and cannot go on");
             return Err(Rejection::FailedPrecondition(why));
         }
-        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
-        patch.resume_session(now, SessionView::clone(view), samples);
-        self.command_held(now, index, command, out)
+        Ok(samples)
     }
 
     /// The patch that holds a session.

@@ -10,15 +10,16 @@ use crate::boundary::catalogue::{Catalogue, Restored};
 use crate::boundary::input::Input;
 use crate::boundary::output::Output;
 use crate::boundary::record::Record;
-use crate::boundary::snapshot::Health;
+use crate::boundary::snapshot::{Health, StoreHealth};
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::conflict::conflicts;
+use crate::engine::known_sets::KnownSets;
 use crate::engine::pending::{Effect, Pending};
 use crate::engine::routes::{Route, Routes};
+use crate::engine::shared::SharedBoards;
 use crate::intake::health::{BusNotice, BusState};
 use crate::loads::load::Load;
-use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
 use crate::plan::Plan;
@@ -33,16 +34,19 @@ const COUNTERS_EVERY: Duration = Duration::from_secs(1);
 pub struct Engine {
     pub(super) plan: Arc<Plan>,
     routes: Routes,
+    pub(super) shared: SharedBoards,
     pub(super) patches: Vec<Patch>,
-    buses: Vec<BusState>,
+    pub(super) buses: Vec<BusState>,
     pub(super) sessions: BTreeMap<u64, Arc<SessionView>>,
-    pub(super) model_sets: Vec<Arc<ModelSet>>,
+    pub(super) model_sets: KnownSets,
     pub(super) next_session: u64,
     pub(super) next_load: u64,
     pub(super) pending: Pending,
     pub(super) store_problem: Option<String>,
     /// What was found wrong at start.
     problems: Vec<String>,
+    /// What the store found damaged.
+    pub(super) damage: Vec<String>,
     pub(super) catalogue_dirty: bool,
     health: Arc<Health>,
     health_shown: Option<Time>,
@@ -57,19 +61,24 @@ impl Engine {
         let of_patch = |name: &str| -> Vec<Arc<Load>> {
             restored.loads.iter().filter(|load| load.patch == name).cloned().collect()
         };
-        let patch = |(i, p): (usize, &crate::plan::PatchPlan)| Patch::new(i, p.clone(), of_patch(p.patch.name()));
+        let shared = SharedBoards::new(&plan);
+        let patch = |(i, p): (usize, &crate::plan::PatchPlan)| {
+            Patch::new(i, p.clone(), of_patch(p.patch.name()), shared.of_patch(i))
+        };
         let newest_load = restored.loads.iter().map(|load| load.number).max().unwrap_or(0);
         let mut engine = Self {
             routes: Routes::new(&plan),
             buses: vec![BusState::default(); plan.buses],
             patches: plan.patches.iter().enumerate().map(patch).collect(),
             sessions: restored.sessions.into_iter().map(|view| (view.number, view)).collect(),
-            model_sets: restored.model_sets,
+            model_sets: KnownSets::new(restored.model_sets),
             next_session: restored.next_session.max(1),
             next_load: restored.next_load.max(newest_load + 1),
+            shared,
             pending: Pending::default(),
             store_problem: None,
-            problems: conflicts(&plan).iter().map(ToString::to_string).chain(restored.problems).collect(),
+            problems: conflicts(&plan).iter().map(ToString::to_string).collect(),
+            damage: restored.problems,
             catalogue_dirty: true,
             health: Arc::default(),
             health_shown: None,
@@ -84,10 +93,16 @@ impl Engine {
 
     /// Installs the model set that was active when the store was last written.
     fn install(&mut self, patch: &str, id: &str) {
-        let set = self.model_sets.iter().find(|set| set.id == id && set.patch == patch).cloned();
+        let known = self.model_sets.get(id).filter(|set| set.patch == patch);
+        let set = known.and_then(|known| known.at_hand.clone());
         let found = self.patches.iter_mut().find(|p| p.name() == patch);
         match (found, set) {
-            (Some(patch), Some(set)) if set.taxels.len() == patch.taxels() => patch.set_models(set),
+            (Some(patch), Some(set)) if set.taxels.len() == patch.taxels() => match patch.unfit(&set) {
+                Some(why) => {
+                    self.problems.push(format!("model set `{id}` of patch `{}` is not used: {why}", set.patch))
+                }
+                None => patch.set_models(set),
+            },
             (Some(_), Some(_)) => self.problems.push(format!(
                 "model set `{id}` is of another layout of patch `{patch}`: it is not used; calibrate again"
             )),
@@ -123,6 +138,7 @@ impl Engine {
         }
         match input {
             Input::Frames(bus, frames) => self.on_frames(now, bus, frames, out),
+            Input::Pushed(scan) => self.on_pushed(now, scan, out),
             Input::Bus(bus, notice) => self.on_bus(now, bus, notice, out),
             Input::Tick => self.tick(now, out),
             Input::Resumed(_) => self.patches.iter_mut().for_each(Patch::on_frames_lost),
@@ -130,6 +146,8 @@ impl Engine {
             Input::Fitted(outcome) => self.on_fitted(now, outcome, out),
             Input::Committed { ticket, result } => self.on_committed(now, ticket, result, out),
             Input::Loaded { ticket, result } => self.on_loaded(now, ticket, result, out),
+            Input::SetLoaded { ticket, result } => self.on_set_loaded(now, ticket, result, out),
+            Input::StoreDamaged(damage) => self.on_store_damaged(now, damage),
             Input::Durable { session, samples } => {
                 self.patches.iter_mut().for_each(|patch| patch.on_durable(session, samples));
             }
@@ -137,7 +155,10 @@ impl Engine {
         }
         self.note_sessions(&out[before..]);
         if std::mem::take(&mut self.catalogue_dirty) {
-            out.push(Output::Catalogue(Arc::new(self.catalogue())));
+            // Before the sessions of this step: whoever reads that one is in review asks for its model set.
+            let session = out[before..].iter().position(|output| matches!(output, Output::Session(..)));
+            let catalogue = Output::Catalogue(Arc::new(self.catalogue()));
+            out.insert(session.map_or(out.len(), |at| before + at), catalogue);
         }
     }
 
@@ -164,9 +185,16 @@ impl Engine {
         result
     }
 
-    /// Has written down what a patch intends, before it takes effect.
+    /// Has written down what a patch intends, before it takes effect, and tells others what concerns them, too.
     fn intend(&mut self, now: Now, index: usize, intent: Intent, out: &mut Vec<Output>) {
         let (request, planned) = match intent {
+            Intent::BoardsReady => return self.on_boards_ready(now, index, out),
+            Intent::News { board, news } => {
+                for (other, board) in self.shared.others(index, board).to_vec() {
+                    self.with_patch(now, other, out, |patch, effects| patch.on_news(now, board, &news, effects));
+                }
+                return;
+            }
             Intent::Zero { request, record } => {
                 (request, self.store_takes_records().map(|()| (Effect::Zero { request, patch: index }, record)))
             }
@@ -198,7 +226,7 @@ impl Engine {
 
     fn on_frames(&mut self, now: Now, bus: BusIndex, frames: &[TimedFrame], out: &mut Vec<Output>) {
         if let Some(state) = self.buses.get_mut(usize::from(bus.0)) {
-            self.health_dirty.0 |= !std::mem::replace(&mut state.up, true);
+            self.health_dirty.0 |= state.on_frames();
         }
         for frame in frames {
             // What a frame brings about happens at its own time, so that it does not matter how frames were batched.
@@ -223,10 +251,13 @@ impl Engine {
                 self.with_patch(now, usize::from(patch), out, take).err().map(|e| e.to_string())
             }
             Route::Board { patch, board } => {
-                let patch = &mut self.patches[usize::from(patch)];
-                patch.on_board_frame(usize::from(board), &frame.frame).err().map(|e| e.to_string())
+                let take = |patch: &mut Patch, effects: &mut Effects<'_>| {
+                    patch.on_board_frame(now, usize::from(board), &frame.frame, effects)
+                };
+                self.with_patch(now, usize::from(patch), out, take).err().map(|e| e.to_string())
             }
             Route::Gauge => self.on_gauge(now, bus, frame, out),
+            Route::Device => return self.on_device(now, bus, frame, out),
         };
         refused.map_or(Taken::Ours, Taken::Malformed)
     }
@@ -247,6 +278,30 @@ impl Engine {
             }
         }
         refused
+    }
+
+    /// A frame of devices, which may have numbers of several patches, and of a gauge, in it.
+    fn on_device(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame, out: &mut Vec<Output>) -> Taken {
+        let (mut ours, mut refused) = (false, None);
+        if self.plan.patches.iter().any(|plan| plan.gauge.as_ref().is_some_and(|g| g.signal.id == frame.frame.id)) {
+            refused = self.on_gauge(now, bus, frame, out);
+            ours = true;
+        }
+        for index in 0..self.patches.len() {
+            let plan = &self.plan.patches[index];
+            if plan.devices.is_empty() || plan.patch.boards().iter().all(|board| board.bus != bus) {
+                continue;
+            }
+            match self.with_patch(now, index, out, |patch, effects| patch.on_device_frame(now, frame, effects)) {
+                Ok(theirs) => ours |= theirs,
+                Err(short) => refused = Some(short.to_string()),
+            }
+        }
+        match refused {
+            Some(why) => Taken::Malformed(why),
+            None if ours => Taken::Ours,
+            None => Taken::Foreign,
+        }
     }
 
     fn on_bus(&mut self, now: Now, bus: BusIndex, notice: BusNotice, out: &mut Vec<Output>) {
@@ -299,7 +354,8 @@ impl Engine {
         Health {
             buses: self.buses.iter().map(BusState::view).collect(),
             boards: self.patches.iter().flat_map(Patch::board_health).collect(),
-            problems: self.problems.iter().chain(&self.store_problem).cloned().collect(),
+            problems: self.problems.iter().chain(&self.damage).chain(&self.store_problem).cloned().collect(),
+            store: StoreHealth { problem: self.store_problem.clone(), damage: self.damage.clone() },
         }
     }
 
@@ -318,7 +374,7 @@ impl Engine {
         let active = |p: &Patch| (p.name().to_owned(), p.models().map(|set| set.id.clone()));
         Catalogue {
             sessions: self.sessions.values().cloned().collect(),
-            model_sets: self.model_sets.clone(),
+            model_sets: self.model_sets.all().to_vec(),
             active: self.patches.iter().map(active).collect(),
             validations,
         }

@@ -7,7 +7,8 @@ use std::sync::Arc;
 use taxel_skin::SquareMillimetre;
 
 use crate::baseline::{Activation, TaxelBaseline};
-use crate::force::tables::{Tables, TaxelReading};
+use crate::counts::Counts;
+use crate::force::tables::{Tables, TaxelReading, WideThreshold};
 use crate::model_set::ModelSet;
 
 /// Taxels that are compared at a time.
@@ -23,6 +24,8 @@ pub struct Evaluator {
     all_selected: Vec<bool>,
     /// The threshold code of each taxel; 255 for a taxel that does not count now.
     threshold: Vec<u8>,
+    /// The same of counts of more than eight bits; empty for bytes.
+    wide: Vec<WideThreshold>,
     /// What the history of each taxel adds to its pressure, kPa; `None` where hysteresis is not compensated.
     offset_kpa: Option<Arc<[f32]>>,
 }
@@ -41,7 +44,7 @@ impl Evaluator {
     pub fn of(tables: Tables) -> Self {
         let tables = Arc::new(tables);
         let mut evaluator =
-            Self { tables, selected: vec![], all_selected: vec![], threshold: vec![], offset_kpa: None };
+            Self { tables, selected: vec![], all_selected: vec![], threshold: vec![], wide: vec![], offset_kpa: None };
         evaluator.select(|_| true);
         evaluator
     }
@@ -59,6 +62,8 @@ impl Evaluator {
         self.all_selected = self.selected.chunks(BLOCK).map(|block| block.iter().all(|selected| *selected)).collect();
         let threshold = |(taxel, selected): (usize, &bool)| if *selected { tables.threshold(taxel) } else { u8::MAX };
         self.threshold = self.selected.iter().enumerate().map(threshold).collect();
+        let wide = self.selected.iter().zip(tables.wide());
+        self.wide = wide.map(|(selected, wide)| if *selected { *wide } else { WideThreshold::NEVER }).collect();
     }
 
     /// From now on the history of each taxel adds this to its pressure, in kPa.
@@ -88,7 +93,13 @@ impl Evaluator {
     ///
     /// The order of addition is fixed, so that a replay gives the same bits.
     #[must_use]
-    pub fn total_n(&self, counts: &[u8]) -> f64 {
+    pub fn total_n<'a>(&self, counts: impl Into<Counts<'a>>) -> f64 {
+        self.total_of(counts.into())
+    }
+
+    /// Not generic, so that it is compiled here, with what it calls in each step.
+    fn total_of(&self, counts: Counts<'_>) -> f64 {
+        let Counts::Bytes(counts) = counts else { return self.sum_n(&self.active(counts)) };
         if self.offset_kpa.is_some() {
             return self.active(counts).iter().fold(0.0, |sum, (_, newton)| sum + newton);
         }
@@ -144,14 +155,18 @@ impl Evaluator {
 
     /// The selected taxels that are active, with their force in newton, ascending.
     #[must_use]
-    pub fn active(&self, counts: &[u8]) -> Vec<(usize, f64)> {
+    pub fn active<'a>(&self, counts: impl Into<Counts<'a>>) -> Vec<(usize, f64)> {
         let mut active = Vec::new();
-        self.find_active(counts, &mut active);
+        self.find_active(counts.into(), &mut active);
         active
     }
 
     /// As [`Evaluator::active`], appended to `active`.
-    pub fn find_active(&self, counts: &[u8], active: &mut Vec<(usize, f64)>) {
+    pub fn find_active(&self, counts: Counts<'_>, active: &mut Vec<(usize, f64)>) {
+        let counts = match counts {
+            Counts::Bytes(bytes) => bytes,
+            Counts::Words(words, _) => return self.find_wide(words, active),
+        };
         let mut look = |taxel: usize, count: u8| {
             if count ^ self.tables.polarity()[taxel] > self.threshold[taxel] {
                 let newton = self.with_hysteresis_n(taxel, self.tables.force_n()[taxel][usize::from(count)]);
@@ -171,6 +186,17 @@ impl Evaluator {
         rest.iter().enumerate().for_each(|(i, &count)| look(blocks.len() * BLOCK + i, count));
     }
 
+    fn find_wide(&self, words: &[u16], active: &mut Vec<(usize, f64)>) {
+        for (taxel, (&count, wide)) in words.iter().zip(&self.wide).enumerate() {
+            if wide.is_touched(count) {
+                let newton = self.with_hysteresis_n(taxel, self.tables.wide_n(taxel, count));
+                if newton > 0.0 {
+                    active.push((taxel, newton));
+                }
+            }
+        }
+    }
+
     /// A force of the mid curve with what its history adds; no touch stays none.
     fn with_hysteresis_n(&self, taxel: usize, newton: f32) -> f64 {
         match &self.offset_kpa {
@@ -183,14 +209,14 @@ impl Evaluator {
 
     /// Force in newton of a taxel beside an activated one, where a weaker touch counts; `None` if it is not selected.
     #[must_use]
-    pub fn low_n(&self, taxel: usize, count: u8) -> Option<f64> {
+    pub fn low_n(&self, taxel: usize, count: u16) -> Option<f64> {
         let newton = self.tables.low_n(taxel, count)?;
         self.selected[taxel].then(|| self.with_hysteresis_n(taxel, newton))
     }
 
     /// What `count` means for `taxel`; `None` without a usable model.
     #[must_use]
-    pub fn reading(&self, taxel: usize, count: u8) -> Option<TaxelReading> {
+    pub fn reading(&self, taxel: usize, count: impl Into<u16>) -> Option<TaxelReading> {
         self.tables.reading(taxel, count, self.offset_kpa.as_ref().map_or(0.0, |offset| offset[taxel]))
     }
 }

@@ -10,6 +10,7 @@ use taxel_model::PlayState;
 use taxel_skin::Time;
 
 use crate::baseline::TaxelBaseline;
+use crate::counts::Counts;
 use crate::model_set::ModelSet;
 
 /// The plays of a patch at its present zero.
@@ -68,9 +69,9 @@ impl Hysteresis {
     /// Takes a scan. A taxel that is not `sound` now (silent, faulty) keeps its history and catches up later.
     ///
     /// Any time step will do: the mean is exact for every length of it, and one that is not positive is none.
-    pub fn follow(&mut self, time: Time, counts: &[u8], sound: impl Fn(usize) -> bool) {
+    pub fn follow<'a>(&mut self, time: Time, counts: impl Into<Counts<'a>>, sound: impl Fn(usize) -> bool) {
         let mut known: Option<(f64, f64)> = None; // nearly all taxels have the same step
-        for (taxel, (follower, &count)) in self.followers.iter_mut().zip(counts).enumerate() {
+        for (taxel, (follower, count)) in self.followers.iter_mut().zip(counts.into().iter_units()).enumerate() {
             let (Some(follower), Some(plays)) = (follower.as_mut().filter(|_| sound(taxel)), self.set.plays(taxel))
             else {
                 continue;
@@ -82,7 +83,7 @@ impl Hysteresis {
             };
             known = Some((step_s, gain));
             follower.last = Some(follower.last.map_or(time, |last| last.max(time)));
-            follower.mean += gain * (f64::from(count) - follower.mean);
+            follower.mean += gain * (count - follower.mean);
             follower.offset_kpa = plays.bend_kpa(&mut follower.plays, follower.mean + follower.shift) as f32;
         }
     }
@@ -148,6 +149,7 @@ mod tests {
                 plays_error_ratio: Some(0.5),
                 taxels: vec![Some(taxel(Some(plays))), Some(taxel(None))],
             }),
+            recalibrated: None,
         })
     }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use taxel_skin::{Geometry, Newton, NormalsVerdict, SquareMillimetre};
 
+use crate::counts::Counts;
 use crate::force::contacts::clusters;
 use crate::force::evaluator::Evaluator;
 use crate::force::neighbours::{Filled, Neighbours};
@@ -153,7 +154,7 @@ impl ForceModel {
     }
 
     /// Which taxels are touched, those at the rim of a contact with them, and what lies on excluded ones beside them.
-    pub fn touch(&self, evaluator: &Evaluator, counts: &[u8], coverage: Coverage, touch: &mut Touch) {
+    pub fn touch(&self, evaluator: &Evaluator, counts: Counts<'_>, coverage: Coverage, touch: &mut Touch) {
         touch.active.clear();
         touch.beside.clear();
         touch.contacts.clear();
@@ -163,7 +164,7 @@ impl ForceModel {
         }
         let mut contacts = 0;
         if let Some(neighbours) = &self.neighbours {
-            let low = |taxel: usize| evaluator.low_n(taxel, counts[taxel]).unwrap_or(0.0);
+            let low = |taxel: usize| counts.raw(taxel).and_then(|count| evaluator.low_n(taxel, count)).unwrap_or(0.0);
             contacts = neighbours.grow(&mut touch.active, &mut touch.labels, low);
             if coverage.uncovered_share > 0.0 {
                 let selected = evaluator.selection();
@@ -184,7 +185,7 @@ impl ForceModel {
     pub fn measure(
         &self,
         evaluator: &Evaluator,
-        counts: &[u8],
+        counts: Counts<'_>,
         touch: &mut Touch,
         unseen: Unseen,
         present: Present,
@@ -242,10 +243,10 @@ impl ForceModel {
     }
 
     /// What the taxels of a total bring to its uncertainty, in one walk.
-    fn shares(&self, evaluator: &Evaluator, counts: &[u8], active: &[(usize, f64)], filled: &[Filled]) -> Shares {
+    fn shares(&self, evaluator: &Evaluator, counts: Counts<'_>, active: &[(usize, f64)], filled: &[Filled]) -> Shares {
         let (tables, mut sums) = (evaluator.tables(), Shares::default());
         for &(taxel, _) in active {
-            let Some(share) = tables.share(taxel, counts[taxel]) else { continue };
+            let Some(share) = counts.raw(taxel).and_then(|count| tables.share(taxel, count)) else { continue };
             sums.own_n2 += f64::from(share.own_n2);
             sums.per_count_n += f64::from(share.per_count_n);
             sums.above += f64::from(share.above);
@@ -265,12 +266,12 @@ impl ForceModel {
 
     /// What a filled taxel takes over from those it is filled from, in the mean: kPa per count, and hysteresis in kPa. A
     /// zero or a hysteresis that is wrong for all of them is wrong for it, too.
-    fn common_beside(&self, evaluator: &Evaluator, counts: &[u8], taxel: usize) -> [f64; 2] {
+    fn common_beside(&self, evaluator: &Evaluator, counts: Counts<'_>, taxel: usize) -> [f64; 2] {
         let (tables, selected) = (evaluator.tables(), evaluator.selection());
         let (mut sums, mut known) = ([0.0; 2], 0.0);
         for other in self.neighbours.iter().flat_map(|neighbours| neighbours.of(taxel)).filter(|&other| selected[other])
         {
-            let Some(share) = tables.share(other, counts[other]) else { continue };
+            let Some(share) = counts.raw(other).and_then(|count| tables.share(other, count)) else { continue };
             let newton_per_kpa = self.newton_per_kpa(other);
             sums[0] += f64::from(share.per_count_n) / newton_per_kpa;
             sums[1] += f64::from(tables.hysteresis_n(other)) / newton_per_kpa;

@@ -9,6 +9,7 @@ pub mod owner;
 pub mod remainder;
 pub mod sample;
 pub mod sampling;
+mod source;
 pub mod tables;
 pub mod taxels;
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! [`Force::sample`] for each scan.
 
 use std::sync::Arc;
-use taxel_skin::SquareMillimetre;
+use taxel_skin::{CountRange, SquareMillimetre};
 
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
@@ -25,6 +25,8 @@ const BLIND_TAXELS_BORNE: u32 = 2;
 pub struct ForcePlan {
     /// Areas, geometry and outputs.
     pub layout: Layout,
+    /// The range of the raw counts.
+    pub counts: CountRange,
     /// When a taxel counts as touched.
     pub activation: Activation,
     /// Above this share of silent taxels there is no force at all.
@@ -77,6 +79,8 @@ pub struct Force {
     selected_for: Option<u64>,
     /// Taxels of modules that are heard, with a usable model and a fault.
     faulty: Vec<usize>,
+    /// How many taxels of modules that are heard have a usable model and no zero: they had a fault or moved when it was taken.
+    without_zero: usize,
     /// How many taxels are selected.
     usable: usize,
     touch: Touch,
@@ -99,6 +103,7 @@ impl Force {
             coverage: Coverage { uncovered_share: 1.0, blind: 0 },
             selected_for: None,
             faulty: Vec::new(),
+            without_zero: 0,
             usable: 0,
             touch: Touch::default(),
         }
@@ -160,7 +165,8 @@ impl Force {
             (Some(set), Some(zero)) => {
                 let (areas, activation) = (&self.plan.layout.areas, self.plan.activation);
                 let set = Arc::clone(set);
-                Some(Evaluator::of(Tables::with_residue(set, zero, areas, activation, self.residue_counts)))
+                let (range, residue_counts) = (self.plan.counts, self.residue_counts);
+                Some(Evaluator::of(Tables::of_range(range, set, zero, areas, activation, residue_counts)))
             }
             _ => None,
         };
@@ -193,7 +199,8 @@ impl Force {
         let tables = evaluator.tables();
         let heard = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| !**silent);
         let heard = heard.flat_map(|(taxels, _)| taxels.clone());
-        self.faulty = heard.filter(|&t| tables.has(t) && !scan.sound[t]).collect();
+        self.faulty = heard.clone().filter(|&t| tables.has(t) && !scan.sound[t]).collect();
+        self.without_zero = heard.filter(|&t| tables.set().taxels[t].is_usable() && !tables.has(t)).count();
         if let Some(zero) = &self.zero {
             let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
             self.remainder = Remainder::new(tables, zero, activation, evaluator.selection(), modules);
@@ -269,6 +276,12 @@ impl Force {
         if self.coverage.blind > BLIND_TAXELS_BORNE && self.coverage.blind > sample.stale {
             let blind = self.coverage.blind;
             reasons.push(format!("{blind} taxels are blind, and so are those beside them: the total is a lower bound"));
+            if self.without_zero > 0 {
+                let n = self.without_zero;
+                let why =
+                    "had a fault or moved when the zero was taken and have none: a new one at rest brings them back";
+                reasons.push(format!("{n} taxels with a model {why}"));
+            }
         }
         if sample.out_of_range > 0 {
             let n = sample.out_of_range;

@@ -18,6 +18,7 @@ use std::ops::Range;
 use taxel_skin::Newton;
 
 use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
+use crate::counts::Counts;
 use crate::force::tables::Tables;
 
 /// Standard uncertainties that the detection floor lies above the remainder: 95 %.
@@ -112,15 +113,29 @@ impl Remainder {
         }
     }
 
+    /// The force of all raw counts, N.
+    fn walk_n(&self, counts: Counts<'_>) -> f64 {
+        match counts {
+            Counts::Bytes(bytes) => dot(&self.newton_per_count, bytes),
+            Counts::Words(words, range) => dot(&self.newton_per_count, words) / range.per_unit(),
+        }
+    }
+
     /// What may press beside the `active` taxels, at a zero that all taxels share an uncertainty of.
     #[must_use]
-    pub fn unseen(&self, counts: &[u8], active: impl Iterator<Item = usize>, zero_sigma_counts: f64) -> Unseen {
+    pub fn unseen<'a>(
+        &self,
+        counts: impl Into<Counts<'a>>,
+        active: impl Iterator<Item = usize>,
+        zero_sigma_counts: f64,
+    ) -> Unseen {
+        let counts = counts.into();
         let (mut rest_n, mut noise_n2, mut per_count_n) =
-            (dot(&self.newton_per_count, counts) - self.zeros_n, self.noise_n2, self.per_count_n);
+            (self.walk_n(counts) - self.zeros_n, self.noise_n2, self.per_count_n);
         let mut chosen_n = 0.0;
         for taxel in active {
-            let (Some(share), Some(&count)) = (self.shares.get(taxel), counts.get(taxel)) else { continue };
-            let pressed_n = f64::from(share.newton_per_count) * (f64::from(count) - f64::from(share.zero));
+            let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { continue };
+            let pressed_n = f64::from(share.newton_per_count) * (count - f64::from(share.zero));
             rest_n -= pressed_n;
             if pressed_n < f64::from(share.threshold_n) {
                 chosen_n += f64::from(share.noise_n);
@@ -152,17 +167,22 @@ fn hidden_n(tables: &Tables, shares: &[Share], modules: &[Range<usize>]) -> f64 
 }
 
 /// Sum of the products, in a fixed order, sixteen chains at a time.
-fn dot(weights: &[f32], counts: &[u8]) -> f64 {
+fn dot<C: Copy + Into<f32> + Into<f64>>(weights: &[f32], counts: &[C]) -> f64 {
     const LANES: usize = 16;
     let mut lanes = [0.0_f32; LANES];
     let (weights, weights_rest) = weights.as_chunks::<LANES>();
     let (counts, counts_rest) = counts.as_chunks::<LANES>();
     for (weights, counts) in weights.iter().zip(counts) {
         for i in 0..LANES {
-            lanes[i] += weights[i] * f32::from(counts[i]);
+            let count: f32 = counts[i].into();
+            lanes[i] += weights[i] * count;
         }
     }
-    let rest: f64 = weights_rest.iter().zip(counts_rest).map(|(w, c)| f64::from(*w) * f64::from(*c)).sum();
+    let product = |(&weight, &count): (&f32, &C)| -> f64 {
+        let count: f64 = count.into();
+        f64::from(weight) * count
+    };
+    let rest: f64 = weights_rest.iter().zip(counts_rest).map(product).sum();
     lanes.iter().fold(rest, |sum, lane| sum + f64::from(*lane))
 }
 

@@ -77,7 +77,7 @@ pub struct Contact {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TaxelState {
     /// The raw count as last received.
-    pub count: u8,
+    pub count: u16,
     /// When it was received; meaningless while `seen` is false.
     pub time: Time,
     /// Whether it ever was.

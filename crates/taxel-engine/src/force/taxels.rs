@@ -8,6 +8,7 @@ use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 use taxel_skin::Time;
 
+use crate::counts::CountBuffer;
 use crate::force::sample::TaxelState;
 use crate::force::tables::Tables;
 use crate::intake::faults::fault::FaultSet;
@@ -24,7 +25,7 @@ pub struct Taxels {
 #[derive(Debug)]
 pub struct Basis {
     /// Raw counts as last received.
-    pub counts: Box<[u8]>,
+    pub counts: CountBuffer,
     /// One per module.
     pub modules: Box<[ModuleAge]>,
     /// Position of each taxel's module in `modules`.
@@ -56,6 +57,12 @@ impl Taxels {
     pub fn of(basis: Basis) -> Self {
         Self { basis: Some(Arc::new(basis)), states: OnceLock::new() }
     }
+
+    /// The faults of all taxels, where the engine made the states: the same allocation as long as nothing changes.
+    #[must_use]
+    pub fn faults(&self) -> Option<&Arc<[FaultSet]>> {
+        self.basis.as_ref().map(|basis| &basis.faults)
+    }
 }
 
 impl From<Vec<TaxelState>> for Taxels {
@@ -69,7 +76,9 @@ impl Deref for Taxels {
 
     fn deref(&self) -> &[TaxelState] {
         self.states.get_or_init(|| {
-            self.basis.as_ref().map_or_else(Arc::default, |m| (0..m.counts.len()).map(|t| m.state(t)).collect())
+            self.basis
+                .as_ref()
+                .map_or_else(Arc::default, |m| (0..m.counts.counts().len()).map(|t| m.state(t)).collect())
         })
     }
 }
@@ -82,7 +91,8 @@ impl fmt::Debug for Taxels {
 
 impl Basis {
     fn state(&self, taxel: usize) -> TaxelState {
-        let (count, module) = (self.counts[taxel], self.modules[usize::from(self.module_of[taxel])]);
+        let (count, module) =
+            (self.counts.counts().raw(taxel).unwrap_or_default(), self.modules[usize::from(self.module_of[taxel])]);
         let offset_kpa = self.offset_kpa.as_ref().map_or(0.0, |offset| offset[taxel]);
         let tables = self.tables.as_ref().filter(|_| !module.stale);
         let reading = tables.and_then(|tables| tables.reading(taxel, count, offset_kpa));

@@ -4,7 +4,7 @@
 use proptest::prelude::*;
 use std::sync::Arc;
 use taxel_model::{Accumulator, Estimator, FitOptions, FixedPressure, Flag, TaxelModel};
-use taxel_skin::{Geometry, SquareMillimetre, TaxelPose, Time};
+use taxel_skin::{CountRange, Geometry, SquareMillimetre, TaxelPose, Time};
 
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
@@ -53,6 +53,7 @@ pub fn set(taxels: usize) -> Arc<ModelSet> {
         gauge_offset_kpa: 0.0,
         taxels: vec![model(); taxels],
         recorded: None,
+        recalibrated: None,
     })
 }
 
@@ -77,7 +78,12 @@ pub fn layout(taxels: usize, geometry: Option<Geometry>) -> Layout {
 
 /// What a force needs to know of such a skin; up to a fifth of it may be silent.
 pub fn plan(taxels: usize, geometry: Option<Geometry>) -> ForcePlan {
-    ForcePlan { layout: layout(taxels, geometry), activation: ACTIVATION, stale_share_max: 0.2 }
+    ForcePlan {
+        layout: layout(taxels, geometry),
+        counts: CountRange::BYTE,
+        activation: ACTIVATION,
+        stale_share_max: 0.2,
+    }
 }
 
 const TAXELS: usize = 100;
@@ -138,7 +144,7 @@ impl Skin {
         let scan = Scan {
             time: Time::default(),
             whole: true,
-            counts: &self.counts,
+            counts: (&self.counts).into(),
             pads: &[],
             silent: &self.silent,
             sound: &self.sound,
@@ -202,6 +208,17 @@ fn silent_and_blind_modules_make_the_total_a_lower_bound() {
     let (state, reasons, bound) = blind.verdict();
     assert!(state == ForceState::Degraded && bound && reasons.len() == 1, "{reasons:?}");
     assert!(reasons[0].starts_with("10 taxels are blind"), "{reasons:?}");
+}
+
+#[test]
+fn taxels_that_a_zero_left_out_are_told_with_the_remedy() {
+    let mut skin = Skin::new(Some(row(TAXELS)));
+    let mut zero = rest(TAXELS);
+    zero[50..60].fill(TaxelBaseline { mean: f64::NAN, noise: f64::NAN });
+    skin.force.set_zero(Some(&zero), 0.0);
+    let (state, reasons, bound) = skin.verdict();
+    assert!(state == ForceState::Degraded && bound && reasons.len() == 2, "{reasons:?}");
+    assert!(reasons[1].starts_with("10 taxels with a model") && reasons[1].contains("a new one"), "{reasons:?}");
 }
 
 #[test]

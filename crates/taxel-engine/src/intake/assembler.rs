@@ -4,6 +4,8 @@ use std::time::Duration;
 use taxel_skin::{Patch, Time};
 use taxel_wire::icub::{ModuleScan, Pairer};
 
+use crate::counts::{CountBuffer, Counts};
+
 /// A head and its tail are a few frames apart; half the board's period keeps them from pairing across scans.
 const PAIRING_SHARE: u32 = 2;
 
@@ -28,7 +30,7 @@ pub struct ModuleState {
 #[derive(Debug)]
 pub struct ScanAssembler {
     modules: Vec<ModuleState>,
-    counts: Vec<u8>,
+    counts: CountBuffer,
     /// Thermal pads of each module as last received.
     pads: Vec<[u8; 2]>,
     fresh: usize,
@@ -68,7 +70,7 @@ impl ScanAssembler {
         };
         Self {
             modules: patch.modules().iter().map(module).collect(),
-            counts: vec![0; patch.taxels().len()],
+            counts: CountBuffer::new(patch.taxels().len(), patch.counts()),
             pads: vec![[0; 2]; patch.modules().len()],
             fresh: 0,
             expected: patch.modules().len(),
@@ -92,23 +94,39 @@ impl ScanAssembler {
         let overrun = self.modules[index].fresh.then(|| self.end_scan());
         let site = &patch.modules()[index];
         let first = site.first_taxel as usize;
-        for (taxel, &slot) in site.kind.taxel_slots().iter().enumerate() {
-            self.counts[first + taxel] = scan.values[slot as usize];
+        if let CountBuffer::Bytes(counts) = &mut self.counts {
+            for (taxel, &slot) in site.kind.taxel_slots().iter().enumerate() {
+                counts[first + taxel] = scan.values[slot as usize];
+            }
         }
         for (pad, &slot) in self.pads[index].iter_mut().zip(site.kind.thermal_slots()) {
             *pad = scan.values[slot as usize];
         }
+        self.note_module(index, scan.time, overrun)
+    }
+
+    /// As [`ScanAssembler::on_module`], for a module of a sensor that is described by its signals: `raw` are its counts.
+    pub fn on_cells(&mut self, patch: &Patch, index: usize, time: Time, raw: &[u16]) -> Option<ScanEnd> {
+        let overrun = self.modules[index].fresh.then(|| self.end_scan());
+        let site = &patch.modules()[index];
+        let taxels = site.kind.taxel_slots().len().min(raw.len());
+        self.counts.write(usize::from(site.first_taxel), &raw[..taxels]);
+        self.note_module(index, time, overrun)
+    }
+
+    /// The counts of a module are in.
+    fn note_module(&mut self, index: usize, time: Time, overrun: Option<ScanEnd>) -> Option<ScanEnd> {
         let module = &mut self.modules[index];
         self.expected += usize::from(!std::mem::replace(&mut module.expected, true));
         module.stale = false;
-        module.last = Some(scan.time);
+        module.last = Some(time);
         module.scans += 1;
         module.fresh = true;
         self.fresh += 1;
-        self.newest = self.newest.max(scan.time);
-        self.earliest_fresh = Some(self.earliest_fresh.map_or(scan.time, |earliest| earliest.min(scan.time)));
-        self.heard_since = self.heard_since.map(|since| since.min(scan.time));
-        self.begun.get_or_insert(scan.time);
+        self.newest = self.newest.max(time);
+        self.earliest_fresh = Some(self.earliest_fresh.map_or(time, |earliest| earliest.min(time)));
+        self.heard_since = self.heard_since.map(|since| since.min(time));
+        self.begun.get_or_insert(time);
         self.realigned &= overrun.is_none();
         if self.fresh < self.expected || self.realign() {
             return overrun;
@@ -201,8 +219,8 @@ impl ScanAssembler {
 
     /// One raw count per taxel as last received.
     #[must_use]
-    pub fn counts(&self) -> &[u8] {
-        &self.counts
+    pub fn counts(&self) -> Counts<'_> {
+        self.counts.counts()
     }
 
     /// All modules, in the patch's order.
@@ -274,7 +292,7 @@ mod tests {
         let now = Time::from_nanos(200_000_000);
         assert_eq!(live.mark_stale(now, 3 * PERIOD), vec![1]);
         assert!(!live.on_module(&patch, 0, &scan(205, 4)).unwrap().whole);
-        assert_eq!(live.counts()[0], 4);
-        assert_eq!(live.counts()[10], 1, "the stale count is kept, with its age");
+        assert_eq!(live.counts().raw(0), Some(4));
+        assert_eq!(live.counts().raw(10), Some(1), "the stale count is kept, with its age");
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 use taxel_skin::Time;
-use taxel_wire::icub::{FirmwareVersion, StatusWord};
+use taxel_wire::icub::{FirmwareVersion, Message, StatusWord};
 
 /// MTB3 and MTB4 take their zero anew, without a word, after this many lost acknowledgements (icub-firmware).
 const NO_ACKS_TO_SILENT_TARE: u32 = 5;
@@ -14,6 +14,17 @@ pub struct BoardDoubt {
     pub why: String,
     /// Whether the board has surely taken a new zero, or may have lost it unseen. Else the counts have to show it.
     pub certain: bool,
+}
+
+/// What one patch learns of a board that another patch has, too.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BoardNews {
+    /// A module of it came whole, with this status.
+    Heard(Time, StatusWord),
+    /// It said something of itself.
+    Said(Message),
+    /// The counts of its modules show that it has a new zero; why.
+    Moved(String),
 }
 
 /// How long a board may be silent.

@@ -93,6 +93,16 @@ impl BringUp {
         self.proof_until = tared + BEFORE_START + PROOF_WITHIN;
     }
 
+    /// Lays out the commands of devices that are described by their signals: each with its device's position and how long
+    /// after `now` it is due.
+    pub fn start_devices(&mut self, now: Time, commands: impl Iterator<Item = (usize, Duration, Frame)>) {
+        self.heard.fill(false);
+        self.steps = commands.map(|(board, after, frame)| Step { due: now + after, board, frame }).collect();
+        self.steps.make_contiguous().sort_by_key(|step| step.due); // stable: commands of one time keep their order
+        self.state = if self.steps.is_empty() { BringUpState::Listening } else { BringUpState::Configuring };
+        self.proof_until = self.steps.back().map_or(now, |step| step.due) + PROOF_WITHIN;
+    }
+
     fn plan(&mut self, due: Time, board: usize, at: &Board, command: Command) {
         self.steps.push_back(Step { due, board, frame: command.encode(at.address) });
     }

@@ -17,6 +17,20 @@ const READINGS_MAX: usize = 4_000;
 /// The stretch over which the trend is taken.
 const TREND_SPAN: Duration = Duration::from_secs(1);
 
+/// A pressure that falls faster is let go.
+const FALLING_KPA_PER_S: f64 = 0.5;
+
+/// Of its greatest reading of the last second a pressure that holds keeps so much.
+const HELD_SHARE: f64 = 0.9;
+
+/// A newest reading that is older than so many usual distances of two says nothing of now.
+const USUAL_AGES_MAX: u32 = 3;
+
+/// A gauge that says the very same for so long, and in at least so many readings, may stand still while the pressure
+/// goes on.
+const RUN_MIN: Duration = Duration::from_millis(300);
+const RUN_READINGS_MIN: usize = 3;
+
 /// Where the differential pressure comes from.
 #[derive(Clone, Debug)]
 pub struct Gauge {
@@ -72,6 +86,15 @@ impl GaugeHistory {
         self.readings.back().map(|&(time, kpa)| (time, Kilopascal(kpa)))
     }
 
+    /// How many readings up to the newest one are the very same, and over how long.
+    #[must_use]
+    pub fn run(&self) -> (usize, Duration) {
+        let Some(&(newest, kpa)) = self.readings.back() else { return (0, Duration::ZERO) };
+        let same = self.readings.iter().rev().take_while(|reading| reading.1 == kpa);
+        let (count, first) = same.fold((0, newest), |(count, _), reading| (count + 1, reading.0));
+        (count, newest.since(first))
+    }
+
     /// The pressure at `time`, linear between its neighbours, which may be `timeout` apart at the most.
     #[must_use]
     pub fn at(&self, time: Time, timeout: Duration) -> PressureAt {
@@ -90,6 +113,40 @@ impl GaugeHistory {
         }
         let share = time.seconds_since(t0) / t1.seconds_since(t0);
         PressureAt::Known(Kilopascal(p0 + share * (p1 - p0)))
+    }
+
+    /// By how much the pressure at `time` may be wrong because the gauge repeated itself, in kPa: by the step that it made
+    /// afterwards, or, while it still repeats itself, by what the pressure would have done at the rate before. A gauge of
+    /// coarse steps repeats itself, too, and then makes one of its steps.
+    #[must_use]
+    pub fn stuck_by(&self, time: Time) -> f64 {
+        let until = self.readings.partition_point(|&(t, _)| t <= time);
+        let Some(at) = until.checked_sub(1) else { return 0.0 };
+        let kpa = self.readings[at].1;
+        let same = |&&(_, other): &&(Time, f64)| other == kpa;
+        let first = at - self.readings.range(..at).rev().take_while(same).count();
+        let last = at + self.readings.range(at + 1..).take_while(same).count();
+        let (begin, end) = (self.readings[first].0, self.readings[last].0);
+        if last - first + 1 < RUN_READINGS_MIN || end.since(begin) < RUN_MIN {
+            return 0.0;
+        }
+        match self.readings.get(last + 1) {
+            Some(&(_, next)) => (next - kpa).abs(),
+            None => self.trend(begin).map_or(0.0, |trend| trend.rate_kpa_per_s.abs() * end.seconds_since(begin)),
+        }
+    }
+
+    /// Whether the pressure has not begun to fall at `time`, as far as anybody can tell: its trend does not, the newest
+    /// reading is no older than three usual ones and not a tenth below the greatest of the last second. The trend alone
+    /// tells a fast fall only half a second late.
+    #[must_use]
+    pub fn is_holding(&self, time: Time) -> bool {
+        let recent = || self.readings.iter().filter(|r| r.0 > time - TREND_SPAN && r.0 <= time);
+        let Some(&(newest, kpa)) = recent().next_back() else { return false };
+        let usual = TREND_SPAN.div_f64(recent().count() as f64);
+        let greatest = recent().map(|reading| reading.1).fold(f64::NEG_INFINITY, f64::max);
+        let rises = self.trend(time).is_some_and(|trend| trend.rate_kpa_per_s >= -FALLING_KPA_PER_S);
+        rises && time.since(newest) <= USUAL_AGES_MAX * usual && kpa >= HELD_SHARE * greatest
     }
 
     /// Where the pressure is and where it goes, from the readings of the second that ends at `time`.
@@ -155,6 +212,21 @@ mod tests {
     }
 
     #[test]
+    fn a_pressure_that_has_begun_to_fall_or_is_not_heard_does_not_hold() {
+        let mut gauge = GaugeHistory::default();
+        for i in 0..200 {
+            gauge.push(ms(i * 10), Kilopascal(0.5 * i as f64));
+        }
+        assert!(gauge.is_holding(ms(1_995)));
+        assert!(!gauge.is_holding(ms(2_200)), "what it did in the last 0.2 s nobody knows");
+        for i in 200..210 {
+            gauge.push(ms(i * 10), Kilopascal(100.0 - 3.0 * (i - 199) as f64));
+        }
+        assert!(gauge.trend(ms(2_095)).unwrap().rate_kpa_per_s > 0.0, "the trend still rises");
+        assert!(!gauge.is_holding(ms(2_095)));
+    }
+
+    #[test]
     fn a_spike_moves_neither_rate_nor_level() {
         let mut gauge = GaugeHistory::default();
         for i in 0..100 {
@@ -162,6 +234,25 @@ mod tests {
         }
         let trend = gauge.trend(ms(1_980)).unwrap();
         assert!((trend.rate_kpa_per_s - 1.0).abs() < 0.05 && (trend.level_kpa - 1.98).abs() < 0.05, "{trend:?}");
+    }
+
+    #[test]
+    fn a_gauge_that_stands_still_is_told_from_one_that_makes_coarse_steps() {
+        let stands_from_1_to_2_s = |t: f64| if (1.0..2.0).contains(&t) { 4.0 } else { 4.0 * t };
+        let of = |curve: &dyn Fn(f64) -> f64, until_ms: i64| {
+            let mut gauge = GaugeHistory::default();
+            (0..=until_ms / 20).for_each(|i| gauge.push(ms(i * 20), Kilopascal(curve(i as f64 * 0.02))));
+            gauge
+        };
+        let over = of(&stands_from_1_to_2_s, 3_000);
+        assert_eq!((over.stuck_by(ms(900)), over.stuck_by(ms(2_100))), (0.0, 0.0));
+        for at in [1_000, 1_500, 1_990] {
+            assert_eq!(over.stuck_by(ms(at)), 4.0, "at {at} ms");
+        }
+        let still = of(&stands_from_1_to_2_s, 1_900);
+        assert!((still.stuck_by(ms(1_100)) - 3.6).abs() < 0.01, "{}", still.stuck_by(ms(1_100)));
+        let coarse = of(&|t| (4.0 * t).floor() * 0.1, 3_000);
+        assert!((coarse.stuck_by(ms(1_100)) - 0.1).abs() < 1e-9 || coarse.stuck_by(ms(1_100)) == 0.0);
     }
 
     #[test]

@@ -13,6 +13,10 @@ pub enum BusNotice {
     Dropped(u64),
     /// The controller reported an error (bus-off, error-passive, ...).
     ControllerError(String),
+    /// The controller reported that errors have become few again; in words.
+    ControllerRecovered(String),
+    /// A process of this machine sent a frame that looks like a controller's error. It says nothing about the bus.
+    Forged,
     /// The controller left the bus: nothing it sends can be trusted until it is back.
     BusOff,
 }
@@ -29,14 +33,32 @@ pub struct BusState {
     malformed: u64,
     last_malformed: String,
     dropped: u64,
+    forged: u64,
     problem: String,
+    /// The problem is an error that the controller reported, and not why no frame can come.
+    reported: bool,
 }
 
 impl BusState {
+    /// Frames came: the bus is up, whatever was told before. Gives whether that is news.
+    pub fn on_frames(&mut self) -> bool {
+        let news = !std::mem::replace(&mut self.up, true);
+        if news {
+            self.problem.clear();
+        }
+        news
+    }
+
     /// Counts a frame of ours whose content is not.
     pub fn refuse(&mut self, frame: &Frame, why: String) {
         self.malformed += 1;
         self.last_malformed = format!("{}: {why}", frame.id);
+    }
+
+    /// Counts a scan that was handed over and is none of this patch's; why.
+    pub fn refuse_scan(&mut self, why: String) {
+        self.malformed += 1;
+        self.last_malformed = why;
     }
 
     /// Takes a notice; returns why the boards' zero is in doubt, if it is.
@@ -48,13 +70,16 @@ impl BusState {
             }
             BusNotice::Down(why) => {
                 self.up = false;
-                self.problem = why;
+                (self.problem, self.reported) = (why, false);
             }
             BusNotice::Dropped(frames) => self.dropped += frames,
-            BusNotice::ControllerError(what) => self.problem = what,
+            BusNotice::ControllerError(what) => (self.problem, self.reported) = (what, true),
+            BusNotice::ControllerRecovered(_) if self.reported => self.problem.clear(),
+            BusNotice::ControllerRecovered(_) => {}
+            BusNotice::Forged => self.forged += 1,
             BusNotice::BusOff => {
                 self.up = false;
-                self.problem = "bus-off: the controller left the bus".to_owned();
+                (self.problem, self.reported) = ("bus-off: the controller left the bus".to_owned(), false);
                 return Some("the controller went bus-off; boards may have lost their zero unseen".to_owned());
             }
         }
@@ -72,6 +97,7 @@ impl BusState {
             malformed: self.malformed,
             last_malformed: self.last_malformed.clone(),
             dropped: self.dropped,
+            forged: self.forged,
         }
     }
 }
@@ -93,6 +119,8 @@ pub struct BusHealth {
     pub last_malformed: String,
     /// Frames lost in the kernel.
     pub dropped: u64,
+    /// Error frames that a process of this machine sent, and not the controller; they change nothing.
+    pub forged: u64,
 }
 
 /// One board.

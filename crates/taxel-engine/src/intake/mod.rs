@@ -3,9 +3,11 @@
 pub mod assembler;
 pub mod boards;
 pub mod bring_up;
+pub mod cells;
 pub mod faults;
 pub mod gauge;
 pub mod health;
+pub mod look;
 pub mod pace;
 pub mod receive;
 

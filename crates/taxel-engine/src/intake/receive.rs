@@ -5,13 +5,15 @@
 
 use std::time::Duration;
 use taxel_skin::{Patch, Time};
-use taxel_wire::icub::{Message, ModuleScan, Refusal, decode};
+use taxel_wire::array::TooShort;
+use taxel_wire::icub::{Message, ModuleScan, Refusal, StatusWord, decode};
 use taxel_wire::{Frame, TimedFrame};
 
 use crate::baseline::TaxelBaseline;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
-use crate::intake::boards::{BoardState, SilenceLimits};
+use crate::intake::boards::{BoardNews, BoardState, SilenceLimits};
 use crate::intake::bring_up::{BoardSetup, BringUp};
+use crate::intake::cells::{Device, DevicePlan};
 use crate::intake::faults::detector::FaultDetector;
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::faults::limits::FaultLimits;
@@ -21,6 +23,9 @@ use crate::intake::pace::{Arrival, Pace};
 use crate::regions::Regions;
 use crate::scan::Scan;
 
+/// The status of a device that says that it is not well, as a board would say it: nothing is connected.
+const NOT_WELL: u16 = 2;
+
 /// What intake needs to know of a patch.
 #[derive(Clone, Debug)]
 pub struct IntakePlan {
@@ -28,6 +33,8 @@ pub struct IntakePlan {
     pub patch: Patch,
     /// How each board is brought up; empty if the daemon only listens.
     pub bring_up: Vec<BoardSetup>,
+    /// One per board where the boards are devices that are described by their signals; else empty.
+    pub devices: Vec<DevicePlan>,
     /// The period at which the boards send.
     pub period: Duration,
     /// When a taxel counts as faulty.
@@ -36,6 +43,8 @@ pub struct IntakePlan {
     pub stale_after: Duration,
     /// A board silent for so long may have lost its power, and so its zero.
     pub power_cycle_after: Duration,
+    /// Per board, whether another patch has modules of it, too. Shorter: the others are this patch's alone.
+    pub shared: Vec<bool>,
 }
 
 /// What came of frames or of time passing.
@@ -52,6 +61,13 @@ pub enum IntakeEvent {
         /// Whether it surely has, or the counts have to show it.
         certain: bool,
     },
+    /// Another patch has this board, too, and must know this of it.
+    News {
+        /// Position of the board in the patch.
+        board: usize,
+        /// What must be known.
+        news: BoardNews,
+    },
     /// A module fell silent, or a taxel's faults changed with time alone: readers must see that before the next scan.
     Changed,
 }
@@ -66,6 +82,8 @@ pub struct Intake {
     faults: FaultDetector,
     boards: Vec<BoardState>,
     bring_up: BringUp,
+    /// One per board, or none at all.
+    devices: Vec<Device>,
     gauge: GaugeHistory,
     /// The scan that ended last.
     end: ScanEnd,
@@ -88,6 +106,10 @@ impl Intake {
             faults,
             boards: vec![BoardState::default(); boards],
             bring_up: BringUp::new(modules),
+            devices: (0..)
+                .zip(&plan.devices)
+                .map(|(at, d)| Device::new(&plan.patch, at, d.clone(), plan.period))
+                .collect(),
             gauge: GaugeHistory::default(),
             end: ScanEnd::default(),
             silent: vec![true; modules],
@@ -101,7 +123,13 @@ impl Intake {
     /// Configures the boards, if the plan has settings for them: their zeros are lost.
     pub fn start_bring_up(&mut self, now: Time) {
         self.boards.iter_mut().for_each(BoardState::on_bring_up);
-        self.bring_up.start(now, &self.plan.patch, &self.plan.bring_up);
+        if self.plan.devices.is_empty() {
+            self.bring_up.start(now, &self.plan.patch, &self.plan.bring_up);
+        } else {
+            let devices = self.plan.devices.iter().enumerate();
+            let commands = devices.flat_map(|(at, d)| d.commands.iter().map(move |&(after, frame)| (at, after, frame)));
+            self.bring_up.start_devices(now, commands);
+        }
     }
 
     /// A frame with an identifier of one of this patch's modules.
@@ -123,22 +151,83 @@ impl Intake {
             }
             other => {
                 let board = usize::from(self.plan.patch.modules()[module].board);
-                self.on_board_message(board, other);
+                self.on_board_message(board, other, events);
             }
         }
         Ok(())
+    }
+
+    /// A frame with an identifier of this patch's devices. Returns whether it was one of theirs.
+    ///
+    /// # Errors
+    /// [`TooShort`] if it ends before its numbers do; the caller counts it.
+    pub fn on_device_frame(&mut self, frame: &TimedFrame, events: &mut Vec<IntakeEvent>) -> Result<bool, TooShort> {
+        let mut ours = false;
+        for position in 0..self.devices.len() {
+            let Some(brought) = self.devices[position].on_frame(frame)? else { continue };
+            ours = true;
+            if let Some(celsius) = brought.celsius {
+                self.boards[position].on_temperature((10.0 * celsius).round() as i16);
+            }
+            for module in brought.modules {
+                let device = &self.devices[position];
+                let status = if device.is_well() { StatusWord(0) } else { StatusWord(NOT_WELL) };
+                let raw = device.counts(module).to_vec();
+                self.on_values(module, frame.time, status, events, |assembler, patch| {
+                    assembler.on_cells(patch, module, frame.time, &raw)
+                });
+            }
+        }
+        Ok(ours)
+    }
+
+    /// A scan that was handed over whole: one raw count per taxel.
+    pub fn on_pushed(&mut self, time: Time, counts: &[u16], events: &mut Vec<IntakeEvent>) {
+        for module in 0..self.regions.modules().len() {
+            let Some(own) = counts.get(self.regions.modules()[module].clone()) else { continue };
+            self.on_values(module, time, StatusWord(0), events, |assembler, patch| {
+                assembler.on_cells(patch, module, time, own)
+            });
+        }
     }
 
     /// A frame with another identifier of one of this patch's boards.
     ///
     /// # Errors
     /// [`Refusal`] if its content is not a message; the caller counts it.
-    pub fn on_board_frame(&mut self, board: usize, frame: &Frame) -> Result<(), Refusal> {
-        self.on_board_message(board, decode(frame)?);
+    pub fn on_board_frame(
+        &mut self,
+        board: usize,
+        frame: &Frame,
+        events: &mut Vec<IntakeEvent>,
+    ) -> Result<(), Refusal> {
+        self.on_board_message(board, decode(frame)?, events);
         Ok(())
     }
 
-    fn on_board_message(&mut self, board: usize, message: Message) {
+    fn on_board_message(&mut self, board: usize, message: Message, events: &mut Vec<IntakeEvent>) {
+        self.take_board_message(board, message);
+        self.tell_others(board, BoardNews::Said(message), events);
+    }
+
+    fn tell_others(&self, board: usize, news: BoardNews, events: &mut Vec<IntakeEvent>) {
+        if self.plan.shared.get(board) == Some(&true) {
+            events.push(IntakeEvent::News { board, news });
+        }
+    }
+
+    /// What another patch has learnt of a board that this one has, too.
+    pub fn on_news(&mut self, board: usize, news: &BoardNews, events: &mut Vec<IntakeEvent>) {
+        match news {
+            BoardNews::Heard(time, status) => self.watch_board(board, *time, *status, events),
+            BoardNews::Said(message) => self.take_board_message(board, *message),
+            BoardNews::Moved(why) => {
+                events.push(IntakeEvent::BoardDoubted { board, why: why.clone(), certain: false });
+            }
+        }
+    }
+
+    fn take_board_message(&mut self, board: usize, message: Message) {
         let state = &mut self.boards[board];
         match message {
             Message::Thermometer { deci_celsius, .. } => state.on_temperature(deci_celsius),
@@ -149,19 +238,34 @@ impl Intake {
     }
 
     fn on_module(&mut self, module: usize, scan: &ModuleScan, events: &mut Vec<IntakeEvent>) {
-        if let Arrival::TooFast { until } = self.paces[module].on_scan(scan.time) {
-            self.faults.doubt_module(scan.time, module, until);
+        self.on_values(module, scan.time, scan.status, events, |assembler, patch| {
+            assembler.on_module(patch, module, scan)
+        });
+    }
+
+    /// All values of a module came; `write` hands them to the assembler.
+    fn on_values(
+        &mut self,
+        module: usize,
+        time: Time,
+        status: StatusWord,
+        events: &mut Vec<IntakeEvent>,
+        write: impl FnOnce(&mut ScanAssembler, &Patch) -> Option<ScanEnd>,
+    ) {
+        if let Arrival::TooFast { until } = self.paces[module].on_scan(time) {
+            self.faults.doubt_module(time, module, until);
             self.refresh_soundness();
             events.push(IntakeEvent::Changed);
             return;
         }
         let taxels = self.regions.modules()[module].clone();
-        let ended = self.assembler.on_module(&self.plan.patch, module, scan);
+        let ended = write(&mut self.assembler, &self.plan.patch);
         self.bring_up.heard(module);
-        let counts = &self.assembler.counts()[taxels.clone()];
-        let faults_changed = self.faults.push_module(scan.time, module, counts, scan.status.0);
+        let counts = self.assembler.counts().slice(taxels);
+        let faults_changed = self.faults.push_module(time, module, counts, status.0);
         let board = usize::from(self.plan.patch.modules()[module].board);
-        self.watch_board(board, scan, events);
+        self.watch_board(board, time, status, events);
+        self.tell_others(board, BoardNews::Heard(time, status), events);
         if faults_changed || self.silent[module] {
             self.refresh_soundness();
         }
@@ -172,10 +276,10 @@ impl Intake {
     }
 
     /// Looks for signs that the board has lost its zero.
-    fn watch_board(&mut self, board: usize, scan: &ModuleScan, events: &mut Vec<IntakeEvent>) {
+    fn watch_board(&mut self, board: usize, time: Time, status: StatusWord, events: &mut Vec<IntakeEvent>) {
         let limits =
             SilenceLimits { doubt_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after };
-        let doubt = self.boards[board].on_module(scan.time, scan.status, limits);
+        let doubt = self.boards[board].on_module(time, status, limits);
         if self.bring_up.is_busy() {
             return; // silence and new zeros are what it is for
         }
@@ -334,7 +438,8 @@ impl Intake {
             bring_up: self.bring_up.in_words(names),
             modules: (modules.len() as u32, modules.iter().filter(|m| !m.stale).count() as u32),
             scans: modules.iter().map(|m| m.scans).sum(),
-            orphans: modules.iter().map(|m| m.pairer.orphans().heads + m.pairer.orphans().tails).sum(),
+            orphans: modules.iter().map(|m| m.pairer.orphans().heads + m.pairer.orphans().tails).sum::<u64>()
+                + self.devices.get(position).map_or(0, Device::orphans),
             status_errors: state.status_errors(),
             celsius: state.celsius(),
             firmware: state.firmware(),

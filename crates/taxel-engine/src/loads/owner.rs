@@ -60,6 +60,12 @@ impl Loads {
         self.all.len()
     }
 
+    /// Mean of the configured areas, in mm2.
+    #[must_use]
+    pub fn area_mm2(&self) -> f64 {
+        mean_area_mm2(&self.plan.areas)
+    }
+
     /// Begins to read a known load.
     ///
     /// # Errors
@@ -81,7 +87,8 @@ impl Loads {
 
     /// Takes the force that was published of the scan at `time`, read at the zero with this epoch.
     pub fn on_sample(&mut self, time: Time, epoch: u64, force: &ForceSample) -> Option<LoadRead> {
-        let verdict = self.watch.as_mut()?.take(time, epoch, force)?;
+        let factor = self.applied.map_or(1.0, |factor| factor.value);
+        let verdict = self.watch.as_mut()?.take(time, (epoch, factor), force)?;
         self.end(verdict)
     }
 
@@ -126,7 +133,7 @@ impl Loads {
             replaces: known.replaces,
             read,
             model_set: model_set.to_owned(),
-            mean_area_mm2: mean_area_mm2(&self.plan.areas),
+            mean_area_mm2: self.area_mm2(),
             area_factor: self.applied.map_or(1.0, |factor| factor.value),
             area_uncertainty: self.plan.area_uncertainty,
         })
@@ -140,7 +147,7 @@ impl Loads {
     /// All loads, judged for the model set in use.
     #[must_use]
     pub fn validation(&self, model_set: Option<String>) -> Validation {
-        let mut view = judge(&self.plan.patch, &self.all, mean_area_mm2(&self.plan.areas), model_set);
+        let mut view = judge(&self.plan.patch, &self.all, self.area_mm2(), model_set);
         view.not_applied_because = match view.factor {
             _ if !self.plan.area_from_loads => "the configuration says area_factor = \"off\"".to_owned(),
             None => format!("it takes at least {LOADS_MIN} loads with the active model set"),

@@ -63,7 +63,9 @@ pub fn judge(name: &str, all: &[Arc<Load>], area_mm2: f64, model_set: Option<Str
     };
     let judged = |load: &Arc<Load>| {
         let outdated_because = outdated(load);
-        let in_factor = outdated_because.is_empty() && load.read.out_of_range == 0;
+        // A force with a shortcoming, such as a module that is silent, says little of areas and gains.
+        let sound = load.read.out_of_range == 0 && load.read.reasons.is_empty();
+        let in_factor = outdated_because.is_empty() && sound;
         JudgedLoad { load: Arc::clone(load), outdated_because, in_factor }
     };
     let loads: Vec<JudgedLoad> = all.iter().rev().map(judged).collect();

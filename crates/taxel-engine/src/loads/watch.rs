@@ -18,6 +18,8 @@ const GRACE: Duration = Duration::from_secs(2);
 const SCATTER_SHARE_MAX: f64 = 0.1;
 /// or by so many newtons, the noise of a few taxels at the threshold of touch.
 const SCATTER_FLOOR_N: f64 = 0.05;
+/// So many of the reasons why the force was DEGRADED meanwhile are kept.
+const REASONS_MAX: usize = 8;
 /// Less than this share of the load is no error of calibration: it lies elsewhere.
 const READ_SHARE_MIN: f64 = 0.1;
 /// From the first half of the time to the second it may move by this share,
@@ -37,8 +39,8 @@ pub struct LoadWatch {
     begun: Time,
     /// Receive time of the newest frame that was looked at.
     newest: Time,
-    /// Zero and model set of the first sample, which must stay.
-    first: Option<(u64, Option<Arc<str>>)>,
+    /// Zero, model set and area factor of the first sample, which must stay.
+    first: Option<(u64, Option<Arc<str>>, f64)>,
     totals_n: Vec<f64>,
     sigmas_n: f64,
     reading: Reading,
@@ -51,9 +53,14 @@ impl LoadWatch {
         Self { request, load, force_n, begun: now, newest: now, first, totals_n, sigmas_n: 0.0, reading }
     }
 
-    /// Takes what was published: the force of the scan at `time`, read at the zero with this epoch. `Some` ends the
-    /// watch: the reading, or why there is none.
-    pub fn take(&mut self, time: Time, epoch: u64, force: &ForceSample) -> Option<Result<Reading, String>> {
+    /// Takes what was published: the force of the scan at `time`, read at the zero with this epoch and with areas times
+    /// `factor`. `Some` ends the watch: the reading, or why there is none.
+    pub fn take(
+        &mut self,
+        time: Time,
+        (epoch, factor): (u64, f64),
+        force: &ForceSample,
+    ) -> Option<Result<Reading, String>> {
         if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
             return Some(Err(format!("there is no force: {}", force.reasons.join("; "))));
         }
@@ -61,9 +68,9 @@ impl LoadWatch {
             return None; // no new frame in it
         }
         self.newest = time;
-        let ground = (epoch, force.model_set.clone());
+        let ground = (epoch, force.model_set.clone(), factor);
         if *self.first.get_or_insert_with(|| ground.clone()) != ground {
-            return Some(Err("the zero or the model set changed meanwhile".to_owned()));
+            return Some(Err("the zero, the model set or the area factor changed meanwhile".to_owned()));
         }
         self.add(force);
         let enough = self.totals_n.len() >= SCANS_MIN && time.since(self.begun) >= SPAN;
@@ -88,7 +95,11 @@ impl LoadWatch {
         self.sigmas_n += force.total_sigma.map_or(0.0, |sigma| sigma.0);
         self.reading.out_of_range = self.reading.out_of_range.max(force.out_of_range);
         self.reading.uncovered_share = self.reading.uncovered_share.max(force.uncovered_share);
-        self.reading.reasons.clone_from(&force.reasons);
+        for reason in &force.reasons {
+            if !self.reading.reasons.contains(reason) && self.reading.reasons.len() < REASONS_MAX {
+                self.reading.reasons.push(reason.clone());
+            }
+        }
     }
 
     fn conclude(&mut self) -> Result<Reading, String> {
@@ -147,7 +158,7 @@ mod tests {
     /// What comes of scans every 50 ms with this force at each second.
     fn read(force_n: impl Fn(f64) -> f64) -> Result<Reading, String> {
         let mut watch = watch();
-        (1..100).find_map(|i| watch.take(at(50 * i), 1, &sample(force_n(0.05 * i as f64)))).expect("an end")
+        (1..100).find_map(|i| watch.take(at(50 * i), (1, 1.0), &sample(force_n(0.05 * i as f64)))).expect("an end")
     }
 
     #[test]
@@ -176,8 +187,8 @@ mod tests {
     fn the_same_frames_count_once_and_silence_ends_the_watch() {
         let mut watch = watch();
         for _ in 0..100 {
-            assert_eq!(watch.take(at(0), 1, &sample(5.0)), None, "what came before the command does not count");
-            assert_eq!(watch.take(at(1_500), 1, &sample(5.0)), None);
+            assert_eq!(watch.take(at(0), (1, 1.0), &sample(5.0)), None, "what came before the command does not count");
+            assert_eq!(watch.take(at(1_500), (1, 1.0), &sample(5.0)), None);
         }
         assert_eq!(watch.overdue(Time::from_seconds(3.0)), None);
         let why = watch.overdue(Time::from_seconds(3.1)).unwrap().unwrap_err();
@@ -188,10 +199,14 @@ mod tests {
     fn another_zero_or_the_loss_of_the_force_ends_the_watch() {
         let mut other = sample(5.0);
         let mut watch = watch();
-        assert_eq!(watch.take(at(50), 1, &sample(5.0)), None);
-        assert!(watch.take(at(100), 9, &other).unwrap().unwrap_err().contains("zero"));
+        assert_eq!(watch.take(at(50), (1, 1.0), &sample(5.0)), None);
+        assert!(watch.take(at(100), (9, 1.0), &other).unwrap().unwrap_err().contains("zero"));
+        let mut watch = self::watch();
+        assert_eq!(watch.take(at(50), (1, 1.0), &sample(5.0)), None);
+        assert!(watch.take(at(100), (1, 1.15), &sample(5.0)).unwrap().unwrap_err().contains("area factor"));
+        let mut watch = self::watch();
         other.state = ForceState::Stale;
         other.reasons = vec!["80 taxels are silent".to_owned()];
-        assert!(watch.take(at(150), 1, &other).unwrap().unwrap_err().contains("80 taxels are silent"));
+        assert!(watch.take(at(150), (1, 1.0), &other).unwrap().unwrap_err().contains("80 taxels are silent"));
     }
 }

@@ -6,6 +6,7 @@ use crate::calibration::job::FitOutcome;
 use crate::calibration::samples::SessionSamples;
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
+use crate::intake::look::look;
 use crate::loads::load::{KnownLoad, Load};
 use crate::loads::owner::LoadRead;
 use crate::loads::validation::Validation;
@@ -116,6 +117,12 @@ impl Patch {
         }))
     }
 
+    /// What should be seen to before the pump runs, a line each. `left_out` are modules that a session does without.
+    #[must_use]
+    pub fn look(&self, now: Now, left_out: &[u16]) -> Vec<String> {
+        look(&self.intake, now.time, self.plan.session.gauge_timeout, left_out)
+    }
+
     /// Begins a session. The caller has checked that none is open.
     pub fn start_session(&mut self, now: Now, view: SessionView, effects: &mut Effects<'_>) {
         let mut events = Vec::new();
@@ -126,6 +133,13 @@ impl Patch {
     /// Takes up a session of an earlier run.
     pub fn resume_session(&mut self, now: Now, view: SessionView, samples: SessionSamples) {
         self.calibration.resume(now, view, samples);
+    }
+
+    /// Begins a session that goes on from the samples of another one. The caller has checked that none is open.
+    pub fn succeed_session(&mut self, now: Now, view: SessionView, samples: SessionSamples, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.calibration.succeed(now, view, samples, self.intake.gauge(), &mut events);
+        self.on_calibration_events(now, events, effects);
     }
 
     /// The session that the patch holds was deleted.

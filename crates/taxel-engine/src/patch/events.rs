@@ -6,8 +6,9 @@ use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::calibration::calibrate::CalibrationEvent;
 use crate::calibration::session::SessionRecord;
+use crate::intake::boards::BoardNews;
 use crate::now::Now;
-use crate::patch::owner::{BEING_CONFIGURED, Effects, Intent, Patch};
+use crate::patch::owner::{Effects, Intent, Patch};
 use crate::request::Rejection;
 use crate::zero::events::ZeroEvent;
 use crate::zero::watch::Purpose;
@@ -54,6 +55,9 @@ impl Patch {
                     self.force.set_zero(None, 0.0);
                     self.calibration.on_zero_lost(now, &why, gauge, &mut follows);
                 }
+                ZeroEvent::BoardMoved { board, why } => {
+                    effects.intents.push(Intent::News { board, news: BoardNews::Moved(why) });
+                }
                 ZeroEvent::Doubted => {
                     self.force.move_zero(None);
                     self.calibration.on_zero_doubted();
@@ -62,35 +66,6 @@ impl Patch {
             }
             self.on_calibration_events(now, follows, effects);
         }
-    }
-
-    /// The boards were looked at before they are configured. Silent ones are configured, too; those that something
-    /// presses on wait until it is gone, or until an operator asks for it.
-    fn on_looked(&mut self, now: Now, found: Result<(), String>, effects: &mut Effects<'_>) {
-        if !self.bring_up_waits {
-            return;
-        }
-        match found {
-            Ok(()) => {
-                self.bring_up_waits = false;
-                self.zero.explain(BEING_CONFIGURED.to_owned());
-                self.dirty = true;
-                self.configure_boards(now.time);
-            }
-            Err(why) => {
-                let hint = "if nothing touches the skin, ask for BringUp and say so with confirmed_by";
-                let why = format!("the boards are not configured while something presses on them: {why}; {hint}");
-                self.zero.explain(why);
-                self.look_before_bring_up(now, effects);
-            }
-        }
-    }
-
-    /// Watches the skin before its boards are configured.
-    pub(super) fn look_before_bring_up(&mut self, now: Now, effects: &mut Effects<'_>) {
-        let mut events = Vec::new();
-        self.zero.watch(now.time, Purpose::BeforeBringUp, &mut events);
-        self.on_zero_events(now, events, effects);
     }
 
     pub(super) fn use_zero(&mut self) {

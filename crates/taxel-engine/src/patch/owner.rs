@@ -4,18 +4,20 @@
 //! no force is made of a scan that shows that the zero is lost.
 
 use std::sync::Arc;
-use std::time::Duration;
 use taxel_skin::{Kilopascal, Newton, Time};
+use taxel_wire::array::TooShort;
 use taxel_wire::icub::Refusal;
 use taxel_wire::{Frame, TimedFrame};
 
 use crate::boundary::output::Output;
+use crate::boundary::pushed::PushedScan;
 use crate::boundary::record::Record;
 use crate::calibration::calibrate::Calibration;
 use crate::force::owner::Force;
+use crate::intake::boards::BoardNews;
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::health::BoardHealth;
-use crate::intake::receive::{Intake, IntakeEvent};
+use crate::intake::receive::{Intake, IntakeEvent, IntakePlan};
 use crate::loads::load::Load;
 use crate::loads::owner::{LoadRead, Loads};
 use crate::model_set::ModelSet;
@@ -30,10 +32,8 @@ use crate::zero::watch::Purpose;
 /// Why a patch has no zero while its boards are configured.
 pub(super) const BEING_CONFIGURED: &str = "the boards are being configured, which takes their zero anew";
 
-/// Boards that were not heard for so long after the start do not stream: three of the longest periods.
-const SILENT_BOARDS_AFTER: Duration = Duration::from_millis(300);
-
-/// What must be on disk before it takes effect.
+/// What a patch cannot do alone: what must be on disk before it takes effect, and what concerns a board that other patches
+/// have, too.
 #[derive(Clone, Debug)]
 pub enum Intent {
     /// A zero that was proven for an operator.
@@ -45,6 +45,15 @@ pub enum Intent {
     },
     /// A known load that was read, or why not.
     Load(LoadRead),
+    /// Nothing presses on its boards: they may be configured, once that holds of all that share one of them.
+    BoardsReady,
+    /// Other patches that have this board must know.
+    News {
+        /// Position of the board in this patch.
+        board: usize,
+        /// What.
+        news: BoardNews,
+    },
 }
 
 /// What a patch puts out in a step.
@@ -72,17 +81,21 @@ pub struct Patch {
     pub(super) dirty: bool,
     /// The boards are to be configured once it is known that nothing presses on them, or that they are silent.
     pub(super) bring_up_waits: bool,
-    silent_until: Time,
+    pub(super) silent_until: Time,
+    /// Since when they may be configured, as far as this patch knows, and wait for patches that share one of them.
+    pub(super) ready_since: Option<Time>,
+    pub(super) shares_boards: bool,
     /// The force that was published last, and from how many taxels; none of them if it is below what can be told from
     /// nothing.
     pub(super) felt: Option<(Newton, usize)>,
 }
 
 impl Patch {
-    /// Nothing heard, nothing sent; `loads` are those of earlier runs.
+    /// Nothing heard, nothing sent; `loads` are those of earlier runs, `shared` says which boards other patches have, too.
     #[must_use]
-    pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>) -> Self {
-        let intake = Intake::new(plan.intake());
+    pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, shared: Vec<bool>) -> Self {
+        let shares_boards = shared.contains(&true);
+        let intake = Intake::new(IntakePlan { shared, ..plan.intake() });
         let regions = intake.regions().clone();
         Self {
             index,
@@ -95,6 +108,8 @@ impl Patch {
             dirty: true,
             bring_up_waits: false,
             silent_until: Time::default(),
+            ready_since: None,
+            shares_boards,
             felt: None,
             intake,
             plan,
@@ -131,56 +146,16 @@ impl Patch {
         self.force.models()
     }
 
+    /// Why this set says nothing of the areas that are configured, in words.
+    #[must_use]
+    pub fn unfit(&self, set: &ModelSet) -> Option<String> {
+        set.unfit_for_area(self.loads.area_mm2())
+    }
+
     /// How many known loads are kept.
     #[must_use]
     pub const fn loads(&self) -> usize {
         self.loads.count()
-    }
-
-    /// Starts the boards and waits for rest.
-    pub fn start(&mut self, now: Now, effects: &mut Effects<'_>) {
-        let mut events = Vec::new();
-        self.zero.lose("no zero has been taken since start", &mut events);
-        self.on_zero_events(now, events, effects);
-        // Boards that stream already show whether something lies on them.
-        self.bring_up_waits = !self.plan.bring_up.is_empty() && self.force.models().is_some();
-        if self.bring_up_waits {
-            self.silent_until = now.time + SILENT_BOARDS_AFTER;
-        } else {
-            self.configure_boards(now.time);
-        }
-    }
-
-    /// Boards that do not stream are configured at once; the others are looked at first.
-    fn begin_bring_up(&mut self, now: Now, effects: &mut Effects<'_>) {
-        if !self.bring_up_waits || self.zero.watching().is_some() {
-            return;
-        }
-        if self.intake.newest().is_some() {
-            self.look_before_bring_up(now, effects);
-        } else if now.time >= self.silent_until {
-            self.bring_up_waits = false;
-            self.configure_boards(now.time);
-        }
-    }
-
-    pub(super) fn configure_boards(&mut self, now: Time) {
-        self.zero.on_bring_up();
-        self.intake.start_bring_up(now);
-    }
-
-    /// Configures the boards again: the zero is lost. Where there is no force that would show a load, boards that stream
-    /// are looked at first, unless it is confirmed that nothing touches the skin.
-    pub fn bring_up_again(&mut self, now: Now, confirmed: bool, effects: &mut Effects<'_>) {
-        let streams = self.intake.silent_taxels() < self.taxels();
-        let feels = self.zero.holds() && self.felt.is_some();
-        self.bring_up_waits = !confirmed && !feels && self.force.models().is_some() && streams;
-        self.lose_zero(now, BEING_CONFIGURED, effects);
-        if self.bring_up_waits {
-            self.look_before_bring_up(now, effects);
-        } else {
-            self.configure_boards(now.time);
-        }
     }
 
     /// Something has moved the zero of the boards.
@@ -214,12 +189,65 @@ impl Patch {
         Ok(())
     }
 
+    /// A frame with an identifier of one of this patch's devices. Returns whether it was one of theirs.
+    ///
+    /// # Errors
+    /// [`TooShort`] if it ends before its numbers do; the caller counts it.
+    pub fn on_device_frame(
+        &mut self,
+        now: Now,
+        frame: &TimedFrame,
+        effects: &mut Effects<'_>,
+    ) -> Result<bool, TooShort> {
+        let mut events = Vec::new();
+        let ours = self.intake.on_device_frame(frame, &mut events);
+        if !events.is_empty() {
+            self.on_intake_events(now, events, effects);
+        }
+        ours
+    }
+
+    /// A program begins to hand over scans. Whatever handed them over before may have been another device, or the same
+    /// with another zero.
+    pub fn begin_push(&mut self, now: Now, effects: &mut Effects<'_>) {
+        if self.intake.newest().is_some() {
+            let why = "another stream of scans has begun: what pushes them may have taken a new zero";
+            self.lose_zero(now, why, effects);
+        }
+    }
+
+    /// A scan that was handed over whole, with one count per taxel.
+    pub fn on_pushed(&mut self, now: Now, scan: &PushedScan, effects: &mut Effects<'_>) {
+        if let Some(pressure) = scan.pressure {
+            self.on_pressure(now, scan.time, pressure, effects);
+        }
+        let mut events = Vec::new();
+        self.intake.on_pushed(scan.time, &scan.counts, &mut events);
+        self.on_intake_events(now, events, effects);
+    }
+
     /// A frame with another identifier of one of this patch's boards.
     ///
     /// # Errors
     /// [`Refusal`] if its content is not a message; the caller counts it.
-    pub fn on_board_frame(&mut self, board: usize, frame: &Frame) -> Result<(), Refusal> {
-        self.intake.on_board_frame(board, frame)
+    pub fn on_board_frame(
+        &mut self,
+        now: Now,
+        board: usize,
+        frame: &Frame,
+        effects: &mut Effects<'_>,
+    ) -> Result<(), Refusal> {
+        let mut events = Vec::new();
+        self.intake.on_board_frame(board, frame, &mut events)?;
+        self.on_intake_events(now, events, effects);
+        Ok(())
+    }
+
+    /// What another patch has learnt of a board that this one has, too.
+    pub fn on_news(&mut self, now: Now, board: usize, news: &BoardNews, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.intake.on_news(board, news, &mut events);
+        self.on_intake_events(now, events, effects);
     }
 
     /// A reading of the gauge that this patch's bag has.
@@ -238,6 +266,7 @@ impl Patch {
                     self.zero.doubt(board, &why, &mut events);
                     self.on_zero_events(now, events, effects);
                 }
+                IntakeEvent::News { board, news } => effects.intents.push(Intent::News { board, news }),
                 IntakeEvent::Changed => self.dirty = true,
             }
         }
@@ -256,7 +285,7 @@ impl Patch {
             bag: Bag {
                 session_open: self.calibration.open().is_some(),
                 presses: self.bag_presses(now),
-                holds: self.calibration.is_ramping() && !self.pressure_falls(now.time),
+                holds: self.calibration.is_ramping() && self.intake.gauge().is_holding(now.time),
             },
         };
         self.zero.on_scan(now, &self.intake.scan(), around, &mut events);
@@ -284,11 +313,6 @@ impl Patch {
         let limits = &self.plan.session;
         let newest = self.intake.gauge().newest();
         newest.is_some_and(|(time, kpa)| now.time.since(time) <= limits.gauge_timeout && kpa > limits.vented_below)
-    }
-
-    /// Whether the bag is letting go, so that loads may vanish.
-    fn pressure_falls(&self, now: Time) -> bool {
-        self.intake.gauge().trend(now).is_none_or(|trend| trend.rate_kpa_per_s < -0.5)
     }
 
     fn offer_to_session(&mut self, now: Now, left_out: bool, effects: &mut Effects<'_>) {
@@ -340,7 +364,8 @@ impl Patch {
         if self.dirty {
             return Some(Time::from_nanos(i64::MIN)); // now
         }
-        let bring_up = (self.bring_up_waits && self.zero.watching().is_none()).then_some(self.silent_until);
+        let waits = self.bring_up_waits && self.ready_since.is_none() && self.zero.watching().is_none();
+        let bring_up = waits.then_some(self.silent_until);
         let organs = [self.intake.deadline(), self.zero.deadline(), self.loads.deadline(), self.calibration.deadline()];
         organs.into_iter().chain([bring_up]).flatten().min()
     }

@@ -42,7 +42,7 @@ use crate::regions::Regions;
 use crate::scan::Scan;
 use crate::zero::bag::Bag;
 use crate::zero::ground::Ground;
-use crate::zero::inputs::{Inputs, KEPT, LANES};
+use crate::zero::inputs::{Inputs, KEPT, LANES, TaxelInputs};
 use crate::zero::lanes::{EVIDENCE_MAX, Reference, Sums};
 pub use board::Finding;
 use board::{BoardWatch, Seen, is_vanished};
@@ -78,9 +78,9 @@ const MEANS: [usize; 3] = [1, 4, KEPT];
 #[derive(Clone, Debug)]
 pub struct Continuity {
     boards: Vec<BoardWatch>,
-    taxels: Inputs,
+    taxels: TaxelInputs,
     /// Two per module, whether it has them or not.
-    pads: Inputs,
+    pads: Inputs<u8>,
     /// Which of the pads there are.
     is_pad: Vec<bool>,
     /// Why the counts cannot show any more that the skin is at rest.
@@ -101,7 +101,7 @@ impl Continuity {
         let pads = |kind: &ModuleKind| [0, 1].map(|pad| pad < kind.thermal_slots().len());
         Self {
             boards: boards.map(watch).collect(),
-            taxels: Inputs::new(regions.taxels()),
+            taxels: TaxelInputs::new(regions.taxels(), regions.counts()),
             pads: Inputs::new(2 * regions.modules().len()),
             is_pad: regions.kinds().iter().flat_map(pads).collect(),
             unproven: None,
@@ -175,14 +175,14 @@ impl Continuity {
         }
     }
 
-    /// Takes a scan. Returns what is found, the worst of all boards.
-    pub fn on_scan(&mut self, scan: &Scan<'_>, bag: Bag) -> Option<Finding> {
+    /// Takes a scan. Returns what is found, the worst of all boards, and on which of them.
+    pub fn on_scan(&mut self, scan: &Scan<'_>, bag: Bag) -> Option<(usize, Finding)> {
         self.push(scan);
         let mut worst = None;
         for index in 0..self.boards.len() {
             match self.judge(index, scan, bag) {
-                Some(finding @ Finding::NewZero(_)) => return Some(finding),
-                Some(doubt) => worst = worst.or(Some(doubt)),
+                Some(finding @ Finding::NewZero(_)) => return Some((index, finding)),
+                Some(doubt) => worst = worst.or(Some((index, doubt))),
                 None => {}
             }
         }

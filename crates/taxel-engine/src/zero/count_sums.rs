@@ -1,6 +1,9 @@
 //! Mean and noise per taxel over a window of scans of whole counts: exact sums, two additions a taxel and scan.
 
+use taxel_skin::CountRange;
+
 use crate::baseline::TaxelBaseline;
+use crate::counts::Counts;
 use crate::scan::Scan;
 
 /// Scans that the sums can take: 2^16 squares of a count fill 32 bits.
@@ -14,13 +17,24 @@ pub struct CountSums {
     sound: Vec<u32>,
     counts: Vec<u32>,
     squares: Vec<u32>,
+    /// Sums of counts and of squares that 32 bits do not hold; empty until wide counts come.
+    wide: Vec<[u64; 2]>,
+    /// The range of the wide counts.
+    range: CountRange,
 }
 
 impl CountSums {
     /// Sums of so many taxels over no scan yet.
     #[must_use]
     pub fn new(taxels: usize) -> Self {
-        Self { scans: 0, sound: vec![0; taxels], counts: vec![0; taxels], squares: vec![0; taxels] }
+        Self {
+            scans: 0,
+            sound: vec![0; taxels],
+            counts: vec![0; taxels],
+            squares: vec![0; taxels],
+            wide: Vec::new(),
+            range: CountRange::BYTE,
+        }
     }
 
     /// Begins anew.
@@ -29,6 +43,7 @@ impl CountSums {
         for sums in [&mut self.sound, &mut self.counts, &mut self.squares] {
             sums.fill(0);
         }
+        self.wide.fill([0; 2]);
     }
 
     /// Takes a scan; begins anew before the sums could overflow.
@@ -37,12 +52,29 @@ impl CountSums {
             self.restart();
         }
         self.scans += 1;
+        let bytes = match scan.counts {
+            Counts::Bytes(bytes) => bytes,
+            Counts::Words(words, range) => return self.push_wide(words, range, scan.sound),
+        };
         let sums = self.sound.iter_mut().zip(&mut self.counts).zip(&mut self.squares);
-        for (((sound, counts), squares), (&count, &is_sound)) in sums.zip(scan.counts.iter().zip(scan.sound)) {
+        for (((sound, counts), squares), (&count, &is_sound)) in sums.zip(bytes.iter().zip(scan.sound)) {
             let (one, count) = (u32::from(is_sound), u32::from(count) * u32::from(is_sound));
             *sound += one;
             *counts += count;
             *squares += count * count;
+        }
+    }
+
+    fn push_wide(&mut self, words: &[u16], range: CountRange, sound: &[bool]) {
+        self.range = range;
+        self.wide.resize(self.sound.len(), [0; 2]);
+        for ((seen, sums), (&count, &is_sound)) in
+            self.sound.iter_mut().zip(&mut self.wide).zip(words.iter().zip(sound))
+        {
+            let (one, count) = (u32::from(is_sound), u64::from(count) * u64::from(is_sound));
+            *seen += one;
+            sums[0] += count;
+            sums[1] += count * count;
         }
     }
 
@@ -52,22 +84,28 @@ impl CountSums {
         u64::from(self.scans)
     }
 
-    /// Mean and noise per taxel; NaN where a taxel was sound in less than half of the scans.
+    /// Mean and noise per taxel in units; NaN where a taxel was sound in less than half of the scans.
     #[must_use]
     pub fn baseline(&self) -> Vec<TaxelBaseline> {
-        let of = |((&sound, &counts), &squares): ((&u32, &u32), &u32)| {
-            if sound == 0 || 2 * sound < self.scans {
-                return TaxelBaseline::UNKNOWN;
-            }
-            // n^2 times the variance, a whole number: exactly zero for a taxel that always read the same.
-            let spread = u64::from(sound) * u64::from(squares) - u64::from(counts) * u64::from(counts);
-            let n = f64::from(sound);
-            TaxelBaseline {
-                mean: f64::from(counts) / n,
-                noise: if sound > 1 { (spread as f64 / (n * (n - 1.0))).sqrt() } else { 0.0 },
-            }
-        };
-        self.sound.iter().zip(&self.counts).zip(&self.squares).map(of).collect()
+        if !self.wide.is_empty() {
+            let sums = self.wide.iter().map(|sums| sums.map(u128::from));
+            return self.sound.iter().zip(sums).map(|(&sound, sums)| self.of_sums(sound, sums)).collect();
+        }
+        let sums = self.counts.iter().zip(&self.squares).map(|(&counts, &squares)| [counts, squares].map(u128::from));
+        self.sound.iter().zip(sums).map(|(&sound, sums)| self.of_sums(sound, sums)).collect()
+    }
+
+    fn of_sums(&self, sound: u32, [counts, squares]: [u128; 2]) -> TaxelBaseline {
+        if sound == 0 || 2 * sound < self.scans {
+            return TaxelBaseline::UNKNOWN;
+        }
+        // n^2 times the variance, a whole number: exactly zero for a taxel that always read the same.
+        let spread = u128::from(sound) * squares - counts * counts;
+        let (n, per_unit) = (f64::from(sound), self.range.per_unit());
+        TaxelBaseline {
+            mean: counts as f64 / n / per_unit,
+            noise: if sound > 1 { (spread as f64 / (n * (n - 1.0))).sqrt() / per_unit } else { 0.0 },
+        }
     }
 }
 
@@ -87,7 +125,7 @@ mod tests {
             for scan in &scans {
                 let (counts, sound) = (scan.map(|input| input.0), scan.map(|input| input.1));
                 let (time, whole, soundness) = (Time::default(), true, 0);
-                let scan = Scan { time, whole, counts: &counts, pads: &[], silent: &[], sound: &sound, soundness };
+                let scan = Scan { time, whole, counts: (&counts).into(), pads: &[], silent: &[], sound: &sound, soundness };
                 sums.push(&scan);
                 running.push(scan.sound_counts());
             }

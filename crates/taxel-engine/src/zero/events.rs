@@ -25,6 +25,13 @@ pub enum ZeroEvent {
     Refused(Purpose, String),
     /// The zero does not hold any more; why.
     Lost(String),
+    /// The counts show that a board has a new zero, which is why the patch's is lost; told after [`ZeroEvent::Lost`].
+    BoardMoved {
+        /// Position of the board in the patch.
+        board: usize,
+        /// What shows it.
+        why: String,
+    },
     /// It has followed the temperature.
     Moved,
     /// Whether it holds is not known for now.

@@ -1,6 +1,9 @@
 //! What counts are compared with: the zero, the way pressure moves them, and how far a touch is.
 
+use taxel_skin::ModuleKind;
+
 use crate::baseline::{Activation, TaxelBaseline};
+use crate::regions::Regions;
 
 /// What counts are compared with, all per taxel. Without a zero it is the last one, or that of the models.
 #[derive(Clone, Debug)]
@@ -14,10 +17,13 @@ pub struct Ground {
 }
 
 impl Ground {
-    /// Nothing is known but that pressure lowers the counts, as on all boards of iCub.
+    /// Nothing is known but that pressure lowers the counts of all boards of iCub. Of other sensors only models tell.
     #[must_use]
-    pub fn new(taxels: usize, activation: Activation) -> Self {
-        Self { zero: Vec::new(), signs: vec![-1; taxels], touched_counts: vec![0.0; taxels], activation }
+    pub fn new(regions: &Regions, activation: Activation) -> Self {
+        let sign = |kind: &ModuleKind| if matches!(kind, ModuleKind::Cells(_)) { 0 } else { -1 };
+        let modules = regions.modules().iter().zip(regions.kinds());
+        let signs = modules.flat_map(|(taxels, kind)| taxels.clone().map(move |_| sign(kind))).collect();
+        Self { zero: Vec::new(), signs, touched_counts: vec![0.0; regions.taxels()], activation }
     }
 
     /// A zero was taken.

@@ -67,7 +67,7 @@ impl Zero {
             doubted: false,
             lookback: Lookback::new(regions.taxels(), plan.period),
             configuring: false,
-            ground: Ground::new(regions.taxels(), plan.activation),
+            ground: Ground::new(&regions, plan.activation),
             memory: Memory::default(),
             plan,
             regions,
@@ -182,8 +182,11 @@ impl Zero {
             return;
         }
         match self.continuity.on_scan(scan, around.bag) {
-            Some(Finding::NewZero(why)) => self.lose(why, events),
-            Some(Finding::Doubt(_)) | None => self.tell_doubt(events),
+            Some((board, Finding::NewZero(why))) => {
+                self.lose(why.clone(), events);
+                events.push(ZeroEvent::BoardMoved { board, why });
+            }
+            Some((_, Finding::Doubt(_))) | None => self.tell_doubt(events),
         }
     }
 

@@ -31,10 +31,10 @@ impl Reference {
         }
     }
 
-    /// The load on the taxel in lane `i`, if it was touched: its counts then and now, and 1. Zeros if it was not.
+    /// The load on the taxel in lane `i`, if it was touched: its counts in units then and now, and 1. Zeros if it was not.
     #[must_use]
-    pub fn load(&self, i: usize, then: u8, now: u8) -> [f32; 3] {
-        let [then, now] = [then, now].map(|count| self.sign[i] * f32::from(count) - self.zero[i]);
+    pub fn load(&self, i: usize, then: f32, now: f32) -> [f32; 3] {
+        let [then, now] = [then, now].map(|count| self.sign[i] * count - self.zero[i]);
         if self.sign[i] != 0.0 && then > self.touched[i] { [then, now.max(0.0), 1.0] } else { [0.0; 3] }
     }
 }
@@ -53,10 +53,7 @@ impl Sums {
     /// Adds the taxels of a block. One that is not sound, or takes no part, adds nothing.
     pub fn add(&mut self, reference: &Reference, block: &Block) {
         let Reference { sign, zero, per_variance, touched } = reference;
-        let newest: Column = block.newest.map(f32::from);
-        let before: Column = block.before.map(f32::from);
-        let quarter: Column = block.quarter.map(f32::from);
-        let whole: Column = block.whole.map(f32::from);
+        let Block { newest, before, quarter, whole, .. } = block;
         let takes_part: Column =
             std::array::from_fn(|i| if (block.unsound[i] == 0) & (sign[i] != 0.0) { 1.0 } else { 0.0 });
         // The zero where there is no recent mean yet: a comparison with NaN is false.
@@ -65,7 +62,7 @@ impl Sums {
             if recent < zero[i] { recent } else { zero[i] }
         });
         for (sums, (mean, per_variance)) in
-            self.evidence.iter_mut().zip([(&newest, 1.0), (&quarter, 0.25), (&whole, 0.0625)].iter().zip(per_variance))
+            self.evidence.iter_mut().zip([(newest, 1.0), (quarter, 0.25), (whole, 0.0625)].iter().zip(per_variance))
         {
             for i in 0..LANES {
                 let away = least[i] - sign[i] * (mean.0[i] * mean.1);
@@ -122,8 +119,8 @@ mod tests {
                 if sign != 0 {
                     reference.set(i, f64::from(sign), zero, [1.0, 2.0, 3.0], 4.0);
                 }
-                (block.newest[i], block.before[i], block.unsound[i]) = (newest, before, unsound);
-                (block.quarter[i], block.whole[i], block.recent[i]) = (quarter, whole, recent);
+                (block.newest[i], block.before[i], block.unsound[i]) = (newest.into(), before.into(), unsound);
+                (block.quarter[i], block.whole[i], block.recent[i]) = (quarter.into(), whole.into(), recent);
                 if sign == 0 || unsound > 0 {
                     continue;
                 }

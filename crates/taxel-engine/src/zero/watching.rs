@@ -69,7 +69,7 @@ impl Zero {
             Some(who) => format!("{who} confirms that nothing touches the skin; {verdict}"),
             None => verdict.to_string(),
         };
-        let baseline = with_noise_capped(window.all().baseline(), models.map_or(&[], |set| &set.baseline));
+        let baseline = with_noise_capped(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
         let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, &baseline);
         if let Purpose::Operator { request, .. } = purpose {
             self.proven = Some(Proven::new(request, view.clone(), baseline.clone()));

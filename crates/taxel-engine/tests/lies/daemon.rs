@@ -36,6 +36,7 @@ pub struct Daemon {
     fits: Vec<(Time, FitJob)>,
     /// Questions for the samples of a session: when they are answered, the ticket and the session.
     loads: Vec<(Time, u64, u64)>,
+    set_loads: Vec<(u64, String)>,
     /// Frames that came while the engine stood still.
     waiting: Vec<TimedFrame>,
     stalled_until: Time,
@@ -65,6 +66,7 @@ impl Daemon {
             commits: Vec::new(),
             fits: Vec::new(),
             loads: Vec::new(),
+            set_loads: Vec::new(),
             waiting: Vec::new(),
             stalled_until: now,
             deaf: false,
@@ -96,6 +98,7 @@ impl Daemon {
         (self.newest, self.session) = (Arc::default(), None);
         self.fits.clear();
         self.loads.clear();
+        self.set_loads.clear();
         self.commits.clear();
         self.waiting.clear();
     }
@@ -165,6 +168,10 @@ impl Daemon {
             let result = self.store.samples_of(session);
             self.step(now, Input::Loaded { ticket, result });
         }
+        for (ticket, id) in std::mem::take(&mut self.set_loads) {
+            let result = self.store.set_of(&id);
+            self.step(now, Input::SetLoaded { ticket, result });
+        }
         while let Some(place) = self.fits.iter().position(|(due, _)| *due <= now) {
             let (_, job) = self.fits.remove(place);
             let outcome = job.run(|set| format!("m-{:016x}", digest(&format!("{:?}", set.taxels))));
@@ -205,6 +212,7 @@ impl Daemon {
                 let due = self.store.answers_at(now + self.dice.span(0.002, 0.1));
                 self.loads.push((due, ticket, session));
             }
+            Output::LoadSet { ticket, model_set } => self.set_loads.push((ticket, model_set)),
             Output::SessionGone(_) => self.session = None,
             Output::Health(_) => {}
         }
@@ -215,10 +223,12 @@ fn in_words(reply: &Reply) -> String {
     match reply {
         Ok(Done::Tared(tare)) => format!("tared: {}", tare.reason),
         Ok(Done::BringUpStarted) => "bring-up started".to_owned(),
+        Ok(Done::PushBegun) => "scans may be pushed".to_owned(),
         Ok(Done::Session(view)) => format!("session {} is {}", view.number, view.state.name()),
         Ok(Done::Activated { model_set, .. }) => format!("{model_set} is active"),
         Ok(Done::LoadRecorded(_)) => "load recorded".to_owned(),
         Ok(Done::Imported { model_set }) => format!("{model_set} imported"),
+        Ok(Done::RefitKept { model_set, .. }) => format!("{} kept", model_set.id),
         Ok(Done::Deleted) => "deleted".to_owned(),
         Err(rejection) => format!("refused: {rejection}"),
     }

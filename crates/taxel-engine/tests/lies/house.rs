@@ -90,7 +90,7 @@ fn calibrate(n: usize) -> House {
     world.pump(PumpCommand::Vent);
     let settled = world.now() + Duration::from_secs(40);
     world.advance(settled, &mut Vec::new());
-    let set = daemon.catalogue.model_sets.last().expect("the fit gave models").clone();
+    let set = daemon.catalogue.model_sets.last().expect("the fit gave models").at_hand.clone().expect("it is new");
     House { world, set }
 }
 

@@ -142,7 +142,7 @@ impl Operator {
                 let id = format!("m-{:016x}", self.imports);
                 let session = self.dice.chance(0.5).then(|| self.dice.below(4) as u64);
                 let model_set = Arc::new(ModelSet { id, session, ..ModelSet::clone(&stage.house.set) });
-                stage.give(Kind::Activation, Command::Import { model_set });
+                stage.give(Kind::Activation, Command::Import { model_set, insist: false });
             }
             Task::Restart => self.restart(stage),
         }

@@ -89,7 +89,7 @@ impl Stage {
     /// The operator gives a command.
     pub fn give(&mut self, kind: Kind, command: Command) {
         let words = match &command {
-            Command::Import { model_set } => format!("Import {} of session {:?}", model_set.id, model_set.session),
+            Command::Import { model_set, .. } => format!("Import {} of session {:?}", model_set.id, model_set.session),
             other => format!("{other:?}"),
         };
         let request = self.daemon.command(command);

@@ -44,6 +44,12 @@ impl Store {
         self.waiting.back().map_or(due, |(last, _)| due.max(*last))
     }
 
+    /// The model set of this id.
+    pub fn set_of(&self, id: &str) -> Result<Arc<ModelSet>, NotLoaded> {
+        let found = self.model_sets.iter().find(|set| set.id == id).cloned();
+        found.ok_or_else(|| NotLoaded::Damaged("it is not there".to_owned()))
+    }
+
     /// What a session gathered.
     pub fn samples_of(&self, session: u64) -> Result<SessionSamples, NotLoaded> {
         let found = self.sessions.get(&session).map(|(_, samples)| samples.clone());
@@ -86,7 +92,7 @@ impl Store {
             }
             Record::ModelSetDeleted { model_set, .. } => self.model_sets.retain(|set| set.id != model_set),
             Record::SessionDeleted { session, .. } => drop(self.sessions.remove(&session)),
-            Record::Load(_) | Record::Tared { .. } => {}
+            Record::Load(_) | Record::Asked(_) | Record::Answered(_) | Record::Tared { .. } => {}
         }
     }
 
@@ -106,7 +112,7 @@ impl Store {
             Some(Arc::new(view))
         });
         Restored {
-            model_sets: self.model_sets.clone(),
+            model_sets: self.model_sets.iter().cloned().map(Into::into).collect(),
             active: self.active.clone().into_iter().collect(),
             sessions: sessions.collect(),
             next_session: newest.map_or(1, |number| number + 1),

@@ -78,7 +78,7 @@ fn a_set_that_is_activated_while_its_session_is_fitted_does_not_cost_the_new_one
 #[test]
 fn a_foreign_set_leaves_this_robots_session_of_its_number_alone() {
     let (mut bench, session, _) = in_review();
-    bench.ask(Command::Import { model_set: foreign(session) }).unwrap();
+    bench.ask(Command::Import { model_set: foreign(session), insist: false }).unwrap();
     let before = view(&bench, session);
     bench.activate("m-foreign").unwrap();
     assert_eq!(view(&bench, session), before, "it is not this session's set that is in use");
@@ -200,7 +200,7 @@ fn a_module_that_is_silent_all_the_time_can_be_left_out() {
     bench.seconds(11.0);
     bench.ask(Command::FinishRamp { session }).unwrap();
     bench.until_state(1.0, SessionState::Review);
-    let set = Arc::clone(&bench.host.catalogue.model_sets[0]);
+    let set = bench.host.set(0);
     assert!(set.taxels[30..40].iter().all(|model| !model.is_usable()), "nothing is made of what was not heard");
     assert!(set.taxels.iter().filter(|model| model.is_usable()).count() >= 60);
     bench.world.pump(PumpCommand::Vent);

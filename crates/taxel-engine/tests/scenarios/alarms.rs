@@ -33,7 +33,7 @@ fn an_excluded_taxel_that_flickers_on_its_rail_degrades_nothing() {
         flickers_on_its_rail(&mut bench);
         let mark = bench.mark();
         bench.seconds(3.0);
-        let counts: Vec<u8> = bench.host.snapshots[mark..].iter().map(|s| s.taxels[30].count).collect();
+        let counts: Vec<u16> = bench.host.snapshots[mark..].iter().map(|s| s.taxels[30].count).collect();
         assert!(counts.iter().filter(|count| **count == 0).count() > 20, "it flickers: {counts:?}");
         let degraded = bench.host.snapshots[mark..].iter().filter(|s| s.force.state != ForceState::Ok).count();
         assert_eq!(degraded, 0, "{what}: {}", bench.host.reasons());

@@ -58,7 +58,7 @@ fn rise(bench: &mut Bench) {
 fn fallen(bench: &mut Bench) -> Arc<ModelSet> {
     bench.ramp(0.0, 4.0);
     bench.until_state(40.0, SessionState::Review);
-    Arc::clone(bench.host.catalogue.model_sets.last().unwrap())
+    bench.host.newest_set()
 }
 
 fn again(bench: &mut Bench, session: u64) -> Arc<ModelSet> {
@@ -162,7 +162,7 @@ fn too_fast_a_fall_is_refused_and_a_vented_bag_ends_the_ramp() {
     assert!(bench.host.session().refused.get(SampleRefusal::TooFast) > 10, "{:?}", bench.host.session());
     let (_, falling) = branches_are_in_order(&bench.host.samples(session), 0.3);
     assert!(falling < 30, "{falling}");
-    let recorded = bench.host.catalogue.model_sets[0].recorded.clone().unwrap();
+    let recorded = bench.host.set(0).recorded.clone().unwrap();
     assert_eq!(recorded.plays_error_ratio, None, "nothing to judge plays by");
 }
 
@@ -191,7 +191,7 @@ fn a_fall_that_never_comes_leaves_the_rise_to_be_fitted_and_says_so() {
     let view = bench.host.session();
     let why = "the falling branch ended early: the pressure did not fall for 3 s: it is 6";
     assert!(view.reason.starts_with(why), "{}", view.reason);
-    assert!(bench.host.catalogue.model_sets[0].taxels.iter().filter(|m| m.is_usable()).count() >= 70);
+    assert!(bench.host.set(0).taxels.iter().filter(|m| m.is_usable()).count() >= 70);
 }
 
 #[test]
@@ -210,14 +210,14 @@ fn a_session_killed_on_its_falling_branch_gives_the_same_models_as_one_that_was_
     assert_eq!(disk.restored.sessions[0].direction, Direction::Falling, "the turn is on disk");
     bench.ask(Command::FinishRamp { session }).unwrap();
     bench.until_state(1.0, SessionState::Review);
-    let uninterrupted = Arc::clone(&bench.host.catalogue.model_sets[0]);
+    let uninterrupted = bench.host.set(0);
 
     let mut resumed = Bench::after(bench.world.clone(), bench.host.plan.clone(), disk);
     resumed.seconds(0.5);
     let view = session_of(resumed.ask(Command::FinishRamp { session }));
     assert_eq!((view.state, view.branches), (SessionState::Fitting, Branch::Both));
     resumed.until_state(1.0, SessionState::Review);
-    let set = &resumed.host.catalogue.model_sets[0];
+    let set = &resumed.host.set(0);
     assert_eq!(content(set), content(&uninterrupted));
     assert_eq!(format!("{:?}", set.recorded), format!("{:?}", uninterrupted.recorded));
     assert!(set.recorded.as_ref().unwrap().taxels.iter().flatten().all(|taxel| taxel.hysteresis_kpa.is_some()));
@@ -234,7 +234,7 @@ fn a_session_of_the_papers_estimator_is_its_equation_over_the_rise_and_gives_a_f
     assert!(falling > 250, "{falling}");
     let kpa: Vec<f64> = samples[..rising].iter().map(|s| s.pressure_kpa).collect();
     for (taxel, model) in set.taxels.iter().enumerate() {
-        let counts: Vec<f64> = samples[..rising].iter().map(|s| f64::from(s.counts[taxel])).collect();
+        let counts: Vec<f64> = samples[..rising].iter().map(|s| s.counts.counts().units(taxel).unwrap()).collect();
         let options = FitOptions { estimator: Estimator::Paper, ..bench.host.plan.patches[0].fit };
         let alone = taxel_model::fit(&Samples::new(&counts, &kpa), &options);
         assert_eq!((model.estimator, &model.curve), (Estimator::Paper, &alone.curve), "taxel {taxel}");

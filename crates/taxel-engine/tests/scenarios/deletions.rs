@@ -6,6 +6,7 @@ use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection};
 use taxel_engine::engine::limits::{MODEL_SETS_MAX, SESSIONS_MAX};
+use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 
@@ -34,7 +35,7 @@ fn a_model_set_is_deleted_once_nothing_uses_it() {
     let why = bench.refused(delete_set(&set));
     assert_eq!(why, format!("model set `{set}` is in use on patch `small`; activate another one first"));
     assert_eq!(bench.refused(Command::DeleteSession { session }), why, "nor is the session that it came from");
-    bench.ask(Command::Import { model_set: another("m-other") }).unwrap();
+    bench.ask(Command::Import { model_set: another("m-other"), insist: false }).unwrap();
     bench.activate("m-other").unwrap();
     assert!(matches!(bench.ask(delete_set(&set)), Ok(Done::Deleted)));
     assert_eq!(known(&bench), ["m-other"]);
@@ -150,13 +151,14 @@ fn a_session_that_is_deleted_while_its_samples_are_read_does_not_go_on() {
 #[test]
 fn at_the_limit_of_model_sets_an_operator_is_told_to_delete_some() {
     let sets: Vec<_> = (0..MODEL_SETS_MAX).map(|n| another(&format!("m-{n}"))).collect();
-    let restored = Restored { model_sets: sets.clone(), ..Restored::default() };
+    let model_sets = sets.iter().map(|set| KnownSet::stored(SetSummary::of(set))).collect();
+    let restored = Restored { model_sets, ..Restored::default() };
     let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), restored);
     bench.brought_up();
-    let import = |model_set| Command::Import { model_set };
+    let import = |model_set| Command::Import { model_set, insist: false };
     for command in [import(another("m-more")), start()] {
         let why = bench.refused(command);
-        let expected = "there are 100 model sets, and 100 is the limit: delete some with DeleteModelSet first";
+        let expected = "there are 1000 model sets, and 1000 is the limit: delete some with DeleteModelSet first";
         assert_eq!(why, expected);
     }
     assert!(bench.ask(import(Arc::clone(&sets[7]))).is_ok(), "one that is there already needs no room");
@@ -164,7 +166,7 @@ fn at_the_limit_of_model_sets_an_operator_is_told_to_delete_some() {
     bench.host.disk_is_slow = true;
     let first = bench.host.command(import(another("m-more")));
     let why = bench.refused(import(another("m-too-much")));
-    assert!(why.contains("100 is the limit"), "what is being written counts: {why}");
+    assert!(why.contains("1000 is the limit"), "what is being written counts: {why}");
     bench.host.commit(Ok(()));
     assert!(matches!(bench.host.reply(first), Some(Ok(Done::Imported { .. }))));
     assert_eq!(known(&bench).len(), MODEL_SETS_MAX);
@@ -181,9 +183,9 @@ fn at_the_limit_of_sessions_an_operator_is_told_to_delete_some() {
     let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), restored);
     bench.brought_up();
     let why = bench.refused(start());
-    assert_eq!(why, "there are 1000 sessions, and 1000 is the limit: delete some with DeleteSession first");
+    assert_eq!(why, "there are 10000 sessions, and 10000 is the limit: delete some with DeleteSession first");
     bench.ask(Command::DeleteSession { session: 1 }).unwrap();
-    assert_eq!(session_of(bench.ask(start())).number, 1_001);
+    assert_eq!(session_of(bench.ask(start())).number, 10_001);
 }
 
 #[test]

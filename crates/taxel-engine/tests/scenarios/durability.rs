@@ -15,7 +15,7 @@ fn other_set(id: &str) -> Arc<ModelSet> {
 }
 
 fn import(id: &str) -> Command {
-    Command::Import { model_set: other_set(id) }
+    Command::Import { model_set: other_set(id), insist: false }
 }
 
 fn activate(id: &str) -> Command {

@@ -39,7 +39,7 @@ fn lost_frames_keep_the_force_and_are_counted_as_orphans() {
 #[derive(Default)]
 struct Truth {
     head: [u8; 7],
-    whole: HashSet<Vec<u8>>,
+    whole: HashSet<Vec<u16>>,
     orphans: u64,
     kept_head: bool,
     state: u64,
@@ -57,7 +57,7 @@ impl Truth {
             }
             Ok(Message::Tail { values, .. }) => {
                 let all = [self.head.as_slice(), &values].concat();
-                let taxels = ModuleKind::Triangle.taxel_slots().iter().map(|&slot| all[slot as usize]);
+                let taxels = ModuleKind::Triangle.taxel_slots().iter().map(|&slot| u16::from(all[slot as usize]));
                 self.whole.insert(taxels.collect());
                 self.orphans += u64::from(self.kept_head != kept);
             }
@@ -82,7 +82,7 @@ fn no_torn_module_is_ever_published_and_orphans_are_counted() {
     let truth = truth.borrow();
     let mut seen = HashSet::new();
     for snapshot in &bench.host.snapshots[first..] {
-        let counts: Vec<u8> = snapshot.taxels[..10].iter().map(|t| t.count).collect();
+        let counts: Vec<u16> = snapshot.taxels[..10].iter().map(|t| t.count).collect();
         assert!(truth.whole.contains(&counts), "{counts:?} was never sent together");
         seen.insert(counts);
     }

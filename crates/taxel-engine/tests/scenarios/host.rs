@@ -6,7 +6,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::calibration::{FitJob, NotLoaded, RampBaseline, SessionSamples, SessionView};
+use taxel_engine::catalogue::StoreDamage;
 use taxel_engine::command::{Command, Reply, RequestId};
+use taxel_engine::events::{Event, EventWatch};
+use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
 use taxel_engine::record::{Record, Sample};
 use taxel_engine::snapshot::{Catalogue, ForceState, Health, PatchSnapshot};
@@ -44,6 +47,10 @@ pub struct Host {
     pub stored: HashMap<u64, SessionSamples>,
     /// Tickets and sessions whose samples are to be read, as soon as the disk is not slow.
     pub loads: Vec<(u64, u64)>,
+    /// Model sets that an earlier run wrote down.
+    pub shelf: Vec<Arc<ModelSet>>,
+    /// Model sets that were asked for, by ticket.
+    pub set_loads: Vec<(u64, String)>,
     /// Patches whose session was deleted.
     pub sessions_gone: Vec<usize>,
     /// Commits that wait for the disk, and whether it takes them by itself.
@@ -53,13 +60,19 @@ pub struct Host {
     pub fits_panic: bool,
     /// How far the wall clock was set since the start.
     pub wall_offset_ns: i64,
+    /// What an operator may ask for later.
+    pub events: Vec<Event>,
+    event_watch: EventWatch,
     fitted: usize,
     replies: HashMap<RequestId, Reply>,
 }
 
 impl Host {
     pub fn new(plan: Arc<Plan>, restored: Restored, now: Time) -> Self {
+        let names = plan.patches.iter().map(|plan| plan.patch.name());
         let mut host = Self {
+            events: Vec::new(),
+            event_watch: EventWatch::new(names, &restored.active),
             engine: Engine::new(Arc::clone(&plan), restored),
             plan,
             now,
@@ -75,6 +88,8 @@ impl Host {
             fits: Vec::new(),
             stored: HashMap::new(),
             loads: Vec::new(),
+            set_loads: Vec::new(),
+            shelf: Vec::new(),
             sessions_gone: Vec::new(),
             commits: Vec::new(),
             disk_is_slow: false,
@@ -93,6 +108,12 @@ impl Host {
             self.now = self.now.max(newest);
             self.step(Input::Frames(BUS, frames));
         }
+    }
+
+    /// Scans that a program pushes, and frames of another bus than the boards'.
+    pub fn input(&mut self, time: Time, input: Input<'_>) {
+        self.now = self.now.max(time);
+        self.step(input);
     }
 
     /// Time passes. A fit takes milliseconds, so it ends here and not among a slot's frames.
@@ -133,6 +154,10 @@ impl Host {
 
     pub fn store_failed(&mut self, why: &str) {
         self.step(Input::StoreFailed(why.to_owned()));
+    }
+
+    pub fn store_damaged(&mut self, damage: StoreDamage) {
+        self.step(Input::StoreDamaged(damage));
     }
 
     /// Gives a command; the reply may come later.
@@ -198,11 +223,13 @@ impl Host {
         let mut out = Vec::new();
         self.engine.step(now, input, &mut out);
         for output in out {
+            self.event_watch.look(now.wall_ns, &output, &mut self.events);
             self.collect(output);
         }
         if !self.disk_is_slow {
             self.commit(Ok(()));
             self.load();
+            self.load_sets();
         }
     }
 
@@ -213,6 +240,29 @@ impl Host {
             let result = samples.ok_or_else(|| NotLoaded::Damaged("they are not there".to_owned()));
             self.step(Input::Loaded { ticket, result });
         }
+    }
+
+    /// The disk gives the model sets that were asked for.
+    pub fn load_sets(&mut self) {
+        for (ticket, id) in std::mem::take(&mut self.set_loads) {
+            let made = self.records.iter().filter_map(|record| match record {
+                Record::ModelSet(set) => Some(set),
+                _ => None,
+            });
+            let found = self.shelf.iter().chain(made).find(|set| set.id == id).cloned();
+            let result = found.ok_or_else(|| NotLoaded::Damaged("its hash is not that of its content".to_owned()));
+            self.step(Input::SetLoaded { ticket, result });
+        }
+    }
+
+    /// A model set of the catalogue that is in memory.
+    pub fn set(&self, position: usize) -> Arc<ModelSet> {
+        self.catalogue.model_sets[position].at_hand.clone().expect("it is in memory")
+    }
+
+    /// The newest model set of the catalogue, which is in memory.
+    pub fn newest_set(&self) -> Arc<ModelSet> {
+        self.set(self.catalogue.model_sets.len() - 1)
     }
 
     /// What this run and an earlier one wrote down of a session.
@@ -255,6 +305,7 @@ impl Host {
             }
             Output::Session(_, view) => {
                 check::session(&view);
+                check::model_set_is_there(&view, &self.catalogue);
                 self.sessions.push(view);
             }
             Output::Health(health) => self.healths.push(health),
@@ -271,6 +322,7 @@ impl Host {
             }
             Output::Fit(job) => self.fits.push(job),
             Output::Load { ticket, session } => self.loads.push((ticket, session)),
+            Output::LoadSet { ticket, model_set } => self.set_loads.push((ticket, model_set)),
             Output::SessionGone(patch) => self.sessions_gone.push(patch),
         }
     }

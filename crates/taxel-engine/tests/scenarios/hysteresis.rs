@@ -55,7 +55,7 @@ fn calibrated() -> (Bench, Arc<ModelSet>) {
         bench.ramp(0.0, 2.0);
         bench.until_state(60.0, SessionState::Review);
     }
-    let set = Arc::clone(bench.host.catalogue.model_sets.last().unwrap());
+    let set = bench.host.newest_set();
     (bench, set)
 }
 
@@ -63,7 +63,7 @@ fn calibrated() -> (Bench, Arc<ModelSet>) {
 fn cycle(bench: &mut Bench, set: &Arc<ModelSet>) -> Cycle {
     bench.world.pump(PumpCommand::Vent);
     bench.seconds(20.0);
-    bench.ask(Command::Import { model_set: Arc::clone(set) }).unwrap();
+    bench.ask(Command::Import { model_set: Arc::clone(set), insist: false }).unwrap();
     bench.activate(&set.id).unwrap();
     bench.tare(None).unwrap();
     let mut cycle = Cycle::default();
@@ -109,7 +109,7 @@ fn the_stated_uncertainty_holds_the_hysteresis_that_is_not_compensated() {
     taxels.for_each(|taxel| taxel.plays = None);
     bench.world.pump(PumpCommand::Vent);
     bench.seconds(20.0);
-    bench.ask(Command::Import { model_set: Arc::new(without) }).unwrap();
+    bench.ask(Command::Import { model_set: Arc::new(without), insist: false }).unwrap();
     bench.activate("m-without").unwrap();
     bench.tare(None).unwrap();
     let (mut within, mut all) = (0, 0);

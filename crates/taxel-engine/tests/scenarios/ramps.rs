@@ -191,7 +191,7 @@ fn a_ramp_finished_before_its_target_fits_what_is_there() {
     let (mut bench, number) = ramping(30.0);
     session_of(bench.ask(Command::FinishRamp { session: number }));
     bench.until_state(1.0, SessionState::Review);
-    let set = bench.host.catalogue.model_sets[0].clone();
+    let set = bench.host.set(0);
     assert_eq!(Some(set.id.as_str()), bench.host.session().model_set.as_deref());
     // At 4 kPa/s the scans of the last second, which have not waited for long enough, are worth 4 kPa.
     assert!((25.5..27.5).contains(&set.pressure_max_kpa), "{} kPa", set.pressure_max_kpa);
@@ -221,8 +221,8 @@ fn a_second_ramp_after_venting_is_added_and_all_is_fitted_again() {
     assert_eq!((session.ramps, fit.samples.ramps.len()), (2, 2));
     let per_ramp = [0, 1].map(|ramp| fit.samples.samples.iter().filter(|s| s.ramp == ramp).count());
     assert!(per_ramp.iter().all(|&n| n > 100) && per_ramp.iter().sum::<usize>() as u64 == session.accepted);
-    let sets = &bench.host.catalogue.model_sets;
-    assert_eq!(sets.len(), 2, "the set of the first fit is kept");
+    let sets = [0, 1].map(|position| bench.host.set(position));
+    assert_eq!(bench.host.catalogue.model_sets.len(), 2, "the set of the first fit is kept");
     let ids = (session.model_set.as_deref(), sets[0].taxels[0].quality.repeatability_kpa);
     assert_eq!(ids, (Some(sets[1].id.as_str()), None));
     let usable = sets[1].taxels.iter().filter(|m| m.is_usable());
@@ -251,7 +251,7 @@ fn ramps_at_different_zeros_are_brought_to_one() {
     bench.until_state(1.0, SessionState::Review);
     let rest = |ramp: usize| bench.host.fits[1].samples.ramps[ramp].taxels.iter().map(|t| t.mean).sum::<f64>() / 80.0;
     assert!((rest(1) - rest(0)).abs() > 3.0, "rest at {} and {} counts", rest(0), rest(1));
-    let set = &bench.host.catalogue.model_sets[1];
+    let set = &bench.host.set(1);
     let mut kpa: Vec<f64> = set.taxels.iter().filter_map(|m| m.quality.repeatability_kpa).collect();
     kpa.sort_by(f64::total_cmp);
     assert!(kpa.len() >= 70 && kpa[kpa.len() / 2] < 0.7, "the ramps differ by {kpa:.2?} kPa");
@@ -377,7 +377,7 @@ fn a_fault_during_a_ramp_does_not_spoil_the_fit() {
         bench.seconds(24.0 - fault_s);
         bench.ask(Command::FinishRamp { session }).unwrap();
         bench.until_state(1.0, SessionState::Review);
-        bench.host.catalogue.model_sets[0].clone()
+        bench.host.set(0)
     };
     let (sound, shortly, long) = (calibrated(0.0), calibrated(6.0), calibrated(14.0));
     for taxel in [5, 37] {
@@ -405,7 +405,7 @@ fn a_pause_of_the_intake_is_no_fault_of_the_taxels() {
     bench.ramp(74.0, 4.0);
     bench.until_state(40.0, SessionState::Review);
     samples_rise(&bench, session);
-    let set = &bench.host.catalogue.model_sets[0];
+    let set = &bench.host.set(0);
     let faulty = set.taxels.iter().filter(|m| matches!(m.status, Status::Frozen { .. } | Status::Dead { .. })).count();
     assert_eq!(faulty, 0);
     assert!(set.taxels.iter().filter(|m| m.is_usable()).count() >= 70);

@@ -40,12 +40,12 @@ fn patch(name: &str, boards: &[(u8, std::ops::Range<u8>)]) -> PatchPlan {
     }
 }
 
-fn plan_of(patches: Vec<PatchPlan>) -> Plan {
+pub fn plan_of(patches: Vec<PatchPlan>) -> Plan {
     Plan { buses: 1, patches }
 }
 
 /// Board 13 in halves, the second with board 12.
-fn halves() -> [PatchPlan; 2] {
+pub fn halves() -> [PatchPlan; 2] {
     [patch("upper", &[(13, 0..3)]), patch("lower", &[(13, 3..6), (12, 0..2)])]
 }
 

@@ -54,7 +54,7 @@ fn calibrate(world: World, kpa_per_s: f64) -> Calibrated {
     let settled = bench.now() + Duration::from_secs(20);
     bench.world.advance(settled, &mut Vec::new());
     let session = bench.host.session().clone();
-    let set = bench.host.catalogue.model_sets.last().expect("the fit gave models").clone();
+    let set = bench.host.newest_set();
     Calibrated { skin, world: bench.world, session, set, log }
 }
 
@@ -62,7 +62,7 @@ impl Calibrated {
     /// What a store gives back after a restart with this calibration in use.
     pub fn restored(&self) -> Restored {
         Restored {
-            model_sets: vec![Arc::clone(&self.set)],
+            model_sets: vec![Arc::clone(&self.set).into()],
             active: vec![(self.set.patch.clone(), self.set.id.clone())],
             next_session: 2,
             ..Restored::default()

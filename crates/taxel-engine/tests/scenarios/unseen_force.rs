@@ -18,7 +18,10 @@ pub fn without(skin: &Calibrated, taxels: Range<usize>) -> Bench {
     let mut bench = skin.in_use();
     let mut set = ModelSet { id: "m-without".to_owned(), session: None, ..ModelSet::clone(&skin.set) };
     set.taxels[taxels].iter_mut().for_each(|model| model.status = Status::Dead { count: 0.0 });
-    assert!(matches!(bench.ask(Command::Import { model_set: Arc::new(set) }), Ok(Done::Imported { .. })));
+    assert!(matches!(
+        bench.ask(Command::Import { model_set: Arc::new(set), insist: false }),
+        Ok(Done::Imported { .. })
+    ));
     bench.activate("m-without").unwrap();
     bench.until(2.0, "a force", |host| host.snapshot().force.total.is_some());
     bench.seconds(0.2);

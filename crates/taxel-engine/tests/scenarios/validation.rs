@@ -231,7 +231,7 @@ fn loads_beyond_the_range_replaced_ones_and_those_of_other_models_do_not_count()
     bench.run(Duration::from_secs(2));
 
     let other = Arc::new(ModelSet { id: "m-other".to_owned(), session: None, ..ModelSet::clone(&small().set) });
-    bench.ask(Command::Import { model_set: other }).unwrap();
+    bench.ask(Command::Import { model_set: other, insist: false }).unwrap();
     bench.activate("m-other").unwrap();
     let view = validation(&bench);
     assert_eq!((view.factor, view.applied, view.mean_absolute_error), (None, false, None));

@@ -1,9 +1,9 @@
 //! What must hold of everything that the engine puts out, whatever happens to it.
 
 pub mod check {
-    use taxel_engine::calibration::SessionView;
+    use taxel_engine::calibration::{SessionState, SessionView};
     use taxel_engine::plan::PatchPlan;
-    use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
+    use taxel_engine::snapshot::{Catalogue, ForceSample, ForceState, PatchSnapshot, TaxelState};
     use taxel_skin::Time;
 
     use crate::host::SLOT;
@@ -74,5 +74,12 @@ pub mod check {
         assert!((0.0..=1.0).contains(&view.coverage) && view.target_kpa.is_finite(), "{view:?}");
         assert!(view.durable <= view.accepted && view.responding.0 <= view.responding.1, "{view:?}");
         assert!(view.remaining_s.is_none_or(|s| s >= 0.0), "{view:?}");
+    }
+
+    /// Whoever reads that a session is in review asks for its model set.
+    pub fn model_set_is_there(view: &SessionView, catalogue: &Catalogue) {
+        let Some(id) = view.model_set.as_ref().filter(|_| view.state == SessionState::Review) else { return };
+        let there = catalogue.model_sets.iter().any(|set| set.id == **id);
+        assert!(there, "session {} names model set {id} before that is to be had", view.number);
     }
 }

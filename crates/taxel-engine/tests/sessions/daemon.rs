@@ -96,7 +96,7 @@ impl Daemon {
         let now = self.world.now;
         let mut out = Vec::new();
         self.engine.step(Now { time: now, wall_ns: EPOCH_NS + now.as_nanos() }, input, &mut out);
-        let (mut replies, mut loads) = (Vec::new(), Vec::new());
+        let (mut replies, mut loads, mut set_loads) = (Vec::new(), Vec::new(), Vec::new());
         for output in out {
             match output {
                 Output::Record(record) => self.record(record),
@@ -118,6 +118,7 @@ impl Daemon {
                     self.fits.push(job);
                 }
                 Output::Load { ticket, session } => loads.push((ticket, session)),
+                Output::LoadSet { ticket, model_set } => set_loads.push((ticket, model_set)),
                 Output::SessionGone(_) => unreachable!("nothing is deleted here"),
                 Output::Patch(..) | Output::Health(_) | Output::Send(..) => {}
             }
@@ -130,6 +131,10 @@ impl Daemon {
         for (ticket, session) in loads {
             let result = self.store.samples_of(session);
             self.put(Input::Loaded { ticket, result });
+        }
+        for (ticket, id) in set_loads {
+            let result = self.store.set_of(&id);
+            self.put(Input::SetLoaded { ticket, result });
         }
     }
 
@@ -230,7 +235,7 @@ fn command_of(step: Step) -> Command {
         Step::Import(set) => {
             let session = if let Set::Foreign(session @ 1..) = set { Some(session) } else { None };
             let set = ModelSet { id: id_of(set), session, ..ModelSet::clone(template()) };
-            Command::Import { model_set: Arc::new(set) }
+            Command::Import { model_set: Arc::new(set), insist: true }
         }
         Step::Tare { confirmed } => Command::Tare { patch, confirmed_by: confirmed.then(|| "Ada".to_owned()) },
         // Confirmed, since whether there is a zero, and else the boards are looked at, is not in the table.

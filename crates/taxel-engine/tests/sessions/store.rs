@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use taxel_engine::Restored;
 use taxel_engine::calibration::{NotLoaded, RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 
@@ -56,7 +57,12 @@ impl Store {
                 Record::ModelSetDeleted { .. } | Record::SessionDeleted { .. } => {
                     unreachable!("nothing is deleted here")
                 }
-                Record::Ramp { .. } | Record::Sample { .. } | Record::Load(_) | Record::Tared { .. } => {}
+                Record::Ramp { .. }
+                | Record::Sample { .. }
+                | Record::Load(_)
+                | Record::Asked(_)
+                | Record::Answered(_)
+                | Record::Tared { .. } => {}
             }
         }
         let newest = views.keys().next_back().copied();
@@ -73,7 +79,22 @@ impl Store {
             Arc::new(view)
         };
         let sessions = views.into_iter().map(restored).collect();
+        // As the real store: in memory is what is in use.
+        let known = |set: Arc<ModelSet>| match active.iter().any(|(_, id)| *id == set.id) {
+            true => KnownSet::from(set),
+            false => KnownSet::stored(SetSummary::of(&set)),
+        };
+        let model_sets = model_sets.into_iter().map(known).collect();
         Restored { model_sets, active, sessions, next_session: newest.unwrap_or(0) + 1, ..Restored::default() }
+    }
+
+    /// The model set of this id.
+    pub fn set_of(&self, id: &str) -> Result<Arc<ModelSet>, NotLoaded> {
+        let found = self.records.iter().find_map(|record| match record {
+            Record::ModelSet(set) if set.id == id => Some(Arc::clone(set)),
+            _ => None,
+        });
+        found.ok_or_else(|| NotLoaded::Damaged("it is not there".to_owned()))
     }
 
     /// The samples of a session.

@@ -17,7 +17,7 @@ use super::process::Daemon;
 /// A daemon that does not answer by then has failed.
 const PATIENCE: Duration = Duration::from_secs(15);
 
-/// Subscribers of one connection; a connection carries at most 64 calls.
+/// Subscribers of one connection; a connection carries at most 256 calls, and one peer 100 streams.
 const STREAMS_PER_CONNECTION: usize = 25;
 
 /// A stream's message is preceded by a byte of flags and four of length.
@@ -69,7 +69,7 @@ pub async fn connect(daemon: &mut Daemon) -> anyhow::Result<Channel> {
 /// If the daemon refuses.
 pub async fn give_models(channel: &Channel, json: String) -> anyhow::Result<()> {
     let mut models = ModelServiceClient::new(channel.clone()).max_decoding_message_size(16 << 20);
-    let imported = models.import_model_set(v1::ImportModelSetRequest { json }).await?.into_inner();
+    let imported = models.import_model_set(v1::ImportModelSetRequest { json, insist: false }).await?.into_inner();
     let activate = v1::ActivateModelSetRequest { patch: String::new(), model_set: imported.model_set, expected: None };
     models.activate_model_set(activate).await?;
     Ok(())

@@ -60,7 +60,10 @@ pub fn forearm(scene: Scene) -> anyhow::Result<Arc<Plan>> {
 /// An engine that uses `set` from the start on.
 pub fn engine(plan: &Arc<Plan>, sets: &[Arc<ModelSet>]) -> Engine {
     let active = sets.iter().map(|set| (set.patch.clone(), set.id.clone())).collect();
-    Engine::new(Arc::clone(plan), Restored { model_sets: sets.to_vec(), active, ..Restored::default() })
+    Engine::new(
+        Arc::clone(plan),
+        Restored { model_sets: sets.iter().cloned().map(Into::into).collect(), active, ..Restored::default() },
+    )
 }
 
 /// The present of virtual time.

@@ -105,6 +105,7 @@ impl Calibration {
             gauge_offset_kpa: plan.fit.gauge.offset_kpa,
             taxels,
             recorded: None,
+            recalibrated: None,
         }
     }
 }
@@ -178,7 +179,7 @@ pub fn forces(
         let scan = taxel_engine::Scan {
             time: Time::default(),
             whole: true,
-            counts: &scan.counts,
+            counts: (&scan.counts).into(),
             pads: &pads,
             silent: &silent,
             sound: &sound,

@@ -45,6 +45,7 @@ pub fn evaluator(models: &[TaxelModel]) -> Evaluator {
         gauge_offset_kpa: 0.0,
         taxels: models.to_vec(),
         recorded: None,
+        recalibrated: None,
     };
     Evaluator::new(Arc::new(set), &baseline, &areas, ACTIVATION)
 }

@@ -109,7 +109,7 @@ fn run(scene: &Scene) -> Run {
         run.all.counts.push(count);
         run.all.kpa.push(kpa + spike);
         for _ in 0..scene.times {
-            run.session.on_scan(Some(Pending { time: now, counts: Arc::from([count as u8]) }));
+            run.session.on_scan(Some(Pending { time: now, counts: [count as u8].as_slice().into() }));
         }
         let progress = run.session.advance(now, &run.gauge, &mut Vec::new());
         if progress != Progress::On {
@@ -129,6 +129,7 @@ impl Run {
     fn model(&self) -> Option<TaxelModel> {
         let job = FitJob {
             session: 1,
+            together: Vec::new(),
             fit: 1,
             patch: String::new(),
             wall_ns: 0,

@@ -183,6 +183,7 @@ fn hysteresis() -> Option<Hysteresis> {
             plays_error_ratio: Some(0.5),
             taxels: vec![Some(taxel)],
         }),
+        recalibrated: None,
     };
     Hysteresis::new(&Arc::new(set), &[REST])
 }

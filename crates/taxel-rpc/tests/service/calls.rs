@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::snapshot::{
-    BoardHealth, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag, TareView,
-    TaxelState,
+    BoardHealth, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag, StoreHealth,
+    TareView, TaxelState,
 };
 use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_proto::v1;
@@ -140,7 +140,7 @@ async fn the_skin_tells_its_layout_and_why_taxels_are_excluded() {
     assert!(bare.taxels.iter().all(|taxel| taxel.exclusion == "no_model_set"));
 
     let active = vec![(FOREARM.to_owned(), Some("m-a".to_owned()))];
-    let model_sets = vec![model_set("m-a", FOREARM)];
+    let model_sets = vec![model_set("m-a", FOREARM).into()];
     daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
     let skin = client.get_skin(request()).await.unwrap().into_inner();
     assert_eq!((skin.excluded as usize, skin.model_set.as_str()), (TAXELS - 1, "m-a"));
@@ -163,7 +163,12 @@ async fn health_names_buses_boards_zeros_and_faults() {
         BusHealth { up: true, frames: 10, malformed: 1, last_malformed: "bad".to_owned(), ..BusHealth::default() };
     let board = BoardHealth { patch: FOREARM.to_owned(), address: 13, modules: (16, 15), ..BoardHealth::default() };
     let problems = vec!["the disk is full".to_owned()];
-    daemon.engine().health(Arc::new(Health { buses: vec![bus], boards: vec![board], problems }));
+    daemon.engine().health(Arc::new(Health {
+        buses: vec![bus],
+        boards: vec![board],
+        problems,
+        store: StoreHealth { problem: Some("full".to_owned()), damage: vec!["session 3 is damaged".to_owned()] },
+    }));
     let mut published = PatchSnapshot::clone(&snapshot(1, Time::default()));
     let reason = "rest shown".to_owned();
     let drift = DriftView { state: DriftState::Bounded, max_counts: -3.0, following: (5, 8), ..DriftView::default() };
@@ -175,6 +180,9 @@ async fn health_names_buses_boards_zeros_and_faults() {
     assert!(health.buses[0].up && health.buses[0].last_malformed == "bad");
     assert_eq!((health.boards[0].modules_enabled, health.boards[0].modules_fresh), (16, 15));
     assert_eq!(health.problems, ["the disk is full"]);
+    let store = health.store.unwrap();
+    assert_eq!((store.whole, store.problem.as_str()), (false, "full"));
+    assert_eq!(store.damage, ["session 3 is damaged"]);
     let tare = health.patches[0].tare.as_ref().unwrap();
     assert_eq!((tare.epoch, tare.valid, tare.reason.as_str()), (2, true, "rest shown"));
     assert_eq!(tare.noise_median_counts.to_bits(), 0.0_f64.to_bits(), "not a number stays inside");
@@ -214,7 +222,7 @@ async fn tare_and_bring_up_reach_the_engine() {
 async fn model_sets_are_shown_activated_exported_and_imported() {
     let mut daemon = start().await;
     let active = vec![(FOREARM.to_owned(), Some("m-b".to_owned()))];
-    let model_sets = vec![model_set("m-a", FOREARM), model_set("m-b", FOREARM)];
+    let model_sets = ["m-a", "m-b"].map(|id| model_set(id, FOREARM).into()).to_vec();
     daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
     let mut client = ModelServiceClient::new(daemon.connect().await);
 
@@ -236,12 +244,12 @@ async fn model_sets_are_shown_activated_exported_and_imported() {
     let exported = client.export_model_set(v1::ExportModelSetRequest::default()).await.unwrap().into_inner();
     assert_eq!((exported.model_set.as_str(), exported.json.as_str()), ("m-b", "set m-b"));
 
-    let request = v1::ImportModelSetRequest { json: "set m-c".to_owned() };
+    let request = v1::ImportModelSetRequest { json: "set m-c".to_owned(), insist: false };
     let done = Done::Imported { model_set: "m-c".to_owned() };
     let (imported, ()) = tokio::join!(
         client.import_model_set(request),
         daemon.answer(Ok(done), |command| {
-            let Command::Import { model_set } = command else { panic!("{command:?}") };
+            let Command::Import { model_set, insist: false } = command else { panic!("{command:?}") };
             assert_eq!(model_set.id, "m-c");
         })
     );

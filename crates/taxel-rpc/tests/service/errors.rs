@@ -83,9 +83,9 @@ async fn sets_taxels_and_sessions_that_are_not_there_are_named() {
     expect(models.export_model_set(request).await.unwrap_err(), Code::NotFound, &["active model set", FOREARM]);
     let status = models.activate_model_set(v1::ActivateModelSetRequest::default()).await.unwrap_err();
     expect(status, Code::InvalidArgument, &["model_set"]);
-    let request = v1::ImportModelSetRequest { json: "[]".to_owned() };
+    let request = v1::ImportModelSetRequest { json: "[]".to_owned(), insist: false };
     expect(models.import_model_set(request).await.unwrap_err(), Code::InvalidArgument, &["json", "line 1", "`[]`"]);
-    let model_sets = vec![crate::fixture::model_set("m-a", FOREARM)];
+    let model_sets = vec![crate::fixture::model_set("m-a", FOREARM).into()];
     let catalogue = taxel_engine::snapshot::Catalogue { model_sets, ..Default::default() };
     daemon.engine().catalogue(std::sync::Arc::new(catalogue));
     let request = v1::GetTaxelModelRequest { model_set: "m-a".to_owned(), taxel: 20, ..Default::default() };
@@ -186,7 +186,7 @@ async fn requests_beyond_their_size_are_refused() {
     let patch = "x".repeat(2 << 10);
     let status = ForceServiceClient::new(channel.clone()).get_force(v1::GetForceRequest { patch }).await.unwrap_err();
     expect(status, Code::OutOfRange, &[]);
-    let request = |bytes| v1::ImportModelSetRequest { json: "x".repeat(bytes) };
+    let request = |bytes| v1::ImportModelSetRequest { json: "x".repeat(bytes), insist: false };
     let mut models = ModelServiceClient::new(channel);
     expect(models.import_model_set(request(2 << 10)).await.unwrap_err(), Code::InvalidArgument, &["json"]);
     expect(models.import_model_set(request(5 << 10)).await.unwrap_err(), Code::OutOfRange, &[]);

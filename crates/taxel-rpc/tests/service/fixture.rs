@@ -1,19 +1,24 @@
 //! A server on a free port whose engine is the test itself.
 
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::command::{Command, Reply};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{LiveLimits, PatchPlan, Plan, TarePlan};
+use taxel_engine::plan::{DevicePlan, LiveLimits, PatchPlan, Plan, PushPlan, TarePlan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Status as ModelStatus, TaxelModel};
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Clock, Clocks, Drain, Limits, Listener, ModelCodec, Publisher, Request, ServeError, serve};
-use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time};
-use tokio::net::TcpListener;
+use taxel_rpc::push_line::{Pushed, push_line};
+use taxel_rpc::{
+    Access, AuditSource, CertificateMaker, Clock, Clocks, Drain, Handle, Limits, Listener, ModelCodec, ModelSetSource,
+    Publisher, Request, Rules, SamplesSource, ServeError, serve,
+};
+use taxel_skin::{
+    Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time,
+};
 use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
@@ -21,6 +26,8 @@ use tonic::transport::{Channel, Endpoint};
 
 pub const FOREARM: &str = "left_forearm";
 pub const HAND: &str = "left_hand";
+/// A patch whose scans are pushed, twelve bits each.
+pub const GLOVE: &str = "glove";
 pub const TAXELS: usize = 20;
 /// Far from the time after which the engine counts as stalled, so that the two cannot be taken for each other.
 pub const STALE_AFTER: Duration = Duration::from_secs(5);
@@ -29,6 +36,7 @@ pub const STALE_AFTER: Duration = Duration::from_secs(5);
 pub struct Daemon {
     pub publisher: Option<Publisher>,
     pub requests: mpsc::Receiver<Request>,
+    pub pushed: mpsc::Receiver<Pushed>,
     pub shutdown: CancellationToken,
     pub address: SocketAddr,
     pub server: JoinHandle<Result<Drain, ServeError>>,
@@ -42,6 +50,7 @@ pub fn patient() -> Limits {
         preface: hour,
         unread: hour,
         command: hour,
+        push_pause: hour,
         keepalive_interval: hour,
         keepalive_timeout: hour,
         drain: hour,
@@ -54,6 +63,56 @@ pub async fn start() -> Daemon {
 }
 
 pub async fn start_with(patches: &[&str], limits: Limits) -> Daemon {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    serve_on(vec![Listener::Tcp(listener)], Access::new(Rules::open()), (patches, limits), address)
+}
+
+/// A daemon with an audit log to read.
+pub async fn start_audited(audit: AuditSource) -> Daemon {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let doors = (vec![Listener::Tcp(listener)], Access::new(Rules::open()));
+    serve_all(doors, (&[FOREARM], patient()), address, |handle| handle.with_audit(audit))
+}
+
+/// A daemon that makes certificates, of samples that `samples` has.
+pub async fn start_certifying(maker: CertificateMaker, samples: SamplesSource) -> Daemon {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let doors = (vec![Listener::Tcp(listener)], Access::new(Rules::open()));
+    let with = |handle: Handle| handle.with_certificates(maker).with_samples(samples);
+    serve_all(doors, (&[FOREARM], patient()), address, with)
+}
+
+/// A daemon that has the samples of its sessions; the id of a set is `m-` and its method.
+pub async fn start_with_samples(samples: SamplesSource) -> Daemon {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let doors = (vec![Listener::Tcp(listener)], Access::new(Rules::open()));
+    let id_of = |set: &ModelSet| format!("m-{}", set.method);
+    serve_all(doors, (&[FOREARM], patient()), address, |handle| handle.with_samples(samples).with_refits(id_of))
+}
+
+/// The same that has model sets in its store.
+pub async fn start_with_model_sets(source: ModelSetSource) -> Daemon {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let doors = (vec![Listener::Tcp(listener)], Access::new(Rules::open()));
+    serve_all(doors, (&[FOREARM], patient()), address, |handle| handle.with_model_sets(source))
+}
+
+/// A daemon behind these listeners; `address` is where [`Daemon::connect`] goes.
+pub fn serve_on(listeners: Vec<Listener>, access: Access, scene: (&[&str], Limits), address: SocketAddr) -> Daemon {
+    serve_all((listeners, access), scene, address, |handle| handle)
+}
+
+fn serve_all(
+    (listeners, access): (Vec<Listener>, Access),
+    (patches, limits): (&[&str], Limits),
+    address: SocketAddr,
+    with: impl FnOnce(Handle) -> Handle,
+) -> Daemon {
     let plan = Arc::new(Plan { buses: 1, patches: patches.iter().map(|name| patch_plan(name)).collect() });
     let clock = Arc::new(AtomicI64::new(0));
     let reads = Arc::clone(&clock);
@@ -61,11 +120,11 @@ pub async fn start_with(patches: &[&str], limits: Limits) -> Daemon {
     let clocks = Clocks { run: Arc::clone(&now), process: now };
     let shutdown = CancellationToken::new();
     let codec = ModelCodec { to_json, from_json };
+    let (line, pushed) = push_line(plan.patches.len());
     let (handle, publisher, requests) = channel(plan, clocks, codec, shutdown.clone());
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let address = listener.local_addr().unwrap();
-    let server = tokio::spawn(serve(handle, Listener::Tcp(listener), limits));
-    Daemon { publisher: Some(publisher), requests, shutdown, address, server, clock }
+    let handle = handle.with_push(line);
+    let server = tokio::spawn(serve(with(handle), listeners, access, limits));
+    Daemon { publisher: Some(publisher), requests, pushed, shutdown, address, server, clock }
 }
 
 impl Daemon {
@@ -75,6 +134,11 @@ impl Daemon {
 
     pub fn endpoint(&self) -> Endpoint {
         Endpoint::from_shared(format!("http://{}", self.address)).unwrap()
+    }
+
+    /// What comes for the engine; from here on somebody else answers.
+    pub fn take_requests(&mut self) -> mpsc::Receiver<Request> {
+        std::mem::replace(&mut self.requests, mpsc::channel(1).1)
     }
 
     pub fn engine(&self) -> &Publisher {
@@ -100,7 +164,22 @@ impl Daemon {
     }
 }
 
+/// Two modules of ten taxels.
+fn pushed_plan() -> PatchPlan {
+    let modules = (0..2).map(|m| (Module::from_nibble(m), ModuleKind::Cells(10))).collect();
+    let board = Board { bus: BusIndex(0), address: BoardAddress::new(1).unwrap(), modules };
+    let patch = Patch::new(GLOVE, vec![board]).unwrap().with_counts(CountRange::to(4095).unwrap());
+    PatchPlan {
+        devices: vec![DevicePlan::without_frames()],
+        pushed: Some(PushPlan { pressure: true }),
+        ..PatchPlan::new(patch)
+    }
+}
+
 fn patch_plan(name: &str) -> PatchPlan {
+    if name == GLOVE {
+        return pushed_plan();
+    }
     let modules = (0..2).map(|m| (Module::from_nibble(m), ModuleKind::Triangle)).collect();
     let board = Board { bus: BusIndex(0), address: BoardAddress::new(13).unwrap(), modules };
     let pose = |taxel: usize| TaxelPose { position: [0.001 * taxel as f64, 0.0, 0.0], normal: [0.0, 0.6, 0.8] };
@@ -148,6 +227,7 @@ pub fn model_set(id: &str, patch: &str) -> Arc<ModelSet> {
         gauge_offset_kpa: 0.1,
         taxels,
         recorded: None,
+        recalibrated: None,
     })
 }
 

@@ -47,7 +47,7 @@ async fn sessions_come_newest_first_in_pages_with_the_live_state() {
 #[tokio::test]
 async fn model_sets_come_newest_first_and_the_active_one_is_marked() {
     let daemon = start_with(&[FOREARM], patient()).await;
-    let model_sets = ["m-1", "m-2", "m-3"].map(|id| model_set(id, FOREARM)).to_vec();
+    let model_sets = ["m-1", "m-2", "m-3"].map(|id| model_set(id, FOREARM).into()).to_vec();
     let active = vec![(FOREARM.to_owned(), Some("m-2".to_owned()))];
     daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
     let mut client = ModelServiceClient::new(daemon.connect().await);

@@ -3,14 +3,23 @@
 #![allow(clippy::unwrap_used, clippy::panic)] // clippy exempts only functions that are tests themselves
 
 mod attacks;
+mod audit;
 mod calls;
+mod certificates;
+mod certification;
 mod documented;
 mod errors;
+mod events;
 mod fixture;
 mod lists;
 mod models;
+mod push;
+mod recalibrations;
+mod refits;
 mod server;
 mod sessions;
+mod shares;
 mod stalls;
 mod streams;
 mod validations;
+mod walk;

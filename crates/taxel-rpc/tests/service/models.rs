@@ -1,15 +1,17 @@
 //! What a session over both branches knows beyond its curves goes out too.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
 use taxel_engine::snapshot::Catalogue;
 use taxel_model::{Plays, Sign};
 use taxel_proto::v1;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
+use taxel_rpc::{ModelSetSource, OnModelSet};
 use tonic::Code;
 
-use crate::fixture::{FOREARM, TAXELS, model_set, start};
+use crate::fixture::{FOREARM, TAXELS, model_set, start, start_with_model_sets};
 
 fn over_both_branches(id: &str) -> ModelSet {
     let set = ModelSet::clone(&model_set(id, FOREARM));
@@ -41,7 +43,7 @@ fn over_both_branches(id: &str) -> ModelSet {
 async fn hysteresis_and_quality_in_use_are_shown() {
     let daemon = start().await;
     let active = vec![(FOREARM.to_owned(), Some("m-both".to_owned()))];
-    let model_sets = vec![model_set("m-rising", FOREARM), Arc::new(over_both_branches("m-both"))];
+    let model_sets = vec![model_set("m-rising", FOREARM).into(), Arc::new(over_both_branches("m-both")).into()];
     daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
     let mut client = ModelServiceClient::new(daemon.connect().await);
 
@@ -80,4 +82,91 @@ async fn a_deletion_reaches_the_engine_and_a_refusal_comes_back_with_its_words()
     assert_eq!((status.code(), status.message()), (Code::FailedPrecondition, "model set `m-1` is in use"));
     let status = client.delete_model_set(v1::DeleteModelSetRequest::default()).await.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
+}
+
+#[tokio::test]
+async fn two_sets_of_a_patch_are_compared_and_others_are_refused() {
+    let daemon = start().await;
+    let mut later = ModelSet::clone(&model_set("m-2", FOREARM));
+    later.taxels.swap(0, 1); // the one usable taxel
+    later.baseline[0].mean = 238.0;
+    let same = ModelSet { id: "m-3".to_owned(), ..ModelSet::clone(&model_set("m-1", FOREARM)) };
+    let elsewhere = model_set("m-4", "other");
+    let sets = [model_set("m-1", FOREARM), Arc::new(later), Arc::new(same), elsewhere];
+    let model_sets = sets.map(Into::into).to_vec();
+    let active = vec![(FOREARM.to_owned(), Some("m-1".to_owned()))];
+    daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
+    let mut client = ModelServiceClient::new(daemon.connect().await);
+    let request = |later: &str| v1::CompareModelSetsRequest { later: later.to_owned(), ..Default::default() };
+
+    let moved = client.compare_model_sets(request("m-2")).await.unwrap().into_inner();
+    assert_eq!((moved.became_usable, moved.lost, moved.taxels.len()), (vec![1], vec![0], 0));
+    assert_eq!((moved.median_kpa, moved.worst_kpa, moved.gain_ratio), (None, None, None));
+    let same = client.compare_model_sets(request("m-3")).await.unwrap().into_inner();
+    let (earlier, later) = (same.earlier.unwrap(), same.later.unwrap());
+    assert_eq!((earlier.model_set.as_str(), earlier.active), ("m-1", true), "an empty id is the active set");
+    assert_eq!((later.model_set.as_str(), later.active), ("m-3", false));
+    let [taxel] = same.taxels.as_slice() else { panic!("{:?}", same.taxels) };
+    assert_eq!((taxel.taxel, taxel.worst_kpa, taxel.gain_ratio), (0, Some(0.0), Some(1.0)));
+    assert!(taxel.count_min.unwrap() < taxel.count_max.unwrap() && taxel.rest_counts == Some(0.0), "{taxel:?}");
+    assert_eq!((same.worst_kpa, same.gain_ratio), (Some(0.0), Some(1.0)));
+
+    let status = client.compare_model_sets(request("m-4")).await.unwrap_err();
+    assert_eq!(
+        (status.code(), status.message()),
+        (Code::InvalidArgument, "later: `m-4` is for patch `other`, `m-1` for `left_forearm`")
+    );
+    let status = client.compare_model_sets(request("m-9")).await.unwrap_err();
+    assert_eq!(status.code(), Code::NotFound);
+}
+
+/// Of three listed sets one is in memory; of the others the store has one, and the other is damaged there.
+#[tokio::test]
+async fn a_set_that_is_not_in_memory_is_listed_as_ever_and_read_when_it_is_asked_for() {
+    let asked: Arc<Mutex<Vec<String>>> = Arc::default();
+    let note = Arc::clone(&asked);
+    let source: ModelSetSource = Arc::new(move |id: String, told: OnModelSet| {
+        note.lock().unwrap().push(id.clone());
+        told(if id == "m-1" { Ok(format!("set {id}")) } else { Err(format!("model set {id} is damaged on disk")) });
+    });
+    let daemon = start_with_model_sets(source).await;
+    let stored = |id: &str| KnownSet::stored(SetSummary::of(&model_set(id, FOREARM)));
+    let active = vec![(FOREARM.to_owned(), Some("m-3".to_owned()))];
+    let mut client = ModelServiceClient::new(daemon.connect().await);
+    let mut lists = Vec::new();
+    for model_sets in [
+        vec![stored("m-1"), stored("m-2"), model_set("m-3", FOREARM).into()],
+        ["m-1", "m-2", "m-3"].map(|id| model_set(id, FOREARM).into()).to_vec(),
+    ] {
+        let at_hand = model_sets[0].at_hand.is_some();
+        daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active: active.clone(), ..Catalogue::default() }));
+        let (mut pages, mut page_token) = (Vec::new(), String::new());
+        loop {
+            let request = v1::ListModelSetsRequest { page_size: 2, page_token, ..Default::default() };
+            let page = client.list_model_sets(request).await.unwrap().into_inner();
+            pages.extend(page.model_sets);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                break;
+            }
+        }
+        assert!(asked.lock().unwrap().is_empty(), "a list reads no set");
+        lists.push(pages);
+        if at_hand {
+            break;
+        }
+    }
+    assert_eq!(lists[0].len(), 3);
+    assert_eq!(lists[0], lists[1], "the list is the same whether the sets are in memory or not");
+
+    let model_sets = vec![stored("m-1"), stored("m-2"), model_set("m-3", FOREARM).into()];
+    daemon.engine().catalogue(Arc::new(Catalogue { model_sets, active, ..Catalogue::default() }));
+    let request = |id: &str| v1::GetModelSetRequest { model_set: id.to_owned(), ..Default::default() };
+    for id in ["m-1", "m-3", "m-1"] {
+        let set = client.get_model_set(request(id)).await.unwrap().into_inner();
+        assert_eq!((set.summary.unwrap().model_set.as_str(), set.taxels.len()), (id, TAXELS));
+    }
+    assert_eq!(*asked.lock().unwrap(), ["m-1"], "it is read once, and one in memory not at all");
+    let status = client.get_model_set(request("m-2")).await.unwrap_err();
+    assert!(status.code() == Code::FailedPrecondition && status.message().contains("damaged on disk"), "{status:?}");
 }

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 use std::time::Duration;
-use taxel_engine::snapshot::{BusHealth, Health};
+use taxel_engine::snapshot::{BusHealth, Health, StoreHealth};
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_rpc::handle::channel;
-use taxel_rpc::{Clocks, Drain, Limits, Listener, ModelCodec, serve};
+use taxel_rpc::{Access, Clocks, Drain, Limits, Listener, ModelCodec, Rules, serve};
 use taxel_skin::Time;
 use tokio::io::AsyncReadExt;
 use tokio::net::TcpStream;
@@ -77,6 +77,25 @@ async fn health_follows_the_buses_and_the_force() {
 }
 
 #[tokio::test]
+async fn health_tells_a_store_that_is_damaged_and_one_that_takes_nothing_more() {
+    let daemon = start().await;
+    let mut client = HealthClient::new(daemon.connect().await);
+    let request = |service: &str| HealthCheckRequest { service: service.to_owned() };
+    let mut store = client.watch(request("taxel.store")).await.unwrap().into_inner();
+    let mut calibration = client.watch(request("taxel.v1.CalibrationService")).await.unwrap().into_inner();
+    for stream in [&mut store, &mut calibration] {
+        while stream.message().await.unwrap().unwrap().status() != ServingStatus::Serving {}
+    }
+    let damage = vec!["session 3 is damaged on disk".to_owned()];
+    let damaged = StoreHealth { damage: damage.clone(), ..StoreHealth::default() };
+    daemon.engine().health(Arc::new(Health { store: damaged, ..Health::default() }));
+    assert_eq!(store.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
+    let full = StoreHealth { problem: Some("the disk is full".to_owned()), damage };
+    daemon.engine().health(Arc::new(Health { store: full, ..Health::default() }));
+    assert_eq!(calibration.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
+}
+
+#[tokio::test]
 async fn a_peer_that_holds_on_is_cut_at_the_deadline() {
     let limits = Limits { drain: Duration::from_millis(50), ..patient() };
     let daemon = start_with(&[FOREARM], limits).await;
@@ -106,8 +125,8 @@ async fn a_unix_socket_serves_the_same() {
     let shutdown = tokio_util::sync::CancellationToken::new();
     let clocks = Clocks { run: Arc::new(Time::default), process: Arc::new(Time::default) };
     let (handle, _publisher, _requests) = channel(plan, clocks, codec, shutdown.clone());
-    let listener = Listener::Unix(tokio::net::UnixListener::bind(&path).unwrap());
-    let server = tokio::spawn(serve(handle, listener, patient()));
+    let listener = Listener::Unix(std::os::unix::net::UnixListener::bind(&path).unwrap());
+    let server = tokio::spawn(serve(handle, vec![listener], Access::new(Rules::open()), patient()));
     let endpoint = tonic::transport::Endpoint::from_shared(format!("unix:{}", path.display())).unwrap();
     let mut client = ForceServiceClient::new(endpoint.connect().await.unwrap());
     let status = client.get_force(v1::GetForceRequest::default()).await.unwrap_err();

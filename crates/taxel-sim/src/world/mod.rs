@@ -78,6 +78,10 @@ pub struct World {
     inbox: VecDeque<TimedFrame>,
     insensitive: Vec<bool>,
     loads: Loads,
+    /// Of the bag's pressure, by taxel.
+    bag_share: Vec<f64>,
+    days: usize,
+    day_gain_sd: [f64; 2],
     /// Bag and loads together, of the last conversion; kept to save an allocation.
     pressures_kpa: Vec<f64>,
     counts: FrameCounts,
@@ -105,6 +109,10 @@ impl World {
             seed,
             start,
             now: start,
+            bag_share: wrinkles(config.bag.wrinkle_sd, taxels, seed),
+            days: 0,
+            day_gain_sd: config.dielectric.day_gain_sd,
+            loads: Loads::new(&skin, config.loads),
             bag: Bag::new(config.bag),
             bag_time: start,
             temperature: Temperature::new(config.thermal, seed),
@@ -116,7 +124,6 @@ impl World {
             boards,
             inbox: VecDeque::new(),
             insensitive: fabric.insensitive().to_vec(),
-            loads: Loads::new(taxels),
             pressures_kpa: vec![0.0; taxels],
             counts: FrameCounts::default(),
             skin,
@@ -173,6 +180,17 @@ impl World {
         self.seed = seed;
     }
 
+    /// Another day: the gains of skin and taxels are others; see [`crate::DielectricConfig::day_gain_sd`].
+    pub fn next_day(&mut self) {
+        self.days += 1;
+        let mut rng = Rng::new(self.seed, Stream::Day(self.days));
+        let [common_sd, own_sd] = self.day_gain_sd;
+        let common = common_sd * rng.truncated_normal(2.5);
+        for board in &mut self.boards {
+            board.scale_gains(|| 1.0 + common + own_sd * rng.truncated_normal(2.5));
+        }
+    }
+
     fn board(&self, address: BoardAddress) -> Option<usize> {
         self.boards.iter().position(|board| board.address == address)
     }
@@ -214,7 +232,8 @@ impl World {
                 let temperature = self.temperature.rise_k(time.seconds_since(self.start));
                 let bag_kpa = self.bag_kpa(time);
                 self.loads.write(time, &self.skin, &mut self.pressures_kpa);
-                self.pressures_kpa.iter_mut().for_each(|pressure| *pressure += bag_kpa);
+                let all = self.pressures_kpa.iter_mut().zip(&self.bag_share);
+                all.for_each(|(pressure, share)| *pressure += bag_kpa * share);
                 self.boards[index].convert(&self.pressures_kpa, temperature);
             }
             Event::Scan(index) => self.scan(index, time),
@@ -307,4 +326,10 @@ impl World {
     pub const fn now(&self) -> Time {
         self.now
     }
+}
+
+/// What of the bag's pressure reaches each taxel.
+fn wrinkles(sd: f64, taxels: usize, seed: u64) -> Vec<f64> {
+    let mut rng = Rng::new(seed, Stream::Wrinkles);
+    (0..taxels).map(|_| 1.0 + sd * rng.truncated_normal(2.5)).collect()
 }

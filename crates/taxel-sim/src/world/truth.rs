@@ -1,7 +1,7 @@
 //! What is true of a world, to judge others by.
 
 use super::{FrameCounts, World};
-use taxel_skin::{Kilopascal, Newton};
+use taxel_skin::{Kilopascal, Newton, SquareMillimetre};
 
 impl World {
     /// What became of the frames so far.
@@ -21,26 +21,25 @@ impl World {
         let bag = self.true_pressure().0;
         let mut loads_kpa = Vec::new();
         self.loads.write(self.now, &self.skin, &mut loads_kpa);
-        loads_kpa.into_iter().map(move |load| Kilopascal(bag + load))
+        loads_kpa.into_iter().zip(&self.bag_share).map(move |(load, share)| Kilopascal(bag * share + load))
     }
 
-    /// The true normal force on the skin, bag and masses together: the sum of pressure times area over all taxels.
-    /// Without vacuum it is the weight of the masses.
+    /// The true normal force on the skin, bag and masses together. Without vacuum it is the weight of the masses.
     #[must_use]
     pub fn true_force(&self) -> Newton {
-        self.true_taxel_pressures().map(|pressure| pressure.on(self.skin.taxel_area())).sum()
+        let skin_mm2 = self.skin.taxel_area().0 * self.skin.poses().len() as f64;
+        let bag = self.true_pressure().on(SquareMillimetre(skin_mm2));
+        bag + Newton(self.loads.force_n(self.now, &self.skin).0)
     }
 
-    /// The same as a vector in newton: the sum of pressure times area times *outward* normal, as calibrated skin
-    /// reports it. The push on the limb is its opposite.
+    /// The same as a vector in newton: the sum of force times *outward* normal, as calibrated skin reports it. The push on
+    /// the limb is its opposite.
     #[must_use]
     pub fn true_force_vector(&self) -> [f64; 3] {
-        let mut sum = [0.0; 3];
-        for (pressure, pose) in self.true_taxel_pressures().zip(self.skin.poses()) {
-            let force = pressure.on(self.skin.taxel_area()).0;
-            for (sum, n) in sum.iter_mut().zip(pose.normal) {
-                *sum += force * n;
-            }
+        let (_, mut sum) = self.loads.force_n(self.now, &self.skin);
+        let force = self.true_pressure().on(self.skin.taxel_area()).0;
+        for pose in self.skin.poses() {
+            sum.iter_mut().zip(pose.normal).for_each(|(sum, n)| *sum += force * n);
         }
         sum
     }

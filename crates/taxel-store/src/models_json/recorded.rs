@@ -2,7 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 use taxel_engine::model_set::{GaugeClock, Recorded, RecordedTaxel};
-use taxel_model::Plays;
+use taxel_model::bounded::List;
+use taxel_model::{Plays, TERMS_MAX};
+
+use super::limits::TAXELS_MAX;
 
 /// The part of the file, field by field; the names are the format.
 #[derive(Serialize, Deserialize)]
@@ -17,7 +20,7 @@ pub(super) struct Part {
     plays_error_ratio: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     clock: Option<Clock>,
-    taxels: Vec<Option<Entry>>,
+    taxels: List<Option<Entry>, TAXELS_MAX>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -56,7 +59,7 @@ impl Part {
             zero_return_counts: recorded.zero_return_counts,
             zero_return_common_counts: recorded.zero_return_common_counts,
             plays_error_ratio: recorded.plays_error_ratio,
-            taxels: recorded.taxels.iter().map(|taxel| taxel.as_ref().map(entry)).collect(),
+            taxels: List(recorded.taxels.iter().map(|taxel| taxel.as_ref().map(entry)).collect()),
         }
     }
 
@@ -77,7 +80,7 @@ impl Part {
             zero_return_counts: self.zero_return_counts,
             zero_return_common_counts: self.zero_return_common_counts,
             plays_error_ratio: self.plays_error_ratio,
-            taxels: self.taxels.into_iter().map(|entry| entry.map(taxel)).collect(),
+            taxels: self.taxels.0.into_iter().map(|entry| entry.map(taxel)).collect(),
         }
     }
 }
@@ -119,6 +122,10 @@ pub(super) fn check(recorded: &Recorded, taxels: usize) -> Result<(), String> {
         finite(&of("plays.range"), high, low)?;
         finite(&of("plays.curve.centre"), plays.curve.centre, f64::MIN)?;
         finite(&of("plays.curve.half_width"), plays.curve.half_width, f64::MIN_POSITIVE)?;
+        let terms = plays.curve.chebyshev.len();
+        if terms > TERMS_MAX {
+            return Err(format!("`recorded.taxels[{number}].plays.curve` has {terms} terms, the limit is {TERMS_MAX}"));
+        }
         if plays.curve.chebyshev.is_empty() || plays.curve.chebyshev.iter().any(|c| !c.is_finite()) {
             return Err(format!("`recorded.taxels[{number}].plays.curve` is empty or not finite"));
         }

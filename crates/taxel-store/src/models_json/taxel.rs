@@ -1,10 +1,19 @@
 //! One taxel's entry in MODELS.json.
 
-use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value, json};
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::{Map, Number, Value, json};
+use std::fmt;
+use taxel_model::bounded::{List, Text};
 use taxel_model::{
-    Curve, Estimator, Flag, GaugeUncertainty, MAX_ORDER, Quality, SigmaProfile, Sign, Status, TaxelModel,
+    Curve, Estimator, Flag, GaugeUncertainty, KNOTS_MAX, MAX_ORDER, Quality, SigmaProfile, Sign, Status, TERMS_MAX,
+    TaxelModel,
 };
+
+use super::limits::{FIGURES_MAX, FLAGS_MAX, WORDS_BYTES_MAX};
+
+/// A string of an entry.
+type Words = Text<WORDS_BYTES_MAX>;
 
 /// The entry, field by field; the names are the format. `curve` is what the daemon serves from.
 #[derive(Serialize, Deserialize)]
@@ -12,63 +21,86 @@ use taxel_model::{
 pub(super) struct Entry {
     taxel: usize,
     /// `ok`, or the word for why the curve may not be used.
-    status: String,
-    /// The status in words, for people; not read.
+    status: Words,
+    /// The status in words, for people; not used.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    reason: Option<String>,
+    reason: Option<Words>,
     /// The numbers that belong to the status.
-    #[serde(default, skip_serializing_if = "Map::is_empty")]
+    #[serde(default, skip_serializing_if = "Map::is_empty", deserialize_with = "figures")]
     figures: Map<String, Value>,
     order: u8,
     /// Ascending powers of the raw count, a + b C + c C^2 + ...; `null` without a curve.
-    coefficients: Option<Vec<f64>>,
+    coefficients: Option<List<f64, TERMS_MAX>>,
     range: Option<[f64; 2]>,
-    sign: String,
+    sign: Words,
     curve: Option<Curve>,
     sigma: Option<SigmaProfile>,
-    estimator: String,
+    estimator: Words,
     repaired: bool,
     gauge: GaugeUncertainty,
     quality: Quality,
-    flags: Vec<Flag>,
+    flags: List<Flag, FLAGS_MAX>,
+}
+
+/// Numbers by name, or `null` where there is none.
+fn figures<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Map<String, Value>, D::Error> {
+    struct Figures;
+    impl<'de> Visitor<'de> for Figures {
+        type Value = Map<String, Value>;
+
+        fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+            write!(f, "at most {FIGURES_MAX} numbers by name")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, mut entries: A) -> Result<Self::Value, A::Error> {
+            let mut figures = Map::new();
+            while let Some((Text::<WORDS_BYTES_MAX>(name), value)) = entries.next_entry::<_, Option<Number>>()? {
+                if figures.len() == FIGURES_MAX {
+                    return Err(A::Error::custom(format_args!("more than {FIGURES_MAX} figures, which is the limit")));
+                }
+                figures.insert(name, value.map_or(Value::Null, Value::Number));
+            }
+            Ok(figures)
+        }
+    }
+    deserializer.deserialize_map(Figures)
 }
 
 /// The entry of a model.
 pub(super) fn mirror(taxel: usize, model: &TaxelModel) -> Entry {
     Entry {
         taxel,
-        status: model.status.code().to_owned(),
-        reason: (!model.status.is_ok()).then(|| model.status.to_string()),
+        status: Text(model.status.code().to_owned()),
+        reason: (!model.status.is_ok()).then(|| Text(model.status.to_string())),
         figures: status_figures(&model.status),
         order: model.order,
-        coefficients: (!model.raw_coefficients.is_empty()).then(|| model.raw_coefficients.clone()),
+        coefficients: (!model.raw_coefficients.is_empty()).then(|| List(model.raw_coefficients.clone())),
         range: model.range,
-        sign: sign_name(model.sign).to_owned(),
+        sign: Text(sign_name(model.sign).to_owned()),
         curve: model.curve.clone(),
         sigma: model.sigma.clone(),
-        estimator: model.estimator.name().to_owned(),
+        estimator: Text(model.estimator.name().to_owned()),
         repaired: model.repaired,
         gauge: model.gauge,
         quality: model.quality.clone(),
-        flags: model.flags.clone(),
+        flags: List(model.flags.clone()),
     }
 }
 
 /// The model of an entry, which must be the one of `taxel`. What [`check`] looks at is not looked at here.
-pub(super) fn read(taxel: usize, value: Value) -> Result<TaxelModel, String> {
-    let entry: Entry = serde_json::from_value(value).map_err(|error| error.to_string())?;
+pub(super) fn read(taxel: usize, entry: Entry) -> Result<TaxelModel, String> {
     if entry.taxel != taxel {
         return Err(format!("its entry says `taxel` {}, expected {taxel}", entry.taxel));
     }
     Ok(TaxelModel {
-        status: status(&entry.status, entry.figures)?,
-        flags: entry.flags,
-        estimator: named("estimator", &entry.estimator, &Estimator::ALL, Estimator::name)?,
+        status: status(&entry.status.0, entry.figures)?,
+        flags: entry.flags.0,
+        estimator: named("estimator", &entry.estimator.0, &Estimator::ALL, Estimator::name)?,
         order: entry.order,
-        sign: named("sign", &entry.sign, &[Sign::Rising, Sign::Falling], sign_name)?,
+        sign: named("sign", &entry.sign.0, &[Sign::Rising, Sign::Falling], sign_name)?,
         range: entry.range,
         curve: entry.curve,
-        raw_coefficients: entry.coefficients.unwrap_or_default(),
+        raw_coefficients: entry.coefficients.map(|list| list.0).unwrap_or_default(),
         sigma: entry.sigma,
         gauge: entry.gauge,
         quality: entry.quality,
@@ -124,6 +156,14 @@ fn status(code: &str, figures: Map<String, Value>) -> Result<Status, String> {
 
 /// Everything that a model's types cannot say.
 pub(super) fn check(model: &TaxelModel) -> Result<(), String> {
+    let knots = model.sigma.as_ref().map_or(0, |sigma| sigma.sigma_kpa.len());
+    let scores = model.quality.press_by_order.len();
+    let lists = [("flags", model.flags.len(), FLAGS_MAX), ("sigma_kpa", knots, KNOTS_MAX)];
+    for (name, entries, limit) in lists.into_iter().chain([("press_by_order", scores, TERMS_MAX)]) {
+        if entries > limit {
+            return Err(format!("`{name}` has {entries} entries, the limit is {limit}"));
+        }
+    }
     for (name, value) in numbers(model) {
         if !value.is_finite() {
             return Err(format!("`{name}` is {value}, expected a finite number"));

@@ -2,8 +2,10 @@
 
 use proptest::prelude::*;
 use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::model_set::{GaugeClock, ModelSet, Recorded, RecordedTaxel};
+use taxel_engine::model_set::{GaugeClock, ModelSet, Recalibrated, Recorded, RecordedTaxel};
+use taxel_engine::recalibration::LoadPoint;
 use taxel_model::{
     Curve, Estimator, FitOptions, Flag, GaugeUncertainty, Order, Plays, Quality, Samples, SigmaProfile, Sign, Status,
     TaxelModel,
@@ -90,6 +92,36 @@ fn a_change_needs_a_new_id() {
     assert_eq!(accepted.method, "by hand");
     assert_ne!(accepted.id, model_set(1).id);
     assert_eq!(changed(false, |_| ()).unwrap().id, model_set(1).id);
+}
+
+#[test]
+fn when_and_in_which_session_a_set_was_made_is_no_part_of_its_id() {
+    let set = model_set(1);
+    let again = with_id(ModelSet { created_wall_ns: 77, session: None, ..set.clone() });
+    assert_eq!(again.id, set.id);
+    let back = from_json(&to_json(&again).unwrap()).unwrap();
+    assert_eq!((back.created_wall_ns, back.session, &back.id), (77, None, &set.id));
+    let other = with_id(ModelSet { method: "order 4".to_owned(), ..set.clone() });
+    assert_ne!(other.id, set.id);
+}
+
+#[test]
+fn a_set_keeps_an_id_that_an_earlier_version_gave_it() {
+    let set = model_set(1);
+    let (text, field) = (to_json(&set).unwrap(), format!("\"id\":\"{}\",", set.id));
+    // What concerns all with an empty list of taxels, then each taxel.
+    let mut lines = text.lines();
+    let mut hashed = format!("{}]}}", lines.next().unwrap().replace(&field, ""));
+    lines.filter(|line| *line != "]}").for_each(|line| hashed += line.trim_end_matches(','));
+    let digest = Sha256::digest(hashed.as_bytes());
+    let earlier = digest[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"));
+    assert_ne!(earlier, set.id);
+    let theirs = text.replace(&set.id, &earlier);
+    let back = from_json(&theirs).unwrap();
+    assert_eq!(back.id, earlier);
+    assert_eq!(to_json(&back).unwrap(), theirs);
+    let refused = from_json(&theirs.replace("69.9", "69.8")).unwrap_err();
+    assert!(matches!(refused, ModelsJsonError::Id { .. }), "{refused}");
 }
 
 #[test]
@@ -275,6 +307,46 @@ fn what_a_recording_adds_comes_back_and_is_checked() {
     }
 }
 
+#[test]
+fn what_known_loads_corrected_comes_back_and_is_checked() {
+    let point = LoadPoint { number: 7, read: 4.5, read_sigma: 0.01, known: 0.1 + 0.2, known_sigma: 0.05 };
+    let recalibrated = Recalibrated {
+        derived_from: model_set(1).id,
+        earlier: vec!["m-0".to_owned()],
+        area_mm2: Some(42.1),
+        gain: 1.1,
+        gain_sigma: 0.012,
+        offset_kpa: -0.3,
+        offset_sigma_kpa: 0.1,
+        place_rel: 0.03,
+        relative_sigma: 0.032,
+        gain_in_all: 1.21,
+        points: vec![point; 5],
+    };
+    let set = with_id(ModelSet { recalibrated: Some(recalibrated.clone()), ..model_set(1) });
+    assert_ne!(set.id, model_set(1).id);
+    assert_eq!(from_json(&to_json(&set).unwrap()).unwrap().recalibrated, Some(recalibrated.clone()));
+    assert!(!to_json(&model_set(1)).unwrap().contains("recalibrated"), "files of sets without one stay as they were");
+    type Change = fn(&mut Recalibrated);
+    let cases: [(Change, &str); 9] = [
+        (|r| r.derived_from.clear(), "`recalibrated.derived_from` has 0 bytes"),
+        (|r| r.earlier[0].clear(), "`recalibrated.earlier` has 0 bytes"),
+        (|r| r.earlier = vec!["m".to_owned(); 33], "`recalibrated.earlier` has 33 entries, the limit is 32"),
+        (|r| r.area_mm2 = Some(0.0), "`recalibrated.area_mm2` is 0"),
+        (|r| r.gain = 0.0, "`recalibrated.gain` is 0"),
+        (|r| r.gain_in_all = f64::NAN, "`recalibrated.gain_in_all` is NaN"),
+        (|r| r.relative_sigma = -1.0, "`recalibrated.relative_sigma` is -1"),
+        (|r| r.points[2].known = 0.0, "`recalibrated.points`: point 7: the known load is 0"),
+        (|r| r.points = vec![r.points[0]; 101], "`recalibrated.points` has 101 entries, the limit is 100"),
+    ];
+    for (change, says) in cases {
+        let mut wrong = recalibrated.clone();
+        change(&mut wrong);
+        let refused = to_json(&with_id(ModelSet { recalibrated: Some(wrong), ..model_set(1) })).unwrap_err();
+        assert!(refused.to_string().contains(says), "{refused}");
+    }
+}
+
 proptest! {
     #[test]
     fn every_set_comes_back_bit_for_bit(
@@ -293,6 +365,7 @@ proptest! {
             gauge_offset_kpa: gauge.2,
             taxels: taxels.into_iter().map(|(model, ..)| model).collect(),
             recorded: None,
+            recalibrated: None,
         });
         let text = to_json(&set).unwrap();
         let back = from_json(&text).unwrap();

@@ -10,11 +10,14 @@ use std::sync::Arc;
 use taxel_engine::calibration::SessionState;
 use taxel_engine::record::{Record, Sample};
 
+use super::audit::{answered, asked, entries};
 use super::fixture::*;
 use crate::{Batch, Store, StoreEvent};
 
-const CYCLES: u64 = 50;
+/// Kills of the first test unless the environment says otherwise: `TAXEL_STORE_KILLS=1000 cargo test -p taxel-store crash`.
+const KILLS: u64 = 50;
 const CHILD: &str = "TAXEL_STORE_CRASH_CHILD";
+const AUDITING_CHILD: &str = "TAXEL_STORE_AUDITING_CHILD";
 const DELETING_CHILD: &str = "TAXEL_STORE_DELETING_CHILD";
 
 /// One line to the parent; the test harness must not hold it back.
@@ -138,6 +141,7 @@ fn child() {
     let notify = Box::new(|event| match event {
         StoreEvent::Durable { samples, .. } => say(&format!("durable {samples}")),
         StoreEvent::Failed(why) => panic!("{why}"),
+        StoreEvent::Damaged(damage) => panic!("{damage:?}"),
     });
     let (store, restored, _) = Store::open(Path::new(&path), notify).unwrap();
     let known = restored.sessions.first().map_or(0, |session| session.accepted);
@@ -177,7 +181,8 @@ fn what_was_acknowledged_survives_fifty_kills() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     let mut told = Acknowledged::default();
-    for cycle in 0..CYCLES {
+    let kills = std::env::var("TAXEL_STORE_KILLS").ok().and_then(|kills| kills.parse().ok()).unwrap_or(KILLS);
+    for cycle in 0..kills {
         // Not the same place twice: how many lines are read before the kill wanders from 1 to 40.
         let lines = lines_until_killed("tests::crash::child", CHILD, &path, 1 + cycle as usize * 17 % 40);
         lines.iter().for_each(|line| told.note(line));
@@ -201,5 +206,42 @@ fn what_was_acknowledged_survives_fifty_kills() {
         }
         store.close().unwrap();
     }
-    assert!(told.samples > CYCLES && told.sets.len() > 5, "the children got somewhere: {} samples", told.samples);
+    assert!(told.samples > kills && told.sets.len() > 5, "the children got somewhere: {} samples", told.samples);
+}
+
+/// Runs in the child: asks and answers for ever, as the daemon does: only the answer is waited for.
+#[test]
+fn auditing_child() {
+    let Ok(path) = std::env::var(AUDITING_CHILD) else { return };
+    let (store, ..) = Store::open(Path::new(&path), Box::new(|_| ())).unwrap();
+    for request in 1.. {
+        submit(&store, vec![asked(request)], None);
+        submit(&store, vec![sample_record(1, request - 1), answered(request)], Some(format!("answered {request}")));
+    }
+}
+
+#[test]
+fn whoever_was_answered_is_in_the_audit_log_after_thirty_kills() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut told = 0;
+    for cycle in 0..30 {
+        let path = dir.path().join(format!("store-{cycle}.db"));
+        let (store, ..) = open(&path);
+        write(&store, vec![session(1, SessionState::Ramping), ramp(1, 0)]).unwrap();
+        store.close().unwrap();
+        let lines = lines_until_killed("tests::crash::auditing_child", AUDITING_CHILD, &path, 3 + cycle * 13 % 40);
+        let answered = lines.iter().filter_map(|line| line.strip_prefix("answered ")?.parse::<u64>().ok()).max();
+        told += answered.unwrap_or(0);
+        let (store, restored, quarantined, _events) = open(&path);
+        assert_eq!(quarantined, [], "cycle {cycle}");
+        let entries = entries(&store, u64::MAX, u32::MAX).unwrap();
+        let complete = entries.iter().filter(|entry| entry.answered.is_some()).count() as u64;
+        assert!(complete >= answered.unwrap_or(0), "cycle {cycle}: {answered:?} answered, {complete} in the log");
+        // What was done because of a request is never there without the request.
+        let done = restored.sessions[0].accepted;
+        assert!(entries.len() as u64 >= done, "cycle {cycle}: {done} done, {} asked", entries.len());
+        assert!(entries.iter().all(|entry| entry.damage.is_empty() && entry.asked.is_some()), "cycle {cycle}");
+        store.close().unwrap();
+    }
+    assert!(told > 100, "the children got somewhere: {told} answers");
 }

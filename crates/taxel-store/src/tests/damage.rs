@@ -10,7 +10,7 @@ use taxel_engine::record::Record;
 
 use super::fixture::*;
 use crate::db::Db;
-use crate::{StoreError, schema};
+use crate::{StoreError, beside, schema};
 
 /// Flips one bit of the only place in the file that holds `text`.
 fn flip_in(path: &Path, text: &str) {
@@ -28,6 +28,7 @@ fn a_flipped_bit_in_a_model_set_quarantines_it_and_nothing_else() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     let [first, second] = filled(&path);
+    fs::remove_file(beside::active(&path)).unwrap();
     flip_in(&path, r#""created_wall_ns":2,"#);
     let (store, restored, quarantined, _events) = open(&path);
     assert_eq!(restored.model_sets.len(), 1);
@@ -50,6 +51,7 @@ fn a_damaged_activation_leaves_no_set_active() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     filled(&path);
+    fs::remove_file(beside::active(&path)).unwrap();
     let other = Connection::open(&path).unwrap();
     other.execute_batch("DROP TRIGGER activations_keep; UPDATE activations SET patch = 'x' WHERE seq = 2").unwrap();
     drop(other);
@@ -64,6 +66,7 @@ fn rows_missing_at_the_end_are_noticed() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     let [first, second] = filled(&path);
+    fs::remove_file(beside::active(&path)).unwrap();
     let other = Connection::open(&path).unwrap();
     other.execute_batch("DROP TRIGGER activations_stay; DELETE FROM activations WHERE seq = 2").unwrap();
     other.execute_batch("DROP TRIGGER samples_stay; DELETE FROM samples WHERE idx = 39").unwrap();
@@ -127,7 +130,10 @@ fn files_that_are_no_store_are_refused_by_name() {
 
     filled(&path);
     let newer = schema::VERSION + 1;
-    Connection::open(&path).unwrap().pragma_update(None, "user_version", newer).unwrap();
+    let later = Connection::open(&path).unwrap();
+    later.pragma_update(None, "user_version", newer).unwrap();
+    later.execute_batch("CREATE TABLE of_a_later_version (x)").unwrap(); // each version has tables of its own
+    drop(later);
     assert_eq!(error(), StoreError::TooNew { path: path.clone(), found: newer, newest: schema::VERSION });
 
     let nowhere = dir.path().join("no/such/folder/store.db");
@@ -135,19 +141,30 @@ fn files_that_are_no_store_are_refused_by_name() {
 }
 
 #[test]
-fn a_truncated_file_is_refused() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("store.db");
-    filled(&path);
-    let whole = fs::read(&path).unwrap();
-    for length in [2, 60, 100, 1000, 4096, whole.len() / 2, whole.len() - 4096, whole.len() - 1] {
+fn a_truncated_file_is_kept_aside_and_the_active_set_is_served() {
+    let whole = {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        filled(&path);
+        fs::read(&path).unwrap()
+    };
+    for length in [0, 2, 60, 100, 1000, 4096, whole.len() / 2, whole.len() - 4096, whole.len() - 1] {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        let [_, second] = filled(&path);
         fs::write(&path, &whole[..length]).unwrap();
-        let Err(error) = Db::open(&path) else { panic!("{length} of {} bytes opened", whole.len()) };
-        assert!(
-            matches!(error, StoreError::Damaged { .. } | StoreError::Foreign { .. }),
-            "{length} of {}: {error}",
-            whole.len()
-        );
+        let (db, restored, quarantined) = Db::open(&path).unwrap_or_else(|error| panic!("{length} bytes: {error}"));
+        assert_eq!(restored.active, [(PATCH.to_owned(), second.id.clone())], "{length} bytes");
+        let told = format!("{quarantined:?}");
+        assert!(told.contains("damaged-1"), "{length} bytes: {told}");
+        db.close().unwrap();
+        let aside = fs::read(dir.path().join("store.db.damaged-1")).unwrap();
+        assert!(aside == whole[..length], "{length} bytes: what was damaged is kept as it was");
+        // The next start finds a store that is whole.
+        let (db, restored, _) = Db::open(&path).unwrap();
+        assert_eq!(restored.active, [(PATCH.to_owned(), second.id)], "{length} bytes, again");
+        assert!(!dir.path().join("store.db.damaged-2").exists());
+        db.close().unwrap();
     }
 }
 
@@ -171,8 +188,8 @@ fn whatever_bit_flips_no_false_model_or_sample_is_served() {
         opened += 1;
         assert!(restored.active.iter().all(|(_, id)| sets[1].contains(id)), "byte {at} made a replaced set active");
         reported += usize::from(!quarantined.is_empty());
-        for set in &restored.model_sets {
-            assert!(sets.contains(&format!("{set:?}")), "byte {at} changed a model set");
+        for set in sets_in(&db, &restored) {
+            assert!(sets.contains(&set), "byte {at} changed a model set");
         }
         if let Ok(found) = db.samples(2) {
             // Without the session's row there may be none at all, which is reported.
@@ -183,4 +200,20 @@ fn whatever_bit_flips_no_false_model_or_sample_is_served() {
     }
     eprintln!("{opened} of {} opened, {reported} with something reported", whole.len().div_ceil(STEP));
     assert!(opened > 100 && reported > 50, "{opened} opened, {reported} with something reported");
+}
+
+#[test]
+fn a_row_with_a_number_that_no_row_of_ours_has_keeps_no_store_from_opening() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let [_, second] = filled(&path);
+    let other = Connection::open(&path).unwrap();
+    other.execute_batch("INSERT INTO model_sets SELECT -1, id, sha256, json FROM model_sets WHERE seq = 1").unwrap();
+    drop(other);
+    for damaged in [1, 0] {
+        let (db, restored, quarantined) = Db::open(&path).unwrap();
+        assert_eq!(restored.active, [(PATCH.to_owned(), second.id.clone())]);
+        assert_eq!((restored.model_sets.len(), quarantined.len()), (2, damaged), "{quarantined:?}");
+        db.close().unwrap();
+    }
 }

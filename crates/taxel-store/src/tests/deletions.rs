@@ -135,6 +135,7 @@ fn a_damaged_model_set_goes_with_the_sound_one_of_its_id() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     let [_, second] = filled(&path);
+    std::fs::remove_file(crate::beside::active(&path)).unwrap();
     let other = Connection::open(&path).unwrap();
     other.execute_batch("DROP TRIGGER model_sets_keep; UPDATE model_sets SET json = x'00' WHERE seq = 2").unwrap();
     drop(other);

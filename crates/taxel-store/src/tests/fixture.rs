@@ -11,6 +11,7 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::{Record, Sample};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
 
+use crate::db::Db;
 use crate::{Batch, Durability, Quarantined, Store, StoreError, StoreEvent, models_json};
 
 pub const PATCH: &str = "left_forearm";
@@ -33,7 +34,7 @@ static TAXELS: LazyLock<Vec<TaxelModel>> = LazyLock::new(|| {
     ]
 });
 
-/// A set that differs from others by its time.
+/// A set that differs from others by its time, and by a line that has it too: the time alone makes no other id.
 pub fn model_set(created_wall_ns: i64) -> ModelSet {
     with_id(ModelSet {
         id: String::new(),
@@ -41,7 +42,7 @@ pub fn model_set(created_wall_ns: i64) -> ModelSet {
         created_wall_ns,
         session: Some(1),
         method: "order 5, pressure-binned".to_owned(),
-        board_settings: vec!["board 13: period 50 ms".to_owned()],
+        board_settings: vec![format!("board 13: period 50 ms, set {created_wall_ns}")],
         baseline: TAXELS
             .iter()
             .enumerate()
@@ -52,6 +53,7 @@ pub fn model_set(created_wall_ns: i64) -> ModelSet {
         gauge_offset_kpa: 0.1,
         taxels: TAXELS.clone(),
         recorded: None,
+        recalibrated: None,
     })
 }
 
@@ -109,6 +111,19 @@ pub fn samples_of(store: &Store, session: u64) -> Result<SessionSamples, StoreEr
     let (tell, told) = channel();
     store.read_samples(session, Box::new(move |samples| tell.send(samples).unwrap()));
     told.recv().unwrap()
+}
+
+/// Waits for a model set.
+pub fn set_of(store: &Store, id: &str) -> Result<ModelSet, StoreError> {
+    let (tell, told) = channel();
+    store.read_model_set(id.to_owned(), Box::new(move |text| tell.send(text).unwrap()));
+    told.recv().unwrap().map(|text| models_json::from_json(&text).unwrap())
+}
+
+/// The model sets of an open file that can be read, in words.
+pub fn sets_in(db: &Db, restored: &Restored) -> Vec<String> {
+    let texts = restored.model_sets.iter().filter_map(|set| db.set_text(&set.id).ok());
+    texts.map(|text| format!("{:?}", models_json::from_json(&text).unwrap())).collect()
 }
 
 /// A store whose events can be received.

@@ -1,11 +1,16 @@
 //! What the store promises, tried on real files.
 
+mod audit;
 mod codec;
 mod crash;
 mod damage;
 mod deletions;
+mod disk;
 mod failure;
 mod fixture;
+mod flips;
 mod loads;
 mod older;
+mod start;
 mod store;
+mod upkeep;

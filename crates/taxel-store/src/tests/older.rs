@@ -12,8 +12,12 @@ use crate::db::Db;
 use crate::schema;
 
 /// The tables of each version that hold rows.
-const TABLES: [&[&str]; 2] =
-    [&["sessions", "ramps", "samples", "model_sets", "activations", "tares", "tally"], &["loads"]];
+const TABLES: [&[&str]; 4] = [
+    &["sessions", "ramps", "samples", "model_sets", "activations", "tares", "tally"],
+    &["loads"],
+    &["deleted_sessions", "deleted_model_sets"],
+    &["audit", "audit_results"],
+];
 
 /// A store as `version` wrote it, with what [`filled`] has.
 fn written_by(version: usize, path: &Path) -> [taxel_engine::model_set::ModelSet; 2] {

@@ -5,8 +5,10 @@ use std::time::Duration;
 
 use rusqlite::Connection;
 use taxel_engine::calibration::SessionState;
-use taxel_engine::record::Record;
+use taxel_engine::counts::SharedCounts;
+use taxel_engine::record::{Record, Sample};
 use taxel_engine::snapshot::TareView;
+use taxel_skin::CountRange;
 
 use super::fixture::*;
 use crate::{Durability, Store, StoreError, StoreEvent};
@@ -20,7 +22,8 @@ fn a_restart_finds_everything_again() {
     assert_eq!(quarantined, []);
     let ids: Vec<_> = restored.model_sets.iter().map(|set| set.id.as_str()).collect();
     assert_eq!(ids, [&sets[0].id, &sets[1].id]);
-    assert_eq!(format!("{:?}", restored.model_sets[0]), format!("{:?}", sets[0]));
+    assert_eq!(format!("{:?}", set_of(&store, &sets[0].id).unwrap()), format!("{:?}", sets[0]));
+    assert_eq!(format!("{:?}", restored.model_sets[1].at_hand), format!("{:?}", Some(&sets[1])));
     assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())]);
     assert_eq!(restored.next_session, 3);
     assert_eq!(restored.sessions[0].state, SessionState::Active);
@@ -37,6 +40,31 @@ fn a_restart_finds_everything_again() {
     let (_, restored, ..) = open(&path);
     assert_eq!(restored.sessions[1].accepted, 41);
     assert_eq!(restored.sessions[1].ramps, 2);
+}
+
+/// Wide counts and bytes that would also make wide ones: each comes back as what it was.
+#[test]
+fn counts_of_every_width_come_back_as_they_were() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    filled(&path);
+    let (store, ..) = open(&path);
+    let range = CountRange::to(4095).unwrap();
+    let wide = |index: u64| {
+        let words: Vec<u16> = (0..4).map(|taxel| ((index * 797 + taxel * 1021) % 4096) as u16).collect();
+        Sample { counts: SharedCounts::Words(words.into(), range), ..sample(index) }
+    };
+    // As words these would be a greatest count of 4095 and one count.
+    let bytes = Sample { counts: vec![0xFF, 0x0F, 0x01, 0x02].into(), ..sample(60) };
+    let mut all: Vec<Sample> = (40..60).map(wide).collect();
+    all.push(bytes);
+    let record = |(index, sample): (u64, Sample)| Record::Sample { session: 2, index, sample };
+    write(&store, (40..).zip(all.clone()).map(record).collect()).unwrap();
+    assert_eq!(samples_of(&store, 2).unwrap().samples[40..], all);
+    store.close().unwrap();
+    let (store, _, quarantined, _events) = open(&path);
+    assert_eq!(quarantined, []);
+    assert_eq!(samples_of(&store, 2).unwrap().samples[40..], all);
 }
 
 #[test]

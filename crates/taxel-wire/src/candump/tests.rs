@@ -30,6 +30,10 @@ fn the_lines_of_candump() {
     assert_eq!(read("(0.1) can0 00000001#").id, CanId::Extended(1));
     assert_eq!(read("(0.1) can0 3A1#R"), frame(CanId::Standard(0x3A1), FrameKind::Remote, &[]));
     assert_eq!(read("(0.1) can0 3A1#R8"), frame(CanId::Standard(0x3A1), FrameKind::Remote, &[0; 8]));
+    let fd = frame(CanId::Standard(0x123), FrameKind::Fd, &[0xAB; 64]);
+    for flags in ['0', '1', '4', '5'] {
+        assert_eq!(read(&format!("(0.1) can0 123##{flags}{}", "AB".repeat(64))), fd);
+    }
     let error = read("(0.1) can0 20000040#0000000000000000");
     assert_eq!(error, frame(CanId::Extended(0x40), FrameKind::Error, &[0; 8]));
 }
@@ -80,7 +84,12 @@ fn refusals_name_column_and_expectation() {
         ("(1.0) c 001 11", "column 12: found ` `, expected `#` after the identifier"),
         ("(1.0) c 800#", "column 9: identifier 800 is too large, expected at most 7FF"),
         ("(1.0) c 40000001#", "column 9: identifier 40000001 is too large, expected at most 3FFFFFFF"),
-        ("(1.0) c 001##011", "column 13: a CAN FD frame (`##`), expected a classic CAN frame (`#`)"),
+        ("(1.0) c 001##", "column 14: found the line's end, expected a hexadecimal digit, the flags of a CAN FD frame"),
+        ("(1.0) c 001##51", "column 16: found the line's end, expected the second hexadecimal digit of a data byte"),
+        (
+            "(1.0) c 20000040##0",
+            "column 18: found `#`, expected the end of up to eight data bytes, two hexadecimal digits each",
+        ),
         ("(1.0) c 001#1", "column 14: found the line's end, expected the second hexadecimal digit of a data byte"),
         ("(1.0) c 001#1 R", "column 14: found ` `, expected the second hexadecimal digit of a data byte"),
         (
@@ -129,9 +138,12 @@ fn any_frame() -> impl Strategy<Value = Frame> {
     let extended = (0..=0x1FFF_FFFF_u32).prop_map(CanId::Extended);
     let plain =
         (prop_oneof![standard, extended.clone()], prop::sample::select(vec![FrameKind::Data, FrameKind::Remote]));
-    let error = extended.prop_map(|id| (id, FrameKind::Error));
-    (prop_oneof![3 => plain, 1 => error], prop::collection::vec(any::<u8>(), 0..=8))
-        .prop_map(|((id, kind), bytes)| frame(id, kind, &bytes))
+    let error = extended.clone().prop_map(|id| (id, FrameKind::Error));
+    let fd =
+        (extended, prop::collection::vec(any::<u8>(), 0..=64)).prop_map(|(id, bytes)| frame(id, FrameKind::Fd, &bytes));
+    let classic = (prop_oneof![3 => plain, 1 => error], prop::collection::vec(any::<u8>(), 0..=8))
+        .prop_map(|((id, kind), bytes)| frame(id, kind, &bytes));
+    prop_oneof![3 => classic, 1 => fd]
 }
 
 /// Lines that are nearly right: the bytes of a log, a few of them changed.

@@ -101,6 +101,7 @@ mod tests {
         let text = EXAMPLE
             .replace("area = \"template\"", "area = \"voronoi\"")
             .replace("area_mm2 = 42.1", "area_mm2 = 32.4")
+            .replace("modules = \"1, 5, 8-10, 12-13\"", "modules = \"0-6\"")
             .replace("# geometry = \"left_forearm_mesh.txt\"", "geometry = \"skin.txt\"")
             .replace("area_factor = \"off\"", "area_factor = \"from-loads\"");
         std::fs::write(&file, text).unwrap();

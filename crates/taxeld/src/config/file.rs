@@ -2,7 +2,12 @@
 
 use serde::Deserialize;
 
-use super::parts::{BusSection, PatchSection, ServiceSection, StoreSection};
+use super::certificate_section::CertificateSection;
+use super::listen_sections::{AccessSection, ListenSection};
+use super::page_section::{MetricsSection, PageSection};
+use super::parts::{BusSection, LogSection, PatchSection, ServiceSection, StoreSection};
+use super::record_section::RecordSection;
+use super::shared_memory_section::SharedMemorySection;
 
 /// The whole file.
 #[derive(Clone, Debug, Deserialize)]
@@ -13,6 +18,24 @@ pub struct Config {
     /// The gRPC service.
     #[serde(default)]
     pub service: ServiceSection,
+    /// Where it listens beside `service.listen`.
+    #[serde(default)]
+    pub listen: Vec<ListenSection>,
+    /// Who may do what there.
+    pub access: Option<AccessSection>,
+    /// The operator's page; none without it.
+    pub page: Option<PageSection>,
+    /// Metrics for Prometheus; none without it.
+    pub metrics: Option<MetricsSection>,
+    /// Pages in shared memory; none without it.
+    pub shared_memory: Option<SharedMemorySection>,
+    /// Recordings; none without it.
+    pub record: Option<RecordSection>,
+    /// What people state of calibrations, for their certificates.
+    pub certificate: Option<CertificateSection>,
+    /// The log.
+    #[serde(default)]
+    pub log: LogSection,
     /// The buses; a patch names one of them.
     pub bus: Vec<BusSection>,
     /// The patches.

@@ -3,7 +3,11 @@
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
+use super::fault::Fault;
 use super::file::Config;
+
+/// So much of an unknown key is repeated, in characters.
+const KEY_CHARS_MAX: usize = 60;
 
 /// A configuration that cannot be used.
 #[derive(Debug, Error)]
@@ -50,32 +54,60 @@ pub fn load(path: &Path) -> Result<Config, ConfigError> {
 /// # Errors
 /// [`ConfigError`] with file, line and what was expected.
 pub fn parse(path: &Path, text: &str) -> Result<Config, ConfigError> {
-    let invalid = |at: usize, problem: String| {
-        let line = 1 + text.as_bytes()[..at.min(text.len())].iter().filter(|&&b| b == b'\n').count();
-        ConfigError::Invalid { path: path.into(), line, problem }
-    };
+    let line_of = |at: usize| 1 + text.as_bytes()[..at.min(text.len())].iter().filter(|&&b| b == b'\n').count();
+    let invalid = |at: usize, problem: String| ConfigError::Invalid { path: path.into(), line: line_of(at), problem };
     let config: Config = toml::from_str(text)
         .map_err(|error| invalid(error.span().map_or(0, |span| span.start), explain(error.message())))?;
+    let config = with_lines(config, text);
     match config.patch.iter().find_map(super::area::problem) {
         Some((at, problem)) => Err(invalid(at, problem)),
         None => Ok(config),
     }
 }
 
-/// Adds the nearest known key to "unknown field `x`, expected one of `a`, `b`".
+/// The configuration with the lines of its boards, for messages about them.
+fn with_lines(mut config: Config, text: &str) -> Config {
+    let line_of = |at: usize| 1 + text.as_bytes()[..at.min(text.len())].iter().filter(|&&b| b == b'\n').count();
+    for board in config.patch.iter_mut().flat_map(|patch| &mut patch.board) {
+        board.line = line_of(board.modules.span().start);
+    }
+    config
+}
+
+/// What is left to do with a configuration that was read from `text`.
+///
+/// # Errors
+/// The area of a patch that needs what is not there.
+pub fn finish(config: Config, text: &str) -> Result<Config, Fault> {
+    let config = with_lines(config, text);
+    let problem = |(n, patch)| Some(Fault::of(format!("patch[{n}].area"), super::area::problem(patch)?.1));
+    match config.patch.iter().enumerate().find_map(problem) {
+        Some(fault) => Err(fault),
+        None => Ok(config),
+    }
+}
+
+/// The parser's message, with the nearest known key where a key is unknown.
 fn explain(message: &str) -> String {
+    if message.starts_with("unknown field") { nearest_key(message).1 } else { message.to_owned() }
+}
+
+/// The nearest known key and the whole in words, of "unknown field `x`, expected one of `a`, `b`".
+pub fn nearest_key(message: &str) -> (String, String) {
     let words: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-    let Some((unknown, known)) = words.split_first().filter(|_| message.starts_with("unknown field")) else {
-        return message.to_owned();
-    };
+    let Some((unknown, known)) = words.split_first() else { return (String::new(), message.to_owned()) };
+    let unknown: String = unknown.chars().take(KEY_CHARS_MAX).collect();
     let nearest = known.iter().max_by(|a, b| {
-        let closeness = |word: &str| strsim::jaro_winkler(unknown, word);
+        let closeness = |word: &str| strsim::jaro_winkler(&unknown, word);
         closeness(a).total_cmp(&closeness(b))
     });
     let known = known.join(", ");
     match nearest {
-        Some(nearest) => format!("unknown key `{unknown}`; did you mean `{nearest}`? Known here: {known}"),
-        None => format!("unknown key `{unknown}`; nothing is known here"),
+        Some(nearest) => {
+            let words = format!("unknown key `{unknown}`; did you mean `{nearest}`? Known here: {known}");
+            ((*nearest).to_owned(), words)
+        }
+        None => (String::new(), format!("unknown key `{unknown}`; nothing is known here")),
     }
 }
 
@@ -96,6 +128,29 @@ mod tests {
         let config = load(Path::new(path)).unwrap();
         let scene = super::super::resolve(&config, Path::new(path)).unwrap();
         assert_eq!(scene.plan.patches[0].patch.taxels().len(), 230);
+    }
+
+    /// iCub's own files say where each module of the forearm is.
+    #[test]
+    fn the_example_has_the_modules_of_the_real_forearm() {
+        let data = std::env::var("TAXELD_DATA").map_or_else(
+            |_| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+            |folder| Path::new(&folder).to_owned(),
+        );
+        for (file, modules) in
+            [("left_forearm_mesh", "1, 5, 8-10, 12-13"), ("left_forearm_V2", "0-1, 3, 6, 8-9, 12-13")]
+        {
+            assert!(EXAMPLE.contains(&format!("\"{modules}\"")), "{modules}");
+            let path = data.join("icub_positions").join(file).with_extension("txt");
+            let Ok(text) = std::fs::read_to_string(&path) else {
+                eprintln!("SKIPPED the_example_has_the_modules_of_the_real_forearm: no {}", path.display());
+                return;
+            };
+            let posed = taxel_skin::PositionFile::parse(&text).unwrap().modules();
+            let listed = super::super::modules::modules(modules, Default::default()).unwrap();
+            let listed: Vec<usize> = (0..16).chain(listed.iter().map(|(m, _)| 16 + usize::from(m.get()))).collect();
+            assert_eq!(posed, listed, "{file}");
+        }
     }
 
     #[test]

@@ -2,15 +2,43 @@
 
 mod area;
 mod area_words;
+mod boards;
+mod certificate_section;
+mod dbc;
+mod examine;
+mod fault;
 mod file;
 mod fit_section;
+mod listen;
+mod listen_sections;
 mod load;
+mod modules;
+mod number_words;
+mod page_section;
 mod parts;
+mod patch_limits;
+mod record_section;
 mod resolve;
+mod shared_memory_section;
+mod signal_parts;
+mod signals;
 
+#[cfg(feature = "certificate")]
+pub use certificate_section::CertificateSection;
+pub use examine::{Problems, examine};
 pub use file::Config;
+pub use listen::{Door, Doors};
 pub use load::load;
-#[cfg(any(feature = "sim", test))]
 pub use load::parse;
+pub use modules::KindWord;
+pub use modules::written as modules_written;
+#[cfg(feature = "sim")]
+pub use page_section::{MetricsSection, PageSection};
+#[cfg(feature = "record")]
+pub use parts::BusSection;
 pub use parts::BusSource;
+#[cfg(feature = "record")]
+pub use record_section::RecordSection;
+pub use record_section::written as record_written;
 pub use resolve::{Scene, resolve};
+pub use shared_memory_section::{SharedMemorySection, written as shared_memory_written};

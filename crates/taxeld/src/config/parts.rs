@@ -6,7 +6,11 @@ use std::path::PathBuf;
 use toml::Spanned;
 
 use super::area_words::{AreaFactorWord, AreaWord};
+use super::certificate_section::CertificateSection;
 use super::fit_section::FitSection;
+use super::modules::KindWord;
+use super::number_words::{OrderOfBytes, UnitWord};
+use super::signal_parts::{ArraySection, PushSection, SignalsSection};
 
 /// `[store]`
 #[derive(Clone, Debug, Deserialize)]
@@ -14,24 +18,49 @@ use super::fit_section::FitSection;
 pub struct StoreSection {
     /// The SQLite file; made if absent.
     pub path: PathBuf,
+    /// Beyond so many megabytes no session is started and no model set imported.
+    #[serde(default = "four_gigabytes")]
+    pub budget_mb: u64,
+    /// Model sets to keep; those beyond go, oldest first, and never an active one.
+    pub keep_model_sets: Option<usize>,
+    /// Sessions to keep; never less than the newest of each patch and what is in use.
+    pub keep_sessions: Option<usize>,
+    /// Samples to keep; sessions go until there are no more.
+    pub keep_samples: Option<u64>,
+    /// Megabytes of the store to keep; sessions go until there are no more.
+    pub keep_mb: Option<u64>,
+}
+
+fn four_gigabytes() -> u64 {
+    4096
 }
 
 /// `[service]`
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ServiceSection {
-    /// Where gRPC is served; loopback only.
-    pub listen: SocketAddr,
+    /// Where gRPC is served; loopback only. Absent, 127.0.0.1:50051, unless there is a `[[listen]]`.
+    pub listen: Option<SocketAddr>,
     /// Most streams at a time.
     pub subscribers_max: usize,
+    /// Of one peer: an account on the Unix socket, a certificate, or an address.
+    pub subscribers_per_peer_max: usize,
     /// Most connections at a time.
     pub connections_max: usize,
 }
 
 impl Default for ServiceSection {
     fn default() -> Self {
-        Self { listen: SocketAddr::from(([127, 0, 0, 1], 50_051)), subscribers_max: 128, connections_max: 128 }
+        Self { listen: None, subscribers_max: 128, subscribers_per_peer_max: 100, connections_max: 128 }
     }
+}
+
+/// `[log]`
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LogSection {
+    /// What is logged, as `RUST_LOG` says it, which decides where it is set.
+    pub filter: Option<String>,
 }
 
 /// `[[bus]]`
@@ -64,6 +93,8 @@ pub enum BusSource {
     SocketCan,
     /// The simulator: a forearm in a bag.
     Sim,
+    /// None come: a program pushes the scans of the one patch that is on it.
+    Push,
 }
 
 /// `[[patch]]`
@@ -96,7 +127,15 @@ pub struct PatchSection {
     #[serde(default)]
     pub outputs: Vec<OutputWord>,
     /// The boards, in the order of the taxels.
+    #[serde(default)]
     pub board: Vec<BoardSection>,
+    /// Taxels of a sensor that is no skin board of iCub, in order.
+    #[serde(default)]
+    pub signals: Vec<SignalsSection>,
+    /// What these have in common.
+    pub array: Option<ArraySection>,
+    /// Taxels whose scans a program pushes.
+    pub push: Option<PushSection>,
     /// The bag's pressure sensor.
     pub gauge: Option<GaugeSection>,
     /// Touch and silence.
@@ -114,6 +153,8 @@ pub struct PatchSection {
     /// How models are fitted.
     #[serde(default)]
     pub fit: FitSection,
+    /// What people state of its calibrations, for their certificates.
+    pub certificate: Option<CertificateSection>,
 }
 
 fn fifty() -> u8 {
@@ -140,9 +181,12 @@ pub enum OutputWord {
 pub struct BoardSection {
     /// CAN address, 1 to 14.
     pub address: u8,
-    /// Enabled modules: `"0-15"`, `"0-3, 7"`.
-    pub modules: String,
-    /// What the modules are.
+    /// Enabled modules: `"0-15"`, `"0-3, 7"`, `"0-4 fingertip, 8-11 palm"`.
+    pub modules: Spanned<String>,
+    /// The line of the file that `modules` is on, from 1; 0 where there is no file.
+    #[serde(skip)]
+    pub line: usize,
+    /// What the modules are that have no kind of their own.
     #[serde(default)]
     pub kind: KindWord,
     /// Type in command 0x4D.
@@ -184,21 +228,6 @@ pub struct ExceptionSection {
     pub shift: u8,
     /// Converter offset.
     pub cdc_offset: u16,
-}
-
-/// What modules are.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum KindWord {
-    /// Ten taxels, two thermal pads.
-    #[default]
-    Triangle,
-    /// Twelve taxels.
-    Fingertip,
-    /// A palm module with its pad at value 11.
-    PalmPad11,
-    /// A palm module with its pad at value 7.
-    PalmPad7,
 }
 
 /// `[patch.gauge]`
@@ -246,36 +275,6 @@ pub struct GaugeSection {
 
 fn unity() -> f64 {
     1.0
-}
-
-/// Byte order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum OrderOfBytes {
-    /// Least significant first.
-    #[default]
-    Little,
-    /// Most significant first.
-    Big,
-}
-
-/// Pressure unit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-pub enum UnitWord {
-    /// Pascal.
-    Pa,
-    /// Kilopascal.
-    #[serde(rename = "kPa")]
-    Kpa,
-    /// Bar.
-    #[serde(rename = "bar")]
-    Bar,
-    /// Millibar.
-    #[serde(rename = "mbar")]
-    Mbar,
-    /// Pound-force per square inch.
-    #[serde(rename = "psi")]
-    Psi,
 }
 
 /// `[patch.live]`; absent keys keep the engine's defaults.

@@ -2,23 +2,24 @@
 
 use std::path::Path;
 use std::time::Duration;
-use taxel_engine::calibration::fit::{Branch, PlaysChoice};
 use taxel_engine::conflict::conflicts;
-use taxel_engine::plan::{BoardSetup, DriftPlan, Gauge, LiveLimits, Outputs, PatchPlan, Plan, SessionLimits, TarePlan};
-use taxel_model::{Estimator, Exclusion, FitOptions, GaugeUncertainty, Order};
-use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Kilopascal, Module, ModuleKind, NormalsVerdict, Patch};
+use taxel_engine::plan::{DevicePlan, DriftPlan, Gauge, Outputs, PatchPlan, Plan, PushPlan, TarePlan};
+use taxel_rpc::Rules;
+use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre};
 use taxel_wire::CanId;
-use taxel_wire::icub::{BoardConfig, TriangleConfig};
 use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
 
 use super::area_words::AreaFactorWord;
+use super::boards::{board, key_of, placed, setup};
+use super::certificate_section::CertificateSection;
+use super::fault::{Fault, within};
 use super::file::Config;
-use super::fit_section::{AutoWord, EstimatorWord, FitSection, OrderWord, PlaysWord};
+use super::listen::{Doors, doors};
 use super::load::ConfigError;
-use super::parts::{
-    BoardSection, BranchesWord, BusSource, DriftSection, GaugeSection, KindWord, LiveSection, OrderOfBytes, OutputWord,
-    PatchSection, SessionSection, UnitWord,
-};
+use super::number_words::{OrderOfBytes, UnitWord};
+use super::parts::{BoardSection, BusSource, GaugeSection, OutputWord, PatchSection};
+use super::patch_limits::{drift, fit_options, live, session};
+use super::signals::{Described, describe, pushed};
 
 /// MTB3 holds the period in a 16-bit timer that wraps beyond this.
 const PERIOD_MAX_MS: u8 = 209;
@@ -28,6 +29,8 @@ const PERIOD_MAX_MS: u8 = 209;
 pub struct Scene {
     /// What the engine does.
     pub plan: Plan,
+    /// Where the service listens, and who may do what.
+    pub doors: Doors,
     /// What is left out and why, a line each.
     pub left_out: Vec<String>,
     /// What a user should know, a line each.
@@ -39,81 +42,114 @@ pub struct Scene {
 /// # Errors
 /// [`ConfigError::Unusable`] with the key, its value and what was expected.
 pub fn resolve(config: &Config, path: &Path) -> Result<Scene, ConfigError> {
-    let unusable = |problem| ConfigError::Unusable { path: path.into(), problem };
-    let mut scene =
-        Scene { plan: Plan { buses: config.bus.len(), patches: vec![] }, left_out: vec![], remarks: vec![] };
-    check_service(config).map_err(unusable)?;
-    for section in &config.patch {
-        let named = |problem: String| unusable(format!("patch `{}`: {problem}", section.name));
+    let unusable = |problem: &str| ConfigError::Unusable { path: path.into(), problem: problem.to_owned() };
+    let scene = scene_of(config, path).map_err(|fault| unusable(fault.words()))?;
+    let clashes = clashes(config, &scene.plan);
+    let words: Vec<&str> = clashes.iter().map(Fault::words).collect();
+    if words.is_empty() { Ok(scene) } else { Err(unusable(&words.join("; "))) }
+}
+
+/// The same, whether or not the patches contradict each other.
+///
+/// # Errors
+/// The key, its value and what was expected.
+pub fn scene_of(config: &Config, path: &Path) -> Result<Scene, Fault> {
+    let plan = Plan { buses: config.bus.len(), patches: vec![] };
+    let nowhere = Doors { doors: vec![], rules: Rules::open(), tokens: None, ruled: false };
+    let mut scene = Scene { plan, doors: nowhere, left_out: vec![], remarks: vec![] };
+    check_buses(config)?;
+    certificate(config.certificate.as_ref())?;
+    for (number, section) in config.patch.iter().enumerate() {
+        let named = |fault: Fault| fault.within(&format!("patch[{number}]"), &format!("patch `{}`", section.name));
+        let section = &super::dbc::expand(section, path).map_err(|why| named(why.into()))?;
         let plan = resolve_patch(config, section, path, &mut scene).map_err(named)?;
         if scene.plan.patches.iter().any(|p| p.patch.name() == plan.patch.name()) {
-            return Err(unusable(format!("patch `{}` is there twice", section.name)));
+            let words = format!("patch `{}` is there twice", section.name);
+            return Err(Fault::of(format!("patch[{number}].name"), words));
         }
         scene.plan.patches.push(plan);
     }
     if scene.plan.patches.is_empty() {
-        return Err(unusable("there is no [[patch]]: at least one is needed".to_owned()));
+        return Err("there is no [[patch]]: at least one is needed".to_owned().into());
     }
-    let conflicts: Vec<String> = conflicts(&scene.plan).iter().map(ToString::to_string).collect();
-    if conflicts.is_empty() { Ok(scene) } else { Err(unusable(conflicts.join("; "))) }
+    if let Some(problem) = super::page_section::problem(config.page.as_ref(), config.metrics.as_ref()) {
+        return Err(Fault::of(if config.metrics.is_some() { "metrics" } else { "page" }, problem));
+    }
+    shared_memory(config)?;
+    let unrecordable = config.record.as_ref().and_then(super::record_section::problem);
+    unrecordable.map_or(Ok(()), |(key, words)| Err(Fault::of(key, words)))?;
+    scene.doors = doors(config, path)?;
+    Ok(scene)
 }
 
-fn check_service(config: &Config) -> Result<(), String> {
-    let listen = config.service.listen;
-    if !listen.ip().is_loopback() {
-        return Err(format!(
-            "service.listen = {listen}: only loopback addresses are served, the service is not secured"
-        ));
-    }
+/// What is wrong with the pages in shared memory.
+fn shared_memory(config: &Config) -> Result<(), Fault> {
+    let memory = config.shared_memory.as_ref();
+    let problem = memory.and_then(|section| super::shared_memory_section::problem(section, config.access.as_ref()));
+    problem.map_or(Ok(()), |problem| Err(Fault::of("shared_memory", problem)))
+}
+
+/// Where the patches of a plan contradict each other.
+pub fn clashes(config: &Config, plan: &Plan) -> Vec<Fault> {
+    let found = conflicts(plan);
+    found.iter().map(|conflict| Fault::of(key_of(config, conflict), placed(config, conflict))).collect()
+}
+
+fn certificate(section: Option<&CertificateSection>) -> Result<(), Fault> {
+    section.and_then(CertificateSection::problem).map_or(Ok(()), Err)
+}
+
+fn check_buses(config: &Config) -> Result<(), Fault> {
     if config.bus.len() > usize::from(u8::MAX) {
-        return Err(format!("{} buses, at most 255 are possible", config.bus.len()));
+        return Err(format!("{} buses, at most 255 are possible", config.bus.len()).into());
     }
     for (i, bus) in config.bus.iter().enumerate() {
         if config.bus[..i].iter().any(|b| b.name == bus.name) {
-            return Err(format!("bus `{}` is there twice", bus.name));
+            return Err(Fault::of(format!("bus[{i}].name"), format!("bus `{}` is there twice", bus.name)));
         }
         if bus.source == BusSource::SocketCan && bus.interface.is_none() {
-            return Err(format!("bus `{}`: source socketcan needs an interface, for example \"can0\"", bus.name));
+            let words = format!("bus `{}`: source socketcan needs an interface, for example \"can0\"", bus.name);
+            return Err(Fault::of(format!("bus[{i}]"), words));
         }
     }
     Ok(())
 }
 
-fn bus_index(config: &Config, name: &str) -> Result<BusIndex, String> {
+fn bus_index(config: &Config, key: &str, name: &str) -> Result<BusIndex, Fault> {
     let position = config.bus.iter().position(|bus| bus.name == name);
     let names = || config.bus.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
-    let position = position.ok_or_else(|| format!("bus `{name}` is not among the buses: {}", names()))?;
+    let position =
+        position.ok_or_else(|| Fault::of(key, format!("bus `{name}` is not among the buses: {}", names())))?;
     Ok(BusIndex(position as u8))
 }
 
-fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &mut Scene) -> Result<PatchPlan, String> {
-    let bus = bus_index(config, &section.bus)?;
+fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &mut Scene) -> Result<PatchPlan, Fault> {
+    let bus = bus_index(config, "bus", &section.bus)?;
     let name = &section.name;
     if name.is_empty() || name.len() > 64 || !name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-') {
-        return Err("a name is 1 to 64 letters, digits, `_` or `-`".to_owned());
+        return Err(Fault::of("name", "a name is 1 to 64 letters, digits, `_` or `-`"));
     }
+    certificate(section.certificate.as_ref())?;
     within("period_ms", f64::from(section.period_ms), 1.0, f64::from(PERIOD_MAX_MS))?;
     within("area_mm2", super::area::mean_mm2(section), 0.01, 1e5)?;
     let area_uncertainty = super::area::uncertainty(section);
     within("area_uncertainty", area_uncertainty, 0.0, 1.0)?;
-    let boards = section.board.iter().map(|b| board(b, bus)).collect::<Result<Vec<_>, _>>()?;
-    let patch = Patch::new(name, boards).map_err(|e| e.to_string())?;
-    let geometry = section.geometry.as_ref().map(|file| geometry(file, path, &patch)).transpose()?;
-    if let Some(g) = &geometry {
-        scene.remarks.extend(g.remarks.iter().map(|r| format!("{name}: geometry: {r}")));
-    }
-    let (areas, remark) = super::area::areas(section, &patch, geometry.as_ref());
-    scene.remarks.extend(remark);
-    let outputs = outputs(section, geometry.as_ref(), scene);
+    within("tare.seconds", section.tare.seconds, 0.1, 60.0)?;
     let period = Duration::from_millis(u64::from(section.period_ms));
+    let (drift, live) = (drift(&section.drift)?, live(&section.live, period)?);
+    let session = session(&section.session, section.fit.plays)?;
+    let fit = fit_options(&section.fit, section.gauge.as_ref())?;
     let gauge = section.gauge.as_ref().map(|g| gauge(config, g, bus)).transpose()?;
-    if gauge.is_none() {
+    let Skin { patch, devices, geometry, areas } = skin(section, bus, path, scene)?;
+    let outputs = outputs(section, geometry.as_ref(), scene);
+    let push = push(config, section, bus, gauge.as_ref())?;
+    if gauge.is_none() && !push.is_some_and(|push| push.pressure) {
         scene.left_out.push(format!("{name}: calibration: there is no [patch.gauge], so no pressure to fit to"));
     }
     if !section.tare.at_start {
         scene.left_out.push(format!("{name}: zero after start: tare.at_start is off, so a tare must be asked for"));
     }
-    if section.period_ms < 37 {
+    if section.period_ms < 37 && devices.is_empty() {
         let period = section.period_ms;
         scene
             .remarks
@@ -122,12 +158,10 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
     if section.listen_only {
         scene.left_out.push(format!("{name}: board bring-up: listen_only sends nothing"));
     }
-    let setups = section.board.iter().map(|b| setup(b, section.period_ms)).collect::<Result<Vec<_>, _>>()?;
-    within("tare.seconds", section.tare.seconds, 0.1, 60.0)?;
+    let setups = of_boards(section, |b| setup(b, section.period_ms))?;
     if section.tare.first_scans.is_some() {
         scene.remarks.push(format!("{name}: tare.first_scans has no effect any more: every zero is watched in full"));
     }
-    let drift = drift(&section.drift)?;
     let padless = patch.modules().iter().all(|site| site.kind.thermal_slots().is_empty());
     if !drift.follow || padless {
         let why = if drift.follow { "no module has a thermal pad" } else { "drift.follow is off" };
@@ -138,11 +172,13 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
         area_uncertainty,
         area_from_loads: section.area_factor == AreaFactorWord::FromLoads,
         bring_up: if section.listen_only { Vec::new() } else { setups },
+        devices,
+        pushed: push,
         period,
         geometry,
         gauge,
         outputs,
-        live: live(&section.live, period)?,
+        live,
         faults: Default::default(),
         tare: TarePlan {
             duration: Duration::from_secs_f64(section.tare.seconds),
@@ -150,68 +186,110 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
             rest: Default::default(),
         },
         drift: DriftPlan { follow: drift.follow && !padless, ..drift },
-        session: session(&section.session, section.fit.plays)?,
-        fit: fit_options(&section.fit, section.gauge.as_ref())?,
+        session,
+        fit,
         patch,
     })
 }
 
-fn within(key: &str, value: f64, min: f64, max: f64) -> Result<f64, String> {
-    if value >= min && value <= max { Ok(value) } else { Err(format!("{key} = {value}: expected {min} to {max}")) }
-}
-
-fn board(section: &BoardSection, bus: BusIndex) -> Result<Board, String> {
-    let address = BoardAddress::new(section.address).map_err(|e| e.to_string())?;
-    let kind = match section.kind {
-        KindWord::Triangle => ModuleKind::Triangle,
-        KindWord::Fingertip => ModuleKind::Fingertip,
-        KindWord::PalmPad11 => ModuleKind::PalmPad11,
-        KindWord::PalmPad7 => ModuleKind::PalmPad7,
+/// Whether the scans of a patch are pushed, which its bus must say, too.
+fn push(
+    config: &Config,
+    section: &PatchSection,
+    bus: BusIndex,
+    gauge: Option<&Gauge>,
+) -> Result<Option<PushPlan>, String> {
+    let is_push = |bus: BusIndex| config.bus.get(usize::from(bus.0)).is_some_and(|bus| bus.source == BusSource::Push);
+    if gauge.is_some_and(|gauge| is_push(gauge.bus)) {
+        return Err("gauge.bus: a gauge sends over a CAN bus; or set push.pressure = true in place of it".to_owned());
+    }
+    let Some(push) = section.push.filter(|_| is_push(bus)) else {
+        return match (section.push, is_push(bus)) {
+            (Some(_), _) => {
+                Err(format!("[patch.push] needs a bus with source = \"push\", and `{}` has none", section.bus))
+            }
+            (None, true) => Err(format!("bus `{}` has source = \"push\": expected [patch.push]", section.bus)),
+            (None, false) => Ok(None),
+        };
     };
-    let modules = modules(&section.modules).map_err(|e| format!("board {address}: {e}"))?;
-    Ok(Board { bus, address, modules: modules.into_iter().map(|m| (m, kind)).collect() })
+    if push.pressure && gauge.is_some() {
+        return Err("push.pressure and [patch.gauge] are both there: expected one of them".to_owned());
+    }
+    if config.patch.iter().filter(|patch| patch.bus == section.bus).count() > 1 {
+        return Err(format!("bus `{}` has source = \"push\": expected one patch on it", section.bus));
+    }
+    Ok(Some(PushPlan { pressure: push.pressure }))
 }
 
-/// `"0-3, 7"`: ascending numbers and ranges of 0 to 15.
-fn modules(text: &str) -> Result<Vec<Module>, String> {
-    let wrong = || format!("modules = \"{text}\": expected ascending numbers or ranges of 0 to 15, as in \"0-3, 7\"");
-    let mut list: Vec<Module> = Vec::new();
-    for part in text.split(',').map(str::trim) {
-        let (first, last) = part.split_once('-').unwrap_or((part, part));
-        let parse = |word: &str| word.trim().parse::<u8>().ok().filter(|m| *m < 16).ok_or_else(wrong);
-        let (first, last) = (parse(first)?, parse(last)?);
-        if first > last || list.last().is_some_and(|m| m.get() >= first) {
-            return Err(wrong());
-        }
-        list.extend((first..=last).map(Module::from_nibble));
-    }
-    Ok(list)
+/// The taxels of a patch, where they lie, and what each stands for.
+struct Skin {
+    patch: Patch,
+    devices: Vec<DevicePlan>,
+    geometry: Option<Geometry>,
+    areas: Vec<SquareMillimetre>,
 }
 
-fn setup(section: &BoardSection, period_ms: u8) -> Result<BoardSetup, String> {
-    let board = BoardConfig { kind: section.board_type, period_ms, no_load: section.no_load };
-    let mut triangles = Vec::new();
-    let enabled = modules(&section.modules)?;
-    for (first, last) in runs(&enabled) {
-        let (shift, cdc_offset) = (section.shift, section.cdc_offset);
-        triangles.push(TriangleConfig { first, last, shift, enabled: true, cdc_offset });
+fn skin(section: &PatchSection, bus: BusIndex, path: &Path, scene: &mut Scene) -> Result<Skin, Fault> {
+    let name = &section.name;
+    let described = described(section, bus)?;
+    if described.as_ref().is_some_and(|described| described.area.is_none()) && section.area_mm2.is_none() {
+        let why = "area_mm2: expected, or a grid in [patch.array]: without either the force of a pressure is not known";
+        return Err(why.to_owned().into());
     }
-    for exception in &section.exception {
-        let list = modules(&exception.modules)?;
-        if let Some(stranger) = list.iter().find(|m| !enabled.contains(m)) {
-            return Err(format!("board {}: exception for module {stranger}, which is not enabled", section.address));
+    let patch = match &described {
+        Some(described) => described.patch.clone(),
+        None => {
+            let boards = of_boards(section, |b| board(b, bus))?;
+            Patch::new(name, boards).map_err(|e| Fault::from(e.to_string()))?
         }
-        for (first, last) in runs(&list) {
-            let (shift, cdc_offset) = (exception.shift, exception.cdc_offset);
-            triangles.push(TriangleConfig { first, last, shift, enabled: true, cdc_offset });
-        }
+    };
+    let geometry = match &described {
+        Some(described) => described.geometry.clone(),
+        None => section.geometry.as_ref().map(|file| geometry(file, path, &patch)).transpose().map_err(of_geometry)?,
+    };
+    if let Some(g) = &geometry {
+        scene.remarks.extend(g.remarks.iter().map(|r| format!("{name}: geometry: {r}")));
     }
-    Ok(BoardSetup { board, triangles })
+    let (mut areas, remark) = super::area::areas(section, &patch, geometry.as_ref());
+    if let Some(area) = described.as_ref().and_then(|d| d.area).filter(|_| section.area_mm2.is_none()) {
+        areas.fill(area);
+    }
+    scene.remarks.extend(remark);
+    let devices = described.map(|described| described.devices).unwrap_or_default();
+    Ok(Skin { patch, devices, geometry, areas })
 }
 
-/// First and last of each run of consecutive modules.
-fn runs(modules: &[Module]) -> Vec<(Module, Module)> {
-    modules.chunk_by(|a, b| a.get() + 1 == b.get()).filter_map(|run| Some((*run.first()?, *run.last()?))).collect()
+/// What each board of a patch gives, or which one is wrong.
+fn of_boards<T>(section: &PatchSection, give: impl Fn(&BoardSection) -> Result<T, String>) -> Result<Vec<T>, Fault> {
+    let boards = section.board.iter().enumerate();
+    boards.map(|(n, board)| give(board).map_err(|why| Fault::of(format!("board[{n}]"), why))).collect()
+}
+
+fn of_geometry(why: String) -> Fault {
+    Fault::of("geometry", why)
+}
+
+/// The taxels that signals describe; `None` for skin boards.
+fn described(section: &PatchSection, bus: BusIndex) -> Result<Option<Described>, String> {
+    if let Some(push) = section.push {
+        if !section.board.is_empty() || !section.signals.is_empty() || section.geometry.is_some() {
+            return Err(
+                "[patch.push] and boards, signals or a position file in one patch: expected it alone".to_owned()
+            );
+        }
+        return pushed(section, push, bus).map(Some);
+    }
+    match (section.board.is_empty(), section.signals.is_empty()) {
+        (false, true) if section.array.is_none() => Ok(None),
+        (true, false) if section.geometry.is_none() => describe(section, bus).map(Some),
+        (true, false) => {
+            Err("geometry: taxels of signals have the grid of [patch.array] and no position file".to_owned())
+        }
+        (true, true) => {
+            Err("there is no taxel: expected [[patch.board]], [[patch.signals]] or [patch.push]".to_owned())
+        }
+        _ => Err("[[patch.board]] and signals in one patch: expected either".to_owned()),
+    }
 }
 
 fn geometry(file: &Path, config: &Path, patch: &Patch) -> Result<Geometry, String> {
@@ -244,13 +322,14 @@ fn outputs(section: &PatchSection, geometry: Option<&Geometry>, scene: &mut Scen
     }
 }
 
-fn gauge(config: &Config, section: &GaugeSection, patch_bus: BusIndex) -> Result<Gauge, String> {
-    let bus = section.bus.as_ref().map_or(Ok(patch_bus), |name| bus_index(config, name))?;
+fn gauge(config: &Config, section: &GaugeSection, patch_bus: BusIndex) -> Result<Gauge, Fault> {
+    let bus = section.bus.as_ref().map_or(Ok(patch_bus), |name| bus_index(config, "gauge.bus", name))?;
     let id = if section.extended {
         CanId::Extended(section.id)
     } else {
         CanId::Standard(
-            u16::try_from(section.id).map_err(|_| format!("gauge.id {:#x} has more than 11 bits", section.id))?,
+            u16::try_from(section.id)
+                .map_err(|_| Fault::of("gauge.id", format!("gauge.id {:#x} has more than 11 bits", section.id)))?,
         )
     };
     let signal = SignalSpec {
@@ -275,130 +354,6 @@ fn gauge(config: &Config, section: &GaugeSection, patch_bus: BusIndex) -> Result
             .ambient_kpa
             .map_or(PressureMeaning::Differential, |ambient_kpa| PressureMeaning::AbsoluteBag { ambient_kpa }),
     };
-    signal.validate().map_err(|e| format!("gauge: {e}"))?;
+    signal.validate().map_err(|e| Fault::of("gauge", format!("gauge: {e}")))?;
     Ok(Gauge { bus, signal })
-}
-
-fn live(section: &LiveSection, period: Duration) -> Result<LiveLimits, String> {
-    let defaults = LiveLimits::default();
-    let or = |key: &str, value: Option<f64>, default: f64, min: f64, max: f64| {
-        within(&format!("live.{key}"), value.unwrap_or(default), min, max)
-    };
-    let periods = section.stale_periods.unwrap_or(3);
-    within("live.stale_periods", f64::from(periods), 2.0, 100.0)?;
-    Ok(LiveLimits {
-        activation_sigmas: or("activation_sigmas", section.activation_sigmas, defaults.activation_sigmas, 0.0, 100.0)?,
-        activation_floor_counts: or(
-            "activation_floor_counts",
-            section.activation_floor_counts,
-            defaults.activation_floor_counts,
-            0.0,
-            255.0,
-        )?,
-        stale_after: period * periods,
-        stale_share_max: or("stale_share_max", section.stale_share_max, defaults.stale_share_max, 0.0, 1.0)?,
-        ..defaults
-    })
-}
-
-fn drift(section: &DriftSection) -> Result<DriftPlan, String> {
-    let defaults = DriftPlan::default();
-    let rate = section.rate_counts_per_min.unwrap_or(defaults.rate_max_counts_per_min);
-    let bound = section.bound_counts.unwrap_or(defaults.bound_counts);
-    Ok(DriftPlan {
-        follow: section.follow,
-        rate_max_counts_per_min: within("drift.rate_counts_per_min", rate, 0.01, 60.0)?,
-        bound_counts: within("drift.bound_counts", bound, 0.1, 50.0)?,
-    })
-}
-
-fn session(section: &SessionSection, plays: PlaysWord) -> Result<SessionLimits, String> {
-    let defaults = SessionLimits::default();
-    let or = |key: &str, value: Option<f64>, default: f64, min: f64, max: f64| {
-        within(&format!("session.{key}"), value.unwrap_or(default), min, max)
-    };
-    let seconds = |key: &str, value: Option<f64>, default: Duration, min, max| {
-        or(key, value, default.as_secs_f64(), min, max).map(Duration::from_secs_f64)
-    };
-    Ok(SessionLimits {
-        target: Kilopascal(or("target_kpa", section.target_kpa, defaults.target.0, 1.0, 1000.0)?),
-        noise_band: Kilopascal(or("noise_band_kpa", section.noise_band_kpa, defaults.noise_band.0, 0.0, 50.0)?),
-        rise_max_kpa_per_s: or(
-            "rise_max_kpa_per_s",
-            section.rise_max_kpa_per_s,
-            defaults.rise_max_kpa_per_s,
-            0.1,
-            1000.0,
-        )?,
-        branches: match section.branches {
-            BranchesWord::Rising => Branch::Rising,
-            BranchesWord::Both => Branch::Both,
-        },
-        fall_max_kpa_per_s: or(
-            "fall_max_kpa_per_s",
-            section.fall_max_kpa_per_s.or(section.rise_max_kpa_per_s),
-            defaults.fall_max_kpa_per_s,
-            0.1,
-            1000.0,
-        )?,
-        fall_end: Kilopascal(or("fall_end_kpa", section.fall_end_kpa, defaults.fall_end.0, 0.0, 1000.0)?),
-        plays: match plays {
-            PlaysWord::Auto => PlaysChoice::Auto,
-            PlaysWord::On => PlaysChoice::On,
-            PlaysWord::Off => PlaysChoice::Off,
-        },
-        gauge_timeout: seconds("gauge_timeout_s", section.gauge_timeout_s, defaults.gauge_timeout, 0.01, 1.0)?,
-        patience: seconds("patience_s", section.patience_s, defaults.patience, 1.0, 3600.0)?,
-        vented_below: Kilopascal(or(
-            "vented_below_kpa",
-            section.vented_below_kpa,
-            defaults.vented_below.0,
-            0.1,
-            1000.0,
-        )?),
-        ..defaults
-    })
-}
-
-fn fit_options(section: &FitSection, gauge: Option<&GaugeSection>) -> Result<FitOptions, String> {
-    let defaults = FitOptions::default();
-    if let OrderWord::Fixed(order) = section.order {
-        within("fit.order", f64::from(order), 1.0, 10.0)?;
-    }
-    if section.estimator == EstimatorWord::Paper && section.plays == PlaysWord::On {
-        return Err("fit.plays is \"on\", but the paper's estimator compensates no hysteresis".to_owned());
-    }
-    if section.estimator == EstimatorWord::Paper && section.max_interval_share.is_some() {
-        return Err(
-            "fit.max_interval_share is set, but the paper's estimator excludes by min_swing_counts alone".to_owned()
-        );
-    }
-    Ok(FitOptions {
-        order: match section.order {
-            OrderWord::Fixed(order) => Order::Fixed(order),
-            OrderWord::Auto(AutoWord::Auto) => Order::Auto,
-        },
-        exact: section.exact,
-        estimator: match section.estimator {
-            EstimatorWord::PressureBinned => Estimator::PressureBinned,
-            EstimatorWord::PerSample => Estimator::PerSample,
-            EstimatorWord::Paper => Estimator::Paper,
-        },
-        exclusion: Exclusion {
-            min_swing_counts: within("fit.min_swing_counts", section.min_swing_counts, 0.0, 255.0)?,
-            max_interval_share: match section.max_interval_share {
-                Some(share) => within("fit.max_interval_share", share, 0.001, 100.0)?,
-                None => defaults.exclusion.max_interval_share,
-            },
-            ..defaults.exclusion
-        },
-        gauge: gauge.map_or(Ok::<_, String>(defaults.gauge), |g| {
-            Ok(GaugeUncertainty {
-                gain_rel: within("gauge.gain_uncertainty", g.gain_uncertainty, 0.0, 1.0)?,
-                offset_kpa: within("gauge.offset_uncertainty_kpa", g.offset_uncertainty_kpa, 0.0, 100.0)?,
-                noise_kpa: within("gauge.noise_kpa", g.noise_kpa, 0.0, 100.0)?,
-            })
-        })?,
-        ..defaults
-    })
 }

@@ -79,7 +79,7 @@ impl Bench {
     /// Gives a command and takes turns until it is answered.
     async fn reply(&mut self, command: Command) -> Reply {
         let (reply, mut answer) = oneshot::channel();
-        self.commands.try_send(Request { command, reply }).unwrap();
+        self.commands.try_send(Request { command, reply, asked: None }).unwrap();
         loop {
             self.turn().await;
             match answer.try_recv() {
@@ -101,7 +101,7 @@ impl Bench {
     fn ask(&self) -> Option<oneshot::Receiver<Reply>> {
         let (reply, answer) = oneshot::channel();
         let command = Command::BringUp { patch: "nose".to_owned(), confirmed_by: None };
-        self.commands.try_send(Request { command, reply }).ok().map(|()| answer)
+        self.commands.try_send(Request { command, reply, asked: None }).ok().map(|()| answer)
     }
 }
 
@@ -114,7 +114,7 @@ fn import(created_wall_ns: i64) -> Command {
         patch: "left_forearm".to_owned(),
         created_wall_ns,
         session: None,
-        method: "none".to_owned(),
+        method: format!("none {created_wall_ns}"),
         board_settings: Vec::new(),
         baseline,
         pressure_max_kpa: 70.0,
@@ -122,9 +122,10 @@ fn import(created_wall_ns: i64) -> Command {
         gauge_offset_kpa: 0.1,
         taxels,
         recorded: None,
+        recalibrated: None,
     };
     set.id = models_json::content_id(&set);
-    Command::Import { model_set: Arc::new(set) }
+    Command::Import { model_set: Arc::new(set), insist: false }
 }
 
 fn foreign(time: Time) -> TimedFrame {
@@ -282,4 +283,70 @@ async fn a_fit_that_is_lost_comes_back_with_the_reason() {
     assert_eq!(outcome.session, 7);
     let why = outcome.result.unwrap_err();
     assert!(why.contains("the fit was lost") && why.contains("samples are kept"), "{why}");
+}
+
+impl Bench {
+    /// Gives a command that somebody is known to have asked for.
+    async fn audited(&mut self, who: &str, command: Command) -> Reply {
+        let (reply, mut answer) = oneshot::channel();
+        let (who, patch) = (who.to_owned(), "left_forearm".to_owned());
+        let asked = Some(Box::new(Asked { who, patch, ..Asked::default() }));
+        self.commands.try_send(Request { command, reply, asked }).unwrap();
+        loop {
+            self.turn().await;
+            match answer.try_recv() {
+                Err(oneshot::error::TryRecvError::Empty) => {}
+                answered => return answered.unwrap(),
+            }
+        }
+    }
+
+    /// The whole audit log, oldest first: who, model set before and after, result.
+    fn audit_log(&self) -> Vec<[String; 4]> {
+        let (tell, told) = std::sync::mpsc::channel();
+        self.driver.store.audit_reader().read(u64::MAX, 100, Box::new(move |read| tell.send(read).unwrap()));
+        let mut entries = told.recv().unwrap().unwrap();
+        entries.reverse();
+        let shown = |entry: taxel_engine::audit::AuditEntry| {
+            let (asked, answered) = (entry.asked.unwrap(), entry.answered.unwrap_or_default());
+            [asked.who, asked.before, answered.after, answered.result]
+        };
+        entries.into_iter().map(shown).collect()
+    }
+}
+
+#[tokio::test]
+async fn the_audit_log_has_who_asked_and_the_model_set_before_and_after() {
+    let mut bench = Bench::new();
+    let mut ids = Vec::new();
+    for wall_ns in [1, 2] {
+        let command = import(wall_ns);
+        let Command::Import { model_set, .. } = &command else { panic!("{command:?}") };
+        ids.push(model_set.id.clone());
+        bench.audited("ann", command).await.unwrap();
+    }
+    let activate = |id: &str| Command::Activate { patch: String::new(), model_set: id.to_owned(), expected: None };
+    bench.audited("bob", activate(&ids[0])).await.unwrap();
+    bench.audited("joe", activate(&ids[1])).await.unwrap();
+    let refusal = bench.audited("eve", activate("m-none")).await.unwrap_err();
+    let [a, b, none] = [ids[0].as_str(), ids[1].as_str(), ""];
+    let refused = format!("refused: {refusal}");
+    let expected = [
+        ["ann", none, none, "done"],
+        ["ann", none, none, "done"],
+        ["bob", none, a, "done"],
+        ["joe", a, b, "done"],
+        ["eve", b, b, refused.as_str()],
+    ];
+    assert_eq!(bench.audit_log(), expected.map(|entry| entry.map(str::to_owned)));
+}
+
+#[tokio::test]
+async fn nothing_is_done_that_the_audit_log_cannot_have() {
+    let mut bench = Bench::new();
+    bench.driver.take_done(Done::Store(StoreEvent::Failed("the disk is gone".to_owned())));
+    let command = Command::BringUp { patch: String::new(), confirmed_by: None };
+    let refused = bench.audited("ann", command).await.unwrap_err();
+    assert_eq!(refused, Rejection::Unavailable("the audit log cannot be written: the disk is gone".to_owned()));
+    assert_eq!(bench.audit_log(), Vec::<[String; 4]>::new());
 }

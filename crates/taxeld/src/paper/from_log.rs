@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, bail};
-use taxel_can::LogReader;
 use taxel_engine::calibration::fit::Branch;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
@@ -13,6 +12,7 @@ use taxel_skin::BusIndex;
 
 use crate::config;
 use crate::offline::Offline;
+use crate::open_log::{Wanted, open_log};
 use crate::paper::session::{name, of_session};
 
 /// Frames per read: the state of the session is looked at after each, a few times a second of the log.
@@ -31,7 +31,7 @@ pub(super) fn read(path: &Path, config: &Path) -> anyhow::Result<Data> {
     for patch in &mut scene.plan.patches {
         patch.bring_up.clear(); // a log cannot be configured
     }
-    let mut reader = LogReader::open(path, bus.interface.clone())?;
+    let mut reader = open_log(path, Wanted::interface(bus.interface.clone()))?;
     let mut offline = Offline::new(Arc::new(scene.plan));
     let mut frames = Vec::with_capacity(FRAMES);
     let (mut more, mut started, mut ramps_follow) = (true, false, true);

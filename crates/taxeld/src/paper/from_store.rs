@@ -88,7 +88,7 @@ mod tests {
         ];
         records.extend((0..200).map(|index| {
             let pressure_kpa = 0.7 * (index % 100) as f64;
-            let counts: Arc<[u8]> = [240 - pressure_kpa as u8, 200].into();
+            let counts = [240 - pressure_kpa as u8, 200].as_slice().into();
             let ramp = (index / 100) as u16;
             let sample = Sample { ramp, time_ns: index as i64 * 50_000_000, pressure_kpa, counts };
             Record::Sample { session: number, index, sample }

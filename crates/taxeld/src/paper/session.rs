@@ -1,7 +1,6 @@
 //! What a session gathered, as data for the figures.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use anyhow::Context;
 use taxel_engine::calibration::SessionSamples;
@@ -15,10 +14,9 @@ pub(super) fn of_session(source: String, samples: &SessionSamples) -> anyhow::Re
     let first = samples.samples.first().context("the session has no sample")?;
     let kpa = samples.samples.iter().map(|sample| sample.pressure_kpa).collect();
     let count = |taxel: usize| {
-        let of = |counts: &Arc<[u8]>| counts.get(taxel).map_or(f64::NAN, |count| f64::from(*count));
-        samples.samples.iter().map(|sample| of(&sample.counts)).collect()
+        samples.samples.iter().map(|sample| sample.counts.counts().units(taxel).unwrap_or(f64::NAN)).collect()
     };
-    Ok(Data::of_scans(source, kpa, (0..first.counts.len()).map(count).collect()))
+    Ok(Data::of_scans(source, kpa, (0..first.counts.counts().len()).map(count).collect()))
 }
 
 /// A file's name without its folder.

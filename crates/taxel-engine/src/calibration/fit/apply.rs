@@ -214,7 +214,8 @@ impl Reader<'_> {
         let (model, plays) = (&self.set.taxels[taxel], self.set.plays(taxel));
         let (base, extension) = (self.base(taxel), self.extensions[taxel]);
         let rail = if plays.map_or(model.sign, |plays| plays.sign) == Sign::Falling { 0.0 } else { 255.0 };
-        let gain = if self.skin { GAIN_OF_DAY_REL } else { 0.0 };
+        let corrected = self.set.recalibrated.as_ref().map_or(0.0, |of| of.relative_sigma);
+        let gain = if self.skin { GAIN_OF_DAY_REL.hypot(corrected) } else { 0.0 };
         let smoothed = smooth(counts, masked, self.half);
         let mut state = PlayState::default();
         let nothing = || vec![f64::NAN; counts.len()];

@@ -158,10 +158,9 @@ pub(crate) fn session_clock(samples: &[Sample], silence_s: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::Arc;
 
     fn sample(ramp: u16, ms: i64, pressure_kpa: f64) -> Sample {
-        Sample { ramp, time_ns: ms * 1_000_000, pressure_kpa, counts: Arc::from([0_u8].as_slice()) }
+        Sample { ramp, time_ns: ms * 1_000_000, pressure_kpa, counts: [0_u8].as_slice().into() }
     }
 
     /// Ramps to 20 kPa and back down to `end`, a sample each 50 ms and 0.5 kPa.

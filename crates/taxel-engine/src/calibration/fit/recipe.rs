@@ -75,6 +75,7 @@ pub fn fit(
         }),
         baseline,
         taxels: fitted.models,
+        recalibrated: None,
     })
 }
 

@@ -8,6 +8,8 @@ use std::ops::Range;
 use std::time::Duration;
 use taxel_skin::{ModuleKind, Time, VALUES_PER_MODULE};
 
+use crate::counts::Counts;
+
 use super::fault::{Fault, FaultSet};
 use super::limits::FaultLimits;
 use super::taxel::TaxelWatch;
@@ -39,6 +41,8 @@ pub struct FaultDetector {
     pub(super) lively: usize,
     /// No module that is not stale was heard last before this time.
     heard_since: Option<Time>,
+    /// Counts of a module in units; kept so that no scan has to ask for memory.
+    units: Vec<f32>,
 }
 
 impl FaultDetector {
@@ -65,6 +69,7 @@ impl FaultDetector {
             modules: modules.iter().map(watch).collect(),
             lively: 0,
             heard_since: None,
+            units: Vec::new(),
         }
     }
 
@@ -87,16 +92,24 @@ impl FaultDetector {
 
     /// Takes the counts of one module; `status` is the word of its tail frame, 0 where all is well.
     /// Returns whether the faults of any taxel of the module changed. An unknown module is ignored.
-    pub fn push_module(&mut self, now: Time, module: usize, counts: &[u8], status: u16) -> bool {
-        let mut reals = [0.0; VALUES_PER_MODULE];
-        let n = counts.len().min(VALUES_PER_MODULE);
-        for (real, &count) in reals.iter_mut().zip(counts) {
-            *real = f32::from(count);
+    pub fn push_module<'a>(&mut self, now: Time, module: usize, counts: impl Into<Counts<'a>>, status: u16) -> bool {
+        let counts = counts.into();
+        if let Counts::Bytes(bytes) = counts
+            && bytes.len() <= VALUES_PER_MODULE
+        {
+            let mut reals = [0.0; VALUES_PER_MODULE];
+            reals.iter_mut().zip(bytes).for_each(|(real, &count)| *real = f32::from(count));
+            return self.push_reals(now, module, &reals[..bytes.len()], status);
         }
-        self.push_reals(now, module, &reals[..n], status)
+        let mut units = std::mem::take(&mut self.units);
+        units.clear();
+        units.extend(counts.iter_units().map(|count| count as f32));
+        let changed = self.push_reals(now, module, &units, status);
+        self.units = units;
+        changed
     }
 
-    /// As [`FaultDetector::push_module`], for counts that are reals; a value that is not finite is a missing one.
+    /// As [`FaultDetector::push_module`], for counts in units that are reals; a value that is not finite is a missing one.
     pub fn push_reals(&mut self, now: Time, module: usize, counts: &[f32], status: u16) -> bool {
         let Some(watch) = self.modules.get_mut(module) else { return false };
         let silent = watch.heard.is_some_and(|last| now.seconds_since(last) > f64::from(self.limits.stale_after_s));
@@ -138,7 +151,8 @@ impl FaultDetector {
         let mut changed = false;
         for (i, taxel) in self.taxels[watch.taxels.clone()].iter_mut().enumerate() {
             let before = taxel.faults;
-            let out = watch.slots.get(i).is_some_and(|&slot| now < watch.out_of_range_until[slot as usize]);
+            let out = watch.slots.get(i).and_then(|&slot| watch.out_of_range_until.get(usize::from(slot)));
+            let out = out.is_some_and(|until| now < *until);
             taxel.faults.set(Fault::ModuleFlicker, flicker);
             taxel.faults.set(Fault::StatusOutOfRange, out);
             taxel.faults.set(Fault::NotConnected, now < watch.not_connected_until);

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::counts::{CountBuffer, Counts};
 use crate::scan::Scan;
 use crate::zero::bag::Bag;
 use crate::zero::inputs::{KEPT, LANES};
@@ -84,7 +85,7 @@ pub struct BoardWatch {
     /// What presses on it is the bag, as far as known when it was heard last.
     bag: Bag,
     /// What it read when it fell silent or was doubted, and for how many scans yet this is compared with.
-    before: Option<(Vec<u8>, u8)>,
+    before: Option<(CountBuffer, u8)>,
 }
 
 impl BoardWatch {
@@ -101,7 +102,7 @@ impl BoardWatch {
 
     /// Something that it sent says that it may have taken a new zero; `read` are the counts of the patch before, if there
     /// are.
-    pub fn suspect(&mut self, why: String, read: Option<&[u8]>) {
+    pub fn suspect(&mut self, why: String, read: Option<Counts<'_>>) {
         self.doubt = Some((why, PROBATION_SCANS));
         self.silent = false;
         if let Some(counts) = read {
@@ -140,23 +141,24 @@ impl BoardWatch {
 
     /// Keeps what the board read, of the counts of the patch, unless that is kept already, or what presses is a bag
     /// that lets go.
-    fn keep(&mut self, counts: &[u8]) {
+    fn keep(&mut self, counts: Counts<'_>) {
         if self.bag.presses && !self.bag.holds && self.before.is_none() {
             return;
         }
-        let (_, scans) = self.before.get_or_insert_with(|| (counts[self.taxels.clone()].to_vec(), 0));
+        let (_, scans) = self.before.get_or_insert_with(|| (counts.slice(self.taxels.clone()).into(), 0));
         *scans = RETURN_SCANS;
     }
 
     /// Says so if a board that was silent or doubted until now reads nothing of the load that lay on it before. Nobody can
     /// tell whether the load was lifted meanwhile or the board has taken a new zero under it.
-    pub fn has_lost_its_load(&mut self, counts: &[u8]) -> Option<String> {
+    pub fn has_lost_its_load(&mut self, counts: Counts<'_>) -> Option<String> {
         let (then, left) = self.before.as_mut()?;
         *left -= 1;
         let mut load = [0.0; 3];
-        for (i, (&then, &now)) in then.iter().zip(&counts[self.taxels.clone()]).enumerate() {
+        let now = counts.slice(self.taxels.clone()).iter_units();
+        for (i, (then, now)) in then.counts().iter_units().zip(now).enumerate() {
             let Some(reference) = self.references.get(i / LANES) else { break };
-            let of_one = reference.load(i % LANES, then, now);
+            let of_one = reference.load(i % LANES, then as f32, now as f32);
             load.iter_mut().zip(of_one).for_each(|(sum, value)| *sum += value);
         }
         self.before.take_if(|(_, left)| *left == 0);

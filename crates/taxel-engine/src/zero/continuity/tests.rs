@@ -15,7 +15,7 @@ fn finding_after(load: impl Fn(usize) -> u8) -> Option<Finding> {
     let zero = vec![TaxelBaseline { mean: 240.0, noise: 0.8 }; taxels];
     let mut continuity = Continuity::new(&regions, &["12".to_owned()]);
     continuity.begin();
-    let mut ground = Ground::new(taxels, Activation { sigmas: 4.0, floor_counts: 2.0 });
+    let mut ground = Ground::new(&regions, Activation { sigmas: 4.0, floor_counts: 2.0 });
     ground.take(&zero);
     continuity.compare_with(&ground);
     let (pads, silent, sound) = (vec![[100; 2]; 8], [false; 8], vec![true; taxels]);
@@ -23,9 +23,17 @@ fn finding_after(load: impl Fn(usize) -> u8) -> Option<Finding> {
     for scan in 0..60 {
         let counts: Vec<u8> = (0..taxels).map(|taxel| if scan < 30 { 240 - load(taxel) } else { 240 }).collect();
         let time = Time::from_nanos(scan * 50_000_000);
-        let scan =
-            Scan { time, whole: true, counts: &counts, pads: &pads, silent: &silent, sound: &sound, soundness: 1 };
-        found = found.or(continuity.on_scan(&scan, Bag { session_open: true, presses: true, holds: true }));
+        let scan = Scan {
+            time,
+            whole: true,
+            counts: (&counts).into(),
+            pads: &pads,
+            silent: &silent,
+            sound: &sound,
+            soundness: 1,
+        };
+        let finding = continuity.on_scan(&scan, Bag { session_open: true, presses: true, holds: true });
+        found = found.or(finding.map(|(_, finding)| finding));
     }
     found
 }

@@ -9,6 +9,7 @@ use super::site::DriftSite;
 use super::smooth::Shares;
 use super::view::{DriftState, DriftView};
 use crate::baseline::{Activation, TaxelBaseline};
+use crate::counts::Counts;
 use crate::now::Now;
 use crate::statistics::median;
 
@@ -97,10 +98,10 @@ impl Drift {
     /// did that tables have to be made anew.
     ///
     /// `now.time` is that of the scan; one that is not later than the last is ignored.
-    pub fn on_scan(
+    pub fn on_scan<'a>(
         &mut self,
         now: Now,
-        counts: &[u8],
+        counts: impl Into<Counts<'a>>,
         pads: impl Fn(usize) -> Option<[u8; 2]>,
         sound: impl Fn(usize) -> bool,
     ) -> bool {
@@ -116,7 +117,7 @@ impl Drift {
             self.restart();
             return false;
         }
-        let shares = Shares::of(dt);
+        let (shares, counts) = (Shares::of(dt), counts.into());
         for (index, module) in self.modules.iter_mut().enumerate() {
             let taxels = &mut self.taxels[module.range()];
             module.take(taxels, counts, pads(index), &sound, &shares);

@@ -6,6 +6,7 @@ use super::coefficient::Coefficient;
 use super::limits::{AGREEMENT_COUNTS, COEFFICIENT_MAX, COEFFICIENT_SIGMA, HOLD_OFF_S, UNEXPLAINED_COUNTS};
 use super::site::DriftSite;
 use super::smooth::{Shares, Smooth};
+use crate::counts::Counts;
 use crate::statistics::median;
 
 /// Fewest taxels that may speak for a module.
@@ -136,7 +137,7 @@ impl ModuleDrift {
     pub(super) fn take(
         &mut self,
         taxels: &mut [TaxelDrift],
-        counts: &[u8],
+        counts: Counts<'_>,
         pads: Option<[u8; 2]>,
         sound: &impl Fn(usize) -> bool,
         shares: &Shares,
@@ -152,8 +153,8 @@ impl ModuleDrift {
                 taxel.restart();
                 continue;
             }
-            let Some(&count) = counts.get(index) else { continue };
-            taxel.fast.push(f64::from(count), shares.fast);
+            let Some(count) = counts.units(index) else { continue };
+            taxel.fast.push(count, shares.fast);
             self.touched |= taxel.is_touched(self.drift, self.rested_at);
         }
         self.zero_s += shares.dt_s;
@@ -170,7 +171,7 @@ impl ModuleDrift {
     }
 
     /// Lets the taxels rest, unless something touches the module or is `near` it.
-    pub(super) fn rest(&mut self, taxels: &mut [TaxelDrift], counts: &[u8], near: bool, shares: &Shares) {
+    pub(super) fn rest(&mut self, taxels: &mut [TaxelDrift], counts: Counts<'_>, near: bool, shares: &Shares) {
         if near {
             if self.untouched_s > 0.0 {
                 taxels.iter_mut().for_each(|taxel| taxel.slow.restart());
@@ -182,11 +183,11 @@ impl ModuleDrift {
         if self.untouched_s < HOLD_OFF_S {
             return;
         }
-        for (taxel, &count) in taxels.iter_mut().zip(counts.get(self.range()).unwrap_or_default()) {
+        for (taxel, count) in taxels.iter_mut().zip(counts.slice(self.range()).iter_units()) {
             if taxel.fast.is_empty() {
                 continue; // it has a fault
             }
-            taxel.slow.push(f64::from(count), shares.slow);
+            taxel.slow.push(count, shares.slow);
             if let Some(rest) = taxel.slow.mean(SLOW_WEIGHT) {
                 (taxel.rest, self.rested_at) = (rest, self.drift);
             }

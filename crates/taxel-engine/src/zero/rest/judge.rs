@@ -2,19 +2,13 @@
 
 use super::limits::RestLimits;
 use super::moves::{Moves, third};
-use super::statistics::RestWindow;
+use super::statistics::{INDEPENDENT_SHARE, NOISE_FLOOR_COUNTS, RestWindow};
 use super::verdict::{RestFigures, RestVerdict, Unsteadiness};
 use crate::baseline::TaxelBaseline;
 use crate::statistics::{median, median_error};
 
-/// Least noise, in counts, that a taxel is credited with: rounding alone makes 0.29.
-const NOISE_FLOOR_COUNTS: f64 = 0.5;
-
 /// Margin for the error of a figure that was estimated from noisy scans, in its standard errors.
 const STANDARD_ERRORS: f64 = 4.0;
-
-/// Half of the scans repeat a conversion of the boards, so half of them count.
-const INDEPENDENT_SHARE: f64 = 0.5;
 
 /// Three of a module's taxels that all move by so many standard errors from half to half: once in 20,000 windows by
 /// chance, of 23 modules with ten taxels.

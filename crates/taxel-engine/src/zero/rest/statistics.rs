@@ -1,8 +1,21 @@
 //! Mean, noise and drift per taxel over a window of scans, in one pass.
 
+use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
 use crate::baseline::TaxelBaseline;
+use crate::statistics::median;
+
+/// Least noise, in counts, that a taxel is credited with: rounding alone makes 0.29.
+pub(super) const NOISE_FLOOR_COUNTS: f64 = 0.5;
+
+/// A taxel that has moved further from one half of a window to the other has no zero, in standard errors. By chance that
+/// becomes of one taxel in a hundred thousand (`a_taxel_at_rest_keeps_its_zero`).
+const STEADY_ERRORS_MAX: f64 = 5.0;
+/// And in counts, so that rounding is no movement.
+const STEADY_COUNTS_MAX: f64 = 1.0;
+/// Half of the scans repeat a conversion of the boards, so half of them count.
+pub(super) const INDEPENDENT_SHARE: f64 = 0.5;
 
 /// Running mean, variance and drift per taxel over a window of scans.
 #[derive(Clone, Debug, Default)]
@@ -38,6 +51,27 @@ impl RestWindow {
     #[must_use]
     pub const fn all(&self) -> &RestStatistics {
         &self.all
+    }
+
+    /// Mean and noise per taxel. A taxel that moved while it was watched has none: one or two of a module may move without
+    /// the skin being called restless, and what they read in the mean may hide a load that came meanwhile.
+    #[must_use]
+    pub fn steady_baseline(&self) -> Vec<TaxelBaseline> {
+        let [early, late] = self.halves.each_ref().map(RestStatistics::baseline);
+        let independent = |half: &RestStatistics| (INDEPENDENT_SHARE * half.scans as f64).max(1.0);
+        let share = self.halves.iter().map(|half| 1.0 / independent(half)).sum::<f64>().sqrt();
+        // Ten readings tell little of a taxel's noise, but those of all taxels together do.
+        let pooled = |(early, late): (&TaxelBaseline, &TaxelBaseline)| early.noise.hypot(late.noise) * FRAC_1_SQRT_2;
+        let typical = median(early.iter().zip(&late).map(pooled).filter(|noise| noise.is_finite())).unwrap_or(0.0);
+        let least = typical.max(NOISE_FLOOR_COUNTS);
+        let steady = |(all, (early, late)): (TaxelBaseline, (TaxelBaseline, TaxelBaseline))| {
+            // A ramp within a half is no noise of the taxel's: the quieter half tells.
+            let noise = early.noise.min(late.noise).max(least);
+            let moved = (late.mean - early.mean).abs();
+            let moves = moved > STEADY_COUNTS_MAX && moved > STEADY_ERRORS_MAX * noise * share;
+            if moves { TaxelBaseline::UNKNOWN } else { all }
+        };
+        self.all.baseline().into_iter().zip(early.into_iter().zip(late)).map(steady).collect()
     }
 
     /// The earlier and the later half.

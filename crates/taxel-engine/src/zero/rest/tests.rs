@@ -252,3 +252,51 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn a_zero_soon_after_the_bag_was_vented_says_that_a_later_one_is_better() {
+    let figures = |moved_median| RestFigures {
+        taxels: 218,
+        moved_median,
+        share_one_sided: 0.9,
+        worst_module: None,
+        worst_module_moved: 0.0,
+        drift: 0.0,
+        noise_ratio: 1.0,
+    };
+    let said = |moved| RestVerdict::Rest { figures: figures(moved) }.to_string();
+    assert!(said(0.76).contains("some minutes later"), "{}", said(0.76));
+    assert!(!said(0.1).contains("later") && !said(-0.8).contains("later"));
+}
+
+#[test]
+fn a_taxel_that_moved_while_it_was_watched_has_no_zero() {
+    let mut noise = Noise(7);
+    // Two taxels of a module go down by four counts over the window, too few to call the module restless.
+    let seen = window(&mut noise, |t, scan| if t < 2 { 240.0 - 4.0 * scan as f64 / SCANS as f64 } else { 240.0 });
+    let zero = seen.steady_baseline();
+    assert!(zero[..2].iter().all(|taxel| taxel.mean.is_nan()), "{:?}", &zero[..2]);
+    assert!(zero[2..].iter().all(|taxel| taxel.mean.is_finite()), "{:?}", &zero[2..]);
+}
+
+#[test]
+fn a_taxel_at_rest_keeps_its_zero() {
+    const WATCHES: usize = 4000;
+    for counts in [0.3, 0.8, 1.1, 2.0] {
+        let (mut noise, mut lost) = (Noise(11), 0);
+        for _ in 0..WATCHES {
+            // A second of scans, each conversion of the boards sent twice.
+            let mut window = RestWindow::new(TAXELS, &modules());
+            let levels: Vec<f64> = (0..TAXELS).map(|_| 240.0 + noise.uniform()).collect();
+            for conversion in 0..10 {
+                let scan: Vec<_> = levels.iter().map(|level| Some((level + counts * noise.normal()).round())).collect();
+                for _ in 0..2 {
+                    window.push(conversion >= 5, scan.iter().copied());
+                }
+            }
+            lost += window.steady_baseline().iter().filter(|taxel| taxel.mean.is_nan()).count();
+        }
+        let share = lost as f64 / (WATCHES * TAXELS) as f64;
+        assert!(share < 2e-5, "with a noise of {counts} counts {share:.1e} of the taxels at rest lost their zero");
+    }
+}

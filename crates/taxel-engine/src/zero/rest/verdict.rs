@@ -2,6 +2,9 @@
 
 use std::fmt;
 
+/// From here on a zero lies so far towards load that what pressed before may still be in it, counts.
+const RECOVERING_COUNTS: f64 = 0.3;
+
 /// What was measured on a still skin. Counts are positive in the direction of load.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RestFigures {
@@ -155,6 +158,11 @@ impl fmt::Display for Unsteadiness {
 impl fmt::Display for RestVerdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Rest { figures } if figures.moved_median >= RECOVERING_COUNTS => write!(
+                f,
+                "at rest: {figures}; the skin may still be recovering from what pressed on it: a zero that is taken some \
+                 minutes later sees lighter loads"
+            ),
             Self::Rest { figures } => write!(f, "at rest: {figures}"),
             Self::Loaded { figures, moved_median_max, moved_module_max } => write!(
                 f,

@@ -23,6 +23,8 @@ impl Model {
                 self.want_zero(number);
                 Answer::Done
             }
+            // A session in use is followed by another one, which has its samples.
+            Step::StartRamp(number) if self.state(number) == Some(S::Active) => self.command(Step::StartSession),
             Step::StartRamp(number) => {
                 let can = matches!(self.state(number), Some(S::Review | S::Interrupted | S::Failed | S::Aborted));
                 if !can || self.presses() || self.boards_wait || !self.take_up(number) {

@@ -1,0 +1,280 @@
+//! `taxel-bridge.toml`: read, and refused with the place and what was expected.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, bail, ensure};
+use serde::Deserialize;
+
+use crate::ros::keys;
+
+/// Patches of one bridge; each takes two of the streams that a daemon serves.
+const PATCHES_MAX: usize = 32;
+/// Longest age of a force that can be allowed, in ms.
+const AGE_MAX_MS: u32 = 10_000;
+
+/// The whole file.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// The robot's name, one word.
+    pub robot: String,
+    /// The daemon.
+    #[serde(default)]
+    pub daemon: DaemonSection,
+    /// The way to the router.
+    #[serde(default)]
+    pub zenoh: ZenohSection,
+    /// ROS 2 topics; left out, there are none.
+    pub ros: Option<RosSection>,
+    /// The robot in a fleet; left out, it is in none.
+    pub fleet: Option<FleetSection>,
+    /// What is bridged, one section a patch.
+    #[serde(rename = "patch")]
+    pub patches: Vec<PatchSection>,
+}
+
+/// `[daemon]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DaemonSection {
+    /// `unix:PATH`, `http://HOST:PORT` or `https://HOST:PORT`; left out, the local socket or loopback.
+    pub server: Option<String>,
+    /// File whose first line is the token to show.
+    pub token_file: Option<PathBuf>,
+    /// Certificates, for https.
+    pub tls: Option<TlsSection>,
+}
+
+/// `[daemon.tls]`, all PEM files.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TlsSection {
+    /// The authority that signed the daemon's certificate.
+    pub ca: PathBuf,
+    /// The bridge's own certificate: the daemon lets nobody in over TLS without one.
+    pub certificate: PathBuf,
+    /// Its key.
+    pub key: PathBuf,
+    /// The name in the daemon's certificate, if it is not the host's in `server`.
+    pub name: Option<String>,
+}
+
+/// `[zenoh]`.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ZenohSection {
+    /// The router's endpoint, for example `tcp/localhost:7447`, which is the default.
+    pub router: Option<String>,
+    /// A configuration file of Zenoh (JSON5), for TLS and whatever else; `router` goes before its endpoints.
+    pub config: Option<PathBuf>,
+}
+
+/// `[ros]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RosSection {
+    /// `ROS_DOMAIN_ID`.
+    pub domain: u32,
+    /// Before all names; `/` for none.
+    pub namespace: String,
+    /// The node's name.
+    pub node: String,
+    /// Whether keys carry hashes of types; false for humble.
+    pub type_hashes: bool,
+    /// Whether the service `tare` is offered to everybody on the router.
+    pub tare: bool,
+}
+
+impl Default for RosSection {
+    fn default() -> Self {
+        Self { domain: 0, namespace: "/skin".into(), node: "taxel_bridge".into(), type_hashes: true, tare: false }
+    }
+}
+
+/// `[fleet]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FleetSection {
+    /// The fleet's router, if it is another one than the robot's own.
+    pub zenoh: Option<ZenohSection>,
+    /// Force samples per second of each patch, 0.1 to 1000.
+    pub rate_hz: f64,
+}
+
+impl Default for FleetSection {
+    fn default() -> Self {
+        Self { zenoh: None, rate_hz: 10.0 }
+    }
+}
+
+/// `[[patch]]`.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PatchSection {
+    /// Its name at the daemon.
+    pub name: String,
+    /// The frame of its coordinates in tf; its name if left out.
+    pub frame: Option<String>,
+    /// Forces per second, 1 to 1000; left out, each new one as it comes.
+    pub rate_hz: Option<f64>,
+    /// Clouds of taxels per second, 1 to 1000; 0, the default, for none.
+    #[serde(default)]
+    pub taxels_hz: f64,
+    /// An older force is none, in ms.
+    #[serde(default = "age_max_ms")]
+    age_max_ms: u32,
+}
+
+fn age_max_ms() -> u32 {
+    150
+}
+
+impl PatchSection {
+    /// The frame of its coordinates.
+    pub fn frame(&self) -> &str {
+        self.frame.as_deref().unwrap_or(&self.name)
+    }
+
+    /// An older force is none.
+    pub fn age_max(&self) -> Duration {
+        Duration::from_millis(self.age_max_ms.into())
+    }
+}
+
+impl Config {
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// Where it is not as expected.
+    pub fn read(path: &Path) -> anyhow::Result<Self> {
+        let text = std::fs::read_to_string(path).with_context(|| format!("reading {}", path.display()))?;
+        Self::parse(&text).with_context(|| path.display().to_string())
+    }
+
+    /// Reads a text.
+    ///
+    /// # Errors
+    /// Where it is not as expected.
+    pub fn parse(text: &str) -> anyhow::Result<Self> {
+        let config: Self = toml::from_str(text)?;
+        config.check()?;
+        Ok(config)
+    }
+
+    fn check(&self) -> anyhow::Result<()> {
+        ensure!(is_robot(&self.robot), "robot = {:?}: expected 1 to 64 letters, digits, `_`, `-` or `.`", self.robot);
+        ensure!(self.ros.is_some() || self.fleet.is_some(), "neither [ros] nor [fleet]: there is nothing to do");
+        if let Some(ros) = &self.ros {
+            ros.check()?;
+        }
+        if let Some(fleet) = &self.fleet {
+            let rate = fleet.rate_hz;
+            ensure!((0.1..=1000.0).contains(&rate), "fleet.rate_hz = {rate}: expected 0.1 to 1000");
+        }
+        let count = self.patches.len();
+        ensure!((1..=PATCHES_MAX).contains(&count), "{count} [[patch]] sections: expected 1 to {PATCHES_MAX}");
+        let mut names = BTreeSet::new();
+        for patch in &self.patches {
+            patch.check()?;
+            if !names.insert(keys::name_of(&patch.name)) {
+                bail!("patch {:?}: another one has the same name in ROS", patch.name);
+            }
+        }
+        Ok(())
+    }
+}
+
+impl RosSection {
+    fn check(&self) -> anyhow::Result<()> {
+        // More would need UDP ports that do not exist; ROS refuses them too.
+        ensure!(self.domain <= 232, "ros.domain = {}: expected 0 to 232", self.domain);
+        ensure!(keys::is_name(&self.node), "ros.node = {:?}: expected letters, digits and underscores", self.node);
+        let inner = self.namespace.strip_prefix('/');
+        let fits = inner.is_some_and(|inner| inner.is_empty() || inner.split('/').all(keys::is_name));
+        ensure!(fits, "ros.namespace = {:?}: expected `/` or, for example, `/icub/skin`", self.namespace);
+        Ok(())
+    }
+
+    /// The absolute name of what is called `name` here.
+    pub fn absolute(&self, name: &str) -> String {
+        format!("{}/{name}", self.namespace.trim_end_matches('/'))
+    }
+}
+
+impl PatchSection {
+    fn check(&self) -> anyhow::Result<()> {
+        let name = &self.name;
+        // A patch's name is a chunk of a key in the fleet.
+        ensure!(is_robot(name), "patch {name:?}: expected 1 to 64 letters, digits, `_`, `-` or `.`");
+        let frame = self.frame();
+        ensure!(!frame.is_empty() && !frame.starts_with('/'), "patch {name:?}: frame {frame:?} is none of tf2's");
+        for (key, rate, least) in [("rate_hz", self.rate_hz, 1.0), ("taxels_hz", Some(self.taxels_hz), 0.0)] {
+            let fits = rate.is_none_or(|hz| (1.0..=1000.0).contains(&hz) || hz == least);
+            ensure!(fits, "patch {name:?}: {key} = {}: expected 1 to 1000", rate.unwrap_or_default());
+        }
+        let age = self.age_max_ms;
+        ensure!((1..=AGE_MAX_MS).contains(&age), "patch {name:?}: age_max_ms = {age}: expected 1 to {AGE_MAX_MS}");
+        Ok(())
+    }
+}
+
+/// Whether a text can be one chunk of a key in the fleet.
+pub fn is_robot(text: &str) -> bool {
+    (1..=64).contains(&text.len()) && text.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LEAST: &str = "robot = \"icub\"\n[ros]\n[[patch]]\nname = \"left_forearm\"\n";
+
+    #[test]
+    fn the_least_file_has_defaults_for_the_rest() {
+        let config = Config::parse(LEAST).unwrap();
+        let ros = config.ros.unwrap();
+        assert_eq!((ros.domain, ros.type_hashes, ros.tare), (0, true, false));
+        assert_eq!(ros.absolute("tare"), "/skin/tare");
+        assert_eq!(RosSection { namespace: "/".into(), ..ros }.absolute("tare"), "/tare");
+        let patch = &config.patches[0];
+        assert_eq!((patch.frame(), patch.age_max()), ("left_forearm", Duration::from_millis(150)));
+        assert!(config.fleet.is_none());
+    }
+
+    #[test]
+    fn the_example_of_the_documentation_is_accepted() {
+        let example = include_str!("../../../deploy/taxel-bridge.toml");
+        let config = Config::parse(example).unwrap();
+        assert!(config.ros.is_some() && config.fleet.is_some());
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_with_its_place() {
+        let cases = [
+            (LEAST.replace("icub", "i/cub"), "robot"),
+            (LEAST.replace("icub", ""), "robot"),
+            (LEAST.replace("[ros]", ""), "nothing to do"),
+            (LEAST.replace("[ros]", "[ros]\ndomain = 233"), "ros.domain"),
+            (LEAST.replace("[ros]", "[ros]\nnamespace = \"skin\""), "ros.namespace"),
+            (LEAST.replace("[ros]", "[ros]\nnamespace = \"/a//b\""), "ros.namespace"),
+            (LEAST.replace("[ros]", "[ros]\nnode = \"a b\""), "ros.node"),
+            (LEAST.replace("[ros]", "[ros]\ncolour = 1"), "colour"),
+            (LEAST.replace("[ros]", "[fleet]\nrate_hz = 0.0"), "fleet.rate_hz"),
+            (LEAST.replace("[ros]", "[ros]\n[daemon.tls]\nca = \"a\"\nkey = \"b\""), "certificate"),
+            ("robot = \"a\"\npatch = []\n[ros]\n".to_owned(), "[[patch]]"),
+            (format!("{LEAST}rate_hz = 0.5"), "rate_hz"),
+            (format!("{LEAST}rate_hz = nan"), "rate_hz"),
+            (format!("{LEAST}taxels_hz = 2000.0"), "taxels_hz"),
+            (format!("{LEAST}age_max_ms = 0"), "age_max_ms"),
+            (format!("{LEAST}frame = \"/arm\""), "frame"),
+            (format!("{LEAST}[[patch]]\nname = \"left-forearm\""), "same name"),
+            (LEAST.replace("left_forearm", "a*"), "patch"),
+        ];
+        for (text, place) in cases {
+            let error = format!("{:#}", Config::parse(&text).unwrap_err());
+            assert!(error.contains(place), "{text}\n{error}");
+        }
+    }
+}

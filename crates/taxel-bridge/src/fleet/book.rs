@@ -1,0 +1,276 @@
+//! What is known of all robots of a router, at one moment. Time comes in as data: since the view began, and since 1970.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use serde::Serialize;
+use taxel_proto::v1::{ForceSample, Health, ModelSetSummary};
+
+use crate::belief::{self, NoForce};
+
+/// Robots in one view; what more come is counted and not kept.
+const ROBOTS_MAX: usize = 10_000;
+/// Patches of one robot.
+const PATCHES_MAX: usize = 64;
+
+/// All robots.
+#[derive(Debug)]
+pub struct Book {
+    robots: BTreeMap<String, Robot>,
+    age_max: Duration,
+    refused: u64,
+}
+
+#[derive(Debug, Default)]
+struct Robot {
+    here: bool,
+    since: Duration,
+    forces: BTreeMap<String, (ForceSample, Duration)>,
+    health: Option<Health>,
+    models: Vec<ModelSetSummary>,
+}
+
+/// A patch of a robot.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Whose.
+    pub robot: String,
+    /// Whether its bridge is on the router.
+    pub here: bool,
+    /// For how long it has been, or has not been, in s.
+    pub for_s: f64,
+    /// Which; empty while nothing has come of any.
+    pub patch: String,
+    /// `OK` and so on as in the service, or `GONE`, or `SILENT` while nothing comes.
+    pub state: String,
+    /// The force in N; absent unless it may be believed.
+    pub force_n: Option<f64>,
+    /// Its standard uncertainty in N.
+    pub sigma_n: Option<f64>,
+    /// Its age in s.
+    pub age_s: Option<f64>,
+    /// Taxels that do not count.
+    pub excluded: Option<u32>,
+    /// Whether the zero holds.
+    pub zero_valid: Option<bool>,
+    /// When it was taken, s since 1970.
+    pub zero_taken: Option<i64>,
+    /// When the models in use were made, s since 1970.
+    pub calibrated: Option<i64>,
+    /// The models in use.
+    pub model_set: String,
+    /// Why the state is not OK.
+    pub reasons: Vec<String>,
+}
+
+impl Book {
+    /// Knows nobody yet; an older force than `age_max` is none.
+    pub fn new(age_max: Duration) -> Self {
+        Self { robots: BTreeMap::new(), age_max, refused: 0 }
+    }
+
+    /// How many messages were of robots or patches beyond the limits.
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    fn robot(&mut self, robot: &str, now: Duration) -> Option<&mut Robot> {
+        if !self.robots.contains_key(robot) && self.robots.len() >= ROBOTS_MAX {
+            self.refused += 1;
+            return None;
+        }
+        Some(self.robots.entry(robot.to_owned()).or_insert_with(|| Robot { since: now, ..Robot::default() }))
+    }
+
+    /// A robot's token came or went. Whether that is news.
+    pub fn alive(&mut self, robot: &str, here: bool, now: Duration) -> bool {
+        let Some(robot) = self.robot(robot, now) else { return false };
+        let news = robot.here != here;
+        if news {
+            (robot.here, robot.since) = (here, now);
+        }
+        news
+    }
+
+    /// A sample came.
+    pub fn force(&mut self, robot: &str, patch: &str, sample: ForceSample, now: Duration) {
+        let Some(robot) = self.robot(robot, now) else { return };
+        if robot.forces.contains_key(patch) || robot.forces.len() < PATCHES_MAX {
+            robot.forces.insert(patch.to_owned(), (sample, now));
+        } else {
+            self.refused += 1;
+        }
+    }
+
+    /// The health of a robot's daemon came.
+    pub fn health(&mut self, robot: &str, health: Health, now: Duration) {
+        if let Some(robot) = self.robot(robot, now) {
+            robot.health = Some(health);
+        }
+    }
+
+    /// The model sets in use came.
+    pub fn models(&mut self, robot: &str, models: Vec<ModelSetSummary>, now: Duration) {
+        if let Some(robot) = self.robot(robot, now) {
+            robot.models = models;
+        }
+    }
+
+    /// Robots whose model sets are not known as their samples name them.
+    pub fn unknown_models(&self) -> Vec<String> {
+        let unknown = |robot: &Robot| {
+            let known = |id: &str| id.is_empty() || robot.models.iter().any(|set| set.model_set == id);
+            robot.here && robot.forces.values().any(|(sample, _)| !known(&sample.model_set))
+        };
+        self.robots.iter().filter(|(_, robot)| unknown(robot)).map(|(name, _)| name.clone()).collect()
+    }
+
+    /// How many robots are here, and how many were and are not.
+    pub fn count(&self) -> (usize, usize) {
+        let here = self.robots.values().filter(|robot| robot.here).count();
+        (here, self.robots.len() - here)
+    }
+
+    /// Everything, robot by robot and patch by patch.
+    pub fn rows(&self, now: Duration) -> Vec<Row> {
+        let mut rows = Vec::new();
+        for (name, robot) in &self.robots {
+            if robot.forces.is_empty() {
+                rows.push(robot.row(name, "", None, now, self.age_max));
+            }
+            for (patch, force) in &robot.forces {
+                rows.push(robot.row(name, patch, Some(force), now, self.age_max));
+            }
+        }
+        rows
+    }
+}
+
+impl Robot {
+    fn row(
+        &self,
+        robot: &str,
+        patch: &str,
+        force: Option<&(ForceSample, Duration)>,
+        now: Duration,
+        age_max: Duration,
+    ) -> Row {
+        let waited = force.map_or(Duration::ZERO, |(_, at)| now.saturating_sub(*at));
+        let sample = force.map(|(sample, _)| sample);
+        let (state, reasons) = self.state(sample, waited, age_max);
+        let good = sample.filter(|_| state == "OK" || state == "DEGRADED");
+        let zero = self.health.iter().flat_map(|health| &health.patches).find(|health| health.patch == patch);
+        let zero = zero.and_then(|health| health.tare.as_ref());
+        let model_set = sample.map(|sample| sample.model_set.clone()).unwrap_or_default();
+        let models = self.models.iter().find(|set| set.model_set == model_set);
+        Row {
+            robot: robot.to_owned(),
+            here: self.here,
+            for_s: now.saturating_sub(self.since).as_secs_f64(),
+            patch: patch.to_owned(),
+            state,
+            force_n: good.and_then(|sample| sample.total_n),
+            sigma_n: good.and_then(|sample| sample.total_sigma_n),
+            age_s: sample.and_then(|sample| sample.age_s).map(|age_s| belief::age(age_s, waited).as_secs_f64()),
+            excluded: sample.map(|sample| sample.excluded),
+            zero_valid: zero.map(|zero| zero.valid),
+            zero_taken: zero.and_then(|zero| Some(zero.time.as_ref()?.seconds)),
+            calibrated: models.and_then(|set| Some(set.created.as_ref()?.seconds)),
+            model_set,
+            reasons,
+        }
+    }
+
+    fn state(&self, sample: Option<&ForceSample>, waited: Duration, age_max: Duration) -> (String, Vec<String>) {
+        let Some(sample) = sample.filter(|_| self.here) else {
+            let state = if self.here { "SILENT" } else { "GONE" };
+            return (state.to_owned(), Vec::new());
+        };
+        let name = sample.state().as_str_name().trim_start_matches("FORCE_STATE_").to_owned();
+        match belief::believe(sample, waited, age_max) {
+            Ok(_) => (name, sample.reasons.clone()),
+            Err(NoForce::State { .. }) if waited <= age_max => (name, sample.reasons.clone()),
+            Err(NoForce::TooOld { .. } | NoForce::State { .. }) => {
+                ("SILENT".to_owned(), vec![format!("nothing new for {:.1} s", waited.as_secs_f64())])
+            }
+            Err(why) => ("STALE".to_owned(), vec![why.to_string()]),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::belief::tests::good;
+    use taxel_proto::Timestamp;
+    use taxel_proto::v1::{PatchHealth, TareStatus};
+
+    fn s(seconds: f64) -> Duration {
+        Duration::from_secs_f64(seconds)
+    }
+
+    fn book() -> Book {
+        let mut book = Book::new(s(1.0));
+        assert!(book.alive("icub", true, s(1.0)));
+        book.force("icub", "arm", good(), s(2.0));
+        book
+    }
+
+    #[test]
+    fn a_robot_is_seen_with_its_force_its_zero_and_its_models() {
+        let mut book = book();
+        assert_eq!(book.unknown_models(), ["icub"]);
+        let created = Some(Timestamp { seconds: 1_600_000_000, nanos: 0 });
+        let set = ModelSetSummary { model_set: "m-1".into(), created, active: true, ..ModelSetSummary::default() };
+        book.models("icub", vec![set], s(2.0));
+        assert!(book.unknown_models().is_empty());
+        let time = Some(Timestamp { seconds: 1_700_000_000, nanos: 0 });
+        let tare = Some(TareStatus { valid: true, time, ..TareStatus::default() });
+        let patches = vec![PatchHealth { patch: "arm".into(), tare, ..PatchHealth::default() }];
+        book.health("icub", Health { patches, ..Health::default() }, s(2.0));
+        assert_eq!(book.rows(s(2.5)).len(), 1);
+        let row = book.rows(s(2.5)).remove(0);
+        assert_eq!((row.robot.as_str(), row.patch.as_str(), row.state.as_str(), row.here), ("icub", "arm", "OK", true));
+        assert_eq!((row.force_n, row.sigma_n, row.age_s, row.for_s), (Some(4.9), Some(0.5), Some(0.52), 1.5));
+        assert_eq!((row.zero_valid, row.zero_taken), (Some(true), Some(1_700_000_000)));
+        assert_eq!((row.calibrated, row.model_set.as_str()), (Some(1_600_000_000), "m-1"));
+    }
+
+    #[test]
+    fn a_robot_that_falls_silent_or_vanishes_has_no_force_any_more() {
+        let mut book = book();
+        let row = book.rows(s(3.1)).remove(0);
+        assert_eq!((row.state.as_str(), row.force_n, row.sigma_n), ("SILENT", None, None));
+        assert_eq!(row.reasons, ["nothing new for 1.1 s"]);
+        book.force("icub", "arm", good(), s(3.2));
+        assert!(book.alive("icub", false, s(3.3)));
+        assert!(!book.alive("icub", false, s(3.4)), "told once");
+        let row = book.rows(s(3.5)).remove(0);
+        assert_eq!((row.state.as_str(), row.here, row.force_n), ("GONE", false, None));
+        assert_eq!(book.count(), (0, 1));
+        assert!(book.alive("icub", true, s(4.0)));
+        book.force("icub", "arm", good(), s(4.0));
+        assert_eq!(book.rows(s(4.0))[0].force_n, Some(4.9));
+    }
+
+    #[test]
+    fn a_robot_that_has_told_nothing_is_listed_all_the_same() {
+        let mut book = Book::new(s(1.0));
+        book.alive("icub", true, s(0.0));
+        let row = book.rows(s(0.5)).remove(0);
+        assert_eq!((row.patch.as_str(), row.state.as_str(), row.force_n), ("", "SILENT", None));
+    }
+
+    #[test]
+    fn more_robots_and_patches_than_a_view_holds_are_counted_and_take_no_memory() {
+        let mut book = Book::new(s(1.0));
+        for n in 0..PATCHES_MAX + 3 {
+            book.force("icub", &n.to_string(), good(), s(0.0));
+        }
+        assert_eq!((book.rows(s(0.0)).len(), book.refused()), (PATCHES_MAX, 3));
+        for n in 0..ROBOTS_MAX + 4 {
+            book.alive(&n.to_string(), true, s(0.0));
+        }
+        assert_eq!((book.count(), book.refused()), ((ROBOTS_MAX - 1, 1), 8));
+    }
+}

@@ -1,0 +1,7 @@
+//! Many robots on one router: what each tells of itself, and all of them in one view.
+
+pub mod book;
+pub mod keys;
+pub mod robot;
+pub mod table;
+pub mod watch;

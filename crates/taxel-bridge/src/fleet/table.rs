@@ -1,0 +1,99 @@
+//! All robots as a table in a terminal.
+
+use std::fmt::Write as _;
+
+use crate::fleet::book::Row;
+
+const HEAD: [&str; 9] = ["robot", "patch", "state", "force N", "age", "excluded", "zero", "calibrated", "why"];
+
+/// A span of time as people say it.
+fn span(seconds: f64) -> String {
+    match seconds {
+        s if s < 10.0 => format!("{s:.1} s"),
+        s if s < 120.0 => format!("{s:.0} s"),
+        s if s < 7200.0 => format!("{:.0} min", s / 60.0),
+        s if s < 172_800.0 => format!("{:.0} h", s / 3600.0),
+        s => format!("{:.0} days", s / 86_400.0),
+    }
+}
+
+fn cells(row: &Row, now_s: i64) -> [String; 9] {
+    let ago = |at: Option<i64>| at.map(|at| format!("{} ago", span((now_s - at).max(0) as f64)));
+    let force = row.force_n.map(|n| row.sigma_n.map_or(format!("{n:.2}"), |sigma| format!("{n:.2} +- {sigma:.2}")));
+    let zero = match row.zero_valid {
+        Some(false) => Some("not valid".to_owned()),
+        _ => ago(row.zero_taken),
+    };
+    let mut why = row.reasons.join("; ");
+    if !row.here {
+        why = format!("vanished {} ago", span(row.for_s));
+    }
+    let none = || "-".to_owned();
+    [
+        row.robot.clone(),
+        row.patch.clone(),
+        row.state.clone(),
+        force.unwrap_or_else(none),
+        row.age_s.filter(|age| age.is_finite() && row.here).map_or_else(none, span),
+        row.excluded.map_or_else(none, |excluded| excluded.to_string()),
+        zero.unwrap_or_else(none),
+        ago(row.calibrated).unwrap_or_else(none),
+        why,
+    ]
+}
+
+/// The table, at the time `now_s` since 1970.
+pub fn text(rows: &[Row], now_s: i64) -> String {
+    let lines: Vec<_> =
+        std::iter::once(HEAD.map(str::to_owned)).chain(rows.iter().map(|row| cells(row, now_s))).collect();
+    let mut widths = [0; HEAD.len()];
+    for line in &lines {
+        for (width, cell) in widths.iter_mut().zip(line) {
+            *width = (*width).max(cell.chars().count());
+        }
+    }
+    let mut text = String::new();
+    for line in &lines {
+        let mut out = String::new();
+        for (cell, width) in line.iter().zip(widths) {
+            let _ = write!(out, "{cell:width$}  ");
+        }
+        text.push_str(out.trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_says_what_is_and_a_dash_where_nothing_is_known() {
+        let row = Row {
+            robot: "icub".into(),
+            here: true,
+            for_s: 90.0,
+            patch: "arm".into(),
+            state: "OK".into(),
+            force_n: Some(4.904),
+            sigma_n: Some(0.21),
+            age_s: Some(0.02),
+            excluded: Some(11),
+            zero_valid: Some(true),
+            zero_taken: Some(1_000),
+            calibrated: None,
+            model_set: "m-1".into(),
+            reasons: Vec::new(),
+        };
+        let gone = Row { robot: "r1".into(), here: false, force_n: None, state: "GONE".into(), ..row.clone() };
+        let text = text(&[row, gone], 8_300);
+        let lines: Vec<_> = text.lines().collect();
+        assert_eq!(lines[0], "robot  patch  state  force N       age    excluded  zero     calibrated  why");
+        assert_eq!(lines[1], "icub   arm    OK     4.90 +- 0.21  0.0 s  11        2 h ago  -");
+        assert_eq!(
+            lines[2],
+            "r1     arm    GONE   -             -      11        2 h ago  -           vanished 90 s ago"
+        );
+    }
+}

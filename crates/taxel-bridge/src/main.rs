@@ -1,0 +1,59 @@
+//! `taxel-bridge`: robot skin in ROS 2 and in fleets, over Zenoh.
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+use taxel_bridge::config::Config;
+use taxel_bridge::fleet::watch::{self, FleetArgs};
+use taxel_bridge::run;
+use tracing_subscriber::EnvFilter;
+
+/// The force of robot skin, from a running taxeld to ROS 2 (rmw_zenoh) and to fleets.
+#[derive(Debug, Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Bridges one robot.
+    Run {
+        /// What is bridged, and where to.
+        #[arg(long, value_name = "FILE", default_value = "/etc/taxeld/taxel-bridge.toml")]
+        config: PathBuf,
+    },
+    /// Only says whether a configuration can be used.
+    Check {
+        /// The configuration.
+        #[arg(long, value_name = "FILE", default_value = "/etc/taxeld/taxel-bridge.toml")]
+        config: PathBuf,
+    },
+    /// Shows all robots of a router.
+    Fleet(FleetArgs),
+}
+
+/// Zenoh needs a runtime with threads; one thread of ours is enough beside its own.
+#[tokio::main(flavor = "multi_thread", worker_threads = 1)]
+async fn main() -> anyhow::Result<()> {
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info,zenoh=error"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    // A task of its own: Zenoh blocks the thread for moments when a session is opened (1.10.2), and on the main thread that
+    // swallows the wake-up of a timer that goes off meanwhile, so that what waits for it waits for ever.
+    tokio::spawn(command(Arguments::parse().command)).await?
+}
+
+async fn command(command: Command) -> anyhow::Result<()> {
+    match command {
+        Command::Run { config } => run::run(Config::read(&config)?).await,
+        Command::Check { config } => {
+            let config = Config::read(&config)?;
+            taxel_bridge::link::configuration(&config.zenoh)?;
+            taxel_bridge::daemon::Daemon::new(&config.daemon)?;
+            eprintln!("{}: {} patch(es) can be bridged", config.robot, config.patches.len());
+            Ok(())
+        }
+        Command::Fleet(args) => watch::watch(args).await,
+    }
+}

@@ -1,0 +1,180 @@
+//! From samples of the service to messages of ROS 2.
+//!
+//! Whoever calls these has decided (`belief.rs`) that the sample is a force. What the scene does not compute gives no
+//! message, and no message holds a number that is none.
+
+use std::time::Duration;
+
+use taxel_proto::v1::{ForceSample, ForceState, Skin, TaxelSample, Vector3 as ProtoVector};
+
+use crate::belief;
+use crate::ros::types::{
+    Header, JointState, PointCloud2, PointField, PointStamped, Time, Vector3, Wrench, WrenchStamped,
+};
+
+/// `sensor_msgs/msg/PointField.UINT32` and `FLOAT32`.
+const UINT32: u8 = 6;
+const FLOAT32: u8 = 7;
+/// Fields of a point: name and type, four bytes each.
+const FIELDS: [(&str, u8); 5] =
+    [("x", FLOAT32), ("y", FLOAT32), ("z", FLOAT32), ("pressure", FLOAT32), ("taxel", UINT32)];
+/// ROS has pressures in pascal.
+const PASCAL_PER_KPA: f32 = 1000.0;
+
+fn header(time: Option<&taxel_proto::Timestamp>, frame: &str) -> Option<Header> {
+    let time = time?;
+    let stamp = Time { sec: i32::try_from(time.seconds).ok()?, nanosec: u32::try_from(time.nanos).ok()? };
+    Some(Header { stamp, frame_id: frame.to_owned() })
+}
+
+fn vector(of: &ProtoVector) -> Vector3 {
+    Vector3 { x: of.x, y: of.y, z: of.z }
+}
+
+/// The force that acts on the skin and its moment about the origin of the patch's frame; `None` if the scene has no
+/// force vector.
+pub fn wrench(sample: &ForceSample, frame: &str) -> Option<WrenchStamped> {
+    let wrench = Wrench { force: vector(sample.resultant_n.as_ref()?), torque: vector(sample.moment_nm.as_ref()?) };
+    Some(WrenchStamped { header: header(sample.time.as_ref(), frame)?, wrench })
+}
+
+/// The total normal force with what is known of it, by names with their units. A figure that is not known has no entry.
+pub fn force(sample: &ForceSample, frame: &str) -> Option<JointState> {
+    let total_n = sample.total_n?;
+    let mut state = JointState { header: header(sample.time.as_ref(), frame)?, ..JointState::default() };
+    let flag = |set: bool| if set { 1.0 } else { 0.0 };
+    for (name, value) in [
+        ("force_N", Some(total_n)),
+        ("variance_N2", sample.total_sigma_n.map(|sigma_n| sigma_n * sigma_n)),
+        ("detection_floor_N", sample.detection_floor_n),
+        ("lower_bound", Some(flag(sample.lower_bound))),
+        ("degraded", Some(flag(sample.state() == ForceState::Degraded))),
+    ] {
+        if let Some(value) = value.filter(|value| value.is_finite()) {
+            state.name.push(name.to_owned());
+            state.effort.push(value);
+        }
+    }
+    Some(state)
+}
+
+/// The centre of pressure; `None` without a load or positions.
+pub fn centre_of_pressure(sample: &ForceSample, frame: &str) -> Option<PointStamped> {
+    let point = vector(sample.centre_of_pressure_m.as_ref()?);
+    Some(PointStamped { header: header(sample.time.as_ref(), frame)?, point })
+}
+
+/// The taxels that have a position and, at this moment, a pressure that is not older than `limit`; the sample has waited
+/// here for `waited`.
+pub fn taxels(
+    sample: &TaxelSample,
+    skin: &Skin,
+    frame: &str,
+    waited: Duration,
+    limit: Duration,
+) -> Option<PointCloud2> {
+    let header = header(sample.time.as_ref(), frame)?;
+    let (mut data, mut width) = (Vec::new(), 0);
+    for (reading, layout) in sample.taxels.iter().zip(&skin.taxels) {
+        let fresh = reading.age_s.is_some_and(|age_s| belief::age(age_s.into(), waited) <= limit);
+        let (Some(kpa), Some(at), true) = (reading.pressure_kpa, &layout.position_m, fresh && !reading.stale) else {
+            continue;
+        };
+        let numbers = [at.x as f32, at.y as f32, at.z as f32, kpa * PASCAL_PER_KPA];
+        if numbers.into_iter().all(f32::is_finite) {
+            data.extend(numbers.into_iter().flat_map(f32::to_le_bytes));
+            data.extend(layout.taxel.to_le_bytes());
+            width += 1;
+        }
+    }
+    let field = |(at, (name, datatype)): (usize, (&str, u8))| PointField {
+        name: name.to_owned(),
+        offset: at as u32 * 4,
+        datatype,
+        count: 1,
+    };
+    let point_step = FIELDS.len() as u32 * 4;
+    Some(PointCloud2 {
+        header,
+        height: 1,
+        width,
+        fields: FIELDS.into_iter().enumerate().map(field).collect(),
+        is_bigendian: false,
+        point_step,
+        row_step: point_step * width,
+        data,
+        is_dense: true,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::belief::tests::good;
+    use taxel_proto::v1::{TaxelLayout, TaxelReading};
+
+    #[test]
+    fn a_wrench_is_the_samples_vector_at_the_samples_time_in_the_patchs_frame() {
+        let message = wrench(&good(), "l_forearm_skin").unwrap();
+        assert_eq!(message.header.stamp, Time { sec: 1_700_000_000, nanosec: 5 });
+        assert_eq!(message.header.frame_id, "l_forearm_skin");
+        assert_eq!(message.wrench.force, Vector3 { x: 1.0, y: -2.0, z: 3.0 });
+        assert_eq!(message.wrench.torque, Vector3 { x: 0.1, y: 0.2, z: 0.3 });
+        for sample in [
+            ForceSample { resultant_n: None, ..good() },
+            ForceSample { moment_nm: None, ..good() },
+            ForceSample { time: None, ..good() },
+        ] {
+            assert_eq!(wrench(&sample, "f"), None);
+        }
+    }
+
+    #[test]
+    fn the_scalar_has_a_variance_where_the_uncertainty_is_known() {
+        let message = force(&good(), "f").unwrap();
+        assert_eq!(message.name, ["force_N", "variance_N2", "lower_bound", "degraded"]);
+        assert_eq!(message.effort, [4.9, 0.25, 0.0, 0.0]);
+        let degraded = ForceSample {
+            state: ForceState::Degraded.into(),
+            total_sigma_n: None,
+            detection_floor_n: Some(0.3),
+            lower_bound: true,
+            ..good()
+        };
+        let message = force(&degraded, "f").unwrap();
+        assert_eq!(message.name, ["force_N", "detection_floor_N", "lower_bound", "degraded"]);
+        assert_eq!(message.effort, [4.9, 0.3, 1.0, 1.0]);
+        assert_eq!(force(&ForceSample { total_n: None, ..good() }, "f"), None);
+    }
+
+    #[test]
+    fn a_cloud_has_the_taxels_whose_pressure_is_known_and_fresh_and_no_others() {
+        let layout = |taxel, placed: bool| TaxelLayout {
+            taxel,
+            position_m: placed.then_some(ProtoVector { x: 0.5, y: 0.0, z: -1.0 }),
+            ..TaxelLayout::default()
+        };
+        let reading = |kpa, age_s, stale| TaxelReading { pressure_kpa: kpa, age_s, stale, ..TaxelReading::default() };
+        let skin = Skin {
+            taxels: vec![layout(0, true), layout(1, false), layout(2, true), layout(3, true), layout(4, true)],
+            ..Skin::default()
+        };
+        let sample = TaxelSample {
+            time: good().time,
+            taxels: vec![
+                reading(Some(2.0), Some(0.01), false),
+                reading(Some(2.0), Some(0.01), false), // has no position
+                reading(None, Some(0.01), false),
+                reading(Some(2.0), Some(0.01), true),
+                reading(Some(f32::NAN), Some(0.01), false),
+            ],
+            ..TaxelSample::default()
+        };
+        let limit = Duration::from_millis(150);
+        let cloud = taxels(&sample, &skin, "f", Duration::ZERO, limit).unwrap();
+        assert_eq!((cloud.width, cloud.point_step, cloud.row_step, cloud.data.len()), (1, 20, 20, 20));
+        assert_eq!(cloud.data[12..16], 2000_f32.to_le_bytes());
+        let old = taxels(&sample, &skin, "f", Duration::from_millis(141), limit).unwrap();
+        assert_eq!((old.width, old.data.len()), (0, 0));
+    }
+}

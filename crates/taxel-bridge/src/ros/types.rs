@@ -1,0 +1,194 @@
+//! The standard ROS 2 messages that the bridge sends, field for field, and what `rmw_zenoh` calls them.
+//!
+//! The hashes are RIHS01 (REP 2016) of the definitions; they are the same from humble to rolling. The test
+//! `tests/bridge/run.py` works them out again with the Python package `rosbags`.
+
+use serde::Serialize;
+
+/// A type that goes over a topic or is answered by a service.
+pub trait RosType: Serialize + Send + Sync {
+    /// As in a key expression, for example `std_msgs::msg::dds_::String_`.
+    const NAME: &'static str;
+    /// 64 hexadecimal digits, without `RIHS01_`.
+    const HASH: &'static str;
+}
+
+/// `builtin_interfaces/msg/Time`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Time {
+    /// Seconds since 1970.
+    pub sec: i32,
+    /// Nanoseconds, below 1e9.
+    pub nanosec: u32,
+}
+
+/// `std_msgs/msg/Header`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Header {
+    /// When the newest frame of the value was received.
+    pub stamp: Time,
+    /// The frame in which coordinates are.
+    pub frame_id: String,
+}
+
+/// `geometry_msgs/msg/Vector3`, and `Point`, which has the same fields.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Vector3 {
+    /// Along x.
+    pub x: f64,
+    /// Along y.
+    pub y: f64,
+    /// Along z.
+    pub z: f64,
+}
+
+/// `geometry_msgs/msg/Wrench`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Wrench {
+    /// In N.
+    pub force: Vector3,
+    /// In N m.
+    pub torque: Vector3,
+}
+
+/// `geometry_msgs/msg/WrenchStamped`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct WrenchStamped {
+    /// When and in which frame.
+    pub header: Header,
+    /// What acts on the skin.
+    pub wrench: Wrench,
+}
+
+impl RosType for WrenchStamped {
+    const NAME: &'static str = "geometry_msgs::msg::dds_::WrenchStamped_";
+    const HASH: &'static str = "8dc3deaf06b2ab281f9f9a742a8961c328ca7cec16e3fd6586d3a5c83fa78f77";
+}
+
+/// `geometry_msgs/msg/PointStamped`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct PointStamped {
+    /// When and in which frame.
+    pub header: Header,
+    /// In m.
+    pub point: Vector3,
+}
+
+impl RosType for PointStamped {
+    const NAME: &'static str = "geometry_msgs::msg::dds_::PointStamped_";
+    const HASH: &'static str = "4c0296af86e01e562e9e0405d138a01537247580076c58ea38d7923ac1045897";
+}
+
+/// `sensor_msgs/msg/JointState`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct JointState {
+    /// When.
+    pub header: Header,
+    /// What each value is.
+    pub name: Vec<String>,
+    /// Not used here.
+    pub position: Vec<f64>,
+    /// Not used here.
+    pub velocity: Vec<f64>,
+    /// One value for each name.
+    pub effort: Vec<f64>,
+}
+
+impl RosType for JointState {
+    const NAME: &'static str = "sensor_msgs::msg::dds_::JointState_";
+    const HASH: &'static str = "a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e";
+}
+
+/// `sensor_msgs/msg/PointField`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct PointField {
+    /// Its name.
+    pub name: String,
+    /// Where it begins in a point, in bytes.
+    pub offset: u32,
+    /// 6 is `uint32`, 7 is `float32`.
+    pub datatype: u8,
+    /// How many of them.
+    pub count: u32,
+}
+
+/// `sensor_msgs/msg/PointCloud2`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct PointCloud2 {
+    /// When and in which frame.
+    pub header: Header,
+    /// 1: the points are in no order.
+    pub height: u32,
+    /// How many points.
+    pub width: u32,
+    /// What a point consists of.
+    pub fields: Vec<PointField>,
+    /// Never.
+    pub is_bigendian: bool,
+    /// Bytes of a point.
+    pub point_step: u32,
+    /// Bytes of all points.
+    pub row_step: u32,
+    /// The points.
+    pub data: Vec<u8>,
+    /// Always: no point has a number that is none.
+    pub is_dense: bool,
+}
+
+impl RosType for PointCloud2 {
+    const NAME: &'static str = "sensor_msgs::msg::dds_::PointCloud2_";
+    const HASH: &'static str = "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5";
+}
+
+/// `diagnostic_msgs/msg/KeyValue`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct KeyValue {
+    /// What.
+    pub key: String,
+    /// Its value, as text.
+    pub value: String,
+}
+
+/// `diagnostic_msgs/msg/DiagnosticStatus`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct DiagnosticStatus {
+    /// 0 OK, 1 WARN, 2 ERROR, 3 STALE.
+    pub level: u8,
+    /// What it is about.
+    pub name: String,
+    /// How it is, in words.
+    pub message: String,
+    /// Which robot.
+    pub hardware_id: String,
+    /// Figures.
+    pub values: Vec<KeyValue>,
+}
+
+/// `diagnostic_msgs/msg/DiagnosticArray`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct DiagnosticArray {
+    /// When it was made.
+    pub header: Header,
+    /// One for each thing that is watched.
+    pub status: Vec<DiagnosticStatus>,
+}
+
+impl RosType for DiagnosticArray {
+    const NAME: &'static str = "diagnostic_msgs::msg::dds_::DiagnosticArray_";
+    const HASH: &'static str = "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e";
+}
+
+/// The answer of `std_srvs/srv/Trigger`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct TriggerResponse {
+    /// Whether it was done.
+    pub success: bool,
+    /// What came of it, or why not.
+    pub message: String,
+}
+
+/// The name and hash are those of the service.
+impl RosType for TriggerResponse {
+    const NAME: &'static str = "std_srvs::srv::dds_::Trigger_";
+    const HASH: &'static str = "eeff2cd6fa5ad9d27cdf4dec64818317839b62f212a91e6b5304b634b2062c5f";
+}

@@ -1,0 +1,71 @@
+//! What a certificate is made of.
+
+use std::sync::Arc;
+
+use taxel_engine::calibration::{SessionSamples, SessionView};
+use taxel_engine::loads::Load;
+use taxel_engine::model_set::ModelSet;
+
+use crate::entered::Entered;
+
+/// Everything that a certificate is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Evidence<'a> {
+    /// The models.
+    pub set: &'a ModelSet,
+    /// The same as they are exported, whose hash goes into the certificate.
+    pub models_json: &'a str,
+    /// The session that they came from.
+    pub session: &'a SessionView,
+    /// What it gathered.
+    pub samples: &'a SessionSamples,
+    /// The known loads of the patch, also those of other sets.
+    pub loads: &'a [Arc<Load>],
+    /// What people state.
+    pub entered: &'a Entered,
+    /// Where each taxel is, in words.
+    pub places: &'a [String],
+    /// Modules that the session was told to do without, in words.
+    pub left_out: &'a [String],
+    /// Name and version of the programme that makes the certificate.
+    pub software: &'a str,
+}
+
+impl Evidence<'_> {
+    /// Whether set, session and samples belong together.
+    ///
+    /// # Errors
+    /// Why they do not.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        let (set, session) = (self.set, self.session);
+        let Some(number) = set.session else {
+            return Err(format!(
+                "{} was fitted from a file or merged, not made of one session: there are no samples here to certify it by",
+                set.id
+            ));
+        };
+        if number != session.number || set.patch != session.patch {
+            return Err(format!("{} is of session {number} of patch {}, which is not here", set.id, set.patch));
+        }
+        let Some(zero) = self.samples.ramps.first() else {
+            return Err(format!("session {number} has no ramp in the store"));
+        };
+        let same = |a: f64, b: f64| a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan());
+        let is_own = zero.taxels.len() == set.baseline.len()
+            && zero.taxels.iter().zip(&set.baseline).all(|(a, b)| same(a.mean, b.mean) && same(a.noise, b.noise));
+        if !is_own {
+            return Err(format!(
+                "{} was not made of session {number} of this store: its zero is not the one of the session's first ramp",
+                set.id
+            ));
+        }
+        let taxels = set.taxels.len();
+        if self.samples.samples.is_empty() {
+            return Err(format!("session {number} has no sample in the store"));
+        }
+        if self.samples.samples.iter().any(|sample| sample.counts.counts().len() != taxels) {
+            return Err(format!("session {number} has samples of another number of taxels than {}: {taxels}", set.id));
+        }
+        Ok(())
+    }
+}

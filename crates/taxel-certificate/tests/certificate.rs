@@ -1,0 +1,233 @@
+//! Certificates of a skin whose figures can be worked out by hand: what reads P = 240 - C, and 2 kPa more while the
+//! pressure falls.
+
+#![allow(clippy::unwrap_used)] // clippy exempts only functions that are tests themselves
+
+use std::sync::Arc;
+
+use serde_json::Value;
+use taxel_certificate::{Certificate, Entered, Evidence};
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::{Branch, RampBaseline, Sample, SessionSamples, SessionState, SessionView};
+use taxel_engine::loads::{Load, Reading};
+use taxel_engine::model_set::ModelSet;
+use taxel_model::{Curve, GaugeUncertainty, Sign, Status, TaxelModel};
+
+/// Everything that evidence borrows.
+struct Case {
+    set: ModelSet,
+    session: SessionView,
+    samples: SessionSamples,
+    loads: Vec<Arc<Load>>,
+    entered: Entered,
+    places: Vec<String>,
+}
+
+fn line() -> TaxelModel {
+    TaxelModel {
+        status: Status::Ok,
+        order: 1,
+        sign: Sign::Falling,
+        range: Some([160.0, 240.0]),
+        curve: Some(Curve { centre: 200.0, half_width: 40.0, chebyshev: vec![40.0, -40.0] }),
+        ..TaxelModel::without_curve(Status::Ok, GaugeUncertainty::default())
+    }
+}
+
+fn zero(mean: f64) -> Vec<TaxelBaseline> {
+    vec![TaxelBaseline { mean, noise: 0.5 }; 3]
+}
+
+/// Two ramps of 0 to 70 kPa and back, a kPa a scan and a scan a second; the second one at a zero one count higher.
+/// Taxel 2 is dead.
+fn case() -> Case {
+    let mut samples = Vec::new();
+    for ramp in 0..2_u16 {
+        let rise = (0..=70).map(|kpa| (kpa, 0));
+        for (kpa, hysteresis) in rise.chain((0..70).rev().map(|kpa| (kpa, 2))) {
+            let count = (240 - kpa - hysteresis + i32::from(ramp)) as u8;
+            let time_ns = samples.len() as i64 * 1_000_000_000;
+            let counts = [count, count, 7].as_slice().into();
+            samples.push(Sample { ramp, time_ns, pressure_kpa: f64::from(kpa), counts });
+        }
+    }
+    let ramps = vec![RampBaseline { ramp: 0, taxels: zero(240.0) }, RampBaseline { ramp: 1, taxels: zero(241.0) }];
+    let dead = TaxelModel::without_curve(Status::Dead { count: 7.0 }, GaugeUncertainty::default());
+    let set = ModelSet {
+        id: "m-1".to_owned(),
+        patch: "palm".to_owned(),
+        created_wall_ns: 1_700_000_000_000_000_000,
+        session: Some(4),
+        method: "order 1".to_owned(),
+        board_settings: vec!["board 13".to_owned()],
+        baseline: zero(240.0),
+        pressure_max_kpa: 70.0,
+        gauge_gain_rel: 0.001,
+        gauge_offset_kpa: 0.0,
+        taxels: vec![line(), line(), dead],
+        recorded: None,
+        recalibrated: None,
+    };
+    let session = SessionView {
+        number: 4,
+        patch: "palm".to_owned(),
+        state: SessionState::Active,
+        started_wall_ns: 1_700_000_000_000_000_000,
+        branches: Branch::Both,
+        target_kpa: 70.0,
+        model_set: Some("m-1".into()),
+        ..SessionView::default()
+    };
+    let places = (0..3).map(|taxel| format!("board 13 module 0 taxel {taxel}")).collect();
+    let samples = SessionSamples { ramps, samples };
+    Case { set, session, samples, loads: Vec::new(), entered: Entered::default(), places }
+}
+
+fn certificate(case: &Case) -> Result<Certificate, String> {
+    Certificate::of(&Evidence {
+        set: &case.set,
+        models_json: "{}",
+        session: &case.session,
+        samples: &case.samples,
+        loads: &case.loads,
+        entered: &case.entered,
+        places: &case.places,
+        left_out: &[],
+        software: "taxeld test",
+    })
+}
+
+fn json(case: &Case) -> Value {
+    serde_json::from_str(&certificate(case).unwrap().to_json().unwrap()).unwrap()
+}
+
+fn near(value: &Value, want: f64) {
+    let got = value.as_f64().unwrap_or(f64::NAN);
+    assert!((got - want).abs() < 1e-12 * want.abs().max(1.0), "{got}, expected {want}");
+}
+
+#[test]
+fn the_figures_are_those_of_the_hand() {
+    let all = json(&case());
+    let taxel = &all["taxels"][0];
+    let rmse = (4.0 * 70.0 / 141.0_f64).sqrt(); // 70 of 141 scans of a ramp are 2 kPa off
+    near(&taxel["rmse_kpa"], rmse);
+    near(&taxel["bias_kpa"], 140.0 / 141.0);
+    near(&taxel["max_error_kpa"], 2.0);
+    near(&taxel["hysteresis_kpa"], 2.0);
+    near(&taxel["hysteresis_percent"], 2.5); // of the 80 kPa of the curve
+    near(&taxel["repeatability_kpa"], 0.0);
+    near(&taxel["linearity_percent"], 0.0);
+    near(&taxel["sensitivity_counts_per_kpa"], 1.0);
+    near(&taxel["zero_shift_counts"], 1.0);
+    near(&taxel["outside_share"], 0.0);
+    near(&taxel["lower_limit_kpa"], 2.4 * (4.0 * 140.0 / 280.0_f64).sqrt());
+    let (reference, zero) = (0.07, 1.0 / 3.0_f64.sqrt());
+    near(&taxel["expanded_uncertainty_kpa"], 2.0 * (reference * reference + rmse * rmse + zero * zero).sqrt());
+    near(&all["expanded"]["mean_kpa"], 2.0 * (reference * reference + rmse * rmse + zero * zero).sqrt());
+    near(&all["ramps"][1]["zero_rms_counts"], 1.0);
+    near(&all["ramps"][1]["rise_kpa_per_s"], 1.0);
+    near(&all["ramps"][1]["fall_kpa_per_s"], -1.0);
+    assert_eq!(all["ramps"][0]["scans_falling"], 70);
+    let levels = all["levels"].as_array().unwrap();
+    assert_eq!(levels.len(), 20);
+    near(&levels[10]["error_kpa"], 2.0);
+    near(&levels[10]["reference_kpa"], 3.0); // 0 to 6 kPa
+    assert_eq!((&all["excluded"][0]["taxel"], &all["excluded"][0]["status"]), (&2.into(), &"dead".into()));
+    assert_eq!(all["session"]["started"], "2023-11-14T22:13:20Z");
+}
+
+#[test]
+fn known_loads_of_the_set_count_and_replaced_ones_do_not() {
+    let mut case = case();
+    let load = |number, read_n, model_set: &str, replaces| {
+        let read = Reading { scans: 4, mean_n: read_n, sigma_n: 0.3, scatter_n: 0.0, ..Reading::default() };
+        let model_set = model_set.to_owned();
+        let laid = Load { number, force_n: 5.0, force_sigma_n: 0.4, area_factor: 1.0, read, ..Load::default() };
+        Arc::new(Load { model_set, replaces, ..laid })
+    };
+    case.loads = vec![
+        load(1, 9.0, "m-1", None),
+        load(2, 5.5, "m-1", Some(1)),
+        load(3, 4.0, "m-0", None),
+        load(4, 7.0, "m-1", None),
+    ];
+    let all = json(&case);
+    let numbers: Vec<u64> =
+        all["loads"].as_array().unwrap().iter().map(|load| load["load"].as_u64().unwrap()).collect();
+    assert_eq!(numbers, [2, 4]);
+    near(&all["loads"][0]["error_percent"], 10.0);
+    near(&all["loads"][0]["normalised_error"], 0.5);
+    near(&all["loads_summary"]["mean_absolute_error_percent"], 25.0);
+    assert_eq!((&all["loads_summary"]["within"], &all["loads_summary"]["area_factor"]), (&1.into(), &Value::Null));
+}
+
+#[test]
+fn the_same_evidence_gives_the_same_bytes_and_any_other_another_number() {
+    let (one, other) = (certificate(&case()).unwrap(), certificate(&case()).unwrap());
+    assert_eq!((one.to_json(), one.to_html()), (other.to_json(), other.to_html()));
+    let mut changed = case();
+    changed.samples.samples[5].counts = [234, 235, 7].as_slice().into();
+    let changed = certificate(&changed).unwrap();
+    assert_ne!(one.number(), changed.number());
+    let (one, changed): (Value, Value) =
+        [one, changed].map(|c| serde_json::from_str(&c.to_json().unwrap()).unwrap()).into();
+    assert_ne!(one["hashes"]["samples_csv"], changed["hashes"]["samples_csv"]);
+    assert_eq!(one["hashes"]["zeros_csv"], changed["hashes"]["zeros_csv"]);
+}
+
+#[test]
+fn what_was_not_measured_or_stated_is_said_and_not_invented() {
+    let mut case = case();
+    case.session.branches = Branch::Rising;
+    case.samples.ramps.truncate(1);
+    case.samples.samples.truncate(71);
+    let all = json(&case);
+    let taxel = &all["taxels"][0];
+    for figure in ["hysteresis_kpa", "hysteresis_percent", "repeatability_kpa", "zero_shift_counts"] {
+        assert_eq!(taxel[figure], Value::Null, "{figure}");
+    }
+    near(&taxel["expanded_uncertainty_kpa"], 0.14);
+    let limits = all["limits"].to_string();
+    for words in ["Rising pressure only", "A single ramp", "Traceability", "temperature", "1 of 3 taxels (33.3 %)"] {
+        assert!(limits.contains(words), "{words}: {limits}");
+    }
+    assert!(all["stated"].as_object().unwrap().values().all(Value::is_null));
+    let html = certificate(&case).unwrap().to_html();
+    assert_eq!(html.matches(">not stated</dd>").count(), 13, "every line but environment, patch and date");
+}
+
+#[test]
+fn what_is_stated_stands_there_and_can_do_nothing() {
+    let mut case = case();
+    case.entered.customer = Some("<script>alert(1)</script>".to_owned());
+    case.entered.reference_expanded_uncertainty_kpa = Some(4.0);
+    let html = certificate(&case).unwrap().to_html();
+    assert!(html.contains("&lt;script&gt;") && !html.contains("<script"), "{html}");
+    near(&json(&case)["budget"][0]["taxel_kpa"], 2.0);
+}
+
+#[test]
+fn a_set_that_is_not_of_these_samples_is_not_certified() {
+    let refused = |change: fn(&mut Case), words: &str| {
+        let mut case = case();
+        change(&mut case);
+        let why = certificate(&case).unwrap_err();
+        assert!(why.contains(words), "{why}");
+    };
+    refused(|case| case.set.session = None, "not made of one session");
+    refused(|case| case.set.session = Some(5), "session 5");
+    refused(|case| case.set.baseline[1].mean += 0.25, "its zero is not the one");
+    refused(|case| case.samples.samples.clear(), "no sample");
+    refused(|case| case.samples.samples[3].counts = [1, 2].as_slice().into(), "another number of taxels");
+    refused(|case| case.set.taxels.iter_mut().for_each(|taxel| taxel.curve = None), "no usable taxel");
+}
+
+#[test]
+fn a_set_that_is_no_longer_that_of_its_session_says_so() {
+    let mut case = case();
+    case.session.model_set = Some("m-2".into());
+    case.session.state = SessionState::Discarded;
+    let limits = json(&case)["limits"].to_string();
+    assert!(limits.contains("another model set of its own now (m-2)") && limits.contains("DISCARDED"), "{limits}");
+}

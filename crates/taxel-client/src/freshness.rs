@@ -1,0 +1,217 @@
+//! Whether a force may still be acted on, as its receiver judges it.
+//!
+//! Only OK and DEGRADED are forces. The age is the sample's age when it was sent, plus the time that it was on its way
+//! ([`DaemonClock`]), plus the time that passed here since it came.
+
+use std::fmt;
+use std::time::{Duration, Instant};
+
+use taxel_proto::v1::{ForceSample, ForceState};
+
+use crate::clock::DaemonClock;
+
+/// What a stream has shown of the daemon's clock against ours.
+#[derive(Clone, Debug)]
+pub struct Reader {
+    clock: DaemonClock,
+}
+
+/// A sample and when it came.
+#[derive(Clone, Debug)]
+pub struct Received {
+    sample: ForceSample,
+    at: Instant,
+    delayed: Duration,
+}
+
+/// A force that may be acted on.
+#[derive(Clone, Debug)]
+pub struct Force {
+    /// Total normal force in N.
+    pub total_n: f64,
+    /// Its age, at least the true one.
+    pub age: Duration,
+    /// All that came with it.
+    pub sample: ForceSample,
+}
+
+/// Why there is no force to act on.
+#[derive(Clone, Debug, PartialEq)]
+pub enum NoForce {
+    /// No sample has come yet; with what is wrong with the connection, if something is.
+    NothingYet(Option<String>),
+    /// The state carries none; with the reasons.
+    State(ForceState, Vec<String>),
+    /// It is so old, and the limit is the second.
+    TooOld(Duration, Duration),
+    /// It is too old because the stream was lost.
+    Lost(String),
+}
+
+impl fmt::Display for NoForce {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NothingYet(None) => write!(f, "no sample yet"),
+            Self::NothingYet(Some(why)) => write!(f, "no sample yet: {why}"),
+            Self::State(state, reasons) => write!(f, "{}: {}", word(*state), reasons.join("; ")),
+            Self::TooOld(age, limit) => {
+                write!(f, "{:.0} ms old, more than {} ms", age.as_secs_f64() * 1e3, limit.as_millis())
+            }
+            Self::Lost(why) => write!(f, "the stream was lost: {why}"),
+        }
+    }
+}
+
+/// The state's name without its prefix.
+#[must_use]
+pub fn word(state: ForceState) -> &'static str {
+    let name = state.as_str_name();
+    name.strip_prefix("FORCE_STATE_").unwrap_or(name)
+}
+
+/// When the daemon sent this, in seconds of its own clock.
+fn sent_s(sample: &ForceSample) -> Option<f64> {
+    Some(sample.monotonic_ns? as f64 * 1e-9 + sample.age_s?)
+}
+
+impl Reader {
+    /// A reader of a stream that begins now.
+    #[must_use]
+    pub const fn new(begun: Instant) -> Self {
+        Self { clock: DaemonClock::new(begun) }
+    }
+
+    /// A question left at `left`, and this is the answer: it was sent later.
+    pub fn asked(&mut self, left: Instant, answer: &ForceSample) {
+        self.clock.asked(left, sent_s(answer));
+    }
+
+    /// Whether an answer has shown the daemon's clock.
+    #[must_use]
+    pub const fn knows_the_clock(&self) -> bool {
+        self.clock.is_known()
+    }
+
+    /// Takes the next sample of the stream, which came at `at`.
+    pub fn take(&mut self, sample: ForceSample, at: Instant) -> Received {
+        let delayed = self.clock.delay(at, sent_s(&sample));
+        Received { sample, at, delayed }
+    }
+}
+
+impl Received {
+    /// The sample.
+    #[must_use]
+    pub const fn sample(&self) -> &ForceSample {
+        &self.sample
+    }
+
+    /// Its age now; `None` if no frame has come to the daemon yet.
+    #[must_use]
+    pub fn age(&self, now: Instant) -> Option<Duration> {
+        // An age that is no time at all is as bad as an old one.
+        let sent_with = Duration::try_from_secs_f64(self.sample.age_s?).unwrap_or(Duration::MAX);
+        Some(sent_with.saturating_add(self.delayed).saturating_add(now.saturating_duration_since(self.at)))
+    }
+
+    /// The force in newton and its age.
+    ///
+    /// # Errors
+    /// [`NoForce`]: why it is not to be acted on.
+    pub fn usable(&self, now: Instant, age_max: Duration) -> Result<(f64, Duration), NoForce> {
+        let sample = &self.sample;
+        let good = matches!(sample.state(), ForceState::Ok | ForceState::Degraded);
+        let newton = sample.total_n.filter(|newton| newton.is_finite());
+        let (Some(newton), Some(age), true) = (newton, self.age(now), good) else {
+            return Err(NoForce::State(sample.state(), sample.reasons.clone()));
+        };
+        if age > age_max { Err(NoForce::TooOld(age, age_max)) } else { Ok((newton, age)) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMIT: Duration = Duration::from_millis(120);
+
+    fn sample(state: ForceState, sent_ms: i64, age_ms: i64) -> ForceSample {
+        ForceSample {
+            state: state.into(),
+            total_n: Some(4.9),
+            age_s: Some(age_ms as f64 * 1e-3),
+            monotonic_ns: Some((sent_ms - age_ms) * 1_000_000),
+            ..ForceSample::default()
+        }
+    }
+
+    fn ms(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    #[test]
+    fn a_force_grows_old_while_nothing_comes() {
+        let begun = Instant::now();
+        let received = Reader::new(begun).take(sample(ForceState::Ok, 5_000, 20), begun);
+        let (newton, age) = received.usable(begun + ms(80), LIMIT).unwrap();
+        assert_eq!((newton, age.as_millis()), (4.9, 100));
+        let why = received.usable(begun + ms(101), LIMIT).unwrap_err();
+        assert_eq!(why.to_string(), "121 ms old, more than 120 ms");
+    }
+
+    #[test]
+    fn a_sample_that_waited_on_its_way_is_older_than_it_says() {
+        let begun = Instant::now();
+        let mut reader = Reader::new(begun);
+        reader.take(sample(ForceState::Ok, 5_000, 20), begun);
+        let at = begun + ms(350);
+        let late = reader.take(sample(ForceState::Ok, 5_050, 20), at);
+        assert_eq!(late.age(at).unwrap().as_millis(), 320);
+        assert!(matches!(late.usable(at, LIMIT), Err(NoForce::TooOld(..))));
+    }
+
+    #[test]
+    fn after_a_question_also_the_first_sample_that_waited_is_known_as_old() {
+        let begun = Instant::now();
+        let mut reader = Reader::new(begun);
+        reader.asked(begun, &sample(ForceState::Ok, 5_002, 20)); // 2 ms on its way there at most
+        // The first sample of the stream was sent 10 ms later and came after 500 ms.
+        let at = begun + ms(510);
+        let late = reader.take(sample(ForceState::Ok, 5_010, 20), at);
+        let age = late.age(at).unwrap();
+        assert!(age >= ms(520) && age < ms(525), "{age:?}: 20 ms when it was sent, 500 ms on the way, 2 ms unknown");
+        assert!(late.usable(at, LIMIT).is_err());
+    }
+
+    #[test]
+    fn clocks_that_part_make_no_force_old_for_ever_and_none_younger_than_it_is() {
+        let begun = Instant::now();
+        for drift in [-5e-4, 0.0, 5e-4] {
+            let mut reader = Reader::new(begun);
+            for second in 0..3_600_u64 {
+                let at = begun + Duration::from_secs(second);
+                let theirs_ms = 5_000 + ((second as f64) * 1e3 * (1.0 + drift)) as i64;
+                if second % 10 == 0 {
+                    reader.asked(at, &sample(ForceState::Ok, theirs_ms, 20));
+                }
+                let age = reader.take(sample(ForceState::Ok, theirs_ms, 20), at).age(at).unwrap();
+                assert!(age >= ms(19) && age <= ms(33), "{drift}: {age:?} after {second} s");
+            }
+        }
+    }
+
+    #[test]
+    fn a_state_without_a_force_and_figures_that_are_no_numbers_are_refused() {
+        let now = Instant::now();
+        for state in [ForceState::Stale, ForceState::TareInvalid, ForceState::Uncalibrated, ForceState::Unspecified] {
+            let received = Reader::new(now).take(sample(state, 5_000, 1), now);
+            assert!(matches!(received.usable(now, LIMIT), Err(NoForce::State(said, _)) if said == state));
+        }
+        for odd in [f64::NAN, f64::INFINITY, -1.0] {
+            let of = |odd| Reader::new(now).take(odd, now).usable(now, LIMIT);
+            assert!(of(ForceSample { age_s: Some(odd), ..sample(ForceState::Ok, 5_000, 1) }).is_err(), "{odd}");
+        }
+        let odd = ForceSample { total_n: Some(f64::NAN), ..sample(ForceState::Ok, 5_000, 1) };
+        assert!(Reader::new(now).take(odd, now).usable(now, LIMIT).is_err());
+    }
+}

@@ -1,0 +1,39 @@
+//! The force on robot skin for controllers: connects to taxeld, keeps the newest sample alone, judges its age by the
+//! receiver's own clock, and connects again by itself.
+//!
+//! ```no_run
+//! use taxel_client::{Address, Options, blocking};
+//!
+//! let options = Options::new(Address::parse("unix:/run/taxeld/taxeld.sock")?);
+//! let forces = blocking::follow(options)?;
+//! loop {
+//!     match forces.force() { // never waits
+//!         Ok(force) => println!("{:.2} N, {:?} old", force.total_n, force.age),
+//!         Err(why) => println!("no force: {why}"),
+//!     }
+//!     std::thread::sleep(std::time::Duration::from_millis(10));
+//! }
+//! # #[allow(unreachable_code)]
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Principles:
+//! 1. The control loop never waits and never works through a queue: a task of its own takes samples off the stream at
+//!    once, and small HTTP/2 windows leave what is not read at the daemon, which replaces it.
+//! 2. Only OK and DEGRADED are forces, and only while they are younger than the limit.
+//! 3. An age is never stated too small, also of a sample that waited somewhere on its way, and also after a connection was
+//!    lost and made again (`freshness`).
+//! 4. A connection that is lost is made again, with pauses that grow up to two seconds; until then the force grows old.
+
+pub mod blocking;
+mod clock;
+mod connect;
+mod follow;
+mod freshness;
+
+pub use clock::DaemonClock;
+#[cfg(feature = "tls")]
+pub use connect::TlsOptions;
+pub use connect::{Address, BadAddress, ConnectError, Credential, Line, Options};
+pub use follow::{Forces, follow};
+pub use freshness::{Force, NoForce, Reader, Received, word};

@@ -1,0 +1,235 @@
+//! A controller against the real service, which starts, stops, hangs and comes back.
+
+#![allow(clippy::unwrap_used, clippy::panic)] // clippy exempts only functions that are tests themselves
+
+use std::net::TcpListener;
+use std::os::unix::fs::PermissionsExt;
+use std::os::unix::net::UnixListener;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair};
+use taxel_client::{Address, Force, Forces, NoForce, Options, TlsOptions, blocking, follow};
+use taxel_engine::plan::{LiveLimits, PatchPlan, Plan};
+use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot};
+use taxel_rpc::handle::channel;
+use taxel_rpc::{
+    Access, Clocks, Drain, Limits, Listener, ModelCodec, Publisher, Role, Rules, ServeError, Tls, TlsFiles, serve,
+};
+use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Newton, Patch, Time};
+use tokio::task::JoinHandle;
+use tokio_util::sync::CancellationToken;
+
+/// How long a busy machine may take for anything.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// What the service itself calls too old: far beyond what any test publishes.
+const NEVER_STALE: Duration = Duration::from_secs(1_000_000);
+
+/// A service whose engine is the test.
+struct Daemon {
+    publisher: Publisher,
+    origin: Instant,
+    shutdown: CancellationToken,
+    server: JoinHandle<Result<Drain, ServeError>>,
+}
+
+impl Daemon {
+    fn start(listener: Listener, rules: Rules) -> Self {
+        let board = Board {
+            bus: BusIndex(0),
+            address: BoardAddress::new(13).unwrap(),
+            modules: vec![(Module::from_nibble(0), ModuleKind::Triangle)],
+        };
+        let live = LiveLimits { stale_after: NEVER_STALE, ..LiveLimits::default() };
+        let patch = PatchPlan { live, ..PatchPlan::new(Patch::new("palm", vec![board]).unwrap()) };
+        let plan = Arc::new(Plan { buses: 1, patches: vec![patch] });
+        let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json: |_| Err("not here".to_owned()) };
+        let (origin, shutdown) = (Instant::now(), CancellationToken::new());
+        // A clock of its own, and an engine that is never taken for stalled.
+        let run = move || daemon_time(origin);
+        let clocks = Clocks { run: Arc::new(run), process: Arc::new(Time::default) };
+        let (handle, publisher, _requests) = channel(plan, clocks, codec, shutdown.clone());
+        let server = tokio::spawn(serve(handle, vec![listener], Access::new(rules), Limits::default()));
+        Self { publisher, origin, shutdown, server }
+    }
+
+    fn on(path: &Path) -> Self {
+        let _ = std::fs::remove_file(path); // of the daemon before
+        Self::start(Listener::Unix(UnixListener::bind(path).unwrap()), Rules::open())
+    }
+
+    /// A force of `newton`, whose newest frame came so long ago.
+    fn publish(&self, newton: f64, age: Duration) {
+        let time = daemon_time(self.origin) - age;
+        let total = Some(Newton(newton));
+        let force = ForceSample { state: ForceState::Ok, total, ..ForceSample::default() };
+        let sequence = newton as u64;
+        let snapshot = PatchSnapshot { sequence, time, wall_ns: 1, seen: true, force, ..PatchSnapshot::default() };
+        self.publisher.patch(0, Arc::new(snapshot));
+    }
+
+    async fn stop(self) {
+        self.shutdown.cancel();
+        self.server.await.unwrap().unwrap();
+    }
+}
+
+/// The clock of a robot that was switched on two million seconds ago.
+fn daemon_time(origin: Instant) -> Time {
+    Time::from_seconds(2e6) + origin.elapsed()
+}
+
+fn at(path: &Path) -> Options {
+    let age_max = Duration::from_secs(2);
+    Options { age_max, ..Options::new(Address::parse(&format!("unix:{}", path.display())).unwrap()) }
+}
+
+/// Asks until there is what is looked for; `every` is done before each question.
+async fn until<T>(forces: &Forces, mut every: impl FnMut(), wanted: impl Fn(Result<Force, NoForce>) -> Option<T>) -> T {
+    let begun = Instant::now();
+    loop {
+        every();
+        let force = forces.force();
+        let said = format!("{force:?}");
+        if let Some(found) = wanted(force) {
+            return found;
+        }
+        assert!(begun.elapsed() < PATIENCE, "{said}");
+        tokio::time::sleep(Duration::from_millis(2)).await;
+    }
+}
+
+#[tokio::test]
+async fn the_newest_force_is_there_and_grows_old_while_nothing_comes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("socket");
+    let daemon = Daemon::on(&path);
+    let forces = follow(at(&path));
+    for newton in [1.0, 2.0, 3.0] {
+        let publish = || daemon.publish(newton, Duration::from_millis(20));
+        let force = until(&forces, publish, |force| force.ok().filter(|force| force.total_n == newton)).await;
+        assert!(force.age >= Duration::from_millis(20), "{force:?}");
+        assert_eq!(force.sample.patch, "palm");
+    }
+    let why = until(&forces, || {}, Result::err).await;
+    assert!(matches!(why, NoForce::TooOld(..)), "{why}");
+}
+
+#[tokio::test]
+async fn after_a_lost_connection_an_old_force_is_never_a_new_one_and_a_new_one_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("socket");
+    let forces = follow(at(&path));
+    let why = until(&forces, || {}, |force| force.err().filter(|why| *why != NoForce::NothingYet(None))).await;
+    assert!(why.to_string().contains("no daemon answers at unix:"), "{why}");
+
+    let daemon = Daemon::on(&path);
+    until(&forces, || daemon.publish(1.0, Duration::ZERO), Result::ok).await;
+    daemon.stop().await;
+    let why = until(&forces, || {}, Result::err).await;
+    assert!(matches!(why, NoForce::Lost(_)), "{why}");
+
+    // The next daemon begins with what it has, which is an hour old.
+    let daemon = Daemon::on(&path);
+    daemon.publish(2.0, Duration::from_secs(3_600));
+    let why = until(
+        &forces,
+        || {},
+        |force| match force {
+            Ok(force) => panic!("an old force is taken for a new one: {force:?}"),
+            Err(why) => matches!(why, NoForce::TooOld(..)).then_some(why),
+        },
+    );
+    let NoForce::TooOld(age, _) = why.await else { panic!() };
+    assert!(age >= Duration::from_secs(3_600), "{age:?}");
+    let force = until(&forces, || daemon.publish(3.0, Duration::ZERO), Result::ok).await;
+    assert_eq!(force.total_n, 3.0);
+}
+
+#[tokio::test]
+async fn what_the_daemon_refuses_is_told_and_asked_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("socket");
+    let _daemon = Daemon::on(&path);
+    let forces = follow(Options { patch: "tail".to_owned(), ..at(&path) });
+    let why = until(&forces, || {}, |force| force.err().filter(|why| why.to_string().contains("NotFound"))).await;
+    assert!(why.to_string().contains("tail"), "{why}");
+    let token = Some(folder.path().join("no-token"));
+    let forces = follow(Options { token, ..at(&path) });
+    until(&forces, || {}, |force| force.err().filter(|why| why.to_string().contains("no-token"))).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 1)]
+async fn a_programme_without_a_runtime_reads_the_same_over_tcp() {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = Address::parse(&listener.local_addr().unwrap().to_string()).unwrap();
+    let daemon = Daemon::start(Listener::Tcp(listener), Rules::open());
+    let options = Options { rate_hz: Some(200.0), age_max: Duration::from_secs(60), ..Options::new(address) };
+    let read = std::thread::spawn(move || {
+        let (forces, begun) = (blocking::follow(options).unwrap(), Instant::now());
+        loop {
+            match forces.force() {
+                Ok(force) => return force.total_n,
+                Err(why) => assert!(begun.elapsed() < PATIENCE, "{why}"),
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    });
+    while !read.is_finished() {
+        daemon.publish(4.0, Duration::ZERO);
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    assert_eq!(read.join().unwrap(), 4.0);
+}
+
+#[tokio::test]
+async fn with_a_certificate_the_force_comes_over_tls_and_without_the_right_one_it_does_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let (ours, other) = (authority(), authority());
+    let (server, client, stranger) = (leaf(&ours), leaf(&ours), leaf(&other));
+    let write = |name: &str, text: &str| {
+        let file = folder.path().join(name);
+        std::fs::write(&file, text).unwrap();
+        std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o600)).unwrap();
+        file
+    };
+    let (certificate, key) = (write("server.pem", &server.0), write("server.key", &server.1));
+    let tls = Tls::load(TlsFiles { certificate, key, client_ca: write("ca.pem", &ours.pem()) }).unwrap();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let rules = Rules { certificate: Some(Role::Observer), ..Rules::open() };
+    let daemon = Daemon::start(Listener::Tls(listener, tls), rules);
+    let options = |(certificate, key): &(String, String)| {
+        let (certificate, key, name) = (certificate.clone(), key.clone(), Some("localhost".to_owned()));
+        let tls = Some(TlsOptions { authority: ours.pem(), certificate, key, name });
+        let address = Address::parse(&format!("https://127.0.0.1:{port}")).unwrap();
+        Options { tls, age_max: Duration::from_secs(60), ..Options::new(address) }
+    };
+    let (allowed, refused) = (follow(options(&client)), follow(options(&stranger)));
+    let force = until(&allowed, || daemon.publish(5.0, Duration::ZERO), Result::ok).await;
+    assert_eq!(force.total_n, 5.0);
+    until(
+        &refused,
+        || {},
+        |force| match force {
+            Ok(force) => panic!("a stranger gets {force:?}"),
+            Err(NoForce::NothingYet(Some(why))) => Some(why),
+            Err(_) => None,
+        },
+    )
+    .await;
+}
+
+fn authority() -> CertifiedIssuer<'static, KeyPair> {
+    let mut params = CertificateParams::new(Vec::new()).unwrap();
+    params.is_ca = IsCa::Ca(BasicConstraints::Unconstrained);
+    CertifiedIssuer::self_signed(params, KeyPair::generate().unwrap()).unwrap()
+}
+
+/// A certificate for localhost and its key.
+fn leaf(authority: &CertifiedIssuer<'static, KeyPair>) -> (String, String) {
+    let params = CertificateParams::new(vec!["localhost".to_owned()]).unwrap();
+    let key = KeyPair::generate().unwrap();
+    (params.signed_by(&key, authority).unwrap().pem(), key.serialize_pem())
+}

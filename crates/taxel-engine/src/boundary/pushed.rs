@@ -1,0 +1,16 @@
+//! Scans that a program hands over whole, of a skin that is on no bus.
+
+use taxel_skin::{Kilopascal, Time};
+
+/// One scan of a patch that has [`PushPlan`](crate::plan::PushPlan).
+#[derive(Clone, Debug, PartialEq)]
+pub struct PushedScan {
+    /// Position of the patch in the plan.
+    pub patch: usize,
+    /// When this machine received it.
+    pub time: Time,
+    /// One raw count per taxel.
+    pub counts: Vec<u16>,
+    /// The pressure in the bag at the same time, where the plan says that it comes with the scans.
+    pub pressure: Option<Kilopascal>,
+}

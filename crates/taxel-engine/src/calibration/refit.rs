@@ -1,0 +1,285 @@
+//! The fit of stored samples once more: of one session, or of several together, as configured or otherwise.
+//!
+//! Order of calls: [`Refit::plan`] says from what is known of the sessions whether it can be, [`Refit::job`] takes what
+//! they gathered. Without options the fit of one session is the one that the session itself had, with the same result.
+
+use std::sync::Arc;
+
+use taxel_model::{Estimator, MAX_ORDER, Order};
+use taxel_skin::CountRange;
+
+use crate::calibration::branch::{Branch, PlaysChoice};
+use crate::calibration::calibration_plan::CalibrationPlan;
+use crate::calibration::fit::recipe_options::FitRecipe;
+use crate::calibration::job::FitJob;
+use crate::calibration::samples::{RampBaseline, SessionSamples};
+use crate::calibration::view::SessionView;
+use crate::request::Rejection;
+
+/// Most sessions that are fitted together: their numbers are kept with the model set.
+pub const TOGETHER_MAX: usize = 32;
+
+/// Longest time over which counts are averaged, seconds.
+const SMOOTH_MAX_S: f64 = 60.0;
+
+/// What is to differ from the patch's own recipe; absent is as configured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RefitOptions {
+    /// Order of the static curve.
+    pub order: Option<Order>,
+    /// Least-squares problem.
+    pub estimator: Option<Estimator>,
+    /// Whether the solution is refined in double-double until nothing changes.
+    pub exact: Option<bool>,
+    /// Width of a pressure bin in kPa.
+    pub bin_width_kpa: Option<f64>,
+    /// Which branches are fitted; absent, those that the sessions gathered.
+    pub branch: Option<Branch>,
+    /// Whether hysteresis is compensated.
+    pub plays: Option<PlaysChoice>,
+    /// Seconds over which counts are averaged in use.
+    pub smooth_s: Option<f64>,
+    /// Taxels whose counts move less are excluded; 0 is off.
+    pub min_swing_counts: Option<f64>,
+}
+
+/// A session whose samples are fitted once more.
+#[derive(Clone, Debug)]
+pub struct StoredSession {
+    /// What is known of it.
+    pub view: Arc<SessionView>,
+    /// The settings of the boards while it gathered, where its own model set still tells them.
+    pub board_settings: Option<Vec<String>>,
+}
+
+/// A fit of stored samples that can be.
+#[derive(Clone, Debug)]
+pub struct Refit {
+    plan: CalibrationPlan,
+    counts: CountRange,
+    recipe: FitRecipe,
+    board_settings: Vec<String>,
+    /// Ascending by number, at least one.
+    sessions: Vec<StoredSession>,
+}
+
+impl Refit {
+    /// What is to be fitted, and how. `counts` is the range of the patch's converters.
+    ///
+    /// # Errors
+    /// [`Rejection`] if an option is not in its range, no session or one twice is named, one is under way or has no
+    /// samples, or the sessions do not go together; it says which of them.
+    pub fn plan(
+        plan: CalibrationPlan,
+        counts: CountRange,
+        mut sessions: Vec<StoredSession>,
+        options: &RefitOptions,
+    ) -> Result<Self, Rejection> {
+        sessions.sort_by_key(|session| session.view.number);
+        check_names(&sessions)?;
+        sessions.iter().try_for_each(|session| check_session(&plan, &session.view))?;
+        let gathered = sessions.iter().map(|session| session.view.accepted).sum();
+        check_size(&plan, gathered)?;
+        let board_settings = board_settings(&plan, &sessions)?;
+        let recipe = recipe(&plan, branch(&sessions, options)?, options)?;
+        Ok(Self { plan, counts, recipe, board_settings, sessions })
+    }
+
+    /// The numbers of the sessions, in the order in which [`Refit::job`] takes their samples.
+    #[must_use]
+    pub fn numbers(&self) -> Vec<u64> {
+        self.sessions.iter().map(|session| session.view.number).collect()
+    }
+
+    /// The fit of what the sessions gathered, one entry each, in the order of [`Refit::numbers`]. `wall_ns`: the present.
+    ///
+    /// # Errors
+    /// [`Rejection`] if samples are of another layout of the patch, or too many; it says of which session.
+    pub fn job(self, samples: Vec<SessionSamples>, wall_ns: i64) -> Result<FitJob, Rejection> {
+        check_size(&self.plan, samples.iter().map(|samples| samples.samples.len() as u64).sum())?;
+        for (session, samples) in self.sessions.iter().zip(&samples) {
+            self.check_layout(session.view.number, samples)?;
+        }
+        let numbers = self.numbers();
+        let mut left_out: Vec<u16> = self.sessions.iter().flat_map(|s| s.view.left_out.iter().copied()).collect();
+        left_out.sort_unstable();
+        left_out.dedup();
+        Ok(FitJob {
+            session: numbers.last().copied().unwrap_or_default(),
+            together: if numbers.len() > 1 { numbers } else { Vec::new() },
+            fit: 0,
+            patch: self.plan.patch,
+            wall_ns,
+            board_settings: self.board_settings,
+            samples: Arc::new(joined(samples)?),
+            modules: self.plan.modules,
+            left_out,
+            recipe: self.recipe,
+        })
+    }
+
+    fn check_layout(&self, number: u64, samples: &SessionSamples) -> Result<(), Rejection> {
+        let patch = &self.plan.patch;
+        let wrong = samples
+            .samples
+            .iter()
+            .map(|sample| sample.counts.counts())
+            .find(|counts| counts.len() != self.plan.taxels || !counts.fits(self.counts));
+        let Some(wrong) = wrong else { return Ok(()) };
+        let (has, wants) = (wrong.len(), self.plan.taxels);
+        let why = if has == wants {
+            format!("session {number} has counts of another width than patch `{patch}`")
+        } else {
+            format!(
+                "session {number} has samples of {has} taxels, patch `{patch}` has {wants}: it is of another layout"
+            )
+        };
+        Err(Rejection::FailedPrecondition(why))
+    }
+}
+
+fn refuse<T>(why: String) -> Result<T, Rejection> {
+    Err(Rejection::FailedPrecondition(why))
+}
+
+fn invalid<T>(field: &'static str, problem: String) -> Result<T, Rejection> {
+    Err(Rejection::InvalidArgument { field, problem })
+}
+
+/// Each session once, and not too many. They are in the order of their numbers.
+fn check_names(sessions: &[StoredSession]) -> Result<(), Rejection> {
+    if !(1..=TOGETHER_MAX).contains(&sessions.len()) {
+        return invalid("sessions", format!("{} are named, expected 1 to {TOGETHER_MAX}", sessions.len()));
+    }
+    match sessions.windows(2).find(|pair| pair[0].view.number == pair[1].view.number) {
+        Some(pair) => invalid("sessions", format!("session {} is named twice", pair[0].view.number)),
+        None => Ok(()),
+    }
+}
+
+fn check_session(plan: &CalibrationPlan, view: &SessionView) -> Result<(), Rejection> {
+    let (number, patch) = (view.number, &plan.patch);
+    if view.patch != *patch {
+        return refuse(format!("session {number} is of patch `{}`, the others are of `{patch}`", view.patch));
+    }
+    if view.state.is_open() {
+        return refuse(format!("session {number} is {}; finish or abort it first", view.state.name()));
+    }
+    let modules = plan.modules.len();
+    match view.left_out.iter().find(|module| usize::from(**module) >= modules) {
+        Some(module) => {
+            let place = usize::from(*module) + 1;
+            let why =
+                format!("session {number} was without module {place} of patch `{patch}`, which has {modules} now");
+            refuse(why)
+        }
+        None => Ok(()),
+    }
+}
+
+/// As many as a session may have: so much memory and time is there for one fit.
+fn check_size(plan: &CalibrationPlan, samples: u64) -> Result<(), Rejection> {
+    let most = plan.session.scans_max as u64;
+    if samples <= most {
+        return Ok(());
+    }
+    refuse(format!("the sessions have {samples} scans together, and {most} is the most that are fitted at once"))
+}
+
+/// Counts depend on the settings of the boards, so these must be the same.
+fn board_settings(plan: &CalibrationPlan, sessions: &[StoredSession]) -> Result<Vec<String>, Rejection> {
+    let mut known = sessions.iter().filter_map(|session| Some((session.view.number, session.board_settings.as_ref()?)));
+    let Some((first, settings)) = known.next() else { return Ok(plan.board_settings.clone()) };
+    let Some((other, theirs)) = known.find(|(_, theirs)| *theirs != settings) else { return Ok(settings.clone()) };
+    let differs = settings.iter().zip(theirs).find(|(a, b)| a != b);
+    let (a, b) = differs.map_or((settings.join("; "), theirs.join("; ")), |(a, b)| (a.clone(), b.clone()));
+    refuse(format!("the boards had other settings in session {first} ({a}) than in session {other} ({b})"))
+}
+
+/// The branches that are fitted: those asked for, else those that were gathered.
+fn branch(sessions: &[StoredSession], options: &RefitOptions) -> Result<Branch, Rejection> {
+    let of = |branch: Branch| -> Vec<String> {
+        let those = sessions.iter().filter(|session| session.view.branches == branch);
+        those.map(|session| session.view.number.to_string()).collect()
+    };
+    let (rising, both) = (of(Branch::Rising), of(Branch::Both));
+    match options.branch {
+        Some(Branch::Rising) => Ok(Branch::Rising),
+        Some(Branch::Both) if !rising.is_empty() => {
+            let named = rising.join(", ");
+            refuse(format!("session {named} gathered rising pressure alone: it cannot be fitted over both branches"))
+        }
+        Some(Branch::Both) => Ok(Branch::Both),
+        None if both.is_empty() => Ok(Branch::Rising),
+        None if rising.is_empty() => Ok(Branch::Both),
+        None => {
+            let (rising, both) = (rising.join(", "), both.join(", "));
+            refuse(format!(
+                "session {rising} gathered rising pressure alone and session {both} both branches: together they can \
+                 be fitted over the rising branch, if that is asked for"
+            ))
+        }
+    }
+}
+
+/// The patch's recipe with what is asked for.
+fn recipe(plan: &CalibrationPlan, branch: Branch, options: &RefitOptions) -> Result<FitRecipe, Rejection> {
+    check_options(options)?;
+    let mut recipe = plan.recipe(branch);
+    let fit = &mut recipe.options;
+    fit.order = options.order.unwrap_or(fit.order);
+    fit.estimator = options.estimator.unwrap_or(fit.estimator);
+    fit.exact = options.exact.unwrap_or(fit.exact);
+    fit.bin_width_kpa = options.bin_width_kpa.or(fit.bin_width_kpa);
+    fit.exclusion.min_swing_counts = options.min_swing_counts.unwrap_or(fit.exclusion.min_swing_counts);
+    recipe.plays = options.plays.unwrap_or(recipe.plays);
+    recipe.smooth_s = options.smooth_s.unwrap_or(recipe.smooth_s);
+    Ok(recipe)
+}
+
+fn check_options(options: &RefitOptions) -> Result<(), Rejection> {
+    if let Some(Order::Fixed(order)) =
+        options.order.filter(|o| matches!(o, Order::Fixed(n) if !(1..=MAX_ORDER).contains(n)))
+    {
+        return invalid("order", format!("{order} is not in 1 to {MAX_ORDER}"));
+    }
+    let ranges = [
+        ("bin_width_kpa", options.bin_width_kpa, f64::MIN_POSITIVE, "a finite number above 0", f64::MAX),
+        ("smooth_s", options.smooth_s, 0.0, "0 to 60 s", SMOOTH_MAX_S),
+        ("min_swing_counts", options.min_swing_counts, 0.0, "a finite number of 0 or more", f64::MAX),
+    ];
+    for (field, value, least, expected, most) in ranges {
+        if let Some(value) = value.filter(|value| !(least..=most).contains(value)) {
+            return invalid(field, format!("{value} is not in range, expected {expected}"));
+        }
+    }
+    let choices =
+        [options.branch == Some(Branch::Both), options.plays == Some(PlaysChoice::On), options.smooth_s.is_some()];
+    if options.estimator == Some(Estimator::Paper) && choices.contains(&true) {
+        let problem = "the paper's equation is solved over rising pressure as it stands: no branch, no compensation \
+                       and no averaging can be asked for with it";
+        return invalid("estimator", problem.to_owned());
+    }
+    Ok(())
+}
+
+/// All samples, with the ramps numbered on.
+fn joined(all: Vec<SessionSamples>) -> Result<SessionSamples, Rejection> {
+    let mut joined = SessionSamples::default();
+    for samples in all {
+        let first = joined.ramps.len();
+        let number = |ramp: u16| {
+            let ramp = u16::try_from(first + usize::from(ramp));
+            ramp.map_err(|_| Rejection::FailedPrecondition("the sessions have more than 65535 ramps".to_owned()))
+        };
+        for RampBaseline { ramp, taxels } in samples.ramps {
+            joined.ramps.push(RampBaseline { ramp: number(ramp)?, taxels });
+        }
+        joined.samples.reserve_exact(samples.samples.len());
+        for mut sample in samples.samples {
+            sample.ramp = number(sample.ramp)?;
+            joined.samples.push(sample);
+        }
+    }
+    Ok(joined)
+}

@@ -1,0 +1,69 @@
+//! Scans that a program hands over: they enter a patch as those of described devices do.
+
+use crate::boundary::command::{Done, Reply};
+use crate::boundary::output::Output;
+use crate::boundary::pushed::PushedScan;
+use crate::engine::step::Engine;
+use crate::intake::health::{BusNotice, BusState};
+use crate::now::Now;
+use crate::plan::PatchPlan;
+use crate::request::Rejection;
+
+impl Engine {
+    pub(super) fn begin_push(&mut self, now: Now, patch: &str, out: &mut Vec<Output>) -> Reply {
+        let index = self.patch_named(patch)?;
+        if self.plan.patches[index].pushed.is_none() {
+            let name = self.patches[index].name();
+            let why = format!("the scans of patch `{name}` come over its bus: nobody can push any");
+            return Err(Rejection::FailedPrecondition(why));
+        }
+        if let Some(line) = self.line_of(index) {
+            line.on_notice(BusNotice::Up);
+        }
+        self.health_dirty.0 = true;
+        self.with_patch(now, index, out, |patch, effects| patch.begin_push(now, effects));
+        Ok(Done::PushBegun)
+    }
+
+    pub(super) fn on_pushed(&mut self, now: Now, scan: &PushedScan, out: &mut Vec<Output>) {
+        let Some(plan) = self.plan.patches.get(scan.patch) else { return };
+        let refused = problem(plan, scan);
+        self.health_dirty.1 = true;
+        let news = self.line_of(scan.patch).is_some_and(|line| {
+            match &refused {
+                None => line.frames += 1,
+                Some(why) => line.refuse_scan(why.clone()),
+            }
+            line.on_frames()
+        });
+        self.health_dirty.0 |= news;
+        if refused.is_none() {
+            // As with frames: what it brings about happens at its own time.
+            let now = now.at(scan.time);
+            self.with_patch(now, scan.patch, out, |patch, effects| patch.on_pushed(now, scan, effects));
+        }
+    }
+
+    /// The state of what the scans of a patch come over.
+    fn line_of(&mut self, patch: usize) -> Option<&mut BusState> {
+        let bus = self.plan.patches.get(patch)?.patch.boards().first()?.bus;
+        self.buses.get_mut(usize::from(bus.0))
+    }
+}
+
+/// What keeps a scan from being one of this patch.
+fn problem(plan: &PatchPlan, scan: &PushedScan) -> Option<String> {
+    let Some(pushed) = plan.pushed else { return Some("its scans come over a bus".to_owned()) };
+    let (taxels, top) = (plan.patch.taxels().len(), plan.patch.counts().top());
+    if scan.counts.len() != taxels {
+        return Some(format!("{} counts, expected {taxels}", scan.counts.len()));
+    }
+    if let Some((taxel, count)) = scan.counts.iter().enumerate().find(|(_, count)| **count > top) {
+        return Some(format!("taxel {taxel} is {count}, expected 0 to {top}"));
+    }
+    match scan.pressure {
+        Some(_) if !pushed.pressure => Some("a pressure, which does not come with the scans".to_owned()),
+        Some(kpa) if !kpa.0.is_finite() => Some(format!("a pressure of {} kPa", kpa.0)),
+        _ => None,
+    }
+}

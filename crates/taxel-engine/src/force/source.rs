@@ -1,0 +1,301 @@
+//! What the counts of one taxel mean at one zero: worked out for all 256 of a byte at once, or for one count of a finer
+//! converter when it is asked for.
+//!
+//! A table of a byte takes 7 kB and 16 us a taxel. One of twelve bits would take sixteen times that each time that the
+//! zero moves, 60 ms for 230 taxels in the middle of the live path, and only touched taxels are ever looked up. So counts
+//! of more than eight bits are read from the curve itself.
+
+use taxel_model::{Beyond, Extension, Plays, RangeState, Sign, TaxelModel};
+use taxel_skin::{CountRange, SquareMillimetre};
+
+use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
+use crate::force::sample::RangeFlag;
+use crate::model_set::{ModelSet, RecordedTaxel};
+
+/// A reading so close to the end of the calibrated range, in multiples of the noise, counts as beyond it.
+const RANGE_MARGIN_SIGMAS: f64 = 2.0;
+
+/// Least uncertainty of what a curve's extension adds, as a share of it. Live, a count beyond the range may also come from
+/// a zero that is wrong or a fault that is not seen yet: two standard deviations reach back to the range's end, which is
+/// all that the calibration vouches for.
+const UNVOUCHED_SHARE: f64 = 0.5;
+
+/// Entries from one force table to the next. Taxels at rest all read about the same count; if their tables lay a power
+/// of two apart, all those entries would compete for the same few sets of the cache (5,000 taxels: 7 us instead of 4).
+pub(super) const FORCE_STRIDE: usize = 256 + 16;
+
+/// Force by raw count; the entries beyond 255 are never read.
+pub(crate) type ForceTable = [f32; FORCE_STRIDE];
+
+/// Beside an activated taxel this share of the threshold suffices: the low one of two thresholds.
+const LOW_SHARE: f64 = 0.375;
+
+/// One taxel's tables, indexed by raw count.
+#[derive(Clone, Debug)]
+pub(super) struct TaxelTable {
+    pub(super) pressure_kpa: [f32; 256],
+    pub(super) sigma_kpa: [f32; 256],
+    pub(super) range: [RangeFlag; 256],
+    pub(super) shares: [Share; 256],
+    /// What of `sigma_kpa` all taxels have in common.
+    pub(super) shared_kpa: f32,
+    /// The count at the present zero.
+    pub(super) zero: f64,
+}
+
+/// What a taxel's count contributes to a force and to its uncertainty, side by side, so that one access to the memory
+/// has it all.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Share {
+    /// Force in newton with the low threshold that holds beside an activated taxel.
+    pub(crate) low_n: f32,
+    /// Variance of the force that this taxel does not share with the others, N squared.
+    pub(crate) own_n2: f32,
+    /// How much the force changes with the count here, N per count, not negative.
+    pub(crate) per_count_n: f32,
+    /// 1 where the count is beyond the calibrated range, on the side of pressure, and 0 elsewhere.
+    pub(crate) above: f32,
+}
+
+/// Where the counts of a taxel stand against those that its model refers to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// How the curve goes on beyond its range.
+    pub(super) extension: Option<Extension>,
+    /// The present zero.
+    pub(super) now: TaxelBaseline,
+    /// What is added to a count to get the count that the models refer to.
+    shift: f64,
+    pub(super) sign: Sign,
+}
+
+/// All that the meaning of one taxel's counts follows from.
+pub(super) struct Source<'a> {
+    model: &'a TaxelModel,
+    /// Where hysteresis is compensated the mid curve is served; the play operators add their offset scan by scan.
+    plays: Option<&'a Plays>,
+    in_use: Option<&'a RecordedTaxel>,
+    set: &'a ModelSet,
+    place: Place,
+}
+
+/// What one count means.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Meaning {
+    pub(super) pressure_kpa: f32,
+    pub(super) sigma_kpa: f32,
+    pub(super) kpa_per_count: f32,
+    pub(super) range: RangeFlag,
+    /// Counts from rest towards pressure.
+    pub(super) pressed: f64,
+}
+
+impl Place {
+    /// `zeros` are the present one and that of the models.
+    pub(super) fn new(
+        set: &ModelSet,
+        taxel: usize,
+        extension: Option<Extension>,
+        zeros: (TaxelBaseline, TaxelBaseline),
+        more_counts: f64,
+    ) -> Self {
+        let (now, then) = zeros;
+        let sign = set.plays(taxel).map_or(set.taxels[taxel].sign, |plays| plays.sign);
+        Self { extension, now, shift: then.mean - now.mean + sign.as_f64() * more_counts, sign }
+    }
+}
+
+impl<'a> Source<'a> {
+    pub(super) fn new(set: &'a ModelSet, taxel: usize, place: Place) -> Self {
+        Self { model: &set.taxels[taxel], plays: set.plays(taxel), in_use: set.in_use(taxel), set, place }
+    }
+
+    /// What a count of so many units means, of which the range holds `top`.
+    pub(super) fn meaning(&self, units: f64, top: f64, per_unit: f64) -> Meaning {
+        let count = units + self.place.shift;
+        let beyond = self.beyond(units);
+        let sigma_kpa = self.sigma_in_use_kpa().unwrap_or_else(|| {
+            let inside = |[low, high]: [f64; 2]| count.max(low).min(high);
+            let slope =
+                self.model.curve.as_ref().zip(self.model.range).map(|(curve, range)| curve.slope(inside(range)));
+            let rounding_kpa = slope.map_or(0.0, |slope| slope.abs() / (12.0_f64.sqrt() * per_unit));
+            self.model.evaluate(count).map_or(f64::INFINITY, |reading| reading.sigma_kpa.max(rounding_kpa))
+        });
+        let margin = RANGE_MARGIN_SIGMAS * self.place.now.noise.max(NOISE_FLOOR_COUNTS);
+        let nearer = (units + self.sign().as_f64() * margin).clamp(0.0, top);
+        let range = match self.range_at(nearer) {
+            RangeFlag::Above => RangeFlag::Above,
+            _ => self.range_at(units),
+        };
+        let (before, after) = ((units - 1.0).max(0.0), (units + 1.0).min(top));
+        let rise = self.pressure_kpa(after) - self.pressure_kpa(before);
+        Meaning {
+            pressure_kpa: self.pressure_kpa(units),
+            sigma_kpa: (sigma_kpa as f32).hypot(beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa) as f32),
+            kpa_per_count: rise.abs() / (after - before) as f32,
+            range,
+            pressed: self.pressed(units),
+        }
+    }
+
+    fn pressure_kpa(&self, units: f64) -> f32 {
+        let count = units + self.place.shift;
+        let kpa = match self.plays {
+            Some(plays) => plays.mid_kpa(count),
+            None => self.model.evaluate(count).map_or(0.0, |reading| reading.kpa),
+        };
+        kpa as f32 + self.beyond(units).kpa as f32
+    }
+
+    fn range_at(&self, units: f64) -> RangeFlag {
+        let count = units + self.place.shift;
+        let state = match self.plays {
+            Some(plays) => plays.range_state(count),
+            None => self.model.evaluate(count).map_or(RangeState::Below, |reading| reading.range),
+        };
+        in_pressure(state, self.sign())
+    }
+
+    /// What of the uncertainty of a reading all taxels have in common, kPa.
+    pub(super) fn shared_kpa(&self) -> f64 {
+        self.in_use.map_or(0.0, |in_use| in_use.shared_kpa(self.set.plays_error_ratio()))
+    }
+
+    /// What a count contributes to a force and to its uncertainty; `newton` is its force without a threshold.
+    pub(super) fn share(&self, meaning: &Meaning, area: SquareMillimetre, activation: Activation) -> Share {
+        let newton_per_kpa = area.0 * 1e-3;
+        let low = LOW_SHARE * activation.distance_counts(self.place.now.noise);
+        let own_kpa2 = (f64::from(meaning.sigma_kpa).powi(2) - self.shared_kpa().powi(2)).max(0.0);
+        Share {
+            low_n: if meaning.pressed > low { meaning.newton(area) } else { 0.0 },
+            own_n2: (newton_per_kpa.powi(2) * own_kpa2) as f32,
+            per_count_n: (newton_per_kpa * f64::from(meaning.kpa_per_count)) as f32,
+            above: if meaning.range == RangeFlag::Above { 1.0 } else { 0.0 },
+        }
+    }
+
+    /// The threshold code of raw counts of this range: the greatest in the taxel's polarity that is no touch.
+    pub(super) fn wide_threshold(&self, activation: Activation, range: CountRange) -> u16 {
+        let distance = activation.distance_counts(self.place.now.noise);
+        let edge = (self.place.now.mean + self.sign().as_f64() * distance) * range.per_unit();
+        // The casts saturate at the ends of sixteen bits.
+        match self.sign() {
+            Sign::Rising => edge.floor() as u16,
+            Sign::Falling => !(edge.ceil() as u16),
+        }
+    }
+
+    const fn sign(&self) -> Sign {
+        self.place.sign
+    }
+    /// Tables for what is looked up now and then, and the force that every scan needs.
+    pub(super) fn tabulate(&self, area: SquareMillimetre, activation: Activation) -> (TaxelTable, ForceTable) {
+        let mut table = self.model.tabulate(self.place.shift);
+        // Noise must not decide whether a reading near the end of the range says that it is beyond.
+        let margin = RANGE_MARGIN_SIGMAS * self.place.now.noise.max(NOISE_FLOOR_COUNTS);
+        let nearer = |code: f64| (code + self.sign().as_f64() * margin).round().clamp(0.0, 255.0);
+        let mut range = std::array::from_fn(|code| {
+            let beyond = in_pressure(table.range_state(nearer(code as f64) as u8), self.sign());
+            if beyond == RangeFlag::Above { beyond } else { in_pressure(table.range_state(code as u8), self.sign()) }
+        });
+        if let Some(plays) = self.plays {
+            for code in 0..=u8::MAX {
+                let count = f64::from(code) + self.place.shift;
+                table.pressure_kpa[usize::from(code)] = plays.mid_kpa(count) as f32;
+                let beyond = in_pressure(plays.range_state(nearer(f64::from(code)) + self.place.shift), self.sign());
+                let here = in_pressure(plays.range_state(count), self.sign());
+                range[usize::from(code)] = if beyond == RangeFlag::Above { beyond } else { here };
+            }
+        }
+        if let Some(sigma_kpa) = self.sigma_in_use_kpa() {
+            table.sigma_kpa = [sigma_kpa as f32; 256];
+        }
+        for code in 0..=u8::MAX {
+            let (beyond, code) = (self.beyond(f64::from(code)), usize::from(code));
+            table.pressure_kpa[code] += beyond.kpa as f32;
+            let sigma_kpa = beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa);
+            table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
+        }
+        let shared_kpa = self.shared_kpa();
+        let beyond = |distance: f64| -> [f32; 256] {
+            std::array::from_fn(|code| {
+                let newton = f64::from(table.pressure_kpa[code]) * area.0 * 1e-3;
+                if self.pressed(code as f64) > distance { newton.max(0.0) as f32 } else { 0.0 }
+            })
+        };
+        let distance = activation.distance_counts(self.place.now.noise);
+        let (low_n, newton_per_kpa) = (beyond(LOW_SHARE * distance), area.0 * 1e-3);
+        let shares = std::array::from_fn(|code| {
+            let own_kpa2 = (f64::from(table.sigma_kpa[code]).powi(2) - shared_kpa.powi(2)).max(0.0);
+            Share {
+                low_n: low_n[code],
+                own_n2: (newton_per_kpa.powi(2) * own_kpa2) as f32,
+                per_count_n: (newton_per_kpa * f64::from(kpa_per_count(&table.pressure_kpa, code as u8))) as f32,
+                above: if range[code] == RangeFlag::Above { 1.0 } else { 0.0 },
+            }
+        });
+        let mut force_n = [0.0; FORCE_STRIDE];
+        force_n[..256].copy_from_slice(&beyond(distance));
+        let (pressure_kpa, sigma_kpa) = (table.pressure_kpa, table.sigma_kpa);
+        (
+            TaxelTable {
+                pressure_kpa,
+                sigma_kpa,
+                range,
+                shares,
+                shared_kpa: shared_kpa as f32,
+                zero: self.place.now.mean,
+            },
+            force_n,
+        )
+    }
+
+    /// What a code beyond the calibrated range adds to the pressure at the range's end, and how uncertain that is.
+    fn beyond(&self, units: f64) -> Beyond {
+        self.place.extension.map_or(Beyond::default(), |extension| extension.at(units + self.place.shift))
+    }
+
+    /// Counts from rest towards pressure.
+    fn pressed(&self, units: f64) -> f64 {
+        self.sign().as_f64() * (units - self.place.now.mean)
+    }
+
+    /// The greatest flipped count that is no touch.
+    pub(super) fn threshold(&self, activation: Activation) -> u8 {
+        let distance = activation.distance_counts(self.place.now.noise);
+        let untouched = (0..=u8::MAX)
+            .filter(|&code| self.pressed(f64::from(code)) <= distance || self.pressed(f64::from(code)).is_nan());
+        untouched.map(|code| if self.sign() == Sign::Falling { !code } else { code }).max().unwrap_or(0)
+    }
+
+    /// The error of a reading as a recording of both branches has shown it, and what is not in there: the noise of a
+    /// single count, which was averaged out when that error was taken.
+    fn sigma_in_use_kpa(&self) -> Option<f64> {
+        let recorded = self.set.recorded.as_ref()?;
+        let noise = if recorded.smooth_s > 0.0 { self.place.now.noise.max(NOISE_FLOOR_COUNTS) } else { 0.0 };
+        Some(self.in_use?.sigma_kpa(recorded.zero_return_counts.hypot(noise))).filter(|sigma| sigma.is_finite())
+    }
+}
+
+impl Meaning {
+    /// The force on an area, N.
+    pub(super) fn newton(&self, area: SquareMillimetre) -> f32 {
+        (f64::from(self.pressure_kpa) * area.0 * 1e-3).max(0.0) as f32
+    }
+}
+
+/// How much the pressure changes with the count at `count`, not negative.
+pub(super) fn kpa_per_count(pressure_kpa: &[f32; 256], count: u8) -> f32 {
+    let (before, after) = (count.saturating_sub(1), count.saturating_add(1));
+    let rise = pressure_kpa[usize::from(after)] - pressure_kpa[usize::from(before)];
+    rise.abs() / f32::from(after - before)
+}
+
+/// Beyond which end of the pressure a count lies: where counts fall with pressure, few counts are much pressure.
+const fn in_pressure(counts: RangeState, sign: Sign) -> RangeFlag {
+    match (counts, sign) {
+        (RangeState::InRange, _) => RangeFlag::In,
+        (RangeState::Below, Sign::Rising) | (RangeState::Above, Sign::Falling) => RangeFlag::Below,
+        (RangeState::Above, Sign::Rising) | (RangeState::Below, Sign::Falling) => RangeFlag::Above,
+    }
+}

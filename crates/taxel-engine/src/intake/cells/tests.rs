@@ -1,0 +1,106 @@
+use super::*;
+use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind};
+use taxel_wire::array::CountField;
+use taxel_wire::bits::{ByteOrder, Selector};
+
+const PERIOD: Duration = Duration::from_millis(20);
+
+fn field(start_bit: u16, length_bits: u16) -> BitField {
+    BitField::new(start_bit, length_bits, ByteOrder::Little, false).unwrap()
+}
+
+/// Four frames of one identifier, told apart by their first byte, with two taxels of 16 bits each; two modules of four.
+/// Byte 5 is a counter, byte 6 a status.
+fn device(scans: ScanBegin) -> Device {
+    let count = |start| CountField { field: field(start, 16), low: 0, shift: 0, top: u16::MAX };
+    let frame = |kind: i128| FrameSpec {
+        frames: FrameMatch { id: ID, selectors: vec![Selector { field: field(0, 8), values: vec![(kind, kind)] }] },
+        counts: (0..2).map(|n| (2 * kind as u16 + n, count(8 + 16 * n))).collect(),
+    };
+    let plan = DevicePlan {
+        frames: (0..4).map(frame).collect(),
+        scans,
+        status: Some((DeviceSignal { frames: any_frame(), field: field(48, 8) }, 0)),
+        temperature: None,
+        commands: vec![],
+    };
+    let modules = (0..2).map(|module| (Module::from_nibble(module), ModuleKind::Cells(4))).collect();
+    let board = Board { bus: BusIndex(0), address: BoardAddress::new(1).unwrap(), modules };
+    Device::new(&Patch::new("p", vec![board]).unwrap(), 0, plan, PERIOD)
+}
+
+const ID: CanId = CanId::Extended(0x18_0000);
+
+fn any_frame() -> FrameMatch {
+    FrameMatch { id: ID, selectors: vec![] }
+}
+
+/// Frame `kind` of scan `scan`, whose counts are all the scan's number.
+fn frame(ms: f64, kind: u8, scan: u8) -> TimedFrame {
+    let bytes = [kind, scan, 0, scan, 0, scan, 0];
+    TimedFrame { time: Time::from_nanos((ms * 1e6) as i64), frame: Frame::of(ID, bytes) }
+}
+
+fn complete(device: &mut Device, frame: TimedFrame) -> Vec<usize> {
+    device.on_frame(&frame).unwrap().unwrap().modules
+}
+
+#[test]
+fn a_module_is_complete_when_all_its_frames_have_come() {
+    let mut device = device(ScanBegin::Time);
+    for scan in 0..3_u8 {
+        let at = 20.0 * f64::from(scan);
+        let found: Vec<Vec<usize>> =
+            (0..4).map(|kind| complete(&mut device, frame(at + f64::from(kind), kind, scan))).collect();
+        assert_eq!(found, [vec![], vec![0], vec![], vec![1]], "scan {scan}");
+        assert_eq!((device.counts(0), device.counts(1)), ([scan.into(); 4].as_slice(), [scan.into(); 4].as_slice()));
+    }
+    assert_eq!((device.orphans(), device.counts(2)), (0, [].as_slice()));
+}
+
+/// Whichever frame is lost, and however the scans are told apart, no module has counts of two scans.
+#[test]
+fn a_lost_frame_never_makes_a_module_of_two_scans() {
+    let begins = [
+        ScanBegin::Time,
+        ScanBegin::Frame(FrameMatch { id: ID, selectors: vec![Selector { field: field(0, 8), values: vec![(0, 0)] }] }),
+        ScanBegin::Counter(field(40, 8)),
+    ];
+    for begin in begins {
+        for lost in 0..40 {
+            let (mut device, mut seen) = (device(begin.clone()), 0);
+            for n in (0..40_u8).filter(|n| *n != lost) {
+                let (scan, kind) = (n / 4, n % 4);
+                let at = 20.0 * f64::from(scan) + 2.0 * f64::from(kind);
+                for module in complete(&mut device, frame(at, kind, scan)) {
+                    assert_eq!(device.counts(module), [u16::from(scan); 4], "{begin:?}, {lost} was lost");
+                    seen += 1;
+                }
+            }
+            let least = if matches!(begin, ScanBegin::Frame(_)) && lost % 4 == 0 { 18 } else { 19 };
+            assert!(seen >= least, "{begin:?}, {lost} was lost: {seen} modules");
+        }
+    }
+}
+
+#[test]
+fn a_status_that_is_not_the_good_one_is_told_until_it_is_good_again() {
+    let mut device = device(ScanBegin::Time);
+    let mut bad = frame(0.0, 0, 1);
+    bad.frame = Frame::of(ID, [0, 1, 0, 1, 0, 0, 7]);
+    complete(&mut device, bad);
+    assert!(!device.is_well());
+    complete(&mut device, frame(20.0, 0, 2));
+    assert!(device.is_well());
+}
+
+#[test]
+fn a_frame_that_is_too_short_is_refused_and_changes_nothing() {
+    let mut device = device(ScanBegin::Time);
+    let short = TimedFrame { time: Time::default(), frame: Frame::of(ID, [0, 9, 9]) };
+    let refused = device.on_frame(&short).unwrap_err();
+    assert_eq!(refused.to_string(), "frame 00180000 has 3 bytes, expected at least 5");
+    assert_eq!(device.counts(0), [0; 4]);
+    let other = TimedFrame { frame: Frame::of(CanId::Standard(1), []), ..short };
+    assert_eq!(device.on_frame(&other), Ok(None));
+}

@@ -1,0 +1,121 @@
+//! When the boards of a patch are configured: at once where nothing can press on them, else after a look at the skin, and
+//! together with the patches that share one of them, because a board that is configured forgets the modules of all.
+
+use std::time::Duration;
+use taxel_skin::Time;
+
+use crate::now::Now;
+use crate::patch::owner::{BEING_CONFIGURED, Effects, Intent, Patch};
+use crate::zero::watch::Purpose;
+
+/// What was seen of a skin before its boards are configured holds for so long.
+const READY_FOR: Duration = Duration::from_secs(10);
+
+/// Boards that were not heard for so long after the start do not stream: three of the longest periods.
+const SILENT_BOARDS_AFTER: Duration = Duration::from_millis(300);
+
+impl Patch {
+    /// Starts the boards and waits for rest.
+    pub fn start(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.zero.lose("no zero has been taken since start", &mut events);
+        self.on_zero_events(now, events, effects);
+        // Boards that stream already show whether something lies on them.
+        self.bring_up_waits = self.plan.configures() && self.force.models().is_some();
+        if self.bring_up_waits {
+            self.silent_until = now.time + SILENT_BOARDS_AFTER;
+        } else {
+            self.on_boards_ready(now.time, effects);
+        }
+    }
+
+    /// Boards that do not stream are configured at once; the others are looked at first.
+    pub(super) fn begin_bring_up(&mut self, now: Now, effects: &mut Effects<'_>) {
+        if !self.bring_up_waits || self.ready_since.is_some() || self.zero.watching().is_some() {
+            return;
+        }
+        if self.intake.newest().is_some() {
+            self.look_before_bring_up(now, effects);
+        } else if now.time >= self.silent_until {
+            self.on_boards_ready(now.time, effects);
+        }
+    }
+
+    /// The boards may be configured: now, or once that holds of all patches that share one of them.
+    pub(super) fn on_boards_ready(&mut self, now: Time, effects: &mut Effects<'_>) {
+        if self.shares_boards && self.plan.configures() {
+            self.bring_up_waits = true;
+            self.ready_since = Some(now);
+            effects.intents.push(Intent::BoardsReady);
+        } else {
+            self.configure_boards(now);
+        }
+    }
+
+    /// Whether the boards may be configured as far as this patch knows.
+    #[must_use]
+    pub fn is_ready_for_bring_up(&self) -> bool {
+        !self.plan.configures() || self.ready_since.is_some()
+    }
+
+    /// It was too long ago that nothing pressed on the boards: looks again. Returns whether it does.
+    pub fn looks_again(&mut self, now: Now, effects: &mut Effects<'_>) -> bool {
+        let stale = self.ready_since.is_some_and(|since| now.time.since(since) > READY_FOR);
+        if stale {
+            self.ready_since = None;
+            self.look_before_bring_up(now, effects);
+        }
+        stale
+    }
+
+    /// Configures the boards; nothing presses on them.
+    pub fn configure_boards(&mut self, now: Time) {
+        self.bring_up_waits = false;
+        self.ready_since = None;
+        self.zero.on_bring_up();
+        self.intake.start_bring_up(now);
+    }
+
+    /// Configures the boards again: the zero is lost. Where there is no force that would show a load, boards that stream
+    /// are looked at first, unless it is confirmed that nothing touches the skin.
+    pub fn bring_up_again(&mut self, now: Now, confirmed: bool, effects: &mut Effects<'_>) {
+        let streams = self.intake.silent_taxels() < self.taxels();
+        self.ready_since = None;
+        let feels = self.zero.holds() && self.felt.is_some();
+        self.bring_up_waits = !confirmed && !feels && self.force.models().is_some() && streams;
+        self.lose_zero(now, BEING_CONFIGURED, effects);
+        if self.bring_up_waits {
+            self.look_before_bring_up(now, effects);
+        } else {
+            self.on_boards_ready(now.time, effects);
+        }
+    }
+
+    /// The boards were looked at before they are configured. Silent ones are configured, too; those that something
+    /// presses on wait until it is gone, or until an operator asks for it.
+    pub(super) fn on_looked(&mut self, now: Now, found: Result<(), String>, effects: &mut Effects<'_>) {
+        if !self.bring_up_waits || self.is_ready_for_bring_up() {
+            return;
+        }
+        match found {
+            Ok(()) => {
+                self.zero.explain(BEING_CONFIGURED.to_owned());
+                self.dirty = true;
+                self.on_boards_ready(now.time, effects);
+            }
+            Err(why) => {
+                let hint = "if nothing touches the skin, ask for BringUp and say so with confirmed_by";
+                let why = format!("the boards are not configured while something presses on them: {why}; {hint}");
+                self.zero.explain(why);
+                self.look_before_bring_up(now, effects);
+            }
+        }
+    }
+
+    /// Watches the skin before its boards are configured.
+    pub(super) fn look_before_bring_up(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let mut events = Vec::new();
+        self.zero.watch(now.time, Purpose::BeforeBringUp, &mut events);
+        self.on_zero_events(now, events, effects);
+    }
+}

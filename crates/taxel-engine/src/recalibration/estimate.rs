@@ -1,0 +1,258 @@
+//! By what factor a skin reads too little or too much, from known loads: with its uncertainty, and refused where the
+//! loads contradict each other.
+//!
+//! What lay there is gain times what was read, plus an offset if one is asked for. Beforehand a point has the standard
+//! deviation `s^2 = u_known^2 + g^2 u_read^2 + (place_rel g read)^2 + floor^2`, with g the median of known over read, which
+//! one wrong load does not move. Two tests, which sound loads fail in 1 % of all cases together:
+//!
+//! 1. Each point is compared with the line through all others. The farthest contradicts if it lies beyond what one of n
+//!    normal deviates exceeds with probability [`FALSE_ALARMS`]; it is named.
+//! 2. The sum of all squared deviations is compared with chi-square, beyond which it lies with probability
+//!    [`FALSE_DISAGREEMENTS`]: several wrong loads may hide each other.
+//!
+//! A single load that is wrong by seven times its own scatter is found in 99 % of all cases: with five loads the limit is
+//! 3.1 standard deviations, 2.33 more make it sure, the distance from four others scatters by `sqrt(1 + 1/4)`, and loads of
+//! several sizes do not weigh the same. Loads
+//! that are all wrong by the same factor agree with each other: nothing but the bounds of the gain can find that.
+
+use std::ops::RangeInclusive;
+
+use crate::recalibration::assumptions::Assumptions;
+use crate::recalibration::evidence::LoadPoint;
+use crate::recalibration::line::{Line, LinePoint, chi2_quantile, normal_quantile};
+use crate::statistics::median;
+
+/// Fewer points do not show a wrong one among them with certainty.
+pub const POINTS_MIN: usize = 5;
+
+/// More are not needed, and all of them are kept with the set.
+pub const POINTS_MAX: usize = 100;
+
+/// Probability that one of the loads is named though all are sound.
+pub const FALSE_ALARMS: f64 = 0.009;
+
+/// Probability that sound loads are said to disagree as a whole.
+pub const FALSE_DISAGREEMENTS: f64 = 0.001;
+
+/// Ageing and another cover change a skin by no more than this; beyond it a unit or a load is wrong.
+pub const GAINS: RangeInclusive<f64> = 0.5..=2.0;
+
+/// A point that decides so much of the line at its own place cannot be compared with the others.
+const LEVERAGE_MAX: f64 = 0.9;
+
+/// A correction that leaves a new place vaguer than this is no correction.
+const RELATIVE_SIGMA_MAX: f64 = 0.2;
+
+/// A gain that differs from 1 by less than so many standard uncertainties corrects nothing.
+const NEEDED_SIGMAS: f64 = 2.0;
+
+/// A load point beside what the line says of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JudgedPoint {
+    /// The point.
+    pub point: LoadPoint,
+    /// What the corrected skin reads there.
+    pub corrected: f64,
+    /// Distance from the line through all other points, in standard deviations of that distance; positive where more lay
+    /// there than the others say.
+    pub deviation: f64,
+}
+
+/// What known loads say of a skin.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recalibration {
+    /// What readings are to be multiplied by, and added to them, with the covariance.
+    pub line: Line,
+    /// The points, as they were given.
+    pub points: Vec<JudgedPoint>,
+    /// A deviation beyond this contradicts.
+    pub deviation_max: f64,
+    /// Number of the point that contradicts the others.
+    pub contradicts: Option<u64>,
+    /// What was assumed.
+    pub assumptions: Assumptions,
+    /// Why it must not be used, in words; empty if it may.
+    pub refused_because: Vec<String>,
+}
+
+impl Recalibration {
+    /// What these points say.
+    ///
+    /// # Errors
+    /// In words: too few or too many points, figures that are none, or points that do not determine what is asked for.
+    pub fn of(points: &[LoadPoint], assumptions: Assumptions) -> Result<Self, String> {
+        let count = points.len();
+        if !(POINTS_MIN..=POINTS_MAX).contains(&count) {
+            return Err(format!(
+                "{count} load points, expected {POINTS_MIN} to {POINTS_MAX}: known loads at as many places of the skin"
+            ));
+        }
+        if let Some(problem) = assumptions.problem().or_else(|| points.iter().find_map(LoadPoint::problem)) {
+            return Err(problem);
+        }
+        let weighed = weighed(points, &assumptions);
+        let line = Line::through(&weighed, assumptions.offset)
+            .ok_or("the loads are too much alike to tell an offset from a gain: take some much smaller than others")?;
+        let judged: Vec<(JudgedPoint, f64)> =
+            points.iter().zip(&weighed).map(|(of, on)| judge(&line, *of, on)).collect();
+        let deviation_max = normal_quantile(0.5 * FALSE_ALARMS / count as f64);
+        let mut of = Self {
+            line,
+            points: judged.iter().map(|(point, _)| *point).collect(),
+            deviation_max,
+            contradicts: None,
+            assumptions,
+            refused_because: Vec::new(),
+        };
+        if let Some((alone, share)) = judged.iter().find(|(_, leverage)| *leverage > LEVERAGE_MAX) {
+            let (number, percent) = (alone.point.number, 100.0 * share);
+            of.refused_because.push(format!(
+                "point {number} decides {percent:.0} % of the result at its load, so nothing can contradict it: take more \
+                 loads like it"
+            ));
+        }
+        of.find_contradiction(&weighed);
+        of.find_implausible();
+        Ok(of)
+    }
+
+    /// Whether it may be used.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        self.refused_because.is_empty()
+    }
+
+    /// Whether the skin is off by more than the loads can tell.
+    #[must_use]
+    pub fn is_needed(&self) -> bool {
+        let [gain, _, offset] = self.line.covariance;
+        let beyond = |value: f64, variance: f64| value.abs() > NEEDED_SIGMAS * (self.widening() * variance).sqrt();
+        beyond(self.line.gain - 1.0, gain) || (self.assumptions.offset && beyond(self.line.offset, offset))
+    }
+
+    /// Standard uncertainty of the gain.
+    #[must_use]
+    pub fn gain_sigma(&self) -> f64 {
+        (self.widening() * self.line.covariance[0]).sqrt().hypot(self.line.gain * self.common_rel())
+    }
+
+    /// What all known loads may be off by together, as one balance is or one force sensor: the least of their relative
+    /// uncertainties. No number of loads takes it away.
+    fn common_rel(&self) -> f64 {
+        let of = |judged: &JudgedPoint| judged.point.known_sigma / judged.point.known;
+        self.points.iter().map(of).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Standard uncertainty of the offset; 0 if it was not looked for.
+    #[must_use]
+    pub fn offset_sigma(&self) -> f64 {
+        (self.widening() * self.line.covariance[2]).sqrt()
+    }
+
+    /// Standard uncertainty of the corrected reading under a load at a new place, where the skin reads `read` before the
+    /// correction: that of the line, and the scatter from place to place.
+    #[must_use]
+    pub fn predicted_sigma(&self, read: f64) -> f64 {
+        let Assumptions { place_rel, floor, .. } = self.assumptions;
+        let place = (place_rel * self.line.gain * read).powi(2) + floor * floor;
+        let common = self.common_rel() * self.line.at(read);
+        (self.widening() * (self.line.variance_at(read) + place)).sqrt().hypot(common)
+    }
+
+    /// Relative standard uncertainty that a corrected set has by its gain, for any load: that of the gain, and the scatter
+    /// from place to place, without what does not grow with the load.
+    #[must_use]
+    pub fn relative_sigma(&self) -> f64 {
+        let place_rel = self.assumptions.place_rel;
+        let assumed = self.widening().sqrt() * place_rel;
+        // Who assumes less than skins are known for is believed as far as the loads bear it out.
+        let place =
+            if place_rel < Assumptions::MASSES.place_rel { assumed.max(self.seen_place_rel()) } else { assumed };
+        (self.gain_sigma() / self.line.gain).hypot(place)
+    }
+
+    /// How much the loads scatter about the line, relative to them.
+    fn seen_place_rel(&self) -> f64 {
+        let off = |judged: &JudgedPoint| (judged.corrected / judged.point.known - 1.0).powi(2);
+        (self.points.iter().map(off).sum::<f64>() / self.line.dof).sqrt()
+    }
+
+    /// Least and greatest known load.
+    #[must_use]
+    pub fn loads(&self) -> (f64, f64) {
+        let known = || self.points.iter().map(|judged| judged.point.known);
+        (known().fold(f64::INFINITY, f64::min), known().fold(0.0, f64::max))
+    }
+
+    /// By what variances are multiplied: chi-square per degree of freedom where the loads agree worse than assumed (Birge
+    /// 1932), and never less than 1.
+    #[must_use]
+    pub fn widening(&self) -> f64 {
+        (self.line.chi2 / self.line.dof).max(1.0)
+    }
+
+    fn find_contradiction(&mut self, weighed: &[LinePoint]) {
+        let farthest =
+            self.points.iter().enumerate().max_by(|a, b| a.1.deviation.abs().total_cmp(&b.1.deviation.abs()));
+        let Some((position, judged)) = farthest else { return };
+        let (number, deviation) = (judged.point.number, judged.deviation);
+        if deviation.abs() > self.deviation_max {
+            let mut others = weighed.to_vec();
+            others.remove(position);
+            let rest = Line::through(&others, self.assumptions.offset);
+            let says = rest.map(|rest| says(&judged.point, &rest)).unwrap_or_default();
+            let limit = self.deviation_max;
+            self.contradicts = Some(number);
+            self.refused_because.push(format!(
+                "point {number} contradicts the others: {says}{:.1} standard deviations away, where {limit:.1} are allowed. \
+                 If it was noted wrong, replace it or leave it out",
+                deviation.abs()
+            ));
+            return;
+        }
+        let most = chi2_quantile(FALSE_DISAGREEMENTS, self.line.dof);
+        if self.line.chi2 > most {
+            let scatter = 100.0 * self.assumptions.place_rel * self.widening().sqrt();
+            self.refused_because.push(format!(
+                "the loads disagree as a whole and none can be named: chi-square is {:.1}, where {most:.1} is allowed. They \
+                 scatter by about {scatter:.0} % from place to place",
+                self.line.chi2
+            ));
+        }
+    }
+
+    fn find_implausible(&mut self) {
+        let (gain, percent) = (self.line.gain, 100.0 * self.relative_sigma());
+        if !GAINS.contains(&gain) {
+            self.refused_because.push(format!(
+                "the gain would be {gain:.3}, and no skin ages by more than {} to {}: is a unit wrong, or the whole load?",
+                GAINS.start(),
+                GAINS.end()
+            ));
+        } else if percent > 100.0 * RELATIVE_SIGMA_MAX {
+            self.refused_because.push(format!("a load at a new place would be known to {percent:.0} % only"));
+        }
+    }
+}
+
+/// The points with the standard deviation that each has beforehand.
+fn weighed(points: &[LoadPoint], assumptions: &Assumptions) -> Vec<LinePoint> {
+    let ratio = median(points.iter().map(|p| p.known / p.read)).unwrap_or(1.0);
+    let weigh = |p: &LoadPoint| {
+        let place = assumptions.place_rel * ratio * p.read;
+        let sigma = p.known_sigma.hypot(ratio * p.read_sigma).hypot(place).hypot(assumptions.floor);
+        LinePoint { read: p.read, known: p.known, sigma }
+    };
+    points.iter().map(weigh).collect()
+}
+
+/// A point beside the line, and how much of the line at its place it decides itself.
+fn judge(line: &Line, point: LoadPoint, on: &LinePoint) -> (JudgedPoint, f64) {
+    let (deviation, leverage) = line.deviation(on);
+    (JudgedPoint { point, corrected: line.at(point.read), deviation }, leverage)
+}
+
+/// What the other points say of one that contradicts them.
+fn says(point: &LoadPoint, rest: &Line) -> String {
+    format!("it was noted as {:.3}, by the others it is {:.3}, ", point.known, rest.at(point.read))
+}

@@ -1,0 +1,260 @@
+//! A skin that is described by its signals obeys the rules of skin boards: 48 taxels of 16 bits in two frames of CAN FD.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::Restored;
+use taxel_engine::calibration::SessionState;
+use taxel_engine::command::Command;
+use taxel_engine::intake::faults::Fault;
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::plan::{DevicePlan, Gauge, PatchPlan, Plan, ScanBegin};
+use taxel_engine::record::Record;
+use taxel_engine::snapshot::ForceState;
+use taxel_skin::{Board, BoardAddress, CountRange, Module, ModuleKind, Patch, SquareMillimetre, Time};
+use taxel_wire::array::{CountField, FrameSpec};
+use taxel_wire::bits::{BitField, ByteOrder, FrameMatch};
+use taxel_wire::signal::{PressureMeaning, PressureUnit, SignalSpec};
+use taxel_wire::{CanId, Frame, TimedFrame};
+
+use crate::host::Host;
+use crate::rig::BUS;
+
+const TAXELS: usize = 48;
+const PERIOD: Duration = Duration::from_millis(20);
+const REST: f64 = 230.0;
+const AREA_MM2: f64 = 16.0;
+
+fn plan() -> Plan {
+    let of_frame = |frame: u16| FrameSpec {
+        frames: FrameMatch { id: CanId::Extended(0x18FE_0000 + u32::from(frame)), selectors: vec![] },
+        counts: (0..24)
+            .map(|n| {
+                let field = BitField::new(16 * n, 16, ByteOrder::Little, false).unwrap();
+                (24 * frame + n, CountField { field, low: 0, shift: 0, top: u16::MAX })
+            })
+            .collect(),
+    };
+    let device = DevicePlan {
+        frames: (0..2).map(of_frame).collect(),
+        scans: ScanBegin::Time,
+        status: None,
+        temperature: None,
+        commands: vec![],
+    };
+    let modules = (0..4).map(|module| (Module::from_nibble(module), ModuleKind::Cells(12))).collect();
+    let board = Board { bus: BUS, address: BoardAddress::new(1).unwrap(), modules };
+    let patch = Patch::new("array", vec![board]).unwrap().with_counts(CountRange::to(u16::MAX).unwrap());
+    let signal = SignalSpec {
+        id: CanId::Extended(0x18FF_0010),
+        start_bit: 0,
+        length_bits: 32,
+        byte_order: ByteOrder::Little,
+        signed: true,
+        scale: 0.001,
+        offset: 0.0,
+        unit: PressureUnit::Kilopascal,
+        meaning: PressureMeaning::Differential,
+    };
+    let plan = PatchPlan {
+        devices: vec![device],
+        period: PERIOD,
+        areas: vec![SquareMillimetre(AREA_MM2); TAXELS],
+        gauge: Some(Gauge { bus: BUS, signal }),
+        ..PatchPlan::new(patch)
+    };
+    Plan { buses: 1, patches: vec![plan] }
+}
+
+/// The array in front of an engine.
+struct Scene {
+    host: Host,
+    scans: i64,
+    bits: u64,
+    /// What the bag presses with, kPa, and what beside it lies on the first taxels.
+    bag_kpa: f64,
+    load: (usize, f64),
+    /// What the device has taken for nothing, units by taxel.
+    taken: Vec<f64>,
+    /// A frame that does not come.
+    mute: Option<usize>,
+    /// A taxel at the end of its range.
+    railed: Option<usize>,
+}
+
+impl Scene {
+    fn new(plan: Plan, restored: Restored) -> Self {
+        let host = Host::new(Arc::new(plan), restored, Time::default());
+        let taken = vec![0.0; TAXELS];
+        Self {
+            host,
+            scans: 0,
+            bits: 0x9E37_79B9_7F4A_7C15,
+            bag_kpa: 0.0,
+            load: (0, 0.0),
+            taken,
+            mute: None,
+            railed: None,
+        }
+    }
+
+    /// From -1 to 1, more often near 0.
+    fn chance(&mut self) -> f64 {
+        let one = |bits: &mut u64| {
+            *bits ^= *bits << 13;
+            *bits ^= *bits >> 7;
+            *bits ^= *bits << 17;
+            (*bits >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        (0..4).map(|_| one(&mut self.bits)).sum::<f64>() - 2.0
+    }
+
+    /// Units by which a taxel has moved.
+    fn moved(&self, taxel: usize) -> f64 {
+        let (loaded, kpa) = self.load;
+        let kpa = self.bag_kpa + if taxel < loaded { kpa } else { 0.0 };
+        (90.0 + taxel as f64) * kpa / (kpa + 60.0)
+    }
+
+    fn scan(&mut self) {
+        let begin = Time::default() + PERIOD * self.scans as u32;
+        self.scans += 1;
+        let pascal = (self.bag_kpa * 1e3).round() as i32;
+        let mut frames = vec![Frame::of(CanId::Extended(0x18FF_0010), pascal.to_le_bytes())];
+        let mut counts = Vec::new();
+        for taxel in 0..TAXELS {
+            let units = REST - self.moved(taxel) + self.taken[taxel] + self.chance();
+            let raw = if self.railed == Some(taxel) { u16::MAX } else { (256.0 * units) as u16 };
+            counts.extend(raw.to_le_bytes());
+        }
+        for (frame, bytes) in counts.chunks(48).enumerate().filter(|(frame, _)| self.mute != Some(*frame)) {
+            frames.push(Frame::fd(CanId::Extended(0x18FE_0000 + frame as u32), bytes).unwrap());
+        }
+        let timed =
+            (1..).zip(frames).map(|(n, frame)| TimedFrame { time: begin + Duration::from_micros(300) * n, frame });
+        self.host.frames(&timed.collect::<Vec<_>>());
+        self.host.tick(begin + PERIOD / 2);
+    }
+
+    fn seconds(&mut self, seconds: f64) {
+        (0..(seconds / PERIOD.as_secs_f64()).round() as u32).for_each(|_| self.scan());
+    }
+
+    fn ask(&mut self, command: Command) {
+        let request = self.host.command(command);
+        self.host.reply(request).expect("answered at once").expect("not refused");
+    }
+
+    fn newest_set(&self) -> Arc<ModelSet> {
+        let mut sets = self.host.records.iter().rev().filter_map(|record| match record {
+            Record::ModelSet(set) => Some(Arc::clone(set)),
+            _ => None,
+        });
+        sets.next().expect("a model set")
+    }
+
+    /// An array that was calibrated and weighs.
+    fn in_use() -> Self {
+        let mut scene = Self::new(plan(), Restored::default());
+        scene.seconds(1.0);
+        let (patch, target, branches, confirmed_by) = (String::new(), None, None, None);
+        scene.ask(Command::StartSession { patch, target, branches, confirmed_by, leave_out: vec![] });
+        scene.seconds(2.0);
+        assert_eq!(scene.host.session().state, SessionState::Ramping, "{}", scene.host.session().reason);
+        while scene.host.session().state == SessionState::Ramping && scene.bag_kpa < 80.0 {
+            scene.bag_kpa += 0.05;
+            scene.scan();
+        }
+        scene.bag_kpa = 0.0;
+        scene.seconds(1.0);
+        assert_eq!(scene.host.session().state, SessionState::Review, "{}", scene.host.session().reason);
+        let set = scene.newest_set();
+        assert!(set.board_settings[0].contains("counts from 0 to 65535, 256 to a unit"), "{:?}", set.board_settings);
+        scene.ask(Command::Activate { patch: "array".to_owned(), model_set: set.id.clone(), expected: None });
+        scene.seconds(3.0);
+        assert_eq!(scene.host.state(), ForceState::Ok, "{}", scene.host.reasons());
+        scene
+    }
+}
+
+#[test]
+fn a_described_array_is_calibrated_by_the_same_session_and_weighs() {
+    let mut scene = Scene::in_use();
+    assert!(scene.host.snapshot().taxels[0].count > 50_000, "raw counts are served");
+    scene.load = (16, 25.0);
+    scene.seconds(1.0);
+    let force = &scene.host.snapshot().force;
+    let (truth, total) = (16.0 * 25.0 * AREA_MM2 * 1e-3, force.total.unwrap().0);
+    assert!((total / truth - 1.0).abs() < 0.03, "{total} N, not {truth}: {:?}", force.reasons);
+    assert!((total - truth).abs() <= 2.0 * force.total_sigma.unwrap().0, "{force:?}");
+    scene.load = (0, 0.0);
+    scene.seconds(1.0);
+    assert!(scene.host.snapshot().force.total.unwrap().0 < 0.02);
+}
+
+#[test]
+fn a_described_device_that_takes_a_new_zero_under_a_load_has_no_force() {
+    let mut scene = Scene::in_use();
+    scene.load = (16, 25.0);
+    scene.seconds(1.0);
+    assert!(scene.host.snapshot().force.total.unwrap().0 > 5.0);
+    // What lies on it reads as nothing from now on, and each input has another residue.
+    let residues: Vec<f64> = (0..TAXELS).map(|_| 2.0 * scene.chance()).collect();
+    scene.taken = (0..TAXELS).map(|taxel| scene.moved(taxel) + residues[taxel]).collect();
+    scene.seconds(2.0);
+    assert_eq!(scene.host.state(), ForceState::TareInvalid, "{:?}", scene.host.snapshot().force);
+    assert!(scene.host.reasons().contains("board 1 "), "{}", scene.host.reasons());
+    scene.seconds(5.0);
+    assert_eq!(scene.host.state(), ForceState::TareInvalid, "it does not come back by itself");
+}
+
+#[test]
+fn a_described_frame_that_falls_silent_takes_its_taxels_along() {
+    let mut scene = Scene::in_use();
+    scene.mute = Some(1);
+    scene.seconds(1.0);
+    let snapshot = scene.host.snapshot();
+    assert_eq!((snapshot.force.state, snapshot.force.stale), (ForceState::Stale, 24), "{:?}", snapshot.force.reasons);
+    assert!(snapshot.taxels[24].stale && !snapshot.taxels[23].stale);
+    assert!(snapshot.force.total.is_none());
+}
+
+#[test]
+fn a_taxel_at_the_end_of_its_own_range_has_a_fault_and_no_other_has() {
+    let mut scene = Scene::in_use();
+    scene.railed = Some(7);
+    scene.seconds(1.0);
+    let taxels = &scene.host.snapshot().taxels;
+    assert!(taxels[7].faults.contains(Fault::Rail), "{}", taxels[7].faults);
+    assert!(taxels.iter().enumerate().all(|(taxel, state)| taxel == 7 || state.faults.is_empty()));
+}
+
+#[test]
+fn a_described_frame_that_is_too_short_is_counted_and_changes_nothing() {
+    let mut scene = Scene::in_use();
+    let before = scene.host.snapshot().taxels[0].count;
+    let frame = Frame::fd(CanId::Extended(0x18FE_0000), &[0; 12]).unwrap();
+    scene.host.frames(&[TimedFrame { time: scene.host.now, frame }]);
+    scene.host.tick(scene.host.now + Duration::from_millis(1_100));
+    let bus = &scene.host.health().buses[0];
+    assert_eq!(bus.malformed, 1);
+    assert!(bus.last_malformed.contains("frame 18FE0000 has 12 bytes, expected at least 48"), "{}", bus.last_malformed);
+    assert_eq!(scene.host.snapshot().taxels[0].count, before);
+}
+
+#[test]
+fn a_described_device_that_needs_commands_gets_them_after_a_start_with_models_too() {
+    let set = Scene::in_use().newest_set();
+    let start = Frame::of(CanId::Extended(0x18FD_0001), [1]);
+    let mut plan = plan();
+    plan.patches[0].devices[0].commands = vec![(Duration::from_millis(50), start)];
+    let active = vec![("array".to_owned(), set.id.clone())];
+    let mut scene = Scene::new(plan, Restored { model_sets: vec![set.into()], active, ..Restored::default() });
+    scene.load = (16, 25.0);
+    scene.seconds(3.0);
+    assert!(scene.host.sent.is_empty(), "a load lies on it, and a device that starts may take its zero");
+    scene.load = (0, 0.0);
+    scene.seconds(6.0);
+    assert!(scene.host.sent.iter().any(|(_, frame)| *frame == start), "{}", scene.host.reasons());
+    assert_eq!(scene.host.state(), ForceState::Ok, "{}", scene.host.reasons());
+}

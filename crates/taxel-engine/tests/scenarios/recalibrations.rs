@@ -1,0 +1,263 @@
+//! Known loads correct the gain of a model set: a new set that nobody uses before an operator says so, made once and never
+//! corrected twice.
+
+use std::sync::Arc;
+
+use taxel_engine::Restored;
+use taxel_engine::calibration::{SessionState, SessionView};
+use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::loads::validation::judge;
+use taxel_engine::loads::{KnownLoad, Validation, Weight};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::plan::PatchPlan;
+use taxel_engine::recalibration::{Assumptions, Chosen, Proposal, propose};
+use taxel_engine::record::Record;
+use taxel_skin::SquareMillimetre;
+
+use crate::bench::Bench;
+use crate::rig::{patch_plan, plan};
+use crate::shared::small;
+
+/// The configured areas are this much too small, which reads as a gain that is off.
+const OFF: f64 = 1.1;
+
+/// Masses in kg at five places, and three that no correction has seen.
+const MASSES: [(f64, u16); 5] = [(0.4, 33), (0.6, 22), (0.8, 44), (0.5, 14), (0.7, 55)];
+const OTHERS: [(f64, u16); 3] = [(0.45, 24), (0.55, 35), (0.65, 53)];
+
+fn too_small(plan: &mut PatchPlan) {
+    plan.areas.iter_mut().for_each(|area| *area = SquareMillimetre(area.0 / OFF));
+}
+
+fn with_factor(plan: &mut PatchPlan) {
+    too_small(plan);
+    plan.area_from_loads = true;
+}
+
+/// Lays masses down one after the other and has each read as what `noted` says; the numbers of the loads.
+fn weigh(bench: &mut Bench, masses: &[(f64, u16)], noted: impl Fn(usize, f64) -> f64) -> Vec<u64> {
+    let one = |(n, (kilogram, centre)): (usize, &(f64, u16))| {
+        bench.lay(*kilogram, *centre);
+        bench.seconds(1.5);
+        let (weight, note, by) = (Weight::Kilogram(noted(n, *kilogram)), String::new(), "Ada".to_owned());
+        let load = KnownLoad { weight, relative_sigma: 0.005, note, by, replaces: None };
+        let Ok(Done::LoadRecorded(load)) = bench.ask(Command::RecordLoad { patch: String::new(), load }) else {
+            panic!("load {n} was refused")
+        };
+        bench.world.clear();
+        bench.seconds(2.0);
+        load.number
+    };
+    masses.iter().enumerate().map(one).collect()
+}
+
+fn validation(bench: &Bench) -> &Validation {
+    &bench.host.catalogue.validations[0]
+}
+
+fn proposal(bench: &Bench, source: &ModelSet, chosen: &Chosen) -> Proposal {
+    propose(validation(bench), source, chosen, Assumptions::MASSES, 1).unwrap()
+}
+
+/// Mean of what is read over what lies there, over masses that no correction has seen.
+fn ratio(bench: &mut Bench) -> f64 {
+    let mut sum = 0.0;
+    for (kilogram, centre) in OTHERS {
+        let weight = bench.lay(kilogram, centre).0;
+        bench.seconds(1.5);
+        sum += bench.weigh(10) / weight / OTHERS.len() as f64;
+        bench.world.clear();
+        bench.seconds(2.0);
+    }
+    sum
+}
+
+/// The set of a proposal, as the service would name it.
+fn named(proposal: &Proposal, id: &str) -> Arc<ModelSet> {
+    Arc::new(ModelSet { id: id.to_owned(), ..proposal.set.clone().unwrap() })
+}
+
+fn keep(set: &Arc<ModelSet>) -> Command {
+    Command::KeepRecalibration { model_set: Arc::clone(set) }
+}
+
+#[test]
+fn five_masses_correct_a_gain_that_is_a_tenth_off_and_only_activation_uses_it() {
+    let mut bench = small().in_use_with(too_small);
+    let before = ratio(&mut bench);
+    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let found = proposal(&bench, &small().set, &Chosen::default());
+    let gain = found.found.line.gain;
+    eprintln!("gain {gain:.4} +- {:.4}, relative {:.4}", found.found.gain_sigma(), found.found.relative_sigma());
+    assert!(found.found.is_sound() && found.found.is_needed(), "{:?}", found.found);
+    assert!((gain / OFF - 1.0).abs() < 2.0 * found.found.relative_sigma(), "{gain}");
+    let set = named(&found, "m-corrected");
+    let Ok(Done::RefitKept { known: false, .. }) = bench.ask(keep(&set)) else { panic!("it was not kept") };
+    assert!(bench.host.records.iter().any(|r| matches!(r, Record::ModelSet(kept) if kept.id == "m-corrected")));
+    let unused = ratio(&mut bench);
+    assert!((unused / before - 1.0).abs() < 0.02, "kept and not used: {unused}, {before} before");
+    bench.activate("m-corrected").unwrap();
+    let after = ratio(&mut bench);
+    eprintln!("read over laid on: {before:.3} before, {after:.3} after");
+    assert!((after / before / gain - 1.0).abs() < 0.02, "{after} after, {before} before, gain {gain}");
+    assert!((after - 1.0).abs() < 0.5 * (before - 1.0).abs(), "{after} after, {before} before");
+    let sample = &bench.host.snapshot().force;
+    assert_eq!(sample.model_set.as_deref(), Some("m-corrected"));
+    // The uncertainty of the correction is in that of every force.
+    assert!(set.gauge_gain_rel >= found.found.relative_sigma() && set.gauge_gain_rel > small().set.gauge_gain_rel);
+    // The way back.
+    bench.activate(&small().set.id).unwrap();
+    let back = ratio(&mut bench);
+    assert!((back / before - 1.0).abs() < 0.02, "{back}");
+}
+
+#[test]
+fn the_area_factor_and_the_correction_of_the_same_loads_are_never_applied_together() {
+    let mut bench = small().in_use_with(with_factor);
+    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let factor = validation(&bench).factor.unwrap().value;
+    assert!(validation(&bench).applied && (factor - OFF).abs() < 0.08, "{factor}");
+    let with_factor = ratio(&mut bench);
+    // The later loads were read with the factor applied, and the gain is that of the configured areas all the same.
+    let found = proposal(&bench, &small().set, &Chosen::default());
+    let gain = found.found.line.gain;
+    assert!((gain / factor - 1.0).abs() < 0.03, "gain {gain}, factor {factor}");
+    bench.ask(keep(&named(&found, "m-corrected"))).unwrap();
+    let seen = bench.host.snapshots.len();
+    bench.activate("m-corrected").unwrap();
+    assert_eq!((validation(&bench).factor, validation(&bench).applied), (None, false));
+    let corrected = ratio(&mut bench);
+    eprintln!(
+        "read over laid on: {with_factor:.3} with the factor, {corrected:.3} with the correction, gain {gain:.3}"
+    );
+    assert!((corrected / with_factor * factor / gain - 1.0).abs() < 0.02, "{corrected}, {with_factor}");
+    // At no moment were both in a force: while nothing lies there none is read, and a mass reads no tenth too much.
+    let most = bench.host.snapshots[seen..].iter().filter_map(|s| s.force.total).map(|n| n.0).fold(0.0, f64::max);
+    assert!(most < 0.65 * 9.81 * 1.08, "{most} N read");
+    // Loads with the corrected set make a factor of their own, near 1.
+    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let again = validation(&bench).factor.unwrap().value;
+    assert!((again - 1.0).abs() < 0.05, "{again}");
+    let third = proposal(&bench, &named(&found, "m-corrected"), &Chosen::default());
+    assert!((third.found.line.gain - 1.0).abs() < 0.05 && !third.found.is_needed(), "{:?}", third.found);
+}
+
+#[test]
+fn a_mass_that_was_noted_wrong_is_named_makes_no_set_and_can_be_left_out() {
+    let mut bench = small().in_use_with(too_small);
+    let numbers = weigh(&mut bench, &MASSES, |n, kilogram| if n == 2 { 2.0 * kilogram } else { kilogram });
+    let found = proposal(&bench, &small().set, &Chosen::default());
+    assert_eq!(found.found.contradicts, Some(numbers[2]));
+    let why = found.set.unwrap_err();
+    assert!(why.contains(&format!("point {} contradicts the others", numbers[2])), "{why}");
+    // Four are left, which are too few.
+    let without = Chosen { leave_out: vec![numbers[2]], ..Chosen::default() };
+    let few = propose(validation(&bench), &small().set, &without, Assumptions::MASSES, 1).unwrap_err();
+    assert!(few.contains("4 load points, expected 5"), "{few}");
+    weigh(&mut bench, &OTHERS[..1], |_, kilogram| kilogram);
+    let found = proposal(&bench, &small().set, &without);
+    assert!(found.found.is_sound(), "{:?}", found.found);
+    for (chosen, says) in [
+        (Chosen { loads: vec![99], ..Chosen::default() }, "no load 99"),
+        (Chosen { loads: numbers[..4].to_vec(), ..Chosen::default() }, "4 load points"),
+    ] {
+        let refused = propose(validation(&bench), &small().set, &chosen, Assumptions::MASSES, 1).unwrap_err();
+        assert!(refused.contains(says), "{refused}");
+    }
+    // With another set in use the loads say nothing, and a set that was proposed before is not kept.
+    let set = named(&found, "m-corrected");
+    let other = Arc::new(ModelSet { id: "m-other".to_owned(), session: None, ..ModelSet::clone(&small().set) });
+    bench.ask(Command::Import { model_set: other, insist: false }).unwrap();
+    bench.activate("m-other").unwrap();
+    let refused = bench.refused(keep(&set));
+    assert!(refused.contains("m-other is active now"), "{refused}");
+    assert!(bench.host.catalogue.model_sets.iter().all(|known| known.id != "m-corrected"));
+}
+
+#[test]
+fn the_set_that_a_correction_came_from_stays_while_the_corrected_one_is_in_use() {
+    let mut bench = small().in_use_with(too_small);
+    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let set = named(&proposal(&bench, &small().set, &Chosen::default()), "m-corrected");
+    assert_eq!((set.derived_from(), set.session), (Some(small().set.id.as_str()), None));
+    bench.ask(keep(&set)).unwrap();
+    let Ok(Done::RefitKept { known: true, .. }) = bench.ask(keep(&set)) else { panic!("twice is once") };
+    bench.activate("m-corrected").unwrap();
+    let delete = |id: &str| Command::DeleteModelSet { model_set: id.to_owned() };
+    let refused = bench.refused(delete(&small().set.id));
+    assert!(refused.contains("`m-corrected`, which is in use, was made of"), "{refused}");
+    bench.activate(&small().set.id).unwrap();
+    bench.ask(delete("m-corrected")).unwrap();
+}
+
+#[test]
+fn a_correction_of_a_discarded_calibration_is_not_used() {
+    let mut bench = small().in_use_with(too_small);
+    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let set = named(&proposal(&bench, &small().set, &Chosen::default()), "m-corrected");
+    let session = SessionView {
+        state: SessionState::Discarded,
+        model_set: Some(small().set.id.as_str().into()),
+        ..small().session.clone()
+    };
+    let restored = Restored {
+        model_sets: vec![set.into(), Arc::clone(&small().set).into()],
+        sessions: vec![Arc::new(session)],
+        next_session: 2,
+        ..Restored::default()
+    };
+    let patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+    let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+    bench.seconds(2.0);
+    let Err(Rejection::FailedPrecondition(why)) = bench.activate("m-corrected") else { panic!("it was activated") };
+    assert!(why.contains("DISCARDED"), "{why}");
+}
+
+#[test]
+fn a_correction_says_nothing_of_other_areas_than_its_loads_were_read_with() {
+    let mut bench = small().in_use_with(too_small);
+    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let set = named(&proposal(&bench, &small().set, &Chosen::default()), "m-corrected");
+    for (active, areas_as_they_were) in [(true, true), (true, false), (false, true), (false, false)] {
+        let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+        if areas_as_they_were {
+            too_small(&mut patch);
+        }
+        let in_use = if active { &set.id } else { &small().set.id };
+        let restored = Restored {
+            model_sets: vec![Arc::clone(&set).into(), Arc::clone(&small().set).into()],
+            active: vec![(patch.patch.name().to_owned(), in_use.clone())],
+            ..Restored::default()
+        };
+        let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+        bench.seconds(3.0);
+        if active {
+            let used = bench.host.snapshot().force.model_set.as_deref() == Some("m-corrected");
+            assert_eq!(used, areas_as_they_were);
+            let told =
+                bench.host.healths.last().unwrap().problems.iter().any(|p| p.contains("set the areas as they were"));
+            assert_eq!(told, !areas_as_they_were);
+        } else {
+            let refused = bench.activate("m-corrected").err();
+            assert_eq!(refused.is_none(), areas_as_they_were, "{refused:?}");
+        }
+    }
+}
+
+#[test]
+fn a_load_that_lay_under_a_degraded_force_counts_for_nothing() {
+    let mut bench = small().in_use_with(too_small);
+    let numbers = weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let mut view = validation(&bench).clone();
+    assert!(view.loads.iter().all(|judged| judged.in_factor));
+    let mut loads: Vec<_> = view.loads.iter().rev().map(|judged| (*judged.load).clone()).collect();
+    loads[0].read.reasons = vec!["module 3 is silent: the total is a lower bound".to_owned()];
+    let (area_mm2, of) = (loads[0].mean_area_mm2, view.model_set.clone());
+    let loads: Vec<_> = loads.into_iter().map(Arc::new).collect();
+    view = judge(&view.patch, &loads, area_mm2, of);
+    let counted = view.loads.iter().filter(|judged| judged.in_factor).count();
+    assert_eq!(counted, MASSES.len() - 1);
+    let chosen = Chosen { loads: numbers, ..Chosen::default() };
+    let why = propose(&view, &small().set, &chosen, Assumptions::MASSES, 1).unwrap_err();
+    assert!(why.contains("DEGRADED") && why.contains("module 3 is silent"), "{why}");
+}

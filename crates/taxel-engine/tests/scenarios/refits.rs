@@ -1,0 +1,233 @@
+//! Stored samples fitted once more: the same as the session's own fit, or otherwise, alone or together.
+
+use std::sync::{Arc, OnceLock};
+
+use taxel_engine::calibration::fit::{Branch, PlaysChoice};
+use taxel_engine::calibration::{Refit, RefitOptions, SessionSamples, SessionState, SessionView, StoredSession};
+use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::plan::Plan;
+use taxel_engine::record::Record;
+use taxel_model::{Estimator, Order};
+use taxel_sim::PumpCommand;
+
+use crate::bench::{Bench, session_of};
+use crate::sessions::{in_review, start};
+
+/// Two sessions of one skin in review, the first to 30 kPa and the second to 40, and what is on disk of them.
+struct Shelf {
+    plan: Arc<Plan>,
+    sessions: Vec<StoredSession>,
+    samples: Vec<SessionSamples>,
+    /// The set that each session's own fit gave.
+    own: Vec<Arc<ModelSet>>,
+}
+
+fn two_sessions() -> Bench {
+    let (mut bench, _) = in_review(30.0);
+    session_of(bench.ask(start()));
+    bench.until_state(30.0, SessionState::Ramping);
+    bench.ramp(74.0, 4.0);
+    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 40.0));
+    bench.ask(Command::FinishRamp { session: 2 }).unwrap();
+    bench.until_state(1.0, SessionState::Review);
+    bench.world.pump(PumpCommand::Vent);
+    bench
+}
+
+fn shelf() -> &'static Shelf {
+    static SHELF: OnceLock<Shelf> = OnceLock::new();
+    SHELF.get_or_init(|| {
+        let bench = two_sessions();
+        let views = bench.host.catalogue.sessions.clone();
+        let own: Vec<Arc<ModelSet>> = [0, 1].map(|position| bench.host.set(position)).into();
+        let settings = |k: usize| Some(own[k].board_settings.clone());
+        let sessions = views.into_iter().enumerate();
+        Shelf {
+            plan: Arc::clone(&bench.host.plan),
+            sessions: sessions.map(|(k, view)| StoredSession { board_settings: settings(k), view }).collect(),
+            samples: [1, 2].map(|number| bench.host.on_disk(number).unwrap()).into(),
+            own,
+        }
+    })
+}
+
+impl Shelf {
+    fn plan(&self, sessions: Vec<StoredSession>, options: &RefitOptions) -> Result<Refit, Rejection> {
+        let plan = &self.plan.patches[0];
+        Refit::plan(plan.calibration(), plan.patch.counts(), sessions, options)
+    }
+
+    /// The sessions of these positions, in this order.
+    fn fit(&self, positions: &[usize], options: &RefitOptions) -> ModelSet {
+        let refit = self.plan(positions.iter().map(|k| self.sessions[*k].clone()).collect(), options).unwrap();
+        let samples = refit.numbers().into_iter().map(|number| self.samples[number as usize - 1].clone()).collect();
+        ModelSet::clone(&refit.job(samples, 1).unwrap().run(|_| String::new()).result.unwrap())
+    }
+
+    /// Why the two cannot be fitted together after a change of the second.
+    fn refused(&self, options: &RefitOptions, change: impl FnOnce(&mut StoredSession)) -> String {
+        let mut sessions = self.sessions.clone();
+        change(&mut sessions[1]);
+        self.plan(sessions, options).unwrap_err().to_string()
+    }
+}
+
+/// All of a set but its id and when it was made.
+fn content(set: &ModelSet) -> String {
+    format!("{:?}", ModelSet { id: String::new(), created_wall_ns: 0, ..set.clone() })
+}
+
+fn with_view(session: &mut StoredSession, change: impl FnOnce(&mut SessionView)) {
+    change(Arc::make_mut(&mut session.view));
+}
+
+#[test]
+fn a_refit_without_options_is_the_sessions_own_fit() {
+    for k in [0, 1] {
+        let set = shelf().fit(&[k], &RefitOptions::default());
+        assert_eq!(content(&set), content(&shelf().own[k]));
+    }
+}
+
+#[test]
+fn a_refit_is_as_its_options_say() {
+    let options =
+        RefitOptions { order: Some(Order::Fixed(3)), estimator: Some(Estimator::PerSample), ..Default::default() };
+    let set = shelf().fit(&[1], &options);
+    assert_eq!(set.method, "order 3, per-sample");
+    assert!(set.taxels.iter().filter(|m| m.is_usable()).all(|model| model.order <= 3));
+    let paper = shelf().fit(&[1], &RefitOptions { estimator: Some(Estimator::Paper), ..Default::default() });
+    assert_eq!(paper.method, "order 5, paper");
+    let options = RefitOptions { min_swing_counts: Some(1e6), ..Default::default() };
+    let refit = shelf().plan(vec![shelf().sessions[1].clone()], &options).unwrap();
+    let none = refit.job(vec![shelf().samples[1].clone()], 1).unwrap().run(|_| String::new());
+    assert!(none.result.unwrap_err().starts_with("none of the 80 taxels gives a usable model"));
+}
+
+#[test]
+fn two_sessions_together_give_one_set_in_whatever_order_they_are_named() {
+    let both = shelf().fit(&[0, 1], &RefitOptions::default());
+    assert_eq!(content(&both), content(&shelf().fit(&[1, 0], &RefitOptions::default())));
+    assert_eq!((both.method.as_str(), both.session), ("order 5, pressure-binned, of sessions 1, 2 together", Some(2)));
+    assert_eq!(both.pressure_max_kpa.to_bits(), shelf().own[1].pressure_max_kpa.to_bits());
+    assert_eq!(both.baseline, shelf().own[0].baseline, "the zero of the first ramp");
+    let samples = |set: &ModelSet| set.taxels.iter().map(|model| model.quality.samples).max().unwrap();
+    assert!(samples(&both) > samples(&shelf().own[1]), "{} of {}", samples(&both), samples(&shelf().own[1]));
+    let usable = both.taxels.iter().filter(|model| model.is_usable()).count();
+    assert!(usable >= 70, "{usable} of 80");
+    let repeated = both.taxels.iter().filter(|model| model.quality.repeatability_kpa.is_some()).count();
+    assert!(repeated >= 70, "two ramps tell how well they repeat: {repeated} of 80");
+}
+
+#[test]
+fn sessions_that_do_not_go_together_are_refused_and_named() {
+    let none = RefitOptions::default();
+    let why = shelf().refused(&none, |session| with_view(session, |view| view.patch = "other".to_owned()));
+    assert_eq!(why, "session 2 is of patch `other`, the others are of `small`");
+    let why = shelf().refused(&none, |session| with_view(session, |view| view.number = 1));
+    assert_eq!(why, "sessions: session 1 is named twice");
+    let why = shelf().refused(&none, |session| with_view(session, |view| view.state = SessionState::Ramping));
+    assert_eq!(why, "session 2 is RAMPING; finish or abort it first");
+    let why = shelf().refused(&none, |session| with_view(session, |view| view.branches = Branch::Both));
+    assert!(why.starts_with("session 1 gathered rising pressure alone and session 2 both branches"), "{why}");
+    let why = shelf().refused(&none, |session| with_view(session, |view| view.accepted = 36_000));
+    assert!(why.contains("36000 is the most that are fitted at once"), "{why}");
+    let why = shelf().refused(&none, |session| with_view(session, |view| view.left_out = vec![8]));
+    assert_eq!(why, "session 2 was without module 9 of patch `small`, which has 8 now");
+    let why =
+        shelf().refused(&none, |session| session.board_settings.as_mut().unwrap()[0] = "board 13: shift 3".into());
+    assert!(why.contains("session 1 (board 13: ") && why.ends_with("session 2 (board 13: shift 3)"), "{why}");
+    let why = shelf().plan(Vec::new(), &none).unwrap_err().to_string();
+    assert_eq!(why, "sessions: 0 are named, expected 1 to 32");
+}
+
+#[test]
+fn samples_of_another_layout_are_refused_and_named() {
+    let refit = shelf().plan(shelf().sessions.clone(), &RefitOptions::default()).unwrap();
+    let mut samples = shelf().samples.clone();
+    samples[1].samples[7].counts = samples[1].samples[7].counts.counts().slice(0..70).into();
+    let why = refit.job(samples, 1).unwrap_err().to_string();
+    assert_eq!(why, "session 2 has samples of 70 taxels, patch `small` has 80: it is of another layout");
+}
+
+#[test]
+fn a_module_that_one_session_was_without_gets_no_models_of_both() {
+    let mut sessions = shelf().sessions.clone();
+    with_view(&mut sessions[1], |view| view.left_out = vec![2]);
+    let job = shelf().plan(sessions, &RefitOptions::default()).unwrap().job(shelf().samples.clone(), 1).unwrap();
+    let set = job.run(|_| String::new()).result.unwrap();
+    assert!(set.taxels[20..30].iter().all(|model| !model.is_usable()));
+    assert!(set.taxels[..20].iter().filter(|model| model.is_usable()).count() > 15);
+}
+
+#[test]
+fn options_out_of_range_and_branches_that_were_not_gathered_are_refused_by_name() {
+    let refused =
+        |options: RefitOptions| shelf().plan(vec![shelf().sessions[0].clone()], &options).unwrap_err().to_string();
+    let of = RefitOptions::default();
+    assert_eq!(refused(RefitOptions { order: Some(Order::Fixed(11)), ..of }), "order: 11 is not in 1 to 10");
+    for (options, field) in [
+        (RefitOptions { bin_width_kpa: Some(0.0), ..of }, "bin_width_kpa: 0"),
+        (RefitOptions { smooth_s: Some(f64::NAN), ..of }, "smooth_s: NaN"),
+        (RefitOptions { smooth_s: Some(60.5), ..of }, "smooth_s: 60.5"),
+        (RefitOptions { min_swing_counts: Some(-1.0), ..of }, "min_swing_counts: -1"),
+    ] {
+        assert!(refused(options).starts_with(field), "{field}");
+    }
+    let paper = RefitOptions { estimator: Some(Estimator::Paper), plays: Some(PlaysChoice::On), ..of };
+    assert!(refused(paper).starts_with("estimator: the paper's equation"));
+    let why = refused(RefitOptions { branch: Some(Branch::Both), ..of });
+    assert_eq!(why, "session 1 gathered rising pressure alone: it cannot be fitted over both branches");
+}
+
+fn keep(set: &Arc<ModelSet>, sessions: &[u64]) -> Command {
+    Command::KeepRefit { model_set: Arc::clone(set), sessions: sessions.to_vec() }
+}
+
+#[test]
+fn a_refit_is_known_when_it_is_on_disk_and_is_not_in_use() {
+    let (mut bench, _) = in_review(30.0);
+    let own = bench.host.set(0);
+    let set = Arc::new(ModelSet { id: "m-other".to_owned(), ..ModelSet::clone(&own) });
+    bench.host.disk_is_slow = true;
+    let before = format!("{:?}", bench.host.catalogue);
+    for result in [Err("no space left on device".to_owned()), Ok(())] {
+        let request = bench.host.command(keep(&set, &[1]));
+        bench.seconds(0.5);
+        assert!(!bench.host.replied(request), "it is not on disk");
+        assert_eq!(format!("{:?}", bench.host.catalogue), before);
+        bench.host.commit(result.clone());
+        match (bench.host.reply(request).unwrap(), result) {
+            (Ok(Done::RefitKept { model_set, known }), Ok(())) => {
+                assert_eq!((model_set.id.as_str(), known), ("m-other", false))
+            }
+            (Err(Rejection::Unavailable(why)), Err(_)) => assert!(why.contains("nothing has changed"), "{why}"),
+            (reply, _) => panic!("{reply:?}"),
+        }
+    }
+    bench.host.disk_is_slow = false;
+    assert_eq!(bench.host.catalogue.model_sets.len(), 2);
+    assert_eq!(bench.host.catalogue.active[0].1, None, "it is not in use");
+    let written = bench.host.records.iter().filter(|r| matches!(r, Record::ModelSet(set) if set.id == "m-other"));
+    assert_eq!(written.count(), 2, "once refused, once taken");
+    let Ok(Done::RefitKept { model_set, known: true }) = bench.ask(keep(&own, &[1])) else { panic!("not known") };
+    assert!(Arc::ptr_eq(&model_set.at_hand.unwrap(), &own));
+    assert_eq!(bench.host.catalogue.model_sets.len(), 2, "nothing is there twice");
+}
+
+#[test]
+fn a_refit_of_a_session_that_is_gone_meanwhile_is_not_kept() {
+    let (mut bench, _) = in_review(30.0);
+    let own = bench.host.set(0);
+    let set = Arc::new(ModelSet { id: "m-other".to_owned(), ..ModelSet::clone(&own) });
+    bench.host.disk_is_slow = true;
+    let deletion = bench.host.command(Command::DeleteSession { session: 1 });
+    assert_eq!(bench.refused(keep(&set, &[1])), "session 1 is being deleted");
+    bench.host.disk_is_slow = false;
+    bench.host.commit(Ok(()));
+    assert!(bench.host.reply(deletion).unwrap().is_ok());
+    let reply = bench.ask(keep(&set, &[1]));
+    assert!(matches!(reply, Err(Rejection::NotFound(_))), "{reply:?}");
+    assert!(bench.host.catalogue.model_sets.iter().all(|set| set.id != "m-other"));
+}

@@ -1,0 +1,107 @@
+//! What one patch learns of a board, every patch that has modules of it must know.
+
+use std::cell::Cell;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use taxel_engine::Restored;
+use taxel_engine::command::Command;
+use taxel_engine::snapshot::{ForceSample, ForceState};
+use taxel_sim::PumpCommand;
+use taxel_wire::{CanId, Frame};
+
+use crate::bench::Bench;
+use crate::host::Host;
+use crate::rig::small_world;
+use crate::several_patches::{halves, plan_of};
+
+/// Lets the tails of a module report so many lost acknowledgements, though nothing is wrong with its counts.
+fn report_lost_acknowledgements(bench: &mut Bench, id: u16) -> Rc<Cell<u32>> {
+    let left = Rc::new(Cell::new(0));
+    let reports = Rc::clone(&left);
+    bench.alters = Box::new(move |timed| {
+        if let [0xC0, .., _] = timed.frame.bytes()
+            && timed.frame.id == CanId::Standard(id)
+            && reports.get() > 0
+        {
+            reports.set(reports.get() - 1);
+            let mut tail = timed.frame.bytes().to_vec();
+            tail[7] |= 1;
+            timed.frame = Frame::data(timed.frame.id, &tail).unwrap();
+        }
+    });
+    left
+}
+
+#[test]
+fn firmware_temperature_and_status_of_a_shared_board_are_known_to_both_patches() {
+    let mut bench = Bench::new(small_world(), Arc::new(plan_of(halves().into())), Restored::default());
+    bench.brought_up();
+    let left = report_lost_acknowledgements(&mut bench, 0x4D1);
+    left.set(3);
+    bench.foreign.push_back(taxel_wire::TimedFrame {
+        time: bench.now(),
+        frame: Frame::data(CanId::Standard(0x3DE), &[1, 0x2C, 1, 0, 0]).unwrap(),
+    });
+    bench.seconds(1.5);
+    let boards = &bench.host.health().boards;
+    let shared: Vec<_> = boards.iter().filter(|board| board.address == 13).collect();
+    assert_eq!(shared.len(), 2, "one entry a patch: {boards:?}");
+    for board in shared {
+        assert_eq!((board.status_errors, board.celsius), (3, Some(30.0)), "{board:?}");
+        assert!(board.firmware.is_some(), "{board:?}");
+    }
+}
+
+/// The lower half is calibrated and in use, the upper has no models.
+fn lower_in_use() -> Bench {
+    let mut bench = Bench::new(small_world(), Arc::new(plan_of(halves().into())), Restored::default());
+    bench.brought_up();
+    bench.seconds(1.5);
+    let (patch, target) = ("lower".to_owned(), Some(taxel_skin::Kilopascal(20.0)));
+    let start = Command::StartSession { patch, target, branches: None, confirmed_by: None, leave_out: Vec::new() };
+    bench.ask(start).unwrap();
+    bench.until_state(10.0, taxel_engine::calibration::SessionState::Ramping);
+    bench.ramp(25.0, 4.0);
+    bench.until(20.0, "a model set", |host| host.session().model_set.is_some());
+    let model_set = bench.host.session().model_set.clone().unwrap();
+    bench
+        .ask(Command::Activate { patch: "lower".to_owned(), model_set: model_set.to_string(), expected: None })
+        .unwrap();
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    bench
+}
+
+/// The upper half has no models that would show a load, and so nothing to wait for. But its commands would make the board
+/// forget the modules of the lower half, and take the load on these for nothing.
+#[test]
+fn a_shared_board_is_configured_once_nothing_presses_on_either_patch() {
+    let before = lower_in_use();
+    let model_sets = before.host.catalogue.model_sets.clone();
+    let active = vec![("lower".to_owned(), model_sets[0].id.to_string())];
+    let restored = Restored { model_sets, active, next_session: 2, ..Restored::default() };
+    let mut bench = Bench::new(before.world, Arc::new(plan_of(halves().into())), restored);
+    bench.lay(0.5, 45);
+    bench.seconds(3.0);
+    assert_eq!(bench.host.sent, [], "nothing is sent to boards that bear a load");
+    bench.world.clear();
+    bench.brought_up();
+    bench.seconds(1.5);
+    for board in &bench.host.health().boards {
+        assert_eq!(board.modules.0, board.modules.1, "{board:?}");
+    }
+}
+
+#[test]
+fn acknowledgements_that_modules_of_one_patch_lose_invalidate_the_zero_of_the_other() {
+    let mut bench = lower_in_use();
+    bench.ask(Command::Tare { patch: "lower".to_owned(), confirmed_by: None }).unwrap();
+    let lower = |host: &Host| -> ForceSample { host.others[&1].force.clone() };
+    bench.until(3.0, "a force", |host| lower(host).total.is_some());
+    assert_eq!(lower(&bench.host).state, ForceState::Ok);
+    let left = report_lost_acknowledgements(&mut bench, 0x4D1); // of the upper half
+    left.set(5);
+    bench.until(1.0, "five", |host| lower(host).reasons.iter().any(|why| why.contains("5 lost acknowledgements")));
+    assert_eq!(lower(&bench.host).state, ForceState::TareInvalid);
+}

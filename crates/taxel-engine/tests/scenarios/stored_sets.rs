@@ -1,0 +1,109 @@
+//! Model sets that are in the store and not in memory.
+
+use std::sync::Arc;
+
+use taxel_engine::catalogue::StoreDamage;
+use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::known_set::{KnownSet, SetSummary};
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::plan::PatchPlan;
+
+use crate::bench::Bench;
+use crate::rig::{patch_plan, plan};
+use crate::shared::small;
+
+/// A second set of the small skin, stored but not in memory.
+fn with_another_stored(id: &str) -> (Bench, Arc<ModelSet>) {
+    let other = Arc::new(ModelSet { id: id.to_owned(), session: None, ..ModelSet::clone(&small().set) });
+    let mut restored = small().restored();
+    restored.model_sets.push(KnownSet::stored(SetSummary::of(&other)));
+    let patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+    let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+    bench.seconds(0.5);
+    (bench, other)
+}
+
+fn activation(id: &str) -> Command {
+    Command::Activate { patch: String::new(), model_set: id.to_owned(), expected: None }
+}
+
+#[test]
+fn a_set_that_is_not_in_memory_is_read_and_comes_into_use_when_that_is_on_disk() {
+    let (mut bench, other) = with_another_stored("m-other");
+    let first = small().set.id.as_str();
+    bench.host.shelf.push(other);
+    bench.host.disk_is_slow = true;
+    let request = bench.host.command(activation("m-other"));
+    assert_eq!(bench.host.set_loads.len(), 1);
+    bench.seconds(0.2);
+    assert!(!bench.host.replied(request));
+    bench.host.load_sets();
+    bench.seconds(0.2);
+    assert!(!bench.host.replied(request), "that it is in use is not on disk");
+    assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some(first));
+    bench.host.commit(Ok(()));
+    assert!(matches!(bench.host.reply(request), Some(Ok(Done::Activated { .. }))));
+    bench.host.disk_is_slow = false;
+    assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some("m-other"));
+    let before = bench.host.set_loads.len();
+    bench.activate(first).unwrap();
+    assert_eq!(bench.host.set_loads.len(), before, "what was in use lately is still in memory");
+}
+
+#[test]
+fn what_changes_while_a_set_is_read_counts() {
+    let (mut bench, other) = with_another_stored("m-other");
+    bench.host.shelf.push(other);
+    bench.host.disk_is_slow = true;
+    let request = bench.host.command(activation("m-other"));
+    let deletion = bench.host.command(Command::DeleteModelSet { model_set: "m-other".to_owned() });
+    bench.host.load_sets();
+    let Some(Err(refused)) = bench.host.reply(request) else { panic!("not refused") };
+    assert!(refused.to_string().contains("is being deleted"), "{refused}");
+    bench.host.commit(Ok(()));
+    assert!(matches!(bench.host.reply(deletion), Some(Ok(Done::Deleted))));
+    assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some(small().set.id.as_str()));
+}
+
+#[test]
+fn a_set_that_is_damaged_on_disk_does_not_come_into_use() {
+    let (mut bench, _) = with_another_stored("m-other");
+    let why = bench.refused(activation("m-other"));
+    assert!(why.contains("m-other") && why.contains("damaged on disk") && why.contains("import it again"), "{why}");
+    assert_eq!(bench.host.catalogue.active[0].1.as_deref(), Some(small().set.id.as_str()));
+}
+
+#[test]
+fn damage_that_the_store_finds_is_in_the_health_and_what_is_lost_is_not_listed() {
+    let (mut bench, _) = with_another_stored("m-other");
+    let used = small().set.id.clone();
+    let problems = vec!["model set m-other is damaged on disk and not used".to_owned()];
+    let model_sets = vec!["m-other".to_owned(), used.clone()];
+    bench.host.store_damaged(StoreDamage { problems: problems.clone(), model_sets, sessions: Vec::new() });
+    bench.seconds(1.0);
+    assert_eq!(bench.host.health().store.damage, problems);
+    assert!(bench.host.health().problems.contains(&problems[0]));
+    let listed: Vec<_> = bench.host.catalogue.model_sets.iter().map(|set| set.id.as_str()).collect();
+    assert_eq!(listed, [used.as_str()], "a set in use is whole in memory");
+    assert!(matches!(bench.ask(activation("m-other")), Err(Rejection::NotFound(_))));
+    let other = Arc::new(ModelSet { id: "m-other".to_owned(), session: None, ..ModelSet::clone(&small().set) });
+    bench.ask(Command::Import { model_set: other, insist: false }).unwrap();
+    bench.activate("m-other").unwrap();
+}
+
+#[test]
+fn few_sets_stay_in_memory_however_many_come() {
+    let (mut bench, _) = with_another_stored("m-other");
+    for n in 0..12 {
+        let set = ModelSet { id: format!("m-{n}"), session: None, ..ModelSet::clone(&small().set) };
+        bench.ask(Command::Import { model_set: Arc::new(set), insist: false }).unwrap();
+    }
+    let known = &bench.host.catalogue.model_sets;
+    assert_eq!(known.len(), 14);
+    let in_memory: Vec<_> = known.iter().filter(|set| set.at_hand.is_some()).map(|set| set.id.as_str()).collect();
+    assert_eq!(
+        in_memory,
+        [small().set.id.as_str(), "m-8", "m-9", "m-10", "m-11"],
+        "the one in use and the newest four"
+    );
+}

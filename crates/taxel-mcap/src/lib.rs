@@ -1,0 +1,33 @@
+//! Recordings as MCAP files, the container of Foxglove and ROS 2: live traffic and sessions, in messages of `taxel.v1`.
+//!
+//! Principles:
+//! 1. Whoever gives something to a [`Recorder`] never waits for a disk: its queue is bounded, and what it has no room for
+//!    is counted.
+//! 2. Every second what was gathered becomes a chunk of the file and goes to the disk. Whatever happens then, that chunk
+//!    can be read, also without the summary that only a file that was closed has.
+//! 3. Only files of our own pattern are ever counted or deleted ([`Folder`]).
+//! 4. What is read may be hostile: every length is checked before memory is taken for it ([`Chunks`]).
+
+mod candump;
+mod chunks;
+mod file;
+mod folder;
+mod frames;
+mod name;
+mod queue;
+mod recorder;
+mod schema;
+mod sink;
+mod status;
+
+pub use candump::{CandumpText, Ending, Input};
+pub use chunks::{CHUNK_BYTES_MAX, Chunks, MAGIC_BYTES, ReadFault, Record};
+pub use file::{McapFault, McapFile, Topic};
+pub use folder::Folder;
+pub use frames::{FrameTap, frames_message};
+pub use name::FileName;
+pub use queue::{Given, Queue};
+pub use recorder::{Limits, Opener, Recorder, open_file};
+pub use schema::schema_of;
+pub use sink::Sink;
+pub use status::Status;

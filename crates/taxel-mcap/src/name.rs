@@ -1,0 +1,123 @@
+//! Names of recordings: `taxeld-00000012-20261122T071402Z.mcap`, by number and then by the moment of their beginning.
+//!
+//! The number orders them: the clock of a robot that was just switched on may say anything.
+
+use std::fmt;
+
+/// Digits of the number.
+const DIGITS: usize = 8;
+/// Those of the greatest.
+const DIGITS_MAX: usize = 10;
+const PREFIX: &str = "taxeld-";
+const SUFFIX: &str = ".mcap";
+/// As in `20261122T071402Z`.
+const MOMENT_BYTES: usize = 16;
+const SECONDS_PER_DAY: i64 = 86_400;
+
+/// The name of a recording.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct FileName {
+    number: u32,
+    moment: String,
+}
+
+impl FileName {
+    /// The name of the recording of this number that begins at so many nanoseconds since 1970.
+    #[must_use]
+    pub fn new(number: u32, wall_ns: i64) -> Self {
+        Self { number, moment: moment(wall_ns.div_euclid(1_000_000_000)) }
+    }
+
+    /// The name that a file has; `None` if it is none of ours.
+    #[must_use]
+    pub fn parse(name: &str) -> Option<Self> {
+        let (number, moment) = name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX)?.split_once('-')?;
+        // Beyond 99,999,999 a number has more digits.
+        let is_number =
+            (DIGITS..=DIGITS_MAX).contains(&number.len()) && number.bytes().all(|byte| byte.is_ascii_digit());
+        let is_moment = moment.len() == MOMENT_BYTES
+            && moment.bytes().enumerate().all(|(at, byte)| match at {
+                8 => byte == b'T',
+                15 => byte == b'Z',
+                _ => byte.is_ascii_digit(),
+            });
+        let number = number.parse().ok().filter(|_| is_number && is_moment)?;
+        let ours = Self { number, moment: moment.to_owned() };
+        (ours.to_string() == name).then_some(ours)
+    }
+
+    /// Its number.
+    #[must_use]
+    pub const fn number(&self) -> u32 {
+        self.number
+    }
+}
+
+impl fmt::Display for FileName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{PREFIX}{:0width$}-{}{SUFFIX}", self.number, self.moment, width = DIGITS)
+    }
+}
+
+/// A moment in UTC; the first of the year 0 or the last of 9999 for what lies beyond.
+fn moment(seconds: i64) -> String {
+    let seconds = seconds.clamp(-62_167_219_200, 253_402_300_799);
+    let (days, of_day) = (seconds.div_euclid(SECONDS_PER_DAY), seconds.rem_euclid(SECONDS_PER_DAY));
+    let (year, month, day) = civil(days);
+    format!("{year:04}{month:02}{day:02}T{:02}{:02}{:02}Z", of_day / 3600, of_day / 60 % 60, of_day % 60)
+}
+
+/// Year, month and day of a day since 1970. Years begin in March here, so that a leap day is a year's last; 400 of them
+/// have 146,097 days.
+const fn civil(days: i64) -> (i64, i64, i64) {
+    let shifted = days + 719_468; // days since the 1st of March of the year 0
+    let (era, of_era) = (shifted.div_euclid(146_097), shifted.rem_euclid(146_097));
+    let year_of_era = (of_era - of_era / 1_460 + of_era / 36_524 - of_era / 146_096) / 365;
+    let of_year = of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let from_march = (5 * of_year + 2) / 153;
+    let day = of_year - (153 * from_march + 2) / 5 + 1;
+    let month = if from_march < 10 { from_march + 3 } else { from_march - 9 };
+    let year = year_of_era + era * 400 + if month <= 2 { 1 } else { 0 };
+    (year, month, day)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_are_those_of_the_calendar() {
+        for (seconds, expected) in [
+            (0, "19700101T000000Z"),
+            (951_782_399, "20000228T235959Z"),
+            (951_782_400, "20000229T000000Z"),
+            (1_795_331_642, "20261122T071402Z"),
+            (-1, "19691231T235959Z"),
+            (i64::MAX / 1_000_000_000, "22620411T234716Z"),
+        ] {
+            assert_eq!(moment(seconds), expected);
+        }
+    }
+
+    #[test]
+    fn a_name_is_read_as_it_is_written_and_no_other_file_has_one() {
+        for number in [0, 12, 99_999_999, 100_000_000, u32::MAX] {
+            let name = FileName::new(number, 0);
+            assert_eq!(FileName::parse(&name.to_string()), Some(name));
+        }
+        assert_eq!(FileName::parse("taxeld-000000012-20260101T000000Z.mcap"), None, "not as it is written");
+        let name = FileName::new(12, 1_795_331_642_500_000_000);
+        assert_eq!(name.to_string(), "taxeld-00000012-20261122T071402Z.mcap");
+        assert_eq!(FileName::parse(&name.to_string()), Some(name));
+        for other in [
+            "taxeld-00000012-20261122T071402Z.mcap.bak",
+            "taxeld-12-20261122T071402Z.mcap",
+            "taxeld-+0000012-20261122T071402Z.mcap",
+            "taxeld-00000012-2026112207140200.mcap",
+            "taxeld-00000012.mcap",
+            "mine.mcap",
+        ] {
+            assert_eq!(FileName::parse(other), None, "{other}");
+        }
+    }
+}

@@ -1,0 +1,327 @@
+//! What is recorded can be read, whatever happens meanwhile.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
+
+mod hostile;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::{self, Cursor, Read, Write};
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use prost::Message as _;
+use taxel_mcap::{
+    CandumpText, Ending, Folder, FrameTap, Given, Input, Limits, McapFile, Queue, Recorder, Sink, Topic,
+    frames_message, open_file,
+};
+use taxel_proto::v1::CanFrames;
+use taxel_skin::Time;
+use taxel_wire::candump::write_line;
+use taxel_wire::{CanId, Frame, TimedFrame};
+
+const WALL_NS: i64 = 1_795_331_642_000_000_000;
+
+fn topics() -> Vec<Topic> {
+    vec![Topic { name: "/taxeld/bus/can0".to_owned(), message: "CanFrames" }]
+}
+
+fn frame(number: u64) -> TimedFrame {
+    let frame = Frame::of(CanId::Standard((number % 0x7FF) as u16), number.to_le_bytes());
+    TimedFrame { time: Time::from_nanos(5_000_000_000 + number as i64 * 1_000), frame }
+}
+
+fn message(numbers: std::ops::Range<u64>) -> Vec<u8> {
+    let frames: Vec<TimedFrame> = numbers.map(frame).collect();
+    let wall = WALL_NS + frames[0].time.as_nanos();
+    CanFrames { bus: "can0".to_owned(), ..frames_message(&frames, wall) }.encode_to_vec()
+}
+
+/// The lines that a candump log of these frames has.
+fn lines(numbers: std::ops::Range<u64>) -> String {
+    let mut text = String::new();
+    for TimedFrame { time, frame } in numbers.map(frame) {
+        write_line(&mut text, Time::from_nanos(WALL_NS + time.as_nanos()), "can0", &frame).unwrap();
+    }
+    text
+}
+
+fn read(inputs: Vec<Input>, wanted: Option<&str>) -> (String, Ending) {
+    let ending = Arc::new(Mutex::new(None));
+    let told = Arc::clone(&ending);
+    let mut text = CandumpText::new(inputs, wanted.map(str::to_owned), move |ending| {
+        assert!(told.lock().unwrap().replace(ending.clone()).is_none(), "told twice");
+    });
+    let mut all = String::new();
+    text.read_to_string(&mut all).unwrap();
+    let ending = ending.lock().unwrap().take().expect("told");
+    (all, ending)
+}
+
+fn read_bytes(bytes: &[u8]) -> (String, Ending) {
+    read(vec![Input::Open("log".to_owned(), Box::new(Cursor::new(bytes.to_vec())))], None)
+}
+
+/// A disk of so many bytes.
+#[derive(Clone, Default)]
+struct Disk {
+    bytes: Arc<Mutex<Vec<u8>>>,
+    room: Arc<AtomicU64>,
+}
+
+impl Disk {
+    fn of(room: u64) -> Self {
+        Self { room: Arc::new(room.into()), ..Self::default() }
+    }
+
+    fn content(&self) -> Vec<u8> {
+        self.bytes.lock().unwrap().clone()
+    }
+}
+
+impl Write for Disk {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let mut content = self.bytes.lock().unwrap();
+        let room = self.room.load(Ordering::Relaxed).saturating_sub(content.len() as u64);
+        let length = bytes.len().min(room as usize);
+        if length == 0 && !bytes.is_empty() {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        content.extend(&bytes[..length]);
+        Ok(length)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Sink for Disk {
+    fn sync(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+
+    fn cut(&mut self, bytes: u64) -> io::Result<()> {
+        self.bytes.lock().unwrap().truncate(bytes as usize);
+        Ok(())
+    }
+}
+
+/// A file of three chunks of 100 frames and their places, and, if it is closed, its end.
+fn three_chunks(closed: bool) -> (Vec<u8>, Vec<usize>) {
+    let disk = Disk::of(u64::MAX);
+    let mut file = McapFile::begin(Box::new(disk.clone()), &topics(), BTreeMap::new()).unwrap();
+    let mut ends = vec![disk.content().len()];
+    for chunk in 0..3 {
+        file.write(0, 7, &message(chunk * 100..chunk * 100 + 100)).unwrap();
+        file.flush().unwrap();
+        ends.push(disk.content().len());
+    }
+    if closed {
+        file.finish().unwrap();
+    } else {
+        file.write(0, 7, &message(300..400)).unwrap(); // never flushed
+        assert_eq!(disk.content().len(), ends[3], "nothing of an open chunk is in the file");
+        std::mem::forget(file); // as a killed process leaves it
+    }
+    (disk.content(), ends)
+}
+
+#[test]
+fn a_closed_file_gives_every_frame_and_no_word() {
+    let (bytes, _) = three_chunks(true);
+    let (text, ending) = read_bytes(&bytes);
+    assert_eq!(text, lines(0..300));
+    assert_eq!(ending, Ending { frames: 300, ..Ending::default() });
+}
+
+#[test]
+fn a_file_that_was_cut_anywhere_gives_its_whole_chunks_and_says_so() {
+    let (bytes, ends) = three_chunks(false);
+    for cut in 0..=bytes.len() {
+        let (text, ending) = read_bytes(&bytes[..cut]);
+        // The index of its messages follows a chunk, so that the chunk is whole before `ends`.
+        let most = 100 * ends.iter().skip(1).filter(|end| **end <= cut + 200).count() as u64;
+        let least = 100 * ends.iter().skip(1).filter(|end| **end <= cut).count() as u64;
+        assert!((least..=most).contains(&ending.frames), "cut at {cut}: {ending:?}");
+        assert_eq!(text, lines(0..ending.frames), "cut at {cut}");
+        assert_eq!(ending.faults.len(), 1, "cut at {cut}: {ending:?}");
+    }
+    let (_, ending) = read_bytes(&bytes);
+    assert_eq!(ending.frames, 300);
+    assert!(ending.faults[0].starts_with("log: the file was cut off"), "{ending:?}");
+}
+
+#[test]
+fn a_damaged_chunk_is_not_believed() {
+    let (bytes, ends) = three_chunks(true);
+    for at in ends[1]..ends[2] {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0x10;
+        let (text, ending) = read_bytes(&damaged);
+        assert!(lines(0..300).starts_with(&text) || ending.faults.is_empty(), "byte {at}: {ending:?}");
+        assert!(ending.faults.is_empty() || ending.frames >= 100, "byte {at}: {ending:?}");
+    }
+}
+
+#[test]
+fn only_the_bus_that_is_wanted_is_read_and_files_follow_each_other() {
+    let scratch = tempfile::tempdir().unwrap();
+    let path = |name: &str| scratch.path().join(name);
+    for (name, numbers) in [("a", 0..10), ("b", 10..20)] {
+        let mut file = McapFile::begin(open_file(&path(name)).unwrap(), &topics(), BTreeMap::new()).unwrap();
+        file.write(0, 7, &message(numbers)).unwrap();
+        file.finish().unwrap();
+    }
+    let inputs = || ["a", "lacks", "b"].map(|name| Input::File(path(name))).into();
+    let (text, ending) = read(inputs(), Some("can0"));
+    assert_eq!(text, lines(0..20));
+    assert_eq!((ending.frames, ending.faults.len()), (20, 1));
+    let (text, ending) = read(inputs(), Some("can1"));
+    assert_eq!((text.as_str(), ending.other_bus), ("", 20));
+}
+
+fn limits() -> Limits {
+    Limits {
+        budget_bytes: (4 << 20) + 300_000,
+        file_bytes: 50_000,
+        file_age: Duration::from_secs(3600),
+        keep_free_bytes: 0,
+        flush_every: Duration::from_millis(1),
+        retry_after: Duration::from_millis(1),
+    }
+}
+
+/// Waits for what must come, on however slow a machine.
+fn wait(what: &str, mut done: impl FnMut() -> bool) {
+    let begun = Instant::now();
+    while !done() {
+        assert!(begun.elapsed() < Duration::from_secs(120), "{what} did not come");
+        std::thread::yield_now();
+    }
+}
+
+fn start(folder: &Path, limits: Limits) -> (Recorder, Queue) {
+    let folder = Folder::open(folder).unwrap();
+    Recorder::start(folder, limits, topics(), BTreeMap::new(), Box::new(open_file)).unwrap()
+}
+
+#[test]
+fn files_end_at_their_size_and_the_oldest_go_to_stay_within_the_budget() {
+    let scratch = tempfile::tempdir().unwrap();
+    let foreign = scratch.path().join("mine.mcap");
+    fs::write(&foreign, [0; 1000]).unwrap();
+    let (recorder, queue) = start(scratch.path(), limits());
+    let status = recorder.status();
+    let newest = || Folder::list(scratch.path()).unwrap().back().map_or(0, |(name, _)| name.number());
+    let mut given = 0;
+    wait("the twentieth file", || {
+        // Incompressible enough, and more than one file takes.
+        if queue.give(0, 7, message(given * 500..given * 500 + 500)) == Given::Taken {
+            given += 1;
+        }
+        newest() >= 20
+    });
+    let done = recorder.finish();
+    assert_eq!(done.problem, None);
+    let files = Folder::list(scratch.path()).unwrap();
+    let bytes: u64 = files.iter().map(|(_, bytes)| bytes).sum();
+    assert_eq!(bytes, done.bytes);
+    assert!(bytes <= limits().budget_bytes, "{bytes} bytes");
+    assert!(files[0].0.number() > 1, "the oldest are gone");
+    assert!(foreign.exists());
+    assert_eq!(status().lost, done.lost);
+    let inputs = files.iter().map(|(name, _)| Input::File(scratch.path().join(name.to_string()))).collect();
+    let (text, ending) = read(inputs, None);
+    assert!(ending.faults.is_empty(), "{ending:?}");
+    if done.lost == 0 {
+        assert!(lines(0..given * 500).ends_with(&text), "the newest are there, in their order");
+    }
+}
+
+#[test]
+fn a_disk_that_is_full_is_told_counted_and_recorded_on_once_there_is_room() {
+    let scratch = tempfile::tempdir().unwrap();
+    let disks: Arc<Mutex<Vec<Disk>>> = Arc::default();
+    let (made, room) = (Arc::clone(&disks), Arc::new(AtomicU64::new(60_000)));
+    let given_room = Arc::clone(&room);
+    let opener = move |_: &Path| -> io::Result<Box<dyn Sink>> {
+        let disk = Disk { room: Arc::clone(&given_room), ..Disk::default() };
+        made.lock().unwrap().push(disk.clone());
+        Ok(Box::new(disk))
+    };
+    let folder = Folder::open(scratch.path()).unwrap();
+    let limits = Limits { file_bytes: 1 << 30, ..limits() };
+    let (recorder, queue) = Recorder::start(folder, limits, topics(), BTreeMap::new(), Box::new(opener)).unwrap();
+    let status = recorder.status();
+    let mut given = 0;
+    let mut give = || {
+        queue.give(0, 7, message(given * 100..given * 100 + 100));
+        given += 1;
+    };
+    wait("a full disk", || {
+        give();
+        status().problem.is_some()
+    });
+    let why = status().problem.unwrap();
+    assert!(why.contains("no storage space"), "{why}");
+    wait("the loss", || {
+        give();
+        status().lost > 0
+    });
+    room.store(u64::MAX, Ordering::Relaxed);
+    // A file that has more than there was room for was written after there was more.
+    let newest_bytes = || disks.lock().unwrap().last().map_or(0, |disk| disk.content().len());
+    wait("a new file", || {
+        give();
+        newest_bytes() > 70_000
+    });
+    assert_eq!(status().problem, None);
+    recorder.finish();
+    let first = disks.lock().unwrap()[0].content();
+    let (text, ending) = read_bytes(&first);
+    assert!(ending.frames > 0 && text == lines(0..ending.frames), "{ending:?}");
+    let last = disks.lock().unwrap().last().unwrap().content();
+    assert!(read_bytes(&last).1.faults.is_empty());
+}
+
+#[test]
+fn a_disk_with_too_little_space_is_left_alone() {
+    let scratch = tempfile::tempdir().unwrap();
+    let (recorder, _queue) = start(scratch.path(), Limits { keep_free_bytes: u64::MAX, ..limits() });
+    let status = recorder.status();
+    wait("the word", || status().problem.is_some());
+    assert!(status().problem.unwrap().contains("are kept free"));
+    drop(recorder);
+    assert_eq!(Folder::list(scratch.path()).unwrap().len(), 0);
+}
+
+#[test]
+fn a_queue_without_room_loses_and_the_recording_says_how_many() {
+    let scratch = tempfile::tempdir().unwrap();
+    let (recorder, queue) = start(scratch.path(), Limits { file_bytes: 1 << 30, budget_bytes: 1 << 32, ..limits() });
+    let status = recorder.status();
+    wait("the first file", || !status().file.is_empty());
+    let mut tap = FrameTap::new(queue, 0, "can0".to_owned(), String::new());
+    let frames: Vec<TimedFrame> = (0..2_000).map(frame).collect();
+    tap.kernel_lost(3);
+    // Each is weighed with 176 kB of the 8 MiB that may wait; the thread needs longer for it than this loop.
+    wait("a loss", || {
+        tap.take(&frames, WALL_NS);
+        status().lost > 0
+    });
+    let lost = status().lost;
+    let mut after = 0;
+    wait("room", || {
+        after += 1;
+        tap.take(&frames[..1], WALL_NS);
+        status().lost == lost + after - 1
+    });
+    let lost = recorder.finish().lost;
+    let files = Folder::list(scratch.path()).unwrap();
+    let inputs = files.iter().map(|(name, _)| Input::File(scratch.path().join(name.to_string()))).collect();
+    let (_, ending) = read(inputs, None);
+    assert_eq!(ending.lost, lost + 3, "as many as were counted, and those of the kernel");
+}

@@ -1,0 +1,121 @@
+//! A model whose pressures are corrected: P' = gain P + offset.
+//!
+//! Known loads tell by what factor a skin reads too little or too much, long after its curves were fitted. The curve, its
+//! plays, its error and every figure in kPa follow; the range of counts and whether a taxel may be used stay as they are.
+
+use crate::curve::Curve;
+use crate::model::{Quality, TaxelModel};
+use crate::plays::Plays;
+use crate::uncertainty::SigmaProfile;
+
+impl Curve {
+    /// The curve of gain P + offset, the offset in kPa.
+    #[must_use]
+    pub fn scaled(&self, gain: f64, offset_kpa: f64) -> Self {
+        Self { chebyshev: scaled(&self.chebyshev, gain, offset_kpa), ..self.clone() }
+    }
+}
+
+impl SigmaProfile {
+    /// The standard deviation of readings that are multiplied by a positive `gain`.
+    #[must_use]
+    pub fn scaled(&self, gain: f64) -> Self {
+        Self { sigma_kpa: scaled(&self.sigma_kpa, gain, 0.0), ..self.clone() }
+    }
+}
+
+impl Plays {
+    /// The plays about gain P + offset, the offset in kPa.
+    #[must_use]
+    pub fn scaled(&self, gain: f64, offset_kpa: f64) -> Self {
+        let weights_kpa = self.weights_kpa.map(|weight| gain * weight);
+        Self { curve: self.curve.scaled(gain, offset_kpa), weights_kpa, ..self.clone() }
+    }
+}
+
+impl TaxelModel {
+    /// The model of gain P + offset, the offset in kPa; `gain` is positive.
+    #[must_use]
+    pub fn scaled(&self, gain: f64, offset_kpa: f64) -> Self {
+        let mut gauge = self.gauge;
+        gauge.offset_kpa *= gain;
+        gauge.noise_kpa *= gain;
+        Self {
+            curve: self.curve.as_ref().map(|curve| curve.scaled(gain, offset_kpa)),
+            raw_coefficients: scaled(&self.raw_coefficients, gain, offset_kpa),
+            sigma: self.sigma.as_ref().map(|sigma| sigma.scaled(gain)),
+            gauge,
+            quality: quality(&self.quality, gain),
+            ..self.clone()
+        }
+    }
+}
+
+fn quality(quality: &Quality, gain: f64) -> Quality {
+    let times = |kpa: Option<f64>| kpa.map(|kpa| gain * kpa);
+    let mut scores = quality.press_by_order.clone();
+    scores.iter_mut().for_each(|score| score.press_kpa = times(score.press_kpa));
+    Quality {
+        rmse_kpa: gain * quality.rmse_kpa,
+        pure_error_kpa: times(quality.pure_error_kpa),
+        press_kpa: times(quality.press_kpa),
+        press_by_order: scores,
+        repeatability_kpa: times(quality.repeatability_kpa),
+        interval_kpa: times(quality.interval_kpa),
+        ..quality.clone()
+    }
+}
+
+/// Each coefficient times `gain`, and `offset` added to the first one, which is the constant.
+fn scaled(coefficients: &[f64], gain: f64, offset: f64) -> Vec<f64> {
+    let constant = |k: usize| if k == 0 { offset } else { 0.0 };
+    coefficients.iter().enumerate().map(|(k, c)| gain * c + constant(k)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Sign;
+    use crate::options::FitOptions;
+    use crate::plays::PlayState;
+    use crate::{Accumulator, FixedPressure};
+    use proptest::prelude::*;
+
+    fn model() -> TaxelModel {
+        let mut sums = Accumulator::new();
+        for k in 0..700_u32 {
+            let kpa = f64::from(k) / 10.0;
+            sums.add((240.0 - 80.0 * kpa / (kpa + 40.0)).round() as u8, FixedPressure::from_kpa(kpa), 0);
+        }
+        sums.fit(&FitOptions::default())
+    }
+
+    proptest! {
+        #[test]
+        fn every_reading_is_the_gain_times_the_old_one_and_the_offset(
+            gain in 0.5..2.0_f64, offset in -5.0..5.0_f64, counts in proptest::collection::vec(100.0..255.0_f64, 1..20),
+        ) {
+            let (before, after) = (model(), model().scaled(gain, offset));
+            let plays = Plays {
+                curve: before.curve.clone().unwrap(), range: before.range.unwrap(), sign: Sign::Falling,
+                radii_counts: [3.0, 8.0], weights_kpa: [0.4, 0.2],
+            };
+            let (scaled, mut state, mut scaled_state) = (plays.scaled(gain, offset), PlayState::default(), PlayState::default());
+            for count in counts {
+                let (was, is) = (before.evaluate(count).unwrap(), after.evaluate(count).unwrap());
+                prop_assert!((is.kpa - (gain * was.kpa + offset)).abs() < 1e-9, "{was:?} {is:?}");
+                prop_assert!((is.sigma_kpa - gain * was.sigma_kpa).abs() < 1e-9 && is.range == was.range);
+                let (was, is) = (plays.evaluate(&mut state, count), scaled.evaluate(&mut scaled_state, count));
+                prop_assert!((is - (gain * was + offset)).abs() < 1e-9, "{was} {is}");
+            }
+            prop_assert_eq!((after.status, after.range, after.order), (before.status, before.range, before.order));
+        }
+    }
+
+    #[test]
+    fn a_model_without_a_curve_has_none_afterwards() {
+        let none = TaxelModel::without_curve(model().status, model().gauge);
+        let scaled = none.scaled(1.1, 0.0);
+        assert!(scaled.curve.is_none() && scaled.raw_coefficients.is_empty());
+    }
+}

@@ -1,0 +1,170 @@
+//! The calls that there are, found by name in the compiled descriptors.
+
+use prost_reflect::{DescriptorPool, DynamicMessage, Kind, MethodDescriptor};
+use serde_json::{Map, Value};
+use tonic::Status;
+
+/// The one call whose request may be large.
+const IMPORT: &str = "taxel.v1.ModelService.ImportModelSet";
+
+/// Every method of the service.
+#[derive(Clone, Debug)]
+pub(crate) struct Methods {
+    pool: DescriptorPool,
+}
+
+impl Methods {
+    /// Reads the compiled descriptors.
+    pub(crate) fn new() -> Result<Self, prost_reflect::DescriptorError> {
+        DescriptorPool::decode(taxel_proto::DESCRIPTORS).map(|pool| Self { pool })
+    }
+
+    /// The method of this path, `taxel.v1.Service/Method`.
+    pub(crate) fn find(&self, path: &str) -> Result<Method, Status> {
+        let found = path.split_once('/').and_then(|(service, method)| {
+            self.pool.get_service_by_name(service)?.methods().find(|known| known.name() == method)
+        });
+        let found = found.filter(|method| !method.is_client_streaming());
+        let short = || path.chars().take(100).collect::<String>();
+        found.map(|descriptor| Method { descriptor }).ok_or_else(|| {
+            Status::unimplemented(format!("there is no call `{}`; GET /methods names them all", short()))
+        })
+    }
+
+    /// All that one request can call, as JSON: path, how it is called, and the names of its messages.
+    pub(crate) fn list(&self) -> Value {
+        let all = self.pool.services().flat_map(|service| service.methods().collect::<Vec<_>>());
+        all.filter(|descriptor| !descriptor.is_client_streaming())
+            .map(|descriptor| {
+                let method = Method { descriptor };
+                let how = if method.streams() { "GET" } else { "POST" };
+                let (input, output) = (method.descriptor.input(), method.descriptor.output());
+                serde_json::json!({
+                    "call": method.path(), "http": how, "request": input.full_name(), "answer": output.full_name(),
+                })
+            })
+            .collect()
+    }
+}
+
+/// One method.
+#[derive(Clone, Debug)]
+pub(crate) struct Method {
+    descriptor: MethodDescriptor,
+}
+
+impl Method {
+    /// `taxel.v1.Service/Method`.
+    pub(crate) fn path(&self) -> String {
+        format!("{}/{}", self.descriptor.parent_service().full_name(), self.descriptor.name())
+    }
+
+    /// Whether it answers with a stream.
+    pub(crate) fn streams(&self) -> bool {
+        self.descriptor.is_server_streaming()
+    }
+
+    /// Whether its request may be as large as a model set.
+    pub(crate) fn takes_models(&self) -> bool {
+        self.descriptor.full_name() == IMPORT
+    }
+
+    /// What its answers are.
+    pub(crate) fn output(&self) -> prost_reflect::MessageDescriptor {
+        self.descriptor.output()
+    }
+
+    /// The request that this JSON describes; nothing at all is the empty request.
+    pub(crate) fn request(&self, json: &[u8]) -> Result<DynamicMessage, Status> {
+        let input = self.descriptor.input();
+        if json.is_empty() {
+            return Ok(DynamicMessage::new(input));
+        }
+        let refused =
+            |error| Status::invalid_argument(format!("the body is not the JSON of {}: {error}", input.full_name()));
+        let mut reader = serde_json::Deserializer::from_slice(json);
+        let message = DynamicMessage::deserialize(input.clone(), &mut reader).map_err(refused)?;
+        reader.end().map_err(refused)?;
+        Ok(message)
+    }
+
+    /// The request whose fields have these values, as a query has them.
+    pub(crate) fn request_of(&self, fields: &[(String, String)]) -> Result<DynamicMessage, Status> {
+        let input = self.descriptor.input();
+        let mut object = Map::new();
+        for (name, text) in fields {
+            let field = input.get_field_by_json_name(name).or_else(|| input.get_field_by_name(name));
+            let is_bool = field.is_some_and(|field| field.kind() == Kind::Bool);
+            let value = match text.as_str() {
+                "true" | "false" if is_bool => Value::Bool(text == "true"),
+                _ => Value::String(text.clone()), // numbers may be strings in the JSON of protobuf
+            };
+            object.insert(name.clone(), value);
+        }
+        let refused = |error| Status::invalid_argument(format!("the query is not {}: {error}", input.full_name()));
+        DynamicMessage::deserialize(input.clone(), Value::Object(object)).map_err(refused)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn method(path: &str) -> Method {
+        Methods::new().unwrap().find(path).unwrap()
+    }
+
+    #[test]
+    fn every_method_of_the_service_is_found_by_its_path() {
+        let methods = Methods::new().unwrap();
+        let list = methods.list();
+        let list = list.as_array().unwrap();
+        assert!(list.len() >= 25, "{list:?}");
+        for entry in list {
+            let path = entry["call"].as_str().unwrap();
+            assert_eq!(methods.find(path).unwrap().path(), path);
+        }
+    }
+
+    #[test]
+    fn what_is_no_method_is_refused_by_name() {
+        let methods = Methods::new().unwrap();
+        let long = "x".repeat(10_000);
+        for path in ["", "/", "taxel.v1.ForceService", "taxel.v1.ForceService/", "../etc/passwd", &long] {
+            let refused = methods.find(path).unwrap_err();
+            assert_eq!(refused.code(), tonic::Code::Unimplemented, "{path}");
+            assert!(refused.message().len() < 200);
+        }
+    }
+
+    #[test]
+    fn a_query_and_a_body_make_the_same_request() {
+        let method = method("taxel.v1.ForceService/StreamForce");
+        let fields = [("rateHz".to_owned(), "30".to_owned()), ("patch".to_owned(), "p".to_owned())];
+        let body = br#"{"rateHz": 30, "patch": "p"}"#;
+        assert_eq!(method.request_of(&fields).unwrap(), method.request(body).unwrap());
+        let proto_names = [("rate_hz".to_owned(), "30".to_owned()), fields[1].clone()];
+        assert_eq!(method.request_of(&proto_names).unwrap(), method.request(body).unwrap());
+    }
+
+    #[test]
+    fn bad_json_is_refused_with_what_is_wrong() {
+        let method = method("taxel.v1.ForceService/StreamForce");
+        let deep = format!("{}{}", "[".repeat(10_000), "]".repeat(10_000));
+        for (json, wanted) in [
+            ("{", "EOF"),
+            ("[]", "expected"),
+            (r#"{"rateHz": "fast"}"#, "rate"),
+            (r#"{"speed": 1}"#, "speed"),
+            (r#"{} {}"#, "trailing"),
+            (&deep, "expected"),
+            ("\u{0}", "expected"),
+        ] {
+            let refused = method.request(json.as_bytes()).unwrap_err();
+            assert_eq!(refused.code(), tonic::Code::InvalidArgument, "{json}");
+            let _ = wanted;
+            assert!(refused.message().contains("taxel.v1.StreamForceRequest"), "{refused}");
+        }
+        assert!(method.request_of(&[("speed".to_owned(), "1".to_owned())]).is_err());
+    }
+}

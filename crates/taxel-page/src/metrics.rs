@@ -1,0 +1,245 @@
+//! Metrics in the OpenMetrics text format, made at each scrape from what the service answers.
+//!
+//! Nothing is gathered between scrapes but the durations of calls over HTTP. Names follow the conventions of Prometheus:
+//! base units, `_total` for counters, an `_info` for what is text.
+
+use std::sync::atomic::AtomicU64;
+use std::time::Duration;
+
+use prometheus_client::encoding::text::encode;
+use prometheus_client::metrics::counter::Counter;
+use prometheus_client::metrics::family::{Family, MetricConstructor};
+use prometheus_client::metrics::gauge::Gauge;
+use prometheus_client::metrics::histogram::Histogram;
+use prometheus_client::registry::{Registry, Unit};
+use taxel_proto::v1;
+use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use tonic::Status;
+
+use crate::call::{Caller, Services, as_of};
+
+/// The content type of what [`Metrics::text`] gives.
+pub(crate) const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+
+/// Upper ends of the durations told apart, in s: a read takes a millisecond, a tare some seconds.
+const DURATIONS_S: [f64; 10] = [0.0005, 0.001, 0.0025, 0.005, 0.01, 0.05, 0.25, 1.0, 5.0, 30.0];
+
+type Labels = Vec<(&'static str, String)>;
+type Gauges = Family<Labels, Gauge<f64, AtomicU64>>;
+type Counters = Family<Labels, Counter>;
+
+/// Makes histograms with [`DURATIONS_S`].
+#[derive(Clone, Debug)]
+struct Durations;
+
+impl MetricConstructor<Histogram> for Durations {
+    fn new_metric(&self) -> Histogram {
+        Histogram::new(DURATIONS_S)
+    }
+}
+
+/// What is gathered between scrapes.
+pub(crate) struct Metrics {
+    durations: Family<Labels, Histogram, Durations>,
+}
+
+impl Metrics {
+    /// Nothing gathered yet.
+    pub(crate) fn new() -> Self {
+        Self { durations: Family::new_with_constructor(Durations) }
+    }
+
+    /// A call over HTTP took so long.
+    pub(crate) fn called(&self, call: String, code: &'static str, took: Duration) {
+        let labels = vec![("call", call), ("code", code.to_owned())];
+        self.durations.get_or_create(&labels).observe(took.as_secs_f64());
+    }
+
+    /// Everything now, as far as `caller` may read it.
+    pub(crate) async fn text(&self, services: &Services, caller: &Caller) -> Result<String, Status> {
+        let services = as_of(services, caller);
+        let mut skin = SkinServiceClient::new(services.clone());
+        let health = skin.get_health(v1::GetHealthRequest {}).await?.into_inner();
+        let mut sheet = Sheet::new();
+        sheet.registry.register_with_unit(
+            "http_call_duration",
+            "How long calls over HTTP took",
+            Unit::Seconds,
+            self.durations.clone(),
+        );
+        daemon(&mut sheet, &health);
+        buses(&mut sheet, &health.buses);
+        boards(&mut sheet, &health.boards);
+        patches(&mut sheet, &health.patches);
+        let mut force = ForceServiceClient::new(services.clone());
+        let mut samples = Vec::new();
+        for patch in &health.patches {
+            let request = v1::GetForceRequest { patch: patch.patch.clone() };
+            samples.push(force.get_force(request).await?.into_inner());
+        }
+        forces(&mut sheet, &samples);
+        let mut calibration = CalibrationServiceClient::new(services.clone());
+        let mut newest = Vec::new();
+        for patch in &health.patches {
+            let request = v1::ListSessionsRequest { patch: patch.patch.clone(), page_size: 1, ..Default::default() };
+            newest.extend(calibration.list_sessions(request).await?.into_inner().sessions);
+        }
+        sessions(&mut sheet, &newest);
+        sheet.text()
+    }
+}
+
+/// One scrape.
+struct Sheet {
+    registry: Registry,
+}
+
+impl Sheet {
+    fn new() -> Self {
+        Self { registry: Registry::with_prefix("taxeld") }
+    }
+
+    /// A gauge with a value for each of these labels.
+    fn gauge(&mut self, name: &str, help: &str, values: impl IntoIterator<Item = (Labels, f64)>) {
+        let family = Gauges::default();
+        for (labels, value) in values {
+            family.get_or_create(&labels).set(value);
+        }
+        self.registry.register(name, help, family);
+    }
+
+    /// A counter, likewise; the format adds `_total` to its name.
+    fn counter(&mut self, name: &str, help: &str, values: impl IntoIterator<Item = (Labels, u64)>) {
+        let family = Counters::default();
+        for (labels, value) in values {
+            family.get_or_create(&labels).inc_by(value);
+        }
+        self.registry.register(name, help, family);
+    }
+
+    fn text(&self) -> Result<String, Status> {
+        let mut text = String::new();
+        encode(&mut text, &self.registry).map_err(|error| Status::internal(format!("the metrics: {error}")))?;
+        Ok(text)
+    }
+}
+
+fn flag(is: bool) -> f64 {
+    f64::from(u8::from(is))
+}
+
+fn daemon(sheet: &mut Sheet, health: &v1::Health) {
+    let version = vec![("version", env!("CARGO_PKG_VERSION").to_owned())];
+    sheet.gauge("build_info", "Version of the daemon; always 1", [(version, 1.0)]);
+    sheet.gauge("problems", "Problems that the health names", [(vec![], health.problems.len() as f64)]);
+    sheet.gauge("streams", "Streams that are being served", [(vec![], f64::from(health.streams))]);
+    sheet.gauge("streams_max", "Streams that can be served at once", [(vec![], f64::from(health.streams_max))]);
+}
+
+fn buses(sheet: &mut Sheet, buses: &[v1::BusHealth]) {
+    let labels = |bus: &v1::BusHealth| vec![("bus", bus.bus.to_string())];
+    sheet.gauge("bus_up", "Whether frames can come", buses.iter().map(|bus| (labels(bus), flag(bus.up))));
+    let mut counter = |name: &str, help: &str, value: fn(&v1::BusHealth) -> u64| {
+        sheet.counter(name, help, buses.iter().map(|bus| (labels(bus), value(bus))));
+    };
+    counter("bus_frames", "Frames that were understood", |bus| bus.frames);
+    counter("bus_foreign_frames", "Frames that concern nobody here", |bus| bus.foreign);
+    counter("bus_malformed_frames", "Frames of this scene with a content that cannot be", |bus| bus.malformed);
+    counter("bus_dropped_frames", "Frames that the kernel lost", |bus| bus.dropped);
+}
+
+fn boards(sheet: &mut Sheet, boards: &[v1::BoardHealth]) {
+    let labels = |board: &v1::BoardHealth| {
+        vec![("patch", board.patch.clone()), ("bus", board.bus.to_string()), ("address", board.address.to_string())]
+    };
+    let mut gauge = |name: &str, help: &str, value: fn(&v1::BoardHealth) -> Option<f64>| {
+        sheet.gauge(name, help, boards.iter().filter_map(|board| Some((labels(board), value(board)?))));
+    };
+    gauge("board_verified", "Whether its bring-up is proven", |board| Some(flag(board.bring_up == "verified")));
+    gauge("board_modules_enabled", "Modules that are enabled", |board| Some(board.modules_enabled.into()));
+    gauge("board_modules_fresh", "Enabled modules that send", |board| Some(board.modules_fresh.into()));
+    gauge("board_temperature_celsius", "Temperature, where the board sends one", |board| board.celsius);
+    let mut counter = |name: &str, help: &str, value: fn(&v1::BoardHealth) -> u64| {
+        sheet.counter(name, help, boards.iter().map(|board| (labels(board), value(board))));
+    };
+    counter("board_scans", "Whole modules received", |board| board.scans);
+    counter("board_orphan_frames", "Heads without tail and tails without head", |board| board.orphans);
+    counter("board_status_errors", "Tails whose status word named a trouble", |board| board.status_errors);
+}
+
+fn patches(sheet: &mut Sheet, patches: &[v1::PatchHealth]) {
+    let labels = |patch: &v1::PatchHealth| vec![("patch", patch.patch.clone())];
+    let mut gauge = |name: &str, help: &str, value: fn(&v1::PatchHealth) -> Option<f64>| {
+        sheet.gauge(name, help, patches.iter().filter_map(|patch| Some((labels(patch), value(patch)?))));
+    };
+    gauge("zero_valid", "Whether live force may rely on the zero", |patch| Some(flag(patch.tare.as_ref()?.valid)));
+    gauge("zero_drift_counts", "How far the zero has followed the temperature, median", |patch| {
+        Some(patch.tare.as_ref()?.drift.as_ref()?.median_counts)
+    });
+    gauge("faulty_taxels", "Taxels with a fault now", |patch| Some(patch.faulty.len() as f64));
+    let epoch = |patch: &v1::PatchHealth| Some((labels(patch), patch.tare.as_ref()?.epoch));
+    sheet.counter("zero_changes", "Zeros taken or lost", patches.iter().filter_map(epoch));
+}
+
+fn forces(sheet: &mut Sheet, samples: &[v1::ForceSample]) {
+    let labels = |sample: &v1::ForceSample| vec![("patch", sample.patch.clone())];
+    let mut gauge = |name: &str, help: &str, value: fn(&v1::ForceSample) -> Option<f64>| {
+        sheet.gauge(name, help, samples.iter().filter_map(|sample| Some((labels(sample), value(sample)?))));
+    };
+    gauge("force_newtons", "Total normal force; absent while there is none", |sample| sample.total_n);
+    gauge("force_sigma_newtons", "Its standard uncertainty", |sample| sample.total_sigma_n);
+    gauge("force_detection_floor_newtons", "What may press unfelt", |sample| sample.detection_floor_n);
+    gauge("force_age_seconds", "Age of the newest frame in the force", |sample| sample.age_s);
+    gauge("uncovered_ratio", "Share of the area that no usable taxel covers", |sample| Some(sample.uncovered_share));
+    let samples_sent = samples.iter().map(|sample| (labels(sample), sample.sequence));
+    sheet.counter("force_samples", "States of the patch that were published", samples_sent);
+    let kinds = |sample: &v1::ForceSample| {
+        let of = [
+            ("active", sample.active),
+            ("excluded", sample.excluded),
+            ("stale", sample.stale),
+            ("out_of_range", sample.out_of_range),
+            ("filled", sample.filled),
+        ];
+        let patch = sample.patch.clone();
+        of.map(|(kind, n)| (vec![("patch", patch.clone()), ("kind", kind.to_owned())], f64::from(n)))
+    };
+    sheet.gauge("taxels", "Taxels by what they are in the force now", samples.iter().flat_map(kinds));
+    let states = (1..=5).filter_map(|number| v1::ForceState::try_from(number).ok());
+    let is = |state: v1::ForceState, sample: &v1::ForceSample| {
+        let name = word(state.as_str_name(), "FORCE_STATE_");
+        (vec![("patch", sample.patch.clone()), ("state", name)], flag(sample.state() == state))
+    };
+    let all = states.flat_map(|state| samples.iter().map(move |sample| is(state, sample)));
+    sheet.gauge("force_state", "1 for the state that the force is in", all);
+    let set = |sample: &v1::ForceSample| {
+        (vec![("patch", sample.patch.clone()), ("model_set", sample.model_set.clone())], 1.0)
+    };
+    let active = samples.iter().filter(|sample| !sample.model_set.is_empty()).map(set);
+    sheet.gauge("model_set_info", "The model set in use; always 1", active);
+}
+
+fn sessions(sheet: &mut Sheet, newest: &[v1::Session]) {
+    let labels = |session: &v1::Session| vec![("patch", session.patch.clone())];
+    let mut gauge = |name: &str, help: &str, value: fn(&v1::Session) -> Option<f64>| {
+        sheet.gauge(name, help, newest.iter().filter_map(|session| Some((labels(session), value(session)?))));
+    };
+    gauge("session_number", "Number of the newest session", |session| Some(session.session as f64));
+    gauge("session_coverage_ratio", "Share of the pressures that it covers", |session| Some(session.coverage));
+    gauge("session_pressure_pascals", "Pressure of the bag, lately", |session| Some(1000.0 * session.pressure_kpa?));
+    gauge("session_accepted_scans", "Scans that count in it", |session| Some(session.accepted as f64));
+    let states = (1..=9).filter_map(|number| v1::SessionState::try_from(number).ok());
+    let is = |state: v1::SessionState, session: &v1::Session| {
+        let name = word(state.as_str_name(), "SESSION_STATE_");
+        (vec![("patch", session.patch.clone()), ("state", name)], flag(session.state() == state))
+    };
+    let all = states.flat_map(|state| newest.iter().map(move |session| is(state, session)));
+    sheet.gauge("session_state", "1 for the state that the newest session is in", all);
+}
+
+/// A word of an enumeration as a label.
+fn word(name: &str, prefix: &str) -> String {
+    name.strip_prefix(prefix).unwrap_or(name).to_ascii_lowercase()
+}

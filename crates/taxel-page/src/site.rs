@@ -1,0 +1,236 @@
+//! What each path answers.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::Instant;
+
+use http_body_util::{BodyExt, LengthLimitError, Limited};
+use hyper::body::{Body as _, Bytes, Incoming};
+use hyper::header::{AUTHORIZATION, CONTENT_TYPE};
+use hyper::{Method as Verb, Request, Response, StatusCode};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tonic::{Code, Status};
+
+use crate::answer::{Body, closing, code_name, hardened, json_of, refusal, refusal_as, whole, wrong_method};
+use crate::assets;
+use crate::call::{Caller, Services, begin};
+use crate::events::{Source, events};
+use crate::limits::Limits;
+use crate::methods::{Method, Methods};
+use crate::metrics::{Metrics, OPEN_METRICS};
+use crate::origin::{check_host, check_origin};
+
+/// What a site serves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shows {
+    /// The page, and the service as JSON.
+    Page,
+    /// The metrics at `/metrics`.
+    Metrics,
+    /// Both.
+    All,
+}
+
+/// One page, shared by all its connections.
+pub(crate) struct Site {
+    services: Services,
+    shows: Shows,
+    metrics: Metrics,
+    methods: Methods,
+    /// Names beside localhost that it answers to.
+    names: Vec<String>,
+    limits: Limits,
+    streams: Arc<Semaphore>,
+    large_bodies: Arc<Semaphore>,
+}
+
+impl Site {
+    /// The site over these services.
+    pub(crate) fn new(
+        services: Services,
+        shows: Shows,
+        names: Vec<String>,
+        limits: Limits,
+    ) -> Result<Self, prost_reflect::DescriptorError> {
+        let streams = Arc::new(Semaphore::new(limits.streams));
+        let large_bodies = Arc::new(Semaphore::new(limits.large_bodies));
+        let metrics = Metrics::new();
+        Ok(Self { services, shows, metrics, methods: Methods::new()?, names, limits, streams, large_bodies })
+    }
+
+    /// Answers one request.
+    pub(crate) async fn answer(&self, request: Request<Incoming>, address: SocketAddr) -> Response<Body> {
+        let head = *request.method() == Verb::HEAD;
+        let mut response = hardened(self.route(request, address).await.unwrap_or_else(|status| refusal(&status)));
+        if head {
+            *response.body_mut() = http_body_util::Empty::new().boxed_unsync();
+        }
+        response
+    }
+
+    async fn route(&self, request: Request<Incoming>, address: SocketAddr) -> Result<Response<Body>, Status> {
+        check_host(request.uri(), request.headers(), &self.names)?;
+        let reads = matches!(*request.method(), Verb::GET | Verb::HEAD);
+        let path = request.uri().path();
+        if path == "/metrics" && self.shows != Shows::Page {
+            check_origin(request.headers())?;
+            let caller = Caller { address, authorization: request.headers().get(AUTHORIZATION).cloned() };
+            let text = self.metrics.text(&self.services, &caller);
+            return if reads {
+                Ok(whole(StatusCode::OK, OPEN_METRICS, text.await?))
+            } else {
+                Ok(wrong_method("GET", "the metrics are only read"))
+            };
+        }
+        if self.shows == Shows::Metrics {
+            return Err(Status::not_found("the metrics are at /metrics"));
+        }
+        // A link from elsewhere may open the page itself: it shows nothing before its own scripts ask.
+        if let Some(file) = assets::find(path) {
+            return Ok(if reads { file } else { wrong_method("GET, HEAD", "a file is only read") });
+        }
+        check_origin(request.headers())?;
+        let caller = Caller { address, authorization: request.headers().get(AUTHORIZATION).cloned() };
+        match path {
+            "/methods" if reads => Ok(json_of(&self.methods.list())),
+            "/streams" if *request.method() == Verb::GET => {
+                self.streams(calls_of(request.uri().query().unwrap_or_default())?, &caller).await
+            }
+            "/methods" | "/streams" => Ok(wrong_method("GET", "this is only read")),
+            _ => self.call(request, &caller).await,
+        }
+    }
+
+    /// A call by its path.
+    async fn call(&self, request: Request<Incoming>, caller: &Caller) -> Result<Response<Body>, Status> {
+        let method = self.methods.find(request.uri().path().trim_start_matches('/'))?;
+        let wanted = if method.streams() { Verb::GET } else { Verb::POST };
+        match *request.method() {
+            Verb::GET if method.streams() => {
+                let query = request.uri().query().unwrap_or_default();
+                let fields = form_urlencoded::parse(query.as_bytes()).into_owned().collect();
+                self.streams(vec![(method.path(), fields)], caller).await
+            }
+            Verb::POST if !method.streams() => self.unary(&method, request, caller).await,
+            _ if wanted == Verb::GET => {
+                Ok(wrong_method("GET", "this call streams: its fields go into the query of a GET"))
+            }
+            _ => Ok(wrong_method("POST", "this call takes the JSON of its request by POST")),
+        }
+    }
+
+    async fn unary(
+        &self,
+        method: &Method,
+        request: Request<Incoming>,
+        caller: &Caller,
+    ) -> Result<Response<Body>, Status> {
+        // A form of another site cannot send this type without asking first.
+        let kind = request.headers().get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
+        if kind.split(';').next().map(str::trim) != Some("application/json") {
+            let wrong = Status::invalid_argument("expected the header Content-Type: application/json");
+            return Ok(refusal_as(StatusCode::UNSUPPORTED_MEDIA_TYPE, &wrong));
+        }
+        let (limit, _place) = self.body_limit(method, &request)?;
+        if request.body().size_hint().lower() > limit as u64 {
+            return Ok(too_large(limit)); // at once: the rest may never come
+        }
+        let body = Limited::new(request.into_body(), limit).collect();
+        let body: Bytes = match tokio::time::timeout(self.limits.body, body).await {
+            Ok(Ok(body)) => body.to_bytes(),
+            Ok(Err(error)) if error.is::<LengthLimitError>() => return Ok(too_large(limit)),
+            Ok(Err(error)) => return Err(Status::invalid_argument(format!("the body did not come: {error}"))),
+            Err(_) => {
+                let slow = Status::deadline_exceeded(format!("the body took longer than {:?}", self.limits.body));
+                return Ok(closing(refusal_as(StatusCode::REQUEST_TIMEOUT, &slow)));
+            }
+        };
+        let message = method.request(&body)?;
+        drop(body);
+        let begun = Instant::now();
+        let answer = match begin(self.services.clone(), method, &message, caller).await {
+            Ok(answer) => answer.only().await,
+            Err(status) => Err(status),
+        };
+        let code = answer.as_ref().map_or_else(tonic::Status::code, |_| Code::Ok);
+        self.metrics.called(method.path(), code_name(code), begun.elapsed());
+        Ok(json_of(&answer?))
+    }
+
+    /// How long the body may be, with the place that a large one takes.
+    fn body_limit(
+        &self,
+        method: &Method,
+        request: &Request<Incoming>,
+    ) -> Result<(usize, Option<OwnedSemaphorePermit>), Status> {
+        let small = self.limits.body_bytes;
+        let told = request.body().size_hint().exact();
+        if !method.takes_models() || told.is_some_and(|bytes| bytes <= small as u64) {
+            return Ok((small, None));
+        }
+        let place = Arc::clone(&self.large_bodies).try_acquire_owned();
+        let place =
+            place.map_err(|_| Status::resource_exhausted("another model set is being sent: try again later"))?;
+        Ok((self.limits.models_bytes, Some(place)))
+    }
+
+    /// The answer that carries the streams of these calls. All are begun before it is sent, so that a refusal of any is
+    /// the answer.
+    async fn streams(&self, calls: Vec<Call>, caller: &Caller) -> Result<Response<Body>, Status> {
+        let most = self.limits.streams_per_answer;
+        if calls.is_empty() || calls.len() > most {
+            return Err(Status::invalid_argument(format!("{} calls: expected 1 to {most}", calls.len())));
+        }
+        let mut sources = Vec::new();
+        for (path, fields) in calls {
+            let method = self.methods.find(&path)?;
+            if !method.streams() {
+                return Err(Status::invalid_argument(format!("`{path}` does not stream: POST to it")));
+            }
+            let message = method.request_of(&fields)?;
+            let place = Arc::clone(&self.streams).try_acquire_owned().map_err(|_| {
+                let limit = self.limits.streams;
+                Status::resource_exhausted(format!("{limit} streams are open over HTTP, which is the limit"))
+            })?;
+            let answer = begin(self.services.clone(), &method, &message, caller).await?;
+            sources.push(Source { call: path, answer, place });
+        }
+        Ok(events(sources, self.limits.comment))
+    }
+}
+
+fn too_large(limit: usize) -> Response<Body> {
+    let long = Status::out_of_range(format!("the body is longer than {limit} bytes"));
+    closing(refusal_as(StatusCode::PAYLOAD_TOO_LARGE, &long))
+}
+
+/// A call and the fields of its request.
+type Call = (String, Vec<(String, String)>);
+
+/// `call=A/B&rateHz=1&call=C/D`: the fields after a call are its own.
+fn calls_of(query: &str) -> Result<Vec<Call>, Status> {
+    let mut calls: Vec<Call> = Vec::new();
+    for (name, value) in form_urlencoded::parse(query.as_bytes()).into_owned() {
+        match calls.last_mut() {
+            _ if name == "call" => calls.push((value, Vec::new())),
+            Some((_, fields)) => fields.push((name, value)),
+            None => return Err(Status::invalid_argument("the query begins with call=taxel.v1.Service/Method")),
+        }
+    }
+    Ok(calls)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_belong_to_the_call_before_them() {
+        let calls = calls_of("call=A%2FB&rateHz=30&patch=a+b&call=C/D").unwrap();
+        let field = |name: &str, value: &str| (name.to_owned(), value.to_owned());
+        let first = ("A/B".to_owned(), vec![field("rateHz", "30"), field("patch", "a b")]);
+        assert_eq!(calls, [first, ("C/D".to_owned(), Vec::new())]);
+        assert!(calls_of("rateHz=30&call=A/B").is_err());
+        assert_eq!(calls_of("").unwrap(), []);
+    }
+}

@@ -1,0 +1,91 @@
+//! Calls: the same answers as over gRPC, as JSON.
+
+use taxel_engine::command::{Command, Rejection};
+
+use crate::fixture::{snapshot, start};
+
+#[tokio::test]
+async fn a_call_by_post_answers_with_the_messages_json() {
+    let daemon = start().await;
+    daemon.engine.patch(0, snapshot(7));
+    let answer = daemon.post("/taxel.v1.ForceService/GetForce", "{}").await;
+    assert_eq!(answer.status, 200, "{answer:?}");
+    assert!(answer.head.contains("content-type: application/json"), "{answer:?}");
+    let force: serde_json::Value = serde_json::from_str(answer.body.trim_end_matches("\r\n")).unwrap();
+    assert_eq!(force["sequence"], "7");
+    assert_eq!(force["totalN"], 7.0);
+    assert_eq!(force["state"], "FORCE_STATE_OK");
+    let named = daemon.post("/taxel.v1.ForceService/GetForce", r#"{"patch": "left_forearm"}"#).await;
+    assert_eq!(named.body, answer.body);
+    assert_eq!(daemon.post("/taxel.v1.ForceService/GetForce", "").await.body, answer.body);
+}
+
+#[tokio::test]
+async fn refusals_of_the_service_come_with_its_words() {
+    let daemon = start().await;
+    let answer = daemon.post("/taxel.v1.ForceService/GetForce", r#"{"patch": "nose"}"#).await;
+    assert_eq!(answer.status, 404);
+    assert!(answer.body.contains("NOT_FOUND") && answer.body.contains("there is no patch `nose`"), "{answer:?}");
+    let answer = daemon.post("/taxel.v1.CalibrationService/GetSession", "{}").await;
+    assert_eq!(answer.status, 400);
+    assert!(answer.body.contains("INVALID_ARGUMENT"), "{answer:?}");
+}
+
+#[tokio::test]
+async fn a_command_reaches_the_engine_and_its_refusal_comes_back() {
+    let mut daemon = start().await;
+    let engine = async {
+        let request = daemon.requests.recv().await.unwrap();
+        let Command::Tare { patch, confirmed_by } = request.command else { panic!("{:?}", request.command) };
+        assert_eq!((patch.as_str(), confirmed_by.as_deref()), ("left_forearm", Some("Ada")));
+        request.reply.send(Err(Rejection::FailedPrecondition("rest is not proven".to_owned()))).unwrap();
+    };
+    let asked = std::net::SocketAddr::clone(&daemon.address);
+    let body = r#"{"confirmedBy": "Ada"}"#;
+    let request = format!(
+        "POST /taxel.v1.SkinService/Tare HTTP/1.1\r\nHost: {asked}\r\nConnection: close\r\nContent-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    let call = async {
+        use tokio::io::{AsyncReadExt, AsyncWriteExt};
+        let mut peer = tokio::net::TcpStream::connect(asked).await.unwrap();
+        peer.write_all(request.as_bytes()).await.unwrap();
+        let mut answer = String::new();
+        peer.read_to_string(&mut answer).await.unwrap();
+        answer
+    };
+    let ((), answer) = tokio::join!(engine, call);
+    assert!(answer.starts_with("HTTP/1.1 400"), "{answer}");
+    assert!(answer.contains("FAILED_PRECONDITION") && answer.contains("rest is not proven"), "{answer}");
+}
+
+#[tokio::test]
+async fn every_call_of_the_service_can_be_reached() {
+    let daemon = start().await;
+    let list = daemon.get("/methods").await;
+    let list: serde_json::Value = serde_json::from_str(list.body.trim_end_matches("\r\n")).unwrap();
+    let list = list.as_array().unwrap();
+    assert!(list.len() >= 25);
+    for entry in list {
+        let (call, http) = (entry["call"].as_str().unwrap(), entry["http"].as_str().unwrap());
+        // The other verb is refused by name, so the path is known and the right one would not be.
+        let answer = match http {
+            "GET" => daemon.post(&format!("/{call}"), "{}").await,
+            _ => daemon.get(&format!("/{call}")).await,
+        };
+        assert_eq!(answer.status, 405, "{call}: {answer:?}");
+        assert!(answer.head.contains(&format!("allow: {}", http.to_ascii_lowercase())), "{answer:?}");
+    }
+}
+
+#[tokio::test]
+async fn the_page_is_served_with_a_policy_and_without_cors() {
+    let daemon = start().await;
+    for path in ["/", "/page.css", "/main.js", "/methods"] {
+        let answer = daemon.get(path).await;
+        assert_eq!(answer.status, 200, "{path}");
+        assert!(answer.head.contains("content-security-policy: default-src 'none'"), "{answer:?}");
+        assert!(answer.head.contains("x-content-type-options: nosniff"), "{answer:?}");
+        assert!(!answer.head.contains("access-control"), "{answer:?}");
+    }
+}

@@ -1,0 +1,41 @@
+//! The metrics, as Prometheus reads them.
+
+use std::sync::Arc;
+
+use taxel_engine::snapshot::{BusHealth, Health};
+
+use crate::fixture::{snapshot, start};
+
+#[tokio::test]
+async fn metrics_say_what_the_service_says() {
+    let daemon = start().await;
+    daemon.engine.patch(0, snapshot(7));
+    let buses = vec![BusHealth { up: true, frames: 4_321, dropped: 5, ..BusHealth::default() }];
+    daemon.engine.health(Arc::new(Health { buses, ..Health::default() }));
+    assert_eq!(daemon.post("/taxel.v1.ForceService/GetForce", r#"{"patch": "nose"}"#).await.status, 404);
+    let answer = daemon.get("/metrics").await;
+    assert_eq!(answer.status, 200, "{answer:?}");
+    assert!(answer.head.contains("application/openmetrics-text; version=1.0.0"), "{answer:?}");
+    for line in [
+        "taxeld_bus_up{bus=\"0\"} 1.0",
+        "taxeld_bus_frames_total{bus=\"0\"} 4321",
+        "taxeld_bus_dropped_frames_total{bus=\"0\"} 5",
+        "taxeld_force_newtons{patch=\"left_forearm\"} 7.0",
+        "taxeld_force_state{patch=\"left_forearm\",state=\"ok\"} 1.0",
+        "taxeld_force_state{patch=\"left_forearm\",state=\"stale\"} 0.0",
+        "taxeld_http_call_duration_seconds_count{call=\"taxel.v1.ForceService/GetForce\",code=\"NOT_FOUND\"} 1",
+        "# EOF",
+    ] {
+        assert!(answer.body.contains(line), "{line}: {}", answer.body);
+    }
+    assert_eq!(daemon.post("/metrics", "{}").await.status, 405);
+    assert_eq!(daemon.get_with("/metrics", "Origin: http://evil.example\r\n").await.status, 403);
+}
+
+#[tokio::test]
+async fn a_force_that_is_not_there_is_no_metric() {
+    let daemon = start().await;
+    let body = daemon.get("/metrics").await.body;
+    assert!(!body.contains("taxeld_force_newtons{"), "{body}");
+    assert!(body.contains("taxeld_force_state{patch=\"left_forearm\",state=\"uncalibrated\"} 1.0"), "{body}");
+}

@@ -1,0 +1,129 @@
+//! Streams as server-sent events.
+
+use taxel_page::Limits;
+use tokio::io::AsyncReadExt;
+
+use crate::fixture::{patient, snapshot, start, start_with};
+
+const FORCE: &str = "taxel.v1.ForceService/StreamForce";
+const TAXELS: &str = "taxel.v1.SkinService/StreamTaxels";
+
+#[tokio::test]
+async fn a_stream_sends_each_new_value_as_an_event() {
+    let daemon = start().await;
+    daemon.engine.patch(0, snapshot(1));
+    let mut events = daemon.stream(&format!("/{FORCE}?patch=left_forearm")).await;
+    assert!(events.head.contains("200") && events.head.contains("text/event-stream"), "{}", events.head);
+    let (name, first) = events.next().await;
+    assert_eq!((name.as_str(), &first["totalN"]), ("", &1.0.into()));
+    for sequence in 2..5_u64 {
+        daemon.engine.patch(0, snapshot(sequence));
+        let (_, message) = events.next().await;
+        assert_eq!(message["sequence"], sequence.to_string());
+    }
+}
+
+#[tokio::test]
+async fn several_streams_share_one_answer_under_the_names_of_their_calls() {
+    let daemon = start().await;
+    daemon.engine.patch(0, snapshot(1));
+    let mut events = daemon.stream(&format!("/streams?call={FORCE}&call={TAXELS}&rateHz=100")).await;
+    let (mut forces, mut taxels) = (0, 0);
+    while forces == 0 || taxels < 3 {
+        match events.next().await {
+            (name, message) if name == FORCE => {
+                assert_eq!(message["totalN"], 1.0);
+                forces += 1;
+            }
+            (name, message) if name == TAXELS => {
+                assert_eq!(message["taxels"].as_array().unwrap().len(), crate::fixture::TAXELS);
+                taxels += 1;
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[tokio::test]
+async fn the_end_of_a_stream_says_why() {
+    let daemon = start().await;
+    daemon.engine.patch(0, snapshot(1));
+    let mut events = daemon.stream(&format!("/{FORCE}")).await;
+    events.next().await;
+    daemon.shutdown.cancel();
+    let (name, end) = events.next().await;
+    assert_eq!((name.as_str(), &end["code"]), ("end", &"UNAVAILABLE".into()));
+    assert_eq!(end["call"], FORCE);
+    assert!(end["message"].as_str().unwrap().contains("shutting down"));
+    let mut rest = String::new();
+    events.lines.read_to_string(&mut rest).await.unwrap(); // and the connection ends
+}
+
+#[tokio::test]
+async fn a_slow_reader_skips_to_the_newest_value_and_is_told_how_many() {
+    let daemon = start().await;
+    daemon.engine.patch(0, snapshot(1));
+    let mut events = daemon.stream(&format!("/{TAXELS}")).await;
+    events.next().await;
+    // More than all buffers between hold: the messages of so many values.
+    let mut last = 1;
+    let mut stalled = events.lines.into_inner();
+    for _ in 0..20_000 {
+        last += 1;
+        daemon.engine.patch(0, snapshot(last));
+        tokio::task::yield_now().await;
+    }
+    let mut text = String::new();
+    let newest = format!("\"sequence\":\"{last}\"");
+    let mut bytes = [0; 65_536];
+    while !text.contains(&newest) {
+        let read = stalled.read(&mut bytes).await.unwrap();
+        assert_ne!(read, 0);
+        text.push_str(&String::from_utf8_lossy(&bytes[..read]));
+    }
+    let messages = text.matches("data: ").count() as u64;
+    assert!(messages < last / 2, "{messages} messages of {last} values");
+    assert!(text.contains("\"skipped\":"));
+}
+
+#[tokio::test]
+async fn streams_beyond_the_limit_are_refused_until_one_ends() {
+    let daemon = start_with(Limits { streams: 2, ..patient() }).await;
+    daemon.engine.patch(0, snapshot(1));
+    let path = format!("/{FORCE}?rateHz=1000");
+    let (mut first, mut second) = (daemon.stream(&path).await, daemon.stream(&path).await);
+    first.next().await;
+    second.next().await;
+    let refused = daemon.get(&path).await;
+    assert_eq!(refused.status, 429, "{refused:?}");
+    assert!(refused.body.contains("2 streams are open over HTTP"), "{refused:?}");
+    drop(first);
+    // The place is free when the server finds that the peer is gone.
+    loop {
+        let mut again = daemon.stream(&path).await;
+        if again.head.contains("200") {
+            again.next().await;
+            break;
+        }
+    }
+    let many = format!("/streams?{}", vec![format!("call={FORCE}"); 9].join("&"));
+    assert_eq!(daemon.get(&many).await.status, 400);
+}
+
+#[tokio::test]
+async fn a_refused_stream_is_refused_before_it_begins() {
+    let daemon = start().await;
+    for (path, status) in [
+        (format!("/{FORCE}?rateHz=0"), 400),
+        (format!("/{FORCE}?rateHz=fast"), 400),
+        (format!("/{FORCE}?speed=1"), 400),
+        (format!("/{FORCE}?patch=nose"), 404),
+        (format!("/streams?call={FORCE}&call=taxel.v1.ForceService/GetForce"), 400),
+        ("/streams".to_owned(), 400),
+        ("/streams?call=no/such".to_owned(), 404),
+    ] {
+        let answer = daemon.get(&path).await;
+        assert_eq!(answer.status, status, "{path}: {answer:?}");
+        assert!(answer.body.contains("\"message\""), "{answer:?}");
+    }
+}

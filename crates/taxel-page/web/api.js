@@ -1,0 +1,51 @@
+// The service: calls by POST, streams as server-sent events. README.md beside this crate describes both.
+
+/** A refusal, with the service's own words. */
+export class Refusal extends Error {
+  constructor(code, message) {
+    super(message);
+    this.code = code;
+  }
+}
+
+/** Calls `Service/Method` of taxel.v1 and gives its answer. */
+export async function call(method, request = {}) {
+  let answer;
+  try {
+    answer = await fetch(`/taxel.v1.${method}`, {
+      method: "POST",
+      headers: { "Content-Type": "application/json" },
+      body: JSON.stringify(request),
+    });
+  } catch {
+    throw new Refusal("UNAVAILABLE", "the daemon does not answer");
+  }
+  const body = await answer.json().catch(() => ({}));
+  if (!answer.ok) {
+    throw new Refusal(body.code ?? "UNKNOWN", body.message ?? `HTTP status ${answer.status}`);
+  }
+  return body;
+}
+
+/**
+ * Streams on one connection. `calls` is a list of `{ method, fields, message }`. It is opened again by itself when it
+ * breaks; `ended(end)` tells of each end that the daemon gave a reason for. Gives what closes it.
+ */
+export function streams(calls, ended = () => {}) {
+  const query = calls
+    .map(({ method, fields = {} }) => new URLSearchParams([["call", `taxel.v1.${method}`], ...Object.entries(fields)]))
+    .join("&");
+  const source = new EventSource(`/streams?${query}`);
+  for (const { method, message } of calls) {
+    const name = calls.length > 1 ? `taxel.v1.${method}` : "message";
+    source.addEventListener(name, (event) => message(JSON.parse(event.data)));
+  }
+  source.addEventListener("end", (event) => {
+    const end = JSON.parse(event.data);
+    if (end.code === "OK" || end.code === "NOT_FOUND") {
+      source.close();
+    }
+    ended(end);
+  });
+  return () => source.close();
+}

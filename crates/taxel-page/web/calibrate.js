@@ -1,0 +1,239 @@
+// Calibration, step by step: check, tare, pump, fit, review, use it or not.
+
+import { call } from "./api.js";
+import { button, doing, el, facts, median, num, percent, put, sure, table, word } from "./dom.js";
+import { SkinView } from "./skin.js";
+import { loadSkin, on, state, watch } from "./store.js";
+import { taxelCard } from "./taxel.js";
+
+const STEPS = ["Check", "Tare", "Pump", "Fit", "Review", "Use"];
+const STEP_OF = { TARING: 1, RAMPING: 2, FITTING: 3, REVIEW: 4, ACTIVE: 5 };
+const stateOf = (session) => (session?.state ?? "").replace("SESSION_STATE_", "");
+const isOpen = (session) => ["TARING", "RAMPING", "FITTING", "REVIEW", "INTERRUPTED"].includes(stateOf(session));
+const session = () => ({ session: state.session.session });
+const show = (answer) => { watch(answer); return answer; };
+
+/** The last of these that was refused is what to heed now; how long it is heeded, in ms. */
+const HEEDED_MS = 1500;
+
+export function calibrate(signal) {
+  const steps = el("ol.steps");
+  const body = el("div.stack");
+  let shown = null;
+  let again = false;
+  const update = () => {
+    const now = again || !state.session ? "NONE" : stateOf(state.session);
+    const at = STEP_OF[now] ?? 0;
+    put(steps, STEPS.map((name, i) => el(i < at || now === "ACTIVE" ? "li.done" : "li", { "aria-current": i === at && now !== "ACTIVE" ? "step" : false }, name)));
+    const key = `${state.session?.session}/${now}`;
+    if (key === shown) return;
+    shown = key;
+    const anew = () => { again = true; update(); };
+    put(body, view(now, signal, anew));
+  };
+  on("session", () => { if (isOpen(state.session)) again = false; update(); }, signal);
+  update();
+  return el("div", steps, body);
+}
+
+function view(now, signal, anew) {
+  if (now === "TARING") return taring();
+  if (now === "RAMPING") return ramping(signal);
+  if (now === "FITTING") return el("section.card", el("h2", "Fitting"), el("p", "Models are being computed, one a taxel."));
+  if (now === "REVIEW") return review(signal);
+  if (now === "ACTIVE") return finished(anew);
+  if (["INTERRUPTED", "FAILED", "ABORTED", "DISCARDED"].includes(now)) return [ended(now), check(signal)];
+  return check(signal);
+}
+
+/** What has to be right before a session begins. */
+function check(signal) {
+  const list = el("ul.checks");
+  const look = async () => {
+    const health = await call("SkinService/GetHealth").catch(() => null);
+    if (signal.aborted || !health) return;
+    const boards = (health.boards ?? []).filter((board) => board.patch === state.patch);
+    const patch = (health.patches ?? []).find((p) => p.patch === state.patch);
+    const silent = boards.filter((b) => (b.modulesFresh ?? 0) < (b.modulesEnabled ?? 0));
+    const faulty = patch?.faulty?.length ?? 0;
+    put(list, [
+      [state.skin?.hasGauge, "a pressure gauge is configured"],
+      [(health.buses ?? []).every((bus) => bus.up), "every bus is up"],
+      [!silent.length, silent.length ? `silent modules on board ${silent.map((b) => b.address).join(", ")}` : "every module sends"],
+      [faulty === 0 ? true : null, faulty ? `${faulty} taxels have a fault and will get no model` : "no taxel has a fault"],
+      [!(health.problems ?? []).length, (health.problems ?? []).join("; ") || "nothing else is wrong"],
+    ].map(([good, text]) => el("li", el("span", good ? "✓" : good === null ? "!" : "✗"), text)));
+  };
+  look();
+  const timer = setInterval(look, 2000);
+  signal.addEventListener("abort", () => clearInterval(timer));
+  return el("div.cards",
+    el("section.card", el("h2", "Is all as it should be?"), list),
+    el("section.card", el("h2", "Begin"), begin(),
+      el("p.note", "The bag lies around the skin and is vented; nothing else touches the skin. The session watches it at rest, takes its zero, and then waits for the pressure to rise.")));
+}
+
+function begin() {
+  const target = el("input", { type: "number", min: "1", max: "1000", step: "any", placeholder: "as configured", name: "target" });
+  const branches = el("select", el("option", { value: "BRANCHES_UNSPECIFIED" }, "as configured"),
+    el("option", { value: "BRANCHES_RISING" }, "rising pressure"), el("option", { value: "BRANCHES_BOTH" }, "rising and falling"));
+  const by = el("input", { maxLength: 200, placeholder: "nobody: rest must be shown", name: "by" });
+  const go = el("button.primary", { type: "submit", id: "start" }, "Start a session");
+  const work = async () => {
+    const request = { patch: state.patch, branches: branches.value, confirmedBy: by.value };
+    if (target.value) request.targetKpa = Number(target.value);
+    state.ramp = null;
+    show(await call("CalibrationService/StartSession", request));
+  };
+  return el("form.row", { onsubmit: doing(go, work) },
+    el("label", "Up to, kPa", target), el("label", "Branches", branches), el("label", "Vouched for by", by), go);
+}
+
+const abort = () => button("Abort", async () => {
+  if (await sure("Stop this session? Its samples are kept.", "Stop it")) show(await call("CalibrationService/AbortSession", session()));
+}, { kind: "danger", id: "abort" });
+
+function taring() {
+  return el("section.card", el("h2", "Hands off"),
+    el("p.advice.warn", "The skin is watched at rest for its zero. Do not touch it, leave the bag vented."), el("div.row", abort()));
+}
+
+/** What to do with the valve now, in a word. */
+function adviser() {
+  let before = null;
+  let heeded = { until: 0, advice: null };
+  return (s) => {
+    const refused = s.refused ?? {};
+    const grew = (name) => before && Number(refused[name] ?? 0) > Number(before[name] ?? 0);
+    const now = performance.now();
+    const rate = s.rateKpaPerS;
+    const falling = s.falling === true;
+    const heed = (text, kind) => { heeded = { until: now + HEEDED_MS, advice: [text, kind] }; };
+    if (grew("tooFast")) heed("Slower: scans at this rate do not count", "bad");
+    else if (grew("gaugeSpike") || grew("noPressure")) heed("The gauge: its readings jump or do not come", "bad");
+    else if (grew("staleModule")) heed("A module is silent", "bad");
+    else if (grew("zeroInDoubt")) heed("The zero is in doubt: does something touch the skin?", "bad");
+    before = refused;
+    if (now < heeded.until) return heeded.advice;
+    if (rate === undefined) return ["Waiting for the pressure", "warn"];
+    if (!falling && rate < -0.1) return ["The pressure falls: is there a leak?", "bad"];
+    if (falling && rate > 0.1) return ["The pressure rises: let air in slowly", "bad"];
+    if (Math.abs(rate) < 0.05) return [falling ? "Let air in, slowly" : "Pump", "warn"];
+    return ["Go on like this", "ok"];
+  };
+}
+
+function ramping(signal) {
+  const advice = el("div.advice", { id: "advice" });
+  const pressure = el("div.big");
+  const bar = el("div");
+  const numbers = el("div");
+  const skin = new SkinView(signal, { values: "counts", overlays: false });
+  const advise = adviser();
+  const update = () => {
+    const s = state.session;
+    if (stateOf(s) !== "RAMPING") return;
+    const [text, kind] = advise(s);
+    advice.className = `advice ${kind}`;
+    advice.textContent = text;
+    put(pressure, `${num(s.pressureKpa, 1)} `, el("small", `of ${num(s.targetKpa, 0)} kPa`));
+    bar.style.width = `${100 * (s.coverage ?? 0)}%`;
+    put(numbers, facts([
+      ["rate", s.rateKpaPerS === undefined ? "–" : `${num(s.rateKpaPerS, 2)} kPa/s`],
+      ["covered", percent(s.coverage ?? 0)],
+      ["time left", s.remainingS === undefined ? "–" : `${num(s.remainingS, 0)} s`],
+      ["taxels that respond", `${s.taxelsResponding ?? 0} of ${s.taxels ?? 0}`],
+      ["scans that count", `${s.accepted ?? 0}, on disk ${s.durable ?? 0}`],
+      ["scans that do not", refusedText(s.refused)],
+    ]));
+  };
+  on("session", update, signal);
+  update();
+  const finish = button("End the ramp here", async () => show(await call("CalibrationService/FinishRamp", session())), { id: "finish" });
+  return el("div.live",
+    el("section.card.spaced", el("h2", state.session.falling ? "Let air in" : "Pump"), advice, pressure, el("div.bar", bar), numbers, el("div.row", finish, abort())),
+    el("section.card", el("h2", "Which taxels respond: change of count"), skin.node));
+}
+
+function refusedText(refused = {}) {
+  const all = Object.entries(refused).filter(([, n]) => Number(n) > 0);
+  return all.map(([name, n]) => `${n} ${name.replace(/[A-Z]/g, (c) => ` ${c.toLowerCase()}`)}`).join(", ") || "none";
+}
+
+/** Taxels without a usable model, by reason. */
+export function excludedTable(set) {
+  const reasons = new Map();
+  for (const t of set.taxels ?? []) if (t.status !== "ok") reasons.set(t.status, [...(reasons.get(t.status) ?? []), t.taxel ?? 0]);
+  return table(["reason", "#taxels", "which"],
+    [...reasons].map(([reason, list]) => [reason.replaceAll("_", " "), list.length, el("td.wrap", list.slice(0, 30).join(", ") + (list.length > 30 ? " ..." : ""))]), "no taxel is excluded");
+}
+
+/** The figures of a set that tell it from another. */
+export function figures(set) {
+  const usable = (set?.taxels ?? []).filter((t) => t.status === "ok");
+  const of = (name) => median(usable.map((t) => t[name]));
+  return {
+    usable: usable.length, taxels: set?.taxels?.length ?? 0, rmse: of("rmseKpa"), swing: of("swingCounts"), order: of("order"),
+    hysteresis: of("hysteresisKpa"), baseline: of("baselineCounts"), noise: of("noiseCounts"), top: set?.summary?.pressureMaxKpa,
+  };
+}
+
+/** Two sets side by side. */
+export function compared(one, other, names) {
+  const [a, b] = [figures(one), figures(other)];
+  const rows = [
+    ["usable taxels", a.usable, other ? b.usable : "–"],
+    ["up to, kPa", num(a.top, 1), num(b.top, 1)],
+    ["residual, kPa (median)", num(a.rmse), num(b.rmse)],
+    ["hysteresis, kPa (median)", num(a.hysteresis), num(b.hysteresis)],
+    ["swing, counts (median)", num(a.swing, 1), num(b.swing, 1)],
+    ["count at rest (median)", num(a.baseline, 1), num(b.baseline, 1)],
+    ["noise at rest, counts (median)", num(a.noise), num(b.noise)],
+    ["order (median)", num(a.order, 0), num(b.order, 0)],
+  ];
+  return table(["", `#${names[0]}`, `#${names[1]}`], rows);
+}
+
+function review(signal) {
+  const s = state.session;
+  const figuresAt = el("div", el("p.note", "reading the models"));
+  const excluded = el("div");
+  const skin = new SkinView(signal, { values: "counts", overlays: false });
+  Promise.all([call("ModelService/GetModelSet", { modelSet: s.modelSet }), state.skin.modelSet ? call("ModelService/GetModelSet", { modelSet: state.skin.modelSet }) : null])
+    .then(([fresh, old]) => {
+      put(figuresAt, compared(fresh, old, ["new", "in use"]));
+      put(excluded, excludedTable(fresh));
+      skin.excluded = new Set(fresh.taxels.filter((t) => t.status !== "ok").map((t) => t.taxel ?? 0));
+    })
+    .catch((error) => put(figuresAt, el("p", error.message)));
+  const use = button("Use these models", async () => {
+    await call("ModelService/ActivateModelSet", { patch: state.patch, modelSet: s.modelSet });
+    await loadSkin();
+  }, { kind: "primary", id: "activate", done: "The models are in use, also after a restart." });
+  const more = button("Add a ramp", async () => show(await call("CalibrationService/StartRamp", session())), { id: "more", title: "After venting: its samples join those of this session" });
+  const drop = button("Discard", async () => {
+    if (await sure("Lay this session aside? Its models cannot be used any more; its samples are kept.", "Discard it")) show(await call("CalibrationService/DiscardSession", session()));
+  }, { kind: "danger", id: "discard" });
+  return el("div.live",
+    el("section.card", el("h2", `Review of session ${s.session}`), figuresAt,
+      el("h3", "Excluded"), excluded, s.reason && el("p.note", s.reason),
+      el("div.row", use, more, drop), el("p.note", "Vent the bag now. Point at taxels to see their curves.")),
+    el("div.stack", el("section.card", el("h2", "The skin, and what is excluded by place"), skin.node), taxelCard(signal)));
+}
+
+function finished(anew) {
+  return el("section.card", el("h2", `Session ${state.session.session} is in use`),
+    el("p", `Model set ${state.session.modelSet}. When the bag is vented and off, take a new zero, then lay known masses on the skin.`),
+    el("div.row",
+      button("Tare", () => call("SkinService/Tare", { patch: state.patch }), { id: "tare", kind: "primary", done: (zero) => `zero taken: ${zero.reason ?? ""}` }),
+      el("a.button", { href: "#validate" }, "Weigh masses"), button("Calibrate again", async () => anew(), { id: "again" })));
+}
+
+function ended(now) {
+  const s = state.session;
+  const again = now === "DISCARDED" ? null : button("Go on with another ramp", async () => show(await call("CalibrationService/StartRamp", session())), { id: "more" });
+  const fit = ["INTERRUPTED", "FAILED"].includes(now)
+    ? button("Fit what there is", async () => show(await call("CalibrationService/FinishRamp", session()))) : null;
+  return el("section.card", el("h2", `Session ${s.session} is ${word(s.state, "SESSION_STATE_")}`),
+    s.reason && el("p", s.reason), el("p.note", `${s.accepted ?? 0} scans count so far.`), el("div.row", again, fit));
+}

@@ -1,0 +1,101 @@
+// Elements, numbers as text, and the questions that are asked before something is lost.
+
+/** An element: `el("p.note", { id: "x", onclick }, "text", child)`. */
+export function el(selector, ...rest) {
+  const [tag, ...classes] = selector.split(".");
+  const node = document.createElement(tag);
+  node.className = classes.join(" ");
+  const first = rest[0];
+  const isProps = first && typeof first === "object" && !(first instanceof Node) && !Array.isArray(first);
+  for (const [name, value] of Object.entries(isProps ? rest.shift() : {})) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
+    else if (name in node && typeof value !== "string") node[name] = value;
+    else node.setAttribute(name, value === true ? "" : value);
+  }
+  node.append(...rest.flat(9).filter((child) => child !== null && child !== undefined && child !== false));
+  return node;
+}
+
+/** Puts `children` in place of what `node` holds. */
+export function put(node, ...children) {
+  node.replaceChildren(...children.flat(9).filter((child) => child !== null && child !== undefined && child !== false));
+}
+
+/** A number with so many places behind the point; a dash if there is none. */
+export function num(value, places = 2) {
+  return value === undefined || value === null || !Number.isFinite(Number(value)) ? "–" : Number(value).toFixed(places);
+}
+
+/** A share as percent. */
+export const percent = (share, places = 0) => (share === undefined ? "–" : `${num(100 * share, places)} %`);
+
+/** A time as the reader's clock shows it. */
+export const when = (time) => (time ? new Date(time).toLocaleString() : "–");
+
+/** A word of an enumeration without its prefix: FORCE_STATE_TARE_INVALID is `tare invalid`. */
+export const word = (value, prefix) => (value ?? "").replace(prefix, "").toLowerCase().replaceAll("_", " ");
+
+/** The middle of some numbers. */
+export function median(values) {
+  const sorted = values.filter(Number.isFinite).sort((a, b) => a - b);
+  return sorted.length ? sorted[sorted.length >> 1] : NaN;
+}
+
+/** A list of pairs as dt and dd. */
+export const facts = (pairs) =>
+  el("dl", pairs.filter((pair) => pair && pair[1] !== undefined).map(([name, value]) => [el("dt", name), el("dd", value)]));
+
+/** A table: heads begin with `#` where the column holds numbers. */
+export function table(heads, rows, empty = "nothing yet") {
+  if (!rows.length) return el("p.note", empty);
+  const numeric = heads.map((head) => head.startsWith("#"));
+  const cell = (tag, content, i) => (content instanceof Node && content.nodeName === tag.toUpperCase() ? content : el(numeric[i] ? `${tag}.n` : tag, content));
+  return el("div.scroll", el("table",
+    el("thead", el("tr", heads.map((head, i) => cell("th", head.replace("#", ""), i)))),
+    el("tbody", rows.map((row) => el("tr", row.map((content, i) => cell("td", content, i)))))));
+}
+
+/** Tells something for a while; what went wrong stays until it is clicked away. */
+export function toast(text, kind = "ok") {
+  const node = el(`div.toast.${kind}`, { onclick: () => node.remove(), title: "click to close" }, text);
+  const all = document.getElementById("toasts");
+  all.append(node);
+  while (all.children.length > 4) all.firstChild.remove();
+  if (kind === "ok") setTimeout(() => node.remove(), 6000);
+}
+
+/** Runs what a button is for: disabled meanwhile, and told if it is refused. */
+export function doing(button, work, done) {
+  return async (event) => {
+    event?.preventDefault();
+    button.disabled = true;
+    try {
+      const answer = await work();
+      if (done) toast(typeof done === "function" ? done(answer) : done);
+    } catch (error) {
+      toast(error.message, "bad");
+    } finally {
+      button.disabled = false;
+    }
+  };
+}
+
+/** A button that does `work`. */
+export function button(text, work, { kind = "", done, ...props } = {}) {
+  const node = el(kind ? `button.${kind}` : "button", { type: "button", ...props }, text);
+  node.addEventListener("click", doing(node, work, done));
+  return node;
+}
+
+/** Asks before something is lost. Gives whether it is wanted. */
+export function sure(question, yes) {
+  return new Promise((resolve) => {
+    const end = (answer) => () => { dialog.close(); dialog.remove(); resolve(answer); };
+    const dialog = el("dialog", el("p", question), el("div.row",
+      el("button.danger", { id: "sure", onclick: end(true) }, yes), el("button", { onclick: end(false) }, "Cancel")));
+    dialog.addEventListener("cancel", end(false));
+    document.body.append(dialog);
+    dialog.showModal();
+  });
+}

@@ -1,0 +1,59 @@
+// Health: buses, boards, zeros, faults.
+
+import { call } from "./api.js";
+import { button, el, facts, num, put, sure, table, when, word } from "./dom.js";
+import { tareButton } from "./live.js";
+import { state } from "./store.js";
+
+/** How often it is asked for, in ms. */
+const EVERY_MS = 1000;
+
+export function health(signal) {
+  const body = el("div.stack");
+  const actions = el("div.row", tareButton(), button("Configure the boards again", async () => {
+    if (await sure("Configure the boards again? The zero is lost by it.", "Configure them")) await call("SkinService/BringUp", { patch: state.patch });
+  }, { kind: "danger", id: "bring-up" }));
+  const update = async () => {
+    try {
+      const now = await call("SkinService/GetHealth");
+      if (!signal.aborted) put(body, shown(now));
+    } catch (error) {
+      if (!signal.aborted) put(body, el("section.card.noforce", el("p", error.message)));
+    }
+  };
+  update();
+  const timer = setInterval(update, EVERY_MS);
+  signal.addEventListener("abort", () => clearInterval(timer));
+  return el("div.stack", el("section.card", el("h2", "Patch"), actions), body);
+}
+
+function shown(now) {
+  const problems = now.problems ?? [];
+  return [
+    el("section.card", el("h2", "Problems"), problems.length ? el("ul.reasons", problems.map((text) => el("li", text))) : el("p.note", "none"),
+      el("p.note", `${now.streams ?? 0} of ${now.streamsMax ?? 0} streams are in use, this page's among them.`)),
+    el("section.card", el("h2", "Buses"), table(["#bus", "state", "#frames", "#foreign", "#malformed", "#lost", "problem"],
+      (now.buses ?? []).map((bus) => [bus.bus ?? 0, el(`span.pill.${bus.up ? "ok" : "bad"}`, bus.up ? "up" : "down"), bus.frames ?? 0, bus.foreign ?? 0, bus.malformed ?? 0, bus.dropped ?? 0,
+        el("td.wrap", [bus.problem, bus.lastMalformed].filter(Boolean).join("; "))]))),
+    el("section.card", el("h2", "Boards"), table(["patch", "#bus", "#address", "bring-up", "#modules", "#scans", "#orphans", "#°C", "firmware", "warnings"],
+      (now.boards ?? []).map((b) => [b.patch, b.bus ?? 0, b.address, el("td.wrap", b.bringUp), `${b.modulesFresh ?? 0} of ${b.modulesEnabled ?? 0}`, b.scans ?? 0, b.orphans ?? 0, num(b.celsius, 1), b.firmware ?? "",
+        el("td.wrap", (b.warnings ?? []).join("; "))]))),
+    el("div.cards", (now.patches ?? []).map(patch)),
+  ];
+}
+
+function patch(one) {
+  const tare = one.tare ?? {};
+  const drift = tare.drift;
+  const faulty = one.faulty ?? [];
+  return el("section.card", el("h2", one.patch),
+    facts([
+      ["zero", el(`span.pill.${tare.valid ? "ok" : "bad"}`, tare.valid ? "valid" : "not valid")],
+      ["taken", when(tare.time)],
+      ["because", tare.reason],
+      ["count at rest", `${num(tare.baselineMedianCounts, 1)}, noise ${num(tare.noiseMedianCounts)}`],
+      drift && ["drift", `${word(drift.state, "DRIFT_STATE_")}, ${num(drift.medianCounts ?? 0)} counts, at most ${num(drift.maxCounts ?? 0)}`],
+    ]),
+    el("h3", "Faulty taxels"),
+    table(["#taxel", "faults"], faulty.map((f) => [f.taxel ?? 0, f.faults.map((fault) => word(fault, "TAXEL_FAULT_")).join(", ")]), "none"));
+}

@@ -1,0 +1,179 @@
+// What the page knows: newest values, when they came, and how old they are now by this browser's clock.
+
+import { call, streams } from "./api.js";
+import { unroll } from "./unroll.js";
+
+/** A force older than this is not shown as one, whatever it says of itself. */
+export const OLD_S = 0.5;
+
+/** Values a second that are asked for: what an eye and a screen can use. */
+const RATE_HZ = 30;
+
+/** How long the course of the force is kept. */
+const COURSE_S = 60;
+
+/** Points that are kept of a ramp for each taxel. */
+const RAMP_POINTS = 3000;
+
+/** The clock of the daemon may run faster than this browser's by so much, in ms a second. */
+const CLOCK_DRIFT = 0.2;
+
+export const state = {
+  patch: "", patches: [], skin: null, layout: null, force: null, taxels: null, session: null, modelSet: null,
+  course: [], selected: null, ramp: null, frames: 0,
+};
+
+const listeners = new Map();
+
+/** Calls `listener` at each event of this name until the signal ends it. */
+export function on(name, listener, signal) {
+  if (!listeners.has(name)) listeners.set(name, new Set());
+  listeners.get(name).add(listener);
+  signal?.addEventListener("abort", () => listeners.get(name).delete(listener));
+}
+
+export function emit(name) {
+  for (const listener of listeners.get(name) ?? []) listener();
+}
+
+let close = () => {};
+let closeSession = () => {};
+let received = 0;
+let late = 0;
+let quickest = Infinity;
+
+/** Age of the newest force now, in s: what the daemon said, its time on the way, and the time since. */
+export function age() {
+  if (!state.force || state.force.ageS === undefined) return undefined;
+  return state.force.ageS + (late + performance.now() - received) / 1000;
+}
+
+/** Whether nothing has come from the daemon for so long that what is known is not what is. */
+export const isSilent = () => performance.now() - received > OLD_S * 1000;
+
+/** How far the force may be trusted, judged here and now: `{ word, kind, shown, reasons }`. */
+export function verdict() {
+  const force = state.force;
+  if (!force) return { word: "NO DATA", kind: "bad", shown: false, reasons: ["nothing has come from the daemon yet"] };
+  if (isSilent()) {
+    const silent = (performance.now() - received) / 1000;
+    return { word: "STALE", kind: "bad", shown: false, reasons: [`nothing has come from the daemon for ${silent.toFixed(1)} s`] };
+  }
+  const old = age();
+  if (old > OLD_S) {
+    return { word: "STALE", kind: "bad", shown: false, reasons: [`the newest frame is ${old.toFixed(1)} s old`, ...(force.reasons ?? [])] };
+  }
+  const name = (force.state ?? "").replace("FORCE_STATE_", "").replaceAll("_", " ");
+  const shown = force.totalN !== undefined;
+  const kind = name === "OK" ? "ok" : shown ? "warn" : "bad";
+  return { word: name || "UNKNOWN", kind, shown, reasons: force.reasons ?? [] };
+}
+
+function takeForce(force) {
+  const now = performance.now();
+  if (force.monotonicNs !== undefined && force.ageS !== undefined) {
+    const way = now - (Number(force.monotonicNs) / 1e6 + force.ageS * 1000);
+    quickest = Math.min(way, quickest + (CLOCK_DRIFT * (now - received)) / 1000);
+    late = way - quickest;
+  }
+  const newModels = state.force && state.force.modelSet !== force.modelSet;
+  received = now;
+  state.force = force;
+  const { word, shown } = verdict();
+  state.course.push({ t: now / 1000, n: shown ? force.totalN : NaN, s: force.totalSigmaN ?? NaN, word });
+  while (state.course[0].t < now / 1000 - COURSE_S) state.course.shift();
+  if (newModels) loadSkin().catch(() => {});
+  emit("force");
+}
+
+function takeTaxels(sample) {
+  state.taxels = sample;
+  state.frames += 1;
+  keepOfRamp(sample);
+  emit("taxels");
+}
+
+/** Count against pressure while a ramp runs, for the samples under a curve. As this page saw them: the session's own
+ * samples are paired by the daemon's clock. */
+function keepOfRamp(sample) {
+  const { session } = state;
+  if (session?.state !== "SESSION_STATE_RAMPING" || session.pressureKpa === undefined) return;
+  if (state.ramp?.session !== session.session) state.ramp = { session: session.session, sequence: "", kpa: [], counts: [] };
+  if (state.ramp.sequence === sample.sequence || state.ramp.kpa.length >= RAMP_POINTS) return;
+  state.ramp.sequence = sample.sequence;
+  state.ramp.kpa.push(session.pressureKpa);
+  state.ramp.counts.push(Uint8Array.from(sample.taxels, (taxel) => taxel.count ?? 0));
+}
+
+/** Layout and models of the patch. */
+export async function loadSkin() {
+  state.skin = await call("SkinService/GetSkin", { patch: state.patch });
+  state.layout = unroll(state.skin);
+  state.modelSet = state.skin.modelSet ? await call("ModelService/GetModelSet", { modelSet: state.skin.modelSet }) : null;
+  emit("skin");
+}
+
+/** Opens the streams of the patch. */
+export function open() {
+  close();
+  quickest = Infinity;
+  const fields = { patch: state.patch, rateHz: RATE_HZ };
+  close = streams([
+    { method: "ForceService/StreamForce", fields, message: takeForce },
+    { method: "SkinService/StreamTaxels", fields, message: takeTaxels },
+  ]);
+}
+
+/** Closes everything, for a page that nobody looks at. */
+export function shut() {
+  close();
+  closeSession();
+  watched = null;
+}
+
+let watched = null;
+
+/** Follows this session from now on. */
+export function watch(session) {
+  state.session = session;
+  emit("session");
+  if (watched === session.session) return;
+  watched = session.session;
+  closeSession();
+  const message = (newest) => { state.session = newest; emit("session"); };
+  const ended = () => { watched = null; };
+  closeSession = streams([{ method: "CalibrationService/WatchSession", fields: { session: session.session }, message }], ended);
+}
+
+/** Looks whether somebody began a session, here or elsewhere. */
+export async function findSession() {
+  const { sessions = [] } = await call("CalibrationService/ListSessions", { patch: state.patch, pageSize: 1 });
+  const newest = sessions[0];
+  if (!newest) {
+    if (state.session) { state.session = null; emit("session"); }
+    return;
+  }
+  if (newest.session !== state.session?.session || (newest.state !== state.session.state && watched === null)) watch(newest);
+}
+
+/** Shows this taxel. */
+export function select(taxel) {
+  state.selected = taxel;
+  emit("selected");
+}
+
+/** Begins with this patch, or the first one. */
+export async function begin(patch) {
+  state.patches = (await call("SkinService/GetSkin", { patch }).catch(async (refused) => {
+    // Several patches and no name: the refusal names them all.
+    const health = await call("SkinService/GetHealth");
+    const names = (health.patches ?? []).map((p) => p.patch);
+    if (!names.length) throw refused;
+    return { patches: names, patch: names[0] };
+  })).patches ?? [];
+  state.patch = state.patches.includes(patch) ? patch : state.patches[0];
+  Object.assign(state, { force: null, taxels: null, session: null, course: [], selected: null, ramp: null });
+  await loadSkin();
+  open();
+  await findSession();
+}

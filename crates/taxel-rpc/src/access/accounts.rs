@@ -1,0 +1,63 @@
+//! Names and groups of accounts, asked of the system once a minute at most: it may ask a server for them.
+
+use nix::unistd::{Gid, Group, Uid, User, getgrouplist};
+use std::collections::HashMap;
+use std::ffi::CString;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::access::origin::Account;
+
+/// What is known of an account is asked again after so long.
+const KNOWN_FOR: Duration = Duration::from_secs(60);
+
+/// More accounts than a robot has; beyond, everything known is forgotten.
+const ACCOUNTS_MAX: usize = 256;
+
+/// An account, and when the system was asked for it.
+type Known = (Instant, Arc<Account>);
+
+/// The accounts that were asked for.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Accounts(Arc<Mutex<HashMap<u32, Known>>>);
+
+impl Accounts {
+    /// The account of a user. `gid` is the group of the process that asks, which the system's list may lack.
+    pub(crate) async fn of(&self, uid: u32, gid: u32) -> Arc<Account> {
+        let known = self.0.lock().unwrap_or_else(PoisonError::into_inner).get(&uid).cloned();
+        if let Some((_, account)) = known.filter(|(asked, _)| asked.elapsed() < KNOWN_FOR) {
+            return account;
+        }
+        let asked = tokio::task::spawn_blocking(move || look_up(uid, gid)).await;
+        let nobody = |_| Account { uid, user: None, groups: Vec::new() };
+        let account = Arc::new(asked.unwrap_or_else(nobody));
+        let mut accounts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if accounts.len() >= ACCOUNTS_MAX {
+            accounts.clear();
+        }
+        accounts.insert(uid, (Instant::now(), Arc::clone(&account)));
+        account
+    }
+
+    /// Forgets what is known, so that a change of groups counts at once for new connections.
+    pub(crate) fn forget(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+}
+
+fn look_up(uid: u32, gid: u32) -> Account {
+    let user = User::from_uid(Uid::from_raw(uid)).ok().flatten();
+    let listed = user.as_ref().and_then(|user| {
+        let name = CString::new(user.name.clone()).ok()?;
+        getgrouplist(&name, user.gid).ok()
+    });
+    let ids = listed.unwrap_or_else(|| vec![Gid::from_raw(gid)]);
+    let name = |id: &Gid| Group::from_gid(*id).ok().flatten().map(|group| group.name);
+    Account { uid, user: user.map(|user| user.name), groups: ids.iter().filter_map(name).collect() }
+}
+
+/// The number of a group of this machine.
+#[must_use]
+pub fn group_id(name: &str) -> Option<u32> {
+    Group::from_name(name).ok().flatten().map(|group| group.gid.as_raw())
+}

@@ -1,0 +1,39 @@
+//! Who makes a call, and what that one may do.
+
+use std::sync::Arc;
+
+use crate::access::origin::{Origin, PeerKey};
+use crate::access::role::Role;
+
+/// Longest name that goes into a log line, in characters.
+const NAME_CHARS_MAX: usize = 128;
+
+/// Who makes a call. Cheap to clone.
+#[derive(Clone, Debug)]
+pub(crate) struct Caller {
+    pub(crate) origin: Arc<Origin>,
+    /// The name that is proven: of an account, a certificate or a token's holder.
+    pub(crate) name: Option<Arc<str>>,
+    /// By a token, and not by what the connection proves.
+    pub(crate) by_token: bool,
+    pub(crate) role: Option<Role>,
+}
+
+impl Caller {
+    /// The proven name for logs and the audit log, without anything that a terminal would act on.
+    pub(crate) fn who(&self) -> String {
+        let name = self.name.as_deref().unwrap_or("nobody in particular");
+        let shown: String = name.chars().take(NAME_CHARS_MAX).flat_map(char::escape_debug).collect();
+        if self.by_token { format!("token {shown}") } else { shown }
+    }
+
+    /// Whether reserved places are for this one, too.
+    pub(crate) fn is_operator(&self) -> bool {
+        self.role >= Some(Role::Operator)
+    }
+
+    /// Whose share the call takes.
+    pub(crate) fn key(&self) -> PeerKey {
+        self.origin.key()
+    }
+}

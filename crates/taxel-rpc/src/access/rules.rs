@@ -1,0 +1,222 @@
+//! The rules of an installation: which role an account, a certificate, an address or a token gives.
+
+use std::sync::{Arc, PoisonError, RwLock};
+use std::time::SystemTime;
+use tonic::Status;
+
+use crate::access::accounts::Accounts;
+use crate::access::caller::Caller;
+use crate::access::origin::Origin;
+use crate::access::role::Role;
+use crate::access::token::Tokens;
+
+/// Whom a rule means.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// An account on a Unix socket, by name or number.
+    User(String),
+    /// The accounts of a group on a Unix socket.
+    Group(String),
+    /// A certificate with this name: a URI or `DNS:...` of its subject alternative names, or `CN=...`.
+    Certificate(String),
+}
+
+/// One rule.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Grant {
+    /// Whom it means.
+    pub subject: Subject,
+    /// What that one may do.
+    pub role: Role,
+}
+
+/// All rules. Whoever none of them means has the role of the way by which he came, which may be none.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Rules {
+    /// The highest role of those that fit counts.
+    pub grants: Vec<Grant>,
+    /// Over TCP from this machine.
+    pub loopback: Option<Role>,
+    /// On a Unix socket.
+    pub unix: Option<Role>,
+    /// With a certificate that the authority signed.
+    pub certificate: Option<Role>,
+    /// Over TCP from elsewhere, without encryption.
+    pub insecure: Option<Role>,
+    /// The tokens that are good.
+    pub tokens: Tokens,
+}
+
+impl Rules {
+    /// Everything for everybody on this machine, nothing for anybody else: the demonstration, and configurations
+    /// without rules.
+    #[must_use]
+    pub fn open() -> Self {
+        Self { loopback: Some(Role::Admin), unix: Some(Role::Admin), ..Self::default() }
+    }
+
+    /// The role that a connection gives by itself.
+    pub(crate) fn role(&self, origin: &Origin) -> Option<Role> {
+        let granted = self.grants.iter().filter(|grant| is_meant(&grant.subject, origin)).map(|grant| grant.role).max();
+        granted.or(match origin {
+            Origin::Unix(..) => self.unix,
+            Origin::Loopback(_) => self.loopback,
+            Origin::Insecure(_) => self.insecure,
+            Origin::Tls(..) => self.certificate,
+        })
+    }
+
+    /// Who makes a call over this connection, with this `authorization` if it has one.
+    pub(crate) fn caller(&self, origin: &Arc<Origin>, authorization: Option<&[u8]>) -> Result<Caller, Status> {
+        if let Origin::Tls(_, certificate) = &**origin
+            && certificate.until <= SystemTime::now()
+        {
+            return Err(Status::unauthenticated("the client certificate has expired: connect with a new one"));
+        }
+        let Some(authorization) = authorization else {
+            let (name, role) = (origin.name().map(Arc::from), self.role(origin));
+            return Ok(Caller { origin: Arc::clone(origin), name, by_token: false, role });
+        };
+        if matches!(**origin, Origin::Insecure(_)) {
+            return Err(Status::unauthenticated(
+                "a token came over a connection without encryption, where anybody can read it: make a new token, and \
+                 use TLS or this machine's own addresses",
+            ));
+        }
+        let token = strip_scheme(authorization)
+            .ok_or_else(|| Status::unauthenticated("the metadata `authorization` is not `Bearer TOKEN`"))?;
+        let holder = self.tokens.holder(token).ok_or_else(|| {
+            Status::unauthenticated("the token in `authorization` is none of those in the daemon's token file")
+        })?;
+        let name = Some(Arc::from(holder.name.as_str()));
+        Ok(Caller { origin: Arc::clone(origin), name, by_token: true, role: Some(holder.role) })
+    }
+}
+
+/// The token after `Bearer`, whose case does not count (RFC 9110 section 11.1).
+fn strip_scheme(authorization: &[u8]) -> Option<&[u8]> {
+    let (scheme, token) = authorization.split_at_checked(7)?;
+    scheme.eq_ignore_ascii_case(b"bearer ").then(|| token.trim_ascii()).filter(|token| !token.is_empty())
+}
+
+fn is_meant(subject: &Subject, origin: &Origin) -> bool {
+    match (subject, origin) {
+        (Subject::User(name), Origin::Unix(account, _)) => {
+            account.user.as_ref() == Some(name) || *name == account.uid.to_string()
+        }
+        (Subject::Group(name), Origin::Unix(account, _)) => account.groups.contains(name),
+        (Subject::Certificate(name), Origin::Tls(_, certificate)) => certificate.names.contains(name),
+        _ => false,
+    }
+}
+
+/// The rules as they are now; they can be replaced while calls are made. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Access {
+    rules: Arc<RwLock<Arc<Rules>>>,
+    accounts: Accounts,
+}
+
+impl Access {
+    /// These rules until they are replaced.
+    #[must_use]
+    pub fn new(rules: Rules) -> Self {
+        Self { rules: Arc::new(RwLock::new(Arc::new(rules))), accounts: Accounts::default() }
+    }
+
+    /// Other rules from now on. Streams that are being served go on; every new call is judged by them. Accounts are looked
+    /// up anew for each new connection.
+    pub fn replace(&self, rules: Rules) {
+        *self.rules.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(rules);
+        self.accounts.forget();
+    }
+
+    pub(crate) fn rules(&self) -> Arc<Rules> {
+        Arc::clone(&self.rules.read().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    pub(crate) const fn accounts(&self) -> &Accounts {
+        &self.accounts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::access::origin::{Account, Certificate};
+    use std::time::Duration;
+
+    fn unix(uid: u32, user: &str, groups: &[&str]) -> Origin {
+        let groups = groups.iter().map(|group| (*group).to_owned()).collect();
+        Origin::Unix(Arc::new(Account { uid, user: Some(user.to_owned()), groups }), None)
+    }
+
+    fn tls(names: &[&str], until: SystemTime) -> Origin {
+        let names = names.iter().map(|name| (*name).to_owned()).collect();
+        Origin::Tls("192.0.2.7:1".parse().unwrap(), Arc::new(Certificate { names, until }))
+    }
+
+    fn rules() -> Rules {
+        let grant = |subject, role| Grant { subject, role };
+        Rules {
+            grants: vec![
+                grant(Subject::Group("skin".to_owned()), Role::Operator),
+                grant(Subject::User("ann".to_owned()), Role::Admin),
+                grant(Subject::User("77".to_owned()), Role::Operator),
+                grant(Subject::Certificate("spiffe://robot/operator".to_owned()), Role::Operator),
+                grant(Subject::Certificate("CN=ann".to_owned()), Role::Admin),
+            ],
+            loopback: Some(Role::Observer),
+            unix: Some(Role::Observer),
+            ..Rules::default()
+        }
+    }
+
+    #[test]
+    fn the_highest_role_that_fits_counts_and_a_name_fits_only_its_own_kind() {
+        let future = SystemTime::now() + Duration::from_secs(3600);
+        let cases = [
+            (unix(1000, "bob", &["users"]), Some(Role::Observer)),
+            (unix(1000, "bob", &["users", "skin"]), Some(Role::Operator)),
+            (unix(1001, "ann", &["skin"]), Some(Role::Admin)),
+            (unix(77, "joe", &[]), Some(Role::Operator)),
+            (unix(1002, "skin", &[]), Some(Role::Observer)),
+            (unix(1002, "CN=ann", &["ann", "spiffe://robot/operator"]), Some(Role::Observer)),
+            (tls(&["spiffe://robot/operator"], future), Some(Role::Operator)),
+            (tls(&["spiffe://robot/operator/x", "CN=ann "], future), None),
+            (tls(&["CN=skin", "ann", "skin"], future), None),
+            (tls(&["DNS:x", "CN=ann"], future), Some(Role::Admin)),
+            (Origin::of_tcp("127.0.0.1:1".parse().unwrap()), Some(Role::Observer)),
+            (Origin::of_tcp("[::ffff:127.0.0.1]:1".parse().unwrap()), Some(Role::Observer)),
+            (Origin::of_tcp("192.0.2.7:1".parse().unwrap()), None),
+        ];
+        for (origin, expected) in cases {
+            assert_eq!(rules().role(&origin), expected, "{origin:?}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_token_is_nobody_also_where_none_is_needed() {
+        let origin = Arc::new(Origin::of_tcp("127.0.0.1:1".parse().unwrap()));
+        for wrong in
+            [&b"Bearer x"[..], b"Bearer ", b"Bearer", b"Basic abc", b"", b"abc", b"\xFF\xFF\xFF\xFF\xFF\xFF\xFF\xFF"]
+        {
+            let status = rules().caller(&origin, Some(wrong)).unwrap_err();
+            assert_eq!(status.code(), tonic::Code::Unauthenticated, "{wrong:?}");
+        }
+    }
+
+    #[test]
+    fn an_expired_certificate_is_refused_also_on_a_connection_that_is_open() {
+        let past = SystemTime::now() - Duration::from_secs(1);
+        let status = rules().caller(&Arc::new(tls(&["CN=ann"], past)), None).unwrap_err();
+        assert_eq!(status.code(), tonic::Code::Unauthenticated);
+    }
+
+    #[test]
+    fn a_token_over_the_open_net_is_refused() {
+        let origin = Arc::new(Origin::of_tcp("192.0.2.7:1".parse().unwrap()));
+        let status = rules().caller(&origin, Some(b"Bearer abc")).unwrap_err();
+        assert!(status.message().contains("without encryption"), "{status:?}");
+    }
+}

@@ -1,0 +1,71 @@
+//! `AuditService`: the audit log in pages.
+
+use taxel_engine::audit::AuditEntry;
+use taxel_proto::v1;
+use taxel_proto::v1::audit_service_server::AuditService;
+use tokio::sync::oneshot;
+use tonic::{Request, Response, Status};
+
+use crate::convert::timestamp;
+use crate::handle::AuditSource;
+use crate::page::page_size;
+use crate::service::Service;
+use crate::status::{engine_stopped, invalid};
+
+#[tonic::async_trait]
+impl AuditService for Service {
+    async fn list_audit(
+        &self,
+        request: Request<v1::ListAuditRequest>,
+    ) -> Result<Response<v1::ListAuditResponse>, Status> {
+        let v1::ListAuditRequest { page_size: size, page_token } = request.into_inner();
+        let size = page_size(size)?;
+        let before = match page_token.as_str() {
+            "" => u64::MAX,
+            token => {
+                token.parse().map_err(|_| invalid("page_token", "is not a token that this call gave: begin anew"))?
+            }
+        };
+        // One more than is shown tells whether there is another page.
+        let mut entries = read(self.handle.audit.as_ref(), before, size as u32 + 1).await?;
+        let more = entries.len() > size;
+        entries.truncate(size);
+        let next_page_token = entries.last().filter(|_| more).map(|last| last.number.to_string()).unwrap_or_default();
+        let entries = entries.into_iter().map(message).collect();
+        Ok(Response::new(v1::ListAuditResponse { entries, next_page_token }))
+    }
+}
+
+async fn read(source: Option<&AuditSource>, before: u64, most: u32) -> Result<Vec<AuditEntry>, Status> {
+    let source = source.ok_or_else(|| Status::unavailable("this daemon keeps no audit log"))?;
+    let (tell, told) = oneshot::channel();
+    let tell = move |entries| {
+        let _ = tell.send(entries); // the client has gone
+    };
+    source(before, most, Box::new(tell));
+    let read = told.await.map_err(|_| engine_stopped())?;
+    read.map_err(|why| Status::unavailable(format!("the audit log cannot be read: {why}")))
+}
+
+fn message(entry: AuditEntry) -> v1::AuditEntry {
+    let time = entry.asked.as_ref().and_then(|asked| timestamp(asked.wall_ns));
+    let answered = entry.answered.as_ref().and_then(|answered| timestamp(answered.wall_ns));
+    let (asked, result) = (entry.asked.unwrap_or_default(), entry.answered.unwrap_or_default());
+    v1::AuditEntry {
+        entry: entry.number,
+        time,
+        who: asked.who,
+        role: asked.role,
+        transport: asked.transport,
+        from: asked.place,
+        method: asked.method,
+        request: asked.what,
+        claimed_name: asked.claimed,
+        patch: asked.patch,
+        model_set_before: asked.before,
+        answered,
+        result: result.result,
+        model_set_after: result.after,
+        damage: entry.damage,
+    }
+}

@@ -1,0 +1,64 @@
+//! The samples of a session, block by block.
+
+use futures_util::stream::{self, StreamExt};
+use std::sync::Arc;
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples};
+use taxel_proto::v1;
+use tokio::sync::oneshot;
+use tonic::Status;
+
+use crate::access::caller::Caller;
+use crate::convert::known;
+use crate::service::Service;
+use crate::status::engine_stopped;
+use crate::stream::MessageStream;
+
+/// Samples of one message: of 230 taxels 125 kB.
+const BLOCK_SAMPLES: usize = 500;
+
+impl Service {
+    /// The samples of a session that exists, as a stream of blocks, at least one.
+    pub(crate) async fn export(&self, caller: &Caller, session: u64) -> Result<MessageStream<v1::SampleBlock>, Status> {
+        let source = self.handle.samples.clone().ok_or_else(|| Status::failed_precondition("samples are not kept"))?;
+        let place = self.stream_place(caller)?;
+        let export = Arc::clone(&self.exports).try_acquire_owned().map_err(|_| {
+            let limit = self.limits.exports;
+            Status::resource_exhausted(format!(
+                "{limit} sessions are being exported, which is the limit: try again later"
+            ))
+        })?;
+        let (tell, told) = oneshot::channel();
+        // Whoever asked may have gone; then nobody misses the answer.
+        source(session, Box::new(move |samples| drop(tell.send(samples))));
+        let samples = told.await.map_err(|_| engine_stopped())?.map_err(Status::failed_precondition)?;
+        let blocks = samples.samples.len().div_ceil(BLOCK_SAMPLES).max(1);
+        let held = (Arc::new(samples), place, export);
+        Ok(stream::iter(0..blocks).map(move |number| Ok(block(&held.0, number))).boxed())
+    }
+}
+
+fn block(samples: &SessionSamples, number: usize) -> v1::SampleBlock {
+    let message = |sample: &Sample| v1::SessionSample {
+        ramp: u32::from(sample.ramp) + 1,
+        monotonic_ns: sample.time_ns,
+        pressure_kpa: sample.pressure_kpa,
+        counts: (0..sample.counts.counts().len())
+            .filter_map(|taxel| sample.counts.counts().raw(taxel))
+            .map(u32::from)
+            .collect(),
+    };
+    let those = samples.samples.iter().skip(number * BLOCK_SAMPLES).take(BLOCK_SAMPLES);
+    let ramps = if number == 0 { samples.ramps.iter().map(|ramp| zero(samples, ramp)).collect() } else { Vec::new() };
+    v1::SampleBlock { samples: those.map(message).collect(), samples_in_all: samples.samples.len() as u64, ramps }
+}
+
+fn zero(samples: &SessionSamples, ramp: &RampBaseline) -> v1::RampZero {
+    let rest =
+        |taxel: &TaxelBaseline| v1::RestCount { mean_counts: known(taxel.mean), noise_counts: known(taxel.noise) };
+    v1::RampZero {
+        ramp: u32::from(ramp.ramp) + 1,
+        samples: samples.samples.iter().filter(|sample| sample.ramp == ramp.ramp).count() as u64,
+        taxels: ramp.taxels.iter().map(rest).collect(),
+    }
+}

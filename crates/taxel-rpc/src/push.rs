@@ -1,0 +1,190 @@
+//! `IngestService`: scans of a skin that is on no bus.
+
+use std::time::Duration;
+
+use taxel_engine::PushedScan;
+use taxel_engine::command::{Command, Done};
+use taxel_engine::plan::PatchPlan;
+use taxel_proto::v1;
+use taxel_proto::v1::ingest_service_server::IngestService;
+use taxel_skin::Kilopascal;
+use tokio::sync::mpsc;
+use tokio::time::Instant;
+use tonic::{Request, Response, Status, Streaming};
+
+use crate::push_line::Pusher;
+use crate::service::{Service, caller, strange_answer};
+use crate::shares::Place;
+use crate::status::{engine_stopped, invalid, shutting_down};
+use crate::stream::MessageStream;
+
+/// What a bag, a chamber or a gauge that is a little off can read.
+const PRESSURE_KPA: std::ops::RangeInclusive<f64> = -200.0..=2_000.0;
+
+/// The counters are told at most this often.
+const TELL_EVERY: Duration = Duration::from_secs(1);
+
+/// Answers that may wait for the caller: the counters need one place, the end the other.
+const ANSWERS_MAX: usize = 2;
+
+#[tonic::async_trait]
+impl IngestService for Service {
+    type PushScansStream = MessageStream<v1::PushScansResponse>;
+
+    async fn push_scans(
+        &self,
+        request: Request<Streaming<v1::PushScansRequest>>,
+    ) -> Result<Response<Self::PushScansStream>, Status> {
+        let caller = caller(&request)?;
+        let place = self.stream_place(&caller)?;
+        let mut messages = request.into_inner();
+        let first = self.next_of(&mut messages).await?;
+        let first =
+            first.ok_or_else(|| Status::invalid_argument("patch: the first message names it; there is none"))?;
+        let patch = self.patch(&first.patch)?;
+        let plan = self.plan(patch);
+        let (name, bus) = (plan.patch.name().to_owned(), plan.patch.boards().first().map(|board| board.bus));
+        let (Some(_), Some(line), Some(bus)) = (plan.pushed, &self.handle.push, bus) else {
+            let why = format!("the scans of patch `{name}` come over its bus: nobody can push any");
+            return Err(Status::failed_precondition(why));
+        };
+        let who = format!("{} ({})", caller.who(), caller.origin.place());
+        let pusher = line.begin(patch, bus, &who);
+        let pusher =
+            pusher.map_err(|other| Status::already_exists(format!("{other} pushes the scans of patch `{name}`")))?;
+        match self.command(&caller, "PushScans", Command::BeginPush { patch: name }).await? {
+            Done::PushBegun => {}
+            other => return Err(strange_answer(&other)),
+        }
+        let (answers, told) = mpsc::channel(ANSWERS_MAX);
+        let stream = PushStream { service: self.clone(), patch, pusher, messages, answers, scans: 0, _place: place };
+        tokio::spawn(stream.run(first)); // ends with the stream, the pause or the shutdown
+        Ok(Response::new(Box::pin(tokio_stream::wrappers::ReceiverStream::new(told))))
+    }
+}
+
+impl Service {
+    /// The next message; nothing at the end of the stream.
+    async fn next_of(
+        &self,
+        messages: &mut Streaming<v1::PushScansRequest>,
+    ) -> Result<Option<v1::PushScansRequest>, Status> {
+        let pause = self.limits.push_pause;
+        tokio::select! {
+            () = self.handle.shutdown.cancelled() => Err(shutting_down()),
+            next = tokio::time::timeout(pause, messages.message()) => next.map_err(|_| {
+                Status::deadline_exceeded(format!("no scan was pushed for {} s", pause.as_secs_f64()))
+            })?,
+        }
+    }
+}
+
+/// A stream of scans on its way.
+struct PushStream {
+    service: Service,
+    patch: usize,
+    pusher: Pusher,
+    messages: Streaming<v1::PushScansRequest>,
+    answers: mpsc::Sender<Result<v1::PushScansResponse, Status>>,
+    /// Messages that should have held a scan.
+    scans: u64,
+    /// Among all streams; free again when this one has ended.
+    _place: Place,
+}
+
+impl PushStream {
+    async fn run(mut self, first: v1::PushScansRequest) {
+        let end = self.take_all(first).await;
+        let why = match &end {
+            Ok(()) => "whoever pushed its scans has ended the stream".to_owned(),
+            Err(status) => format!("the stream of scans ended: {}", status.message()),
+        };
+        let last = end.map(|()| self.counters());
+        self.pusher.end(why).await;
+        let _ = self.answers.send(last).await; // the caller has gone
+    }
+
+    async fn take_all(&mut self, first: v1::PushScansRequest) -> Result<(), Status> {
+        if !first.counts.is_empty() || first.pressure_kpa.is_some() {
+            self.take(first)?;
+        }
+        let mut told = self.tell();
+        loop {
+            let next = tokio::select! {
+                () = self.answers.closed() => return Err(Status::cancelled("the caller has gone")),
+                next = self.service.next_of(&mut self.messages) => next?,
+            };
+            let Some(message) = next else { return Ok(()) };
+            self.take(message)?;
+            if told.elapsed() >= TELL_EVERY {
+                told = self.tell();
+            }
+        }
+    }
+
+    /// The last answer's place stays free, and what nobody reads does not wait.
+    fn tell(&self) -> Instant {
+        if self.answers.capacity() > 1 {
+            let _ = self.answers.try_send(Ok(self.counters()));
+        }
+        Instant::now()
+    }
+
+    fn counters(&self) -> v1::PushScansResponse {
+        let (taken, refused) = self.pusher.counts();
+        v1::PushScansResponse { taken, refused }
+    }
+
+    /// One scan, whose time is now.
+    fn take(&mut self, message: v1::PushScansRequest) -> Result<(), Status> {
+        let time = (self.service.handle.clock)();
+        self.scans += 1;
+        if !self.pusher.is_connected() {
+            return Err(engine_stopped());
+        }
+        let plan = self.service.plan(self.patch);
+        let name = plan.patch.name();
+        if !message.patch.is_empty() && message.patch != name {
+            let problem = format_args!("this stream pushes the scans of `{name}` and cannot change to another");
+            return Err(invalid("patch", problem));
+        }
+        let counts = counts(plan, self.scans, &message.counts)?;
+        let pressure = pressure(plan, self.scans, message.pressure_kpa)?;
+        self.pusher.push(PushedScan { patch: self.patch, time, counts, pressure });
+        Ok(())
+    }
+}
+
+/// The raw counts of all taxels, if they are that.
+fn counts(plan: &PatchPlan, scan: u64, counts: &[u32]) -> Result<Vec<u16>, Status> {
+    let (taxels, top) = (plan.patch.taxels().len(), plan.patch.counts().top());
+    if counts.len() != taxels {
+        let found = counts.len();
+        return Err(invalid(
+            "counts",
+            format_args!("scan {scan} has {found} counts, expected {taxels}, one per taxel"),
+        ));
+    }
+    let count = |(taxel, count): (usize, &u32)| {
+        let found = u16::try_from(*count).ok().filter(|count| *count <= top);
+        found.ok_or_else(|| {
+            invalid("counts", format_args!("taxel {taxel} of scan {scan} is {count}, expected 0 to {top}"))
+        })
+    };
+    counts.iter().enumerate().map(count).collect()
+}
+
+/// The pressure in the bag, if it is one and comes this way.
+fn pressure(plan: &PatchPlan, scan: u64, kpa: Option<f64>) -> Result<Option<Kilopascal>, Status> {
+    let Some(kpa) = kpa else { return Ok(None) };
+    if !plan.pushed.is_some_and(|pushed| pushed.pressure) {
+        let name = plan.patch.name();
+        let problem = format_args!("comes with scan {scan}, but patch `{name}` has push.pressure = false");
+        return Err(invalid("pressure_kpa", problem));
+    }
+    if !PRESSURE_KPA.contains(&kpa) {
+        let (least, most) = (PRESSURE_KPA.start(), PRESSURE_KPA.end());
+        return Err(invalid("pressure_kpa", format_args!("{kpa} in scan {scan}, expected {least} to {most}")));
+    }
+    Ok(Some(Kilopascal(kpa)))
+}

@@ -1,0 +1,137 @@
+//! Recalibration by known loads: what is proposed is worked out anew when it is accepted, and nothing is used by that.
+
+use std::sync::Arc;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use taxel_engine::command::{Command, Done};
+use taxel_engine::loads::Validation;
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::recalibration::{
+    Assumptions, Chosen, JudgedPoint, PLACE_REL_MAX, PLACE_REL_MIN, POINTS_MAX, Proposal, propose,
+};
+use taxel_proto::v1;
+use tonic::Status;
+
+use crate::access::caller::Caller;
+use crate::service::{Service, strange_answer};
+use crate::status::invalid;
+
+/// A proposal as it is told, and the set with its id.
+pub(crate) struct Proposed {
+    pub(crate) message: v1::RecalibrationProposal,
+    /// The set, or why there is none.
+    set: Result<Arc<ModelSet>, String>,
+}
+
+impl Service {
+    /// What the known loads of a patch propose for its active set.
+    pub(crate) async fn recalibration(&self, request: &v1::ProposeRecalibrationRequest) -> Result<Proposed, Status> {
+        let patch = self.patch(&request.patch)?;
+        let name = self.plan(patch).patch.name();
+        let (chosen, assumptions) = asked(request)?;
+        let no_set = || Status::failed_precondition(format!("no model set of patch `{name}` is active"));
+        let source = self.model_set(&self.active(name).ok_or_else(no_set)?, name).await?;
+        let catalogue = Arc::clone(&self.handle.catalogue.borrow());
+        let view =
+            catalogue.validations.get(patch).filter(|view| view.model_set.as_deref() == Some(source.id.as_str()));
+        let view = view.ok_or_else(|| Status::failed_precondition(format!("no loads of patch `{name}` are known")))?;
+        let id_of = self.handle.id_of.ok_or_else(|| Status::failed_precondition("model sets are not kept"))?;
+        let proposal = propose(view, &source, &chosen, assumptions, wall_ns()).map_err(Status::failed_precondition)?;
+        let set = proposal.set.clone().map(|set| {
+            let id = id_of(&set);
+            Arc::new(ModelSet { id, ..set })
+        });
+        let id = set.as_ref().map(|set| set.id.clone()).unwrap_or_default();
+        Ok(Proposed { message: message(&proposal, &source, id, view), set })
+    }
+
+    /// Keeps the set of a proposal.
+    pub(crate) async fn keep_recalibration(
+        &self,
+        caller: &Caller,
+        request: &v1::AcceptRecalibrationRequest,
+    ) -> Result<v1::AcceptRecalibrationResponse, Status> {
+        let wanted = request.model_set.as_str();
+        if wanted.is_empty() {
+            return Err(invalid("model_set", "must name the one that ProposeRecalibration told"));
+        }
+        let asked = request.proposal.clone().unwrap_or_default();
+        let proposed = self.recalibration(&asked).await?;
+        let model_set = proposed.set.map_err(Status::failed_precondition)?;
+        if model_set.id != wanted {
+            let (is, points) = (&model_set.id, proposed.message.points.len());
+            return Err(Status::failed_precondition(format!(
+                "the {points} loads lead to `{is}` now, and not to the set that was proposed: look at a new proposal"
+            )));
+        }
+        match self.command(caller, "AcceptRecalibration", Command::KeepRecalibration { model_set }).await? {
+            Done::RefitKept { model_set, known } => Ok(v1::AcceptRecalibrationResponse {
+                model_set: model_set.id.clone(),
+                source: model_set.origins.first().cloned().unwrap_or_default(),
+                known,
+            }),
+            other => Err(strange_answer(&other)),
+        }
+    }
+}
+
+/// What a request asks for.
+fn asked(request: &v1::ProposeRecalibrationRequest) -> Result<(Chosen, Assumptions), Status> {
+    for (field, numbers) in [("loads", &request.loads), ("leave_out", &request.leave_out)] {
+        if numbers.len() > POINTS_MAX {
+            return Err(invalid(field, format_args!("{} numbers, at most {POINTS_MAX} are taken", numbers.len())));
+        }
+    }
+    let place_rel = request.place_uncertainty.unwrap_or(Assumptions::MASSES.place_rel);
+    if !(PLACE_REL_MIN..=PLACE_REL_MAX).contains(&place_rel) {
+        let problem = format_args!("{place_rel} is not {PLACE_REL_MIN} to {PLACE_REL_MAX}");
+        return Err(invalid("place_uncertainty", problem));
+    }
+    let chosen = Chosen { loads: request.loads.clone(), leave_out: request.leave_out.clone() };
+    Ok((chosen, Assumptions { place_rel, ..Assumptions::MASSES }))
+}
+
+fn message(proposal: &Proposal, source: &ModelSet, id: String, view: &Validation) -> v1::RecalibrationProposal {
+    let found = &proposal.found;
+    let mut refused_because = found.refused_because.clone();
+    if let Err(why) = &proposal.set
+        && refused_because.is_empty()
+    {
+        refused_because.push(why.clone());
+    }
+    v1::RecalibrationProposal {
+        patch: source.patch.clone(),
+        source: source.id.clone(),
+        model_set: id,
+        gain: found.line.gain,
+        gain_sigma: found.gain_sigma(),
+        relative_sigma: found.relative_sigma(),
+        points: found.points.iter().map(point).collect(),
+        deviation_max: found.deviation_max,
+        contradicts: found.contradicts.unwrap_or(0),
+        chi_squared: found.line.chi2,
+        degrees_of_freedom: found.line.dof as u32,
+        needed: found.is_needed(),
+        refused_because,
+        place_uncertainty: found.assumptions.place_rel,
+        area_factor: view.factor.filter(|_| view.applied).map(|factor| factor.value),
+    }
+}
+
+fn point(judged: &JudgedPoint) -> v1::RecalibrationPoint {
+    let point = judged.point;
+    v1::RecalibrationPoint {
+        load: point.number,
+        read_n: point.read,
+        known_n: point.known,
+        known_sigma_n: point.known_sigma,
+        corrected_n: judged.corrected,
+        deviation: judged.deviation,
+    }
+}
+
+/// The present, nanoseconds since 1970.
+fn wall_ns() -> i64 {
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX)
+}

@@ -1,0 +1,125 @@
+//! Stored samples fitted once more: read from the store, fitted on a thread of its own, kept by the engine.
+
+use std::sync::Arc;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+
+use taxel_engine::calibration::fit::PlaysChoice;
+use taxel_engine::calibration::{Refit, RefitOptions, SessionSamples, SessionView, StoredSession};
+use taxel_engine::command::{Command, Done};
+use taxel_model::{Estimator, Order};
+use taxel_proto::v1;
+use tokio::sync::oneshot;
+use tonic::Status;
+
+use crate::access::caller::Caller;
+use crate::calibration::asked_branches;
+use crate::handle::SamplesSource;
+use crate::service::{Service, strange_answer};
+use crate::status::{engine_stopped, invalid, of_rejection};
+
+impl Service {
+    /// Fits what these sessions gathered, and has the set kept.
+    pub(crate) async fn refit(
+        &self,
+        caller: &Caller,
+        name: &'static str,
+        numbers: &[u64],
+        options: &v1::FitOptions,
+    ) -> Result<v1::Refit, Status> {
+        let options = asked_options(options)?;
+        let views = numbers.iter().map(|number| self.session(*number)).collect::<Result<Vec<_>, _>>()?;
+        let refit = self.plan_refit(views, &options).await?;
+        let absent = || Status::failed_precondition("samples are not kept");
+        let (source, id_of) = self.handle.samples.clone().zip(self.handle.id_of).ok_or_else(absent)?;
+        // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.
+        let turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
+            Status::resource_exhausted("another fit is under way, which ends within seconds: try again then")
+        })?;
+        let sessions = refit.numbers();
+        let mut samples = Vec::with_capacity(sessions.len());
+        for number in &sessions {
+            samples.push(read(&source, *number).await?);
+        }
+        let scans = samples.iter().map(|samples| samples.samples.len() as u64).sum();
+        let began = Instant::now();
+        // The turn goes along: a fit whose client is gone ends by itself.
+        let fit = move || {
+            let _turn = turn;
+            refit.job(samples, wall_ns()).map(|job| job.run(id_of).result)
+        };
+        let fitted = tokio::task::spawn_blocking(fit).await;
+        let fitted = fitted.map_err(|lost| Status::internal(format!("the fit was lost: {lost}")))?;
+        let model_set = fitted.map_err(|why| of_rejection(&why))?.map_err(Status::failed_precondition)?;
+        let fit_s = began.elapsed().as_secs_f64();
+        match self.command(caller, name, Command::KeepRefit { model_set, sessions }).await? {
+            Done::RefitKept { model_set, known } => {
+                Ok(v1::Refit { model_set: Some(self.summary(model_set.summary())), known, scans, fit_s })
+            }
+            other => Err(strange_answer(&other)),
+        }
+    }
+
+    /// What is to be fitted. The settings of the boards are those that each session's own model set tells.
+    async fn plan_refit(&self, views: Vec<Arc<SessionView>>, options: &RefitOptions) -> Result<Refit, Status> {
+        let first = views.first().ok_or_else(|| invalid("sessions", "none is named"))?;
+        let plan = self.plan(self.patch(&first.patch)?);
+        let mut sessions = Vec::with_capacity(views.len());
+        for view in views {
+            let own = view.model_set.as_deref().filter(|id| self.known_set(id).is_some());
+            let board_settings = match own {
+                Some(id) => Some(self.model_set(id, "").await?.board_settings.clone()),
+                None => None,
+            };
+            sessions.push(StoredSession { board_settings, view });
+        }
+        Refit::plan(plan.calibration(), plan.patch.counts(), sessions, options).map_err(|why| of_rejection(&why))
+    }
+}
+
+async fn read(source: &SamplesSource, session: u64) -> Result<SessionSamples, Status> {
+    let (tell, told) = oneshot::channel();
+    // Whoever asked may have gone; then nobody misses the answer.
+    source(session, Box::new(move |samples| drop(tell.send(samples))));
+    let samples = told.await.map_err(|_| engine_stopped())?;
+    samples.map_err(|why| Status::failed_precondition(format!("the samples of session {session}: {why}")))
+}
+
+/// What a request asks for.
+fn asked_options(options: &v1::FitOptions) -> Result<RefitOptions, Status> {
+    let order = |order: u32| match order {
+        0 => Ok(Order::Auto),
+        order => {
+            u8::try_from(order).map(Order::Fixed).map_err(|_| invalid("order", format_args!("{order} is no order")))
+        }
+    };
+    let estimator = match v1::FitEstimator::try_from(options.estimator) {
+        Ok(v1::FitEstimator::Unspecified) => None,
+        Ok(v1::FitEstimator::PressureBinned) => Some(Estimator::PressureBinned),
+        Ok(v1::FitEstimator::PerSample) => Some(Estimator::PerSample),
+        Ok(v1::FitEstimator::Paper) => Some(Estimator::Paper),
+        Err(_) => return Err(invalid("estimator", format_args!("{} is not in 0 to 3", options.estimator))),
+    };
+    let plays = match v1::FitPlays::try_from(options.plays) {
+        Ok(v1::FitPlays::Unspecified) => None,
+        Ok(v1::FitPlays::Auto) => Some(PlaysChoice::Auto),
+        Ok(v1::FitPlays::On) => Some(PlaysChoice::On),
+        Ok(v1::FitPlays::Off) => Some(PlaysChoice::Off),
+        Err(_) => return Err(invalid("plays", format_args!("{} is not in 0 to 3", options.plays))),
+    };
+    Ok(RefitOptions {
+        order: options.order.map(order).transpose()?,
+        estimator,
+        exact: options.exact,
+        bin_width_kpa: options.bin_width_kpa,
+        branch: asked_branches(options.branches)?,
+        plays,
+        smooth_s: options.smooth_s,
+        min_swing_counts: options.min_swing_counts,
+    })
+}
+
+/// The present, nanoseconds since 1970.
+fn wall_ns() -> i64 {
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX)
+}

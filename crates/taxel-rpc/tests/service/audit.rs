@@ -1,0 +1,127 @@
+//! The audit log: what a command takes along for it, and how it is read.
+
+use std::sync::Arc;
+
+use taxel_engine::audit::{Answered, Asked, AuditEntry};
+use taxel_engine::command::Rejection;
+use taxel_proto::v1;
+use taxel_proto::v1::audit_service_client::AuditServiceClient;
+use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_proto::v1::validation_service_client::ValidationServiceClient;
+use taxel_rpc::AuditSource;
+use tonic::Code;
+
+use crate::fixture::{FOREARM, start, start_audited};
+
+#[tokio::test]
+async fn a_command_takes_along_who_asked_from_where_and_for_what() {
+    let mut daemon = start().await;
+    let mut requests = daemon.take_requests();
+    let asked = tokio::spawn(async move {
+        let mut all = Vec::new();
+        while let Some(request) = requests.recv().await {
+            all.push(request.asked.unwrap());
+            let _ = request.reply.send(Err(Rejection::FailedPrecondition("no".to_owned())));
+            if all.len() == 3 {
+                break;
+            }
+        }
+        all
+    });
+    let channel = daemon.connect().await;
+    let tare = v1::TareRequest { confirmed_by: " Ann ".to_owned(), ..Default::default() };
+    SkinServiceClient::new(channel.clone()).tare(tare).await.unwrap_err();
+    let start = v1::StartSessionRequest {
+        target_kpa: Some(60.0),
+        branches: v1::Branches::Both.into(),
+        leave_out: vec![v1::ModuleName { board: 13, module: 2 }],
+        ..Default::default()
+    };
+    CalibrationServiceClient::new(channel.clone()).start_session(start).await.unwrap_err();
+    let load = v1::record_load_request::Load::MassKg(0.5);
+    let load = v1::RecordLoadRequest { load: Some(load), by: "Bob".to_owned(), replaces: 4, ..Default::default() };
+    ValidationServiceClient::new(channel).record_load(load).await.unwrap_err();
+    let all = asked.await.unwrap();
+    let shown: Vec<_> = all.iter().map(|a| (a.method.as_str(), a.what.as_str(), a.claimed.as_str())).collect();
+    let expected = [
+        ("Tare", "", "Ann"),
+        ("StartSession", "target 60 kPa, branches both, without board 13 module 2", ""),
+        ("RecordLoad", "0.5 kg, replaces load 4", "Bob"),
+    ];
+    assert_eq!(shown, expected);
+    for asked in &all {
+        assert_eq!(
+            (asked.transport.as_str(), asked.role.as_str(), asked.patch.as_str()),
+            ("loopback", "admin", FOREARM)
+        );
+        assert!(asked.place.starts_with("127.0.0.1:"), "{asked:?}");
+    }
+}
+
+#[tokio::test]
+async fn names_that_are_too_long_or_hold_control_characters_are_refused() {
+    let daemon = start().await;
+    let channel = daemon.connect().await;
+    for (name, expected) in [
+        ("x".repeat(257), "confirmed_by: 257 bytes, at most 256 are kept"),
+        ("Ann\u{1b}[2J".to_owned(), "confirmed_by: has the control character U+001B, expected a name"),
+        ("Ann\nBob".to_owned(), "confirmed_by: has the control character U+000A, expected a name"),
+        ("Ann\u{85}".to_owned(), "confirmed_by: has the control character U+0085, expected a name"),
+    ] {
+        let request = v1::TareRequest { confirmed_by: name, ..Default::default() };
+        let status = SkinServiceClient::new(channel.clone()).tare(request).await.unwrap_err();
+        assert_eq!((status.code(), status.message()), (Code::InvalidArgument, expected));
+    }
+    let load = Some(v1::record_load_request::Load::MassKg(0.5));
+    let request = v1::RecordLoadRequest { load, by: "\u{7f}".to_owned(), ..Default::default() };
+    let status = ValidationServiceClient::new(channel).record_load(request).await.unwrap_err();
+    assert!(status.message().starts_with("by: has the control character U+007F"), "{status:?}");
+}
+
+/// A log of 25 entries, of which the 7th was never answered.
+fn log() -> AuditSource {
+    Arc::new(|before, most, tell| {
+        let entry = |number: u64| AuditEntry {
+            number,
+            asked: Some(Asked { who: format!("who {number}"), wall_ns: 1, ..Asked::default() }),
+            answered: (number != 7).then(|| Answered { result: "done".to_owned(), wall_ns: 2, ..Answered::default() }),
+            damage: String::new(),
+        };
+        tell(Ok((1..=25).rev().filter(|number| *number < before).take(most as usize).map(entry).collect()));
+    })
+}
+
+#[tokio::test]
+async fn the_log_is_read_in_pages_and_each_entry_comes_once() {
+    let daemon = start_audited(log()).await;
+    let mut client = AuditServiceClient::new(daemon.connect().await);
+    let (mut seen, mut page_token) = (Vec::new(), String::new());
+    loop {
+        let request = v1::ListAuditRequest { page_size: 10, page_token };
+        let page = client.list_audit(request).await.unwrap().into_inner();
+        seen.extend(page.entries);
+        page_token = page.next_page_token;
+        if page_token.is_empty() {
+            break;
+        }
+    }
+    assert_eq!(seen.iter().map(|entry| entry.entry).collect::<Vec<_>>(), (1..=25).rev().collect::<Vec<_>>());
+    let unanswered = seen.iter().find(|entry| entry.entry == 7).unwrap();
+    assert_eq!((unanswered.result.as_str(), unanswered.answered), ("", None));
+    for page_token in ["x", "-1", "99999999999999999999999"] {
+        let request = v1::ListAuditRequest { page_size: 0, page_token: page_token.to_owned() };
+        assert_eq!(client.list_audit(request).await.unwrap_err().code(), Code::InvalidArgument, "{page_token}");
+    }
+    let request = v1::ListAuditRequest { page_size: 1_001, page_token: String::new() };
+    assert_eq!(client.list_audit(request).await.unwrap_err().code(), Code::InvalidArgument);
+}
+
+#[tokio::test]
+async fn a_log_that_cannot_be_read_says_why() {
+    let daemon = start_audited(Arc::new(|_, _, tell| tell(Err("the disk is gone".to_owned())))).await;
+    let mut client = AuditServiceClient::new(daemon.connect().await);
+    let status = client.list_audit(v1::ListAuditRequest::default()).await.unwrap_err();
+    assert_eq!(status.code(), Code::Unavailable);
+    assert!(status.message().contains("the disk is gone"), "{status:?}");
+}

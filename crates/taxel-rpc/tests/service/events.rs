@@ -1,0 +1,83 @@
+//! The event log: in pages, and as it goes on.
+
+use taxel_engine::events::{Event, EventKind};
+use taxel_proto::v1;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use tonic::Code;
+
+use crate::fixture::{Daemon, FOREARM, HAND, patient, start_with};
+
+fn happens(daemon: &Daemon, patch: &str, text: &str) {
+    daemon.engine().event(Event {
+        wall_ns: 1_700_000_000_500_000_000,
+        kind: EventKind::FaultsCame,
+        patch: patch.to_owned(),
+        text: text.to_owned(),
+        taxels: vec![3, 4],
+        session: Some(2),
+        model_set: None,
+        bus: None,
+    });
+}
+
+fn texts(events: &[v1::Event]) -> Vec<&str> {
+    events.iter().map(|event| event.text.as_str()).collect()
+}
+
+#[tokio::test]
+async fn events_come_in_pages_newest_first_and_by_patch() {
+    let daemon = start_with(&[FOREARM, HAND], patient()).await;
+    for (patch, text) in [(FOREARM, "a"), (HAND, "b"), ("", "bus"), (FOREARM, "c")] {
+        happens(&daemon, patch, text);
+    }
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let request = |patch: &str, page_size, page_token: &str| v1::ListEventsRequest {
+        patch: patch.to_owned(),
+        page_size,
+        page_token: page_token.to_owned(),
+    };
+    let page = client.list_events(request("", 3, "")).await.unwrap().into_inner();
+    assert_eq!(texts(&page.events), ["c", "bus", "b"]);
+    let event = &page.events[0];
+    assert_eq!((event.number, event.kind(), &event.taxels[..]), (4, v1::EventKind::FaultsCame, &[3, 4][..]));
+    assert_eq!((event.time.as_ref().unwrap().seconds, event.session, event.skipped), (1_700_000_000, Some(2), 0));
+    let rest = client.list_events(request("", 3, &page.next_page_token)).await.unwrap().into_inner();
+    assert_eq!((texts(&rest.events), rest.next_page_token.as_str()), (vec!["a"], ""));
+    let hand = client.list_events(request(HAND, 0, "")).await.unwrap().into_inner();
+    assert_eq!(texts(&hand.events), ["bus", "b"]);
+    for (bad, code) in [
+        (request("foot", 0, ""), Code::NotFound),
+        (request("", 1_001, ""), Code::InvalidArgument),
+        (request("", 0, "x"), Code::InvalidArgument),
+    ] {
+        assert_eq!(client.list_events(bad).await.unwrap_err().code(), code);
+    }
+}
+
+#[tokio::test]
+async fn a_watcher_gets_each_event_and_is_told_what_is_no_longer_kept_and_of_the_shutdown() {
+    let daemon = start_with(&[FOREARM, HAND], patient()).await;
+    happens(&daemon, FOREARM, "before");
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let watch = |patch: &str, after| v1::WatchEventsRequest { patch: patch.to_owned(), after };
+    let mut live = client.watch_events(watch(FOREARM, None)).await.unwrap().into_inner();
+    let mut all = client.watch_events(watch("", Some(0))).await.unwrap().into_inner();
+    assert_eq!(all.message().await.unwrap().unwrap().text, "before");
+    happens(&daemon, HAND, "elsewhere");
+    happens(&daemon, FOREARM, "here");
+    assert_eq!(live.message().await.unwrap().unwrap().text, "here", "neither what was before nor what is elsewhere");
+    assert_eq!(all.message().await.unwrap().unwrap().text, "elsewhere");
+    assert_eq!(all.message().await.unwrap().unwrap().text, "here");
+    (0..4_096).for_each(|_| happens(&daemon, HAND, "flood"));
+    let mut late = client.watch_events(watch("", Some(0))).await.unwrap().into_inner();
+    let first = late.message().await.unwrap().unwrap();
+    assert_eq!((first.number, first.skipped), (4, 3));
+    assert_eq!(late.message().await.unwrap().unwrap().skipped, 0);
+    let status = client.watch_events(watch("foot", None)).await.unwrap_err();
+    assert_eq!(status.code(), Code::NotFound);
+    let status = client.watch_events(watch("", Some(9_999))).await.unwrap_err();
+    assert!(status.code() == Code::InvalidArgument && status.message().contains("started anew"), "{status}");
+    daemon.shutdown.cancel();
+    let status = live.message().await.unwrap_err();
+    assert_eq!((status.code(), status.message()), (Code::Unavailable, "the daemon is shutting down"));
+}

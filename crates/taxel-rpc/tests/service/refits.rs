@@ -1,0 +1,135 @@
+//! Stored samples fitted once more: read, fitted, and handed to the engine to be kept.
+
+use std::sync::Arc;
+
+use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples, SessionState, SessionView};
+use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::snapshot::Catalogue;
+use taxel_proto::v1;
+use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
+use taxel_rpc::{OnSamples, SamplesSource};
+use tonic::{Code, Status};
+
+use crate::fixture::{Daemon, FOREARM, TAXELS, start_with_samples};
+
+type Client = CalibrationServiceClient<tonic::transport::Channel>;
+
+/// A ramp to 70 kPa of taxels that lose counts as they are pressed; session 3 has damaged samples.
+fn samples() -> SamplesSource {
+    Arc::new(|session: u64, told: OnSamples| {
+        let count = |kpa: f64| (240.0 - 80.0 * kpa / (kpa + 40.0)).round() as u8;
+        let sample = |k: i64| Sample {
+            ramp: 0,
+            time_ns: 50_000_000 * k,
+            pressure_kpa: k as f64 / 10.0,
+            counts: vec![count(k as f64 / 10.0); TAXELS].as_slice().into(),
+        };
+        let rest = vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS];
+        told(match session {
+            3 => Err("row 7 is not what was written".to_owned()),
+            _ => Ok(SessionSamples {
+                ramps: vec![RampBaseline { ramp: 0, taxels: rest }],
+                samples: (0..=700).map(sample).collect(),
+            }),
+        });
+    })
+}
+
+async fn daemon() -> (Daemon, Client) {
+    let daemon = start_with_samples(samples()).await;
+    let view = |number, state| {
+        let patch = FOREARM.to_owned();
+        Arc::new(SessionView { number, patch, state, accepted: 701, ..SessionView::default() })
+    };
+    let sessions = vec![
+        view(1, SessionState::Active),
+        view(2, SessionState::Review),
+        view(3, SessionState::Aborted),
+        view(4, SessionState::Ramping),
+    ];
+    daemon.engine().catalogue(Arc::new(Catalogue { sessions, ..Catalogue::default() }));
+    let client = CalibrationServiceClient::new(daemon.connect().await);
+    (daemon, client)
+}
+
+fn merge(sessions: &[u64]) -> v1::MergeSessionsRequest {
+    v1::MergeSessionsRequest { sessions: sessions.to_vec(), options: None }
+}
+
+fn refit(session: u64, options: v1::FitOptions) -> v1::RefitSessionRequest {
+    v1::RefitSessionRequest { session, options: Some(options) }
+}
+
+/// Takes the next command, which must keep a set, and answers that this is done.
+async fn kept(daemon: &mut Daemon, sessions: &[u64], known: bool) {
+    let request = daemon.requests.recv().await.unwrap();
+    let Command::KeepRefit { model_set, sessions: named } = request.command else { panic!("{:?}", request.command) };
+    assert_eq!(named, sessions);
+    let asked = request.asked.unwrap();
+    assert!(asked.what.contains(&model_set.id) && asked.patch == FOREARM, "{asked:?}");
+    request.reply.send(Ok(Done::RefitKept { model_set: model_set.into(), known })).unwrap();
+}
+
+#[tokio::test]
+async fn a_refit_is_fitted_as_asked_kept_and_told() {
+    let (mut daemon, mut client) = daemon().await;
+    let options = v1::FitOptions { order: Some(3), ..v1::FitOptions::default() };
+    let (answer, ()) = tokio::join!(client.refit_session(refit(1, options)), kept(&mut daemon, &[1], false));
+    let refit = answer.unwrap().into_inner();
+    let set = refit.model_set.unwrap();
+    assert_eq!((set.method.as_str(), set.session, set.active), ("order 3, pressure-binned", Some(1), false));
+    assert_eq!((set.taxels, set.calibrated), (TAXELS as u32, TAXELS as u32));
+    assert_eq!((refit.known, refit.scans), (false, 701));
+    let (answer, ()) = tokio::join!(client.merge_sessions(merge(&[2, 1])), kept(&mut daemon, &[1, 2], true));
+    let merged = answer.unwrap().into_inner();
+    assert_eq!((merged.known, merged.scans), (true, 1402));
+    assert_eq!(merged.model_set.unwrap().method, "order 5, pressure-binned, of sessions 1, 2 together");
+}
+
+#[tokio::test]
+async fn what_cannot_be_fitted_is_refused_and_never_reaches_the_engine() {
+    let (mut daemon, mut client) = daemon().await;
+    let says = |status: Status, code: Code, words: &str| {
+        assert!(status.code() == code && status.message().contains(words), "{status}");
+    };
+    let default = v1::FitOptions::default;
+    says(client.refit_session(refit(0, default())).await.unwrap_err(), Code::InvalidArgument, "0 is not a session");
+    says(client.refit_session(refit(9, default())).await.unwrap_err(), Code::NotFound, "no session 9");
+    says(
+        client.refit_session(refit(4, default())).await.unwrap_err(),
+        Code::FailedPrecondition,
+        "session 4 is RAMPING",
+    );
+    says(client.refit_session(refit(3, default())).await.unwrap_err(), Code::FailedPrecondition, "session 3: row 7");
+    says(client.merge_sessions(merge(&[])).await.unwrap_err(), Code::InvalidArgument, "sessions: none is named");
+    says(client.merge_sessions(merge(&[1, 1])).await.unwrap_err(), Code::InvalidArgument, "named twice");
+    for (options, words) in [
+        (v1::FitOptions { order: Some(11), ..default() }, "order: 11 is not in 1 to 10"),
+        (v1::FitOptions { order: Some(256), ..default() }, "order: 256"),
+        (v1::FitOptions { estimator: 9, ..default() }, "estimator: 9 is not in 0 to 3"),
+        (v1::FitOptions { plays: 9, ..default() }, "plays: 9 is not in 0 to 3"),
+        (v1::FitOptions { branches: 9, ..default() }, "branches: 9 is not in 0 to 2"),
+        (v1::FitOptions { smooth_s: Some(f64::INFINITY), ..default() }, "smooth_s: inf"),
+    ] {
+        says(client.refit_session(refit(1, options)).await.unwrap_err(), Code::InvalidArgument, words);
+    }
+    let both = v1::FitOptions { branches: v1::Branches::Both.into(), ..default() };
+    says(client.refit_session(refit(1, both)).await.unwrap_err(), Code::FailedPrecondition, "rising pressure alone");
+    let none = v1::FitOptions { min_swing_counts: Some(1e6), ..default() };
+    says(client.refit_session(refit(1, none)).await.unwrap_err(), Code::FailedPrecondition, "none of the 20 taxels");
+    assert!(daemon.requests.try_recv().is_err());
+}
+
+#[tokio::test]
+async fn one_fit_runs_at_a_time_and_the_engine_has_the_last_word() {
+    let (mut daemon, mut client) = daemon().await;
+    let turn = daemon.engine().fits().try_acquire_owned().unwrap();
+    let status = client.refit_session(refit(1, v1::FitOptions::default())).await.unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
+    drop(turn);
+    let refused = Err(Rejection::FailedPrecondition("session 1 is being deleted".to_owned()));
+    let call = client.refit_session(refit(1, v1::FitOptions::default()));
+    let (answer, ()) = tokio::join!(call, daemon.answer(refused, |_| ()));
+    assert_eq!(answer.unwrap_err().message(), "session 1 is being deleted");
+}

@@ -1,0 +1,12 @@
+//! The clock that writer and readers share.
+
+use nix::time::{ClockId, clock_gettime};
+
+/// `CLOCK_MONOTONIC` in nanoseconds: one clock for all processes of a machine, which never steps and stands still while
+/// the machine sleeps.
+#[must_use]
+pub fn monotonic_ns() -> i64 {
+    // It cannot fail on Linux. If it did, the origin would make every stamp one of the future, which is refused.
+    clock_gettime(ClockId::CLOCK_MONOTONIC)
+        .map_or(0, |at| at.tv_sec().saturating_mul(1_000_000_000).saturating_add(at.tv_nsec()))
+}

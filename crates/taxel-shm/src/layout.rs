@@ -1,0 +1,250 @@
+//! Where everything is in a page. `deploy/shared-memory.md` has the same as a table of bytes; a change here needs a new
+//! [`VERSION`], and the same change there, in `deploy/taxel_force.h` and in `deploy/python`.
+
+use crate::sample::{MODEL_SET_BYTES, REASON_BYTES, Sample, State};
+use crate::text::Text;
+
+/// Version of the layout.
+pub const VERSION: u32 = 1;
+/// Bytes of a page.
+pub const PAGE_BYTES: usize = 4096;
+/// Words of eight bytes in it.
+pub(crate) const PAGE_WORDS: usize = PAGE_BYTES / 8;
+/// The first eight bytes.
+pub(crate) const MAGIC: [u8; 8] = *b"TAXELFRC";
+/// Bytes for the patch's name.
+pub(crate) const NAME_BYTES: usize = 64;
+
+// The header, by word. It is written before the page has its name and never again.
+pub(crate) const AT_MAGIC: usize = 0;
+pub(crate) const AT_VERSION_AND_BYTES: usize = 1;
+pub(crate) const AT_GENERATION: usize = 2;
+pub(crate) const AT_PID: usize = 3;
+pub(crate) const AT_AGE_LIMIT: usize = 4;
+pub(crate) const AT_BEAT_LIMIT: usize = 5;
+pub(crate) const AT_NAME: usize = 6;
+
+// What changes.
+/// How many samples were written: sample n is in place n % 2.
+pub(crate) const AT_WRITES: usize = 16;
+/// When the writer was last seen alive, in ns of the monotonic clock.
+pub(crate) const AT_BEAT: usize = 17;
+/// Not zero once the writer has ended.
+pub(crate) const AT_CLOSED: usize = 18;
+
+/// Where the two samples are.
+pub(crate) const AT_SAMPLES: [usize; 2] = [32, 96];
+/// Words of a sample.
+pub(crate) const SAMPLE_WORDS: usize = 64;
+
+/// A sample as it lies in the page.
+pub(crate) type SampleWords = [u64; SAMPLE_WORDS];
+
+// A sample, by word.
+const SEQUENCE: usize = 0;
+const MONOTONIC: usize = 1;
+const WALL: usize = 2;
+const WRITTEN: usize = 3;
+const STATE_AND_FLAGS: usize = 4;
+const TOTAL: usize = 5;
+const SIGMA: usize = 6;
+const FLOOR: usize = 7;
+const RESULTANT: usize = 8;
+const MOMENT: usize = 11;
+const CENTRE: usize = 14;
+const ACTIVE_AND_EXCLUDED: usize = 17;
+const STALE_AND_OUT_OF_RANGE: usize = 18;
+const FILLED: usize = 19;
+const FILLED_SHARE: usize = 20;
+const UNCOVERED_SHARE: usize = 21;
+const MODEL_SET: usize = 22;
+const REASONS: usize = 30;
+/// CRC-32 of all words before it, for readers whose language has no memory barriers.
+const CHECK: usize = 63;
+
+// Flags: what is there.
+const SEEN: u32 = 1;
+const HAS_TOTAL: u32 = 1 << 1;
+const HAS_SIGMA: u32 = 1 << 2;
+const HAS_FLOOR: u32 = 1 << 3;
+const HAS_RESULTANT: u32 = 1 << 4;
+const HAS_MOMENT: u32 = 1 << 5;
+const HAS_CENTRE: u32 = 1 << 6;
+const LOWER_BOUND: u32 = 1 << 7;
+
+// Every part is inside of the page, and no two overlap.
+const _: () = {
+    assert!(AT_NAME + NAME_BYTES / 8 <= AT_WRITES);
+    assert!(AT_CLOSED < AT_SAMPLES[0] && AT_SAMPLES[0] + SAMPLE_WORDS <= AT_SAMPLES[1]);
+    assert!(AT_SAMPLES[1] + SAMPLE_WORDS <= PAGE_WORDS);
+    assert!(MODEL_SET + MODEL_SET_BYTES / 8 <= REASONS && REASONS + REASON_BYTES / 8 <= CHECK);
+};
+
+/// Two numbers of four bytes, the first one first.
+pub(crate) fn pair(first: u32, second: u32) -> u64 {
+    let ([a, b, c, d], [e, f, g, h]) = (first.to_ne_bytes(), second.to_ne_bytes());
+    u64::from_ne_bytes([a, b, c, d, e, f, g, h])
+}
+
+/// The two numbers of [`pair`].
+pub(crate) fn unpair(word: u64) -> (u32, u32) {
+    let [a, b, c, d, e, f, g, h] = word.to_ne_bytes();
+    (u32::from_ne_bytes([a, b, c, d]), u32::from_ne_bytes([e, f, g, h]))
+}
+
+/// Bytes, eight a word.
+pub(crate) fn put_bytes(words: &mut [u64], bytes: &[u8]) {
+    for (word, chunk) in words.iter_mut().zip(bytes.as_chunks::<8>().0) {
+        *word = u64::from_ne_bytes(*chunk);
+    }
+}
+
+/// The bytes of [`put_bytes`].
+pub(crate) fn get_bytes<const N: usize>(words: &[u64]) -> [u8; N] {
+    let mut bytes = [0; N];
+    for (chunk, word) in bytes.as_chunks_mut::<8>().0.iter_mut().zip(words) {
+        *chunk = word.to_ne_bytes();
+    }
+    bytes
+}
+
+/// A figure and its flag; one that is absent or no number is NaN and has none.
+fn put<const N: usize>(words: &mut SampleWords, at: usize, flag: u32, figure: Option<[f64; N]>) -> u32 {
+    let known = figure.filter(|parts| parts.iter().all(|part| part.is_finite()));
+    let parts = known.unwrap_or([f64::NAN; N]);
+    for (word, part) in words[at..].iter_mut().zip(parts) {
+        *word = part.to_bits();
+    }
+    if known.is_some() { flag } else { 0 }
+}
+
+/// A figure, if its flag says that it is there and it is a number.
+fn get<const N: usize>(words: &SampleWords, at: usize, flag: u32, flags: u32) -> Option<[f64; N]> {
+    let mut parts = [f64::NAN; N];
+    for (part, word) in parts.iter_mut().zip(&words[at..]) {
+        *part = f64::from_bits(*word);
+    }
+    Some(parts).filter(|parts| flags & flag != 0 && parts.iter().all(|part| part.is_finite()))
+}
+
+/// The sample as words.
+pub(crate) fn encode(sample: &Sample) -> SampleWords {
+    let mut words = [0; SAMPLE_WORDS];
+    let one = |figure: Option<f64>| figure.map(|figure| [figure]);
+    words[SEQUENCE] = sample.sequence;
+    words[MONOTONIC] = sample.monotonic_ns.unwrap_or_default().cast_unsigned();
+    words[WALL] = sample.wall_ns.cast_unsigned();
+    words[WRITTEN] = sample.written_ns.cast_unsigned();
+    let flags = [
+        if sample.monotonic_ns.is_some() { SEEN } else { 0 },
+        if sample.lower_bound { LOWER_BOUND } else { 0 },
+        put(&mut words, TOTAL, HAS_TOTAL, one(sample.total_n)),
+        put(&mut words, SIGMA, HAS_SIGMA, one(sample.sigma_n)),
+        put(&mut words, FLOOR, HAS_FLOOR, one(sample.detection_floor_n)),
+        put(&mut words, RESULTANT, HAS_RESULTANT, sample.resultant_n),
+        put(&mut words, MOMENT, HAS_MOMENT, sample.moment_nm),
+        put(&mut words, CENTRE, HAS_CENTRE, sample.centre_of_pressure_m),
+    ];
+    words[STATE_AND_FLAGS] = pair(sample.state as u32, flags.iter().fold(0, |all, flag| all | flag));
+    words[ACTIVE_AND_EXCLUDED] = pair(sample.active, sample.excluded);
+    words[STALE_AND_OUT_OF_RANGE] = pair(sample.stale, sample.out_of_range);
+    words[FILLED] = pair(sample.filled, 0);
+    words[FILLED_SHARE] = sample.filled_share.to_bits();
+    words[UNCOVERED_SHARE] = sample.uncovered_share.to_bits();
+    put_bytes(&mut words[MODEL_SET..], sample.model_set.bytes());
+    put_bytes(&mut words[REASONS..], sample.reasons.bytes());
+    words[CHECK] = check(&words);
+    words
+}
+
+/// The sample of these words, whatever they are.
+pub(crate) fn decode(words: &SampleWords) -> Sample {
+    let (state, flags) = unpair(words[STATE_AND_FLAGS]);
+    let one = |at: usize, flag: u32| get::<1>(words, at, flag, flags).map(|[figure]| figure);
+    let (active, excluded) = unpair(words[ACTIVE_AND_EXCLUDED]);
+    let (stale, out_of_range) = unpair(words[STALE_AND_OUT_OF_RANGE]);
+    Sample {
+        sequence: words[SEQUENCE],
+        monotonic_ns: (flags & SEEN != 0).then_some(words[MONOTONIC].cast_signed()),
+        wall_ns: words[WALL].cast_signed(),
+        written_ns: words[WRITTEN].cast_signed(),
+        state: State::of_number(state),
+        lower_bound: flags & LOWER_BOUND != 0,
+        total_n: one(TOTAL, HAS_TOTAL),
+        sigma_n: one(SIGMA, HAS_SIGMA),
+        detection_floor_n: one(FLOOR, HAS_FLOOR),
+        resultant_n: get(words, RESULTANT, HAS_RESULTANT, flags),
+        moment_nm: get(words, MOMENT, HAS_MOMENT, flags),
+        centre_of_pressure_m: get(words, CENTRE, HAS_CENTRE, flags),
+        active,
+        excluded,
+        stale,
+        out_of_range,
+        filled: unpair(words[FILLED]).0,
+        filled_share: f64::from_bits(words[FILLED_SHARE]),
+        uncovered_share: f64::from_bits(words[UNCOVERED_SHARE]),
+        model_set: Text::of_bytes(get_bytes::<MODEL_SET_BYTES>(&words[MODEL_SET..])),
+        reasons: Text::of_bytes(get_bytes::<REASON_BYTES>(&words[REASONS..])),
+    }
+}
+
+/// CRC-32 of all words but the last.
+fn check(words: &SampleWords) -> u64 {
+    let bytes = get_bytes::<{ 8 * CHECK }>(&words[..CHECK]);
+    u64::from(crc32fast::hash(&bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sample in which nothing is as another part of it.
+    fn full() -> Sample {
+        Sample {
+            sequence: 1,
+            monotonic_ns: Some(2),
+            wall_ns: -3,
+            written_ns: 4,
+            state: State::Degraded,
+            lower_bound: true,
+            total_n: Some(5.0),
+            sigma_n: Some(6.0),
+            detection_floor_n: Some(7.0),
+            resultant_n: Some([8.0, 9.0, 10.0]),
+            moment_nm: Some([11.0, 12.0, 13.0]),
+            centre_of_pressure_m: Some([14.0, 15.0, 16.0]),
+            active: 17,
+            excluded: 18,
+            stale: 19,
+            out_of_range: 20,
+            filled: 21,
+            filled_share: 0.22,
+            uncovered_share: 0.23,
+            model_set: Text::new("m-0123456789abcdef"),
+            reasons: Text::new(&"r".repeat(REASON_BYTES)),
+        }
+    }
+
+    #[test]
+    fn a_sample_comes_back_as_it_was_written() {
+        for sample in [full(), Sample::default()] {
+            assert_eq!(decode(&encode(&sample)), sample);
+        }
+        let words = encode(&full());
+        assert_eq!(words[CHECK], check(&words));
+        assert!(words.iter().skip(REASONS + REASON_BYTES / 8).take(1).all(|word| *word == 0), "room is left");
+    }
+
+    #[test]
+    fn a_figure_that_is_no_number_is_absent() {
+        for odd in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let sample = Sample { total_n: Some(odd), resultant_n: Some([0.0, odd, 0.0]), ..full() };
+            let back = decode(&encode(&sample));
+            assert_eq!((back.total_n, back.resultant_n), (None, None));
+            // Nor is one that a fault of the memory put there.
+            let mut words = encode(&full());
+            words[TOTAL] = odd.to_bits();
+            assert_eq!(decode(&words).total_n, None);
+        }
+    }
+}

@@ -1,0 +1,169 @@
+//! A controller's side: the newest force of a page, judged now.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use crate::clock::monotonic_ns;
+use crate::error::PageError;
+use crate::force::{Force, Found, Limits, NoForce, judge};
+use crate::latch;
+use crate::layout::{
+    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_GENERATION, AT_MAGIC, AT_NAME, AT_VERSION_AND_BYTES, MAGIC,
+    NAME_BYTES, PAGE_BYTES, VERSION, decode, get_bytes, unpair,
+};
+use crate::map::Map;
+use crate::sample::Sample;
+use crate::text::Text;
+
+/// How often a [`Reader`] without a living page looks for a new one.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
+
+/// One page of one run of a daemon. Reading it takes no system call but that of the clock, which Linux answers without
+/// entering the kernel.
+#[derive(Debug)]
+pub struct Page {
+    map: Map,
+    limits: Limits,
+    file: (u64, u64),
+}
+
+impl Page {
+    /// Maps the page of this file, read-only.
+    ///
+    /// # Errors
+    /// [`PageError`], if there is none, it may not be read, or its layout is another one.
+    pub fn open(path: &Path) -> Result<Self, PageError> {
+        let file = File::open(path).map_err(PageError::of(path, "opening the page"))?;
+        let about = file.metadata().map_err(PageError::of(path, "looking at the page"))?;
+        let wrong = |problem: String| PageError::NotAPage { path: path.to_owned(), problem };
+        if !about.is_file() || about.len() < PAGE_BYTES as u64 {
+            return Err(wrong(format!("{} bytes, expected a file of {PAGE_BYTES}", about.len())));
+        }
+        let map = Map::for_reading(&file).map_err(PageError::of(path, "mapping the page"))?;
+        let word = |at: usize| map.words()[at].load(Ordering::Relaxed);
+        if word(AT_MAGIC).to_ne_bytes() != MAGIC {
+            return Err(wrong("this is not a page of taxeld".to_owned()));
+        }
+        let (version, bytes) = unpair(word(AT_VERSION_AND_BYTES));
+        if (version, bytes as usize) != (VERSION, PAGE_BYTES) {
+            return Err(wrong(format!(
+                "layout {version} of {bytes} bytes, this reader knows {VERSION} of {PAGE_BYTES}"
+            )));
+        }
+        let limits =
+            Limits { age: Duration::from_nanos(word(AT_AGE_LIMIT)), beat: Duration::from_nanos(word(AT_BEAT_LIMIT)) };
+        Ok(Self { map, limits, file: (about.dev(), about.ino()) })
+    }
+
+    /// The limits that its daemon set.
+    #[must_use]
+    pub const fn limits(&self) -> Limits {
+        self.limits
+    }
+
+    /// Name of the patch.
+    #[must_use]
+    pub fn patch(&self) -> Text<NAME_BYTES> {
+        let words = &self.map.words()[AT_NAME..AT_NAME + NAME_BYTES / 8];
+        let words: [u64; NAME_BYTES / 8] = std::array::from_fn(|at| words[at].load(Ordering::Relaxed));
+        Text::of_bytes(get_bytes(&words))
+    }
+
+    /// Another number for each page that was ever made: the wall clock in ns when that was.
+    #[must_use]
+    pub fn generation(&self) -> u64 {
+        self.map.words()[AT_GENERATION].load(Ordering::Relaxed)
+    }
+
+    /// The newest sample as it was written, good or not; `None` before the first one. Not for controllers.
+    #[must_use]
+    pub fn newest(&self) -> Option<Sample> {
+        latch::read(self.map.words()).map(|(_, words)| decode(&words))
+    }
+
+    /// The newest force, if it may be acted on now: whole, of a living daemon, of state OK or DEGRADED, and no older than
+    /// the daemon's limit, or than `age_max` if that is less.
+    ///
+    /// # Errors
+    /// [`NoForce`]: why it may not.
+    pub fn force(&self, age_max: Option<Duration>) -> Result<Force, NoForce> {
+        let sample = self.newest();
+        let word = |at: usize| self.map.words()[at].load(Ordering::Relaxed);
+        let (beat_ns, closed) = (word(AT_BEAT).cast_signed(), word(AT_CLOSED) != 0);
+        // Read last: nothing that was found can be of a later moment, unless it has another clock.
+        let now_ns = monotonic_ns();
+        let Some(sample) = sample else {
+            return Err(if closed { NoForce::Closed } else { NoForce::NothingYet });
+        };
+        let age = age_max.map_or(self.limits.age, |own| own.min(self.limits.age));
+        judge(&Found { sample, beat_ns, closed, now_ns }, Limits { age, ..self.limits })
+    }
+}
+
+/// Follows a patch over restarts of its daemon: a daemon that starts makes a new page under the same name.
+#[derive(Debug)]
+pub struct Reader {
+    path: PathBuf,
+    age_max: Option<Duration>,
+    page: Option<Page>,
+    look_at_ns: i64,
+}
+
+impl Reader {
+    /// A reader of the page at `path`, which need not be there yet. `age_max` is the caller's own limit, if it has a
+    /// stricter one than the daemon.
+    #[must_use]
+    pub fn new(path: impl Into<PathBuf>, age_max: Option<Duration>) -> Self {
+        Self { path: path.into(), age_max, page: None, look_at_ns: i64::MIN }
+    }
+
+    /// The newest force, if it may be acted on now. While there is no living page it looks for a new one, at most every
+    /// 50 ms, which takes a few system calls.
+    ///
+    /// # Errors
+    /// [`NoForce`]: why there is none.
+    pub fn force(&mut self) -> Result<Force, NoForce> {
+        let judged = self.judged();
+        let lost = matches!(judged, Err(NoForce::NoPage | NoForce::Closed | NoForce::WriterGone(_)));
+        if !lost || !self.is_due() || !self.finds_another() {
+            return judged;
+        }
+        self.judged()
+    }
+
+    /// The page that is read at present.
+    #[must_use]
+    pub const fn page(&self) -> Option<&Page> {
+        self.page.as_ref()
+    }
+
+    fn judged(&self) -> Result<Force, NoForce> {
+        self.page.as_ref().map_or(Err(NoForce::NoPage), |page| page.force(self.age_max))
+    }
+
+    fn is_due(&mut self) -> bool {
+        let now_ns = monotonic_ns();
+        let due = now_ns >= self.look_at_ns;
+        if due {
+            self.look_at_ns = now_ns.saturating_add(LOOK_EVERY.as_nanos() as i64);
+        }
+        due
+    }
+
+    /// Whether there is a page under the name that is not the present one, which it then is.
+    fn finds_another(&mut self) -> bool {
+        let about: io::Result<(u64, u64)> = std::fs::metadata(&self.path).map(|about| (about.dev(), about.ino()));
+        let other = about.is_ok_and(|file| self.page.as_ref().is_none_or(|page| page.file != file));
+        if !other {
+            return false;
+        }
+        let opened = Page::open(&self.path).ok();
+        let found = opened.is_some();
+        self.page = opened.or(self.page.take());
+        found
+    }
+}

@@ -1,0 +1,107 @@
+//! What the page says of a patch at one moment.
+
+use crate::text::Text;
+
+/// Bytes for the id of a model set.
+pub(crate) const MODEL_SET_BYTES: usize = 64;
+/// Bytes for the reasons.
+pub(crate) const REASON_BYTES: usize = 256;
+
+/// How far the force can be trusted; the numbers are those of `taxel.v1.ForceState`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u32)]
+pub enum State {
+    /// No state that this reader knows.
+    #[default]
+    Unspecified = 0,
+    /// Every activated taxel is calibrated, fresh and in its calibrated range.
+    Ok = 1,
+    /// There is a force, with shortcomings.
+    Degraded = 2,
+    /// There is no force: too much of the skin is silent.
+    Stale = 3,
+    /// There is no force: the zero is not proven.
+    TareInvalid = 4,
+    /// There is no force: no model set is active.
+    Uncalibrated = 5,
+}
+
+impl State {
+    /// Whether it carries a force.
+    #[must_use]
+    pub const fn has_force(self) -> bool {
+        matches!(self, Self::Ok | Self::Degraded)
+    }
+
+    /// Its name in the service, without the prefix.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unspecified => "UNSPECIFIED",
+            Self::Ok => "OK",
+            Self::Degraded => "DEGRADED",
+            Self::Stale => "STALE",
+            Self::TareInvalid => "TARE_INVALID",
+            Self::Uncalibrated => "UNCALIBRATED",
+        }
+    }
+
+    pub(crate) const fn of_number(number: u32) -> Self {
+        match number {
+            1 => Self::Ok,
+            2 => Self::Degraded,
+            3 => Self::Stale,
+            4 => Self::TareInvalid,
+            5 => Self::Uncalibrated,
+            _ => Self::Unspecified,
+        }
+    }
+}
+
+/// One sample, as `taxel.v1.ForceSample` has it. As it was written: whether it may be acted on now is for
+/// [`Page::force`](crate::Page::force) to say.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sample {
+    /// One more for each state of the patch that the daemon published.
+    pub sequence: u64,
+    /// Arrival of the newest frame in it, `CLOCK_MONOTONIC` in ns; absent if none has come yet.
+    pub monotonic_ns: Option<i64>,
+    /// The same moment in ns since 1970: a label.
+    pub wall_ns: i64,
+    /// When it was written, `CLOCK_MONOTONIC` in ns. The writer sets it.
+    pub written_ns: i64,
+    /// How far the force can be trusted.
+    pub state: State,
+    /// The true force may be higher by any amount, and is not lower.
+    pub lower_bound: bool,
+    /// Total normal force in N.
+    pub total_n: Option<f64>,
+    /// Its standard uncertainty in N.
+    pub sigma_n: Option<f64>,
+    /// The force in N that may press in addition without being felt.
+    pub detection_floor_n: Option<f64>,
+    /// The force that acts on the skin, in N, in the patch's frame.
+    pub resultant_n: Option<[f64; 3]>,
+    /// Its moment about the origin of that frame, in N m.
+    pub moment_nm: Option<[f64; 3]>,
+    /// Force-weighted mean position of the active taxels, in m.
+    pub centre_of_pressure_m: Option<[f64; 3]>,
+    /// Taxels that count in the total.
+    pub active: u32,
+    /// Taxels without a usable model or with a fault.
+    pub excluded: u32,
+    /// Taxels of silent modules.
+    pub stale: u32,
+    /// Active taxels beyond their calibrated range.
+    pub out_of_range: u32,
+    /// Excluded taxels whose pressure was taken from their neighbours.
+    pub filled: u32,
+    /// Their share of the total, 0 to 1.
+    pub filled_share: f64,
+    /// Share of the patch's area that no usable taxel covers, 0 to 1.
+    pub uncovered_share: f64,
+    /// Id of the active model set, which is made of a hash of its content; empty without one.
+    pub model_set: Text<MODEL_SET_BYTES>,
+    /// Why the state is not OK, most important first, as far as there is room.
+    pub reasons: Text<REASON_BYTES>,
+}

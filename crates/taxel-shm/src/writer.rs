@@ -1,0 +1,111 @@
+//! The daemon's side: the one writer of a page.
+
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use crate::clock::monotonic_ns;
+use crate::error::PageError;
+use crate::force::Limits;
+use crate::latch;
+use crate::layout::{
+    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_GENERATION, AT_MAGIC, AT_NAME, AT_PID, AT_VERSION_AND_BYTES,
+    MAGIC, NAME_BYTES, PAGE_BYTES, PAGE_WORDS, VERSION, encode, pair, put_bytes,
+};
+use crate::map::Map;
+use crate::permissions::Permissions;
+use crate::sample::Sample;
+use crate::text::Text;
+
+/// Writes a page: some hundred bytes of memory a sample, no system call but that of the clock, no waiting.
+///
+/// When it is dropped the page says so and loses its name.
+#[derive(Debug)]
+pub struct PageWriter {
+    map: Map,
+    path: PathBuf,
+    file: (u64, u64),
+    /// Held for as long as there is a page.
+    _lock: Arc<File>,
+}
+
+impl PageWriter {
+    /// Makes the page under a name of its own and then gives it that of the patch, so that nobody sees half of it, and
+    /// whoever still reads an older page is left with that.
+    pub(crate) fn create(
+        (folder, lock): (&Path, Arc<File>),
+        patch: &str,
+        limits: Limits,
+        permissions: Permissions,
+    ) -> Result<Self, PageError> {
+        let path = folder.join(patch);
+        let new = folder.join(format!(".{patch}.new"));
+        let _ = std::fs::remove_file(&new); // of a daemon that was killed at this very place; else it is not there
+        let mut options = OpenOptions::new();
+        options.read(true).write(true).create_new(true).mode(0o600);
+        let mut file = options.open(&new).map_err(PageError::of(&new, "making the page"))?;
+        // Written and not only sized, so that the memory is there, and its want is told here and not by a signal later.
+        file.write_all(&[0; PAGE_BYTES]).map_err(PageError::of(&new, "making the page"))?;
+        let map = Map::for_writing(&file).map_err(PageError::of(&new, "mapping the page"))?;
+        for (word, value) in map.words().iter().zip(header(patch, limits)) {
+            word.store(value, Ordering::Relaxed);
+        }
+        if permissions.group.is_some() {
+            std::os::unix::fs::fchown(&file, None, permissions.group)
+                .map_err(PageError::of(&new, "giving the page to the group, of which the daemon has to be a member"))?;
+        }
+        file.set_permissions(std::fs::Permissions::from_mode(permissions.mode))
+            .map_err(PageError::of(&new, "setting the page's mode"))?;
+        let about = file.metadata().map_err(PageError::of(&new, "looking at the page"))?;
+        std::fs::rename(&new, &path).map_err(PageError::of(&path, "naming the page"))?;
+        Ok(Self { map, path, file: (about.dev(), about.ino()), _lock: lock })
+    }
+
+    /// Where the page is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Writes the next sample.
+    pub fn write(&mut self, sample: &Sample) {
+        let now_ns = monotonic_ns();
+        latch::write(self.map.words(), &encode(&Sample { written_ns: now_ns, ..*sample }));
+        self.map.words()[AT_BEAT].store(now_ns.cast_unsigned(), Ordering::Relaxed);
+    }
+
+    /// Says that the writer is alive. Due more often than the limit of the page.
+    pub fn beat(&self) {
+        self.map.words()[AT_BEAT].store(monotonic_ns().cast_unsigned(), Ordering::Relaxed);
+    }
+}
+
+/// What is in a page before its first sample.
+fn header(patch: &str, limits: Limits) -> [u64; PAGE_WORDS] {
+    let mut words = [0; PAGE_WORDS];
+    let ns = |span: std::time::Duration| u64::try_from(span.as_nanos()).unwrap_or(u64::MAX);
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    words[AT_MAGIC] = u64::from_ne_bytes(MAGIC);
+    words[AT_VERSION_AND_BYTES] = pair(VERSION, PAGE_BYTES as u32);
+    words[AT_GENERATION] = ns(since_1970);
+    words[AT_PID] = u64::from(std::process::id());
+    words[AT_AGE_LIMIT] = ns(limits.age);
+    words[AT_BEAT_LIMIT] = ns(limits.beat);
+    put_bytes(&mut words[AT_NAME..], Text::<NAME_BYTES>::new(patch).bytes());
+    words[AT_BEAT] = monotonic_ns().cast_unsigned();
+    words
+}
+
+impl Drop for PageWriter {
+    fn drop(&mut self) {
+        self.map.words()[AT_CLOSED].store(1, Ordering::Release);
+        let named = std::fs::symlink_metadata(&self.path);
+        if named.is_ok_and(|about| (about.dev(), about.ino()) == self.file) {
+            let _ = std::fs::remove_file(&self.path); // the page itself says that it is over
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! Pages between processes: whole samples, dead writers, dead readers, and what is refused.
+
+#![allow(clippy::unwrap_used, clippy::panic)] // clippy exempts only functions that are tests themselves
+
+mod common;
+
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use common::{Child, LIMITS, folder, good, in_memory, plain};
+use taxel_shm::{Folder, NoForce, Page, Reader, Sample, State, monotonic_ns};
+
+#[test]
+fn what_was_written_is_read_and_nothing_before_it() {
+    let place = in_memory();
+    let mut writer = folder(&place).page("palm", LIMITS).unwrap();
+    let page = Page::open(writer.path()).unwrap();
+    assert_eq!((page.patch().as_str(), page.limits(), page.newest()), ("palm", LIMITS, None));
+    assert_eq!(page.force(None), Err(NoForce::NothingYet));
+    for sequence in 1..100 {
+        let sample = good(sequence);
+        writer.write(&sample);
+        let newest = page.newest().unwrap();
+        assert!(newest.written_ns > 0);
+        assert_eq!(newest, Sample { written_ns: newest.written_ns, ..sample });
+        assert_eq!(page.force(None).unwrap().total_n, sequence as f64);
+    }
+}
+
+#[test]
+fn a_force_that_nobody_renews_grows_old_while_the_writer_lives() {
+    let place = in_memory();
+    let mut writer = folder(&place).page("palm", LIMITS).unwrap();
+    let page = Page::open(writer.path()).unwrap();
+    let hour_ago = monotonic_ns() - 3_600_000_000_000;
+    writer.write(&Sample { monotonic_ns: Some(hour_ago), ..good(1) });
+    assert!(matches!(page.force(None), Err(NoForce::TooOld(..))));
+    writer.write(&good(2));
+    assert!(page.force(None).is_ok());
+    // The caller's own limit counts where it is stricter, and only there.
+    let one_ns = Some(Duration::from_nanos(1));
+    assert!(matches!(page.force(one_ns), Err(NoForce::TooOld(_, limit)) if Some(limit) == one_ns));
+    writer.write(&Sample { monotonic_ns: Some(hour_ago), ..good(3) });
+    assert!(page.force(Some(Duration::from_secs(86_400))).is_err());
+    writer.write(&Sample { state: State::TareInvalid, total_n: None, ..good(4) });
+    assert!(matches!(page.force(None), Err(NoForce::State(State::TareInvalid, _))));
+}
+
+#[test]
+fn a_writer_that_ends_says_so_and_the_next_ones_page_is_found() {
+    let place = in_memory();
+    let path = place.path().join("palm");
+    let mut reader = Reader::new(&path, None);
+    assert_eq!(reader.force(), Err(NoForce::NoPage));
+    let mut first = folder(&place).page("palm", LIMITS).unwrap();
+    first.write(&good(1));
+    assert_eq!(wait_for(&mut reader), 1.0);
+    let generation = reader.page().unwrap().generation();
+    drop(first);
+    assert!(!path.exists());
+    assert_eq!(reader.force(), Err(NoForce::Closed), "and the reader still has the page");
+    let mut second = folder(&place).page("palm", LIMITS).unwrap();
+    second.write(&good(7));
+    assert_eq!(wait_for(&mut reader), 7.0);
+    assert_ne!(reader.page().unwrap().generation(), generation);
+}
+
+/// Reads until there is a force; a reader looks for a new page every 50 ms.
+fn wait_for(reader: &mut Reader) -> f64 {
+    let begun = Instant::now();
+    loop {
+        match reader.force() {
+            Ok(force) => return force.total_n,
+            Err(why) => assert!(begun.elapsed() < Duration::from_secs(60), "{why}"),
+        }
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_writer_that_is_killed_gives_no_force_and_leaves_nothing_in_the_way() {
+    let place = in_memory();
+    let path = place.path().join("palm");
+    let mut child = Child::start("write", &[place.path().to_str().unwrap(), "palm"]);
+    let mut reader = Reader::new(&path, None);
+    wait_for(&mut reader);
+    child.kill();
+    let begun = Instant::now();
+    let why = loop {
+        match reader.force() {
+            Ok(_) => assert!(begun.elapsed() < Duration::from_secs(60), "a dead daemon looks alive"),
+            Err(why) => break why,
+        }
+    };
+    assert!(matches!(why, NoForce::WriterGone(_) | NoForce::TooOld(..)), "{why}");
+    assert!(path.exists(), "nobody was left to remove it");
+    // Its stamps do not come back to life, and the next daemon may have the folder.
+    std::fs::write(place.path().join("other.txt"), [0; 4096]).unwrap();
+    let folder = folder(&place);
+    assert!(!path.exists(), "what it left is removed");
+    assert!(place.path().join("other.txt").exists(), "what is no page stays");
+    folder.page("palm", LIMITS).unwrap().write(&good(3));
+}
+
+#[test]
+fn readers_that_are_killed_do_not_disturb_the_writer() {
+    let place = in_memory();
+    let mut writer = folder(&place).page("palm", LIMITS).unwrap();
+    writer.write(&good(1));
+    let page = writer.path().to_owned();
+    let mut children: Vec<Child> = (0..8).map(|_| Child::start("read", &[page.to_str().unwrap()])).collect();
+    for sequence in 2..100_000 {
+        writer.write(&good(sequence));
+        if sequence % 10_000 == 0 {
+            let _ = children.pop(); // killed in the middle of its reading
+        }
+    }
+    assert_eq!(Page::open(&page).unwrap().newest().unwrap().sequence, 99_999);
+}
+
+#[test]
+fn no_reader_of_another_process_sees_a_torn_sample() {
+    common::stress(300_000, 2);
+}
+
+/// `STRESS=1000000000 cargo test --release -p taxel-shm --test pages -- --ignored --nocapture` takes minutes.
+#[test]
+#[ignore = "long: STRESS samples read, a thousand million unless it says otherwise"]
+fn no_reader_sees_a_torn_sample_in_a_thousand_million() {
+    let samples = std::env::var("STRESS").map_or(1_000_000_000, |count| count.parse().unwrap());
+    let begun = Instant::now();
+    common::stress(samples, 2);
+    let seconds = begun.elapsed().as_secs_f64();
+    println!("{samples} samples read beside a writer without a pause, none torn, {seconds:.0} s");
+}
+
+#[test]
+fn pages_are_for_their_owner_to_write_and_for_the_group_to_read() {
+    let place = in_memory();
+    let writer = folder(&place).page("palm", LIMITS).unwrap();
+    let about = std::fs::metadata(writer.path()).unwrap();
+    assert_eq!((about.permissions().mode() & 0o7777, about.len()), (0o640, 4096));
+    let wanted = taxel_shm::Permissions { mode: 0o644, group: Some(about.gid()) };
+    let open = place.path().join("open");
+    let writer = Folder::open(&open, wanted).unwrap().page("palm", LIMITS).unwrap();
+    assert_eq!(std::fs::metadata(writer.path()).unwrap().mode() & 0o7777, 0o644);
+    assert_eq!(std::fs::metadata(open).unwrap().mode() & 0o7777, 0o755);
+}
+
+#[test]
+fn a_folder_that_others_have_or_that_a_disk_is_behind_is_refused() {
+    let place = in_memory();
+    let refused = |path: &std::path::Path| Folder::open(path, plain()).unwrap_err().to_string();
+    let first = folder(&place);
+    let said = refused(place.path());
+    assert!(said.contains("another daemon publishes its pages there"), "{said}");
+    drop(first);
+    std::fs::set_permissions(place.path(), std::fs::Permissions::from_mode(0o777)).unwrap();
+    let said = refused(place.path());
+    assert!(said.contains("others could put pages of their own there"), "{said}");
+    // A folder of this account on another kind of file system.
+    let said = refused(std::path::Path::new(&format!("/proc/{}", std::process::id())));
+    assert!(said.contains("expected a folder on a tmpfs"), "{said}");
+    std::fs::set_permissions(place.path(), std::fs::Permissions::from_mode(0o700)).unwrap();
+    assert!(Folder::open(place.path(), plain()).is_ok());
+}
+
+#[test]
+fn what_is_no_page_is_told_with_what_was_expected() {
+    let place = in_memory();
+    let writer = folder(&place).page("palm", LIMITS).unwrap();
+    let good = std::fs::read(writer.path()).unwrap();
+    let other = place.path().join("other");
+    let mut wrong_version = good.clone();
+    wrong_version[8] = 9;
+    for (bytes, expected) in [
+        (vec![0; 4096], "this is not a page of taxeld"),
+        (good[..100].to_vec(), "100 bytes, expected a file of 4096"),
+        (wrong_version, "layout 9 of 4096 bytes, this reader knows 1"),
+    ] {
+        std::fs::write(&other, bytes).unwrap();
+        let said = Page::open(&other).unwrap_err().to_string();
+        assert!(said.contains(expected), "{said}");
+    }
+}
+
+#[test]
+fn the_header_for_c_and_the_module_for_python_read_what_rust_reads() {
+    let place = in_memory();
+    let mut writer = folder(&place).page("palm", LIMITS).unwrap();
+    let mut readers = Vec::new();
+    for (compiler, flags) in [("gcc", ["-std=c11", "-xc"]), ("g++", ["-std=c++17", "-xc++"])] {
+        let program = place.path().join(compiler);
+        let source = common::repository().join("crates/taxel-shm/tests/print.c");
+        let include = format!("-I{}", common::repository().join("deploy").display());
+        let strict = ["-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"];
+        let mut command = Command::new(compiler);
+        command.args(flags).args(strict).arg(include).arg(source).arg("-o").arg(&program).arg("-lm");
+        assert!(command.status().unwrap().success(), "{compiler}");
+        readers.push((program, Vec::new()));
+    }
+    let python = common::repository().join("deploy/python/tests/print_page.py");
+    readers.push(("python3".into(), vec![python.to_str().unwrap().to_owned()]));
+    for sample in common::cases() {
+        writer.write(&sample);
+        let expected = common::printed(&Page::open(writer.path()).unwrap());
+        for (program, arguments) in &readers {
+            // What can be told only now would differ by the time that the programs take.
+            writer.beat();
+            let output = Command::new(program).args(arguments).arg(writer.path()).output().unwrap();
+            let said = String::from_utf8_lossy(&output.stdout).into_owned();
+            let errors = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(said.trim(), expected.trim(), "{}: {errors}", program.display());
+        }
+    }
+}
+
+/// What [`Child`] runs: not a test of its own.
+#[test]
+#[ignore = "a child process of other tests"]
+fn child() {
+    common::child();
+}

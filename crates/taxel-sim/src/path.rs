@@ -1,0 +1,311 @@
+//! From a load to the taxels: which pressure each of them feels.
+
+use crate::load::{LoadError, Mass};
+use crate::skin::Skin;
+use std::f64::consts::PI;
+use taxel_skin::Kilopascal;
+
+/// How the pressure of a load reaches the taxels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum LoadPath {
+    /// Shared out over the taxels whose centres lie under it, so that pressures times taxel areas add up to its weight
+    /// exactly. No real skin does that: a sum over taxels then has no error but that of the models.
+    #[default]
+    Shared,
+    /// Through a soft layer to round pads, over gaps and all.
+    Layer(Layer),
+}
+
+/// A soft layer over round pads. The pressure at the surface spreads in it as in a half-space (Boussinesq 1885): what a
+/// point load gives at depth h and distance r is 3 h^3 / (2 pi (r^2 + h^2)^(5/2)) of it a square millimetre. A pad feels
+/// the mean over its disc. The part of a load that hangs over the rim of the skin is carried by the rest of its footprint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layer {
+    /// Depth of the pads under the surface, mm.
+    pub depth_mm: f64,
+    /// Radius of a pad, mm.
+    pub pad_radius_mm: f64,
+    /// Share of a taxel's pressure that is the mean of its neighbours' instead of its own: fields between electrodes.
+    pub crosstalk: f64,
+}
+
+impl Default for Layer {
+    /// iCub's foam of 2 mm and pads of 4 mm. The crosstalk is a guess.
+    fn default() -> Self {
+        Self { depth_mm: 2.0, pad_radius_mm: 2.0, crosstalk: 0.03 }
+    }
+}
+
+/// What a load does to the skin while all of its weight rests there.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Pressed {
+    /// Pressure on each taxel that feels it, kPa, with the taxel's index; never empty.
+    pub(crate) kpa: Vec<(usize, f64)>,
+    /// Sum of force times outward normal, N.
+    pub(crate) vector_n: [f64; 3],
+}
+
+/// Beyond this distance a pad feels next to nothing of a point load, mm: 1 % of it under 2 mm of layer.
+const REACH_MM: f64 = 9.0;
+/// Distance of the points at which a pad is asked what it feels, mm.
+const STEP_MM: f64 = 0.5;
+/// Taxels within this distance are neighbours, mm.
+const NEIGHBOUR_MM: f64 = 8.0;
+
+/// [`LoadPath`] made ready: what is the same for all loads is worked out once.
+#[derive(Clone, Debug)]
+pub(crate) enum Path {
+    Shared,
+    Layer { stencil: Vec<([f64; 2], f64)>, crosstalk: f64, neighbours: Vec<Vec<usize>> },
+}
+
+impl Path {
+    pub(crate) fn new(path: LoadPath, skin: &Skin) -> Self {
+        match path {
+            LoadPath::Shared => Self::Shared,
+            LoadPath::Layer(layer) => {
+                Self::Layer { stencil: stencil(layer), crosstalk: layer.crosstalk, neighbours: neighbours(skin) }
+            }
+        }
+    }
+
+    /// The mass with the centre of its footprint at this place of the unrolled surface.
+    ///
+    /// # Errors
+    /// [`LoadError::BesideTheSkin`] if nothing of it lies on the skin.
+    pub(crate) fn press(&self, skin: &Skin, mass: &Mass, centre_mm: [f64; 2]) -> Result<Pressed, LoadError> {
+        match self {
+            Self::Shared => Ok(shared(skin, mass, centre_mm)),
+            Self::Layer { stencil, crosstalk, neighbours } => {
+                let mut pressed = through_layer(stencil, skin, mass, centre_mm)?;
+                if *crosstalk > 0.0 {
+                    pressed.kpa = mixed(&pressed.kpa, *crosstalk, neighbours);
+                }
+                Ok(pressed)
+            }
+        }
+    }
+}
+
+/// Where the covered taxels bear all. Where it covers no taxel, the nearest one does.
+fn shared(skin: &Skin, mass: &Mass, centre_mm: [f64; 2]) -> Pressed {
+    let poses = skin.poses();
+    let from_centre = |index: usize| {
+        let [x, y] = poses[index].unrolled_mm;
+        [x - centre_mm[0], y - centre_mm[1]]
+    };
+    let density = |index: usize| {
+        let [dx, dy] = from_centre(index);
+        (index, mass.footprint.density(dx, dy))
+    };
+    let mut covered: Vec<(usize, f64)> = (0..poses.len()).map(density).filter(|(_, weight)| *weight > 0.0).collect();
+    if covered.is_empty() {
+        let distance = |index: &usize| {
+            let [dx, dy] = from_centre(*index);
+            mass.footprint.distance(dx, dy)
+        };
+        let nearest = (0..poses.len()).min_by(|i, j| distance(i).total_cmp(&distance(j)));
+        covered.extend(nearest.map(|index| (index, 1.0)));
+    }
+    let total: f64 = covered.iter().map(|(_, weight)| weight).sum();
+    let kpa_per_weight = mass.weight().0 / (total * skin.taxel_area().0 * 1e-3);
+    let kpa: Vec<_> = covered.into_iter().map(|(index, weight)| (index, weight * kpa_per_weight)).collect();
+    let mut vector_n = [0.0; 3];
+    for &(index, pressure) in &kpa {
+        add(&mut vector_n, poses[index].normal, Kilopascal(pressure).on(skin.taxel_area()).0);
+    }
+    Pressed { kpa, vector_n }
+}
+
+fn through_layer(
+    stencil: &[([f64; 2], f64)],
+    skin: &Skin,
+    mass: &Mass,
+    [x, y]: [f64; 2],
+) -> Result<Pressed, LoadError> {
+    let footprint = &mass.footprint;
+    let on_skin = |dx: f64, dy: f64| {
+        let density = footprint.density(dx, dy);
+        if density > 0.0 && skin.covers([x + dx, y + dy]) { density } else { 0.0 }
+    };
+    let (mut total, mut vector_n) = (0.0, [0.0; 3]);
+    for [dx, dy] in footprint.grid() {
+        let density = on_skin(dx, dy);
+        if density > 0.0 {
+            total += density;
+            add(&mut vector_n, Skin::normal_at([x + dx, y + dy]), density);
+        }
+    }
+    if total <= 0.0 {
+        return Err(LoadError::BesideTheSkin);
+    }
+    // N / mm2 is 1000 kPa.
+    let kpa_per_density = 1000.0 * mass.weight().0 / (total * footprint.step_mm().powi(2));
+    let vector_n = vector_n.map(|sum| sum * mass.weight().0 / total);
+    let far_mm = footprint.semi_axes_mm[0].max(footprint.semi_axes_mm[1]) + REACH_MM;
+    let felt = |(index, pose): (usize, &crate::skin::Pose)| {
+        let [dx, dy] = [pose.unrolled_mm[0] - x, pose.unrolled_mm[1] - y];
+        if dx.hypot(dy) > far_mm {
+            return None;
+        }
+        let mean: f64 = stencil.iter().map(|([u, v], weight)| weight * on_skin(dx + u, dy + v)).sum();
+        (mean > 0.0).then_some((index, mean * kpa_per_density))
+    };
+    let kpa: Vec<_> = skin.poses().iter().enumerate().filter_map(felt).collect();
+    Ok(Pressed { kpa, vector_n })
+}
+
+/// Where a pad feels a pressure at the surface, in mm about its centre, and the share of that; the shares add up to 1.
+fn stencil(layer: Layer) -> Vec<([f64; 2], f64)> {
+    let grid = |reach_mm: f64| {
+        let steps = (reach_mm / STEP_MM).floor() as i32;
+        let along = move || (-steps..=steps).map(|n| f64::from(n) * STEP_MM);
+        along().flat_map(move |x| along().map(move |y| [x, y])).filter(move |[x, y]| x.hypot(*y) <= reach_mm)
+    };
+    let h = layer.depth_mm;
+    let point = |r2: f64| 3.0 * h.powi(3) / (2.0 * PI * (r2 + h * h).powf(2.5));
+    let pad: Vec<[f64; 2]> = grid(layer.pad_radius_mm).collect();
+    let felt = |[x, y]: [f64; 2]| {
+        let share: f64 = pad.iter().map(|[u, v]| point((x - u).powi(2) + (y - v).powi(2))).sum();
+        ([x, y], share)
+    };
+    let mut stencil: Vec<_> = grid(REACH_MM).map(felt).collect();
+    let total: f64 = stencil.iter().map(|(_, share)| share).sum();
+    stencil.iter_mut().for_each(|(_, share)| *share /= total);
+    stencil
+}
+
+fn neighbours(skin: &Skin) -> Vec<Vec<usize>> {
+    let place = |index: usize| skin.poses()[index].unrolled_mm;
+    let near = |i: usize, j: usize| {
+        let ([ax, ay], [bx, by]) = (place(i), place(j));
+        i != j && (ax - bx).hypot(ay - by) <= NEIGHBOUR_MM
+    };
+    let taxels = skin.poses().len();
+    (0..taxels).map(|i| (0..taxels).filter(|&j| near(i, j)).collect()).collect()
+}
+
+/// Every taxel takes a share of what it feels from its neighbours' mean.
+fn mixed(kpa: &[(usize, f64)], crosstalk: f64, neighbours: &[Vec<usize>]) -> Vec<(usize, f64)> {
+    let mut own = vec![0.0; neighbours.len()];
+    for &(index, pressure) in kpa {
+        own[index] = pressure;
+    }
+    let mix = |index: usize| {
+        let beside = &neighbours[index];
+        let mean = beside.iter().map(|&other| own[other]).sum::<f64>() / beside.len().max(1) as f64;
+        (1.0 - crosstalk) * own[index] + crosstalk * mean
+    };
+    (0..own.len()).map(|index| (index, mix(index))).filter(|(_, pressure)| *pressure > 0.0).collect()
+}
+
+fn add(sum: &mut [f64; 3], normal: [f64; 3], force: f64) {
+    sum.iter_mut().zip(normal).for_each(|(sum, n)| *sum += force * n);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::{Footprint, Profile, STANDARD_GRAVITY};
+    use proptest::prelude::*;
+    use taxel_skin::{Newton, TaxelIndex};
+
+    fn press(path: LoadPath, skin: &Skin, mass: &Mass) -> Result<Pressed, LoadError> {
+        mass.validate(skin)?;
+        Path::new(path, skin).press(skin, mass, mass.footprint.centre_mm(skin)?)
+    }
+
+    fn force_n(skin: &Skin, pressed: &Pressed) -> f64 {
+        pressed.kpa.iter().map(|(_, p)| Kilopascal(*p).on(skin.taxel_area())).sum::<Newton>().0
+    }
+
+    proptest! {
+        #[test]
+        fn shared_pressures_add_up_to_the_weight(
+            kilogram in 0.05_f64..5.0, taxel in 0_u16..230, area in 40.0_f64..2500.0, stretch in 0.4_f64..2.5, turn in -3.0_f64..3.0,
+        ) {
+            let skin = Skin::forearm().unwrap();
+            let mut mass = Mass::on_disc(kilogram, TaxelIndex(taxel), area);
+            mass.footprint.semi_axes_mm[0] *= stretch;
+            mass.footprint.turn = turn;
+            let pressed = press(LoadPath::Shared, &skin, &mass).unwrap();
+            let force = force_n(&skin, &pressed);
+            prop_assert!((force - kilogram * STANDARD_GRAVITY).abs() < 1e-9 * force);
+            prop_assert!(pressed.kpa.iter().all(|(_, p)| *p > 0.0));
+        }
+    }
+
+    #[test]
+    fn a_kilogram_on_a_small_disc_stays_in_the_calibrated_range() {
+        let skin = Skin::forearm().unwrap();
+        for centre in 0..230 {
+            let mass = Mass::on_disc(1.0, TaxelIndex(centre), 700.0);
+            let pressures = press(LoadPath::Shared, &skin, &mass).unwrap().kpa;
+            let mean = pressures.iter().map(|(_, p)| p).sum::<f64>() / pressures.len() as f64;
+            // At a corner of the skin most of the disc hangs over.
+            assert!((6..=26).contains(&pressures.len()), "taxel {centre}: {} taxels", pressures.len());
+            let corner = pressures.len() < 12;
+            assert!((10.0..if corner { 55.0 } else { 28.0 }).contains(&mean), "taxel {centre}: {mean} kPa");
+            assert!(corner || pressures.iter().all(|(_, p)| *p < 60.0), "taxel {centre}");
+        }
+    }
+
+    #[test]
+    fn through_the_layer_a_wide_flat_load_is_felt_as_it_is_and_a_small_one_is_blurred() {
+        let skin = Skin::forearm_with_gaps(18.0).unwrap();
+        let layer = LoadPath::Layer(Layer { crosstalk: 0.0, ..Layer::default() });
+        let centre = TaxelIndex(103); // the centre of a module in the middle
+        let mut mass = Mass::on_disc(1.0, centre, PI * 400.0);
+        mass.footprint.profile = Profile::Flat;
+        let pressed = press(layer, &skin, &mass).unwrap();
+        let mean_kpa = 1000.0 * mass.weight().0 / (PI * 400.0);
+        let under = pressed.kpa.iter().find(|(index, _)| *index == 103).unwrap().1;
+        assert!((under / mean_kpa - 1.0).abs() < 0.01, "{under} kPa in the middle of {mean_kpa} kPa");
+        let point = Mass::on_disc(0.1, centre, PI);
+        let felt = press(layer, &skin, &point).unwrap();
+        let under = felt.kpa.iter().find(|(index, _)| *index == 103).unwrap().1;
+        let surface_kpa = 1000.0 * point.weight().0 / PI;
+        assert!(under < 0.2 * surface_kpa, "{under} kPa of {surface_kpa} kPa at the surface");
+    }
+
+    #[test]
+    fn a_sum_over_taxels_misses_some_of_a_load_and_not_the_same_everywhere() {
+        let skin = Skin::forearm_with_gaps(18.0).unwrap();
+        let mut errors = Vec::new();
+        for taxel in (20..210).step_by(3) {
+            let mut mass = Mass::on_disc(0.5, TaxelIndex(taxel), 600.0);
+            mass.footprint.offset_mm = [2.0, -1.5];
+            if mass.footprint.share_on_skin(&skin).unwrap() > 0.999 {
+                let pressed = press(LoadPath::Layer(Layer::default()), &skin, &mass).unwrap();
+                errors.push(force_n(&skin, &pressed) / mass.weight().0 - 1.0);
+            }
+        }
+        let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+        let sd = (errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / errors.len() as f64).sqrt();
+        assert!(errors.len() > 10 && mean.abs() < 0.02 && (0.01..0.08).contains(&sd), "mean {mean}, sd {sd}");
+    }
+
+    #[test]
+    fn crosstalk_takes_from_a_taxel_what_it_gives_to_its_neighbours() {
+        let skin = Skin::forearm_with_gaps(18.0).unwrap();
+        let mass = Mass::on_disc(0.2, TaxelIndex(103), 60.0);
+        let of =
+            |crosstalk: f64| press(LoadPath::Layer(Layer { crosstalk, ..Layer::default() }), &skin, &mass).unwrap();
+        let at =
+            |pressed: &Pressed, taxel: usize| pressed.kpa.iter().find(|(i, _)| *i == taxel).map_or(0.0, |(_, p)| *p);
+        let (without, with) = (of(0.0), of(0.05));
+        assert!(at(&with, 103) < 0.99 * at(&without, 103));
+        assert!(at(&with, 104) > at(&without, 104) || at(&with, 102) > at(&without, 102));
+    }
+
+    #[test]
+    fn impossible_loads_are_refused() {
+        let skin = Skin::forearm().unwrap();
+        let refused = |mass: Mass| press(LoadPath::Layer(Layer::default()), &skin, &mass).unwrap_err();
+        assert!(matches!(refused(Mass::on_disc(f64::NAN, TaxelIndex(0), 100.0)), LoadError::Mass(_)));
+        assert!(matches!(refused(Mass::on_disc(1.0, TaxelIndex(230), 100.0)), LoadError::Taxel { .. }));
+        assert!(matches!(refused(Mass::on_disc(1.0, TaxelIndex(0), -1.0)), LoadError::Footprint(..)));
+        let beside = Footprint { offset_mm: [500.0, 0.0], ..Footprint::disc(TaxelIndex(0), 100.0) };
+        assert_eq!(refused(Mass { kilogram: 1.0, footprint: beside }), LoadError::BesideTheSkin);
+    }
+}

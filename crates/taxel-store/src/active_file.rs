@@ -1,0 +1,114 @@
+//! The active model sets once more, as a plain file beside the database: with it the daemon has its force also when the
+//! database cannot be read.
+//!
+//! The first line says which activation was the newest and what follows; then comes each set as MODELS.json.
+
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use taxel_model::bounded::{List, Text};
+
+use crate::beside;
+use crate::models_json::limits::TEXT_BYTES_MAX;
+use crate::rows;
+
+const FORMAT: &str = "taxeld-active";
+
+/// Most patches of a file, and most bytes of its first line.
+const PATCHES_MAX: usize = 64;
+const HEAD_BYTES_MAX: usize = 64 << 10;
+
+#[derive(Serialize, Deserialize)]
+struct Head {
+    format: Text<64>,
+    /// The newest activation of all.
+    activation: u64,
+    sets: List<Entry, PATCHES_MAX>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Entry {
+    model_set: Text<256>,
+    bytes: usize,
+    /// First bytes of the SHA-256 of the text and of `activation`.
+    checksum: Text<64>,
+}
+
+/// The id of a set and its MODELS.json.
+pub(crate) type IdAndText = (String, Vec<u8>);
+
+/// What such a file says.
+#[derive(Debug)]
+pub(crate) struct ActiveFile {
+    /// The newest activation when it was written.
+    pub(crate) activation: u64,
+    /// The active set of each patch, its text proven.
+    pub(crate) sets: Vec<(String, String)>,
+}
+
+fn checksum(activation: u64, id: &str, text: &[u8]) -> String {
+    let sum = rows::active_checksum(activation, id, text);
+    sum.iter().fold(String::new(), |hex, byte| format!("{hex}{byte:02x}"))
+}
+
+/// The whole file: the sets by id, each with its MODELS.json.
+pub(crate) fn content(activation: u64, sets: &[IdAndText]) -> Result<Vec<u8>, serde_json::Error> {
+    let entry = |(id, text): &IdAndText| Entry {
+        model_set: Text(id.clone()),
+        bytes: text.len(),
+        checksum: Text(checksum(activation, id, text)),
+    };
+    let sets = sets.iter().take(PATCHES_MAX);
+    let head = Head { format: Text(FORMAT.to_owned()), activation, sets: List(sets.clone().map(entry).collect()) };
+    let mut content = serde_json::to_vec(&head)?;
+    content.push(b'\n');
+    sets.for_each(|(_, text)| content.extend(text));
+    Ok(content)
+}
+
+/// Writes the file unless it is this already.
+pub(crate) fn keep(database: &Path, content: &[u8]) -> io::Result<()> {
+    let path = beside::active(database);
+    let there = fs::metadata(&path).is_ok_and(|file| file.len() == content.len() as u64);
+    if there && fs::read(&path).is_ok_and(|found| found == content) {
+        return Ok(());
+    }
+    beside::replace(&path, content)
+}
+
+/// Reads the file: nothing if there is none, or why it is not believed.
+pub(crate) fn read(database: &Path) -> Option<Result<ActiveFile, String>> {
+    let path = beside::active(database);
+    match File::open(&path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        Err(error) => Some(Err(error.to_string())),
+        Ok(file) => Some(read_from(file)),
+    }
+}
+
+fn read_from(file: File) -> Result<ActiveFile, String> {
+    let bytes = file.metadata().map_err(|error| error.to_string())?.len();
+    if bytes > (PATCHES_MAX * TEXT_BYTES_MAX) as u64 {
+        return Err(format!("it has {bytes} bytes"));
+    }
+    let mut content = Vec::new();
+    (&file).take(bytes).read_to_end(&mut content).map_err(|error| error.to_string())?;
+    let end = content.iter().take(HEAD_BYTES_MAX).position(|byte| *byte == b'\n').ok_or("it has no first line")?;
+    let head: Head = serde_json::from_slice(&content[..end]).map_err(|error| error.to_string())?;
+    if head.format.0 != FORMAT {
+        return Err(format!("its format is `{}`, expected `{FORMAT}`", head.format.0));
+    }
+    let (mut at, mut sets) = (end + 1, Vec::new());
+    for Entry { model_set: Text(id), bytes, checksum: Text(sum) } in head.sets.0 {
+        let text = at.checked_add(bytes).and_then(|end| content.get(at..end)).ok_or("it ends too early")?;
+        at += bytes;
+        if sum != checksum(head.activation, &id, text) {
+            return Err(format!("model set {id} in it is not what was written"));
+        }
+        let text = std::str::from_utf8(text).map_err(|error| error.to_string())?;
+        sets.push((id, text.to_owned()));
+    }
+    Ok(ActiveFile { activation: head.activation, sets })
+}

@@ -1,0 +1,113 @@
+//! The files beside the database: where they lie, and how one is replaced in one step.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// `path` with `suffix` behind its name.
+pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
+    let mut name = OsString::from(path.as_os_str());
+    name.push(suffix);
+    name.into()
+}
+
+/// The write-ahead log of a database.
+pub(crate) fn wal(path: &Path) -> PathBuf {
+    beside(path, "-wal")
+}
+
+/// There while the database is open: a stop that was not clean leaves it.
+pub(crate) fn open_mark(path: &Path) -> PathBuf {
+    beside(path, "-open")
+}
+
+/// There once the database was found damaged while it was open: the next start looks at all of it.
+pub(crate) fn doubt_mark(path: &Path) -> PathBuf {
+    beside(path, "-doubt")
+}
+
+/// The active model sets as plain text.
+pub(crate) fn active(path: &Path) -> PathBuf {
+    beside(path, "-active")
+}
+
+/// A new database that is whole and is to take the place of a damaged one.
+pub(crate) fn successor(path: &Path) -> PathBuf {
+    beside(path, "-new")
+}
+
+/// Gives the file and its log further names that nothing has yet, so that they outlive what comes in their place. Gives
+/// the name.
+pub(crate) fn keep_aside(path: &Path) -> io::Result<PathBuf> {
+    let name = free_name(path);
+    link(path, &name)?;
+    if wal(path).exists() {
+        link(&wal(path), &wal(&name))?;
+    }
+    sync_folder(path)?;
+    Ok(name)
+}
+
+/// Copies the log, which goes on being used, to a name that nothing has yet. Gives the name; nothing if there is no log.
+pub(crate) fn keep_log(path: &Path) -> io::Result<Option<PathBuf>> {
+    if !wal(path).exists() {
+        return Ok(None);
+    }
+    let name = wal(&free_name(path));
+    copy(&wal(path), &name)?;
+    sync_folder(path)?;
+    Ok(Some(name))
+}
+
+/// A name for what is damaged. Where another takes it meanwhile, whoever uses it fails rather than overwrite that.
+fn free_name(path: &Path) -> PathBuf {
+    let names = (1_u32..).map(|number| beside(path, &format!(".damaged-{number}")));
+    let free = |name: &PathBuf| name.symlink_metadata().is_err() && wal(name).symlink_metadata().is_err();
+    names.into_iter().find(free).unwrap_or_else(|| beside(path, ".damaged"))
+}
+
+/// A second name for a file, or a copy where the file system has no such names.
+fn link(from: &Path, to: &Path) -> io::Result<()> {
+    if fs::hard_link(from, to).is_ok() {
+        return Ok(());
+    }
+    copy(from, to)
+}
+
+fn copy(from: &Path, to: &Path) -> io::Result<()> {
+    let mut copy = File::options().write(true).create_new(true).open(to)?;
+    io::copy(&mut File::open(from)?, &mut copy)?;
+    copy.sync_all()
+}
+
+/// Writes a file as a whole: whoever reads it, also after a power cut, finds the old content or the new one.
+pub(crate) fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
+    let part = beside(path, "-part");
+    let mut file = File::create(&part)?;
+    file.write_all(content)?;
+    file.sync_all()?;
+    fs::rename(&part, path)?;
+    sync_folder(path)
+}
+
+/// Marks a file that may be damaged, so that the next start looks at all of it.
+pub(crate) fn mark_doubt(path: &Path) {
+    if let Err(error) = replace(&doubt_mark(path), &[]) {
+        tracing::warn!(store = %path.display(), %error, "that the store is damaged could not be marked");
+    }
+}
+
+/// Removes a file that may not be there.
+pub(crate) fn remove(path: &Path) -> io::Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        removed => removed,
+    }
+}
+
+/// Makes names that were given or taken away in the folder of `path` outlive a power cut.
+pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    File::open(folder)?.sync_all()
+}

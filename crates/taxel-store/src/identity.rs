@@ -1,0 +1,96 @@
+//! Whether a file is a store of ours, of a version that we know, and whole.
+
+use std::path::Path;
+
+use rusqlite::Connection;
+
+use crate::error::StoreError;
+use crate::{salvage, schema};
+
+/// Whether it is damage that keeps a file from being opened, and not its owner, its permissions, or that it is not ours.
+pub(crate) fn is_damage(error: &StoreError, path: &Path) -> bool {
+    match error {
+        StoreError::Damaged { .. } => true,
+        StoreError::Foreign { .. } => salvage::was_ours(path),
+        _ => false,
+    }
+}
+
+/// Refuses what is not ours or is newer than we are; lets an empty file pass.
+pub(crate) fn check_identity(connection: &Connection, path: &Path) -> Result<(), StoreError> {
+    let opening = |error: rusqlite::Error| StoreError::opening(path, &error);
+    let number = |pragma: &str| connection.pragma_query_value(None, pragma, |row| row.get::<_, i64>(0));
+    let (application, version) = (number("application_id").map_err(opening)?, number("user_version").map_err(opening)?);
+    let is_empty = is_empty(connection).map_err(opening)?;
+    if is_empty && (application, version) == (0, 0) && !salvage::was_ours(path) {
+        return Ok(());
+    }
+    let path = path.to_path_buf();
+    let tables = tables(connection).map_err(opening)?;
+    if is_empty {
+        return Err(StoreError::Damaged { path, findings: "it has no tables any more".to_owned() });
+    }
+    if application != schema::APPLICATION_ID {
+        let expected = schema::APPLICATION_ID;
+        let reason = format!("its application id is {application:#x}, expected {expected:#x}");
+        return Err(StoreError::Foreign { path, reason });
+    }
+    // A newer version has other tables, too; otherwise it is the number that is wrong.
+    if version > schema::VERSION && tables != expected_tables(schema::VERSION).map_err(opening)? {
+        return Err(StoreError::TooNew { path, found: version, newest: schema::VERSION });
+    }
+    if !(1..=schema::VERSION).contains(&version) {
+        let findings = format!("its schema version is {version}, which its tables are not of");
+        return Err(StoreError::Damaged { path, findings });
+    }
+    if tables != expected_tables(version).map_err(opening)? {
+        let findings = format!("its tables are not those of schema version {version}");
+        return Err(StoreError::Damaged { path, findings });
+    }
+    Ok(())
+}
+
+/// Name and definition of every table.
+fn tables(connection: &Connection) -> rusqlite::Result<Vec<(String, String)>> {
+    let mut statement = connection.prepare("SELECT name, sql FROM sqlite_schema WHERE type = 'table' ORDER BY name")?;
+    statement.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?.collect()
+}
+
+/// The tables of a file of this version.
+fn expected_tables(version: i64) -> rusqlite::Result<Vec<(String, String)>> {
+    let connection = Connection::open_in_memory()?;
+    let steps = schema::STEPS.get(..usize::try_from(version).unwrap_or(0)).unwrap_or_default();
+    steps.iter().try_for_each(|step| connection.execute_batch(step))?;
+    tables(&connection)
+}
+
+fn is_empty(connection: &Connection) -> rusqlite::Result<bool> {
+    connection.query_row("SELECT count(*) = 0 FROM sqlite_schema", [], |row| row.get(0))
+}
+
+/// Reads every page once and checks its structure.
+pub(crate) fn check_structure(connection: &Connection, path: &Path) -> Result<(), StoreError> {
+    match structure_findings(connection).map_err(|error| StoreError::opening(path, &error))? {
+        None => Ok(()),
+        Some(findings) => Err(StoreError::Damaged { path: path.to_path_buf(), findings }),
+    }
+}
+
+/// What is wrong with how the pages hang together; `None` if all is well.
+pub(crate) fn structure_findings(connection: &Connection) -> rusqlite::Result<Option<String>> {
+    let mut findings = Vec::new();
+    connection.pragma_query(None, "quick_check", |row| {
+        findings.push(row.get::<_, String>(0)?);
+        Ok(())
+    })?;
+    if findings == ["ok"] {
+        return Ok(None);
+    }
+    let more = findings.len().saturating_sub(3);
+    findings.truncate(3);
+    let mut findings = findings.join("; ").replace('\n', " ");
+    if more > 0 {
+        findings += &format!("; and {more} more");
+    }
+    Ok(Some(findings))
+}

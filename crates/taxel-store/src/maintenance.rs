@@ -1,0 +1,106 @@
+//! What an operator does with a store that no daemon has open.
+
+use std::fs;
+use std::path::Path;
+
+use rusqlite::Connection;
+use rusqlite::config::DbConfig;
+
+use crate::beside;
+use crate::db::Db;
+use crate::error::{Quarantined, StoreError};
+use crate::identity::is_damage;
+use crate::retention::Retention;
+use crate::wal_check;
+
+/// What a store holds.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Checked {
+    /// Model sets that are sound.
+    pub model_sets: usize,
+    /// Sessions that are sound.
+    pub sessions: usize,
+    /// Samples that the sessions wrote.
+    pub samples: u64,
+    /// Bytes in use.
+    pub bytes: u64,
+    /// What is damaged.
+    pub damage: Vec<Quarantined>,
+}
+
+/// Looks at a store and changes nothing: a copy beside it is opened, and removed again.
+///
+/// # Errors
+/// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours; not for damage.
+pub fn check(path: &Path) -> Result<Checked, StoreError> {
+    let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
+    fs::metadata(path).map_err(io)?;
+    refuse_in_use(path)?;
+    let mut damage = Vec::new();
+    if let Some(reason) = wal_check::problem(path).map_err(io)? {
+        damage.push(Quarantined::new("the write-ahead log", reason));
+    }
+    let copy = beside::beside(path, "-check");
+    let remove = || ["", "-wal"].iter().try_for_each(|suffix| beside::remove(&beside::beside(&copy, suffix)));
+    remove().map_err(io)?;
+    fs::copy(path, &copy).map_err(io)?;
+    if beside::wal(path).exists() {
+        fs::copy(beside::wal(path), beside::wal(&copy)).map_err(io)?;
+    }
+    let checked = match Db::open_file(&copy, true, &mut damage) {
+        Ok((db, restored)) => db.size().map(|size| {
+            let (model_sets, sessions) = (restored.model_sets.len(), restored.sessions.len());
+            Checked { model_sets, sessions, samples: size.samples, bytes: size.bytes, damage }
+        }),
+        Err(error) if is_damage(&error, path) => {
+            damage.push(Quarantined::new("the store", error));
+            Ok(Checked { damage, ..Checked::default() })
+        }
+        Err(error) => Err(error),
+    };
+    remove().map_err(io)?;
+    checked
+}
+
+/// What giving back space came to.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Compacted {
+    /// Bytes of the file before.
+    pub before: u64,
+    /// And after.
+    pub after: u64,
+    /// What is damaged.
+    pub damage: Vec<Quarantined>,
+}
+
+/// Rewrites a store without its empty pages. A damaged one is put right as a start would.
+///
+/// # Errors
+/// [`StoreError`] if there is no store, a daemon has it, or there is no room for the rewriting.
+pub fn compact(path: &Path) -> Result<Compacted, StoreError> {
+    let bytes = || fs::metadata(path).map(|file| file.len());
+    let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
+    let before = bytes().map_err(io)?;
+    let (db, _, damage) = Db::open_proving(path, &Retention::default(), u64::MAX)?;
+    db.compact()?;
+    db.close()?;
+    Ok(Compacted { before, after: bytes().map_err(io)?, damage })
+}
+
+/// Whether another process has the store. What else is wrong with it shows later.
+fn refuse_in_use(path: &Path) -> Result<(), StoreError> {
+    let had_log = beside::wal(path).exists();
+    let looked = Connection::open(path).and_then(|connection| {
+        connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)?;
+        connection.pragma_update_and_check(None, "locking_mode", "exclusive", |_| Ok(()))?;
+        connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))
+    });
+    if let Err(error @ StoreError::InUse { .. }) = looked.map_err(|error| StoreError::opening(path, &error)) {
+        return Err(error);
+    }
+    if !had_log {
+        // Looking makes an empty one.
+        beside::remove(&beside::wal(path)).map_err(|error| StoreError::Io(error.to_string()))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,242 @@
+//! The calibration as a living screen on a terminal, else as plain lines: one a second, and one at each change.
+
+use std::io::{IsTerminal, Write};
+use std::time::{Duration, Instant};
+
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget};
+use taxel_proto::v1::{Session, SessionState};
+
+use super::guide::{Advice, Guide};
+use crate::client::failure::Outcome;
+use crate::client::json;
+use crate::client::list::session_word;
+use crate::client::places::Places;
+use crate::client::sessions::refusals;
+use crate::client::text::style;
+
+/// Plain lines come so often while nothing changes.
+const LINE_EVERY: Duration = Duration::from_secs(1);
+/// From this share of the target on it is told which taxels have not moved: before, most of them cannot have.
+const NAMED_FROM: f64 = 0.5;
+
+/// Where the calibration is shown.
+pub struct Screen {
+    places: Places,
+    guide: Guide,
+    living: Option<Living>,
+    json: bool,
+    last: Option<Shown>,
+}
+
+/// What was shown last.
+struct Shown {
+    at: Instant,
+    state: SessionState,
+    falling: bool,
+    advice: Advice,
+    silent: String,
+}
+
+/// The lines of a terminal.
+struct Living {
+    all: MultiProgress,
+    head: ProgressBar,
+    pressure: ProgressBar,
+    coverage: ProgressBar,
+    taxels: ProgressBar,
+    scans: ProgressBar,
+}
+
+impl Screen {
+    /// A screen for a patch with taxels at these places; `json` for a line of JSON a message instead.
+    pub fn new(places: Places, json: bool) -> Self {
+        let living = (!json && std::io::stderr().is_terminal()).then(Living::new);
+        Self { places, guide: Guide::default(), living, json, last: None }
+    }
+
+    /// Shows a session as it is now.
+    ///
+    /// # Errors
+    /// A session that is no JSON.
+    pub fn show(&mut self, session: &Session) -> Outcome {
+        if self.json {
+            return json::print("Session", session);
+        }
+        self.draw(session);
+        Ok(())
+    }
+
+    fn draw(&mut self, session: &Session) {
+        let advice = self.guide.advise(session);
+        let (state, falling, at) = (session.state(), session.falling, Instant::now());
+        let turned = self.last.as_ref().is_some_and(|last| {
+            last.state == SessionState::Ramping && (last.state != state || last.falling != falling)
+        });
+        if turned {
+            bell();
+        }
+        let changed = self
+            .last
+            .as_ref()
+            .is_none_or(|last| (last.state, last.falling) != (state, falling) || last.advice != advice);
+        match &self.living {
+            Some(living) => living.show(session, &advice, &self.silent(session)),
+            None => {
+                let due = self.last.as_ref().is_none_or(|last| at - last.at >= LINE_EVERY);
+                if !changed && !due {
+                    return;
+                }
+                let silent = self.silent(session);
+                // In a log the places are told when they change, not each second.
+                let told = self.last.as_ref().is_some_and(|last| last.silent == silent && last.state == state);
+                say!("{}", line(session, &advice, if told { "" } else { &silent }));
+            }
+        }
+        let silent = self.silent(session);
+        self.last = Some(Shown { at, state, falling, advice, silent });
+    }
+
+    /// Says something beside the picture.
+    pub fn tell(&self, text: &str) {
+        match &self.living {
+            Some(living) => {
+                let _ = living.all.println(text); // a terminal that has gone is noticed elsewhere
+            }
+            None if self.json => {}
+            None => say!("{text}"),
+        }
+    }
+
+    /// Takes the picture away for good; what is told from now on are plain lines.
+    pub fn end(&mut self) {
+        if let Some(living) = self.living.take() {
+            for bar in [&living.head, &living.pressure, &living.coverage, &living.taxels, &living.scans] {
+                bar.finish_and_clear();
+            }
+        }
+    }
+
+    /// Takes the picture away for a question.
+    pub fn clear(&self) {
+        if let Some(living) = &self.living {
+            let _ = living.all.clear();
+        }
+    }
+
+    /// The taxels that do not respond, by place, once the pressure is high enough to tell.
+    fn silent(&self, session: &Session) -> String {
+        let high = session.pressure_kpa.is_some_and(|kpa| kpa > NAMED_FROM * session.target_kpa) || session.falling;
+        let told = high || matches!(session.state(), SessionState::Fitting | SessionState::Review);
+        let left_out = |taxel: &u32| !self.places.is_in(*taxel, &session.left_out);
+        if told { self.places.name(session.not_responding.iter().copied().filter(left_out)) } else { String::new() }
+    }
+}
+
+/// Rings the terminal's bell, where there is a terminal.
+pub fn bell() {
+    let mut out = std::io::stderr();
+    if out.is_terminal() {
+        let _ = out.write_all(b"\x07").and_then(|()| out.flush());
+    }
+}
+
+impl Living {
+    fn new() -> Self {
+        let all = MultiProgress::with_draw_target(ProgressDrawTarget::stderr());
+        let text = |all: &MultiProgress| all.add(ProgressBar::new(1).with_style(style("{msg}")));
+        let bar =
+            |all: &MultiProgress| all.add(ProgressBar::new(1_000).with_style(style("{prefix:10} [{bar:30}] {msg}")));
+        let head = text(&all);
+        let pressure = bar(&all).with_prefix("pressure");
+        let coverage = bar(&all).with_prefix("coverage");
+        let (taxels, scans) = (text(&all), text(&all));
+        Self { all, head, pressure, coverage, taxels, scans }
+    }
+
+    fn show(&self, session: &Session, advice: &Advice, silent: &str) {
+        self.head.set_message(format!(
+            "session {} of {}, ramp {}: {}  {}",
+            session.session,
+            session.patch,
+            session.ramps.max(1),
+            session_word(session.state()),
+            advice.words(),
+        ));
+        let share = session.pressure_kpa.unwrap_or(0.0) / session.target_kpa.max(f64::MIN_POSITIVE);
+        self.pressure.set_position((1e3 * share.clamp(0.0, 1.0)) as u64);
+        self.pressure.set_message(pressure(session));
+        self.coverage.set_position((1e3 * session.coverage.clamp(0.0, 1.0)) as u64);
+        self.coverage.set_message(coverage(session));
+        self.taxels.set_message(taxels(session, silent));
+        self.scans.set_message(scans(session));
+        for bar in [&self.head, &self.taxels, &self.scans] {
+            bar.tick();
+        }
+    }
+}
+
+fn pressure(session: &Session) -> String {
+    let limit = if session.falling { session.fall_max_kpa_per_s } else { session.rise_max_kpa_per_s };
+    let kpa = session.pressure_kpa.map_or_else(|| "-".to_owned(), |kpa| format!("{kpa:.1}"));
+    let rate = session.rate_kpa_per_s.map_or_else(|| "-".to_owned(), |rate| format!("{rate:+.2}"));
+    format!("{kpa} of {:.0} kPa, {rate} kPa/s of {limit:.1}", session.target_kpa)
+}
+
+fn coverage(session: &Session) -> String {
+    let left = session.remaining_s.map_or_else(String::new, |left| format!(", {left:.0} s left"));
+    format!("{:.0} %{left}", 100.0 * session.coverage)
+}
+
+fn taxels(session: &Session, silent: &str) -> String {
+    let not = if silent.is_empty() { String::new() } else { format!("; not: {silent}") };
+    format!("{} of {} taxels respond{not}", session.taxels_responding, session.taxels)
+}
+
+fn scans(session: &Session) -> String {
+    format!("{} scans entered, refused: {}", session.accepted, refusals(session.refused.as_ref()))
+}
+
+/// Everything in one line, for a log.
+fn line(session: &Session, advice: &Advice, silent: &str) -> String {
+    let state = session_word(session.state());
+    match session.state() {
+        SessionState::Ramping => format!(
+            "{state} {}; coverage {}; {}; {}",
+            pressure(session),
+            coverage(session),
+            taxels(session, silent),
+            advice.words()
+        ),
+        SessionState::Taring | SessionState::Fitting => format!("{state} {}", advice.words()),
+        SessionState::Review => format!("{state} {}; {}", scans(session), taxels(session, silent)),
+        _ => format!("{state} {}", session.reason),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plain_line_has_pressure_rate_coverage_and_who_does_not_respond() {
+        let session = Session {
+            state: SessionState::Ramping.into(),
+            pressure_kpa: Some(34.2),
+            rate_kpa_per_s: Some(2.0),
+            rise_max_kpa_per_s: 5.0,
+            target_kpa: 70.0,
+            coverage: 0.48,
+            remaining_s: Some(17.9),
+            taxels: 230,
+            taxels_responding: 220,
+            ..Session::default()
+        };
+        assert_eq!(
+            line(&session, &Advice::GoOn, "board 12 module 3 (all 10)"),
+            "RAMPING 34.2 of 70 kPa, +2.00 kPa/s of 5.0; coverage 48 %, 18 s left; \
+             220 of 230 taxels respond; not: board 12 module 3 (all 10); go on"
+        );
+        let no_gauge = Session { pressure_kpa: None, rate_kpa_per_s: None, ..session };
+        assert!(line(&no_gauge, &Advice::NoGauge, "").starts_with("RAMPING - of 70 kPa, - kPa/s of 5.0"));
+    }
+}

@@ -1,0 +1,136 @@
+//! The way to a daemon. What of a connection every client needs is in `taxel-client`; here is what the command line adds.
+
+use std::path::PathBuf;
+
+#[cfg(feature = "tls")]
+use anyhow::Context;
+#[cfg(feature = "tls")]
+use taxel_client::TlsOptions;
+use taxel_client::{Address, Line, Options};
+use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::model_service_client::ModelServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_proto::v1::validation_service_client::ValidationServiceClient;
+
+use super::failure::Outcome;
+
+/// Largest answer: a model set as text, with the framing around it.
+const ANSWER_BYTES_MAX: usize = 17 << 20;
+
+/// Which daemon, and which patch of it.
+#[derive(Clone, Debug, clap::Args)]
+pub struct Server {
+    /// The daemon: http://HOST:PORT, HOST:PORT, unix:PATH or, with certificates, https://HOST:PORT. Default: /run/taxeld/taxeld.sock if there is one, else
+    /// 127.0.0.1:50051.
+    #[arg(long, value_name = "ADDRESS", env = "TAXELD_SERVER", value_parser = Address::parse)]
+    server: Option<Address>,
+    /// File whose first line is the token to show.
+    #[arg(long, value_name = "FILE", env = "TAXELD_TOKEN_FILE")]
+    token: Option<PathBuf>,
+    #[cfg(feature = "tls")]
+    #[command(flatten)]
+    certificates: Certificates,
+    /// The patch, needed only if the daemon has several.
+    #[arg(long, value_name = "NAME", default_value = "")]
+    patch: String,
+}
+
+/// What an address that begins with https:// needs. PEM files.
+#[cfg(feature = "tls")]
+#[derive(Clone, Debug, clap::Args)]
+pub struct Certificates {
+    /// The authority that signed the daemon's certificate, for https://.
+    #[arg(long, value_name = "FILE", env = "TAXELD_CA", requires_all = ["certificate", "key"])]
+    ca: Option<PathBuf>,
+    /// Your own certificate, which tells the daemon who you are.
+    #[arg(long, value_name = "FILE", env = "TAXELD_CERTIFICATE", requires = "ca")]
+    certificate: Option<PathBuf>,
+    /// Its key.
+    #[arg(long, value_name = "FILE", env = "TAXELD_KEY", requires = "ca")]
+    key: Option<PathBuf>,
+    /// The name in the daemon's certificate, where it is not the host in the address.
+    #[arg(long, value_name = "NAME", requires = "ca")]
+    tls_name: Option<String>,
+}
+
+/// A connection. All services share it.
+#[derive(Clone)]
+pub struct Daemon {
+    channel: Line,
+    patch: String,
+}
+
+impl Server {
+    /// The patch that was named, if one was.
+    #[cfg(feature = "certificate")]
+    pub fn patch(&self) -> Option<&str> {
+        Some(self.patch.as_str()).filter(|patch| !patch.is_empty())
+    }
+
+    /// Opens the connection.
+    ///
+    /// # Errors
+    /// The address and why nobody answers there.
+    pub async fn connect(&self) -> Outcome<Daemon> {
+        let address = self.server.clone().unwrap_or_else(Address::local);
+        let options = Options {
+            token: self.token.clone(),
+            #[cfg(feature = "tls")]
+            tls: self.certificates.read().context("certificates")?,
+            ..Options::new(address)
+        };
+        let channel = options.connect().await;
+        let channel = channel.map_err(|error| anyhow::anyhow!("{error}; `--server` names another"))?;
+        Ok(Daemon { channel, patch: self.patch.clone() })
+    }
+}
+
+#[cfg(feature = "tls")]
+impl Certificates {
+    fn read(&self) -> anyhow::Result<Option<TlsOptions>> {
+        let (Some(ca), Some(certificate), Some(key)) = (&self.ca, &self.certificate, &self.key) else {
+            return Ok(None);
+        };
+        Ok(Some(TlsOptions { name: self.tls_name.clone(), ..TlsOptions::read(ca, certificate, key)? }))
+    }
+}
+
+impl Daemon {
+    /// Name of the patch as asked for; empty for the only one.
+    pub fn patch(&self) -> String {
+        self.patch.clone()
+    }
+
+    /// The same daemon, asked about another patch.
+    pub fn about(&self, patch: &str) -> Self {
+        Self { channel: self.channel.clone(), patch: patch.to_owned() }
+    }
+
+    /// `ForceService`.
+    pub fn force(&self) -> ForceServiceClient<Line> {
+        ForceServiceClient::new(self.channel.clone())
+    }
+
+    /// `SkinService`.
+    pub fn skin(&self) -> SkinServiceClient<Line> {
+        SkinServiceClient::new(self.channel.clone())
+    }
+
+    /// `CalibrationService`.
+    pub fn calibration(&self) -> CalibrationServiceClient<Line> {
+        CalibrationServiceClient::new(self.channel.clone()).max_decoding_message_size(ANSWER_BYTES_MAX)
+    }
+
+    /// `ModelService`.
+    pub fn models(&self) -> ModelServiceClient<Line> {
+        ModelServiceClient::new(self.channel.clone())
+            .max_decoding_message_size(ANSWER_BYTES_MAX)
+            .max_encoding_message_size(ANSWER_BYTES_MAX)
+    }
+
+    /// `ValidationService`.
+    pub fn validation(&self) -> ValidationServiceClient<Line> {
+        ValidationServiceClient::new(self.channel.clone())
+    }
+}

@@ -1,0 +1,115 @@
+//! `taxeld sessions export`: what a session gathered, as a table or as MCAP.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use taxel_engine::calibration::export::{sample_row, samples_header};
+use taxel_proto::v1::{ExportSamplesRequest, SampleBlock, SessionSample};
+use tonic::Streaming;
+
+use super::connect::Server;
+use super::failure::{Failure, Outcome};
+use super::zeros::write_zeros;
+use crate::files;
+
+/// Which session, and where it goes.
+#[derive(Debug, clap::Args)]
+pub struct ExportArgs {
+    #[command(flatten)]
+    server: Server,
+    /// Number of the session.
+    #[arg(value_name = "SESSION", value_parser = clap::value_parser!(u64).range(1..))]
+    session: u64,
+    /// Where it goes; `-` is the standard output.
+    #[arg(long, value_name = "FILE", default_value = "-")]
+    out: PathBuf,
+    /// What is written [default: by the ending of --out, else csv].
+    #[arg(long, value_enum)]
+    format: Option<Format>,
+    /// Write here the zeros at which its ramps began: counts of different ramps compare by their distance from these. MCAP
+    /// has them in the file itself.
+    #[arg(long, value_name = "ZEROS.csv")]
+    zeros: Option<PathBuf>,
+}
+
+/// What is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Format {
+    /// A table: seconds since the first scan, kPa, and a count a taxel.
+    Csv,
+    /// A container of messages: the session, the zeros of its ramps, its samples.
+    #[cfg(feature = "record")]
+    Mcap,
+}
+
+impl ExportArgs {
+    fn format(&self) -> Format {
+        #[cfg(feature = "record")]
+        if self.format.is_none() && self.out.extension().is_some_and(|end| end == "mcap") {
+            return Format::Mcap;
+        }
+        self.format.unwrap_or(Format::Csv)
+    }
+}
+
+/// Runs it.
+///
+/// # Errors
+/// No such session, one without samples, a file that cannot be written, or no daemon.
+pub async fn export(args: &ExportArgs) -> Outcome {
+    let daemon = args.server.connect().await?;
+    let request = ExportSamplesRequest { session: args.session };
+    let blocks = daemon.calibration().export_samples(request).await?.into_inner();
+    let (written, in_all) = match args.format() {
+        Format::Csv => csv(args, blocks).await?,
+        #[cfg(feature = "record")]
+        Format::Mcap => {
+            super::export_mcap::mcap(&daemon, args.session, &args.out, args.zeros.as_deref(), blocks).await?
+        }
+    };
+    if in_all == 0 && written == 0 {
+        return Err(Failure::refused(format!("session {} has no samples", args.session)));
+    }
+    if written != in_all {
+        return Err(Failure::Broken(anyhow::anyhow!("{written} of {in_all} samples came")));
+    }
+    if !files::is_standard(&args.out) {
+        say!("{written} scans of session {}: {}", args.session, args.out.display());
+    }
+    Ok(())
+}
+
+/// Writes the table. Gives how many samples it has, and how many there are.
+async fn csv(args: &ExportArgs, mut blocks: Streaming<SampleBlock>) -> Outcome<(u64, u64)> {
+    let out = args.out.as_path();
+    let mut file: Option<Box<dyn Write>> = None;
+    let (mut first_ns, mut written, mut in_all) = (0, 0_u64, 0);
+    while let Some(block) = blocks.message().await? {
+        in_all = block.samples_in_all;
+        write_zeros(args.zeros.as_deref(), &block.ramps)?;
+        for sample in &block.samples {
+            let file = match &mut file {
+                Some(file) => file,
+                None => {
+                    first_ns = sample.monotonic_ns;
+                    let mut new = files::writer(out)?;
+                    new.write_all(samples_header(sample.counts.len()).as_bytes())?;
+                    file.insert(new)
+                }
+            };
+            if let Err(error) = file.write_all(row_of(sample, first_ns).as_bytes()) {
+                files::quiet_end(out, Err(error.into()))?;
+                return Ok((in_all, in_all)); // who read the standard output had enough
+            }
+            written += 1;
+        }
+    }
+    if let Some(mut file) = file {
+        files::quiet_end(out, file.flush().map_err(Into::into))?;
+    }
+    Ok((written, in_all))
+}
+
+fn row_of(sample: &SessionSample, first_ns: i64) -> String {
+    sample_row(sample.monotonic_ns.saturating_sub(first_ns), sample.pressure_kpa, sample.counts.iter().copied())
+}

@@ -1,0 +1,147 @@
+//! `taxeld health`: buses, boards, zeros and faulty taxels, and by its exit code whether all is well.
+
+use taxel_proto::v1::{BoardHealth, BusHealth, GetHealthRequest, GetSkinRequest, Health, PatchHealth, TaxelFault};
+
+use super::connect::{Daemon, Server};
+use super::failure::{Failure, Outcome};
+use super::json;
+use super::places::Places;
+
+/// State of buses, boards, zeros and taxels. Exit code 3 if a bus is down, a board is silent or a zero does not hold.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxeld health || echo 'look at the skin'\n  taxeld health --json | jq '.problems[]'"
+)]
+pub struct HealthArgs {
+    #[command(flatten)]
+    server: Server,
+    /// Print the answer as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// What is not well, or no daemon.
+pub async fn health(args: HealthArgs) -> Outcome {
+    let daemon = args.server.connect().await?;
+    let health = daemon.skin().get_health(GetHealthRequest {}).await?.into_inner();
+    if args.json {
+        json::print("Health", &health)?;
+    } else {
+        print(&daemon, &health).await?;
+    }
+    let wrong = troubles(&health);
+    if wrong.is_empty() { Ok(()) } else { Err(Failure::refused(wrong.join("; "))) }
+}
+
+/// What keeps the force from being good, in words.
+fn troubles(health: &Health) -> Vec<String> {
+    let mut wrong = health.problems.clone();
+    let down = health.buses.iter().filter(|bus| !bus.up);
+    wrong.extend(down.map(|bus| format!("bus {} is down: {}", bus.bus, bus.problem)));
+    let silent = health.boards.iter().filter(|board| board.modules_fresh < board.modules_enabled);
+    wrong.extend(silent.map(|b| {
+        let missing = b.modules_enabled - b.modules_fresh;
+        format!("board {}: {missing} of {} modules are silent", b.address, b.modules_enabled)
+    }));
+    let lost = health.patches.iter().filter_map(|patch| patch.tare.as_ref()).filter(|tare| !tare.valid);
+    wrong.extend(lost.map(|tare| format!("{}: the zero does not hold: {}", tare.patch, tare.reason)));
+    wrong
+}
+
+async fn print(daemon: &Daemon, health: &Health) -> Outcome {
+    health.buses.iter().for_each(|bus| say!("{}", of_bus(bus)));
+    for board in &health.boards {
+        say!("{}", of_board(board));
+        board.warnings.iter().for_each(|warning| say!("  {warning}"));
+    }
+    for patch in &health.patches {
+        let skin = daemon.skin().get_skin(GetSkinRequest { patch: patch.patch.clone() }).await?.into_inner();
+        of_patch(patch, &Places::of(&skin)).iter().for_each(|line| say!("{line}"));
+    }
+    say!("streams: {} of {}", health.streams, health.streams_max);
+    health.problems.iter().for_each(|problem| say!("problem: {problem}"));
+    Ok(())
+}
+
+fn of_bus(bus: &BusHealth) -> String {
+    let state = match (bus.up, bus.problem.as_str()) {
+        (true, "") => "up".to_owned(),
+        (true, problem) => format!("up, last error: {problem}"),
+        (false, problem) => format!("DOWN: {problem}"),
+    };
+    let counts =
+        format!("{} frames, {} foreign, {} malformed, {} dropped", bus.frames, bus.foreign, bus.malformed, bus.dropped);
+    let malformed = if bus.malformed > 0 { format!("; last malformed: {}", bus.last_malformed) } else { String::new() };
+    format!("bus {}: {state}; {counts}{malformed}", bus.bus)
+}
+
+fn of_board(board: &BoardHealth) -> String {
+    let firmware = if board.firmware.is_empty() { String::new() } else { format!(", firmware {}", board.firmware) };
+    let warmth = board.celsius.map_or_else(String::new, |celsius| format!(", {celsius:.1} degC"));
+    format!(
+        "board {} of {}: {}, {} of {} modules send, {} scans, {} orphans, {} status errors{firmware}{warmth}",
+        board.address,
+        board.patch,
+        board.bring_up,
+        board.modules_fresh,
+        board.modules_enabled,
+        board.scans,
+        board.orphans,
+        board.status_errors
+    )
+}
+
+fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
+    let mut lines = Vec::new();
+    if let Some(tare) = &patch.tare {
+        let holds = if tare.valid { "holds" } else { "DOES NOT HOLD" };
+        lines.push(format!("patch {}: zero {} {holds}: {}", patch.patch, tare.epoch, tare.reason));
+    }
+    let mut by_fault: std::collections::BTreeMap<&str, Vec<u32>> = std::collections::BTreeMap::new();
+    for faulty in &patch.faulty {
+        for fault in faulty.faults() {
+            by_fault.entry(fault_word(fault)).or_default().push(faulty.taxel);
+        }
+    }
+    for (fault, taxels) in by_fault {
+        lines.push(format!("  {} taxels {fault}: {}", taxels.len(), places.name(taxels.iter().copied())));
+    }
+    lines
+}
+
+fn fault_word(fault: TaxelFault) -> &'static str {
+    let name = fault.as_str_name();
+    name.strip_prefix("TAXEL_FAULT_").unwrap_or(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_proto::v1::TareStatus;
+
+    #[test]
+    fn what_is_not_well_is_named_and_nothing_else() {
+        let good = Health {
+            buses: vec![BusHealth { up: true, ..Default::default() }],
+            boards: vec![BoardHealth { modules_enabled: 3, modules_fresh: 3, ..Default::default() }],
+            patches: vec![PatchHealth {
+                tare: Some(TareStatus { valid: true, ..Default::default() }),
+                ..Default::default()
+            }],
+            ..Health::default()
+        };
+        assert!(troubles(&good).is_empty());
+        let mut bad = good;
+        bad.buses[0].up = false;
+        bad.boards[0].modules_fresh = 1;
+        bad.patches[0].tare.as_mut().unwrap().valid = false;
+        bad.problems.push("store: full".to_owned());
+        let said = troubles(&bad).join("\n");
+        for part in ["store: full", "bus 0 is down", "2 of 3 modules are silent", "the zero does not hold"] {
+            assert!(said.contains(part), "{part}: {said}");
+        }
+    }
+}

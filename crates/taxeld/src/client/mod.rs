@@ -1,0 +1,103 @@
+//! Clients of a running daemon, as subcommands: what an operator does, without a line of gRPC.
+//!
+//! Every command reads and writes the same messages as any other client (`proto/taxel/v1`); `--json` prints them.
+//! Exit codes: 0 done and good; 1 no daemon, a lost connection, a file; 2 a wrong command line; 3 the daemon said no, or
+//! there is no good force.
+
+mod activate;
+mod ask;
+mod calibrate;
+mod certificate;
+mod compare;
+mod connect;
+mod events;
+mod export;
+#[cfg(feature = "record")]
+mod export_mcap;
+mod failure;
+mod health;
+mod json;
+mod list;
+mod load;
+mod models;
+mod places;
+mod recalibrate;
+#[cfg(feature = "record")]
+mod record;
+mod refit;
+mod sessions;
+mod table;
+mod tare;
+mod text;
+mod watch;
+mod zeros;
+
+use std::process::ExitCode;
+
+use failure::Failure;
+
+/// The commands that ask a running daemon.
+#[derive(Debug, clap::Subcommand)]
+pub enum ClientCommand {
+    /// A calibration in the vacuum bag, from the zero to the models in use.
+    Calibrate(calibrate::CalibrateArgs),
+    /// The force as it comes, with its uncertainty, age and state.
+    Watch(watch::WatchArgs),
+    /// Takes the zero of the untouched skin.
+    Tare(tare::TareArgs),
+    /// Compares the force with a known mass on the skin.
+    Load(load::LoadArgs),
+    /// What known loads correct of the models in use, without the bag.
+    Recalibrate(recalibrate::RecalibrateArgs),
+    /// Buses, boards, zeros and taxels; exit code 3 if something is wrong.
+    Health(health::HealthArgs),
+    /// The patches, what they read, and what they are calibrated with.
+    List(list::ListArgs),
+    /// Uses a model set from now on.
+    Activate(activate::ActivateArgs),
+    /// Model sets: list, show, export, import, delete.
+    Models(models::ModelsArgs),
+    /// Calibration sessions: list, show, and what can be done with them.
+    Sessions(sessions::SessionsArgs),
+    /// The calibration certificate of a model set, as a page to be printed and as JSON.
+    Certificate(certificate::CertificateArgs),
+    /// What happened since the daemon's start: zeros, faults, activations, sessions, buses.
+    Events(events::EventsArgs),
+    /// Force and events as MCAP files in a folder.
+    #[cfg(feature = "record")]
+    Record(record::RecordArgs),
+}
+
+/// Runs a command and gives the programme's exit code; what went wrong is said on standard error.
+pub fn run(command: ClientCommand) -> ExitCode {
+    let outcome = match crate::runtime::runtime() {
+        Ok(runtime) => runtime.block_on(one(command)),
+        Err(error) => Err(Failure::from(error)),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            crate::say::failure(&failure.to_string());
+            failure.exit_code()
+        }
+    }
+}
+
+async fn one(command: ClientCommand) -> failure::Outcome {
+    match command {
+        ClientCommand::Calibrate(args) => calibrate::calibrate(args).await,
+        ClientCommand::Watch(args) => watch::watch(args).await,
+        ClientCommand::Tare(args) => tare::tare(args).await,
+        ClientCommand::Load(args) => load::load(args).await,
+        ClientCommand::Recalibrate(args) => recalibrate::recalibrate(args).await,
+        ClientCommand::Health(args) => health::health(args).await,
+        ClientCommand::List(args) => list::list(args).await,
+        ClientCommand::Activate(args) => activate::activate(args).await,
+        ClientCommand::Models(args) => models::models(args).await,
+        ClientCommand::Sessions(args) => sessions::sessions(args).await,
+        ClientCommand::Certificate(args) => certificate::certificate(args).await,
+        ClientCommand::Events(args) => events::events(args).await,
+        #[cfg(feature = "record")]
+        ClientCommand::Record(args) => record::record(args).await,
+    }
+}

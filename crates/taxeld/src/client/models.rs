@@ -1,0 +1,289 @@
+//! `taxeld models`: model sets, and one set or one taxel of it.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use anyhow::Context;
+use taxel_engine::model_set::ModelSet as EngineSet;
+use taxel_proto::v1::{
+    CompareModelSetsRequest, DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, GetSkinRequest,
+    GetTaxelModelRequest, ImportModelSetRequest, ListModelSetsRequest, ModelSet, ModelSetSummary, TaxelModel,
+};
+
+use super::activate::full_id;
+use super::compare::{self, fetch};
+use super::connect::{Daemon, Server};
+use super::failure::Outcome;
+use super::places::Places;
+use super::{json, table};
+use crate::files;
+
+/// Model sets: what sessions produced.
+#[derive(Debug, clap::Args)]
+pub struct ModelsArgs {
+    #[command(subcommand)]
+    command: ModelsCommand,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum ModelsCommand {
+    /// All sets, newest first.
+    List(OfServer),
+    /// A set with its excluded taxels by place, or one taxel's curve.
+    #[command(
+        after_help = "Examples:\n  taxeld models show                 # the active one\n  taxeld models show m-26dc --taxel 13"
+    )]
+    Show {
+        #[command(flatten)]
+        of: OfServer,
+        /// Id of the set, its beginning or `newest` [default: the active one].
+        #[arg(value_name = "MODEL_SET")]
+        model_set: Option<String>,
+        /// One taxel's model in full.
+        #[arg(long, value_name = "N")]
+        taxel: Option<u32>,
+    },
+    /// Writes a set as MODELS.json, as `taxeld fit` does.
+    Export {
+        #[command(flatten)]
+        of: OfServer,
+        /// Id of the set, its beginning or `newest` [default: the active one].
+        #[arg(value_name = "MODEL_SET")]
+        model_set: Option<String>,
+        /// Where it goes; `-` is the standard output.
+        #[arg(long, value_name = "MODELS.json", default_value = "-")]
+        out: PathBuf,
+    },
+    /// Takes in a MODELS.json; it is not in use until it is activated.
+    Import {
+        #[command(flatten)]
+        of: OfServer,
+        /// The file; `-` is the standard input.
+        file: PathBuf,
+        /// Import it although its curves do not look like those of this skin.
+        #[arg(long)]
+        insist: bool,
+    },
+    /// What changed from one set to another, taxels by place.
+    #[command(
+        after_help = "To go back to an earlier set, activate it: taxeld activate m-26dc\n\nExamples:\n  taxeld models compare m-26dc newest\n  taxeld models compare active models.json   # a set of `taxeld fit`"
+    )]
+    Compare {
+        #[command(flatten)]
+        of: OfServer,
+        /// The earlier set: its id, the beginning of it, `active`, `newest`, or a MODELS.json.
+        old: String,
+        /// The later set, in the same way.
+        new: String,
+    },
+    /// Deletes a set that is not in use, for good.
+    Delete {
+        #[command(flatten)]
+        of: OfServer,
+        /// Id of the set, or its beginning.
+        #[arg(value_name = "MODEL_SET")]
+        model_set: String,
+    },
+}
+
+#[derive(Debug, clap::Args)]
+struct OfServer {
+    #[command(flatten)]
+    server: Server,
+    /// Print the answer as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// Refused with the daemon's reason, a file that cannot be read or written, or no daemon.
+pub async fn models(args: ModelsArgs) -> Outcome {
+    match args.command {
+        ModelsCommand::List(of) => list(&of).await,
+        ModelsCommand::Show { of, model_set, taxel } => show(&of, model_set.as_deref(), taxel).await,
+        ModelsCommand::Export { of, model_set, out } => {
+            let daemon = of.server.connect().await?;
+            let model_set = wanted(&daemon, model_set.as_deref()).await?;
+            let request = ExportModelSetRequest { model_set, patch: daemon.patch() };
+            let answer = daemon.models().export_model_set(request).await?.into_inner();
+            files::write_text(&out, &answer.json)?;
+            Ok(())
+        }
+        ModelsCommand::Import { of, file, insist } => {
+            let daemon = of.server.connect().await?;
+            let json = files::read_text(&file).with_context(|| file.display().to_string())?;
+            let answer = daemon.models().import_model_set(ImportModelSetRequest { json, insist }).await?.into_inner();
+            if of.json {
+                return json::print("ImportModelSetResponse", &answer);
+            }
+            say!("{} is in the store; use it with: taxeld activate {}", answer.model_set, answer.model_set);
+            Ok(())
+        }
+        ModelsCommand::Compare { of, old, new } => compare_sets(&of, &old, &new).await,
+        ModelsCommand::Delete { of, model_set } => {
+            let daemon = of.server.connect().await?;
+            let model_set = full_id(&daemon, &model_set).await?;
+            daemon.models().delete_model_set(DeleteModelSetRequest { model_set: model_set.clone() }).await?;
+            say!("{model_set} is deleted");
+            Ok(())
+        }
+    }
+}
+
+/// The id asked for; empty, which is the active set, if none was.
+async fn wanted(daemon: &Daemon, model_set: Option<&str>) -> Outcome<String> {
+    match model_set {
+        Some(beginning) => full_id(daemon, beginning).await,
+        None => Ok(String::new()),
+    }
+}
+
+/// Sets of the daemon are compared there, files here.
+async fn compare_sets(of: &OfServer, earlier: &str, later: &str) -> Outcome {
+    let daemon = of.server.connect().await?;
+    let compared = if is_file(earlier) || is_file(later) {
+        taxel_rpc::comparison(&named(&daemon, earlier).await?, &named(&daemon, later).await?)
+    } else {
+        let (earlier, later) = (set_id(&daemon, earlier).await?, set_id(&daemon, later).await?);
+        let request = CompareModelSetsRequest { earlier, later, patch: daemon.patch() };
+        daemon.models().compare_model_sets(request).await?.into_inner()
+    };
+    if of.json {
+        return json::print("ModelSetComparison", &compared);
+    }
+    let patch = compared.later.as_ref().map(|set| set.patch.clone()).unwrap_or_default();
+    let skin = daemon.skin().get_skin(GetSkinRequest { patch }).await;
+    // A file may be of a patch that is not here: then taxels have no place, only numbers.
+    let places = skin.map(|skin| Places::of(skin.get_ref())).unwrap_or_default();
+    compare::print(&compared, &places);
+    Ok(())
+}
+
+fn is_file(name: &str) -> bool {
+    std::path::Path::new(name).is_file()
+}
+
+/// The id of a set of the daemon; empty for the active one.
+async fn set_id(daemon: &Daemon, name: &str) -> Outcome<String> {
+    if name == "active" { Ok(String::new()) } else { full_id(daemon, name).await }
+}
+
+/// A set in full, by what a command line calls it.
+async fn named(daemon: &Daemon, name: &str) -> Outcome<EngineSet> {
+    if is_file(name) {
+        return Ok(crate::apply::read_models(std::path::Path::new(name))?);
+    }
+    fetch(daemon, &set_id(daemon, name).await?).await
+}
+
+async fn list(of: &OfServer) -> Outcome {
+    let daemon = of.server.connect().await?;
+    let (mut rows, mut page_token) = (Vec::new(), String::new());
+    loop {
+        let request = ListModelSetsRequest { patch: daemon.patch(), page_size: 100, page_token };
+        let page = daemon.models().list_model_sets(request).await?.into_inner();
+        for set in &page.model_sets {
+            if of.json {
+                json::print("ModelSetSummary", set)?;
+            } else {
+                rows.push(row(set));
+            }
+        }
+        page_token = page.next_page_token;
+        if page_token.is_empty() {
+            break;
+        }
+    }
+    if !of.json {
+        table::print(&["model set", "", "patch", "made", "session", "usable", "to kPa", "method"], &rows);
+    }
+    Ok(())
+}
+
+fn row(set: &ModelSetSummary) -> Vec<String> {
+    vec![
+        set.model_set.clone(),
+        if set.active { "active" } else { "" }.to_owned(),
+        set.patch.clone(),
+        table::moment(set.created.as_ref()),
+        set.session.map_or_else(|| "-".to_owned(), |session| session.to_string()),
+        format!("{} of {}", set.calibrated, set.taxels),
+        format!("{:.1}", set.pressure_max_kpa),
+        set.method.clone(),
+    ]
+}
+
+async fn show(of: &OfServer, model_set: Option<&str>, taxel: Option<u32>) -> Outcome {
+    let daemon = of.server.connect().await?;
+    let (model_set, patch) = (wanted(&daemon, model_set).await?, daemon.patch());
+    if let Some(taxel) = taxel {
+        let request = GetTaxelModelRequest { model_set, patch, taxel };
+        let model = daemon.models().get_taxel_model(request).await?.into_inner();
+        return if of.json { json::print("TaxelModel", &model) } else { print_taxel(&model) };
+    }
+    let set = daemon.models().get_model_set(GetModelSetRequest { model_set, patch }).await?.into_inner();
+    if of.json {
+        return json::print("ModelSet", &set);
+    }
+    let patch = set.summary.as_ref().map(|summary| summary.patch.clone()).unwrap_or_default();
+    let skin = daemon.skin().get_skin(GetSkinRequest { patch }).await?.into_inner();
+    print_set(&set, &Places::of(&skin))
+}
+
+pub fn print_set(set: &ModelSet, places: &Places) -> Outcome {
+    if let Some(summary) = &set.summary {
+        let session = summary.session.map_or_else(|| "a file".to_owned(), |session| format!("session {session}"));
+        let active = if summary.active { ", active" } else { "" };
+        say!(
+            "model set {} of {}, from {session}, made {}{active}",
+            summary.model_set,
+            summary.patch,
+            table::moment(summary.created.as_ref())
+        );
+        say!("  {}; up to {:.1} kPa", summary.method, summary.pressure_max_kpa);
+        say!("  {} of {} taxels usable", summary.calibrated, summary.taxels);
+    }
+    let mut excluded: BTreeMap<&str, Vec<u32>> = BTreeMap::new();
+    for taxel in set.taxels.iter().filter(|taxel| taxel.status != "ok") {
+        excluded.entry(&taxel.status).or_default().push(taxel.taxel);
+    }
+    for (reason, taxels) in excluded {
+        say!("    {} {reason}: {}", taxels.len(), places.name(taxels.iter().copied()));
+    }
+    let usable = || set.taxels.iter().filter(|taxel| taxel.status == "ok");
+    let rmse = crate::fit::spread(usable().filter_map(|taxel| taxel.rmse_kpa).collect());
+    if let Some((low, middle, high)) = rmse {
+        say!("  RMSE of the fit: median {middle:.3} kPa, {low:.3} to {high:.3}");
+    }
+    if let Some(in_use) = &set.in_use {
+        let plays = in_use.taxels_with_plays;
+        say!(
+            "  hysteresis compensated: {plays} taxels; counts return to {:.2} of their rest",
+            in_use.zero_return_counts
+        );
+    }
+    set.board_settings.iter().for_each(|line| say!("  {line}"));
+    Ok(())
+}
+
+fn print_taxel(model: &TaxelModel) -> Outcome {
+    let Some(summary) = &model.summary else { return Ok(()) };
+    say!("taxel {}: {}", summary.taxel, summary.status_text);
+    if let (Some(low), Some(high)) = (model.count_min, model.count_max) {
+        say!("  order {}, {}, calibrated for counts {low:.1} to {high:.1}", summary.order, model.estimator);
+    }
+    let coefficients: Vec<String> = model.coefficients.iter().map(|c| format!("{c:e}")).collect();
+    if !coefficients.is_empty() {
+        say!("  P(C) in kPa, ascending powers of the count: {}", coefficients.join(" "));
+    }
+    model.notes.iter().for_each(|note| say!("  {note}"));
+    let row = |point: &taxel_proto::v1::CurvePoint| {
+        let sigma = point.sigma_kpa.map_or_else(String::new, |sigma| format!("{sigma:.3}"));
+        vec![point.count.to_string(), format!("{:.3}", point.pressure_kpa), sigma]
+    };
+    let rows: Vec<Vec<String>> = model.points.iter().map(row).collect();
+    table::print(&["count", "kPa", "standard uncertainty kPa"], &rows);
+    Ok(())
+}

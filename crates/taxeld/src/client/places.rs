@@ -1,0 +1,95 @@
+//! Where taxels are, in the words of whoever stands at the robot: board, module, and the taxel's number in it.
+
+use std::collections::BTreeMap;
+
+use taxel_proto::v1::{ModuleName, Skin};
+
+/// Most places that one line names.
+const PLACES_MAX: usize = 6;
+
+/// The places of a patch's taxels.
+#[derive(Clone, Debug, Default)]
+pub struct Places {
+    /// Board address, module number and first taxel of the module, by taxel.
+    taxels: Vec<(u32, u32, u32)>,
+    /// How many taxels each module has.
+    sizes: BTreeMap<(u32, u32), usize>,
+}
+
+impl Places {
+    /// Of the layout that the daemon tells.
+    pub fn of(skin: &Skin) -> Self {
+        let mut places = Self::default();
+        for layout in &skin.taxels {
+            let board = skin.boards.get(layout.board as usize);
+            let module = board.and_then(|b| b.modules.iter().find(|module| module.module == layout.module));
+            let address = board.map_or(0, |board| board.address);
+            places.taxels.push((address, layout.module, module.map_or(0, |module| module.first_taxel)));
+            *places.sizes.entry((address, layout.module)).or_default() += 1;
+        }
+        places
+    }
+
+    /// Names taxels by their place, whole modules as such: `board 12 module 3 (all 10); board 13 module 5: taxel 2, 7`.
+    pub fn name(&self, taxels: impl IntoIterator<Item = u32>) -> String {
+        let mut modules: BTreeMap<(u32, u32), Vec<u32>> = BTreeMap::new();
+        let mut elsewhere = Vec::new();
+        for taxel in taxels {
+            match self.taxels.get(taxel as usize) {
+                Some((board, module, first)) => {
+                    modules.entry((*board, *module)).or_default().push(taxel.saturating_sub(*first));
+                }
+                None => elsewhere.push(taxel.to_string()),
+            }
+        }
+        let named = modules.iter().take(PLACES_MAX).map(|(module, taxels)| self.module(*module, taxels));
+        let mut words: Vec<String> = named.collect();
+        if modules.len() > PLACES_MAX {
+            words.push(format!("and {} modules more", modules.len() - PLACES_MAX));
+        }
+        if !elsewhere.is_empty() {
+            words.push(format!("taxel {}", elsewhere.join(", ")));
+        }
+        words.join("; ")
+    }
+
+    /// Whether a taxel belongs to one of these modules.
+    pub fn is_in(&self, taxel: u32, modules: &[ModuleName]) -> bool {
+        let place = self.taxels.get(taxel as usize);
+        place
+            .is_some_and(|(board, module, _)| modules.iter().any(|name| (name.board, name.module) == (*board, *module)))
+    }
+
+    fn module(&self, module: (u32, u32), taxels: &[u32]) -> String {
+        let (board, number) = module;
+        let size = self.sizes.get(&module).copied().unwrap_or_default();
+        if taxels.len() == size {
+            return format!("board {board} module {number} (all {size})");
+        }
+        let numbers: Vec<String> = taxels.iter().map(ToString::to_string).collect();
+        format!("board {board} module {number}: taxel {}", numbers.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_proto::v1::{Board, Module, TaxelLayout};
+
+    #[test]
+    fn taxels_are_named_by_board_module_and_number() {
+        let module = |module, first_taxel| Module { module, first_taxel, taxels: 10, ..Module::default() };
+        let boards = vec![
+            Board { address: 13, modules: vec![module(0, 0)], ..Board::default() },
+            Board { address: 12, modules: vec![module(4, 10)], ..Board::default() },
+        ];
+        let layout =
+            |taxel: u32| TaxelLayout { taxel, board: taxel / 10, module: 4 * (taxel / 10), ..Default::default() };
+        let skin = Skin { boards, taxels: (0..20).map(layout).collect(), ..Skin::default() };
+        let places = Places::of(&skin);
+        assert_eq!(places.name([]), "");
+        assert_eq!(places.name([3, 7]), "board 13 module 0: taxel 3, 7");
+        assert_eq!(places.name((10..20).chain([9])), "board 12 module 4 (all 10); board 13 module 0: taxel 9");
+        assert_eq!(places.name([3, 77]), "board 13 module 0: taxel 3; taxel 77", "a taxel that the layout lacks");
+    }
+}

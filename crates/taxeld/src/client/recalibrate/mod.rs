@@ -1,0 +1,126 @@
+//! `taxeld recalibrate`: known loads correct the gain of the active model set, without the bag.
+
+mod follow;
+mod reference;
+
+use taxel_proto::v1::{
+    AcceptRecalibrationRequest, ProposeRecalibrationRequest, RecalibrationPoint, RecalibrationProposal,
+};
+
+use super::connect::{Daemon, Server};
+use super::failure::{Failure, Outcome};
+use super::{json, table};
+
+/// Says by what factor the skin reads too little or too much, from known loads at five places or more; with --accept keeps
+/// the corrected model set. It is not in use before `taxeld activate`.
+///
+/// The loads are those of `taxeld load` with the active models, or come from a force sensor with --reference. Exit code 3 if
+/// the loads contradict each other: the one that does is named.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxeld recalibrate\n  taxeld recalibrate --leave-out 7 --accept\n  ros2 topic echo --csv /ft/wrench | stdbuf -oL cut -d, -f6 | taxeld recalibrate --reference - --by Ada"
+)]
+pub struct RecalibrateArgs {
+    #[command(flatten)]
+    server: Server,
+    /// Numbers of the loads to take [default: all that were read with the active models].
+    #[arg(long, value_name = "LOAD,...", value_delimiter = ',', conflicts_with = "reference")]
+    loads: Vec<u64>,
+    /// Numbers of loads not to take.
+    #[arg(long, value_name = "LOAD,...", value_delimiter = ',')]
+    leave_out: Vec<u64>,
+    /// Relative standard deviation of what a sound skin reads from place to place, above 0 and at most 0.2 [default: 0.03].
+    /// The smaller, the smaller a wrong load is found.
+    #[arg(long, value_name = "SHARE")]
+    place_uncertainty: Option<f64>,
+    /// Keep the corrected model set. It is not used by that.
+    #[arg(long)]
+    accept: bool,
+    /// Lines of a force sensor that the load presses through, as they come: newtons, or values of which the last is
+    /// newtons, with a comma between; `-` is the standard input. A load is read wherever sensor and skin both hold still.
+    #[arg(long, value_name = "FILE|-")]
+    reference: Option<std::path::PathBuf>,
+    #[command(flatten)]
+    follow: follow::FollowArgs,
+    /// Print the answer as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// The loads contradict each other or are too few, or no daemon.
+pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
+    let daemon = args.server.connect().await?;
+    let loads = match &args.reference {
+        Some(path) => follow::follow(&daemon, path, &args.follow, args.json).await?,
+        None => args.loads.clone(),
+    };
+    let request = ProposeRecalibrationRequest {
+        patch: daemon.patch(),
+        loads,
+        leave_out: args.leave_out.clone(),
+        place_uncertainty: args.place_uncertainty,
+    };
+    let proposal = daemon.validation().propose_recalibration(request.clone()).await?.into_inner();
+    if args.json {
+        json::print("RecalibrationProposal", &proposal)?;
+    } else {
+        print(&proposal);
+    }
+    if let Some(why) = proposal.refused_because.first() {
+        return Err(Failure::refused(why.clone()));
+    }
+    if args.accept { accept(&args, &daemon, request, proposal.model_set).await } else { Ok(()) }
+}
+
+async fn accept(
+    args: &RecalibrateArgs,
+    daemon: &Daemon,
+    request: ProposeRecalibrationRequest,
+    model_set: String,
+) -> Outcome {
+    let request = AcceptRecalibrationRequest { proposal: Some(request), model_set };
+    let answer = daemon.validation().accept_recalibration(request).await?.into_inner();
+    if args.json {
+        return json::print("AcceptRecalibrationResponse", &answer);
+    }
+    let (id, source) = (&answer.model_set, &answer.source);
+    say!("kept as {id}, not in use. Use it: taxeld activate {id}; the way back: taxeld activate {source}");
+    Ok(())
+}
+
+fn print(proposal: &RecalibrationProposal) {
+    let row = |point: &RecalibrationPoint| {
+        let off = |read: f64| format!("{:+.1}", 100.0 * (read / point.known_n - 1.0));
+        let mark = if point.load == proposal.contradicts { "contradicts the others" } else { "" };
+        vec![
+            point.load.to_string(),
+            format!("{:.2}", point.known_n),
+            format!("{:.2}", point.read_n),
+            off(point.read_n),
+            off(point.corrected_n),
+            format!("{:+.1}", point.deviation),
+            mark.to_owned(),
+        ]
+    };
+    let rows: Vec<Vec<String>> = proposal.points.iter().map(row).collect();
+    table::print(&["load", "laid on N", "read N", "error %", "then %", "deviation", ""], &rows);
+    say!(
+        "gain {:.4} +- {:.4} from {} loads on {}; a load at a new place is then known to {:.1} % (k = 1)",
+        proposal.gain,
+        proposal.gain_sigma,
+        proposal.points.len(),
+        proposal.source,
+        100.0 * proposal.relative_sigma,
+    );
+    if !proposal.needed {
+        say!("that is no more than the loads can tell: there is nothing to correct");
+    }
+    if let Some(factor) = proposal.area_factor {
+        say!(
+            "the area factor {factor:.3} that is applied now is of the same loads: it ends when the new set is activated"
+        );
+    }
+}

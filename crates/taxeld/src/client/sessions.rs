@@ -1,0 +1,199 @@
+//! `taxeld sessions`: calibration sessions that are or were.
+
+use taxel_proto::v1::{
+    AbortSessionRequest, Branches, DeleteSessionRequest, DiscardSessionRequest, FinishRampRequest, GetSessionRequest,
+    ListSessionsRequest, RefusedScans, Session, StartRampRequest,
+};
+
+use super::connect::Server;
+use super::export::{ExportArgs, export};
+use super::failure::Outcome;
+use super::list::session_word;
+use super::refit::{RefitArgs, merge, refit};
+use super::{json, table};
+
+/// Calibration sessions.
+#[derive(Debug, clap::Args)]
+pub struct SessionsArgs {
+    #[command(subcommand)]
+    command: SessionsCommand,
+}
+
+#[derive(Debug, clap::Subcommand)]
+enum SessionsCommand {
+    /// All sessions, newest first.
+    List {
+        #[command(flatten)]
+        server: Server,
+        /// Print each as a line of JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// One session as it is now.
+    Show(One),
+    /// Begins a further ramp, after venting.
+    Ramp(One),
+    /// Ends a ramp before its target.
+    Finish(One),
+    /// Stops a session that is under way; its samples are kept.
+    Abort(One),
+    /// Lays a session aside: its models cannot be activated any more.
+    Discard(One),
+    /// Deletes a session with its samples, for good.
+    Delete(One),
+    /// Fits the stored samples of a session once more; what comes of it is a model set that is not in use.
+    #[command(
+        after_help = "Without options the fit is the session's own, with the same id.\n\nExamples:\n  taxeld sessions refit 3 --order auto\n  taxeld sessions refit 3 --branch rising && taxeld models compare active newest"
+    )]
+    Refit {
+        #[command(flatten)]
+        args: RefitArgs,
+        /// Number of the session.
+        #[arg(value_name = "SESSION", value_parser = clap::value_parser!(u64).range(1..))]
+        session: u64,
+    },
+    /// Fits the stored samples of several sessions of one patch together: one model set, not in use.
+    #[command(
+        after_help = "Examples:\n  taxeld sessions merge 3 4\n  taxeld sessions merge 3 4 7 --branch rising --json"
+    )]
+    Merge {
+        #[command(flatten)]
+        args: RefitArgs,
+        /// Numbers of the sessions.
+        #[arg(value_name = "SESSION", required = true, value_parser = clap::value_parser!(u64).range(1..))]
+        sessions: Vec<u64>,
+    },
+    /// Writes the samples of a session: as the table that `taxeld fit` reads, or as MCAP.
+    #[command(
+        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 --out session3.mcap\n  taxeld sessions export 3 | taxeld fit - --order auto --out models.json && taxeld models import models.json"
+    )]
+    Export(ExportArgs),
+}
+
+#[derive(Debug, clap::Args)]
+struct One {
+    #[command(flatten)]
+    server: Server,
+    /// Number of the session.
+    #[arg(value_name = "SESSION", value_parser = clap::value_parser!(u64).range(1..))]
+    session: u64,
+    /// Print the answer as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// Refused with the daemon's reason, or no daemon.
+pub async fn sessions(args: SessionsArgs) -> Outcome {
+    let one = match &args.command {
+        SessionsCommand::List { server, json } => return list(server, *json).await,
+        SessionsCommand::Export(args) => return export(args).await,
+        SessionsCommand::Refit { args, session } => return refit(args, *session).await,
+        SessionsCommand::Merge { args, sessions } => return merge(args, sessions.clone()).await,
+        SessionsCommand::Show(one)
+        | SessionsCommand::Ramp(one)
+        | SessionsCommand::Finish(one)
+        | SessionsCommand::Abort(one)
+        | SessionsCommand::Discard(one)
+        | SessionsCommand::Delete(one) => one,
+    };
+    let (mut service, session) = (one.server.connect().await?.calibration(), one.session);
+    let answer = match &args.command {
+        SessionsCommand::List { .. }
+        | SessionsCommand::Export(_)
+        | SessionsCommand::Refit { .. }
+        | SessionsCommand::Merge { .. } => return Ok(()), // answered above
+        SessionsCommand::Show(_) => service.get_session(GetSessionRequest { session }).await?,
+        SessionsCommand::Ramp(_) => service.start_ramp(StartRampRequest { session }).await?,
+        SessionsCommand::Finish(_) => service.finish_ramp(FinishRampRequest { session }).await?,
+        SessionsCommand::Abort(_) => service.abort_session(AbortSessionRequest { session }).await?,
+        SessionsCommand::Discard(_) => service.discard_session(DiscardSessionRequest { session }).await?,
+        SessionsCommand::Delete(_) => {
+            service.delete_session(DeleteSessionRequest { session }).await?;
+            say!("session {session} is deleted");
+            return Ok(());
+        }
+    };
+    let view = answer.into_inner();
+    if one.json {
+        return json::print("Session", &view);
+    }
+    print(&view);
+    Ok(())
+}
+
+async fn list(server: &Server, as_json: bool) -> Outcome {
+    let daemon = server.connect().await?;
+    let (mut rows, mut page_token) = (Vec::new(), String::new());
+    loop {
+        let request = ListSessionsRequest { patch: daemon.patch(), page_size: 100, page_token };
+        let page = daemon.calibration().list_sessions(request).await?.into_inner();
+        for view in &page.sessions {
+            if as_json {
+                json::print("Session", view)?;
+            } else {
+                rows.push(row(view));
+            }
+        }
+        page_token = page.next_page_token;
+        if page_token.is_empty() {
+            break;
+        }
+    }
+    if !as_json {
+        table::print(&["session", "patch", "state", "started", "ramps", "scans", "model set", ""], &rows);
+    }
+    Ok(())
+}
+
+fn row(view: &Session) -> Vec<String> {
+    vec![
+        view.session.to_string(),
+        view.patch.clone(),
+        session_word(view.state()).to_owned(),
+        table::moment(view.started.as_ref()),
+        view.ramps.to_string(),
+        view.accepted.to_string(),
+        if view.model_set.is_empty() { "-".to_owned() } else { view.model_set.clone() },
+        view.reason.clone(),
+    ]
+}
+
+fn print(view: &Session) {
+    let reason = if view.reason.is_empty() { String::new() } else { format!(": {}", view.reason) };
+    say!("session {} of {}: {}{reason}", view.session, view.patch, session_word(view.state()));
+    let branches = if view.branches() == Branches::Both { "rising and falling" } else { "rising" };
+    let confirmed =
+        if view.confirmed_by.is_empty() { String::new() } else { format!(", rest confirmed by {}", view.confirmed_by) };
+    say!(
+        "  started {}, {} ramps of {branches} pressure to {:.1} kPa{confirmed}",
+        table::moment(view.started.as_ref()),
+        view.ramps,
+        view.target_kpa
+    );
+    let refused = refusals(view.refused.as_ref());
+    say!("  {} scans entered, {} of them on disk; refused: {refused}", view.accepted, view.durable);
+    say!("  coverage {:.0} %, {} of {} taxels responded", 100.0 * view.coverage, view.taxels_responding, view.taxels);
+    if !view.model_set.is_empty() {
+        say!("  model set {}", view.model_set);
+    }
+}
+
+/// Refused scans in words.
+pub fn refusals(refused: Option<&RefusedScans>) -> String {
+    let refused = refused.copied().unwrap_or_default();
+    let counted = [
+        (refused.not_rising, "not rising"),
+        (refused.not_falling, "not falling"),
+        (refused.too_fast, "too fast"),
+        (refused.no_pressure, "without pressure"),
+        (refused.stale_module, "with silent modules"),
+        (refused.gauge_spike, "with a gauge that jumps"),
+        (refused.zero_in_doubt, "with a zero in doubt"),
+        (refused.full, "beyond what a session holds"),
+    ];
+    let words: Vec<String> = counted.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
+    if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+}

@@ -1,0 +1,284 @@
+//! `taxeld watch`: the force, with its uncertainty, age, state and reasons.
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use indicatif::ProgressBar;
+use taxel_client::{NoForce, Reader, Received, word};
+use taxel_proto::v1::{ForceSample, StreamForceRequest};
+
+use super::connect::Server;
+use super::failure::{Failure, Outcome};
+use super::json;
+use super::text::{csv_line, style};
+
+/// How often a line on a terminal is drawn, and how often a silent stream is noticed.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// Shows the force as it comes: a living line on a terminal, else a line a sample.
+///
+/// Exit code 0 if the last force shown was good, 3 if there was none to act on, 1 if the stream was lost.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxeld watch\n  taxeld watch --once --quiet               # just the newtons, for scripts\n  taxeld watch --csv --rate 100 > force.csv\n  taxeld watch --json | jq .totalN"
+)]
+pub struct WatchArgs {
+    #[command(flatten)]
+    server: Server,
+    /// Samples per second, 1 to 1000 [default: 10 for people, each new sample with --csv and --json].
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Comma-separated values under a header.
+    #[arg(long, conflicts_with = "json")]
+    csv: bool,
+    /// A line of JSON (message ForceSample) a sample.
+    #[arg(long)]
+    json: bool,
+    /// Wait for one good force, at most so many seconds as --within says, print it and end.
+    #[arg(long, conflicts_with = "count")]
+    once: bool,
+    /// With --once: how long to wait for a good force.
+    #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::fit::parse_seconds, requires = "once")]
+    within: f64,
+    /// With --once: print nothing but the newtons.
+    #[arg(long, requires = "once", conflicts_with_all = ["csv", "json"])]
+    quiet: bool,
+    /// End after so many samples.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    count: Option<u64>,
+    /// A force that is older is none, in ms.
+    #[arg(long, value_name = "MS", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..))]
+    max_age: u64,
+}
+
+impl WatchArgs {
+    fn age_max(&self) -> Duration {
+        Duration::from_millis(self.max_age)
+    }
+
+    fn rate_hz(&self) -> Option<f64> {
+        let people = !self.csv && !self.json && !self.once;
+        self.rate.or(people.then_some(10.0))
+    }
+}
+
+/// Runs it until the stream ends, enough has come, or Ctrl-C.
+///
+/// # Errors
+/// No good force, a lost stream, or no daemon.
+pub async fn watch(args: WatchArgs) -> Outcome {
+    let daemon = args.server.connect().await?;
+    let request = StreamForceRequest { patch: daemon.patch(), rate_hz: args.rate_hz() };
+    let mut stream = daemon.force().stream_force(request).await?.into_inner();
+    let mut reader = Reader::new(Instant::now());
+    let mut screen = Screen::new(&args);
+    let (mut newest, mut seen): (Option<Received>, u64) = (None, 0);
+    let mut look = tokio::time::interval(LOOK_EVERY);
+    look.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
+    let give_up = Instant::now() + Duration::from_secs_f64(args.within.min(1e9));
+    loop {
+        tokio::select! {
+            interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
+            sample = stream.message() => {
+                let Some(sample) = sample? else {
+                    return Err(Failure::Broken(anyhow::anyhow!("the daemon ended the stream")));
+                };
+                let received = reader.take(sample, Instant::now());
+                seen += 1;
+                let good = received.usable(Instant::now(), args.age_max()).is_ok();
+                if !args.once || good {
+                    screen.sample(&received)?;
+                }
+                if crate::say::reader_has_gone() {
+                    return Ok(()); // as in `taxeld watch | head`
+                }
+                newest = Some(received);
+                if (args.once && good) || args.count.is_some_and(|count| seen >= count) {
+                    break;
+                }
+            }
+            _ = look.tick() => screen.look(newest.as_ref()),
+        }
+        if args.once && Instant::now() > give_up {
+            break;
+        }
+    }
+    screen.end();
+    verdict(newest.as_ref(), args.age_max())
+}
+
+/// What the exit code tells.
+fn verdict(newest: Option<&Received>, age_max: Duration) -> Outcome {
+    let Some(received) = newest else { return Err(Failure::refused("no force: no sample came")) };
+    let usable = received.usable(Instant::now(), age_max);
+    usable.map(|_| ()).map_err(|why| Failure::refused(format!("no force: {why}")))
+}
+
+/// Where samples are shown.
+struct Screen<'a> {
+    args: &'a WatchArgs,
+    /// On a terminal.
+    line: Option<ProgressBar>,
+    header_due: bool,
+}
+
+impl<'a> Screen<'a> {
+    fn new(args: &'a WatchArgs) -> Self {
+        let living = !args.csv && !args.json && !args.once && std::io::stdout().is_terminal();
+        let line = living.then(|| {
+            let line = ProgressBar::with_draw_target(None, indicatif::ProgressDrawTarget::stdout());
+            line.with_style(style("{msg}"))
+        });
+        Self { args, line, header_due: args.csv }
+    }
+
+    fn sample(&mut self, received: &Received) -> Outcome {
+        let usable = received.usable(Instant::now(), self.args.age_max());
+        if self.args.json {
+            return json::print("ForceSample", received.sample());
+        }
+        if self.args.csv {
+            if std::mem::take(&mut self.header_due) {
+                say!("{}", CSV_HEADER.join(","));
+            }
+            say!("{}", csv_line(&csv(received, usable.as_ref().err())));
+        } else if self.args.quiet {
+            say!("{}", received.sample().total_n.unwrap_or(f64::NAN));
+        } else if self.line.is_none() {
+            say!("{}", describe(received, &usable));
+        }
+        Ok(())
+    }
+
+    fn look(&self, newest: Option<&Received>) {
+        if let Some(line) = &self.line {
+            let shown = newest.map_or_else(
+                || "no sample yet".to_owned(),
+                |received| describe(received, &received.usable(Instant::now(), self.args.age_max())),
+            );
+            line.set_message(shown);
+            line.tick();
+        }
+    }
+
+    fn end(self) {
+        if let Some(line) = self.line {
+            line.abandon();
+        }
+    }
+}
+
+/// A force for people, in one line.
+fn describe(received: &Received, usable: &Result<(f64, Duration), NoForce>) -> String {
+    let sample = received.sample();
+    let (newton, age) = match usable {
+        Ok(force) => force,
+        Err(why) => return format!("{}: no force: {why}", sample.patch),
+    };
+    let least = if sample.lower_bound { "at least " } else { "" };
+    let spread = sample.total_sigma_n.map_or_else(String::new, |sigma| format!(" +- {:.2} (k = 2)", 2.0 * sigma));
+    let unseen = sample.detection_floor_n.map_or_else(String::new, |floor| format!(", unseen up to {floor:.2} N"));
+    let reasons = if sample.reasons.is_empty() { String::new() } else { format!(": {}", sample.reasons.join("; ")) };
+    format!(
+        "{}: {least}{newton:.2} N{spread}, {:.0} ms old, {} taxels active{unseen}, {}{reasons}",
+        sample.patch,
+        age.as_secs_f64() * 1e3,
+        sample.active,
+        word(sample.state()),
+    )
+}
+
+const CSV_HEADER: [&str; 14] = [
+    "time_s",
+    "patch",
+    "sequence",
+    "state",
+    "usable",
+    "total_n",
+    "sigma_n",
+    "detection_floor_n",
+    "lower_bound",
+    "age_s",
+    "active",
+    "out_of_range",
+    "excluded",
+    "reasons",
+];
+
+fn csv(received: &Received, unusable: Option<&NoForce>) -> Vec<String> {
+    let sample: &ForceSample = received.sample();
+    let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.6}"));
+    let time = sample.time.as_ref().map_or_else(String::new, |t| format!("{}.{:09}", t.seconds, t.nanos));
+    let too_old = unusable.filter(|why| matches!(why, NoForce::TooOld(..))).map(ToString::to_string);
+    vec![
+        time,
+        sample.patch.clone(),
+        sample.sequence.to_string(),
+        word(sample.state()).to_owned(),
+        u8::from(unusable.is_none()).to_string(),
+        number(sample.total_n),
+        number(sample.total_sigma_n),
+        number(sample.detection_floor_n),
+        u8::from(sample.lower_bound).to_string(),
+        number(received.age(Instant::now()).map(|age| age.as_secs_f64())),
+        sample.active.to_string(),
+        sample.out_of_range.to_string(),
+        sample.excluded.to_string(),
+        too_old.into_iter().chain(sample.reasons.iter().cloned()).collect::<Vec<_>>().join("; "),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_proto::v1::ForceState;
+
+    fn received(state: ForceState, total_n: Option<f64>) -> Received {
+        let reasons = if state == ForceState::Ok { Vec::new() } else { vec!["a module is silent".to_owned()] };
+        let sample = ForceSample {
+            patch: "palm".to_owned(),
+            state: state.into(),
+            total_n,
+            total_sigma_n: total_n.map(|_| 0.25),
+            age_s: Some(0.02),
+            monotonic_ns: Some(1),
+            active: 18,
+            reasons,
+            ..ForceSample::default()
+        };
+        let now = Instant::now();
+        Reader::new(now).take(sample, now)
+    }
+
+    fn line(received: &Received) -> String {
+        describe(received, &received.usable(received_at(), Duration::from_secs(60)))
+    }
+
+    fn received_at() -> Instant {
+        Instant::now()
+    }
+
+    #[test]
+    fn a_line_has_the_force_its_uncertainty_its_age_and_its_state() {
+        let line = line(&received(ForceState::Degraded, Some(4.9)));
+        assert!(line.starts_with("palm: 4.90 N +- 0.50 (k = 2), "), "{line}");
+        assert!(line.ends_with(" ms old, 18 taxels active, DEGRADED: a module is silent"), "{line}");
+    }
+
+    #[test]
+    fn without_a_force_the_line_says_why_and_shows_no_number() {
+        let line = line(&received(ForceState::TareInvalid, None));
+        assert_eq!(line, "palm: no force: TARE_INVALID: a module is silent");
+    }
+
+    #[test]
+    fn a_row_has_as_many_cells_as_the_header_and_says_whether_it_may_be_used() {
+        let good = received(ForceState::Ok, Some(4.9));
+        let row = csv(&good, None);
+        assert_eq!(row.len(), CSV_HEADER.len());
+        assert_eq!((row[4].as_str(), row[5].as_str()), ("1", "4.900000"));
+        let old = NoForce::TooOld(Duration::from_millis(300), Duration::from_millis(120));
+        let row = csv(&good, Some(&old));
+        assert_eq!((row[4].as_str(), row[13].as_str()), ("0", "300 ms old, more than 120 ms"));
+    }
+}

@@ -1,0 +1,347 @@
+//! A DBC file as a description of signals: names become `[[patch.signals]]`, `[patch.gauge]` and the numbers of
+//! `[patch.array]`, so that nothing behind this knows where they came from.
+
+use std::cmp::Ordering;
+use std::collections::HashMap;
+use std::path::Path;
+
+use can_dbc::{
+    ByteOrder as DbcOrder, Dbc, Message, MessageId, MultiplexIndicator, Signal, SignalExtendedValueType, ValueType,
+};
+use taxel_wire::bits::{BitField, ByteOrder};
+
+use super::number_words::{OrderOfBytes, UnitWord};
+use super::parts::{GaugeSection, PatchSection};
+use super::signal_parts::{
+    ArraySection, FrameSection, MuxSection, NumberSection, SignalsSection, StatusSection, TemperatureSection,
+};
+
+/// The message of a DBC file that holds signals of no message.
+const INDEPENDENT: &str = "VECTOR__INDEPENDENT_SIG_MSG";
+/// Selectors that select each other, at most.
+const MUX_DEPTH_MAX: usize = 8;
+
+/// The section with what its DBC file says written out; `config` is the file that it is in.
+///
+/// # Errors
+/// In words, with the file, the message and the signal.
+pub fn expand(section: &PatchSection, config: &Path) -> Result<PatchSection, String> {
+    let Some((array, name)) = section.array.as_ref().and_then(|array| Some((array, array.dbc.as_ref()?))) else {
+        return Ok(section.clone());
+    };
+    let path = config.parent().unwrap_or(Path::new("")).join(name);
+    let bytes = std::fs::read(&path).map_err(|e| format!("dbc {}: {e}", path.display()))?;
+    // Comments and units of old files are not always UTF-8; names are letters, digits and `_` in any encoding.
+    from_text(section, array, &String::from_utf8_lossy(&bytes)).map_err(|why| format!("dbc {}: {why}", path.display()))
+}
+
+fn from_text(section: &PatchSection, array: &ArraySection, text: &str) -> Result<PatchSection, String> {
+    let file = File::new(text)?;
+    let mut section = section.clone();
+    let mut used = Used::default();
+    for pattern in &array.taxels {
+        for place in file.matching(pattern)? {
+            used.note(&place)?;
+            section.signals.push(place.taxel()?);
+        }
+    }
+    if let Some(name) = &array.gauge {
+        if section.gauge.is_some() {
+            return Err("array.gauge and [patch.gauge] are both there: expected one of them".to_owned());
+        }
+        section.gauge = Some(file.one(name)?.gauge(array)?);
+    }
+    let mut array = array.clone();
+    if let Some(name) = &array.dbc_counter {
+        array.counter = Some(file.one(name)?.number());
+    }
+    if let Some(name) = &array.dbc_status {
+        let place = file.one(name)?;
+        array.status = Some(StatusSection { frame: place.frame(), number: place.number(), good: array.status_good });
+    }
+    if let Some(name) = &array.dbc_temperature {
+        let place = file.one(name)?;
+        let (scale, offset) = (place.signal.factor, place.signal.offset);
+        array.temperature = Some(TemperatureSection { frame: place.frame(), number: place.number(), scale, offset });
+    }
+    section.array = Some(array);
+    Ok(section)
+}
+
+/// The selector of a signal, and first and last of each run of values for which the signal is there.
+type Selected<'a> = (&'a str, Vec<[u64; 2]>);
+
+struct File {
+    dbc: Dbc,
+    /// Identifiers as written, by message: the parser cuts long standard ones.
+    raw_ids: HashMap<String, u64>,
+}
+
+/// A signal with all that is known of its place.
+struct Place<'a> {
+    message: &'a Message,
+    signal: &'a Signal,
+    mux: Vec<MuxSection>,
+}
+
+impl File {
+    fn new(text: &str) -> Result<Self, String> {
+        let dbc = Dbc::try_from(text).map_err(|e| format!("it is no DBC file: {e}"))?;
+        let mut raw_ids = HashMap::new();
+        for line in text.lines().filter_map(|line| line.trim_start().strip_prefix("BO_ ")) {
+            let mut words = line.split([' ', ':', '\t']).filter(|word| !word.is_empty());
+            if let (Some(id), Some(name)) = (words.next().and_then(|id| id.parse().ok()), words.next()) {
+                raw_ids.insert(name.to_owned(), id);
+            }
+        }
+        Ok(Self { dbc, raw_ids })
+    }
+
+    /// The signal of this name.
+    fn one(&self, name: &str) -> Result<Place<'_>, String> {
+        let mut all = self.matching(name)?;
+        match (all.pop(), all.is_empty()) {
+            (Some(place), true) => Ok(place),
+            _ => Err(format!("`{name}` are several signals, expected one")),
+        }
+    }
+
+    /// All signals that a pattern `Message.Signal` names, in the order of their names, numbers in these as numbers.
+    fn matching(&self, pattern: &str) -> Result<Vec<Place<'_>>, String> {
+        let messages = self.dbc.messages.iter().filter(|message| message.name != INDEPENDENT);
+        let signals = messages.flat_map(|message| message.signals.iter().map(move |signal| (message, signal)));
+        let name = |(message, signal): &(&Message, &Signal)| format!("{}.{}", message.name, signal.name);
+        let mut found: Vec<_> = signals.filter(|place| matches(pattern.as_bytes(), name(place).as_bytes())).collect();
+        found.sort_by(|a, b| natural(&name(a), &name(b)));
+        if found.is_empty() {
+            let nearest = self.nearest(pattern).map(|name| format!("; the nearest is `{name}`")).unwrap_or_default();
+            return Err(format!("no signal is named `{pattern}` (as `Message.Signal`){nearest}"));
+        }
+        found.into_iter().map(|(message, signal)| self.place(message, signal)).collect()
+    }
+
+    fn nearest(&self, pattern: &str) -> Option<String> {
+        let names = self.dbc.messages.iter().flat_map(|m| m.signals.iter().map(|s| format!("{}.{}", m.name, s.name)));
+        let close = |name: &String| strsim::jaro_winkler(pattern, name);
+        names.max_by(|a, b| close(a).total_cmp(&close(b)))
+    }
+
+    fn place<'a>(&'a self, message: &'a Message, signal: &'a Signal) -> Result<Place<'a>, String> {
+        let named = |why: String| format!("message {}, signal {}: {why}", message.name, signal.name);
+        let raw = self.raw_ids.get(&message.name).copied();
+        if let (MessageId::Standard(_), Some(id)) = (message.id, raw.filter(|id| *id > 0x7FF)) {
+            return Err(named(format!(
+                "identifier {id} has more than 11 bits and bit 31 does not mark it as extended"
+            )));
+        }
+        if matches!(
+            self.dbc.extended_value_type_for_signal(message.id, &signal.name),
+            Some(SignalExtendedValueType::IEEEfloat32Bit | SignalExtendedValueType::IEEEdouble64bit)
+        ) {
+            return Err(named("it is a floating-point number, expected an integer".to_owned()));
+        }
+        let mux = self.mux(message, signal).map_err(named)?;
+        let place = Place { message, signal, mux };
+        let field = place.field()?;
+        if field.bytes_needed() as u64 > message.size {
+            return Err(named(format!("it ends in byte {}, the message has {}", field.bytes_needed(), message.size)));
+        }
+        Ok(place)
+    }
+
+    /// What selects the frames that hold a signal, from the nearest selector to the outermost.
+    fn mux(&self, message: &Message, signal: &Signal) -> Result<Vec<MuxSection>, String> {
+        let (mut mux, mut name) = (Vec::new(), signal.name.as_str());
+        loop {
+            let of_name = |s: &&Signal| s.name == name;
+            let signal =
+                message.signals.iter().find(of_name).ok_or_else(|| format!("its selector {name} is not there"))?;
+            let Some((selector, runs)) = self.selected_by(message, signal)? else { return Ok(mux) };
+            let [value, _] = *runs.first().ok_or("it is selected by no value")?;
+            let parent = message.signals.iter().find(|s| s.name == selector);
+            let parent = parent.ok_or_else(|| format!("its selector {selector} is not there"))?;
+            let (start_bit, length_bits) = (parent.start_bit as u16, parent.size as u16);
+            mux.push(MuxSection { start_bit, length_bits, byte_order: order(parent), value, also: runs });
+            if mux.len() > MUX_DEPTH_MAX {
+                return Err("its selectors select each other".to_owned());
+            }
+            name = &parent.name;
+        }
+    }
+
+    /// The selector of a signal and the values for which it is there, first and last of each run.
+    fn selected_by<'a>(&'a self, message: &'a Message, signal: &'a Signal) -> Result<Option<Selected<'a>>, String> {
+        let mut runs = Vec::new();
+        let mut selector = None;
+        let own = |e: &&can_dbc::ExtendedMultiplex| e.message_id == message.id && e.signal_name == signal.name;
+        for extended in self.dbc.extended_multiplex.iter().filter(own) {
+            selector = Some(extended.multiplexor_signal_name.as_str());
+            runs.extend(extended.mappings.iter().map(|run| [run.min_value, run.max_value]));
+        }
+        if let Some(selector) = selector {
+            return Ok(Some((selector, runs)));
+        }
+        let (MultiplexIndicator::MultiplexedSignal(value) | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value)) =
+            signal.multiplexer_indicator
+        else {
+            return Ok(None);
+        };
+        let selects = |s: &&Signal| s.multiplexer_indicator == MultiplexIndicator::Multiplexor;
+        let selector = message.signals.iter().find(selects);
+        let selector = selector.ok_or("it is multiplexed, and no signal of its message is the selector")?;
+        Ok(Some((selector.name.as_str(), vec![[value, value]])))
+    }
+}
+
+impl Place<'_> {
+    fn named(&self, why: impl std::fmt::Display) -> String {
+        format!("message {}, signal {}: {why}", self.message.name, self.signal.name)
+    }
+
+    fn field(&self) -> Result<BitField, String> {
+        let narrow = |number: u64| u16::try_from(number).unwrap_or(u16::MAX);
+        let order = match self.signal.byte_order {
+            DbcOrder::LittleEndian => ByteOrder::Little,
+            DbcOrder::BigEndian => ByteOrder::Big,
+        };
+        let (start, size) = (narrow(self.signal.start_bit), narrow(self.signal.size));
+        BitField::new(start, size, order, self.signal.value_type == ValueType::Signed).map_err(|e| self.named(e))
+    }
+
+    fn id(&self) -> (u32, bool) {
+        match self.message.id {
+            MessageId::Standard(id) => (u32::from(id), false),
+            MessageId::Extended(id) => (id, true),
+        }
+    }
+
+    fn frame(&self) -> FrameSection {
+        let (id, extended) = self.id();
+        FrameSection { id, extended, mux: self.mux.clone() }
+    }
+
+    fn number(&self) -> NumberSection {
+        NumberSection {
+            start_bit: self.signal.start_bit as u16, // [`File::place`] has seen that these fit
+            length_bits: self.signal.size as u16,
+            byte_order: order(self.signal),
+            signed: self.signal.value_type == ValueType::Signed,
+        }
+    }
+
+    fn taxel(&self) -> Result<SignalsSection, String> {
+        let NumberSection { start_bit, length_bits, byte_order, signed } = self.number();
+        if !(4..=24).contains(&length_bits) {
+            return Err(self.named(format!("a taxel of {length_bits} bits, expected 4 to 24")));
+        }
+        let ((id, extended), mux) = (self.id(), self.mux.clone());
+        Ok(SignalsSection {
+            id,
+            extended,
+            start_bit,
+            length_bits,
+            byte_order,
+            signed,
+            count: 1,
+            stride_bits: None,
+            mux,
+            frames: 1,
+            id_step: 0,
+            mux_step: 0,
+            device: 1,
+        })
+    }
+
+    fn gauge(&self, array: &ArraySection) -> Result<GaugeSection, String> {
+        if !self.mux.is_empty() {
+            return Err(self.named("it is multiplexed, expected a gauge in every frame of its message"));
+        }
+        let (number, is, (id, extended)) = (self.number(), &array.gauge_is, self.id());
+        let unknown = || self.named(format!("its unit is \"{}\": set gauge_is.unit", self.signal.unit));
+        Ok(GaugeSection {
+            bus: None,
+            id,
+            extended,
+            start_bit: number.start_bit,
+            length_bits: number.length_bits,
+            byte_order: number.byte_order,
+            signed: number.signed,
+            scale: self.signal.factor,
+            offset: self.signal.offset,
+            unit: is.unit.or_else(|| unit(&self.signal.unit)).ok_or_else(unknown)?,
+            ambient_kpa: is.ambient_kpa,
+            gain_uncertainty: is.gain_uncertainty,
+            offset_uncertainty_kpa: is.offset_uncertainty_kpa,
+            noise_kpa: is.noise_kpa,
+        })
+    }
+}
+
+/// Which taxel has each bit of a frame.
+#[derive(Default)]
+struct Used(HashMap<(u32, Vec<[u64; 2]>, u16), String>);
+
+impl Used {
+    /// No two taxels share a bit of a frame.
+    fn note(&mut self, place: &Place<'_>) -> Result<(), String> {
+        let values: Vec<[u64; 2]> = place.mux.iter().flat_map(|mux| mux.also.clone()).collect();
+        for bit in place.field()?.bits() {
+            let key = (place.message.id.raw(), values.clone(), bit);
+            if let Some(other) = self.0.insert(key, place.signal.name.clone()) {
+                return Err(place.named(format!("bit {bit} is also part of signal {other}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn order(signal: &Signal) -> OrderOfBytes {
+    match signal.byte_order {
+        DbcOrder::LittleEndian => OrderOfBytes::Little,
+        DbcOrder::BigEndian => OrderOfBytes::Big,
+    }
+}
+
+fn unit(text: &str) -> Option<UnitWord> {
+    match text.to_ascii_lowercase().as_str() {
+        "pa" => Some(UnitWord::Pa),
+        "kpa" => Some(UnitWord::Kpa),
+        "bar" => Some(UnitWord::Bar),
+        "mbar" | "hpa" => Some(UnitWord::Mbar),
+        "psi" => Some(UnitWord::Psi),
+        _ => None,
+    }
+}
+
+/// Whether a name fits a pattern in which `*` stands for any letters, also none.
+fn matches(pattern: &[u8], name: &[u8]) -> bool {
+    match (pattern.split_first(), name.split_first()) {
+        (None, None) => true,
+        (Some((b'*', rest)), _) => (0..=name.len()).any(|from| matches(rest, &name[from..])),
+        (Some((a, pattern)), Some((b, name))) => a == b && matches(pattern, name),
+        _ => false,
+    }
+}
+
+/// Compares names, and runs of digits in them as numbers.
+fn natural(a: &str, b: &str) -> Ordering {
+    let parts = |text: &str| -> Vec<(bool, u64, String)> {
+        let runs = text.as_bytes().chunk_by(|a, b| a.is_ascii_digit() == b.is_ascii_digit());
+        let part = |run: &[u8]| {
+            let text = String::from_utf8_lossy(run).into_owned();
+            (run[0].is_ascii_digit(), text.parse().unwrap_or(u64::MAX), text)
+        };
+        runs.map(part).collect()
+    };
+    let (a_parts, b_parts) = (parts(a), parts(b));
+    for ((a_digits, a_number, a_text), (b_digits, b_number, b_text)) in a_parts.iter().zip(&b_parts) {
+        let order = if *a_digits && *b_digits { a_number.cmp(b_number) } else { a_text.cmp(b_text) };
+        if order != Ordering::Equal {
+            return order;
+        }
+    }
+    a_parts.len().cmp(&b_parts.len()).then_with(|| a.cmp(b))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,10 @@
+//! Everything that is wrong with a configuration, in one run.
+
+mod expected;
+mod feasible;
+mod problem;
+mod run;
+mod tree;
+
+pub use problem::Problems;
+pub use run::examine;

@@ -1,0 +1,82 @@
+//! What is wrong with a configuration, for people and for programmes.
+
+use std::fmt;
+
+use serde::Serialize;
+
+/// What kind of problem it is; the word is stable.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Code {
+    /// The file cannot be read.
+    Unreadable,
+    /// It is no TOML.
+    Syntax,
+    /// A key that does not exist.
+    UnknownKey,
+    /// A key that has to be there is not.
+    MissingKey,
+    /// A value of another type, or a number or word that the key cannot have.
+    Value,
+    /// Values that contradict each other.
+    Conflict,
+    /// It is well written and cannot work on this machine.
+    CannotWork,
+}
+
+/// One problem.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Problem {
+    /// What kind it is.
+    pub code: Code,
+    /// The file.
+    pub file: String,
+    /// Its line, from 1; 0 if it is about no line.
+    pub line: usize,
+    /// The key, for example `patch[0].period_ms`; empty if it is about none.
+    pub key: String,
+    /// What stands there; `None` if nothing does.
+    pub value: Option<String>,
+    /// What was expected.
+    pub expected: String,
+    /// The whole of it in words.
+    pub message: String,
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.line {
+            0 => write!(f, "{}: {}", self.file, self.message),
+            line => write!(f, "{}:{line}: {}", self.file, self.message),
+        }
+    }
+}
+
+/// Everything that is wrong with a configuration, in the order of its lines; never empty.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problems(Vec<Problem>);
+
+impl Problems {
+    /// These, in the order of their lines.
+    pub fn new(mut problems: Vec<Problem>) -> Self {
+        problems.sort_by_key(|problem| problem.line);
+        Self(problems)
+    }
+
+    /// All of them.
+    pub fn all(&self) -> &[Problem] {
+        &self.0
+    }
+}
+
+impl fmt::Display for Problems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (position, problem) in self.0.iter().enumerate() {
+            let end = if position == 0 { "" } else { "\n" };
+            write!(f, "{end}{problem}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Problems {}

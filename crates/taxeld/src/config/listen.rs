@@ -1,0 +1,259 @@
+//! Where the service listens, and who may do what there: `[[listen]]` and `[access]`, resolved.
+
+use std::fmt;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use taxel_rpc::{Grant, Rules, Subject};
+
+use super::file::Config;
+use super::listen_sections::{AccessSection, GrantSection, ListenSection, RoleWord};
+
+/// The mode of a Unix socket, unless another is given: its owner and its group may connect.
+const SOCKET_MODE: u32 = 0o660;
+
+/// Where the service listens if the configuration says nothing.
+const LISTEN_DEFAULT: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 50_051);
+
+/// Name of the Unix socket in the folder that systemd gives.
+const SOCKET_NAME: &str = "taxeld.sock";
+
+/// One place where the service listens.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Door {
+    /// A Unix socket.
+    Unix {
+        /// Its path.
+        path: PathBuf,
+        /// Its mode.
+        mode: u32,
+        /// Its group.
+        group: Option<String>,
+    },
+    /// TCP without encryption; from elsewhere only where that was allowed.
+    Tcp(SocketAddr),
+    /// TCP with TLS and client certificates.
+    Tls {
+        /// The address.
+        address: SocketAddr,
+        /// Certificate, key and the clients' authority.
+        files: [PathBuf; 3],
+    },
+}
+
+impl fmt::Display for Door {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unix { path, mode, .. } => write!(f, "unix:{} (mode {mode:03o})", path.display()),
+            Self::Tcp(address) if address.ip().is_loopback() => write!(f, "{address} (loopback, unencrypted)"),
+            Self::Tcp(address) => write!(f, "{address} (INSECURE: unencrypted, for everybody on that net)"),
+            Self::Tls { address, .. } => write!(f, "{address} (TLS 1.3 with client certificates)"),
+        }
+    }
+}
+
+/// Where the service listens, and who may do what.
+#[derive(Clone, Debug)]
+pub struct Doors {
+    /// Where.
+    pub doors: Vec<Door>,
+    /// Who; the tokens are read when the daemon starts.
+    pub rules: Rules,
+    /// Where the tokens are.
+    pub tokens: Option<PathBuf>,
+    /// Whether the rules are the configuration's.
+    pub ruled: bool,
+}
+
+/// Resolves where the service listens; `path` is the configuration's, for files relative to it.
+///
+/// # Errors
+/// The key, its value and what was expected.
+pub fn doors(config: &Config, path: &Path) -> Result<Doors, String> {
+    let beside = |file: &Path| path.parent().unwrap_or(Path::new("")).join(file);
+    let mut doors = Vec::new();
+    if let Some(listen) = config.service.listen.or(config.listen.is_empty().then_some(LISTEN_DEFAULT)) {
+        if !listen.ip().is_loopback() {
+            return Err(format!(
+                "service.listen = {listen}: only loopback addresses are served without more; for another one write a \
+                 [[listen]] with `tls`"
+            ));
+        }
+        doors.push(Door::Tcp(listen));
+    }
+    if config.listen.is_empty()
+        && let Some(folder) = std::env::var_os("RUNTIME_DIRECTORY").filter(|folder| !folder.is_empty())
+    {
+        doors.push(Door::Unix { path: Path::new(&folder).join(SOCKET_NAME), mode: SOCKET_MODE, group: None });
+    }
+    for (position, section) in config.listen.iter().enumerate() {
+        let door = door(section, &beside).map_err(|problem| format!("[[listen]] {}: {problem}", position + 1))?;
+        if doors.contains(&door) {
+            return Err(format!("[[listen]] {}: it is there twice", position + 1));
+        }
+        doors.push(door);
+    }
+    let Some(access) = &config.access else {
+        let far = doors.iter().find(|door| !is_near(door));
+        return match far {
+            Some(_) => {
+                Err("a [[listen]] for other machines needs an [access] section that says who may do what".to_owned())
+            }
+            None => Ok(Doors { doors, rules: Rules::open(), tokens: None, ruled: false }),
+        };
+    };
+    let tokens = access.tokens.as_deref().map(beside);
+    Ok(Doors { doors, rules: rules(access)?, tokens, ruled: true })
+}
+
+/// Whether only this machine reaches it.
+fn is_near(door: &Door) -> bool {
+    match door {
+        Door::Unix { .. } => true,
+        Door::Tcp(address) => address.ip().is_loopback(),
+        Door::Tls { .. } => false,
+    }
+}
+
+fn door(section: &ListenSection, beside: &impl Fn(&Path) -> PathBuf) -> Result<Door, String> {
+    let of_unix = section.mode.is_some() || section.group.is_some();
+    match (&section.unix, section.tcp) {
+        (Some(_), None) if section.tls.is_some() || section.allow_insecure => {
+            Err("`tls` and `allow_insecure` are for `tcp`, not for `unix`".to_owned())
+        }
+        (Some(path), None) => {
+            let mode = section.mode.unwrap_or(SOCKET_MODE);
+            if mode > 0o777 {
+                return Err(format!("mode = 0o{mode:o}: expected at most 0o777"));
+            }
+            Ok(Door::Unix { path: beside(path), mode, group: section.group.clone() })
+        }
+        (None, Some(_)) if of_unix => Err("`mode` and `group` are for `unix`, not for `tcp`".to_owned()),
+        (None, Some(address)) => match &section.tls {
+            Some(_) if !cfg!(feature = "tls") => Err("this build has no TLS (cargo feature `tls`)".to_owned()),
+            Some(tls) => {
+                let files = [&tls.certificate, &tls.key, &tls.client_ca].map(|file| beside(file));
+                Ok(Door::Tls { address, files })
+            }
+            None if address.ip().is_loopback() || section.allow_insecure => Ok(Door::Tcp(address)),
+            None => Err(format!(
+                "tcp = \"{address}\" is for other machines, too: it needs `tls`, or, where everybody on that net may read \
+                 along, `allow_insecure = true`"
+            )),
+        },
+        (Some(_), Some(_)) | (None, None) => Err("expected one of `unix` and `tcp`".to_owned()),
+    }
+}
+
+fn rules(access: &AccessSection) -> Result<Rules, String> {
+    let grant = |(position, section): (usize, &GrantSection)| {
+        let told = |problem: &str| format!("[[access.grant]] {}: {problem}", position + 1);
+        let role = section.role.role().ok_or_else(|| told("role = \"none\" grants nothing"))?;
+        let subject = match (&section.user, &section.group, &section.certificate) {
+            (Some(user), None, None) => Subject::User(user.clone()),
+            (None, Some(group), None) => Subject::Group(group.clone()),
+            (None, None, Some(name))
+                if ["CN=", "DNS:"].iter().any(|kind| name.starts_with(kind)) || name.contains(':') =>
+            {
+                Subject::Certificate(name.clone())
+            }
+            (None, None, Some(name)) => {
+                return Err(told(&format!("certificate = \"{name}\": expected a URI, `DNS:...` or `CN=...`")));
+            }
+            _ => return Err(told("expected one of `user`, `group` and `certificate`")),
+        };
+        Ok(Grant { subject, role })
+    };
+    if access.insecure > RoleWord::Observer {
+        return Err("access.insecure: whoever is on the net could do it, and nobody would know who did: expected \
+                    \"none\" or \"observer\""
+            .to_owned());
+    }
+    Ok(Rules {
+        grants: access.grant.iter().enumerate().map(grant).collect::<Result<_, _>>()?,
+        loopback: access.loopback.role(),
+        unix: access.unix.role(),
+        certificate: access.certificate.role(),
+        insecure: access.insecure.role(),
+        ..Rules::default()
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_rpc::Role;
+
+    const EXAMPLE: &str = include_str!("../../../../deploy/insole.toml");
+
+    fn resolved(more: &str) -> Result<Doors, String> {
+        let path = Path::new("/etc/taxeld/t.toml");
+        let text = format!("{EXAMPLE}\n{more}");
+        let config = super::super::load::parse(path, &text).map_err(|error| error.to_string())?;
+        doors(&config, path)
+    }
+
+    #[test]
+    fn without_any_key_the_loopback_is_served_and_everything_is_allowed_there() {
+        let doors = resolved("").unwrap();
+        assert_eq!(doors.doors, [Door::Tcp(LISTEN_DEFAULT)]);
+        assert_eq!((doors.rules, doors.ruled), (Rules::open(), false));
+    }
+
+    #[test]
+    fn with_an_access_section_nothing_is_allowed_that_it_does_not_say() {
+        let doors = resolved("[access]\n[[access.grant]]\nrole = \"operator\"\ngroup = \"skin\"").unwrap();
+        let observer = Some(Role::Observer);
+        let rules = &doors.rules;
+        assert_eq!(
+            (rules.loopback, rules.unix, rules.certificate, rules.insecure),
+            (observer, observer, None, observer)
+        );
+        assert_eq!(rules.grants, [Grant { subject: Subject::Group("skin".to_owned()), role: Role::Operator }]);
+    }
+
+    #[test]
+    fn listeners_are_resolved_beside_the_configuration() {
+        let tls = "tls = { certificate = \"s.pem\", key = \"/run/k.pem\", client_ca = \"ca.pem\" }";
+        let more = format!(
+            "[[listen]]\nunix = \"/run/taxeld/s\"\nmode = 0o600\n[[listen]]\ntcp = \"0.0.0.0:50052\"\n{tls}\n[access]"
+        );
+        let found = resolved(&more);
+        if !cfg!(feature = "tls") {
+            assert!(found.unwrap_err().contains("cargo feature `tls`"));
+            return;
+        }
+        let files = ["/etc/taxeld/s.pem", "/run/k.pem", "/etc/taxeld/ca.pem"].map(PathBuf::from);
+        let unix = Door::Unix { path: "/run/taxeld/s".into(), mode: 0o600, group: None };
+        assert_eq!(found.unwrap().doors, [unix, Door::Tls { address: "0.0.0.0:50052".parse().unwrap(), files }]);
+    }
+
+    #[test]
+    fn what_would_let_strangers_in_is_refused_with_what_to_write() {
+        let cases = [
+            ("[service]\nlisten = \"0.0.0.0:1\"", "only loopback addresses are served without more"),
+            ("[[listen]]\ntcp = \"10.0.0.1:1\"", "it needs `tls`, or"),
+            ("[[listen]]\ntcp = \"10.0.0.1:1\"\nallow_insecure = true", "needs an [access] section"),
+            ("[[listen]]\nmode = 1", "expected one of `unix` and `tcp`"),
+            ("[[listen]]\nunix = \"/a\"\ntcp = \"127.0.0.1:1\"", "expected one of `unix` and `tcp`"),
+            ("[[listen]]\nunix = \"/a\"\nmode = 0o1777", "expected at most 0o777"),
+            ("[[listen]]\nunix = \"/a\"\n[[listen]]\nunix = \"/a\"", "[[listen]] 2: it is there twice"),
+            ("[access]\ninsecure = \"operator\"", "access.insecure"),
+            ("[access]\n[[access.grant]]\nrole = \"admin\"", "[[access.grant]] 1: expected one of"),
+            ("[access]\n[[access.grant]]\nrole = \"admin\"\ncertificate = \"ann\"", "expected a URI"),
+            ("[access]\n[[access.grant]]\nrole = \"none\"\nuser = \"ann\"", "grants nothing"),
+            ("[access]\nloopback = \"root\"", "unknown variant"),
+            ("[access]\nloopbak = \"none\"", "did you mean `loopback`"),
+        ];
+        for (more, expected) in cases {
+            let problem = resolved(more).unwrap_err();
+            assert!(problem.contains(expected), "{more}: {problem}");
+        }
+    }
+
+    #[test]
+    fn an_insecure_listener_needs_its_word_and_an_access_section() {
+        let doors = resolved("[[listen]]\ntcp = \"10.0.0.1:1\"\nallow_insecure = true\n[access]").unwrap();
+        assert_eq!(doors.doors, [Door::Tcp("10.0.0.1:1".parse().unwrap())]);
+    }
+}

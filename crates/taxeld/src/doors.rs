@@ -1,0 +1,247 @@
+//! Opens the doors of the service: binds what the configuration names, reads certificates and tokens, and reads them
+//! again when the files change or somebody asks for it.
+
+use std::net::TcpListener;
+use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, bail};
+use taxel_rpc::{Access, Listener, Rules, Tokens};
+#[cfg(feature = "tls")]
+use taxel_rpc::{Tls, TlsFiles};
+
+use crate::config::{Door, Doors};
+
+/// How often the files of certificates and tokens are looked at.
+const LOOK_EVERY: Duration = Duration::from_secs(5);
+
+/// The open doors, and who may come in.
+pub struct Open {
+    /// What the service accepts connections from.
+    pub listeners: Vec<Listener>,
+    /// Who may do what.
+    pub access: Access,
+    /// Reads certificates and tokens again.
+    pub reloader: Reloader,
+}
+
+/// Binds every door and reads what they need.
+///
+/// # Errors
+/// The door or the file, and what is wrong with it.
+pub fn open(doors: &Doors) -> anyhow::Result<Open> {
+    let access = Access::new(with_tokens(doors.rules.clone(), doors.tokens.as_deref())?);
+    #[cfg_attr(not(feature = "tls"), allow(unused_mut))] // it has no certificates then
+    let mut reloader = Reloader {
+        access: access.clone(),
+        rules: doors.rules.clone(),
+        tokens: doors.tokens.clone(),
+        #[cfg(feature = "tls")]
+        tls: Vec::new(),
+    };
+    let mut listeners = Vec::new();
+    for door in &doors.doors {
+        listeners.push(match door {
+            Door::Unix { path, mode, group } => Listener::Unix(bind_unix(path, *mode, group.as_deref())?),
+            Door::Tcp(address) => {
+                if !address.ip().is_loopback() {
+                    tracing::warn!(
+                        "INSECURE: {address} is served without encryption and without knowing who calls, as \
+                         allow_insecure = true wants it: everybody on that net can read along and connect"
+                    );
+                }
+                Listener::Tcp(TcpListener::bind(address).with_context(|| format!("listening on {address}"))?)
+            }
+            #[cfg(feature = "tls")]
+            Door::Tls { address, files: [certificate, key, client_ca] } => {
+                let (certificate, key, client_ca) = (certificate.clone(), key.clone(), client_ca.clone());
+                let tls = Tls::load(TlsFiles { certificate, key, client_ca })?;
+                reloader.tls.push(tls.clone());
+                let listener = TcpListener::bind(address).with_context(|| format!("listening on {address}"))?;
+                Listener::Tls(listener, tls)
+            }
+            #[cfg(not(feature = "tls"))]
+            Door::Tls { address, .. } => bail!("{address}: this build has no TLS (cargo feature `tls`)"),
+        });
+    }
+    if let Some(path) = &doors.tokens {
+        tracing::info!(tokens = %path.display(), "tokens are read");
+    }
+    Ok(Open { listeners, access, reloader })
+}
+
+fn with_tokens(mut rules: Rules, tokens: Option<&Path>) -> anyhow::Result<Rules> {
+    if let Some(path) = tokens {
+        rules.tokens = Tokens::load(path).map_err(|problem| anyhow::anyhow!("access.tokens: {problem}"))?;
+    }
+    Ok(rules)
+}
+
+/// Binds a Unix socket. What is left of a daemon that was killed is removed, but only a socket that nobody answers on.
+fn bind_unix(path: &Path, mode: u32, group: Option<&str>) -> anyhow::Result<UnixListener> {
+    let shown = path.display();
+    match std::fs::symlink_metadata(path) {
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
+        Err(error) => return Err(error).with_context(|| format!("{shown}")),
+        Ok(about) if !about.file_type().is_socket() => bail!("{shown}: is there already and is not a socket"),
+        Ok(_) => match UnixStream::connect(path) {
+            Ok(_) => bail!("{shown}: another process serves this socket"),
+            Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => {
+                std::fs::remove_file(path).with_context(|| format!("removing the old socket {shown}"))?;
+            }
+            Err(error) => return Err(error).with_context(|| format!("{shown}: is there already")),
+        },
+    }
+    let listener = UnixListener::bind(path).with_context(|| format!("listening on {shown}"))?;
+    if let Some(group) = group {
+        give_to(path, group)?;
+    }
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).with_context(|| format!("{shown}"))?;
+    Ok(listener)
+}
+
+/// Gives a socket to a group. It is born with the daemon's own, and where it is that there is nothing to do: the unit of
+/// `deploy/` forbids the very call.
+fn give_to(path: &Path, group: &str) -> anyhow::Result<()> {
+    let shown = path.display();
+    let id = taxel_rpc::group_id(group).with_context(|| format!("{shown}: there is no group `{group}`"))?;
+    if std::fs::metadata(path).with_context(|| format!("{shown}"))?.gid() == id {
+        return Ok(());
+    }
+    std::os::unix::fs::chown(path, None, Some(id)).with_context(|| {
+        format!("giving {shown} to group `{group}`: it has to be the daemon's own, or one of its own that it may give files to")
+    })
+}
+
+/// Reads certificates and tokens again. Cheap to clone.
+#[derive(Clone, Debug)]
+pub struct Reloader {
+    access: Access,
+    rules: Rules,
+    tokens: Option<PathBuf>,
+    #[cfg(feature = "tls")]
+    tls: Vec<Tls>,
+}
+
+impl Reloader {
+    /// Reads all files again. What is wrong stays as it was; a line for each, and none if all is well.
+    pub fn reload(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        match with_tokens(self.rules.clone(), self.tokens.as_deref()) {
+            Ok(rules) => self.access.replace(rules),
+            Err(error) => problems.push(format!("{error:#}; the tokens stay as they were")),
+        }
+        #[cfg(feature = "tls")]
+        for tls in &self.tls {
+            if let Err(error) = tls.reload() {
+                problems.push(format!("{error}; the certificates stay as they were"));
+            }
+        }
+        problems
+    }
+
+    /// Reads all files again and logs how that went: for whoever handles a signal.
+    pub fn reload_and_tell(&self) {
+        let problems = self.reload();
+        problems.iter().for_each(|problem| tracing::error!("{problem}"));
+        if problems.is_empty() {
+            tracing::info!("certificates and tokens were read again");
+        }
+    }
+
+    /// Looks at the files for ever and reads them again when one changed.
+    pub async fn watch(self) {
+        let files = self.files();
+        if files.is_empty() {
+            return;
+        }
+        let mut seen = stamps(&files);
+        loop {
+            tokio::time::sleep(LOOK_EVERY).await;
+            let now = stamps(&files);
+            if now != seen {
+                seen = now;
+                self.reload_and_tell();
+            }
+        }
+    }
+
+    #[cfg_attr(not(feature = "tls"), allow(unused_mut))] // there are no others then
+    fn files(&self) -> Vec<PathBuf> {
+        let mut files: Vec<PathBuf> = self.tokens.iter().cloned().collect();
+        #[cfg(feature = "tls")]
+        for tls in &self.tls {
+            let TlsFiles { certificate, key, client_ca } = tls.files();
+            files.extend([certificate.clone(), key.clone(), client_ca.clone()]);
+        }
+        files
+    }
+}
+
+/// What changes when a file is written or replaced: device, inode, length, time of the last change of anything about it.
+type Stamp = Option<(u64, u64, u64, i64, i64)>;
+
+fn stamps(files: &[PathBuf]) -> Vec<Stamp> {
+    let stamp = |file: &PathBuf| {
+        let about = std::fs::metadata(file).ok()?;
+        Some((about.dev(), about.ino(), about.len(), about.ctime(), about.ctime_nsec()))
+    };
+    files.iter().map(stamp).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_old_socket_goes_and_anything_else_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("socket");
+        let first = bind_unix(&path, 0o600, None).unwrap();
+        assert_eq!(std::fs::metadata(&path).unwrap().mode() & 0o777, 0o600);
+        let problem = bind_unix(&path, 0o600, None).unwrap_err().to_string();
+        assert!(problem.ends_with("another process serves this socket"), "{problem}");
+        drop(first);
+        drop(bind_unix(&path, 0o660, None).unwrap());
+        assert_eq!(std::fs::metadata(&path).unwrap().mode() & 0o777, 0o660);
+
+        std::fs::remove_file(&path).unwrap();
+        std::fs::write(&path, "a file").unwrap();
+        let problem = bind_unix(&path, 0o600, None).unwrap_err().to_string();
+        assert!(problem.contains("is not a socket"), "{problem}");
+        assert_eq!(std::fs::read(&path).unwrap(), b"a file");
+        let link = folder.path().join("link");
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        assert!(bind_unix(&link, 0o600, None).unwrap_err().to_string().contains("is not a socket"));
+        assert!(link.is_symlink());
+    }
+
+    #[test]
+    fn an_unknown_group_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let problem = bind_unix(&folder.path().join("s"), 0o660, Some("no-such-group")).unwrap_err().to_string();
+        assert!(problem.contains("there is no group `no-such-group`"), "{problem}");
+    }
+
+    #[test]
+    fn tokens_are_read_again_and_bad_ones_change_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tokens");
+        let write = |text: &str| {
+            std::fs::write(&path, text).unwrap();
+            std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600)).unwrap();
+        };
+        write("");
+        let doors = Doors { doors: vec![], rules: Rules::default(), tokens: Some(path.clone()), ruled: true };
+        let open = open(&doors).unwrap();
+        write("operator bench ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+        assert_eq!(open.reloader.reload(), Vec::<String>::new());
+        write("operator bench nonsense");
+        let problems = open.reloader.reload();
+        assert!(problems[0].contains("line 1") && problems[0].contains("stay as they were"), "{problems:?}");
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o644)).unwrap();
+        assert!(open.reloader.reload()[0].contains("its mode is 644"));
+    }
+}

@@ -1,0 +1,118 @@
+//! Files that a command line names: `-` is standard input or output, and no output overwrites an input.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail};
+
+/// Whether the name stands for standard input or output.
+pub fn is_standard(path: &Path) -> bool {
+    path.as_os_str() == "-"
+}
+
+/// The name by which the system itself opens what `-` stands for as an input.
+pub fn named(path: PathBuf) -> PathBuf {
+    if is_standard(&path) { PathBuf::from("/dev/stdin") } else { path }
+}
+
+/// A file to read, or standard input.
+///
+/// # Errors
+/// The file's path and the system's reason.
+pub fn reader(path: &Path) -> anyhow::Result<Box<dyn Read>> {
+    if is_standard(path) {
+        return Ok(Box::new(io::stdin().lock()));
+    }
+    Ok(Box::new(File::open(path).with_context(|| path.display().to_string())?))
+}
+
+/// The text of a file, or of standard input.
+///
+/// # Errors
+/// The system's reason, or bytes that are not UTF-8.
+pub fn read_text(path: &Path) -> anyhow::Result<String> {
+    let mut text = String::new();
+    reader(path)?.read_to_string(&mut text)?;
+    Ok(text)
+}
+
+/// A file to write, or standard output; an existing file is overwritten.
+///
+/// # Errors
+/// The file's path and the system's reason.
+pub fn writer(path: &Path) -> anyhow::Result<Box<dyn Write>> {
+    if is_standard(path) {
+        return Ok(Box::new(BufWriter::new(io::stdout().lock())));
+    }
+    let file = File::create(path).with_context(|| path.display().to_string())?;
+    Ok(Box::new(BufWriter::with_capacity(1 << 16, file)))
+}
+
+/// Writes a text. Who stops to read standard output is no failure.
+///
+/// # Errors
+/// The file's path and the system's reason.
+pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
+    let write = || -> anyhow::Result<()> {
+        let mut out = writer(path)?;
+        out.write_all(text.as_bytes())?;
+        Ok(out.flush()?)
+    };
+    quiet_end(path, write()).with_context(|| path.display().to_string())
+}
+
+/// A reader of standard output that has gone is no failure; everything else stays one.
+pub fn quiet_end(path: &Path, result: anyhow::Result<()>) -> anyhow::Result<()> {
+    let gone = |error: &anyhow::Error| {
+        error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
+    };
+    match result {
+        Err(error) if is_standard(path) && gone(&error) => Ok(()),
+        other => other,
+    }
+}
+
+/// Refuses an output that is one of the inputs, also under another name or through a link.
+///
+/// # Errors
+/// Both names.
+pub fn refuse_overwriting(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
+    let Some(identity) = identity(output) else { return Ok(()) };
+    match inputs.iter().find(|input| self::identity(input) == Some(identity)) {
+        Some(input) => {
+            bail!("{} would be overwritten by the output {}: name another file", input.display(), output.display())
+        }
+        None => Ok(()),
+    }
+}
+
+/// Device and inode of an ordinary file; `None` for what is not there and for what cannot be overwritten.
+fn identity(path: &Path) -> Option<(u64, u64)> {
+    use std::os::unix::fs::MetadataExt;
+    if is_standard(path) {
+        return None;
+    }
+    let metadata = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file)?;
+    Some((metadata.dev(), metadata.ino()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_output_that_is_an_input_is_refused_by_any_of_its_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let [data, other, link] = ["data.csv", "other.csv", "link.csv"].map(|name| folder.path().join(name));
+        std::fs::write(&data, "t_s").unwrap();
+        std::os::unix::fs::symlink(&data, &link).unwrap();
+        for same in [&data, &link, &folder.path().join(".").join("data.csv")] {
+            let error = refuse_overwriting(same, &[&other, &data]).unwrap_err().to_string();
+            assert!(error.contains("would be overwritten"), "{error}");
+        }
+        refuse_overwriting(&other, &[&data]).unwrap();
+        refuse_overwriting(Path::new("-"), &[Path::new("-"), &data]).unwrap();
+        refuse_overwriting(Path::new("/dev/null"), &[Path::new("/dev/null")]).unwrap();
+    }
+}

@@ -1,0 +1,72 @@
+//! The page and the metrics beside the service, each on a thread of its own: what JSON costs never delays a controller's
+//! sample or a frame.
+
+use std::net::SocketAddr;
+
+use anyhow::Context;
+use taxel_page::{Limits, Options, Services, Shows, bind, serve};
+use taxel_rpc::SharedServices;
+use tokio::sync::oneshot;
+use tokio_util::sync::CancellationToken;
+
+use crate::config::Config;
+
+/// What is served over HTTP on one address.
+pub struct Site {
+    /// The section of the configuration that it is from, also the name of its thread.
+    name: &'static str,
+    listen: SocketAddr,
+    shows: Shows,
+    /// Names of a proxy before it.
+    hosts: Vec<String>,
+}
+
+/// What the configuration asks for.
+pub fn sites(config: &Config) -> Vec<Site> {
+    let hosts = config.page.as_ref().map(|page| page.hosts.clone()).unwrap_or_default();
+    let own = config.metrics.as_ref().and_then(|metrics| metrics.listen);
+    let shows = if config.metrics.is_some() && own.is_none() { Shows::All } else { Shows::Page };
+    let page = config.page.as_ref().map(|page| Site { name: "page", listen: page.listen, shows, hosts: hosts.clone() });
+    let metrics = own.map(|listen| Site { name: "metrics", listen, shows: Shows::Metrics, hosts });
+    page.into_iter().chain(metrics).collect()
+}
+
+impl Site {
+    /// Binds the address and starts the thread. Gives where the services go once they are there, and the site's end. One
+    /// that fails is told in the log and leaves the daemon as it is.
+    ///
+    /// # Errors
+    /// If the address is taken, or there is no thread to be had.
+    pub fn start(
+        self,
+        shutdown: CancellationToken,
+    ) -> anyhow::Result<(oneshot::Sender<SharedServices>, impl Future<Output = ()> + use<>)> {
+        let Self { name, listen, shows, hosts: names } = self;
+        let limits = Limits::default();
+        let listener = bind(listen, &limits).with_context(|| format!("{name}.listen = {listen}"))?;
+        let address = listener.local_addr()?;
+        let runtime = crate::runtime::runtime()?;
+        let (share, shared) = oneshot::channel::<SharedServices>();
+        let (ended, end) = oneshot::channel::<()>();
+        let cancel = shutdown.clone();
+        let serving = async move {
+            let Ok(services) = shared.await else { return Ok(()) }; // there is no service: its own error says why
+            serve(listener, Options { services: Services::new(services), shows, names, limits }, cancel).await
+        };
+        let run = move || {
+            if let Err(error) = runtime.block_on(serving) {
+                tracing::error!(%error, "the {name} ended");
+            }
+            drop(ended);
+        };
+        std::thread::Builder::new()
+            .name(name.to_owned())
+            .spawn(run)
+            .with_context(|| format!("a thread for the {name}"))?;
+        tracing::info!("the {name}: http://{address}/");
+        Ok((share, async move {
+            shutdown.cancelled().await;
+            let _ = end.await; // dropped at the end, never sent
+        }))
+    }
+}

@@ -1,0 +1,23 @@
+//! A build without recordings.
+
+use taxel_engine::plan::Plan;
+use taxel_rpc::Handle;
+use tokio::task::JoinSet;
+use tokio_util::sync::CancellationToken;
+
+use crate::config::Config;
+use crate::record::tap::Taps;
+
+/// Begins nothing: a configuration that asks for a recording was refused before.
+///
+/// # Errors
+/// None.
+#[allow(clippy::unnecessary_wraps)] // in other builds it can fail
+pub fn begin(
+    _: (&Config, bool),
+    _: &Plan,
+    handle: Handle,
+    _: (&mut JoinSet<()>, &CancellationToken),
+) -> anyhow::Result<(Handle, Taps)> {
+    Ok((handle, Taps::default()))
+}

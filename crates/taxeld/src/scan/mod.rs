@@ -1,0 +1,152 @@
+//! `taxeld scan`: listens, and says what is on a bus or in a log.
+
+mod compare;
+mod findings;
+mod module;
+mod pressure;
+mod survey;
+#[cfg(test)]
+mod tests;
+mod words;
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context as _, bail};
+use taxel_can::{Batch, BusEvent, FrameSource, Pace, Replay, SocketCan, SocketCanOptions};
+use taxel_skin::BusIndex;
+
+use crate::config::{self, Config, Scene};
+use crate::open_log::{Wanted, open_log};
+use findings::Findings;
+use survey::Survey;
+
+/// What to listen to.
+#[derive(Debug, clap::Args)]
+pub struct ScanArgs {
+    /// A candump log, plain or .gz, or a recording (.mcap), in place of a bus.
+    log: Option<PathBuf>,
+    /// The network interface; with a log, the interface of its frames.
+    #[arg(long)]
+    interface: Option<String>,
+    /// How long to listen to a bus.
+    #[arg(long, default_value = "5", value_parser = parse_seconds)]
+    seconds: f64,
+    /// Say what is different from this configuration.
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Write the beginning of a configuration.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What `--json` prints.
+#[derive(serde::Serialize)]
+struct Report<'a> {
+    findings: &'a Findings,
+    /// Absent without a configuration to compare with.
+    differences: Option<&'a [String]>,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let seconds = text.parse::<f64>().ok().filter(|s| *s >= 0.1 && *s <= 3600.0);
+    seconds.ok_or_else(|| "expected 0.1 to 3600 seconds".to_owned())
+}
+
+/// Listens and says what is there. Nothing is sent.
+///
+/// # Errors
+/// A bus or file that cannot be read, a configuration that cannot be used, or a file that is there already.
+pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
+    if args.log.is_none() && args.interface.is_none() {
+        bail!("say what to listen to: --interface can0, or a log");
+    }
+    if let Some(out) = args.out.as_ref().filter(|out| out.exists()) {
+        bail!("{}: is there already", out.display());
+    }
+    let scene = args.config.as_deref().map(load).transpose()?;
+    let bus = scene.as_ref().map(|(config, _)| bus_of(config, args.interface.as_deref())).transpose()?;
+    let runtime = crate::runtime::runtime()?;
+    let findings = runtime.block_on(listen(args, scene.as_ref().zip(bus)))?;
+    let differences =
+        scene.as_ref().zip(bus).map(|((_, scene), bus)| compare::differences(&findings, &scene.plan, bus));
+    if args.json {
+        let report = Report { findings: &findings, differences: differences.as_deref() };
+        say!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        say!("{}", words::text(&findings, differences.as_deref()).trim_end());
+    }
+    match &args.out {
+        Some(out) => write_beginning(&findings, args.interface.as_deref().unwrap_or("can0"), out),
+        None => Ok(()),
+    }
+}
+
+fn load(path: &Path) -> anyhow::Result<(Config, Scene)> {
+    let config = config::load(path)?;
+    let scene = config::resolve(&config, path)?;
+    Ok((config, scene))
+}
+
+/// Which bus of the configuration is looked at: that of the interface, or the only one.
+fn bus_of(config: &Config, interface: Option<&str>) -> anyhow::Result<BusIndex> {
+    let named = |name: &str| config.bus.iter().position(|bus| bus.interface.as_deref() == Some(name));
+    let position = match (interface, config.bus.as_slice()) {
+        (Some(name), _) => named(name).with_context(|| format!("no bus of the configuration has interface {name}"))?,
+        (None, [_]) => 0,
+        (None, buses) => bail!("the configuration has {} buses: say which with --interface", buses.len()),
+    };
+    Ok(BusIndex(u8::try_from(position)?))
+}
+
+async fn listen(args: &ScanArgs, scene: Option<(&(Config, Scene), BusIndex)>) -> anyhow::Result<Findings> {
+    if let Some(log) = &args.log {
+        let interface = scene.and_then(|((config, _), bus)| config.bus[usize::from(bus.0)].interface.clone());
+        let reader = open_log(log, Wanted::interface(args.interface.clone().or(interface)))?;
+        return survey(Replay::new(reader, Pace::AsFastAsPossible), None).await;
+    }
+    let interface = args.interface.clone().unwrap_or_default();
+    let bus = SocketCan::open(SocketCanOptions { interface, ids: None, tx: false })?;
+    survey(bus, Some(Duration::from_secs_f64(args.seconds))).await
+}
+
+/// Takes all that a source gives, until it ends or the time is over.
+async fn survey(mut source: impl FrameSource, time: Option<Duration>) -> anyhow::Result<Findings> {
+    let mut survey = Survey::default();
+    let mut batch = Batch::default();
+    let until = time.and_then(|time| tokio::time::Instant::now().checked_add(time));
+    while !batch.end {
+        let next = source.next(&mut batch);
+        match until {
+            Some(until) => match tokio::time::timeout_at(until, next).await {
+                Ok(next) => next?,
+                Err(_over) => break,
+            },
+            None => next.await?,
+        }
+        batch.frames.iter().for_each(|frame| survey.frame(frame));
+        for event in &batch.events {
+            match event {
+                BusEvent::Up | BusEvent::BufferGranted { .. } => {}
+                BusEvent::Down { reason } => survey.notice(format!("went down: {reason}")),
+                BusEvent::Error { error, .. } => survey.error(format!("{error:?}")),
+                BusEvent::Dropped { frames } => survey.notice(format!("the kernel lost {frames} frames")),
+                BusEvent::Malformed { frames } => survey.notice(format!("{frames} reads were no classic CAN frame")),
+            }
+        }
+    }
+    Ok(survey.findings())
+}
+
+fn write_beginning(findings: &Findings, interface: &str, out: &Path) -> anyhow::Result<()> {
+    if findings.boards.values().all(|board| board.modules.is_empty()) {
+        bail!("{}: not written, since no skin board was heard", out.display());
+    }
+    let text = words::beginning(findings, interface);
+    let parsed = config::parse(out, &text).context("what was heard makes no configuration")?;
+    config::resolve(&parsed, out).context("what was heard makes no configuration")?;
+    std::fs::write(out, text).with_context(|| format!("{}", out.display()))
+}

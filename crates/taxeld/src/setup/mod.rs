@@ -1,0 +1,210 @@
+//! `taxeld setup`: from the robot's own files to a configuration.
+
+mod compose;
+mod drawing;
+mod part;
+mod robot_xml;
+#[cfg(test)]
+mod tests;
+mod write;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, bail};
+use taxel_skin::PositionFile;
+
+use crate::config;
+use compose::{PatchDraft, Sources, compose};
+use drawing::Drawing;
+use part::Part;
+use robot_xml::RobotXml;
+
+/// What the files are.
+#[derive(Debug, clap::Args)]
+pub struct SetupArgs {
+    /// iCub's position files, one a part; the part is known by the file's name or its `name` line, or said: PART=FILE.
+    #[arg(long, num_args = 1.., value_name = "FILE", required_unless_present = "layout")]
+    positions: Vec<PathBuf>,
+    /// Skin drawing files (.ini), which say what each module is.
+    #[arg(long, num_args = 1.., value_name = "FILE")]
+    layout: Vec<PathBuf>,
+    /// The robot's configuration: skin devices, their specifications, port wrappers.
+    #[arg(long, num_args = 1.., value_name = "FILE")]
+    xml: Vec<PathBuf>,
+    /// The pressure sensor of the bag, in the words of [patch.gauge]: 'id = 0x3A1, length_bits = 32, unit = "Pa"'.
+    #[arg(long, value_name = "KEYS")]
+    gauge: Option<String>,
+    /// The network interface of a bus, once a bus: left_arm=can0.
+    #[arg(long, value_name = "BUS=INTERFACE")]
+    interface: Vec<String>,
+    /// The configuration to write.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Write over a file that is there.
+    #[arg(long)]
+    force: bool,
+}
+
+/// Writes a configuration.
+///
+/// # Errors
+/// What cannot be read, what contradicts itself, and what cannot be written; nothing is written then.
+pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
+    if args.out.exists() && !args.force {
+        bail!("{}: is there already; --force writes over it", args.out.display());
+    }
+    let drafts = drafts(args)?;
+    let interfaces = interfaces(args, &drafts)?;
+    let gauge = args.gauge.as_deref().map(|keys| gauge(keys, &drafts)).transpose()?;
+    let folder = args.out.parent().unwrap_or(Path::new(""));
+    let text = write::text(&drafts, &interfaces, gauge.as_ref(), folder);
+    let parsed = config::parse(&args.out, &text).context("what was made of the files is no configuration")?;
+    let scene = config::resolve(&parsed, &args.out).context("what was made of the files is no configuration")?;
+    std::fs::write(&args.out, &text).with_context(|| format!("{}", args.out.display()))?;
+    for (draft, plan) in drafts.iter().zip(&scene.plan.patches) {
+        let poses = plan.geometry.as_ref().map_or(0, |geometry| geometry.poses.iter().flatten().count());
+        let (name, taxels, boards) = (plan.patch.name(), plan.patch.taxels().len(), draft.boards.len());
+        say!(
+            "{name}: {taxels} taxels on {} modules of {boards} boards, {poses} with a position",
+            plan.patch.modules().len()
+        );
+    }
+    let open = text.matches(write::CHECK).count() - 1; // the first one explains the mark
+    say!("{}: written; {open} lines marked {} say what is left to look at", args.out.display(), write::CHECK);
+    Ok(())
+}
+
+/// All that the files say, part by part.
+fn drafts(args: &SetupArgs) -> anyhow::Result<Vec<PatchDraft>> {
+    let mut sources: Vec<Sources> = Vec::new();
+    for argument in &args.positions {
+        let (word, path) = named(argument);
+        let text = read(&path)?;
+        let file = PositionFile::parse(&text).with_context(|| format!("{}", path.display()))?;
+        let part = part(word.as_deref(), &path, file.name())?;
+        let source = of_part(&mut sources, part);
+        if let Some((other, _)) = &source.positions {
+            bail!("{} and {} are both of {}: one is expected", other.display(), path.display(), part.name());
+        }
+        source.positions = Some((path, file));
+    }
+    for argument in &args.layout {
+        let (word, path) = named(argument);
+        let drawing = Drawing::parse(&read(&path)?);
+        let part = part(word.as_deref(), &path, drawing.part.as_deref())?;
+        let source = of_part(&mut sources, part);
+        if source.drawing.replace(drawing).is_some() {
+            bail!("{}: a drawing of {} was given before: one is expected", path.display(), part.name());
+        }
+    }
+    let robots = robots(&args.xml)?;
+    let draft = |sources: &Sources| {
+        let part = sources.part;
+        let robot = robot_of(part, &robots);
+        compose(sources, robot.as_ref()).map_err(|why| anyhow::anyhow!("{}: {why}", part.name()))
+    };
+    sources.iter().map(draft).collect()
+}
+
+fn of_part(sources: &mut Vec<Sources>, part: Part) -> &mut Sources {
+    let position = sources.iter().position(|source| source.part == part).unwrap_or_else(|| {
+        sources.push(Sources { part, positions: None, drawing: None });
+        sources.len() - 1
+    });
+    &mut sources[position]
+}
+
+/// `PART=FILE`, or a file alone.
+fn named(argument: &Path) -> (Option<String>, PathBuf) {
+    let text = argument.to_string_lossy();
+    match text.split_once('=').filter(|_| !argument.exists()) {
+        Some((part, file)) => (Some(part.to_owned()), PathBuf::from(file)),
+        None => (None, argument.to_owned()),
+    }
+}
+
+/// The part that was said, or that the file's name or the file itself names.
+fn part(said: Option<&str>, path: &Path, inside: Option<&str>) -> anyhow::Result<Part> {
+    if let Some(said) = said {
+        return Part::named(said).with_context(|| format!("{said}: no part of an iCub, for example left_forearm"));
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let found = Part::named(&stem).or_else(|| Part::named(inside?));
+    found.with_context(|| {
+        let path = path.display();
+        format!("{path}: neither its name nor its content names a part: say which, for example left_forearm={path}")
+    })
+}
+
+/// A file's text; bytes that are none are replaced, since nothing that matters is beyond ASCII.
+fn read(path: &Path) -> anyhow::Result<String> {
+    let bytes = std::fs::read(path).with_context(|| format!("{}", path.display()))?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// The files of the robot's configuration, each with the name that tells its limb.
+fn robots(files: &[PathBuf]) -> anyhow::Result<Vec<(String, RobotXml)>> {
+    let mut robots = Vec::new();
+    for path in files {
+        let mut robot = parse_xml(path)?;
+        for include in robot.includes.clone().iter().filter(|include| include.contains("skinSpec")) {
+            let folder = path.parent().unwrap_or(Path::new(""));
+            // Relative to the file, or to the robot's folder two above it.
+            let places = [folder.join(include), folder.join("../..").join(include)];
+            let given = |place: &PathBuf| files.iter().any(|file| file.file_name() == place.file_name());
+            match places.iter().find(|place| place.exists()) {
+                Some(place) if !given(place) => robot.add(parse_xml(place)?),
+                Some(_) => {}
+                None if places.iter().any(given) => {}
+                None => robot.remarks.push(format!("{include} is included and not there")),
+            }
+        }
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = robot.device.clone().unwrap_or(stem);
+        robots.push((name, robot));
+    }
+    Ok(robots)
+}
+
+fn parse_xml(path: &Path) -> anyhow::Result<RobotXml> {
+    RobotXml::parse(&read(path)?).map_err(|why| anyhow::anyhow!("{}: {why}", path.display()))
+}
+
+/// What the files say of the limb that a part belongs to.
+fn robot_of(part: Part, robots: &[(String, RobotXml)]) -> Option<RobotXml> {
+    let concerns = |(name, robot): &&(String, RobotXml)| {
+        let can_device = part.can_device().is_some_and(|bus| robot.addresses.contains_key(&bus));
+        part.is_of_limb(name) || can_device
+    };
+    let mut of_limb = robots.iter().filter(concerns).map(|(_, robot)| robot.clone());
+    let mut all = of_limb.next()?;
+    of_limb.for_each(|robot| all.add(robot));
+    Some(all)
+}
+
+fn interfaces(args: &SetupArgs, drafts: &[PatchDraft]) -> anyhow::Result<BTreeMap<String, String>> {
+    let mut interfaces = BTreeMap::new();
+    for word in &args.interface {
+        let (bus, interface) =
+            word.split_once('=').with_context(|| format!("--interface {word}: expected BUS=INTERFACE"))?;
+        if !drafts.iter().any(|draft| draft.part.bus() == bus) {
+            let mut buses: Vec<String> = drafts.iter().map(|draft| draft.part.bus()).collect();
+            buses.dedup();
+            bail!("--interface {word}: there is no bus {bus}, the files need: {}", buses.join(", "));
+        }
+        interfaces.insert(bus.to_owned(), interface.to_owned());
+    }
+    Ok(interfaces)
+}
+
+/// The keys of the gauge; on a robot of several buses it says on which it is.
+fn gauge(keys: &str, drafts: &[PatchDraft]) -> anyhow::Result<toml::Table> {
+    let table: toml::Table = toml::from_str(&format!("gauge = {{ {keys} }}")).context("--gauge")?;
+    let keys = table.get("gauge").and_then(toml::Value::as_table).cloned().unwrap_or_default();
+    let buses = |draft: &PatchDraft| draft.part.bus();
+    if !keys.contains_key("bus") && drafts.iter().any(|draft| buses(draft) != buses(&drafts[0])) {
+        bail!("--gauge: the robot has several buses: say which one the sensor is on, bus = \"{}\"", buses(&drafts[0]));
+    }
+    Ok(keys)
+}

@@ -1,0 +1,281 @@
+//! Whole robots of made-up files in iCub's formats, and iCub's own files where they are there.
+
+use std::fmt::Write as _;
+
+use super::*;
+use clap::Parser;
+use taxel_skin::ModuleKind;
+
+#[derive(Debug, Parser)]
+struct Cli {
+    #[command(flatten)]
+    args: SetupArgs,
+}
+
+fn run(arguments: &[&str]) -> anyhow::Result<()> {
+    setup(&Cli::try_parse_from(std::iter::once("setup").chain(arguments.iter().copied()))?.args)
+}
+
+/// A position file of these modules, numbered over all boards; thermal pads have places, too, as in some files.
+fn positions(name: &str, boards: usize, modules: &[usize]) -> String {
+    let mut text = format!("name {name}\nspatial_sampling taxel\ntaxel2Repr ( 3 3 -1 )\n[calibration]\n");
+    for row in 0..192 * boards {
+        let (module, value) = ((row / 12) as f64, (row % 12) as f64);
+        if modules.contains(&(row / 12)) {
+            writeln!(text, "{:.4}\t{:.4} 0.02  {:.3} 0 0.8", 0.018 * module, 0.005 * value + 0.001, 0.01 * module)
+                .unwrap();
+        } else {
+            text.push_str("0.0 0.0 0.0 0.0 0.0 0.0\n");
+        }
+    }
+    text
+}
+
+/// What each part of an iCub has with a position: link, boards, and modules by board, as in its own files.
+const PARTS: [(&str, &str, &[&[u8]]); 13] = [
+    ("left_hand_V2_1", "l_hand", &[&[8, 9, 10, 11]]),
+    ("right_hand_V2_1", "r_hand", &[&[8, 9, 10, 11]]),
+    ("left_forearm_V2", "l_forearm", &[&FULL, &[0, 1, 3, 6, 8, 9, 12, 13]]),
+    ("right_forearm_mesh", "r_forearm", &[&FULL, &[1, 5, 8, 9, 10, 12, 13]]),
+    ("left_arm", "l_upper_arm", &[&[2, 3, 4, 5, 6], ARM_10, ARM_9, ARM_8]),
+    ("right_arm", "r_upper_arm", &[&[2, 3, 4, 5, 6], ARM_9, ARM_10, ARM_8]),
+    ("torso", "torso", &[&[5, 6, 7, 8, 9, 10, 11], &[1, 2, 3, 6, 7, 8, 9, 10, 11, 12, 13], &FULL, TORSO_10]),
+    ("left_foot", "l_foot", &[FOOT_13, FOOT_12]),
+    ("right_foot", "r_foot", &[FOOT_13, FOOT_12]),
+    ("left_leg_lower", "l_lower_leg", &[SHANK_8, &[0, 1, 3, 4, 5, 6, 7, 12], SHANK_8, SHANK_11]),
+    ("right_leg_lower", "r_lower_leg", &[SHANK_8, &[0, 1, 3, 4, 5, 12, 13, 15], SHANK_8, SHANK_11]),
+    ("left_leg_upper", "l_upper_leg", &THIGH),
+    ("right_leg_upper", "r_upper_leg", &THIGH),
+];
+const FULL: [u8; 16] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+const ARM_10: &[u8] = &[0, 1, 6, 8, 9, 10, 11, 12, 13, 14, 15];
+const ARM_9: &[u8] = &[0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13];
+const ARM_8: &[u8] = &[0, 5, 8, 9, 10, 11, 13, 15];
+const TORSO_10: &[u8] = &[1, 2, 4, 8, 9, 10, 11, 12, 13, 14];
+const FOOT_13: &[u8] = &[0, 1, 2, 3, 4, 8, 9, 10, 11, 12, 13, 14, 15];
+const FOOT_12: &[u8] = &[1, 2, 3, 4, 5, 6, 8, 9, 10, 11, 12, 13];
+const SHANK_8: &[u8] = &[0, 3, 4, 5, 6, 9, 10, 11, 14, 15];
+const SHANK_11: &[u8] = &[1, 2, 3, 4, 5, 6, 7, 8, 12, 13];
+const THIGH: [&[u8]; 7] = [
+    &FULL,
+    SHANK_8,
+    SHANK_11,
+    &[5, 6, 8, 9, 10],
+    &[0, 1, 2, 12, 14, 15],
+    &[1, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13],
+    &[0, 1, 8, 10, 11, 12, 13, 14, 15],
+];
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn put(&self, name: &str, text: &str) -> String {
+        let path = self.0.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.0.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    fn written(&self) -> String {
+        std::fs::read_to_string(self.path("t.toml")).unwrap()
+    }
+
+    /// The configuration as the daemon takes it.
+    fn resolved(&self) -> config::Scene {
+        let path = PathBuf::from(self.path("t.toml"));
+        config::resolve(&config::load(&path).unwrap(), &path).unwrap()
+    }
+}
+
+/// Modules by their number over all boards.
+fn over_all(boards: &[&[u8]]) -> Vec<usize> {
+    boards.iter().enumerate().flat_map(|(b, list)| list.iter().map(move |m| 16 * b + usize::from(*m))).collect()
+}
+
+#[test]
+fn every_part_of_the_robot_resolves_with_all_of_its_positioned_taxels() {
+    let folder = Folder::new();
+    let mut arguments = vec!["--out".to_owned(), folder.path("t.toml"), "--positions".to_owned()];
+    let mut expected = 0;
+    for (n, (file, link, boards)) in PARTS.iter().enumerate() {
+        let text = positions(link, boards.len(), &over_all(boards));
+        // Sloppy in one way or another.
+        let text = match n % 4 {
+            0 => text.replace('\n', "\r\n"),
+            1 => text.replace(' ', " \t "),
+            2 => format!("\u{feff}# made up\n\n{text}"),
+            _ => text.replace("spatial_sampling taxel\n", ""),
+        };
+        arguments.push(folder.put(&format!("{file}.txt"), &text));
+        let per_module = if link.ends_with("hand") { 11 } else { 10 };
+        expected += per_module * over_all(boards).len();
+    }
+    run(&arguments.iter().map(String::as_str).collect::<Vec<_>>()).unwrap();
+    let scene = folder.resolved();
+    assert_eq!((scene.plan.buses, scene.plan.patches.len()), (7, 13));
+    let mut placed = 0;
+    for plan in &scene.plan.patches {
+        let poses = &plan.geometry.as_ref().unwrap().poses;
+        assert!(poses.iter().all(Option::is_some), "{}: every taxel has a position", plan.patch.name());
+        placed += poses.len();
+    }
+    assert_eq!(placed, expected, "all positioned taxels are there");
+    assert!(placed > 4_200, "{placed}: a whole robot");
+    let arm = scene.plan.patches.iter().find(|plan| plan.patch.name() == "left_arm").unwrap();
+    let addresses: Vec<u8> = arm.patch.boards().iter().map(|board| board.address.get()).collect();
+    assert_eq!(addresses, [11, 10, 9, 8]);
+}
+
+#[test]
+fn a_hand_has_its_fingertips_from_the_drawing_and_their_settings_as_exceptions() {
+    let folder = Folder::new();
+    let positions = folder.put("left_hand_V2_1.txt", &positions("l_hand", 1, &[8, 9, 10, 11]));
+    let drawing = "cardid 14\nrobotPart left_hand\n[SENSORS]\npalmL 8 -25 0 0 4 0 0\nfingertip2L 3 32 35 -30 4 0 0\n\
+                   fingertip2L 2 1 1 1 4 0 0\nfingertip2L 1 1 1 1 4 0 0\nfingertip2L 0 1 1 1 4 0 0\nfingertip2L 4 1 1 1 4 0\n";
+    let drawing = folder.put("left_hand_V2_1.ini", drawing);
+    let out = folder.path("t.toml");
+    run(&["--positions", &positions, "--layout", &drawing, "--out", &out]).unwrap();
+    let text = folder.written();
+    assert!(text.contains("modules = \"0-4 fingertip, 8-11 palm\""), "{text}");
+    assert!(text.contains("modules = \"0, 1, 2, 3, 4\"\nshift = 0\ncdc_offset = 0x2000"), "{text}");
+    assert!(text.contains("board_type = 1") && text.contains("area = \"equal\""), "{text}");
+    let scene = folder.resolved();
+    assert_eq!(scene.plan.patches[0].patch.taxels().len(), 104);
+    // Without the drawing it is said that there may be fingertips.
+    run(&["--positions", &positions, "--out", &out, "--force"]).unwrap();
+    let text = folder.written();
+    assert!(text.contains("modules = \"8-11 palm\"") && text.contains("Fingertips are modules 0 to 4"), "{text}");
+    let kinds: Vec<ModuleKind> = folder.resolved().plan.patches[0].patch.modules().iter().map(|m| m.kind).collect();
+    assert_eq!(kinds[..3], [ModuleKind::PalmPad11; 3]);
+    assert_eq!(kinds[3], ModuleKind::PalmPad7);
+}
+
+#[test]
+fn the_robots_configuration_gives_addresses_periods_and_exceptions_and_differences_are_said() {
+    let folder = Folder::new();
+    let torso = folder.put("torso.txt", &positions("torso", 4, &[5, 16, 32, 33, 48]));
+    let device = folder.put(
+        "torso-eb22-skin.xml",
+        "<?xml version=\"1.0\"?>\n<!DOCTYPE devices PUBLIC \"-//YARP//DTD\" \"x.dtd\">\n\
+         <device xmlns:xi=\"http://www.w3.org/2001/XInclude\" name=\"torso-eb22-skin\" type=\"embObjSkin\">\n\
+         <!-- <!-- an older list --> 7 8 9 10 -->\n\
+         <group name=\"patches\"><param name=\"skinCanAddrsPatch1\"> 7 8 11 10 </param></group>\n\
+         <xi:include href=\"hardware/skin/torso-eb22-skinSpec.xml\" /></device>\n"
+            .replace(" 7 8 9 10 -->", " -->")
+            .as_str(),
+    );
+    let spec = folder.put(
+        "torso-eb22-skinSpec.xml",
+        "<params><group name=\"defaultCfgBoard\"><param name=\"period\">30</param><param name=\"skinType\">8</param>\
+         <param name=\"noLoad\">0xf0</param></group><group name=\"defaultCfgTriangle\"><param name=\"enabled\">fasle</param>\
+         <param name=\"shift\">2</param><param name=\"cdcOffset\">0x2200</param></group>\
+         <group name=\"specialCfgTriangles\"><param name=\"numOfSets\">3</param>\
+         <param name=\"triangleSetCfg1\">1 7 4 5 1 2 0x2200</param>\
+         <param name=\"triangleSetCfg2\">1 11 0 0 1 1 0x2000</param>\
+         <param name=\"triangleSetCfg3\">1 11 1 1 1 2 0x2200</param></group></params>",
+    );
+    let out = folder.path("t.toml");
+    run(&["--positions", &torso, "--xml", &device, &spec, "--out", &out, "--interface", "torso=can4"]).unwrap();
+    let text = folder.written();
+    let plan = &folder.resolved().plan.patches[0];
+    let addresses: Vec<u8> = plan.patch.boards().iter().map(|board| board.address.get()).collect();
+    assert_eq!(addresses, [7, 8, 11, 10], "as this robot has them");
+    assert_eq!((plan.period.as_millis(), plan.bring_up[0].board.kind), (30, 8));
+    assert_eq!(plan.bring_up[2].triangles[1].cdc_offset, 0x2000, "{text}");
+    for says in [
+        "interface = \"can4\"\n",
+        "has other addresses here than most iCubs",
+        "also enables modules 4",
+        "does not enable modules 0",
+    ] {
+        assert!(text.contains(says), "{says}: {text}");
+    }
+}
+
+#[test]
+fn a_gauge_is_taken_in_the_words_of_the_configuration() {
+    let folder = Folder::new();
+    let hand = folder.put("left_hand.txt", &positions("l_hand", 1, &[8, 9, 10, 11]));
+    let arm = folder.put("left_arm.txt", &positions("l_upper_arm", 4, &[2]));
+    let foot = folder.put("left_foot.txt", &positions("l_foot", 2, &[2]));
+    let out = folder.path("t.toml");
+    let gauge = "id = 0x3A1, length_bits = 32, signed = true, unit = \"Pa\"";
+    run(&["--positions", &hand, &arm, "--gauge", gauge, "--out", &out]).unwrap();
+    assert!(folder.resolved().plan.patches.iter().all(|plan| plan.gauge.is_some()));
+    assert!(folder.written().contains("[patch.gauge]\nid = 0x3a1\n"), "{}", folder.written());
+    let refused = |arguments: &[&str]| format!("{:#}", run(arguments).unwrap_err());
+    let why = refused(&["--positions", &hand, &foot, "--gauge", gauge, "--out", &out, "--force"]);
+    assert!(why.contains("say which one the sensor is on, bus = \"left_arm\""), "{why}");
+    let wrong = refused(&["--positions", &hand, "--gauge", "id = 1, bits = 3", "--out", &out, "--force"]);
+    assert!(wrong.contains("unknown key `bits`"), "{wrong}");
+    assert!(folder.resolved().plan.patches.len() == 2, "what is refused changes nothing");
+}
+
+#[test]
+fn what_cannot_be_is_refused_with_the_file() {
+    let folder = Folder::new();
+    let out = folder.path("t.toml");
+    let hand = folder.put("left_hand.txt", &positions("l_hand", 1, &[8]));
+    let nameless = folder.put("skin.txt", &positions("", 1, &[8]));
+    let large = folder.put("right_foot.txt", &positions("r_foot", 3, &[33]));
+    let broken = folder.put("left_arm.txt", "[calibration]\n1 2 3\n");
+    let xml = folder.put("left_arm-eb1-skin.xml", "<device>");
+    let refused = |arguments: &[&str]| {
+        let why = format!("{:#}", run(&[arguments, &["--out", &out]].concat()).unwrap_err());
+        assert!(!Path::new(&out).exists(), "nothing is written");
+        why
+    };
+    for (arguments, says) in [
+        (vec!["--positions", nameless.as_str()], "neither its name nor its content names a part"),
+        (vec!["--positions", &large], "right_foot: the files have modules on 3 boards, and the part has 2"),
+        (vec!["--positions", &broken], "left_arm.txt: line 2: `1 2 3`"),
+        (vec!["--positions", &hand, "--xml", &xml], "left_arm-eb1-skin.xml: not well-formed XML"),
+        (vec!["--positions", &hand, &hand], "are both of left_hand"),
+        (vec!["--positions", &hand, "--interface", "left_leg_1=can0"], "there is no bus left_leg_1"),
+        (vec!["--positions", "nowhere.txt"], "nowhere.txt"),
+    ] {
+        let why = refused(&arguments);
+        assert!(why.contains(says), "{says}: {why}");
+    }
+    let said = format!("right_hand={nameless}");
+    run(&["--positions", &said, "--out", &out]).unwrap();
+    assert_eq!(folder.resolved().plan.patches[0].patch.name(), "right_hand");
+    let again = format!("{:#}", run(&["--positions", &hand, "--out", &out]).unwrap_err());
+    assert!(again.contains("--force"), "{again}");
+}
+
+#[test]
+fn icubs_own_forearm_files_make_a_configuration() {
+    let data = std::env::var("TAXELD_DATA").map_or_else(
+        |_| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+        |folder| Path::new(&folder).to_owned(),
+    );
+    let icub = data.join("icub_positions");
+    if !icub.exists() {
+        eprintln!("SKIPPED icubs_own_forearm_files_make_a_configuration: no {}", icub.display());
+        return;
+    }
+    let folder = Folder::new();
+    for (positions, drawing, taxels, modules, normals) in [
+        ("left_forearm_mesh.txt", "left_forearm.ini", 230, "1, 5, 8-10, 12-13", "Usable"),
+        ("left_forearm_V2.txt", "left_forearm_V2.ini", 240, "0-1, 3, 6, 8-9, 12-13", "Usable"),
+    ] {
+        let file = |name: &str| icub.join(name).to_str().unwrap().to_owned();
+        let out = folder.path("t.toml");
+        run(&["--positions", &file(positions), "--layout", &file(drawing), "--out", &out, "--force"]).unwrap();
+        let text = folder.written();
+        assert!(text.contains(&format!("address = 12\nmodules = \"{modules}\"")), "{text}");
+        assert!(!text.contains("drawn but") && !text.contains("not drawn"), "both files have the same modules: {text}");
+        let plan = &folder.resolved().plan.patches[0];
+        let geometry = plan.geometry.as_ref().unwrap();
+        assert_eq!(geometry.poses.iter().flatten().count(), taxels, "{positions}");
+        assert_eq!(format!("{:?}", geometry.normals), normals);
+    }
+}

@@ -1,0 +1,145 @@
+//! The configuration as text, with comments where the files leave something open.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use super::compose::{BoardDraft, PatchDraft};
+use crate::config::modules_written;
+
+/// Marks what somebody has to look at.
+pub const CHECK: &str = "CHECK:";
+
+/// The text of a configuration. `interfaces` are the network interfaces of buses, where they are known; `gauge` are the keys
+/// of the gauge's section; `folder` is where the configuration will lie.
+#[must_use]
+pub fn text(
+    drafts: &[PatchDraft],
+    interfaces: &BTreeMap<String, String>,
+    gauge: Option<&toml::Table>,
+    folder: &Path,
+) -> String {
+    let mut text = String::new();
+    comment(&mut text, "Written by `taxeld setup` from the robot's own files.");
+    comment(
+        &mut text,
+        &format!("Lines with `{CHECK}` say what these leave open. deploy/taxeld.toml explains every key."),
+    );
+    text.push_str(
+        "\n[store]\npath = \"/var/lib/taxeld/taxeld.db\" # sessions, samples and model sets; one SQLite file\n",
+    );
+    let mut buses: Vec<String> = Vec::new();
+    for draft in drafts {
+        if !buses.contains(&draft.part.bus()) {
+            buses.push(draft.part.bus());
+        }
+    }
+    for (position, bus) in buses.iter().enumerate() {
+        let known = interfaces.get(bus).cloned();
+        let (interface, mark) = known.map_or_else(
+            || (format!("can{position}"), format!(" # {CHECK} which interface is the bus of {bus}?")),
+            |interface| (interface, String::new()),
+        );
+        let _ = write!(text, "\n[[bus]]\nname = \"{bus}\"\ninterface = {}{mark}\n", quoted(&interface));
+    }
+    for draft in drafts {
+        patch(&mut text, draft, gauge, folder);
+    }
+    text
+}
+
+fn patch(text: &mut String, draft: &PatchDraft, gauge: Option<&toml::Table>, folder: &Path) {
+    let (name, bus) = (draft.part.name(), draft.part.bus());
+    text.push('\n');
+    let taxels: usize = draft.boards.iter().flat_map(|b| &b.modules).map(|(_, kind)| kind.taxel_slots().len()).sum();
+    comment(text, &format!("{name}: {taxels} taxels"));
+    draft.open.iter().for_each(|line| comment(text, &format!("{CHECK} {line}")));
+    draft.remarks.iter().for_each(|line| comment(text, line));
+    let _ = write!(text, "[[patch]]\nname = \"{name}\"\nbus = \"{bus}\"\n");
+    text.push_str(
+        "listen_only = false # true: the robot's own software configures the boards, nothing is sent to them\n",
+    );
+    let _ = writeln!(text, "period_ms = {}", draft.period_ms);
+    if let Some(path) = &draft.geometry {
+        let _ = writeln!(text, "geometry = {}", quoted(&relative(path, folder).to_string_lossy()));
+        text.push_str("outputs = [] # beside the total: \"resultant\", \"moment\", \"contacts\", \"fill\"\n");
+    }
+    if let Some(area_mm2) = draft.area_mm2 {
+        let _ = write!(text, "area = \"equal\"\narea_mm2 = {area_mm2:?}\narea_uncertainty = 0.3\n");
+    }
+    draft.boards.iter().for_each(|draft| board(text, draft));
+    match gauge {
+        Some(keys) => {
+            text.push_str("\n[patch.gauge]\n");
+            keys.iter().for_each(|(key, value)| {
+                let _ = match value.as_integer().filter(|_| key == "id") {
+                    Some(id) => writeln!(text, "id = {id:#x}"),
+                    None => writeln!(text, "{key} = {value}"),
+                };
+            });
+        }
+        None => {
+            text.push('\n');
+            comment(text, &format!("{CHECK} without the bag's pressure sensor there is no calibration, only force:"));
+            comment(text, "[patch.gauge]");
+            comment(text, "id = 0x5F1 # that of your sensor: `taxeld scan` shows frames that could be a pressure");
+            comment(text, "length_bits = 32");
+            comment(text, "signed = true");
+            comment(text, "unit = \"Pa\"");
+        }
+    }
+}
+
+fn board(text: &mut String, board: &BoardDraft) {
+    text.push('\n');
+    board.remarks.iter().for_each(|line| comment(text, line));
+    let (shift, cdc_offset) = board.usual;
+    let modules = modules_written(&board.modules);
+    let _ = write!(text, "[[patch.board]]\naddress = {}\nmodules = \"{modules}\"\n", board.address);
+    let values = &board.values;
+    for (key, value, default) in
+        [("board_type", values.board_type, 0), ("no_load", values.no_load, 240), ("shift", shift, 2)]
+    {
+        if value != default {
+            let _ = writeln!(text, "{key} = {value}");
+        }
+    }
+    if cdc_offset != 0x2200 {
+        let _ = writeln!(text, "cdc_offset = {cdc_offset:#06x}");
+    }
+    for (list, (shift, cdc_offset)) in &board.exceptions {
+        let list: Vec<String> = list.iter().map(u8::to_string).collect();
+        let _ = write!(
+            text,
+            "[[patch.board.exception]]\nmodules = \"{}\"\nshift = {shift}\ncdc_offset = {cdc_offset:#06x}\n",
+            list.join(", ")
+        );
+    }
+}
+
+/// A comment, broken where a line would be too long.
+fn comment(text: &mut String, line: &str) {
+    let mut width = 0;
+    text.push('#');
+    for word in line.split_whitespace() {
+        if width + word.len() > 112 {
+            text.push_str("\n# ");
+            width = 2;
+        }
+        let _ = write!(text, " {word}");
+        width += word.len() + 1;
+    }
+    text.push('\n');
+}
+
+/// A string as TOML has it.
+fn quoted(text: &str) -> String {
+    toml::Value::String(text.to_owned()).to_string()
+}
+
+/// A path as the configuration has it: below its own folder a relative one.
+fn relative(path: &Path, folder: &Path) -> PathBuf {
+    let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let path = whole(path);
+    path.strip_prefix(whole(folder)).map(Path::to_owned).unwrap_or(path)
+}

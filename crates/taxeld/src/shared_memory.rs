@@ -1,0 +1,93 @@
+//! The newest force of each patch in shared memory: written by the engine's own task as it publishes, before
+//! the service hears of it.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::Context;
+use taxel_engine::plan::Plan;
+use taxel_engine::snapshot::{ForceState, PatchSnapshot};
+use taxel_rpc::STALLED_AFTER;
+use taxel_shm::{Folder, Limits, PageWriter, Permissions, Sample, State, Text};
+
+use crate::config::SharedMemorySection;
+
+/// The pages of a daemon. Dropped, each says that nobody is behind it any more.
+#[derive(Debug, Default)]
+pub struct Pages(Vec<PageWriter>);
+
+impl Pages {
+    /// Makes the pages that the section wants, one for each patch of the plan; none without a section.
+    ///
+    /// # Errors
+    /// What is wrong with the folder or the group.
+    pub fn make(section: Option<&SharedMemorySection>, plan: &Plan) -> anyhow::Result<Self> {
+        let Some(SharedMemorySection { path, mode, group }) = section else { return Ok(Self::default()) };
+        let group = group.as_ref().map(|name| {
+            taxel_rpc::group_id(name).with_context(|| format!("shared_memory.group: there is no group `{name}`"))
+        });
+        let permissions = Permissions { mode: *mode, group: group.transpose()? };
+        let folder = Folder::open(path, permissions).context("shared_memory.path")?;
+        let pages = plan.patches.iter().map(|patch| {
+            let limits = Limits { age: patch.live.stale_after, beat: STALLED_AFTER };
+            Ok(folder.page(patch.patch.name(), limits)?)
+        });
+        pages.collect::<anyhow::Result<_>>().map(Self)
+    }
+
+    /// Where they are.
+    pub fn paths(&self) -> impl Iterator<Item = &Path> {
+        self.0.iter().map(PageWriter::path)
+    }
+
+    /// The engine's task has its turn now: readers judge by this whether the engine runs.
+    pub fn beat(&self) {
+        self.0.iter().for_each(PageWriter::beat);
+    }
+
+    /// New state of the patch at this position of the plan.
+    pub fn patch(&mut self, position: usize, snapshot: &Arc<PatchSnapshot>) {
+        if let Some(page) = self.0.get_mut(position) {
+            page.write(&sample(snapshot));
+        }
+    }
+}
+
+/// The snapshot as a page has it.
+fn sample(snapshot: &PatchSnapshot) -> Sample {
+    let force = &snapshot.force;
+    let reasons = if snapshot.seen { Text::new("") } else { Text::new("no frame of this patch has come yet") };
+    Sample {
+        sequence: snapshot.sequence,
+        monotonic_ns: snapshot.seen.then_some(snapshot.time.as_nanos()),
+        wall_ns: snapshot.wall_ns,
+        written_ns: 0, // the page's own to say
+        state: state(force.state),
+        lower_bound: force.lower_bound,
+        total_n: force.total.map(|total| total.0),
+        sigma_n: force.total_sigma.map(|sigma| sigma.0),
+        detection_floor_n: force.detection_floor.map(|floor| floor.0),
+        resultant_n: force.resultant,
+        moment_nm: force.moment,
+        centre_of_pressure_m: force.centre_of_pressure,
+        active: force.active,
+        excluded: force.excluded,
+        stale: force.stale,
+        out_of_range: force.out_of_range,
+        filled: force.filled,
+        filled_share: force.filled_share,
+        uncovered_share: force.uncovered_share,
+        model_set: Text::new(force.model_set.as_deref().unwrap_or_default()),
+        reasons: if force.reasons.is_empty() { reasons } else { Text::new(&force.reasons.join("; ")) },
+    }
+}
+
+fn state(state: ForceState) -> State {
+    match state {
+        ForceState::Ok => State::Ok,
+        ForceState::Degraded => State::Degraded,
+        ForceState::Stale => State::Stale,
+        ForceState::TareInvalid => State::TareInvalid,
+        ForceState::Uncalibrated => State::Uncalibrated,
+    }
+}

@@ -1,0 +1,53 @@
+//! `taxeld store`: what an operator does with a store that no daemon has open.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+#[derive(Debug, Args)]
+pub struct StoreArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// What it holds and what of it is damaged; changes nothing. Fails if something is damaged.
+    Check {
+        /// The SQLite file, as in the configuration.
+        #[arg(long, value_name = "FILE")]
+        store: PathBuf,
+    },
+    /// Rewrites it without the space of what was deleted; a damaged one is put right first, and kept under another name.
+    Compact {
+        /// The SQLite file, as in the configuration.
+        #[arg(long, value_name = "FILE")]
+        store: PathBuf,
+    },
+}
+
+/// Does it.
+///
+/// # Errors
+/// If the store cannot be opened, or a check finds damage.
+pub fn store(args: &StoreArgs) -> anyhow::Result<()> {
+    match &args.what {
+        What::Check { store } => {
+            let found = taxel_store::check(store)?;
+            let mb = found.bytes as f64 / 1e6;
+            say!("{} model sets, {} sessions, {} samples, {mb:.1} MB", found.model_sets, found.sessions, found.samples);
+            for damage in &found.damage {
+                say!("{damage}");
+            }
+            anyhow::ensure!(found.damage.is_empty(), "{} findings", found.damage.len());
+        }
+        What::Compact { store } => {
+            let done = taxel_store::compact(store)?;
+            for damage in &done.damage {
+                say!("{damage}");
+            }
+            say!("{:.1} MB before, {:.1} MB after", done.before as f64 / 1e6, done.after as f64 / 1e6);
+        }
+    }
+    Ok(())
+}

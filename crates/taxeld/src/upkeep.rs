@@ -1,0 +1,225 @@
+//! Keeps the store within its limits while the daemon runs. The engine deletes, as for an operator, so that what is in use
+//! stays whatever is asked here.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use taxel_engine::Restored;
+use taxel_engine::calibration::SessionState;
+use taxel_engine::catalogue::Catalogue;
+use taxel_engine::command::Command;
+use taxel_engine::record::Record;
+use taxel_rpc::Handle;
+use taxel_store::{Retention, Size, SizeReader, session_to_go, sets_to_go};
+use tokio::sync::oneshot;
+use tokio_util::sync::CancellationToken;
+
+/// How often it is looked whether there is too much.
+const LOOK_EVERY: Duration = Duration::from_secs(600);
+
+/// Looks every ten minutes until the daemon ends.
+pub async fn keep(handle: Handle, size: SizeReader, limits: Retention, cancel: CancellationToken) {
+    while limits.limits() && cancel.run_until_cancelled(tokio::time::sleep(LOOK_EVERY)).await.is_some() {
+        tidy(&handle, &size, &limits).await;
+    }
+    cancel.cancelled().await;
+}
+
+/// Deletes what is beyond the limits, oldest first. What the engine refuses stays until the next look.
+async fn tidy(handle: &Handle, size: &SizeReader, limits: &Retention) {
+    let catalogue = handle.stored();
+    let spared = spared(&catalogue);
+    for record in sets_to_go(&held(&catalogue), limits) {
+        let Record::ModelSetDeleted { model_set, .. } = record else { continue };
+        if !spared.contains(&model_set)
+            && delete(handle, Command::DeleteModelSet { model_set: model_set.clone() }).await
+        {
+            tracing::info!(model_set, "deleted: more model sets than are to be kept");
+        }
+    }
+    let mut held = held(&catalogue);
+    while let Some(now) = size_of(size).await
+        && let Some(Record::SessionDeleted { session, .. }) = session_to_go(&held, now, limits)
+        && delete(handle, Command::DeleteSession { session }).await
+    {
+        tracing::info!(session, "deleted: more sessions than are to be kept");
+        held.sessions.retain(|view| view.number != session);
+    }
+}
+
+/// What is there, in the words of a start.
+fn held(catalogue: &Catalogue) -> Restored {
+    let active = catalogue.active.iter().filter_map(|(patch, set)| Some((patch.clone(), set.clone()?)));
+    Restored {
+        model_sets: catalogue.model_sets.clone(),
+        active: active.collect(),
+        sessions: catalogue.sessions.clone(),
+        ..Restored::default()
+    }
+}
+
+/// Model sets that may be about to be used: the newest of each patch, what an operator has not judged yet, and all of a
+/// patch that is not in the configuration now.
+fn spared(catalogue: &Catalogue) -> BTreeSet<String> {
+    let newest: BTreeMap<_, _> = catalogue.model_sets.iter().map(|set| (&set.patch, &set.id)).collect();
+    let in_review = catalogue.sessions.iter().filter(|view| view.state == SessionState::Review);
+    let is_served = |patch: &str| catalogue.active.iter().any(|(served, _)| served == patch);
+    let elsewhere = catalogue.model_sets.iter().filter(|set| !is_served(&set.patch)).map(|set| set.id.clone());
+    let judged_later = in_review.filter_map(|view| view.model_set.as_deref().map(str::to_owned));
+    newest.into_values().cloned().chain(judged_later).chain(elsewhere).collect()
+}
+
+/// Whether the engine has deleted it.
+async fn delete(handle: &Handle, command: Command) -> bool {
+    match handle.ask(command).await {
+        Some(Ok(_)) => true,
+        Some(Err(reason)) => {
+            tracing::debug!(%reason, "not deleted, although more is there than is to be kept");
+            false
+        }
+        None => false,
+    }
+}
+
+async fn size_of(size: &SizeReader) -> Option<Size> {
+    let (tell, told) = oneshot::channel();
+    size.read(Box::new(move |size| drop(tell.send(size))));
+    match told.await {
+        Ok(Ok(size)) => Some(size),
+        Ok(Err(error)) => {
+            tracing::debug!(%error, "what the store holds cannot be told");
+            None
+        }
+        Err(_) => None, // the store is closed
+    }
+}
+
+#[cfg(all(test, feature = "sim"))]
+mod tests {
+    use std::path::Path;
+    use std::sync::Arc;
+
+    use taxel_engine::baseline::TaxelBaseline;
+    use taxel_engine::calibration::SessionView;
+    use taxel_engine::model_set::ModelSet;
+    use taxel_model::{Accumulator, FitOptions};
+    use taxel_rpc::{Clocks, handle::channel};
+    use taxel_store::{Batch, Store, models_json};
+    use tokio::sync::mpsc;
+
+    use super::*;
+    use crate::clock::{RunClock, process_clock};
+    use crate::config;
+    use crate::driver::Driver;
+    use crate::queues::{Queues, TellDone};
+    use crate::run::CODEC;
+
+    const PATCH: &str = "left_forearm";
+
+    /// A model set of the demo's forearm that differs from others by its time and method: an id follows from the content.
+    fn set(created_wall_ns: i64) -> Arc<ModelSet> {
+        let mut set = ModelSet {
+            id: String::new(),
+            patch: PATCH.to_owned(),
+            created_wall_ns,
+            session: None,
+            method: format!("none {created_wall_ns}"),
+            board_settings: Vec::new(),
+            baseline: vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; 230],
+            pressure_max_kpa: 70.0,
+            gauge_gain_rel: 0.01,
+            gauge_offset_kpa: 0.1,
+            taxels: vec![Accumulator::new().fit(&FitOptions::default()); 230],
+            recorded: None,
+            recalibrated: None,
+        };
+        set.id = models_json::content_id(&set);
+        Arc::new(set)
+    }
+
+    /// Five model sets, the first active, and five sessions that ended.
+    fn records() -> Vec<Record> {
+        let mut records: Vec<_> = (1..=5).map(|time| Record::ModelSet(set(time))).collect();
+        records.push(Record::Activated { patch: PATCH.to_owned(), model_set: set(1).id.clone(), wall_ns: 1 });
+        records.extend((1..=5).map(|number| {
+            let (patch, state) = (PATCH.to_owned(), SessionState::Aborted);
+            Record::Session(Arc::new(SessionView { number, patch, state, ..SessionView::default() }))
+        }));
+        records
+    }
+
+    /// An engine on a store with these records: the way to it, and its end.
+    struct Running {
+        handle: Handle,
+        size: SizeReader,
+        cancel: CancellationToken,
+        end: tokio::task::JoinHandle<()>,
+        _ends: (mpsc::Receiver<taxel_wire::Frame>, mpsc::Sender<crate::queues::BusBatch>),
+    }
+
+    #[allow(clippy::unwrap_used)] // clippy exempts only functions that are tests themselves
+    async fn running(database: &Path) -> Running {
+        let path = Path::new("demo_config.toml");
+        let config = config::parse(path, include_str!("demo_config.toml")).unwrap();
+        let plan = Arc::new(config::resolve(&config, path).unwrap().plan);
+        let cancel = CancellationToken::new();
+        let clocks = Clocks { run: Arc::new(|| RunClock::Live.now().time), process: Arc::new(process_clock()) };
+        let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
+        let (tell_done, done) = TellDone::new();
+        let (store, restored, _) = Store::open(database, tell_done.of_store()).unwrap();
+        let size = store.size_reader();
+        let (to_bus, sent) = mpsc::channel(64);
+        let (frames, batches) = mpsc::channel(4);
+        let driver = Driver::new(plan, restored, RunClock::Live, publisher, (store, tell_done), vec![to_bus]);
+        let end = tokio::spawn(driver.run(Queues::new(batches, commands, done), cancel.clone()));
+        handle.first_turn().await;
+        Running { handle, size, cancel, end, _ends: (sent, frames) }
+    }
+
+    #[tokio::test]
+    async fn while_the_daemon_runs_what_is_beyond_the_limits_goes_and_what_is_in_use_or_newest_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = folder.path().join("store.db");
+        let (store, ..) = Store::open(&database, Box::new(|_| ())).unwrap();
+        store.submit(Batch { records: records(), on_durable: None }).unwrap();
+        store.close().unwrap();
+        let Running { handle, size, cancel, end, _ends } = running(&database).await;
+        let limits = Retention { model_sets: Some(1), sessions: Some(2), ..Retention::default() };
+        tidy(&handle, &size, &limits).await;
+        // Whoever asks last hears of all that came before.
+        tidy(&handle, &size, &limits).await;
+        cancel.cancel();
+        end.await.unwrap();
+        let (store, restored, quarantined) = Store::open(&database, Box::new(|_| ())).unwrap();
+        assert_eq!(quarantined, []);
+        let times: Vec<_> = restored.model_sets.iter().map(|set| set.created_wall_ns).collect();
+        assert_eq!(times, [1, 5], "the first one is active, the last one may be activated next");
+        assert_eq!(restored.sessions.iter().map(|view| view.number).collect::<Vec<_>>(), [4, 5]);
+        assert_eq!(restored.active, [(PATCH.to_owned(), set(1).id.clone())]);
+        store.close().unwrap();
+    }
+
+    #[tokio::test]
+    async fn a_set_that_is_only_on_disk_comes_into_use_and_is_in_use_after_a_restart() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = folder.path().join("store.db");
+        let (store, ..) = Store::open(&database, Box::new(|_| ())).unwrap();
+        store.submit(Batch { records: records(), on_durable: None }).unwrap();
+        store.close().unwrap();
+        let Running { handle, cancel, end, _ends, .. } = running(&database).await;
+        let in_memory = |handle: &Handle| {
+            let catalogue = handle.stored();
+            let here = catalogue.model_sets.iter().filter(|set| set.at_hand.is_some());
+            here.map(|set| set.created_wall_ns).collect::<Vec<_>>()
+        };
+        assert_eq!(in_memory(&handle), [1], "what is in use");
+        let activate = Command::Activate { patch: PATCH.to_owned(), model_set: set(4).id.clone(), expected: None };
+        handle.ask(activate).await.unwrap().unwrap();
+        assert_eq!(in_memory(&handle), [1, 4]);
+        cancel.cancel();
+        end.await.unwrap();
+        let (store, restored, quarantined) = Store::open(&database, Box::new(|_| ())).unwrap();
+        assert_eq!((restored.active, quarantined), (vec![(PATCH.to_owned(), set(4).id.clone())], vec![]));
+        store.close().unwrap();
+    }
+}

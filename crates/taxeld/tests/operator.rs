@@ -1,0 +1,263 @@
+//! An operator at the terminal: a whole calibration, a known load and the force, against `taxeld demo` as a process of
+//! its own, through the commands alone.
+#![cfg(all(feature = "sim", feature = "client"))]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
+
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, Command, Output, Stdio};
+
+/// A demo that ends with its test.
+struct Demo {
+    child: Child,
+    server: String,
+}
+
+impl Demo {
+    /// Starts a demo on a port of its own and waits until it says that it is live.
+    fn start(arguments: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+        command.args(["demo", "--listen", "127.0.0.1:0"]).args(arguments);
+        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let live = lines.find_map(|line| {
+            let line = line.unwrap();
+            line.starts_with("The same skin is now").then(|| line.rsplit_once(" on ").unwrap().1.to_owned())
+        });
+        let address = live.expect("the demo says where it listens");
+        let server = address.trim_end_matches('.').to_owned();
+        std::thread::spawn(move || lines.for_each(drop)); // its text goes on and must not block it
+        Self { child, server }
+    }
+
+    fn command(&self, arguments: &[&str]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+        command.args(arguments).env("TAXELD_SERVER", &self.server).stdin(Stdio::null());
+        command.output().unwrap()
+    }
+
+    /// What a command that must succeed prints.
+    fn succeeds(&self, arguments: &[&str]) -> String {
+        let output = self.command(arguments);
+        assert!(output.status.success(), "{arguments:?}: {}{}", text(&output.stdout), text(&output.stderr));
+        text(&output.stdout)
+    }
+
+    /// What a command says that the daemon must refuse.
+    fn refused(&self, arguments: &[&str]) -> String {
+        let output = self.command(arguments);
+        assert_eq!(output.status.code(), Some(3), "{arguments:?}: {}{}", text(&output.stdout), text(&output.stderr));
+        text(&output.stderr)
+    }
+
+    /// The JSON that a command prints, a value a line.
+    fn json(&self, arguments: &[&str]) -> Vec<serde_json::Value> {
+        let printed = self.succeeds(arguments);
+        printed.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+    }
+
+    /// Repeats a command until it succeeds, as an operator does: the mass comes and goes every five seconds, and a zero
+    /// that is lost (on a busy machine the simulated boards fall silent) is taken again.
+    fn until_good(&self, arguments: &[&str]) -> String {
+        let mut said = String::new();
+        for _ in 0..200 {
+            let output = self.command(arguments);
+            if output.status.success() {
+                return text(&output.stdout);
+            }
+            said = text(&output.stderr);
+            assert_eq!(output.status.code(), Some(3), "{arguments:?}: {said}");
+            if said.contains("zero") {
+                self.command(&["tare"]);
+            }
+        }
+        panic!("{arguments:?} never succeeded: {said}");
+    }
+}
+
+impl Drop for Demo {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
+    let demo = Demo::start(&["--bare"]);
+    assert!(demo.refused(&["watch", "--once", "--within", "0.5"]).contains("no model set is active"));
+    assert!(demo.refused(&["activate", "newest"]).contains("there is no model set"));
+
+    let printed = demo.until_good(&["calibrate", "--target", "30", "--yes"]);
+    for part in
+        ["TARING", "RAMPING", "go on", "FITTING", "vent the bag", "the bag is vented", "taxels usable", "is in use"]
+    {
+        assert!(printed.contains(part), "`{part}` is not in: {printed}");
+    }
+    let sessions = demo.json(&["sessions", "list", "--json"]);
+    assert_eq!(sessions[0]["state"], "SESSION_STATE_ACTIVE");
+    let sets = demo.json(&["models", "list", "--json"]);
+    let id = sets[0]["modelSet"].as_str().unwrap();
+    assert_eq!(sets[0]["active"], true);
+    assert!(demo.succeeds(&["models", "show"]).contains(id));
+    let folder = tempfile::tempdir().unwrap();
+    let [data, models] = ["data.csv", "models.json"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
+    let number = sessions[0]["session"].as_str().unwrap();
+    demo.succeeds(&["sessions", "export", number, "--out", &data]);
+    let rows = std::fs::read_to_string(&data).unwrap().lines().count() - 1;
+    assert_eq!(rows.to_string(), sessions[0]["accepted"].as_str().unwrap());
+    assert!(demo.succeeds(&["fit", &data, "--patch", "left_forearm", "--out", &models]).contains("of 230 usable"));
+    assert!(demo.succeeds(&["models", "import", &models]).contains("is in the store"));
+    assert!(demo.succeeds(&["models", "show", &id[..6], "--taxel", "13"]).contains("taxel 13: "));
+
+    stored_samples_are_fitted_once_more(&demo, number, id);
+
+    let events = demo.json(&["events", "--json"]);
+    let of = |kind: &str| events.iter().filter(|event| event["kind"] == kind).count();
+    assert!(
+        of("EVENT_KIND_TARED") > 0 && of("EVENT_KIND_ACTIVATED") >= 3 && of("EVENT_KIND_SESSION") >= 5,
+        "{events:?}"
+    );
+    assert!(demo.succeeds(&["events"]).contains("activated: "));
+
+    demo.until_good(&["tare"]);
+    let load = demo.until_good(&["load", "0.5", "--by", "Ada", "--json"]);
+    let load: serde_json::Value = serde_json::from_str(&load).unwrap();
+    assert!(load["errorPercent"].as_f64().unwrap().abs() < 25.0, "{load}");
+    assert!(demo.succeeds(&["load"]).contains("Ada"));
+
+    let newton: f64 = demo.until_good(&["watch", "--once", "--quiet", "--within", "10"]).trim().parse().unwrap();
+    assert!((0.0..10.0).contains(&newton), "{newton} N");
+    let csv = demo.until_good(&["watch", "--csv", "--count", "5"]);
+    assert_eq!(csv.lines().count(), 6, "{csv}");
+    assert!(csv.starts_with("time_s,patch,sequence,state,usable,total_n,"), "{csv}");
+    let json = demo.until_good(&["watch", "--json", "--count", "3", "--rate", "20"]);
+    assert!(json.lines().all(|line| line.starts_with("{\"sequence\":")) && json.lines().count() == 3, "{json}");
+    assert!(demo.succeeds(&["list"]).contains("left_forearm"));
+    demo.until_good(&["health"]);
+}
+
+/// The session's own set comes out again under its own id, others beside it, and the way back is an activation.
+fn stored_samples_are_fitted_once_more(demo: &Demo, session: &str, own: &str) {
+    let again = &demo.json(&["sessions", "refit", session, "--json"])[0];
+    assert_eq!((again["modelSet"]["modelSet"].as_str().unwrap(), &again["known"]), (own, &true.into()), "{again}");
+    let other = &demo.json(&["sessions", "refit", session, "--order", "3", "--json"])[0];
+    let id = other["modelSet"]["modelSet"].as_str().unwrap();
+    assert_eq!((&other["known"], &other["modelSet"]["active"]), (&false.into(), &false.into()), "{other}");
+    assert!(id != own && other["modelSet"]["method"].as_str().unwrap().starts_with("order 3"), "{other}");
+    let merged = &demo.json(&["sessions", "merge", session, "--order", "3", "--json"])[0];
+    assert_eq!((merged["modelSet"]["modelSet"].as_str().unwrap(), &merged["known"]), (id, &true.into()), "{merged}");
+    assert!(demo.refused(&["sessions", "refit", session, "--branch", "both"]).contains("rising pressure alone"));
+    assert!(demo.refused(&["sessions", "merge", session, session]).contains("is named twice"));
+    assert!(demo.refused(&["sessions", "refit", "99"]).contains("no session 99"));
+
+    let printed = demo.succeeds(&["sessions", "refit", session, "--order", "3"]);
+    assert!(printed.contains("was there already") && printed.contains("order 3"), "{printed}");
+    let compared = &demo.json(&["models", "compare", "active", id, "--json"])[0];
+    assert_eq!(compared["earlier"]["modelSet"], own);
+    let taxels = compared["taxels"].as_array().unwrap();
+    assert!(taxels.len() > 150 && taxels.iter().all(|taxel| taxel["restCounts"] == 0.0), "{compared}");
+    let gain = compared["gainRatio"].as_f64().unwrap();
+    assert!((0.8..1.25).contains(&gain), "{gain}");
+    demo.succeeds(&["activate", id]);
+    let back = demo.succeeds(&["activate", own]);
+    assert!(back.contains(&format!("before it: {id}")), "{back}");
+
+    // Another ramp after the session in use is a session of its own, with the samples of that one.
+    let rows = |session: &str| demo.succeeds(&["sessions", "export", session]).lines().count();
+    let next = &demo.json(&["sessions", "ramp", session, "--json"])[0];
+    let number = next["session"].as_str().unwrap().to_owned();
+    assert_eq!((next["predecessor"].as_str().unwrap(), &next["state"]), (session, &"SESSION_STATE_TARING".into()));
+    demo.succeeds(&["sessions", "abort", &number]);
+    assert!(number != session && rows(&number) >= rows(session), "session {number}");
+    assert_eq!(demo.json(&["sessions", "show", session, "--json"])[0]["state"], "SESSION_STATE_ACTIVE");
+}
+
+#[test]
+fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
+    let demo = Demo::start(&[]);
+    let newton = demo.until_good(&["watch", "--once", "--quiet", "--within", "30"]);
+    assert!(newton.trim().parse::<f64>().unwrap() >= 0.0, "{newton}");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("models.json");
+    let file = file.to_str().unwrap();
+    demo.succeeds(&["models", "export", "--out", file]);
+    let id = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
+    assert!(demo.succeeds(&["models", "import", file]).contains(&id));
+    assert!(demo.refused(&["models", "delete", &id]).contains("in use"));
+    assert!(demo.refused(&["sessions", "show", "7"]).contains("no session 7"));
+    let printed = demo.until_good(&["calibrate", "--target", "30", "--yes"]);
+    assert!(printed.contains(&format!("against {id}")), "{printed}");
+    let compared = demo.succeeds(&["models", "compare", file, "active"]);
+    assert!(compared.contains(&format!("against {id}")) && compared.contains("counts at rest moved"), "{compared}");
+    // As in `taxeld watch --json | head -1`: it ends by itself and says nothing.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    command.args(["watch", "--json", "--server", &demo.server]).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut watch = command.spawn().unwrap();
+    let mut first = String::new();
+    BufReader::new(watch.stdout.take().unwrap()).read_line(&mut first).unwrap();
+    let ended = watch.wait_with_output().unwrap();
+    assert!(first.starts_with('{') && ended.status.success() && ended.stderr.is_empty(), "{first}{ended:?}");
+}
+
+/// What a force sensor under the demo's mass would say, fifty times a second: its weight while the skin feels it.
+fn sensor(demo: &Demo, mut to: impl Write) {
+    let mut watch = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    watch.args(["watch", "--csv", "--rate", "50"]).env("TAXELD_SERVER", &demo.server);
+    let mut watch = watch.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+    let mut tared = std::time::Instant::now();
+    for line in BufReader::new(watch.stdout.take().unwrap()).lines() {
+        let line = line.unwrap();
+        let felt = line.split(',').nth(5).and_then(|newton| newton.parse::<f64>().ok()).is_some_and(|n| n > 1.0);
+        let force = if felt { 4.903 } else { 0.0 };
+        if writeln!(to, "{force}").and_then(|()| to.flush()).is_err() {
+            break; // whoever reads has enough
+        }
+        if line.contains("TARE_INVALID") && tared.elapsed().as_secs() > 2 {
+            demo.command(&["tare"]);
+            tared = std::time::Instant::now();
+        }
+    }
+    let _ = watch.kill();
+    let _ = watch.wait();
+}
+
+#[test]
+fn a_force_sensor_recalibrates_the_skin_and_only_an_activation_uses_it() {
+    let demo = Demo::start(&[]);
+    let ended = demo.refused(&["recalibrate", "--reference", "-"]);
+    assert!(ended.contains("the reference ended after 0 of 5 loads"), "{ended}");
+    assert!(demo.refused(&["recalibrate"]).contains("0 load points, expected 5"));
+    let before = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    command.args(["recalibrate", "--reference", "-", "--by", "Ada", "--accept"]).env("TAXELD_SERVER", &demo.server);
+    let mut recalibrate = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    sensor(&demo, recalibrate.stdin.take().unwrap());
+    let output = recalibrate.wait_with_output().unwrap();
+    let said = text(&output.stdout) + &text(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    for part in ["(5 of 5): 4.90 N by the sensor", "gain ", "from 5 loads", "not in use. Use it: taxeld activate"] {
+        assert!(said.contains(part), "`{part}` is not in: {said}");
+    }
+    let sets = demo.json(&["models", "list", "--json"]);
+    let made = sets.iter().find(|set| set["derivedFrom"] == before.as_str()).unwrap();
+    assert!(made["active"] != true && made["recalibrationGain"].as_f64().unwrap() > 0.5, "{made}");
+    demo.succeeds(&["activate", made["modelSet"].as_str().unwrap()]);
+    assert!(demo.refused(&["models", "delete", &before]).contains("known loads"), "it is kept");
+    assert!(
+        demo.refused(&["recalibrate"]).contains("0 load points"),
+        "loads of the set before say nothing of this one"
+    );
+}
+
+#[test]
+fn a_daemon_that_is_not_there_is_no_refusal() {
+    let output = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["tare", "--server", "127.0.0.1:1"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("no daemon answers at http://127.0.0.1:1"), "{}", text(&output.stderr));
+    let wrong = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["tare", "--server", "robot"]).output().unwrap();
+    assert_eq!(wrong.status.code(), Some(2));
+}

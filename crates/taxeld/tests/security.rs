@@ -1,0 +1,258 @@
+//! The documented way to certificates and tokens, word for word, and a daemon that lives by them.
+
+#![cfg(all(feature = "sim", feature = "tls"))]
+#![allow(clippy::unwrap_used, clippy::panic)] // clippy exempts only functions that are tests themselves
+
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use taxel_proto::v1;
+use taxel_proto::v1::audit_service_client::AuditServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint, Identity};
+use tonic::{Code, Request, Status};
+
+/// A daemon that does not come up by then has failed.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// The lines of deploy/security.md that make authority, certificates and a token.
+fn documented_lines() -> &'static str {
+    let text = include_str!("../../../deploy/security.md");
+    let (_, rest) = text.split_once("```sh\n").unwrap();
+    rest.split_once("```").unwrap().0
+}
+
+/// Whether there is an openssl; tests/run sees to it that there is.
+fn openssl() -> bool {
+    let there = Command::new("openssl").arg("version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
+    if !there {
+        println!("skipped: openssl is not installed");
+    }
+    there
+}
+
+fn make_certificates(folder: &Path) {
+    let script = format!("set -eu\n{}", documented_lines());
+    let output = Command::new("sh").args(["-c", &script]).current_dir(folder).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+struct Daemon {
+    child: Child,
+    folder: PathBuf,
+    tls: String,
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+const SCENE: &str = r#"
+[[bus]]
+name = "skin"
+source = "sim"
+[[patch]]
+name = "left_forearm"
+bus = "skin"
+[[patch.board]]
+address = 13
+modules = "0-15"
+[[patch.board]]
+address = 12
+modules = "0-6"
+"#;
+
+impl Daemon {
+    fn start(folder: &Path) -> Self {
+        let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
+        let config = format!(
+            r#"
+            store.path = "{}/store.db"
+            [[listen]]
+            unix = "socket"
+            [[listen]]
+            tcp = "127.0.0.1:{port}"
+            tls = {{ certificate = "server.pem", key = "server.key", client_ca = "ca.pem" }}
+            [access]
+            tokens = "tokens"
+            [[access.grant]]
+            role = "operator"
+            certificate = "spiffe://robot/skin/operator"
+            {SCENE}"#,
+            folder.display()
+        );
+        std::fs::write(folder.join("taxeld.toml"), config).unwrap();
+        let child = Command::new(env!("CARGO_BIN_EXE_taxeld"))
+            .args(["run", "--config"])
+            .arg(folder.join("taxeld.toml"))
+            .stderr(Stdio::inherit())
+            .spawn()
+            .unwrap();
+        Self { child, folder: folder.to_path_buf(), tls: format!("https://127.0.0.1:{port}") }
+    }
+
+    fn socket(&self) -> String {
+        format!("unix:{}", self.folder.join("socket").display())
+    }
+
+    /// The Unix socket, as soon as the daemon serves it.
+    async fn unix(&self) -> Channel {
+        let (begun, endpoint) = (Instant::now(), Endpoint::from_shared(self.socket()).unwrap());
+        loop {
+            match endpoint.connect().await {
+                Ok(channel) => return channel,
+                Err(error) => assert!(begun.elapsed() < PATIENCE, "the daemon does not come up: {error}"),
+            }
+            tokio::task::yield_now().await;
+        }
+    }
+
+    /// A connection with the certificates of a folder.
+    fn with_certificates(&self, folder: &Path) -> Channel {
+        let read = |name: &str| std::fs::read(folder.join(name)).unwrap();
+        let config = ClientTlsConfig::new()
+            .ca_certificate(Certificate::from_pem(read("ca.pem")))
+            .identity(Identity::from_pem(read("operator.pem"), read("operator.key")))
+            .domain_name("robot.example");
+        Endpoint::from_shared(self.tls.clone()).unwrap().tls_config(config).unwrap().connect_lazy()
+    }
+
+    fn audit(&self, arguments: &[&str]) -> String {
+        let output = Command::new(env!("CARGO_BIN_EXE_taxeld")).arg("audit").args(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    }
+}
+
+/// Asks for a tare, which the engine may refuse; gives what the gate said.
+async fn tare(channel: &Channel, token: Option<&str>, name: &str) -> Result<(), Status> {
+    let mut request = Request::new(v1::TareRequest { confirmed_by: name.to_owned(), ..Default::default() });
+    if let Some(token) = token {
+        request.metadata_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
+    }
+    match SkinServiceClient::new(channel.clone()).tare(request).await {
+        Err(status) if status.code() == Code::FailedPrecondition => Ok(()), // by the engine, so it was let through
+        other => other.map(|_| ()),
+    }
+}
+
+#[tokio::test]
+async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_log_names_who_came() {
+    if !openssl() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    make_certificates(folder.path());
+    let mut daemon = Daemon::start(folder.path());
+    let unix = daemon.unix().await;
+
+    let status = tare(&unix, None, "Nobody").await.unwrap_err();
+    assert_eq!(status.code(), Code::PermissionDenied, "{status:?}");
+    let token = std::fs::read_to_string(folder.path().join("bench.token")).unwrap();
+    tare(&unix, Some(token.trim()), "Ann").await.unwrap();
+    let remote = daemon.with_certificates(folder.path());
+    tare(&remote, None, "Bob").await.unwrap();
+
+    let page = AuditServiceClient::new(remote.clone()).list_audit(v1::ListAuditRequest::default()).await.unwrap();
+    let entries = page.into_inner().entries;
+    let shown: Vec<_> =
+        entries.iter().map(|e| (e.who.as_str(), e.transport.as_str(), e.claimed_name.as_str())).collect();
+    assert_eq!(shown, [("spiffe://robot/skin/operator", "tls", "Bob"), ("token bench", "unix", "Ann")]);
+    assert!(entries.iter().all(|entry| entry.method == "Tare" && !entry.result.is_empty()), "{entries:?}");
+
+    let token_file = folder.path().join("bench.token");
+    let text = daemon.audit(&["--at", &daemon.socket(), "--token", token_file.to_str().unwrap()]);
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!(lines.len(), 2, "{text}");
+    assert!(lines[0].contains("token bench (operator, unix uid "), "{text}");
+    assert!(lines[1].contains("spiffe://robot/skin/operator (operator, tls 127.0.0.1:"), "{text}");
+
+    // Killed and started again on the socket that it left; what was answered is in the log of the store, too.
+    daemon.child.kill().unwrap();
+    daemon.child.wait().unwrap();
+    let store = folder.path().join("store.db");
+    assert_eq!(daemon.audit(&["--store", store.to_str().unwrap()]), text);
+    drop(daemon);
+    let daemon = Daemon::start(folder.path());
+    tare(&daemon.unix().await, Some(token.trim()), "Ann").await.unwrap();
+    assert_eq!(daemon.audit(&["--at", &daemon.socket(), "--token", token_file.to_str().unwrap()]).lines().count(), 3);
+}
+
+#[tokio::test]
+async fn on_a_signal_other_certificates_and_tokens_count_and_useless_ones_change_nothing() {
+    if !openssl() {
+        return;
+    }
+    let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    make_certificates(folder.path());
+    make_certificates(other.path());
+    let old = tempfile::tempdir().unwrap();
+    for name in ["ca.pem", "operator.pem", "operator.key"] {
+        std::fs::copy(folder.path().join(name), old.path().join(name)).unwrap();
+    }
+    let daemon = Daemon::start(folder.path());
+    let unix = daemon.unix().await;
+    tare(&daemon.with_certificates(old.path()), None, "Ann").await.unwrap();
+    tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap_err();
+    let token = std::fs::read_to_string(other.path().join("bench.token")).unwrap();
+    assert_eq!(tare(&unix, Some(token.trim()), "Ann").await.unwrap_err().code(), Code::Unauthenticated);
+
+    for name in ["ca.pem", "server.pem", "server.key", "tokens"] {
+        std::fs::copy(other.path().join(name), folder.path().join(name)).unwrap();
+    }
+    let hang_up =
+        || assert!(Command::new("kill").args(["-HUP", &daemon.child.id().to_string()]).status().unwrap().success());
+    hang_up();
+    let begun = Instant::now();
+    while tare(&daemon.with_certificates(other.path()), None, "Ann").await.is_err() {
+        assert!(begun.elapsed() < PATIENCE, "the new certificates do not count");
+    }
+    tare(&daemon.with_certificates(old.path()), None, "Ann").await.unwrap_err();
+    // The tokens are read after the certificates.
+    while tare(&unix, Some(token.trim()), "Ann").await.is_err() {
+        assert!(begun.elapsed() < PATIENCE, "the new tokens do not count");
+    }
+
+    std::fs::write(folder.path().join("server.pem"), "no certificate").unwrap();
+    hang_up();
+    tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap();
+}
+
+#[cfg(feature = "client")]
+#[tokio::test]
+async fn the_commands_come_over_tls_with_certificates_and_not_without() {
+    if !openssl() {
+        return;
+    }
+    let (folder, other) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    make_certificates(folder.path());
+    make_certificates(other.path());
+    let daemon = Daemon::start(folder.path());
+    daemon.unix().await;
+    let list = |arguments: &[&str], folder: &Path| {
+        let command = ["sessions", "list", "--server", &daemon.tls];
+        let output =
+            Command::new(env!("CARGO_BIN_EXE_taxeld")).args(command).args(arguments).current_dir(folder).output();
+        let output = output.unwrap();
+        (output.status.success(), String::from_utf8(output.stderr).unwrap())
+    };
+    let files = ["--ca", "ca.pem", "--certificate", "operator.pem", "--key", "operator.key"];
+    let shown = [&files[..], &["--tls-name", "robot.example"]].concat();
+    assert_eq!(list(&shown, folder.path()), (true, String::new()));
+
+    // Of another authority, for another name, without a key, and with none at all.
+    for (arguments, folder, word) in [
+        (&shown[..], other.path(), "certificate"),
+        (&[&files[..], &["--tls-name", "robot.elsewhere"]].concat(), folder.path(), "robot.elsewhere"),
+        (&shown[..4], folder.path(), "--key"),
+        (&[], folder.path(), "no daemon answers"),
+    ] {
+        let (done, said) = list(arguments, folder);
+        assert!(!done && said.contains(word), "{arguments:?}: {said}");
+    }
+}

@@ -1,0 +1,177 @@
+//! The daemon as a service: what it tells the service manager, and what signals do. A real process, and a socket that
+//! plays the service manager.
+#![cfg(feature = "sim")]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
+
+use std::fs::File;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::os::unix::net::UnixDatagram;
+use std::path::PathBuf;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use taxel_proto::v1;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use tempfile::TempDir;
+use tonic::Streaming;
+
+/// Nothing that is waited for takes longer, on the slowest machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+struct Service {
+    child: Child,
+    manager: UnixDatagram,
+    address: SocketAddr,
+    folder: TempDir,
+}
+
+impl Service {
+    fn start(watchdog: Option<Duration>, arguments: &[&str]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let manager = UnixDatagram::bind(folder.path().join("notify")).unwrap();
+        manager.set_read_timeout(Some(PATIENCE)).unwrap();
+        // The port is free again when the listener is dropped, and taken by the daemon a moment later.
+        let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
+        let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+        let log = File::create(folder.path().join("log")).unwrap();
+        command.args(arguments).arg("run").arg("--config").arg(folder.path().join("taxeld.toml"));
+        command.env("NOTIFY_SOCKET", folder.path().join("notify")).env_remove("RUST_LOG").env_remove("JOURNAL_STREAM");
+        match watchdog {
+            Some(limit) => command.env("WATCHDOG_USEC", limit.as_micros().to_string()),
+            None => command.env_remove("WATCHDOG_USEC"),
+        };
+        write_config(&folder, address, "");
+        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap();
+        Self { child, manager, address, folder }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn log(&self) -> String {
+        std::fs::read_to_string(self.path("log")).unwrap()
+    }
+
+    /// What the manager is told next.
+    fn told(&self) -> String {
+        let mut message = [0; 4096];
+        let length = self.manager.recv(&mut message).unwrap_or_else(|error| panic!("{error}; {}", self.log()));
+        String::from_utf8(message[..length].to_vec()).unwrap()
+    }
+
+    /// Waits for a message with this line, and gives it.
+    fn until_told(&self, line: &str) -> String {
+        loop {
+            let told = self.told();
+            if told.lines().any(|found| found == line) {
+                return told;
+            }
+        }
+    }
+
+    fn signal(&self, name: &str) {
+        let sent = Command::new("kill").arg(name).arg(self.child.id().to_string()).status().unwrap();
+        assert!(sent.success());
+    }
+
+    async fn stream(&self) -> Streaming<v1::ForceSample> {
+        let mut client = ForceServiceClient::connect(format!("http://{}", self.address)).await.unwrap();
+        client.stream_force(v1::StreamForceRequest::default()).await.unwrap().into_inner()
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        let _ = self.child.kill(); // it may have ended
+        let _ = self.child.wait();
+    }
+}
+
+fn write_config(folder: &TempDir, address: SocketAddr, more: &str) {
+    let store = folder.path().join("store.db");
+    let text = format!(
+        "[store]\npath = \"{}\"\n[service]\nlisten = \"{address}\"\n{more}\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
+         [[patch]]\nname = \"forearm\"\nbus = \"skin\"\n[[patch.board]]\naddress = 13\nmodules = \"0-15\"\n",
+        store.display()
+    );
+    std::fs::write(folder.path().join("taxeld.toml"), text).unwrap();
+}
+
+/// The next sample of a stream that goes on.
+async fn next(stream: &mut Streaming<v1::ForceSample>) -> v1::ForceSample {
+    tokio::time::timeout(PATIENCE, stream.message()).await.unwrap().unwrap().unwrap()
+}
+
+#[tokio::test]
+async fn the_manager_is_told_when_the_daemon_serves_that_it_lives_and_when_it_stops() {
+    let mut service = Service::start(Some(Duration::from_millis(500)), &[]);
+    let first = service.told();
+    assert!(first.lines().any(|line| line == "READY=1"), "{first}");
+    assert!(first.contains("STATUS=serving 1 patch\n") || first.ends_with("STATUS=serving 1 patch"), "{first}");
+    next(&mut service.stream().await).await; // it serves when it says so
+    service.until_told("WATCHDOG=1");
+    service.until_told("WATCHDOG=1");
+    service.signal("-TERM");
+    service.until_told("STOPPING=1");
+    assert!(service.child.wait().unwrap().success(), "{}", service.log());
+    // The store is closed: nothing waits in a log to be folded back.
+    for (name, there) in [("store.db", true), ("store.db-wal", false), ("store.db-open", false)] {
+        assert_eq!(service.path(name).exists(), there, "{name}");
+    }
+}
+
+#[tokio::test]
+async fn without_a_watchdog_none_is_fed() {
+    let service = Service::start(None, &[]);
+    service.until_told("READY=1");
+    service.signal("-TERM");
+    let mut told = service.told();
+    while !told.contains("STOPPING=1") {
+        assert!(!told.contains("WATCHDOG"), "{told}");
+        told = service.told();
+    }
+}
+
+#[tokio::test]
+async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_the_streams() {
+    let service = Service::start(None, &[]);
+    service.until_told("READY=1");
+    let mut stream = service.stream().await;
+    let mut before = next(&mut stream).await.sequence;
+    let more = "subscribers_max = 3\n[log]\nfilter = \"debug\"\n";
+    write_config(&service.folder, service.address, more);
+    service.signal("-HUP");
+    let reloading = service.until_told("RELOADING=1");
+    assert!(reloading.contains("MONOTONIC_USEC="), "{reloading}");
+    service.until_told("READY=1");
+    for _ in 0..20 {
+        let sample = next(&mut stream).await;
+        assert_eq!(sample.sequence, before + 1 + sample.skipped, "no sample is missing that is not told");
+        before = sample.sequence;
+    }
+    let log = service.log();
+    assert!(log.contains("log.filter is reloaded: `debug`"), "{log}");
+    let refused = "service.subscribers_max is not reloaded: clients are connected to it as it is; it needs a restart";
+    assert!(log.contains(refused), "{log}");
+    // A file that cannot be used changes nothing.
+    std::fs::write(service.path("taxeld.toml"), "[store]\npath = 5\n").unwrap();
+    service.signal("-HUP");
+    service.until_told("RELOADING=1");
+    service.until_told("READY=1");
+    next(&mut stream).await;
+    assert!(service.log().contains("nothing is reloaded: "), "{}", service.log());
+}
+
+#[tokio::test]
+async fn the_log_has_no_colours_in_a_file_and_one_object_a_line_where_that_is_asked_for() {
+    let text = Service::start(None, &[]);
+    text.until_told("READY=1");
+    assert!(text.log().contains("taxeld is up") && !text.log().contains('\u{1b}'), "{}", text.log());
+    let json = Service::start(None, &["--log-format", "json"]);
+    json.until_told("READY=1");
+    let log = json.log();
+    let objects: Vec<serde_json::Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!(objects.iter().any(|object| object["fields"]["message"] == "taxeld is up"), "{log}");
+    assert!(objects.iter().all(|object| object["timestamp"].is_string()), "{log}");
+}

@@ -1,0 +1,184 @@
+// A controller in C++17 that reads the force over the service, also of another machine.
+//
+// usage: controller_grpc [ADDRESS [PATCH [SECONDS]]]      (127.0.0.1:50051, the only patch, for ever)
+// It shows what it has twice a second. Exit code 3 if the last reading was no force.
+//
+// A thread of its own keeps the newest sample, so that the control loop never waits. Only OK and DEGRADED are forces. The
+// age is the sample's age when it was sent, plus the time since it came, plus the time that it can have been on its way:
+// the daemon is asked once in a while, and answered not before the question left.
+#include <grpcpp/grpcpp.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "taxel/v1/force.grpc.pb.h"
+
+using Clock = std::chrono::steady_clock;
+using namespace std::chrono_literals;
+
+constexpr double age_max_s = 0.120;  // an older force is none
+constexpr double drift = 6e-4;       // two clocks part by so many seconds a second at most
+
+static double now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
+
+/// A force, or why there is none.
+struct Reading {
+    std::optional<double> total_n;
+    double age_s = 0.0;
+    std::string why;
+};
+
+class Forces {
+public:
+    Forces(const std::string& address, std::string patch) : patch_(std::move(patch)) {
+        grpc::ChannelArguments arguments;
+        arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 4096);  // what is not read waits at the daemon
+        arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
+        arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 5000);
+        auto channel = grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
+        stub_ = taxel::v1::ForceService::NewStub(channel);
+        thread_ = std::thread([this] { follow(); });
+    }
+
+    ~Forces() {
+        {
+            const std::lock_guard<std::mutex> lock(mutex_);
+            ended_ = true;
+            if (context_) context_->TryCancel();
+        }
+        thread_.join();
+    }
+
+    Forces(const Forces&) = delete;
+    Forces& operator=(const Forces&) = delete;
+
+    /// The newest force, if it may be acted on now; it waits for nothing but a lock that is held for a copy.
+    Reading force() {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        if (!newest_) return {std::nullopt, 0.0, broken_.empty() ? "no sample yet" : broken_};
+        const auto& sample = newest_->sample;
+        const bool good = sample.state() == taxel::v1::FORCE_STATE_OK || sample.state() == taxel::v1::FORCE_STATE_DEGRADED;
+        if (!good || !sample.has_total_n() || !sample.has_age_s() || !std::isfinite(sample.total_n()))
+            return {std::nullopt, 0.0,
+                    taxel::v1::ForceState_Name(sample.state()) + (sample.reasons_size() ? ": " + sample.reasons(0) : "")};
+        const double age_s = sample.age_s() + newest_->on_the_way_s + now_s() - newest_->came_s;
+        if (!(age_s >= 0.0 && age_s <= age_max_s))
+            return {std::nullopt, age_s, broken_.empty() ? "too old" : "the stream was lost: " + broken_};
+        return {sample.total_n(), age_s, ""};
+    }
+
+private:
+    struct Newest {
+        taxel::v1::ForceSample sample;
+        double came_s;
+        double on_the_way_s;
+    };
+
+    static bool sent_s(const taxel::v1::ForceSample& sample, double& sent) {
+        if (!sample.has_monotonic_ns() || !sample.has_age_s()) return false;
+        sent = static_cast<double>(sample.monotonic_ns()) * 1e-9 + sample.age_s();
+        return std::isfinite(sent);
+    }
+
+    /// Bounds the daemon's clock: the answer was sent after the question left.
+    grpc::Status look_at_the_clock() {
+        grpc::ClientContext context;
+        context.set_deadline(std::chrono::system_clock::now() + 2s);
+        taxel::v1::GetForceRequest request;
+        request.set_patch(patch_);
+        taxel::v1::ForceSample answer;
+        const double left_s = now_s();
+        const auto status = stub_->GetForce(&context, request, &answer);
+        double sent;
+        if (status.ok() && sent_s(answer, sent) && left_s - sent > least(left_s)) {
+            least_s_ = left_s - sent;
+            found_s_ = left_s;
+        }
+        asked_s_ = now_s();
+        return status;
+    }
+
+    double least(double at_s) const { return least_s_ - drift * std::max(0.0, at_s - found_s_); }
+
+    grpc::Status read(grpc::ClientContext& context) {
+        least_s_ = -std::numeric_limits<double>::infinity();
+        if (const auto status = look_at_the_clock(); !status.ok()) return status;
+        taxel::v1::StreamForceRequest request;
+        request.set_patch(patch_);
+        request.set_rate_hz(200.0);
+        auto stream = stub_->StreamForce(&context, request);
+        taxel::v1::ForceSample sample;
+        while (stream->Read(&sample)) {
+            const double came_s = now_s();
+            double sent = 0.0, on_the_way_s = std::numeric_limits<double>::infinity();
+            const bool timed = sent_s(sample, sent);
+            if (came_s - asked_s_ > 10.0 || (timed && std::isinf(least_s_)))
+                if (const auto status = look_at_the_clock(); !status.ok()) {
+                    context.TryCancel();
+                    stream->Finish();
+                    return status;
+                }
+            if (timed) on_the_way_s = std::max(0.0, came_s - sent - least(came_s));
+            const std::lock_guard<std::mutex> lock(mutex_);
+            newest_ = Newest{sample, came_s, on_the_way_s};
+            broken_.clear();
+        }
+        return stream->Finish();
+    }
+
+    void follow() {
+        for (auto pause = 50ms;; pause = std::min(2 * pause, std::chrono::milliseconds(2000))) {
+            auto context = std::make_unique<grpc::ClientContext>();
+            {
+                const std::lock_guard<std::mutex> lock(mutex_);
+                if (ended_) return;
+                context_ = context.get();
+            }
+            const auto status = read(*context);
+            {
+                const std::lock_guard<std::mutex> lock(mutex_);
+                context_ = nullptr;
+                broken_ = status.ok() ? "the daemon ended the stream" : status.error_message();
+                if (ended_) return;
+            }
+            std::this_thread::sleep_for(pause);
+        }
+    }
+
+    const std::string patch_;
+    std::unique_ptr<taxel::v1::ForceService::Stub> stub_;
+    std::mutex mutex_;  // of what follows, up to the thread's own
+    std::optional<Newest> newest_;
+    std::string broken_;
+    grpc::ClientContext* context_ = nullptr;
+    bool ended_ = false;
+    // The thread's own.
+    double least_s_ = -std::numeric_limits<double>::infinity(), found_s_ = 0.0, asked_s_ = 0.0;
+    std::thread thread_;
+};
+
+int main(int argc, char** argv) {
+    Forces forces(argc > 1 ? argv[1] : "127.0.0.1:50051", argc > 2 ? argv[2] : "");
+    const double seconds = argc > 3 ? std::stod(argv[3]) : std::numeric_limits<double>::infinity();
+    bool good = false;
+    for (unsigned long cycle = 0; static_cast<double>(cycle) < seconds * 100.0; cycle++) {
+        std::this_thread::sleep_for(10ms);
+        const auto reading = forces.force();
+        good = reading.total_n.has_value();
+        // Here the controller acts.
+        if (cycle % 50 == 0) {
+            if (good) std::printf("%6.2f N, %3.0f ms old\n", *reading.total_n, reading.age_s * 1e3);
+            else std::printf("no force: %s\n", reading.why.c_str());
+            std::fflush(stdout);
+        }
+    }
+    return good ? 0 : 3;
+}

@@ -1,0 +1,227 @@
+"""The newest force over the service: a thread of its own follows the stream and connects again; `force` never waits.
+
+The messages come from the daemon's own reflection, so there is no generated code. Needs grpcio and grpcio-reflection.
+
+An age is never stated too small. It is the sample's age when it was sent, plus the time that passed here since it came, plus
+the time that it was on its way at most. For that the daemon is asked once in a while: it answered not before the question
+left, which bounds its clock against ours.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+from typing import Any, Optional, Union
+
+from .force import Force, NoForce, Why, state_name
+
+SOCKET = "/run/taxeld/taxeld.sock"
+LOOPBACK = "127.0.0.1:50051"
+
+_PAUSE_FIRST_S, _PAUSE_MOST_S = 0.05, 2.0  # between connections
+_ASK_EVERY_S = 10.0  # how often the daemon's clock is looked at
+_ANSWER_WITHIN_S = 2.0
+_DRIFT = 6e-4  # two clocks part by so many seconds a second at most
+# What is not read yet shall wait at the daemon, which replaces it by newer samples; not in this process.
+_OPTIONS = [("grpc.http2.lookahead_bytes", 4096), ("grpc.http2.bdp_probe", 0), ("grpc.keepalive_time_ms", 5000)]
+
+
+def connect(
+    address: Optional[str] = None,
+    patch: str = "",
+    *,
+    rate_hz: Optional[float] = None,
+    age_max_s: float = 0.120,
+    token: Optional[str] = None,
+    credentials: Any = None,
+) -> "Forces":
+    """Follows the force of a patch from now on; nobody need answer yet.
+
+    `address`: HOST:PORT or unix:PATH; without one the daemon of this machine. `patch`: needed only if the daemon has several.
+    `rate_hz`: 1 to 1000; without it each sample comes. `age_max_s`: an older force is none. `token`: shown with each call.
+    `credentials`: `grpc.ssl_channel_credentials(...)` for a listener with TLS.
+    """
+    if address is None:
+        address = f"unix:{SOCKET}" if os.path.exists(SOCKET) else LOOPBACK
+    return Forces(address, patch, rate_hz, age_max_s, token, credentials)
+
+
+class _Clock:
+    """What is known of the daemon's clock against ours."""
+
+    def __init__(self) -> None:
+        self._least = -math.inf  # the least that our clock less the daemon's can be
+        self._found = 0.0
+
+    def known(self) -> bool:
+        return self._least > -math.inf
+
+    def asked(self, left: float, sent: float) -> None:
+        """A question left at `left`, and the daemon answered at `sent` of its own clock."""
+        if left - sent > self.least(left):
+            self._least, self._found = left - sent, left
+
+    def least(self, now: float) -> float:
+        return self._least - _DRIFT * max(0.0, now - self._found)
+
+
+def _sent(sample: Any) -> Optional[float]:
+    """When the daemon sent this, by its own clock in seconds."""
+    if not (sample.HasField("monotonic_ns") and sample.HasField("age_s")):
+        return None
+    sent = sample.monotonic_ns * 1e-9 + sample.age_s
+    return sent if math.isfinite(sent) else None
+
+
+class Forces:
+    """The newest force of a patch. `force` may be called from any thread at any time."""
+
+    def __init__(self, address, patch, rate_hz, age_max_s, token, credentials):
+        import grpc  # noqa: F401: told here and not by a thread, if it is missing
+
+        self._address, self._patch, self._rate_hz = address, patch, rate_hz
+        self._age_max_s, self._credentials = age_max_s, credentials
+        self._metadata = [("authorization", f"Bearer {token}")] if token else []
+        self._newest: Optional[tuple] = None  # (sample, when it came, time on the way); replaced as a whole
+        self._broken: Optional[str] = None
+        self._closed = threading.Event()
+        self._channel: Any = None
+        threading.Thread(target=self._follow, name="taxel", daemon=True).start()
+
+    def force(self) -> Union[Force, NoForce]:
+        """The newest force if it may be acted on now; else a `NoForce`, which is false and says why."""
+        newest, broken = self._newest, self._broken
+        if newest is None:
+            return NoForce(Why.DISCONNECTED, broken) if broken else NoForce(Why.NOTHING_YET)
+        sample, came, on_the_way = newest
+        state = state_name(sample.state)
+        figures = sample.HasField("total_n") and sample.HasField("age_s") and math.isfinite(sample.total_n)
+        if state not in ("OK", "DEGRADED") or not figures:
+            return NoForce(Why.STATE, f"{state}: {'; '.join(sample.reasons)}")
+        age_s = sample.age_s + on_the_way + time.monotonic() - came
+        if not 0.0 <= age_s <= self._age_max_s:  # also if it is no number
+            if broken:
+                return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}")
+            return NoForce(Why.TOO_OLD, f"{1e3 * age_s:.0f} ms old, more than {1e3 * self._age_max_s:.0f} ms")
+        return _force(sample, state, age_s)
+
+    def close(self) -> None:
+        """Ends the connection."""
+        self._closed.set()
+        channel = self._channel
+        if channel is not None:
+            channel.close()
+
+    def __enter__(self) -> "Forces":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+    def _follow(self) -> None:
+        import grpc
+
+        self._pause_s = _PAUSE_FIRST_S
+        while not self._closed.is_set():
+            secure, options = self._credentials, _OPTIONS
+            make = grpc.secure_channel if secure else grpc.insecure_channel
+            channel = make(self._address, secure, options) if secure else make(self._address, options)
+            self._channel = channel
+            try:
+                self._read(channel)
+                self._broken = "the daemon ended the stream"
+            except grpc.RpcError as error:
+                self._broken = f"{error.code().name}: {error.details()}"
+            except Exception as error:  # a thread that dies would look like a daemon that is silent
+                self._broken = f"{type(error).__name__}: {error}"
+            finally:
+                channel.close()
+            self._closed.wait(self._pause_s)
+            self._pause_s = min(2 * self._pause_s, _PAUSE_MOST_S)
+
+    def _read(self, channel: Any) -> None:
+        from google.protobuf.descriptor_pool import DescriptorPool
+        from google.protobuf.message_factory import GetMessageClass
+        from grpc_reflection.v1alpha.proto_reflection_descriptor_database import ProtoReflectionDescriptorDatabase
+
+        pool = DescriptorPool(_Authorised(ProtoReflectionDescriptorDatabase, channel, self._metadata))
+        service = pool.FindServiceByName("taxel.v1.ForceService")
+        get, stream = service.FindMethodByName("GetForce"), service.FindMethodByName("StreamForce")
+        sample_class = GetMessageClass(stream.output_type)
+        question, request = GetMessageClass(get.input_type), GetMessageClass(stream.input_type)
+        ask = channel.unary_unary("/taxel.v1.ForceService/GetForce", question.SerializeToString, sample_class.FromString)
+        follow = channel.unary_stream(
+            "/taxel.v1.ForceService/StreamForce", request.SerializeToString, sample_class.FromString
+        )
+        clock, asked = _Clock(), -math.inf
+
+        def look_at_the_clock() -> None:
+            left = time.monotonic()
+            answer = ask(question(patch=self._patch), timeout=_ANSWER_WITHIN_S, metadata=self._metadata)
+            sent = _sent(answer)
+            if sent is not None:
+                clock.asked(left, sent)
+
+        wanted = request(patch=self._patch)
+        if self._rate_hz is not None:
+            wanted.rate_hz = self._rate_hz
+        look_at_the_clock()
+        asked = time.monotonic()
+        for sample in follow(wanted, metadata=self._metadata):
+            came, sent = time.monotonic(), _sent(sample)
+            if came - asked > _ASK_EVERY_S or (sent is not None and not clock.known()):
+                look_at_the_clock()
+                asked = time.monotonic()
+            on_the_way = max(0.0, came - sent - clock.least(came)) if sent is not None else math.inf
+            self._newest, self._broken = (sample, came, on_the_way), None
+            self._pause_s = _PAUSE_FIRST_S
+
+
+class _Authorised:
+    """A database of descriptors that shows the token with its calls, which the one of grpcio-reflection cannot."""
+
+    def __new__(cls, database: Any, channel: Any, metadata: list) -> Any:
+        if not metadata:
+            return database(channel)
+        import grpc
+
+        class Show(grpc.StreamStreamClientInterceptor):
+            def intercept_stream_stream(self, continuation, details, requests):
+                return continuation(details._replace(metadata=metadata), requests)
+
+        return database(grpc.intercept_channel(channel, Show()))
+
+
+def _force(sample: Any, state: str, age_s: float) -> Force:
+    def vector(name: str):
+        value = getattr(sample, name)
+        return (value.x, value.y, value.z) if sample.HasField(name) else None
+
+    def known(name: str):
+        return getattr(sample, name) if sample.HasField(name) else None
+
+    return Force(
+        total_n=sample.total_n,
+        age_s=age_s,
+        state=state,
+        sequence=sample.sequence,
+        sigma_n=known("total_sigma_n"),
+        detection_floor_n=known("detection_floor_n"),
+        lower_bound=sample.lower_bound,
+        resultant_n=vector("resultant_n"),
+        moment_nm=vector("moment_nm"),
+        centre_of_pressure_m=vector("centre_of_pressure_m"),
+        active=sample.active,
+        excluded=sample.excluded,
+        stale=sample.stale,
+        out_of_range=sample.out_of_range,
+        filled=sample.filled,
+        filled_share=sample.filled_share,
+        uncovered_share=sample.uncovered_share,
+        model_set=sample.model_set,
+        reasons="; ".join(sample.reasons),
+        monotonic_ns=known("monotonic_ns"),
+        wall_ns=sample.time.ToNanoseconds() if sample.HasField("time") else 0,
+    )

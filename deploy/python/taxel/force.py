@@ -1,0 +1,87 @@
+"""What a controller gets: a force that may be acted on, or why there is none."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+from typing import Any, Mapping, Optional, Tuple
+
+Vector = Tuple[float, float, float]
+
+_STATES = ("UNSPECIFIED", "OK", "DEGRADED", "STALE", "TARE_INVALID", "UNCALIBRATED")
+
+
+def state_name(number: int) -> str:
+    """The name of a `taxel.v1.ForceState`, without its prefix."""
+    return _STATES[number] if 0 <= number < len(_STATES) else "UNSPECIFIED"
+
+
+class Why(enum.Enum):
+    """Why there is no force; the numbers are those of taxel_force.h."""
+
+    NO_PAGE = 1
+    NOTHING_YET = 2
+    CLOSED = 3
+    WRITER_GONE = 4
+    STATE = 5
+    TOO_OLD = 6
+    OTHER_CLOCK = 7
+    DISCONNECTED = 8
+
+
+_WORDS = {
+    Why.NO_PAGE: "there is no page: the daemon does not run, or does not publish this patch there",
+    Why.NOTHING_YET: "no sample yet",
+    Why.CLOSED: "the daemon has ended",
+    Why.WRITER_GONE: "the daemon's engine does not run",
+    Why.STATE: "the state carries no force",
+    Why.TOO_OLD: "too old",
+    Why.OTHER_CLOCK: "stamps of the future: reader and daemon do not have the same clock",
+    Why.DISCONNECTED: "no connection",
+}
+
+
+@dataclass(frozen=True)
+class Force:
+    """A force that may be acted on now, as `taxel.v1.ForceSample` has it. What is not known is None."""
+
+    total_n: float
+    age_s: float
+    state: str
+    sequence: int
+    sigma_n: Optional[float] = None
+    detection_floor_n: Optional[float] = None
+    lower_bound: bool = False
+    resultant_n: Optional[Vector] = None
+    moment_nm: Optional[Vector] = None
+    centre_of_pressure_m: Optional[Vector] = None
+    active: int = 0
+    excluded: int = 0
+    stale: int = 0
+    out_of_range: int = 0
+    filled: int = 0
+    filled_share: float = 0.0
+    uncovered_share: float = 0.0
+    model_set: str = ""
+    reasons: str = ""
+    monotonic_ns: Optional[int] = None
+    wall_ns: int = 0
+    written_ns: int = 0
+
+    def __bool__(self) -> bool:
+        return True  # also a force of 0 N is one
+
+
+@dataclass(frozen=True)
+class NoForce:
+    """There is no force to act on. It is false in a condition."""
+
+    why: Why
+    text: str = ""
+    sample: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+
+    def __bool__(self) -> bool:
+        return False
+
+    def __str__(self) -> str:
+        return self.text or _WORDS[self.why]

@@ -1,0 +1,251 @@
+#!/usr/bin/env python3
+"""The page in a browser: a whole calibration and validation of the demo's skin, clicked through.
+
+    tests/page/run.py TAXELD SCRATCH
+
+Needs chromium, chromedriver and the Python package selenium. Screenshots are left in SCRATCH.
+"""
+
+import pathlib
+import re
+import signal
+import subprocess
+import sys
+import time
+
+from selenium import webdriver
+from selenium.common.exceptions import NoSuchElementException, StaleElementReferenceException
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+
+# The demo's ramp alone takes 37 s; a busy machine may need several times as long.
+PATIENCE_S = 300
+
+
+class Page:
+    def __init__(self, address, scratch):
+        options = webdriver.ChromeOptions()
+        for argument in ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1400,1000"]:
+            options.add_argument(argument)
+        options.binary_location = "/usr/bin/chromium"
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        self.browser = webdriver.Chrome(options, webdriver.ChromeService("/usr/bin/chromedriver"))
+        self.address, self.scratch = address, scratch
+        self.browser.get(address)
+
+    def go(self, view):
+        self.browser.get(f"{self.address}#{view}")
+
+    def find(self, selector):
+        return self.browser.find_element(By.CSS_SELECTOR, selector)
+
+    def text(self, selector):
+        try:
+            return self.find(selector).text
+        except (NoSuchElementException, StaleElementReferenceException):
+            return ""
+
+    def until(self, what, condition, limit_s=PATIENCE_S):
+        end = time.monotonic() + limit_s
+        while time.monotonic() < end:
+            try:
+                found = condition()
+            except (NoSuchElementException, StaleElementReferenceException):
+                found = None
+            if found:
+                return found
+            time.sleep(0.05)
+        self.shot("failed")
+        raise AssertionError(f"{what}: not within {limit_s} s; the page says: {self.text('body')[:3000]}")
+
+    def click(self, selector):
+        self.until(f"{selector} can be clicked", lambda: self.find(selector).is_enabled())
+        self.find(selector).click()
+
+    def toasts(self):
+        """What was told since the last look; closes it."""
+        texts = []
+        for toast in self.browser.find_elements(By.CSS_SELECTOR, ".toast"):
+            texts.append(toast.text)
+            self.browser.execute_script("arguments[0].remove()", toast)
+        return " | ".join(texts)
+
+    def press_until(self, selector, wanted):
+        """Presses a button until it is not refused: in the demo a mass lies on the skin half of the time."""
+        def pressed():
+            self.toasts()
+            self.click(selector)
+            told = self.until("an answer", self.toasts)
+            return told if re.search(wanted, told) else time.sleep(0.3)
+
+        return self.until(f"{selector} answers {wanted}", pressed)
+
+    def step(self):
+        return self.text("li[aria-current=step]")
+
+    def shot(self, name, width=1400, height=1000, dark=False):
+        self.browser.set_window_size(width, height)
+        self.browser.execute_script("document.documentElement.dataset.theme = arguments[0]", "dark" if dark else "light")
+        self.browser.execute_script("return import('/store.js').then((store) => store.emit('theme'))")
+        if width < 600:  # a window of Chromium cannot be so narrow; its screen can
+            metrics = {"width": width, "height": height, "deviceScaleFactor": 2, "mobile": True}
+            self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+        time.sleep(0.6)
+        self.browser.save_screenshot(str(self.scratch / f"{name}.png"))
+        wide = self.browser.execute_script("return document.documentElement.scrollWidth - window.innerWidth")
+        self.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+        self.browser.set_window_size(1400, 1000)
+        assert wide <= 1, f"{name}: the page is {wide} px wider than the screen"
+
+    def faults(self):
+        """What the browser holds against the page."""
+        entries = self.browser.get_log("browser")
+        # A daemon that is stopped or refuses is not the page's fault.
+        return [e["message"] for e in entries if "the server responded with a status of" not in e["message"] and "ERR_" not in e["message"]]
+
+
+def newtons(text):
+    found = re.search(r"([\d.]+) ±", text)
+    return float(found.group(1)) if found else None
+
+
+def calibrate(page):
+    page.go("calibrate")
+    page.until("the checks are there", lambda: "every module sends" in page.text("ul.checks"))
+    page.shot("check")
+    page.click("#start")
+    page.until("the pump", lambda: page.step() == "Pump")
+    page.until("half of the range", lambda: re.search(r"(3[5-9]|[4-6]\d)\.\d of 70", page.text("main")))
+    assert "Go on like this" in page.text("#advice"), page.text("#advice")
+    page.shot("pump")
+    page.shot("pump-phone", 390, 844)
+    page.until("the review", lambda: page.step() == "Review")
+    page.until("its figures", lambda: "residual" in page.text("main"))
+    usable = int(re.search(r"usable taxels (\d+)", page.text("main")).group(1))
+    assert usable >= 200, f"{usable} usable taxels"
+    page.browser.execute_script("return import('/store.js').then((store) => store.select(100))")
+    page.until("the curve", lambda: page.find("#taxel canvas").is_displayed())
+    page.shot("review", height=1300)
+    page.click("#activate")
+    page.until("the models are in use", lambda: "is in use" in page.text("main h2"))
+    page.press_until("#tare", "zero taken")
+    print(f"calibrated: {usable} usable taxels", flush=True)
+
+
+def watch(page):
+    page.go("live")
+    good = lambda: page.text("#verdict") in ("OK", "DEGRADED")
+    page.until("a force under the mass", lambda: good() and (newtons(page.text("#force")) or 0) > 3)
+    page.browser.execute_script("return import('/store.js').then((store) => store.select(100))")
+    page.until("the curve", lambda: page.find("#taxel canvas").is_displayed())
+    time.sleep(12)  # so that the minute's course has a load in it, in the picture
+    page.until("a force under the mass", lambda: good() and (newtons(page.text("#force")) or 0) > 3)
+    page.shot("live", height=1500)
+    page.until("a force under the mass", lambda: good() and (newtons(page.text("#force")) or 0) > 3)
+    page.shot("live-dark", height=1500, dark=True)
+    page.until("a force under the mass", lambda: good() and (newtons(page.text("#force")) or 0) > 3)
+    page.shot("live-phone", 390, 844)
+    page.shot("live-phone-dark", 390, 1800, dark=True)
+    force = newtons(page.until("a force", lambda: good() and page.text("#force")))
+    print(f"live: {page.text('#verdict')}, {force} N", flush=True)
+    keyboard(page)
+
+
+def keyboard(page):
+    skin = page.find("canvas.skin")
+    page.browser.execute_script("arguments[0].focus()", skin)
+    before = page.text("#taxel dd")
+    skin.send_keys(Keys.ARROW_RIGHT)
+    page.until("the arrow key goes to another taxel", lambda: page.text("#taxel dd") not in ("", before))
+    page.browser.find_element(By.ID, "counts").send_keys(Keys.ENTER)
+    page.until("counts fill the skin", lambda: "counts" in page.text(".legend"))
+
+
+def validate(page):
+    page.go("validate")
+    for load in range(3):
+        page.until("the form", lambda: page.find("#amount"))
+        for field, text in [("amount", "0.5"), ("by", "Ada"), ("note", f"disc {load}")]:
+            box = page.find(f"#{field}")
+            box.clear()
+            box.send_keys(text)
+        told = page.press_until("#record", r"read [\d.]+ N of 4\.90 N")
+        print(f"load {load}: {told}", flush=True)
+    page.until("the table", lambda: len(page.browser.find_elements(By.CSS_SELECTOR, "tbody tr")) >= 3)
+    error = float(re.search(r"mean absolute error\s*([\d.]+) %", page.text("main")).group(1))
+    assert error < 15, f"{error} % off"
+    page.until("the factor", lambda: re.search(r"area factor\s*[\d.]+ ±", page.text("main")))
+    page.shot("validate")
+    page.shot("validate-dark", dark=True)
+
+
+def look_around(page):
+    page.go("models")
+    page.until("the set in use", lambda: "in use" in page.text("tbody"))
+    page.shot("models", height=1300)
+    page.go("sessions")
+    page.until("the session", lambda: "active" in page.text("tbody"))
+    page.shot("sessions")
+    page.go("health")
+    page.until("the boards", lambda: page.text("main").count("verified") >= 2)
+    page.shot("health")
+    page.shot("health-phone", 390, 844)
+
+
+def freshness(page, daemon):
+    """A daemon that hangs is told by the browser's own clock, unmistakably; and what comes after it is good again."""
+    page.go("live")
+    page.until("a force", lambda: page.text("#verdict") in ("OK", "DEGRADED"))
+    daemon.send_signal(signal.SIGSTOP)
+    try:
+        page.until("STALE", lambda: page.text("#verdict") == "STALE" and page.text("#force") == "no force", 20)
+        # At first the last sample is too old; when several are due, the page says that none comes.
+        page.until("the reason", lambda: "nothing has come" in page.text("#reasons"), 20)
+        page.until("the taxels are silent", lambda: page.browser.execute_script(
+            "return import('/skin.js').then((skin) => import('/store.js').then(({ state }) =>"
+            " state.taxels.taxels.every((taxel, t) => skin.kindOf(taxel, state.skin.taxels[t]) === 'silent')))"), 5)
+        assert "noforce" in page.find("#force-card").get_attribute("class")
+        page.shot("stale")
+    finally:
+        daemon.send_signal(signal.SIGCONT)
+    page.until("an answer again", lambda: page.text("#verdict") != "STALE")
+    print("stale while the daemon hangs, and not after", flush=True)
+
+
+def main():
+    taxeld, scratch = sys.argv[1], pathlib.Path(sys.argv[2])
+    scratch.mkdir(parents=True, exist_ok=True)
+    log = open(scratch / "demo.log", "w+")
+    daemon = subprocess.Popen([taxeld, "demo", "--bare"], stdout=log, stderr=subprocess.STDOUT)
+    page = None
+    try:
+        def address():
+            log.seek(0)
+            found = re.search(r"http://127\.0\.0\.1:\d+/", log.read())
+            assert daemon.poll() is None, "the demo ended"
+            return found and found.group(0)
+
+        end = time.monotonic() + PATIENCE_S
+        while not address():
+            assert time.monotonic() < end, "the demo printed no address"
+            time.sleep(0.1)
+        page = Page(address(), scratch)
+        page.until("no force before a calibration", lambda: page.text("#verdict") == "UNCALIBRATED" and page.text("#force") == "no force")
+        page.shot("uncalibrated")
+        calibrate(page)
+        watch(page)
+        validate(page)
+        look_around(page)
+        freshness(page, daemon)
+        faults = page.faults()
+        assert not faults, faults
+        print("the page holds")
+    finally:
+        if page:
+            page.browser.quit()
+        daemon.terminate()
+        daemon.wait(30)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,161 @@
+#!/usr/bin/env python3
+"""The force as controllers in other languages read it, from a running demo: Python and C++ over gRPC, Python, C and C++ from
+shared memory; and what they say when the daemon stands still, is killed and comes back.
+
+usage: run.py TAXELD SCRATCH          needs grpcio, grpcio-reflection, cmake, a C++ compiler and libgrpc++-dev
+"""
+
+import gzip
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+
+REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
+PATIENCE_S = 180.0
+
+
+class Demo:
+    """A demo with both doors open."""
+
+    def __init__(self, taxeld, folder, listen="127.0.0.1:0"):
+        arguments = [taxeld, "demo", "--listen", listen, "--shared-memory", folder]
+        self.process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
+        for line in self.process.stdout:
+            if line.startswith("The same skin is now"):
+                self.address = line.rsplit(" on ")[1].strip().rstrip(".")
+            if line.startswith("Ctrl-C"):
+                return
+        raise AssertionError("the demo did not start")
+
+    def signal(self, number):
+        self.process.send_signal(number)
+        if number in (signal.SIGKILL, signal.SIGTERM):
+            self.process.wait()
+
+
+def until(what, wanted):
+    """Repeats `wanted` until it gives something."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        found = wanted()
+        if found:
+            return found
+        time.sleep(0.002)
+    raise AssertionError(f"not within {PATIENCE_S} s: {what}")
+
+
+def install(scratch):
+    """`pip install` of a copy, so that nothing is built in the repository; gives where it is."""
+    copy, site = scratch / "python", scratch / "site"
+    shutil.copytree(REPOSITORY / "deploy/python", copy, ignore=shutil.ignore_patterns("__pycache__", "build", "*.egg-info"))
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", str(site), str(copy)]
+    subprocess.run(pip, check=True)
+    assert (site / "taxel/py.typed").is_file()
+    return site
+
+
+def build(scratch):
+    """The CMake project; gives its folder."""
+    folder = scratch / "cpp"
+    subprocess.run(["cmake", "-S", str(REPOSITORY / "deploy/cpp"), "-B", str(folder)], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(["cmake", "--build", str(folder), "--parallel", "2"], check=True, stdout=subprocess.DEVNULL)
+    return folder
+
+
+def controllers(cpp, page, address):
+    """What each compiled controller needs to be told."""
+    return [[cpp / "controller", page, "1"], [cpp / "controller_cpp", page, "1"], [cpp / "controller_grpc", address, "", "1"]]
+
+
+def run(command):
+    """Exit code and text of a controller that runs for a second."""
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, timeout=PATIENCE_S)
+    return done.returncode, done.stdout
+
+
+def same_figures(taxel, memory, service):
+    """Both ways give the same samples, figure by figure."""
+    def both():
+        first, second = memory.force(), service.force()
+        return (first, second) if first and second and first.sequence == second.sequence else None
+
+    for _ in range(20):
+        first, second = until("one sample on both ways", both)
+        differ = {"age_s", "written_ns", "wall_ns", "reasons"}
+        left, right = ({k: v for k, v in vars(f).items() if k not in differ} for f in (first, second))
+        assert left == right, f"{left}\n{right}"
+        assert second.reasons.startswith(first.reasons[:200]), (first.reasons, second.reasons)
+        assert isinstance(first, taxel.Force) and 0.0 <= first.age_s < 1.0 and first.sigma_n > 0.0
+
+
+def sessions(taxel, scratch):
+    """A recording is read, and a row that is none is refused with its line."""
+    text = "t_s,pressure_kpa,c0,c1\n0.0,0.5,240,239\n0.05,,239.5,239\n"
+    plain, packed = scratch / "data.csv", scratch / "data.csv.gz"
+    plain.write_text(text)
+    packed.write_bytes(gzip.compress(text.encode()))
+    for path in (plain, packed):
+        session = taxel.read_session(path)
+        assert (session.taxels, session.time_s, session.pressure_kpa) == (2, [0.0, 0.05], [0.5, None])
+        assert session.taxel(0) == [240.0, 239.5]
+    for bad, line in (("a,b\n", 1), ("t_s,pressure_kpa,c0\n1,2\n", 2), ("t_s,pressure_kpa,c0\n1,2,3\n1,2,x\n", 3),
+                      ("t_s,pressure_kpa,c0\n1,2,nan\n", 2), ("t_s,pressure_kpa,c0\n1,2,\n", 2)):
+        plain.write_text(bad)
+        try:
+            taxel.read_session(plain)
+        except ValueError as error:
+            assert f"data.csv:{line}:" in str(error), error
+        else:
+            raise AssertionError(f"not refused: {bad!r}")
+
+
+def main(taxeld, scratch):
+    scratch.mkdir(parents=True)
+    sys.path.insert(0, str(install(scratch)))
+    import taxel
+
+    assert pathlib.Path(taxel.__file__).is_relative_to(scratch), taxel.__file__
+    sessions(taxel, scratch)
+    cpp = build(scratch)
+    with tempfile.TemporaryDirectory(prefix="taxeld-readers-", dir="/dev/shm") as folder:
+        page = os.path.join(folder, "left_forearm")
+        memory = taxel.Reader(page)
+        assert not memory.force() and memory.force().why is taxel.Why.NO_PAGE
+        demo = Demo(taxeld, folder)
+        service = taxel.connect(demo.address, age_max_s=1.0)
+        same_figures(taxel, memory, service)
+        for command in controllers(cpp, page, demo.address):
+            until(f"a force: {command}", lambda command=command: run(command)[0] == 0)
+        print("the same figures in Python over gRPC and from shared memory; C, C++ and C++ over gRPC have a force")
+
+        demo.signal(signal.SIGSTOP)
+        until("a daemon that stands still is told", lambda: not memory.force() and not service.force())
+        for command in controllers(cpp, page, demo.address):
+            code, said = run(command)
+            assert code == 3 and "no force" in said, (command, code, said)
+        demo.signal(signal.SIGCONT)
+        # Whether its zero outlived that is the daemon's to say; that it lives, the page's.
+        until("it goes on", lambda: memory.force() or memory.force().why is taxel.Why.STATE)
+
+        demo.signal(signal.SIGKILL)
+        gone = taxel.Why.WRITER_GONE
+        until("a killed daemon is told", lambda: getattr(memory.force(), "why", None) is gone and not service.force())
+        assert os.path.exists(page), "nobody was left to remove its page"
+        demo = Demo(taxeld, folder, demo.address)
+        until("the next one is found", lambda: memory.force() and service.force())
+        same_figures(taxel, memory, service)
+
+        demo.signal(signal.SIGTERM)
+        assert memory.force().why is taxel.Why.CLOSED and not os.path.exists(page)
+        until("the end is told", lambda: service.force() or service.force().why is taxel.Why.DISCONNECTED)
+        service.close()
+        print("no reader took a daemon that stood still, was killed or ended for a living one; all found the next one")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], pathlib.Path(sys.argv[2]).resolve())
