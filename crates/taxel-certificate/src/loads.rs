@@ -41,8 +41,8 @@ pub(crate) fn part(load: &Load) -> LoadPart {
 }
 
 /// All of them; `None` without any.
-pub(crate) fn summary(loads: &[&Load]) -> Option<LoadsSummary> {
-    let factor = AreaFactor::estimate(loads.iter().copied().filter(|load| load.read.out_of_range == 0));
+pub(crate) fn summary(loads: &[&Load], taxels: usize) -> Option<LoadsSummary> {
+    let factor = AreaFactor::estimate(loads.iter().copied().filter(|load| load.read.out_of_range == 0), taxels);
     (!loads.is_empty()).then(|| LoadsSummary {
         loads: loads.len(),
         mean_absolute_error_percent: 100.0 * loads.iter().map(|load| load.error().abs()).sum::<f64>()

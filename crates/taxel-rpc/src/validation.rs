@@ -74,7 +74,7 @@ impl Service {
     fn judged(&self, recorded: &Load) -> v1::Load {
         let catalogue = self.handle.catalogue.borrow();
         let mut judged = catalogue.validations.iter().flat_map(|view| &view.loads);
-        judged.find(|judged| judged.load.number == recorded.number).map_or_else(|| load(recorded, "", false), of_judged)
+        judged.find(|judged| judged.load.number == recorded.number).map_or_else(|| load(recorded), of_judged)
     }
 }
 
@@ -106,14 +106,21 @@ fn area_factor(factor: AreaFactor, view: &Validation) -> v1::AreaFactor {
         loads: factor.loads as u32,
         applied: view.applied,
         not_applied_because: view.not_applied_because.clone(),
+        places: factor.places as u32,
+        area_uncertainty: factor.area_uncertainty(),
     }
 }
 
 fn of_judged(judged: &JudgedLoad) -> v1::Load {
-    load(&judged.load, &judged.outdated_because, judged.in_factor)
+    v1::Load {
+        outdated_because: judged.outdated_because.clone(),
+        left_out_because: judged.left_out_because.clone(),
+        in_area_factor: judged.in_factor(),
+        ..load(&judged.load)
+    }
 }
 
-fn load(load: &Load, outdated_because: &str, in_area_factor: bool) -> v1::Load {
+fn load(load: &Load) -> v1::Load {
     v1::Load {
         load: load.number,
         patch: load.patch.clone(),
@@ -136,7 +143,8 @@ fn load(load: &Load, outdated_because: &str, in_area_factor: bool) -> v1::Load {
         mean_area_mm2: load.mean_area_mm2,
         area_factor: load.area_factor,
         replaces: load.replaces.unwrap_or(0),
-        outdated_because: outdated_because.to_owned(),
-        in_area_factor,
+        taxels: load.read.taxels.iter().map(|taxel| u32::from(*taxel)).collect(),
+        filled_share: load.read.filled_share,
+        ..v1::Load::default()
     }
 }

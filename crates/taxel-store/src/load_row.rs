@@ -22,6 +22,11 @@ struct StoredLoad {
     out_of_range: u32,
     uncovered_share: f64,
     reasons: Vec<String>,
+    /// Not in rows of earlier versions.
+    #[serde(default)]
+    taxels: Vec<u16>,
+    #[serde(default)]
+    filled_share: f64,
     model_set: String,
     mean_area_mm2: f64,
     area_factor: f64,
@@ -48,6 +53,8 @@ pub(crate) fn load_to_text(load: &Load) -> Result<String, serde_json::Error> {
         out_of_range: read.out_of_range,
         uncovered_share: read.uncovered_share,
         reasons: read.reasons.clone(),
+        taxels: read.taxels.clone(),
+        filled_share: read.filled_share,
         model_set: load.model_set.clone(),
         mean_area_mm2: load.mean_area_mm2,
         area_factor: load.area_factor,
@@ -76,6 +83,8 @@ pub(crate) fn load_from_text(text: &str) -> Result<Load, serde_json::Error> {
             out_of_range: stored.out_of_range,
             uncovered_share: stored.uncovered_share,
             reasons: stored.reasons,
+            taxels: stored.taxels,
+            filled_share: stored.filled_share,
         },
         model_set: stored.model_set,
         mean_area_mm2: stored.mean_area_mm2,
@@ -99,6 +108,7 @@ mod tests {
             let [kg, force_n, force_sigma_n, mean_n, scatter_n, sigma_n, mean_area_mm2, area_factor, share] = figures;
             let read = Reading {
                 scans, mean_n, scatter_n, sigma_n, out_of_range: scans, uncovered_share: share, reasons: vec![reason],
+                taxels: vec![0, scans as u16], filled_share: share,
             };
             let mass_kg = (kg > 0.0).then_some(kg);
             let load = Load {

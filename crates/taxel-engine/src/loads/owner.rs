@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use taxel_skin::{SquareMillimetre, Time};
 
-use crate::force::sample::ForceSample;
+use crate::force::Measured;
 use crate::loads::factor::{AreaFactor, LOADS_MIN};
 use crate::loads::load::{KnownLoad, Load, Reading, Weight};
-use crate::loads::validation::{Validation, judge, mean_area_mm2};
+use crate::loads::validation::{Patch, Validation, judge, mean_area_mm2};
 use crate::loads::watch::LoadWatch;
 use crate::now::Now;
 use crate::request::{Rejection, RequestId};
@@ -86,9 +86,9 @@ impl Loads {
     }
 
     /// Takes the force that was published of the scan at `time`, read at the zero with this epoch.
-    pub fn on_sample(&mut self, time: Time, epoch: u64, force: &ForceSample) -> Option<LoadRead> {
+    pub fn on_sample(&mut self, time: Time, epoch: u64, measured: &Measured) -> Option<LoadRead> {
         let factor = self.applied.map_or(1.0, |factor| factor.value);
-        let verdict = self.watch.as_mut()?.take(time, (epoch, factor), force)?;
+        let verdict = self.watch.as_mut()?.take(time, (epoch, factor), measured)?;
         self.end(verdict)
     }
 
@@ -147,7 +147,8 @@ impl Loads {
     /// All loads, judged for the model set in use.
     #[must_use]
     pub fn validation(&self, model_set: Option<String>) -> Validation {
-        let mut view = judge(&self.plan.patch, &self.all, self.area_mm2(), model_set);
+        let patch = Patch { name: &self.plan.patch, mean_area_mm2: self.area_mm2(), taxels: self.plan.areas.len() };
+        let mut view = judge(patch, &self.all, model_set);
         view.not_applied_because = match view.factor {
             _ if !self.plan.area_from_loads => "the configuration says area_factor = \"off\"".to_owned(),
             None => format!("it takes at least {LOADS_MIN} loads with the active model set"),
@@ -163,7 +164,7 @@ impl Loads {
         if std::mem::replace(&mut self.applied, factor) == factor {
             return None;
         }
-        let (k, u) = factor.map_or((1.0, self.plan.area_uncertainty), |f| (f.value, f.relative_sigma()));
+        let (k, u) = factor.map_or((1.0, self.plan.area_uncertainty), |f| (f.value, f.area_uncertainty()));
         Some((self.plan.areas.iter().map(|area| SquareMillimetre(area.0 * k)).collect(), u))
     }
 }

@@ -7,6 +7,9 @@ use taxel_skin::SquareMillimetre;
 use crate::loads::factor::AreaFactor;
 use crate::loads::load::Load;
 
+/// Neighbours tell of a filled taxel to about 20 %: of more than this share of a load that would show in the factor.
+const FILLED_SHARE_MAX: f64 = 0.1;
+
 /// Configured areas are the same if their means agree to this share.
 const SAME_AREA_SHARE: f64 = 1e-9;
 
@@ -36,8 +39,34 @@ pub struct JudgedLoad {
     pub load: Arc<Load>,
     /// Why it says nothing of the present state, in words; empty if it does.
     pub outdated_because: String,
+    /// Why it does not enter the factor although it is of the present state, in words; empty if it does.
+    pub left_out_because: String,
+}
+
+impl JudgedLoad {
     /// Whether it enters the factor.
-    pub in_factor: bool,
+    #[must_use]
+    pub fn in_factor(&self) -> bool {
+        self.outdated_because.is_empty() && self.left_out_because.is_empty()
+    }
+}
+
+/// Why a reading says nothing of areas, in words: what a fault or the filling does to it is no property of the skin.
+fn unfit(load: &Load) -> String {
+    let read = &load.read;
+    if read.out_of_range > 0 {
+        format!("{} taxels were beyond their calibrated range", read.out_of_range)
+    } else if !read.reasons.is_empty() {
+        format!("the force had a shortcoming: {}", read.reasons.join("; "))
+    } else if read.filled_share > FILLED_SHARE_MAX {
+        format!(
+            "{:.0} % of it came from taxels that were filled by their neighbours, where {:.0} % are allowed",
+            100.0 * read.filled_share,
+            100.0 * FILLED_SHARE_MAX
+        )
+    } else {
+        String::new()
+    }
 }
 
 /// Mean of the areas, in mm2.
@@ -46,9 +75,21 @@ pub fn mean_area_mm2(areas: &[SquareMillimetre]) -> f64 {
     areas.iter().map(|area| area.0).sum::<f64>() / areas.len().max(1) as f64
 }
 
+/// What loads are judged by.
+#[derive(Clone, Copy, Debug)]
+pub struct Patch<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Mean of the configured areas, in mm2.
+    pub mean_area_mm2: f64,
+    /// How many taxels it has.
+    pub taxels: usize,
+}
+
 /// The loads of a patch, oldest first, judged by its active model set and the mean of its configured areas.
 #[must_use]
-pub fn judge(name: &str, all: &[Arc<Load>], area_mm2: f64, model_set: Option<String>) -> Validation {
+pub fn judge(patch: Patch<'_>, all: &[Arc<Load>], model_set: Option<String>) -> Validation {
+    let area_mm2 = patch.mean_area_mm2;
     let replaced: BTreeMap<u64, u64> = all.iter().filter_map(|load| Some((load.replaces?, load.number))).collect();
     let outdated = |load: &Load| {
         if let Some(by) = replaced.get(&load.number) {
@@ -63,19 +104,17 @@ pub fn judge(name: &str, all: &[Arc<Load>], area_mm2: f64, model_set: Option<Str
     };
     let judged = |load: &Arc<Load>| {
         let outdated_because = outdated(load);
-        // A force with a shortcoming, such as a module that is silent, says little of areas and gains.
-        let sound = load.read.out_of_range == 0 && load.read.reasons.is_empty();
-        let in_factor = outdated_because.is_empty() && sound;
-        JudgedLoad { load: Arc::clone(load), outdated_because, in_factor }
+        let left_out_because = if outdated_because.is_empty() { unfit(load) } else { String::new() };
+        JudgedLoad { load: Arc::clone(load), outdated_because, left_out_because }
     };
     let loads: Vec<JudgedLoad> = all.iter().rev().map(judged).collect();
     let errors: Vec<f64> =
         loads.iter().filter(|j| j.outdated_because.is_empty()).map(|j| j.load.error().abs()).collect();
     Validation {
-        patch: name.to_owned(),
+        patch: patch.name.to_owned(),
         model_set,
         mean_absolute_error: (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64),
-        factor: AreaFactor::estimate(loads.iter().filter(|j| j.in_factor).map(|j| j.load.as_ref())),
+        factor: AreaFactor::estimate(loads.iter().filter(|j| j.in_factor()).map(|j| j.load.as_ref()), patch.taxels),
         loads,
         ..Validation::default()
     }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use taxel_skin::Time;
 
+use crate::force::Measured;
 use crate::force::sample::{ForceSample, ForceState};
 use crate::loads::load::{KnownLoad, Reading};
 use crate::request::RequestId;
@@ -59,8 +60,9 @@ impl LoadWatch {
         &mut self,
         time: Time,
         (epoch, factor): (u64, f64),
-        force: &ForceSample,
+        measured: &Measured,
     ) -> Option<Result<Reading, String>> {
+        let force = &measured.sample;
         if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
             return Some(Err(format!("there is no force: {}", force.reasons.join("; "))));
         }
@@ -73,6 +75,7 @@ impl LoadWatch {
             return Some(Err("the zero, the model set or the area factor changed meanwhile".to_owned()));
         }
         self.add(force);
+        self.reading.taxels = measured.active.to_vec();
         let enough = self.totals_n.len() >= SCANS_MIN && time.since(self.begun) >= SPAN;
         enough.then(|| self.conclude())
     }
@@ -95,6 +98,7 @@ impl LoadWatch {
         self.sigmas_n += force.total_sigma.map_or(0.0, |sigma| sigma.0);
         self.reading.out_of_range = self.reading.out_of_range.max(force.out_of_range);
         self.reading.uncovered_share = self.reading.uncovered_share.max(force.uncovered_share);
+        self.reading.filled_share = self.reading.filled_share.max(force.filled_share);
         for reason in &force.reasons {
             if !self.reading.reasons.contains(reason) && self.reading.reasons.len() < REASONS_MAX {
                 self.reading.reasons.push(reason.clone());

@@ -29,7 +29,7 @@ impl Patch {
         self.felt = measured.sample.total.map(felt);
         let time = self.intake.newest().unwrap_or_default();
         let tare = self.zero.view();
-        if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured.sample) {
+        if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured) {
             effects.intents.push(Intent::Load(read));
         }
         if self.faults.0 != Some(scan.soundness) {

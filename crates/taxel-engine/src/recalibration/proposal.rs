@@ -43,7 +43,7 @@ pub fn propose(
     for number in chosen.loads.iter().chain(&chosen.leave_out) {
         let judged = view.loads.iter().find(|judged| judged.load.number == *number);
         let judged = judged.ok_or_else(|| format!("patch `{}` has no load {number}", view.patch))?;
-        if chosen.leave_out.contains(number) || judged.in_factor {
+        if chosen.leave_out.contains(number) || judged.in_factor() {
             continue;
         }
         let why = match (&judged.outdated_because, &judged.load.read) {
@@ -60,11 +60,11 @@ pub fn propose(
             && !chosen.leave_out.contains(&load.number)
             && load.model_set == source.id
     };
-    let counted = view.loads.iter().filter(|judged| judged.in_factor).map(|judged| judged.load.as_ref());
+    let counted = view.loads.iter().filter(|judged| judged.in_factor()).map(|judged| judged.load.as_ref());
     let mut points: Vec<LoadPoint> = counted.filter(|load| taken(load)).take(POINTS_MAX).map(LoadPoint::of).collect();
     points.sort_by_key(|point| point.number);
     let found = Recalibration::of(&points, assumptions)?;
-    let area_mm2 = view.loads.iter().find(|judged| judged.in_factor).map(|judged| judged.load.mean_area_mm2);
+    let area_mm2 = view.loads.iter().find(|judged| judged.in_factor()).map(|judged| judged.load.mean_area_mm2);
     let set = corrected(source, &found, area_mm2, now_wall_ns);
     Ok(Proposal { found, set })
 }

@@ -249,13 +249,13 @@ fn a_load_that_lay_under_a_degraded_force_counts_for_nothing() {
     let mut bench = small().in_use_with(too_small);
     let numbers = weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
     let mut view = validation(&bench).clone();
-    assert!(view.loads.iter().all(|judged| judged.in_factor));
+    assert!(view.loads.iter().all(|judged| judged.in_factor()));
     let mut loads: Vec<_> = view.loads.iter().rev().map(|judged| (*judged.load).clone()).collect();
     loads[0].read.reasons = vec!["module 3 is silent: the total is a lower bound".to_owned()];
     let (area_mm2, of) = (loads[0].mean_area_mm2, view.model_set.clone());
     let loads: Vec<_> = loads.into_iter().map(Arc::new).collect();
     view = judge(&view.patch, &loads, area_mm2, of);
-    let counted = view.loads.iter().filter(|judged| judged.in_factor).count();
+    let counted = view.loads.iter().filter(|judged| judged.in_factor()).count();
     assert_eq!(counted, MASSES.len() - 1);
     let chosen = Chosen { loads: numbers, ..Chosen::default() };
     let why = propose(&view, &small().set, &chosen, Assumptions::MASSES, 1).unwrap_err();

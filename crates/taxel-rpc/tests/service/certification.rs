@@ -33,7 +33,7 @@ fn catalogue() -> Arc<Catalogue> {
         Arc::new(SessionView { number, patch, state, ..SessionView::default() })
     };
     let load = Arc::new(Load { number: 3, ..Load::default() });
-    let judged = JudgedLoad { load, outdated_because: String::new(), in_factor: false };
+    let judged = JudgedLoad { load, outdated_because: String::new(), left_out_because: "of a test".to_owned() };
     Arc::new(Catalogue {
         sessions: vec![session(7), session(8)],
         model_sets: [of("m-7", Some(7)), of("m-8", Some(8)), of("m-9", Some(9)), of("m-file", None)]

@@ -29,7 +29,7 @@ fn load(number: u64, noted_times: f64) -> JudgedLoad {
         area_factor: 1.05,
         ..Load::default()
     };
-    JudgedLoad { load: Arc::new(load), outdated_because: String::new(), in_factor: true }
+    JudgedLoad { load: Arc::new(load), outdated_because: String::new(), left_out_because: String::new() }
 }
 
 /// A daemon with this set in use and these loads.
@@ -46,7 +46,7 @@ fn publish(daemon: &Daemon, loads: Vec<JudgedLoad>) {
         patch: FOREARM.to_owned(),
         model_set: Some("m-1".to_owned()),
         loads,
-        factor: Some(AreaFactor { value: 1.05, sigma: 0.01, loads: 5 }),
+        factor: Some(AreaFactor { value: 1.05, sigma: 0.01, loads: 5, places: 5, scatter: 0.0 }),
         applied: true,
         ..Validation::default()
     };

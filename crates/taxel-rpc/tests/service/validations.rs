@@ -20,6 +20,8 @@ fn load(number: u64, error: f64) -> Arc<Load> {
         out_of_range: 1,
         uncovered_share: 0.05,
         reasons: vec!["1 taxels have a fault".to_owned()],
+        taxels: vec![3, 4, 230],
+        filled_share: 0.25,
     };
     Arc::new(Load {
         number,
@@ -88,6 +90,9 @@ async fn a_load_reaches_the_engine_and_its_reading_comes_back() {
         replaces: 2,
         outdated_because: String::new(),
         in_area_factor: false,
+        left_out_because: String::new(),
+        taxels: vec![3, 4, 230],
+        filled_share: 0.25,
     };
     assert_eq!(got, expected);
 
@@ -134,7 +139,7 @@ async fn a_validation_shows_loads_errors_and_the_factor() {
     let judged = |number, why: &str| JudgedLoad {
         load: load(number, 0.02),
         outdated_because: why.to_owned(),
-        in_factor: why.is_empty(),
+        left_out_because: String::new(),
     };
     let mut loads: Vec<JudgedLoad> = (2..1_300).rev().map(|number| judged(number, "")).collect();
     loads.push(judged(1, "another model set is active now"));
@@ -143,7 +148,7 @@ async fn a_validation_shows_loads_errors_and_the_factor() {
         model_set: Some("m-1".to_owned()),
         loads,
         mean_absolute_error: Some(0.02),
-        factor: Some(AreaFactor { value: 1.1, sigma: 0.01, loads: 1_298 }),
+        factor: Some(AreaFactor { value: 1.1, sigma: 0.01, loads: 1_298, places: 40, scatter: 0.0 }),
         applied: true,
         not_applied_because: String::new(),
     };
@@ -152,7 +157,17 @@ async fn a_validation_shows_loads_errors_and_the_factor() {
     assert_eq!((got.model_set.as_str(), got.loads.len(), got.loads_in_all), ("m-1", 1_000, 1_299));
     assert_eq!(got.mean_absolute_error_percent, Some(2.0));
     let not_applied_because = String::new();
-    let factor = v1::AreaFactor { value: 1.1, sigma: 0.01, loads: 1_298, applied: true, not_applied_because };
+    let area_uncertainty = got.area_factor.as_ref().unwrap().area_uncertainty;
+    assert!((area_uncertainty - (0.01_f64 / 1.1).hypot(0.03)).abs() < 1e-12, "{area_uncertainty}");
+    let factor = v1::AreaFactor {
+        value: 1.1,
+        sigma: 0.01,
+        loads: 1_298,
+        applied: true,
+        not_applied_because,
+        places: 40,
+        area_uncertainty,
+    };
     assert_eq!(got.area_factor, Some(factor));
     let newest = &got.loads[0];
     assert!(newest.load == 1_299 && newest.in_area_factor && newest.within_two_sigma, "{newest:?}");
