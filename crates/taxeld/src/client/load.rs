@@ -81,8 +81,8 @@ fn within(load: &Load) -> &'static str {
 
 fn print_all(validation: &Validation) -> Outcome {
     let row = |load: &Load| {
-        let state =
-            if load.outdated_because.is_empty() { within(load).to_owned() } else { load.outdated_because.clone() };
+        let reasons = [load.outdated_because.as_str(), load.left_out_because.as_str(), within(load)];
+        let state = reasons.into_iter().find(|reason| !reason.is_empty()).unwrap_or_default().to_owned();
         vec![
             load.load.to_string(),
             table::moment(load.time.as_ref()),
