@@ -10,6 +10,7 @@ pub mod limits;
 pub mod method;
 pub mod ramp;
 pub mod refit;
+pub mod rise;
 pub mod samples;
 pub mod session;
 pub mod transition;

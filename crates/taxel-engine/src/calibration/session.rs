@@ -9,6 +9,7 @@ use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::{Branch, Direction};
 use crate::calibration::limits::SessionLimits;
 use crate::calibration::ramp::{Gate, Ramp};
+use crate::calibration::rise::{Rise, Stall};
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
 use crate::calibration::view::{SampleRefusal, SessionState, SessionView};
 use crate::counts::{Counts, SharedCounts};
@@ -71,6 +72,7 @@ pub struct SessionRun {
     limits: SessionLimits,
     samples: Arc<SessionSamples>,
     ramp: Ramp,
+    rise: Rise,
     pending: VecDeque<Pending>,
     /// One flag per 1 kPa step from 0 to the target.
     covered: Vec<bool>,
@@ -91,6 +93,7 @@ impl SessionRun {
             covered: vec![false; view.target_kpa.ceil().max(1.0) as usize],
             extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); taxels],
             ramp: Ramp::new(now.time, view.direction),
+            rise: Rise::default(),
             view,
             limits,
             samples: Arc::default(),
@@ -214,6 +217,7 @@ impl SessionRun {
 
     fn begin_branch(&mut self, now: Time, direction: Direction) {
         self.ramp = Ramp::new(now, direction);
+        self.rise = Rise::default();
         self.view.direction = direction;
         self.stale_since_progress = 0;
     }
@@ -228,6 +232,7 @@ impl SessionRun {
             self.view.refused.add(SampleRefusal::StaleModule);
             return;
         };
+        self.rise.on_scan(&scan.counts);
         if self.pending.len() >= PENDING_MAX {
             self.pending.pop_front();
             self.view.refused.add(SampleRefusal::NoPressure);
@@ -240,6 +245,9 @@ impl SessionRun {
     pub fn advance(&mut self, now: Time, gauge: &GaugeHistory, records: &mut Vec<SessionRecord>) -> Progress {
         if self.view.state != SessionState::Ramping {
             return Progress::On;
+        }
+        if let Some((_, Kilopascal(kpa))) = gauge.newest() {
+            self.rise.on_gauge(kpa);
         }
         while let Some(time) = self.pending.front().map(|scan| scan.time).filter(|time| now.since(*time) >= PROBATION) {
             let gate = self.ramp.judge(now, time, gauge, &self.limits);
@@ -337,13 +345,18 @@ impl SessionRun {
             Some(_) if self.stale_since_progress > 0 => {
                 format!("{} scans in {seconds} s had silent modules", self.stale_since_progress)
             }
-            Some((_, Kilopascal(kpa))) => {
-                let (way, end) = match self.ramp.direction() {
-                    Direction::Rising => ("rise", format!("the target is {:.1} kPa", self.limits.target.0)),
-                    Direction::Falling => ("fall", format!("the branch ends at {:.1} kPa", self.limits.fall_end.0)),
-                };
-                format!("the pressure did not {way} for {seconds} s: it is {kpa:.1} kPa, {end}")
+            Some((_, Kilopascal(kpa))) if self.ramp.direction() == Direction::Falling => {
+                let end = self.limits.fall_end.0;
+                format!(
+                    "the pressure did not fall for {seconds} s: it is {kpa:.1} kPa, the branch ends at {end:.1} kPa"
+                )
             }
+            Some((_, Kilopascal(kpa))) => self.rise.why(Stall {
+                patience: self.limits.patience,
+                kpa,
+                target_kpa: self.limits.target.0,
+                responding_counts: f64::from(self.limits.responding_counts),
+            }),
         }
     }
 

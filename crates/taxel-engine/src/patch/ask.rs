@@ -108,7 +108,9 @@ impl Patch {
             return Ok(());
         }
         Err(Rejection::FailedPrecondition(if kpa > limit {
-            format!("the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first")
+            format!(
+                "the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first; if it is vented, the gauge's scale or offset is wrong"
+            )
         } else {
             format!(
                 "the gauge reads {kpa:.2} kPa, and a vented bag has no less than {least:.2} kPa: set the gauge's zero, \

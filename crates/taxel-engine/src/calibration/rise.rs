@@ -1,0 +1,125 @@
+//! What gauge and taxels did since a rise began: by that an operator is told why nothing enters any more.
+
+use std::time::Duration;
+
+use crate::counts::SharedCounts;
+
+/// A gauge that moved by less than this stood still.
+const STILL_KPA: f64 = 1.0;
+/// A pressure that fell by more than this has escaped.
+const FELL_KPA: f64 = 2.0;
+
+/// What was seen of one rise.
+#[derive(Debug, Default)]
+pub struct Rise {
+    gauge_kpa: Option<(f64, f64)>,
+    counts: Option<(SharedCounts, SharedCounts)>,
+}
+
+/// A rise that nothing enters any more.
+#[derive(Clone, Copy, Debug)]
+pub struct Stall {
+    /// For how long nothing has.
+    pub patience: Duration,
+    /// What the gauge reads, in kPa.
+    pub kpa: f64,
+    /// Where the rise was to end, in kPa.
+    pub target_kpa: f64,
+    /// A taxel that moved by so many counts responds.
+    pub responding_counts: f64,
+}
+
+impl Rise {
+    /// The gauge reads so much now.
+    pub fn on_gauge(&mut self, kpa: f64) {
+        let (low, high) = self.gauge_kpa.get_or_insert((kpa, kpa));
+        (*low, *high) = (low.min(kpa), high.max(kpa));
+    }
+
+    /// A whole scan came, whether or not it enters.
+    pub fn on_scan(&mut self, counts: &SharedCounts) {
+        self.counts.get_or_insert_with(|| (counts.clone(), counts.clone())).1 = counts.clone();
+    }
+
+    /// Why nothing enters, in words.
+    #[must_use]
+    pub fn why(&self, stall: Stall) -> String {
+        let Stall { kpa, target_kpa, .. } = stall;
+        let seconds = stall.patience.as_secs();
+        if kpa >= target_kpa {
+            return format!(
+                "nothing entered for {seconds} s: the gauge reads {kpa:.1} kPa, beyond the target of {target_kpa:.1} kPa; the \
+                 rise was too fast, or the gauge's scale is wrong"
+            );
+        }
+        let cause = self.cause(stall);
+        format!(
+            "the pressure did not rise for {seconds} s: it is {kpa:.1} kPa, the target is {target_kpa:.1} kPa; {cause}"
+        )
+    }
+
+    fn cause(&self, stall: Stall) -> String {
+        let (low, high) = self.gauge_kpa.unwrap_or((stall.kpa, stall.kpa));
+        let (moved, all) = self.moved(stall.responding_counts);
+        if high - stall.kpa > FELL_KPA {
+            format!("it has been {high:.1} kPa: the bag leaks, or the pump has stopped")
+        } else if high - low > STILL_KPA {
+            "as much leaks into the bag as the pump takes out".to_owned()
+        } else if 2 * moved > all {
+            format!(
+                "{moved} of {all} taxels have moved, and the gauge only from {low:.3} to {high:.3} kPa: it is not in this bag, \
+                 or its scale is wrong"
+            )
+        } else {
+            format!("{moved} of {all} taxels have moved: is the bag closed, and does the pump run?")
+        }
+    }
+
+    fn moved(&self, least: f64) -> (usize, usize) {
+        let Some((first, last)) = &self.counts else { return (0, 0) };
+        let pairs = first.counts().iter_units().zip(last.counts().iter_units());
+        pairs.fold((0, 0), |(moved, all), (a, b)| (moved + usize::from((a - b).abs() >= least), all + 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stall(kpa: f64) -> Stall {
+        Stall { patience: Duration::from_secs(60), kpa, target_kpa: 70.0, responding_counts: 4.0 }
+    }
+
+    fn rise(gauge_kpa: &[f64], counts: [u8; 2]) -> Rise {
+        let mut rise = Rise::default();
+        gauge_kpa.iter().for_each(|kpa| rise.on_gauge(*kpa));
+        counts.iter().for_each(|count| rise.on_scan(&SharedCounts::from(vec![*count; 4])));
+        rise
+    }
+
+    #[test]
+    fn a_gauge_whose_scale_is_wrong_is_not_told_as_a_pump_that_is() {
+        let small = rise(&[0.0, 0.03, 0.07], [200, 120]).why(stall(0.07));
+        assert!(small.contains("4 of 4 taxels have moved, and the gauge only from 0.000 to 0.070 kPa"), "{small}");
+        let large = rise(&[0.0, 30.0, 70_000.0], [200, 120]).why(stall(70_000.0));
+        assert!(large.contains("70000.0 kPa, beyond the target of 70.0 kPa"), "{large}");
+        assert!(large.contains("scale"), "{large}");
+    }
+
+    #[test]
+    fn a_leak_a_weak_pump_and_a_pump_that_is_off_are_told_apart() {
+        let leak = rise(&[0.0, 32.0, 12.0], [200, 160]).why(stall(12.0));
+        assert!(leak.contains("it has been 32.0 kPa: the bag leaks"), "{leak}");
+        let weak = rise(&[0.0, 30.0, 31.0], [200, 160]).why(stall(31.0));
+        assert!(weak.contains("as much leaks into the bag"), "{weak}");
+        let off = rise(&[0.1, 0.2], [200, 199]).why(stall(0.2));
+        assert!(off.contains("0 of 4 taxels have moved: is the bag closed"), "{off}");
+        assert!(off.starts_with("the pressure did not rise for 60 s: it is 0.2 kPa, the target is 70.0 kPa"), "{off}");
+    }
+
+    #[test]
+    fn before_anything_came_nothing_is_claimed() {
+        let why = Rise::default().why(stall(0.0));
+        assert!(why.contains("0 of 0 taxels"), "{why}");
+    }
+}
