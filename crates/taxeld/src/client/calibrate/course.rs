@@ -1,9 +1,10 @@
-//! Following a session from one state to the next, with a hand on Ctrl-C.
+//! Following the sessions of one bag from one state to the next, with a hand on Ctrl-C.
 
 use std::time::Duration;
 
 use taxel_proto::v1::{AbortSessionRequest, Session, SessionState, WatchSessionRequest};
-use tonic::Streaming;
+use tokio::sync::mpsc;
+use tonic::{Status, Streaming};
 
 use super::screen::{Screen, bell};
 use crate::client::ask;
@@ -15,50 +16,91 @@ const VENT_WITHIN: Duration = Duration::from_secs(120);
 
 /// What a calibration is followed with.
 pub struct Course {
-    /// The daemon, about the one patch.
-    pub daemon: Daemon,
     /// Where it is shown.
     pub screen: Screen,
     /// Whether somebody can be asked.
     pub asks: bool,
 }
 
-async fn watch(daemon: &Daemon, session: u64) -> Outcome<Streaming<Session>> {
-    Ok(daemon.calibration().watch_session(WatchSessionRequest { session }).await?.into_inner())
+/// A session and the daemon, about its patch.
+#[derive(Clone)]
+pub struct Followed {
+    /// The daemon.
+    pub daemon: Daemon,
+    /// As it was told last.
+    pub session: Session,
 }
 
-/// Follows a session until it waits for review or has ended.
+impl Followed {
+    /// Whether it goes on by itself.
+    fn is_under_way(&self) -> bool {
+        matches!(self.session.state(), SessionState::Taring | SessionState::Ramping | SessionState::Fitting)
+    }
+
+    async fn watch(&self) -> Outcome<Streaming<Session>> {
+        let request = WatchSessionRequest { session: self.session.session };
+        Ok(self.daemon.calibration().watch_session(request).await?.into_inner())
+    }
+}
+
+/// What a stream told: whose, and the session, or that it ended.
+type Told = (usize, Result<Option<Session>, Status>);
+
+/// All streams as one.
+async fn watch(all: &[Followed]) -> Outcome<mpsc::Receiver<Told>> {
+    let (tell, told) = mpsc::channel(1);
+    for (position, followed) in all.iter().enumerate() {
+        let (mut stream, tell) = (followed.watch().await?, tell.clone());
+        // Ends when nobody listens any more, or with its stream.
+        tokio::spawn(async move {
+            loop {
+                let message = stream.message().await;
+                let last = !matches!(message, Ok(Some(_)));
+                if tell.send((position, message)).await.is_err() || last {
+                    return;
+                }
+            }
+        });
+    }
+    Ok(told)
+}
+
+/// Follows sessions until each waits for review or has ended. The first that is still under way is shown, of the others
+/// only what changes.
 ///
 /// # Errors
-/// A lost connection, or an operator who leaves or aborts it.
-pub async fn follow(course: &mut Course, number: u64) -> Outcome<Session> {
-    let mut stream = watch(&course.daemon, number).await?;
+/// A lost connection, or an operator who leaves or aborts them.
+pub async fn follow(course: &mut Course, all: &mut [Followed]) -> Outcome {
+    let mut told = watch(all).await?;
     loop {
         tokio::select! {
-            session = stream.message() => {
+            message = told.recv() => {
+                let Some((position, session)) = message else { return Ok(()) };
+                let number = all[position].session.session;
                 let Some(session) = session? else {
                     return Err(Failure::Broken(anyhow::anyhow!("the daemon ended the stream of session {number}")));
                 };
-                course.screen.show(&session)?;
-                if !matches!(
-                    session.state(),
-                    SessionState::Taring | SessionState::Ramping | SessionState::Fitting
-                ) {
-                    return Ok(session);
+                let before = std::mem::replace(&mut all[position].session, session);
+                let shown = all.iter().position(Followed::is_under_way).unwrap_or(position);
+                course.screen.show(&all[position].session, &before, shown == position)?;
+                if !all.iter().any(Followed::is_under_way) {
+                    return Ok(());
                 }
             }
             interrupted = tokio::signal::ctrl_c() => {
                 interrupted?;
-                interrupt(course, number).await?;
+                interrupt(course, all).await?;
             }
         }
     }
 }
 
 /// Ctrl-C: abort, leave, or go on.
-async fn interrupt(course: &Course, number: u64) -> Outcome {
-    let left =
-        || Failure::refused(format!("session {number} goes on in the daemon; `taxeld calibrate` takes it up again"));
+async fn interrupt(course: &Course, all: &[Followed]) -> Outcome {
+    let under_way: Vec<&Followed> = all.iter().filter(|followed| followed.is_under_way()).collect();
+    let numbers: Vec<String> = under_way.iter().map(|followed| followed.session.session.to_string()).collect();
+    let named = format!("session {}", numbers.join(", "));
+    let left = || Failure::refused(format!("{named} goes on in the daemon; `taxeld calibrate` takes it up again"));
     if !course.asks {
         return Err(left());
     }
@@ -66,8 +108,11 @@ async fn interrupt(course: &Course, number: u64) -> Outcome {
     let answer = ask::ask("a: abort the session, l: leave it to the daemon, Enter: go on.").await?;
     match answer.as_str() {
         "a" => {
-            course.daemon.calibration().abort_session(AbortSessionRequest { session: number }).await?;
-            Err(Failure::refused(format!("session {number} is aborted; its samples are kept")))
+            for followed in under_way {
+                let request = AbortSessionRequest { session: followed.session.session };
+                followed.daemon.calibration().abort_session(request).await?;
+            }
+            Err(Failure::refused(format!("{named} is aborted; its samples are kept")))
         }
         "l" => Err(left()),
         _ => Ok(()),
@@ -83,28 +128,27 @@ fn is_vented(session: &Session) -> bool {
 ///
 /// # Errors
 /// A lost connection.
-pub async fn until_vented(course: &mut Course, session: Session) -> Outcome<Session> {
-    if is_vented(&session) {
-        return Ok(session);
+pub async fn until_vented(course: &mut Course, followed: &mut Followed) -> Outcome {
+    if is_vented(&followed.session) {
+        return Ok(());
     }
     course.screen.tell("the target is reached: vent the bag (Ctrl-C goes on without)");
-    let mut stream = watch(&course.daemon, session.session).await?;
-    let mut newest = session;
+    let mut stream = followed.watch().await?;
     let asks = course.asks;
     let give_up = async { if asks { std::future::pending().await } else { tokio::time::sleep(VENT_WITHIN).await } };
     tokio::pin!(give_up);
-    while !is_vented(&newest) {
+    while !is_vented(&followed.session) {
         tokio::select! {
             session = stream.message() => {
                 let Some(session) = session? else { break };
-                course.screen.show(&session)?;
-                newest = session;
+                let before = std::mem::replace(&mut followed.session, session);
+                course.screen.show(&followed.session, &before, true)?;
             }
-            interrupted = tokio::signal::ctrl_c() => { interrupted?; return Ok(newest); }
-            () = &mut give_up => { course.screen.tell("the bag is still not vented"); return Ok(newest); }
+            interrupted = tokio::signal::ctrl_c() => { interrupted?; return Ok(()); }
+            () = &mut give_up => { course.screen.tell("the bag is still not vented"); return Ok(()); }
         }
     }
     bell();
     course.screen.tell("the bag is vented");
-    Ok(newest)
+    Ok(())
 }

@@ -1,34 +1,38 @@
 //! `taxeld calibrate`: a session from the zero to the models in use, guided.
 
+mod begin;
 mod course;
 mod guide;
 mod review;
 mod screen;
 
 use taxel_proto::v1::{
-    ActivateModelSetRequest, Branches, GetSkinRequest, ModuleName, Session, SessionState, StartRampRequest,
+    AbortSessionRequest, ActivateModelSetRequest, ModuleName, Session, SessionState, StartRampRequest,
 };
 
-use course::{Course, follow, until_vented};
+use begin::{Patch, begin, patch};
+use course::{Course, Followed, follow, until_vented};
 use screen::Screen;
 
 use super::ask;
 use super::compare::fetch;
-use super::connect::{Daemon, Server};
+use super::connect::Server;
 use super::failure::{Failure, Outcome};
 use super::json;
-use super::places::Places;
 
 /// Guides through a calibration in the vacuum bag: zero, ramps, review, activation.
 ///
 /// A session that is under way is taken up again. Ctrl-C asks whether to abort it or to leave it to the daemon.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log # asks nothing, activates what comes of it\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12"
+    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log # asks nothing, activates what comes of it\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --patch left_forearm --with left_hand   # both in one bag, one ramp"
 )]
 pub struct CalibrateArgs {
     #[command(flatten)]
     server: Server,
+    /// Another patch in the same bag, calibrated by the same ramps in a session of its own; may be given several times.
+    #[arg(long, value_name = "PATCH", conflicts_with = "session")]
+    with: Vec<String>,
     /// Ramps of the session; the bag is vented between them.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
     ramps: u32,
@@ -70,31 +74,72 @@ fn parse_module(text: &str) -> Result<ModuleName, String> {
 /// A calibration that fails or is left, what the daemon refuses, or no daemon.
 pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let skin = daemon.skin().get_skin(GetSkinRequest { patch: daemon.patch() }).await?.into_inner();
-    if !skin.has_gauge {
-        return Err(Failure::refused(format!("patch {} has no pressure gauge: it cannot be calibrated", skin.patch)));
+    let mut patches = Vec::new();
+    for name in std::iter::once(&daemon.patch()).chain(&args.with) {
+        let patch = patch(&daemon, name).await?;
+        if patches.iter().any(|other: &Patch| other.daemon.patch() == patch.daemon.patch()) {
+            return Err(Failure::refused(format!("patch {} is named twice", patch.daemon.patch())));
+        }
+        patches.push(patch);
     }
-    let daemon = daemon.about(&skin.patch);
-    let places = Places::of(&skin);
     let asks = !args.yes && !args.json && ask::somebody();
-    let mut course = Course { daemon, screen: Screen::new(places.clone(), args.json), asks };
-    let mut session = begin(&mut course, &args).await?;
-    loop {
-        session = follow(&mut course, session.session).await?;
-        if session.state() != SessionState::Review {
-            course.screen.end();
-            return Err(failed(&session));
-        }
-        session = until_vented(&mut course, session).await?;
-        if session.ramps >= args.ramps {
-            break;
-        }
-        course.screen.tell(&format!("ramp {} of {}", session.ramps + 1, args.ramps));
-        let request = StartRampRequest { session: session.session };
-        session = course.daemon.calibration().start_ramp(request).await?.into_inner();
-    }
+    let places = patches.iter().map(|patch| (patch.daemon.patch(), patch.places.clone())).collect();
+    let mut course = Course { screen: Screen::new(places, args.json), asks };
+    let mut all = begin_all(&course, &args, &patches).await?;
+    let failed = ramps(&mut course, &args, &mut all).await?;
     course.screen.end();
-    conclude(&course, &args, &session, &skin.model_set, &places).await
+    for followed in &all {
+        if let Some(patch) = patches.iter().find(|patch| patch.daemon.patch() == followed.session.patch) {
+            conclude(&course, &args, &followed.session, patch).await?;
+        }
+    }
+    failed.map_or(Ok(()), Err)
+}
+
+/// The sessions of all patches. Where one is refused, those that have just begun are ended: half a bag is no calibration.
+async fn begin_all(course: &Course, args: &CalibrateArgs, patches: &[Patch]) -> Outcome<Vec<Followed>> {
+    let mut all: Vec<Followed> = Vec::new();
+    for patch in patches {
+        match begin(course, args, patch).await {
+            Ok(followed) => all.push(followed),
+            Err(refused) => {
+                for begun in all.iter().filter(|begun| begun.session.state() == SessionState::Taring) {
+                    let request = AbortSessionRequest { session: begun.session.session };
+                    begun.daemon.calibration().abort_session(request).await?;
+                }
+                return Err(refused);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// Takes all ramps. What fails is left out of those to come; the last of it is given back.
+async fn ramps(course: &mut Course, args: &CalibrateArgs, all: &mut Vec<Followed>) -> Outcome<Option<Failure>> {
+    let mut lost = None;
+    loop {
+        follow(course, all).await?;
+        let ended = all.extract_if(.., |followed| followed.session.state() != SessionState::Review);
+        for ended in ended {
+            if let Some(earlier) = lost.replace(failed(&ended.session)) {
+                course.screen.tell(&earlier.to_string());
+            }
+        }
+        let Some(first) = all.first_mut() else {
+            course.screen.end();
+            return Err(lost.unwrap_or_else(|| Failure::refused("there is no session".to_owned())));
+        };
+        until_vented(course, first).await?;
+        let taken = first.session.ramps;
+        if taken >= args.ramps {
+            return Ok(lost);
+        }
+        course.screen.tell(&format!("ramp {} of {}", taken + 1, args.ramps));
+        for followed in all.iter_mut() {
+            let request = StartRampRequest { session: followed.session.session };
+            followed.session = followed.daemon.calibration().start_ramp(request).await?.into_inner();
+        }
+    }
 }
 
 /// Why no models came of it, and what can be done.
@@ -107,74 +152,15 @@ fn failed(session: &Session) -> Failure {
     ))
 }
 
-/// The session to follow: one that is under way, one to be taken up, or a new one.
-async fn begin(course: &mut Course, args: &CalibrateArgs) -> Outcome<Session> {
-    if let Some(number) = args.session {
-        let request = taxel_proto::v1::GetSessionRequest { session: number };
-        let session = course.daemon.calibration().get_session(request).await?.into_inner();
-        return take_up(course, session).await;
-    }
-    if let Some(session) = newest(&course.daemon).await?.filter(|_| !args.new)
-        && wants(course, args, &session).await?
-    {
-        return take_up(course, session).await;
-    }
-    let branches = if args.both { Branches::Both } else { Branches::Unspecified };
-    let request = taxel_proto::v1::StartSessionRequest {
-        patch: course.daemon.patch(),
-        target_kpa: args.target,
-        confirmed_by: args.confirmed_by.clone(),
-        branches: branches.into(),
-        leave_out: args.leave_out.clone(),
-    };
-    let session = course.daemon.calibration().start_session(request).await?.into_inner();
-    session.look.iter().for_each(|line| course.screen.tell(&format!("look: {line}")));
-    Ok(session)
-}
-
-async fn newest(daemon: &Daemon) -> Outcome<Option<Session>> {
-    let patch = daemon.patch();
-    let request = taxel_proto::v1::ListSessionsRequest { patch, page_size: 1, page_token: String::new() };
-    Ok(daemon.calibration().list_sessions(request).await?.into_inner().sessions.into_iter().next())
-}
-
-/// Whether this earlier session is the one to go on with.
-async fn wants(course: &Course, args: &CalibrateArgs, session: &Session) -> Outcome<bool> {
-    let (number, scans) = (session.session, session.accepted);
-    match session.state() {
-        SessionState::Taring | SessionState::Ramping | SessionState::Fitting => {
-            course.screen.tell(&format!("session {number} is under way: following it"));
-            Ok(true)
-        }
-        SessionState::Interrupted if course.asks => {
-            ask::yes(&format!("session {number} was interrupted with {scans} scans. Take it up?")).await
-        }
-        SessionState::Interrupted => Ok(args.yes),
-        SessionState::Review if course.asks => {
-            ask::yes(&format!("session {number} waits for review, with {scans} scans. Look at it?")).await
-        }
-        _ => Ok(false),
-    }
-}
-
-async fn take_up(course: &Course, session: Session) -> Outcome<Session> {
-    match session.state() {
-        SessionState::Interrupted | SessionState::Failed | SessionState::Aborted => {
-            let request = StartRampRequest { session: session.session };
-            Ok(course.daemon.calibration().start_ramp(request).await?.into_inner())
-        }
-        _ => Ok(session),
-    }
-}
-
 /// The review, and what the operator makes of it.
-async fn conclude(course: &Course, args: &CalibrateArgs, session: &Session, active: &str, places: &Places) -> Outcome {
-    let set = fetch(&course.daemon, &session.model_set).await?;
+async fn conclude(course: &Course, args: &CalibrateArgs, session: &Session, patch: &Patch) -> Outcome {
+    let Patch { daemon, places, active } = patch;
+    let set = fetch(daemon, &session.model_set).await?;
     if set.taxels.iter().all(|model| !model.is_usable()) {
         review::print(&set, None, places);
         return Err(Failure::refused(format!("not one of {} taxels got a usable model", set.taxels.len())));
     }
-    let before = if active.is_empty() { None } else { Some(fetch(&course.daemon, active).await?) };
+    let before = if active.is_empty() { None } else { Some(fetch(daemon, active).await?) };
     if !args.json {
         review::print(&set, before.as_ref(), places);
     }
@@ -183,12 +169,9 @@ async fn conclude(course: &Course, args: &CalibrateArgs, session: &Session, acti
         course.screen.tell(&format!("not in use yet: taxeld activate {}", set.id));
         return Ok(());
     }
-    let request = ActivateModelSetRequest {
-        patch: course.daemon.patch(),
-        model_set: set.id.clone(),
-        expected: Some(active.to_owned()),
-    };
-    let answer = course.daemon.models().activate_model_set(request).await?.into_inner();
+    let request =
+        ActivateModelSetRequest { patch: daemon.patch(), model_set: set.id.clone(), expected: Some(active.clone()) };
+    let answer = daemon.models().activate_model_set(request).await?.into_inner();
     if args.json {
         return json::print("ActivateModelSetResponse", &answer);
     }

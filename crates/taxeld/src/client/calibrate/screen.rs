@@ -1,5 +1,6 @@
 //! The calibration as a living screen on a terminal, else as plain lines: one a second, and one at each change.
 
+use std::collections::BTreeMap;
 use std::io::{IsTerminal, Write};
 use std::time::{Duration, Instant};
 
@@ -21,7 +22,8 @@ const NAMED_FROM: f64 = 0.5;
 
 /// Where the calibration is shown.
 pub struct Screen {
-    places: Places,
+    /// By the names of the patches.
+    places: BTreeMap<String, Places>,
     guide: Guide,
     living: Option<Living>,
     json: bool,
@@ -30,6 +32,7 @@ pub struct Screen {
 
 /// What was shown last.
 struct Shown {
+    session: u64,
     at: Instant,
     state: SessionState,
     falling: bool,
@@ -48,52 +51,57 @@ struct Living {
 }
 
 impl Screen {
-    /// A screen for a patch with taxels at these places; `json` for a line of JSON a message instead.
-    pub fn new(places: Places, json: bool) -> Self {
+    /// A screen for patches with taxels at these places; `json` for a line of JSON a message instead.
+    pub fn new(places: BTreeMap<String, Places>, json: bool) -> Self {
         let living = (!json && std::io::stderr().is_terminal()).then(Living::new);
         Self { places, guide: Guide::default(), living, json, last: None }
     }
 
-    /// Shows a session as it is now.
+    /// Shows a session as it is now, and was before: in full the one that leads, of another only that its state changed.
     ///
     /// # Errors
     /// A session that is no JSON.
-    pub fn show(&mut self, session: &Session) -> Outcome {
+    pub fn show(&mut self, session: &Session, before: &Session, leads: bool) -> Outcome {
         if self.json {
             return json::print("Session", session);
         }
-        self.draw(session);
+        if leads {
+            self.draw(session);
+        } else if (session.state, session.falling) != (before.state, before.falling) {
+            self.tell(&format!("{}: {} {}", session.patch, session_word(session.state()), session.reason));
+        }
         Ok(())
     }
 
     fn draw(&mut self, session: &Session) {
         let advice = self.guide.advise(session);
         let (state, falling, at) = (session.state(), session.falling, Instant::now());
-        let turned = self.last.as_ref().is_some_and(|last| {
+        // Another session may lead now.
+        let last = self.last.take().filter(|last| last.session == session.session);
+        let turned = last.as_ref().is_some_and(|last| {
             last.state == SessionState::Ramping && (last.state != state || last.falling != falling)
         });
         if turned {
             bell();
         }
-        let changed = self
-            .last
-            .as_ref()
-            .is_none_or(|last| (last.state, last.falling) != (state, falling) || last.advice != advice);
+        let changed =
+            last.as_ref().is_none_or(|last| (last.state, last.falling) != (state, falling) || last.advice != advice);
         match &self.living {
             Some(living) => living.show(session, &advice, &self.silent(session)),
             None => {
-                let due = self.last.as_ref().is_none_or(|last| at - last.at >= LINE_EVERY);
+                let due = last.as_ref().is_none_or(|last| at - last.at >= LINE_EVERY);
                 if !changed && !due {
+                    self.last = last;
                     return;
                 }
                 let silent = self.silent(session);
                 // In a log the places are told when they change, not each second.
-                let told = self.last.as_ref().is_some_and(|last| last.silent == silent && last.state == state);
+                let told = last.as_ref().is_some_and(|last| last.silent == silent && last.state == state);
                 say!("{}", line(session, &advice, if told { "" } else { &silent }));
             }
         }
         let silent = self.silent(session);
-        self.last = Some(Shown { at, state, falling, advice, silent });
+        self.last = Some(Shown { session: session.session, at, state, falling, advice, silent });
     }
 
     /// Says something beside the picture.
@@ -127,8 +135,9 @@ impl Screen {
     fn silent(&self, session: &Session) -> String {
         let high = session.pressure_kpa.is_some_and(|kpa| kpa > NAMED_FROM * session.target_kpa) || session.falling;
         let told = high || matches!(session.state(), SessionState::Fitting | SessionState::Review);
-        let left_out = |taxel: &u32| !self.places.is_in(*taxel, &session.left_out);
-        if told { self.places.name(session.not_responding.iter().copied().filter(left_out)) } else { String::new() }
+        let Some(places) = self.places.get(&session.patch).filter(|_| told) else { return String::new() };
+        let left_out = |taxel: &u32| !places.is_in(*taxel, &session.left_out);
+        places.name(session.not_responding.iter().copied().filter(left_out))
     }
 }
 

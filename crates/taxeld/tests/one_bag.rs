@@ -1,0 +1,91 @@
+//! Two patches in one bag: one command, one ramp, a session and a model set for each.
+#![cfg(all(feature = "sim", feature = "client"))]
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
+
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// The simulated forearm as two patches, a board each, and one gauge.
+const CONFIG: &str = r#"
+[store]
+path = "store.db"
+[[listen]]
+unix = "s"
+[[bus]]
+name = "skin"
+source = "sim"
+[[patch]]
+name = "upper"
+bus = "skin"
+listen_only = true
+area_mm2 = 42.1
+board = [{ address = 13, modules = "0-15" }]
+gauge = { id = 0x3A1, length_bits = 32, signed = true, unit = "Pa" }
+[[patch]]
+name = "lower"
+bus = "skin"
+listen_only = true
+area_mm2 = 42.1
+board = [{ address = 12, modules = "0-6" }]
+gauge = { id = 0x3A1, length_bits = 32, signed = true, unit = "Pa" }
+"#;
+
+struct Daemon(Child);
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+fn taxeld(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    let server = format!("unix:{}", folder.join("s").display());
+    command.args(arguments).env("TAXELD_SERVER", server).current_dir(folder).stdin(Stdio::null());
+    command.output().unwrap()
+}
+
+fn start(folder: &Path) -> Daemon {
+    std::fs::write(folder.join("taxeld.toml"), CONFIG).unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    command.args(["run", "--config", "taxeld.toml"]).current_dir(folder).stderr(Stdio::null());
+    let daemon = Daemon(command.spawn().unwrap());
+    let limit = Instant::now() + Duration::from_secs(120);
+    while !taxeld(folder, &["list"]).status.success() {
+        assert!(Instant::now() < limit, "the daemon does not answer");
+        std::thread::yield_now();
+    }
+    daemon
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+#[test]
+fn two_patches_in_one_bag_are_calibrated_by_one_ramp() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let _daemon = start(folder);
+    for (with, why) in [("upper", "named twice"), ("hand", "no patch `hand`")] {
+        let refused = taxeld(folder, &["calibrate", "--patch", "upper", "--with", with, "--yes"]);
+        assert_eq!(refused.status.code(), Some(3), "{}", text(&refused.stderr));
+        assert!(text(&refused.stderr).contains(why), "{}", text(&refused.stderr));
+    }
+    let words =
+        ["calibrate", "--patch", "upper", "--with", "lower", "--target", "15", "--confirmed-by", "test", "--yes"];
+    let done = taxeld(folder, &words);
+    let (out, errors) = (text(&done.stdout), text(&done.stderr));
+    assert!(done.status.success(), "{out}{errors}");
+    assert_eq!(out.matches("the bag is vented").count(), 1, "{out}");
+    assert_eq!(out.matches("is in use").count(), 2, "{out}");
+    let sessions = taxeld(folder, &["sessions", "list", "--json"]);
+    let sessions: Vec<serde_json::Value> =
+        text(&sessions.stdout).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let mut found: Vec<_> =
+        sessions.iter().map(|s| (s["patch"].as_str().unwrap(), s["state"].as_str().unwrap())).collect();
+    found.sort_unstable();
+    assert_eq!(found, [("lower", "SESSION_STATE_ACTIVE"), ("upper", "SESSION_STATE_ACTIVE")]);
+}
