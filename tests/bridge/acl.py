@@ -36,7 +36,7 @@ def acl(stage, scratch):
     folder.mkdir(exist_ok=True)
     openssl(folder, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "30", "-keyout", "ca.key", "-out", "ca.pem",
             "-subj", "/CN=fleet")
-    for file, name in [("router", "router"), ("icub01", "icub01"), ("thief", "thief"), ("reader", "fleet-reader")]:
+    for file, name in [("router", "router"), ("icub01", "icub01"), ("thief", "thief"), ("reader", "fleet-reader"), ("operator", "fleet-operator")]:
         certificate(folder, file, name)
     stage.router("--config", configuration(folder, "zenoh-router.json5", port))
 
@@ -67,6 +67,20 @@ def acl(stage, scratch):
     until("the robot is asked", lambda: [bytes(reply.ok.payload) for reply in reader.get("taxel/icub01/models", timeout=5)
                                          if reply.ok] == [b"models"])
     assert not [reply for reply in thief.get("taxel/icub01/models", timeout=1) if reply.ok]
+    operator, sent = session("operator"), []
+
+    def take(query):
+        sent.append(bytes(query.payload))
+        query.reply(query.key_expr, b"taken")
+
+    importing = robot.declare_queryable("taxel/icub01/import", take)
+    send = lambda who, payload: list(who.get("taxel/icub01/import", payload=payload, timeout=5))
+    until("an operator sends models", lambda: send(operator, b"operator's"))
+    # Between two of the operator's, so that it would be there if it was let through.
+    assert not send(reader, b"reader's")
+    until("an operator sends models again", lambda: send(operator, b"operator's"))
+    assert set(sent) == {b"operator's"}, sent
+    importing.undeclare()
     for declared in [forces, tokens, token, false_token, other, queryable]:
         declared.undeclare()
     for one in [robot, thief, reader, writer]:

@@ -101,11 +101,13 @@ pub struct FleetSection {
     pub zenoh: Option<ZenohSection>,
     /// Force samples per second of each patch, 0.1 to 1000.
     pub rate_hz: f64,
+    /// Whether a model set may come from the fleet; an operator of this robot activates it or does not.
+    pub imports: bool,
 }
 
 impl Default for FleetSection {
     fn default() -> Self {
-        Self { zenoh: None, rate_hz: 10.0 }
+        Self { zenoh: None, rate_hz: 10.0, imports: false }
     }
 }
 

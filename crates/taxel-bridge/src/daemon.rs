@@ -9,6 +9,9 @@ use tonic::Status;
 
 use crate::config::{DaemonSection, TlsSection};
 
+/// Largest answer that is taken: certificates of large patches are beyond tonic's 4 MiB.
+const ANSWER_BYTES_MAX: usize = 64 << 20;
+
 /// The daemon. The connection is made when the first call needs it, and made anew after it broke.
 #[derive(Clone)]
 pub struct Daemon {
@@ -49,7 +52,7 @@ impl Daemon {
 
     /// `ModelService`.
     pub fn models(&self) -> ModelServiceClient<Line> {
-        ModelServiceClient::new(self.line.clone())
+        ModelServiceClient::new(self.line.clone()).max_decoding_message_size(ANSWER_BYTES_MAX)
     }
 }
 

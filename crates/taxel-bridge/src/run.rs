@@ -7,7 +7,7 @@ use tokio::task::JoinSet;
 use crate::config::{Config, FleetSection, RosSection, ZenohSection};
 use crate::daemon::Daemon;
 use crate::feed::{self, Feed, HealthFeed};
-use crate::fleet::robot;
+use crate::fleet::{queries, robot};
 use crate::follow::{self, Newest};
 use crate::link;
 use crate::ros::keys::{Graph, KeepLast, name_of};
@@ -106,7 +106,12 @@ impl Bridge {
             tasks.spawn(robot::force(session.clone(), name(), feed.clone(), fleet.rate_hz));
         }
         tasks.spawn(robot::health(session.clone(), name(), self.health.clone()));
-        tasks.spawn(robot::models(session.clone(), name(), self.daemon.clone()));
+        tasks.spawn(queries::models(session.clone(), name(), self.daemon.clone()));
+        tasks.spawn(queries::events(session.clone(), name(), self.daemon.clone()));
+        tasks.spawn(queries::certificate(session.clone(), name(), self.daemon.clone()));
+        if fleet.imports {
+            tasks.spawn(queries::import(session.clone(), name(), self.daemon.clone()));
+        }
         let _alive = robot::announce(&session, &self.robot).await?;
         first_end(tasks).await
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::Serialize;
-use taxel_proto::v1::{ForceSample, Health, ModelSetSummary};
+use taxel_proto::v1::{Drift, DriftState, ForceSample, Health, ModelSetSummary};
 
 use crate::belief::{self, NoForce};
 
@@ -51,10 +51,14 @@ pub struct Row {
     pub age_s: Option<f64>,
     /// Taxels that do not count.
     pub excluded: Option<u32>,
+    /// Taxels that counted when the models were made and do not now: silent, or with a fault.
+    pub lost: Option<u32>,
     /// Whether the zero holds.
     pub zero_valid: Option<bool>,
     /// When it was taken, s since 1970.
     pub zero_taken: Option<i64>,
+    /// How far the zero followed the skin's temperature since then, in counts of the module that drifted furthest.
+    pub drift_counts: Option<f64>,
     /// When the models in use were made, s since 1970.
     pub calibrated: Option<i64>,
     /// The models in use.
@@ -146,6 +150,16 @@ impl Book {
     }
 }
 
+/// What does not count now beyond what was without a model from the beginning.
+fn lost(sample: &ForceSample, set: &ModelSetSummary) -> u32 {
+    (sample.excluded.saturating_add(sample.stale)).saturating_sub(set.taxels.saturating_sub(set.calibrated))
+}
+
+/// Whether a zero follows the temperature at all.
+fn followed(drift: &Drift) -> bool {
+    !matches!(drift.state(), DriftState::Unspecified | DriftState::Off)
+}
+
 impl Robot {
     fn row(
         &self,
@@ -173,8 +187,13 @@ impl Robot {
             sigma_n: good.and_then(|sample| sample.total_sigma_n),
             age_s: sample.and_then(|sample| sample.age_s).map(|age_s| belief::age(age_s, waited).as_secs_f64()),
             excluded: sample.map(|sample| sample.excluded),
+            lost: sample.zip(models).map(|(sample, set)| lost(sample, set)),
             zero_valid: zero.map(|zero| zero.valid),
             zero_taken: zero.and_then(|zero| Some(zero.time.as_ref()?.seconds)),
+            drift_counts: zero
+                .and_then(|zero| zero.drift.as_ref())
+                .filter(|drift| followed(drift))
+                .map(|d| d.max_counts),
             calibrated: models.and_then(|set| Some(set.created.as_ref()?.seconds)),
             model_set,
             reasons,
@@ -221,11 +240,15 @@ mod tests {
         let mut book = book();
         assert_eq!(book.unknown_models(), ["icub"]);
         let created = Some(Timestamp { seconds: 1_600_000_000, nanos: 0 });
-        let set = ModelSetSummary { model_set: "m-1".into(), created, active: true, ..ModelSetSummary::default() };
+        let (model_set, taxels, calibrated) = ("m-1".to_owned(), 230, 229);
+        let set =
+            ModelSetSummary { model_set, created, taxels, calibrated, active: true, ..ModelSetSummary::default() };
         book.models("icub", vec![set], s(2.0));
         assert!(book.unknown_models().is_empty());
         let time = Some(Timestamp { seconds: 1_700_000_000, nanos: 0 });
-        let tare = Some(TareStatus { valid: true, time, ..TareStatus::default() });
+        let mut drift = Drift { max_counts: -1.5, ..Drift::default() };
+        drift.set_state(DriftState::Following);
+        let tare = Some(TareStatus { valid: true, time, drift: Some(drift), ..TareStatus::default() });
         let patches = vec![PatchHealth { patch: "arm".into(), tare, ..PatchHealth::default() }];
         book.health("icub", Health { patches, ..Health::default() }, s(2.0));
         assert_eq!(book.rows(s(2.5)).len(), 1);
@@ -234,6 +257,9 @@ mod tests {
         assert_eq!((row.force_n, row.sigma_n, row.age_s, row.for_s), (Some(4.9), Some(0.5), Some(0.52), 1.5));
         assert_eq!((row.zero_valid, row.zero_taken), (Some(true), Some(1_700_000_000)));
         assert_eq!((row.calibrated, row.model_set.as_str()), (Some(1_600_000_000), "m-1"));
+        assert_eq!((row.drift_counts, row.lost), (Some(-1.5), Some(0)));
+        book.force("icub", "arm", ForceSample { excluded: 3, stale: 20, ..good() }, s(2.0));
+        assert_eq!(book.rows(s(2.5))[0].lost, Some(22), "one had no model from the beginning");
     }
 
     #[test]

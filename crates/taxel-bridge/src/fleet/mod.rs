@@ -1,7 +1,9 @@
 //! Many robots on one router: what each tells of itself, and all of them in one view.
 
+pub mod ask;
 pub mod book;
 pub mod keys;
+pub mod queries;
 pub mod robot;
 pub mod table;
 pub mod watch;

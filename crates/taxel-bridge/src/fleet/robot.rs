@@ -1,4 +1,4 @@
-//! What one robot tells a fleet.
+//! What one robot tells a fleet unasked.
 //!
 //! Samples go on as the service's own protobuf messages: every field survives (state, reasons, uncertainty), a reader in
 //! any language generates them from `proto/`, later fields are compatible, and a sample is a third of its JSON.
@@ -6,7 +6,7 @@
 use std::time::Duration;
 
 use prost::Message;
-use taxel_proto::v1::{ForceSample, ListModelSetsRequest, ListModelSetsResponse};
+use taxel_proto::v1::ForceSample;
 use zenoh::Session;
 use zenoh::bytes::Encoding;
 use zenoh::liveliness::LivelinessToken;
@@ -14,19 +14,16 @@ use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
 use crate::belief::{passed_on, withheld};
-use crate::daemon::{Daemon, words};
 use crate::feed::{Feed, HealthFeed};
 use crate::fleet::keys;
 use crate::link::tried;
 
-/// Most model sets that a daemon has; all fit on one page.
-const SETS_MAX: u32 = 1000;
 /// The schema behind a protobuf payload.
 const FORCE: &str = "taxel.v1.ForceSample";
 const HEALTH: &str = "taxel.v1.Health";
-const SETS: &str = "taxel.v1.ListModelSetsResponse";
 
-fn protobuf(schema: &str) -> Encoding {
+/// How a payload says what it is.
+pub(super) fn protobuf(schema: &str) -> Encoding {
     Encoding::APPLICATION_PROTOBUF.with_schema(schema)
 }
 
@@ -104,30 +101,6 @@ pub async fn health(session: Session, robot: String, mut health: HealthFeed) -> 
         let bytes = health.borrow_and_update().as_ref().ok().map(Message::encode_to_vec);
         if let Some(bytes) = bytes {
             tried("the health", publisher.put(bytes).await)?;
-        }
-    }
-}
-
-/// Answers which model sets are in use.
-///
-/// # Errors
-/// If the session is closed.
-pub async fn models(session: Session, robot: String, daemon: Daemon) -> anyhow::Result<()> {
-    let key = keys::models(&robot);
-    let queries = tried("a queryable", session.declare_queryable(key.clone()).complete(true).await)?;
-    loop {
-        let query = tried("a query", queries.recv_async().await)?;
-        let request = ListModelSetsRequest { page_size: SETS_MAX, ..ListModelSetsRequest::default() };
-        let replied = match daemon.models().list_model_sets(request).await {
-            Ok(sets) => {
-                let model_sets = sets.into_inner().model_sets.into_iter().filter(|set| set.active).collect();
-                let bytes = ListModelSetsResponse { model_sets, ..ListModelSetsResponse::default() }.encode_to_vec();
-                query.reply(key.clone(), bytes).encoding(protobuf(SETS)).await
-            }
-            Err(status) => query.reply_err(words(&status)).await,
-        };
-        if let Err(error) = replied {
-            tracing::warn!("models: the answer did not go out: {error}");
         }
     }
 }

@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 
 use crate::fleet::book::Row;
 
-const HEAD: [&str; 9] = ["robot", "patch", "state", "force N", "age", "excluded", "zero", "calibrated", "why"];
+const HEAD: [&str; 11] =
+    ["robot", "patch", "state", "force N", "age", "excluded", "lost", "zero", "drift", "calibrated", "why"];
 
 /// A span of time as people say it.
 fn span(seconds: f64) -> String {
@@ -17,12 +18,17 @@ fn span(seconds: f64) -> String {
     }
 }
 
-fn cells(row: &Row, now_s: i64) -> [String; 9] {
-    let ago = |at: Option<i64>| at.map(|at| format!("{} ago", span((now_s - at).max(0) as f64)));
+/// How long ago something was, in s; what a clock that is ahead says of the future is now.
+pub fn ago(seconds: i64) -> String {
+    format!("{} ago", span(seconds.max(0) as f64))
+}
+
+fn cells(row: &Row, now_s: i64) -> [String; HEAD.len()] {
+    let since = |at: Option<i64>| at.map(|at| ago(now_s - at));
     let force = row.force_n.map(|n| row.sigma_n.map_or(format!("{n:.2}"), |sigma| format!("{n:.2} +- {sigma:.2}")));
     let zero = match row.zero_valid {
         Some(false) => Some("not valid".to_owned()),
-        _ => ago(row.zero_taken),
+        _ => since(row.zero_taken),
     };
     let mut why = row.reasons.join("; ");
     if !row.here {
@@ -36,8 +42,10 @@ fn cells(row: &Row, now_s: i64) -> [String; 9] {
         force.unwrap_or_else(none),
         row.age_s.filter(|age| age.is_finite() && row.here).map_or_else(none, span),
         row.excluded.map_or_else(none, |excluded| excluded.to_string()),
+        row.lost.map_or_else(none, |lost| lost.to_string()),
         zero.unwrap_or_else(none),
-        ago(row.calibrated).unwrap_or_else(none),
+        row.drift_counts.map_or_else(none, |counts| format!("{counts:+.1}")),
+        since(row.calibrated).unwrap_or_else(none),
         why,
     ]
 }
@@ -80,8 +88,10 @@ mod tests {
             sigma_n: Some(0.21),
             age_s: Some(0.02),
             excluded: Some(11),
+            lost: Some(2),
             zero_valid: Some(true),
             zero_taken: Some(1_000),
+            drift_counts: Some(-0.52),
             calibrated: None,
             model_set: "m-1".into(),
             reasons: Vec::new(),
@@ -89,11 +99,14 @@ mod tests {
         let gone = Row { robot: "r1".into(), here: false, force_n: None, state: "GONE".into(), ..row.clone() };
         let text = text(&[row, gone], 8_300);
         let lines: Vec<_> = text.lines().collect();
-        assert_eq!(lines[0], "robot  patch  state  force N       age    excluded  zero     calibrated  why");
-        assert_eq!(lines[1], "icub   arm    OK     4.90 +- 0.21  0.0 s  11        2 h ago  -");
+        assert_eq!(
+            lines[0],
+            "robot  patch  state  force N       age    excluded  lost  zero     drift  calibrated  why"
+        );
+        assert_eq!(lines[1], "icub   arm    OK     4.90 +- 0.21  0.0 s  11        2     2 h ago  -0.5   -");
         assert_eq!(
             lines[2],
-            "r1     arm    GONE   -             -      11        2 h ago  -           vanished 90 s ago"
+            "r1     arm    GONE   -             -      11        2     2 h ago  -0.5   -           vanished 90 s ago"
         );
     }
 }
