@@ -8,7 +8,8 @@ use taxel_proto::v1::{
 };
 use tonic::{Response, Status};
 use zenoh::Session;
-use zenoh::query::Query;
+use zenoh::handlers::FifoChannelHandler;
+use zenoh::query::{Query, Queryable};
 
 use crate::daemon::{Daemon, words};
 use crate::fleet::keys;
@@ -20,25 +21,22 @@ const SETS_MAX: u32 = 1000;
 /// A daemon that has not answered by then does not, and the next question has its turn.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 
-/// A key, and the schema of what it replies with.
-struct Asked {
-    key: String,
-    schema: &'static str,
-}
-
 /// Which model sets are in use. The request is not looked at: all fit into one answer.
 ///
 /// # Errors
 /// If the session is closed.
 pub async fn models(session: Session, robot: String, daemon: Daemon) -> anyhow::Result<()> {
-    let asked = Asked { key: keys::models(&robot), schema: "taxel.v1.ListModelSetsResponse" };
-    serve(&session, &asked, async |_: ListModelSetsRequest| {
+    let asked = Asked::at(&session, keys::models(&robot), "taxel.v1.ListModelSetsResponse").await?;
+    loop {
+        let (query, _) = asked.next::<ListModelSetsRequest>().await?;
         let all = ListModelSetsRequest { page_size: SETS_MAX, ..ListModelSetsRequest::default() };
-        let sets = daemon.models().list_model_sets(all).await?.into_inner();
-        let model_sets = sets.model_sets.into_iter().filter(|set| set.active).collect();
-        Ok(ListModelSetsResponse { model_sets, ..ListModelSetsResponse::default() })
-    })
-    .await
+        let sets = answered(daemon.models().list_model_sets(all)).await;
+        let in_use = |sets: ListModelSetsResponse| ListModelSetsResponse {
+            model_sets: sets.model_sets.into_iter().filter(|set| set.active).collect(),
+            ..ListModelSetsResponse::default()
+        };
+        asked.reply(&query, sets.map(in_use)).await;
+    }
 }
 
 /// What happened lately.
@@ -46,9 +44,11 @@ pub async fn models(session: Session, robot: String, daemon: Daemon) -> anyhow::
 /// # Errors
 /// If the session is closed.
 pub async fn events(session: Session, robot: String, daemon: Daemon) -> anyhow::Result<()> {
-    let asked = Asked { key: keys::events(&robot), schema: "taxel.v1.ListEventsResponse" };
-    let call = async |request: ListEventsRequest| daemon.skin().list_events(request).await.map(Response::into_inner);
-    serve(&session, &asked, call).await
+    let asked = Asked::at(&session, keys::events(&robot), "taxel.v1.ListEventsResponse").await?;
+    loop {
+        let (query, request) = asked.next::<ListEventsRequest>().await?;
+        asked.reply(&query, answered(daemon.skin().list_events(request)).await).await;
+    }
 }
 
 /// The calibration certificate of a model set.
@@ -56,10 +56,11 @@ pub async fn events(session: Session, robot: String, daemon: Daemon) -> anyhow::
 /// # Errors
 /// If the session is closed.
 pub async fn certificate(session: Session, robot: String, daemon: Daemon) -> anyhow::Result<()> {
-    let asked = Asked { key: keys::certificate(&robot), schema: "taxel.v1.Certificate" };
-    let call =
-        async |request: GetCertificateRequest| daemon.models().get_certificate(request).await.map(Response::into_inner);
-    serve(&session, &asked, call).await
+    let asked = Asked::at(&session, keys::certificate(&robot), "taxel.v1.Certificate").await?;
+    loop {
+        let (query, request) = asked.next::<GetCertificateRequest>().await?;
+        asked.reply(&query, answered(daemon.models().get_certificate(request)).await).await;
+    }
 }
 
 /// Takes a model set into the daemon's store. It is not in use until an operator of this robot activates it: the way from
@@ -68,50 +69,64 @@ pub async fn certificate(session: Session, robot: String, daemon: Daemon) -> any
 /// # Errors
 /// If the session is closed.
 pub async fn import(session: Session, robot: String, daemon: Daemon) -> anyhow::Result<()> {
-    let asked = Asked { key: keys::import(&robot), schema: "taxel.v1.ImportModelSetResponse" };
-    serve(&session, &asked, async |request: ImportModelSetRequest| {
-        let imported = daemon.models().import_model_set(request).await.map(Response::into_inner);
+    let asked = Asked::at(&session, keys::import(&robot), "taxel.v1.ImportModelSetResponse").await?;
+    loop {
+        let (query, request) = asked.next::<ImportModelSetRequest>().await?;
+        let imported = answered(daemon.models().import_model_set(request)).await;
         match &imported {
             Ok(taken) => {
                 tracing::info!(model_set = taken.model_set, "a model set came from the fleet; it is not in use")
             }
-            Err(status) => tracing::warn!("a model set from the fleet was refused: {}", words(status)),
+            Err(why) => tracing::warn!("a model set from the fleet was refused: {why}"),
         }
-        imported
-    })
-    .await
+        asked.reply(&query, imported).await;
+    }
 }
 
-/// Answers one question after the other, for ever.
-async fn serve<Q, A>(session: &Session, asked: &Asked, call: impl AsyncFn(Q) -> Result<A, Status>) -> anyhow::Result<()>
-where
-    Q: Message + Default,
-    A: Message,
-{
-    let key = &asked.key;
-    let queries = tried("a queryable", session.declare_queryable(key.clone()).complete(true).await)?;
-    loop {
-        let query = tried("a query", queries.recv_async().await)?;
-        let replied = match answer(&query, &call).await {
-            Ok(bytes) => query.reply(key.clone(), bytes).encoding(protobuf(asked.schema)).await,
+/// A key at which one question after the other is answered.
+struct Asked {
+    key: String,
+    /// Of what it replies with.
+    schema: &'static str,
+    queries: Queryable<FifoChannelHandler<Query>>,
+}
+
+impl Asked {
+    async fn at(session: &Session, key: String, schema: &'static str) -> anyhow::Result<Self> {
+        let queries = tried("a queryable", session.declare_queryable(key.clone()).complete(true).await)?;
+        Ok(Self { key, schema, queries })
+    }
+
+    /// The next question whose payload is a request; one without asks for the defaults.
+    async fn next<Q: Message + Default>(&self) -> anyhow::Result<(Query, Q)> {
+        loop {
+            let query = tried("a query", self.queries.recv_async().await)?;
+            let bytes = query.payload().map(|payload| payload.to_bytes().into_owned()).unwrap_or_default();
+            match Q::decode(&*bytes) {
+                Ok(request) => return Ok((query, request)),
+                Err(error) => {
+                    let why = format!("the payload is not the request's message: {error}");
+                    self.reply(&query, Err::<Q, _>(why)).await;
+                }
+            }
+        }
+    }
+
+    async fn reply<A: Message>(&self, query: &Query, answer: Result<A, String>) {
+        let sent = match answer {
+            Ok(answer) => query.reply(self.key.clone(), answer.encode_to_vec()).encoding(protobuf(self.schema)).await,
             Err(why) => query.reply_err(why).await,
         };
-        if let Err(error) = replied {
-            tracing::warn!(key, "the answer did not go out: {error}");
+        if let Err(error) = sent {
+            tracing::warn!(self.key, "the answer did not go out: {error}");
         }
     }
 }
 
-/// The answer's bytes, or why there is none. A question without a payload asks for the defaults.
-async fn answer<Q, A>(query: &Query, call: &impl AsyncFn(Q) -> Result<A, Status>) -> Result<Vec<u8>, String>
-where
-    Q: Message + Default,
-    A: Message,
-{
-    let bytes = query.payload().map(|payload| payload.to_bytes()).unwrap_or_default();
-    let request = Q::decode(&*bytes).map_err(|error| format!("the payload is not the request's message: {error}"))?;
-    match tokio::time::timeout(ANSWER_WITHIN, call(request)).await {
-        Ok(Ok(answer)) => Ok(answer.encode_to_vec()),
+/// What the daemon answers in time, or why it does not, in words.
+async fn answered<A>(call: impl Future<Output = Result<Response<A>, Status>>) -> Result<A, String> {
+    match tokio::time::timeout(ANSWER_WITHIN, call).await {
+        Ok(Ok(answer)) => Ok(answer.into_inner()),
         Ok(Err(status)) => Err(words(&status)),
         Err(_) => Err(format!("the daemon has not answered within {} s", ANSWER_WITHIN.as_secs())),
     }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use taxel_skin::{SquareMillimetre, Time};
 
-use crate::force::Measured;
+use crate::force::owner::Measured;
 use crate::loads::factor::{AreaFactor, LOADS_MIN};
 use crate::loads::load::{KnownLoad, Load, Reading, Weight};
 use crate::loads::validation::{Patch, Validation, judge, mean_area_mm2};

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use taxel_skin::Time;
 
-use crate::force::Measured;
+use crate::force::owner::Measured;
 use crate::force::sample::{ForceSample, ForceState};
 use crate::loads::load::{KnownLoad, Reading};
 use crate::request::RequestId;
@@ -154,9 +154,10 @@ mod tests {
         Time::from_nanos(ms * 1_000_000)
     }
 
-    fn sample(total_n: f64) -> ForceSample {
+    fn sample(total_n: f64) -> Measured {
         let (total, total_sigma) = (Some(Newton(total_n)), Some(Newton(0.5)));
-        ForceSample { state: ForceState::Ok, total, total_sigma, ..ForceSample::default() }
+        let sample = ForceSample { state: ForceState::Ok, total, total_sigma, ..ForceSample::default() };
+        Measured { sample, active: [3, 4, 17].into() }
     }
 
     /// What comes of scans every 50 ms with this force at each second.
@@ -168,7 +169,7 @@ mod tests {
     #[test]
     fn a_steady_force_is_read_for_a_second() {
         let reading = read(|s| 5.0 + 0.1 * (40.0 * s).sin()).unwrap();
-        assert_eq!(reading.scans, 20);
+        assert_eq!((reading.scans, reading.taxels.as_slice()), (20, [3, 4, 17].as_slice()));
         assert!((reading.mean_n - 5.0).abs() < 0.05 && (reading.sigma_n - 0.5).abs() < 1e-12, "{reading:?}");
         assert!((0.05..0.1).contains(&reading.scatter_n), "{reading:?}");
     }
@@ -209,8 +210,8 @@ mod tests {
         assert_eq!(watch.take(at(50), (1, 1.0), &sample(5.0)), None);
         assert!(watch.take(at(100), (1, 1.15), &sample(5.0)).unwrap().unwrap_err().contains("area factor"));
         let mut watch = self::watch();
-        other.state = ForceState::Stale;
-        other.reasons = vec!["80 taxels are silent".to_owned()];
+        other.sample.state = ForceState::Stale;
+        other.sample.reasons = vec!["80 taxels are silent".to_owned()];
         assert!(watch.take(at(150), (1, 1.0), &other).unwrap().unwrap_err().contains("80 taxels are silent"));
     }
 }

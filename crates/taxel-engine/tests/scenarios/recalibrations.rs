@@ -6,7 +6,7 @@ use std::sync::Arc;
 use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection};
-use taxel_engine::loads::validation::judge;
+use taxel_engine::loads::validation::{Patch, judge};
 use taxel_engine::loads::{KnownLoad, Validation, Weight};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
@@ -254,7 +254,8 @@ fn a_load_that_lay_under_a_degraded_force_counts_for_nothing() {
     loads[0].read.reasons = vec!["module 3 is silent: the total is a lower bound".to_owned()];
     let (area_mm2, of) = (loads[0].mean_area_mm2, view.model_set.clone());
     let loads: Vec<_> = loads.into_iter().map(Arc::new).collect();
-    view = judge(&view.patch, &loads, area_mm2, of);
+    let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2, taxels: small().set.taxels.len() };
+    view = judge(patch, &loads, of);
     let counted = view.loads.iter().filter(|judged| judged.in_factor()).count();
     assert_eq!(counted, MASSES.len() - 1);
     let chosen = Chosen { loads: numbers, ..Chosen::default() };
