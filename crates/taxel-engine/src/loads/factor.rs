@@ -134,8 +134,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn load(laid: f64, read: f64, sigma: f64) -> Load {
-        // Somewhere else than any other load.
-        let taxels = vec![laid.to_bits().wrapping_mul(31) as u16];
+        // Somewhere else than any other load of another force.
+        let taxels = vec![(1000.0 * laid) as u16];
         let read = Reading { scans: 20, mean_n: read, sigma_n: sigma, taxels, ..Reading::default() };
         Load { force_n: laid, read, area_factor: 1.0, ..Load::default() }
     }

@@ -7,8 +7,9 @@ use taxel_skin::SquareMillimetre;
 use crate::loads::factor::AreaFactor;
 use crate::loads::load::Load;
 
-/// Neighbours tell of a filled taxel to about 20 %: of more than this share of a load that would show in the factor.
-const FILLED_SHARE_MAX: f64 = 0.1;
+/// Neighbours tell of a filled taxel to about 20 %: of more than this share of a load that is 4 % of it, and would show in
+/// the factor.
+const FILLED_SHARE_MAX: f64 = 0.2;
 
 /// Configured areas are the same if their means agree to this share.
 const SAME_AREA_SHARE: f64 = 1e-9;
