@@ -21,6 +21,7 @@ from run import Boards
 SECONDS = 3.0
 # Boards send no faster than their period, and a busy machine holds them up.
 PERIOD_SHARES = (0.9, 1.6)
+HELD_UP_SHARE = 0.05
 
 
 def boards(path, address, modules, period_ms, gauge=False):
@@ -79,7 +80,9 @@ def check_boards(taxeld, scratch):
         board = found["boards"][str(address)]
         assert sorted(map(int, board["modules"])) == modules, board
         assert PERIOD_SHARES[0] < board["period_ms"] / period_ms < PERIOD_SHARES[1], board["period_ms"]
-        assert not any(module["orphans"] > 1 or module["flickering"] for module in board["modules"].values()), board
+        # A machine that holds the sender up between the two halves of a scan makes orphans of them.
+        orphans = [module["orphans"] / module["scans"] for module in board["modules"].values()]
+        assert max(orphans) <= HELD_UP_SHARE and not any(module["flickering"] for module in board["modules"].values()), board
     gauge = next(other for other in found["others"] if other["id"] == f"{GAUGE:03X}")
     first = gauge["pressures"][0]
     assert (first["unit"], first["length_bits"], first["start_bit"], first["moving"]) == ("Pa", 32, 0, True), first
