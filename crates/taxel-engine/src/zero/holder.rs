@@ -11,7 +11,7 @@ use crate::baseline::TaxelBaseline;
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::regions::Regions;
-use crate::request::RequestId;
+use crate::request::{ErrorReason, RequestId};
 use crate::scan::Scan;
 use crate::zero::bag::Bag;
 use crate::zero::continuity::{Continuity, Finding, UNSEEN_COUNTS};
@@ -140,7 +140,7 @@ impl Zero {
     pub fn watch(&mut self, now: Time, purpose: Purpose, events: &mut Vec<ZeroEvent>) {
         if let Some(earlier) = self.stop_watching() {
             let why = "another tare began before this one had seen enough".to_owned();
-            events.push(ZeroEvent::Refused(earlier, why));
+            events.push(ZeroEvent::Refused(earlier, ErrorReason::TareSuperseded, why));
         }
         let window = RestWindow::new(self.regions.taxels(), self.regions.modules());
         self.watch = Some(Watch::new(now, self.plan.tare.duration, window, purpose));
@@ -237,13 +237,13 @@ impl Zero {
         if let Some(proven) = &mut self.proven {
             proven.spoil(why);
         }
-        self.end_watch(format!("meanwhile {why}"), events);
+        self.end_watch(ErrorReason::ZeroLost, format!("meanwhile {why}"), events);
     }
 
     /// Ends a watch of a skin that cannot be at rest; whoever wanted it is told why.
-    pub fn end_watch(&mut self, why: String, events: &mut Vec<ZeroEvent>) {
+    pub fn end_watch(&mut self, reason: ErrorReason, why: String, events: &mut Vec<ZeroEvent>) {
         if let Some(purpose) = self.stop_watching() {
-            events.push(ZeroEvent::Refused(purpose, why));
+            events.push(ZeroEvent::Refused(purpose, reason, why));
         }
     }
 
@@ -340,7 +340,11 @@ impl Zero {
         if self.watch.as_ref().is_some_and(|watch| now > watch.give_up_at())
             && let Some(purpose) = self.stop_watching()
         {
-            events.push(ZeroEvent::Refused(purpose, format!("no rest could be watched: {}", silence())));
+            events.push(ZeroEvent::Refused(
+                purpose,
+                ErrorReason::SkinSilent,
+                format!("no rest could be watched: {}", silence()),
+            ));
         }
     }
 

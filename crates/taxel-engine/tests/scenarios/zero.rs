@@ -122,7 +122,7 @@ fn a_tare_under_a_mass_is_refused_with_figures() {
     bench.seconds(1.0);
     let before = bench.host.snapshot().tare.clone();
     let why = match bench.tare(None) {
-        Err(Rejection::FailedPrecondition(why)) => why,
+        Err(Rejection::FailedPrecondition(_, why)) => why,
         other => panic!("{other:?}"),
     };
     for part in ["rest is not proven: loaded: 7", "counts towards load in the median", "at most 3.5", "confirmed_by"] {
@@ -157,7 +157,7 @@ fn a_tare_of_a_silent_skin_is_refused_and_names_the_modules() {
     let mut bench = small().in_use();
     bench.inject(Fault::BoardSilent(board(12)));
     bench.inject(Fault::BoardSilent(board(13)));
-    let Err(Rejection::FailedPrecondition(why)) = bench.tare(Some("Ada")) else { panic!("taken from nothing") };
+    let Err(Rejection::FailedPrecondition(_, why)) = bench.tare(Some("Ada")) else { panic!("taken from nothing") };
     assert!(why.contains("8 modules are silent: board 13 module 0"), "{why}");
 }
 

@@ -1,6 +1,6 @@
 //! Calls: the same answers as over gRPC, as JSON.
 
-use taxel_engine::command::{Command, Rejection};
+use taxel_engine::command::{Command, ErrorReason, Rejection};
 
 use crate::fixture::{snapshot, start};
 
@@ -38,7 +38,10 @@ async fn a_command_reaches_the_engine_and_its_refusal_comes_back() {
         let request = daemon.requests.recv().await.unwrap();
         let Command::Tare { patch, confirmed_by } = request.command else { panic!("{:?}", request.command) };
         assert_eq!((patch.as_str(), confirmed_by.as_deref()), ("left_forearm", Some("Ada")));
-        request.reply.send(Err(Rejection::FailedPrecondition("rest is not proven".to_owned()))).unwrap();
+        request
+            .reply
+            .send(Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, "rest is not proven".to_owned())))
+            .unwrap();
     };
     let asked = std::net::SocketAddr::clone(&daemon.address);
     let body = r#"{"confirmedBy": "Ada"}"#;
