@@ -31,6 +31,7 @@ mod model;
 mod page;
 mod push;
 pub mod push_line;
+mod reasons;
 mod recalibration;
 mod refit;
 mod refusals;

@@ -65,7 +65,7 @@ impl LoadWatch {
         force: &ForceSample,
     ) -> Option<Result<Reading, Unread>> {
         if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
-            return Some(Err((ErrorReason::NoForce, format!("there is no force: {}", force.reasons.join("; ")))));
+            return Some(Err((ErrorReason::NoForce, format!("there is no force: {}", force.why()))));
         }
         if time <= self.newest {
             return None; // no new frame in it
@@ -103,8 +103,9 @@ impl LoadWatch {
         self.reading.out_of_range = self.reading.out_of_range.max(force.out_of_range);
         self.reading.uncovered_share = self.reading.uncovered_share.max(force.uncovered_share);
         for reason in &force.reasons {
-            if !self.reading.reasons.contains(reason) && self.reading.reasons.len() < REASONS_MAX {
-                self.reading.reasons.push(reason.clone());
+            let known = self.reading.reasons.iter().any(|known| known == reason.text());
+            if !known && self.reading.reasons.len() < REASONS_MAX {
+                self.reading.reasons.push(reason.text().to_owned());
             }
         }
     }
@@ -148,6 +149,7 @@ fn mean(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::force::reason::{Reason, ReasonCode};
     use crate::loads::load::Weight;
     use taxel_skin::Newton;
 
@@ -219,7 +221,7 @@ mod tests {
         assert!(watch.take(at(100), (1, 1.15), &sample(5.0)).unwrap().unwrap_err().1.contains("area factor"));
         let mut watch = self::watch();
         other.state = ForceState::Stale;
-        other.reasons = vec!["80 taxels are silent".to_owned()];
+        other.reasons = vec![Reason::new(ReasonCode::TaxelsSilent, "80 taxels are silent")];
         assert!(watch.take(at(150), (1, 1.0), &other).unwrap().unwrap_err().1.contains("80 taxels are silent"));
     }
 }

@@ -6,10 +6,11 @@ use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::calibration::calibrate::CalibrationEvent;
 use crate::calibration::session::SessionRecord;
+use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
-use crate::request::{ErrorReason, Rejection};
+use crate::request::Rejection;
 use crate::zero::events::ZeroEvent;
 use crate::zero::watch::Purpose;
 
@@ -42,7 +43,9 @@ impl Patch {
                         self.on_looked(now, Ok(()), effects);
                     }
                 }
-                ZeroEvent::Refused(Purpose::AtStart, _, why) => self.zero.explain(format!("rest is not proven: {why}")),
+                ZeroEvent::Refused(Purpose::AtStart, _, why) => {
+                    self.zero.explain(ReasonCode::RestNotProven, format!("rest is not proven: {why}"));
+                }
                 ZeroEvent::Refused(Purpose::Operator { request, .. }, reason, why) => {
                     let hint = "if nothing touches the skin, say so with confirmed_by";
                     let why = Rejection::FailedPrecondition(reason, format!("rest is not proven: {why}; {hint}"));
