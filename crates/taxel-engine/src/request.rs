@@ -29,6 +29,16 @@ pub enum Rejection {
 }
 
 impl Rejection {
+    /// There is no session of this number.
+    pub(crate) fn no_session(number: u64) -> Self {
+        Self::NotFound(ErrorReason::SessionUnknown, format!("session {number}"))
+    }
+
+    /// There is no model set of this id.
+    pub(crate) fn no_model_set(id: &str) -> Self {
+        Self::NotFound(ErrorReason::ModelSetUnknown, format!("model set `{id}`"))
+    }
+
     /// Why, for programs.
     #[must_use]
     pub const fn reason(&self) -> ErrorReason {

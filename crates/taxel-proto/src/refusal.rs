@@ -91,6 +91,13 @@ impl Refusal {
         self
     }
 
+    /// The same, about all these; the narrowest last.
+    #[must_use]
+    pub fn about_all(mut self, things: impl IntoIterator<Item = (&'static str, String)>) -> Self {
+        self.about.extend(things);
+        self
+    }
+
     /// The same, and when it makes sense to ask again.
     #[must_use]
     pub fn retry_after(mut self, wait: Duration) -> Self {

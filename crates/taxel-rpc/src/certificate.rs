@@ -11,7 +11,7 @@ use tonic::Status;
 
 use crate::certificate_maker::{CertificateOf, MadeCertificate};
 use crate::service::Service;
-use crate::status::engine_stopped;
+use crate::status::{engine_stopped, samples_not_kept};
 
 impl Service {
     /// The certificate of a model set.
@@ -23,11 +23,7 @@ impl Service {
             )
         };
         let maker = self.handle.certificates.clone().ok_or_else(missing)?;
-        let source = self
-            .handle
-            .samples
-            .clone()
-            .ok_or_else(|| Refusal::failed_precondition(ErrorReason::NotOffered, "samples are not kept"))?;
+        let source = self.handle.samples.clone().ok_or_else(samples_not_kept)?;
         let not_here = || {
             let id = &set.id;
             let why = match (set.session, set.derived_from()) {

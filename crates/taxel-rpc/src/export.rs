@@ -13,7 +13,7 @@ use tonic::Status;
 use crate::access::caller::Caller;
 use crate::convert::known;
 use crate::service::Service;
-use crate::status::engine_stopped;
+use crate::status::{engine_stopped, samples_not_kept};
 use crate::stream::MessageStream;
 
 /// Samples of one message: of 230 taxels 125 kB.
@@ -22,11 +22,7 @@ const BLOCK_SAMPLES: usize = 500;
 impl Service {
     /// The samples of a session that exists, as a stream of blocks, at least one.
     pub(crate) async fn export(&self, caller: &Caller, session: u64) -> Result<MessageStream<v1::SampleBlock>, Status> {
-        let source = self
-            .handle
-            .samples
-            .clone()
-            .ok_or_else(|| Refusal::failed_precondition(ErrorReason::NotOffered, "samples are not kept"))?;
+        let source = self.handle.samples.clone().ok_or_else(samples_not_kept)?;
         let place = self.stream_place(caller)?;
         let export = Arc::clone(&self.exports).try_acquire_owned().map_err(|_| {
             let limit = self.limits.exports;

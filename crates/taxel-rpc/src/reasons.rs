@@ -33,7 +33,6 @@ pub(crate) const fn code(code: ReasonCode) -> v1::ReasonCode {
         ReasonCode::RestNotProven => Sent::RestNotProven,
         ReasonCode::BoardsNotConfigured => Sent::BoardsNotConfigured,
         ReasonCode::ZeroLost => Sent::ZeroLost,
-        ReasonCode::ZeroUnderLoad => Sent::ZeroUnderLoad,
         ReasonCode::ZeroDoubted => Sent::ZeroDoubted,
     }
 }

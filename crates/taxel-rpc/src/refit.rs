@@ -17,7 +17,7 @@ use crate::access::caller::Caller;
 use crate::calibration::asked_branches;
 use crate::handle::SamplesSource;
 use crate::service::{Service, strange_answer};
-use crate::status::{engine_stopped, invalid, of_rejection};
+use crate::status::{engine_stopped, invalid, of_rejection, samples_not_kept};
 
 impl Service {
     /// Fits what these sessions gathered, and has the set kept.
@@ -31,8 +31,7 @@ impl Service {
         let options = asked_options(options)?;
         let views = numbers.iter().map(|number| self.session(*number)).collect::<Result<Vec<_>, _>>()?;
         let refit = self.plan_refit(views, &options).await?;
-        let absent = || Refusal::failed_precondition(ErrorReason::NotOffered, "samples are not kept");
-        let (source, id_of) = self.handle.samples.clone().zip(self.handle.id_of).ok_or_else(absent)?;
+        let (source, id_of) = self.handle.samples.clone().zip(self.handle.id_of).ok_or_else(samples_not_kept)?;
         // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.
         let turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
             Refusal::exhausted(

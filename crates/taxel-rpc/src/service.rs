@@ -178,10 +178,7 @@ impl Service {
         let outcome = tokio::select! {
             answer = tokio::time::timeout(limit, answer) => match answer {
                 Ok(Ok(Ok(done))) => Ok(done),
-                Ok(Ok(Err(rejection))) => {
-                    let refusal = things.into_iter().fold(of_rejection(&rejection), |refusal, (what, which)| refusal.about(what, which));
-                    Err(refusal.into())
-                }
+                Ok(Ok(Err(rejection))) => Err(of_rejection(&rejection).about_all(things).into()),
                 Ok(Err(_)) => Err(engine_stopped()),
                 Err(_) => {
                     let why = format!(

@@ -22,6 +22,11 @@ pub(crate) fn invalid(field: &str, problem: impl std::fmt::Display) -> Status {
     Refusal::invalid(field, problem).into()
 }
 
+/// What needs the samples of sessions cannot be done by a daemon without a store.
+pub(crate) fn samples_not_kept() -> Refusal {
+    Refusal::failed_precondition(v1::ErrorReason::NotOffered, "samples are not kept")
+}
+
 /// Why streams end and commands fail when the daemon stops.
 pub(crate) fn shutting_down() -> Status {
     Refusal::unavailable(v1::ErrorReason::ShuttingDown, "the daemon is shutting down").into()

@@ -101,10 +101,7 @@ impl Engine {
     fn check_activation(&self, asked: &LoadingSet) -> Result<KnownSet, Rejection> {
         let (index, id) = (asked.patch, asked.model_set.as_str());
         self.store_takes_records()?;
-        let set = self
-            .model_sets
-            .get(id)
-            .ok_or_else(|| Rejection::NotFound(ErrorReason::ModelSetUnknown, format!("model set `{id}`")))?;
+        let set = self.model_sets.get(id).ok_or_else(|| Rejection::no_model_set(id))?;
         self.refuse_if_set_is_deleted(id)?;
         let patch = &self.patches[index];
         let name = patch.name();

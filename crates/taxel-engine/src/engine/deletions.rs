@@ -20,8 +20,7 @@ impl Engine {
     ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
         let set = self.model_sets.get(&id).map(|set| set.session);
-        let session =
-            set.ok_or_else(|| Rejection::NotFound(ErrorReason::ModelSetUnknown, format!("model set `{id}`")))?;
+        let session = set.ok_or_else(|| Rejection::no_model_set(&id))?;
         self.refuse_if_set_is_deleted(&id)?;
         self.refuse_if_set_is_used(&id)?;
         if let Some(view) = self.session_of(&id, session).filter(|view| view.state.is_open()) {
@@ -42,10 +41,7 @@ impl Engine {
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
-        let view = self
-            .sessions
-            .get(&number)
-            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.refuse_if_session_is_deleted(number)?;
         if view.state.is_open() {
             let why = format!("session {number} is {}; abort it first", view.state.name());

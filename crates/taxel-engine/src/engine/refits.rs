@@ -23,10 +23,7 @@ impl Engine {
         let index = self.patch_named(&set.patch)?;
         for number in sessions {
             self.refuse_if_session_is_deleted(*number)?;
-            let view = self
-                .sessions
-                .get(number)
-                .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, format!("session {number}")))?;
+            let view = self.sessions.get(number).ok_or_else(|| Rejection::no_session(*number))?;
             if view.patch != set.patch {
                 let why = format!("session {number} is of patch `{}`, the model set is of `{}`", view.patch, set.patch);
                 return Err(Rejection::FailedPrecondition(ErrorReason::SessionsDiffer, why));

@@ -120,10 +120,7 @@ impl Engine {
 
     pub(super) fn discard(&mut self, now: Now, number: u64, out: &mut Vec<Output>) -> Reply {
         self.refuse_if_session_is_deleted(number)?;
-        let view = self
-            .sessions
-            .get(&number)
-            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
             let state = view.state.name();
             let why = format!("session {number} is {state} and its models are in use; activate others first");
@@ -138,10 +135,7 @@ impl Engine {
 
     /// Ends a session that no patch holds: the one that its patch holds stays there, with its samples.
     fn end_unheld(&self, now: Now, number: u64, command: Trigger, out: &mut Vec<Output>) -> Reply {
-        let view = self
-            .sessions
-            .get(&number)
-            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let mut view = SessionView::clone(view);
         view.state = commanded(number, view.state, command)?;
         view.reason = command.reason().to_owned();
@@ -153,10 +147,7 @@ impl Engine {
 
     /// The patch that could take up a session for `command`.
     fn check_take_up(&self, now: Now, number: u64, command: Trigger) -> Result<usize, Rejection> {
-        let view = self
-            .sessions
-            .get(&number)
-            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         commanded(number, view.state, command)?;
         let index = self.patch_named(&view.patch)?;
         self.patches[index].calibration().refuse_if_open("finish or abort it first")?;
@@ -202,10 +193,7 @@ impl Engine {
         let index = self.check_take_up(now, number, command)?;
         let samples = self.usable_samples(index, number, result)?;
         let patch = &mut self.patches[index];
-        let view = self
-            .sessions
-            .get(&number)
-            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         patch.resume_session(now, SessionView::clone(view), samples);
         self.command_held(now, index, command, out)
     }

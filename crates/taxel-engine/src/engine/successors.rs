@@ -23,10 +23,7 @@ impl Engine {
 
     /// The patch on which a session in use can be succeeded.
     pub(super) fn check_successor(&self, now: Now, number: u64) -> Result<usize, Rejection> {
-        let view = self
-            .sessions
-            .get(&number)
-            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let index = self.patch_named(&view.patch)?;
         let patch = &self.patches[index];
         self.room_for_session()?;
@@ -55,10 +52,7 @@ impl Engine {
         samples: SessionSamples,
         out: &mut Vec<Output>,
     ) -> Reply {
-        let of = self
-            .sessions
-            .get(&number)
-            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, format!("session {number}")))?;
+        let of = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let view = SessionView {
             number: self.next_session,
             patch: of.patch.clone(),

@@ -37,10 +37,8 @@ pub enum ReasonCode {
     RestNotProven,
     /// The boards are not configured yet.
     BoardsNotConfigured,
-    /// Something has moved the zero.
+    /// Something has moved the zero, or it was taken under a load.
     ZeroLost,
-    /// The zero was taken under a load, or is of something else.
-    ZeroUnderLoad,
     /// Something may have moved the zero, which is being looked at.
     ZeroDoubted,
 }

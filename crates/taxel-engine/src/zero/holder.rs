@@ -275,7 +275,7 @@ impl Zero {
         let present = Present { zero: self.ground.zero(), signs: self.ground.signs(), modules, limits };
         if let Some(found) = self.lookback.on_scan(scan, present) {
             let why = "the zero was taken under a load, or is another; unload the skin and tare";
-            self.lose(ReasonCode::ZeroUnderLoad, format!("{found}: {why}"), events);
+            self.lose(ReasonCode::ZeroLost, format!("{found}: {why}"), events);
             return;
         }
         let seconds = scan.time.seconds_since(self.taken);

@@ -152,7 +152,7 @@ fn a_tare_that_somebody_vouches_for_is_taken_and_written_down_with_the_name() {
     // What Ada said was wrong shows as soon as the load goes, and then there is no zero any more.
     bench.world.clear();
     bench.until(5.0, "the finding", |host| host.reasons().contains("the zero was taken under a load"));
-    assert_eq!(bench.host.snapshot().force.reasons[0].code(), ReasonCode::ZeroUnderLoad);
+    assert_eq!(bench.host.snapshot().force.reasons[0].code(), ReasonCode::ZeroLost);
     bench.seconds(5.0);
     assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
 }
