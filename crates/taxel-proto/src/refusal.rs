@@ -14,8 +14,11 @@ use crate::v1::ErrorReason;
 /// Whose reasons these are: [`ErrorReason`].
 pub const DOMAIN: &str = "taxeld";
 
-/// Longest description in a detail, in bytes. The words are in the status twice already, and clients take 8 KiB of
-/// headers.
+/// Longest text, in bytes. It is in the headers twice, as itself (where one character beyond ASCII takes three bytes for
+/// one of its own) and in the details (in base64), and gRPC's own clients take 8 KiB of headers in all.
+const TEXT_BYTES_MAX: usize = 1_400;
+
+/// Longest description in a detail, in bytes.
 const DESCRIPTION_BYTES_MAX: usize = 256;
 
 /// Longest value of the metadata, in bytes: enough for every name that the daemon keeps.
@@ -36,7 +39,11 @@ pub struct Refusal {
 impl Refusal {
     /// A refusal with this code, for this reason, in these words.
     pub fn new(code: Code, reason: ErrorReason, text: impl Into<String>) -> Self {
-        Self { code, reason, text: text.into(), about: Vec::new(), field: None, retry_after: None }
+        let (mut text, about) = (text.into(), Vec::new());
+        if text.len() > TEXT_BYTES_MAX {
+            text = format!("{} ... ({} bytes in all)", cut(&text, TEXT_BYTES_MAX), text.len());
+        }
+        Self { code, reason, text, about, field: None, retry_after: None }
     }
 
     /// `INVALID_ARGUMENT`: a field is not what it can be.
@@ -214,12 +221,16 @@ mod tests {
 
     #[test]
     fn long_words_stay_whole_in_the_status_and_short_enough_for_a_header() {
-        let text = "\u{fc}".repeat(500);
+        let text = "\u{fc}".repeat(TEXT_BYTES_MAX / 2);
         let status =
             Status::from(Refusal::failed_precondition(ErrorReason::DataDamaged, &text).about("session", &text));
         assert_eq!(status.message(), text);
-        assert!(status.details().len() < 2 * 1024, "{} bytes", status.details().len());
+        assert!(status.details().len() < 3 * 1024, "{} bytes", status.details().len());
         assert_eq!(info_of(&status).unwrap().1["session"].len(), VALUE_BYTES_MAX);
+        let status = Status::from(Refusal::fault("x".repeat(100_000)));
+        assert!(
+            status.message().len() < TEXT_BYTES_MAX + 50 && status.message().ends_with("x ... (100000 bytes in all)")
+        );
     }
 
     #[test]
