@@ -5,7 +5,9 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-const FILES: [&str; 8] = [
+const FILES: [&str; 10] = [
+    "taxel/v1/error.proto",
+    "taxel/v1/reason.proto",
     "taxel/v1/force.proto",
     "taxel/v1/skin.proto",
     "taxel/v1/calibration.proto",

@@ -86,10 +86,11 @@ def same_figures(taxel, memory, service):
 
     for _ in range(20):
         first, second = until("one sample on both ways", both)
-        differ = {"age_s", "written_ns", "wall_ns", "reasons"}
+        differ = {"age_s", "written_ns", "wall_ns", "reasons", "codes"}
         left, right = ({k: v for k, v in vars(f).items() if k not in differ} for f in (first, second))
         assert left == right, f"{left}\n{right}"
         assert second.reasons.startswith(first.reasons[:200]), (first.reasons, second.reasons)
+        assert bool(second.codes) == bool(second.reasons), second
         assert isinstance(first, taxel.Force) and 0.0 <= first.age_s < 1.0 and first.sigma_n > 0.0
 
 
@@ -129,6 +130,8 @@ def main(taxeld, scratch):
         demo = Demo(taxeld, folder)
         service = taxel.connect(demo.address, age_max_s=1.0)
         same_figures(taxel, memory, service)
+        with taxel.connect(demo.address, "nose") as nowhere:
+            until("the reason of a refusal", lambda: nowhere.force().codes == ("PATCH_UNKNOWN",))
         for command in controllers(cpp, page, demo.address):
             until(f"a force: {command}", lambda command=command: run(command)[0] == 0)
         print("the same figures in Python over gRPC and from shared memory; C, C++ and C++ over gRPC have a force")

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use taxel_proto::v1::{ForceSample, ForceState, Vector3};
+use taxel_proto::v1::{ForceReason, ForceSample, ForceState, ReasonCode, Vector3};
 
 /// Why there is no force to send.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,6 +29,18 @@ pub enum NoForce {
         /// Which field of the sample.
         field: &'static str,
     },
+}
+
+impl NoForce {
+    /// The same for programs, where the sample does not say it itself.
+    const fn code(&self) -> ReasonCode {
+        match self {
+            Self::Nothing => ReasonCode::NoFrame,
+            Self::State { .. } => ReasonCode::Unspecified,
+            Self::TooOld { .. } => ReasonCode::FrameOld,
+            Self::NoFigure { .. } => ReasonCode::NoFigure,
+        }
+    }
 }
 
 impl fmt::Display for NoForce {
@@ -96,14 +108,21 @@ pub fn passed_on(sample: &ForceSample, waited: Duration, limit: Duration) -> For
     match believe(sample, waited, limit) {
         Ok(_) => ForceSample { age_s, ..sample.clone() },
         Err(NoForce::State { state, reasons }) => {
-            ForceSample { age_s, state: state.into(), stale: sample.stale, ..withheld(sample, reasons) }
+            let causes = sample.causes.clone();
+            ForceSample { age_s, state: state.into(), stale: sample.stale, reasons, causes, ..bare(sample) }
         }
-        Err(why) => ForceSample { age_s, ..withheld(sample, vec![why.to_string()]) },
+        Err(why) => ForceSample { age_s, ..withheld(sample, why.code(), why.to_string()) },
     }
 }
 
-/// What is left of a sample that must not be believed.
-pub fn withheld(sample: &ForceSample, reasons: Vec<String>) -> ForceSample {
+/// What is left of a sample that must not be believed, and why that is so.
+pub fn withheld(sample: &ForceSample, code: ReasonCode, reason: String) -> ForceSample {
+    let cause = ForceReason { code: code.into(), ..ForceReason::default() };
+    ForceSample { reasons: vec![reason], causes: vec![cause], ..bare(sample) }
+}
+
+/// A sample without its force.
+fn bare(sample: &ForceSample) -> ForceSample {
     ForceSample {
         sequence: sample.sequence,
         state: ForceState::Stale.into(),
@@ -113,7 +132,6 @@ pub fn withheld(sample: &ForceSample, reasons: Vec<String>) -> ForceSample {
         uncovered_share: 1.0,
         model_set: sample.model_set.clone(),
         patch: sample.patch.clone(),
-        reasons,
         ..ForceSample::default()
     }
 }
@@ -124,6 +142,10 @@ pub(crate) mod tests {
     use taxel_proto::Timestamp;
 
     const LIMIT: Duration = Duration::from_millis(150);
+
+    fn codes(sample: &ForceSample) -> Vec<ReasonCode> {
+        sample.causes.iter().map(ForceReason::code).collect()
+    }
 
     /// A good sample of 4.9 N.
     pub(crate) fn good() -> ForceSample {
@@ -169,10 +191,13 @@ pub(crate) mod tests {
         }
         let unknown = ForceSample { state: 99, ..good() };
         assert!(believe(&unknown, ms(0), LIMIT).is_err());
-        let tare = ForceSample { state: ForceState::TareInvalid.into(), reasons: vec!["no rest".into()], ..good() };
+        let cause = ForceReason { code: ReasonCode::RestNotProven.into(), ..ForceReason::default() };
+        let (reasons, causes) = (vec!["no rest".into()], vec![cause]);
+        let tare = ForceSample { state: ForceState::TareInvalid.into(), reasons, causes, ..good() };
         let sent = passed_on(&tare, ms(0), LIMIT);
         assert_eq!((sent.state(), sent.total_n, sent.resultant_n), (ForceState::TareInvalid, None, None));
         assert_eq!(sent.reasons, ["no rest"]);
+        assert_eq!(codes(&sent), [ReasonCode::RestNotProven], "as the daemon has it");
         assert_eq!(believe(&tare, ms(0), LIMIT).unwrap_err().to_string(), "TARE_INVALID: no rest");
     }
 
@@ -195,6 +220,7 @@ pub(crate) mod tests {
             assert_eq!(believe(&sample, ms(0), LIMIT), Err(NoForce::NoFigure { field }));
             let sent = passed_on(&sample, ms(0), LIMIT);
             assert_eq!((sent.state(), sent.total_n, sent.resultant_n), (ForceState::Stale, None, None), "{field}");
+            assert_eq!(codes(&sent), [ReasonCode::NoFigure], "{field}");
         }
     }
 
@@ -206,6 +232,7 @@ pub(crate) mod tests {
         assert_eq!((sent.age_s, sent.total_n, sent.state()), (Some(0.52), None, ForceState::Stale));
         assert_eq!((sent.resultant_n, sent.moment_nm, sent.centre_of_pressure_m), (None, None, None));
         assert_eq!(sent.reasons, ["the sample is 0.52 s old, the limit is 0.15 s"]);
+        assert_eq!(codes(&sent), [ReasonCode::FrameOld]);
         assert_eq!((sent.sequence, sent.patch.as_str(), sent.model_set.as_str()), (7, "left_forearm", "m-1"));
     }
 }

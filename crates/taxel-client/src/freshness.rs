@@ -6,7 +6,7 @@
 use std::fmt;
 use std::time::{Duration, Instant};
 
-use taxel_proto::v1::{ForceSample, ForceState};
+use taxel_proto::v1::{ForceReason, ForceSample, ForceState, ReasonCode};
 
 use crate::clock::DaemonClock;
 
@@ -40,8 +40,8 @@ pub struct Force {
 pub enum NoForce {
     /// No sample has come yet; with what is wrong with the connection, if something is.
     NothingYet(Option<String>),
-    /// The state carries none; with the reasons.
-    State(ForceState, Vec<String>),
+    /// The state carries none; with the reasons for people and, as many and in the same order, for programs.
+    State(ForceState, Vec<String>, Vec<ReasonCode>),
     /// It is so old, and the limit is the second.
     TooOld(Duration, Duration),
     /// It is too old because the stream was lost.
@@ -53,7 +53,7 @@ impl fmt::Display for NoForce {
         match self {
             Self::NothingYet(None) => write!(f, "no sample yet"),
             Self::NothingYet(Some(why)) => write!(f, "no sample yet: {why}"),
-            Self::State(state, reasons) => write!(f, "{}: {}", word(*state), reasons.join("; ")),
+            Self::State(state, reasons, _) => write!(f, "{}: {}", word(*state), reasons.join("; ")),
             Self::TooOld(age, limit) => {
                 write!(f, "{:.0} ms old, more than {} ms", age.as_secs_f64() * 1e3, limit.as_millis())
             }
@@ -123,7 +123,8 @@ impl Received {
         let good = matches!(sample.state(), ForceState::Ok | ForceState::Degraded);
         let newton = sample.total_n.filter(|newton| newton.is_finite());
         let (Some(newton), Some(age), true) = (newton, self.age(now), good) else {
-            return Err(NoForce::State(sample.state(), sample.reasons.clone()));
+            let codes = sample.causes.iter().map(ForceReason::code).collect();
+            return Err(NoForce::State(sample.state(), sample.reasons.clone(), codes));
         };
         if age > age_max { Err(NoForce::TooOld(age, age_max)) } else { Ok((newton, age)) }
     }
@@ -204,8 +205,12 @@ mod tests {
     fn a_state_without_a_force_and_figures_that_are_no_numbers_are_refused() {
         let now = Instant::now();
         for state in [ForceState::Stale, ForceState::TareInvalid, ForceState::Uncalibrated, ForceState::Unspecified] {
-            let received = Reader::new(now).take(sample(state, 5_000, 1), now);
-            assert!(matches!(received.usable(now, LIMIT), Err(NoForce::State(said, _)) if said == state));
+            let cause = ForceReason { code: ReasonCode::ZeroLost.into(), ..ForceReason::default() };
+            let (reasons, causes) = (vec!["why".to_owned()], vec![cause]);
+            let told = ForceSample { reasons: reasons.clone(), causes, ..sample(state, 5_000, 1) };
+            let received = Reader::new(now).take(told, now);
+            let expected = NoForce::State(state, reasons, vec![ReasonCode::ZeroLost]);
+            assert_eq!(received.usable(now, LIMIT), Err(expected));
         }
         for odd in [f64::NAN, f64::INFINITY, -1.0] {
             let of = |odd| Reader::new(now).take(odd, now).usable(now, LIMIT);

@@ -57,5 +57,5 @@ pub use engine::Engine;
 pub use intake::health::BusNotice;
 pub use now::Now;
 pub use regions::Regions;
-pub use request::{Rejection, RequestId};
+pub use request::{ErrorReason, Rejection, RequestId};
 pub use scan::Scan;

@@ -9,6 +9,8 @@ use hyper::{Response, StatusCode};
 use serde::Serialize;
 use serde_json::json;
 use std::convert::Infallible;
+use taxel_proto::refusal::{Refusal, info_of};
+use taxel_proto::v1::ErrorReason;
 use tonic::{Code, Status};
 
 /// The body of every answer.
@@ -50,14 +52,14 @@ pub(crate) fn whole(status: StatusCode, content_type: &'static str, bytes: impl 
 pub(crate) fn json_of(value: &impl Serialize) -> Response<Body> {
     match serde_json::to_vec(value) {
         Ok(bytes) => whole(StatusCode::OK, JSON, bytes),
-        Err(error) => refusal(&Status::internal(format!("the answer is no JSON: {error}"))),
+        Err(error) => refusal(&Refusal::fault(format!("the answer is no JSON: {error}")).into()),
     }
 }
 
 /// Refuses a method that the path does not have.
 pub(crate) fn wrong_method(allowed: &'static str, why: &str) -> Response<Body> {
-    let body = json!({ "code": "UNIMPLEMENTED", "message": why }).to_string();
-    let mut response = whole(StatusCode::METHOD_NOT_ALLOWED, JSON, body);
+    let refused = Refusal::new(Code::Unimplemented, ErrorReason::MethodUnknown, why).into();
+    let mut response = refusal_as(StatusCode::METHOD_NOT_ALLOWED, &refused);
     response.headers_mut().insert(ALLOW, HeaderValue::from_static(allowed));
     response
 }
@@ -78,9 +80,16 @@ pub(crate) fn refusal_as(http: StatusCode, status: &Status) -> Response<Body> {
     whole(http, JSON, status_json(status).to_string())
 }
 
-/// `{"code": "NOT_FOUND", "message": "..."}`.
+/// `{"code": "NOT_FOUND", "message": "...", "reason": "PATCH_UNKNOWN", "metadata": {"patch": "..."}}`; the last two are as
+/// in google.rpc.ErrorInfo, and not there if nothing was refused.
 pub(crate) fn status_json(status: &Status) -> serde_json::Value {
-    json!({ "code": code_name(status.code()), "message": status.message() })
+    let mut told = json!({ "code": code_name(status.code()), "message": status.message() });
+    if let Some((reason, metadata)) = info_of(status) {
+        told["reason"] = reason.into();
+        told["metadata"] =
+            metadata.into_iter().map(|(what, which)| (what, which.into())).collect::<serde_json::Map<_, _>>().into();
+    }
+    told
 }
 
 /// The HTTP status that google.rpc.Code names for each code.

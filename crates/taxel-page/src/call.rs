@@ -10,6 +10,7 @@ use hyper::HeaderMap;
 use hyper::body::Body as _;
 use hyper::header::{AUTHORIZATION, CONTENT_TYPE, HeaderValue, TE};
 use prost_reflect::{DynamicMessage, MessageDescriptor};
+use taxel_proto::refusal::Refusal;
 use tonic::body::Body;
 use tonic::transport::server::TcpConnectInfo;
 use tonic::{Code, Status};
@@ -65,7 +66,7 @@ pub(crate) async fn begin(
     admit(&path, caller)?;
     let mut call = hyper::Request::new(Body::new(Full::new(framed(request))));
     *call.method_mut() = hyper::Method::POST;
-    *call.uri_mut() = format!("/{path}").parse().map_err(|_| Status::internal("the path of a method"))?;
+    *call.uri_mut() = format!("/{path}").parse().map_err(|_| Refusal::fault("the path of a method"))?;
     call.headers_mut().insert(CONTENT_TYPE, HeaderValue::from_static("application/grpc"));
     call.headers_mut().insert(TE, HeaderValue::from_static("trailers"));
     let response = match as_of(&services, caller).oneshot(call).await {
@@ -116,7 +117,7 @@ impl Answer {
 
     /// The one message of a call that does not stream.
     pub(crate) async fn only(mut self) -> Result<DynamicMessage, Status> {
-        let message = self.next().await?.ok_or_else(|| Status::internal("the call was answered without a message"))?;
+        let message = self.next().await?.ok_or_else(|| Refusal::fault("the call was answered without a message"))?;
         while self.next().await?.is_some() {} // the status comes after the message
         Ok(message)
     }

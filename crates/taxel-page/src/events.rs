@@ -13,6 +13,7 @@ use hyper::body::{Bytes, Frame};
 use hyper::header::{CONTENT_TYPE, HeaderValue};
 use hyper::{Response, StatusCode};
 use prost_reflect::DynamicMessage;
+use taxel_proto::refusal::Refusal;
 use tokio::sync::OwnedSemaphorePermit;
 use tonic::Status;
 
@@ -80,7 +81,7 @@ fn event(name: Option<&str>, message: &DynamicMessage) -> Bytes {
     }
     bytes.extend_from_slice(b"data: ");
     if let Err(error) = serde_json::to_writer(&mut bytes, message) {
-        return end(name.unwrap_or_default(), &Status::internal(format!("a message is no JSON: {error}")));
+        return end(name.unwrap_or_default(), &Refusal::fault(format!("a message is no JSON: {error}")).into());
     }
     bytes.extend_from_slice(b"\n\n");
     bytes.into()

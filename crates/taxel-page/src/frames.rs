@@ -4,6 +4,7 @@ use hyper::body::{Buf, Bytes};
 use prost::Message;
 use prost::bytes::{BufMut, BytesMut};
 use prost_reflect::{DynamicMessage, MessageDescriptor};
+use taxel_proto::refusal::Refusal;
 use tonic::Status;
 
 /// Whether it is compressed (it never is: nobody here asks for it), and its length in 32 bits.
@@ -40,13 +41,15 @@ impl Unframed {
         let (compressed, mut length) = (head[0] != 0, &head[1..]);
         let length = length.get_u32() as usize;
         if compressed || length > MESSAGE_BYTES_MAX {
-            return Err(Status::internal(format!("an answer of {length} bytes, compressed: {compressed}")));
+            return Err(Refusal::fault(format!("an answer of {length} bytes, compressed: {compressed}")).into());
         }
         if self.bytes.len() < HEAD_BYTES + length {
             return Ok(None);
         }
         self.bytes.advance(HEAD_BYTES);
         let message = DynamicMessage::decode(of.clone(), self.bytes.split_to(length));
-        message.map(Some).map_err(|error| Status::internal(format!("an answer is not {}: {error}", of.full_name())))
+        Ok(message
+            .map(Some)
+            .map_err(|error| Refusal::fault(format!("an answer is not {}: {error}", of.full_name())))?)
     }
 }

@@ -2,7 +2,9 @@
 
 use prost_reflect::{DescriptorPool, DynamicMessage, Kind, MethodDescriptor};
 use serde_json::{Map, Value};
-use tonic::Status;
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1::ErrorReason;
+use tonic::{Code, Status};
 
 /// The one call whose request may be large.
 const IMPORT: &str = "taxel.v1.ModelService.ImportModelSet";
@@ -26,9 +28,11 @@ impl Methods {
         });
         let found = found.filter(|method| !method.is_client_streaming());
         let short = || path.chars().take(100).collect::<String>();
-        found.map(|descriptor| Method { descriptor }).ok_or_else(|| {
-            Status::unimplemented(format!("there is no call `{}`; GET /methods names them all", short()))
-        })
+        let unknown = || {
+            let why = format!("there is no call `{}`; GET /methods names them all", short());
+            Refusal::new(Code::Unimplemented, ErrorReason::MethodUnknown, why)
+        };
+        Ok(found.map(|descriptor| Method { descriptor }).ok_or_else(unknown)?)
     }
 
     /// All that one request can call, as JSON: path, how it is called, and the names of its messages.
@@ -81,7 +85,7 @@ impl Method {
             return Ok(DynamicMessage::new(input));
         }
         let refused =
-            |error| Status::invalid_argument(format!("the body is not the JSON of {}: {error}", input.full_name()));
+            |error| Refusal::unreadable(format!("the body is not the JSON of {}: {error}", input.full_name()));
         let mut reader = serde_json::Deserializer::from_slice(json);
         let message = DynamicMessage::deserialize(input.clone(), &mut reader).map_err(refused)?;
         reader.end().map_err(refused)?;
@@ -101,8 +105,8 @@ impl Method {
             };
             object.insert(name.clone(), value);
         }
-        let refused = |error| Status::invalid_argument(format!("the query is not {}: {error}", input.full_name()));
-        DynamicMessage::deserialize(input.clone(), Value::Object(object)).map_err(refused)
+        let refused = |error| Refusal::unreadable(format!("the query is not {}: {error}", input.full_name()));
+        Ok(DynamicMessage::deserialize(input.clone(), Value::Object(object)).map_err(refused)?)
     }
 }
 

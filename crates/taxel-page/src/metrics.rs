@@ -12,6 +12,7 @@ use prometheus_client::metrics::family::{Family, MetricConstructor};
 use prometheus_client::metrics::gauge::Gauge;
 use prometheus_client::metrics::histogram::Histogram;
 use prometheus_client::registry::{Registry, Unit};
+use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
@@ -121,7 +122,7 @@ impl Sheet {
 
     fn text(&self) -> Result<String, Status> {
         let mut text = String::new();
-        encode(&mut text, &self.registry).map_err(|error| Status::internal(format!("the metrics: {error}")))?;
+        encode(&mut text, &self.registry).map_err(|error| Refusal::fault(format!("the metrics: {error}")))?;
         Ok(text)
     }
 }

@@ -5,7 +5,9 @@ use hyper::HeaderMap;
 use hyper::Uri;
 use hyper::header::{HOST, HeaderName, ORIGIN};
 use std::net::IpAddr;
-use tonic::Status;
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1::ErrorReason;
+use tonic::{Code, Status};
 
 /// Where a browser says that a request comes from, seen from the site that it goes to.
 const SEC_FETCH_SITE: HeaderName = HeaderName::from_static("sec-fetch-site");
@@ -18,7 +20,7 @@ pub(crate) fn check_host(uri: &Uri, headers: &HeaderMap, names: &[String]) -> Re
     for authority in asked.into_iter().flatten() {
         if !is_ours(authority, names) {
             let short: String = authority.chars().take(100).collect();
-            return Err(Status::permission_denied(format!(
+            return Err(refused(format!(
                 "`{short}` is no name of this page: it answers to localhost, to loopback addresses, and to page.hosts of the configuration"
             )));
         }
@@ -28,21 +30,25 @@ pub(crate) fn check_host(uri: &Uri, headers: &HeaderMap, names: &[String]) -> Re
 
 /// Refuses a request that a page from elsewhere made. Who is no browser says nothing of all this and passes.
 pub(crate) fn check_origin(headers: &HeaderMap) -> Result<(), Status> {
-    let refused = |from: &str| {
+    let foreign = |from: &str| {
         let short: String = from.chars().take(100).collect();
-        Status::permission_denied(format!("a page of `{short}` may not call this service"))
+        refused(format!("a page of `{short}` may not call this service"))
     };
     if let Some(origin) = headers.get(ORIGIN) {
         let origin = origin.to_str().unwrap_or("?");
         let own = origin.strip_prefix("http://").or_else(|| origin.strip_prefix("https://"));
         if own != Some(host(headers)?) || headers.get_all(ORIGIN).iter().count() != 1 {
-            return Err(refused(origin));
+            return Err(foreign(origin));
         }
     }
     match headers.get(&SEC_FETCH_SITE).map(|site| site.as_bytes()) {
         None | Some(b"same-origin" | b"none") => Ok(()),
-        Some(site) => Err(refused(&String::from_utf8_lossy(site))),
+        Some(site) => Err(foreign(&String::from_utf8_lossy(site))),
     }
+}
+
+fn refused(text: String) -> Status {
+    Refusal::new(Code::PermissionDenied, ErrorReason::OriginRefused, text).into()
 }
 
 /// The one `Host` of a request.
@@ -50,7 +56,7 @@ fn host(headers: &HeaderMap) -> Result<&str, Status> {
     let mut all = headers.get_all(HOST).iter();
     match (all.next().and_then(|host| host.to_str().ok()), all.next()) {
         (Some(host), None) => Ok(host),
-        _ => Err(Status::invalid_argument("expected one Host header")),
+        _ => Err(Refusal::unreadable("expected one Host header").into()),
     }
 }
 

@@ -8,6 +8,8 @@ use http_body_util::{BodyExt, LengthLimitError, Limited};
 use hyper::body::{Body as _, Bytes, Incoming};
 use hyper::header::{AUTHORIZATION, CONTENT_TYPE};
 use hyper::{Method as Verb, Request, Response, StatusCode};
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1::ErrorReason;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::{Code, Status};
 
@@ -83,7 +85,7 @@ impl Site {
             };
         }
         if self.shows == Shows::Metrics {
-            return Err(Status::not_found("the metrics are at /metrics"));
+            return Err(Refusal::not_found(ErrorReason::PathUnknown, "the metrics are at /metrics").into());
         }
         // A link from elsewhere may open the page itself: it shows nothing before its own scripts ask.
         if let Some(file) = assets::find(path) {
@@ -128,7 +130,7 @@ impl Site {
         // A form of another site cannot send this type without asking first.
         let kind = request.headers().get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
         if kind.split(';').next().map(str::trim) != Some("application/json") {
-            let wrong = Status::invalid_argument("expected the header Content-Type: application/json");
+            let wrong = Refusal::unreadable("expected the header Content-Type: application/json").into();
             return Ok(refusal_as(StatusCode::UNSUPPORTED_MEDIA_TYPE, &wrong));
         }
         let (limit, _place) = self.body_limit(method, &request)?;
@@ -139,9 +141,10 @@ impl Site {
         let body: Bytes = match tokio::time::timeout(self.limits.body, body).await {
             Ok(Ok(body)) => body.to_bytes(),
             Ok(Err(error)) if error.is::<LengthLimitError>() => return Ok(too_large(limit)),
-            Ok(Err(error)) => return Err(Status::invalid_argument(format!("the body did not come: {error}"))),
+            Ok(Err(error)) => return Err(Refusal::unreadable(format!("the body did not come: {error}")).into()),
             Err(_) => {
-                let slow = Status::deadline_exceeded(format!("the body took longer than {:?}", self.limits.body));
+                let why = format!("the body took longer than {:?}", self.limits.body);
+                let slow = Refusal::new(Code::DeadlineExceeded, ErrorReason::BodyRefused, why).into();
                 return Ok(closing(refusal_as(StatusCode::REQUEST_TIMEOUT, &slow)));
             }
         };
@@ -169,8 +172,9 @@ impl Site {
             return Ok((small, None));
         }
         let place = Arc::clone(&self.large_bodies).try_acquire_owned();
-        let place =
-            place.map_err(|_| Status::resource_exhausted("another model set is being sent: try again later"))?;
+        let place = place.map_err(|_| {
+            Refusal::exhausted(ErrorReason::NoPlace, "another model set is being sent: try again later")
+        })?;
         Ok((self.limits.models_bytes, Some(place)))
     }
 
@@ -179,18 +183,19 @@ impl Site {
     async fn streams(&self, calls: Vec<Call>, caller: &Caller) -> Result<Response<Body>, Status> {
         let most = self.limits.streams_per_answer;
         if calls.is_empty() || calls.len() > most {
-            return Err(Status::invalid_argument(format!("{} calls: expected 1 to {most}", calls.len())));
+            return Err(Refusal::unreadable(format!("{} calls: expected 1 to {most}", calls.len())).into());
         }
         let mut sources = Vec::new();
         for (path, fields) in calls {
             let method = self.methods.find(&path)?;
             if !method.streams() {
-                return Err(Status::invalid_argument(format!("`{path}` does not stream: POST to it")));
+                return Err(Refusal::unreadable(format!("`{path}` does not stream: POST to it")).into());
             }
             let message = method.request_of(&fields)?;
             let place = Arc::clone(&self.streams).try_acquire_owned().map_err(|_| {
                 let limit = self.limits.streams;
-                Status::resource_exhausted(format!("{limit} streams are open over HTTP, which is the limit"))
+                let why = format!("{limit} streams are open over HTTP, which is the limit");
+                Refusal::exhausted(ErrorReason::NoPlace, why)
             })?;
             let answer = begin(self.services.clone(), &method, &message, caller).await?;
             sources.push(Source { call: path, answer, place });
@@ -200,7 +205,8 @@ impl Site {
 }
 
 fn too_large(limit: usize) -> Response<Body> {
-    let long = Status::out_of_range(format!("the body is longer than {limit} bytes"));
+    let why = format!("the body is longer than {limit} bytes");
+    let long = Refusal::new(Code::OutOfRange, ErrorReason::BodyRefused, why).into();
     closing(refusal_as(StatusCode::PAYLOAD_TOO_LARGE, &long))
 }
 
@@ -214,7 +220,7 @@ fn calls_of(query: &str) -> Result<Vec<Call>, Status> {
         match calls.last_mut() {
             _ if name == "call" => calls.push((value, Vec::new())),
             Some((_, fields)) => fields.push((name, value)),
-            None => return Err(Status::invalid_argument("the query begins with call=taxel.v1.Service/Method")),
+            None => return Err(Refusal::unreadable("the query begins with call=taxel.v1.Service/Method").into()),
         }
     }
     Ok(calls)

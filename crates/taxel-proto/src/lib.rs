@@ -3,6 +3,8 @@
 //! What every message, field and call means is written in the `.proto` files; the same text is the documentation of
 //! the items here.
 
+pub mod refusal;
+
 /// Package `taxel.v1`.
 #[allow(missing_docs, rustdoc::all, clippy::all, clippy::too_many_lines)] // generated, and documented in the .proto files
 pub mod v1 {

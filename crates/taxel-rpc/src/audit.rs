@@ -1,7 +1,9 @@
 //! `AuditService`: the audit log in pages.
 
 use taxel_engine::audit::AuditEntry;
+use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
+use taxel_proto::v1::ErrorReason;
 use taxel_proto::v1::audit_service_server::AuditService;
 use tokio::sync::oneshot;
 use tonic::{Request, Response, Status};
@@ -37,14 +39,17 @@ impl AuditService for Service {
 }
 
 async fn read(source: Option<&AuditSource>, before: u64, most: u32) -> Result<Vec<AuditEntry>, Status> {
-    let source = source.ok_or_else(|| Status::unavailable("this daemon keeps no audit log"))?;
+    let source =
+        source.ok_or_else(|| Refusal::unavailable(ErrorReason::NotOffered, "this daemon keeps no audit log"))?;
     let (tell, told) = oneshot::channel();
     let tell = move |entries| {
         let _ = tell.send(entries); // the client has gone
     };
     source(before, most, Box::new(tell));
     let read = told.await.map_err(|_| engine_stopped())?;
-    read.map_err(|why| Status::unavailable(format!("the audit log cannot be read: {why}")))
+    Ok(read.map_err(|why| {
+        Refusal::unavailable(ErrorReason::StoreUnavailable, format!("the audit log cannot be read: {why}"))
+    })?)
 }
 
 fn message(entry: AuditEntry) -> v1::AuditEntry {

@@ -2,12 +2,13 @@
 
 use taxel_engine::intake::faults::{Fault, FaultSet};
 use taxel_engine::plan::PatchPlan;
-use taxel_engine::snapshot::{ForceState, PatchSnapshot, RangeFlag, TareView, TaxelState};
+use taxel_engine::snapshot::{ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState};
 use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_proto::{Timestamp, v1};
 use taxel_skin::Time;
 
 use crate::freshness::Freshness;
+use crate::reasons;
 
 /// When a message goes out and what it leaves behind.
 #[derive(Clone, Copy, Debug)]
@@ -41,14 +42,27 @@ fn has_frame(snapshot: &PatchSnapshot) -> bool {
     snapshot.seen
 }
 
+/// A sample of a stream: of each reason how many taxels it is about.
 pub(crate) fn force(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
+    sample(plan, snapshot, sending, reasons::counted)
+}
+
+/// A sample that was asked for once: of each reason also which taxels it is about.
+pub(crate) fn force_in_full(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::ForceSample {
+    sample(plan, snapshot, sending, reasons::listed)
+}
+
+fn sample(
+    plan: &PatchPlan,
+    snapshot: &PatchSnapshot,
+    sending: Sending,
+    cause: fn(&Reason) -> v1::ForceReason,
+) -> v1::ForceSample {
     let withheld = sending.freshness.withhold(&snapshot.force, plan.patch.taxels().len());
     let force = withheld.as_ref().unwrap_or(&snapshot.force);
     let framed = has_frame(snapshot);
-    let mut reasons = force.reasons.clone();
-    if !framed {
-        reasons.insert(0, "no frame of this patch has come yet".to_owned());
-    }
+    let unseen = (!framed).then(|| Reason::new(ReasonCode::NoFrame, "no frame of this patch has come yet"));
+    let reasons = || unseen.iter().chain(&force.reasons);
     v1::ForceSample {
         sequence: snapshot.sequence,
         state: force_state(force.state).into(),
@@ -64,7 +78,8 @@ pub(crate) fn force(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending
         out_of_range: force.out_of_range,
         uncovered_share: force.uncovered_share,
         model_set: force.model_set.as_deref().unwrap_or_default().to_owned(),
-        reasons,
+        reasons: reasons().map(|reason| reason.text().to_owned()).collect(),
+        causes: reasons().map(cause).collect(),
         patch: plan.patch.name().to_owned(),
         resultant_n: force.resultant.map(vector),
         moment_nm: force.moment.map(vector),
@@ -149,7 +164,8 @@ const fn force_state(state: ForceState) -> v1::ForceState {
 pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
     let Some(tare) = tare else {
         let reason = "no zero has been taken yet".to_owned();
-        return v1::TareStatus { patch: patch.to_owned(), reason, ..v1::TareStatus::default() };
+        let reason_code = v1::ReasonCode::ZeroNotTaken.into();
+        return v1::TareStatus { patch: patch.to_owned(), reason, reason_code, ..v1::TareStatus::default() };
     };
     v1::TareStatus {
         patch: patch.to_owned(),
@@ -157,6 +173,7 @@ pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
         valid: tare.valid,
         time: timestamp(tare.wall_ns),
         reason: tare.reason.clone(),
+        reason_code: tare.code.map_or(v1::ReasonCode::Unspecified, reasons::code).into(),
         baseline_median_counts: known(tare.baseline_median).unwrap_or_default(),
         noise_median_counts: known(tare.noise_median).unwrap_or_default(),
         drift: Some(drift(&tare.drift)),

@@ -4,14 +4,16 @@ use futures_util::stream::{self, StreamExt};
 use std::sync::Arc;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples};
+use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
+use taxel_proto::v1::ErrorReason;
 use tokio::sync::oneshot;
 use tonic::Status;
 
 use crate::access::caller::Caller;
 use crate::convert::known;
 use crate::service::Service;
-use crate::status::engine_stopped;
+use crate::status::{engine_stopped, samples_not_kept};
 use crate::stream::MessageStream;
 
 /// Samples of one message: of 230 taxels 125 kB.
@@ -20,18 +22,22 @@ const BLOCK_SAMPLES: usize = 500;
 impl Service {
     /// The samples of a session that exists, as a stream of blocks, at least one.
     pub(crate) async fn export(&self, caller: &Caller, session: u64) -> Result<MessageStream<v1::SampleBlock>, Status> {
-        let source = self.handle.samples.clone().ok_or_else(|| Status::failed_precondition("samples are not kept"))?;
+        let source = self.handle.samples.clone().ok_or_else(samples_not_kept)?;
         let place = self.stream_place(caller)?;
         let export = Arc::clone(&self.exports).try_acquire_owned().map_err(|_| {
             let limit = self.limits.exports;
-            Status::resource_exhausted(format!(
-                "{limit} sessions are being exported, which is the limit: try again later"
-            ))
+            Refusal::exhausted(
+                ErrorReason::NoPlace,
+                format!("{limit} sessions are being exported, which is the limit: try again later"),
+            )
         })?;
         let (tell, told) = oneshot::channel();
         // Whoever asked may have gone; then nobody misses the answer.
         source(session, Box::new(move |samples| drop(tell.send(samples))));
-        let samples = told.await.map_err(|_| engine_stopped())?.map_err(Status::failed_precondition)?;
+        let samples = told
+            .await
+            .map_err(|_| engine_stopped())?
+            .map_err(|why| Refusal::failed_precondition(ErrorReason::DataDamaged, why).about("session", session))?;
         let blocks = samples.samples.len().div_ceil(BLOCK_SAMPLES).max(1);
         let held = (Arc::new(samples), place, export);
         Ok(stream::iter(0..blocks).map(move |number| Ok(block(&held.0, number))).boxed())

@@ -14,7 +14,7 @@ impl ForceService for Service {
         let patch = self.patch(&request.get_ref().patch)?;
         let snapshot = self.snapshot(patch);
         let sending = self.sending(patch, &snapshot, 0);
-        Ok(Response::new(convert::force(self.plan(patch), &snapshot, sending)))
+        Ok(Response::new(convert::force_in_full(self.plan(patch), &snapshot, sending)))
     }
 
     type StreamForceStream = MessageStream<v1::ForceSample>;

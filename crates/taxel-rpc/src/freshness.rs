@@ -4,7 +4,7 @@
 //! between: the engine may hang, and a stream at a fixed rate sends one snapshot many times.
 
 use std::time::Duration;
-use taxel_engine::snapshot::{ForceSample, ForceState, TaxelState};
+use taxel_engine::snapshot::{ForceSample, ForceState, Reason, ReasonCode, TaxelState};
 use taxel_skin::Time;
 
 /// What became of a snapshot by the time it is sent.
@@ -50,15 +50,15 @@ impl Freshness {
     }
 
     /// Why the snapshot must not be believed, with the figures; `None` if it may.
-    fn reason(self) -> Option<String> {
+    fn reason(self) -> Option<Reason> {
         match self {
             Self::Fresh => None,
-            Self::Old { age, limit } => Some(format!(
-                "the newest frame is {:.2} s old, the limit is {} s",
-                age.as_secs_f64(),
-                limit.as_secs_f64()
-            )),
-            Self::Stalled { silence } => Some(not_run_for(silence)),
+            Self::Old { age, limit } => {
+                let (age_s, limit_s) = (age.as_secs_f64(), limit.as_secs_f64());
+                let text = format!("the newest frame is {age_s:.2} s old, the limit is {limit_s} s");
+                Some(Reason::new(ReasonCode::FrameOld, text))
+            }
+            Self::Stalled { silence } => Some(Reason::new(ReasonCode::EngineStalled, not_run_for(silence))),
         }
     }
 
@@ -111,7 +111,7 @@ mod tests {
     fn force(state: ForceState, reason: &str) -> ForceSample {
         ForceSample {
             state,
-            reasons: vec![reason.to_owned()],
+            reasons: vec![Reason::new(ReasonCode::TaxelsFaulty, reason)],
             total: Some(Newton(4.64)),
             total_sigma: Some(Newton(0.1)),
             resultant: Some([1.0; 3]),
@@ -158,10 +158,12 @@ mod tests {
         assert_eq!((sent.centre_of_pressure, sent.contacts.len()), (None, 0));
         assert_eq!((sent.active, sent.excluded, sent.out_of_range, sent.filled, sent.filled_share), (0, 0, 0, 0, 0.0));
         assert_eq!(sent.model_set.as_deref(), Some("m-1"));
-        assert_eq!(sent.reasons, ["the newest frame is 6.04 s old, the limit is 0.15 s"]);
+        assert_eq!(sent.why(), "the newest frame is 6.04 s old, the limit is 0.15 s");
+        assert_eq!(sent.reasons[0].code(), ReasonCode::FrameOld);
         let stalled = Freshness::Stalled { silence: Duration::from_millis(310) };
         let sent = stalled.withhold(&force(ForceState::TareInvalid, "bus 0: down"), 230).unwrap();
-        assert_eq!(sent.reasons, ["the engine has not run for 0.31 s", "bus 0: down"]);
+        assert_eq!(sent.why(), "the engine has not run for 0.31 s; bus 0: down");
+        assert_eq!(sent.reasons[0].code(), ReasonCode::EngineStalled);
         assert!(Freshness::Fresh.withhold(&force(ForceState::Ok, ""), 230).is_none());
     }
 

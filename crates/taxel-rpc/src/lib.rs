@@ -4,6 +4,7 @@
 //! something goes to the engine as a command and is answered with the engine's own words. The engine never waits for a
 //! subscriber: a snapshot that nobody has read yet is replaced by the next.
 
+mod about;
 mod access;
 mod audit;
 mod audit_words;
@@ -30,6 +31,7 @@ mod model;
 mod page;
 mod push;
 pub mod push_line;
+mod reasons;
 mod recalibration;
 mod refit;
 mod refusals;

@@ -5,6 +5,7 @@ use taxel_engine::command::{Command, Done};
 use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
 use taxel_model::{Curve, Quality, Sign, TaxelModel};
+use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::model_service_server::ModelService;
 use tonic::{Request, Response, Status};
@@ -84,7 +85,7 @@ impl ModelService for Service {
     ) -> Result<Response<v1::ExportModelSetResponse>, Status> {
         let request = request.into_inner();
         let set = self.model_set(&request.model_set, &request.patch).await?;
-        let json = (self.handle.codec.to_json)(&set).map_err(Status::internal)?;
+        let json = (self.handle.codec.to_json)(&set).map_err(Refusal::fault)?;
         Ok(Response::new(v1::ExportModelSetResponse { model_set: set.id.clone(), json }))
     }
 
@@ -109,7 +110,7 @@ impl ModelService for Service {
         // Reading 16 MiB takes tens of milliseconds, for which no stream should wait.
         let read = tokio::task::spawn_blocking(move || from_json(&json)).await;
         drop(turn);
-        let set = read.map_err(|failed| Status::internal(format!("the file was not read: {failed}")))?;
+        let set = read.map_err(|failed| Refusal::fault(format!("the file was not read: {failed}")))?;
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
         match self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await? {
             Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),

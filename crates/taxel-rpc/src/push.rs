@@ -5,12 +5,14 @@ use std::time::Duration;
 use taxel_engine::PushedScan;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::plan::PatchPlan;
+use taxel_proto::refusal::{Refusal, completed};
 use taxel_proto::v1;
+use taxel_proto::v1::ErrorReason;
 use taxel_proto::v1::ingest_service_server::IngestService;
 use taxel_skin::Kilopascal;
 use tokio::sync::mpsc;
 use tokio::time::Instant;
-use tonic::{Request, Response, Status, Streaming};
+use tonic::{Code, Request, Response, Status, Streaming};
 
 use crate::push_line::Pusher;
 use crate::service::{Service, caller, strange_answer};
@@ -39,19 +41,20 @@ impl IngestService for Service {
         let place = self.stream_place(&caller)?;
         let mut messages = request.into_inner();
         let first = self.next_of(&mut messages).await?;
-        let first =
-            first.ok_or_else(|| Status::invalid_argument("patch: the first message names it; there is none"))?;
+        let first = first.ok_or_else(|| invalid("patch", "the first message names it; there is none"))?;
         let patch = self.patch(&first.patch)?;
         let plan = self.plan(patch);
         let (name, bus) = (plan.patch.name().to_owned(), plan.patch.boards().first().map(|board| board.bus));
         let (Some(_), Some(line), Some(bus)) = (plan.pushed, &self.handle.push, bus) else {
             let why = format!("the scans of patch `{name}` come over its bus: nobody can push any");
-            return Err(Status::failed_precondition(why));
+            return Err(Refusal::failed_precondition(ErrorReason::NotPushed, why).about("patch", name).into());
         };
         let who = format!("{} ({})", caller.who(), caller.origin.place());
         let pusher = line.begin(patch, bus, &who);
-        let pusher =
-            pusher.map_err(|other| Status::already_exists(format!("{other} pushes the scans of patch `{name}`")))?;
+        let pusher = pusher.map_err(|other| {
+            let why = format!("{other} pushes the scans of patch `{name}`");
+            Refusal::new(Code::AlreadyExists, ErrorReason::PushedByAnother, why).about("patch", &name)
+        })?;
         match self.command(&caller, "PushScans", Command::BeginPush { patch: name }).await? {
             Done::PushBegun => {}
             other => return Err(strange_answer(&other)),
@@ -72,9 +75,13 @@ impl Service {
         let pause = self.limits.push_pause;
         tokio::select! {
             () = self.handle.shutdown.cancelled() => Err(shutting_down()),
-            next = tokio::time::timeout(pause, messages.message()) => next.map_err(|_| {
-                Status::deadline_exceeded(format!("no scan was pushed for {} s", pause.as_secs_f64()))
-            })?,
+            next = tokio::time::timeout(pause, messages.message()) => match next {
+                Ok(next) => next.map_err(|status| completed(&status)),
+                Err(_) => {
+                    let why = format!("no scan was pushed for {} s", pause.as_secs_f64());
+                    Err(Refusal::new(Code::DeadlineExceeded, ErrorReason::PushPaused, why).into())
+                }
+            },
         }
     }
 }
@@ -111,7 +118,10 @@ impl PushStream {
         let mut told = self.tell();
         loop {
             let next = tokio::select! {
-                () = self.answers.closed() => return Err(Status::cancelled("the caller has gone")),
+                () = self.answers.closed() => {
+                    let why = "the caller has gone";
+                    return Err(Refusal::new(Code::Cancelled, ErrorReason::CallerGone, why).into());
+                }
                 next = self.service.next_of(&mut self.messages) => next?,
             };
             let Some(message) = next else { return Ok(()) };

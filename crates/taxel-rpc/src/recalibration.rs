@@ -9,7 +9,9 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::recalibration::{
     Assumptions, Chosen, JudgedPoint, PLACE_REL_MAX, PLACE_REL_MIN, POINTS_MAX, Proposal, propose,
 };
+use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
+use taxel_proto::v1::ErrorReason;
 use tonic::Status;
 
 use crate::access::caller::Caller;
@@ -29,14 +31,18 @@ impl Service {
         let patch = self.patch(&request.patch)?;
         let name = self.plan(patch).patch.name();
         let (chosen, assumptions) = asked(request)?;
-        let no_set = || Status::failed_precondition(format!("no model set of patch `{name}` is active"));
+        let refuse = |reason, why: String| Refusal::failed_precondition(reason, why).about("patch", name);
+        let no_set = || refuse(ErrorReason::NoModelSet, format!("no model set of patch `{name}` is active"));
         let source = self.model_set(&self.active(name).ok_or_else(no_set)?, name).await?;
         let catalogue = Arc::clone(&self.handle.catalogue.borrow());
         let view =
             catalogue.validations.get(patch).filter(|view| view.model_set.as_deref() == Some(source.id.as_str()));
-        let view = view.ok_or_else(|| Status::failed_precondition(format!("no loads of patch `{name}` are known")))?;
-        let id_of = self.handle.id_of.ok_or_else(|| Status::failed_precondition("model sets are not kept"))?;
-        let proposal = propose(view, &source, &chosen, assumptions, wall_ns()).map_err(Status::failed_precondition)?;
+        let view =
+            view.ok_or_else(|| refuse(ErrorReason::NotFitted, format!("no loads of patch `{name}` are known")))?;
+        let id_of =
+            self.handle.id_of.ok_or_else(|| refuse(ErrorReason::NotOffered, "model sets are not kept".to_owned()))?;
+        let proposal = propose(view, &source, &chosen, assumptions, wall_ns());
+        let proposal = proposal.map_err(|why| refuse(ErrorReason::NotFitted, why))?;
         let set = proposal.set.clone().map(|set| {
             let id = id_of(&set);
             Arc::new(ModelSet { id, ..set })
@@ -57,12 +63,15 @@ impl Service {
         }
         let asked = request.proposal.clone().unwrap_or_default();
         let proposed = self.recalibration(&asked).await?;
-        let model_set = proposed.set.map_err(Status::failed_precondition)?;
+        let model_set = proposed.set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
         if model_set.id != wanted {
             let (is, points) = (&model_set.id, proposed.message.points.len());
-            return Err(Status::failed_precondition(format!(
+            let why = format!(
                 "the {points} loads lead to `{is}` now, and not to the set that was proposed: look at a new proposal"
-            )));
+            );
+            return Err(Refusal::failed_precondition(ErrorReason::ProposalOutdated, why)
+                .about("model_set", wanted)
+                .into());
         }
         match self.command(caller, "AcceptRecalibration", Command::KeepRecalibration { model_set }).await? {
             Done::RefitKept { model_set, known } => Ok(v1::AcceptRecalibrationResponse {

@@ -7,7 +7,9 @@ use taxel_engine::calibration::fit::PlaysChoice;
 use taxel_engine::calibration::{Refit, RefitOptions, SessionSamples, SessionView, StoredSession};
 use taxel_engine::command::{Command, Done};
 use taxel_model::{Estimator, Order};
+use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
+use taxel_proto::v1::ErrorReason;
 use tokio::sync::oneshot;
 use tonic::Status;
 
@@ -15,7 +17,7 @@ use crate::access::caller::Caller;
 use crate::calibration::asked_branches;
 use crate::handle::SamplesSource;
 use crate::service::{Service, strange_answer};
-use crate::status::{engine_stopped, invalid, of_rejection};
+use crate::status::{engine_stopped, invalid, of_rejection, samples_not_kept};
 
 impl Service {
     /// Fits what these sessions gathered, and has the set kept.
@@ -29,11 +31,13 @@ impl Service {
         let options = asked_options(options)?;
         let views = numbers.iter().map(|number| self.session(*number)).collect::<Result<Vec<_>, _>>()?;
         let refit = self.plan_refit(views, &options).await?;
-        let absent = || Status::failed_precondition("samples are not kept");
-        let (source, id_of) = self.handle.samples.clone().zip(self.handle.id_of).ok_or_else(absent)?;
+        let (source, id_of) = self.handle.samples.clone().zip(self.handle.id_of).ok_or_else(samples_not_kept)?;
         // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.
         let turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
-            Status::resource_exhausted("another fit is under way, which ends within seconds: try again then")
+            Refusal::exhausted(
+                ErrorReason::NoPlace,
+                "another fit is under way, which ends within seconds: try again then",
+            )
         })?;
         let sessions = refit.numbers();
         let mut samples = Vec::with_capacity(sessions.len());
@@ -48,8 +52,9 @@ impl Service {
             refit.job(samples, wall_ns()).map(|job| job.run(id_of).result)
         };
         let fitted = tokio::task::spawn_blocking(fit).await;
-        let fitted = fitted.map_err(|lost| Status::internal(format!("the fit was lost: {lost}")))?;
-        let model_set = fitted.map_err(|why| of_rejection(&why))?.map_err(Status::failed_precondition)?;
+        let fitted = fitted.map_err(|lost| Refusal::fault(format!("the fit was lost: {lost}")))?;
+        let model_set = fitted.map_err(|why| of_rejection(&why))?;
+        let model_set = model_set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
         let fit_s = began.elapsed().as_secs_f64();
         match self.command(caller, name, Command::KeepRefit { model_set, sessions }).await? {
             Done::RefitKept { model_set, known } => {
@@ -72,7 +77,8 @@ impl Service {
             };
             sessions.push(StoredSession { board_settings, view });
         }
-        Refit::plan(plan.calibration(), plan.patch.counts(), sessions, options).map_err(|why| of_rejection(&why))
+        let planned = Refit::plan(plan.calibration(), plan.patch.counts(), sessions, options);
+        Ok(planned.map_err(|why| of_rejection(&why).about("patch", plan.patch.name()))?)
     }
 }
 
@@ -81,7 +87,10 @@ async fn read(source: &SamplesSource, session: u64) -> Result<SessionSamples, St
     // Whoever asked may have gone; then nobody misses the answer.
     source(session, Box::new(move |samples| drop(tell.send(samples))));
     let samples = told.await.map_err(|_| engine_stopped())?;
-    samples.map_err(|why| Status::failed_precondition(format!("the samples of session {session}: {why}")))
+    Ok(samples.map_err(|why| {
+        let why = format!("the samples of session {session}: {why}");
+        Refusal::failed_precondition(ErrorReason::DataDamaged, why).about("session", session)
+    })?)
 }
 
 /// What a request asks for.

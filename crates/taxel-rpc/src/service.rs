@@ -7,9 +7,11 @@ use taxel_engine::known_set::KnownSet;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1::ErrorReason;
 use tokio::sync::Semaphore;
 use tokio::sync::{mpsc, oneshot};
-use tonic::Status;
+use tonic::{Code, Status};
 
 use crate::access::caller::Caller;
 use crate::audit_words;
@@ -52,7 +54,10 @@ impl Service {
         }
         let found = patches.iter().position(|p| p.patch.name() == name);
         let short = || name.chars().take(NAME_BYTES_MAX).collect::<String>();
-        found.ok_or_else(|| Status::not_found(format!("there is no patch `{}`; there are: {}", short(), names())))
+        Ok(found.ok_or_else(|| {
+            let why = format!("there is no patch `{}`; there are: {}", short(), names());
+            Refusal::not_found(ErrorReason::PatchUnknown, why).about("patch", short())
+        })?)
     }
 
     pub(crate) fn plan(&self, patch: usize) -> &PatchPlan {
@@ -80,17 +85,26 @@ impl Service {
         let id = if id.is_empty() {
             let name = self.plan(self.patch(patch)?).patch.name();
             let active = self.active(name);
-            active.ok_or_else(|| Status::not_found(format!("there is no active model set of patch `{name}`")))?
+            active.ok_or_else(|| {
+                let why = format!("there is no active model set of patch `{name}`");
+                Refusal::not_found(ErrorReason::NoModelSet, why).about("patch", name)
+            })?
         } else {
             id.to_owned()
         };
         let known = self.known_set(&id);
         let short = || id.chars().take(NAME_BYTES_MAX).collect::<String>();
-        let known = known.ok_or_else(|| Status::not_found(format!("there is no model set `{}`", short())))?;
+        let known = known.ok_or_else(|| {
+            let why = format!("there is no model set `{}`", short());
+            Refusal::not_found(ErrorReason::ModelSetUnknown, why).about("model_set", short())
+        })?;
         if let Some(set) = known.at_hand {
             return Ok(set);
         }
-        let not_kept = || Status::failed_precondition(format!("model set `{}` is not in memory", short()));
+        let not_kept = || {
+            let why = format!("model set `{}` is not in memory", short());
+            Refusal::failed_precondition(ErrorReason::NotOffered, why).about("model_set", short())
+        };
         self.handle.stored_sets.as_ref().ok_or_else(not_kept)?.get(known.summary()).await
     }
 
@@ -118,7 +132,10 @@ impl Service {
         let live = self.handle.patches.iter().filter_map(|feed| feed.session.borrow().clone());
         let found = live.into_iter().find(|session| session.number == number);
         let stored = || self.handle.catalogue.borrow().sessions.iter().find(|s| s.number == number).cloned();
-        found.or_else(stored).ok_or_else(|| Status::not_found(format!("there is no session {number}")))
+        Ok(found.or_else(stored).ok_or_else(|| {
+            let why = format!("there is no session {number}");
+            Refusal::not_found(ErrorReason::SessionUnknown, why).about("session", number)
+        })?)
     }
 
     /// A place for one more stream of this caller. The place moves into the stream and is free again when that is dropped.
@@ -131,30 +148,6 @@ impl Service {
         self.shares.streams_open()
     }
 
-    /// The patch that a command is about; empty if it cannot be told.
-    pub(crate) fn patch_of(&self, command: &Command) -> String {
-        let of_set = |id: &str| self.known_set(id).map(|set| set.patch.clone()).unwrap_or_default();
-        match command {
-            Command::Tare { patch, .. }
-            | Command::BringUp { patch, .. }
-            | Command::BeginPush { patch }
-            | Command::StartSession { patch, .. }
-            | Command::Activate { patch, .. }
-            | Command::RecordLoad { patch, .. } => patch.clone(),
-            Command::StartRamp { session }
-            | Command::FinishRamp { session }
-            | Command::AbortSession { session }
-            | Command::DiscardSession { session }
-            | Command::DeleteSession { session } => {
-                self.session(*session).map(|view| view.patch.clone()).unwrap_or_default()
-            }
-            Command::DeleteModelSet { model_set } => of_set(model_set),
-            Command::Import { model_set, .. }
-            | Command::KeepRefit { model_set, .. }
-            | Command::KeepRecalibration { model_set } => model_set.patch.clone(),
-        }
-    }
-
     /// Hands a command to the engine and waits for its answer, which comes once everything before it is on disk.
     pub(crate) async fn command(&self, caller: &Caller, name: &'static str, command: Command) -> Result<Done, Status> {
         let keeps = matches!(
@@ -165,18 +158,18 @@ impl Service {
                 | Command::KeepRecalibration { .. }
         );
         if keeps && let Some(room) = &self.handle.room {
-            room().map_err(Status::resource_exhausted)?;
+            room().map_err(|why| Refusal::exhausted(ErrorReason::DiskFull, why))?;
         }
         let (reply, answer) = oneshot::channel();
         let asked = audit_words::asked(caller, name, self.patch_of(&command), &command);
+        let things = self.things_of(&command);
         let (request, claimed) = (asked.what.clone(), asked.claimed.clone());
         self.handle.commands.try_send(Request { command, reply, asked: Some(Box::new(asked)) }).map_err(|refused| {
             match refused {
                 mpsc::error::TrySendError::Full(_) => {
                     let waiting = self.handle.commands.max_capacity();
-                    Status::resource_exhausted(format!(
-                        "{waiting} commands wait for the engine already: try again later"
-                    ))
+                    let why = format!("{waiting} commands wait for the engine already: try again later");
+                    Refusal::exhausted(ErrorReason::NoPlace, why).into()
                 }
                 mpsc::error::TrySendError::Closed(_) => engine_stopped(),
             }
@@ -185,12 +178,15 @@ impl Service {
         let outcome = tokio::select! {
             answer = tokio::time::timeout(limit, answer) => match answer {
                 Ok(Ok(Ok(done))) => Ok(done),
-                Ok(Ok(Err(rejection))) => Err(of_rejection(&rejection)),
+                Ok(Ok(Err(rejection))) => Err(of_rejection(&rejection).about_all(things).into()),
                 Ok(Err(_)) => Err(engine_stopped()),
-                Err(_) => Err(Status::deadline_exceeded(format!(
-                    "the engine has not answered within {} s; what was asked for may still come to pass",
-                    limit.as_secs_f64()
-                ))),
+                Err(_) => {
+                    let why = format!(
+                        "the engine has not answered within {} s; what was asked for may still come to pass",
+                        limit.as_secs_f64()
+                    );
+                    Err(Refusal::new(Code::DeadlineExceeded, ErrorReason::EngineLate, why).into())
+                }
             },
             () = self.handle.shutdown.cancelled() => Err(shutting_down()),
         };
@@ -208,8 +204,8 @@ impl Service {
 
 /// Who makes a call: the gate has noted it.
 pub(crate) fn caller<T>(request: &tonic::Request<T>) -> Result<Caller, Status> {
-    let unknown = || Status::internal("nobody has judged who makes this call, which is a fault of this program");
-    request.extensions().get::<Caller>().cloned().ok_or_else(unknown)
+    let unknown = || Refusal::fault("nobody has judged who makes this call, which is a fault of this program");
+    Ok(request.extensions().get::<Caller>().cloned().ok_or_else(unknown)?)
 }
 
 /// Session numbers begin at 1, so that a field that was left out is not taken for a session.
@@ -240,5 +236,5 @@ pub(crate) fn name(field: &'static str, text: &str) -> Result<String, Status> {
 /// The engine answered a command with something else than that command's result.
 pub(crate) fn strange_answer(done: &Done) -> Status {
     tracing::error!(?done, "the engine's answer does not fit the command");
-    Status::internal("the engine's answer does not fit the command")
+    Refusal::fault("the engine's answer does not fit the command").into()
 }

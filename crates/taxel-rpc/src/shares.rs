@@ -5,7 +5,9 @@
 use std::collections::HashMap;
 use std::fmt;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1::ErrorReason;
 use tonic::Status;
 
 use crate::access::caller::Caller;
@@ -182,8 +184,8 @@ impl Shares {
     /// A place for one more stream of this caller. It moves into the stream and is free again when that is dropped.
     pub(crate) fn stream(self: &Arc<Self>, caller: &Caller) -> Result<Place, Status> {
         let key = caller.key();
-        let refused = |why: NoPlace| Status::resource_exhausted(why.text("streams", &key));
-        self.take(What::Stream, key.clone(), caller.is_operator()).map_err(refused)
+        let refused = |why: NoPlace| Refusal::exhausted(ErrorReason::NoPlace, why.text("streams", &key));
+        Ok(self.take(What::Stream, key.clone(), caller.is_operator()).map_err(refused)?)
     }
 
     /// Streams that are being served now.
@@ -213,10 +215,13 @@ impl Shares {
 
 fn too_fast(key: &PeerKey, what: &str, rate: Rate, wait_s: f64) -> Status {
     let (burst, every_s) = (rate.burst, rate.every.as_secs_f64());
-    Status::resource_exhausted(format!(
+    let text = format!(
         "{key} asked for more than {burst} {what} in a row, beyond which one every {every_s} s is taken: try again in \
          {wait_s:.1} s"
-    ))
+    );
+    // Rates are of the configuration, and a wait may be too long for a `Duration`.
+    let wait = Duration::try_from_secs_f64(wait_s).unwrap_or(Duration::MAX);
+    Refusal::exhausted(ErrorReason::TooOften, text).retry_after(wait).into()
 }
 
 /// A place that is taken until this is dropped.

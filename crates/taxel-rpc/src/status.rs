@@ -1,30 +1,83 @@
-//! Refusals as gRPC statuses. Every text names the thing, its value and what was expected.
+//! Refusals as gRPC statuses. Every text names the thing, its value and what was expected, and beside it stands the same
+//! for programs.
 
-use taxel_engine::command::Rejection;
+use taxel_engine::command::{ErrorReason, Rejection};
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1;
 use tonic::Status;
 
 /// The engine's refusal with its own words.
-pub(crate) fn of_rejection(rejection: &Rejection) -> Status {
-    let text = rejection.to_string();
+pub(crate) fn of_rejection(rejection: &Rejection) -> Refusal {
+    let (reason, text) = (sent_as(rejection.reason()), rejection.to_string());
     match rejection {
-        Rejection::InvalidArgument { .. } => Status::invalid_argument(text),
-        Rejection::FailedPrecondition(_) => Status::failed_precondition(text),
-        Rejection::NotFound(_) => Status::not_found(text),
-        Rejection::Unavailable(_) => Status::unavailable(text),
+        Rejection::InvalidArgument { field, problem } => Refusal::invalid(field, problem),
+        Rejection::FailedPrecondition(..) => Refusal::failed_precondition(reason, text),
+        Rejection::NotFound(..) => Refusal::not_found(reason, text),
+        Rejection::Unavailable(..) => Refusal::unavailable(reason, text),
     }
 }
 
 /// A field is not what it can be.
 pub(crate) fn invalid(field: &str, problem: impl std::fmt::Display) -> Status {
-    Status::invalid_argument(format!("{field}: {problem}"))
+    Refusal::invalid(field, problem).into()
+}
+
+/// What needs the samples of sessions cannot be done by a daemon without a store.
+pub(crate) fn samples_not_kept() -> Refusal {
+    Refusal::failed_precondition(v1::ErrorReason::NotOffered, "samples are not kept")
 }
 
 /// Why streams end and commands fail when the daemon stops.
 pub(crate) fn shutting_down() -> Status {
-    Status::unavailable("the daemon is shutting down")
+    Refusal::unavailable(v1::ErrorReason::ShuttingDown, "the daemon is shutting down").into()
 }
 
 /// The engine's task is gone.
 pub(crate) fn engine_stopped() -> Status {
-    Status::unavailable("the engine has stopped")
+    Refusal::unavailable(v1::ErrorReason::EngineStopped, "the engine has stopped").into()
+}
+
+/// The engine's reasons under the same names.
+const fn sent_as(reason: ErrorReason) -> v1::ErrorReason {
+    use v1::ErrorReason as Sent;
+    match reason {
+        ErrorReason::FieldInvalid => Sent::FieldInvalid,
+        ErrorReason::PatchUnknown => Sent::PatchUnknown,
+        ErrorReason::SessionUnknown => Sent::SessionUnknown,
+        ErrorReason::ModelSetUnknown => Sent::ModelSetUnknown,
+        ErrorReason::LoadUnknown => Sent::LoadUnknown,
+        ErrorReason::SessionOpen => Sent::SessionOpen,
+        ErrorReason::SessionWrongState => Sent::SessionWrongState,
+        ErrorReason::BeingDeleted => Sent::BeingDeleted,
+        ErrorReason::LimitReached => Sent::LimitReached,
+        ErrorReason::NoPressureSensor => Sent::NoPressureSensor,
+        ErrorReason::BoardsNotConfigured => Sent::BoardsNotConfigured,
+        ErrorReason::ListenOnly => Sent::ListenOnly,
+        ErrorReason::BagPresses => Sent::BagPresses,
+        ErrorReason::GaugeOffset => Sent::GaugeOffset,
+        ErrorReason::SkinLoaded => Sent::SkinLoaded,
+        ErrorReason::SkinSilent => Sent::SkinSilent,
+        ErrorReason::TareLoaded => Sent::TareLoaded,
+        ErrorReason::TareUnsteady => Sent::TareUnsteady,
+        ErrorReason::TareUnproven => Sent::TareUnproven,
+        ErrorReason::TareSuperseded => Sent::TareSuperseded,
+        ErrorReason::ZeroLost => Sent::ZeroLost,
+        ErrorReason::NoModelSet => Sent::NoModelSet,
+        ErrorReason::NoForce => Sent::NoForce,
+        ErrorReason::LoadBeingRead => Sent::LoadBeingRead,
+        ErrorReason::LoadNotFelt => Sent::LoadNotFelt,
+        ErrorReason::LoadUnsteady => Sent::LoadUnsteady,
+        ErrorReason::LoadInterrupted => Sent::LoadInterrupted,
+        ErrorReason::ModelSetInUse => Sent::ModelSetInUse,
+        ErrorReason::ModelSetDiscarded => Sent::ModelSetDiscarded,
+        ErrorReason::ActiveSetChanged => Sent::ActiveSetChanged,
+        ErrorReason::ActivationUnderWay => Sent::ActivationUnderWay,
+        ErrorReason::LayoutChanged => Sent::LayoutChanged,
+        ErrorReason::SessionsDiffer => Sent::SessionsDiffer,
+        ErrorReason::SessionsTooLarge => Sent::SessionsTooLarge,
+        ErrorReason::DataDamaged => Sent::DataDamaged,
+        ErrorReason::NotPushed => Sent::NotPushed,
+        ErrorReason::StoreUnavailable => Sent::StoreUnavailable,
+        ErrorReason::ProgramFault => Sent::ProgramFault,
+    }
 }

@@ -5,6 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use taxel_engine::known_set::SetSummary;
 use taxel_engine::model_set::ModelSet;
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1::ErrorReason;
 use tokio::sync::{Semaphore, oneshot};
 use tonic::Status;
 
@@ -46,15 +48,16 @@ impl StoredSets {
         let (tell, told) = oneshot::channel();
         // Whoever asked may have gone; then nobody misses the answer.
         (self.source)(summary.id.clone(), Box::new(move |text| drop(tell.send(text))));
-        let text = told.await.map_err(|_| engine_stopped())?.map_err(Status::failed_precondition)?;
+        let damaged = |why| Refusal::failed_precondition(ErrorReason::DataDamaged, why).about("model_set", &summary.id);
+        let text = told.await.map_err(|_| engine_stopped())?.map_err(damaged)?;
         let from_json = self.codec.from_json;
         // Reading takes ten milliseconds, for which no stream should wait.
         let read = tokio::task::spawn_blocking(move || from_json(&text)).await;
         drop(turn);
-        let read = read.map_err(|failed| Status::internal(format!("the model set was not read: {failed}")))?;
-        let set = Arc::new(read.map_err(|why| Status::failed_precondition(format!("{}: {why}", summary.id)))?);
+        let read = read.map_err(|failed| Refusal::fault(format!("the model set was not read: {failed}")))?;
+        let set = Arc::new(read.map_err(|why| damaged(format!("{}: {why}", summary.id)))?);
         if SetSummary::of(&set) != *summary {
-            return Err(Status::internal(format!("the store gave another model set than {}", summary.id)));
+            return Err(Refusal::fault(format!("the store gave another model set than {}", summary.id)).into());
         }
         self.keep(&set);
         Ok(set)

@@ -11,10 +11,12 @@ use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
+use taxel_proto::refusal::Refusal;
+use taxel_proto::v1::ErrorReason;
 use tokio::sync::watch;
 use tokio::time::{Instant, Interval, MissedTickBehavior};
 use tokio_util::sync::WaitForCancellationFutureOwned;
-use tonic::Status;
+use tonic::{Code, Status};
 
 use crate::access::caller::Caller;
 use crate::convert::Sending;
@@ -152,7 +154,7 @@ impl<M> Subscription<M> {
             let (unread, limit) = (unread.as_secs_f64(), self.unread_limit.as_secs_f64());
             let text = format!("a value was left unread for {unread:.1} s, the limit is {limit} s; subscribe again");
             tracing::warn!(patch = self.service.plan(self.patch).patch.name(), "subscriber cut off: {text}");
-            return Err(Status::aborted(text));
+            return Err(Refusal::new(Code::Aborted, ErrorReason::ReaderTooSlow, text).into());
         }
         let sending = self.service.sending(self.patch, &snapshot, skipped);
         let (sequence, freshness) = (snapshot.sequence, sending.freshness);

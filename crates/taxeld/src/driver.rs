@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use taxel_engine::audit::Asked;
 use taxel_engine::calibration::{Direction, FitJob, FitOutcome, NotLoaded, SessionSamples, SessionState, SessionView};
-use taxel_engine::command::{Rejection, Reply, RequestId};
+use taxel_engine::command::{ErrorReason, Rejection, Reply, RequestId};
 use taxel_engine::events::EventWatch;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
@@ -242,7 +242,10 @@ impl Driver {
                 Ok(patch) => Some(patch),
                 Err(why) => {
                     // Nothing is done that nobody could find out about later.
-                    let _ = reply.send(Err(Rejection::Unavailable(format!("the audit log cannot be written: {why}"))));
+                    let _ = reply.send(Err(Rejection::Unavailable(
+                        ErrorReason::StoreUnavailable,
+                        format!("the audit log cannot be written: {why}"),
+                    )));
                     return;
                 }
             },
@@ -478,7 +481,10 @@ fn answer(replies: Vec<(oneshot::Sender<Reply>, Reply)>, outcome: Result<Durabil
     for (to, reply) in replies {
         let reply = match &outcome {
             Ok(_) => reply,
-            Err(error) => Err(Rejection::Unavailable(format!("it could not be written to disk: {error}"))),
+            Err(error) => Err(Rejection::Unavailable(
+                ErrorReason::StoreUnavailable,
+                format!("it could not be written to disk: {error}"),
+            )),
         };
         let _ = to.send(reply); // the client has gone
     }

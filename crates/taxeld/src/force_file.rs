@@ -69,7 +69,7 @@ impl ForceFile {
                 force.out_of_range.to_string(),
                 force.excluded.to_string(),
                 force.stale.to_string(),
-                force.reasons.join("; "),
+                force.why(),
             ])?;
             self.rows += 1;
             self.with_force += u64::from(force.total.is_some());

@@ -78,7 +78,7 @@ fn sample(snapshot: &PatchSnapshot) -> Sample {
         filled_share: force.filled_share,
         uncovered_share: force.uncovered_share,
         model_set: Text::new(force.model_set.as_deref().unwrap_or_default()),
-        reasons: if force.reasons.is_empty() { reasons } else { Text::new(&force.reasons.join("; ")) },
+        reasons: if force.reasons.is_empty() { reasons } else { Text::new(&force.why()) },
     }
 }
 

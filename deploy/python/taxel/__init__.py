@@ -13,7 +13,8 @@
 
 from .client import Forces, connect
 from .force import Force, NoForce, Why
+from .refusal import info_of, reason_of
 from .session import Session, read_session
 from .shm import Reader
 
-__all__ = ["Force", "Forces", "NoForce", "Reader", "Session", "Why", "connect", "read_session"]
+__all__ = ["Force", "Forces", "NoForce", "Reader", "Session", "Why", "connect", "info_of", "read_session", "reason_of"]

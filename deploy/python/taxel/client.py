@@ -13,9 +13,10 @@ import math
 import os
 import threading
 import time
-from typing import Any, Optional, Union
+from typing import Any, Optional, Tuple, Union
 
 from .force import Force, NoForce, Why, state_name
+from .refusal import reason_of
 
 SOCKET = "/run/taxeld/taxeld.sock"
 LOOPBACK = "127.0.0.1:50051"
@@ -86,6 +87,7 @@ class Forces:
         self._metadata = [("authorization", f"Bearer {token}")] if token else []
         self._newest: Optional[tuple] = None  # (sample, when it came, time on the way); replaced as a whole
         self._broken: Optional[str] = None
+        self._refused: Tuple[str, ...] = ()  # why the daemon did, for programs
         self._closed = threading.Event()
         self._channel: Any = None
         threading.Thread(target=self._follow, name="taxel", daemon=True).start()
@@ -94,16 +96,16 @@ class Forces:
         """The newest force if it may be acted on now; else a `NoForce`, which is false and says why."""
         newest, broken = self._newest, self._broken
         if newest is None:
-            return NoForce(Why.DISCONNECTED, broken) if broken else NoForce(Why.NOTHING_YET)
+            return NoForce(Why.DISCONNECTED, broken, codes=self._refused) if broken else NoForce(Why.NOTHING_YET)
         sample, came, on_the_way = newest
         state = state_name(sample.state)
         figures = sample.HasField("total_n") and sample.HasField("age_s") and math.isfinite(sample.total_n)
         if state not in ("OK", "DEGRADED") or not figures:
-            return NoForce(Why.STATE, f"{state}: {'; '.join(sample.reasons)}")
+            return NoForce(Why.STATE, f"{state}: {'; '.join(sample.reasons)}", codes=_codes(sample))
         age_s = sample.age_s + on_the_way + time.monotonic() - came
         if not 0.0 <= age_s <= self._age_max_s:  # also if it is no number
             if broken:
-                return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}")
+                return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}", codes=self._refused)
             return NoForce(Why.TOO_OLD, f"{1e3 * age_s:.0f} ms old, more than {1e3 * self._age_max_s:.0f} ms")
         return _force(sample, state, age_s)
 
@@ -131,11 +133,13 @@ class Forces:
             self._channel = channel
             try:
                 self._read(channel)
-                self._broken = "the daemon ended the stream"
+                self._refused, self._broken = (), "the daemon ended the stream"
             except grpc.RpcError as error:
+                reason = reason_of(error)
+                self._refused = (reason,) if reason else ()
                 self._broken = f"{error.code().name}: {error.details()}"
             except Exception as error:  # a thread that dies would look like a daemon that is silent
-                self._broken = f"{type(error).__name__}: {error}"
+                self._refused, self._broken = (), f"{type(error).__name__}: {error}"
             finally:
                 channel.close()
             self._closed.wait(self._pause_s)
@@ -194,6 +198,16 @@ class _Authorised:
         return database(grpc.intercept_channel(channel, Show()))
 
 
+def _codes(sample: Any) -> Tuple[str, ...]:
+    """The codes beside the reasons; a daemon that is older than these sends none."""
+    causes = sample.DESCRIPTOR.fields_by_name.get("causes")
+    if causes is None:
+        return ()
+    known = causes.message_type.fields_by_name["code"].enum_type.values_by_number
+    prefix = len("REASON_CODE_")
+    return tuple(known[cause.code].name[prefix:] if cause.code in known else str(cause.code) for cause in sample.causes)
+
+
 def _force(sample: Any, state: str, age_s: float) -> Force:
     def vector(name: str):
         value = getattr(sample, name)
@@ -222,6 +236,7 @@ def _force(sample: Any, state: str, age_s: float) -> Force:
         uncovered_share=sample.uncovered_share,
         model_set=sample.model_set,
         reasons="; ".join(sample.reasons),
+        codes=_codes(sample),
         monotonic_ns=known("monotonic_ns"),
         wall_ns=sample.time.ToNanoseconds() if sample.HasField("time") else 0,
     )

@@ -43,7 +43,11 @@ _WORDS = {
 
 @dataclass(frozen=True)
 class Force:
-    """A force that may be acted on now, as `taxel.v1.ForceSample` has it. What is not known is None."""
+    """A force that may be acted on now, as `taxel.v1.ForceSample` has it. What is not known is None.
+
+    `reasons` says in words why the state is not OK, `codes` says the same for programs: names of `taxel.v1.ReasonCode`
+    without their prefix, such as `TAXELS_SILENT`; empty over shared memory, which has the words alone.
+    """
 
     total_n: float
     age_s: float
@@ -64,6 +68,7 @@ class Force:
     uncovered_share: float = 0.0
     model_set: str = ""
     reasons: str = ""
+    codes: Tuple[str, ...] = ()
     monotonic_ns: Optional[int] = None
     wall_ns: int = 0
     written_ns: int = 0
@@ -74,11 +79,16 @@ class Force:
 
 @dataclass(frozen=True)
 class NoForce:
-    """There is no force to act on. It is false in a condition."""
+    """There is no force to act on. It is false in a condition.
+
+    `codes`: with `Why.STATE` as those of a `Force`; with `Why.DISCONNECTED` why the daemon refused, if it did: the name of a
+    `taxel.v1.ErrorReason`, such as `PATCH_UNKNOWN`.
+    """
 
     why: Why
     text: str = ""
     sample: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    codes: Tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
         return False

@@ -6,7 +6,7 @@
 use std::time::Duration;
 
 use prost::Message;
-use taxel_proto::v1::ForceSample;
+use taxel_proto::v1::{ForceSample, ReasonCode};
 use zenoh::Session;
 use zenoh::bytes::Encoding;
 use zenoh::liveliness::LivelinessToken;
@@ -70,7 +70,7 @@ fn now(feed: &Feed) -> ForceSample {
         (received, lost) => {
             let reason = lost.as_deref().unwrap_or("no sample has come yet");
             let last = received.as_ref().map_or(&nothing, |received| &received.sample);
-            withheld(last, vec![format!("no stream from the daemon: {reason}")])
+            withheld(last, ReasonCode::NoStream, format!("no stream from the daemon: {reason}"))
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use taxel_proto::v1::{ForceSample, ForceState, Health, PatchHealth};
+use taxel_proto::v1::{ForceSample, ForceState, Health, PatchHealth, ReasonCode};
 
 use crate::belief::NoForce;
 use crate::ros::types::{DiagnosticStatus, KeyValue};
@@ -83,6 +83,11 @@ pub fn patch(robot: &str, view: &PatchView<'_>) -> DiagnosticStatus {
             value("area not covered", format!("{:.1} %", 100.0 * sample.uncovered_share)),
             value("model set", &sample.model_set),
         ]);
+        let short = |code: ReasonCode| code.as_str_name().trim_start_matches("REASON_CODE_");
+        let codes: Vec<&str> = sample.causes.iter().map(|cause| short(cause.code())).collect();
+        if !codes.is_empty() {
+            values.push(value("reasons", codes.join(" ")));
+        }
     }
     if let Ok(age) = &view.belief {
         values.push(value("age", format!("{:.3} s", age.as_secs_f64())));

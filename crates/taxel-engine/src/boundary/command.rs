@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use taxel_skin::Kilopascal;
 
-pub use crate::request::{Rejection, RequestId};
+pub use crate::request::{ErrorReason, Rejection, RequestId};
 
 use crate::calibration::branch::Branch;
 use crate::calibration::view::SessionView;

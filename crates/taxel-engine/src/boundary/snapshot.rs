@@ -3,6 +3,7 @@
 use taxel_skin::Time;
 
 pub use crate::boundary::catalogue::Catalogue;
+pub use crate::force::reason::{Reason, ReasonCode, in_words};
 pub use crate::force::sample::{Contact, ForceSample, ForceState, RangeFlag, TaxelState};
 pub use crate::force::taxels::Taxels;
 pub use crate::intake::health::{BoardHealth, BusHealth};

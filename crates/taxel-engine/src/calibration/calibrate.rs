@@ -16,7 +16,7 @@ use crate::calibration::transition::{Trigger, commanded, transition};
 use crate::calibration::view::{SessionState, SessionView};
 use crate::intake::gauge::GaugeHistory;
 use crate::now::Now;
-use crate::request::Rejection;
+use crate::request::{ErrorReason, Rejection};
 use crate::scan::Scan;
 
 /// While a session is open its view is shown this often, besides at each change of state.
@@ -82,7 +82,10 @@ impl Calibration {
     /// [`Rejection::FailedPrecondition`] with the session, its state and what to do.
     pub fn refuse_if_open(&self, then: &str) -> Result<(), Rejection> {
         let Some(open) = self.open() else { return Ok(()) };
-        Err(Rejection::FailedPrecondition(format!("session {} is {}; {then}", open.number, open.state.name())))
+        Err(Rejection::FailedPrecondition(
+            ErrorReason::SessionOpen,
+            format!("session {} is {}; {then}", open.number, open.state.name()),
+        ))
     }
 
     /// Refuses a command that cannot be given to the session in its present state.
@@ -90,7 +93,8 @@ impl Calibration {
     /// # Errors
     /// [`Rejection`] if there is no session, or not in its present state.
     pub fn refuse_unless_possible(&self, command: Trigger) -> Result<(), Rejection> {
-        let view = self.session().ok_or_else(|| Rejection::NotFound("session".to_owned()))?;
+        let view =
+            self.session().ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))?;
         commanded(view.number, view.state, command).map(|_| ())
     }
 
@@ -151,7 +155,9 @@ impl Calibration {
         gauge: &GaugeHistory,
         events: &mut Vec<CalibrationEvent>,
     ) -> Result<(), Rejection> {
-        let Some(session) = &mut self.session else { return Err(Rejection::NotFound("session".to_owned())) };
+        let Some(session) = &mut self.session else {
+            return Err(Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()));
+        };
         let next = commanded(session.view().number, session.view().state, command)?;
         match command {
             Trigger::FinishRamp if session.turn(now.time) => self.tell(now, gauge, events),

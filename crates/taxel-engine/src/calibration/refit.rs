@@ -14,7 +14,7 @@ use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::job::FitJob;
 use crate::calibration::samples::{RampBaseline, SessionSamples};
 use crate::calibration::view::SessionView;
-use crate::request::Rejection;
+use crate::request::{ErrorReason, Rejection};
 
 /// Most sessions that are fitted together: their numbers are kept with the model set.
 pub const TOGETHER_MAX: usize = 32;
@@ -134,12 +134,12 @@ impl Refit {
                 "session {number} has samples of {has} taxels, patch `{patch}` has {wants}: it is of another layout"
             )
         };
-        Err(Rejection::FailedPrecondition(why))
+        refuse(ErrorReason::LayoutChanged, why)
     }
 }
 
-fn refuse<T>(why: String) -> Result<T, Rejection> {
-    Err(Rejection::FailedPrecondition(why))
+fn refuse<T>(reason: ErrorReason, why: String) -> Result<T, Rejection> {
+    Err(Rejection::FailedPrecondition(reason, why))
 }
 
 fn invalid<T>(field: &'static str, problem: String) -> Result<T, Rejection> {
@@ -160,10 +160,16 @@ fn check_names(sessions: &[StoredSession]) -> Result<(), Rejection> {
 fn check_session(plan: &CalibrationPlan, view: &SessionView) -> Result<(), Rejection> {
     let (number, patch) = (view.number, &plan.patch);
     if view.patch != *patch {
-        return refuse(format!("session {number} is of patch `{}`, the others are of `{patch}`", view.patch));
+        return refuse(
+            ErrorReason::SessionsDiffer,
+            format!("session {number} is of patch `{}`, the others are of `{patch}`", view.patch),
+        );
     }
     if view.state.is_open() {
-        return refuse(format!("session {number} is {}; finish or abort it first", view.state.name()));
+        return refuse(
+            ErrorReason::SessionOpen,
+            format!("session {number} is {}; finish or abort it first", view.state.name()),
+        );
     }
     let modules = plan.modules.len();
     match view.left_out.iter().find(|module| usize::from(**module) >= modules) {
@@ -171,7 +177,7 @@ fn check_session(plan: &CalibrationPlan, view: &SessionView) -> Result<(), Rejec
             let place = usize::from(*module) + 1;
             let why =
                 format!("session {number} was without module {place} of patch `{patch}`, which has {modules} now");
-            refuse(why)
+            refuse(ErrorReason::LayoutChanged, why)
         }
         None => Ok(()),
     }
@@ -183,7 +189,10 @@ fn check_size(plan: &CalibrationPlan, samples: u64) -> Result<(), Rejection> {
     if samples <= most {
         return Ok(());
     }
-    refuse(format!("the sessions have {samples} scans together, and {most} is the most that are fitted at once"))
+    refuse(
+        ErrorReason::SessionsTooLarge,
+        format!("the sessions have {samples} scans together, and {most} is the most that are fitted at once"),
+    )
 }
 
 /// Counts depend on the settings of the boards, so these must be the same.
@@ -193,7 +202,10 @@ fn board_settings(plan: &CalibrationPlan, sessions: &[StoredSession]) -> Result<
     let Some((other, theirs)) = known.find(|(_, theirs)| *theirs != settings) else { return Ok(settings.clone()) };
     let differs = settings.iter().zip(theirs).find(|(a, b)| a != b);
     let (a, b) = differs.map_or((settings.join("; "), theirs.join("; ")), |(a, b)| (a.clone(), b.clone()));
-    refuse(format!("the boards had other settings in session {first} ({a}) than in session {other} ({b})"))
+    refuse(
+        ErrorReason::SessionsDiffer,
+        format!("the boards had other settings in session {first} ({a}) than in session {other} ({b})"),
+    )
 }
 
 /// The branches that are fitted: those asked for, else those that were gathered.
@@ -207,17 +219,23 @@ fn branch(sessions: &[StoredSession], options: &RefitOptions) -> Result<Branch, 
         Some(Branch::Rising) => Ok(Branch::Rising),
         Some(Branch::Both) if !rising.is_empty() => {
             let named = rising.join(", ");
-            refuse(format!("session {named} gathered rising pressure alone: it cannot be fitted over both branches"))
+            refuse(
+                ErrorReason::SessionsDiffer,
+                format!("session {named} gathered rising pressure alone: it cannot be fitted over both branches"),
+            )
         }
         Some(Branch::Both) => Ok(Branch::Both),
         None if both.is_empty() => Ok(Branch::Rising),
         None if rising.is_empty() => Ok(Branch::Both),
         None => {
             let (rising, both) = (rising.join(", "), both.join(", "));
-            refuse(format!(
-                "session {rising} gathered rising pressure alone and session {both} both branches: together they can \
+            refuse(
+                ErrorReason::SessionsDiffer,
+                format!(
+                    "session {rising} gathered rising pressure alone and session {both} both branches: together they can \
                  be fitted over the rising branch, if that is asked for"
-            ))
+                ),
+            )
         }
     }
 }
@@ -270,7 +288,12 @@ fn joined(all: Vec<SessionSamples>) -> Result<SessionSamples, Rejection> {
         let first = joined.ramps.len();
         let number = |ramp: u16| {
             let ramp = u16::try_from(first + usize::from(ramp));
-            ramp.map_err(|_| Rejection::FailedPrecondition("the sessions have more than 65535 ramps".to_owned()))
+            ramp.map_err(|_| {
+                Rejection::FailedPrecondition(
+                    ErrorReason::SessionsTooLarge,
+                    "the sessions have more than 65535 ramps".to_owned(),
+                )
+            })
         };
         for RampBaseline { ramp, taxels } in samples.ramps {
             joined.ramps.push(RampBaseline { ramp: number(ramp)?, taxels });

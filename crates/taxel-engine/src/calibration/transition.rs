@@ -1,7 +1,7 @@
 //! The course of a session as one table: which state follows from which, and why a command is refused.
 
 use crate::calibration::view::SessionState;
-use crate::request::Rejection;
+use crate::request::{ErrorReason, Rejection};
 
 /// What can change the state of a session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -116,7 +116,10 @@ pub fn commanded(number: u64, state: SessionState, command: Trigger) -> Result<S
         let words = SessionState::ALL.into_iter().filter(|s| transition(*s, command).is_some() || succeeded(*s));
         let words: Vec<&str> = words.map(SessionState::name).collect();
         let (is, what) = (state.name(), command.what());
-        Rejection::FailedPrecondition(format!("session {number} is {is}; {what} only in {}", words.join(", ")))
+        Rejection::FailedPrecondition(
+            ErrorReason::SessionWrongState,
+            format!("session {number} is {is}; {what} only in {}", words.join(", ")),
+        )
     })
 }
 
@@ -176,7 +179,7 @@ mod tests {
     #[test]
     fn a_refusal_says_what_cannot_be_done() {
         let why = |command| match commanded(3, SessionState::Active, command) {
-            Err(Rejection::FailedPrecondition(why)) => why,
+            Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why)) => why,
             other => panic!("{other:?}"),
         };
         assert_eq!(
@@ -190,7 +193,9 @@ mod tests {
 
     #[test]
     fn a_refused_command_names_where_it_can_be_done() {
-        let Err(Rejection::FailedPrecondition(why)) = commanded(3, SessionState::Fitting, Trigger::StartRamp) else {
+        let Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why)) =
+            commanded(3, SessionState::Fitting, Trigger::StartRamp)
+        else {
             panic!("not refused")
         };
         assert_eq!(why, "session 3 is FITTING; a ramp can begin only in REVIEW, ACTIVE, ABORTED, FAILED, INTERRUPTED");

@@ -13,7 +13,7 @@ use crate::engine::step::Engine;
 use crate::known_set::KnownSet;
 use crate::model_set::ModelSet;
 use crate::now::Now;
-use crate::request::{Rejection, RequestId};
+use crate::request::{ErrorReason, Rejection, RequestId};
 
 impl Engine {
     pub(super) fn activate(
@@ -62,22 +62,24 @@ impl Engine {
     ) -> Result<Arc<ModelSet>, Rejection> {
         let id = &loading.model_set;
         let set = result.map_err(|why| match why {
-            NotLoaded::Damaged(what) => Rejection::FailedPrecondition(format!(
+            NotLoaded::Damaged(what) => Rejection::FailedPrecondition(ErrorReason::DataDamaged, format!(
                 "model set `{id}` is damaged on disk and cannot be used: {what}; import it again, or activate another one"
             )),
-            NotLoaded::Unavailable(why) => Rejection::Unavailable(why),
+            NotLoaded::Unavailable(why) => Rejection::Unavailable(ErrorReason::StoreUnavailable, why),
         })?;
         let known = self.check_activation(loading)?;
         if (&set.id, &set.patch, set.taxels.len()) != (&known.id, &known.patch, known.taxels) {
             let why = format!("the store gave another model set than `{id}`, which is a fault of this program");
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::ProgramFault, why));
         }
         self.check_areas(loading.patch, &set)?;
         Ok(set)
     }
 
     fn check_areas(&self, patch: usize, set: &ModelSet) -> Result<(), Rejection> {
-        self.patches[patch].unfit(set).map_or(Ok(()), |why| Err(Rejection::FailedPrecondition(why)))
+        self.patches[patch]
+            .unfit(set)
+            .map_or(Ok(()), |why| Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)))
     }
 
     fn commit_activation(
@@ -99,7 +101,7 @@ impl Engine {
     fn check_activation(&self, asked: &LoadingSet) -> Result<KnownSet, Rejection> {
         let (index, id) = (asked.patch, asked.model_set.as_str());
         self.store_takes_records()?;
-        let set = self.model_sets.get(id).ok_or_else(|| Rejection::NotFound(format!("model set `{id}`")))?;
+        let set = self.model_sets.get(id).ok_or_else(|| Rejection::no_model_set(id))?;
         self.refuse_if_set_is_deleted(id)?;
         let patch = &self.patches[index];
         let name = patch.name();
@@ -107,21 +109,33 @@ impl Engine {
             let problem = format!("`{id}` is for patch `{}`, not for `{name}`", set.patch);
             return Err(Rejection::InvalidArgument { field: "model_set", problem });
         }
-        let refuse = |why: String| Err(Rejection::FailedPrecondition(why));
+        let refuse = |reason, why: String| Err(Rejection::FailedPrecondition(reason, why));
         let (given, taxels) = (set.taxels, patch.taxels());
         if given != taxels {
-            return refuse(format!("`{id}` has {given} taxels, patch `{name}` has {taxels}: its layout has changed"));
+            return refuse(
+                ErrorReason::LayoutChanged,
+                format!("`{id}` has {given} taxels, patch `{name}` has {taxels}: its layout has changed"),
+            );
         }
         if self.pending.activates(index) {
-            return refuse(format!("another model set of patch `{name}` is being activated: ask again"));
+            return refuse(
+                ErrorReason::ActivationUnderWay,
+                format!("another model set of patch `{name}` is being activated: ask again"),
+            );
         }
         let is = patch.models().map_or("none", |set| set.id.as_str());
         let wrong = |expected: &&String| if expected.is_empty() { is != "none" } else { expected.as_str() != is };
         if let Some(expected) = asked.expected.as_ref().filter(wrong) {
-            return refuse(format!("expected `{expected}` to be active, but it is {is}"));
+            return refuse(
+                ErrorReason::ActiveSetChanged,
+                format!("expected `{expected}` to be active, but it is {is}"),
+            );
         }
         if self.comes_of_discarded(set) {
-            return refuse(format!("the session of `{id}` is DISCARDED: its models are not to be used"));
+            return refuse(
+                ErrorReason::ModelSetDiscarded,
+                format!("the session of `{id}` is DISCARDED: its models are not to be used"),
+            );
         }
         Ok(set.clone())
     }

@@ -17,7 +17,7 @@ use crate::loads::load::KnownLoad;
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Patch};
-use crate::request::{Rejection, RequestId};
+use crate::request::{ErrorReason, Rejection, RequestId};
 
 impl Engine {
     pub(super) fn on_command(&mut self, now: Now, request: RequestId, command: Command, out: &mut Vec<Output>) {
@@ -63,11 +63,15 @@ impl Engine {
             return Err(Rejection::InvalidArgument { field: "patch", problem });
         }
         let found = self.patches.iter().position(|p| p.name() == name);
-        found.ok_or_else(|| Rejection::NotFound(format!("patch `{name}`; this daemon has {}", names())))
+        found.ok_or_else(|| {
+            Rejection::NotFound(ErrorReason::PatchUnknown, format!("patch `{name}`; this daemon has {}", names()))
+        })
     }
 
     pub(super) fn store_takes_records(&self) -> Result<(), Rejection> {
-        self.store_problem.as_ref().map_or(Ok(()), |why| Err(Rejection::Unavailable(why.clone())))
+        self.store_problem
+            .as_ref()
+            .map_or(Ok(()), |why| Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why.clone())))
     }
 
     fn tare(
@@ -112,7 +116,7 @@ impl Engine {
         let index = self.patch_named(patch)?;
         if !self.patches[index].plan().configures() {
             let why = "the daemon only listens (listen_only): it sends nothing to the boards".to_owned();
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::ListenOnly, why));
         }
         let group = self.shared.group(index).to_vec();
         for &member in &group {

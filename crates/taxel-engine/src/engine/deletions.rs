@@ -8,7 +8,7 @@ use crate::engine::step::Engine;
 use crate::known_set::KnownSet;
 use crate::now::Now;
 use crate::patch::owner::Patch;
-use crate::request::{Rejection, RequestId};
+use crate::request::{ErrorReason, Rejection, RequestId};
 
 impl Engine {
     pub(super) fn delete_model_set(
@@ -20,13 +20,13 @@ impl Engine {
     ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
         let set = self.model_sets.get(&id).map(|set| set.session);
-        let session = set.ok_or_else(|| Rejection::NotFound(format!("model set `{id}`")))?;
+        let session = set.ok_or_else(|| Rejection::no_model_set(&id))?;
         self.refuse_if_set_is_deleted(&id)?;
         self.refuse_if_set_is_used(&id)?;
         if let Some(view) = self.session_of(&id, session).filter(|view| view.state.is_open()) {
             let (session, state) = (view.number, view.state.name());
             let why = format!("`{id}` is of session {session}, which is {state}; finish or abort that first");
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::SessionOpen, why));
         }
         let record = Record::ModelSetDeleted { model_set: id.clone(), wall_ns: now.wall_ns };
         self.commit(Effect::Forget { request, what: Forgotten::ModelSet(id) }, vec![record], out);
@@ -41,11 +41,11 @@ impl Engine {
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
-        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         self.refuse_if_session_is_deleted(number)?;
         if view.state.is_open() {
             let why = format!("session {number} is {}; abort it first", view.state.name());
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::SessionOpen, why));
         }
         if let Some(id) = view.model_set.as_deref() {
             self.refuse_if_set_is_used(id)?;
@@ -73,7 +73,10 @@ impl Engine {
     /// Refuses what needs a model set that is on its way out.
     pub(super) fn refuse_if_set_is_deleted(&self, id: &str) -> Result<(), Rejection> {
         if self.pending.forgets(&Forgotten::ModelSet(id.to_owned())) {
-            return Err(Rejection::FailedPrecondition(format!("model set `{id}` is being deleted")));
+            return Err(Rejection::FailedPrecondition(
+                ErrorReason::BeingDeleted,
+                format!("model set `{id}` is being deleted"),
+            ));
         }
         Ok(())
     }
@@ -81,7 +84,10 @@ impl Engine {
     /// Refuses what needs a session that is on its way out.
     pub(super) fn refuse_if_session_is_deleted(&self, number: u64) -> Result<(), Rejection> {
         if self.pending.forgets(&Forgotten::Session(number)) {
-            return Err(Rejection::FailedPrecondition(format!("session {number} is being deleted")));
+            return Err(Rejection::FailedPrecondition(
+                ErrorReason::BeingDeleted,
+                format!("session {number} is being deleted"),
+            ));
         }
         Ok(())
     }
@@ -91,7 +97,7 @@ impl Engine {
         let uses = |patch: &&Patch| patch.models().is_some_and(|set| set.id == id);
         if let Some(patch) = self.patches.iter().find(uses) {
             let why = format!("model set `{id}` is in use on patch `{}`; activate another one first", patch.name());
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
         }
         let in_use = |set: &KnownSet| {
             let active = self.patches.iter().filter_map(Patch::models).any(|active| active.id == set.id);
@@ -100,10 +106,13 @@ impl Engine {
         let comes_of_it = |set: &KnownSet| set.origins.iter().any(|origin| origin == id);
         if let Some(set) = self.model_sets.all().iter().find(|set| in_use(set) && comes_of_it(set)) {
             let why = format!("`{}`, which is in use, was made of model set `{id}` by known loads", set.id);
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
         }
         if self.pending.activates_set(id) {
-            return Err(Rejection::FailedPrecondition(format!("model set `{id}` is being activated")));
+            return Err(Rejection::FailedPrecondition(
+                ErrorReason::ModelSetInUse,
+                format!("model set `{id}` is being activated"),
+            ));
         }
         Ok(())
     }

@@ -13,7 +13,7 @@ use crate::engine::step::Engine;
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::patch::owner::Patch;
-use crate::request::{Rejection, RequestId};
+use crate::request::{ErrorReason, Rejection, RequestId};
 
 impl Engine {
     /// A fit came back. A model set is written down before the session says that it has one.
@@ -95,7 +95,7 @@ impl Engine {
                 return self.end_fit(now, patch, &outcome, out);
             }
         };
-        out.push(Output::Reply(request, Err(Rejection::Unavailable(why))));
+        out.push(Output::Reply(request, Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why))));
     }
 
     fn learn(&mut self, set: Arc<ModelSet>) {

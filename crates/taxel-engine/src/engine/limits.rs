@@ -3,7 +3,7 @@
 use crate::engine::step::Engine;
 use crate::loads::owner::LOADS_MAX;
 use crate::patch::owner::Patch;
-use crate::request::Rejection;
+use crate::request::{ErrorReason, Rejection};
 
 /// Model sets that are listed. Their summaries are in memory, half a kilobyte each, and the sets themselves on disk, half a
 /// megabyte each of the forearm. A store that has more already is served whole and takes no further one.
@@ -35,5 +35,8 @@ fn limited(there: usize, max: usize, what: &str, then: &str) -> Result<(), Rejec
     if there < max {
         return Ok(());
     }
-    Err(Rejection::FailedPrecondition(format!("there are {there} {what}, and {max} is the limit: {then}")))
+    Err(Rejection::FailedPrecondition(
+        ErrorReason::LimitReached,
+        format!("there are {there} {what}, and {max} is the limit: {then}"),
+    ))
 }

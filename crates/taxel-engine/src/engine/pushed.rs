@@ -7,7 +7,7 @@ use crate::engine::step::Engine;
 use crate::intake::health::{BusNotice, BusState};
 use crate::now::Now;
 use crate::plan::PatchPlan;
-use crate::request::Rejection;
+use crate::request::{ErrorReason, Rejection};
 
 impl Engine {
     pub(super) fn begin_push(&mut self, now: Now, patch: &str, out: &mut Vec<Output>) -> Reply {
@@ -15,7 +15,7 @@ impl Engine {
         if self.plan.patches[index].pushed.is_none() {
             let name = self.patches[index].name();
             let why = format!("the scans of patch `{name}` come over its bus: nobody can push any");
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::NotPushed, why));
         }
         if let Some(line) = self.line_of(index) {
             line.on_notice(BusNotice::Up);

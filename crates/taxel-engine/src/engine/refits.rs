@@ -8,7 +8,7 @@ use crate::engine::answer::Answer;
 use crate::engine::pending::Effect;
 use crate::engine::step::Engine;
 use crate::model_set::ModelSet;
-use crate::request::{Rejection, RequestId};
+use crate::request::{ErrorReason, Rejection, RequestId};
 
 impl Engine {
     /// Much may have changed since the fit began, so everything is asked here.
@@ -23,16 +23,16 @@ impl Engine {
         let index = self.patch_named(&set.patch)?;
         for number in sessions {
             self.refuse_if_session_is_deleted(*number)?;
-            let view = self.sessions.get(number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+            let view = self.sessions.get(number).ok_or_else(|| Rejection::no_session(*number))?;
             if view.patch != set.patch {
                 let why = format!("session {number} is of patch `{}`, the model set is of `{}`", view.patch, set.patch);
-                return Err(Rejection::FailedPrecondition(why));
+                return Err(Rejection::FailedPrecondition(ErrorReason::SessionsDiffer, why));
             }
         }
         let (given, taxels) = (set.taxels.len(), self.patches[index].taxels());
         if given != taxels {
             let why = format!("the model set has {given} taxels, patch `{}` has {taxels}", set.patch);
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why));
         }
         self.refuse_if_set_is_deleted(&set.id)?;
         if self.model_sets.get(&set.id).is_none() {

@@ -16,7 +16,7 @@ use crate::engine::pending::Loading;
 use crate::engine::step::Engine;
 use crate::now::Now;
 use crate::patch::owner::Patch;
-use crate::request::{Rejection, RequestId};
+use crate::request::{ErrorReason, Rejection, RequestId};
 
 /// Targets beyond this are not a vacuum bag's, nor a pressure chamber's for skin.
 const TARGET_MAX_KPA: f64 = 1_000.0;
@@ -48,7 +48,7 @@ impl Engine {
         let patch = &self.patches[index];
         if !patch.plan().has_gauge() {
             let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why));
         }
         let target = asked.target.unwrap_or(patch.plan().session.target).0;
         if !(target > 0.0 && target <= TARGET_MAX_KPA) {
@@ -73,7 +73,8 @@ impl Engine {
         self.next_session += 1;
         self.with_patch(now, index, out, |patch, effects| patch.start_session(now, view, effects));
         let view = self.patches[index].calibration().session().cloned();
-        view.map(|view| Done::Session(Arc::new(view))).ok_or_else(|| Rejection::NotFound("session".to_owned()))
+        view.map(|view| Done::Session(Arc::new(view)))
+            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
     }
 
     /// What an operator asks of a session. The samples of one that no patch holds are read first.
@@ -119,11 +120,11 @@ impl Engine {
 
     pub(super) fn discard(&mut self, now: Now, number: u64, out: &mut Vec<Output>) -> Reply {
         self.refuse_if_session_is_deleted(number)?;
-        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
             let state = view.state.name();
             let why = format!("session {number} is {state} and its models are in use; activate others first");
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
         }
         self.store_takes_records()?;
         if let Some(index) = self.held(number) {
@@ -134,7 +135,7 @@ impl Engine {
 
     /// Ends a session that no patch holds: the one that its patch holds stays there, with its samples.
     fn end_unheld(&self, now: Now, number: u64, command: Trigger, out: &mut Vec<Output>) -> Reply {
-        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let mut view = SessionView::clone(view);
         view.state = commanded(number, view.state, command)?;
         view.reason = command.reason().to_owned();
@@ -146,7 +147,7 @@ impl Engine {
 
     /// The patch that could take up a session for `command`.
     fn check_take_up(&self, now: Now, number: u64, command: Trigger) -> Result<usize, Rejection> {
-        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         commanded(number, view.state, command)?;
         let index = self.patch_named(&view.patch)?;
         self.patches[index].calibration().refuse_if_open("finish or abort it first")?;
@@ -192,7 +193,7 @@ impl Engine {
         let index = self.check_take_up(now, number, command)?;
         let samples = self.usable_samples(index, number, result)?;
         let patch = &mut self.patches[index];
-        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         patch.resume_session(now, SessionView::clone(view), samples);
         self.command_held(now, index, command, out)
     }
@@ -205,17 +206,18 @@ impl Engine {
         read: Result<SessionSamples, NotLoaded>,
     ) -> Result<SessionSamples, Rejection> {
         let samples = read.map_err(|why| match why {
-            NotLoaded::Damaged(what) => Rejection::FailedPrecondition(format!(
-                "session {number} cannot go on, its samples are damaged on disk: {what}; start a new one"
-            )),
-            NotLoaded::Unavailable(why) => Rejection::Unavailable(why),
+            NotLoaded::Damaged(what) => Rejection::FailedPrecondition(
+                ErrorReason::DataDamaged,
+                format!("session {number} cannot go on, its samples are damaged on disk: {what}; start a new one"),
+            ),
+            NotLoaded::Unavailable(why) => Rejection::Unavailable(ErrorReason::StoreUnavailable, why),
         })?;
         let patch = &self.patches[index];
         let fits = |counts: Counts<'_>| counts.len() == patch.taxels() && counts.fits(patch.plan().patch.counts());
         if !samples.samples.iter().all(|sample| fits(sample.counts.counts())) {
             let name = patch.name();
             let why = format!("session {number} is of another layout of patch `{name}` and cannot go on");
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why));
         }
         Ok(samples)
     }

@@ -18,6 +18,7 @@ use crate::engine::known_sets::KnownSets;
 use crate::engine::pending::{Effect, Pending};
 use crate::engine::routes::{Route, Routes};
 use crate::engine::shared::SharedBoards;
+use crate::force::reason::ReasonCode;
 use crate::intake::health::{BusNotice, BusState};
 use crate::loads::load::Load;
 use crate::now::Now;
@@ -318,7 +319,9 @@ impl Engine {
             }
             if let Some(why) = &lost {
                 let why = format!("bus {}: {why}", bus.0);
-                self.with_patch(now, index, out, |patch, effects| patch.lose_zero(now, why, effects));
+                self.with_patch(now, index, out, |patch, effects| {
+                    patch.lose_zero(now, ReasonCode::ZeroLost, why, effects)
+                });
             }
         }
     }

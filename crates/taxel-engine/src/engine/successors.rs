@@ -12,7 +12,7 @@ use crate::calibration::transition::Trigger;
 use crate::calibration::view::{SessionState, SessionView};
 use crate::engine::step::Engine;
 use crate::now::Now;
-use crate::request::Rejection;
+use crate::request::{ErrorReason, Rejection};
 
 impl Engine {
     /// Whether a command to a session begins a successor of it.
@@ -23,19 +23,19 @@ impl Engine {
 
     /// The patch on which a session in use can be succeeded.
     pub(super) fn check_successor(&self, now: Now, number: u64) -> Result<usize, Rejection> {
-        let view = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let index = self.patch_named(&view.patch)?;
         let patch = &self.patches[index];
         self.room_for_session()?;
         self.room_for_model_set()?;
         if patch.plan().gauge.is_none() {
             let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why));
         }
         let modules = patch.plan().patch.modules().len();
         if view.left_out.iter().any(|module| usize::from(*module) >= modules) {
             let why = format!("session {number} is of another layout of patch `{}` and cannot go on", patch.name());
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why));
         }
         patch.calibration().refuse_if_open("finish or abort it first")?;
         patch.check_looked_at()?;
@@ -52,7 +52,7 @@ impl Engine {
         samples: SessionSamples,
         out: &mut Vec<Output>,
     ) -> Reply {
-        let of = self.sessions.get(&number).ok_or_else(|| Rejection::NotFound(format!("session {number}")))?;
+        let of = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let view = SessionView {
             number: self.next_session,
             patch: of.patch.clone(),
@@ -67,6 +67,7 @@ impl Engine {
         self.next_session += 1;
         self.with_patch(now, index, out, |patch, effects| patch.succeed_session(now, view, samples, effects));
         let view = self.patches[index].calibration().session().cloned();
-        view.map(|view| Done::Session(Arc::new(view))).ok_or_else(|| Rejection::NotFound("session".to_owned()))
+        view.map(|view| Done::Session(Arc::new(view)))
+            .ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
     }
 }

@@ -9,6 +9,7 @@ use crate::counts::Counts;
 use crate::force::contacts::clusters;
 use crate::force::evaluator::Evaluator;
 use crate::force::neighbours::{Filled, Neighbours};
+use crate::force::reason::positions;
 use crate::force::remainder::Unseen;
 use crate::force::sample::ForceSample;
 use crate::force::sampling::Contact;
@@ -67,7 +68,7 @@ pub struct Coverage {
 /// What the force of a scan depends on beside its counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Present {
-    /// What [`ForceModel::coverage`] said of the taxels selected now.
+    /// What [`ForceModel::coverage`] says of the taxels selected now.
     pub coverage: Coverage,
     /// Standard uncertainty of the zero that all taxels share, counts.
     pub zero_sigma_counts: f64,
@@ -122,29 +123,26 @@ impl ForceModel {
         }
     }
 
-    /// What the taxels selected now leave of the patch's area.
+    /// What the taxels selected now leave of the patch's area, and which of the others are blind, ascending.
     #[must_use]
-    pub fn coverage(&self, selected: &[bool]) -> Coverage {
+    pub fn coverage(&self, selected: &[bool]) -> (Coverage, Vec<u16>) {
         let all: f64 = self.areas_mm2.iter().sum();
         let covered: f64 = self.areas_mm2.iter().zip(selected).filter(|(_, s)| **s).map(|(area, _)| area).sum();
-        let blind = match &self.neighbours {
+        let missing = |range: Range<usize>| range.filter(|&t| !selected[t]);
+        let mut blind = match &self.neighbours {
             Some(neighbours) => {
-                let missing = (0..selected.len()).filter(|&t| !selected[t]);
-                missing.filter(|&t| !neighbours.cover(t, |other| selected[other])).count()
+                let seen = |taxel: usize| neighbours.cover(taxel, |other| selected[other]);
+                positions(missing(0..selected.len()).filter(|&taxel| !seen(taxel)))
             }
             // Without positions a module is taken to be blind when most of it is.
             None => {
-                let missing = |range: &Range<usize>| range.clone().filter(|&t| !selected[t]).count();
-                self.modules
-                    .iter()
-                    .map(|range| (missing(range), range.len()))
-                    .filter(|(m, n)| 2 * m > *n)
-                    .map(|m| m.0)
-                    .sum()
+                let mostly = self.modules.iter().filter(|range| 2 * missing((*range).clone()).count() > range.len());
+                positions(mostly.flat_map(|range| missing(range.clone())))
             }
         };
+        blind.sort_unstable();
         let uncovered_share = if all > 0.0 { (1.0 - covered / all).max(0.0) } else { 0.0 };
-        Coverage { uncovered_share, blind: blind as u32 }
+        (Coverage { uncovered_share, blind: blind.len() as u32 }, blind)
     }
 
     /// The neighbours of each taxel, where positions are known.
@@ -332,7 +330,10 @@ mod tests {
 
     fn coverage(geometry: Option<Geometry>, missing: impl Fn(usize) -> bool) -> Coverage {
         let selected: Vec<bool> = (0..20).map(|taxel| !missing(taxel)).collect();
-        ForceModel::new(&layout(20, geometry)).coverage(&selected)
+        let (coverage, blind) = ForceModel::new(&layout(20, geometry)).coverage(&selected);
+        assert_eq!(blind.len(), coverage.blind as usize);
+        assert!(blind.iter().all(|&taxel| missing(usize::from(taxel))) && blind.is_sorted(), "{blind:?}");
+        coverage
     }
 
     #[test]

@@ -10,6 +10,7 @@ use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
 use crate::force::hysteresis::Hysteresis;
 use crate::force::measure::{Coverage, ForceModel, Layout, Present, Touch};
+use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::force::remainder::Remainder;
 use crate::force::sample::{ForceSample, ForceState};
 use crate::force::tables::Tables;
@@ -36,14 +37,14 @@ pub struct ForcePlan {
 /// What the zero says of itself to the force.
 #[derive(Clone, Debug, Default)]
 pub struct ZeroState {
-    /// Why there is none, in words; empty where there is one.
-    pub lacks: String,
+    /// Why there is none, if there is none.
+    pub lacks: Option<Reason>,
     /// Standard uncertainty that all taxels share, counts.
     pub sigma_counts: f64,
-    /// What keeps a force at it from being a good one, in words.
-    pub shortcoming: Option<String>,
-    /// A load has just vanished from a whole board at once.
-    pub load_vanished: bool,
+    /// What keeps a force at it from being a good one.
+    pub shortcoming: Option<Reason>,
+    /// That a load has just vanished from a whole board at once, if one has.
+    pub load_vanished: Option<Reason>,
 }
 
 /// The tables of the models at the present zero, and what hysteresis adds to each taxel, kPa, where it is compensated.
@@ -79,8 +80,10 @@ pub struct Force {
     selected_for: Option<u64>,
     /// Taxels of modules that are heard, with a usable model and a fault.
     faulty: Vec<usize>,
-    /// How many taxels of modules that are heard have a usable model and no zero: they had a fault or moved when it was taken.
-    without_zero: usize,
+    /// Taxels of modules that are heard with a usable model and no zero: they had a fault or moved when it was taken.
+    without_zero: Arc<[u16]>,
+    /// Taxels that [`Coverage::blind`] counts.
+    blind: Arc<[u16]>,
     /// How many taxels are selected.
     usable: usize,
     touch: Touch,
@@ -103,7 +106,8 @@ impl Force {
             coverage: Coverage { uncovered_share: 1.0, blind: 0 },
             selected_for: None,
             faulty: Vec::new(),
-            without_zero: 0,
+            without_zero: Arc::default(),
+            blind: Arc::default(),
             usable: 0,
             touch: Touch::default(),
         }
@@ -194,13 +198,15 @@ impl Force {
         }
         self.selected_for = Some(scan.soundness);
         evaluator.select(|taxel| scan.sound[taxel]);
-        self.coverage = self.model.coverage(evaluator.selection());
+        let (coverage, blind) = self.model.coverage(evaluator.selection());
+        (self.coverage, self.blind) = (coverage, blind.into());
         self.usable = evaluator.selected().count();
         let tables = evaluator.tables();
         let heard = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| !**silent);
         let heard = heard.flat_map(|(taxels, _)| taxels.clone());
         self.faulty = heard.clone().filter(|&t| tables.has(t) && !scan.sound[t]).collect();
-        self.without_zero = heard.filter(|&t| tables.set().taxels[t].is_usable() && !tables.has(t)).count();
+        let without_zero = heard.filter(|&t| tables.set().taxels[t].is_usable() && !tables.has(t));
+        self.without_zero = positions(without_zero).into();
         if let Some(zero) = &self.zero {
             let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
             self.remainder = Remainder::new(tables, zero, activation, evaluator.selection(), modules);
@@ -212,16 +218,23 @@ impl Force {
         self.select(scan);
         let taxels = scan.counts.len();
         if self.set.is_none() {
-            return self.nothing(ForceState::Uncalibrated, "no model set is active".to_owned(), silent, taxels);
+            let why = Reason::new(ReasonCode::NoModelSet, "no model set is active");
+            return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
         }
         if silent as f64 > self.plan.stale_share_max * taxels as f64 {
-            return self.nothing(ForceState::Stale, format!("{silent} of {taxels} taxels are silent"), silent, taxels);
+            let text = format!("{silent} of {taxels} taxels are silent");
+            let why = Reason::about(self.silent(scan), ReasonCode::TaxelsSilent, text);
+            return self.nothing(ForceState::Stale, why, silent, taxels);
         }
-        let Some(evaluator) = self.evaluator.as_ref().filter(|_| zero.lacks.is_empty()) else {
-            return self.nothing(ForceState::TareInvalid, zero.lacks.clone(), silent, taxels);
+        if let Some(why) = &zero.lacks {
+            return self.nothing(ForceState::TareInvalid, why.clone(), silent, taxels);
+        }
+        let Some(evaluator) = &self.evaluator else {
+            let why = Reason::new(ReasonCode::ZeroNotTaken, "no zero has been taken yet");
+            return self.nothing(ForceState::TareInvalid, why, silent, taxels);
         };
         if self.usable == 0 {
-            let why = "no taxel has a usable model and is free of faults".to_owned();
+            let why = Reason::new(ReasonCode::NoUsableTaxel, "no taxel has a usable model and is free of faults");
             return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
         }
         let mut touch = std::mem::take(&mut self.touch);
@@ -231,17 +244,20 @@ impl Force {
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts };
-        let faulty_beside = self.faulty_beside(&touch);
+        let faulty = self.faulty_beside(&touch);
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, unseen, present);
         self.touch = touch;
         sample.stale = silent as u32;
         sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
-        self.name_shortcomings(&mut sample, faulty_beside, zero);
+        sample.reasons = self.shortcomings(scan, &sample, (&in_total, faulty), zero);
+        sample.lower_bound =
+            self.coverage.blind > 0 || sample.stale > 0 || sample.out_of_range > 0 || zero.load_vanished.is_some();
+        sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
         Measured { sample, active: in_total }
     }
 
-    fn nothing(&self, state: ForceState, reason: String, silent: usize, taxels: usize) -> Measured {
+    fn nothing(&self, state: ForceState, reason: Reason, silent: usize, taxels: usize) -> Measured {
         let sample = ForceSample {
             state,
             reasons: vec![reason],
@@ -254,48 +270,73 @@ impl Force {
         Measured { sample, active: Box::default() }
     }
 
-    /// How many taxels with a fault lie under the contact or at its rim. Without positions nobody knows, and all count.
-    fn faulty_beside(&self, touch: &Touch) -> usize {
-        let Some(neighbours) = self.model.neighbours() else { return self.faulty.len() };
+    /// Taxels with a fault under the contact or at its rim. Without positions nobody knows, and all count.
+    fn faulty_beside(&self, touch: &Touch) -> Vec<u16> {
+        let Some(neighbours) = self.model.neighbours() else { return positions(self.faulty.iter().copied()) };
         if self.faulty.is_empty() || touch.active.is_empty() {
-            return 0;
+            return Vec::new();
         }
         let touched = |taxel: usize| touch.active.iter().any(|&(active, _)| active == taxel);
-        self.faulty.iter().filter(|&&taxel| neighbours.of(taxel).any(touched)).count()
+        positions(self.faulty.iter().copied().filter(|&taxel| neighbours.of(taxel).any(touched)))
     }
 
-    /// Only what touches the total degrades it; the rest is the health's.
-    fn name_shortcomings(&self, sample: &mut ForceSample, faulty_beside: usize, zero: &ZeroState) {
-        let reasons = &mut sample.reasons;
+    /// Taxels of modules that are silent, ascending.
+    fn silent(&self, scan: &Scan<'_>) -> Vec<u16> {
+        let modules = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| **silent);
+        let mut taxels = positions(modules.flat_map(|(taxels, _)| taxels.clone()));
+        taxels.sort_unstable();
+        taxels
+    }
+
+    /// Those of `active`, which count in the total, that read more than was calibrated.
+    fn out_of_range(&self, scan: &Scan<'_>, active: &[u16]) -> Vec<u16> {
+        let Some(evaluator) = &self.evaluator else { return Vec::new() };
+        let above = |&taxel: &u16| {
+            let taxel = usize::from(taxel);
+            let share = scan.counts.raw(taxel).and_then(|count| evaluator.tables().share(taxel, count));
+            share.is_some_and(|share| share.above > 0.0)
+        };
+        active.iter().copied().filter(above).collect()
+    }
+
+    /// Only what touches the total degrades it; the rest is the health's. A good sample, as nearly all are, asks for no
+    /// memory here.
+    fn shortcomings(
+        &self,
+        scan: &Scan<'_>,
+        sample: &ForceSample,
+        (active, faulty): (&[u16], Vec<u16>),
+        zero: &ZeroState,
+    ) -> Vec<Reason> {
+        use ReasonCode::{TaxelsBlind, TaxelsFaulty, TaxelsOutOfRange, TaxelsSilent, TaxelsWithoutZero};
+        let mut reasons = Vec::new();
         if sample.stale > 0 {
-            reasons.push(format!("{} taxels are silent", sample.stale));
+            let text = format!("{} taxels are silent", sample.stale);
+            reasons.push(Reason::about(self.silent(scan), TaxelsSilent, text));
         }
-        if faulty_beside > 0 {
-            reasons.push(format!("{faulty_beside} taxels have a fault"));
+        if !faulty.is_empty() {
+            let text = format!("{} taxels have a fault", faulty.len());
+            reasons.push(Reason::about(faulty, TaxelsFaulty, text));
         }
         if self.coverage.blind > BLIND_TAXELS_BORNE && self.coverage.blind > sample.stale {
             let blind = self.coverage.blind;
-            reasons.push(format!("{blind} taxels are blind, and so are those beside them: the total is a lower bound"));
-            if self.without_zero > 0 {
-                let n = self.without_zero;
+            let text = format!("{blind} taxels are blind, and so are those beside them: the total is a lower bound");
+            reasons.push(Reason::about(Arc::clone(&self.blind), TaxelsBlind, text));
+            if !self.without_zero.is_empty() {
+                let n = self.without_zero.len();
                 let why =
                     "had a fault or moved when the zero was taken and have none: a new one at rest brings them back";
-                reasons.push(format!("{n} taxels with a model {why}"));
+                let text = format!("{n} taxels with a model {why}");
+                reasons.push(Reason::about(Arc::clone(&self.without_zero), TaxelsWithoutZero, text));
             }
         }
         if sample.out_of_range > 0 {
             let n = sample.out_of_range;
-            reasons.push(format!("{n} active taxels read more than was calibrated: the total is a lower bound"));
+            let text = format!("{n} active taxels read more than was calibrated: the total is a lower bound");
+            reasons.push(Reason::about(self.out_of_range(scan, active), TaxelsOutOfRange, text));
         }
-        if zero.load_vanished {
-            let what = "a load vanished from a whole board at once, and whether the board took a new zero is being \
-                        looked at: the total is a lower bound";
-            reasons.push(what.to_owned());
-        }
-        reasons.extend(zero.shortcoming.clone());
-        sample.lower_bound =
-            self.coverage.blind > 0 || sample.stale > 0 || sample.out_of_range > 0 || zero.load_vanished;
-        sample.state = if reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
+        reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());
+        reasons
     }
 
     /// The tables at the present zero and what each taxel's history adds, for readers of taxels.

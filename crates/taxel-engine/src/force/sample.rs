@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use taxel_skin::{Newton, Time};
 
+use crate::force::reason::{Reason, in_words};
 use crate::intake::faults::fault::FaultSet;
 
 /// How far a force can be trusted.
@@ -26,8 +27,8 @@ pub enum ForceState {
 pub struct ForceSample {
     /// How far it can be trusted.
     pub state: ForceState,
-    /// Why it is not `Ok`.
-    pub reasons: Vec<String>,
+    /// Why it is not `Ok`, most important first.
+    pub reasons: Vec<Reason>,
     /// Sum of area x pressure over active taxels; absent unless the state is `Ok` or `Degraded`.
     pub total: Option<Newton>,
     /// Standard uncertainty of the total.
@@ -60,6 +61,14 @@ pub struct ForceSample {
     pub uncovered_share: f64,
     /// Id of the active model set.
     pub model_set: Option<Arc<str>>,
+}
+
+impl ForceSample {
+    /// Why it is not `Ok`, in one line.
+    #[must_use]
+    pub fn why(&self) -> String {
+        in_words(&self.reasons)
+    }
 }
 
 /// A cluster of neighbouring active taxels.

@@ -10,6 +10,7 @@ use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
 use crate::force::measure::{Layout, Outputs};
 use crate::force::owner::{Force, ForcePlan, Measured, ZeroState};
+use crate::force::reason::{Reason, ReasonCode};
 use crate::force::sample::ForceState;
 use crate::force::taxels::{Basis, ModuleAge, Taxels};
 use crate::intake::faults::fault::FaultSet;
@@ -156,8 +157,34 @@ impl Skin {
     /// State, reasons and whether the total is a lower bound.
     fn verdict(mut self) -> (ForceState, Vec<String>, bool) {
         let sample = self.measured().sample;
-        (sample.state, sample.reasons, sample.lower_bound)
+        (sample.state, words(&sample.reasons), sample.lower_bound)
     }
+}
+
+fn words(reasons: &[Reason]) -> Vec<String> {
+    reasons.iter().map(|reason| reason.text().to_owned()).collect()
+}
+
+#[test]
+fn each_reason_has_a_code_and_names_the_taxels_that_it_is_about() {
+    use ReasonCode::{TaxelsBlind, TaxelsFaulty, TaxelsOutOfRange, TaxelsSilent, TaxelsWithoutZero};
+    fn told(mut skin: Skin) -> Vec<(ReasonCode, Vec<u16>)> {
+        let sample = skin.measured().sample;
+        sample.reasons.iter().map(|reason| (reason.code(), reason.taxels().to_vec())).collect()
+    }
+    let skin = || Skin::new(Some(row(TAXELS)));
+    assert_eq!(told(skin().press(20..24, 30).fault(24).fault(75)), [(TaxelsFaulty, vec![24])]);
+    assert_eq!(told(skin().silence(5)), [(TaxelsSilent, (50..60).collect())]);
+    assert_eq!(told((50..60).fold(skin(), Skin::fault)), [(TaxelsBlind, (50..60).collect())]);
+    assert_eq!(told(skin().press(20..22, 100)), [(TaxelsOutOfRange, vec![20, 21])]);
+    let mut without_zero = skin();
+    let mut zero = rest(TAXELS);
+    zero[50..60].fill(TaxelBaseline { mean: f64::NAN, noise: f64::NAN });
+    without_zero.force.set_zero(Some(&zero), 0.0);
+    assert_eq!(told(without_zero), [(TaxelsBlind, (50..60).collect()), (TaxelsWithoutZero, (50..60).collect())]);
+    let most = (0..6).fold(skin(), Skin::silence);
+    let silent = told(most);
+    assert_eq!(silent, [(TaxelsSilent, (0..60).collect())], "no force at all");
 }
 
 #[test]
@@ -235,17 +262,18 @@ fn a_load_beyond_the_calibrated_range_is_a_lower_bound() {
 
 #[test]
 fn what_the_zero_says_of_itself_degrades_the_force() {
-    let vanished = ZeroState { load_vanished: true, ..ZeroState::default() };
+    let vanished = Some(Reason::new(ReasonCode::LoadVanished, "a load vanished"));
+    let vanished = ZeroState { load_vanished: vanished, ..ZeroState::default() };
     let (state, reasons, bound) = Skin::new(None).zero(vanished).verdict();
     assert!(state == ForceState::Degraded && bound && reasons.len() == 1, "{reasons:?}");
-    let short = ZeroState { shortcoming: Some("drift".to_owned()), ..ZeroState::default() };
+    let short = ZeroState { shortcoming: Some(Reason::new(ReasonCode::DriftBounded, "drift")), ..ZeroState::default() };
     let (state, reasons, bound) = Skin::new(None).zero(short).verdict();
     assert_eq!((state, reasons, bound), (ForceState::Degraded, vec!["drift".to_owned()], false));
-    let lost = ZeroState { lacks: "power cycle".to_owned(), ..ZeroState::default() };
+    let lost = ZeroState { lacks: Some(Reason::new(ReasonCode::ZeroLost, "power cycle")), ..ZeroState::default() };
     let mut skin = Skin::new(None).zero(lost);
     let sample = skin.measured().sample;
     assert_eq!((sample.state, sample.total), (ForceState::TareInvalid, None));
-    assert_eq!(sample.reasons, ["power cycle"]);
+    assert_eq!(sample.reasons, [Reason::new(ReasonCode::ZeroLost, "power cycle")]);
 }
 
 /// A model as the paper's estimator may give it: between rest and threshold, and again further on, it turns.

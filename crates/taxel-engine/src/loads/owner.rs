@@ -7,9 +7,9 @@ use crate::force::owner::Measured;
 use crate::loads::factor::{AreaFactor, LOADS_MIN};
 use crate::loads::load::{KnownLoad, Load, Reading, Weight};
 use crate::loads::validation::{Patch, Validation, judge, mean_area_mm2};
-use crate::loads::watch::LoadWatch;
+use crate::loads::watch::{LoadWatch, Unread};
 use crate::now::Now;
-use crate::request::{Rejection, RequestId};
+use crate::request::{ErrorReason, Rejection, RequestId};
 
 /// Loads of all patches that one store is good for; laying them down takes an operator days.
 pub const LOADS_MAX: usize = 10_000;
@@ -33,7 +33,7 @@ pub struct LoadRead {
     /// Whom to answer.
     pub request: RequestId,
     /// What was laid on and read, or why nothing was.
-    pub outcome: Result<(KnownLoad, Reading), String>,
+    pub outcome: Result<(KnownLoad, Reading), Unread>,
 }
 
 /// The known loads of one patch.
@@ -75,11 +75,14 @@ impl Loads {
         if let Some(number) = load.replaces
             && !self.all.iter().any(|l| l.number == number)
         {
-            return Err(Rejection::NotFound(format!("load {number} of patch `{}`", self.plan.patch)));
+            return Err(Rejection::NotFound(
+                ErrorReason::LoadUnknown,
+                format!("load {number} of patch `{}`", self.plan.patch),
+            ));
         }
         if self.watch.is_some() {
             let why = "another load of this patch is being read: wait a second".to_owned();
-            return Err(Rejection::FailedPrecondition(why));
+            return Err(Rejection::FailedPrecondition(ErrorReason::LoadBeingRead, why));
         }
         self.watch = Some(LoadWatch::new(now, request, load, force.0));
         Ok(())
@@ -104,7 +107,7 @@ impl Loads {
         self.watch.as_ref().map(LoadWatch::give_up_at)
     }
 
-    fn end(&mut self, verdict: Result<Reading, String>) -> Option<LoadRead> {
+    fn end(&mut self, verdict: Result<Reading, Unread>) -> Option<LoadRead> {
         let watch = self.watch.take()?;
         Some(LoadRead { request: watch.request, outcome: verdict.map(|reading| (watch.load, reading)) })
     }

@@ -7,7 +7,7 @@ use taxel_skin::Time;
 use crate::force::owner::Measured;
 use crate::force::sample::{ForceSample, ForceState};
 use crate::loads::load::{KnownLoad, Reading};
-use crate::request::RequestId;
+use crate::request::{ErrorReason, RequestId};
 
 /// The force is read for so long,
 const SPAN: Duration = Duration::from_secs(1);
@@ -27,6 +27,9 @@ const READ_SHARE_MIN: f64 = 0.1;
 const DRIFT_SHARE_MAX: f64 = 0.03;
 /// or by so many standard errors of that difference.
 const DRIFT_ERRORS_MAX: f64 = 3.0;
+
+/// Why a load could not be read: for programs and for people.
+pub type Unread = (ErrorReason, String);
 
 /// One load being read.
 #[derive(Debug)]
@@ -61,10 +64,10 @@ impl LoadWatch {
         time: Time,
         (epoch, factor): (u64, f64),
         measured: &Measured,
-    ) -> Option<Result<Reading, String>> {
+    ) -> Option<Result<Reading, Unread>> {
         let force = &measured.sample;
         if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
-            return Some(Err(format!("there is no force: {}", force.reasons.join("; "))));
+            return Some(Err((ErrorReason::NoForce, format!("there is no force: {}", force.why()))));
         }
         if time <= self.newest {
             return None; // no new frame in it
@@ -72,7 +75,8 @@ impl LoadWatch {
         self.newest = time;
         let ground = (epoch, force.model_set.clone(), factor);
         if *self.first.get_or_insert_with(|| ground.clone()) != ground {
-            return Some(Err("the zero, the model set or the area factor changed meanwhile".to_owned()));
+            let why = "the zero, the model set or the area factor changed meanwhile".to_owned();
+            return Some(Err((ErrorReason::LoadInterrupted, why)));
         }
         self.add(force);
         self.reading.taxels = measured.active.to_vec();
@@ -87,10 +91,13 @@ impl LoadWatch {
     }
 
     /// Time passed: a watch that gets no scans ends.
-    pub fn overdue(&self, now: Time) -> Option<Result<Reading, String>> {
+    pub fn overdue(&self, now: Time) -> Option<Result<Reading, Unread>> {
         let late = now.since(self.begun) > SPAN + GRACE;
         let (scans, seconds) = (self.totals_n.len(), (SPAN + GRACE).as_secs());
-        late.then(|| Err(format!("{scans} scans came within {seconds} s, at least {SCANS_MIN} are needed")))
+        late.then(|| {
+            let why = format!("{scans} scans came within {seconds} s, at least {SCANS_MIN} are needed");
+            Err((ErrorReason::SkinSilent, why))
+        })
     }
 
     fn add(&mut self, force: &ForceSample) {
@@ -100,34 +107,39 @@ impl LoadWatch {
         self.reading.uncovered_share = self.reading.uncovered_share.max(force.uncovered_share);
         self.reading.filled_share = self.reading.filled_share.max(force.filled_share);
         for reason in &force.reasons {
-            if !self.reading.reasons.contains(reason) && self.reading.reasons.len() < REASONS_MAX {
-                self.reading.reasons.push(reason.clone());
+            let known = self.reading.reasons.iter().any(|known| known == reason.text());
+            if !known && self.reading.reasons.len() < REASONS_MAX {
+                self.reading.reasons.push(reason.text().to_owned());
             }
         }
     }
 
-    fn conclude(&mut self) -> Result<Reading, String> {
+    fn conclude(&mut self) -> Result<Reading, Unread> {
         let scans = self.totals_n.len();
         let mean_n = mean(&self.totals_n);
         let scatter_n =
             (self.totals_n.iter().map(|total| (total - mean_n).powi(2)).sum::<f64>() / (scans - 1) as f64).sqrt();
         let felt = self.totals_n.iter().filter(|total| **total > 0.0).count();
         if felt < scans {
-            return Err(format!("the skin feels nothing in {} of {scans} scans: no taxel is active", scans - felt));
+            let why = format!("the skin feels nothing in {} of {scans} scans: no taxel is active", scans - felt);
+            return Err((ErrorReason::LoadNotFelt, why));
         }
         if mean_n < READ_SHARE_MIN * self.force_n {
             let laid_on_n = self.force_n;
-            return Err(format!("{mean_n:.2} N were read under {laid_on_n:.2} N: does the load lie on this patch?"));
+            let why = format!("{mean_n:.2} N were read under {laid_on_n:.2} N: does the load lie on this patch?");
+            return Err((ErrorReason::LoadNotFelt, why));
         }
         if scatter_n > (SCATTER_SHARE_MAX * mean_n).max(SCATTER_FLOOR_N) {
-            return Err(format!("the force is unsteady: {mean_n:.2} N with a scatter of {scatter_n:.2} N"));
+            let why = format!("the force is unsteady: {mean_n:.2} N with a scatter of {scatter_n:.2} N");
+            return Err((ErrorReason::LoadUnsteady, why));
         }
         let (early, late) = self.totals_n.split_at(scans / 2);
         let (early_n, late_n) = (mean(early), mean(late));
         let error_n = 2.0 * scatter_n / (scans as f64).sqrt();
         let drift_max_n = (DRIFT_SHARE_MAX * mean_n).max(DRIFT_ERRORS_MAX * error_n);
         if (late_n - early_n).abs() > drift_max_n {
-            return Err(format!("the force is unsteady: it moved from {early_n:.2} N to {late_n:.2} N"));
+            let why = format!("the force is unsteady: it moved from {early_n:.2} N to {late_n:.2} N");
+            return Err((ErrorReason::LoadUnsteady, why));
         }
         let (sigma_n, reading) = (self.sigmas_n / scans as f64, std::mem::take(&mut self.reading));
         Ok(Reading { scans: scans as u32, mean_n, scatter_n, sigma_n, ..reading })
@@ -141,6 +153,7 @@ fn mean(values: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::force::reason::{Reason, ReasonCode};
     use crate::loads::load::Weight;
     use taxel_skin::Newton;
 
@@ -161,7 +174,7 @@ mod tests {
     }
 
     /// What comes of scans every 50 ms with this force at each second.
-    fn read(force_n: impl Fn(f64) -> f64) -> Result<Reading, String> {
+    fn read(force_n: impl Fn(f64) -> f64) -> Result<Reading, Unread> {
         let mut watch = watch();
         (1..100).find_map(|i| watch.take(at(50 * i), (1, 1.0), &sample(force_n(0.05 * i as f64)))).expect("an end")
     }
@@ -176,15 +189,17 @@ mod tests {
 
     #[test]
     fn what_moves_or_is_not_there_is_refused_in_words() {
-        for (what, refused) in [
-            ("it moved from", read(|s| 5.0 + 0.5 * s)),
-            ("scatter", read(|s| 5.0 + (40.0 * s).sin())),
-            ("feels nothing in 20 of 20 scans", read(|_| 0.0)),
-            ("feels nothing in 11 of 20 scans", read(|s| if s < 0.5 { 0.04 } else { 0.0 })),
-            ("does the load lie on this patch", read(|_| 0.1)),
+        use ErrorReason::{LoadNotFelt, LoadUnsteady};
+        for (what, code, refused) in [
+            ("it moved from", LoadUnsteady, read(|s| 5.0 + 0.5 * s)),
+            ("scatter", LoadUnsteady, read(|s| 5.0 + (40.0 * s).sin())),
+            ("feels nothing in 20 of 20 scans", LoadNotFelt, read(|_| 0.0)),
+            ("feels nothing in 11 of 20 scans", LoadNotFelt, read(|s| if s < 0.5 { 0.04 } else { 0.0 })),
+            ("does the load lie on this patch", LoadNotFelt, read(|_| 0.1)),
         ] {
-            let why = refused.unwrap_err();
+            let (reason, why) = refused.unwrap_err();
             assert!(why.contains(what), "{why}");
+            assert_eq!(reason, code, "{why}");
         }
     }
 
@@ -196,7 +211,7 @@ mod tests {
             assert_eq!(watch.take(at(1_500), (1, 1.0), &sample(5.0)), None);
         }
         assert_eq!(watch.overdue(Time::from_seconds(3.0)), None);
-        let why = watch.overdue(Time::from_seconds(3.1)).unwrap().unwrap_err();
+        let (_, why) = watch.overdue(Time::from_seconds(3.1)).unwrap().unwrap_err();
         assert!(why.starts_with("1 scans came within 3 s"), "{why}");
     }
 
@@ -205,13 +220,13 @@ mod tests {
         let mut other = sample(5.0);
         let mut watch = watch();
         assert_eq!(watch.take(at(50), (1, 1.0), &sample(5.0)), None);
-        assert!(watch.take(at(100), (9, 1.0), &other).unwrap().unwrap_err().contains("zero"));
+        assert!(watch.take(at(100), (9, 1.0), &other).unwrap().unwrap_err().1.contains("zero"));
         let mut watch = self::watch();
         assert_eq!(watch.take(at(50), (1, 1.0), &sample(5.0)), None);
-        assert!(watch.take(at(100), (1, 1.15), &sample(5.0)).unwrap().unwrap_err().contains("area factor"));
+        assert!(watch.take(at(100), (1, 1.15), &sample(5.0)).unwrap().unwrap_err().1.contains("area factor"));
         let mut watch = self::watch();
         other.sample.state = ForceState::Stale;
-        other.sample.reasons = vec!["80 taxels are silent".to_owned()];
-        assert!(watch.take(at(150), (1, 1.0), &other).unwrap().unwrap_err().contains("80 taxels are silent"));
+        other.sample.reasons = vec![Reason::new(ReasonCode::TaxelsSilent, "80 taxels are silent")];
+        assert!(watch.take(at(150), (1, 1.0), &other).unwrap().unwrap_err().1.contains("80 taxels are silent"));
     }
 }

@@ -13,7 +13,7 @@ use crate::loads::validation::Validation;
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::patch::owner::{BEING_CONFIGURED, Effects, Patch};
-use crate::request::{Rejection, RequestId};
+use crate::request::{ErrorReason, Rejection, RequestId};
 use crate::zero::view::TareView;
 use crate::zero::watch::Purpose;
 
@@ -42,7 +42,12 @@ impl Patch {
     /// # Errors
     /// [`Rejection`] if something moved the zero meanwhile.
     pub fn adopt_zero(&mut self, now: Now, request: RequestId) -> Result<TareView, Rejection> {
-        let lost = |why| Rejection::FailedPrecondition(format!("the zero was lost while it was written down: {why}"));
+        let lost = |why| {
+            Rejection::FailedPrecondition(
+                ErrorReason::ZeroLost,
+                format!("the zero was lost while it was written down: {why}"),
+            )
+        };
         let view = self.zero.adopt(now, request).map_err(lost)?;
         self.use_zero();
         self.dirty = true;
@@ -62,7 +67,10 @@ impl Patch {
         if !self.bring_up_waits && self.intake.bring_up().is_done() {
             return Ok(());
         }
-        Err(Rejection::FailedPrecondition(format!("{BEING_CONFIGURED}: ask again when they are verified")))
+        Err(Rejection::FailedPrecondition(
+            ErrorReason::BoardsNotConfigured,
+            format!("{BEING_CONFIGURED}: ask again when they are verified"),
+        ))
     }
 
     /// Refuses a ramp while the boards wait to be configured, because it is not known yet that nothing presses on them.
@@ -74,7 +82,7 @@ impl Patch {
             return Ok(());
         }
         let why = format!("the boards are not configured yet: {}", self.zero.reason());
-        Err(Rejection::FailedPrecondition(why))
+        Err(Rejection::FailedPrecondition(ErrorReason::BoardsNotConfigured, why))
     }
 
     /// Refuses to configure boards while a load is felt: they would take it for nothing, and nobody could tell later.
@@ -88,7 +96,7 @@ impl Patch {
             "{taxels} taxels of patch `{name}` read {newton:.2} N, and boards that are configured take what lies on \
              them for nothing: unload the skin first"
         );
-        Err(Rejection::FailedPrecondition(why))
+        Err(Rejection::FailedPrecondition(ErrorReason::SkinLoaded, why))
     }
 
     /// Refuses what needs a skin at rest while the bag presses on it, or while the gauge reads what a vented bag cannot
@@ -107,16 +115,19 @@ impl Patch {
         if now.time.since(time) > limits.gauge_timeout || (least..=limit).contains(&kpa) {
             return Ok(());
         }
-        Err(Rejection::FailedPrecondition(if kpa > limit {
-            format!(
-                "the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first; if it is vented, the gauge's scale or offset is wrong"
-            )
+        Err(if kpa > limit {
+            let why = format!(
+                "the bag is at {kpa:.1} kPa and presses on the skin: vent it below {limit:.1} kPa first; if it is vented, the \
+                 gauge's scale or offset is wrong"
+            );
+            Rejection::FailedPrecondition(ErrorReason::BagPresses, why)
         } else {
-            format!(
+            let why = format!(
                 "the gauge reads {kpa:.2} kPa, and a vented bag has no less than {least:.2} kPa: set the gauge's zero, \
                  or state its uncertainty in `gauge.offset_uncertainty_kpa`"
-            )
-        }))
+            );
+            Rejection::FailedPrecondition(ErrorReason::GaugeOffset, why)
+        })
     }
 
     /// What should be seen to before the pump runs, a line each. `left_out` are modules that a session does without.
@@ -168,7 +179,7 @@ impl Patch {
         self.calibration.command(now, command, self.intake.gauge(), &mut events)?;
         self.on_calibration_events(now, events, effects);
         let view = self.calibration.session().cloned();
-        view.map(Arc::new).ok_or_else(|| Rejection::NotFound("session".to_owned()))
+        view.map(Arc::new).ok_or_else(|| Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()))
     }
 
     /// Something from outside changes the state of the session that the patch holds.
@@ -205,12 +216,12 @@ impl Patch {
     pub fn begin_load(&mut self, now: Now, request: RequestId, load: KnownLoad) -> Result<(), Rejection> {
         self.calibration.refuse_if_open("finish or abort it first")?;
         self.check_vented(now)?;
-        let refuse = |why: String| Err(Rejection::FailedPrecondition(why));
+        let refuse = |reason, why: String| Err(Rejection::FailedPrecondition(reason, why));
         if self.force.models().is_none() {
-            return refuse("no model set is active: there is no force to compare".to_owned());
+            return refuse(ErrorReason::NoModelSet, "no model set is active: there is no force to compare".to_owned());
         }
         if !self.force.is_ready() {
-            return refuse(format!("there is no valid zero: {}", self.zero.reason()));
+            return refuse(ErrorReason::ZeroLost, format!("there is no valid zero: {}", self.zero.reason()));
         }
         self.loads.begin(now.time, request, load)
     }
@@ -221,7 +232,7 @@ impl Patch {
     /// [`Rejection`] if it could not be read.
     pub fn complete_load(&self, now: Now, number: u64, read: LoadRead) -> Result<Arc<Load>, Rejection> {
         let set = self.force.models().map(|set| set.id.clone()).unwrap_or_default();
-        let reading = read.outcome.map_err(Rejection::FailedPrecondition)?;
+        let reading = read.outcome.map_err(|(reason, why)| Rejection::FailedPrecondition(reason, why))?;
         self.loads.complete(now, number, &set, reading).map(Arc::new)
     }
 

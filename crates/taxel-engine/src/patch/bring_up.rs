@@ -4,6 +4,7 @@
 use std::time::Duration;
 use taxel_skin::Time;
 
+use crate::force::reason::ReasonCode;
 use crate::now::Now;
 use crate::patch::owner::{BEING_CONFIGURED, Effects, Intent, Patch};
 use crate::zero::watch::Purpose;
@@ -18,7 +19,7 @@ impl Patch {
     /// Starts the boards and waits for rest.
     pub fn start(&mut self, now: Now, effects: &mut Effects<'_>) {
         let mut events = Vec::new();
-        self.zero.lose("no zero has been taken since start", &mut events);
+        self.zero.lose(ReasonCode::ZeroNotTaken, "no zero has been taken since start", &mut events);
         self.on_zero_events(now, events, effects);
         // Boards that stream already show whether something lies on them.
         self.bring_up_waits = self.plan.configures() && self.force.models().is_some();
@@ -83,7 +84,7 @@ impl Patch {
         self.ready_since = None;
         let feels = self.zero.holds() && self.felt.is_some();
         self.bring_up_waits = !confirmed && !feels && self.force.models().is_some() && streams;
-        self.lose_zero(now, BEING_CONFIGURED, effects);
+        self.lose_zero(now, ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, effects);
         if self.bring_up_waits {
             self.look_before_bring_up(now, effects);
         } else {
@@ -99,14 +100,14 @@ impl Patch {
         }
         match found {
             Ok(()) => {
-                self.zero.explain(BEING_CONFIGURED.to_owned());
+                self.zero.explain(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED.to_owned());
                 self.dirty = true;
                 self.on_boards_ready(now.time, effects);
             }
             Err(why) => {
                 let hint = "if nothing touches the skin, ask for BringUp and say so with confirmed_by";
                 let why = format!("the boards are not configured while something presses on them: {why}; {hint}");
-                self.zero.explain(why);
+                self.zero.explain(ReasonCode::BoardsNotConfigured, why);
                 self.look_before_bring_up(now, effects);
             }
         }

@@ -6,6 +6,7 @@ use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::calibration::calibrate::CalibrationEvent;
 use crate::calibration::session::SessionRecord;
+use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
@@ -37,18 +38,20 @@ impl Patch {
                 }
                 ZeroEvent::Looked(found) => self.on_looked(now, found, effects),
                 // Boards that are all silent show nothing; else they are looked at again.
-                ZeroEvent::Refused(Purpose::BeforeBringUp, _) => {
+                ZeroEvent::Refused(Purpose::BeforeBringUp, ..) => {
                     if self.intake.silent_taxels() == self.taxels() {
                         self.on_looked(now, Ok(()), effects);
                     }
                 }
-                ZeroEvent::Refused(Purpose::AtStart, why) => self.zero.explain(format!("rest is not proven: {why}")),
-                ZeroEvent::Refused(Purpose::Operator { request, .. }, why) => {
+                ZeroEvent::Refused(Purpose::AtStart, _, why) => {
+                    self.zero.explain(ReasonCode::RestNotProven, format!("rest is not proven: {why}"));
+                }
+                ZeroEvent::Refused(Purpose::Operator { request, .. }, reason, why) => {
                     let hint = "if nothing touches the skin, say so with confirmed_by";
-                    let why = Rejection::FailedPrecondition(format!("rest is not proven: {why}; {hint}"));
+                    let why = Rejection::FailedPrecondition(reason, format!("rest is not proven: {why}; {hint}"));
                     effects.out.push(Output::Reply(request, Err(why)));
                 }
-                ZeroEvent::Refused(Purpose::Session { .. }, why) => {
+                ZeroEvent::Refused(Purpose::Session { .. }, _, why) => {
                     self.calibration.on_zero_refused(now, &why, gauge, &mut follows);
                 }
                 ZeroEvent::Lost(why) => {

@@ -14,6 +14,7 @@ use crate::boundary::pushed::PushedScan;
 use crate::boundary::record::Record;
 use crate::calibration::calibrate::Calibration;
 use crate::force::owner::Force;
+use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::health::BoardHealth;
@@ -159,9 +160,9 @@ impl Patch {
     }
 
     /// Something has moved the zero of the boards.
-    pub fn lose_zero(&mut self, now: Now, why: impl Into<String>, effects: &mut Effects<'_>) {
+    pub fn lose_zero(&mut self, now: Now, code: ReasonCode, why: impl Into<String>, effects: &mut Effects<'_>) {
         let mut events = Vec::new();
-        self.zero.lose(why, &mut events);
+        self.zero.lose(code, why, &mut events);
         self.on_zero_events(now, events, effects);
     }
 
@@ -212,7 +213,7 @@ impl Patch {
     pub fn begin_push(&mut self, now: Now, effects: &mut Effects<'_>) {
         if self.intake.newest().is_some() {
             let why = "another stream of scans has begun: what pushes them may have taken a new zero";
-            self.lose_zero(now, why, effects);
+            self.lose_zero(now, ReasonCode::ZeroLost, why, effects);
         }
     }
 
@@ -260,7 +261,9 @@ impl Patch {
         for event in events {
             match event {
                 IntakeEvent::Scan => self.on_scan(now, effects),
-                IntakeEvent::BoardDoubted { why, certain: true, .. } => self.lose_zero(now, why, effects),
+                IntakeEvent::BoardDoubted { why, certain: true, .. } => {
+                    self.lose_zero(now, ReasonCode::ZeroLost, why, effects)
+                }
                 IntakeEvent::BoardDoubted { board, why, certain: false } => {
                     let mut events = Vec::new();
                     self.zero.doubt(board, &why, &mut events);
@@ -302,9 +305,9 @@ impl Patch {
         if !matches!(self.zero.watching(), Some(Purpose::Session { .. })) {
             return false;
         }
-        let Err(why) = self.check_set_up().and_then(|()| self.check_vented(now)) else { return false };
+        let Err(refusal) = self.check_set_up().and_then(|()| self.check_vented(now)) else { return false };
         let mut events = Vec::new();
-        self.zero.end_watch(why.to_string(), &mut events);
+        self.zero.end_watch(refusal.reason(), refusal.to_string(), &mut events);
         self.on_zero_events(now, events, effects);
         true
     }

@@ -18,7 +18,7 @@ impl Patch {
         self.sequence += 1;
         let scan = self.intake.scan();
         let zero = ZeroState {
-            lacks: if self.zero.holds() { String::new() } else { self.zero.reason() },
+            lacks: self.zero.lacks(),
             sigma_counts: self.zero.sigma_counts(),
             shortcoming: self.zero.shortcoming(),
             load_vanished: self.zero.load_vanished(),

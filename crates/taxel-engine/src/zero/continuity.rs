@@ -146,10 +146,9 @@ impl Continuity {
         self.boards.iter().find_map(BoardWatch::doubted)
     }
 
-    /// Whether the load of some board has just vanished at once.
-    #[must_use]
-    pub fn load_vanished(&self) -> bool {
-        self.boards.iter().any(BoardWatch::load_vanished)
+    /// The boards whose load has just vanished at once.
+    pub fn unloaded(&self) -> impl Iterator<Item = usize> {
+        (0..self.boards.len()).filter(|&board| self.boards[board].load_vanished())
     }
 
     /// Why the counts cannot show that the skin is at rest: a load vanished while its board was silent. Over with the next

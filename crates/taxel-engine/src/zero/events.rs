@@ -2,7 +2,7 @@
 
 use crate::baseline::TaxelBaseline;
 use crate::model_set::ModelSet;
-use crate::request::RequestId;
+use crate::request::{ErrorReason, RequestId};
 use crate::zero::bag::Bag;
 use crate::zero::view::TareView;
 use crate::zero::watch::Purpose;
@@ -21,8 +21,8 @@ pub enum ZeroEvent {
     },
     /// A zero was taken, and who wanted it.
     Taken(Purpose),
-    /// The skin was not at rest; why, and who wanted a zero.
-    Refused(Purpose, String),
+    /// There is no zero: who wanted one, and why for programs and for people.
+    Refused(Purpose, ErrorReason, String),
     /// The zero does not hold any more; why.
     Lost(String),
     /// The counts show that a board has a new zero, which is why the patch's is lost; told after [`ZeroEvent::Lost`].

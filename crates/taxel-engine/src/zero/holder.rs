@@ -8,10 +8,11 @@ use std::time::Duration;
 use taxel_skin::Time;
 
 use crate::baseline::TaxelBaseline;
+use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::regions::Regions;
-use crate::request::RequestId;
+use crate::request::{ErrorReason, RequestId};
 use crate::scan::Scan;
 use crate::zero::bag::Bag;
 use crate::zero::continuity::{Continuity, Finding, UNSEEN_COUNTS};
@@ -93,6 +94,7 @@ impl Zero {
         if let Some(why) = self.continuity.doubted().filter(|_| view.valid && self.doubted) {
             view.valid = false;
             view.reason = format!("{why}; this is being looked at");
+            view.code = Some(ReasonCode::ZeroDoubted);
         }
         view
     }
@@ -101,6 +103,16 @@ impl Zero {
     #[must_use]
     pub fn reason(&self) -> String {
         self.view().reason
+    }
+
+    /// Why there is none, if there is none.
+    #[must_use]
+    pub fn lacks(&self) -> Option<Reason> {
+        if self.holds() {
+            return None;
+        }
+        let view = self.view();
+        Some(Reason::new(view.code.unwrap_or(ReasonCode::ZeroNotTaken), view.reason))
     }
 
     /// Who wants a zero that is being watched for.
@@ -125,22 +137,27 @@ impl Zero {
 
     /// What keeps a force at this zero from being a good one.
     #[must_use]
-    pub fn shortcoming(&self) -> Option<String> {
+    pub fn shortcoming(&self) -> Option<Reason> {
         self.drift.as_ref().and_then(Drift::shortcoming)
     }
 
-    /// Whether a load has just vanished from a whole board, so that a force is a lower bound until the counts have shown
+    /// That a load has just vanished from a whole board, if one has: a force is a lower bound until the counts have shown
     /// that the board did not take a new zero.
     #[must_use]
-    pub fn load_vanished(&self) -> bool {
-        self.continuity.load_vanished()
+    pub fn load_vanished(&self) -> Option<Reason> {
+        let mut boards = self.continuity.unloaded().peekable();
+        boards.peek()?;
+        let text = "a load vanished from a whole board at once, and whether the board took a new zero is being looked at: \
+                    the total is a lower bound";
+        let taxels = boards.flat_map(|board| self.regions.boards()[board].clone());
+        Some(Reason::about(positions(taxels), ReasonCode::LoadVanished, text))
     }
 
     /// Begins to watch the skin. An earlier watch is given up, and whoever wanted it told.
     pub fn watch(&mut self, now: Time, purpose: Purpose, events: &mut Vec<ZeroEvent>) {
         if let Some(earlier) = self.stop_watching() {
             let why = "another tare began before this one had seen enough".to_owned();
-            events.push(ZeroEvent::Refused(earlier, why));
+            events.push(ZeroEvent::Refused(earlier, ErrorReason::TareSuperseded, why));
         }
         let window = RestWindow::new(self.regions.taxels(), self.regions.modules());
         self.watch = Some(Watch::new(now, self.plan.tare.duration, window, purpose));
@@ -183,7 +200,7 @@ impl Zero {
         }
         match self.continuity.on_scan(scan, around.bag) {
             Some((board, Finding::NewZero(why))) => {
-                self.lose(why.clone(), events);
+                self.lose(ReasonCode::ZeroLost, why.clone(), events);
                 events.push(ZeroEvent::BoardMoved { board, why });
             }
             Some((_, Finding::Doubt(_))) | None => self.tell_doubt(events),
@@ -215,13 +232,14 @@ impl Zero {
     /// Something has moved the zero: there is none until rest is proven again.
     ///
     /// Whoever watches has seen what was before, so every watch ends, too, and a zero that is being written down.
-    pub fn lose(&mut self, reason: impl Into<String>, events: &mut Vec<ZeroEvent>) {
+    pub fn lose(&mut self, code: ReasonCode, reason: impl Into<String>, events: &mut Vec<ZeroEvent>) {
         let reason = reason.into();
         self.refuse_watch(&reason, events);
         if self.view.valid || self.view.reason.is_empty() {
             self.view.epoch += 1;
             self.view.valid = false;
             self.view.reason.clone_from(&reason);
+            self.view.code = Some(code);
             self.view.drift = DriftView::default();
             if let Some(drift) = &mut self.drift {
                 drift.end();
@@ -237,13 +255,13 @@ impl Zero {
         if let Some(proven) = &mut self.proven {
             proven.spoil(why);
         }
-        self.end_watch(format!("meanwhile {why}"), events);
+        self.end_watch(ErrorReason::ZeroLost, format!("meanwhile {why}"), events);
     }
 
     /// Ends a watch of a skin that cannot be at rest; whoever wanted it is told why.
-    pub fn end_watch(&mut self, why: String, events: &mut Vec<ZeroEvent>) {
+    pub fn end_watch(&mut self, reason: ErrorReason, why: String, events: &mut Vec<ZeroEvent>) {
         if let Some(purpose) = self.stop_watching() {
-            events.push(ZeroEvent::Refused(purpose, why));
+            events.push(ZeroEvent::Refused(purpose, reason, why));
         }
     }
 
@@ -257,7 +275,7 @@ impl Zero {
         let present = Present { zero: self.ground.zero(), signs: self.ground.signs(), modules, limits };
         if let Some(found) = self.lookback.on_scan(scan, present) {
             let why = "the zero was taken under a load, or is another; unload the skin and tare";
-            self.lose(format!("{found}: {why}"), events);
+            self.lose(ReasonCode::ZeroLost, format!("{found}: {why}"), events);
             return;
         }
         let seconds = scan.time.seconds_since(self.taken);
@@ -340,7 +358,11 @@ impl Zero {
         if self.watch.as_ref().is_some_and(|watch| now > watch.give_up_at())
             && let Some(purpose) = self.stop_watching()
         {
-            events.push(ZeroEvent::Refused(purpose, format!("no rest could be watched: {}", silence())));
+            events.push(ZeroEvent::Refused(
+                purpose,
+                ErrorReason::SkinSilent,
+                format!("no rest could be watched: {}", silence()),
+            ));
         }
     }
 
@@ -351,9 +373,10 @@ impl Zero {
     }
 
     /// Why no zero was taken by itself, for readers; a valid one is left alone.
-    pub fn explain(&mut self, reason: String) {
+    pub fn explain(&mut self, code: ReasonCode, reason: String) {
         if !self.view.valid {
             self.view.reason = reason;
+            self.view.code = Some(code);
         }
     }
 }

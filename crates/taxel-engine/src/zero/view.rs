@@ -1,6 +1,7 @@
 //! The zero as readers see it.
 
 use crate::baseline::TaxelBaseline;
+use crate::force::reason::ReasonCode;
 use crate::statistics::median;
 use crate::zero::drift::view::DriftView;
 
@@ -15,6 +16,8 @@ pub struct TareView {
     pub wall_ns: i64,
     /// Why it is valid (the rest test's figures, who confirmed) or why it is not any more.
     pub reason: String,
+    /// The same for programs, while it is not valid.
+    pub code: Option<ReasonCode>,
     /// Median over taxels of the baseline, in counts.
     pub baseline_median: f64,
     /// Median over taxels of the rest noise, standard deviation in counts.
@@ -32,6 +35,7 @@ impl TareView {
             valid: true,
             wall_ns,
             reason,
+            code: None,
             baseline_median: median(baseline.iter().map(|t| t.mean)).unwrap_or(f64::NAN),
             noise_median: median(baseline.iter().map(|t| t.noise)).unwrap_or(f64::NAN),
             drift: DriftView::default(),

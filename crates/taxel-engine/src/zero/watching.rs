@@ -3,6 +3,7 @@
 use crate::baseline::with_noise_capped;
 use crate::model_set::ModelSet;
 use crate::now::Now;
+use crate::request::ErrorReason;
 use crate::scan::Scan;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::holder::Zero;
@@ -61,8 +62,11 @@ impl Zero {
         // Nobody can vouch for a skin that moved while it was watched: a mean over that is no zero.
         let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
         if vouched.is_none() && (!rest || self.continuity.unproven().is_some()) {
-            let why = self.continuity.unproven().map_or_else(|| verdict.to_string(), str::to_owned);
-            events.push(ZeroEvent::Refused(purpose, why));
+            let (reason, why) = match self.continuity.unproven() {
+                Some(why) => (ErrorReason::TareUnproven, why.to_owned()),
+                None => (verdict.refusal(), verdict.to_string()),
+            };
+            events.push(ZeroEvent::Refused(purpose, reason, why));
             return;
         }
         let reason = match vouched {

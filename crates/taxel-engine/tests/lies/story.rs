@@ -130,7 +130,7 @@ impl Story {
         let (stage, force) = (&mut self.stage, &snapshot.force);
         if force.state != self.state {
             self.state = force.state;
-            stage.tell(format!("force {:?}: {}", force.state, force.reasons.join("; ")));
+            stage.tell(format!("force {:?}: {}", force.state, force.why()));
         }
         let Some(stated) = interval(force) else { return };
         let kinds = stage.suspects.present(stage.now());
@@ -210,6 +210,6 @@ fn reading(snapshot: &PatchSnapshot, (least, greatest): (f64, f64)) -> String {
         force.active,
         force.filled,
         force.excluded,
-        force.reasons.join("; ")
+        force.why()
     )
 }

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
+use taxel_engine::snapshot::{Reason, in_words};
+
 use crate::allowed::is_allowed;
 use crate::judge::Lie;
 use crate::kinds::{Kind, Kinds};
@@ -157,9 +159,9 @@ impl Tally {
     }
 
     /// There is no force though nothing happened; the reasons that the sample gives.
-    pub fn gone(&mut self, span: Duration, seed: u64, reasons: &[String]) {
+    pub fn gone(&mut self, span: Duration, seed: u64, reasons: &[Reason]) {
         // Numbers apart, the text is the reason's name; a sentence after the first colon is figures.
-        let text = reasons.join("; ");
+        let text = in_words(reasons);
         let name: String = text.chars().map(|c| if c.is_ascii_digit() { '#' } else { c }).take(90).collect();
         let gone = self.gone.entry(name).or_default();
         *gone = (gone.0 + span, seed);

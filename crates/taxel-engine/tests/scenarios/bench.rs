@@ -128,7 +128,7 @@ impl Bench {
     /// A command that must be refused as not of this state; the reason.
     pub fn refused(&mut self, command: Command) -> String {
         match self.ask(command) {
-            Err(Rejection::FailedPrecondition(why)) => why,
+            Err(Rejection::FailedPrecondition(_, why)) => why,
             other => panic!("expected a failed precondition, got {other:?}"),
         }
     }

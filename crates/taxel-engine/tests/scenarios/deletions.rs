@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
-use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::engine::limits::{MODEL_SETS_MAX, SESSIONS_MAX};
 use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::ModelSet;
@@ -42,7 +42,10 @@ fn a_model_set_is_deleted_once_nothing_uses_it() {
     for command in
         [delete_set(&set), Command::Activate { patch: String::new(), model_set: set.to_string(), expected: None }]
     {
-        assert_eq!(bench.ask(command).unwrap_err(), Rejection::NotFound(format!("model set `{set}`")));
+        assert_eq!(
+            bench.ask(command).unwrap_err(),
+            Rejection::NotFound(ErrorReason::ModelSetUnknown, format!("model set `{set}`"))
+        );
     }
     let view = &bench.host.catalogue.sessions[0];
     assert_eq!((view.number, view.state), (session, SessionState::Review), "its session stays");
@@ -59,7 +62,7 @@ fn neither_an_open_session_nor_its_models_are_deleted() {
     assert_eq!(why, format!("`{set}` is of session 1, which is TARING; finish or abort that first"));
     assert_eq!(known(&bench), [&*set]);
     let nothing = bench.ask(Command::DeleteSession { session: 77 });
-    assert_eq!(nothing.unwrap_err(), Rejection::NotFound("session 77".to_owned()));
+    assert_eq!(nothing.unwrap_err(), Rejection::NotFound(ErrorReason::SessionUnknown, "session 77".to_owned()));
 }
 
 #[test]
@@ -78,7 +81,7 @@ fn a_deletion_takes_effect_when_it_is_on_disk_and_a_refused_one_has_none() {
         }
         if refused {
             bench.host.commit(Err("no space".to_owned()));
-            let Some(Err(Rejection::Unavailable(why))) = bench.host.reply(deletion) else { panic!("acknowledged") };
+            let Some(Err(Rejection::Unavailable(_, why))) = bench.host.reply(deletion) else { panic!("acknowledged") };
             assert!(why.contains("nothing has changed: no space"), "{why}");
             assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Review);
             assert!(bench.host.sessions_gone.is_empty());
@@ -90,7 +93,10 @@ fn a_deletion_takes_effect_when_it_is_on_disk_and_a_refused_one_has_none() {
     bench.host.disk_is_slow = false;
     assert!(bench.host.catalogue.sessions.is_empty());
     assert_eq!(bench.host.sessions_gone, [0], "readers of the patch's session learn of it");
-    assert_eq!(bench.ask(Command::StartRamp { session }).unwrap_err(), Rejection::NotFound("session 1".to_owned()));
+    assert_eq!(
+        bench.ask(Command::StartRamp { session }).unwrap_err(),
+        Rejection::NotFound(ErrorReason::SessionUnknown, "session 1".to_owned())
+    );
     let shown = bench.host.sessions.len();
     bench.host.durable(session, 1_000);
     bench.seconds(1.0);
@@ -136,9 +142,9 @@ fn a_session_that_is_deleted_while_its_samples_are_read_does_not_go_on() {
         bench.host.load();
         let refusal = bench.host.reply(ramp).unwrap().unwrap_err();
         let expected = if deleted {
-            Rejection::NotFound("session 1".to_owned())
+            Rejection::NotFound(ErrorReason::SessionUnknown, "session 1".to_owned())
         } else {
-            Rejection::FailedPrecondition("session 1 is being deleted".to_owned())
+            Rejection::FailedPrecondition(ErrorReason::BeingDeleted, "session 1 is being deleted".to_owned())
         };
         assert_eq!(refusal, expected);
         bench.host.commit(Err("no space".to_owned()));

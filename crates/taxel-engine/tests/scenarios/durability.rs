@@ -34,7 +34,7 @@ fn is_refused_and_has_no_effect(bench: &mut Bench, request: RequestId, before: &
     assert_eq!(seen(bench), before, "{what} took effect before it was on disk");
     bench.host.commit(Err("no space left on device".to_owned()));
     let reply = bench.host.reply(request);
-    let Some(Err(Rejection::Unavailable(why))) = reply else { panic!("{what}: {reply:?}") };
+    let Some(Err(Rejection::Unavailable(_, why))) = reply else { panic!("{what}: {reply:?}") };
     assert!(why.contains("no space left on device") && why.contains("nothing has changed"), "{what}: {why}");
     bench.seconds(1.0);
     assert_eq!(seen(bench), before, "{what} took effect although it was refused");
@@ -62,7 +62,7 @@ fn an_import_that_the_disk_refuses_has_no_effect() {
     bench.seconds(1.0);
     is_refused_and_has_no_effect(&mut bench, request, &before, "an import");
     let reply = bench.ask(activate("m-other"));
-    assert!(matches!(reply, Err(Rejection::NotFound(_))), "{reply:?}");
+    assert!(matches!(reply, Err(Rejection::NotFound(..))), "{reply:?}");
 }
 
 #[test]

@@ -192,7 +192,7 @@ impl Host {
     }
 
     pub fn reasons(&self) -> String {
-        self.snapshot().force.reasons.join("; ")
+        self.snapshot().force.why()
     }
 
     pub fn session(&self) -> &SessionView {
@@ -205,7 +205,7 @@ impl Host {
 
     /// What an operator would look at.
     pub fn present(&self) -> String {
-        let force = self.snapshots.last().map(|s| (s.force.state, s.force.reasons.join("; ")));
+        let force = self.snapshots.last().map(|s| (s.force.state, s.force.why()));
         format!("force {force:?}, session {:?}, health {:?}", self.sessions.last(), self.healths.last())
     }
 

@@ -343,7 +343,7 @@ fn a_store_that_fails_ends_the_session_and_takes_no_new_one() {
         leave_out: Vec::new(),
     };
     for command in [start, Command::StartRamp { session: number }, Command::FinishRamp { session: number }] {
-        assert!(matches!(bench.ask(command), Err(Rejection::Unavailable(why)) if why.contains("the disk is full")));
+        assert!(matches!(bench.ask(command), Err(Rejection::Unavailable(_, why)) if why.contains("the disk is full")));
     }
     bench.seconds(0.5);
     assert!(bench.host.health().problems[0].contains("the disk is full"));

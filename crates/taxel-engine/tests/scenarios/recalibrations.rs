@@ -209,7 +209,7 @@ fn a_correction_of_a_discarded_calibration_is_not_used() {
     let patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
     let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
     bench.seconds(2.0);
-    let Err(Rejection::FailedPrecondition(why)) = bench.activate("m-corrected") else { panic!("it was activated") };
+    let Err(Rejection::FailedPrecondition(_, why)) = bench.activate("m-corrected") else { panic!("it was activated") };
     assert!(why.contains("DISCARDED"), "{why}");
 }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use taxel_engine::Restored;
 use taxel_engine::calibration::SessionState;
-use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
@@ -84,7 +84,10 @@ fn what_does_not_exist_is_not_found_by_its_name() {
         Command::AbortSession { session },
         Command::DiscardSession { session },
     ] {
-        assert_eq!(bench.ask(command).unwrap_err(), Rejection::NotFound("session 77".to_owned()));
+        assert_eq!(
+            bench.ask(command).unwrap_err(),
+            Rejection::NotFound(ErrorReason::SessionUnknown, "session 77".to_owned())
+        );
     }
     let elbow = || "elbow".to_owned();
     for command in [
@@ -99,10 +102,10 @@ fn what_does_not_exist_is_not_found_by_its_name() {
         },
         Command::Activate { patch: elbow(), model_set: small().set.id.clone(), expected: None },
     ] {
-        let Err(Rejection::NotFound(what)) = bench.ask(command) else { panic!("there is no elbow") };
+        let Err(Rejection::NotFound(_, what)) = bench.ask(command) else { panic!("there is no elbow") };
         assert!(what.contains("`elbow`") && what.contains("small"), "{what}");
     }
-    let Err(Rejection::NotFound(what)) = bench.activate("m-0") else { panic!("there is no such set") };
+    let Err(Rejection::NotFound(_, what)) = bench.activate("m-0") else { panic!("there is no such set") };
     assert!(what.contains("`m-0`"), "{what}");
 }
 
@@ -142,7 +145,7 @@ fn the_set_of_a_discarded_session_cannot_be_activated() {
     let (mut bench, session) = in_review(30.0);
     let set = bench.host.session().model_set.clone().unwrap();
     session_of(bench.ask(Command::DiscardSession { session }));
-    let Err(Rejection::FailedPrecondition(why)) = bench.activate(&set) else { panic!("it was activated") };
+    let Err(Rejection::FailedPrecondition(_, why)) = bench.activate(&set) else { panic!("it was activated") };
     assert!(why.contains("DISCARDED"), "{why}");
     assert_eq!(bench.host.state(), ForceState::Uncalibrated);
     assert_eq!(bench.host.catalogue.active[0].1, None);
@@ -246,7 +249,7 @@ fn what_changed_while_samples_were_read_counts() {
     assert!(!resumed.host.replied(first) && resumed.host.sessions.is_empty(), "nothing happens before they are there");
     resumed.host.load();
     assert_eq!(session_of(resumed.host.reply(first).unwrap()).state, SessionState::Taring);
-    let Some(Err(Rejection::FailedPrecondition(why))) = resumed.host.reply(second) else { panic!("not refused") };
+    let Some(Err(Rejection::FailedPrecondition(_, why))) = resumed.host.reply(second) else { panic!("not refused") };
     assert!(why.contains("session 1 is TARING"), "{why}");
     session_of(resumed.ask(Command::AbortSession { session }));
 
@@ -258,7 +261,7 @@ fn what_changed_while_samples_were_read_counts() {
     let begun = resumed.host.command(start());
     assert!(resumed.host.reply(begun).unwrap().is_ok());
     resumed.host.load();
-    let Some(Err(Rejection::FailedPrecondition(why))) = resumed.host.reply(late) else { panic!("not refused") };
+    let Some(Err(Rejection::FailedPrecondition(_, why))) = resumed.host.reply(late) else { panic!("not refused") };
     assert!(why.contains("session 3 is TARING; finish or abort it first"), "{why}");
 }
 

@@ -102,6 +102,8 @@ fn acknowledgements_that_modules_of_one_patch_lose_invalidate_the_zero_of_the_ot
     assert_eq!(lower(&bench.host).state, ForceState::Ok);
     let left = report_lost_acknowledgements(&mut bench, 0x4D1); // of the upper half
     left.set(5);
-    bench.until(1.0, "five", |host| lower(host).reasons.iter().any(|why| why.contains("5 lost acknowledgements")));
+    bench.until(1.0, "five", |host| {
+        lower(host).reasons.iter().any(|why| why.text().contains("5 lost acknowledgements"))
+    });
     assert_eq!(lower(&bench.host).state, ForceState::TareInvalid);
 }

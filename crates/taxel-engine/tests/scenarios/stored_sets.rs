@@ -85,7 +85,7 @@ fn damage_that_the_store_finds_is_in_the_health_and_what_is_lost_is_not_listed()
     assert!(bench.host.health().problems.contains(&problems[0]));
     let listed: Vec<_> = bench.host.catalogue.model_sets.iter().map(|set| set.id.as_str()).collect();
     assert_eq!(listed, [used.as_str()], "a set in use is whole in memory");
-    assert!(matches!(bench.ask(activation("m-other")), Err(Rejection::NotFound(_))));
+    assert!(matches!(bench.ask(activation("m-other")), Err(Rejection::NotFound(..))));
     let other = Arc::new(ModelSet { id: "m-other".to_owned(), session: None, ..ModelSet::clone(&small().set) });
     bench.ask(Command::Import { model_set: other, insist: false }).unwrap();
     bench.activate("m-other").unwrap();

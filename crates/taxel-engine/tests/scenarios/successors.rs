@@ -74,7 +74,7 @@ fn a_successor_that_cannot_begin_leaves_nothing_behind() {
     let begun = bench.host.command(start());
     assert!(bench.host.reply(begun).unwrap().is_ok());
     bench.host.load();
-    let Some(Err(Rejection::FailedPrecondition(why))) = bench.host.reply(late) else { panic!("not refused") };
+    let Some(Err(Rejection::FailedPrecondition(_, why))) = bench.host.reply(late) else { panic!("not refused") };
     assert!(why.contains("session 2 is TARING; finish or abort it first"), "{why}");
     session_of(bench.ask(Command::AbortSession { session: 2 }));
     bench.host.disk_is_slow = false;
@@ -85,7 +85,7 @@ fn a_successor_that_cannot_begin_leaves_nothing_behind() {
     assert_eq!(bench.host.catalogue.sessions.len(), 2);
     assert_eq!(bench.host.catalogue.sessions[0], sessions[0]);
     bench.host.store_failed("the disk is gone");
-    assert!(matches!(bench.ask(RAMP), Err(Rejection::Unavailable(_))));
+    assert!(matches!(bench.ask(RAMP), Err(Rejection::Unavailable(..))));
 }
 
 #[test]

@@ -38,7 +38,7 @@ fn lie(force: &ForceSample, [least, most]: [f64; 2]) -> Option<String> {
     let (total, sigma) = (force.total.expect("a force").0, force.total_sigma.expect("its uncertainty").0);
     let floor = force.detection_floor.expect("a detection floor").0;
     let tells = || {
-        let (state, reasons) = (force.state, force.reasons.join("; "));
+        let (state, reasons) = (force.state, force.why());
         format!("{state:?} {total:.3} N +- {sigma:.3} N, floor {floor:.3} N ({reasons})")
     };
     if least > total + SIGMAS * sigma + floor && !force.lower_bound {

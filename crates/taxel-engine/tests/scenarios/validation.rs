@@ -177,7 +177,7 @@ fn a_load_that_moves_or_is_not_there_is_refused() {
     bench.seconds(0.1);
     bench.lay(0.3, 33);
     bench.until(5.0, "the answer", |host| host.replied(reading));
-    let Some(Err(Rejection::FailedPrecondition(why))) = bench.host.reply(reading) else { panic!("it was taken") };
+    let Some(Err(Rejection::FailedPrecondition(_, why))) = bench.host.reply(reading) else { panic!("it was taken") };
     assert!(why.contains("unsteady"), "{why}");
     assert!(bench.host.records.iter().all(|record| !matches!(record, Record::Load(_))), "nothing was written");
     let load = load_of(bench.ask(record(Weight::Force(Newton(0.6 * 9.81)))));
@@ -249,7 +249,7 @@ fn loads_beyond_the_range_replaced_ones_and_those_of_other_models_do_not_count()
     assert_eq!(view.loads[1].outdated_because, format!("load {} replaces it", wrong.number + 1));
     let load = KnownLoad { replaces: Some(99), ..known(Weight::Kilogram(0.5)) };
     let refused = bench.ask(Command::RecordLoad { patch: patch(), load });
-    assert!(matches!(&refused, Err(Rejection::NotFound(what)) if what.contains("load 99")), "{refused:?}");
+    assert!(matches!(&refused, Err(Rejection::NotFound(_, what)) if what.contains("load 99")), "{refused:?}");
     bench.world.clear();
     bench.run(Duration::from_secs(2));
 

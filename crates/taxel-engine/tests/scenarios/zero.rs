@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use taxel_engine::BusNotice;
-use taxel_engine::command::{Done, Rejection};
+use taxel_engine::command::{Done, ErrorReason, Rejection};
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
-use taxel_engine::snapshot::ForceState;
+use taxel_engine::snapshot::{ForceState, Reason, ReasonCode};
 use taxel_sim::Fault;
 
 use crate::bench::Bench;
@@ -21,7 +21,11 @@ fn is_lost_until_tared(bench: &mut Bench, reason: &str) {
     bench.seconds(5.0);
     assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
     assert!(bench.host.reasons().contains(reason), "the first reason is kept: {}", bench.host.reasons());
-    assert!(!bench.host.snapshot().tare.as_ref().unwrap().valid);
+    let snapshot = bench.host.snapshot();
+    let tare = snapshot.tare.as_ref().unwrap();
+    assert_eq!((tare.valid, tare.code), (false, Some(ReasonCode::ZeroLost)));
+    let codes: Vec<ReasonCode> = snapshot.force.reasons.iter().map(Reason::code).collect();
+    assert_eq!(codes, [ReasonCode::ZeroLost], "the same for programs");
     bench.tare(None).unwrap();
     bench.until_force(1.0, ForceState::Ok);
 }
@@ -122,7 +126,7 @@ fn a_tare_under_a_mass_is_refused_with_figures() {
     bench.seconds(1.0);
     let before = bench.host.snapshot().tare.clone();
     let why = match bench.tare(None) {
-        Err(Rejection::FailedPrecondition(why)) => why,
+        Err(Rejection::FailedPrecondition(ErrorReason::TareLoaded, why)) => why,
         other => panic!("{other:?}"),
     };
     for part in ["rest is not proven: loaded: 7", "counts towards load in the median", "at most 3.5", "confirmed_by"] {
@@ -148,6 +152,7 @@ fn a_tare_that_somebody_vouches_for_is_taken_and_written_down_with_the_name() {
     // What Ada said was wrong shows as soon as the load goes, and then there is no zero any more.
     bench.world.clear();
     bench.until(5.0, "the finding", |host| host.reasons().contains("the zero was taken under a load"));
+    assert_eq!(bench.host.snapshot().force.reasons[0].code(), ReasonCode::ZeroLost);
     bench.seconds(5.0);
     assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
 }
@@ -157,7 +162,8 @@ fn a_tare_of_a_silent_skin_is_refused_and_names_the_modules() {
     let mut bench = small().in_use();
     bench.inject(Fault::BoardSilent(board(12)));
     bench.inject(Fault::BoardSilent(board(13)));
-    let Err(Rejection::FailedPrecondition(why)) = bench.tare(Some("Ada")) else { panic!("taken from nothing") };
+    let refused = bench.tare(Some("Ada"));
+    let Err(Rejection::FailedPrecondition(ErrorReason::SkinSilent, why)) = refused else { panic!("{refused:?}") };
     assert!(why.contains("8 modules are silent: board 13 module 0"), "{why}");
 }
 

@@ -57,7 +57,7 @@ fn a_zero_taken_under_a_load_stays_lost_when_the_load_comes_back() {
 
 /// A tare is refused because of what happened while the skin was watched for it.
 fn is_refused(reply: Option<Reply>, what: &str) {
-    let Some(Err(Rejection::FailedPrecondition(why))) = reply else { panic!("{what}: {reply:?}") };
+    let Some(Err(Rejection::FailedPrecondition(_, why))) = reply else { panic!("{what}: {reply:?}") };
     assert!(why.contains("meanwhile"), "{what}: {why}");
 }
 
@@ -132,7 +132,7 @@ fn a_zero_that_is_lost_while_it_is_written_down_is_not_taken() {
     bench.host.notice(BusNotice::Up);
     bench.host.disk_is_slow = false;
     bench.host.commit(Ok(()));
-    let Some(Err(Rejection::FailedPrecondition(why))) = bench.host.reply(request) else { panic!("taken") };
+    let Some(Err(Rejection::FailedPrecondition(_, why))) = bench.host.reply(request) else { panic!("taken") };
     assert!(why.starts_with("the zero was lost while it was written down: ") && why.contains("bus-off"), "{why}");
     bench.seconds(0.1);
     let mark = bench.mark();
@@ -144,7 +144,7 @@ fn a_tare_while_boards_are_configured_is_refused() {
     let mut bench = in_charge();
     bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
     for _ in 0..5 {
-        let Err(Rejection::FailedPrecondition(why)) = bench.tare(Some("Ada")) else { panic!("taken") };
+        let Err(Rejection::FailedPrecondition(_, why)) = bench.tare(Some("Ada")) else { panic!("taken") };
         assert!(why.contains("being configured"), "{why}");
         bench.seconds(0.1);
     }

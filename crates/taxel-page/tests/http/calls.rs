@@ -1,6 +1,6 @@
 //! Calls: the same answers as over gRPC, as JSON.
 
-use taxel_engine::command::{Command, Rejection};
+use taxel_engine::command::{Command, ErrorReason, Rejection};
 
 use crate::fixture::{snapshot, start};
 
@@ -32,13 +32,35 @@ async fn refusals_of_the_service_come_with_its_words() {
 }
 
 #[tokio::test]
+async fn a_refusal_says_why_for_programs_too() {
+    let daemon = start().await;
+    for (path, body, reason) in [
+        ("/taxel.v1.ForceService/GetForce", r#"{"patch": "nose"}"#, "PATCH_UNKNOWN"),
+        ("/taxel.v1.CalibrationService/GetSession", "{}", "FIELD_INVALID"),
+        ("/taxel.v1.CalibrationService/GetSession", "{", "REQUEST_UNREADABLE"),
+        ("/taxel.v1.CalibrationService/GetNothing", "{}", "METHOD_UNKNOWN"),
+        ("/streams", "{}", "METHOD_UNKNOWN"),
+    ] {
+        let answer = daemon.post(path, body).await;
+        let refusal: serde_json::Value = serde_json::from_str(answer.body.trim_end_matches("\r\n")).unwrap();
+        assert_eq!(refusal["reason"], reason, "{path} {body}: {answer:?}");
+    }
+    let answer = daemon.post("/taxel.v1.ForceService/GetForce", r#"{"patch": "nose"}"#).await;
+    let refusal: serde_json::Value = serde_json::from_str(answer.body.trim_end_matches("\r\n")).unwrap();
+    assert_eq!(refusal["metadata"], serde_json::json!({ "patch": "nose" }));
+}
+
+#[tokio::test]
 async fn a_command_reaches_the_engine_and_its_refusal_comes_back() {
     let mut daemon = start().await;
     let engine = async {
         let request = daemon.requests.recv().await.unwrap();
         let Command::Tare { patch, confirmed_by } = request.command else { panic!("{:?}", request.command) };
         assert_eq!((patch.as_str(), confirmed_by.as_deref()), ("left_forearm", Some("Ada")));
-        request.reply.send(Err(Rejection::FailedPrecondition("rest is not proven".to_owned()))).unwrap();
+        request
+            .reply
+            .send(Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, "rest is not proven".to_owned())))
+            .unwrap();
     };
     let asked = std::net::SocketAddr::clone(&daemon.address);
     let body = r#"{"confirmedBy": "Ada"}"#;

@@ -5,9 +5,11 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 
 use http_body::Frame;
-use tonic::Status;
+use taxel_proto::refusal::{Refusal, complete};
+use taxel_proto::v1::ErrorReason;
 use tonic::body::Body;
 use tonic::codegen::{Bytes, Service, http};
+use tonic::{Code, Status};
 use tower_layer::Layer;
 
 use crate::access::caller::Caller;
@@ -42,7 +44,7 @@ impl Gate {
 
     fn admit(&self, request: &http::Request<Body>) -> Result<Admitted, Status> {
         let path = request.uri().path();
-        let no_origin = || Status::internal("the connection has no origin, which is a fault of this program");
+        let no_origin = || Refusal::fault("the connection has no origin, which is a fault of this program");
         let origin = request.extensions().get::<Arc<Origin>>().ok_or_else(no_origin)?;
         let judged = self.judge(origin, path, request.headers());
         judged.inspect_err(|status| {
@@ -57,11 +59,12 @@ impl Gate {
         let mut shown_credentials = headers.get_all(http::header::AUTHORIZATION).iter();
         let credential = shown_credentials.next().map(http::HeaderValue::as_bytes);
         if shown_credentials.next().is_some() {
-            return Err(Status::unauthenticated("the metadata `authorization` is there twice"));
+            return Err(Refusal::unauthenticated("the metadata `authorization` is there twice").into());
         }
         let caller = self.access.rules().caller(origin, credential)?;
-        let method =
-            method(path).ok_or_else(|| Status::unimplemented(format!("there is no method {}", shown(path))))?;
+        let method = method(path).ok_or_else(|| {
+            Refusal::new(Code::Unimplemented, ErrorReason::MethodUnknown, format!("there is no method {}", shown(path)))
+        })?;
         if caller.role < Some(method.role) {
             return Err(denied(&caller, method));
         }
@@ -92,10 +95,11 @@ fn denied(caller: &Caller, method: Method) -> Status {
     let text = |who: &str| {
         format!("{name} needs the role {needed}; {who} over {} has {has}: {how}", caller.origin.transport())
     };
-    match &caller.name {
-        Some(_) => Status::permission_denied(text(&caller.who())),
-        None => Status::unauthenticated(text("a caller without credentials")),
-    }
+    let (code, text) = match &caller.name {
+        Some(_) => (Code::PermissionDenied, text(&caller.who())),
+        None => (Code::Unauthenticated, text("a caller without credentials")),
+    };
+    Refusal::new(code, ErrorReason::RoleTooLow, text).about("method", name).about("role", needed).into()
 }
 
 /// A path that a peer sent, short and harmless.
@@ -139,19 +143,22 @@ where
             Ok(Admitted { caller, place }) => {
                 request.extensions_mut().insert(caller);
                 let answer = self.inner.call(request);
-                match place {
-                    None => Box::pin(answer),
-                    Some(place) => {
-                        Box::pin(async move { Ok(answer.await?.map(|body| Body::new(Held { body, _place: place }))) })
-                    }
-                }
+                Box::pin(async move {
+                    let mut answer = answer.await?;
+                    complete(answer.headers_mut());
+                    Ok(match place {
+                        None => answer,
+                        Some(place) => answer.map(|body| Body::new(Held { body, _place: place })),
+                    })
+                })
             }
             Err(status) => Box::pin(std::future::ready(Ok(status.into_http()))),
         }
     }
 }
 
-/// An answer that holds a place until it has ended or its reader is gone.
+/// The answer of a service that is not ours. It holds a place until it has ended or its reader is gone, and a refusal
+/// at its end gets a reason for programs, as ours have one.
 struct Held {
     body: Body,
     _place: Place,
@@ -162,7 +169,13 @@ impl http_body::Body for Held {
     type Error = Status;
 
     fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, Status>>> {
-        Pin::new(&mut self.body).poll_frame(cx)
+        let mut polled = Pin::new(&mut self.body).poll_frame(cx);
+        if let Poll::Ready(Some(Ok(frame))) = &mut polled
+            && let Some(trailers) = frame.trailers_mut()
+        {
+            complete(trailers);
+        }
+        polled
     }
 
     fn is_end_stream(&self) -> bool {

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, PoisonError, RwLock};
 use std::time::SystemTime;
+use taxel_proto::refusal::Refusal;
 use tonic::Status;
 
 use crate::access::accounts::Accounts;
@@ -71,22 +72,23 @@ impl Rules {
         if let Origin::Tls(_, certificate) = &**origin
             && certificate.until <= SystemTime::now()
         {
-            return Err(Status::unauthenticated("the client certificate has expired: connect with a new one"));
+            return Err(Refusal::unauthenticated("the client certificate has expired: connect with a new one").into());
         }
         let Some(authorization) = authorization else {
             let (name, role) = (origin.name().map(Arc::from), self.role(origin));
             return Ok(Caller { origin: Arc::clone(origin), name, by_token: false, role });
         };
         if matches!(**origin, Origin::Insecure(_)) {
-            return Err(Status::unauthenticated(
+            return Err(Refusal::unauthenticated(
                 "a token came over a connection without encryption, where anybody can read it: make a new token, and \
                  use TLS or this machine's own addresses",
-            ));
+            )
+            .into());
         }
         let token = strip_scheme(authorization)
-            .ok_or_else(|| Status::unauthenticated("the metadata `authorization` is not `Bearer TOKEN`"))?;
+            .ok_or_else(|| Refusal::unauthenticated("the metadata `authorization` is not `Bearer TOKEN`"))?;
         let holder = self.tokens.holder(token).ok_or_else(|| {
-            Status::unauthenticated("the token in `authorization` is none of those in the daemon's token file")
+            Refusal::unauthenticated("the token in `authorization` is none of those in the daemon's token file")
         })?;
         let name = Some(Arc::from(holder.name.as_str()));
         Ok(Caller { origin: Arc::clone(origin), name, by_token: true, role: Some(holder.role) })

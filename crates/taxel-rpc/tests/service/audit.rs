@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use taxel_engine::audit::{Answered, Asked, AuditEntry};
-use taxel_engine::command::Rejection;
+use taxel_engine::command::{ErrorReason, Rejection};
 use taxel_proto::v1;
 use taxel_proto::v1::audit_service_client::AuditServiceClient;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
@@ -22,7 +22,8 @@ async fn a_command_takes_along_who_asked_from_where_and_for_what() {
         let mut all = Vec::new();
         while let Some(request) = requests.recv().await {
             all.push(request.asked.unwrap());
-            let _ = request.reply.send(Err(Rejection::FailedPrecondition("no".to_owned())));
+            let _ =
+                request.reply.send(Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, "no".to_owned())));
             if all.len() == 3 {
                 break;
             }

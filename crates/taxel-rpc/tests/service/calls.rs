@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::snapshot::{
-    BoardHealth, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag, StoreHealth,
-    TareView, TaxelState,
+    BoardHealth, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag, Reason,
+    ReasonCode, StoreHealth, TareView, TaxelState,
 };
 use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_proto::v1;
@@ -20,7 +20,7 @@ async fn a_force_carries_everything_that_the_engine_knows() {
     let daemon = start().await;
     let sample = ForceSample {
         state: ForceState::Degraded,
-        reasons: vec!["3 taxels are silent".to_owned()],
+        reasons: vec![Reason::about([4, 5, 9], ReasonCode::TaxelsSilent, "3 taxels are silent")],
         total: Some(Newton(4.5)),
         total_sigma: Some(Newton(0.25)),
         detection_floor: Some(Newton(0.75)),
@@ -60,6 +60,7 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         uncovered_share: 0.125,
         model_set: "m-1".to_owned(),
         reasons: vec!["3 taxels are silent".to_owned()],
+        causes: vec![v1::ForceReason { code: v1::ReasonCode::TaxelsSilent.into(), taxels: 3, which: vec![4, 5, 9] }],
         patch: FOREARM.to_owned(),
         resultant_n: vector(0.1, 0.2, 4.4),
         moment_nm: vector(1.0, 2.0, 3.0),
@@ -71,6 +72,10 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         lower_bound: true,
     };
     assert_eq!(got, expected);
+    let mut stream = client.stream_force(v1::StreamForceRequest::default()).await.unwrap().into_inner();
+    let streamed = stream.message().await.unwrap().unwrap();
+    let counted = v1::ForceReason { which: Vec::new(), ..expected.causes[0].clone() };
+    assert_eq!(streamed, v1::ForceSample { causes: vec![counted], ..expected }, "a stream has no lists");
 }
 
 #[tokio::test]
@@ -81,6 +86,7 @@ async fn before_the_first_frame_there_is_no_age_and_the_reason_says_so() {
     assert_eq!((got.sequence, got.age_s, got.monotonic_ns, got.time, got.total_n), (0, None, None, None, None));
     assert_eq!(got.state(), v1::ForceState::Uncalibrated);
     assert_eq!(got.reasons, ["no frame of this patch has come yet"]);
+    assert_eq!(got.causes.iter().map(v1::ForceReason::code).collect::<Vec<_>>(), [v1::ReasonCode::NoFrame]);
 }
 
 #[tokio::test]
@@ -185,11 +191,18 @@ async fn health_names_buses_boards_zeros_and_faults() {
     assert_eq!(store.damage, ["session 3 is damaged"]);
     let tare = health.patches[0].tare.as_ref().unwrap();
     assert_eq!((tare.epoch, tare.valid, tare.reason.as_str()), (2, true, "rest shown"));
+    assert_eq!(tare.reason_code(), v1::ReasonCode::Unspecified);
     assert_eq!(tare.noise_median_counts.to_bits(), 0.0_f64.to_bits(), "not a number stays inside");
     let drift = tare.drift.as_ref().unwrap();
     assert_eq!((drift.state(), drift.max_counts), (v1::DriftState::Bounded, -3.0));
     assert_eq!((drift.modules_following, drift.modules), (5, 8));
     assert_eq!((health.streams, health.streams_max), (0, 64));
+    let (code, reason) = (Some(ReasonCode::ZeroDoubted), "board 13 was silent".to_owned());
+    let doubted =
+        PatchSnapshot { tare: Some(TareView { code, reason, ..TareView::default() }), ..PatchSnapshot::default() };
+    daemon.engine().patch(0, Arc::new(doubted));
+    let health = client.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner();
+    assert_eq!(health.patches[0].tare.as_ref().unwrap().reason_code(), v1::ReasonCode::ZeroDoubted);
 }
 
 #[tokio::test]

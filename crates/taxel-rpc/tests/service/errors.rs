@@ -3,7 +3,7 @@
 use futures_util::StreamExt;
 use futures_util::stream::FuturesUnordered;
 use std::time::Duration;
-use taxel_engine::command::{Done, Rejection};
+use taxel_engine::command::{Done, ErrorReason, Rejection};
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
@@ -15,12 +15,14 @@ use tonic::transport::Channel;
 use tonic::{Code, Status};
 
 use crate::fixture::{FOREARM, HAND, patient, start, start_with};
+use crate::reasons::reason;
 
 fn expect(status: Status, code: Code, words: &[&str]) {
     assert_eq!(status.code(), code, "{status:?}");
     for word in words {
         assert!(status.message().contains(word), "`{}` does not say `{word}`", status.message());
     }
+    reason(&status);
 }
 
 #[tokio::test]
@@ -113,12 +115,16 @@ async fn the_engines_refusals_keep_their_words() {
     let refusals = [
         (Rejection::InvalidArgument { field: "target_kpa", problem }, Code::InvalidArgument, "target_kpa: -1 is not"),
         (
-            Rejection::FailedPrecondition("session 3 is RAMPING".into()),
+            Rejection::FailedPrecondition(ErrorReason::SessionWrongState, "session 3 is RAMPING".into()),
             Code::FailedPrecondition,
             "session 3 is RAMPING",
         ),
-        (Rejection::NotFound("session 4".into()), Code::NotFound, "there is no session 4"),
-        (Rejection::Unavailable("the disk is full".into()), Code::Unavailable, "the disk is full"),
+        (Rejection::NotFound(ErrorReason::SessionUnknown, "session 4".into()), Code::NotFound, "there is no session 4"),
+        (
+            Rejection::Unavailable(ErrorReason::StoreUnavailable, "the disk is full".into()),
+            Code::Unavailable,
+            "the disk is full",
+        ),
     ];
     for (rejection, code, words) in refusals {
         let call = client.tare(v1::TareRequest::default());

@@ -14,6 +14,7 @@ mod fixture;
 mod lists;
 mod models;
 mod push;
+mod reasons;
 mod recalibrations;
 mod refits;
 mod server;

@@ -1,7 +1,7 @@
 //! What a session over both branches knows beyond its curves goes out too.
 
 use std::sync::{Arc, Mutex};
-use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
 use taxel_engine::snapshot::Catalogue;
@@ -76,7 +76,8 @@ async fn a_deletion_reaches_the_engine_and_a_refusal_comes_back_with_its_words()
     };
     let (answer, ()) = tokio::join!(client.delete_model_set(request()), daemon.answer(Ok(Done::Deleted), named));
     answer.unwrap();
-    let refusal = Err(Rejection::FailedPrecondition("model set `m-1` is in use".to_owned()));
+    let refusal =
+        Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, "model set `m-1` is in use".to_owned()));
     let (answer, ()) = tokio::join!(client.delete_model_set(request()), daemon.answer(refusal, named));
     let status = answer.unwrap_err();
     assert_eq!((status.code(), status.message()), (Code::FailedPrecondition, "model set `m-1` is in use"));

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples, SessionState, SessionView};
-use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
@@ -128,7 +128,8 @@ async fn one_fit_runs_at_a_time_and_the_engine_has_the_last_word() {
     let status = client.refit_session(refit(1, v1::FitOptions::default())).await.unwrap_err();
     assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
     drop(turn);
-    let refused = Err(Rejection::FailedPrecondition("session 1 is being deleted".to_owned()));
+    let refused =
+        Err(Rejection::FailedPrecondition(ErrorReason::BeingDeleted, "session 1 is being deleted".to_owned()));
     let call = client.refit_session(refit(1, v1::FitOptions::default()));
     let (answer, ()) = tokio::join!(call, daemon.answer(refused, |_| ()));
     assert_eq!(answer.unwrap_err().message(), "session 1 is being deleted");

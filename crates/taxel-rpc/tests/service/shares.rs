@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use taxel_engine::command::Rejection;
+use taxel_engine::command::{ErrorReason, Rejection};
 use taxel_proto::v1;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
@@ -141,7 +141,10 @@ async fn a_flood_of_sessions_is_bounded_and_says_when_one_more_may_start() {
         let mut reached = 0;
         while let Some(request) = requests.recv().await {
             reached += 1;
-            let _ = request.reply.send(Err(Rejection::FailedPrecondition("not in this test".to_owned())));
+            let _ = request.reply.send(Err(Rejection::FailedPrecondition(
+                ErrorReason::SessionWrongState,
+                "not in this test".to_owned(),
+            )));
             if reached == 6 {
                 break;
             }

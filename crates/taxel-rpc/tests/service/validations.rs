@@ -1,7 +1,7 @@
 //! Known loads: what a client says arrives at the engine, what the engine has comes out.
 
 use std::sync::Arc;
-use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::loads::{AreaFactor, JudgedLoad, Load, Reading, Validation, Weight};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::v1;
@@ -100,7 +100,7 @@ async fn a_load_reaches_the_engine_and_its_reading_comes_back() {
     let asked = v1::RecordLoadRequest { relative_uncertainty: Some(0.0), ..request(Some(Laid::ForceN(4.9))) };
     let (refused, ()) = tokio::join!(
         client.record_load(asked),
-        daemon.answer(Err(Rejection::FailedPrecondition(why.to_owned())), |command| {
+        daemon.answer(Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why.to_owned())), |command| {
             let Command::RecordLoad { load, .. } = command else { panic!("{command:?}") };
             assert!(matches!(load.weight, Weight::Force(force) if force.0.to_bits() == 4.9_f64.to_bits()));
             assert_eq!((load.relative_sigma.to_bits(), load.replaces), (0, None));

@@ -8,6 +8,7 @@ use std::time::Duration;
 use prost::Message;
 use prost_types::FileDescriptorSet;
 use taxel_engine::command::Rejection;
+use taxel_proto::v1::ErrorReason;
 use taxel_rpc::{Access, Grant, Limits, Listener, Rate, Role, Rules, Subject, Tls, Tokens};
 use tonic::body::Body;
 use tonic::codegen::{Service, http};
@@ -16,6 +17,7 @@ use tonic::{Code, Status};
 
 use crate::certificates::{Authority, Leaf, files};
 use crate::fixture::{Daemon, FOREARM, patient, serve_on};
+use crate::reasons::reason;
 
 /// Methods that need more than an observer.
 const OPERATOR: [&str; 15] = [
@@ -103,14 +105,18 @@ enum Expected {
 fn judge(method: &str, expected: Expected, answer: Option<&Status>) {
     let shown = format!("{method} with {expected:?}: {answer:?}");
     let code = answer.map_or(Code::Ok, Status::code);
+    let reason = answer.filter(|_| code != Code::Ok).map(reason);
     match expected {
-        Expected::Nobody => assert_eq!(code, Code::Unauthenticated, "{shown}"),
+        Expected::Nobody => {
+            assert_eq!(code, Code::Unauthenticated, "{shown}");
+            assert_eq!(reason, Some(ErrorReason::CredentialsRefused), "{shown}");
+        }
         Expected::Role(role, _) if role >= Some(needed(method)) => {
             let refused = [Code::Unauthenticated, Code::PermissionDenied, Code::Unimplemented, Code::ResourceExhausted];
             assert!(!refused.contains(&code), "{shown}");
         }
         Expected::Role(role, refusal) => {
-            assert_eq!(code, refusal, "{shown}");
+            assert_eq!((code, reason), (refusal, Some(ErrorReason::RoleTooLow)), "{shown}");
             let text = answer.unwrap().message();
             assert!(text.contains(method) && text.contains(needed(method).name()), "{shown}");
             assert!(text.contains(role.map_or("no role", Role::name)), "{shown}");
@@ -166,7 +172,10 @@ async fn house() -> House {
     tokio::spawn(async move {
         while let Some(request) = requests.recv().await {
             counted.fetch_add(1, Ordering::SeqCst);
-            let _ = request.reply.send(Err(Rejection::FailedPrecondition("not in this test".to_owned())));
+            let _ = request.reply.send(Err(Rejection::FailedPrecondition(
+                taxel_engine::command::ErrorReason::SessionWrongState,
+                "not in this test".to_owned(),
+            )));
         }
     });
     House { daemon, commands, access, rules: rules(), authority, stranger, tls: tls_address, unix, _folder: folder }
@@ -288,6 +297,7 @@ async fn what_is_not_served_is_not_found_whoever_asks() {
     let mut channel = house.daemon.connect().await;
     for method in ["", "/", "taxel.v1.SkinService", "taxel.v1.SkinService/tare", "taxel.v1.SkinService/Tare/", "x/y"] {
         let answer = call(&mut channel, method, None).await.unwrap();
-        assert_eq!(answer.map(|status| status.code()), Some(Code::Unimplemented), "{method}");
+        assert_eq!(answer.as_ref().map(Status::code), Some(Code::Unimplemented), "{method}");
+        assert_eq!(answer.as_ref().map(reason), Some(ErrorReason::MethodUnknown), "{method}");
     }
 }

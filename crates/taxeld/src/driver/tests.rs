@@ -92,7 +92,7 @@ impl Bench {
     /// Imports a set that must be refused as not to be stored; why it is.
     async fn refused_import(&mut self, wall_ns: i64) -> String {
         match self.reply(import(wall_ns)).await {
-            Err(Rejection::Unavailable(why)) => why,
+            Err(Rejection::Unavailable(_, why)) => why,
             other => panic!("{other:?}"),
         }
     }
@@ -224,7 +224,7 @@ async fn on_a_full_disk_a_commit_is_refused_with_the_reason_and_changes_nothing(
     let why = loop {
         match bench.reply(import(stored.len() as i64)).await {
             Ok(taxel_engine::command::Done::Imported { model_set }) => stored.push(model_set),
-            Err(Rejection::Unavailable(why)) => break why,
+            Err(Rejection::Unavailable(_, why)) => break why,
             other => panic!("{other:?}"),
         }
     };
@@ -258,7 +258,7 @@ async fn a_commit_that_the_stores_queue_has_no_room_for_is_refused_with_the_reas
     assert_eq!(why, format!("it could not be written to disk, and nothing has changed: {behind}"));
     release.send(()).unwrap();
     // Nothing was lost, so that the store goes on when the disk does.
-    while let Err(Rejection::Unavailable(why)) = bench.reply(import(2)).await {
+    while let Err(Rejection::Unavailable(_, why)) = bench.reply(import(2)).await {
         assert!(why.contains(&behind), "{why}");
     }
 }
@@ -347,6 +347,12 @@ async fn nothing_is_done_that_the_audit_log_cannot_have() {
     bench.driver.take_done(Done::Store(StoreEvent::Failed("the disk is gone".to_owned())));
     let command = Command::BringUp { patch: String::new(), confirmed_by: None };
     let refused = bench.audited("ann", command).await.unwrap_err();
-    assert_eq!(refused, Rejection::Unavailable("the audit log cannot be written: the disk is gone".to_owned()));
+    assert_eq!(
+        refused,
+        Rejection::Unavailable(
+            ErrorReason::StoreUnavailable,
+            "the audit log cannot be written: the disk is gone".to_owned()
+        )
+    );
     assert_eq!(bench.audit_log(), Vec::<[String; 4]>::new());
 }

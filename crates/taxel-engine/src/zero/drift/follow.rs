@@ -10,6 +10,7 @@ use super::smooth::Shares;
 use super::view::{DriftState, DriftView};
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::counts::Counts;
+use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::now::Now;
 use crate::statistics::median;
 
@@ -164,11 +165,12 @@ impl Drift {
 
     /// Why the force is not what it should be, if the drift is at its bound.
     #[must_use]
-    pub fn shortcoming(&self) -> Option<String> {
+    pub fn shortcoming(&self) -> Option<Reason> {
         let furthest = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
-        let bounded = self.modules.iter().filter(|m| m.is_bounded()).map(ModuleDrift::target);
-        let target = bounded.reduce(furthest)?;
-        Some(format!("drift of {target:+.1} counts reached its bound of {} counts: tare", self.plan.bound_counts))
+        let bounded = || self.modules.iter().filter(|m| m.is_bounded());
+        let target = bounded().map(ModuleDrift::target).reduce(furthest)?;
+        let text = format!("drift of {target:+.1} counts reached its bound of {} counts: tare", self.plan.bound_counts);
+        Some(Reason::about(positions(bounded().flat_map(ModuleDrift::range)), ReasonCode::DriftBounded, text))
     }
 
     /// Every average begins anew, every module is held.

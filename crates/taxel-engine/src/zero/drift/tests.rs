@@ -156,7 +156,8 @@ fn at_its_bound_it_stays_and_says_so_and_a_new_zero_clears_it() {
     skin.run(25.0 * MINUTE, |_, s| 0.25 * warm(s), |_, s| warm(s));
     assert_eq!(skin.drift.view().state, DriftState::Bounded);
     assert!(skin.drifts().iter().all(|d| d.to_bits() == (-3.0_f64).to_bits() || (d + 3.0).abs() < 1e-9));
-    let why = skin.drift.shortcoming().expect("a reason");
+    let reason = skin.drift.shortcoming().expect("a reason");
+    let why = reason.text();
     assert!(why.starts_with("drift of -3.") && why.ends_with(" counts reached its bound of 3 counts: tare"), "{why}");
     skin.drift.begin(skin.now, &skin.zero.clone());
     assert_eq!((skin.drift.shortcoming(), skin.furthest_from(0.0)), (None, 0.0));

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::request::ErrorReason;
+
 /// From here on a zero lies so far towards load that what pressed before may still be in it, counts.
 const RECOVERING_COUNTS: f64 = 0.3;
 
@@ -121,6 +123,17 @@ impl RestVerdict {
     #[must_use]
     pub const fn is_loaded(&self) -> bool {
         matches!(self, Self::Loaded { .. } | Self::LoadedInPart { .. })
+    }
+
+    /// Why no zero is taken of a skin that this was said of, unless somebody vouches for it.
+    #[must_use]
+    pub const fn refusal(&self) -> ErrorReason {
+        match self {
+            Self::Loaded { .. } | Self::LoadedInPart { .. } => ErrorReason::TareLoaded,
+            Self::Restless { .. } | Self::Unsteady { .. } => ErrorReason::TareUnsteady,
+            Self::Rest { .. } | Self::OtherZero { .. } | Self::Unproven { .. } => ErrorReason::TareUnproven,
+            Self::NotEnough { .. } => ErrorReason::SkinSilent,
+        }
     }
 }
 

@@ -1,0 +1,144 @@
+//! What programs read of a refusal: every one says why in the standard details, beside its words.
+
+use std::collections::HashMap;
+use std::time::Duration;
+
+use taxel_engine::command::{ErrorReason as Engine, Rejection};
+use taxel_proto::v1;
+use taxel_proto::v1::ErrorReason;
+use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::model_service_client::ModelServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_rpc::{Limits, Rate};
+use tonic::{Code, Status};
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_client::HealthClient;
+use tonic_reflection::pb::v1::ServerReflectionRequest;
+use tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient;
+use tonic_types::StatusExt;
+
+use crate::fixture::{FOREARM, HAND, patient, start, start_with};
+
+/// Why a call was refused. Fails if the status does not say that in all the ways in which it has to.
+pub fn reason(status: &Status) -> ErrorReason {
+    let info = status.get_details_error_info().unwrap_or_else(|| panic!("no ErrorInfo: {status:?}"));
+    assert_eq!(info.domain, "taxeld", "{status:?}");
+    let reason = ErrorReason::from_str_name(&info.reason);
+    let reason = reason.unwrap_or_else(|| panic!("`{}` is not in the list: {status:?}", info.reason));
+    assert_ne!(reason, ErrorReason::Unspecified, "{status:?}");
+    if reason == ErrorReason::FieldInvalid {
+        let request = status.get_details_bad_request().unwrap_or_else(|| panic!("no BadRequest: {status:?}"));
+        let [violation] = request.field_violations.as_slice() else { panic!("{request:?}") };
+        assert_eq!(Some(&violation.field), info.metadata.get("field"), "{status:?}");
+        let words = format!("{}: {}", violation.field, violation.description);
+        assert!(status.message().starts_with(&words), "{status:?}");
+    }
+    if status.code() == Code::FailedPrecondition {
+        let failure = status.get_details_precondition_failure();
+        let failure = failure.unwrap_or_else(|| panic!("no PreconditionFailure: {status:?}"));
+        let [violation] = failure.violations.as_slice() else { panic!("{failure:?}") };
+        assert_eq!(violation.r#type, info.reason, "{status:?}");
+        assert!(status.message().starts_with(&violation.description), "{status:?}");
+    }
+    reason
+}
+
+/// Why, and what it is about.
+fn about(status: &Status) -> (ErrorReason, Vec<(String, String)>) {
+    let metadata: HashMap<String, String> = status.get_details_error_info().unwrap().metadata;
+    let mut metadata: Vec<_> = metadata.into_iter().collect();
+    metadata.sort();
+    (reason(status), metadata)
+}
+
+fn pairs<const N: usize>(pairs: [(&str, &str); N]) -> Vec<(String, String)> {
+    pairs.map(|(what, which)| (what.to_owned(), which.to_owned())).into()
+}
+
+#[tokio::test]
+async fn the_engines_reason_comes_with_what_the_command_was_about() {
+    let mut daemon = start().await;
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let refused = || Err(Rejection::FailedPrecondition(Engine::TareLoaded, "rest is not proven: loaded".to_owned()));
+    let (answer, ()) = tokio::join!(client.tare(v1::TareRequest::default()), daemon.answer(refused(), |_| {}));
+    let status = answer.unwrap_err();
+    assert_eq!(about(&status), (ErrorReason::TareLoaded, pairs([("patch", FOREARM)])), "the only patch, by its name");
+    let failure = status.get_details_precondition_failure().unwrap();
+    assert_eq!(failure.violations[0].subject, format!("patches/{FOREARM}"));
+
+    let mut sessions = CalibrationServiceClient::new(daemon.connect().await);
+    let unknown = || Err(Rejection::NotFound(Engine::SessionUnknown, "session 4".to_owned()));
+    let request = v1::StartRampRequest { session: 4 };
+    let (answer, ()) = tokio::join!(sessions.start_ramp(request), daemon.answer(unknown(), |_| {}));
+    assert_eq!(about(&answer.unwrap_err()).0, ErrorReason::SessionUnknown);
+
+    let mut models = ModelServiceClient::new(daemon.connect().await);
+    let full = || Err(Rejection::Unavailable(Engine::StoreUnavailable, "the disk is full".to_owned()));
+    let request = v1::ActivateModelSetRequest { model_set: "m-1".to_owned(), ..Default::default() };
+    let (answer, ()) = tokio::join!(models.activate_model_set(request), daemon.answer(full(), |_| {}));
+    let expected = pairs([("model_set", "m-1"), ("patch", FOREARM)]);
+    assert_eq!(about(&answer.unwrap_err()), (ErrorReason::StoreUnavailable, expected));
+}
+
+#[tokio::test]
+async fn what_is_not_there_and_what_cannot_be_is_told_apart_by_name() {
+    let daemon = start_with(&[FOREARM, HAND], patient()).await;
+    let mut force = ForceServiceClient::new(daemon.connect().await);
+    let status = force.get_force(v1::GetForceRequest { patch: "nose".to_owned() }).await.unwrap_err();
+    assert_eq!(about(&status), (ErrorReason::PatchUnknown, pairs([("patch", "nose")])));
+    let status = force.get_force(v1::GetForceRequest::default()).await.unwrap_err();
+    assert_eq!(about(&status), (ErrorReason::FieldInvalid, pairs([("field", "patch")])));
+    let mut sessions = CalibrationServiceClient::new(daemon.connect().await);
+    let status = sessions.get_session(v1::GetSessionRequest { session: 7 }).await.unwrap_err();
+    assert_eq!(about(&status), (ErrorReason::SessionUnknown, pairs([("session", "7")])));
+    let mut models = ModelServiceClient::new(daemon.connect().await);
+    let request = v1::GetModelSetRequest { model_set: "m-9".to_owned(), ..Default::default() };
+    let status = models.get_model_set(request).await.unwrap_err();
+    assert_eq!(about(&status), (ErrorReason::ModelSetUnknown, pairs([("model_set", "m-9")])));
+}
+
+#[tokio::test]
+async fn who_asks_too_often_is_told_when_to_ask_again() {
+    let rate = Rate { burst: 1, every: Duration::from_secs(3_600) };
+    let daemon = start_with(&[FOREARM], Limits { commands: rate, ..patient() }).await;
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let named = || v1::TareRequest { patch: "nose".to_owned(), ..Default::default() };
+    assert_eq!(client.tare(named()).await.unwrap_err().code(), Code::NotFound, "the first is taken");
+    let status = client.tare(named()).await.unwrap_err();
+    assert_eq!((status.code(), reason(&status)), (Code::ResourceExhausted, ErrorReason::TooOften));
+    let wait = status.get_details_retry_info().unwrap().retry_delay.unwrap();
+    assert!((3_000..=3_600).contains(&wait.as_secs()), "{wait:?}");
+}
+
+#[tokio::test]
+async fn however_long_a_refusal_would_be_it_fits_into_the_headers_that_clients_take() {
+    let daemon = start().await;
+    let mut models = ModelServiceClient::new(daemon.connect().await);
+    let request = v1::ImportModelSetRequest { json: "\u{fc}".repeat(100_000), insist: false };
+    let status = models.import_model_set(request).await.unwrap_err();
+    assert_eq!((status.code(), reason(&status)), (Code::InvalidArgument, ErrorReason::FieldInvalid));
+    let mut headers = tonic::codegen::http::HeaderMap::new();
+    status.add_header(&mut headers).unwrap();
+    let bytes: usize = headers.iter().map(|(name, value)| name.as_str().len() + value.len() + 32).sum();
+    assert!(bytes <= 8 << 10, "{bytes} bytes of headers, and gRPC's own clients take 8 KiB");
+}
+
+#[tokio::test]
+async fn what_the_libraries_refuse_has_a_reason_too() {
+    let daemon = start_with(&[FOREARM], Limits { request_bytes: 100, ..patient() }).await;
+    let channel = daemon.connect().await;
+    let request = v1::GetForceRequest { patch: "x".repeat(200) };
+    let status = ForceServiceClient::new(channel.clone()).get_force(request).await.unwrap_err();
+    assert_eq!((status.code(), reason(&status)), (Code::OutOfRange, ErrorReason::RequestUnreadable));
+    let request = HealthCheckRequest { service: "x.Y".to_owned() };
+    let status = HealthClient::new(channel.clone()).check(request).await.unwrap_err();
+    assert_eq!((status.code(), reason(&status)), (Code::NotFound, ErrorReason::ServiceUnknown));
+    let asked = tokio_stream::once(ServerReflectionRequest::default());
+    let answer = ServerReflectionClient::new(channel).server_reflection_info(asked).await;
+    let status = match answer {
+        Ok(answer) => answer.into_inner().message().await.unwrap_err(),
+        Err(status) => status,
+    };
+    assert_eq!((status.code(), reason(&status)), (Code::InvalidArgument, ErrorReason::RequestUnreadable));
+}
