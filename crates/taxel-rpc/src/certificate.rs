@@ -6,12 +6,12 @@ use taxel_engine::model_set::ModelSet;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
-use tokio::sync::oneshot;
 use tonic::Status;
 
 use crate::certificate_maker::{CertificateOf, MadeCertificate};
+use crate::samples::read;
 use crate::service::Service;
-use crate::status::{engine_stopped, samples_not_kept};
+use crate::status::samples_not_kept;
 
 impl Service {
     /// The certificate of a model set.
@@ -53,15 +53,16 @@ impl Service {
         })?;
         let number = session.number;
         let failed = |reason, why: String| Refusal::failed_precondition(reason, why).about("session", number);
-        let (tell, told) = oneshot::channel();
-        // Whoever asked may have gone; then nobody misses the answer.
-        source(session.number, Box::new(move |samples| drop(tell.send(samples))));
-        let samples = told.await.map_err(|_| engine_stopped())?.map_err(|why| failed(ErrorReason::DataDamaged, why))?;
+        let (samples, turn) = read(&source, number, turn).await?;
         let model_set = set.id.clone();
         let evidence = CertificateOf { set, models_json, patch, session, samples, loads };
-        // A whole session is gone through several times: no stream should wait for that.
-        let made = tokio::task::spawn_blocking(move || maker(&evidence)).await;
-        drop(turn);
+        // A whole session is gone through several times: no stream should wait for that. The turn goes along: a certificate
+        // whose client is gone ends by itself.
+        let make = move || {
+            let _turn = turn;
+            maker(&evidence)
+        };
+        let made = tokio::task::spawn_blocking(make).await;
         let made = made.map_err(|failed| Refusal::fault(format!("the certificate was not made: {failed}")))?;
         let MadeCertificate { number, json, html } = made.map_err(|why| failed(ErrorReason::NotFitted, why))?;
         Ok(v1::Certificate { model_set, number, json, html })

@@ -7,13 +7,13 @@ use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples};
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
-use tokio::sync::oneshot;
 use tonic::Status;
 
 use crate::access::caller::Caller;
 use crate::convert::known;
+use crate::samples::read;
 use crate::service::Service;
-use crate::status::{engine_stopped, samples_not_kept};
+use crate::status::samples_not_kept;
 use crate::stream::MessageStream;
 
 /// Samples of one message: of 230 taxels 125 kB.
@@ -31,13 +31,7 @@ impl Service {
                 format!("{limit} sessions are being exported, which is the limit: try again later"),
             )
         })?;
-        let (tell, told) = oneshot::channel();
-        // Whoever asked may have gone; then nobody misses the answer.
-        source(session, Box::new(move |samples| drop(tell.send(samples))));
-        let samples = told
-            .await
-            .map_err(|_| engine_stopped())?
-            .map_err(|why| Refusal::failed_precondition(ErrorReason::DataDamaged, why).about("session", session))?;
+        let (samples, export) = read(&source, session, export).await?;
         let blocks = samples.samples.len().div_ceil(BLOCK_SAMPLES).max(1);
         let held = (Arc::new(samples), place, export);
         Ok(stream::iter(0..blocks).map(move |number| Ok(block(&held.0, number))).boxed())

@@ -35,6 +35,7 @@ mod reasons;
 mod recalibration;
 mod refit;
 mod refusals;
+mod samples;
 mod serve;
 mod service;
 mod shared;

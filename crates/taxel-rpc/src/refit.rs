@@ -4,20 +4,19 @@ use std::sync::Arc;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use taxel_engine::calibration::fit::PlaysChoice;
-use taxel_engine::calibration::{Refit, RefitOptions, SessionSamples, SessionView, StoredSession};
+use taxel_engine::calibration::{Refit, RefitOptions, SessionView, StoredSession};
 use taxel_engine::command::{Command, Done};
 use taxel_model::{Estimator, Order};
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
-use tokio::sync::oneshot;
 use tonic::Status;
 
 use crate::access::caller::Caller;
 use crate::calibration::asked_branches;
-use crate::handle::SamplesSource;
+use crate::samples::read;
 use crate::service::{Service, strange_answer};
-use crate::status::{engine_stopped, invalid, of_rejection, samples_not_kept};
+use crate::status::{invalid, of_rejection, samples_not_kept};
 
 impl Service {
     /// Fits what these sessions gathered, and has the set kept.
@@ -33,7 +32,7 @@ impl Service {
         let refit = self.plan_refit(views, &options).await?;
         let (source, id_of) = self.handle.samples.clone().zip(self.handle.id_of).ok_or_else(samples_not_kept)?;
         // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.
-        let turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
+        let mut turn = Arc::clone(&self.handle.fits).try_acquire_owned().map_err(|_| {
             Refusal::exhausted(
                 ErrorReason::NoPlace,
                 "another fit is under way, which ends within seconds: try again then",
@@ -42,7 +41,9 @@ impl Service {
         let sessions = refit.numbers();
         let mut samples = Vec::with_capacity(sessions.len());
         for number in &sessions {
-            samples.push(read(&source, *number).await?);
+            let (of_session, still) = read(&source, *number, turn).await?;
+            samples.push(of_session);
+            turn = still;
         }
         let scans = samples.iter().map(|samples| samples.samples.len() as u64).sum();
         let began = Instant::now();
@@ -80,17 +81,6 @@ impl Service {
         let planned = Refit::plan(plan.calibration(), plan.patch.counts(), sessions, options);
         Ok(planned.map_err(|why| of_rejection(&why).about("patch", plan.patch.name()))?)
     }
-}
-
-async fn read(source: &SamplesSource, session: u64) -> Result<SessionSamples, Status> {
-    let (tell, told) = oneshot::channel();
-    // Whoever asked may have gone; then nobody misses the answer.
-    source(session, Box::new(move |samples| drop(tell.send(samples))));
-    let samples = told.await.map_err(|_| engine_stopped())?;
-    Ok(samples.map_err(|why| {
-        let why = format!("the samples of session {session}: {why}");
-        Refusal::failed_precondition(ErrorReason::DataDamaged, why).about("session", session)
-    })?)
 }
 
 /// What a request asks for.

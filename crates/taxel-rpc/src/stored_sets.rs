@@ -46,15 +46,18 @@ impl StoredSets {
             return Ok(kept);
         }
         let (tell, told) = oneshot::channel();
-        // Whoever asked may have gone; then nobody misses the answer.
-        (self.source)(summary.id.clone(), Box::new(move |text| drop(tell.send(text))));
+        // The turn goes the way of the question: where whoever asked has gone meanwhile, it is free again when the store has
+        // answered and not before.
+        (self.source)(summary.id.clone(), Box::new(move |text| drop(tell.send((text, turn)))));
         let damaged = |why| Refusal::failed_precondition(ErrorReason::DataDamaged, why).about("model_set", &summary.id);
-        let text = told.await.map_err(|_| engine_stopped())?.map_err(damaged)?;
-        let from_json = self.codec.from_json;
+        let (text, turn) = told.await.map_err(|_| engine_stopped())?;
+        let (text, from_json) = (text.map_err(damaged)?, self.codec.from_json);
         // Reading takes ten milliseconds, for which no stream should wait.
-        let read = tokio::task::spawn_blocking(move || from_json(&text)).await;
-        drop(turn);
+        let parse = move || (from_json(&text), turn);
+        let read = tokio::task::spawn_blocking(parse).await;
         let read = read.map_err(|failed| Refusal::fault(format!("the model set was not read: {failed}")))?;
+        // Kept before the next one has its turn, who may want the same.
+        let (read, _turn) = read;
         let set = Arc::new(read.map_err(|why| damaged(format!("{}: {why}", summary.id)))?);
         if SetSummary::of(&set) != *summary {
             return Err(Refusal::fault(format!("the store gave another model set than {}", summary.id)).into());

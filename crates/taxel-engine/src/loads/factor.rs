@@ -15,14 +15,13 @@
 //!
 //! `u_area^2 = (t / 2 u(k) / k)^2 + max(t / 2 s, 0.03)^2`,
 //!
-//! so that twice this holds for 95 % of new places. The 0.03 is what masses scatter by on simulated skins
-//! ([`Assumptions::MASSES`]); loads that happen to agree do not show that a skin has less.
+//! so that twice this holds for 95 % of new places. Loads that happen to agree do not show that a skin has less than
+//! [`PLACE_REL`].
 
 use std::ops::RangeInclusive;
 
 use crate::loads::load::Load;
 use crate::loads::places::places;
-use crate::recalibration::Assumptions;
 
 /// Fewer loads, or loads at fewer places, tell nothing of their scatter.
 pub const LOADS_MIN: usize = 3;
@@ -35,6 +34,10 @@ const RELATIVE_SIGMA_MAX: f64 = 0.2;
 
 /// No load is believed better than to this share of it, or it alone would decide.
 const RELATIVE_SIGMA_MIN: f64 = 1e-3;
+
+/// Relative standard deviation of what a sound skin reads of masses from place to place, as simulated for masses above
+/// 0.36 kg on pads that read 2 to 3 kPa a count.
+pub const PLACE_REL: f64 = 0.03;
 
 /// Student's t for 95 % on both sides, for 2 and more degrees of freedom; beyond them 2 is close enough.
 const STUDENT: [f64; 11] = [4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179];
@@ -105,7 +108,7 @@ impl AreaFactor {
     pub fn area_uncertainty(&self) -> f64 {
         let degrees = self.loads.max(LOADS_MIN) - 1;
         let half_t = 0.5 * STUDENT.get(degrees - 2).copied().unwrap_or(2.0).max(2.0);
-        (half_t * self.relative_sigma()).hypot((half_t * self.scatter).max(Assumptions::MASSES.place_rel))
+        (half_t * self.relative_sigma()).hypot((half_t * self.scatter).max(PLACE_REL))
     }
 }
 

@@ -1,5 +1,7 @@
 //! How much readings of a sound skin scatter from place to place, and what else has to be assumed.
 
+use crate::loads::factor::PLACE_REL;
+
 /// What a recalibration takes for granted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Assumptions {
@@ -12,9 +14,9 @@ pub struct Assumptions {
 }
 
 impl Assumptions {
-    /// Masses laid on a patch, in newton: 3 % from place to place, as simulated for masses above 0.36 kg on pads that read
-    /// 2 to 3 kPa a count, and 0.1 N of a zero that is 0.1 kPa off over 30 taxels.
-    pub const MASSES: Self = Self { place_rel: 0.03, floor: 0.1, offset: false };
+    /// Masses laid on a patch, in newton: [`PLACE_REL`] from place to place, and 0.1 N of a zero that is 0.1 kPa off over 30
+    /// taxels.
+    pub const MASSES: Self = Self { place_rel: PLACE_REL, floor: 0.1, offset: false };
 
     /// A chamber or a bag that loads the whole skin, in kPa: how far the mean over all taxels lies from the gauge on the
     /// very recording that the curves were fitted to (`left_calibration` in taxel-model's README), root mean square: 2.0 %

@@ -134,3 +134,40 @@ async fn one_fit_runs_at_a_time_and_the_engine_has_the_last_word() {
     let (answer, ()) = tokio::join!(call, daemon.answer(refused, |_| ()));
     assert_eq!(answer.unwrap_err().message(), "session 1 is being deleted");
 }
+
+#[tokio::test]
+async fn calls_that_are_given_up_do_not_pile_up_in_the_store() {
+    let (ask, mut asked) = tokio::sync::mpsc::unbounded_channel();
+    let busy: SamplesSource = Arc::new(move |session: u64, told: OnSamples| drop(ask.send((session, told))));
+    let daemon = start_with_samples(busy).await;
+    let view = SessionView { number: 1, patch: FOREARM.into(), state: SessionState::Review, ..SessionView::default() };
+    daemon.engine().catalogue(Arc::new(Catalogue { sessions: vec![Arc::new(view)], ..Catalogue::default() }));
+    let mut client = CalibrationServiceClient::new(daemon.connect().await);
+    let mut waiting = Vec::new();
+    // Two exports and one fit may be read at a time. Each is given up when the store has been asked.
+    for _ in 0..2 {
+        let export = client.export_samples(v1::ExportSamplesRequest { session: 1 });
+        tokio::select! {
+            answer = export => panic!("{answer:?}"),
+            question = asked.recv() => waiting.push(question.unwrap()),
+        }
+    }
+    tokio::select! {
+        answer = client.refit_session(refit(1, v1::FitOptions::default())) => panic!("{answer:?}"),
+        question = asked.recv() => waiting.push(question.unwrap()),
+    }
+    let refused = client.export_samples(v1::ExportSamplesRequest { session: 1 }).await.unwrap_err();
+    assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
+    let refused = client.refit_session(refit(1, v1::FitOptions::default())).await.unwrap_err();
+    assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
+    // The store answers whom nobody waits for, and there is room again.
+    waiting.into_iter().for_each(|(_, told)| told(Ok(SessionSamples::default())));
+    let export = client.export_samples(v1::ExportSamplesRequest { session: 1 });
+    let answer = async {
+        let (session, told): (u64, OnSamples) = asked.recv().await.unwrap();
+        assert_eq!(session, 1);
+        told(Ok(SessionSamples::default()));
+    };
+    let (exported, ()) = tokio::join!(export, answer);
+    assert!(exported.is_ok(), "{exported:?}");
+}
