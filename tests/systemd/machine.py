@@ -28,14 +28,15 @@ def journal(unit=UNIT):
     return run("journalctl", "--no-pager", "-o", "cat", "-u", unit)
 
 
-def until(what, holds):
+def until(what, holds, why=lambda: ""):
+    """What `holds` gives, as soon as it gives something; `why` says why it did not."""
     end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
         found = holds()
         if found:
             return found
         time.sleep(0.05)
-    raise AssertionError(f"not within {PATIENCE_S} s: {what}")
+    raise AssertionError(f"not within {PATIENCE_S} s: {what} {why()}")
 
 
 def documented(begin, end):
