@@ -126,6 +126,8 @@ def asks(*command):
 
 
 def feels_the_mass():
+    """Waits until it does. Returns the model set by which it does, and what it feels in words."""
+
     def sample():
         force = json.loads(asks("watch", "--once", "--json") or "{}")
         if not force or any("when the zero was taken" in reason for reason in force["reasons"]):
@@ -135,7 +137,8 @@ def feels_the_mass():
         return force if total > MASS_N / 2 and abs(total - MASS_N) < 3 * sigma < MASS_N else None
 
     force = until("half a kilogram is felt", sample, lambda: asks("watch", "--count", "10"))
-    return f"{force['totalN']:.2f} N +- {2 * force['totalSigmaN']:.2f} (k = 2) of {MASS_N:.2f} N"
+    said = f"{force['totalN']:.2f} N +- {2 * force['totalSigmaN']:.2f} (k = 2) of {MASS_N:.2f} N"
+    return force["modelSet"], said
 
 
 def calibrates():
@@ -146,17 +149,21 @@ def calibrates():
     run("taxeld", "calibrate", "--target", "10", "--confirmed-by", "test", "--yes")
     # Refused while the mass lies there.
     until("a zero", lambda: asks("tare"))
-    told(f"calibrated; {feels_the_mass()}")
+    models, said = feels_the_mass()
+    told(f"calibrated: {said}")
+    return models
 
 
-def upgrades(package, text):
+def upgrades(package, text, models):
     before = state("MainPID")
     dpkg("-i", package)
     until("the daemon runs", lambda: state("ActiveState") == "active")
     assert state("MainPID") != before and enabled() == "enabled", "an upgrade starts the new programme"
     with open(CONFIG, encoding="utf-8") as config:
         assert config.read() == text
-    told(f"upgraded: another process, the same configuration and models; {feels_the_mass()}")
+    models_now, said = feels_the_mass()
+    assert models_now == models, (models, models_now)
+    told(f"upgraded: another process, the same configuration and models: {said}")
 
 
 def removes(files, text):
@@ -190,8 +197,8 @@ def main():
     can_be_read()
     sets_up_the_bus()
     text = simulated()
-    calibrates()
-    upgrades(package, text)
+    models = calibrates()
+    upgrades(package, text, models)
     files = files_of(package)
     removes(files, text)
     purges(files)
