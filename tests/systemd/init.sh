@@ -29,7 +29,10 @@ mkdir -p etc/systemd/system "usr/lib/modules"
 ln -sfn "/usr/lib/uml/modules/$(uname -r)" "usr/lib/modules/$(uname -r)"
 touch etc/.updated var/.updated
 [ -s etc/machine-id ] || echo 0123456789abcdef0123456789abcdef >etc/machine-id
-rm -f .dockerenv
+# What an image of a container keeps dpkg from: pages of the manual, and starting what it installs.
+rm -f .dockerenv usr/sbin/policy-rc.d etc/dpkg/dpkg.cfg.d/*
+# An index of all the host's pages would take longer than all else.
+rm -f var/lib/man-db/auto-update
 for unit in dbus.socket dbus.service systemd-logind.service systemd-update-utmp.service getty.target remote-fs.target; do
     ln -s /dev/null "etc/systemd/system/$unit"
 done

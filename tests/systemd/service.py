@@ -8,48 +8,17 @@ import subprocess
 import sys
 import time
 
-ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+from machine import CONFIG, ROOT, UNIT, documented, job, journal, run, serves, state, told, until
+
 sys.path.insert(0, os.path.join(ROOT, "tests", "e2e"))
 from logs import synthetic  # noqa: E402
 
-UNIT = "taxeld.service"
-CONFIG = "/etc/taxeld/taxeld.toml"
 STORE = "/var/lib/private/taxeld/taxeld.db"
-# Nothing that is waited for takes longer, on the slowest machine.
-PATIENCE_S = 120
-
-
-def run(*command, **more):
-    return subprocess.run(command, check=True, text=True, capture_output=True, **more).stdout
-
-
-def told(what):
-    print(f"{time.monotonic():6.1f} s  {what}", flush=True)
-
-
-def state(name):
-    return run("systemctl", "show", "--value", "-p", name, UNIT).strip()
-
-
-def journal():
-    return run("journalctl", "--no-pager", "-o", "cat", "-u", UNIT)
-
-
-def until(what, holds):
-    end = time.monotonic() + PATIENCE_S
-    while time.monotonic() < end:
-        found = holds()
-        if found:
-            return found
-        time.sleep(0.05)
-    raise AssertionError(f"not within {PATIENCE_S} s: {what}")
 
 
 def install(taxeld):
     """Word for word what deploy/README.md says, but for the build. Returns the start, which waits for the bus."""
-    text = open(os.path.join(ROOT, "deploy", "README.md"), encoding="utf-8").read()
-    block = text.split("**As a service.**")[1].split("[deploy/taxeld.service]")[0]
-    lines = [line.strip() for line in block.splitlines() if line.startswith("    ")]
+    lines = documented("**As a service.**", "[deploy/taxeld.service]")
     assert lines[0].startswith("cargo build"), lines
     start = next(number for number, line in enumerate(lines) if line.startswith("systemctl"))
     for line in lines[1:start]:
@@ -74,12 +43,6 @@ class Watching:
         """Waits for so many more samples than there are now."""
         there = len(self.samples())
         until(f"{number} more samples", lambda: len(self.samples()) >= there + number)
-
-
-def serves():
-    """Whether a client gets a sample now, and which."""
-    got = subprocess.run(["taxeld", "watch", "--json", "--count", "1"], text=True, capture_output=True, check=False)
-    return json.loads(got.stdout) if got.stdout else None
 
 
 def starts_when_its_bus_is_there(start):
@@ -178,7 +141,6 @@ def main():
     taxeld = sys.argv[1]
     os.makedirs("/run/lab", exist_ok=True)
     log = synthetic("/run/lab/rest.log", 16, 5, lambda taxel, t: 0.0, lambda t: 0.0, noise=1)
-    told(f"systemd {run('systemctl', '--version').split()[1]} runs")
     start = install(taxeld)
     starts_when_its_bus_is_there(start)
     has_no_privilege()
@@ -192,11 +154,6 @@ def main():
         stops_cleanly(watching)
         bus.kill()
     a_configuration_that_cannot_be_used_is_told()
-    told("all of it")
 
 
-try:
-    main()
-except BaseException:
-    print(run("journalctl", "--no-pager", "-n", "150"), flush=True)
-    raise
+job(main)
