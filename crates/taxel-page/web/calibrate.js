@@ -93,9 +93,15 @@ const abort = () => button("Abort", async () => {
   if (await sure("Stop this session? Its samples are kept.", "Stop it")) show(await call("CalibrationService/AbortSession", session()));
 }, { kind: "danger", id: "abort" });
 
+/** What should be seen to before the pump runs, found when the session began. */
+function found() {
+  const lines = state.session.look ?? [];
+  return lines.length > 0 && el("ul.note", { id: "look" }, ...lines.map((line) => el("li", line)));
+}
+
 function taring() {
   return el("section.card", el("h2", "Hands off"),
-    el("p.advice.warn", "The skin is watched at rest for its zero. Do not touch it, leave the bag vented."), el("div.row", abort()));
+    el("p.advice.warn", "The skin is watched at rest for its zero. Do not touch it, leave the bag vented."), found(), el("div.row", abort()));
 }
 
 /** What to do with the valve now, in a word. */
@@ -151,7 +157,7 @@ function ramping(signal) {
   update();
   const finish = button("End the ramp here", async () => show(await call("CalibrationService/FinishRamp", session())), { id: "finish" });
   return el("div.live",
-    el("section.card.spaced", el("h2", state.session.falling ? "Let air in" : "Pump"), advice, pressure, el("div.bar", bar), numbers, el("div.row", finish, abort())),
+    el("section.card.spaced", el("h2", state.session.falling ? "Let air in" : "Pump"), advice, pressure, el("div.bar", bar), numbers, found(), el("div.row", finish, abort())),
     el("section.card", el("h2", "Which taxels respond: change of count"), skin.node));
 }
 
