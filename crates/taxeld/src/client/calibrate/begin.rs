@@ -5,7 +5,7 @@ use taxel_proto::v1::{
     StartSessionRequest,
 };
 
-use super::CalibrateArgs;
+use super::args::CalibrateArgs;
 use super::course::{Course, Followed};
 use crate::client::ask;
 use crate::client::connect::Daemon;
