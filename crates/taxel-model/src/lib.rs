@@ -43,11 +43,15 @@ mod orthogonal;
 mod plays;
 mod pressure;
 mod reduce;
+#[cfg(feature = "stability")]
+pub mod reference;
 mod refine;
 mod samples;
 mod scale;
 mod series;
 mod shape;
+#[cfg(feature = "stability")]
+pub mod stability;
 mod status;
 mod table;
 mod uncertainty;
