@@ -176,7 +176,7 @@ impl Aim {
 
 /// A round number as people write it.
 fn plain(value: f64) -> String {
-    if (1e-3..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
+    if value == 0.0 || (1e-3..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
 impl Section {

@@ -24,13 +24,14 @@ const MARK_SIZE_PX: f64 = 10.5;
 /// Large marks of several lines stand side by side, so far apart, or they would hide each other.
 const ASIDE_PX: f64 = 9.0;
 
-/// On a light and on a dark ground. Ours come first, so that they have the clearest ones.
+/// On a light and on a dark ground, told apart without colour too: dark and bright alternate at first. Ours come first, so
+/// that they have the clearest ones.
 const COLOURS: [[&str; 2]; 10] = [
     ["#1f5fa8", "#6fb1ff"],
+    ["#d98200", "#ffb84d"],
     ["#00795f", "#3fd6ab"],
     ["#7b3f9e", "#c896ec"],
     ["#c0392b", "#ff8478"],
-    ["#d98200", "#ffb84d"],
     ["#6b4a1f", "#cfa878"],
     ["#666666", "#a8a8a8"],
     ["#c2488f", "#ff8fcb"],

@@ -298,9 +298,9 @@ fn text(rows: &[Row]) -> Vec<String> {
             .to_owned(),
         format!(
             "At order 5 the shipped table takes {} ns a taxel for {} taxels and {} ns for {}: {small} and {large} times as \
-             long as Horner's rule in scaled f32, and {naive} times as long as the naive way. What a table that is slower \
-             than Horner's rule buys: its time does not depend on the order, and activation, area and the curve beyond its \
-             range are in it already.",
+             long as Horner's rule in scaled f32, and {naive} times as long as the naive way. What the table buys \
+             where Horner's rule is faster: its time does not depend on the order, and activation, area and the curve \
+             beyond its range are in it already.",
             three_digits(ns(TABLE, 0)),
             SIZES[0],
             three_digits(ns(TABLE, 1)),

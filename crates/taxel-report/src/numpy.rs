@@ -11,10 +11,13 @@ use crate::peers::{Basis, Fitted, Polynomial, Samples};
 /// Reads `METHOD ORDER SAMPLES` and then x, y and the roots of the weights as f64; answers with one line of JSON. Each
 /// fit runs twice and the second is timed, as it is for every contender.
 const SCRIPT: &str = r#"
-import json, sys, time, warnings
+import json, os, sys, time, warnings
 import numpy as np
 warnings.simplefilter("ignore")
-say = lambda answer: print(json.dumps(answer), flush=True)
+# LAPACK writes its complaints to the standard output, which is for answers alone.
+answers = os.fdopen(os.dup(1), "w")
+os.dup2(2, 1)
+say = lambda answer: print(json.dumps(answer), file=answers, flush=True)
 say({"python": sys.version.split()[0], "numpy": np.__version__})
 def polyfit(x, y, order, w):
     return np.polyfit(x, y, order, w=w)[::-1], [-1.0, 1.0]

@@ -191,12 +191,12 @@ fn summary(sections: &[Section]) -> Markup {
             (judged.len() - missed) " of " (judged.len()) " aims are met; a section's text says why one is missed."
         }
         div class="scroll" { table {
-            thead { tr { @for column in ["aim", "measured", "promised", "", "section"] { th { (column) } } } }
+            thead { tr { @for column in ["", "aim", "measured", "promised", "section"] { th { (column) } } } }
             tbody { @for (section, aim, met) in &judged { tr {
+                td class=(if *met { "pass" } else { "fail" }) { (if *met { "met" } else { "missed" }) }
                 td { (if aim.words.is_empty() { &aim.what } else { &aim.words }) }
                 (cell(&aim.measured.map_or_else(|| "not measured".into(), Cell::from)))
                 td { (aim.aim) }
-                td class=(if *met { "pass" } else { "fail" }) { (if *met { "met" } else { "missed" }) }
                 td { a href={ "#section-" (section.id) } { (section.title.split('.').next().unwrap_or_default()) } }
             } } }
         } }

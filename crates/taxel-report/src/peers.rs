@@ -93,16 +93,16 @@ enum Method {
 }
 
 /// What most would take first, and what the aim for precision is about.
-pub(crate) const RAW_SVD: &str = "raw powers, nalgebra SVD";
+pub(crate) const RAW_SVD: &str = "raw powers by SVD (nalgebra)";
 /// What the aim for speed is about.
 pub(crate) const POLYFIT: &str = "numpy.polyfit";
 
 const METHODS: [(&str, Method); 7] = [
-    ("Chebyshev, nalgebra QR", Method::Nalgebra(Basis::Chebyshev, Solver::Qr)),
-    ("Chebyshev, nalgebra SVD", Method::Nalgebra(Basis::Chebyshev, Solver::Svd)),
-    ("raw powers, nalgebra QR", Method::Nalgebra(Basis::Powers, Solver::Qr)),
+    ("Chebyshev by QR (nalgebra)", Method::Nalgebra(Basis::Chebyshev, Solver::Qr)),
+    ("Chebyshev by SVD (nalgebra)", Method::Nalgebra(Basis::Chebyshev, Solver::Svd)),
+    ("raw powers by QR (nalgebra)", Method::Nalgebra(Basis::Powers, Solver::Qr)),
     (RAW_SVD, Method::Nalgebra(Basis::Powers, Solver::Svd)),
-    ("raw powers, normal equations", Method::Nalgebra(Basis::Powers, Solver::Normal)),
+    ("raw powers by normal equations", Method::Nalgebra(Basis::Powers, Solver::Normal)),
     ("numpy Polynomial.fit", Method::Numpy("polynomial")),
     (POLYFIT, Method::Numpy("polyfit")),
 ];
@@ -236,7 +236,7 @@ mod tests {
             let flat = fit(name, &[7.0; 9], &[1.0; 9], None, 1);
             assert!(flat.is_none() || !name.starts_with("Chebyshev"), "{name}");
         }
-        assert_eq!(fit("raw powers, nalgebra QR", &[1.0, 2.0], &[1.0, 2.0], None, 5), None);
+        assert_eq!(fit("raw powers by QR (nalgebra)", &[1.0, 2.0], &[1.0, 2.0], None, 5), None);
         assert!(peers().fit(POLYFIT, &Samples { x: &[], y: &[], w: None }, 1).is_err());
     }
 }

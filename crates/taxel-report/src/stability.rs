@@ -153,7 +153,7 @@ mod tests {
         assert_eq!(section.text[1], "4 of 5 cases do not hold: 2, 3, 4, 5.");
         assert_eq!(section.aims[0].met, Some(false));
         // All move by the 3 kPa that the recordings lie apart.
-        assert!(section.text[2].contains("Chebyshev, nalgebra QR 1"), "{}", section.text[2]);
+        assert!(section.text[2].contains("Chebyshev by QR (nalgebra) 1"), "{}", section.text[2]);
         let Cell::Number(moved) = table.rows[0][7] else { panic!("{:?}", table.rows[0]) };
         assert!((moved - 3.0).abs() < 1e-9, "{moved}");
     }

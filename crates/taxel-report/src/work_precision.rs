@@ -74,7 +74,7 @@ fn time_in_words(panel: &Measured) -> Option<String> {
     let (_, us, pa) = *all.iter().find(|(contender, ..)| contender.name == DEFAULT)?;
     let name = |(other, other_us, other_pa): &(Contender, f64, f64)| {
         let ratio = (us / other_us).max(other_us / us);
-        format!("{} ({} times, off by {} Pa)", other.name, three_digits(ratio), three_digits(*other_pa))
+        format!("{} ({} times, {})", other.name, three_digits(ratio), off_by(*other_pa))
     };
     let others = || all.iter().filter(|(contender, ..)| !contender.is_ours());
     let join = |faster: bool| match others().filter(|other| (other.1 < us) == faster).map(name).collect::<Vec<_>>() {
@@ -82,13 +82,17 @@ fn time_in_words(panel: &Measured) -> Option<String> {
         names => names.join(", "),
     };
     Some(format!(
-        "{}, order {ORDER}: the shipped default takes {} us a taxel and is off by {} Pa. Faster: {}. Slower: {}.",
+        "{}, order {ORDER}: the shipped default takes {} us a taxel, {}. Faster: {}. Slower: {}.",
         panel.panel.name(),
         three_digits(us),
-        three_digits(pa),
+        off_by(pa),
         join(true),
         join(false)
     ))
+}
+
+fn off_by(pa: f64) -> String {
+    if pa.is_finite() { format!("off by {} Pa", three_digits(pa)) } else { "not always with a solution".to_owned() }
 }
 
 fn ours_in_words(measured: &[Measured]) -> Option<String> {

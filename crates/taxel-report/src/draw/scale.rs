@@ -14,6 +14,9 @@ const MOST_LABELS: i32 = 10;
 /// On a shorter axis than this 2 and 5 have labels, too.
 const SHORT_DECADES: f64 = 2.5;
 
+/// On a shorter axis than this all digits have labels.
+const HALF_DECADE: f64 = 0.5;
+
 /// What logarithms are off by at most.
 const ROUNDING: f64 = 1e-9;
 
@@ -112,6 +115,7 @@ impl Scale {
                 let label = match k {
                     1 if (decade - first) % step == 0 => decade_label(1, decade),
                     2 | 5 if to - from < SHORT_DECADES => decade_label(k, decade),
+                    2..10 if to - from < HALF_DECADE => decade_label(k, decade),
                     2..10 if last - first < FEW_DECADES => Label::None,
                     _ => continue,
                 };

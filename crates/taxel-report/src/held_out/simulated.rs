@@ -127,7 +127,7 @@ impl Simulated {
         let kpa = |entry: &Entry| entry.median(|score| score.rmse_kpa);
         vec![
             format!(
-                "On {} simulated forearms the default ({}) reads a ramp that it never saw within {:.2} kPa after a \
+                "On {} simulated forearms `{}` reads a ramp that it never saw within {:.2} kPa after a \
                  calibration of {:.0} scans and within {:.2} kPa after {:.0}; known masses within {:.1} and {:.1} %. \
                  Medians over the skins.",
                 self.skins,

@@ -57,7 +57,7 @@ pub(super) fn aims(options: &Options, peers: &mut Peers) -> anyhow::Result<Vec<A
     let [our_pa, svd_pa] = worst;
     aims.push(Aim::beside("ours: max |dP| at order 9, Pa", our_pa));
     aims.push(Aim::beside("nalgebra SVD on raw powers: max |dP| at order 9, Pa", svd_pa));
-    let words = "the same at order 9: times nearer to the exact solution than an SVD on powers of the raw count";
+    let words = "fit at order 9: times nearer to the exact solution than an SVD on powers of the raw count";
     aims.push(Aim::at_least("SVD over ours", words, svd_pa / our_pa.max(f64::MIN_POSITIVE), WANTED_PRECISION));
     Ok(aims)
 }
