@@ -45,6 +45,8 @@ pub mod recalibration;
 mod regions;
 mod request;
 mod scan;
+#[cfg(feature = "stability")]
+pub mod stability;
 pub mod statistics;
 pub mod zero;
 

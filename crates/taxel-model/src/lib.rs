@@ -22,6 +22,9 @@
 //! 4. Beyond its range a curve goes on as the skin's curves do ([`SkinSlope`]).
 //! 5. Judge: [`Status`] says whether the curve may be used, [`Flag`]s what else there is to know.
 //!
+//! With the feature `stability` there are also exact least squares in integers (`reference`) and the hard cases that every
+//! fit must come through (`stability`): for the tests and the report.
+//!
 //! Nothing here does I/O, and nothing panics on data: what has no curve says why. Equal samples give bit-identical
 //! models in whatever order they come.
 
@@ -43,11 +46,15 @@ mod orthogonal;
 mod plays;
 mod pressure;
 mod reduce;
+#[cfg(feature = "stability")]
+pub mod reference;
 mod refine;
 mod samples;
 mod scale;
 mod series;
 mod shape;
+#[cfg(feature = "stability")]
+pub mod stability;
 mod status;
 mod table;
 mod uncertainty;

@@ -1,4 +1,4 @@
-//! Where f64 ends. The stability suite, with exact references, is in taxel-report.
+//! Where f64 ends. The stability suite, with exact references, is `stability.rs`.
 
 use taxel_model::{
     Accumulator, Estimator, FitOptions, FixedPressure, Flag, Order, Rails, Samples, Shape, Status, TaxelModel, fit,

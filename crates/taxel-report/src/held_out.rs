@@ -1,11 +1,7 @@
 //! Section B: how long to calibrate, with which estimator and which order, judged on data that no fit saw.
 
-pub mod fits;
-pub mod forearm;
 mod insole;
 mod simulated;
-#[cfg(test)]
-mod tests;
 
 use crate::document::Section;
 use crate::options::Options;
@@ -42,5 +38,6 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
         text,
         figures,
         tables,
+        ..Section::default()
     })
 }

@@ -4,23 +4,23 @@
 //! Each section is a module with a function that measures and returns a [`document::Section`]; `page` makes files of
 //! them.
 
-pub mod daemon;
-pub mod digits;
 pub mod document;
-pub mod held_out;
-pub mod live;
 pub mod machine;
 pub mod options;
 pub mod page;
 pub mod paper;
-pub mod peers;
-pub mod plot;
-pub mod reference;
-pub mod stability;
-pub mod work_precision;
 
-mod markup;
+mod daemon;
+mod digits;
+mod draw;
+mod held_out;
+mod live;
+mod numbers;
 mod numpy;
+mod peers;
+mod rig;
 mod run;
+mod stability;
+mod work_precision;
 
 pub use run::{names, run};

@@ -15,8 +15,6 @@ pub struct Machine {
     pub kernel: String,
     /// Version of this programme.
     pub taxeld: String,
-    /// The compiler that built it.
-    pub rustc: String,
     /// Optimised or not, and for which processor features.
     pub build: String,
     /// When, UTC.
@@ -38,7 +36,6 @@ impl Machine {
             cores: std::thread::available_parallelism().map_or(1, usize::from),
             kernel: kernel(),
             taxeld: env!("CARGO_PKG_VERSION").to_owned(),
-            rustc: compiler().unwrap_or_else(|| "not recorded in the executable".to_owned()),
             build: build(),
             date_utc: utc(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())),
             seed: options.seed,
@@ -54,7 +51,6 @@ impl Machine {
             ("processor", format!("{}, {} in use", self.cpu, self.cores)),
             ("kernel", self.kernel.clone()),
             ("taxeld", format!("{}, {}", self.taxeld, self.build)),
-            ("compiler", self.rustc.clone()),
             ("date, UTC", self.date_utc.clone()),
             ("report", format!("{mode}; seed {}", self.seed)),
             ("data", self.data.clone()),
@@ -71,20 +67,6 @@ fn cpu_model() -> Option<String> {
 fn kernel() -> String {
     let release = std::fs::read_to_string("/proc/sys/kernel/osrelease").unwrap_or_default();
     format!("{} {}", std::env::consts::OS, release.trim())
-}
-
-/// The compiler leaves its name in the executable, so that no build script has to pass it on.
-fn compiler() -> Option<String> {
-    const NAME: &[u8] = b"rustc version ";
-    let bytes = std::fs::read(std::env::current_exe().ok()?).ok()?;
-    let mut places = bytes.windows(NAME.len()).enumerate().filter(|(_, window)| *window == NAME);
-    // The constant above is in the executable, too, but no digit follows it.
-    places.find_map(|(at, _)| {
-        let version = bytes.get(at + NAME.len()..)?;
-        let end = version.iter().position(|byte| !byte.is_ascii_graphic() && *byte != b' ').filter(|end| *end < 80)?;
-        let version = std::str::from_utf8(version.get(..end)?).ok()?;
-        version.starts_with(|first: char| first.is_ascii_digit()).then(|| format!("rustc {version}"))
-    })
 }
 
 fn build() -> String {

@@ -1,79 +1,69 @@
-//! numpy.polyfit as a contender: one Python process that keeps the data, fits when asked, and times itself.
-//!
-//! Asked fit by fit, so that it takes its turn among the other contenders. It runs on one thread, as they do.
+//! numpy as a contender: one Python process that fits what it is given and times itself.
 
-use anyhow::{Context as _, bail, ensure};
+use anyhow::{Context as _, ensure};
 use serde::Deserialize;
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-/// Reads `load TAXELS SCANS` with the pressures and then every taxel's counts as f64, `fit TAXEL ORDER` and
-/// `loop ORDER`; answers each with one line of JSON.
+use crate::peers::{Basis, Fitted, Polynomial, Samples};
+
+/// Reads `METHOD ORDER SAMPLES` and then x, y and the roots of the weights as f64; answers with one line of JSON. Each
+/// fit runs twice and the second is timed, as it is for every contender.
 const SCRIPT: &str = r#"
-import json, sys, time, warnings
+import json, os, sys, time, warnings
 import numpy as np
 warnings.simplefilter("ignore")
-clock, source = time.perf_counter, sys.stdin.buffer
-say = lambda answer: print(json.dumps(answer), flush=True)
+# LAPACK writes its complaints to the standard output, which is for answers alone.
+answers = os.fdopen(os.dup(1), "w")
+os.dup2(2, 1)
+say = lambda answer: print(json.dumps(answer), file=answers, flush=True)
 say({"python": sys.version.split()[0], "numpy": np.__version__})
-while line := source.readline().split():
-    if line[0] == b"load":
-        taxels, scans = int(line[1]), int(line[2])
-        read = lambda: np.frombuffer(source.read(8 * scans), dtype="<f8").copy()
-        pressure, counts = read(), [read() for _ in range(taxels)]
-        say({"us": 0.0, "coefficients": []})
-    elif line[0] == b"fit":
-        x, order = counts[int(line[1])], int(line[2])
-        try:
-            start = clock()
-            fitted = np.polyfit(x, pressure, order)
-            us = 1e6 * (clock() - start)
-            fitted = [c if np.isfinite(c) else None for c in fitted[::-1].tolist()]
-            say({"us": us, "coefficients": fitted})
-        except np.linalg.LinAlgError:
-            say({"us": 0.0, "coefficients": [None]})
-    elif line[0] == b"loop":
-        order = int(line[1])
-        start = clock()
-        for x in counts:
-            np.polyfit(x, pressure, order)
-        say({"us": 1e6 * (clock() - start), "coefficients": []})
+def polyfit(x, y, order, w):
+    return np.polyfit(x, y, order, w=w)[::-1], [-1.0, 1.0]
+def polynomial(x, y, order, w):
+    fitted = np.polynomial.Polynomial.fit(x, y, order, w=w)
+    return fitted.coef, fitted.domain
+while line := sys.stdin.buffer.readline().split():
+    fit, order, samples = {b"polyfit": polyfit, b"polynomial": polynomial}[line[0]], int(line[1]), int(line[2])
+    x, y, w = (np.frombuffer(sys.stdin.buffer.read(8 * samples), dtype="<f8").copy() for _ in range(3))
+    w = None if np.all(w == 1.0) else w
+    try:
+        fit(x, y, order, w)
+        start = time.perf_counter()
+        coefficients, domain = fit(x, y, order, w)
+        us = 1e6 * (time.perf_counter() - start)
+        numbers = [float(c) if np.isfinite(c) else None for c in [*domain, *coefficients]]
+        say({"us": us, "domain": numbers[:2], "coefficients": numbers[2:]})
+    except Exception:
+        say({"us": 0.0, "domain": [None, None], "coefficients": []})
 "#;
 
 /// What Python says of itself first.
-#[derive(Clone, Debug, Deserialize)]
-pub(crate) struct Versions {
-    /// Of Python.
-    pub python: String,
-    /// Of numpy.
-    pub numpy: String,
+#[derive(Deserialize)]
+struct Versions {
+    python: String,
+    numpy: String,
 }
 
-/// An answer to `fit` or `loop`.
-#[derive(Clone, Debug, Deserialize)]
-pub(crate) struct Fitted {
-    /// Time by Python's own clock, us.
-    pub us: f64,
-    /// Ascending powers of the raw abscissa; `None` where not finite.
+/// An answer; `None` where a number is not finite.
+#[derive(Deserialize)]
+struct Answer {
+    us: f64,
+    /// The ends that the fit maps to -1 and 1.
+    domain: [Option<f64>; 2],
+    /// Ascending powers of that.
     coefficients: Vec<Option<f64>>,
 }
 
-impl Fitted {
-    /// The coefficients, if numpy found finite ones.
-    pub fn coefficients(&self) -> Option<Vec<f64>> {
-        self.coefficients.iter().copied().collect()
-    }
-}
-
 /// The process. It ends when this is dropped, because its input ends.
-#[derive(Debug)]
 pub(crate) struct Numpy {
     child: Child,
     /// Taken only at the end.
     input: Option<ChildStdin>,
     output: BufReader<ChildStdout>,
-    versions: Versions,
+    /// Of Python and numpy, in words.
+    pub versions: String,
 }
 
 impl Numpy {
@@ -84,64 +74,43 @@ impl Numpy {
     pub fn start(python: &Path) -> anyhow::Result<Self> {
         let mut command = Command::new(python);
         // One thread, as for all contenders.
-        for variable in ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"] {
-            command.env(variable, "1");
-        }
+        command.envs(["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"].map(|variable| (variable, "1")));
         command.args(["-c", SCRIPT]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child = command.spawn().with_context(|| format!("cannot start {}", python.display()))?;
         let (input, output) = (child.stdin.take(), child.stdout.take());
         let output = BufReader::new(output.context("no output of Python")?);
-        let versions = Versions { python: String::new(), numpy: String::new() };
-        let mut numpy = Self { child, input, output, versions };
+        let mut numpy = Self { child, input, output, versions: String::new() };
         let first = numpy.line().with_context(|| format!("{} has no numpy", python.display()))?;
-        numpy.versions = serde_json::from_str(&first).with_context(|| format!("unexpected first line `{first}`"))?;
+        let versions: Versions = serde_json::from_str(&first).with_context(|| format!("unexpected line `{first}`"))?;
+        numpy.versions = format!("numpy {} on Python {}", versions.numpy, versions.python);
         Ok(numpy)
     }
 
-    /// Of Python and numpy.
-    pub fn versions(&self) -> &Versions {
-        &self.versions
-    }
-
-    /// Hands over pressures and the counts of every taxel, all of the same length.
-    pub fn load(&mut self, pressure: &[f64], counts: &[&[f64]]) -> anyhow::Result<()> {
-        ensure!(counts.iter().all(|counts| counts.len() == pressure.len()), "counts and pressures differ in length");
+    /// Fits with `method` of the script.
+    ///
+    /// # Errors
+    /// Python ended, or its answer is none.
+    pub fn fit(&mut self, method: &str, samples: &Samples<'_>, order: usize) -> anyhow::Result<Fitted> {
         let input = self.input.as_mut().context("Python's input is closed")?;
-        writeln!(input, "load {} {}", counts.len(), pressure.len())?;
-        for values in std::iter::once(pressure).chain(counts.iter().copied()) {
-            let bytes: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
-            input.write_all(&bytes)?;
-        }
+        writeln!(input, "{method} {order} {}", samples.x.len())?;
+        let roots = (0..samples.x.len()).map(|k| samples.root_of_weight(k));
+        let all = samples.x.iter().chain(samples.y).copied().chain(roots);
+        input.write_all(&all.flat_map(f64::to_le_bytes).collect::<Vec<u8>>())?;
         input.flush()?;
-        self.answer().map(drop)
-    }
-
-    /// Fits one taxel of the data loaded last.
-    pub fn fit(&mut self, taxel: usize, order: usize) -> anyhow::Result<Fitted> {
-        self.ask(&format!("fit {taxel} {order}"))
-    }
-
-    /// Fits all taxels of the data loaded last in a loop.
-    pub fn fit_all(&mut self, order: usize) -> anyhow::Result<Fitted> {
-        self.ask(&format!("loop {order}"))
-    }
-
-    fn ask(&mut self, request: &str) -> anyhow::Result<Fitted> {
-        let input = self.input.as_mut().context("Python's input is closed")?;
-        writeln!(input, "{request}").and_then(|()| input.flush()).with_context(|| format!("cannot ask `{request}`"))?;
-        self.answer().with_context(|| format!("no answer to `{request}`"))
-    }
-
-    fn answer(&mut self) -> anyhow::Result<Fitted> {
         let line = self.line()?;
-        serde_json::from_str(&line).with_context(|| format!("unexpected answer `{line}` of numpy"))
+        let answer: Answer = serde_json::from_str(&line).with_context(|| format!("unexpected answer `{line}`"))?;
+        let curve = |[low, high]: [Option<f64>; 2], coefficients: Vec<Option<f64>>| {
+            let (low, high) = (low?, high?);
+            let (centre, half_width) = ((low + high) / 2.0, (high - low) / 2.0);
+            let coefficients = coefficients.into_iter().collect::<Option<_>>()?;
+            Some(Polynomial { basis: Basis::Powers, centre, half_width, coefficients })
+        };
+        Ok(Fitted { us: answer.us, curve: curve(answer.domain, answer.coefficients) })
     }
 
     fn line(&mut self) -> anyhow::Result<String> {
         let mut line = String::new();
-        if self.output.read_line(&mut line)? == 0 {
-            bail!("Python ended");
-        }
+        ensure!(self.output.read_line(&mut line)? > 0, "Python ended");
         Ok(line)
     }
 }

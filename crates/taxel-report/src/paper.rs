@@ -4,7 +4,6 @@
 //! of a skin under a rising and falling pressure and, where there are any, known loads: from the simulator
 //! ([`simulate`]), or from wherever the caller has them ([`Data`]).
 
-mod chart;
 mod data;
 mod figures;
 mod page;
@@ -21,6 +20,7 @@ pub use figures::LeftOut;
 pub use simulate::simulate;
 pub use table::{Calibration, ErrorRow, Errors, Tables};
 
+use crate::draw;
 use crate::page::put;
 
 /// Draws `data` into the folder `out`, which is made if it is not there: a picture for each figure (`raw.svg`, ...),
@@ -32,14 +32,14 @@ use crate::page::put;
 pub fn write(out: &Path, data: &Data, min_swing_counts: f64) -> anyhow::Result<Tables> {
     std::fs::create_dir_all(out).with_context(|| format!("cannot make the folder {}", out.display()))?;
     let models = data.models(min_swing_counts);
-    let (charts, left_out) = figures::Figures::new(data, &models, min_swing_counts).all();
+    let (figures, left_out) = figures::Figures::new(data, &models, min_swing_counts).all();
     let tables = Tables::new(data, &models, min_swing_counts, left_out);
-    for chart in &charts {
-        put(out, &format!("{}.svg", chart.id), chart::svg(chart).as_bytes())?;
+    for figure in &figures {
+        put(out, &format!("{}.svg", figure.id), draw::svg(figure).as_bytes())?;
     }
     put(out, "table.md", tables.markdown().as_bytes())?;
     put(out, "table.json", &serde_json::to_vec_pretty(&tables)?)?;
-    put(out, "index.html", page::page(&charts, &tables).as_bytes())?;
+    put(out, "index.html", page::page(&figures, &tables).into_string().as_bytes())?;
     Ok(tables)
 }
 

@@ -5,14 +5,14 @@
 
 mod aims;
 mod contenders;
-mod exact;
 mod panel;
-mod taxels;
+pub(crate) mod taxels;
 
-use crate::document::{Cell, Section, Table};
-use crate::markup::three_digits;
-use crate::numpy::Numpy;
+use crate::document::{Cell, Section, Table, row};
+use crate::numbers::three_digits;
 use crate::options::Options;
+use crate::peers::Peers;
+use contenders::{Contender, DEFAULT};
 use panel::{Measured, Panel};
 use taxels::Bits;
 
@@ -21,29 +21,36 @@ use taxels::Bits;
 /// # Errors
 /// Python ended in the middle of it. Python without numpy is no error: the section says so.
 pub fn section(options: &Options) -> anyhow::Result<Section> {
-    let (mut numpy, numpy_text) = start_numpy(options);
-    let mut measured = Vec::new();
-    for panel in panels(options.quick) {
-        measured.push(panel.measure(options.seed, &mut numpy)?);
-    }
-    let aims = aims::table(options, &mut numpy)?;
+    let mut peers = Peers::start(options);
+    let measured: anyhow::Result<Vec<Measured>> =
+        panels(options.quick).into_iter().map(|panel| panel.measure(options.seed, &mut peers)).collect();
+    let measured = measured?;
+    let aims = aims::aims(options, &mut peers)?;
     let mut text = vec![
-        "How long does a fit take, and how far is it from the exact solution? Each method goes from the samples of a \
-         taxel to its curve and is compared with the exact solution of its own least-squares problem: all samples, or \
-         means in bins of pressure (the default). The exact solutions are made with integers of 256 fraction bits, their values have \
-         more than 100 bits. All methods have one thread and take turns; ours also judges the taxel and tells its \
-         uncertainty in the time shown."
+        "How long does a fit take, and how far is it from the exact solution? Each method goes from the samples of a taxel \
+         to its curve and is compared with the exact solution, in integers without limit, of its own least-squares \
+         problem: all samples, or means in bins of pressure (the shipped default). All methods have one thread and take \
+         turns, each fits twice and the second time counts."
             .to_owned(),
-        numpy_text,
+        peers.said.clone(),
     ];
+    text.extend(measured.iter().filter_map(time_in_words));
+    text.push(
+        "What the time of ours buys: the same bits in whatever order the samples come, a verdict on the taxel, the \
+         uncertainty of each reading, and a curve that is exact on skins that are stiff, noisy or clipped (section E), \
+         where others have none. Who needs none of these, and has a sound taxel at order 5 or less, is well served by \
+         Chebyshev polynomials or numpy's Polynomial.fit."
+            .to_owned(),
+    );
     text.extend(ours_in_words(&measured));
-    text.extend(others_in_words(&measured));
+    text.extend(measured.iter().map(others_in_words));
     Ok(Section {
         id: "a-fit".to_owned(),
         title: "A. Fit: error against run time".to_owned(),
         text,
+        aims,
         figures: measured.iter().map(Measured::figure).collect(),
-        tables: vec![aims, orders_table(&measured)],
+        tables: vec![orders_table(&measured)],
     })
 }
 
@@ -57,76 +64,77 @@ fn panels(quick: bool) -> Vec<Panel> {
     [Bits::Eight, Bits::Sixteen].into_iter().flat_map(|bits| sizes.map(|scans| new(bits, scans))).collect()
 }
 
-/// numpy, or why it takes no part; and both in words.
-pub(crate) fn start_numpy(options: &Options) -> (Option<Numpy>, String) {
-    match Numpy::start(&options.python) {
-        Ok(numpy) => {
-            let (python, version) = (&numpy.versions().python, &numpy.versions().numpy);
-            let text = format!("numpy {version} on Python {python} takes part, timed by its own clock.");
-            (Some(numpy), text)
-        }
-        Err(error) => (None, format!("numpy.polyfit takes no part: {error:#}.")),
-    }
+/// Where the shipped default is slower and where it is faster than others, at its own order.
+fn time_in_words(panel: &Measured) -> Option<String> {
+    const ORDER: usize = 5;
+    let cell = |(contender, cells): (&Contender, &Vec<panel::Cell>)| {
+        cells[ORDER - 1].is_measured().then(|| (*contender, cells[ORDER - 1].median_us(), cells[ORDER - 1].error_pa()))
+    };
+    let all: Vec<_> = panel.contenders.iter().zip(&panel.cells).filter_map(cell).collect();
+    let (_, us, pa) = *all.iter().find(|(contender, ..)| contender.name == DEFAULT)?;
+    let name = |(other, other_us, other_pa): &(Contender, f64, f64)| {
+        let ratio = (us / other_us).max(other_us / us);
+        format!("{} ({} times, {})", other.name, three_digits(ratio), off_by(*other_pa))
+    };
+    let others = || all.iter().filter(|(contender, ..)| !contender.is_ours());
+    let join = |faster: bool| match others().filter(|other| (other.1 < us) == faster).map(name).collect::<Vec<_>>() {
+        names if names.is_empty() => "none".to_owned(),
+        names => names.join(", "),
+    };
+    Some(format!(
+        "{}, order {ORDER}: the shipped default takes {} us a taxel, {}. Faster: {}. Slower: {}.",
+        panel.panel.name(),
+        three_digits(us),
+        off_by(pa),
+        join(true),
+        join(false)
+    ))
+}
+
+fn off_by(pa: f64) -> String {
+    if pa.is_finite() { format!("off by {} Pa", three_digits(pa)) } else { "not always with a solution".to_owned() }
 }
 
 fn ours_in_words(measured: &[Measured]) -> Option<String> {
     let cells = measured.iter().flat_map(|panel| panel.contenders.iter().zip(&panel.cells));
-    let ours: Vec<f64> = cells
-        .filter(|(contender, _)| contender.is_ours())
-        .flat_map(|(_, cells)| cells.iter().map(panel::Cell::error_pa))
-        .collect();
-    let worst = ours.iter().copied().reduce(f64::max)?;
+    let ours = cells.filter(|(contender, _)| contender.is_ours()).flat_map(|(_, cells)| cells);
+    let worst = ours.map(panel::Cell::error_pa).reduce(f64::max)?;
     Some(format!(
         "Ours is within {} Pa of the exact solution in all diagrams, at every order and with every estimator.",
         three_digits(worst)
     ))
 }
 
-/// From which order on the other methods are useless, by diagram.
-fn others_in_words(measured: &[Measured]) -> Vec<String> {
-    measured
-        .iter()
-        .map(|panel| {
-            let others = panel.contenders.iter().enumerate().filter(|(_, contender)| !contender.is_ours());
-            let words: Vec<String> = others
-                .filter_map(|(k, contender)| {
-                    panel.first_useless_order(k).map(|order| format!("{} from order {order}", contender.name))
-                })
-                .collect();
-            let name = panel.panel.name();
-            if words.is_empty() {
-                return format!("{name}: no method is off by more than half a count at any order.");
-            }
-            format!("{name}: off by more than half a count, or without a solution: {}.", words.join("; "))
-        })
-        .collect()
+/// From which order on the other methods are useless.
+fn others_in_words(panel: &Measured) -> String {
+    let others = panel.contenders.iter().enumerate().filter(|(_, contender)| !contender.is_ours());
+    let words = others.filter_map(|(k, contender)| {
+        panel.first_useless_order(k).map(|order| format!("{} from order {order}", contender.name))
+    });
+    let (words, name) = (words.collect::<Vec<_>>(), panel.panel.name());
+    if words.is_empty() {
+        return format!("{name}: no method is off by more than half a count at any order.");
+    }
+    format!("{name}: off by more than half a count, or without a solution: {}.", words.join("; "))
 }
 
 /// Times and errors at orders 5 and 9.
 fn orders_table(measured: &[Measured]) -> Table {
     let mut rows = Vec::new();
     for panel in measured {
-        for (contender, cells) in panel.contenders.iter().zip(&panel.cells) {
-            if !cells[0].is_measured() {
-                continue;
-            }
-            let mut row = vec![Cell::Text(panel.panel.name()), Cell::Text(contender.name.to_owned())];
-            for order in [5, 9] {
-                let cell = &cells[order - 1];
-                row.push(Cell::Number(cell.median_us()));
+        for (contender, cells) in panel.contenders.iter().zip(&panel.cells).filter(|(_, cells)| cells[0].is_measured())
+        {
+            let mut row = row![panel.panel.name(), contender.name];
+            for cell in [5, 9].map(|order| &cells[order - 1]) {
+                row.push(cell.median_us().into());
                 row.push(match cell.failed() {
                     0 => Cell::Number(cell.error_pa()),
-                    failed => Cell::Text(format!("no solution for {failed} taxels of {}", panel.panel.taxels)),
+                    failed => format!("no solution for {failed} taxels of {}", panel.panel.taxels).into(),
                 });
             }
             rows.push(row);
         }
     }
     let columns = ["data", "method", "order 5, us", "order 5, Pa", "order 9, us", "order 9, Pa"];
-    Table {
-        id: "a-fit-orders".to_owned(),
-        caption: "Median time per taxel and worst error at orders 5 and 9.".to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows,
-    }
+    Table::new("a-fit-orders", "Median time per taxel and worst error at orders 5 and 9.", columns, rows)
 }

@@ -1,7 +1,7 @@
 //! The files of a report.
 
 use std::path::Path;
-use taxel_report::document::{Axis, Band, Cell, Figure, Line, Point, Section, Table};
+use taxel_report::document::{Aim, Axis, Cell, Figure, Level, Line, Point, Section, Table};
 use taxel_report::machine::Machine;
 use taxel_report::page;
 
@@ -10,21 +10,36 @@ fn section(id: &str) -> Section {
         (0..30).map(|k| Point { x: f64::from(k), y: f64::from(k * k) - 0.125, mark: k.to_string(), x_spread: None });
     let figure = Figure {
         id: format!("{id}-figure"),
+        title: "time < error".to_owned(),
         caption: "errors < 1 & \"times\" > 2 </figcaption><script>alert(1)</script>".to_owned(),
-        x: Axis { label: "x".to_owned(), log: true },
-        y: Axis { label: "y <b>".to_owned(), log: true },
-        lines: vec![Line { name: "a, \"quoted\" <name>".to_owned(), ours: true, points: points.collect() }],
-        bands: vec![Band { y: 3.0, label: "half a count".to_owned() }],
+        x: Axis::log("x"),
+        y: Axis::log("y <b>"),
+        lines: vec![Line {
+            name: "a, \"quoted\" <name>".to_owned(),
+            ours: true,
+            points: points.collect(),
+            ..Line::default()
+        }],
+        bands: vec![Level::new(3.0, "half a count")],
+        levels: Vec::new(),
     };
     let row = |pass| vec![Cell::Text("a < b, c".to_owned()), Cell::Number(1.0 / 3.0), Cell::Verdict(pass)];
-    let table = Table {
-        id: format!("{id}-table"),
-        caption: "a <table>".to_owned(),
-        columns: ["case", "us", "holds"].map(str::to_owned).to_vec(),
-        rows: vec![row(true), row(false)],
+    let table = Table::new(&format!("{id}-table"), "a <table>", ["case", "us", "holds"], vec![row(true), row(false)]);
+    let aim = |what: &str, met| Aim {
+        what: what.to_owned(),
+        measured: Some(0.25),
+        aim: "<= 1".to_owned(),
+        met,
+        ..Aim::default()
     };
-    let text = vec!["first <p>".to_owned(), "second".to_owned()];
-    Section { id: id.to_owned(), title: "A & B".to_owned(), text, figures: vec![figure], tables: vec![table] }
+    Section {
+        id: id.to_owned(),
+        title: "A & B. Title".to_owned(),
+        text: vec!["first <p>".to_owned(), "second".to_owned()],
+        aims: vec![aim("kept & told", Some(true)), aim("missed", Some(false)), aim("unjudged", None)],
+        figures: vec![figure],
+        tables: vec![table],
+    }
 }
 
 fn read(folder: &Path, name: &str) -> std::io::Result<String> {
@@ -39,7 +54,7 @@ fn all_files_are_there_and_whole() {
     for id in ["a", "b"] {
         let csv = read(&out, &format!("{id}-figure.csv")).unwrap();
         assert_eq!(csv.lines().count(), 1 + 30 + 1);
-        assert!(csv.contains("\"a, \"\"quoted\"\" <name>\",29,29,,,840.875,"), "{csv}");
+        assert!(csv.contains("\"a, \"\"quoted\"\" <name>\",29,29.0,,,840.875,"), "{csv}");
         let json: serde_json::Value = serde_json::from_str(&read(&out, &format!("{id}-figure.json")).unwrap()).unwrap();
         assert_eq!(json["lines"][0]["points"].as_array().unwrap().len(), 30);
         assert!(read(&out, &format!("{id}-figure.svg")).unwrap().starts_with("<svg "));
@@ -65,6 +80,10 @@ fn no_text_becomes_markup() {
     }
     assert!(page.contains("first &lt;p&gt;") && page.contains("<svg ") && page.contains("0.333"));
     assert!(page.contains(">FAIL<") && page.contains(">pass<"));
+    // The first screen has what was promised, and nothing else.
+    let first = page.split("<section").next().unwrap();
+    assert!(first.contains("1 of 2 aims are met") && first.contains("kept &amp; told") && first.contains(">missed<"));
+    assert!(!first.contains("unjudged") && read(folder.path(), "a-aims.json").unwrap().contains("unjudged"));
     // Self-contained: links to data are the only other files, and nothing is fetched.
     assert!(!page.contains("src=") && !page.contains("http-equiv") && !page.contains("<link"));
 }

@@ -65,7 +65,7 @@ fn write(path: &Path, rows: &[(f64, Vec<f64>)]) {
 }
 
 /// The coefficients in the file are those of the plain equation over every sample up to the highest pressure, a
-/// recording or a short table; that these are exact is tested against rational numbers in taxel-report.
+/// recording or a short table; that these are exact is tested against rational numbers in taxel-model.
 #[test]
 fn fit_with_paper_is_the_plain_equation_over_the_rising_samples() {
     let folder = tempfile::tempdir().unwrap();

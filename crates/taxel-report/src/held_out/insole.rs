@@ -11,7 +11,7 @@ use flate2::read::MultiGzDecoder;
 use taxel_engine::calibration::fit::{ApplyRecipe, Branch, FitRecipe, PlaysChoice, Scans, Score, apply, fit, judge};
 use taxel_model::{Estimator, FitOptions, Order};
 
-use crate::document::{Axis, Cell, Figure, Line, Point, Table};
+use crate::document::{Axis, Figure, Line, Point, Table, row};
 
 /// Every so many scans are fitted: full and quick.
 const STRIDES: [&[usize]; 2] = [&[64, 32, 16, 8, 4, 2, 1], &[32, 8]];
@@ -90,14 +90,14 @@ fn recipes(quick: bool) -> Vec<(String, bool, FitRecipe)> {
     let binned = |order| recipe(Estimator::PressureBinned, order, Branch::Both, 0.5);
     let mut all = vec![
         ("per sample, rising branch, order 5".to_owned(), false, paper(5)),
-        ("binned, both branches, order 5".to_owned(), true, binned(Order::Fixed(5))),
+        ("binned, both branches, order 5".to_owned(), false, binned(Order::Fixed(5))),
+        ("the same with plays (shipped default)".to_owned(), true, FitRecipe::default()),
     ];
     if !quick {
         all.push(("per sample, rising branch, order 3".to_owned(), false, paper(3)));
         all.push(("binned, both branches, order 3".to_owned(), false, binned(Order::Fixed(3))));
         all.push(("binned, both branches, order 9".to_owned(), false, binned(Order::Fixed(9))));
         all.push(("binned, both branches, auto".to_owned(), false, binned(Order::Auto)));
-        all.push(("the same order 5 with plays".to_owned(), false, FitRecipe::default()));
     }
     all
 }
@@ -183,24 +183,25 @@ impl Insole {
                 let name = format!("{}; {judged}", entry.recipe);
                 let mark = if entry.tared[at] { String::new() } else { "no zero".to_owned() };
                 let (x, y) = (entry.scans as f64, entry.scores[at].taxel_rmse_kpa);
-                let point = Point { x, y, mark, x_spread: None };
+                let point = Point { x, y, mark, ..Point::default() };
                 match lines.iter_mut().find(|line| line.name == name) {
                     Some(line) => line.points.push(point),
-                    None => lines.push(Line { name, ours: entry.ours, points: vec![point] }),
+                    None => lines.push(Line { name, ours: entry.ours, points: vec![point], ..Line::default() }),
                 }
             }
         }
         Figure {
             id: "b-insole".to_owned(),
+            title: "A real insole: length of the calibration against the error of the pressure".to_owned(),
             caption: format!(
-                "A real insole: fitted to every n-th scan of one recording to 339 kPa and back; judged on every {} of two \
-                 others of other days, after a tare at rest where it could be proven.",
+                "Fitted to every n-th scan of one recording to 339 kPa and back; judged on every {} of two others of other \
+                 days, after a tare at rest where it could be proven.",
                 self.step
             ),
-            x: Axis { label: "calibration length, scans".to_owned(), log: true },
-            y: Axis { label: "pressure error, mean over taxels of the RMSE, kPa".to_owned(), log: false },
+            x: Axis::log("calibration length, scans"),
+            y: Axis::linear("pressure error, mean over taxels of the RMSE, kPa"),
             lines,
-            bands: Vec::new(),
+            ..Figure::default()
         }
     }
 
@@ -209,25 +210,14 @@ impl Insole {
         let columns = ["recipe", "scans", "judged on", "pressure, kPa", "median taxel, kPa", "mean force, %", "taxels"];
         let rows = self.entries.iter().flat_map(|entry| {
             JUDGED.iter().zip(&entry.scores).map(|(judged, score)| {
-                let figures =
-                    [score.taxel_rmse_kpa, score.taxel_rmse_median_kpa, score.area_percent, score.taxels as f64];
-                let head = [
-                    Cell::Text(entry.recipe.clone()),
-                    Cell::Number(entry.scans as f64),
-                    Cell::Text((*judged).to_owned()),
-                ];
-                head.into_iter().chain(figures.map(Cell::Number)).collect()
+                let head = row![entry.recipe.as_str(), entry.scans as f64, *judged];
+                let (mean, median) = (score.taxel_rmse_kpa, score.taxel_rmse_median_kpa);
+                head.into_iter().chain(row![mean, median, score.area_percent, score.taxels as f64]).collect()
             })
         });
-        Table {
-            id: "b-insole-table".to_owned(),
-            caption:
-                "RMSE per taxel, mean and median over those that were read; mean force: error of the mean over all \
-                      taxels above 30 kPa."
-                    .to_owned(),
-            columns: columns.map(str::to_owned).into(),
-            rows: rows.collect(),
-        }
+        let caption = "RMSE per taxel, mean and median over those that were read; mean force: error of the mean over all \
+                       taxels above 30 kPa.";
+        Table::new("b-insole-table", caption, columns, rows.collect())
     }
 }
 

@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use taxel_model::TaxelModel;
 
-use crate::paper::chart::{Chart, Look, Series};
+use crate::document::{Axis, Figure, Level, Line, Look};
+use crate::numbers::mean;
 use crate::paper::data::Data;
-use crate::paper::statistics::{Binned, branch, differences, mean, quantile};
+use crate::paper::statistics::{Binned, branch, differences, quantile};
 
 /// Samples that a figure shows at most of one kind: more hide each other.
 const DOTS_MAX: usize = 6000;
@@ -39,7 +40,7 @@ pub(super) struct Figures<'a> {
 }
 
 /// A figure, or why there is none.
-type Drawn = Result<Chart, LeftOut>;
+type Drawn = Result<Figure, LeftOut>;
 
 impl<'a> Figures<'a> {
     /// For the models of `data`.
@@ -50,7 +51,7 @@ impl<'a> Figures<'a> {
     }
 
     /// All figures, in the order of the paper.
-    pub fn all(&self) -> (Vec<Chart>, Vec<LeftOut>) {
+    pub fn all(&self) -> (Vec<Figure>, Vec<LeftOut>) {
         let drawn = [
             self.raw(),
             self.mean_curve(),
@@ -86,19 +87,19 @@ impl<'a> Figures<'a> {
             let scans = data.branches(up).cloned();
             thinned(scans.flat_map(|scans| data.samples(taxel, scans, |_| true)).collect())
         };
-        let mut series = vec![Series::new("pressure rises", Look::Dots, of(true))];
+        let mut series = vec![Line::new("pressure rises", Look::Dots, of(true))];
         let fallen = of(false);
         if !fallen.is_empty() {
-            series.push(Series::new("pressure falls", Look::Dots, fallen));
+            series.push(Line::new("pressure falls", Look::Dots, fallen));
         }
-        Ok(Chart {
-            id: "raw",
+        Ok(Figure {
+            id: "raw".to_owned(),
             title: format!("Raw counts of taxel {taxel} against pressure"),
             caption: "Each dot is a scan, all runs together. The taxel is the one of median swing.".to_owned(),
-            x: "pressure, kPa",
-            y: "raw count",
-            series,
-            levels: Vec::new(),
+            x: Axis::linear("pressure, kPa"),
+            y: Axis::linear("raw count"),
+            lines: series,
+            ..Figure::default()
         })
     }
 
@@ -116,40 +117,41 @@ impl<'a> Figures<'a> {
         };
         let share = |share: f64| over(&move |counts| quantile(counts, share).unwrap_or(f64::NAN));
         let series = vec![
-            Series::new("mean", Look::Line, over(&|counts| mean(counts.into_iter()))),
-            Series::new("10 % of the taxels below", Look::Dashed, share(0.1)),
-            Series::new("90 % below", Look::Dashed, share(0.9)),
+            Line::new("mean", Look::Plain, over(&|counts| mean(counts.into_iter()))),
+            Line::new("10 % of the taxels below", Look::Dashed, share(0.1)),
+            Line::new("90 % below", Look::Dashed, share(0.9)),
         ];
-        Ok(Chart {
-            id: "mean-curve",
+        Ok(Figure {
+            id: "mean-curve".to_owned(),
             title: format!("Mean response of {} taxels", self.usable.len()),
             caption: "Counts less those at rest while the pressure rises, averaged in bins of equal pressure and then \
                       over all taxels that are not excluded."
                 .to_owned(),
-            x: "pressure, kPa",
-            y: "change of the count since rest, counts",
-            series,
-            levels: Vec::new(),
+            x: Axis::linear("pressure, kPa"),
+            y: Axis::linear("change of the count since rest, counts"),
+            lines: series,
+            ..Figure::default()
         })
     }
 
-    fn swings(&self) -> Chart {
+    fn swings(&self) -> Figure {
         let all: Vec<f64> = self.models.iter().map(swing).collect();
         let excluded = all.iter().filter(|swing| **swing < self.min_swing_counts).count();
         let below = |kept: bool| {
             all.iter().copied().filter(|swing| (*swing >= self.min_swing_counts) == kept).collect::<Vec<f64>>()
         };
-        Chart {
-            id: "swing",
+        Figure {
+            id: "swing".to_owned(),
             title: format!("Swing of {} taxels, {excluded} of them excluded", all.len()),
             caption:
                 "Swing is the greatest less the least count while the pressure rises. A taxel below the threshold \
                       is excluded, and nothing else excludes one."
                     .to_owned(),
-            x: "swing, counts",
-            y: "taxels",
-            series: histograms(&[("kept", below(true)), ("excluded", below(false))]),
-            levels: vec![(self.min_swing_counts, format!("threshold: {} counts", self.min_swing_counts))],
+            x: Axis::linear("swing, counts"),
+            y: Axis::linear("taxels"),
+            lines: histograms(&[("kept", below(true)), ("excluded", below(false))]),
+            levels: vec![Level::new(self.min_swing_counts, format!("threshold: {} counts", self.min_swing_counts))],
+            ..Figure::default()
         }
     }
 
@@ -165,16 +167,16 @@ impl<'a> Figures<'a> {
             return Err(LeftOut { figure: "histogram of the baseline", why });
         }
         let threshold = self.min_swing_counts;
-        Ok(Chart {
-            id: "baseline",
+        Ok(Figure {
+            id: "baseline".to_owned(),
             title: format!("Baseline of {} taxels", kept.len() + excluded.len()),
             caption: format!(
                 "Mean count at rest before the first rise. Excluded are taxels with a swing below {threshold} counts."
             ),
-            x: "baseline, counts",
-            y: "taxels",
-            series: histograms(&[("kept", kept), ("excluded by their swing", excluded)]),
-            levels: Vec::new(),
+            x: Axis::linear("baseline, counts"),
+            y: Axis::linear("taxels"),
+            lines: histograms(&[("kept", kept), ("excluded by their swing", excluded)]),
+            ..Figure::default()
         })
     }
 
@@ -184,15 +186,15 @@ impl<'a> Figures<'a> {
         let series = runs
             .iter()
             .enumerate()
-            .map(|(k, run)| Series::new(format!("run {}", k + 1), Look::Line, branch(self.data, taxel, run).points()));
-        Ok(Chart {
-            id: "repeatability",
+            .map(|(k, run)| Line::new(format!("run {}", k + 1), Look::Plain, branch(self.data, taxel, run).points()));
+        Ok(Figure {
+            id: "repeatability".to_owned(),
             title: format!("Repeatability: taxel {taxel} in {} runs", runs.len()),
             caption: "Mean counts in bins of equal pressure while it rises, one line a run.".to_owned(),
-            x: "pressure, kPa",
-            y: "count, mean of each bin",
-            series: series.collect(),
-            levels: Vec::new(),
+            x: Axis::linear("pressure, kPa"),
+            y: Axis::linear("count, mean of each bin"),
+            lines: series.collect(),
+            ..Figure::default()
         })
     }
 
@@ -210,18 +212,18 @@ impl<'a> Figures<'a> {
         let runs = self.runs(figure)?;
         let apart = differences(self.data, &self.usable, &runs);
         let series = apart.into_iter().enumerate();
-        Ok(Chart {
-            id: "repeatability-difference",
+        Ok(Figure {
+            id: "repeatability-difference".to_owned(),
             title: format!("Repeatability: {} runs less their mean", runs.len()),
             caption: format!(
                 "Mean over the {} taxels that are not excluded, in bins of equal pressure, of each run's count less \
                  the mean of the runs.",
                 self.usable.len()
             ),
-            x: "pressure, kPa",
-            y: "difference, counts",
-            series: series.map(|(k, run)| Series::new(format!("run {}", k + 1), Look::Line, run)).collect(),
-            levels: Vec::new(),
+            x: Axis::linear("pressure, kPa"),
+            y: Axis::linear("difference, counts"),
+            lines: series.map(|(k, run)| Line::new(format!("run {}", k + 1), Look::Plain, run)).collect(),
+            ..Figure::default()
         })
     }
 
@@ -230,17 +232,17 @@ impl<'a> Figures<'a> {
         let taxel = self.taxel(0.5, figure)?;
         let why = || LeftOut { figure, why: "no falling pressure follows a rise in the data".to_owned() };
         let (rise, fall) = self.data.run_with_both().ok_or_else(why)?;
-        Ok(Chart {
-            id: "loop",
+        Ok(Figure {
+            id: "loop".to_owned(),
             title: format!("Hysteresis: taxel {taxel} on both branches"),
             caption: "Mean counts of one run in bins of equal pressure.".to_owned(),
-            x: "pressure, kPa",
-            y: "count, mean of each bin",
-            series: vec![
-                Series::new("pressure rises", Look::Line, branch(self.data, taxel, rise).points()),
-                Series::new("pressure falls", Look::Line, branch(self.data, taxel, fall).points()),
+            x: Axis::linear("pressure, kPa"),
+            y: Axis::linear("count, mean of each bin"),
+            lines: vec![
+                Line::new("pressure rises", Look::Plain, branch(self.data, taxel, rise).points()),
+                Line::new("pressure falls", Look::Plain, branch(self.data, taxel, fall).points()),
             ],
-            levels: Vec::new(),
+            ..Figure::default()
         })
     }
 
@@ -254,46 +256,46 @@ impl<'a> Figures<'a> {
         let at = |k: usize| low + (high - low) * k as f64 / (CURVE_POINTS - 1) as f64;
         let line = (0..CURVE_POINTS).map(|k| (at(k), curve.evaluate(at(k))));
         let samples = thinned(self.data.risen(taxel).map(|(p, c)| (c, p)).collect());
-        Ok(Chart {
-            id,
+        Ok(Figure {
+            id: id.to_owned(),
             title: format!("Fit of taxel {taxel}, {which}"),
             caption: format!(
                 "Samples of rising pressure, and the polynomial of order {} that has the least squares over them: \
                  root mean square of the residuals {:.2} kPa, swing {} counts.",
                 model.order, model.quality.rmse_kpa, model.quality.swing_counts
             ),
-            x: "raw count",
-            y: "pressure, kPa",
-            series: vec![Series::new("samples", Look::Dots, samples), Series::new("fit", Look::Line, line)],
-            levels: Vec::new(),
+            x: Axis::linear("raw count"),
+            y: Axis::linear("pressure, kPa"),
+            lines: vec![Line::new("samples", Look::Dots, samples), Line::new("fit", Look::Plain, line)],
+            ..Figure::default()
         })
     }
 
     fn forces(&self) -> Drawn {
         let figure = "measured against true force";
-        let mut series: Vec<Series> = Vec::new();
+        let mut series: Vec<Line> = Vec::new();
         let mut most = 0.0_f64;
         for loads in self.data.loads() {
             most = loads.all.iter().fold(most, |most, load| most.max(load.true_n));
             let points = loads.all.iter().map(|load| (load.true_n, load.measured_n));
-            series.push(Series::new(loads.by.clone(), Look::Marks, points));
+            series.push(Line::new(loads.by.clone(), Look::Marks, points));
         }
         if series.is_empty() {
             return Err(LeftOut { figure, why: self.data.why_no_loads().to_owned() });
         }
-        series.push(Series::new("measured = true", Look::Line, [(0.0, 0.0), (most, most)]));
+        series.push(Line::new("measured = true", Look::Plain, [(0.0, 0.0), (most, most)]));
         for (name, factor) in [("+12 %", 1.0 + PAPER_ERROR), ("-12 %", 1.0 - PAPER_ERROR)] {
-            series.push(Series::new(name, Look::Dashed, [(0.0, 0.0), (most, factor * most)]));
+            series.push(Line::new(name, Look::Dashed, [(0.0, 0.0), (most, factor * most)]));
         }
-        Ok(Chart {
-            id: "force",
+        Ok(Figure {
+            id: "force".to_owned(),
             title: "Measured against true force of known loads".to_owned(),
             caption: "One mark a load, side by side where several were read. The dashed lines are the mean error that the paper reports of its real forearm."
                 .to_owned(),
-            x: "true force, N",
-            y: "measured force, N",
-            series,
-            levels: Vec::new(),
+            x: Axis::linear("true force, N"),
+            y: Axis::linear("measured force, N"),
+            lines: series,
+            ..Figure::default()
         })
     }
 }
@@ -310,7 +312,7 @@ fn thinned(points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
 }
 
 /// Bars over common bins, stacked: the last set stands on the axis, those before it above.
-fn histograms(sets: &[(&str, Vec<f64>)]) -> Vec<Series> {
+fn histograms(sets: &[(&str, Vec<f64>)]) -> Vec<Line> {
     let all = || sets.iter().flat_map(|(_, values)| values).copied();
     let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
     let width = ((high - low) / BARS).ceil().max(1.0);
@@ -319,13 +321,13 @@ fn histograms(sets: &[(&str, Vec<f64>)]) -> Vec<Series> {
     let first = if low.is_finite() { bin(low) } else { 0.0 };
     let bars = if high.is_finite() { (bin(high) - first) as usize + 1 } else { 0 };
     let mut below = vec![0.0; bars];
-    let mut series: Vec<Series> = Vec::new();
+    let mut series: Vec<Line> = Vec::new();
     for (name, values) in sets.iter().rev() {
         for value in values {
             below[(bin(*value) - first) as usize] += 1.0;
         }
         let tops = below.iter().enumerate().map(|(k, top)| (width * (first + k as f64 + 0.5), *top));
-        series.push(Series::new(*name, Look::Bars(width), tops));
+        series.push(Line::new(*name, Look::Bars(width), tops));
     }
     // Each is drawn over the taller ones before it.
     series.reverse();

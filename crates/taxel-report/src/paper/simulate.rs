@@ -2,9 +2,9 @@
 
 use taxel_engine::plan::{Outputs, PatchPlan};
 
-use crate::held_out::fits::{Calibration, forces};
-use crate::held_out::forearm::{Forearm, Scan};
 use crate::paper::data::{Data, Weighing, Weighings};
+use crate::rig::fits::{Calibration, forces};
+use crate::rig::{Forearm, Scan, Weighed};
 
 /// As many runs as the paper shows the repeatability of.
 const RUNS: usize = 3;
@@ -15,10 +15,6 @@ const KPA_PER_S: f64 = 1.0;
 
 /// The skin is seen at rest for so long before each run.
 const REST_S: f64 = 2.0;
-
-/// The paper's masses, and on how many places each is laid.
-const MASSES_KG: [f64; 5] = [0.2, 0.4, 0.6, 0.8, 1.0];
-const PLACES: usize = 4;
 
 /// Calibrates the forearm of a seed and weighs masses on it, with models that exclude taxels of less swing than this.
 ///
@@ -44,27 +40,17 @@ pub fn simulate(seed: u64, min_swing_counts: f64) -> anyhow::Result<Data> {
     let data = data(&forearm, &scans, seed);
     forearm.vent();
     let zero = forearm.rest();
-    let mut weighings = Vec::new();
-    let mut masses = Vec::new();
-    for (m, kilogram) in MASSES_KG.into_iter().enumerate() {
-        for place in 0..PLACES {
-            // Evenly spread, a few taxels on with each mass, so that no place is special.
-            let centre = (place * forearm.taxels() / PLACES + 20 * m) % forearm.taxels();
-            weighings.push(forearm.weigh(kilogram, centre)?);
-            masses.push(kilogram);
-        }
-    }
+    let weighings = forearm.weigh_all(0)?;
     let calibration = Calibration::new(&forearm, rest, &risen.iter().collect::<Vec<_>>());
     let paper_plan = PatchPlan { geometry: None, outputs: Outputs::default(), ..plan.clone() };
-    let read = |by: &str, models, plan: &PatchPlan| {
-        let forces = forces(calibration.model_set(models, plan), plan, &zero, &weighings);
-        let all = forces.into_iter().zip(&masses).map(|((true_n, measured_n), kilogram)| Weighing {
-            kilogram: Some(*kilogram),
-            true_n,
-            measured_n,
-        });
-        Weighings { by: by.to_owned(), all: all.collect() }
-    };
+    let read =
+        |by: &str, models, plan: &PatchPlan| {
+            let forces = forces(calibration.model_set(models, plan), plan, &zero, &weighings);
+            let all = forces.into_iter().zip(&weighings).map(|(measured_n, &Weighed { kilogram, true_n, .. })| {
+                Weighing { kilogram: Some(kilogram), true_n, measured_n }
+            });
+            Weighings { by: by.to_owned(), all: all.collect() }
+        };
     let paper = data.models(min_swing_counts);
     let ours = calibration.fit(&plan.fit);
     Ok(data.with_loads(vec![

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use crate::numbers::{self, mean};
 use crate::paper::data::Data;
 
 /// Bins over the whole range of pressure: half a kilopascal each for the paper's 70.
@@ -89,16 +90,8 @@ pub(super) fn loop_counts(data: &Data, taxels: &[usize]) -> Option<f64> {
     quantile(taxels.iter().map(width).collect(), 0.5)
 }
 
-/// NaN of nothing.
-pub(super) fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, n) = values.fold((0.0, 0.0), |(sum, n), value| (sum + value, n + 1.0));
-    sum / n
-}
-
 /// The finite value below which this share of the others lies.
 pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.retain(|v| v.is_finite());
-    values.sort_by(f64::total_cmp);
-    let at = (share * values.len().saturating_sub(1) as f64).round();
-    values.get(at as usize).copied()
+    Some(numbers::quantile(&values, share)).filter(|value| value.is_finite())
 }

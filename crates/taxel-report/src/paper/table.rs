@@ -5,9 +5,10 @@ use std::fmt::Write;
 use serde::Serialize;
 use taxel_model::{Flag, Status, TaxelModel};
 
+use crate::numbers::mean;
 use crate::paper::data::{Data, Weighing};
 use crate::paper::figures::{LeftOut, swing};
-use crate::paper::statistics::{loop_counts, mean, quantile, repeatability_counts};
+use crate::paper::statistics::{loop_counts, quantile, repeatability_counts};
 
 /// All figures of the tables.
 #[derive(Clone, Debug, Serialize)]

@@ -1,21 +1,50 @@
-//! Who competes: every method under one face.
+//! Who competes: ours and the peers under one face, and whose exact solution each is judged by.
 
-use super::exact::{Problem, bin_width_kpa};
-use super::taxels::{Bits, Recording};
-use crate::numpy::Numpy;
-use crate::peers::{Polynomial, fit_chebyshev_qr, fit_raw_normal, fit_raw_qr, fit_raw_svd};
+use std::collections::BTreeMap;
 use std::hint::black_box;
 use std::time::Instant;
-use taxel_model::{Accumulator, Estimator, FitOptions, MIN_BINNED_SAMPLES, Order, Samples, Shape, TaxelModel, fit};
 
-type PeerFit = fn(&[f64], &[f64], Option<&[f64]>, usize) -> Option<Polynomial>;
+use taxel_model::reference::Reference;
+use taxel_model::{Estimator, FitOptions, MIN_BINNED_SAMPLES, Order, Samples, Shape, TaxelModel, fit};
 
-/// How a contender fits.
-#[derive(Clone, Copy, Debug)]
-enum Method {
-    Ours { exact: bool },
-    Peer(PeerFit),
-    Numpy,
+use super::taxels::{Bits, Recording};
+use crate::peers::{self, Peers, Polynomial};
+
+/// Which problem is solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Problem {
+    /// One row a sample.
+    PerSample,
+    /// One row a bin of pressure: mean count and mean pressure, weighted with the number of samples.
+    PressureBinned,
+}
+
+impl Problem {
+    /// The exact solutions of orders 0 to `order` for a taxel, kPa.
+    pub fn solve(self, recording: &Recording, taxel: usize, order: usize) -> Vec<Reference> {
+        let mut rows: BTreeMap<i64, (i64, i64, i64)> = BTreeMap::new();
+        for (units, count) in recording.units.iter().zip(&recording.taxels[taxel].counts) {
+            let count = *count as i64;
+            let key = match (self, recording.bits) {
+                (Self::PerSample, _) => count,
+                // 1 unit is 1000 times 2^-10 Pa.
+                (Self::PressureBinned, Bits::Eight) => (units * 1000) >> 19,
+                (Self::PressureBinned, Bits::Sixteen) => units.div_euclid(512),
+            };
+            let row = rows.entry(key).or_default();
+            *row = (row.0 + 1, row.1 + count, row.2 + units);
+        }
+        Reference::of_sums(&rows.into_values().collect::<Vec<_>>(), -10, order)
+    }
+}
+
+/// What makes the bins of [`Problem::solve`]: with 8 bits two of the accumulator's own, whose width is 2^18 units of
+/// 2^-10 Pa, with 16 bits half a kPa.
+fn bin_width_kpa(bits: Bits) -> f64 {
+    match bits {
+        Bits::Eight => 0.512,
+        Bits::Sixteen => 0.5,
+    }
 }
 
 /// One line of a diagram.
@@ -24,7 +53,8 @@ pub(super) struct Contender {
     pub name: &'static str,
     /// Whose exact solution it is compared with.
     pub problem: Problem,
-    method: Method,
+    /// Ours, and whether with refinement until nothing changes; else a peer.
+    ours: Option<bool>,
 }
 
 /// What a fit gives: its time, and the curve unless it failed.
@@ -53,32 +83,23 @@ impl Curve {
     }
 }
 
-const PER_SAMPLE: &str = "ours, per sample";
-pub(super) const BINNED: &str = "ours, pressure-binned";
-pub(super) const SVD: &str = "nalgebra SVD, raw powers";
-pub(super) const NUMPY: &str = "numpy.polyfit";
+/// What the daemon does unless it is told otherwise, at order 5.
+pub(super) const DEFAULT: &str = "ours, pressure-binned (shipped default)";
 
-/// All in the same order everywhere, so that each looks the same in every diagram; numpy last, where it is there.
-pub(super) fn contenders(numpy: bool) -> Vec<Contender> {
-    let new = |name, problem, method| Contender { name, problem, method };
-    let peer = |name, fit| new(name, Problem::PerSample, Method::Peer(fit));
-    let mut all = vec![
-        new(PER_SAMPLE, Problem::PerSample, Method::Ours { exact: false }),
-        new(BINNED, Problem::PressureBinned, Method::Ours { exact: false }),
-        new("ours, per sample, exact", Problem::PerSample, Method::Ours { exact: true }),
-        peer("scaled Chebyshev, nalgebra QR", fit_chebyshev_qr),
-        peer("nalgebra QR, raw powers", fit_raw_qr),
-        peer(SVD, fit_raw_svd),
-        peer("normal equations, raw powers", fit_raw_normal),
-        new(NUMPY, Problem::PerSample, Method::Numpy),
+/// All in the same order everywhere, so that each looks the same in every diagram.
+pub(super) fn contenders(peers: &Peers) -> Vec<Contender> {
+    let ours = [
+        ("ours, per sample", Problem::PerSample, Some(false)),
+        (DEFAULT, Problem::PressureBinned, Some(false)),
+        ("ours, per sample, exact", Problem::PerSample, Some(true)),
     ];
-    all.retain(|contender| numpy || !matches!(contender.method, Method::Numpy));
-    all
+    let others = peers.names().into_iter().map(|name| (name, Problem::PerSample, None));
+    ours.into_iter().chain(others).map(|(name, problem, ours)| Contender { name, problem, ours }).collect()
 }
 
 impl Contender {
     pub fn is_ours(&self) -> bool {
-        matches!(self.method, Method::Ours { .. })
+        self.ours.is_some()
     }
 
     /// Fewer scans than this are none of its business.
@@ -86,37 +107,21 @@ impl Contender {
         if self.problem == Problem::PressureBinned { MIN_BINNED_SAMPLES as usize } else { 0 }
     }
 
-    /// Fits one taxel; `numpy` has loaded the same recording.
+    /// Fits one taxel.
     ///
     /// # Errors
     /// The process of numpy ended. A method that finds no curve is no error.
-    pub fn fit(
-        &self,
-        recording: &Recording,
-        taxel: usize,
-        order: usize,
-        numpy: &mut Option<Numpy>,
-    ) -> anyhow::Result<Fitted> {
-        let start = Instant::now();
-        let curve = match self.method {
-            Method::Ours { exact } => {
-                let options = self.options(recording.bits, order, exact);
-                let model = ours(black_box(recording), taxel, &options);
-                model.curve.is_some().then(|| Curve::Model(Box::new(model)))
-            }
-            Method::Peer(fit) => {
-                let taxel = &recording.taxels[taxel];
-                fit(black_box(&taxel.counts), black_box(&recording.kpa), None, order).map(Curve::Polynomial)
-            }
-            Method::Numpy => {
-                let Some(numpy) = numpy else { anyhow::bail!("numpy takes part without its process") };
-                let fitted = numpy.fit(taxel, order)?;
-                let raw = |coefficients| Curve::Polynomial(Polynomial::Raw { coefficients });
-                return Ok(Fitted { us: fitted.us, curve: fitted.coefficients().map(raw) });
-            }
+    pub fn fit(&self, recording: &Recording, taxel: usize, order: usize, peers: &mut Peers) -> anyhow::Result<Fitted> {
+        let Some(exact) = self.ours else {
+            let (x, y) = (recording.taxels[taxel].counts.as_slice(), recording.kpa.as_slice());
+            let peers::Fitted { us, curve } = peers.fit(self.name, &peers::Samples { x, y, w: None }, order)?;
+            return Ok(Fitted { us, curve: curve.map(Curve::Polynomial) });
         };
-        let curve = black_box(curve);
-        Ok(Fitted { us: start.elapsed().as_secs_f64() * 1e6, curve })
+        let options = self.options(recording.bits, order, exact);
+        let start = Instant::now();
+        let model = black_box(ours(black_box(recording), taxel, &options));
+        let us = start.elapsed().as_secs_f64() * 1e6;
+        Ok(Fitted { us, curve: model.curve.is_some().then(|| Curve::Model(Box::new(model))) })
     }
 
     /// The plain least-squares curve on all counts: to repair a curve that is not monotone, or to leave out rare
@@ -138,16 +143,9 @@ impl Contender {
 }
 
 /// From samples to the model, as the daemon does it: 8 bits through running sums, more through slices.
-pub(super) fn ours(recording: &Recording, taxel: usize, options: &FitOptions) -> TaxelModel {
+fn ours(recording: &Recording, taxel: usize, options: &FitOptions) -> TaxelModel {
     match recording.bits {
-        Bits::Eight => sums(recording, taxel).fit(options),
+        Bits::Eight => recording.sums(taxel).fit(options),
         Bits::Sixteen => fit(&Samples::new(&recording.taxels[taxel].counts, &recording.kpa), options),
     }
-}
-
-/// The running sums of one taxel of 8 bits.
-pub(super) fn sums(recording: &Recording, taxel: usize) -> Accumulator {
-    let mut sums = Accumulator::new();
-    sums.extend(recording.taxels[taxel].bytes.iter().copied().zip(recording.fixed.iter().copied()), 0);
-    sums
 }

@@ -8,10 +8,10 @@
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
-use taxel_model::FixedPressure;
+use taxel_model::{Accumulator, FixedPressure};
 
 /// Units of pressure in a kPa.
-pub(crate) const UNITS_PER_KPA: i64 = 1024;
+const UNITS_PER_KPA: i64 = 1024;
 
 const TOP_KPA: f64 = 70.0;
 
@@ -79,6 +79,13 @@ impl Recording {
         let fixed = kpa.iter().map(|kpa| FixedPressure::from_kpa(*kpa)).collect();
         let taxels = (0..taxels).map(|_| Taxel::simulate(bits, &truth, &mut random)).collect();
         Self { bits, units, kpa, fixed, taxels }
+    }
+
+    /// The running sums of one taxel of 8 bits.
+    pub fn sums(&self, taxel: usize) -> Accumulator {
+        let mut sums = Accumulator::new();
+        sums.extend(self.taxels[taxel].bytes.iter().copied().zip(self.fixed.iter().copied()), 0);
+        sums
     }
 }
 

@@ -1,0 +1,110 @@
+//! The stability suite: one test a group, so that a failure has a name. See `taxel_model::stability`.
+
+#![allow(clippy::unwrap_used)] // Tests; the exemption knows only functions marked as such.
+
+use proptest::prelude::*;
+use std::collections::BTreeSet;
+use taxel_model::stability::{GROUPS, failures};
+use taxel_model::{Estimator, Exclusion, FitOptions, GaugeUncertainty, Order, Rails, Samples, Shape, TaxelModel, fit};
+
+macro_rules! groups {
+    ($($name:ident)*) => {
+        $(#[test]
+        fn $name() {
+            let group = GROUPS.iter().find(|(group, _)| *group == stringify!($name)).unwrap();
+            let failures = failures(group);
+            assert!(failures.is_empty(), "\n{}", failures.join("\n"));
+        })*
+
+        #[test]
+        fn every_group_has_its_test() {
+            let names: Vec<&str> = GROUPS.iter().map(|(name, _)| *name).collect();
+            assert_eq!(names, [$(stringify!($name)),*]);
+        }
+    };
+}
+
+groups! { fits support shape rails ranges plays sums }
+
+#[test]
+fn numbers_are_unique() {
+    let numbers: Vec<String> = GROUPS.iter().flat_map(|(_, cases)| cases()).map(|case| case.number).collect();
+    assert_eq!(numbers.iter().collect::<BTreeSet<_>>().len(), numbers.len(), "{numbers:?}");
+}
+
+/// Readings as a broken converter or gauge might give them.
+fn any_reading(usual: std::ops::Range<f64>) -> impl Strategy<Value = f64> {
+    prop_oneof![
+        12 => usual.clone(),
+        12 => usual.prop_map(f64::round),
+        1 => any::<f64>(),
+        1 => prop::sample::select(vec![
+            f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -0.0, 255.0, 1e15, -1e15, 1e-15, 1e-300, 5e-324, 1e300,
+        ]),
+    ]
+}
+
+fn any_options() -> impl Strategy<Value = FitOptions> {
+    let odd = || prop_oneof![Just(f64::NAN), Just(0.0), Just(f64::INFINITY), Just(1e-300), Just(1e300), -1.0..20.0_f64];
+    (
+        prop_oneof![Just(Order::Auto), any::<u8>().prop_map(Order::Fixed)],
+        prop::sample::select(vec![Estimator::PerSample, Estimator::PressureBinned]),
+        any::<bool>(),
+        prop::option::of(odd()),
+        (
+            prop_oneof![5 => Just(0.0), 1 => 0.0..20.0_f64],
+            prop_oneof![3 => Just(0.0), 1 => 0.0..200.0_f64],
+            prop::option::of(odd()),
+        ),
+        prop::sample::select(vec![Shape::Auto, Shape::Repair, Shape::Report]),
+        prop_oneof![
+            Just(Rails::Auto),
+            Just(Rails::None),
+            (odd(), odd()).prop_map(|(low, high)| Rails::At { low, high })
+        ],
+        (any::<u8>(), prop_oneof![0..5_u32, any::<u32>()]),
+    )
+        .prop_map(|(order, estimator, exact, bin_width_kpa, numbers, shape, rails, limits)| FitOptions {
+            order,
+            estimator,
+            exact,
+            bin_width_kpa,
+            gauge: GaugeUncertainty { gain_rel: 0.01, offset_kpa: 0.1, noise_kpa: numbers.0 },
+            max_order_auto: limits.0,
+            exclusion: Exclusion { min_swing_counts: numbers.1, full_scale_kpa: numbers.2, ..Exclusion::default() },
+            min_samples_at_ends: limits.1,
+            shape,
+            rails,
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Whatever comes, and whatever is asked: an answer, a sound one, and the same in another order.
+    #[test]
+    fn no_samples_and_no_options_break_a_fit(
+        samples in prop_oneof![
+            3 => proptest::collection::vec((any_reading(0.0..255.0), any_reading(0.0..70.0)), 0..40),
+            1 => proptest::collection::vec((any_reading(150.0..160.0), any_reading(0.0..70.0)), 280..330),
+        ],
+        options in any_options(),
+    ) {
+        let (counts, kpa): (Vec<f64>, Vec<f64>) = samples.iter().copied().unzip();
+        let model = fit(&Samples::new(&counts, &kpa), &options);
+        prop_assert_eq!(model.validate(), Ok(()));
+        let file = serde_json::to_string(&model).unwrap();
+        let read: Result<TaxelModel, _> = serde_json::from_str(&file);
+        prop_assert!(read.as_ref().is_ok_and(|read| read.validate().is_ok()), "{:?} from {}", read, file);
+        for count in counts.iter().chain(&[0.0, 127.5, 255.0, 1e15, -1e300]) {
+            if let Some(reading) = model.evaluate(*count) {
+                prop_assert!(count.is_finite() && reading.kpa.is_finite(), "{:?} at {}", reading, count);
+                prop_assert!(reading.sigma_kpa > 0.0 || !model.is_usable(), "{:?} at {}", reading, count);
+            }
+        }
+        prop_assert!(model.tabulate(0.0).pressure_kpa.iter().all(|kpa| kpa.is_finite()));
+        let (counts, kpa): (Vec<f64>, Vec<f64>) = samples.iter().rev().copied().unzip();
+        // As text, because a figure that is not a number is not equal to itself.
+        prop_assert_eq!(format!("{:?}", fit(&Samples::new(&counts, &kpa), &options)), format!("{model:?}"));
+    }
+}
