@@ -23,7 +23,7 @@ LEVELS, SCANS_MIN, K = 10, 5, 2.0
 ENTERED = re.compile(
     r"stated\.|version$|session\.(number|target_kpa|refused\.\w+|counts_per_unit)$|expanded\.coverage_factor$"
     r"|loads\.\d+\.(load|mass_kg|force_n|force_sigma_n|read_n|read_sigma_n|read_scatter_n|scans|out_of_range"
-    r"|mean_area_mm2|area_factor|area_uncertainty)$"
+    r"|mean_area_mm2|area_factor|area_uncertainty)$|loads_summary\.area_uncertainty$"
 )
 
 

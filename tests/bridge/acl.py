@@ -78,11 +78,13 @@ def acl(stage, scratch):
     until("an operator sends models", lambda: send(operator, b"operator's"))
     # Between two of the operator's, so that it would be there if it was let through.
     assert not send(reader, b"reader's")
+    for pattern in ["taxel/**", "taxel/icub01/*", "taxel/*/import"]:
+        assert not list(reader.get(pattern, target=zenoh.QueryTarget.ALL, payload=b"reader's", timeout=2)), pattern
     until("an operator sends models again", lambda: send(operator, b"operator's"))
     assert set(sent) == {b"operator's"}, sent
     importing.undeclare()
     for declared in [forces, tokens, token, false_token, other, queryable]:
         declared.undeclare()
-    for one in [robot, thief, reader, writer]:
+    for one in [robot, thief, reader, writer, operator]:
         one.close()
     print("the documented router: a robot speaks for itself alone, readers only read, a stranger does neither", flush=True)

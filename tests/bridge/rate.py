@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """How fast and how regularly forces come, and what a fleet costs its router.
 
-    tests/bridge/rate.py TAXELD BRIDGE SCRATCH [--seconds 60] [--rate 1000]
+    tests/bridge/rate.py TAXELD BRIDGE SCRATCH [--seconds 60] [--rate 1000] [--reader target/release/examples/reader]
     tests/bridge/rate.py --robots 10,50,200 --load target/release/examples/robots SCRATCH [--seconds 20] [--rate 50]
 
 The first asks the daemon for forces at that rate, through bridge and router to a reader in Python, and beside it over
-gRPC. The second puts robots on one router. Times are of one machine and of what else runs on it: the load is printed.
+gRPC, and with --reader to one in Rust, too. The second puts robots on one router. Times are of one machine and of what else runs on it: the load is printed.
 """
 
 import argparse
@@ -57,8 +57,8 @@ class Reader:
 
     def __init__(self, session, endpoint):
         self.sequence, self.sent, self.came, self.stamp = (array.array("q") for _ in range(4))
-        key = f"0{endpoint.name}/{endpoint.type}/{endpoint.hash}"
-        self.subscriber = session.declare_subscriber(key, self._take)
+        self.key = f"0{endpoint.name}/{endpoint.type}/{endpoint.hash}"
+        self.subscriber = session.declare_subscriber(self.key, self._take)
 
     def _take(self, sample):
         came = time.time_ns()
@@ -93,6 +93,7 @@ def one_robot(arguments, stage):
     ways, stop = [], threading.Event()
     threading.Thread(target=beside, args=(f"127.0.0.1:{grpc}", arguments.rate, ways, stop), daemon=True).start()
     until("forces", lambda: len(reader.sequence) > 100)
+    rust = arguments.reader and stage.start("reader", arguments.reader, router, reader.key, str(arguments.seconds))
     first, before, begun = len(reader.sequence), usage(bridge.pid), time.monotonic()
     time.sleep(arguments.seconds)
     last, after, span = len(reader.sequence), usage(bridge.pid), time.monotonic() - begun
@@ -111,6 +112,9 @@ def one_robot(arguments, stage):
     print(f"bridge's sending to the reader's hands: {quantiles([c - s for c, s in zip(came, sent)])}")
     print(f"between two sendings of the bridge: {quantiles([b - a for a, b in zip(sent, sent[1:])])}")
     print(f"between two arrivals: {quantiles([b - a for a, b in zip(came, came[1:])])}")
+    if rust:
+        until("the reader in Rust ends", lambda: rust.poll() is not None)
+        print(rust.log.read_text().strip())
     print(f"beside, daemon's sending to a gRPC client in Python: {quantiles(ways)} of {len(ways)}")
     print(f"bridge: {100 * (after[0] - before[0]) / span:.1f} % of a core, {after[1]:.1f} MB; router {usage(router_process.pid)[1]:.1f} MB")
 
@@ -146,6 +150,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("paths", nargs="+", metavar="PATH")
     parser.add_argument("--seconds", type=float)
+    parser.add_argument("--reader", metavar="PATH")
     parser.add_argument("--rate", type=float)
     parser.add_argument("--robots")
     parser.add_argument("--load")

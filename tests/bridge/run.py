@@ -23,6 +23,7 @@ from foreign import Client, enum_name  # noqa: E402
 
 import ros  # noqa: E402
 from acl import acl  # noqa: E402
+from ask import asked  # noqa: E402
 from stage import PATIENCE_S, Stage, client, free_port, until  # noqa: E402
 
 # A busy machine may hold up a scan; that is not what is tested here.
@@ -207,7 +208,8 @@ def tare(scene):
             return success and message
 
         print(f"{name}: {until('a zero', taken)}", flush=True)
-        assert epoch() > before
+        # The answer comes with the zero, the health with the next scan.
+        until("the new zero in the health", lambda: epoch() > before)
 
 
 def stopped_daemon(scene):
@@ -319,41 +321,6 @@ def fleet(scene):
     asked(scene, row["model_set"])
     print(f"fleet: {row['state']}, {row['force_n']} N, {row['excluded']} excluded, models {row['model_set']}", flush=True)
     return view
-
-
-def asked(scene, model_set):
-    """What a robot answers, by our own command and by foreign hands, is what its daemon answers."""
-    pool, daemon = scene.truth.client.pool, scene.truth.client
-    decode = lambda name, reply: GetMessageClass(pool.FindMessageTypeByName(f"taxel.v1.{name}")).FromString(bytes(reply.ok.payload))
-
-    def command(*words, allowed=0):
-        done = subprocess.run([scene.bridge, "ask", "--router", scene.endpoint, *words], capture_output=True, text=True)
-        assert done.returncode == allowed, f"{words}: {done}"
-        return done
-
-    [reply] = list(scene.session.get("taxel/icub01/events", timeout=PATIENCE_S))
-    events = decode("ListEventsResponse", reply).events
-    assert events and len(events) == len({event.number for event in events}), events
-    lines = [json.loads(line) for line in command("events", "icub01", "--json", "--count", "1000").stdout.splitlines()]
-    assert {(event.number, event.text) for event in events} <= {(line["number"], line["text"]) for line in lines}, lines
-    exported = daemon.call("ModelService/ExportModelSet", model_set=model_set).json
-    models = scene.stage.scratch / "models.json"
-    models.write_text(exported)
-    assert command("import", "icub01", models).stdout.strip() == model_set
-    models.write_text("{}")
-    refused = command("import", "icub01", models, allowed=1).stderr
-    code, details = daemon.refused("ModelService/ImportModelSet", json="{}")
-    assert "icub01" in refused and details in refused, (refused, code, details)
-    # Of the demo's models there are no samples: the refusal is the daemon's own.
-    page = scene.stage.scratch / "certificate.html"
-    code, stated = daemon.outcome("ModelService/GetCertificate", model_set=model_set)
-    done = command("certificate", "icub01", "--out", page, allowed=0 if code == "OK" else 1)
-    assert page.read_text() == stated.html if code == "OK" else stated in done.stderr, (code, stated, done)
-    [reply] = list(scene.session.get("taxel/icub01/events", payload=b"\xff\xff", timeout=PATIENCE_S))
-    assert reply.err and b"request" in bytes(reply.err.payload), reply
-    none = command("events", "icub99", allowed=1).stderr
-    assert "icub99" in none, none
-    print(f"asked: {len(events)} events, models taken, certificate {code}", flush=True)
 
 
 def killed_bridge(scene, view):

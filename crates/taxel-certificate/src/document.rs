@@ -165,6 +165,10 @@ pub(crate) struct LoadsSummary {
     /// What areas are to be multiplied by, and its standard uncertainty; from three loads within the range on.
     pub area_factor: Option<f64>,
     pub area_factor_sigma: Option<f64>,
+    /// Relative standard uncertainty of the areas by it at a place where no load was laid.
+    pub area_uncertainty: Option<f64>,
+    /// Why it is no property of the skin, in words; empty if it is one, or if there is none.
+    pub area_factor_doubt: String,
 }
 
 /// A usable taxel.

@@ -208,7 +208,11 @@ impl Certificate {
                     p { "Mean absolute error " (number(summary.mean_absolute_error_percent, 2)) " %; "
                         (summary.within) " of " (summary.loads) " within their expanded uncertainty (|E/U| up to 1). "
                         @if let (Some(factor), Some(sigma)) = (summary.area_factor, summary.area_factor_sigma) {
-                            "Effective-area factor " (number(factor, 4)) ", U (k = 2) " (number(2.0 * sigma, 4)) "."
+                            "Effective-area factor " (number(factor, 4)) ", U (k = 2) " (number(2.0 * sigma, 4)) ". "
+                            @if let Some(elsewhere) = summary.area_uncertainty {
+                                "Areas at another place, U (k = 2) " (number(200.0 * elsewhere, 1)) " %. "
+                            }
+                            @if !summary.area_factor_doubt.is_empty() { "Not to be used: " (summary.area_factor_doubt) "." }
                         }
                     }
                 }

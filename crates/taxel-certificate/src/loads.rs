@@ -41,8 +41,8 @@ pub(crate) fn part(load: &Load) -> LoadPart {
 }
 
 /// All of them; `None` without any.
-pub(crate) fn summary(loads: &[&Load], taxels: usize) -> Option<LoadsSummary> {
-    let factor = AreaFactor::estimate(loads.iter().copied().filter(|load| load.read.out_of_range == 0), taxels);
+pub(crate) fn summary(loads: &[&Load]) -> Option<LoadsSummary> {
+    let factor = AreaFactor::estimate(loads.iter().copied().filter(|load| load.read.out_of_range == 0));
     (!loads.is_empty()).then(|| LoadsSummary {
         loads: loads.len(),
         mean_absolute_error_percent: 100.0 * loads.iter().map(|load| load.error().abs()).sum::<f64>()
@@ -50,5 +50,7 @@ pub(crate) fn summary(loads: &[&Load], taxels: usize) -> Option<LoadsSummary> {
         within: loads.iter().filter(|load| part(load).normalised_error.abs() <= 1.0).count(),
         area_factor: factor.map(|factor| factor.value),
         area_factor_sigma: factor.map(|factor| factor.sigma),
+        area_uncertainty: factor.map(|factor| factor.area_uncertainty),
+        area_factor_doubt: factor.and_then(|factor| factor.doubt()).unwrap_or_default(),
     })
 }

@@ -82,7 +82,7 @@ impl Certificate {
             budget: rows,
             expanded,
             loads: loads.iter().map(|load| loads::part(load)).collect(),
-            loads_summary: loads::summary(&loads, evidence.set.taxels.len()),
+            loads_summary: loads::summary(&loads),
             taxels,
             excluded: excluded(evidence),
         };

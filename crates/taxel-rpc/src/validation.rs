@@ -107,7 +107,7 @@ fn area_factor(factor: AreaFactor, view: &Validation) -> v1::AreaFactor {
         applied: view.applied,
         not_applied_because: view.not_applied_because.clone(),
         places: factor.places as u32,
-        area_uncertainty: factor.area_uncertainty(),
+        area_uncertainty: factor.area_uncertainty,
     }
 }
 

@@ -8,7 +8,7 @@ use taxel_proto::v1::{
 };
 use tonic::{Response, Status};
 use zenoh::Session;
-use zenoh::handlers::FifoChannelHandler;
+use zenoh::handlers::{RingChannel, RingChannelHandler};
 use zenoh::query::{Query, Queryable};
 
 use crate::daemon::{Daemon, words};
@@ -20,6 +20,11 @@ use crate::link::tried;
 const SETS_MAX: u32 = 1000;
 /// A daemon that has not answered by then does not, and the next question has its turn.
 const ANSWER_WITHIN: Duration = Duration::from_secs(60);
+/// Questions that may wait at a key. Beyond that the oldest is given up: a full queue must not hold up Zenoh, which
+/// receives everything else on the same thread.
+const WAITING_MAX: usize = 8;
+/// Largest request: a model set as text.
+const REQUEST_BYTES_MAX: usize = 17 << 20;
 
 /// Which model sets are in use. The request is not looked at: all fit into one answer.
 ///
@@ -88,12 +93,13 @@ struct Asked {
     key: String,
     /// Of what it replies with.
     schema: &'static str,
-    queries: Queryable<FifoChannelHandler<Query>>,
+    queries: Queryable<RingChannelHandler<Query>>,
 }
 
 impl Asked {
     async fn at(session: &Session, key: String, schema: &'static str) -> anyhow::Result<Self> {
-        let queries = tried("a queryable", session.declare_queryable(key.clone()).complete(true).await)?;
+        let queue = RingChannel::new(WAITING_MAX);
+        let queries = tried("a queryable", session.declare_queryable(key.clone()).with(queue).complete(true).await)?;
         Ok(Self { key, schema, queries })
     }
 
@@ -101,15 +107,23 @@ impl Asked {
     async fn next<Q: Message + Default>(&self) -> anyhow::Result<(Query, Q)> {
         loop {
             let query = tried("a query", self.queries.recv_async().await)?;
-            let bytes = query.payload().map(|payload| payload.to_bytes().into_owned()).unwrap_or_default();
-            match Q::decode(&*bytes) {
+            match self.request(&query) {
                 Ok(request) => return Ok((query, request)),
-                Err(error) => {
-                    let why = format!("the payload is not the request's message: {error}");
-                    self.reply(&query, Err::<Q, _>(why)).await;
-                }
+                Err(why) => self.reply(&query, Err::<Q, _>(why)).await,
             }
         }
+    }
+
+    fn request<Q: Message + Default>(&self, query: &Query) -> Result<Q, String> {
+        // A router lets somebody ask at a key, and a pattern of keys reaches more than one.
+        if query.key_expr().as_str() != self.key {
+            return Err(format!("asked at {}, expected {} itself", query.key_expr(), self.key));
+        }
+        let Some(payload) = query.payload() else { return Ok(Q::default()) };
+        if payload.len() > REQUEST_BYTES_MAX {
+            return Err(format!("the payload has {} bytes, at most {REQUEST_BYTES_MAX} are taken", payload.len()));
+        }
+        Q::decode(&*payload.to_bytes()).map_err(|error| format!("the payload is not the request's message: {error}"))
     }
 
     async fn reply<A: Message>(&self, query: &Query, answer: Result<A, String>) {

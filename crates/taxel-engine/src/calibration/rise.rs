@@ -64,7 +64,7 @@ impl Rise {
         if high - stall.kpa > FELL_KPA {
             format!("it has been {high:.1} kPa: the bag leaks, or the pump has stopped")
         } else if high - low > STILL_KPA {
-            "as much leaks into the bag as the pump takes out".to_owned()
+            "as much leaks into the bag as the pump takes out, or the pump has stopped".to_owned()
         } else if 2 * moved > all {
             format!(
                 "{moved} of {all} taxels have moved, and the gauge only from {low:.3} to {high:.3} kPa: it is not in this bag, \

@@ -10,13 +10,18 @@
 //! which is what is looked for, and with the scatter from scan to scan. It is not multiplied by k, which is near 1.
 //!
 //! What the areas are known to at a place where no load was laid is more than `u(k)`: no number of loads takes away that a
-//! skin differs from place to place. With `s^2 = max(0, chi^2 - 1) / mean(w k^2 x^2)`, the scatter beyond what the readings
-//! state, and Student's t for n - 1 degrees of freedom,
+//! skin differs from place to place. Loads at one place count as one, P in all. With `a` the sum of `w k^2 x^2` over the
+//! loads of a place, `r` the mean of `y / (k x)` there weighted by that, and `S` the sum of all `a`, the variance from place
+//! to place is (DerSimonian and Laird 1986)
 //!
-//! `u_area^2 = (t / 2 u(k) / k)^2 + max(t / 2 s, 0.03)^2`,
+//! `s^2 = max(0, sum(a (r - 1)^2) - (P - 1)) / (S - sum(a^2) / S)`,
 //!
-//! so that twice this holds for 95 % of new places. Loads that happen to agree do not show that a skin has less than
-//! [`PLACE_REL`].
+//! and with Student's t for P - 1 degrees of freedom and q = [`PLACE_REL`]
+//!
+//! `u_area^2 = (t / 2)^2 (1 / S + max(s, q)^2 sum(a^2) / S^2) + max(t / 2 s, q)^2`,
+//!
+//! so that twice this holds for 95 % of new places. Loads that happen to agree do not show that a skin scatters by less than
+//! q.
 
 use std::ops::RangeInclusive;
 
@@ -39,8 +44,8 @@ const RELATIVE_SIGMA_MIN: f64 = 1e-3;
 /// 0.36 kg on pads that read 2 to 3 kPa a count.
 pub const PLACE_REL: f64 = 0.03;
 
-/// Student's t for 95 % on both sides, for 2 and more degrees of freedom; beyond them 2 is close enough.
-const STUDENT: [f64; 11] = [4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179];
+/// Student's t for 95 % on both sides, for 1 and more degrees of freedom.
+const STUDENT: [f64; 12] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179];
 
 /// The effective-area factor of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,14 +58,16 @@ pub struct AreaFactor {
     pub loads: usize,
     /// At how many places of the patch they lay, 1 or more.
     pub places: usize,
-    /// How much the loads scatter beyond what their readings state, relative to them.
-    pub scatter: f64,
+    /// Of how many of them it is not known where they lay.
+    pub unplaced: usize,
+    /// Relative standard uncertainty of the areas at a place where no load was laid.
+    pub area_uncertainty: f64,
 }
 
 impl AreaFactor {
-    /// The factor that `loads` give on a patch of so many taxels; `None` if they are fewer than three.
+    /// The factor that `loads` give; `None` if they are fewer than three.
     #[must_use]
-    pub fn estimate<'a>(loads: impl IntoIterator<Item = &'a Load>, taxels: usize) -> Option<Self> {
+    pub fn estimate<'a>(loads: impl IntoIterator<Item = &'a Load>) -> Option<Self> {
         let loads: Vec<&Load> = loads.into_iter().collect();
         let points: Vec<Point> = loads.iter().copied().map(Point::of).collect();
         let n = points.len();
@@ -72,29 +79,43 @@ impl AreaFactor {
         let value = sum(&|p| p.weight * p.read * p.laid) / xx;
         let chi2 = sum(&|p| p.weight * (p.laid - value * p.read).powi(2)) / (n - 1) as f64;
         let sigma = (chi2.max(1.0) / xx).sqrt();
-        let scatter = ((chi2 - 1.0).max(0.0) * n as f64 / xx).sqrt() / value;
-        let places = places(loads.iter().map(|load| load.read.taxels.as_slice()), taxels);
-        (value.is_finite() && sigma.is_finite()).then_some(Self { value, sigma, loads: n, places, scatter })
+        let felt: Vec<&[u16]> = loads.iter().map(|load| load.read.taxels.as_slice()).collect();
+        let (places, area_uncertainty) = elsewhere(&points, value, &places(&felt));
+        let unplaced = felt.iter().filter(|taxels| taxels.is_empty()).count();
+        let finite = [value, sigma, area_uncertainty].into_iter().all(f64::is_finite);
+        finite.then_some(Self { value, sigma, loads: n, places, unplaced, area_uncertainty })
     }
 
     /// Why it cannot be a property of skin, in words.
     #[must_use]
     pub fn doubt(&self) -> Option<String> {
         let (value, percent) = (self.value, 100.0 * self.relative_sigma());
+        let elsewhere = 100.0 * self.area_uncertainty;
         let hint = "one may have been noted wrong";
         if !PLAUSIBLE.contains(&value) {
             Some(format!("{value:.3} is not in 0.5 to 2; look through the loads, {hint}"))
         } else if percent > 100.0 * RELATIVE_SIGMA_MAX {
             Some(format!("the loads disagree: it is known to {percent:.0} % only; {hint}"))
         } else if self.places < LOADS_MIN {
-            Some(format!(
-                "the {} loads lie at {} of at least {LOADS_MIN} places, and another place may differ: lay loads where other \
-                 taxels feel them",
-                self.loads, self.places
-            ))
+            Some(self.lacks_places())
+        } else if elsewhere > 100.0 * RELATIVE_SIGMA_MAX {
+            Some(format!("the loads disagree: another place is known to {elsewhere:.0} % only; {hint}, or lay more"))
         } else {
             None
         }
+    }
+
+    fn lacks_places(&self) -> String {
+        let (loads, places, unplaced) = (self.loads, self.places, self.unplaced);
+        let old = if unplaced > 0 {
+            format!(" ({unplaced} are of an earlier version, which did not note where they lay: lay them again)")
+        } else {
+            String::new()
+        };
+        format!(
+            "the {loads} loads lie at {places} of at least {LOADS_MIN} places{old}, and another place may differ: lay loads \
+             where other taxels feel them"
+        )
     }
 
     /// Its own relative standard uncertainty.
@@ -102,14 +123,34 @@ impl AreaFactor {
     pub fn relative_sigma(&self) -> f64 {
         self.sigma / self.value
     }
+}
 
-    /// Relative standard uncertainty of the areas at a place where no load was laid.
-    #[must_use]
-    pub fn area_uncertainty(&self) -> f64 {
-        let degrees = self.loads.max(LOADS_MIN) - 1;
-        let half_t = 0.5 * STUDENT.get(degrees - 2).copied().unwrap_or(2.0).max(2.0);
-        (half_t * self.relative_sigma()).hypot((half_t * self.scatter).max(PLACE_REL))
+/// How many places there are, and the relative standard uncertainty of the areas at another one.
+fn elsewhere(points: &[Point], value: f64, places: &[usize]) -> (usize, f64) {
+    let count = places.iter().max().map_or(0, |last| last + 1);
+    let mut of_place = vec![(0.0, 0.0); count];
+    for (point, place) in points.iter().zip(places) {
+        let a = point.weight * (value * point.read).powi(2);
+        let (weight, weighted) = &mut of_place[*place];
+        *weight += a;
+        *weighted += a * point.laid / (value * point.read);
     }
+    let total: f64 = of_place.iter().map(|(a, _)| a).sum();
+    let squares: f64 = of_place.iter().map(|(a, _)| a * a).sum();
+    let deviations: f64 = of_place.iter().map(|(a, weighted)| a * (weighted / a - 1.0).powi(2)).sum();
+    let degrees = count.saturating_sub(1);
+    let room = total - squares / total;
+    let scatter = if count > 1 { ((deviations - degrees as f64).max(0.0) / room).sqrt() } else { 0.0 };
+    let half_t = half_student(degrees);
+    let mean = half_t * (1.0 / total + (scatter.max(PLACE_REL) / total).powi(2) * squares).sqrt();
+    (count, mean.hypot((half_t * scatter).max(PLACE_REL)))
+}
+
+/// Half of Student's t, and not less than 1; without any degree of freedom that of one.
+fn half_student(degrees: usize) -> f64 {
+    let known = STUDENT.get(degrees.max(1) - 1).copied();
+    // Beyond the table to 0.5 %.
+    0.5 * known.unwrap_or(1.96 + 2.5 / degrees as f64).max(2.0)
 }
 
 /// A load as the fit sees it, in N at the configured areas.
@@ -144,7 +185,7 @@ mod tests {
     }
 
     fn estimate(loads: &[Load]) -> Option<AreaFactor> {
-        AreaFactor::estimate(loads, 1000)
+        AreaFactor::estimate(loads)
     }
 
     #[test]
@@ -185,15 +226,36 @@ mod tests {
 
     #[test]
     fn what_areas_are_known_to_elsewhere_is_never_better_than_skins_scatter() {
-        let agree = estimate(&[2.0, 4.0, 6.0].map(|n| load(n, n, 1e-3))).unwrap();
-        assert!(agree.scatter.abs() < 1e-12 && (agree.area_uncertainty() - 0.03).abs() < 1e-3, "{agree:?}");
-        // Three loads that scatter by 10 % and state 1 %: with 2 degrees of freedom that may well be twice as much.
-        let scattered = estimate(&[load(4.0, 3.6, 0.04), load(4.1, 4.1, 0.04), load(4.2, 4.62, 0.04)]).unwrap();
-        assert!((0.09..0.11).contains(&scattered.scatter), "{scattered:?}");
-        let elsewhere = scattered.area_uncertainty();
-        assert!(elsewhere > 2.1 * scattered.scatter && elsewhere < 2.6 * scattered.scatter, "{elsewhere}");
         let many: Vec<_> = (0..60_u16).map(|n| load(4.0 + f64::from(n), 4.0 + f64::from(n), 0.1)).collect();
-        assert!((estimate(&many).unwrap().area_uncertainty() - 0.03).abs() < 1e-3);
+        let known = estimate(&many).unwrap().area_uncertainty;
+        assert!((0.03..0.0312).contains(&known), "{known}");
+        let agree = estimate(&[2.0, 4.0, 6.0].map(|n| load(n, n, 1e-3))).unwrap().area_uncertainty;
+        assert!((0.04..0.06).contains(&agree), "of three places: {agree}");
+    }
+
+    /// Ratios 1.11, 1 and 0.91 with equal weights: the standard deviation from place to place is 0.1, the mean has that of
+    /// a third, and Student's t is 4.3.
+    #[test]
+    fn three_loads_that_scatter_say_little_of_another_place_however_often_they_are_repeated() {
+        let once = [load(4.0, 3.6, 0.01), load(4.1, 4.1, 0.01), load(4.2, 4.62, 0.01)];
+        let expected = 0.5 * 4.303 * 0.1 * (4.0_f64 / 3.0).sqrt();
+        let first = estimate(&once).unwrap();
+        assert!((first.area_uncertainty / expected - 1.0).abs() < 0.15, "{first:?}, {expected}");
+        assert!(first.doubt().unwrap().contains("another place is known to"), "{:?}", first.doubt());
+        let often: Vec<Load> = (0..30).map(|n| once[n % 3].clone()).collect();
+        let repeated = estimate(&often).unwrap();
+        assert_eq!((repeated.loads, repeated.places), (30, 3));
+        assert!((repeated.area_uncertainty / first.area_uncertainty - 1.0).abs() < 0.02, "{repeated:?}");
+    }
+
+    #[test]
+    fn loads_of_an_earlier_version_are_told_as_such() {
+        let old = [2.0, 4.0, 6.0].map(|n| {
+            let load = load(n, n, 0.1);
+            Load { read: Reading { taxels: Vec::new(), ..load.read }, ..load }
+        });
+        let doubt = estimate(&old).unwrap().doubt().unwrap();
+        assert!(doubt.contains("3 are of an earlier version"), "{doubt}");
     }
 
     #[test]

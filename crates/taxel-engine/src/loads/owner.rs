@@ -138,7 +138,7 @@ impl Loads {
             model_set: model_set.to_owned(),
             mean_area_mm2: self.area_mm2(),
             area_factor: self.applied.map_or(1.0, |factor| factor.value),
-            area_uncertainty: self.plan.area_uncertainty,
+            area_uncertainty: self.applied.map_or(self.plan.area_uncertainty, |factor| factor.area_uncertainty),
         })
     }
 
@@ -150,7 +150,7 @@ impl Loads {
     /// All loads, judged for the model set in use.
     #[must_use]
     pub fn validation(&self, model_set: Option<String>) -> Validation {
-        let patch = Patch { name: &self.plan.patch, mean_area_mm2: self.area_mm2(), taxels: self.plan.areas.len() };
+        let patch = Patch { name: &self.plan.patch, mean_area_mm2: self.area_mm2() };
         let mut view = judge(patch, &self.all, model_set);
         view.not_applied_because = match view.factor {
             _ if !self.plan.area_from_loads => "the configuration says area_factor = \"off\"".to_owned(),
@@ -167,7 +167,7 @@ impl Loads {
         if std::mem::replace(&mut self.applied, factor) == factor {
             return None;
         }
-        let (k, u) = factor.map_or((1.0, self.plan.area_uncertainty), |f| (f.value, f.area_uncertainty()));
+        let (k, u) = factor.map_or((1.0, self.plan.area_uncertainty), |f| (f.value, f.area_uncertainty));
         Some((self.plan.areas.iter().map(|area| SquareMillimetre(area.0 * k)).collect(), u))
     }
 }

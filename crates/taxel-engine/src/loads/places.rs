@@ -1,20 +1,19 @@
 //! At how many places of a skin loads were laid.
 
-/// The places of loads, each as the taxels that felt it, ascending, on a patch of so many taxels.
+/// The place of each load, counted from 0, by the taxels that felt it, ascending.
 ///
-/// Two loads lie at one place if they share more than half of the taxels of the smaller one. A load that at least half of
-/// the patch felt is a place of its own: it says something of the whole skin wherever it lies. One of which it is not
-/// known which taxels felt it (of an earlier version) lies where the other such loads lie.
+/// Two loads lie at one place if they share more than half of the taxels of the smaller one. Those of which it is not known
+/// which taxels felt them (of an earlier version) lie at one place together.
 #[must_use]
-pub fn places<'a>(loads: impl IntoIterator<Item = &'a [u16]>, patch_taxels: usize) -> usize {
-    let mut found: Vec<&[u16]> = Vec::new();
-    for felt in loads {
-        let everywhere = 2 * felt.len() >= patch_taxels.max(1);
-        if everywhere || !found.iter().any(|known| same(known, felt)) {
-            found.push(felt);
-        }
-    }
-    found.len()
+pub fn places(loads: &[&[u16]]) -> Vec<usize> {
+    let mut first: Vec<&[u16]> = Vec::new();
+    let place = |felt: &&[u16]| {
+        first.iter().position(|known| same(known, felt)).unwrap_or_else(|| {
+            first.push(felt);
+            first.len() - 1
+        })
+    };
+    loads.iter().map(place).collect()
 }
 
 fn same(a: &[u16], b: &[u16]) -> bool {
@@ -31,34 +30,37 @@ mod tests {
         (centre - 5..centre + 5).collect()
     }
 
-    fn count(loads: &[Vec<u16>]) -> usize {
-        places(loads.iter().map(Vec::as_slice), 100)
+    fn of(loads: &[Vec<u16>]) -> Vec<usize> {
+        places(&loads.iter().map(Vec::as_slice).collect::<Vec<_>>())
     }
 
     #[test]
     fn loads_that_share_most_of_their_taxels_lie_at_one_place() {
-        assert_eq!(count(&[]), 0);
-        assert_eq!(count(&[disc(20), disc(20), disc(22)]), 1);
-        assert_eq!(count(&[disc(20), disc(26), disc(60)]), 3);
-        // A fingertip within the place of a mass.
-        assert_eq!(count(&[disc(20), vec![19, 20, 21]]), 1);
+        assert_eq!(of(&[]), [0; 0]);
+        assert_eq!(of(&[disc(20), disc(60), disc(22), disc(26)]), [0, 1, 0, 2]);
+        // A fingertip within the place of a mass, and masses that the whole patch feels.
+        assert_eq!(of(&[disc(20), vec![19, 20, 21]]), [0, 0]);
+        assert_eq!(of(&[disc(20), disc(20), disc(20)]), [0, 0, 0]);
     }
 
     #[test]
-    fn a_load_on_half_of_the_patch_is_a_place_of_its_own_and_an_unknown_one_is_none_beside_its_like() {
-        let half: Vec<u16> = (0..50).collect();
-        assert_eq!(count(&[half.clone(), half.clone(), half]), 3);
-        assert_eq!(count(&[vec![], vec![], vec![]]), 1);
-        assert_eq!(count(&[vec![], disc(20), disc(60)]), 3);
+    fn loads_whose_place_is_not_known_are_one_place() {
+        assert_eq!(of(&[vec![], disc(20), vec![], vec![]]), [0, 1, 0, 0]);
     }
 
     proptest! {
-        /// More loads never make fewer places, and there are never more places than loads.
+        /// Places are numbered as they come, and a load that is there twice is at one place.
         #[test]
-        fn places_grow_with_loads(centres in proptest::collection::vec(5_u16..95, 0..12)) {
+        fn places_are_numbered_as_they_come(centres in proptest::collection::vec(5_u16..95, 0..12)) {
             let loads: Vec<_> = centres.iter().map(|centre| disc(*centre)).collect();
-            let counts: Vec<_> = (0..=loads.len()).map(|n| count(&loads[..n])).collect();
-            prop_assert!(counts.windows(2).all(|pair| pair[0] <= pair[1] && pair[1] <= pair[0] + 1), "{counts:?}");
+            let found = of(&loads);
+            let mut next = 0;
+            for place in &found {
+                prop_assert!(*place <= next, "{found:?}");
+                next = next.max(place + 1);
+            }
+            let twice: Vec<_> = loads.iter().chain(&loads).cloned().collect();
+            prop_assert_eq!(of(&twice), [found.as_slice(), found.as_slice()].concat());
         }
     }
 }

@@ -83,8 +83,6 @@ pub struct Patch<'a> {
     pub name: &'a str,
     /// Mean of the configured areas, in mm2.
     pub mean_area_mm2: f64,
-    /// How many taxels it has.
-    pub taxels: usize,
 }
 
 /// The loads of a patch, oldest first, judged by its active model set and the mean of its configured areas.
@@ -115,7 +113,7 @@ pub fn judge(patch: Patch<'_>, all: &[Arc<Load>], model_set: Option<String>) -> 
         patch: patch.name.to_owned(),
         model_set,
         mean_absolute_error: (!errors.is_empty()).then(|| errors.iter().sum::<f64>() / errors.len() as f64),
-        factor: AreaFactor::estimate(loads.iter().filter(|j| j.in_factor()).map(|j| j.load.as_ref()), patch.taxels),
+        factor: AreaFactor::estimate(loads.iter().filter(|j| j.in_factor()).map(|j| j.load.as_ref())),
         loads,
         ..Validation::default()
     }

@@ -254,7 +254,7 @@ fn a_load_that_lay_under_a_degraded_force_counts_for_nothing() {
     loads[0].read.reasons = vec!["module 3 is silent: the total is a lower bound".to_owned()];
     let (area_mm2, of) = (loads[0].mean_area_mm2, view.model_set.clone());
     let loads: Vec<_> = loads.into_iter().map(Arc::new).collect();
-    let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2, taxels: small().set.taxels.len() };
+    let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2 };
     view = judge(patch, &loads, of);
     let counted = view.loads.iter().filter(|judged| judged.in_factor()).count();
     assert_eq!(counted, MASSES.len() - 1);

@@ -97,6 +97,7 @@ fn three_masses_set_areas_right_that_are_a_tenth_off() {
     // A load that is read with the factor in use leaves it where it is.
     let fourth = weigh_known(&mut bench, 0.5, 33);
     assert!((fourth.area_factor / factor.value - 1.0).abs() < 1e-12, "{fourth:?}");
+    assert!((fourth.area_uncertainty / factor.area_uncertainty - 1.0).abs() < 1e-12, "as the samples stated it");
     assert!(fourth.is_within_two_sigma(), "{fourth:?}");
     let again = validation(&bench).factor.unwrap();
     assert!((again.value - factor.value).abs() < 2.0 * factor.sigma && again.loads == 4, "{again:?}");

@@ -46,7 +46,7 @@ fn publish(daemon: &Daemon, loads: Vec<JudgedLoad>) {
         patch: FOREARM.to_owned(),
         model_set: Some("m-1".to_owned()),
         loads,
-        factor: Some(AreaFactor { value: 1.05, sigma: 0.01, loads: 5, places: 5, scatter: 0.0 }),
+        factor: Some(AreaFactor { value: 1.05, sigma: 0.01, loads: 5, places: 5, unplaced: 0, area_uncertainty: 0.03 }),
         applied: true,
         ..Validation::default()
     };

@@ -61,7 +61,7 @@ pub async fn begin(course: &Course, args: &CalibrateArgs, patch: &Patch) -> Outc
     };
     let session = daemon.calibration().start_session(request).await?.into_inner();
     session.look.iter().for_each(|line| course.screen.tell(&format!("look: {line}")));
-    Ok(Followed { daemon, session })
+    Ok(Followed { daemon, session, begun: true })
 }
 
 async fn newest(daemon: &Daemon) -> Outcome<Option<Session>> {
@@ -97,5 +97,5 @@ async fn take_up(daemon: Daemon, session: Session) -> Outcome<Followed> {
         }
         _ => session,
     };
-    Ok(Followed { daemon, session })
+    Ok(Followed { daemon, session, begun: false })
 }

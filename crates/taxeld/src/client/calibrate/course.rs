@@ -29,6 +29,8 @@ pub struct Followed {
     pub daemon: Daemon,
     /// As it was told last.
     pub session: Session,
+    /// Whether this calibration began it, and did not take it up.
+    pub begun: bool,
 }
 
 impl Followed {
@@ -78,7 +80,11 @@ pub async fn follow(course: &mut Course, all: &mut [Followed]) -> Outcome {
                 let Some((position, session)) = message else { return Ok(()) };
                 let number = all[position].session.session;
                 let Some(session) = session? else {
-                    return Err(Failure::Broken(anyhow::anyhow!("the daemon ended the stream of session {number}")));
+                    if all[position].is_under_way() {
+                        let ended = anyhow::anyhow!("the daemon ended the stream of session {number}");
+                        return Err(Failure::Broken(ended));
+                    }
+                    continue; // one that has failed has nothing more to tell
                 };
                 let before = std::mem::replace(&mut all[position].session, session);
                 let shown = all.iter().position(Followed::is_under_way).unwrap_or(position);

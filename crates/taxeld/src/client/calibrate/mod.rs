@@ -37,11 +37,15 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     let places = patches.iter().map(|patch| (patch.daemon.patch(), patch.places.clone())).collect();
     let mut course = Course { screen: Screen::new(places, args.json), asks };
     let mut all = begin_all(&course, &args, &patches).await?;
-    let failed = ramps(&mut course, &args, &mut all).await?;
+    let mut failed = ramps(&mut course, &args, &mut all).await?;
     course.screen.end();
     for followed in &all {
-        if let Some(patch) = patches.iter().find(|patch| patch.daemon.patch() == followed.session.patch) {
-            conclude(&course, &args, &followed.session, patch).await?;
+        let Some(patch) = patches.iter().find(|patch| patch.daemon.patch() == followed.session.patch) else { continue };
+        // One patch without models takes nothing from the others.
+        if let Err(why) = conclude(&course, &args, &followed.session, patch).await
+            && let Some(earlier) = failed.replace(why)
+        {
+            course.screen.tell(&earlier.to_string());
         }
     }
     failed.map_or(Ok(()), Err)
@@ -54,9 +58,11 @@ async fn begin_all(course: &Course, args: &CalibrateArgs, patches: &[Patch]) -> 
         match begin(course, args, patch).await {
             Ok(followed) => all.push(followed),
             Err(refused) => {
-                for begun in all.iter().filter(|begun| begun.session.state() == SessionState::Taring) {
+                for begun in all.iter().filter(|followed| followed.begun) {
                     let request = AbortSessionRequest { session: begun.session.session };
-                    begun.daemon.calibration().abort_session(request).await?;
+                    if let Err(status) = begun.daemon.calibration().abort_session(request).await {
+                        course.screen.tell(&format!("session {}: {}", begun.session.session, status.message()));
+                    }
                 }
                 return Err(refused);
             }
