@@ -47,8 +47,8 @@ fn taxeld(folder: &Path, arguments: &[&str]) -> Output {
     command.output().unwrap()
 }
 
-fn start(folder: &Path) -> Daemon {
-    std::fs::write(folder.join("taxeld.toml"), CONFIG).unwrap();
+fn start(folder: &Path, config: &str) -> Daemon {
+    std::fs::write(folder.join("taxeld.toml"), config).unwrap();
     let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
     command.args(["run", "--config", "taxeld.toml"]).current_dir(folder).stderr(Stdio::null());
     let daemon = Daemon(command.spawn().unwrap());
@@ -68,7 +68,7 @@ fn text(bytes: &[u8]) -> String {
 fn two_patches_in_one_bag_are_calibrated_by_one_ramp() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    let _daemon = start(folder);
+    let _daemon = start(folder, CONFIG);
     for (with, why) in [("upper", "named twice"), ("hand", "no patch `hand`")] {
         let refused = taxeld(folder, &["calibrate", "--patch", "upper", "--with", with, "--yes"]);
         assert_eq!(refused.status.code(), Some(3), "{}", text(&refused.stderr));
@@ -81,11 +81,32 @@ fn two_patches_in_one_bag_are_calibrated_by_one_ramp() {
     assert!(done.status.success(), "{out}{errors}");
     assert_eq!(out.matches("the bag is vented").count(), 1, "{out}");
     assert_eq!(out.matches("is in use").count(), 2, "{out}");
-    let sessions = taxeld(folder, &["sessions", "list", "--json"]);
-    let sessions: Vec<serde_json::Value> =
-        text(&sessions.stdout).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    let mut found: Vec<_> =
-        sessions.iter().map(|s| (s["patch"].as_str().unwrap(), s["state"].as_str().unwrap())).collect();
+    assert_eq!(sessions(folder), ["lower SESSION_STATE_ACTIVE", "upper SESSION_STATE_ACTIVE"]);
+}
+
+/// Patch and state of each session.
+fn sessions(folder: &Path) -> Vec<String> {
+    let listed = text(&taxeld(folder, &["sessions", "list", "--json"]).stdout);
+    let sessions = listed.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let mut found: Vec<String> =
+        sessions.map(|s| format!("{} {}", s["patch"].as_str().unwrap(), s["state"].as_str().unwrap())).collect();
     found.sort_unstable();
-    assert_eq!(found, [("lower", "SESSION_STATE_ACTIVE"), ("upper", "SESSION_STATE_ACTIVE")]);
+    found
+}
+
+#[test]
+fn one_patch_that_fails_ends_no_other_calibration() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let (upper, lower) = CONFIG.split_at(CONFIG.rfind("[[patch]]").unwrap());
+    let deaf = format!("{upper}{}[patch.session]\npatience_s = 1.0\n", lower.replace("0x3A1", "0x3A2"));
+    let _daemon = start(folder, &deaf);
+    let words =
+        ["calibrate", "--patch", "lower", "--with", "upper", "--target", "15", "--confirmed-by", "test", "--yes"];
+    let done = taxeld(folder, &words);
+    let (out, errors) = (text(&done.stdout), text(&done.stderr));
+    assert_eq!(done.status.code(), Some(3), "{out}{errors}");
+    assert!(errors.contains("is FAILED") && errors.contains("no pressure frame"), "{errors}");
+    assert_eq!(out.matches("is in use").count(), 1, "{out}");
+    assert_eq!(sessions(folder), ["lower SESSION_STATE_FAILED", "upper SESSION_STATE_ACTIVE"]);
 }
