@@ -7,13 +7,15 @@
 #[must_use]
 pub fn places(loads: &[&[u16]]) -> Vec<usize> {
     let mut first: Vec<&[u16]> = Vec::new();
-    let place = |felt: &&[u16]| {
-        first.iter().position(|known| same(known, felt)).unwrap_or_else(|| {
+    let mut found = Vec::with_capacity(loads.len());
+    for &felt in loads {
+        let known = first.iter().position(|known| same(known, felt));
+        found.push(known.unwrap_or(first.len()));
+        if known.is_none() {
             first.push(felt);
-            first.len() - 1
-        })
-    };
-    loads.iter().map(place).collect()
+        }
+    }
+    found
 }
 
 fn same(a: &[u16], b: &[u16]) -> bool {
