@@ -4,22 +4,15 @@
 //! the plot and the names of the bands right of it, so that neither hides a point.
 
 mod legend;
+mod paper;
 mod scale;
 
 use std::fmt::Write;
 
 use crate::document::{Figure, Line, Look, Point};
+use paper::{BOTTOM_PX, CHARACTER, LEFT_PX, RIGHT_OF_BANDS_PX, RIGHT_PX, Style, TOP_PX, WIDTH_PX, escape, put};
 use scale::{Label, Place, Scale};
 
-const WIDTH_PX: f64 = 760.0;
-const LEFT_PX: f64 = 80.0;
-const TOP_PX: f64 = 50.0;
-const BOTTOM_PX: f64 = 440.0;
-/// Right end of the plot; the names of bands need room beside it.
-const RIGHT_PX: f64 = 734.0;
-const RIGHT_OF_BANDS_PX: f64 = 596.0;
-/// Width of a character over the size of its letters, about, in a font without serifs.
-const CHARACTER: f64 = 0.56;
 const MARK_SIZE_PX: f64 = 10.5;
 /// Large marks of several lines stand side by side, so far apart, or they would hide each other.
 const ASIDE_PX: f64 = 9.0;
@@ -49,16 +42,6 @@ const INKS: [(&str, [&str; 2]); 6] = [
     ("band", ["#8a5a00", "#e0b060"]),
     ("paper", ["#ffffff", "#161616"]),
 ];
-
-/// The look of one line.
-#[derive(Clone, Copy)]
-struct Style {
-    /// Of [`COLOURS`].
-    colour: usize,
-    dash: &'static str,
-    shape: usize,
-    width_px: f64,
-}
 
 /// All styles of a figure's lines, in their own order.
 fn styles(lines: &[Line]) -> Vec<Style> {
@@ -95,30 +78,6 @@ impl Room {
         self.left < other.right && other.left < self.right && self.top < other.bottom && other.top < self.bottom
     }
 }
-
-/// `text` with everything replaced that has a meaning in SVG, also within quotes.
-fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&#39;"),
-            // Other control characters are not allowed in XML at all.
-            c if c.is_control() && c != '\n' && c != '\t' => out.push('\u{fffd}'),
-            c => out.push(c),
-        }
-    }
-    out
-}
-
-/// Writes to a string, which cannot fail.
-macro_rules! put {
-    ($out:expr, $($text:tt)*) => { let _ = writeln!($out, $($text)*); };
-}
-use put;
 
 /// Draws `figure`. Values that have no place are drawn at the edge, and a note says so; nothing is left out silently.
 #[must_use]

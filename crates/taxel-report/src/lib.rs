@@ -18,6 +18,7 @@ mod live;
 mod numbers;
 mod numpy;
 mod peers;
+mod polynomial;
 mod rig;
 mod run;
 mod stability;

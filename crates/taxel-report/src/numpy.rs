@@ -6,7 +6,7 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-use crate::peers::{Basis, Fitted, Polynomial, Samples};
+use crate::polynomial::{Basis, Fitted, Polynomial, Samples};
 
 /// Reads `METHOD ORDER SAMPLES` and then x, y and the roots of the weights as f64; answers with one line of JSON. Each
 /// fit runs twice and the second is timed, as it is for every contender.

@@ -1,13 +1,17 @@
 //! One case of the suite, what came out of it, and what other methods are to make of the same samples.
 
 use crate::stability::taxels::Recording;
-use crate::stability::trial::greatest;
 
 /// What the figure of most fits is.
 const RELATIVE_ERROR: &str = "max |dP| / max |P| against exact least squares";
 
 /// Shown where a case has no status: it is about a part that gives none.
 const NO_STATUS: &str = "-";
+
+/// The greatest of the values; NaN if one is.
+pub fn greatest(values: impl IntoIterator<Item = f64>) -> f64 {
+    values.into_iter().fold(0.0, |most: f64, value| if value.is_nan() || value > most { value } else { most })
+}
 
 /// One case of the suite.
 pub struct Case {

@@ -1,9 +1,9 @@
 //! Group 1: whether the least-squares solution is the exact one, from easy to nearly singular.
 
 use crate::reference::Reference;
-use crate::stability::case::{Case, Outcome, Problem};
+use crate::stability::case::{Case, Outcome, Problem, greatest};
 use crate::stability::taxels::{NOMINAL, Recording, random, wide};
-use crate::stability::trial::{against_exact, counts_in_range, fit_of, greatest, per_sample, sound};
+use crate::stability::trial::{against_exact, counts_in_range, fit_of, per_sample, sound};
 use crate::{Estimator, FitOptions, FixedPressure};
 use rand::RngExt;
 use std::collections::BTreeMap;

@@ -1,8 +1,8 @@
 //! Group 7: hysteresis. A play knows no time, so that steps of time and gaps are steps of the count.
 
+use crate::stability::case::greatest;
 use crate::stability::case::{Case, Outcome};
 use crate::stability::taxels::random;
-use crate::stability::trial::greatest;
 use crate::{Curve, PLAYS, PlayState, Plays, Sign};
 use rand::RngExt;
 

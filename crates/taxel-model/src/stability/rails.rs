@@ -1,8 +1,8 @@
 //! Group 4: readings that are no measurement: clipped, dropped out, or stuck.
 
-use crate::stability::case::{Case, Contest, Outcome, Problem};
+use crate::stability::case::{Case, Contest, Outcome, Problem, greatest};
 use crate::stability::taxels::{NOMINAL, Recording, Taxel};
-use crate::stability::trial::{evaluate, fit_of, greatest, sound};
+use crate::stability::trial::{evaluate, fit_of, sound};
 use crate::{Estimator, FitOptions, RangeState, Status};
 
 const ESTIMATORS: [(Estimator, &str); 2] =

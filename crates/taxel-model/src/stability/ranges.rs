@@ -1,8 +1,8 @@
 //! Group 5: numbers at and beyond the ends of what numbers can be.
 
-use crate::stability::case::{Case, Contest, Outcome};
+use crate::stability::case::{Case, Contest, Outcome, greatest};
 use crate::stability::taxels::{NOMINAL, Recording};
-use crate::stability::trial::{against_exact, evaluate, fit_of, greatest, per_sample, sound};
+use crate::stability::trial::{against_exact, evaluate, fit_of, per_sample, sound};
 use crate::{FitOptions, FixedPressure, Flag, RangeState, Samples, TaxelModel, fit};
 
 pub(super) fn cases() -> Vec<Case> {

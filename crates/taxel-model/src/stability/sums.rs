@@ -1,9 +1,9 @@
 //! Group 9: long runs. Sums are integers: exact, without overflow, and the same in whatever order they are made.
 
 use crate::reference::{Reference, exact, integer, to_f64};
-use crate::stability::case::{Case, Outcome, Problem};
+use crate::stability::case::{Case, Outcome, Problem, greatest};
 use crate::stability::taxels::{NOMINAL, Recording, random, wide};
-use crate::stability::trial::{fit_of, greatest, per_sample};
+use crate::stability::trial::{fit_of, per_sample};
 use crate::{Accumulator, Estimator, FitOptions, FixedPressure, Shape, TaxelModel};
 use num_bigint::BigInt;
 use num_rational::BigRational;

@@ -1,8 +1,8 @@
 //! Group 2: too few counts, too few samples, too much noise: what the samples do not carry must be said.
 
-use crate::stability::case::{Case, Outcome};
+use crate::stability::case::{Case, Outcome, greatest};
 use crate::stability::taxels::{NOMINAL, Recording, Taxel, random};
-use crate::stability::trial::{against_exact, evaluate, fit_of, greatest, per_sample, sound};
+use crate::stability::trial::{against_exact, evaluate, fit_of, per_sample, sound};
 use crate::{FitOptions, Order, Status};
 use rand::RngExt;
 

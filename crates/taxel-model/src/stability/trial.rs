@@ -1,7 +1,7 @@
 //! One fit of one recording: judged against exact least squares, and by what every fit must keep.
 
 use crate::reference::Reference;
-use crate::stability::case::{Outcome, Problem};
+use crate::stability::case::{Outcome, Problem, greatest};
 use crate::stability::taxels::Recording;
 use crate::{Estimator, FitOptions, Flag, MAX_MAGNITUDE, Order, Samples, Shape, TaxelModel, fit};
 
@@ -86,11 +86,6 @@ pub fn flag_words(model: &TaxelModel) -> Vec<&'static str> {
 #[must_use]
 pub fn evaluate(model: &TaxelModel, count: f64) -> f64 {
     model.evaluate(count).map_or(f64::NAN, |reading| reading.kpa)
-}
-
-/// The greatest of the values; NaN if one is.
-pub fn greatest(values: impl IntoIterator<Item = f64>) -> f64 {
-    values.into_iter().fold(0.0, |most: f64, value| if value.is_nan() || value > most { value } else { most })
 }
 
 /// The samples that a fit takes.

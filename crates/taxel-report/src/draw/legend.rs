@@ -3,8 +3,8 @@
 
 use std::fmt::Write;
 
+use super::paper::{BOTTOM_PX, CHARACTER, LEFT_PX, Style, TOP_PX, WIDTH_PX, escape, put};
 use super::scale::{Place, Scale};
-use super::{BOTTOM_PX, CHARACTER, LEFT_PX, Style, TOP_PX, WIDTH_PX, escape, put};
 use crate::document::{Level, Line, Look};
 
 const ROW_PX: f64 = 20.0;
