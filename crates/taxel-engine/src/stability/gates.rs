@@ -9,9 +9,10 @@ use crate::intake::gauge::GaugeHistory;
 use crate::plan::SessionLimits;
 use std::sync::Arc;
 use taxel_model::TaxelModel;
+use taxel_model::stability::case::greatest;
 use taxel_model::stability::case::{Case, Contest, Outcome};
 use taxel_model::stability::taxels::{NOMINAL, Recording, normal, random};
-use taxel_model::stability::trial::{evaluate, flag_words, greatest};
+use taxel_model::stability::trial::{evaluate, flag_words};
 use taxel_skin::{Kilopascal, Time};
 
 const TO_STEADY: &str = "max |dP| to a steady ramp, kPa";

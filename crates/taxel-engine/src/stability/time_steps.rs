@@ -10,9 +10,9 @@ use crate::plan::DriftPlan;
 use crate::zero::drift::{Drift, DriftSite};
 use rand::RngExt;
 use std::sync::Arc;
+use taxel_model::stability::case::greatest;
 use taxel_model::stability::case::{Case, Outcome};
 use taxel_model::stability::taxels::{normal, random};
-use taxel_model::stability::trial::greatest;
 use taxel_model::{Accumulator, FitOptions, FixedPressure, Plays};
 use taxel_skin::{ModuleKind, Time};
 
