@@ -1,7 +1,8 @@
 //! The page and the metrics beside the service, each on a thread of its own: what JSON costs never delays a controller's
 //! sample or a frame.
 
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
 
 use anyhow::Context;
 use taxel_page::{Limits, Options, Services, Shows, bind, serve};
@@ -16,6 +17,8 @@ pub struct Site {
     /// The section of the configuration that it is from, also the name of its thread.
     name: &'static str,
     listen: SocketAddr,
+    /// Bound to it already.
+    bound: Option<Arc<TcpListener>>,
     shows: Shows,
     /// Names of a proxy before it.
     hosts: Vec<String>,
@@ -26,9 +29,25 @@ pub fn sites(config: &Config) -> Vec<Site> {
     let hosts = config.page.as_ref().map(|page| page.hosts.clone()).unwrap_or_default();
     let own = config.metrics.as_ref().and_then(|metrics| metrics.listen);
     let shows = if config.metrics.is_some() && own.is_none() { Shows::All } else { Shows::Page };
-    let page = config.page.as_ref().map(|page| Site { name: "page", listen: page.listen, shows, hosts: hosts.clone() });
-    let metrics = own.map(|listen| Site { name: "metrics", listen, shows: Shows::Metrics, hosts });
+    let page = config.page.as_ref().map(|page| Site {
+        name: "page",
+        listen: page.listen,
+        bound: page.bound.clone(),
+        shows,
+        hosts: hosts.clone(),
+    });
+    let metrics = own.map(|listen| Site { name: "metrics", listen, bound: None, shows: Shows::Metrics, hosts });
     page.into_iter().chain(metrics).collect()
+}
+
+/// Binds the page's address before there is a daemon, or another port if it is taken.
+///
+/// # Errors
+/// If there is no port to be had.
+#[cfg(feature = "sim")]
+pub fn bind_some(usual: SocketAddr) -> std::io::Result<TcpListener> {
+    let limits = Limits::default();
+    bind(usual, &limits).or_else(|_| bind(SocketAddr::new(usual.ip(), 0), &limits))
 }
 
 impl Site {
@@ -41,9 +60,10 @@ impl Site {
         self,
         shutdown: CancellationToken,
     ) -> anyhow::Result<(oneshot::Sender<SharedServices>, impl Future<Output = ()> + use<>)> {
-        let Self { name, listen, shows, hosts: names } = self;
+        let Self { name, listen, bound, shows, hosts: names } = self;
         let limits = Limits::default();
-        let listener = bind(listen, &limits).with_context(|| format!("{name}.listen = {listen}"))?;
+        let listener = bound.map_or_else(|| bind(listen, &limits), |bound| bound.try_clone());
+        let listener = listener.with_context(|| format!("{name}.listen = {listen}"))?;
         let address = listener.local_addr()?;
         let runtime = crate::runtime::runtime()?;
         let (share, shared) = oneshot::channel::<SharedServices>();

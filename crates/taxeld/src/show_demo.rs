@@ -173,20 +173,23 @@ fn print_table(args: &DemoArgs, outcomes: &[Outcome]) {
     say!("({what}; the paper reports about 12 % for masses on the real forearm)");
 }
 
-/// Gives the demo its page, on another port if the usual one is taken. Its address, if this build has one.
+/// Gives the demo its page, on another port if the usual one is taken. Its address.
+///
+/// The port is kept from here on: of several demos that start at one moment each has its own.
+#[cfg(feature = "page")]
 fn with_page(config: &mut Config) -> anyhow::Result<Option<SocketAddr>> {
-    if cfg!(not(feature = "page")) {
-        return Ok(None);
-    }
-    let mut page = PageSection::default();
-    if TcpListener::bind(page.listen).is_err() {
-        page.listen.set_port(0);
-        page.listen = TcpListener::bind(page.listen)?.local_addr()?;
-    }
-    let listen = page.listen;
-    config.page = Some(page);
+    let bound = crate::page::bind_some(PageSection::default().listen).context("a port for the page")?;
+    let listen = bound.local_addr()?;
+    config.page = Some(PageSection { listen, bound: Some(Arc::new(bound)), ..PageSection::default() });
     config.metrics = Some(MetricsSection::default());
     Ok(Some(listen))
+}
+
+/// This build has no page.
+#[cfg(not(feature = "page"))]
+#[allow(clippy::unnecessary_wraps)] // as with a page
+const fn with_page(_: &mut Config) -> anyhow::Result<Option<SocketAddr>> {
+    Ok(None)
 }
 
 /// Gives the demo its page in shared memory, in the folder that was asked for, or in the usual one if it can be had. The

@@ -1,7 +1,8 @@
 //! `[page]`: the operator's page, and the service as JSON; `[metrics]` for Prometheus.
 
 use serde::Deserialize;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpListener};
+use std::sync::Arc;
 
 /// Longest name of a host, in bytes.
 const NAME_BYTES_MAX: usize = 253;
@@ -14,11 +15,14 @@ pub struct PageSection {
     pub listen: SocketAddr,
     /// Names beside localhost by which it may be asked for: those of a proxy before it.
     pub hosts: Vec<String>,
+    /// What is bound to that address already, by the demo: no file says so.
+    #[serde(skip)]
+    pub bound: Option<Arc<TcpListener>>,
 }
 
 impl Default for PageSection {
     fn default() -> Self {
-        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8_080)), hosts: Vec::new() }
+        Self { listen: SocketAddr::from(([127, 0, 0, 1], 8_080)), hosts: Vec::new(), bound: None }
     }
 }
 
