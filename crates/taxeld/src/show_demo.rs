@@ -16,7 +16,9 @@ use taxel_skin::{BusIndex, Geometry};
 use taxel_store::models_json;
 
 use crate::clock::RunClock;
-use crate::config::{self, Config, Door, Doors, MetricsSection, PageSection, Scene, SharedMemorySection};
+use crate::config::{self, Config, Door, Doors, Scene, SharedMemorySection};
+#[cfg(feature = "page")]
+use crate::config::{MetricsSection, PageSection};
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
 use crate::picture;
 use crate::run::{Daemon, StoreAt};

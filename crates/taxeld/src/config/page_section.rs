@@ -72,8 +72,11 @@ mod tests {
 
     #[test]
     fn only_loopback_addresses_and_plain_names_are_taken() {
-        let of =
-            |listen: &str, host: &str| PageSection { listen: listen.parse().unwrap(), hosts: vec![host.to_owned()] };
+        let of = |listen: &str, host: &str| PageSection {
+            listen: listen.parse().unwrap(),
+            hosts: vec![host.to_owned()],
+            bound: None,
+        };
         for (listen, host) in [("127.0.0.1:8080", "robot.lab"), ("[::1]:1", "a"), ("127.9.9.9:0", "x-1.y_2")] {
             assert_eq!(problem(Some(&of(listen, host)), None), None);
         }
