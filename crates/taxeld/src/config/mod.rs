@@ -32,7 +32,7 @@ pub use load::load;
 pub use load::parse;
 pub use modules::KindWord;
 pub use modules::written as modules_written;
-#[cfg(feature = "sim")]
+#[cfg(all(feature = "sim", feature = "page"))]
 pub use page_section::{MetricsSection, PageSection};
 #[cfg(feature = "record")]
 pub use parts::BusSection;
