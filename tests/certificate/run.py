@@ -49,9 +49,11 @@ class Daemon:
     def lay(self, kilogram):
         """The simulated hand lays half a kilogram on for five seconds out of ten: what comes between is refused."""
         end = time.monotonic() + PATIENCE_S
-        while self.call("load", kilogram, allowed=(0, 3)).returncode != 0:
+        while (done := self.call("load", kilogram, allowed=(0, 3))).returncode != 0:
             if time.monotonic() > end:
-                sys.exit("no known load was taken")
+                sys.exit(f"no known load was taken: {done.stderr}")
+            if "zero" in done.stderr:  # taken while the bag still let go, and found out
+                self.call("tare", allowed=(0, 3))
             time.sleep(0.5)
 
     def stop(self):
