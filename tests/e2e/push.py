@@ -23,7 +23,7 @@ sys.path.insert(0, str(HERE.parent / "arrays"))
 
 import arrays
 import run
-from run import calibrate, force_until, health_until, mean_force, served, state_of, tare_at_rest
+from run import calibrate, force_until, health_until, mean_force, served, state_of, zero_for_all
 
 TAXELS = 64
 RISE_KPA_PER_S, FALL_KPA_PER_S = 4.0, 24.0
@@ -139,7 +139,7 @@ def check(client, array, address):
         pusher.pushes()
         health_until(client, lambda h: h.buses[0].up)
         force_until(client, "scans", lambda s: s.HasField("age_s"))
-        calibrate(client, array, None)
+        models = calibrate(client, array, None).model_set
         with Pusher(array, address) as second:
             said = second.process.stderr.readline()
         assert "ALREADY_EXISTS" in said and "glove" in said, said
@@ -149,7 +149,7 @@ def check(client, array, address):
     with Pusher(array, address) as pusher:
         pusher.pushes()
         force_until(client, "scans without a zero", lambda s: state_of(s) == "TARE_INVALID")
-        tare_at_rest(client)
+        zero_for_all(client, models)
         force_until(client, "a force again", served)
         weigh(client, array)
         bus = client.call("SkinService/GetHealth").buses[0]
