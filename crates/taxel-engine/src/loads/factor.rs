@@ -56,7 +56,7 @@ pub struct AreaFactor {
     pub sigma: f64,
     /// How many loads it is from, 3 or more.
     pub loads: usize,
-    /// At how many places of the patch they lay, 1 or more.
+    /// At how many places of the patch they are known to have lain.
     pub places: usize,
     /// Of how many of them it is not known where they lay.
     pub unplaced: usize,
@@ -80,8 +80,8 @@ impl AreaFactor {
         let chi2 = sum(&|p| p.weight * (p.laid - value * p.read).powi(2)) / (n - 1) as f64;
         let sigma = (chi2.max(1.0) / xx).sqrt();
         let felt: Vec<&[u16]> = loads.iter().map(|load| load.read.taxels.as_slice()).collect();
-        let (places, area_uncertainty) = elsewhere(&points, value, &places(&felt));
         let unplaced = felt.iter().filter(|taxels| taxels.is_empty()).count();
+        let (places, area_uncertainty) = elsewhere(&points, value, &places(&felt), unplaced > 0);
         let finite = [value, sigma, area_uncertainty].into_iter().all(f64::is_finite);
         finite.then_some(Self { value, sigma, loads: n, places, unplaced, area_uncertainty })
     }
@@ -125,8 +125,9 @@ impl AreaFactor {
     }
 }
 
-/// How many places there are, and the relative standard uncertainty of the areas at another one.
-fn elsewhere(points: &[Point], value: f64, places: &[usize]) -> (usize, f64) {
+/// How many places there are, and the relative standard uncertainty of the areas at another one. Loads whose place is not
+/// known may lie at one of the others, and make no place more.
+fn elsewhere(points: &[Point], value: f64, places: &[usize], some_unknown: bool) -> (usize, f64) {
     let count = places.iter().max().map_or(0, |last| last + 1);
     let mut of_place = vec![(0.0, 0.0); count];
     for (point, place) in points.iter().zip(places) {
@@ -138,12 +139,13 @@ fn elsewhere(points: &[Point], value: f64, places: &[usize]) -> (usize, f64) {
     let total: f64 = of_place.iter().map(|(a, _)| a).sum();
     let squares: f64 = of_place.iter().map(|(a, _)| a * a).sum();
     let deviations: f64 = of_place.iter().map(|(a, weighted)| a * (weighted / a - 1.0).powi(2)).sum();
-    let degrees = count.saturating_sub(1);
+    let known = count - usize::from(some_unknown);
+    let degrees = known.saturating_sub(1);
     let room = total - squares / total;
     let scatter = if count > 1 { ((deviations - degrees as f64).max(0.0) / room).sqrt() } else { 0.0 };
     let half_t = half_student(degrees);
     let mean = half_t * (1.0 / total + (scatter.max(PLACE_REL) / total).powi(2) * squares).sqrt();
-    (count, mean.hypot((half_t * scatter).max(PLACE_REL)))
+    (known, mean.hypot((half_t * scatter).max(PLACE_REL)))
 }
 
 /// Half of Student's t, and not less than 1; without any degree of freedom that of one.
@@ -256,6 +258,10 @@ mod tests {
         });
         let doubt = estimate(&old).unwrap().doubt().unwrap();
         assert!(doubt.contains("3 are of an earlier version"), "{doubt}");
+        // They may lie at one of the two places that are known.
+        let both = [old.as_slice(), &[load(3.0, 3.0, 0.1), load(5.0, 5.0, 0.1)]].concat();
+        let factor = estimate(&both).unwrap();
+        assert!((factor.places, factor.unplaced) == (2, 3) && factor.doubt().is_some(), "{factor:?}");
     }
 
     #[test]

@@ -157,8 +157,8 @@ where
     }
 }
 
-/// The answer of a service that is not ours. It holds a place until it has ended or its reader is gone, and a refusal
-/// at its end gets a reason for programs, as ours have one.
+/// The answer of a call. It holds a place until it has ended or its reader is gone, and a refusal at its end that has no
+/// reason for programs gets one.
 struct Held {
     body: Body,
     _place: Place,
