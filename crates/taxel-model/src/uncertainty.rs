@@ -40,7 +40,8 @@ impl SigmaProfile {
         let k = (place as usize).min(last.saturating_sub(1));
         let part = place - k as f64;
         let next = self.sigma_kpa[(k + 1).min(last)];
-        self.sigma_kpa[k] + part * (next - self.sigma_kpa[k])
+        // Not a + part (b - a): beside a knot of 1e20 kPa that would read 0 at one of 1 kPa.
+        (1.0 - part) * self.sigma_kpa[k] + part * next
     }
 }
 
@@ -77,7 +78,9 @@ pub(crate) fn profile(evidence: &Evidence<'_>) -> Option<(SigmaProfile, Vec<f64>
     let [low, high] = evidence.range;
     let by_count = evidence.integer && high - low < MAX_KNOTS;
     let intervals = if by_count { (high - low).max(0.0) as usize } else { REAL_KNOTS };
-    let step = if by_count || high <= low { 1.0 } else { (high - low) / REAL_KNOTS as f64 };
+    // Counts as near as the smallest numbers, or as far apart as the greatest, have no width to divide.
+    let width = (high - low) / REAL_KNOTS as f64;
+    let step = if !by_count && width.is_normal() { width } else { 1.0 };
     let knot = |count: f64| (((count - low) / step).clamp(0.0, intervals as f64) + 0.5) as usize;
     // A knot more at each end, so that every one has two neighbours.
     let (mut n, mut squares) = (vec![0.0; intervals + 3], vec![0.0; intervals + 3]);
@@ -92,6 +95,8 @@ pub(crate) fn profile(evidence: &Evidence<'_>) -> Option<(SigmaProfile, Vec<f64>
     let t: Vec<f64> = counts.iter().map(|count| (count - evidence.curve.centre) / evidence.scale).collect();
     let leverages = evidence.basis.leverages(&t, evidence.order);
     let windows = n.windows(3).zip(squares.windows(3));
+    // Samples that a curve meets exactly say nothing of its error, but it was computed in doubles.
+    let rounding = f64::EPSILON * evidence.curve.chebyshev.iter().map(|c| c.abs()).sum::<f64>();
     let sigma_kpa = windows
         .zip(counts.iter().zip(&leverages))
         .map(|((n, squares), (count, (leverage, last)))| {
@@ -103,7 +108,7 @@ pub(crate) fn profile(evidence: &Evidence<'_>) -> Option<(SigmaProfile, Vec<f64>
             let unseen = if near > 0.0 { 0.0 } else { evidence.d[evidence.order] * last };
             // Quantisation is in the residuals of integer counts already: it is a floor, not a term. Far from all
             // samples a basis overflows: the deviation stays a number that files can hold.
-            (local.max(quantum) + pooled * leverage + unseen * unseen).sqrt().min(f64::MAX)
+            (local.max(quantum) + pooled * leverage + unseen * unseen).sqrt().max(rounding).min(f64::MAX)
         })
         .collect();
     let support = n[1..=intervals + 1].to_vec();
@@ -135,6 +140,22 @@ pub fn student_975(dof: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Estimator, Exclusion, FitOptions, Order, Samples, fit};
+
+    /// Found by `no_samples_and_no_options_break_a_fit`, one time in 7000.
+    #[test]
+    fn counts_of_almost_no_width_have_a_profile() {
+        let near_nothing = 5e-324; // The smallest number above 0: a 64th of it is 0.
+        for (low, high) in [(0.0, near_nothing), (-1e308, 1e308)] {
+            let counts: Vec<f64> = (0..400).map(|k| if k % 2 == 0 { low } else { high }).collect();
+            let kpa: Vec<f64> = (0..400).map(|k| f64::from(k % 2) * 20.0 + f64::from(k % 7)).collect();
+            for estimator in [Estimator::PerSample, Estimator::PressureBinned] {
+                let exclusion = Exclusion { min_swing_counts: 0.0, ..Exclusion::default() };
+                let options = FitOptions { order: Order::Fixed(1), estimator, exclusion, ..FitOptions::default() };
+                assert_eq!(fit(&Samples::new(&counts, &kpa), &options).validate(), Ok(()), "{low} to {high}");
+            }
+        }
+    }
 
     #[test]
     fn students_quantiles_are_those_of_the_tables() {
@@ -142,6 +163,22 @@ mod tests {
             assert!((student_975(dof) / want - 1.0).abs() < 0.01, "{dof}: {}", student_975(dof));
         }
         assert_eq!(student_975(0.0), f64::INFINITY);
+    }
+
+    #[test]
+    fn a_knot_beside_a_great_one_keeps_its_deviation() {
+        let profile = SigmaProfile { first_count: 0.0, step_counts: 1.0, sigma_kpa: vec![1e300, 2.0] };
+        assert_eq!(profile.at(1.0), 2.0);
+        assert_eq!(SigmaProfile { sigma_kpa: vec![2.0, 1e300], ..profile }.at(0.0), 2.0);
+    }
+
+    #[test]
+    fn three_samples_on_a_line_are_no_proof_that_it_has_no_error() {
+        let exclusion = Exclusion { min_swing_counts: 0.0, ..Exclusion::default() };
+        let options = FitOptions { order: Order::Fixed(1), exclusion, min_samples_at_ends: 0, ..FitOptions::default() };
+        let model = fit(&Samples::new(&[4.5, 10.0, 4.5], &[57.0, 0.0, 57.0]), &options);
+        let reading = model.evaluate(4.5).unwrap();
+        assert!(reading.sigma_kpa > 0.0, "{reading:?}");
     }
 
     #[test]

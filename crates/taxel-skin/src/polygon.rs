@@ -1,6 +1,6 @@
 //! Convex polygons in a plane: hull, growth, cut and area.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// A point of the plane; the unit is the caller's.
 pub type Point = [f64; 2];
@@ -8,8 +8,9 @@ pub type Point = [f64; 2];
 /// A hull whose area is below this share of the square of its extent is a line.
 const LINE_SHARE: f64 = 1e-6;
 
-/// Round corners are drawn with chords over at most this angle, in radians: a full disc of them lacks 0.3 % of its area.
-const ARC_STEP: f64 = TAU / 48.0;
+/// No corner of a grown polygon is further from that of the original than so many times the distance by which it grew.
+/// At the corner of a triangle of equal sides it is 2.
+const SPIKE: f64 = 3.0;
 
 /// A convex polygon, its corners counter-clockwise. Without corners it is empty.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,33 +29,50 @@ impl Convex {
         (hull.0.len() >= 3 && hull.area() > LINE_SHARE * extent * extent).then_some(hull)
     }
 
-    /// This polygon with a rim of equal width that brings it to `area`; itself if it is larger already.
+    /// The distance by which all sides must move out for this polygon to have `area`; 0 if it is larger already.
     ///
-    /// A rim of width r adds `perimeter r + pi r^2` (Steiner 1840).
-    pub fn grown_to(&self, area: f64) -> Self {
-        let (perimeter, lacking) = (self.perimeter(), area - self.area());
-        if lacking > 0.0 {
-            self.grown(2.0 * lacking / (perimeter + (perimeter * perimeter + 4.0 * PI * lacking).sqrt()))
-        } else {
-            self.clone()
-        }
+    /// Sides that move out by r add `perimeter r`, corners `c r^2` each; see [`Self::grown`].
+    pub fn rim_to(&self, area: f64) -> f64 {
+        let (perimeter, lacking) = (self.perimeter(), (area - self.area()).max(0.0));
+        let corners: f64 = self.turns().map(|(_, _, turn)| corner_share(turn)).sum();
+        2.0 * lacking / (perimeter + (perimeter * perimeter + 4.0 * corners * lacking).sqrt())
     }
 
-    /// All points within `distance` of this polygon: straight along its sides, round at its corners.
-    fn grown(&self, distance: f64) -> Self {
-        let n = self.0.len();
+    /// This polygon with all sides moved out by `distance`. Corners stay sharp, but for those that would come to lie
+    /// further out than [`SPIKE`] times the distance: these are cut off there.
+    pub fn grown(&self, distance: f64) -> Self {
         let mut corners = Vec::new();
-        for (i, &corner) in self.0.iter().enumerate() {
-            let (before, after) = (self.0[(i + n - 1) % n], self.0[(i + 1) % n]);
-            let first = outward_angle(minus(corner, before));
-            let turn = (outward_angle(minus(after, corner)) - first).rem_euclid(TAU);
-            let steps = (turn / ARC_STEP).ceil().max(1.0);
-            corners.extend((0..=steps as usize).map(|step| {
-                let angle = first + turn * step as f64 / steps;
-                [corner[0] + distance * angle.cos(), corner[1] + distance * angle.sin()]
-            }));
+        for (corner, first, turn) in self.turns() {
+            let at = |angle: f64, far: f64| {
+                [corner[0] + distance * far * angle.cos(), corner[1] + distance * far * angle.sin()]
+            };
+            let (half, middle) = (0.5 * turn, first + 0.5 * turn);
+            if half.cos() * SPIKE >= 1.0 {
+                corners.push(at(middle, 1.0 / half.cos()));
+            } else {
+                // Where the side at `first`, one away from the corner, is SPIKE away along the middle.
+                let along = (SPIKE - half.cos()) / half.sin();
+                let (far, aside) = (along.hypot(1.0), along.atan());
+                corners.extend([at(first + aside, far), at(first + turn - aside, far)]);
+            }
         }
         Self(corners)
+    }
+
+    /// Each corner with the angle at which the side before it faces outwards, and the angle from there to the next.
+    fn turns(&self) -> impl Iterator<Item = (Point, f64, f64)> + '_ {
+        let n = self.0.len();
+        (0..n).map(move |i| {
+            let (before, corner, after) = (self.0[(i + n - 1) % n], self.0[i], self.0[(i + 1) % n]);
+            let first = outward_angle(minus(corner, before));
+            (corner, first, (outward_angle(minus(after, corner)) - first).rem_euclid(TAU))
+        })
+    }
+
+    /// The sides, counter-clockwise.
+    pub fn sides(&self) -> impl Iterator<Item = [Point; 2]> + '_ {
+        let n = self.0.len();
+        (0..n).map(move |i| [self.0[i], self.0[(i + 1) % n]])
     }
 
     /// Cuts off all points whose component along `direction` is beyond `limit` (Sutherland and Hodgman 1974).
@@ -77,8 +95,7 @@ impl Convex {
     }
 
     fn perimeter(&self) -> f64 {
-        let n = self.0.len();
-        (0..n).map(|i| length(minus(self.0[(i + 1) % n], self.0[i]))).sum()
+        self.sides().map(|[from, to]| length(minus(to, from))).sum()
     }
 
     /// Distance from `point` to the furthest corner.
@@ -117,6 +134,14 @@ fn half_hull(points: impl Iterator<Item = Point>) -> Vec<Point> {
     corners
 }
 
+/// What a corner adds to the area of a polygon whose sides move out by 1, where the direction turns by `turn`: two right
+/// triangles, without the tip beyond [`SPIKE`].
+fn corner_share(turn: f64) -> f64 {
+    let (sine, cosine) = (0.5 * turn).sin_cos();
+    let tip = (1.0 / cosine - SPIKE).max(0.0);
+    if tip > 0.0 { sine / cosine - tip * tip * cosine / sine } else { sine / cosine }
+}
+
 /// The angle of the normal that points out of a polygon with this side.
 fn outward_angle(side: Point) -> f64 {
     (-side[0]).atan2(side[1])
@@ -146,18 +171,22 @@ mod tests {
     }
 
     #[test]
-    fn a_grown_square_has_straight_sides_and_round_corners() {
+    fn a_grown_square_is_a_square() {
         assert_eq!(square().0.len(), 4);
-        let area = square().grown(1.0).area();
-        let exact = 4.0 + 8.0 + PI;
-        assert!(area < exact && area > exact - 0.003 * PI, "{area}, exactly {exact}");
+        let grown = square().grown(1.0);
+        assert_eq!(grown.0.len(), 4);
+        assert!((grown.area() - 16.0).abs() < 1e-12 && grown.contains([-0.999, 2.999]), "{grown:?}");
+        assert!((square().rim_to(16.0) - 1.0).abs() < 1e-12);
+        assert_eq!(square().rim_to(3.0).to_bits(), 0.0_f64.to_bits());
     }
 
     #[test]
-    fn a_rim_brings_the_area_that_is_asked_for() {
-        let area = square().grown_to(15.0).area();
-        assert!((area / 15.0 - 1.0).abs() < 2e-3, "{area}");
-        assert_eq!(square().grown_to(3.0), square());
+    fn a_sharp_corner_does_not_become_a_spike() {
+        let needle = Convex::hull(&[[0.0, 0.0], [20.0, -1.0], [20.0, 1.0]]).unwrap();
+        let grown = needle.grown(2.0);
+        assert_eq!(grown.0.len(), 4, "the tip is cut off");
+        let tip = grown.0.iter().map(|corner| corner[0]).fold(f64::MAX, f64::min);
+        assert!((tip + 2.0 * SPIKE).abs() < 1e-9, "{grown:?}");
     }
 
     #[test]
@@ -175,6 +204,16 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_rim_brings_the_area_that_is_asked_for(
+            points in proptest::collection::vec([-10.0_f64..10.0, -10.0_f64..10.0], 3..12), more in 0.0_f64..300.0,
+        ) {
+            let Some(hull) = Convex::hull(&points) else { return Ok(()) };
+            let wanted = hull.area() + more;
+            let grown = hull.grown(hull.rim_to(wanted)).area();
+            prop_assert!((grown / wanted - 1.0).abs() < 1e-9, "{grown} mm2, wanted {wanted}");
+        }
+
         #[test]
         fn both_sides_of_a_cut_add_up(
             points in proptest::collection::vec([-10.0_f64..10.0, -10.0_f64..10.0], 3..12),

@@ -75,6 +75,9 @@ pub struct FitArgs {
     /// where it wins on a stretch that it was not found on; 0 is not at all.
     #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = parse_seconds)]
     max_clock: f64,
+    /// What the gauge reads in the first two seconds is its own error where nothing moves then: take it off, up to 10 kPa.
+    #[arg(long)]
+    gauge_zero: bool,
     /// Exclude taxels that move by less than so many counts, as the paper does; 0 is off.
     #[arg(long, value_name = "COUNTS", default_value_t = 0.0, value_parser = parse_seconds)]
     min_swing: f64,
@@ -186,6 +189,7 @@ impl FitArgs {
             smooth_s: self.smooth,
             max_lag_s: self.max_lag,
             max_clock_s: self.max_clock,
+            gauge_zero: self.gauge_zero,
             ..FitRecipe::default()
         }
     }

@@ -21,8 +21,9 @@ use crate::files;
 use crate::force_file::ForceFile;
 use crate::offline::Offline;
 use crate::open_log::{Wanted, open_log};
-use crate::run::{Daemon, StoreAt};
+use crate::run::Daemon;
 use crate::say;
+use crate::store_at::StoreAt;
 
 /// Frames per read.
 const FRAMES: usize = 4096;

@@ -1,6 +1,10 @@
+use std::ops::Range;
+
+use super::voronoi::{Board as Outline, Part};
 use super::*;
-use crate::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, TaxelPose};
-use nalgebra::{Rotation3, Unit};
+use crate::polygon::{Convex, Point, length, minus};
+use crate::{Board, BoardAddress, BusIndex, Geometry, Module, TaxelPose};
+use nalgebra::{Rotation3, Unit, Vector3};
 use proptest::prelude::*;
 
 fn geometry(places_mm: &[[f64; 3]]) -> Geometry {
@@ -123,6 +127,102 @@ fn icubs_own_forearm_files() {
     }
 }
 
+/// Triangles whose centres lie `spacing_mm` apart and that fill a hexagon with sides of `rings` triangles: their taxels,
+/// and whether each triangle has a neighbour on all sides.
+fn tiling(spacing_mm: f64, rings: i32) -> (Vec<[f64; 2]>, Vec<bool>) {
+    let side = spacing_mm * 3.0_f64.sqrt();
+    let mut taxels = Vec::new();
+    let mut there = std::collections::HashSet::new();
+    // A triangle by its corner of the lattice, and whether it points up; the hexagon is |a|, |b|, |a + b| <= rings.
+    let inside = |a: i32, b: i32| a.abs().max(b.abs()).max((a + b).abs()) <= rings;
+    for (a, b) in (-rings..=rings).flat_map(|a| (-rings..=rings).map(move |b| (a, b))) {
+        for up in [true, false] {
+            let corners = if up { [(a, b), (a + 1, b), (a, b + 1)] } else { [(a + 1, b), (a, b + 1), (a + 1, b + 1)] };
+            if corners.iter().all(|&(a, b)| inside(a, b)) {
+                there.insert((a, b, up));
+            }
+        }
+    }
+    let mut all: Vec<(i32, i32, bool)> = there.iter().copied().collect();
+    all.sort_unstable();
+    let mut inner = Vec::new();
+    for (a, b, up) in all {
+        let third = if up { 1.0 / 3.0 } else { 2.0 / 3.0 };
+        let (u, v) = (f64::from(a) + third, f64::from(b) + third);
+        let centre = [side * (u + 0.5 * v), side * 0.75_f64.sqrt() * v];
+        let turn = if up { 1.0 } else { -1.0 };
+        taxels.extend(TRIANGLE_MM.map(|[x, y]| [centre[0] + turn * x, centre[1] + turn * y]));
+        let beside = if up { [(a, b), (a - 1, b), (a, b - 1)] } else { [(a, b), (a + 1, b), (a, b + 1)] };
+        inner.push(beside.iter().all(|&(a, b)| there.contains(&(a, b, !up))));
+    }
+    (taxels, inner)
+}
+
+/// Cells of a tiling of modules 18 mm apart, placed by `place`, in mm2, and which modules have neighbours all round.
+fn cells_of_a_tiling(place: impl Fn([f64; 2]) -> [f64; 3]) -> (Vec<f64>, Vec<bool>) {
+    let (taxels, inner) = tiling(18.0, 2);
+    let places: Vec<[f64; 3]> = taxels.into_iter().map(place).collect();
+    let modules = (0..inner.len()).map(|module| 10 * module..10 * module + 10);
+    let areas = voronoi(&geometry(&places), modules, TILING_MEAN);
+    (areas.into_iter().map(|area| area.unwrap().0).collect(), inner)
+}
+
+/// Mean area of a taxel in a tiling of triangles 18 mm apart.
+const TILING_MEAN: SquareMillimetre = SquareMillimetre(42.088_8);
+
+#[test]
+fn a_tiling_of_triangles_keeps_its_area_and_gives_each_taxel_its_share() {
+    let (cells, inner) = cells_of_a_tiling(|[x, y]| [x, y, 0.0]);
+    assert_eq!((inner.len(), inner.iter().filter(|inner| **inner).count()), (24, 12));
+    for (module, cells) in cells.chunks(10).enumerate() {
+        let sum: f64 = cells.iter().sum();
+        // At the edge of the part as within it; the pattern is known to 0.01 mm.
+        assert!((sum / (10.0 * TILING_MEAN.0) - 1.0).abs() < 1e-4, "module {module}: {sum} mm2");
+        for (slot, cell) in cells.iter().enumerate() {
+            // As the template has it.
+            let share = [0.095, 0.115, 0.085][if slot == 3 { 2 } else { usize::from([1, 5, 8].contains(&slot)) }];
+            let wanted = share * 10.0 * TILING_MEAN.0;
+            assert!((cell - wanted).abs() < 0.15, "module {module}, taxel {slot}: {cell} mm2, wanted {wanted}");
+        }
+    }
+}
+
+#[test]
+fn a_tiling_round_a_limb_keeps_its_area() {
+    // The modules are flat and touch the cylinder: about 26 degrees lie between two of them.
+    let radius = 40.0;
+    let (centres, _) = tiling(18.0, 2);
+    let centre_of = |at: [f64; 2]| {
+        let of = centres.chunks(10).find(|module| module.contains(&at)).unwrap();
+        [0, 1].map(|axis| of.iter().map(|taxel| taxel[axis]).sum::<f64>() / 10.0)
+    };
+    let (cells, _) = cells_of_a_tiling(|at| {
+        let [x, y] = centre_of(at);
+        let (sine, cosine) = (x / radius).sin_cos();
+        let (aside, along) = (at[0] - x, at[1] - y);
+        [radius * sine + aside * cosine, y + along, radius * cosine - aside * sine]
+    });
+    let sum: f64 = cells.iter().sum();
+    assert!((sum / (240.0 * TILING_MEAN.0) - 1.0).abs() < 2e-3, "{sum} mm2");
+}
+
+#[test]
+fn positions_rounded_to_a_millimetre_lose_no_area_and_do_not_inflate_the_edge() {
+    for shift in [0.0, 0.37, 0.71] {
+        let (cells, inner) = cells_of_a_tiling(|[x, y]| [(x + shift).round(), (y - shift).round(), 0.0]);
+        let sum: f64 = cells.iter().sum();
+        eprintln!("shift {shift}: {sum:.1} mm2 of {:.1}", 240.0 * TILING_MEAN.0);
+        assert!((sum / (240.0 * TILING_MEAN.0) - 1.0).abs() < 2e-3, "{sum} mm2");
+        let mean = |wanted: bool| {
+            let modules = cells.chunks(10).zip(&inner).filter(|(_, inner)| **inner == wanted);
+            modules.map(|(cells, _)| cells.iter().sum::<f64>()).sum::<f64>() / 12.0
+        };
+        let [edge, within] = [mean(false), mean(true)];
+        eprintln!("{edge:.1} mm2 a module at the edge, {within:.1} within");
+        assert!((edge / within - 1.0).abs() < 0.01, "{edge} mm2 at the edge, {within} within");
+    }
+}
+
 /// Places at least 2 mm apart in a square of 30 mm.
 fn scattered() -> impl Strategy<Value = Vec<[f64; 2]>> {
     proptest::collection::vec([0.0_f64..30.0, 0.0_f64..30.0], 4..25).prop_map(|points| {
@@ -145,7 +245,7 @@ proptest! {
         let Some(hull) = Convex::hull(&points) else { return Ok(()) };
         let flat: Vec<[f64; 3]> = points.iter().map(|&[x, y]| [x, y, 0.0]).collect();
         let module = 0..flat.len();
-        let outline = hull.grown_to(MEAN.0 * flat.len() as f64).area();
+        let outline = hull.grown(hull.rim_to(MEAN.0 * flat.len() as f64)).area();
         let still = areas(&flat, Some(module.clone()));
         let sum: f64 = still.iter().sum();
         prop_assert!((sum / outline - 1.0).abs() < 1e-9, "{sum} mm2 of {outline}");
@@ -162,7 +262,8 @@ proptest! {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
-    /// The definition itself: a point belongs to the nearest taxel of all, if it lies in that taxel's module.
+    /// The definition itself, before anything is refilled: a point belongs to the nearest taxel of all, if it lies in
+    /// that taxel's module.
     #[test]
     fn cells_of_two_modules_are_what_a_fine_grid_finds(one in scattered(), two in scattered(), gap in 0.0_f64..8.0) {
         let beside = two.iter().map(|&[x, y]| [x + 30.0 + gap, y, 0.0]);
@@ -170,10 +271,14 @@ proptest! {
         let modules = [0..one.len(), one.len()..places.len()];
         let outline = |module: &Range<usize>| {
             let flat: Vec<Point> = places[module.clone()].iter().map(|p| [p[0], p[1]]).collect();
-            Some(Convex::hull(&flat)?.grown_to(MEAN.0 * flat.len() as f64))
+            let hull = Convex::hull(&flat)?;
+            Some(hull.grown(hull.rim_to(MEAN.0 * flat.len() as f64)))
         };
         let (Some(left), Some(right)) = (outline(&modules[0]), outline(&modules[1])) else { return Ok(()) };
-        let found = voronoi(&geometry(&places), modules.iter().cloned(), MEAN);
+        let all: Vec<_> = places.iter().map(|place| Some(Vector3::from(*place))).collect();
+        let boards: Vec<Outline> = modules.iter().filter_map(|own| Outline::new(own.clone(), &all, MEAN)).collect();
+        let found: Vec<f64> =
+            boards.iter().flat_map(|board| Part::new(board, &boards, &all).cells(0.0).collect::<Vec<_>>()).collect();
         // A side of a cell that happens to lie along the grid is off by half a step over its whole length, and so may be
         // the opposite one: cells are at least 2 mm wide, so that this stays below the tolerance up to a length of 20 mm.
         let step = 0.2;
@@ -185,7 +290,7 @@ proptest! {
             counted[nearest] += u32::from(module.contains(point));
         }
         for (taxel, count) in counted.into_iter().enumerate() {
-            let (grid, exact) = (f64::from(count) * step * step, found[taxel].map_or(0.0, |area| area.0));
+            let (grid, exact) = (f64::from(count) * step * step, found[taxel]);
             prop_assert!((grid - exact).abs() < 0.05 * exact + 2.0, "taxel {taxel}: {exact} mm2, on a grid {grid} mm2");
         }
     }

@@ -12,6 +12,7 @@ pub mod apply;
 mod clock;
 pub(crate) mod course;
 mod dropouts;
+mod gauge_zero;
 mod hysteresis;
 pub mod judge;
 pub(crate) mod lag;

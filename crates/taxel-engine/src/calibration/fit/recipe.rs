@@ -6,6 +6,7 @@ use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::{Branch, PlaysChoice};
 use crate::calibration::fit::clock;
 use crate::calibration::fit::course::Course;
+use crate::calibration::fit::gauge_zero;
 use crate::calibration::fit::lag;
 use crate::calibration::fit::legs::GAUGE_MEDIAN_SCANS;
 use crate::calibration::fit::masks::Masks;
@@ -43,6 +44,8 @@ pub fn fit(
         kpa = clock::set_right(scans.time_s, &kpa, &clock);
         top = top_of(&kpa).ok_or(RecordingError::NoPressure)?;
     }
+    let gauge_zero_kpa = if recipe.gauge_zero { gauge_zero::find(scans, &kpa, &masks) } else { 0.0 };
+    kpa.iter_mut().for_each(|p| *p -= gauge_zero_kpa);
     let course = if recipe.is_paper() { Course::of_runs(&kpa) } else { Course::of_recording(scans.len(), top) };
     let fit = SkinFit { scans, masks, kpa, course, recipe };
     let fitted = fit.run(progress);
@@ -58,7 +61,7 @@ pub fn fit(
         patch: String::new(),
         created_wall_ns: 0,
         session: None,
-        method: method(recipe, fitted.plays_on),
+        method: method(recipe, fitted.plays_on, gauge_zero_kpa),
         board_settings: Vec::new(),
         pressure_max_kpa: fit.kpa[top],
         gauge_gain_rel: recipe.options.gauge.gain_rel,
@@ -94,11 +97,15 @@ fn top_of(kpa: &[f64]) -> Option<usize> {
 }
 
 /// How a set was fitted, in words.
-fn method(recipe: &FitRecipe, plays_on: bool) -> String {
+fn method(recipe: &FitRecipe, plays_on: bool, gauge_zero_kpa: f64) -> String {
     let branch = match recipe.branch {
         Branch::Both => "rising and falling",
         Branch::Rising => "rising",
     };
     let plays = if plays_on { plays_in_words(recipe.plays_order) } else { String::new() };
-    format!("{}, {branch}{plays}", method_of(&recipe.options))
+    let zero = match gauge_zero_kpa {
+        0.0 => String::new(),
+        zero_kpa => format!(", less {zero_kpa:.2} kPa that the gauge reads at rest"),
+    };
+    format!("{}, {branch}{plays}{zero}", method_of(&recipe.options))
 }

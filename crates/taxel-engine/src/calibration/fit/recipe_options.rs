@@ -26,6 +26,8 @@ pub struct FitRecipe {
     /// A clock of the gauge's own is looked for within so many seconds, and used where it wins on a stretch that it was
     /// not found on; 0 is not at all.
     pub max_clock_s: f64,
+    /// Whether what the gauge says while nothing presses is its own error, to be taken off.
+    pub gauge_zero: bool,
     /// Limits of the faults.
     pub faults: FaultLimits,
 }
@@ -41,6 +43,7 @@ impl Default for FitRecipe {
             smooth_s: 0.5,
             max_lag_s: 0.0,
             max_clock_s: 8.0,
+            gauge_zero: false,
             faults: FaultLimits::default(),
         }
     }
@@ -61,7 +64,7 @@ impl FitRecipe {
             return self.clone();
         }
         let (branch, plays) = (Branch::Rising, PlaysChoice::Off);
-        Self { branch, plays, smooth_s: 0.0, max_lag_s: 0.0, ..self.clone() }
+        Self { branch, plays, smooth_s: 0.0, max_lag_s: 0.0, gauge_zero: false, ..self.clone() }
     }
 }
 

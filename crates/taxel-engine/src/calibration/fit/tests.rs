@@ -496,3 +496,22 @@ fn three_runs_all_have_their_rises_in_the_papers_fit() {
     assert!(set.taxels.iter().all(|model| model.quality.samples == rising as u64));
     assert!(set.taxels.iter().all(|model| model.quality.repeatability_kpa.is_some()));
 }
+
+#[test]
+fn what_the_gauge_reads_at_rest_is_taken_off_where_that_is_asked_for_and_shown() {
+    let asked = FitRecipe { gauge_zero: true, ..FitRecipe::default() };
+    let skin = Skin::cycle(5.0);
+    let (kept, less) = (fitted(&skin, &FitRecipe::default()), fitted(&skin, &asked));
+    assert!((kept.pressure_max_kpa - less.pressure_max_kpa - 4.0).abs() < 1e-9, "{}", less.pressure_max_kpa);
+    assert!(less.method.ends_with(", less 4.00 kPa that the gauge reads at rest"), "{}", less.method);
+    let read = |set: &crate::model_set::ModelSet| set.taxels[7].evaluate(220.0).unwrap().kpa;
+    let apart = read(&kept) - read(&less);
+    assert!((apart - 4.0).abs() < 0.5, "{apart}: but for where the bins begin it is the zero");
+    // A rise from the first scan on, a pressure that is no gauge's zero, and rest that comes after the load.
+    let (rise, high) = (cycle(0.0, 200.0)[401..].to_vec(), cycle(12.0, 200.0));
+    let fall = cycle(4.0, 200.0)[1900..].to_vec();
+    for kpa in [rise, high, fall] {
+        let set = fitted(&Skin::new(kpa, 0.0, 0.0, 3), &asked);
+        assert!(!set.method.contains("gauge"), "{}", set.method);
+    }
+}

@@ -1,7 +1,8 @@
 //! The drift of a whole patch, scan by scan.
 
-use taxel_skin::Time;
+use taxel_skin::{Newton, Time};
 
+use super::common::Common;
 use super::module::{ModuleDrift, TaxelDrift};
 use super::others::Others;
 use super::plan::DriftPlan;
@@ -34,6 +35,7 @@ pub struct Drift {
     activation: Activation,
     taxels: Vec<TaxelDrift>,
     modules: Vec<ModuleDrift>,
+    common: Common,
     /// Whether there is a zero to follow from.
     zeroed: bool,
     last: Option<Time>,
@@ -54,6 +56,7 @@ impl Drift {
             activation,
             taxels: vec![TaxelDrift::default(); taxels],
             modules: sites.into_iter().map(ModuleDrift::new).collect(),
+            common: Common::default(),
             zeroed: false,
             last: None,
             due_s: 0.0,
@@ -69,11 +72,26 @@ impl Drift {
             *taxel = TaxelDrift::new(zero.mean, distance);
         }
         self.modules.iter_mut().for_each(ModuleDrift::begin);
+        self.common.begin();
         self.zeroed = true;
         self.last = None;
         (self.due_s, self.tables_s) = (0.0, 0.0);
         self.enter(DriftState::Held, now.wall_ns);
+        self.view.absorbed = Newton(0.0);
         self.describe(SIGMA_MIN_COUNTS);
+    }
+
+    /// How much a count more of each taxel weighs, N, negative where counts fall with load; empty while nobody knows.
+    pub fn weigh(&mut self, newton_per_count: &[f64]) {
+        let of = |module: &ModuleDrift| newton_per_count.get(module.range()).map(|taxels| taxels.iter().sum());
+        self.common.weigh(self.modules.iter().filter_map(of).collect());
+    }
+
+    /// The zero was found to lie elsewhere, for a reason that is not drift.
+    pub fn rebase(&mut self, zero: &[TaxelBaseline]) {
+        for (taxel, zero) in self.taxels.iter_mut().zip(zero) {
+            taxel.rebase(zero.mean);
+        }
     }
 
     /// There is no zero any more.
@@ -187,12 +205,15 @@ impl Drift {
         let moved = |&(module, _): &(usize, f64)| Some((module, self.modules[module].pads_moved()?));
         let pads = Others::new(quiet.iter().filter_map(moved).collect());
         let common = Others::new(quiet.clone());
+        if let Some((common, pads)) = common.median(OTHERS_MIN).zip(pads.median(OTHERS_MIN)) {
+            self.common.look(common, pads);
+        }
         let mut own = quiet.into_iter().peekable();
         for (index, module) in self.modules.iter_mut().enumerate() {
             let offset = own.next_if(|&(quiet, _)| quiet == index).map(|(_, offset)| offset);
             let others = common.median_without(index, OTHERS_MIN).zip(pads.median_without(index, OTHERS_MIN));
             match offset.zip(others) {
-                Some((offset, (common, pads))) => module.follow(offset, common, pads),
+                Some((offset, (common, pads))) => module.follow(offset, self.common.allowed(common, pads), pads),
                 None => module.hold(),
             }
             module.advance(step_max, self.plan.bound_counts);
@@ -203,6 +224,7 @@ impl Drift {
             () => DriftState::Held,
         };
         self.enter(state, wall_ns);
+        self.view.absorbed = self.common.absorbed(self.modules.iter().map(ModuleDrift::unexplained));
         self.describe(self.sigma_counts());
     }
 
@@ -213,14 +235,14 @@ impl Drift {
     }
 
     /// Standard uncertainty of the drift, counts: how well it fits the modules that follow (1.4826 times the median
-    /// deviation, which for normal errors is their standard deviation), and what the pads cannot say of those that are
-    /// held, as root mean square over all.
+    /// deviation, which for normal errors is their standard deviation), what the pads cannot say of those that are
+    /// held, as root mean square over all, and what all have in common that may be no drift.
     fn sigma_counts(&self) -> f64 {
         let deviation = |module: &ModuleDrift| Some((module.offset(&self.taxels)? - module.drift()).abs());
         let fit = 1.4826 * median(self.modules.iter().filter_map(deviation)).unwrap_or(0.0);
         let held: f64 = self.modules.iter().map(|module| module.held_variance()).sum();
         let held = held / self.modules.len().max(1) as f64;
-        (fit.max(SIGMA_MIN_COUNTS).powi(2) + held).sqrt()
+        (fit.max(SIGMA_MIN_COUNTS).powi(2) + held).sqrt().hypot(self.common.sigma_counts(self.view.absorbed))
     }
 
     fn enter(&mut self, state: DriftState, wall_ns: i64) {

@@ -7,9 +7,9 @@
 //! - what its own *thermal pads* say. No load reaches them. How many counts the taxels of this module move per count of
 //!   its pads is learned while nothing touches it (`Coefficient`);
 //! - the *common mode*: the median over the other untouched modules of the patch, each the median of its taxels. It is
-//!   believed only as far as the pads explain it: at most `COEFFICIENT_MAX` counts per count of the pads, and
-//!   `UNEXPLAINED_COUNTS` more. So neither a load that creeps in on one module nor one that creeps in on all of them
-//!   is taken for drift, and a skin without pads is not followed.
+//!   believed as far as the pads explain it, by a coefficient of the whole patch that is learned while they move
+//!   (`Common`), and towards load by 1 N more. So neither a load that creeps in on one module nor one that creeps in on
+//!   all of them is taken for drift, and a skin without pads is not followed.
 //!
 //! Together, for an untouched module: `drift = limited(common) + k (pads - common pads)`. A module that is touched, or
 //! lies beside a touched one, is *held*: `drift = drift then + k (pads - pads then)`, and constant while `k` is not
@@ -32,11 +32,17 @@
 //! 1 % too much (82 % if nothing is followed), the skin at rest 0.01 N (2.2 N), and a hand that lies still for half an
 //! hour at 3 K loses 0.9 % (the scenarios of `drift.rs` print these).
 //!
-//! What it cannot do: it knows a module's coefficient only while the pads have moved by more than a count and a half
-//! since the zero; taxels of a module differ from each other in their drift, and nothing is done about that; a thermal
-//! gradient that pads do not see is followed by at most half a count.
+//! What it may have taken in of a load that lies on everything is told: [`DriftView::absorbed`], at most 1 N, is in the
+//! detection floor of every force, and with the uncertainty of the coefficient in the drift's. Before, half a count was
+//! taken in, 4 N on the forearm, and 1.25 counts per count of the pads beside, and nothing said so.
+//!
+//! What it cannot do: a load that comes and goes in step with the temperature from the zero on is what warmth does, as far
+//! as it stays within 1.25 counts per count of the pads. It knows a module's coefficient only while the pads have moved by
+//! more than a count and a half since the zero; taxels of a module differ from each other in their drift, and nothing is
+//! done about that; a thermal gradient that pads do not see is followed by half a count away from load and by 1 N towards it.
 
 mod coefficient;
+mod common;
 pub mod follow;
 mod limits;
 mod module;

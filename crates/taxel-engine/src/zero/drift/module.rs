@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use super::coefficient::Coefficient;
-use super::limits::{AGREEMENT_COUNTS, COEFFICIENT_MAX, COEFFICIENT_SIGMA, HOLD_OFF_S, UNEXPLAINED_COUNTS};
+use super::common::Allowed;
+use super::limits::{AGREEMENT_COUNTS, COEFFICIENT_SIGMA, HOLD_OFF_S};
 use super::site::DriftSite;
 use super::smooth::{Shares, Smooth};
 use crate::counts::Counts;
@@ -48,6 +49,11 @@ impl Default for TaxelDrift {
 impl TaxelDrift {
     pub(super) fn new(zero: f64, distance: f64) -> Self {
         Self { zero, distance, fast: Smooth::default(), slow: Smooth::default(), rest: zero }
+    }
+
+    /// Its zero was found to lie elsewhere.
+    pub(super) fn rebase(&mut self, zero: f64) {
+        self.zero = zero;
     }
 
     fn restart(&mut self) {
@@ -96,6 +102,8 @@ pub(super) struct ModuleDrift {
     /// Where the drift is heading, and where it is, counts.
     target: f64,
     drift: f64,
+    /// What of it no pads explain, counts.
+    unexplained: f64,
     bounded: bool,
     in_tables: f64,
 }
@@ -114,6 +122,7 @@ impl ModuleDrift {
             following: false,
             target: 0.0,
             drift: 0.0,
+            unexplained: 0.0,
             bounded: false,
             in_tables: 0.0,
         }
@@ -218,15 +227,16 @@ impl ModuleDrift {
         }
     }
 
-    /// It is untouched: heads for where the others are, which its own pads may say more of. All in counts.
-    pub(super) fn follow(&mut self, offset: f64, common: f64, common_pads: f64) {
-        let allowed = UNEXPLAINED_COUNTS + COEFFICIENT_MAX * common_pads.abs();
+    /// It is untouched: heads for where the others are, as far as that is `allowed`, which its own pads may say more of.
+    /// All in counts.
+    pub(super) fn follow(&mut self, offset: f64, allowed: Allowed, common_pads: f64) {
         let pads = self.pads_moved();
         let own = match (pads, self.coefficient.value()) {
             (Some(pads), Some((coefficient, _))) => coefficient * (pads - common_pads),
             _ => 0.0,
         };
-        self.target = common.clamp(-allowed, allowed) + own;
+        self.target = allowed.counts + own;
+        self.unexplained = allowed.unexplained;
         if let Some(pads) = pads.filter(|_| (offset - self.target).abs() <= AGREEMENT_COUNTS) {
             self.coefficient.learn(pads, offset);
         }
@@ -289,6 +299,10 @@ impl ModuleDrift {
 
     pub(super) const fn drift(&self) -> f64 {
         self.drift
+    }
+
+    pub(super) const fn unexplained(&self) -> f64 {
+        self.unexplained
     }
 
     pub(super) const fn target(&self) -> f64 {

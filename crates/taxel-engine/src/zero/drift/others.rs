@@ -12,6 +12,11 @@ impl Others {
         Self { sorted: values }
     }
 
+    /// The median of all; `None` where there are fewer than `least`.
+    pub(super) fn median(&self, least: usize) -> Option<f64> {
+        self.median_without(usize::MAX, least)
+    }
+
     /// The median without `module`; `None` where fewer than `least` remain.
     pub(super) fn median_without(&self, module: usize, least: usize) -> Option<f64> {
         let own = self.sorted.iter().position(|&(other, _)| other == module);

@@ -2,7 +2,7 @@ use proptest::prelude::*;
 use taxel_skin::{ModuleKind, Time};
 
 use super::follow::GAP_S;
-use super::limits::UNEXPLAINED_COUNTS;
+use super::limits::{ABSORBED_MAX, UNEXPLAINED_COUNTS};
 use super::others::Others;
 use super::smooth::Shares;
 use super::*;
@@ -121,6 +121,58 @@ fn a_load_that_creeps_in_everywhere_is_no_drift_while_the_pads_are_steady() {
     let mut skin = Skin::new();
     skin.run(30.0 * MINUTE, |_, s| -1.6 * (s / (10.0 * MINUTE)).min(1.0), |_, _| 0.0);
     assert!(skin.furthest_from(0.0) < UNEXPLAINED_COUNTS + 0.15, "{:?}", skin.drifts());
+}
+
+/// What a count more weighs: 8 N for all taxels, as on the forearm, and counts fall with load.
+fn weighed() -> Skin {
+    let mut skin = Skin::new();
+    skin.drift.weigh(&[-0.1; 10 * MODULES]);
+    skin
+}
+
+/// The most that a load of so many counts everywhere may press with unseen, N; it has to be told.
+fn hides(skin: &Skin, load_counts: f64) -> f64 {
+    let view = skin.drift.view();
+    let taken: f64 = skin.drifts().iter().sum::<f64>() / MODULES as f64;
+    let told = view.absorbed.0 + 8.0 * (load_counts + taken).max(0.0) + 2.0 * 8.0 * view.sigma_counts;
+    assert!(told > 8.0 * load_counts, "{load_counts} counts of load, {taken} in the zero, {view:?}");
+    assert!(view.absorbed.0 <= ABSORBED_MAX.0 + 1e-9, "{view:?}");
+    -8.0 * taken
+}
+
+#[test]
+fn a_slow_load_on_everything_is_bounded_in_newton_and_told() {
+    let mut skin = weighed();
+    for step in 1..=10 {
+        let at = |s: f64| -0.05 * (f64::from(step) - 1.0 + (s / MINUTE).min(1.0));
+        skin.run(2.0 * MINUTE, |_, s| at(s), |_, _| 0.0);
+        let hidden = hides(&skin, 0.05 * f64::from(step));
+        assert!(hidden < ABSORBED_MAX.0 + 0.2, "{hidden} N");
+    }
+    // Nor is it when the skin had been lighter first.
+    let mut skin = weighed();
+    skin.run(5.0 * MINUTE, |_, s| 0.3 * (s / MINUTE).min(1.0), |_, _| 0.0);
+    let light = skin.drifts();
+    skin.run(10.0 * MINUTE, |_, s| 0.3 - 0.5 * (s / (5.0 * MINUTE)).min(1.0), |_, _| 0.0);
+    let moved: Vec<f64> = skin.drifts().iter().zip(&light).map(|(now, then)| then - now).collect();
+    assert!(moved.iter().all(|counts| 8.0 * counts < ABSORBED_MAX.0 + 0.2), "{moved:?} counts");
+    assert!(skin.drift.view().absorbed.0 > 0.8, "{:?}", skin.drift.view());
+}
+
+/// While the temperature comes and goes a load that stays is not learned as warmth, round after round.
+#[test]
+fn a_load_that_stays_is_no_warmth_however_often_the_temperature_changes() {
+    let mut skin = weighed();
+    let warm = |s: f64| -4.0 * s / (10.0 * MINUTE);
+    skin.run(10.0 * MINUTE, |_, s| 0.5 * warm(s), |_, s| warm(s));
+    assert!(skin.furthest_from(-2.0) < 0.15, "{:?}", skin.drifts());
+    skin.run(10.0 * MINUTE, |_, s| -2.0 - s / (10.0 * MINUTE), |_, _| -4.0);
+    for _ in 0..4 {
+        let swing = |s: f64| -4.0 + 2.0 * (1.0 - (s / (5.0 * MINUTE) * std::f64::consts::PI).cos());
+        skin.run(10.0 * MINUTE, |_, s| 0.5 * swing(s) - 1.0, |_, s| swing(s));
+    }
+    let drifts = skin.drifts();
+    assert!(drifts.iter().all(|drift| -8.0 * (drift + 2.0) < ABSORBED_MAX.0 + 0.8), "{drifts:?}");
 }
 
 #[test]

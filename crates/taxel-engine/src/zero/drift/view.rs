@@ -1,5 +1,7 @@
 //! The drift of a patch as readers see it.
 
+use taxel_skin::Newton;
+
 /// What is done about drift now.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DriftState {
@@ -27,6 +29,8 @@ pub struct DriftView {
     pub max_counts: f64,
     /// Standard uncertainty of the drift, counts.
     pub sigma_counts: f64,
+    /// How much of a load that lies on the whole patch it may have taken for drift.
+    pub absorbed: Newton,
     /// Modules that follow the others now, and all.
     pub following: (u32, u32),
 }
