@@ -13,6 +13,7 @@ use taxel_engine::record::{Record, Sample};
 use taxel_engine::snapshot::TareView;
 
 use crate::audit_rows;
+use crate::doubts;
 use crate::error::StoreError;
 use crate::load_row::{load_from_text, load_to_text};
 use crate::models_json;
@@ -78,6 +79,7 @@ impl Appender {
             Record::Load(load) => self.load(transaction, load),
             Record::Asked(asked) => self.asked(transaction, asked),
             Record::Answered(answered) => self.answered(transaction, answered),
+            Record::ZeroDoubt { patch, why, wall_ns } => self.doubt(transaction, patch, why.as_deref(), *wall_ns),
             Record::Tared { patch, tare, baseline } => tared(transaction, patch, tare, baseline),
         }
     }
@@ -257,6 +259,19 @@ impl Appender {
         audit_rows::insert_answered(connection, seq, answered)?;
         let results = self.tally.get(connection, Stream::AuditResults)? + 1;
         self.tally.set(Stream::AuditResults, results);
+        Ok(())
+    }
+
+    fn doubt(
+        &mut self,
+        connection: &Connection,
+        patch: &str,
+        why: Option<&str>,
+        wall_ns: i64,
+    ) -> Result<(), StoreError> {
+        let seq = next_seq(connection, self.tally.get(connection, Stream::ZeroDoubts)?, "zero_doubts")?;
+        doubts::insert(connection, seq, patch, why, wall_ns)?;
+        self.tally.set(Stream::ZeroDoubts, seq);
         Ok(())
     }
 

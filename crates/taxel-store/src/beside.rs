@@ -3,7 +3,11 @@
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Write};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
+
+/// What a disk gives back or not at once.
+const SECTOR_BYTES: usize = 4096;
 
 /// `path` with `suffix` behind its name.
 pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
@@ -77,8 +81,26 @@ fn link(from: &Path, to: &Path) -> io::Result<()> {
 
 fn copy(from: &Path, to: &Path) -> io::Result<()> {
     let mut copy = File::options().write(true).create_new(true).open(to)?;
-    io::copy(&mut File::open(from)?, &mut copy)?;
+    copy_readable(from, &mut copy)?;
     copy.sync_all()
+}
+
+/// Copies a file to an empty one. A sector that the disk does not give back is zeros in the copy: a page of a database that
+/// nothing is read of.
+pub(crate) fn copy_readable(from: &Path, to: &mut File) -> io::Result<()> {
+    let from = File::open(from)?;
+    let length = from.metadata()?.len();
+    let mut sector = [0; SECTOR_BYTES];
+    for at in (0..length).step_by(SECTOR_BYTES) {
+        let there = usize::try_from(length - at).unwrap_or(SECTOR_BYTES).min(SECTOR_BYTES);
+        let part = &mut sector[..there];
+        if let Err(error) = from.read_exact_at(part, at) {
+            tracing::warn!(%error, at, "a part of a file cannot be read");
+            part.fill(0);
+        }
+        to.write_all(part)?;
+    }
+    Ok(())
 }
 
 /// Writes a file as a whole: whoever reads it, also after a power cut, finds the old content or the new one.

@@ -13,6 +13,7 @@ mod audit_rows;
 mod beside;
 mod db;
 mod deletions;
+mod doubts;
 mod error;
 mod group;
 mod identity;

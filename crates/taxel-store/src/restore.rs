@@ -10,6 +10,7 @@ use taxel_engine::loads::Load;
 
 use crate::audit_rows;
 use crate::deletions::Deletions;
+use crate::doubts;
 use crate::error::Quarantined;
 use crate::load_row::load_from_text;
 use crate::pass::Unproven;
@@ -53,12 +54,15 @@ pub(crate) fn read(
         unproven = Unproven::new(idle.map(|set| (set.seq, set.known.id.clone())), to_prove);
     }
     let (loads, next_load) = loads(connection, quarantined)?;
+    let patches: BTreeSet<&str> = list.sets.iter().map(|set| set.known.patch.as_str()).collect();
+    let doubts = doubts::read(connection, &patches, quarantined)?;
     audit_rows::count(connection, quarantined)?;
     let texts_read = list.texts_read + active.len();
     let rows_of_sets = list.sets.iter().map(|set| (set.known.id.clone(), set.seq)).collect();
     let model_sets = list.sets.into_iter().map(|set| set.known).collect();
     let sessions = sessions.into_iter().map(Arc::new).collect();
-    let restored = Restored { model_sets, active, sessions, next_session, loads, next_load, problems: Vec::new() };
+    let problems = Vec::new();
+    let restored = Restored { model_sets, active, sessions, next_session, loads, next_load, doubts, problems };
     Ok(Found { restored, rows_of_sets, unproven, texts_read })
 }
 

@@ -111,6 +111,11 @@ pub(crate) fn deleted_set_checksum(seq: u64, id: &str, activation: u64, wall_ns:
     checksum(&[b"deleted model set", numbers.as_flattened(), id.as_bytes()])
 }
 
+/// Checksum of a row of what is held against the zeros of a patch's boards.
+pub(crate) fn doubt_checksum(seq: u64, patch: &str, why: &str, wall_ns: i64) -> Vec<u8> {
+    checksum(&[b"zero doubt", &seq.to_le_bytes(), patch.as_bytes(), why.as_bytes(), &wall_ns.to_le_bytes()])
+}
+
 /// Checksum of a row of the audit log, `table` being that of requests or that of results.
 pub(crate) fn audit_checksum(table: &str, seq: u64, entry: &str) -> Vec<u8> {
     checksum(&[table.as_bytes(), &seq.to_le_bytes(), entry.as_bytes()])

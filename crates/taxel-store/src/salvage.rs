@@ -2,7 +2,8 @@
 //! under another name.
 
 use std::fs::{self, File};
-use std::io::{Read, Seek, SeekFrom, Write};
+use std::io::Read;
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use rusqlite::config::DbConfig;
@@ -18,6 +19,8 @@ use crate::schema;
 const PAGE_BYTES: usize = 4096;
 /// The part of the first page that describes the file.
 const HEADER_BYTES: usize = 100;
+/// What a page that points to others has where the header ends.
+const INTERIOR_PAGE: u8 = 5;
 /// Where the header says how many pages there are, and which of them are free.
 const PAGES_AT: usize = 28;
 const FREE_AT: usize = 32;
@@ -32,8 +35,9 @@ pub(crate) fn was_ours(path: &Path) -> bool {
         return true;
     }
     let mut begin = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(MARKS_WITHIN).read_to_end(&mut begin));
-    read.is_ok() && MARKS.iter().any(|mark| begin.windows(mark.len()).any(|window| window == *mark))
+    // What comes before a sector that cannot be read is enough.
+    let _ = File::open(path).and_then(|file| file.take(MARKS_WITHIN).read_to_end(&mut begin));
+    MARKS.iter().any(|mark| begin.windows(mark.len()).any(|window| window == *mark))
 }
 
 /// What came of a damaged database.
@@ -87,7 +91,8 @@ fn remove_with_log(path: &Path) -> std::io::Result<()> {
 }
 
 /// Makes the tables and fills them from one reading of the damaged file after another, until one meets no damage. What
-/// a file says of itself can be wrong while its content is whole, so that the others take it from the new one.
+/// a file says of itself can be wrong while its content is whole, so that the others take it from the new one: the header,
+/// the first page, all pages that describe tables.
 fn fill(new: &mut Connection, damaged: &Path, copy: &Path) -> rusqlite::Result<u64> {
     new.pragma_update(None, "foreign_keys", false)?;
     new.pragma_update(None, "synchronous", "off")?; // nothing counts before it is whole and flushed
@@ -96,12 +101,15 @@ fn fill(new: &mut Connection, damaged: &Path, copy: &Path) -> rusqlite::Result<u
     transaction.pragma_update(None, "user_version", schema::VERSION)?;
     schema::STEPS.iter().try_for_each(|step| transaction.execute_batch(step))?;
     transaction.commit()?;
-    let first_page = new.path().and_then(|path| first_page(Path::new(path)).ok());
+    let table_pages = new.path().and_then(|path| table_pages(Path::new(path)).ok()).unwrap_or_default();
+    let first_page = table_pages.first().map(|(_, page)| page.clone()).unwrap_or_default();
+    let beginning = |bytes: usize| first_page.get(..bytes).map(|part| (0, part.to_vec()));
+    let header = Vec::from_iter(beginning(HEADER_BYTES));
+    let first = Vec::from_iter(beginning(PAGE_BYTES));
     let mut rows = 0;
-    for taken_from_new in [0, HEADER_BYTES, PAGE_BYTES] {
-        let replaced = first_page.as_ref().and_then(|page| page.get(..taken_from_new)).unwrap_or_default();
+    for replaced in [Vec::new(), header, first, table_pages] {
         if remove_with_log(copy).and_then(|()| copy_of(damaged, copy, replaced)).is_err() {
-            continue; // for want of space, or the disk cannot be read: what was taken before counts
+            continue; // for want of space: what was taken before counts
         }
         let transaction = new.transaction()?;
         let (taken, whole) = take_all(copy, &transaction);
@@ -114,28 +122,47 @@ fn fill(new: &mut Connection, damaged: &Path, copy: &Path) -> rusqlite::Result<u
     Ok(rows)
 }
 
-fn first_page(path: &Path) -> std::io::Result<Vec<u8>> {
-    let mut page = vec![0; PAGE_BYTES];
-    File::open(path)?.read_exact(&mut page)?;
-    Ok(page)
+/// Bytes of a file, and where they begin.
+type Part = (u64, Vec<u8>);
+
+/// The pages of a new database that describe its tables: the first one, and those that it points to. A file that was made
+/// by the same version has them in the same places.
+fn table_pages(path: &Path) -> std::io::Result<Vec<Part>> {
+    let file = File::open(path)?;
+    let page = |number: u32| {
+        let (at, mut page) = (u64::from(number - 1) * PAGE_BYTES as u64, vec![0; PAGE_BYTES]);
+        file.read_exact_at(&mut page, at).map(|()| (at, page))
+    };
+    let first = page(1)?;
+    let number =
+        |at: usize, bytes: usize| first.1[at..at + bytes].iter().fold(0, |sum, byte| sum << 8 | u32::from(*byte));
+    let mut children = Vec::new();
+    if first.1[HEADER_BYTES] == INTERIOR_PAGE {
+        children.push(number(HEADER_BYTES + 8, 4));
+        let cells = number(HEADER_BYTES + 3, 2) as usize;
+        children.extend((0..cells).map(|cell| number(number(HEADER_BYTES + 12 + 2 * cell, 2) as usize, 4)));
+    }
+    children.sort_unstable();
+    let children = children.into_iter().map(page).collect::<Result<Vec<_>, _>>()?;
+    Ok([vec![first], children].concat())
 }
 
-/// A copy of the database and its log whose first bytes are replaced.
-fn copy_of(damaged: &Path, copy: &Path, replaced: &[u8]) -> std::io::Result<()> {
-    fs::copy(damaged, copy)?;
+/// A copy of the database and its log in which some bytes are replaced.
+fn copy_of(damaged: &Path, copy: &Path, replaced: Vec<Part>) -> std::io::Result<()> {
+    let mut file = File::create(copy)?;
+    beside::copy_readable(damaged, &mut file)?;
     if beside::wal(damaged).exists() {
-        fs::copy(beside::wal(damaged), beside::wal(copy))?;
+        beside::copy_readable(&beside::wal(damaged), &mut File::create(beside::wal(copy))?)?;
     }
-    if replaced.is_empty() {
-        return Ok(());
-    }
-    let mut file = File::options().write(true).open(copy)?;
     let pages = u32::try_from(file.metadata()?.len() / PAGE_BYTES as u64).unwrap_or(u32::MAX);
-    let mut replaced = replaced.to_vec();
-    replaced[PAGES_AT..PAGES_AT + 4].copy_from_slice(&pages.to_be_bytes());
-    replaced[FREE_AT..FREE_AT + 8].fill(0); // whatever is free is not read
-    file.seek(SeekFrom::Start(0))?;
-    file.write_all(&replaced)
+    for (at, mut part) in replaced {
+        if at == 0 {
+            part[PAGES_AT..PAGES_AT + 4].copy_from_slice(&pages.to_be_bytes());
+            part[FREE_AT..FREE_AT + 8].fill(0); // whatever is free is not read
+        }
+        file.write_all_at(&part, at)?;
+    }
+    Ok(())
 }
 
 /// Takes every proven row that the new database lacks: how many, and whether all could be read.
@@ -176,7 +203,7 @@ const fn table(name: &'static str, key: &'static str, columns: &'static str, pro
 }
 
 /// All tables, with the columns in the order in which the proof takes them.
-const TABLES: [Table; 12] = [
+const TABLES: [Table; 13] = [
     table("sessions", "number", "number, view, checksum", |row| {
         Ok(row.get::<_, Vec<u8>>(2)? == rows::view_checksum(row.get(0)?, &row.get::<_, String>(1)?))
     }),
@@ -211,6 +238,10 @@ const TABLES: [Table; 12] = [
         let id: String = row.get(1)?;
         let expected = rows::deleted_set_checksum(row.get(0)?, &id, row.get(2)?, row.get(3)?);
         Ok(row.get::<_, Vec<u8>>(4)? == expected)
+    }),
+    table("zero_doubts", "seq", "seq, patch, why, wall_ns, checksum", |row| {
+        let (patch, why): (String, String) = (row.get(1)?, row.get(2)?);
+        Ok(row.get::<_, Vec<u8>>(4)? == rows::doubt_checksum(row.get(0)?, &patch, &why, row.get(3)?))
     }),
     table("audit", "seq", "seq, entry, checksum", |row| {
         Ok(row.get::<_, Vec<u8>>(2)? == rows::audit_checksum("audit", row.get(0)?, &row.get::<_, String>(1)?))

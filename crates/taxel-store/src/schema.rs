@@ -13,7 +13,7 @@ pub(crate) const VERSION: i64 = STEPS.len() as i64;
 /// `checksum` columns hold the first bytes of a SHA-256 over the row's content: SQLite itself notices a flipped bit
 /// only in its own structure. Numbers that may be NaN are blobs of little-endian f64, because SQLite stores NaN as NULL.
 /// Counts of a sample: see `rows::counts_to_blob`.
-pub(crate) const STEPS: [&str; 5] = [SESSIONS_AND_MODELS, KNOWN_LOADS, DELETIONS, AUDIT, SET_INDEX];
+pub(crate) const STEPS: [&str; 6] = [SESSIONS_AND_MODELS, KNOWN_LOADS, DELETIONS, AUDIT, SET_INDEX, ZERO_DOUBTS];
 
 const SESSIONS_AND_MODELS: &str = "
 CREATE TABLE sessions (
@@ -195,4 +195,21 @@ CREATE TABLE set_index (
     entry    TEXT NOT NULL,
     checksum BLOB NOT NULL
 ) STRICT;
+";
+
+/// Why the counts of a patch cannot show that its skin is at rest, or nothing where they can again; the newest row of a patch
+/// counts. Rows are numbered without a gap.
+const ZERO_DOUBTS: &str = "
+CREATE TABLE zero_doubts (
+    seq      INTEGER PRIMARY KEY,
+    patch    TEXT NOT NULL,
+    why      TEXT NOT NULL,
+    wall_ns  INTEGER NOT NULL,
+    checksum BLOB NOT NULL
+) STRICT;
+
+CREATE TRIGGER zero_doubts_stay BEFORE DELETE ON zero_doubts
+    BEGIN SELECT RAISE(ABORT, 'zero_doubts are append-only'); END;
+CREATE TRIGGER zero_doubts_keep BEFORE UPDATE ON zero_doubts
+    BEGIN SELECT RAISE(ABORT, 'zero_doubts are append-only'); END;
 ";

@@ -26,6 +26,7 @@ pub(crate) fn problem(database: &Path) -> io::Result<Option<String>> {
     };
     match read(BufReader::new(file)) {
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(None), // the end is torn
+        Err(error) => Ok(Some(format!("it cannot be read, and what was written from there on is lost: {error}"))),
         found => found,
     }
 }

@@ -37,6 +37,9 @@ pub struct Restored {
     pub loads: Vec<Arc<Load>>,
     /// The number that the next known load gets.
     pub next_load: u64,
+    /// Per patch name: why its counts cannot show that the skin is at rest, where that was found and not settled. Boards keep
+    /// their zeros while the daemon is away.
+    pub doubts: Vec<(String, String)>,
     /// What was found damaged and left out, a line each.
     pub problems: Vec<String>,
 }

@@ -64,6 +64,16 @@ pub enum Record {
     Asked(Box<Asked>),
     /// What came of it; the engine itself never records this.
     Answered(Box<Answered>),
+    /// Whether the counts of a patch can show that its skin is at rest; the newest of a patch counts.
+    ZeroDoubt {
+        /// The patch.
+        patch: String,
+        /// Why they cannot: a board has taken a zero of its own under a load. `None` once somebody has vouched for another zero,
+        /// or the boards were configured.
+        why: Option<String>,
+        /// When, nanoseconds since 1970.
+        wall_ns: i64,
+    },
     /// A zero was taken.
     Tared {
         /// The patch.

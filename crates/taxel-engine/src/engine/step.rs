@@ -62,9 +62,11 @@ impl Engine {
         let of_patch = |name: &str| -> Vec<Arc<Load>> {
             restored.loads.iter().filter(|load| load.patch == name).cloned().collect()
         };
+        let doubt_of = |name: &str| restored.doubts.iter().find(|(patch, _)| patch == name).map(|(_, why)| why.clone());
         let shared = SharedBoards::new(&plan);
         let patch = |(i, p): (usize, &crate::plan::PatchPlan)| {
-            Patch::new(i, p.clone(), of_patch(p.patch.name()), shared.of_patch(i))
+            let name = p.patch.name();
+            Patch::new(i, p.clone(), of_patch(name), doubt_of(name), shared.of_patch(i))
         };
         let newest_load = restored.loads.iter().map(|load| load.number).max().unwrap_or(0);
         let mut engine = Self {
@@ -180,6 +182,7 @@ impl Engine {
     ) -> T {
         let mut intents = Vec::new();
         let result = act(&mut self.patches[index], &mut Effects { out, intents: &mut intents });
+        self.patches[index].note_doubt(now, out);
         for intent in intents {
             self.intend(now, index, intent, out);
         }

@@ -194,10 +194,13 @@ impl ForceModel {
             None => evaluator.sum_n(active),
             Some(_) => active.iter().fold(0.0, |sum, &(_, newton)| sum + newton), // sum() of nothing is -0.0
         };
-        let beside_n = beside.iter().fold(0.0, |sum, f| sum + f.kpa * self.newton_per_kpa(f.taxel));
+        let beside_n = |kpa: fn(&Filled) -> f64| {
+            beside.iter().fold(0.0, |sum, filled| sum + kpa(filled) * self.newton_per_kpa(filled.taxel))
+        };
         let (filled, filled_n, missing_n): (&[Filled], f64, f64) = match &self.neighbours {
-            Some(_) if self.outputs.fill => (beside, beside_n, 0.0),
-            Some(_) => (&[], 0.0, beside_n),
+            Some(_) if self.outputs.fill => (beside, beside_n(|filled| filled.kpa), 0.0),
+            // Anything from nothing to more than any neighbour carries: the tip of the contact may lie there.
+            Some(_) => (&[], 0.0, beside_n(|filled| filled.kpa + filled.sigma_kpa)),
             None => (&[], 0.0, self.missing_n(active, evaluator.selection())),
         };
         let total_n = measured_n + filled_n;

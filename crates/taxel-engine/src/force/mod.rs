@@ -3,6 +3,7 @@
 pub mod contacts;
 pub mod evaluator;
 pub mod hysteresis;
+mod light_end;
 pub mod measure;
 pub mod neighbours;
 pub mod owner;

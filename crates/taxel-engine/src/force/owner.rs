@@ -4,14 +4,14 @@
 //! [`Force::sample`] for each scan.
 
 use std::sync::Arc;
-use taxel_skin::{CountRange, SquareMillimetre};
+use taxel_skin::{CountRange, Newton, SquareMillimetre};
 
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
 use crate::force::hysteresis::Hysteresis;
 use crate::force::measure::{Coverage, ForceModel, Layout, Present, Touch};
 use crate::force::reason::{Reason, ReasonCode, positions};
-use crate::force::remainder::Remainder;
+use crate::force::remainder::{Remainder, Rest, newton_per_count};
 use crate::force::sample::{ForceSample, ForceState};
 use crate::force::tables::Tables;
 use crate::model_set::ModelSet;
@@ -41,6 +41,8 @@ pub struct ZeroState {
     pub lacks: Option<Reason>,
     /// Standard uncertainty that all taxels share, counts.
     pub sigma_counts: f64,
+    /// How much of a load that lies on everything it may have taken in since it was taken.
+    pub absorbed: Newton,
     /// What keeps a force at it from being a good one.
     pub shortcoming: Option<Reason>,
     /// That a load has just vanished from a whole board at once, if one has.
@@ -57,6 +59,8 @@ pub struct Measured {
     pub sample: ForceSample,
     /// Taxels in the total, ascending.
     pub active: Box<[u16]>,
+    /// A total above this is there, whatever the zero may hide beside.
+    pub told: Newton,
 }
 
 /// The force of one patch.
@@ -69,6 +73,10 @@ pub struct Force {
     id: Option<Arc<str>>,
     /// The zero that the tables are for, if one holds.
     zero: Option<Vec<TaxelBaseline>>,
+    /// The same without what it has followed of the temperature since it was taken; empty without a zero.
+    taken: Vec<TaxelBaseline>,
+    /// What the boards sent before they were configured; empty where nobody looked.
+    before: Vec<TaxelBaseline>,
     /// How far it lies towards load from that of the models, as far as that may be what the skin remembers, counts.
     residue_counts: f64,
     evaluator: Option<Evaluator>,
@@ -99,6 +107,8 @@ impl Force {
             set: None,
             id: None,
             zero: None,
+            taken: Vec::new(),
+            before: Vec::new(),
             residue_counts: 0.0,
             evaluator: None,
             hysteresis: None,
@@ -135,12 +145,22 @@ impl Force {
     /// Another zero was taken, or it was lost: histories begin anew. `residue_counts` as [`Tables::with_residue`] has it.
     pub fn set_zero(&mut self, zero: Option<&[TaxelBaseline]>, residue_counts: f64) {
         (self.zero, self.residue_counts) = (zero.map(<[TaxelBaseline]>::to_vec), residue_counts);
+        self.taken = self.zero.clone().unwrap_or_default();
         self.begin();
     }
 
-    /// The zero holds no more for now, or holds again, or has followed the temperature: histories go on.
-    pub fn move_zero(&mut self, zero: Option<&[TaxelBaseline]>) {
+    /// What the boards sent when they were looked at before they were configured, one per taxel, if anybody looked: the zeros
+    /// that they took then hold whatever that look let pass.
+    pub fn set_before(&mut self, before: Option<&[TaxelBaseline]>) {
+        self.before = before.unwrap_or_default().to_vec();
+        self.selected_for = None;
+    }
+
+    /// The zero holds no more for now, or holds again, or has followed the temperature: histories go on. `taken` is the same
+    /// zero without what it has followed.
+    pub fn move_zero(&mut self, zero: Option<&[TaxelBaseline]>, taken: Option<Vec<TaxelBaseline>>) {
         self.zero = zero.map(<[TaxelBaseline]>::to_vec);
+        self.taken = taken.unwrap_or_default();
         if let (Some(hysteresis), Some(zero)) = (&mut self.hysteresis, &self.zero) {
             hysteresis.shift_zero(zero);
         }
@@ -209,6 +229,7 @@ impl Force {
         self.without_zero = positions(without_zero).into();
         if let Some(zero) = &self.zero {
             let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
+            let zero = Rest { zero, taken: &self.taken, before: &self.before };
             self.remainder = Remainder::new(tables, zero, activation, evaluator.selection(), modules);
         }
     }
@@ -240,7 +261,8 @@ impl Force {
         let mut touch = std::mem::take(&mut self.touch);
         self.model.touch(evaluator, scan.counts, self.coverage, &mut touch);
         let active = touch.active.iter().map(|&(taxel, _)| taxel);
-        let unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
+        let mut unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
+        unseen.floor = Newton(unseen.floor.0 + zero.absorbed.0);
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts };
@@ -254,7 +276,7 @@ impl Force {
         sample.lower_bound =
             self.coverage.blind > 0 || sample.stale > 0 || sample.out_of_range > 0 || zero.load_vanished.is_some();
         sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
-        Measured { sample, active: in_total }
+        Measured { sample, active: in_total, told: unseen.told }
     }
 
     fn nothing(&self, state: ForceState, reason: Reason, silent: usize, taxels: usize) -> Measured {
@@ -267,7 +289,7 @@ impl Force {
             model_set: self.id.clone(),
             ..ForceSample::default()
         };
-        Measured { sample, active: Box::default() }
+        Measured { sample, ..Measured::default() }
     }
 
     /// Taxels with a fault under the contact or at its rim. Without positions nobody knows, and all count.
@@ -337,6 +359,14 @@ impl Force {
         }
         reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());
         reasons
+    }
+
+    /// How much a count more of each taxel weighs below its threshold, N, negative where counts fall with load; empty
+    /// without models or zero.
+    #[must_use]
+    pub fn newton_per_count(&self) -> Vec<f64> {
+        let known = self.evaluator.as_ref().zip(self.zero.as_ref());
+        known.map_or_else(Vec::new, |(e, zero)| newton_per_count(e.tables(), zero, self.plan.activation))
     }
 
     /// The tables at the present zero and what each taxel's history adds, for readers of taxels.

@@ -7,8 +7,18 @@
 //!
 //! A zero is taken where nothing seems to lie on the skin, which the counts can tell from a light load only as far as
 //! they return from day to day. So what the zero itself may hide counts, too: with `h = sum w (zero - zero of the models)`
-//! over a module, `H` is the sum of all `h`, a load on everything, or that of the three greatest, a contact, whichever is
-//! more. The floor is `max(R, 0) + max(H, 0)` and two standard uncertainties.
+//! over a module (beyond the threshold what the taxel's curve says instead), `H` is the sum of all `h`, a load on
+//! everything, or that of the three greatest, a contact, whichever is more. A skin that lies away from load as a whole, as a
+//! colder one does, hides a contact by as much, so a contact is told from the median taxel then. Boards that took a zero
+//! of their own since the models were gathered leave a residue on every taxel, which may hide a load as well: how far the
+//! taxels lie apart is how large these are, `H` has the standard uncertainty `sqrt(sum (w d)^2)` of its taxels, `d` from the
+//! median deviation. And where the daemon configured the boards, their zero holds whatever its look before had let pass:
+//! that is added to every `h`.
+//!
+//! What the zero has followed of the temperature since it was taken is no part of `H`: what a load may have had in that
+//! is known to the zero, and the caller adds it to the floor.
+//!
+//! The floor is `max(R, 0) + max(H, 0)` and two standard uncertainties.
 //!
 //! Which taxels are in a total hangs on their noise, too. That of a contact on the modules that have most of it,
 //! `sqrt(sum (w s)^2)`, is in every total, as is that of taxels below the threshold that are in it because they touch an
@@ -20,9 +30,13 @@ use taxel_skin::Newton;
 use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
 use crate::counts::Counts;
 use crate::force::tables::Tables;
+use crate::statistics::median;
 
 /// Standard uncertainties that the detection floor lies above the remainder: 95 %.
 const FLOOR_SIGMAS: f64 = 2.0;
+
+/// The standard deviation of normal errors over their median absolute deviation.
+const DEVIATIONS: f64 = 1.4826;
 
 /// A contact touches so many modules at the most that a fingertip or a known mass does.
 const CONTACT_MODULES: usize = 3;
@@ -54,8 +68,27 @@ pub struct Remainder {
     contact_noise_n: f64,
     /// Sum of the forces per count, N.
     per_count_n: f64,
-    /// Force that the zero would hide if everything by which it lies towards load from that of the models were load, N.
-    hidden_n: f64,
+    /// What the zero may hide.
+    hidden: Hidden,
+}
+
+/// Force that the zero would hide if everything by which it lies towards load from that of the models were load.
+#[derive(Clone, Copy, Debug, Default)]
+struct Hidden {
+    newton: f64,
+    /// Its standard uncertainty, N.
+    sigma_n: f64,
+}
+
+/// The zero that holds, and what it took for rest.
+#[derive(Clone, Copy, Debug)]
+pub struct Rest<'a> {
+    /// One per taxel.
+    pub zero: &'a [TaxelBaseline],
+    /// The same without what it has followed of the temperature since it was taken.
+    pub taken: &'a [TaxelBaseline],
+    /// What the boards sent before they were configured and took zeros of their own; empty where nobody looked.
+    pub before: &'a [TaxelBaseline],
 }
 
 /// What may press unseen.
@@ -65,9 +98,30 @@ pub struct Unseen {
     pub choice_n: f64,
     /// The force that may press in addition without activating a taxel.
     pub floor: Newton,
+    /// The same without what the zero may hide: a total above it is there.
+    pub told: Newton,
     /// How far the taxels that are not active lie from their zero in the mean, counts towards pressure: by so much the
     /// zero may be off under the active ones, too.
     pub offset_counts: f64,
+}
+
+/// Force at the activation threshold of a taxel with the zero `rest`, and per count on the way there, N. `None` without a
+/// usable model.
+fn at_threshold(tables: &Tables, rest: TaxelBaseline, activation: Activation, taxel: usize) -> Option<(f64, f64)> {
+    let distance = activation.distance_counts(rest.noise);
+    let newton = tables.threshold_n(taxel, distance)?;
+    Some((newton, newton / distance))
+}
+
+/// How much a count more of each taxel weighs below its threshold, N, negative where counts fall with load; 0 where nothing
+/// is known.
+#[must_use]
+pub fn newton_per_count(tables: &Tables, zero: &[TaxelBaseline], activation: Activation) -> Vec<f64> {
+    let of = |(taxel, &rest): (usize, &TaxelBaseline)| {
+        let per_count = at_threshold(tables, rest, activation, taxel).map_or(0.0, |(_, per_count)| per_count);
+        if per_count.is_finite() { per_count * tables.sign(taxel) } else { 0.0 }
+    };
+    zero.iter().enumerate().map(of).collect()
 }
 
 impl Remainder {
@@ -75,20 +129,18 @@ impl Remainder {
     #[must_use]
     pub fn new(
         tables: &Tables,
-        rest: &[TaxelBaseline],
+        rest: Rest<'_>,
         activation: Activation,
         selected: &[bool],
         modules: &[Range<usize>],
     ) -> Self {
         let share = |taxel: usize| {
-            let rest = rest[taxel];
-            let distance = activation.distance_counts(rest.noise);
-            let edge = tables.threshold_n(taxel, distance)?;
-            let per_count = edge / distance;
+            let rest = rest.zero[taxel];
+            let (threshold_n, per_count) = at_threshold(tables, rest, activation, taxel)?;
             let noise_n = (per_count * rest.noise.max(NOISE_FLOOR_COUNTS)) as f32;
             let newton_per_count = (per_count * tables.sign(taxel)) as f32;
             let usable = rest.mean.is_finite() && newton_per_count.is_finite() && noise_n.is_finite();
-            let threshold_n = edge as f32;
+            let threshold_n = threshold_n as f32;
             usable.then_some(Share { newton_per_count, zero: rest.mean as f32, noise_n, threshold_n })
         };
         let shares: Vec<Share> =
@@ -105,7 +157,7 @@ impl Remainder {
         Self {
             newton_per_count: shares.iter().map(|s| s.newton_per_count).collect(),
             zeros_n: sum(&|s| f64::from(s.newton_per_count) * f64::from(s.zero)),
-            hidden_n: hidden_n(tables, &shares, modules),
+            hidden: Hidden::of(tables, &shares, rest, modules),
             noise_n2: sum(&|s| f64::from(s.noise_n).powi(2)),
             contact_noise_n,
             per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
@@ -144,26 +196,57 @@ impl Remainder {
             per_count_n -= f64::from(share.newton_per_count).abs();
         }
         let unseen_n = (noise_n2.max(0.0) + (zero_sigma_counts * per_count_n).powi(2)).sqrt();
+        let (rest, hidden) = (rest_n.max(0.0), self.hidden);
         Unseen {
             choice_n: chosen_n.hypot(self.contact_noise_n),
-            floor: Newton(rest_n.max(0.0) + self.hidden_n + FLOOR_SIGMAS * unseen_n),
+            floor: Newton(rest + hidden.newton + FLOOR_SIGMAS * unseen_n.hypot(hidden.sigma_n)),
+            told: Newton(rest + FLOOR_SIGMAS * unseen_n),
             offset_counts: if per_count_n > 0.0 { rest_n / per_count_n } else { 0.0 },
         }
     }
 }
 
-/// What the zero hides if it lies towards load because of a load, N.
-fn hidden_n(tables: &Tables, shares: &[Share], modules: &[Range<usize>]) -> f64 {
-    let moved_n = |taxel: usize| {
-        let (share, then) = (shares.get(taxel)?, tables.set().baseline.get(taxel)?);
-        let newton = f64::from(share.newton_per_count) * (f64::from(share.zero) - then.mean);
-        newton.is_finite().then_some(newton)
-    };
-    let mut by_module: Vec<f64> = modules.iter().map(|range| range.clone().filter_map(moved_n).sum()).collect();
-    let everything: f64 = by_module.iter().sum();
-    by_module.sort_by(|a, b| b.total_cmp(a));
-    let contact = by_module.iter().take(CONTACT_MODULES).map(|n| n.max(0.0)).sum();
-    everything.max(contact)
+impl Hidden {
+    fn of(tables: &Tables, shares: &[Share], rest: Rest<'_>, modules: &[Range<usize>]) -> Self {
+        let models = &tables.set().baseline;
+        let moved = |taxel: usize| {
+            let then = models.get(taxel).filter(|_| shares.get(taxel).is_some_and(|share| share.noise_n > 0.0))?;
+            let looked = rest.before.get(taxel).map_or(0.0, |before| before.mean - then.mean);
+            let counts = rest.taken.get(taxel)?.mean - then.mean + if looked.is_finite() { looked } else { 0.0 };
+            counts.is_finite().then_some(counts * tables.sign(taxel))
+        };
+        let all: Vec<Option<f64>> = (0..shares.len()).map(moved).collect();
+        let middle = median(all.iter().copied().flatten()).unwrap_or(0.0);
+        let apart = DEVIATIONS * median(all.iter().flatten().map(|moved| (moved - middle).abs())).unwrap_or(0.0);
+        let newton = |taxel: usize, moved: f64| {
+            let share = &shares[taxel];
+            let linear = f64::from(share.newton_per_count).abs() * moved;
+            // Beyond the threshold skin becomes stiffer: the curve says more than its beginning.
+            let curve = || tables.threshold_n(taxel, moved).unwrap_or(linear).max(linear);
+            if linear > f64::from(share.threshold_n) { curve() } else { linear }
+        };
+        // Of each module its force, that beside what moved the whole skin away from load, and its squared uncertainty.
+        let of_module = |range: &Range<usize>| {
+            let moved = range.clone().filter_map(|taxel| Some((taxel, all.get(taxel).copied()??)));
+            moved.fold([0.0; 3], |[force, contact, squared], (taxel, moved)| {
+                let sigma = f64::from(shares[taxel].newton_per_count) * apart;
+                let beside = newton(taxel, moved - middle.min(0.0));
+                [force + newton(taxel, moved), contact + beside, squared + sigma * sigma]
+            })
+        };
+        let mut by_module: Vec<[f64; 3]> = modules.iter().map(of_module).collect();
+        let sum = |modules: &[[f64; 3]], of: usize| modules.iter().map(|module| module[of].max(0.0)).sum::<f64>();
+        let everything: f64 = by_module.iter().map(|module| module[0]).sum();
+        let everything = Self { newton: everything.max(0.0), sigma_n: sum(&by_module, 2).sqrt() };
+        by_module.sort_by(|a, b| b[1].total_cmp(&a[1]));
+        by_module.truncate(CONTACT_MODULES);
+        let contact = Self { newton: sum(&by_module, 1), sigma_n: sum(&by_module, 2).sqrt() };
+        if everything.upper_n() > contact.upper_n() { everything } else { contact }
+    }
+
+    fn upper_n(self) -> f64 {
+        self.newton + FLOOR_SIGMAS * self.sigma_n
+    }
 }
 
 /// Sum of the products, in a fixed order, sixteen chains at a time.
@@ -208,7 +291,9 @@ mod tests {
         let counts: Vec<u8> = taxels.iter().map(|t| t.0).collect();
         let selected: Vec<bool> = taxels.iter().map(|t| t.1).collect();
         let active = (0..TAXELS).filter(|&t| taxels[t].1 && taxels[t].2);
-        Remainder::new(tables, &rest(TAXELS), ACTIVATION, &selected, &MODULES).unseen(&counts, active, zero_sigma)
+        let zero = rest(TAXELS);
+        let rest = Rest { zero: &zero, taken: &zero, before: &[] };
+        Remainder::new(tables, rest, ACTIVATION, &selected, &MODULES).unseen(&counts, active, zero_sigma)
     }
 
     proptest! {
@@ -273,7 +358,8 @@ mod tests {
         unknown[3] = TaxelBaseline::UNKNOWN;
         unknown[4].noise = f64::NAN;
         let tables = Tables::new(set(TAXELS), &unknown, &[AREA; TAXELS], ACTIVATION);
-        let remainder = Remainder::new(&tables, &unknown, ACTIVATION, &[true; TAXELS], &MODULES);
+        let rest = Rest { zero: &unknown, taken: &unknown, before: &[] };
+        let remainder = Remainder::new(&tables, rest, ACTIVATION, &[true; TAXELS], &MODULES);
         let found = remainder.unseen(&[REST; TAXELS], std::iter::once(4), 0.1);
         assert!(found.floor.0 > 0.0 && found.floor.0.is_finite(), "{found:?}");
         assert!(found.choice_n > 0.0 && found.choice_n.is_finite(), "{found:?}");

@@ -9,6 +9,7 @@ use taxel_model::{Beyond, Extension, Plays, RangeState, Sign, TaxelModel};
 use taxel_skin::{CountRange, SquareMillimetre};
 
 use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
+use crate::force::light_end::LightEnd;
 use crate::force::sample::RangeFlag;
 use crate::model_set::{ModelSet, RecordedTaxel};
 
@@ -62,6 +63,8 @@ pub(crate) struct Share {
 pub(super) struct Place {
     /// How the curve goes on beyond its range.
     pub(super) extension: Option<Extension>,
+    /// What lies between its zero and its range; `None` where hysteresis is compensated.
+    light: Option<LightEnd>,
     /// The present zero.
     pub(super) now: TaxelBaseline,
     /// What is added to a count to get the count that the models refer to.
@@ -100,8 +103,10 @@ impl Place {
         more_counts: f64,
     ) -> Self {
         let (now, then) = zeros;
-        let sign = set.plays(taxel).map_or(set.taxels[taxel].sign, |plays| plays.sign);
-        Self { extension, now, shift: then.mean - now.mean + sign.as_f64() * more_counts, sign }
+        let plays = set.plays(taxel);
+        let sign = plays.map_or(set.taxels[taxel].sign, |plays| plays.sign);
+        let light = plays.is_none().then(|| LightEnd::new(&set.taxels[taxel], then.mean)).flatten();
+        Self { extension, light, now, shift: then.mean - now.mean + sign.as_f64() * more_counts, sign }
     }
 }
 
@@ -128,6 +133,8 @@ impl<'a> Source<'a> {
             _ => self.range_at(units),
         };
         let (before, after) = ((units - 1.0).max(0.0), (units + 1.0).min(top));
+        let light_sigma_kpa = self.light(units).map_or(0.0, |(_, sigma_kpa)| sigma_kpa);
+        let sigma_kpa = sigma_kpa.hypot(light_sigma_kpa);
         let rise = self.pressure_kpa(after) - self.pressure_kpa(before);
         Meaning {
             pressure_kpa: self.pressure_kpa(units),
@@ -139,6 +146,9 @@ impl<'a> Source<'a> {
     }
 
     fn pressure_kpa(&self, units: f64) -> f32 {
+        if let Some((kpa, _)) = self.light(units) {
+            return kpa as f32;
+        }
         let count = units + self.place.shift;
         let kpa = match self.plays {
             Some(plays) => plays.mid_kpa(count),
@@ -211,7 +221,12 @@ impl<'a> Source<'a> {
             table.sigma_kpa = [sigma_kpa as f32; 256];
         }
         for code in 0..=u8::MAX {
-            let (beyond, code) = (self.beyond(f64::from(code)), usize::from(code));
+            let (beyond, light) = (self.beyond(f64::from(code)), self.light(f64::from(code)));
+            let code = usize::from(code);
+            if let Some((kpa, sigma_kpa)) = light {
+                table.pressure_kpa[code] = kpa as f32;
+                table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
+            }
             table.pressure_kpa[code] += beyond.kpa as f32;
             let sigma_kpa = beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa);
             table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
@@ -253,6 +268,11 @@ impl<'a> Source<'a> {
     /// What a code beyond the calibrated range adds to the pressure at the range's end, and how uncertain that is.
     fn beyond(&self, units: f64) -> Beyond {
         self.place.extension.map_or(Beyond::default(), |extension| extension.at(units + self.place.shift))
+    }
+
+    /// Pressure before the calibrated range, and what adds to its uncertainty.
+    fn light(&self, units: f64) -> Option<(f64, f64)> {
+        self.place.light?.at(units + self.place.shift)
     }
 
     /// Counts from rest towards pressure.

@@ -1,5 +1,7 @@
 //! The state of buses and boards, as an operator has to know it.
 
+use std::time::Duration;
+
 use taxel_wire::Frame;
 
 /// What a bus tells beside its frames.
@@ -19,6 +21,8 @@ pub enum BusNotice {
     Forged,
     /// The controller left the bus: nothing it sends can be trusted until it is back.
     BusOff,
+    /// The machine slept for so long, which no clock of the run has noticed. What the boards did meanwhile nobody knows.
+    Slept(Duration),
 }
 
 /// One bus, live.
@@ -77,6 +81,10 @@ impl BusState {
             BusNotice::ControllerRecovered(_) if self.reported => self.problem.clear(),
             BusNotice::ControllerRecovered(_) => {}
             BusNotice::Forged => self.forged += 1,
+            BusNotice::Slept(slept) => {
+                let seconds = slept.as_secs_f64();
+                return Some(format!("the machine slept for {seconds:.1} s; boards may have lost their zero unseen"));
+            }
             BusNotice::BusOff => {
                 self.up = false;
                 (self.problem, self.reported) = ("bus-off: the controller left the bus".to_owned(), false);

@@ -6,6 +6,7 @@ use crate::calibration::job::FitOutcome;
 use crate::calibration::samples::SessionSamples;
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
+use crate::force::reason::ReasonCode;
 use crate::intake::look::look;
 use crate::loads::load::{KnownLoad, Load};
 use crate::loads::owner::LoadRead;
@@ -67,10 +68,14 @@ impl Patch {
         if !self.bring_up_waits && self.intake.bring_up().is_done() {
             return Ok(());
         }
-        Err(Rejection::FailedPrecondition(
-            ErrorReason::BoardsNotConfigured,
-            format!("{BEING_CONFIGURED}: ask again when they are verified"),
-        ))
+        // What keeps them from being configured, if it was told.
+        let zero = self.zero.view();
+        let told = zero.code == Some(ReasonCode::BoardsNotConfigured) && zero.reason != BEING_CONFIGURED;
+        let why = match self.bring_up_waits && told {
+            true => zero.reason,
+            false => format!("{BEING_CONFIGURED}: ask again when they are verified"),
+        };
+        Err(Rejection::FailedPrecondition(ErrorReason::BoardsNotConfigured, why))
     }
 
     /// Refuses a ramp while the boards wait to be configured, because it is not known yet that nothing presses on them.
@@ -206,6 +211,7 @@ impl Patch {
         self.intake.expect_noise(&set.baseline);
         self.zero.on_models(Some(&set));
         self.force.set_models(set);
+        self.zero.weigh(|| self.force.newton_per_count());
         self.dirty = true;
     }
 

@@ -4,6 +4,8 @@
 use std::time::Duration;
 use taxel_skin::Time;
 
+use crate::boundary::output::Output;
+use crate::boundary::record::Record;
 use crate::force::reason::ReasonCode;
 use crate::now::Now;
 use crate::patch::owner::{BEING_CONFIGURED, Effects, Intent, Patch};
@@ -73,7 +75,9 @@ impl Patch {
     pub fn configure_boards(&mut self, now: Time) {
         self.bring_up_waits = false;
         self.ready_since = None;
-        self.zero.on_bring_up();
+        if self.plan.configures() {
+            self.zero.on_bring_up();
+        }
         self.intake.start_bring_up(now);
     }
 
@@ -85,6 +89,7 @@ impl Patch {
         let feels = self.zero.holds() && self.felt.is_some();
         self.bring_up_waits = !confirmed && !feels && self.force.models().is_some() && streams;
         self.lose_zero(now, ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, effects);
+        self.zero.on_bring_up_asked();
         if self.bring_up_waits {
             self.look_before_bring_up(now, effects);
         } else {
@@ -111,6 +116,16 @@ impl Patch {
                 self.look_before_bring_up(now, effects);
             }
         }
+    }
+
+    /// What is held against the zeros of the boards outlives the daemon, as these zeros do.
+    pub fn note_doubt(&mut self, now: Now, out: &mut Vec<Output>) {
+        if self.zero.distrusted() == self.doubt.as_deref() {
+            return;
+        }
+        self.doubt = self.zero.distrusted().map(str::to_owned);
+        let (patch, why) = (self.name().to_owned(), self.doubt.clone());
+        out.push(Output::Record(Record::ZeroDoubt { patch, why, wall_ns: now.wall_ns }));
     }
 
     /// Watches the skin before its boards are configured.

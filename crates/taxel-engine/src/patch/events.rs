@@ -62,10 +62,12 @@ impl Patch {
                     effects.intents.push(Intent::News { board, news: BoardNews::Moved(why) });
                 }
                 ZeroEvent::Doubted => {
-                    self.force.move_zero(None);
+                    self.force.move_zero(None, None);
                     self.calibration.on_zero_doubted();
                 }
-                ZeroEvent::Moved | ZeroEvent::Cleared => self.force.move_zero(self.zero.zero()),
+                ZeroEvent::Moved | ZeroEvent::Cleared => {
+                    self.force.move_zero(self.zero.zero(), self.zero.without_drift());
+                }
             }
             self.on_calibration_events(now, follows, effects);
         }
@@ -73,6 +75,8 @@ impl Patch {
 
     pub(super) fn use_zero(&mut self) {
         self.force.set_zero(self.zero.zero(), self.zero.residue_counts());
+        self.force.set_before(self.zero.before_bring_up());
+        self.zero.weigh(|| self.force.newton_per_count());
         if let Some(baseline) = self.zero.baseline() {
             self.intake.expect_noise(baseline);
         }

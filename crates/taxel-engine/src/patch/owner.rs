@@ -89,18 +89,23 @@ pub struct Patch {
     /// The force that was published last, and from how many taxels; none of them if it is below what can be told from
     /// nothing.
     pub(super) felt: Option<(Newton, usize)>,
+    /// Why the counts cannot show whether the skin is at rest, as last written down.
+    pub(super) doubt: Option<String>,
 }
 
 impl Patch {
-    /// Nothing heard, nothing sent; `loads` are those of earlier runs, `shared` says which boards other patches have, too.
+    /// Nothing heard, nothing sent; `loads` are those of earlier runs, `doubt` what was found then and is not settled, `shared`
+    /// says which boards other patches have, too.
     #[must_use]
-    pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, shared: Vec<bool>) -> Self {
+    pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, doubt: Option<String>, shared: Vec<bool>) -> Self {
         let shares_boards = shared.contains(&true);
         let intake = Intake::new(IntakePlan { shared, ..plan.intake() });
         let regions = intake.regions().clone();
+        let mut zero = Zero::new(plan.zero(), regions.clone());
+        doubt.iter().for_each(|why| zero.distrust(why.clone()));
         Self {
             index,
-            zero: Zero::new(plan.zero(), regions.clone()),
+            zero,
             force: Force::new(plan.force()),
             calibration: Calibration::new(plan.calibration()),
             loads: Loads::new(plan.loads(), loads),
@@ -112,6 +117,7 @@ impl Patch {
             ready_since: None,
             shares_boards,
             felt: None,
+            doubt,
             intake,
             plan,
         }
@@ -261,8 +267,10 @@ impl Patch {
         for event in events {
             match event {
                 IntakeEvent::Scan => self.on_scan(now, effects),
-                IntakeEvent::BoardDoubted { why, certain: true, .. } => {
-                    self.lose_zero(now, ReasonCode::ZeroLost, why, effects)
+                IntakeEvent::BoardDoubted { board, why, certain: true } => {
+                    let mut events = Vec::new();
+                    self.zero.lose_by_board(board, &why, &mut events);
+                    self.on_zero_events(now, events, effects);
                 }
                 IntakeEvent::BoardDoubted { board, why, certain: false } => {
                     let mut events = Vec::new();

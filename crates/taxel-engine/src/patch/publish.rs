@@ -20,12 +20,12 @@ impl Patch {
         let zero = ZeroState {
             lacks: self.zero.lacks(),
             sigma_counts: self.zero.sigma_counts(),
+            absorbed: self.zero.absorbed(),
             shortcoming: self.zero.shortcoming(),
             load_vanished: self.zero.load_vanished(),
         };
         let measured = self.force.sample(&scan, self.intake.silent_taxels(), &zero);
-        let floor = measured.sample.detection_floor.unwrap_or_default();
-        let felt = |total: Newton| (total, if total > floor { measured.active.len() } else { 0 });
+        let felt = |total: Newton| (total, if total > measured.told { measured.active.len() } else { 0 });
         self.felt = measured.sample.total.map(felt);
         let time = self.intake.newest().unwrap_or_default();
         let tare = self.zero.view();

@@ -85,6 +85,9 @@ pub struct Continuity {
     is_pad: Vec<bool>,
     /// Why the counts cannot show any more that the skin is at rest.
     unproven: Option<String>,
+    /// Whether the present zero is one of a skin at rest. If somebody vouched for another one, a skin that a load leaves reads
+    /// less than it without any fault of a board.
+    at_rest: bool,
     /// Whether the module of each pad is heard, and the soundness of the scan that this is of.
     pads_heard: (Option<u64>, Vec<bool>),
 }
@@ -105,13 +108,15 @@ impl Continuity {
             pads: Inputs::new(2 * regions.modules().len()),
             is_pad: regions.kinds().iter().flat_map(pads).collect(),
             unproven: None,
+            at_rest: true,
             pads_heard: (None, vec![false; 2 * regions.modules().len()]),
         }
     }
 
-    /// A zero was taken: nothing that was seen before counts.
-    pub fn begin(&mut self) {
+    /// A zero was taken, `at_rest` by the counts or by somebody's word: nothing that was seen before counts.
+    pub fn begin(&mut self, at_rest: bool) {
         self.forget();
+        self.at_rest = at_rest;
         self.taxels.begin();
         self.pads.begin();
     }
@@ -151,11 +156,16 @@ impl Continuity {
         (0..self.boards.len()).filter(|&board| self.boards[board].load_vanished())
     }
 
-    /// Why the counts cannot show that the skin is at rest: a load vanished while its board was silent. Over with the next
-    /// zero, which somebody has to vouch for, or once the boards are configured.
+    /// Why the counts cannot show that the skin is at rest: a load vanished while its board was silent, or with a new zero of
+    /// its board. Over with the next zero, which somebody has to vouch for, or once the boards are configured.
     #[must_use]
     pub fn unproven(&self) -> Option<&str> {
         self.unproven.as_deref()
+    }
+
+    /// As if that had been found here: it was, before the daemon started.
+    pub fn distrust(&mut self, why: String) {
+        self.unproven = Some(why);
     }
 
     /// The boards take zeros of their own on a skin that was looked at: what was seen before says nothing of these.
@@ -164,13 +174,12 @@ impl Continuity {
         self.boards.iter_mut().for_each(BoardWatch::begin);
     }
 
-    /// Takes a scan while there is no zero: only loads that vanish while a board is silent are looked for.
+    /// Takes a scan while there is no zero: only boards that take a new zero under a load are looked for, which would read
+    /// as a skin at rest.
     pub fn without_zero(&mut self, scan: &Scan<'_>, bag: Bag) {
         self.push(scan);
-        for board in &mut self.boards {
-            if !board.is_silent(scan, bag) {
-                self.unproven = board.has_lost_its_load(scan.counts).or(self.unproven.take());
-            }
+        for index in 0..self.boards.len() {
+            self.judge(index, scan, bag);
         }
     }
 
@@ -211,7 +220,7 @@ impl Continuity {
         let (evidence, vanishes) = self.evidence(index, !bag.session_open);
         let scans = self.taxels.scans();
         let seen = |mean: usize, bound| scans >= MEANS[mean] && evidence.exceeds(mean, bound);
-        self.boards[index].judge(&Seen {
+        let finding = self.boards[index].judge(&Seen {
             certain: seen(1, CERTAIN) || seen(2, CERTAIN),
             likely: seen(2, LIKELY),
             likely_now: seen(0, LIKELY),
@@ -219,7 +228,12 @@ impl Continuity {
             load_vanishes: vanishes.is_some(),
             vanishes_in_bag: bag.holds && vanishes.is_some_and(|share| share >= IN_BAG_SHARE),
             witnesses: evidence.witnesses(),
-        })
+        });
+        let under_a_load = self.at_rest && self.boards[index].load_vanished();
+        if let Some(Finding::NewZero(why)) = finding.as_ref().filter(|_| under_a_load) {
+            self.unproven = Some(why.clone());
+        }
+        finding
     }
 
     /// The evidence of a board, all three means in one walk, and, if the load that lay on it is gone with this scan, the

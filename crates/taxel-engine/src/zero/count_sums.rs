@@ -116,26 +116,61 @@ mod tests {
     use proptest::prelude::*;
     use taxel_skin::Time;
 
+    fn scan<'a>(counts: impl Into<Counts<'a>>, sound: &'a [bool]) -> Scan<'a> {
+        let (time, whole, soundness) = (Time::default(), true, 0);
+        Scan { time, whole, counts: counts.into(), pads: &[], silent: &[], sound, soundness }
+    }
+
     proptest! {
         #[test]
         fn mean_and_noise_are_those_of_the_running_statistics(
-            scans in proptest::collection::vec(prop::array::uniform3((any::<u8>(), prop::bool::weighted(0.7))), 1..60)
+            scans in proptest::collection::vec(prop::array::uniform3((any::<u8>(), prop::bool::weighted(0.7))), 1..60),
+            fine in 0..256_u16
         ) {
-            let (mut sums, mut running) = (CountSums::new(3), RestStatistics::new(3));
-            for scan in &scans {
-                let (counts, sound) = (scan.map(|input| input.0), scan.map(|input| input.1));
-                let (time, whole, soundness) = (Time::default(), true, 0);
-                let scan = Scan { time, whole, counts: (&counts).into(), pads: &[], silent: &[], sound: &sound, soundness };
-                sums.push(&scan);
-                running.push(scan.sound_counts());
+            let range = CountRange::to(u16::MAX).unwrap();
+            let (mut sums, mut wide, mut running) = (CountSums::new(3), CountSums::new(3), RestStatistics::new(3));
+            for counts in &scans {
+                let (counts, sound) = (counts.map(|input| input.0), counts.map(|input| input.1));
+                sums.push(&scan(&counts, &sound));
+                running.push(scan(&counts, &sound).sound_counts());
+                let counts = counts.map(|count| 256 * u16::from(count) + fine);
+                wide.push(&scan(Counts::Words(&counts, range), &sound));
             }
-            prop_assert_eq!(sums.scans(), running.count());
-            for (one, other) in sums.baseline().iter().zip(running.baseline()) {
-                prop_assert_eq!(one.mean.is_nan(), other.mean.is_nan());
+            prop_assert_eq!((sums.scans(), wide.scans()), (running.count(), running.count()));
+            let fine = f64::from(fine) / 256.0;
+            for ((one, wide), other) in sums.baseline().iter().zip(wide.baseline()).zip(running.baseline()) {
+                prop_assert_eq!((one.mean.is_nan(), wide.mean.is_nan()), (other.mean.is_nan(), other.mean.is_nan()));
                 prop_assert!(one.mean.is_nan() || (one.mean - other.mean).abs() < 1e-9, "{one:?} {other:?}");
                 prop_assert!(one.mean.is_nan() || (one.noise - other.noise).abs() < 1e-9, "{one:?} {other:?}");
-                prop_assert_eq!(one.noise == 0.0, other.noise == 0.0);
+                prop_assert!(one.mean.is_nan() || (wide.mean - other.mean - fine).abs() < 1e-9, "{wide:?} {other:?}");
+                prop_assert!(one.mean.is_nan() || (wide.noise - other.noise).abs() < 1e-9, "{wide:?} {other:?}");
+                prop_assert_eq!([one.noise == 0.0, wide.noise == 0.0], [other.noise == 0.0; 2]);
             }
+        }
+    }
+
+    #[test]
+    fn a_window_without_an_end_begins_anew_before_its_sums_overflow() {
+        let mut sums = CountSums::new(1);
+        for _ in 0..=SCANS_MAX {
+            sums.push(&scan(&[255_u8], &[true]));
+        }
+        assert_eq!(sums.scans(), 1);
+        assert_eq!(sums.baseline(), [TaxelBaseline { mean: 255.0, noise: 0.0 }]);
+    }
+
+    #[test]
+    fn nothing_is_left_of_an_earlier_window() {
+        let range = CountRange::to(u16::MAX).unwrap();
+        let (mut bytes, mut words) = (CountSums::new(1), CountSums::new(1));
+        for count in [250_u8, 10] {
+            bytes.restart();
+            words.restart();
+            (0..3).for_each(|_| bytes.push(&scan(&[count], &[true])));
+            (0..3).for_each(|_| words.push(&scan(Counts::Words(&[256 * u16::from(count)], range), &[true])));
+            assert_eq!([bytes.scans(), words.scans()], [3; 2]);
+            let expected = TaxelBaseline { mean: f64::from(count), noise: 0.0 };
+            assert_eq!([bytes.baseline()[0], words.baseline()[0]], [expected; 2]);
         }
     }
 }

@@ -54,12 +54,6 @@ impl Ground {
         &self.signs
     }
 
-    /// Whether any of them is known.
-    #[must_use]
-    pub fn is_signed(&self) -> bool {
-        self.signs.iter().any(|sign| *sign != 0)
-    }
-
     /// Counts from the zero from which on the taxel is touched.
     #[must_use]
     pub fn touched_counts(&self, taxel: usize) -> f64 {

@@ -39,17 +39,20 @@ pub struct Zero {
     pub(super) proven: Option<Proven>,
     pub(super) watch: Option<Watch>,
     /// `None` where drift is not followed.
-    drift: Option<Drift>,
+    pub(super) drift: Option<Drift>,
     pub(super) continuity: Continuity,
     /// Whether the continuity is in doubt, as last told.
-    doubted: bool,
+    pub(super) doubted: bool,
     lookback: Lookback,
     /// Whether the boards were being configured when the last scan came, or are since.
-    configuring: bool,
+    pub(super) configuring: bool,
+    /// What was seen when the boards were last found ready to be configured, and what they were configured at.
+    pub(super) looked: Option<Vec<TaxelBaseline>>,
+    pub(super) configured_at: Option<Vec<TaxelBaseline>>,
     /// The last zero with its drift, or that of the models.
     pub(super) ground: Ground,
     /// What the skin remembers of earlier loads.
-    memory: Memory,
+    pub(super) memory: Memory,
 }
 
 impl Zero {
@@ -68,6 +71,8 @@ impl Zero {
             doubted: false,
             lookback: Lookback::new(regions.taxels(), plan.period),
             configuring: false,
+            looked: None,
+            configured_at: None,
             ground: Ground::new(&regions, plan.activation),
             memory: Memory::default(),
             plan,
@@ -91,7 +96,7 @@ impl Zero {
     #[must_use]
     pub fn view(&self) -> TareView {
         let mut view = self.view.clone();
-        if let Some(why) = self.continuity.doubted().filter(|_| view.valid && self.doubted) {
+        if let Some(why) = self.continuity.doubted().filter(|_| self.doubted) {
             view.valid = false;
             view.reason = format!("{why}; this is being looked at");
             view.code = Some(ReasonCode::ZeroDoubted);
@@ -133,12 +138,6 @@ impl Zero {
     #[must_use]
     pub fn residue_counts(&self) -> f64 {
         self.memory.residue_counts()
-    }
-
-    /// What keeps a force at this zero from being a good one.
-    #[must_use]
-    pub fn shortcoming(&self) -> Option<Reason> {
-        self.drift.as_ref().and_then(Drift::shortcoming)
     }
 
     /// That a load has just vanished from a whole board, if one has: a force is a lower bound until the counts have shown
@@ -194,7 +193,7 @@ impl Zero {
         if !self.view.valid {
             self.continuity.without_zero(scan, around.bag);
             if std::mem::replace(&mut self.configuring, around.configuring) {
-                self.continuity.forget(); // boards that were configured have taken zeros of their own
+                self.continuity.begin(true); // boards that were configured have taken zeros of their own
             }
             return;
         }
@@ -205,11 +204,6 @@ impl Zero {
             }
             Some((_, Finding::Doubt(_))) | None => self.tell_doubt(events),
         }
-    }
-
-    /// The boards are being configured, and take zeros of their own on a skin that was looked at.
-    pub const fn on_bring_up(&mut self) {
-        self.configuring = true;
     }
 
     fn tell_doubt(&mut self, events: &mut Vec<ZeroEvent>) {
@@ -249,6 +243,12 @@ impl Zero {
         }
     }
 
+    /// As [`Zero::lose`], by what a board has sent, which takes a new zero now: whatever lies on it reads as nothing then.
+    pub fn lose_by_board(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
+        self.continuity.doubt(board, reason.to_owned());
+        self.lose(ReasonCode::ZeroLost, reason, events);
+    }
+
     /// Ends a watch because of what has happened meanwhile. A zero that is being written down is none any more; who
     /// asked for it is told when that has ended, by [`Zero::adopt`].
     fn refuse_watch(&mut self, why: &str, events: &mut Vec<ZeroEvent>) {
@@ -268,7 +268,7 @@ impl Zero {
     /// A skin that becomes lighter than its zero was not at rest when that was taken. What is found stays: the zero is
     /// lost until another is taken.
     fn check_unloading(&mut self, scan: &Scan<'_>, bag: Bag, events: &mut Vec<ZeroEvent>) {
-        if !self.holds() || !self.ground.is_signed() {
+        if !self.holds() {
             return;
         }
         let (modules, limits) = (self.regions.modules(), &self.plan.tare.rest);
@@ -282,18 +282,11 @@ impl Zero {
         if let Some(median) = self.lookback.median_counts().filter(|_| !bag.session_open)
             && self.memory.follow(median, seconds)
         {
+            if let (Some(drift), Some(taken)) = (&mut self.drift, &self.baseline) {
+                drift.rebase(&self.memory.applied_to(taken, self.ground.signs()));
+            }
             self.renew_zero(events);
         }
-    }
-
-    /// The zero as it was taken, with its drift and what the skin has recovered since.
-    fn renew_zero(&mut self, events: &mut Vec<ZeroEvent>) {
-        let Some(baseline) = &self.baseline else { return };
-        let drifted = self.drift.as_ref().map(|drift| drift.applied_to(baseline));
-        let zero = self.memory.applied_to(drifted.as_ref().unwrap_or(baseline), self.ground.signs());
-        self.ground.follow(zero);
-        self.continuity.compare_with(&self.ground);
-        events.push(ZeroEvent::Moved);
     }
 
     /// The zero that was proven for `request` is on disk: it holds from now on.
@@ -324,7 +317,7 @@ impl Zero {
             self.view.drift = *drift.view();
         }
         self.baseline = Some(baseline);
-        self.continuity.begin();
+        self.continuity.begin(self.view.at_rest);
         self.continuity.compare_with(&self.ground);
         self.doubted = false;
         self.lookback.begin();
@@ -334,23 +327,6 @@ impl Zero {
     #[must_use]
     pub fn baseline(&self) -> Option<&[TaxelBaseline]> {
         self.baseline.as_deref().filter(|_| self.view.valid)
-    }
-
-    /// The zero follows the temperature, where that is asked for and no session holds the patch.
-    fn follow_drift(&mut self, now: Now, scan: &Scan<'_>, session_open: bool, events: &mut Vec<ZeroEvent>) {
-        let Some(drift) = self.drift.as_mut().filter(|_| self.view.valid) else { return };
-        let moved = if session_open || self.doubted {
-            drift.hold(now);
-            false
-        } else {
-            let pads = |module: usize| (!scan.silent[module]).then_some(scan.pads[module]);
-            let now = Now { time: scan.time, ..now };
-            drift.on_scan(now, scan.counts, pads, |taxel| scan.sound[taxel])
-        };
-        self.view.drift = *drift.view();
-        if moved {
-            self.renew_zero(events);
-        }
     }
 
     /// Time passed: a watch that gets no scans ends. `silence` says which modules are silent.

@@ -107,6 +107,17 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    #[test]
+    fn the_load_of_a_taxel_is_what_presses_on_a_touched_one() {
+        let mut reference = Reference::default();
+        reference.set(0, -1.0, 240.0, [1.0; 3], 4.0);
+        assert_eq!(reference.load(0, 230.0, 238.0), [10.0, 2.0, 1.0]);
+        assert_eq!(reference.load(0, 230.0, 242.0), [10.0, 0.0, 1.0], "less than nothing presses on none");
+        assert_eq!(reference.load(0, 237.0, 230.0), [0.0; 3], "it was not touched");
+        reference.set(1, 0.0, f64::NAN, [0.0; 3], -1.0);
+        assert_eq!(reference.load(1, 230.0, 200.0), [0.0; 3], "nobody knows which way pressure moves it");
+    }
+
     proptest! {
         #[test]
         fn lanes_give_what_one_taxel_after_the_other_gives(

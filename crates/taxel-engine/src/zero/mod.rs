@@ -1,10 +1,12 @@
 //! What is zero, and does it hold: watched at rest, proven, followed with the temperature, and lost.
 
 pub mod bag;
+mod bring_up;
 pub mod continuity;
 pub mod count_sums;
 pub mod drift;
 pub mod events;
+mod following;
 mod ground;
 pub mod holder;
 pub mod inputs;
@@ -14,6 +16,8 @@ pub mod plan;
 mod proven;
 mod residue;
 pub mod rest;
+#[cfg(test)]
+mod tests;
 pub mod unloading;
 pub mod view;
 pub mod watch;

@@ -12,6 +12,8 @@ pub struct TareView {
     pub epoch: u64,
     /// Whether live force may rely on it.
     pub valid: bool,
+    /// Whether the counts themselves showed rest when it was taken, and nobody had to vouch for it.
+    pub at_rest: bool,
     /// When it was taken, nanoseconds since 1970.
     pub wall_ns: i64,
     /// Why it is valid (the rest test's figures, who confirmed) or why it is not any more.
@@ -27,12 +29,13 @@ pub struct TareView {
 }
 
 impl TareView {
-    /// A zero that was taken.
+    /// A zero that was taken, `at_rest` by the counts or by somebody's word.
     #[must_use]
-    pub fn taken(epoch: u64, wall_ns: i64, reason: String, baseline: &[TaxelBaseline]) -> Self {
+    pub fn taken(epoch: u64, wall_ns: i64, reason: String, at_rest: bool, baseline: &[TaxelBaseline]) -> Self {
         Self {
             epoch,
             valid: true,
+            at_rest,
             wall_ns,
             reason,
             code: None,

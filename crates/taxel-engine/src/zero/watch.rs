@@ -87,3 +87,31 @@ impl Watch {
         (self.purpose, self.window)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    /// A watch of a second with so many scans, the first at once and then one every 100 ms.
+    fn watched(scans: u32) -> Watch {
+        let mut watch = Watch::new(Time::default(), SECOND, RestWindow::new(1, &[]), Purpose::AtStart);
+        (0..scans).for_each(|scan| watch.push(Time::default() + scan * SECOND / 10, std::iter::once(Some(240.0))));
+        watch
+    }
+
+    #[test]
+    fn a_watch_is_over_when_it_has_lasted_and_has_seen_enough() {
+        let almost = Time::from_nanos(999_999_999);
+        assert!(!watched(10).is_over(almost, 10) && watched(10).is_over(Time::default() + SECOND, 10));
+        assert!(!watched(9).is_over(Time::default() + 2 * SECOND, 10));
+        assert_eq!(watched(0).give_up_at(), Time::default() + 3 * SECOND);
+    }
+
+    #[test]
+    fn half_of_the_time_is_the_later_half_of_the_scans() {
+        let (_, window) = watched(7).end();
+        assert_eq!(window.halves().each_ref().map(|half| half.count()), [5, 2]);
+    }
+}

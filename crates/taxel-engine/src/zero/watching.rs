@@ -22,7 +22,8 @@ impl Zero {
         events: &mut Vec<ZeroEvent>,
     ) {
         let by_itself = self.plan.tare.at_start && self.baseline.is_none() && around.models.is_some();
-        if by_itself && self.watch.is_none() && around.boards_ready {
+        // A zero that waits for the disk is somebody's, and comes first.
+        if by_itself && self.watch.is_none() && self.proven.is_none() && around.boards_ready {
             self.watch(now.time, Purpose::AtStart, events);
         }
         let Some(watch) = &mut self.watch else { return };
@@ -51,8 +52,10 @@ impl Zero {
         let verdict = judge(&window, reference, &self.plan.tare.rest);
         if purpose == Purpose::BeforeBringUp {
             // What is far from the models' zero in another way is what a configuration mends.
-            let pressed = verdict.is_loaded() || !verdict.is_still();
-            events.push(ZeroEvent::Looked(if pressed { Err(verdict.to_string()) } else { Ok(()) }));
+            let pressed = (verdict.is_loaded() || !verdict.is_still()).then(|| verdict.to_string());
+            let pressed = pressed.or_else(|| self.continuity.unproven().map(str::to_owned));
+            self.looked = pressed.is_none().then(|| window.all().baseline());
+            events.push(ZeroEvent::Looked(pressed.map_or(Ok(()), Err)));
             return;
         }
         // In its first session a skin has nothing to be compared with: its zero is what the models refer to, and the
@@ -74,7 +77,7 @@ impl Zero {
             None => verdict.to_string(),
         };
         let baseline = with_noise_capped(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
-        let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, &baseline);
+        let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, rest, &baseline);
         if let Purpose::Operator { request, .. } = purpose {
             self.proven = Some(Proven::new(request, view.clone(), baseline.clone()));
             events.push(ZeroEvent::Proven { request, view, baseline });

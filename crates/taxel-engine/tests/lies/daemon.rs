@@ -103,6 +103,11 @@ impl Daemon {
         self.waiting.clear();
     }
 
+    /// Whether what was found of a board's zero was lost with an earlier run.
+    pub const fn has_forgotten(&self) -> bool {
+        self.store.has_forgotten()
+    }
+
     pub fn is_running(&self) -> bool {
         self.engine.is_some()
     }

@@ -54,12 +54,14 @@ impl Hands {
         if let Some((load, _)) = self.rolls.filter(|(_, due)| now >= *due) {
             self.rolls = None;
             let (to, over) = (self.anywhere(stage), self.dice.span(0.1, 5.0));
+            stage.changes(over);
             stage.tell(format!("{load:?} rolls to taxel {} in {over:.2?}", to.0));
             stage.world.roll(load, to, over).unwrap();
         }
         while let Some(place) = self.lying.iter().position(|(_, due)| now >= *due) {
             let (load, _) = self.lying.remove(place);
             let over = self.pace();
+            stage.changes(over);
             stage.tell(format!("{load:?} leaves in {over:.2?}"));
             stage.world.lift(load, over);
             stage.loads = self.lying.len();
@@ -84,6 +86,7 @@ impl Hands {
         let mut footprint = Footprint::disc(centre, area);
         footprint.semi_axes_mm = [footprint.semi_axes_mm[0] * stretch, footprint.semi_axes_mm[1] / stretch];
         footprint.turn = self.dice.between(0.0, 3.1);
+        stage.changes(over);
         let load = stage.world.place(Mass { kilogram, footprint }, over).unwrap();
         let stay = over + self.dice.span(0.2, 40.0);
         let leaves = stage.now() + stay;

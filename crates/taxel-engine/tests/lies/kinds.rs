@@ -99,6 +99,7 @@ impl Kinds {
     }
 
     pub fn iter(self) -> impl Iterator<Item = Kind> {
-        Kind::ALL.iter().copied().filter(move |kind| self.has(*kind))
+        let rest = std::iter::successors(Some(self.0), |rest| Some(rest & rest.wrapping_sub(1)));
+        rest.take_while(|rest| *rest != 0).map(|rest| Kind::ALL[rest.trailing_zeros() as usize])
     }
 }

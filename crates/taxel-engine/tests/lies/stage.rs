@@ -5,19 +5,21 @@ use std::time::Duration;
 
 use taxel_engine::command::Command;
 use taxel_engine::snapshot::PatchSnapshot;
-use taxel_sim::{PumpCommand, World};
+use taxel_sim::{CONVERSION, PumpCommand, World};
 use taxel_skin::Time;
 use taxel_wire::Frame;
 use taxel_wire::icub::Command as BoardCommand;
 
 use crate::daemon::Daemon;
-use crate::house::House;
+use crate::house::{House, SLOT};
 use crate::kinds::{Kind, Kinds};
 use crate::suspects::Suspects;
 use crate::truth::Truth;
 
 /// A zero is watched for a second, over scans as old as a sample can be.
 const WATCH: Duration = Duration::from_millis(1100);
+/// A bag that presses by less changes no force that matters, in kPa.
+const BAG_KPA: f64 = 0.01;
 /// A force that matters to a zero, in newton: two grams.
 const LOAD_N: f64 = 0.02;
 
@@ -30,6 +32,10 @@ pub struct Stage {
     pub truth: Truth,
     /// Masses on the skin, as far as hands have to do with them.
     pub loads: usize,
+    /// Until when loads come, roll or go.
+    changes_until: Time,
+    /// A board takes its zero with its next conversion: until when, and why.
+    zero_due: Option<(Time, Kind)>,
     begin: Time,
     told: Vec<(f64, String)>,
     epoch: Option<u64>,
@@ -48,6 +54,8 @@ impl Stage {
             suspects: Suspects::new(begin),
             truth: Truth::default(),
             loads: 0,
+            changes_until: begin,
+            zero_due: None,
             begin,
             told: Vec::new(),
             epoch: None,
@@ -78,7 +86,33 @@ impl Stage {
 
     /// The truth may just have changed at once.
     pub fn note_truth(&mut self) {
-        self.truth.note(self.world.now(), self.world.true_force().0);
+        let now = self.world.now();
+        self.truth.note(now, self.world.true_force().0);
+        if now <= self.changes_until || self.world.true_pressure().0 > BAG_KPA {
+            self.note_modules();
+        }
+        if let Some((until, kind)) = self.zero_due {
+            if self.truth.newest() > LOAD_N {
+                self.suspects.board_zero(kind, true);
+            }
+            self.zero_due = Some((until, kind)).filter(|_| now < until);
+        }
+    }
+
+    /// From now on, for so long, something on the skin changes.
+    pub fn changes(&mut self, over: Duration) {
+        self.note_modules();
+        self.changes_until = self.changes_until.max(self.now() + over + 2 * SLOT);
+    }
+
+    fn note_modules(&mut self) {
+        let skin = self.world.skin();
+        let (area, taxels) = (skin.taxel_area(), skin.patch().taxels());
+        let mut newton = vec![0.0; skin.patch().modules().len()];
+        for (taxel, pressure) in taxels.iter().zip(self.world.true_taxel_pressures()) {
+            newton[usize::from(taxel.module)] += pressure.on(area).0;
+        }
+        self.truth.note_modules(self.world.now(), newton.into());
     }
 
     pub fn pump(&mut self, command: PumpCommand) {
@@ -122,6 +156,12 @@ impl Stage {
             let foreign = self.active.as_ref().is_some_and(|id| *id != self.house.set.id);
             let mut kinds = if foreign { self.session } else { Kinds::default() };
             Kind::ALL.iter().filter(|kind| !kind.is_fault()).for_each(|kind| kinds.remove(*kind));
+            for zero in [Kind::BoardsUnderLoad, Kind::ZeroWhileChanging, Kind::ZeroUnderLoad] {
+                if kinds.has(zero) {
+                    kinds.remove(zero);
+                    kinds.insert(Kind::LoadInSession);
+                }
+            }
             self.suspects.models_of(kinds);
             self.tell(format!("active models: {:?}", self.active));
         }
@@ -131,6 +171,7 @@ impl Stage {
     pub fn send(&mut self, frame: &Frame) {
         if let Some((_, BoardCommand::SetTriangles(_))) = BoardCommand::decode(frame) {
             self.board_zero(Kind::BoardsUnderLoad);
+            self.zero_due = Some((self.now() + CONVERSION + 2 * SLOT, Kind::BoardsUnderLoad));
         }
         self.world.send(self.now(), frame);
     }

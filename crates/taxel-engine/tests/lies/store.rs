@@ -15,9 +15,14 @@ pub struct Store {
     model_sets: Vec<Arc<ModelSet>>,
     active: BTreeMap<String, String>,
     sessions: BTreeMap<u64, (Option<Arc<SessionView>>, SessionSamples)>,
+    doubts: BTreeMap<String, Option<String>>,
     waiting: VecDeque<(Time, Record)>,
     /// It takes nothing any more.
     pub failed: bool,
+    /// What was found of a board's zero did not reach the disk before the daemon stopped.
+    forgotten: bool,
+    /// The same, of the daemon that runs.
+    unwritten: bool,
 }
 
 impl Store {
@@ -32,6 +37,7 @@ impl Store {
     /// Will be on disk at `due`, after all that came before; when that is, if the store takes it.
     pub fn take(&mut self, due: Time, record: Record) -> Option<Time> {
         if self.failed {
+            self.unwritten |= matches!(record, Record::ZeroDoubt { why: Some(_), .. });
             return None;
         }
         let due = self.waiting.back().map_or(due, |(last, _)| due.max(*last));
@@ -92,13 +98,21 @@ impl Store {
             }
             Record::ModelSetDeleted { model_set, .. } => self.model_sets.retain(|set| set.id != model_set),
             Record::SessionDeleted { session, .. } => drop(self.sessions.remove(&session)),
+            Record::ZeroDoubt { patch, why, .. } => drop(self.doubts.insert(patch, why)),
             Record::Load(_) | Record::Asked(_) | Record::Answered(_) | Record::Tared { .. } => {}
         }
     }
 
     /// The daemon stopped: what had not reached the disk is lost.
     pub fn lose_waiting(&mut self) {
+        let doubts = self.waiting.iter().any(|(_, record)| matches!(record, Record::ZeroDoubt { why: Some(_), .. }));
+        self.forgotten |= doubts || std::mem::take(&mut self.unwritten);
         self.waiting.clear();
+    }
+
+    /// Whether a daemon that ran before had found that a board's zero holds a load, and the disk did not get it.
+    pub const fn has_forgotten(&self) -> bool {
+        self.forgotten
     }
 
     /// What a start finds.
@@ -116,6 +130,7 @@ impl Store {
             active: self.active.clone().into_iter().collect(),
             sessions: sessions.collect(),
             next_session: newest.map_or(1, |number| number + 1),
+            doubts: self.doubts.iter().filter_map(|(patch, why)| Some((patch.clone(), why.clone()?))).collect(),
             ..Restored::default()
         }
     }

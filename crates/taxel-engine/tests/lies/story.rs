@@ -6,6 +6,7 @@ use std::time::Duration;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 use taxel_skin::Time;
 
+use crate::allowed::{FORGOTTEN, HEARD_LATE, MODULES_APART};
 use crate::daemon::Daemon;
 use crate::dice::Dice;
 use crate::hands::Hands;
@@ -17,11 +18,9 @@ use crate::operator::Operator;
 use crate::rig::plan;
 use crate::stage::Stage;
 use crate::store::Store;
+use crate::suspects::RETARES;
 use crate::tally::{LITTLE_N, Tally};
-use crate::truth::AGE_MAX;
-
-/// Beyond this a sample rests on frames that are older than what the plan calls silent.
-const LATE: Duration = Duration::from_millis(400);
+use crate::truth::{AGE_MAX, HEARD_MAX};
 
 /// A skin without so large a share of its taxels has names of its own, too: insensitive ones are a twentieth.
 const MANY_EXCLUDED: f64 = 0.2;
@@ -57,6 +56,8 @@ struct Story {
     state: ForceState,
     /// The name of the lie that is being told.
     lying: Option<String>,
+    /// When the zero of the last sample was taken, by its label, and whether the first sample at it lied.
+    zero: (Option<i64>, bool),
     frames: Vec<taxel_wire::TimedFrame>,
 }
 
@@ -81,6 +82,7 @@ impl Story {
         if begins_loaded {
             hands.begin_loaded(&mut stage);
         }
+        stage.changes(Duration::ZERO);
         stage.note_truth();
         let mishaps = Mishaps::new(root.of(4), &stage, length);
         let operator = Operator::new(root.of(5), now, length, listens_only);
@@ -94,6 +96,7 @@ impl Story {
             tally: Tally::new(),
             state: ForceState::default(),
             lying: None,
+            zero: (None, false),
             frames: Vec::new(),
         }
     }
@@ -135,11 +138,13 @@ impl Story {
         let Some(stated) = interval(force) else { return };
         let kinds = stage.suspects.present(stage.now());
         let truth = stage.truth.range(snapshot.time - AGE_MAX, snapshot.time);
-        let lie = judge(stated, truth).map(|lie| {
-            let wide = stage.truth.range(snapshot.time - LATE, stage.now());
-            let late = judge(stated, wide).is_none();
-            (lie, name(stage, snapshot, lie, truth, late))
-        });
+        let lie = judge(stated, truth);
+        let zero = snapshot.tare.as_ref().map(|tare| tare.wall_ns);
+        if zero != self.zero.0 {
+            self.zero = (zero, lie.is_some_and(|lie| lie.too_little));
+        }
+        let of_zero = self.zero.1;
+        let lie = lie.map(|lie| (lie, name(stage, snapshot, stated, lie, truth, of_zero)));
         self.tally.sample(kinds, lie.is_some());
         match lie {
             None => {
@@ -166,14 +171,25 @@ impl Story {
 }
 
 /// What a lie is called: what it may come from, what lay on the skin, and which way it went.
-fn name(stage: &Stage, snapshot: &PatchSnapshot, lie: Lie, (least, greatest): (f64, f64), late: bool) -> String {
+fn name(
+    stage: &Stage,
+    snapshot: &PatchSnapshot,
+    stated: (f64, f64),
+    lie: Lie,
+    (least, greatest): (f64, f64),
+    of_zero: bool,
+) -> String {
     let now = stage.now();
     let excluded = f64::from(snapshot.force.excluded) / snapshot.taxels.len() as f64;
-    let root = match stage.suspects.principal(stage.suspects.present(now), now) {
-        Some(kind) => kind.name(),
-        None if excluded > MANY_EXCLUDED => "no fault, but many taxels excluded",
-        None => "no fault",
-    };
+    let apart = apart(stage, snapshot.time, stated);
+    let forgotten = stage.daemon.has_forgotten() && lie.too_little;
+    let mutes = stage.suspects.mutes(now).filter(|_| apart == HEARD_LATE);
+    let root =
+        match mutes.or_else(|| stage.suspects.principal(stage.suspects.present(now), now, lie.too_little, of_zero)) {
+            Some(kind) => kind.name(),
+            None if excluded > MANY_EXCLUDED => "no fault, but many taxels excluded",
+            None => "no fault",
+        };
     let last_second = stage.truth.range(now - Duration::from_secs(1), now);
     let last_seconds = stage.truth.range(now - Duration::from_secs(8), now);
     let load = if stage.world.true_pressure().0 > 0.3 {
@@ -193,7 +209,21 @@ fn name(stage: &Stage, snapshot: &PatchSnapshot, lie: Lie, (least, greatest): (f
         false => "too much",
     };
     let size = if lie.excess_n < LITTLE_N { " by a little" } else { "" };
-    format!("{root}; {load}; {way}{size}{}", if late { "; within 400 ms" } else { "" })
+    let forgotten = if forgotten && RETARES.iter().any(|kind| kind.name() == root) { FORGOTTEN } else { "" };
+    format!("{root}; {load}; {way}{size}{apart}{forgotten}")
+}
+
+/// Whether a statement would be true if each module had been read at another moment of what a sample may be of, or of what
+/// a module may be of that is not heard any more.
+fn apart(stage: &Stage, time: Time, stated: (f64, f64)) -> &'static str {
+    let true_within = |age: Duration| judge(stated, stage.truth.range_of_modules(time - age, time)).is_none();
+    if true_within(AGE_MAX) {
+        MODULES_APART
+    } else if true_within(HEARD_MAX) {
+        HEARD_LATE
+    } else {
+        ""
+    }
 }
 
 fn reading(snapshot: &PatchSnapshot, (least, greatest): (f64, f64)) -> String {

@@ -12,6 +12,25 @@ const AFTERMATH: Duration = Duration::from_millis(1500);
 /// A fault that began so long ago and still lasts names a lie before anything else.
 const FRESH: Duration = Duration::from_secs(10);
 
+/// What zero and models went through; the first of these that holds names a lie.
+const ROOTS: [Kind; 4] = [Kind::BoardsUnderLoad, Kind::ZeroWhileChanging, Kind::ZeroUnderLoad, Kind::LoadInSession];
+
+/// What gives a board a zero of its own.
+pub const RETARES: [Kind; 4] = [Kind::Glitch, Kind::BoardRetare, Kind::NoAcks, Kind::PowerCycle];
+
+/// What keeps modules from being heard.
+const MUTES: [Kind; 9] = [
+    Kind::BoardSilent,
+    Kind::OtherPeriod,
+    Kind::ModuleSilent,
+    Kind::ModuleUnplugged,
+    Kind::FramesLost,
+    Kind::FramesDuplicated,
+    Kind::FramesSwapped,
+    Kind::FramesHeld,
+    Kind::Stall,
+];
+
 /// Whether a fault leaves the counts alone: only sessions and the disk see it.
 const fn is_harmless(kind: Kind) -> bool {
     matches!(
@@ -24,6 +43,10 @@ const fn is_harmless(kind: Kind) -> bool {
 #[derive(Debug)]
 pub struct Suspects {
     begun: Vec<u32>,
+    /// Those that have ended at least once.
+    over: Kinds,
+    /// Those that go on.
+    going_on: Kinds,
     /// When each kind began last.
     newest: Vec<Option<Time>>,
     ended: Vec<Option<Time>>,
@@ -46,6 +69,8 @@ impl Suspects {
         ended[Kind::Restart as usize] = Some(now);
         Self {
             begun: vec![0; Kind::ALL.len()],
+            over: Kinds::one(Kind::Restart),
+            going_on: Kinds::default(),
             newest: vec![None; Kind::ALL.len()],
             ended,
             since_zero: Kinds::default(),
@@ -58,6 +83,7 @@ impl Suspects {
 
     pub fn begin(&mut self, kind: Kind, now: Time) {
         self.begun[kind as usize] += 1;
+        self.going_on.insert(kind);
         self.newest[kind as usize] = Some(now);
         self.ever.insert(kind);
         if kind.is_fault() && !is_harmless(kind) {
@@ -67,7 +93,11 @@ impl Suspects {
 
     pub fn end(&mut self, kind: Kind, now: Time) {
         self.begun[kind as usize] = self.begun[kind as usize].saturating_sub(1);
+        if self.begun[kind as usize] == 0 {
+            self.going_on.remove(kind);
+        }
         self.ended[kind as usize] = Some(now);
+        self.over.insert(kind);
     }
 
     /// Something that takes no time.
@@ -108,29 +138,40 @@ impl Suspects {
 
     /// What a wrong force may come from now.
     pub fn present(&self, now: Time) -> Kinds {
-        let mut kinds = self.since_zero.or(self.models).or(self.boards);
-        for &kind in Kind::ALL {
-            let (begun, ended) = (self.begun[kind as usize], self.ended[kind as usize]);
-            if begun > 0 || ended.is_some_and(|ended| now < ended + AFTERMATH) {
-                kinds.insert(kind);
-            }
-        }
-        kinds
+        let fresh = |kind: &Kind| self.ended[*kind as usize].is_some_and(|ended| now < ended + AFTERMATH);
+        let all = self.since_zero.or(self.models).or(self.boards).or(self.going_on);
+        self.over.iter().filter(fresh).fold(all, |all, kind| all.or(Kinds::one(kind)))
     }
 
-    /// The kind that names what it may come from: a fault that has just begun, else what zero or models went through,
-    /// else the newest fault.
-    pub fn principal(&self, kinds: Kinds, now: Time) -> Option<Kind> {
-        let root = [Kind::BoardsUnderLoad, Kind::ZeroWhileChanging, Kind::ZeroUnderLoad, Kind::LoadInSession];
+    /// The kind that names what a force may be wrong by: a fault that has just begun, a board's own
+    /// zero under a load, what zero and models went through, or else the newest fault. What reads too
+    /// little already in the very first sample at a zero (`of_zero`) comes from the zero or from its boards.
+    pub fn principal(&self, kinds: Kinds, now: Time, too_little: bool, of_zero: bool) -> Option<Kind> {
+        let of_zero = too_little && of_zero;
         let newest = |kinds: &mut dyn Iterator<Item = Kind>| kinds.max_by_key(|kind| self.newest[*kind as usize]);
-        let faults = || kinds.iter().filter(|kind| kind.is_fault() && !root.contains(kind));
+        // What keeps modules from being heard adds nothing to a force, unless there is nothing else that could.
+        let faults = || kinds.iter().filter(|kind| kind.is_fault() && !ROOTS.contains(kind));
+        let adds = |kind: &Kind| too_little || !MUTES.contains(kind);
         let fresh = |kind: &Kind| {
             let began = self.newest[*kind as usize].is_some_and(|began| now < began + FRESH);
             began && self.begun[*kind as usize] > 0 && !is_harmless(*kind)
         };
-        newest(&mut faults().filter(fresh))
-            .or_else(|| root.into_iter().find(|kind| kinds.has(*kind)))
+        let retared = |kind: &Kind| self.boards.has(*kind) && (of_zero || self.since_zero.has(*kind));
+        let retared = || RETARES.into_iter().filter(|_| too_little).find(retared);
+        let root = || ROOTS.into_iter().find(|kind| kinds.has(*kind));
+        let begun = newest(&mut faults().filter(fresh).filter(adds)).filter(|_| !of_zero);
+        begun
+            .or_else(retared)
+            .or_else(root)
+            .or_else(|| newest(&mut faults().filter(|kind| adds(kind) && !is_harmless(*kind))))
+            .or_else(|| newest(&mut faults().filter(|kind| !is_harmless(*kind))))
             .or_else(|| newest(&mut faults()))
+    }
+
+    /// The newest of what keeps modules from being heard, while it lasts and shortly after.
+    pub fn mutes(&self, now: Time) -> Option<Kind> {
+        let present = self.present(now);
+        MUTES.iter().copied().filter(|kind| present.has(*kind)).max_by_key(|kind| self.newest[*kind as usize])
     }
 
     /// Notes whether there is a force; what its absence comes from, if there is none.

@@ -8,6 +8,8 @@ use taxel_skin::Time;
 /// What may lie between the skin and the newest frame of a sample: one conversion (36.9 ms), one period (50 ms), and the
 /// way over the bus of a scan, with what a slot of the simulation cuts off.
 pub const AGE_MAX: Duration = Duration::from_millis(110);
+/// As [`AGE_MAX`] for a module that is not heard any more: it is silent after 150 ms.
+pub const HEARD_MAX: Duration = Duration::from_millis(210);
 /// Longer than any stall of a story, with the longest watch of a zero before it.
 const KEPT: Duration = Duration::from_secs(10);
 
@@ -15,6 +17,8 @@ const KEPT: Duration = Duration::from_secs(10);
 #[derive(Debug, Default)]
 pub struct Truth {
     seen: VecDeque<(Time, f64)>,
+    /// The same of each module; while nothing changes there is one entry.
+    by_module: VecDeque<(Time, Box<[f64]>)>,
 }
 
 impl Truth {
@@ -23,6 +27,30 @@ impl Truth {
         while self.seen.front().is_some_and(|(time, _)| *time < now - KEPT) {
             self.seen.pop_front();
         }
+    }
+
+    /// What bears on each module, in newton.
+    pub fn note_modules(&mut self, now: Time, newton: Box<[f64]>) {
+        self.by_module.push_back((now, newton));
+        // What was before the longest span that is asked for is that of its beginning.
+        while self.by_module.get(1).is_some_and(|(time, _)| *time < now - 2 * HEARD_MAX) {
+            self.by_module.pop_front();
+        }
+    }
+
+    /// Least and greatest sum over the modules, each of them as it was at some time from one to the other.
+    pub fn range_of_modules(&self, from: Time, to: Time) -> (f64, f64) {
+        let first = self.by_module.partition_point(|(time, _)| *time <= from).saturating_sub(1);
+        let within = || self.by_module.range(first..).take_while(|(time, _)| *time <= to).map(|(_, newton)| newton);
+        let modules = within().next().map_or(0, |newton| newton.len());
+        let of_one = |module: usize| {
+            within()
+                .map(|newton| newton[module])
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, greatest), newton| {
+                    (newton.min(least), newton.max(greatest))
+                })
+        };
+        (0..modules).map(of_one).fold((0.0, 0.0), |sum, of_one| (sum.0 + of_one.0, sum.1 + of_one.1))
     }
 
     /// Least and greatest force from one time to another, both ends included.
@@ -57,6 +85,18 @@ mod tests {
         assert_eq!(truth.range(at(5), at(9)), (5.0, 9.0));
         assert_eq!(truth.range(Time::from_nanos(53), Time::from_nanos(88)), (5.0, 9.0));
         assert_eq!(truth.range(at(17), at(40)), (17.0, 19.0));
+    }
+
+    #[test]
+    fn modules_that_are_read_at_different_times_give_more_or_less_than_there_ever_was() {
+        let mut truth = Truth::default();
+        let at = |n: i64| Time::from_nanos(n * 10);
+        for (n, newton) in [(1, [3.0, 0.0]), (5, [3.0, 0.0]), (6, [0.0, 3.0]), (7, [0.0, 3.0])] {
+            truth.note_modules(at(n), newton.into());
+        }
+        assert_eq!(truth.range_of_modules(at(5), at(6)), (0.0, 6.0));
+        assert_eq!(truth.range_of_modules(at(2), at(5)), (3.0, 3.0));
+        assert_eq!(truth.range_of_modules(at(20), at(30)), (3.0, 3.0));
     }
 
     #[test]

@@ -238,6 +238,10 @@ impl Disk {
                     restored.next_session = restored.next_session.max(view.number + 1);
                 }
                 Record::SessionDeleted { session, .. } => drop(sessions.remove(session)),
+                Record::ZeroDoubt { patch, why, .. } => {
+                    restored.doubts.retain(|(doubted, _)| doubted != patch);
+                    restored.doubts.extend(why.iter().map(|why| (patch.clone(), why.clone())));
+                }
                 _ => {}
             }
         }

@@ -126,3 +126,24 @@ fn a_lost_zero_has_no_drift() {
     bench.seconds(1.0);
     assert_eq!(drift(&bench), DriftView::default());
 }
+
+/// A load lies on everything, comes as slowly as warmth and against it: the counts stand still, and only the pads know.
+#[test]
+fn a_slow_load_on_everything_while_the_skin_cools_does_not_vanish_in_the_zero() {
+    let mut bench = warming(-5.0, true);
+    minutes(&mut bench, 15.0);
+    let mut most = 0.0_f64;
+    for minute in 0..15 {
+        let mass = taxel_sim::Mass::on_disc(0.04, taxel_skin::TaxelIndex(35), 20_000.0);
+        bench.world.lay(mass).unwrap();
+        minutes(&mut bench, 1.0);
+        let (force, truth) = (&bench.host.snapshot().force, bench.world.true_force().0);
+        let (total, sigma) = (force.total.unwrap().0, force.total_sigma.unwrap().0);
+        let floor = force.detection_floor.unwrap().0;
+        eprintln!("{minute}: {truth:.2} N, told {total:.2} +- {sigma:.2} N, floor {floor:.2} N; {:?}", drift(&bench));
+        assert!(truth <= total + 2.0 * sigma + floor, "{truth} N: {total} +- {sigma} N, floor {floor} N");
+        assert_eq!(force.state, ForceState::Ok, "{}", bench.host.reasons());
+        most = most.max(drift(&bench).absorbed.0);
+    }
+    assert!(most <= 1.0, "{most} N");
+}

@@ -47,3 +47,4 @@ mod validation;
 mod whole_robot;
 mod zero;
 mod zero_lost;
+mod zero_under_load;

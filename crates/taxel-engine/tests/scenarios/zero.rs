@@ -119,6 +119,14 @@ fn bus_off_invalidates_the_force_until_a_tare() {
     is_lost_until_tared(&mut bench, "bus-off");
 }
 
+/// Boards may have been without power, and the skin may have warmed or cooled: the zero of before proves nothing.
+#[test]
+fn a_sleep_of_the_machine_invalidates_the_force_until_a_tare() {
+    let mut bench = small().in_use();
+    bench.host.notice(BusNotice::Slept(Duration::from_secs(3600)));
+    is_lost_until_tared(&mut bench, "the machine slept for 3600.0 s");
+}
+
 #[test]
 fn a_tare_under_a_mass_is_refused_with_figures() {
     let mut bench = small().in_use();

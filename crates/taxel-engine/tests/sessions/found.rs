@@ -101,3 +101,21 @@ fn an_abort_of_an_older_session_takes_no_samples_from_the_newest() {
     let second = [StartSession, Pass(Hold), Pass(Rise), FinishRamp(2), FitEnds { fit: 0, well: true }];
     walk(&[&interrupted[..], &second, &[Abort(1), Pass(Vent), StartRamp(2)]].concat());
 }
+
+/// Where no zero holds, the daemon takes one by itself, but not in the place of one that an operator waits for.
+#[test]
+fn a_tare_that_is_being_written_is_not_overtaken_by_the_zero_after_start() {
+    let begin = [Restart, Import(Set::Foreign(0)), Pass(Vent), Activate(Set::Foreign(0))];
+    walk(&[&begin[..], &[DiskSlow, Tare { confirmed: false }, Pass(Hold), DiskWrites]].concat());
+}
+
+/// Somebody vouched for a zero under the bag's pressure: a skin that reads less than that afterwards is vented, and no board
+/// has taken a new zero.
+#[test]
+fn a_zero_that_somebody_vouched_for_under_pressure_leaves_the_next_session_alone() {
+    let first =
+        [StartSession, Pass(Hold), Pass(Rise), Pass(Rise), Pass(Rise), Pass(Vent), FitEnds { fit: 0, well: true }];
+    let second = [StartSession, Pass(Hold), Pass(Rise), FinishRamp(2), FitEnds { fit: 1, well: true }];
+    let vouched = [Tare { confirmed: true }, Pass(Hold), Pass(Rise), Pass(Vent)];
+    walk(&[&first[..], &second, &vouched, &[StartSession, Pass(Vent)]].concat());
+}

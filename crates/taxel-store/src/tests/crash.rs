@@ -21,7 +21,7 @@ const AUDITING_CHILD: &str = "TAXEL_STORE_AUDITING_CHILD";
 const DELETING_CHILD: &str = "TAXEL_STORE_DELETING_CHILD";
 
 /// One line to the parent; the test harness must not hold it back.
-fn say(line: &str) {
+pub fn say(line: &str) {
     // The parent kills this process when it has read enough: a closed pipe is no fault.
     let _ = std::io::stdout().write_all(format!("\n{line}\n").as_bytes());
 }

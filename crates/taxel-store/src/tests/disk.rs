@@ -97,13 +97,13 @@ fn disk_child() {
 }
 
 /// A folder in memory if there is one: what counts here is which calls came, not the disk.
-fn folder() -> TempDir {
+pub fn folder() -> TempDir {
     let memory = Path::new("/dev/shm");
     if memory.is_dir() { tempfile::tempdir_in(memory).unwrap() } else { tempfile::tempdir().unwrap() }
 }
 
 /// The compiled `disk_faults.c`.
-fn shim(folder: &TempDir) -> PathBuf {
+pub fn shim(folder: &TempDir) -> PathBuf {
     let (source, library) = (folder.path().join("faults.c"), folder.path().join("faults.so"));
     fs::write(&source, include_str!("disk_faults.c")).unwrap();
     let compiled =
@@ -113,7 +113,7 @@ fn shim(folder: &TempDir) -> PathBuf {
 }
 
 /// What a child said about a new store whose disk has a fault at this call.
-fn told(shim: &Path, test: &str, variable: &str, store: &Path, fault: &[(&str, &str)]) -> Vec<String> {
+pub fn told(shim: &Path, test: &str, variable: &str, store: &Path, fault: &[(&str, &str)]) -> Vec<String> {
     let child = Command::new(std::env::current_exe().unwrap())
         .args(["--exact", test, "--nocapture", "--test-threads=1"])
         .env(variable, store)

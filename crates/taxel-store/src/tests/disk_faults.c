@@ -1,7 +1,16 @@
-/* A disk that fails, for a process that has this preloaded: at call number FAULT_AT that changes a file below FAULT_DIR.
+/* A disk that fails, for a process that has this preloaded: at call number FAULT_AT that changes a file below FAULT_DIR, or
+ * at the calls that are named.
  *
- * FAULT is what happens: eio (that call fails), enospc or erofs (that one and all after it), kill (the process dies before
- * it), torn (half of what is written, then the process dies), hold (the call waits until the file FAULT_RELEASE is there).
+ * FAULT is what happens:
+ *   eio         that call fails
+ *   enospc      that one and all after it fail
+ *   erofs       the same with another reason
+ *   kill        the process dies before it
+ *   torn        half of what is written, then the process dies
+ *   hold        the call waits until the file FAULT_RELEASE is there
+ *   slow        each call takes FAULT_MS milliseconds as long as the file FAULT_WHEN is there
+ *   unflushed   every flush of a file whose path ends with FAULT_OF does nothing
+ *   unreadable  page FAULT_AT, of 4096 bytes, of the file that is FAULT_OF at the start cannot be read, under whatever name
  * Without FAULT nothing does. How many calls there were is written to FAULT_COUNT when the process ends.
  */
 #define _GNU_SOURCE
@@ -14,6 +23,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/sendfile.h>
+#include <sys/stat.h>
 #include <sys/types.h>
 #include <unistd.h>
 
@@ -26,13 +37,27 @@ static int below(const char *path) {
     return dir && path && strncmp(path, dir, strlen(dir)) == 0;
 }
 
-static int below_fd(int fd) {
-    char link[64], path[4096];
+/* The path of a file, of 4096 bytes at most; empty if it has none. */
+static const char *path_of(int fd, char *path) {
+    char link[64];
     snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
-    ssize_t length = readlink(link, path, sizeof path - 1);
-    if (length < 0) return 0;
-    path[length] = 0;
-    return below(path);
+    ssize_t length = readlink(link, path, 4095);
+    path[length < 0 ? 0 : length] = 0;
+    return path;
+}
+
+static int below_fd(int fd) {
+    char path[4096];
+    return below(path_of(fd, path));
+}
+
+/* Whether a flush of this file is to do nothing. */
+static int unflushed(int fd) {
+    const char *fault = getenv("FAULT"), *end = getenv("FAULT_OF");
+    if (!fault || !end || strcmp(fault, "unflushed") != 0) return 0;
+    char path[4096];
+    size_t length = strlen(path_of(fd, path)), end_length = strlen(end);
+    return below(path) && length >= end_length && strcmp(path + length - end_length, end) == 0;
 }
 
 static void hold(void) {
@@ -40,11 +65,17 @@ static void hold(void) {
     for (int waited_ms = 0; waited_ms < 60000 && release && access(release, F_OK) != 0; waited_ms += 5) usleep(5000);
 }
 
+static void drag(void) {
+    const char *when = getenv("FAULT_WHEN"), *ms = getenv("FAULT_MS");
+    if (when && ms && access(when, F_OK) == 0) usleep(1000 * atol(ms));
+}
+
 /* What happens to this call: 0 nothing, else an error, or -1 for half of it and then the end. */
 static int strike(void) {
     const char *fault = getenv("FAULT"), *at = getenv("FAULT_AT");
     long call = ++calls, number = at ? atol(at) : 0;
     if (!fault || call < number) return 0;
+    if (strcmp(fault, "slow") == 0) drag();
     if (strcmp(fault, "enospc") == 0) return ENOSPC;
     if (strcmp(fault, "erofs") == 0) return EROFS;
     if (call != number) return 0;
@@ -85,8 +116,53 @@ ssize_t pwrite64(int fd, const void *data, size_t length, off64_t at) {
         return error ? refuse(error) : REAL(name) passed; \
     }
 
-ON_FD(fsync, (int fd), (fd))
-ON_FD(fdatasync, (int fd), (fd))
+static struct stat bad; /* the file with the page that cannot be read; none if its inode is 0 */
+
+__attribute__((constructor)) static void find_bad(void) {
+    const char *fault = getenv("FAULT"), *path = getenv("FAULT_OF");
+    if (!fault || !path || strcmp(fault, "unreadable") != 0 || stat(path, &bad) != 0) bad.st_ino = 0;
+}
+
+/* How much of what is to be read from here can be: none of it if it begins in the bad page. */
+static ssize_t readable(int fd, size_t length, off_t at) {
+    struct stat file;
+    if (bad.st_ino == 0 || fstat(fd, &file) != 0 || file.st_ino != bad.st_ino || file.st_dev != bad.st_dev) return length;
+    off_t begin = atol(getenv("FAULT_AT")) * 4096;
+    if (at >= begin + 4096 || at + (off_t)length <= begin) return length;
+    return at >= begin ? 0 : begin - at;
+}
+
+#define READ(name, type) \
+    ssize_t name(int fd, void *data, size_t length, type at) { \
+        ssize_t some = readable(fd, length, at); \
+        return length && !some ? refuse(EIO) : REAL(name)(fd, data, some, at); \
+    }
+
+READ(pread, off_t)
+READ(pread64, off64_t)
+
+ssize_t read(int fd, void *data, size_t length) {
+    ssize_t some = readable(fd, length, bad.st_ino ? lseek(fd, 0, SEEK_CUR) : 0);
+    return length && !some ? refuse(EIO) : REAL(read)(fd, data, some);
+}
+
+/* Whoever copies with these reads instead. */
+ssize_t copy_file_range(int from, off64_t *from_at, int to, off64_t *to_at, size_t length, unsigned flags) {
+    return bad.st_ino ? refuse(ENOSYS) : REAL(copy_file_range)(from, from_at, to, to_at, length, flags);
+}
+
+ssize_t sendfile64(int to, int from, off64_t *at, size_t length) {
+    return bad.st_ino ? refuse(ENOSYS) : REAL(sendfile64)(to, from, at, length);
+}
+
+#define FLUSH(name) \
+    int name(int fd) { \
+        int error = below_fd(fd) ? strike() : 0; \
+        return error ? refuse(error) : unflushed(fd) ? 0 : REAL(name)(fd); \
+    }
+
+FLUSH(fsync)
+FLUSH(fdatasync)
 ON_FD(ftruncate, (int fd, off_t length), (fd, length))
 ON_FD(ftruncate64, (int fd, off64_t length), (fd, length))
 

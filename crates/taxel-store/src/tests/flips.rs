@@ -29,23 +29,6 @@ fn seeds() -> impl Iterator<Item = u64> {
     first..first + flips
 }
 
-/// splitmix64: each seed gives numbers of its own.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() % end as u64) as usize
-    }
-}
-
 /// Changes one byte: in a third of the cases within the header, in a third within the first page, else anywhere.
 fn flip(bytes: &mut [u8], random: &mut Random) -> String {
     let within = [100, 4096, bytes.len()][random.below(3)].min(bytes.len());

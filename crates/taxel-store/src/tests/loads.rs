@@ -30,7 +30,7 @@ fn load(number: u64) -> Load {
     }
 }
 
-fn record(number: u64) -> Record {
+pub fn record(number: u64) -> Record {
     Record::Load(Arc::new(load(number)))
 }
 

@@ -12,11 +12,12 @@ use crate::db::Db;
 use crate::schema;
 
 /// The tables of each version that hold rows.
-const TABLES: [&[&str]; 4] = [
+const TABLES: [&[&str]; 5] = [
     &["sessions", "ramps", "samples", "model_sets", "activations", "tares", "tally"],
     &["loads"],
     &["deleted_sessions", "deleted_model_sets"],
     &["audit", "audit_results"],
+    &["set_index"],
 ];
 
 /// A store as `version` wrote it, with what [`filled`] has.

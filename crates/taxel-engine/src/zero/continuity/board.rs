@@ -167,6 +167,8 @@ impl BoardWatch {
 
     /// What follows from a scan.
     pub fn judge(&mut self, seen: &Seen) -> Option<Finding> {
+        let clears = wait(self.vanished, seen.possible);
+        self.vanished = if seen.load_vanishes { PROBATION_SCANS } else { self.vanished };
         if seen.certain {
             return Some(self.new_zero(CERTAIN));
         }
@@ -176,7 +178,9 @@ impl BoardWatch {
         if seen.likely && (self.doubt.is_some() || self.vanished > 0) {
             return Some(self.new_zero(SINCE_SUSPECTED));
         }
-        self.vanished = if seen.load_vanishes { PROBATION_SCANS } else { wait(self.vanished, seen.possible) };
+        if !seen.load_vanishes {
+            self.vanished = clears;
+        }
         if seen.likely_now && self.doubt.is_none() {
             let why = format!("{}{LIKELY}", self.name);
             self.doubt = Some((why.clone(), PROBATION_SCANS));
@@ -215,4 +219,83 @@ pub fn is_vanished([was, is, touched]: [f32; 3]) -> bool {
 /// One scan less to wait for, but not the last one while the counts leave it unclear.
 fn wait(left: u8, unclear: bool) -> u8 {
     if unclear { left.saturating_sub(1).max(left.min(1)) } else { left.saturating_sub(1) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const QUIET: Seen = Seen {
+        certain: false,
+        likely: false,
+        likely_now: false,
+        possible: false,
+        load_vanishes: false,
+        vanishes_in_bag: false,
+        witnesses: WITNESSES_MIN,
+    };
+    const LIKELY: Seen = Seen { likely: true, ..QUIET };
+    const POSSIBLE: Seen = Seen { possible: true, ..QUIET };
+    const VANISHES: Seen = Seen { load_vanishes: true, ..QUIET };
+
+    fn board() -> BoardWatch {
+        BoardWatch::new("board 12 ".to_owned(), 0..80, 0..8)
+    }
+
+    fn doubted() -> BoardWatch {
+        let mut board = board();
+        board.suspect("board 12 was not heard".to_owned(), None);
+        board
+    }
+
+    /// How many scans of this come before the first finding, and what that is; `None` of a hundred.
+    fn scans(board: &mut BoardWatch, seen: Seen) -> Option<(usize, Finding)> {
+        (0..100).find_map(|scan| Some((scan, board.judge(&seen)?)))
+    }
+
+    #[test]
+    fn what_is_likely_of_any_board_is_proof_of_a_suspected_one() {
+        assert_eq!(board().judge(&LIKELY), None);
+        assert!(matches!(doubted().judge(&LIKELY), Some(Finding::NewZero(why)) if why.contains("and since then")));
+        // A load that vanished is a suspicion for sixteen scans.
+        for (quiet, suspected) in [(0, true), (15, true), (16, false)] {
+            let mut board = board();
+            assert_eq!(board.judge(&VANISHES), None);
+            (0..quiet).for_each(|_| assert_eq!(board.judge(&QUIET), None));
+            assert_eq!((board.load_vanished(), board.judge(&LIKELY).is_some()), (suspected, suspected), "{quiet}");
+        }
+    }
+
+    #[test]
+    fn a_doubt_is_over_after_sixteen_scans_unless_they_leave_it_unclear() {
+        let mut clear = doubted();
+        (0..15).for_each(|_| assert!(clear.judge(&QUIET).is_none() && clear.doubted().is_some()));
+        assert!(clear.judge(&QUIET).is_none() && clear.doubted().is_none());
+        // Fifteen scans of the doubt, and its last one sixteen times.
+        assert!(matches!(scans(&mut doubted(), POSSIBLE), Some((29, Finding::NewZero(_)))));
+        let mut late = doubted();
+        (0..15).for_each(|_| assert_eq!(late.judge(&QUIET), None));
+        assert!(matches!(scans(&mut late, POSSIBLE), Some((15, Finding::NewZero(_)))));
+        assert_eq!(scans(&mut board(), POSSIBLE), None, "of a board that nobody suspects");
+        let mut hidden = doubted();
+        let blind = Seen { witnesses: WITNESSES_MIN - 0.1, ..QUIET };
+        let Some((15, Finding::NewZero(why))) = scans(&mut hidden, blind) else { panic!("{hidden:?}") };
+        assert!(why.starts_with("board 12 was not heard, and too few"), "{why}");
+    }
+
+    #[test]
+    fn a_scan_that_is_hardly_chance_is_a_doubt_once() {
+        let mut board = board();
+        let now = Seen { likely_now: true, ..QUIET };
+        assert!(matches!(board.judge(&now), Some(Finding::Doubt(_))) && board.doubted().is_some());
+        assert_eq!(board.judge(&now), None);
+    }
+
+    #[test]
+    fn a_load_is_so_many_counts_on_so_many_taxels_and_vanishes_when_little_of_it_is_left() {
+        assert!(is_vanished([12.0, 4.7, 3.0]));
+        for other in [[12.0, 4.9, 3.0], [11.9, 0.0, 3.0], [12.0, 0.0, 2.0]] {
+            assert!(!is_vanished(other), "{other:?}");
+        }
+    }
 }

@@ -1,5 +1,7 @@
 //! The test of rest.
 
+use std::ops::Range;
+
 use super::limits::RestLimits;
 use super::moves::{Moves, third};
 use super::statistics::{INDEPENDENT_SHARE, NOISE_FLOOR_COUNTS, RestWindow};
@@ -147,9 +149,9 @@ fn compare_with_models(
         let (moved_median_max, moved_module_max) = (limits.moved_median_max, limits.moved_module_max);
         return RestVerdict::Loaded { figures, moved_median_max, moved_module_max };
     }
-    let (module, moved) = moves.worst_third(modules, moved_median.max(0.0));
-    if let Some(module) = module.filter(|_| moved > limits.moved_third_max) {
-        return RestVerdict::LoadedInPart { module, moved, moved_max: limits.moved_third_max, from_zero: false };
+    let few = [limits.moved_second_max, limits.moved_third_max];
+    if let Some(loaded) = loaded_in_part(moves, modules, moved_median.max(0.0), few, false) {
+        return loaded;
     }
     if moved_median < -limits.moved_away_max {
         return RestVerdict::OtherZero { figures, moved_away_max: limits.moved_away_max };
@@ -167,18 +169,27 @@ fn compare_with_zero(window: &RestWindow, reference: Reference<'_>, limits: &Res
     }
     let drift_max = (limits.drift_max + limits.drift_per_minute_max * minutes.max(0.0)).min(DRIFT_MAX_COUNTS);
     let common = moves.median().clamp(0.0, drift_max);
-    let (module, moved) = moves.worst_third(window.all().modules(), common);
-    let moved_max = limits.moved_third_from_zero_max;
-    module.filter(|_| moved > moved_max).map(|module| RestVerdict::LoadedInPart {
-        module,
-        moved,
-        moved_max,
-        from_zero: true,
-    })
+    let few = [limits.moved_second_from_zero_max, limits.moved_third_from_zero_max];
+    loaded_in_part(&moves, window.all().modules(), common, few, true)
+}
+
+/// Whether two or three taxels of a module moved further towards load beyond `common` than a skin at rest does; the limits
+/// are that of the second and that of the third.
+fn loaded_in_part(
+    moves: &Moves,
+    modules: &[Range<usize>],
+    common: f64,
+    [second_max, third_max]: [f64; 2],
+    from_zero: bool,
+) -> Option<RestVerdict> {
+    let found =
+        [(3, moves.worst_third(modules, common), third_max), (2, moves.worst_second(modules, common), second_max)];
+    let (taxels, (module, moved), moved_max) = found.into_iter().find(|(_, (_, moved), max)| moved > max)?;
+    module.map(|module| RestVerdict::LoadedInPart { module, taxels, moved, moved_max, from_zero })
 }
 
 /// Standard error of the median over `taxels` of the drift over `scans` scans: of a slope times the window's length
 /// it is sqrt(12 / n), of a median 1.25 times that of a mean; half of the scans repeat a conversion.
-fn drift_error(noise: f64, scans: u64, taxels: usize) -> f64 {
+pub(super) fn drift_error(noise: f64, scans: u64, taxels: usize) -> f64 {
     median_error(noise * (12.0 / (INDEPENDENT_SHARE * scans as f64)).sqrt(), taxels)
 }

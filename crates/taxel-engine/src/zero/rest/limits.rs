@@ -14,8 +14,13 @@ pub struct RestLimits {
     /// Most that the third taxel of a module may have moved into the direction of load beyond the median of all, in
     /// counts: two may be odd, three that lie together are a load.
     pub moved_third_max: f64,
-    /// The same against a zero that holds now.
+    /// Most that the second taxel of a module may have moved so, in counts: a load at a corner of the skin, or where
+    /// modules meet, lies on two taxels of each of them.
+    pub moved_second_max: f64,
+    /// The same against a zero that holds now, for the third taxel and for the second.
     pub moved_third_from_zero_max: f64,
+    /// See [`RestLimits::moved_third_from_zero_max`].
+    pub moved_second_from_zero_max: f64,
     /// Most that the median taxel may drift in a minute by temperature, in counts.
     pub drift_per_minute_max: f64,
     /// Most that the median taxel may have moved the other way, in counts: beyond, it is another zero.
@@ -43,7 +48,9 @@ impl Default for RestLimits {
             moved_median_max: 3.5,
             moved_module_max: 5.0,
             moved_third_max: 8.0,
+            moved_second_max: 16.0,
             moved_third_from_zero_max: 2.5,
+            moved_second_from_zero_max: 8.0,
             drift_per_minute_max: 1.0,
             moved_away_max: 10.0,
             drift_max: 0.4,

@@ -8,7 +8,7 @@
 //!   more than their noise explains.
 //! - *Is it where it was when nothing lay on it?* Between days the counts at rest move to both sides, on one recorded skin
 //!   by -0.7 to +0.9 (once -2.3) in the median and from -3.5 to +4.2 (10th to 90th percentile); a load moves taxels to
-//!   one side only. So [`judge()`] refuses where the whole skin, one module more than the rest of it, or three taxels of
+//!   one side only. So [`judge()`] refuses where the whole skin, one module more than the rest of it, or a few taxels of
 //!   a module moved into the direction of load by more than a day does. Where a zero holds already, counts are compared
 //!   with that too, by limits that know only of temperature and hysteresis.
 //!
@@ -19,6 +19,8 @@
 //! A lighter load cannot be told from a day's drift at one instant. It shows when it goes: see
 //! [`crate::zero::unloading`].
 
+#[cfg(test)]
+mod edge_tests;
 pub mod judge;
 pub mod limits;
 pub mod moves;

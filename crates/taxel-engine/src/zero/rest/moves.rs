@@ -110,6 +110,12 @@ impl Moves {
         self.worst(modules, all, third)
     }
 
+    /// The module whose second taxel moved furthest beyond `all`, and how far; `(None, 0.0)` if none did.
+    #[must_use]
+    pub fn worst_second(&self, modules: &[Range<usize>], all: f64) -> (Option<usize>, f64) {
+        self.worst(modules, all, |moved| greatest(moved, 1))
+    }
+
     fn worst(&self, modules: &[Range<usize>], all: f64, of: impl Fn(&[f64]) -> Option<f64>) -> (Option<usize>, f64) {
         let mut worst = (None, 0.0);
         for (module, range) in modules.iter().enumerate() {
@@ -129,7 +135,12 @@ impl Moves {
 /// The third greatest of the finite values; `None` of fewer.
 #[must_use]
 pub fn third(values: &[f64]) -> Option<f64> {
+    greatest(values, 2)
+}
+
+/// The finite value that so many others are greater than.
+fn greatest(values: &[f64], greater: usize) -> Option<f64> {
     let mut finite: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
     finite.sort_by(|a, b| b.total_cmp(a));
-    finite.get(2).copied()
+    finite.get(greater).copied()
 }

@@ -56,7 +56,9 @@ pub enum RestVerdict {
     LoadedInPart {
         /// The module.
         module: usize,
-        /// How far its third taxel moved beyond the median of all, counts.
+        /// How many of its taxels moved so far: two or three.
+        taxels: u8,
+        /// How far the least of these moved beyond the median of all, counts.
         moved: f64,
         /// The limit, counts.
         moved_max: f64,
@@ -186,11 +188,12 @@ impl fmt::Display for RestVerdict {
                 f,
                 "another zero: {figures}; at rest the median moves by at most {moved_away_max} counts away from load"
             ),
-            Self::LoadedInPart { module, moved, moved_max, from_zero } => {
+            Self::LoadedInPart { module, taxels, moved, moved_max, from_zero } => {
                 let since = if *from_zero { "the present zero" } else { "the calibration" };
+                let taxels = if *taxels == 2 { "two" } else { "three" };
                 write!(
                     f,
-                    "loaded: three taxels of module {module} moved {moved:.2} counts and more towards load since \
+                    "loaded: {taxels} taxels of module {module} moved {moved:.2} counts and more towards load since \
                      {since}, at rest by at most {moved_max}"
                 )
             }

@@ -1,0 +1,316 @@
+//! The owner of the zero, on a board of eight triangles that are scanned every 50 ms.
+
+use std::time::Duration;
+
+use taxel_model::{Estimator, FitOptions, Order, Samples, TaxelModel};
+use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch, Time};
+
+use crate::baseline::{Activation, TaxelBaseline};
+use crate::force::reason::ReasonCode;
+use crate::model_set::ModelSet;
+use crate::now::Now;
+use crate::regions::Regions;
+use crate::request::{ErrorReason, RequestId};
+use crate::scan::Scan;
+use crate::zero::bag::Bag;
+use crate::zero::drift::plan::DriftPlan;
+use crate::zero::drift::site::drift_sites;
+use crate::zero::drift::view::DriftState;
+use crate::zero::events::{Surroundings, ZeroEvent};
+use crate::zero::holder::Zero;
+use crate::zero::plan::{TarePlan, ZeroPlan};
+use crate::zero::watch::Purpose;
+
+const MODULES: usize = 8;
+const TAXELS: usize = 10 * MODULES;
+const PERIOD_NS: i64 = 50_000_000;
+
+/// A skin, and what its zero told.
+struct Skin {
+    zero: Zero,
+    scans: i64,
+    events: Vec<ZeroEvent>,
+    session_open: bool,
+    models: Option<ModelSet>,
+}
+
+impl Skin {
+    fn new() -> Self {
+        Self::with_drift(DriftPlan::default())
+    }
+
+    fn with_drift(drift: DriftPlan) -> Self {
+        let modules = (0..MODULES as u8).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
+        let board = Board { bus: BusIndex(0), address: BoardAddress::new(12).unwrap(), modules };
+        let patch = Patch::new("p", vec![board]).unwrap();
+        let plan = ZeroPlan {
+            tare: TarePlan { at_start: false, ..TarePlan::default() },
+            drift,
+            sites: drift_sites(&patch, None, 0.01),
+            activation: Activation { sigmas: 4.0, floor_counts: 2.0 },
+            period: Duration::from_millis(50),
+            board_names: vec!["12".to_owned()],
+        };
+        Self {
+            zero: Zero::new(plan, Regions::new(&patch)),
+            scans: 0,
+            events: Vec::new(),
+            session_open: false,
+            models: None,
+        }
+    }
+
+    fn now(&self) -> Now {
+        Now { time: Time::from_nanos(self.scans * PERIOD_NS), wall_ns: self.scans * PERIOD_NS + 1 }
+    }
+
+    /// Takes so many scans at 240 counts, going up and down by one, with `load` counts on each taxel; how the counts of the
+    /// last of them are does not matter to their mean if they are even in number.
+    fn scan(&mut self, scans: usize, load: impl Fn(usize) -> i16) {
+        for _ in 0..scans {
+            self.scans += 1;
+            let wiggle = |taxel: usize| if (self.scans as usize + taxel).is_multiple_of(2) { 1 } else { -1 };
+            let counts: Vec<u8> = (0..TAXELS).map(|taxel| (240 - load(taxel) + wiggle(taxel)) as u8).collect();
+            let now = self.now();
+            let scan = Scan {
+                time: now.time,
+                whole: true,
+                counts: (&counts).into(),
+                pads: &[[100; 2]; MODULES],
+                silent: &[false; MODULES],
+                sound: &[true; TAXELS],
+                soundness: 0,
+            };
+            let around = Surroundings {
+                models: self.models.as_ref(),
+                boards_ready: true,
+                configuring: false,
+                bag: Bag { session_open: self.session_open, ..Bag::default() },
+                parts_left_out: false,
+                no_rest: false,
+            };
+            self.zero.on_scan(now, &scan, around, &mut self.events);
+        }
+    }
+
+    /// With a zero that was taken under `load`, which the first session of a skin need not prove.
+    fn zeroed(mut self, load: impl Fn(usize) -> i16) -> Self {
+        self.zero.watch(self.now().time, Purpose::Session { confirmed_by: None }, &mut self.events);
+        self.scan(20, load);
+        assert!(matches!(self.events[..], [ZeroEvent::Taken(_)]), "{:?}", self.events);
+        self.events.clear();
+        self
+    }
+
+    /// Takes a window of two seconds in which every fifth reading is a count lighter, a fifth of a count in the mean.
+    fn recover(&mut self) {
+        for _ in 0..40 {
+            let scan = self.scans as usize;
+            self.scan(1, |taxel| if (taxel + scan).is_multiple_of(5) { -1 } else { 0 });
+        }
+    }
+
+    fn mean(&self, taxel: usize) -> f64 {
+        self.zero.zero().expect("a zero")[taxel].mean
+    }
+
+    fn lost(&self) -> Option<&str> {
+        self.events.iter().find_map(|event| match event {
+            ZeroEvent::Lost(why) => Some(why.as_str()),
+            _ => None,
+        })
+    }
+}
+
+/// Models of a skin whose counts fall with pressure from `rest` on.
+fn models(rest: f64) -> ModelSet {
+    let pressure: Vec<f64> = (0..=400).map(|i| 70.0 * f64::from(i) / 400.0).collect();
+    let counts: Vec<f64> = (0..).zip(&pressure).map(|(i, p)| rest - p + 0.1 * f64::from(i * 7 % 11) - 0.5).collect();
+    let options = FitOptions { order: Order::Fixed(1), estimator: Estimator::PerSample, ..FitOptions::default() };
+    let samples =
+        Samples { counts: &counts, counts_low: None, pressure_kpa: &pressure, pressure_low: None, ramp: None };
+    let model: TaxelModel = taxel_model::fit(&samples, &options);
+    ModelSet {
+        id: "m-1".to_owned(),
+        patch: "p".to_owned(),
+        created_wall_ns: 0,
+        session: None,
+        method: String::new(),
+        board_settings: Vec::new(),
+        baseline: vec![TaxelBaseline { mean: rest, noise: 1.0 }; TAXELS],
+        pressure_max_kpa: 70.0,
+        gauge_gain_rel: 0.0,
+        gauge_offset_kpa: 0.0,
+        taxels: vec![model; TAXELS],
+        recorded: None,
+        recalibrated: None,
+    }
+}
+
+#[test]
+fn a_skin_that_becomes_lighter_than_its_zero_has_none() {
+    // On one taxel of three, so that no single scan and no mean of sixteen shows it by themselves.
+    for (taxels, limit) in [(TAXELS, 1), (10, 2), (3, 3)] {
+        let load = |taxel: usize| if taxel < taxels { limit } else { 0 };
+        let mut skin = Skin::new().zeroed(load);
+        skin.scan(60, load);
+        assert_eq!(skin.lost(), None);
+        skin.scan(80, |_| 0);
+        assert!(skin.lost().is_some() && skin.zero.zero().is_none(), "{taxels}");
+        assert_eq!(skin.zero.view().code, Some(ReasonCode::ZeroLost));
+    }
+}
+
+/// A window is two seconds, forty scans.
+#[test]
+fn what_all_taxels_read_beside_their_zero_is_an_uncertainty_of_it() {
+    let mut skin = Skin::new().zeroed(|_| 0);
+    assert_eq!(skin.zero.sigma_counts(), 0.15);
+    skin.scan(39, |_| 2);
+    assert_eq!(skin.zero.sigma_counts(), 0.15, "a window is not over");
+    skin.scan(1, |_| 2);
+    assert!((skin.zero.sigma_counts() - 2.0_f64.hypot(0.15)).abs() < 0.05, "{}", skin.zero.sigma_counts());
+    skin.scan(40, |_| 9);
+    assert!((skin.zero.sigma_counts() - 4.0_f64.hypot(0.15)).abs() < 1e-9, "nine counts are a load on half of it");
+    skin.scan(20, |_| 9);
+    skin.zero.on_models(Some(&models(240.0)));
+    skin.scan(39, |_| 0);
+    assert!(skin.zero.sigma_counts() > 4.0, "other models begin a window");
+    skin.scan(1, |_| 0);
+    assert!(skin.zero.sigma_counts() < 0.25, "{}", skin.zero.sigma_counts());
+    skin.scan(40, |_| 2);
+    let again = skin.zeroed(|_| 2);
+    assert_eq!(again.zero.sigma_counts(), 0.15, "of a new zero nothing is known");
+}
+
+#[test]
+fn a_zero_follows_a_skin_that_recovers_from_a_load_but_not_in_a_session() {
+    for session_open in [false, true] {
+        let mut skin = Skin::new().zeroed(|_| 0);
+        skin.session_open = session_open;
+        let before = skin.mean(0);
+        skin.recover();
+        let moved = skin.events.iter().any(|event| matches!(event, ZeroEvent::Moved));
+        assert_eq!((moved, skin.lost()), (!session_open, None));
+        let follows = if session_open { 0.0 } else { 0.2 };
+        assert!((skin.mean(0) - before - follows).abs() < 1e-9, "{} after {before}", skin.mean(0));
+    }
+}
+
+#[test]
+fn how_far_a_zero_lies_towards_load_from_that_of_the_models_is_what_a_skin_may_remember() {
+    let mut skin = Skin::new().zeroed(|_| 0);
+    assert_eq!(skin.zero.residue_counts(), 0.0, "nothing to compare with");
+    skin.zero.on_models(Some(&models(241.5)));
+    assert!((skin.zero.residue_counts() - 1.5).abs() < 0.2, "{}", skin.zero.residue_counts());
+    let residue = skin.zero.residue_counts();
+    skin.recover();
+    assert!((skin.zero.residue_counts() - residue + 0.2).abs() < 1e-9, "less of it than {residue}");
+    skin.events.clear();
+    let again = skin.zeroed(|taxel| i16::from(taxel < 50));
+    assert!((again.zero.residue_counts() - 2.0).abs() < 1e-9, "no more: {}", again.zero.residue_counts());
+}
+
+#[test]
+fn a_zero_that_could_not_be_written_down_is_not_taken_later() {
+    for (rejected, holds) in [(RequestId(7), false), (RequestId(8), true)] {
+        let mut skin = Skin::new();
+        let (request, confirmed_by) = (RequestId(7), Some("Ada".to_owned()));
+        skin.zero.watch(skin.now().time, Purpose::Operator { request, confirmed_by }, &mut skin.events);
+        skin.scan(20, |_| 0);
+        assert!(matches!(skin.events[..], [ZeroEvent::Proven { .. }]), "{:?}", skin.events);
+        assert!(skin.zero.zero().is_none(), "it is not on disk yet");
+        skin.zero.reject(rejected);
+        assert_eq!((skin.zero.adopt(skin.now(), request).is_ok(), skin.zero.zero().is_some()), (holds, holds));
+    }
+}
+
+/// Two seconds longer than planned, and then at once.
+#[test]
+fn a_watch_that_gets_no_scans_ends_at_its_deadline() {
+    let mut skin = Skin::new();
+    assert_eq!(skin.zero.deadline(), None);
+    skin.zero.watch(skin.now().time, Purpose::Session { confirmed_by: None }, &mut skin.events);
+    let (last, deadline) = (Time::from_nanos(3_000_000_000), skin.zero.deadline().expect("a deadline"));
+    assert_eq!(deadline, last + Duration::from_nanos(1));
+    skin.zero.tick(last, || "nothing came".to_owned(), &mut skin.events);
+    assert!(skin.events.is_empty() && skin.zero.watching().is_some());
+    skin.zero.tick(deadline, || "nothing came".to_owned(), &mut skin.events);
+    let [ZeroEvent::Refused(_, ErrorReason::SkinSilent, why)] = &skin.events[..] else { panic!("{:?}", skin.events) };
+    assert!(why.ends_with("nothing came") && skin.zero.watching().is_none(), "{why}");
+}
+
+/// Sixteen scans from the last one that is compared with the load: that is seen in the mean of four scans.
+#[test]
+fn a_load_that_vanishes_from_a_whole_board_is_told_for_sixteen_scans() {
+    let mut skin = Skin::new().zeroed(|_| 0);
+    skin.scan(30, |taxel| if taxel < 5 { 20 } else { 0 });
+    assert_eq!(skin.zero.load_vanished(), None);
+    skin.scan(1, |_| 0);
+    assert_eq!(skin.zero.load_vanished().expect("a reason").code(), ReasonCode::LoadVanished);
+    let mut told = 1;
+    while skin.zero.load_vanished().is_some() && told < 100 {
+        skin.scan(1, |_| 0);
+        told += 1;
+    }
+    assert!((17..=22).contains(&told) && skin.lost().is_none() && skin.zero.zero().is_some(), "{told} scans");
+}
+
+/// All taxels creep by a count, which pads that stay where they are explain half a count of at most.
+#[test]
+fn a_drift_is_followed_held_in_a_session_and_told_at_its_bound() {
+    let drift = DriftPlan { follow: true, rate_max_counts_per_min: 60.0, bound_counts: 0.4 };
+    let mut skin = Skin::with_drift(drift).zeroed(|_| 0);
+    let before = skin.mean(0);
+    assert_eq!(skin.zero.shortcoming(), None);
+    skin.scan(20 * 60, |_| 1);
+    assert_eq!((skin.zero.view().drift.state, skin.lost()), (DriftState::Bounded, None));
+    assert!((skin.mean(0) - before + 0.4).abs() < 1e-9, "{} after {before}", skin.mean(0));
+    assert_eq!(skin.zero.shortcoming().expect("at its bound").code(), ReasonCode::DriftBounded);
+    assert!(skin.events.iter().any(|event| matches!(event, ZeroEvent::Moved)));
+    assert!(skin.zero.sigma_counts() > 0.5, "half a count is left: {}", skin.zero.sigma_counts());
+    skin.session_open = true;
+    skin.events.clear();
+    skin.scan(20 * 60, |_| 0);
+    assert!((skin.mean(0) - before + 0.4).abs() < 1e-9, "a session holds it");
+    assert_eq!(skin.zero.view().drift.following.0, 0);
+    skin.zero.lose(ReasonCode::ZeroLost, "of a test", &mut skin.events);
+    assert_eq!(skin.zero.view().drift.state, DriftState::Off);
+}
+
+#[test]
+fn a_board_in_doubt_takes_the_zero_away_until_its_counts_have_shown_that_it_is_the_same() {
+    let mut skin = Skin::new().zeroed(|_| 0);
+    skin.scan(30, |_| 0);
+    skin.zero.doubt(0, "board 12 reported a lost acknowledgement", &mut skin.events);
+    assert!(skin.zero.zero().is_none() && matches!(skin.events[..], [ZeroEvent::Doubted]), "{:?}", skin.events);
+    let view = skin.zero.view();
+    assert_eq!((view.valid, view.code), (false, Some(ReasonCode::ZeroDoubted)));
+    assert!(view.reason.contains("lost acknowledgement; this is being looked at"), "{}", view.reason);
+    skin.scan(15, |_| 0);
+    assert!(skin.zero.zero().is_none());
+    skin.scan(1, |_| 0);
+    assert!(skin.zero.zero().is_some() && skin.zero.lacks().is_none() && skin.zero.view().valid);
+    assert!(matches!(skin.events[..], [ZeroEvent::Doubted, ZeroEvent::Cleared]), "{:?}", skin.events);
+}
+
+/// Two counts everywhere, which may be warmth after two minutes and is none after two seconds, and two more on three taxels.
+#[test]
+fn how_far_warmth_may_have_moved_the_skin_depends_on_the_time_since_the_zero() {
+    for (seconds, is_rest) in [(2, false), (120, true)] {
+        let mut skin = Skin::new().zeroed(|_| 0);
+        skin.models = Some(models(240.0));
+        skin.scan(20 * seconds, |_| 0);
+        skin.zero.watch(
+            skin.now().time,
+            Purpose::Operator { request: RequestId(1), confirmed_by: None },
+            &mut skin.events,
+        );
+        skin.scan(20, |taxel| if (30..33).contains(&taxel) { 4 } else { 2 });
+        match &skin.events[..] {
+            [ZeroEvent::Proven { .. }] => assert!(is_rest, "after {seconds} s"),
+            [ZeroEvent::Refused(_, ErrorReason::TareLoaded, why)] => assert!(!is_rest, "after {seconds} s: {why}"),
+            events => panic!("{events:?}"),
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! What lies on the skin is no zero, however few taxels it lies on, and whatever its boards do meanwhile.
+
+use std::time::Duration;
+
+use taxel_engine::command::Command;
+use taxel_engine::plan::PatchPlan;
+use taxel_engine::record::Record;
+use taxel_engine::snapshot::ForceState;
+use taxel_engine::{BusNotice, Restored};
+use taxel_sim::{Fault, Footprint, Mass};
+use taxel_skin::TaxelIndex;
+
+use crate::bench::{Bench, Disk};
+use crate::rig::{board, module, patch_plan, plan};
+use crate::shared::{ordinary, small};
+
+fn tare() -> Command {
+    Command::Tare { patch: String::new(), confirmed_by: None }
+}
+
+/// Something with an edge that presses on exactly two taxels, both of one module.
+fn lay_an_edge(bench: &mut Bench) {
+    let at = |centre: u16, turn: u8| {
+        let mut footprint = Footprint::disc(TaxelIndex(centre), 60.0);
+        (footprint.semi_axes_mm, footprint.turn) = ([6.5, 1.5], 0.3 * f64::from(turn));
+        Mass { kilogram: 0.5, footprint }
+    };
+    let places = (20..40).flat_map(|centre| (0..10).map(move |turn| at(centre, turn)));
+    let on_two = |mass: &Mass| {
+        let mut world = bench.world.clone();
+        world.lay(*mass).unwrap();
+        let pressed =
+            world.true_taxel_pressures().enumerate().filter(|(_, kpa)| kpa.0 > 1.0).map(|(taxel, _)| taxel / 10);
+        let modules: Vec<usize> = pressed.collect();
+        modules.len() == 2 && modules[0] == modules[1]
+    };
+    let edge = places.into_iter().find(on_two).expect("a place");
+    bench.world.lay(edge).unwrap();
+}
+
+#[test]
+fn a_load_on_two_taxels_of_a_module_is_no_rest() {
+    let mut bench = small().in_use();
+    lay_an_edge(&mut bench);
+    bench.seconds(2.0);
+    let mark = bench.mark();
+    let why = bench.refused(tare());
+    assert!(why.contains("two taxels of module"), "{why}");
+    bench.seconds(2.0);
+    bench.is_truthful_since(mark, "a tare under a load on two taxels of a module");
+}
+
+/// One taxel that is far from where it was may be a broken one, and no reason to refuse. What may press on it is in the
+/// interval.
+#[test]
+fn a_load_on_a_single_taxel_that_is_taken_for_rest_is_within_the_interval() {
+    for kilogram in [0.05, 0.1, 0.2, 0.3] {
+        let mut bench = small().in_use();
+        bench.world.lay(Mass::on_disc(kilogram, TaxelIndex(33), 50.0)).unwrap();
+        bench.seconds(2.0);
+        bench.tare(None).unwrap();
+        let mark = bench.mark();
+        bench.seconds(2.0);
+        bench.is_truthful_since(mark, &format!("{kilogram} kg on a single taxel"));
+    }
+}
+
+#[test]
+fn a_start_under_a_load_on_two_taxels_of_a_module_takes_no_zero_by_itself() {
+    let mut patch = patch_plan(&small().skin);
+    patch.bring_up = Vec::new();
+    let mut bench = Bench::new(small().world.clone(), plan(patch), small().restored());
+    lay_an_edge(&mut bench);
+    bench.seconds(5.0);
+    assert_eq!(bench.host.state(), ForceState::TareInvalid);
+    assert!(bench.host.reasons().contains("two taxels of module"), "{}", bench.host.reasons());
+    bench.world.clear();
+    bench.until_force(3.0, ForceState::Ok);
+}
+
+/// Whatever shows that a board took a new zero under a load, shows too that the skin only seems to be at rest.
+#[test]
+fn after_a_retare_under_a_load_a_tare_needs_somebody_who_vouches() {
+    for kilogram in [0.5, 1.0, 2.0] {
+        let mut bench = ordinary().in_use();
+        bench.lay(kilogram, 33);
+        bench.seconds(3.0);
+        let mark = bench.mark();
+        bench.inject(Fault::SilentRetare(board(13)));
+        bench.until(3.0, "the finding", |host| host.snapshot().tare.as_ref().is_some_and(|tare| !tare.valid));
+        bench.seconds(1.0);
+        let why = bench.refused(tare());
+        assert!(why.contains("it has taken a new zero"), "{kilogram} kg: {why}");
+        bench.seconds(4.0);
+        bench.is_truthful_since(mark, &format!("a tare after a new zero under {kilogram} kg"));
+        bench.world.clear();
+        bench.seconds(1.0);
+        let now = bench.now();
+        bench.world.bring_up_boards(now); // by the robot's own software
+        bench.seconds(2.0);
+        bench.tare(Some("Ada")).unwrap();
+        bench.until_force(1.0, ForceState::Ok);
+    }
+}
+
+/// The boards keep their zeros while the daemon is away, and so does what was found of them.
+#[test]
+fn a_restart_does_not_forget_that_a_board_took_a_zero_under_a_load() {
+    for configures in [false, true] {
+        let mut bench = ordinary().in_use();
+        bench.lay(1.0, 33);
+        bench.seconds(3.0);
+        bench.inject(Fault::SilentRetare(board(13)));
+        bench.until(3.0, "the finding", |host| host.snapshot().tare.as_ref().is_some_and(|tare| !tare.valid));
+        bench.seconds(1.0);
+        let doubts = Disk::after_a_crash(&bench.host).restored.doubts;
+        assert_eq!(doubts.len(), 1, "{doubts:?}");
+        for _ in 0..2 {
+            let patch = patch_plan(&ordinary().skin);
+            let bring_up = if configures { patch.bring_up.clone() } else { Vec::new() };
+            let restored = Restored { doubts: doubts.clone(), ..ordinary().restored() };
+            bench = Bench::new(bench.world, plan(PatchPlan { bring_up, ..patch }), restored);
+            bench.seconds(4.0);
+            assert_eq!(bench.host.state(), ForceState::TareInvalid, "{configures}: {}", bench.host.reasons());
+            assert!(bench.host.reasons().contains("it has taken a new zero"), "{}", bench.host.reasons());
+            let why = bench.refused(tare());
+            assert!(why.contains("it has taken a new zero") && why.contains("confirmed_by"), "{why}");
+            assert_eq!(noted(&bench), None, "nothing new was found");
+        }
+        bench.world.clear();
+        bench.seconds(1.0);
+        if configures {
+            let confirmed_by = Some("Ada".to_owned());
+            bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
+            bench.brought_up();
+            bench.tare(None).unwrap();
+        } else {
+            let now = bench.now();
+            bench.world.bring_up_boards(now); // by the robot's own software
+            bench.seconds(2.0);
+            bench.tare(Some("Ada")).unwrap();
+        }
+        assert_eq!(noted(&bench), Some(None), "somebody has vouched for the zero");
+    }
+}
+
+/// What was last written down of the boards' zeros.
+fn noted(bench: &Bench) -> Option<Option<String>> {
+    bench.host.records.iter().rev().find_map(|record| match record {
+        Record::ZeroDoubt { why, .. } => Some(why.clone()),
+        _ => None,
+    })
+}
+
+/// A board that takes a new zero while there is none is watched all the same.
+#[test]
+fn a_retare_under_a_load_without_a_zero_is_not_taken_for_rest() {
+    for fault in [Fault::SilentRetare(board(13)), Fault::SilentRetare(board(12))] {
+        let mut bench = ordinary().in_use();
+        bench.host.notice(BusNotice::BusOff);
+        bench.host.notice(BusNotice::Up);
+        bench.lay(1.0, if matches!(fault, Fault::SilentRetare(address) if address == board(13)) { 33 } else { 70 });
+        bench.seconds(3.0);
+        let mark = bench.mark();
+        bench.inject(fault);
+        bench.seconds(2.0);
+        let why = bench.refused(tare());
+        assert!(why.contains("it has taken a new zero"), "{fault:?}: {why}");
+        bench.seconds(2.0);
+        bench.is_truthful_since(mark, "a new zero of a board under a load while there was none");
+    }
+}
+
+/// Nor does it cost anything where loads are lifted while there is no zero.
+#[test]
+fn a_load_that_is_lifted_without_a_zero_leaves_a_skin_at_rest() {
+    for skin in [small(), ordinary()] {
+        let mut bench = skin.in_use();
+        for (kilogram, centre) in [(0.5, 33), (1.0, 70), (2.0, 14)] {
+            bench.host.notice(BusNotice::BusOff);
+            bench.host.notice(BusNotice::Up);
+            bench.lay(kilogram, centre);
+            bench.seconds(2.0);
+            bench.world.clear();
+            bench.seconds(1.5);
+            bench.tare(None).unwrap();
+        }
+    }
+}
+
+/// What the look before a bring-up lets pass is zero to the boards from then on: the interval has to hold it.
+#[test]
+fn a_light_load_that_is_configured_into_the_zero_is_within_the_interval() {
+    for skin in [small(), ordinary()] {
+        let mut forces = 0;
+        for (kilogram, centre) in [0.05, 0.1, 0.15, 0.2, 0.25, 0.3].into_iter().zip([33, 70, 14, 45, 27, 64]) {
+            let mut bench = Bench::new(skin.world.clone(), plan(patch_plan(&skin.skin)), skin.restored());
+            bench.world.lay(Mass::on_disc(kilogram, TaxelIndex(centre), 3000.0)).unwrap();
+            bench.seconds(6.0);
+            forces += usize::from(bench.has_force_since(0));
+            bench.is_truthful_since(0, &format!("{kilogram} kg while the boards are configured"));
+        }
+        assert!(forces >= 2, "a light load passes for another day");
+    }
+}
+
+/// A skin that became colder lies away from load everywhere, and so hides a light load.
+#[test]
+fn a_light_load_on_a_colder_skin_that_is_taken_for_rest_is_within_the_interval() {
+    for kelvin in [-2.0, -4.0, -6.0] {
+        let mut forces = 0;
+        for (kilogram, centre) in [(0.1, 33), (0.2, 70), (0.3, 14), (0.4, 45)] {
+            let mut world = small().world.clone();
+            world.inject(Fault::Warming { kelvin, over: Duration::from_secs(1) }).unwrap();
+            world.advance(world.now() + Duration::from_secs(10), &mut Vec::new());
+            let patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+            let mut bench = Bench::new(world, plan(patch), small().restored());
+            bench.world.lay(Mass::on_disc(kilogram, TaxelIndex(centre), 2500.0)).unwrap();
+            bench.seconds(4.0);
+            forces += usize::from(bench.has_force_since(0));
+            bench.is_truthful_since(0, &format!("{kilogram} kg at {kelvin} K"));
+        }
+        assert!(forces >= 1, "a light load passes for another day");
+    }
+}
+
+/// A board that took a new zero under a load while there was none reads as a skin at rest, and would take the load for its
+/// zero once more if it were configured.
+#[test]
+fn boards_are_not_configured_while_a_load_may_hide_in_the_zero_of_one() {
+    let mut bench = Bench::new(ordinary().world.clone(), plan(patch_plan(&ordinary().skin)), ordinary().restored());
+    bench.lay(1.0, 33);
+    bench.seconds(3.0);
+    let mark = bench.mark();
+    bench.inject(Fault::SilentRetare(board(13)));
+    bench.seconds(5.0);
+    assert!(!bench.has_force_since(mark), "configured under a load");
+    assert!(bench.host.reasons().contains("it has taken a new zero"), "{}", bench.host.reasons());
+    bench.world.clear();
+    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) }).unwrap();
+    bench.until_force(5.0, ForceState::Ok);
+    bench.is_truthful_since(mark, "a new zero under a load before the boards were configured");
+}
+
+/// Five lost acknowledgements under a load, after which a board takes a new zero by itself: nor is that taken for rest.
+#[test]
+fn after_lost_acknowledgements_under_a_load_a_tare_needs_somebody_who_vouches() {
+    for skin in [small(), ordinary()] {
+        let mut bench = skin.in_use();
+        bench.lay(0.5, 33);
+        bench.seconds(3.0);
+        let mark = bench.mark();
+        bench.inject(Fault::ModuleNoAck(board(13), module(0)));
+        bench.seconds(0.5);
+        bench.repair(Fault::ModuleNoAck(board(13), module(0)));
+        bench.seconds(2.0);
+        bench.refused(tare());
+        bench.seconds(2.0);
+        bench.is_truthful_since(mark, "a tare after lost acknowledgements under a load");
+    }
+}

@@ -1,0 +1,142 @@
+//! The power fails: the two halves of `tests/power`, which has a disk that can be put back to any moment. One process does
+//! to a store what a daemon does for days, and says what is acknowledged; another one opens what a cut has left and says
+//! whether that is a state in which the store has been.
+
+use std::io::BufRead;
+use std::path::Path;
+use std::sync::mpsc::channel;
+
+use super::crash::say;
+use super::fixture::*;
+use crate::{Batch, Store};
+use check::check;
+use plan::{Event, Plan};
+
+mod check;
+mod plan;
+
+/// The store of the writing process.
+const WRITER: &str = "TAXEL_STORE_POWER_WRITER";
+/// Set for the looking process.
+const LOOKER: &str = "TAXEL_STORE_POWER_LOOKER";
+/// Seed and number of events, with a blank between.
+const PLAN: &str = "TAXEL_STORE_POWER_PLAN";
+
+fn plan_of_environment() -> Plan {
+    let text = std::env::var(PLAN).unwrap();
+    let (seed, events) = text.split_once(' ').unwrap();
+    Plan::new(seed.parse().unwrap(), events.parse().unwrap())
+}
+
+fn start(path: &Path) -> Store {
+    let (store, _, quarantined) = Store::open(path, Box::new(|_| ())).unwrap();
+    assert_eq!(quarantined, []);
+    store
+}
+
+/// Does what the plan says. It tells in `begins` which event it will have come to when it tells so again, and in `done`
+/// which one has been acknowledged, from the store's thread as a daemon does.
+fn follow(plan: &Plan, path: &Path, mut begins: impl FnMut(usize), done: fn(usize)) {
+    let mut store = start(path);
+    let mut number = 0;
+    for burst in plan.bursts() {
+        begins(number + burst.len());
+        let (tell, told) = channel();
+        for event in burst {
+            number += 1;
+            match event {
+                Event::Write(records) => {
+                    let (tell, number) = (tell.clone(), number);
+                    let on_durable: crate::OnDurable = Box::new(move |outcome| {
+                        outcome.unwrap();
+                        done(number);
+                        tell.send(()).unwrap();
+                    });
+                    store.submit(Batch { records: records.clone(), on_durable: Some(on_durable) }).unwrap();
+                }
+                Event::Refused(records) => {
+                    write(&store, records.clone()).unwrap_err();
+                    store.close().unwrap_err(); // nothing is taken after a refusal
+                    store = start(path);
+                    done(number);
+                    tell.send(()).unwrap();
+                }
+                Event::Reopen => {
+                    store.close().unwrap();
+                    store = start(path);
+                    done(number);
+                    tell.send(()).unwrap();
+                }
+            }
+        }
+        drop(tell);
+        assert_eq!(told.iter().count(), burst.len());
+    }
+    store.close().unwrap();
+}
+
+/// Runs in the writing process: before each burst it waits for a line, so that whoever keeps the record knows what was
+/// acknowledged before anything of the burst is written.
+#[test]
+fn writing_child() {
+    let Ok(path) = std::env::var(WRITER) else { return };
+    let mut lines = std::io::stdin().lines();
+    let begins = |number: usize| {
+        say(&format!("begins {number}"));
+        lines.next().unwrap().unwrap();
+    };
+    follow(&plan_of_environment(), Path::new(&path), begins, |number| say(&format!("done {number}")));
+    say("closed");
+}
+
+/// Runs in the looking process: for each line with a store, the last event that was acknowledged and the last that had
+/// begun, a line that says what was found.
+#[test]
+fn looking_child() {
+    if std::env::var(LOOKER).is_err() {
+        return;
+    }
+    let plan = plan_of_environment();
+    for line in std::io::stdin().lock().lines() {
+        let line = line.unwrap();
+        let words: Vec<_> = line.split(' ').collect();
+        let [path, done, begun] = words[..] else { panic!("expected a path and two numbers, found `{line}`") };
+        match check(Path::new(path), &plan, done.parse().unwrap(), begun.parse().unwrap()) {
+            Ok(state) => say(&format!("sound {state}")),
+            Err(lost) => say(&format!("lost {}", lost.replace('\n', " "))),
+        }
+    }
+}
+
+/// What the looking process takes for sound and for lost, without any cut.
+#[test]
+fn what_a_store_holds_after_all_of_a_plan_is_what_the_plan_says() {
+    for seed in 1..=4 {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        let plan = Plan::new(seed, 60);
+        follow(&plan, &path, |_| (), |_| ());
+        assert_eq!(check(&path, &plan, 60, 60), Ok(60), "seed {seed}");
+        // That look left a session of its own.
+        let other = check(&path, &plan, 60, 60).unwrap_err();
+        assert!(other.contains("expected"), "seed {seed}: {other}");
+    }
+}
+
+/// A store that lacks the last thing acknowledged, or the plain file of what was active, is not taken for sound.
+#[test]
+fn a_store_that_lacks_what_was_acknowledged_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let plan = Plan::new(1, 60);
+    let earlier = Plan::new(1, 59);
+    follow(&earlier, &path, |_| (), |_| ());
+    let lost = check(&path, &plan, 60, 60).unwrap_err();
+    assert!(lost.contains("expected"), "{lost}");
+
+    let path = dir.path().join("other.db");
+    follow(&plan, &path, |_| (), |_| ());
+    std::fs::remove_file(crate::beside::active(&path)).unwrap();
+    let lost = check(&path, &plan, 60, 60).unwrap_err();
+    assert!(lost.contains("plain file"), "{lost}");
+}
