@@ -1,5 +1,7 @@
 //! The two clocks: the monotonic one orders, the wall clock labels.
 
+use std::time::Duration;
+
 use nix::time::{ClockId, clock_gettime};
 use taxel_skin::Time;
 
@@ -37,8 +39,18 @@ impl ClockReading {
     }
 }
 
+/// For how long this machine has slept since it was started, or a little less: what `CLOCK_BOOTTIME`, which goes on then, is
+/// ahead of `CLOCK_MONOTONIC`.
+#[must_use]
+pub fn slept() -> Duration {
+    // In this order a pause between the two readings makes it less, never more.
+    let with_sleep = nanos(ClockId::CLOCK_BOOTTIME);
+    let awake = nanos(ClockId::CLOCK_MONOTONIC);
+    Duration::from_nanos(with_sleep.saturating_sub(awake).max(0).unsigned_abs())
+}
+
 fn nanos(clock: ClockId) -> i64 {
-    // Neither of the two clocks can fail on Linux; the origin would be seen as an absurd age.
+    // None of these clocks can fail on Linux; the origin would be seen as an absurd age.
     clock_gettime(clock).map_or(0, |at| at.tv_sec().saturating_mul(1_000_000_000).saturating_add(at.tv_nsec()))
 }
 

@@ -23,8 +23,8 @@ mod source;
 mod sys;
 mod tx;
 
-pub use can_error::BusError;
-pub use clock::ClockReading;
+pub use can_error::{BusError, ErrorCounters};
+pub use clock::{ClockReading, slept};
 pub use log_reader::{BadLine, LineFault, LogFault, LogReader, LogReport};
 pub use replay::{Pace, Replay};
 pub use socket_can::{LINK_POLL, OpenError, SocketCan, SocketCanOptions};

@@ -5,8 +5,9 @@ mod lab;
 use std::io::Write;
 use std::time::Duration;
 
+use lab::adapter::Adapter;
 use lab::{Heard, Vcan, run};
-use taxel_can::{BusError, BusEvent, ClockReading, DownReason, FrameSource, SendError};
+use taxel_can::{BusError, BusEvent, ClockReading, DownReason, ErrorCounters, FrameSource, SendError};
 use taxel_skin::Time;
 use taxel_wire::candump::write_line;
 use taxel_wire::{CanId, Frame};
@@ -214,6 +215,56 @@ async fn an_error_frame_is_an_event_and_marked_as_written_by_a_process() {
     vcan.cansend("20000040#0000000000000000");
     let heard = Heard::event(&mut bus, BusEvent::Error { error: BusError::BusOff, local: true }).await;
     assert!(heard.frames.is_empty());
+}
+
+/// What a controller says of itself, which no process of this machine wrote.
+fn controller(error: BusError) -> BusEvent {
+    BusEvent::Error { error, local: false }
+}
+
+#[tokio::test]
+async fn a_controller_that_leaves_the_bus_is_told_and_heard_again_once_it_is_set_up_again() {
+    let Some(mut adapter) = Adapter::plugged("vc_slcan") else { return };
+    let mut bus = adapter.open();
+    Heard::event(&mut bus, BusEvent::Up).await;
+    for round in 0..2 {
+        adapter.says("sw096090");
+        let few = Some(ErrorCounters { transmit: 90, receive: 96 });
+        Heard::event(&mut bus, controller(BusError::Warning(few))).await;
+        adapter.says("sp128130");
+        let many = Some(ErrorCounters { transmit: 130, receive: 128 });
+        Heard::event(&mut bus, controller(BusError::Passive(many))).await;
+        adapter.says("e1s");
+        Heard::event(&mut bus, controller(BusError::Protocol { violations: 0x04 })).await;
+        adapter.says(&format!("t3014{round:08X}"));
+        assert_eq!(Heard::frames(&mut bus, 1).await.plain_frames(), [numbered(round)], "errors alone end nothing");
+        adapter.says("sb256000");
+        let no_carrier = BusEvent::Down { reason: DownReason::NoCarrier };
+        let heard = Heard::event(&mut bus, no_carrier).await;
+        assert!(heard.events.contains(&controller(BusError::BusOff)), "before the link's own word: {:?}", heard.events);
+        adapter.set("down");
+        Heard::event(&mut bus, INTERFACE_DOWN).await;
+        adapter.set("up");
+        Heard::event(&mut bus, BusEvent::Up).await;
+        adapter.says("tZZZ4not a frame");
+        adapter.says(&format!("t3014{round:08X}"));
+        assert_eq!(Heard::frames(&mut bus, 1).await.plain_frames(), [numbered(round)]);
+    }
+}
+
+#[tokio::test]
+async fn an_adapter_that_is_unplugged_is_told_and_found_when_it_is_back() {
+    let Some(mut adapter) = Adapter::plugged("vc_unplug") else { return };
+    let mut bus = adapter.open();
+    for round in 0..2 {
+        Heard::event(&mut bus, BusEvent::Up).await;
+        adapter.says(&format!("t3014{round:08X}"));
+        assert_eq!(Heard::frames(&mut bus, 1).await.plain_frames(), [numbered(round)]);
+        drop(adapter);
+        Heard::event(&mut bus, NO_INTERFACE).await;
+        let Some(again) = Adapter::plugged("vc_unplug") else { return };
+        adapter = again;
+    }
 }
 
 #[tokio::test]

@@ -17,10 +17,10 @@ struct Port {
     ready: Time,
 }
 
+/// The foremost frame of a port is on the wire.
 #[derive(Clone, Copy, Debug)]
 struct Transfer {
     port: usize,
-    frame: Frame,
     end: Time,
 }
 
@@ -83,30 +83,31 @@ impl Bus {
 
     /// Starts or ends a frame at `now`, which must be [`Self::next`]. A frame is on the wire until its end.
     pub(crate) fn step(&mut self, now: Time) -> Option<TimedFrame> {
-        let Some(Transfer { port, frame, end }) = self.transfer.take() else {
+        let Some(Transfer { port, end }) = self.transfer.take() else {
             self.start(now);
             return None;
         };
         let sender = &mut self.ports[port];
-        sender.queue.pop_front();
+        let frame = sender.queue.pop_front();
         // The firmware hands one frame at a time to its controller, so others get their turn in between.
         sender.ready = end + Duration::from_nanos(self.rng.between(4_000.0, 11_000.0) as u64);
         self.free = end;
-        Some(TimedFrame { time: end, frame })
+        frame.map(|frame| TimedFrame { time: end, frame })
     }
 
     fn start(&mut self, now: Time) {
         let contenders = self.ports.iter().enumerate().filter(|(_, port)| port.ready <= now);
-        let heads = contenders.filter_map(|(index, port)| port.queue.front().map(|frame| (index, *frame)));
+        let heads = contenders.filter_map(|(index, port)| port.queue.front().map(|frame| (index, frame)));
         if let Some((port, frame)) = heads.min_by_key(|(_, frame)| priority(frame.id)) {
-            self.transfer = Some(Transfer { port, frame, end: now + self.duration(&frame) });
+            let (id, bytes) = (frame.id, frame.bytes().len());
+            self.transfer = Some(Transfer { port, end: now + self.duration(id, bytes) });
         }
     }
 
     /// 47 bits (67 with a long identifier) and the data, plus the stuff bits: for skin data 2 to 9 of at most 24.
-    fn duration(&mut self, frame: &Frame) -> Duration {
-        let overhead = if matches!(frame.id, CanId::Extended(_)) { 67 } else { 47 };
-        let bits = overhead + 8 * frame.bytes().len();
+    fn duration(&mut self, id: CanId, bytes: usize) -> Duration {
+        let overhead = if matches!(id, CanId::Extended(_)) { 67 } else { 47 };
+        let bits = overhead + 8 * bytes;
         let stuffed = (bits as f64 * self.rng.between(0.02, 0.09)).round() as u64;
         Duration::from_micros(bits as u64 + stuffed)
     }

@@ -101,8 +101,9 @@ impl Default for DielectricConfig {
 struct Memory {
     friction: f64,
     reach_kpa: f64,
-    /// Shares of the strain, each with its time constant in seconds.
+    /// Shares of the strain, each with its time constant in seconds; the first `creeping` of them are not 0.
     creep: [(f64, f64); 1 + MORE_CREEP],
+    creeping: usize,
 }
 
 /// One taxel's capacitor with its history.
@@ -128,22 +129,23 @@ pub(crate) struct Dielectric {
 impl Dielectric {
     /// The capacitance above rest, in converter bits, under `pressure_kpa`, `elapsed_s` after the last step.
     pub(crate) fn press(&mut self, pressure_kpa: f64, elapsed_s: f64) -> f64 {
-        let memory = self.memory;
+        let memory = &self.memory;
         let step = pressure_kpa - self.pressure_kpa;
         // Most steps bring no change: the powers are worked out only for those that do.
         if step != 0.0 {
             let towards = step.signum();
             self.sense = towards + (self.sense - towards) * (-step.abs() / memory.reach_kpa).exp();
             self.pressure_kpa = pressure_kpa;
-            self.strain = self.strain(pressure_kpa * (1.0 - memory.friction * self.sense));
+            self.strain = self.strain(pressure_kpa * (1.0 - self.memory.friction * self.sense));
         }
         if elapsed_s != self.creep_step.0 {
-            self.creep_step = (elapsed_s, memory.creep.map(|(_, time_s)| -(-elapsed_s / time_s).exp_m1()));
+            self.creep_step = (elapsed_s, self.memory.creep.map(|(_, time_s)| -(-elapsed_s / time_s).exp_m1()));
         }
         let mut total = self.strain;
-        for (part, (share, _)) in memory.creep.iter().enumerate().filter(|(_, (share, _))| *share > 0.0) {
-            self.crept[part] += (self.strain - self.crept[part]) * self.creep_step.1[part];
-            total += share * (self.crept[part] - self.strain);
+        let parts = self.memory.creep.iter().zip(&mut self.crept).zip(&self.creep_step.1);
+        for (((share, _), crept), step) in parts.take(self.memory.creeping) {
+            *crept += (self.strain - *crept) * step;
+            total += share * (*crept - self.strain);
         }
         self.gain_lsb * total / (1.0 - total)
     }
@@ -214,7 +216,8 @@ impl<'a> Fabric<'a> {
             insensitive[order[n]] = true;
         }
         let [second, third, fourth] = config.more_creep;
-        let creep = [(config.creep_share, config.creep_s), second, third, fourth];
+        let mut creep = [(config.creep_share, config.creep_s), second, third, fourth];
+        creep.sort_by_key(|(share, _)| *share <= 0.0);
         Self { config, rng, insensitive, creep, along: -0.5 }
     }
 
@@ -241,6 +244,7 @@ impl<'a> Fabric<'a> {
                 friction: rng.between(config.friction[0], config.friction[1]),
                 reach_kpa: config.friction_reach_kpa,
                 creep: self.creep,
+                creeping: self.creep.iter().filter(|(share, _)| *share > 0.0).count(),
             },
             pressure_kpa: 0.0,
             sense: 0.0,

@@ -1,4 +1,5 @@
-//! The source `sim`: the simulated forearm in real time, with a hand that runs the pump and lays masses.
+//! The source `sim`: the simulated forearm in real time, with a hand that runs the pump and lays masses. Where the bus's
+//! patch has boards that the forearm does not have, that patch is simulated in its place, as a sleeve of triangles.
 //!
 //! The hand does what an operator would: it pumps up and down as a session's ramp wants it and vents otherwise. While no session is open
 //! it lays half a kilogram on the skin for five seconds out of ten, so that there is a force to look at.
@@ -14,8 +15,9 @@ use std::time::Duration;
 use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, SendError, SourceError};
 use taxel_engine::calibration::{Direction, SessionState};
 
-use taxel_sim::{BoardsConfig, Config, Mass, PumpCommand, World};
-use taxel_skin::{Kilopascal, TaxelIndex, Time};
+use taxel_engine::plan::Plan;
+use taxel_sim::{BoardsConfig, Config, Mass, PumpCommand, Skin, World};
+use taxel_skin::{Board, BusIndex, Kilopascal, ModuleKind, Patch, TaxelIndex, Time};
 use taxel_wire::{Frame, TimedFrame};
 use tokio::sync::{mpsc, watch};
 
@@ -38,7 +40,7 @@ const FOOTPRINT_MM2: f64 = 600.0;
 const UNDER_THE_MASS: TaxelIndex = TaxelIndex(100);
 const MASS_PERIOD_S: u64 = 10;
 
-/// A simulated forearm on a bus.
+/// A simulated skin on a bus.
 pub struct SimBus {
     /// From the simulation's thread, which ends when this is dropped.
     frames: mpsc::Receiver<TimedFrame>,
@@ -48,22 +50,46 @@ pub struct SimBus {
 }
 
 impl SimBus {
-    /// The forearm of this seed; `session` says what the calibration is at.
+    /// The skin of this seed that the plan expects on this bus; `session` says what the calibration is at.
     ///
     /// # Errors
     /// If the simulator's own defaults contradict each other, or there is no thread to be had.
-    pub fn new(seed: u64, session: watch::Receiver<Option<Stage>>) -> anyhow::Result<Self> {
+    pub fn new(
+        seed: u64,
+        (plan, bus): (&Plan, BusIndex),
+        session: watch::Receiver<Option<Stage>>,
+    ) -> anyhow::Result<Self> {
         let begun = ClockReading::now().time;
         // A robot's boards stream already when a daemon comes that only listens.
         let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
-        let (skin, config) = crate::demo::skin(seed)?;
+        let (forearm, config) = crate::demo::skin(seed)?;
+        let skin = match beyond(&forearm, plan, bus) {
+            Some(patch) => Skin::sleeve(patch.clone()),
+            None => forearm,
+        };
+        let under_the_mass = UNDER_THE_MASS.min(TaxelIndex(skin.poses().len() as u16 / 2));
         let world = World::new(skin, Config { start: begun, boards, ..config })?;
         let (to_bus, frames) = mpsc::channel(FRAMES_WAITING_MAX);
         let (commands, received) = std::sync::mpsc::channel();
-        let simulation = Simulation { world, begun, session, received, to_bus, pumping: None, loaded: false };
+        let (pumping, loaded) = (None, false);
+        let simulation = Simulation { world, begun, session, received, to_bus, pumping, under_the_mass, loaded };
         std::thread::Builder::new().name("sim-bus".to_owned()).spawn(move || simulation.run())?;
         Ok(Self { frames, commands, told_up: false })
     }
+}
+
+/// The patch on this bus, and on this one alone, that the forearm cannot stand for.
+fn beyond<'a>(forearm: &Skin, plan: &'a Plan, bus: BusIndex) -> Option<&'a Patch> {
+    let has = |board: &Board| {
+        let same = forearm.patch().boards().iter().find(|own| own.address == board.address);
+        same.is_some_and(|own| board.modules.iter().all(|(module, _)| own.modules.iter().any(|(m, _)| m == module)))
+    };
+    let simulated = |patch: &Patch| {
+        let on_the_bus = patch.boards().iter().all(|board| board.bus == bus);
+        on_the_bus && !patch.modules().iter().any(|site| matches!(site.kind, ModuleKind::Cells(_)))
+    };
+    let mut patches = plan.patches.iter().map(|plan| &plan.patch).filter(|patch| simulated(patch));
+    patches.find(|patch| !patch.boards().iter().all(has))
 }
 
 /// What the thread holds.
@@ -75,6 +101,7 @@ struct Simulation {
     to_bus: mpsc::Sender<TimedFrame>,
     /// The branch that the pump follows.
     pumping: Option<Direction>,
+    under_the_mass: TaxelIndex,
     loaded: bool,
 }
 
@@ -118,7 +145,7 @@ impl Simulation {
             self.loaded = loaded;
             if !loaded {
                 self.world.clear();
-            } else if let Err(error) = self.world.lay(Mass::on_disc(MASS_KG, UNDER_THE_MASS, FOOTPRINT_MM2)) {
+            } else if let Err(error) = self.world.lay(Mass::on_disc(MASS_KG, self.under_the_mass, FOOTPRINT_MM2)) {
                 tracing::warn!(%error, "the simulated mass");
             }
         }
@@ -150,5 +177,29 @@ impl FrameSource for SimBus {
         // The thread ends after the frames' reader, so that there is one to take this.
         let _ = self.commands.send(*frame);
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_engine::plan::PatchPlan;
+    use taxel_skin::{BoardAddress, Module};
+
+    fn plan(address: u8, modules: u8) -> Plan {
+        let modules = (0..modules).map(|m| (Module::from_nibble(m), ModuleKind::Triangle)).collect();
+        let board = Board { bus: BusIndex(1), address: BoardAddress::new(address).unwrap(), modules };
+        let patch = Patch::new("palm", vec![board]).unwrap();
+        Plan { buses: 2, patches: vec![PatchPlan::new(patch)] }
+    }
+
+    #[test]
+    fn a_patch_is_simulated_on_its_own_bus_unless_the_forearm_has_its_boards() {
+        let (forearm, _) = crate::demo::skin(1).unwrap();
+        let name = |plan: &Plan, bus| beyond(&forearm, plan, BusIndex(bus)).map(|patch| patch.name().to_owned());
+        assert_eq!(name(&plan(12, 7), 1), None);
+        assert_eq!(name(&plan(12, 8), 1), Some("palm".to_owned()));
+        assert_eq!(name(&plan(3, 1), 1), Some("palm".to_owned()));
+        assert_eq!(name(&plan(3, 1), 0), None);
     }
 }

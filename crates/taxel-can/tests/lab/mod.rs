@@ -1,6 +1,8 @@
 //! Virtual buses, the tools that play on them, and what came of it.
 #![allow(clippy::unwrap_used, clippy::panic)] // these are tests, too
 
+pub mod adapter;
+
 use std::process::Command;
 use std::time::Duration;
 

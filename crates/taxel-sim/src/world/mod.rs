@@ -133,9 +133,14 @@ impl World {
     /// Lets time pass up to and including `until`; appends the frames that the host receives, in order of time.
     /// Time never goes back: an earlier `until` does nothing.
     pub fn advance(&mut self, until: Time, out: &mut Vec<TimedFrame>) {
-        while let Some((time, event)) = self.next_event().filter(|(time, _)| *time <= until) {
+        let mut of_boards = self.next_of_boards();
+        while let Some((time, event)) = self.next_event(of_boards).filter(|(time, _)| *time <= until) {
             self.now = self.now.max(time);
             self.handle(time, event, out);
+            // Most events are of the wire, and none of these three changes what a board does next.
+            if !matches!(event, Event::Bag | Event::Gauge | Event::Bus) {
+                of_boards = self.next_of_boards();
+            }
         }
         self.now = self.now.max(until);
     }
@@ -195,8 +200,8 @@ impl World {
         self.boards.iter().position(|board| board.address == address)
     }
 
-    fn next_event(&self) -> Option<(Time, Event)> {
-        let mut next = (self.bag_time + BAG_STEP, Event::Bag);
+    fn next_event(&self, of_boards: (Time, Event)) -> Option<(Time, Event)> {
+        let mut next = of_boards.min((self.bag_time + BAG_STEP, Event::Bag));
         let mut offer = |time: Option<Time>, event: Event| {
             if let Some(time) = time {
                 next = next.min((time, event));
@@ -205,6 +210,19 @@ impl World {
         offer(Some(self.gauge.next), Event::Gauge);
         offer(self.bus.next(), Event::Bus);
         offer(self.inbox.front().map(|waiting| waiting.time), Event::Command);
+        offer(self.receiver.next(), Event::Receiver);
+        // Saturated time is the end of the world: nothing may happen twice at the same instant for ever.
+        (next.0 < Time::from_nanos(i64::MAX)).then_some(next)
+    }
+
+    /// What the boards, and nodes that pretend to be boards, do next.
+    fn next_of_boards(&self) -> (Time, Event) {
+        let mut next = (Time::from_nanos(i64::MAX), Event::Receiver);
+        let mut offer = |time: Option<Time>, event: Event| {
+            if let Some(time) = time {
+                next = next.min((time, event));
+            }
+        };
         for (index, board) in self.boards.iter().enumerate() {
             offer(Some(board.next_conversion), Event::Conversion(index));
             offer(board.next_scan, Event::Scan(index));
@@ -215,9 +233,7 @@ impl World {
         for (index, node) in self.foreign.iter().enumerate() {
             offer(node.as_ref().map(|node| node.next), Event::Foreign(index));
         }
-        offer(self.receiver.next(), Event::Receiver);
-        // Saturated time is the end of the world: nothing may happen twice at the same instant for ever.
-        (next.0 < Time::from_nanos(i64::MAX)).then_some(next)
+        next
     }
 
     fn handle(&mut self, time: Time, event: Event, out: &mut Vec<TimedFrame>) {
