@@ -38,7 +38,7 @@ def acl(stage, scratch):
             "-subj", "/CN=fleet")
     for file, name in [("router", "router"), ("icub01", "icub01"), ("thief", "thief"), ("reader", "fleet-reader"), ("operator", "fleet-operator")]:
         certificate(folder, file, name)
-    stage.router("--config", configuration(folder, "zenoh-router.json5", port))
+    stage.router(config=configuration(folder, "zenoh-router.json5", port))
 
     def session(file):
         return zenoh.open(zenoh.Config.from_file(str(configuration(folder, "zenoh-robot.json5", port, file))))

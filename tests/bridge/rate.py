@@ -5,23 +5,22 @@
     tests/bridge/rate.py --robots 10,50,200 --load target/release/examples/robots SCRATCH [--seconds 20] [--rate 50]
 
 The first asks the daemon for forces at that rate, through bridge and router to a reader in Python, and beside it over
-gRPC, and with --reader to one in Rust, too. The second puts robots on one router. Times are of one machine and of what else runs on it: the load is printed.
+gRPC, and with --reader to one in Rust, too. A number that both readers miss was lost before the router's end, one that a
+single reader misses on its way from there. The second puts robots on one router. Times are of one machine and of what
+else runs on it: the load is printed.
 """
 
 import argparse
 import array
+import bisect
 import os
 import pathlib
 import struct
 import sys
-import threading
 import time
 
-sys.path.insert(0, str(pathlib.Path(__file__).parent.parent / "e2e"))
-from foreign import Client  # noqa: E402
-
-import ros  # noqa: E402
-from stage import Stage, client, free_port, until  # noqa: E402
+import ros
+from stage import Stage, client, evenness, free_port, quantiles, until
 
 CONFIG = """
 robot = "icub01"
@@ -35,13 +34,6 @@ name = "left_forearm"
 rate_hz = {rate}
 age_max_ms = 1000
 """
-
-
-def quantiles(values):
-    """p50, p99 and the largest, in ms."""
-    values = sorted(values)
-    at = lambda q: values[min(len(values) - 1, int(q * len(values)))] / 1e6
-    return f"p50 {at(0.5):.3f} ms, p99 {at(0.99):.3f} ms, largest {values[-1] / 1e6:.1f} ms"
 
 
 def usage(pid):
@@ -69,13 +61,25 @@ class Reader:
             kept.append(value)
 
 
-def beside(address, rate, ways, stop):
-    """The same samples over gRPC: from the daemon's sending to here."""
-    for sample in Client(address).stream("ForceService/StreamForce", timeout=3600, rate_hz=rate):
-        if stop.is_set():
-            return
-        if sample.HasField("time"):
-            ways.append(time.time_ns() - sample.time.ToNanoseconds() - int(sample.age_s * 1e9))
+def missing(sequence):
+    """The numbers that are not there, between the first and the last."""
+    return sorted(set(range(sequence[0], sequence[-1] + 1)) - set(sequence))
+
+
+def since(times, ticks):
+    """How long before each of the times the last tick was; both ascend. The daemon sends all of one rate at one tick."""
+    last = lambda time: ticks[bisect.bisect(ticks, time) - 1]
+    return [time - last(time) for time in times if ticks[0] < time < ticks[-1]]
+
+
+def diagnosed(session, graph):
+    """What the bridge itself says of its samples."""
+    diagnostics = ros.Topic(session, 0, graph.topics()["/diagnostics"])
+    until("diagnostics", lambda: diagnostics.count())
+    for status in diagnostics.since(0)[-1][2].status:
+        if status.name == "taxel: force of left_forearm":
+            return {value.key: value.value for value in status.values}
+    raise AssertionError("the bridge does not diagnose the patch")
 
 
 def one_robot(arguments, stage):
@@ -90,32 +94,25 @@ def one_robot(arguments, stage):
     graph = ros.Graph(session, 0)
     until("the wrench", lambda: "/skin/left_forearm/wrench" in graph.topics())
     reader = Reader(session, graph.topics()["/skin/left_forearm/wrench"])
-    ways, stop = [], threading.Event()
-    threading.Thread(target=beside, args=(f"127.0.0.1:{grpc}", arguments.rate, ways, stop), daemon=True).start()
     until("forces", lambda: len(reader.sequence) > 100)
-    rust = arguments.reader and stage.start("reader", arguments.reader, router, reader.key, str(arguments.seconds))
-    first, before, begun = len(reader.sequence), usage(bridge.pid), time.monotonic()
+    beside, sendings = pathlib.Path(__file__).parent / "beside.py", stage.scratch / "sendings"
+    others = [stage.start("grpc", sys.executable, beside, f"127.0.0.1:{grpc}", str(arguments.rate), str(arguments.seconds), sendings)]
+    if arguments.reader:
+        others.append(stage.start("reader", arguments.reader, router, reader.key, str(arguments.seconds)))
+    told, first, before, begun = diagnosed(session, graph), len(reader.sequence), usage(bridge.pid), time.monotonic()
     time.sleep(arguments.seconds)
-    last, after, span = len(reader.sequence), usage(bridge.pid), time.monotonic() - begun
-    stop.set()
+    last, after, span, tells = len(reader.sequence), usage(bridge.pid), time.monotonic() - begun, diagnosed(session, graph)
     sequence, sent, came = (list(kept)[first:last] for kept in (reader.sequence, reader.sent, reader.came))
-    lost = sequence[-1] - sequence[0] + 1 - len(sequence)
-    counts = {}
-    diagnostics = ros.Topic(session, 0, graph.topics()["/diagnostics"])
-    until("diagnostics", lambda: diagnostics.count())
-    for status in diagnostics.since(0)[-1][2].status:
-        if status.name == "taxel: force of left_forearm":
-            counts = {value.key: value.value for value in status.values}
-    print(f"{len(sequence)} wrenches in {span:.1f} s: {len(sequence) / span:.1f} Hz, asked for {arguments.rate}")
-    print(f"numbers missing between bridge and reader: {lost}")
-    print(f"samples, whole run: published {counts['published']}, withheld {counts['withheld']}, overtaken in the bridge {counts['skipped']}")
-    print(f"bridge's sending to the reader's hands: {quantiles([c - s for c, s in zip(came, sent)])}")
-    print(f"between two sendings of the bridge: {quantiles([b - a for a, b in zip(sent, sent[1:])])}")
-    print(f"between two arrivals: {quantiles([b - a for a, b in zip(came, came[1:])])}")
-    if rust:
-        until("the reader in Rust ends", lambda: rust.poll() is not None)
-        print(rust.log.read_text().strip())
-    print(f"beside, daemon's sending to a gRPC client in Python: {quantiles(ways)} of {len(ways)}")
+    counts = ", ".join(f"{int(tells[key]) - int(told[key])} {key}" for key in ("published", "withheld", "skipped"))
+    print(f"bridge, {arguments.rate:.0f} Hz asked for: {counts}; sent {evenness(sent, arguments.rate)}")
+    print(f"Python: {len(sequence)} samples in {span:.1f} s, {len(missing(sequence))} missing {missing(sequence)[:20]}; "
+          f"between two arrivals {evenness(came, arguments.rate)}")
+    print(f"  bridge's sending to here: {quantiles([c - s for c, s in zip(came, sent)])}")
+    for other in others:
+        until("the other readers end", lambda: other.poll() is not None)
+        print(other.log.read_text().strip())
+    ways = since(sent, array.array("q", sendings.read_bytes()))
+    print(f"daemon's sending to the bridge's: {quantiles(ways)} of {len(ways)}")
     print(f"bridge: {100 * (after[0] - before[0]) / span:.1f} % of a core, {after[1]:.1f} MB; router {usage(router_process.pid)[1]:.1f} MB")
 
 

@@ -32,6 +32,29 @@ def until(what, condition, limit_s=PATIENCE_S):
     raise AssertionError(f"{what}: not within {limit_s} s")
 
 
+def listens(pid):
+    """Whether a process has a TCP socket that listens."""
+    sockets = {os.readlink(link) for link in pathlib.Path(f"/proc/{pid}/fd").iterdir() if link.is_symlink()}
+    lines = [line.split() for table in ("tcp", "tcp6") for line in open(f"/proc/{pid}/net/{table}").readlines()[1:]]
+    return any(line[3] == "0A" and f"socket:[{line[9]}]" in sockets for line in lines)
+
+
+def quantiles(values_ns):
+    """p50, p99 and the largest, in ms."""
+    values = sorted(values_ns)
+    at = lambda q: values[min(len(values) - 1, int(q * len(values)))] / 1e6
+    return f"p50 {at(0.5):.3f} ms, p99 {at(0.99):.3f} ms, largest {values[-1] / 1e6:.1f} ms"
+
+
+def evenness(times_ns, rate_hz):
+    """How evenly something happened that was to happen at a rate: its rate, its pauses, and what came in pairs."""
+    pauses = [b - a for a, b in zip(times_ns, times_ns[1:])]
+    pairs = sum(pause < 0.25e9 / rate_hz for pause in pauses)
+    longer = ", ".join(f"{sum(pause > ms * 1e6 for pause in pauses)} longer than {ms} ms" for ms in (5, 10, 20))
+    rate = 1e9 * len(pauses) / (times_ns[-1] - times_ns[0])
+    return f"{rate:.1f} Hz, {quantiles(pauses)}, {longer}, {pairs} within a quarter of the period"
+
+
 def client(endpoint):
     """A session of a foreign implementation."""
     config = zenoh.Config()
@@ -56,8 +79,17 @@ class Stage:
         self.processes.append(process)
         return process
 
-    def router(self, *arguments):
-        router = self.start("router", sys.executable, HERE / "router.py", *arguments, stdout=subprocess.PIPE)
+    def router(self, endpoint=None, config=None):
+        """A router that listens at `endpoint`, or as `config` says: ZENOHD, or a session that routes, which is the same code."""
+        zenohd = os.environ.get("ZENOHD")
+        if zenohd:
+            listening = ["--config", config] if config else ["--listen", endpoint, "--no-multicast-scouting"]
+            router = self.start("zenohd", zenohd, *listening)
+            until("zenohd listens", lambda: router.poll() or listens(router.pid))
+            assert router.poll() is None, router.log.read_text()
+            return router
+        listening = ["--config", config] if config else [endpoint]
+        router = self.start("router", sys.executable, HERE / "router.py", *listening, stdout=subprocess.PIPE)
         assert router.stdout.readline() == "ready\n", router.log.read_text()
         return router
 

@@ -9,7 +9,8 @@ from grpc_reflection.v1alpha.proto_reflection_descriptor_database import ProtoRe
 
 class Client:
     def __init__(self, address):
-        self.channel = grpc.insecure_channel(address)
+        # Connections of its own: one to a daemon that was killed at this address may seem ready still.
+        self.channel = grpc.insecure_channel(address, [("grpc.use_local_subchannel_pool", 1)])
         grpc.channel_ready_future(self.channel).result(timeout=60)
         self.pool = DescriptorPool(ProtoReflectionDescriptorDatabase(self.channel))
 

@@ -28,7 +28,7 @@ async fn main() -> anyhow::Result<()> {
     let until = Instant::now() + Duration::from_secs_f64(seconds.parse().context("SECONDS")?);
     let session = link::open(&ZenohSection { router: Some(endpoint.clone()), config: None }).await?;
     let topic = tried("the topic", session.declare_subscriber(key).await)?;
-    let (mut numbers, mut took_ns, mut pause_ns, mut last_ns) = (Vec::new(), Vec::new(), 0, None);
+    let (mut numbers, mut took_ns, mut came) = (Vec::new(), Vec::new(), Vec::new());
     while let Ok(sample) =
         tokio::time::timeout(until.saturating_duration_since(Instant::now()), topic.recv_async()).await
     {
@@ -37,20 +37,25 @@ async fn main() -> anyhow::Result<()> {
         let ((number, sent_ns), came_ns) = (sent(&attachment).context("a short attachment")?, now_ns());
         numbers.push(number);
         took_ns.push(came_ns - sent_ns);
-        pause_ns = pause_ns.max(came_ns - last_ns.replace(came_ns).unwrap_or(came_ns));
+        came.push(came_ns);
     }
-    let (first, last) = numbers.first().zip(numbers.last()).context("no sample came")?;
-    let missing = last - first + 1 - numbers.len() as i64;
-    took_ns.sort_unstable();
-    let at = |share: f64| took_ns[(share * (took_ns.len() - 1) as f64) as usize] as f64 * 1e-6;
-    println!(
-        "Rust: {} samples, {missing} missing; bridge's sending to here: p50 {:.3} ms, p99 {:.3} ms, largest {:.1} ms; longest \
-         pause {:.1} ms",
-        numbers.len(),
-        at(0.5),
-        at(0.99),
-        at(1.0),
-        pause_ns as f64 * 1e-6
-    );
+    let missing: Vec<i64> = numbers.windows(2).flat_map(|two| two[0] + 1..two[1]).collect();
+    let pauses: Vec<i64> = came.windows(2).map(|two| two[1] - two[0]).collect();
+    let (first, last) = came.first().zip(came.last()).context("no sample came")?;
+    let rate_hz = pauses.len() as f64 * 1e9 / (last - first) as f64;
+    println!("Rust: {} samples, {rate_hz:.1} Hz, {} missing {:?}", numbers.len(), missing.len(), head(&missing));
+    println!("  bridge's sending to here: {}; between two arrivals {}", quantiles(took_ns), quantiles(pauses));
     Ok(())
+}
+
+/// The first twenty.
+fn head(numbers: &[i64]) -> &[i64] {
+    &numbers[..numbers.len().min(20)]
+}
+
+/// p50, p99 and the largest, of ns in ms.
+fn quantiles(mut values_ns: Vec<i64>) -> String {
+    values_ns.sort_unstable();
+    let at = |share: f64| values_ns[(share * (values_ns.len() - 1) as f64) as usize] as f64 * 1e-6;
+    format!("p50 {:.3} ms, p99 {:.3} ms, largest {:.1} ms", at(0.5), at(0.99), at(1.0))
 }

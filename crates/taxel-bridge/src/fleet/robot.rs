@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use prost::Message;
 use taxel_proto::v1::{ForceSample, ReasonCode};
+use taxel_ticks::Ticks;
 use zenoh::Session;
 use zenoh::bytes::Encoding;
 use zenoh::liveliness::LivelinessToken;
@@ -78,13 +79,12 @@ fn now(feed: &Feed) -> ForceSample {
 /// Tells a patch's force at a rate, also that there is none.
 ///
 /// # Errors
-/// If the session is closed.
+/// If the session is closed, or the system has no timer.
 pub async fn force(session: Session, robot: String, feed: Feed, rate_hz: f64) -> anyhow::Result<()> {
     let key = ForceKey::declare(&session, &robot, &feed.section.name).await?;
-    let mut tick = tokio::time::interval(Duration::from_secs_f64(1.0 / rate_hz));
-    tick.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
+    let mut ticks = Ticks::every(Duration::from_secs_f64(1.0 / rate_hz))?;
     loop {
-        tick.tick().await;
+        ticks.tick().await?;
         let sample = now(&feed);
         key.send(&sample).await?;
     }

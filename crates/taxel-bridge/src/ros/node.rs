@@ -56,10 +56,11 @@ impl RosNode {
     pub async fn topic<T: RosType>(&mut self, name: &str, keeps: KeepLast) -> anyhow::Result<Topic<T>> {
         let (key, token) = self.endpoint::<T>(EndpointKind::Publisher, name, keeps);
         let gid = gid(&token);
-        // Drop: a router that does not take what comes must not hold up anything here. Express: a message is not kept
-        // back for a batch.
+        // Drop: a router that does not take what comes must not hold up anything here. Not express: each message would
+        // need a batch of its own, of which there are two, so that a millisecond in which nobody sends loses one (12 of
+        // 75,000 at 1 kHz, and none in batches). Nothing waits for a batch to fill.
         let publisher = self.session.declare_publisher(key).congestion_control(CongestionControl::Drop);
-        let publisher = tried(name, publisher.priority(Priority::InteractiveHigh).express(true).await)?;
+        let publisher = tried(name, publisher.priority(Priority::InteractiveHigh).await)?;
         let token = tried(name, self.session.liveliness().declare_token(token).await)?;
         Ok(Topic { publisher, gid, sequence: 0, _token: token, _type: PhantomData })
     }
