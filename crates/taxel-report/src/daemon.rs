@@ -1,8 +1,8 @@
 //! The whole daemon as a process on the simulated bus: how long a value takes to a client, and what a scene costs.
 
-mod client;
+pub mod client;
 mod latency;
-mod process;
+pub mod process;
 mod scenes;
 mod wire_floor;
 

@@ -1,4 +1,4 @@
-//! Section D: correct digits on the polynomial sets of NIST's Statistical Reference Datasets.
+//! Section `digits`: correct digits on the polynomial sets of NIST's Statistical Reference Datasets.
 //!
 //! The measure is the log relative error of the worst coefficient in powers of the raw abscissa, against the exact
 //! solution for the decimals as they are written.
@@ -19,7 +19,7 @@ use crate::peers::{self, Basis, Peers, Polynomial};
 /// A method with its digits by set, `None` where it finds no solution.
 type Row = (&'static str, Vec<Option<f64>>);
 
-/// Measures section D.
+/// Measures the section.
 ///
 /// # Errors
 /// A file of a set cannot be read as one, or Python ended in the middle of it.
@@ -46,8 +46,8 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
         worst_in_words(&rows),
     ];
     Ok(Section {
-        id: "d-digits".to_owned(),
-        title: "D. Digits: certified regression sets".to_owned(),
+        id: "digits".to_owned(),
+        title: "Digits: certified regression sets".to_owned(),
         text,
         tables: vec![table(&sets, &rows)],
         ..Section::default()
@@ -155,7 +155,7 @@ fn table(sets: &[Set], rows: &[Row]) -> Table {
     let cell = |digits: &Option<f64>| digits.map_or_else(|| "no solution".into(), Cell::from);
     let row = |(method, digits): &Row| std::iter::once((*method).into()).chain(digits.iter().map(cell)).collect();
     Table::new(
-        "d-digits-strd",
+        "digits-strd",
         "Correct digits of the worst coefficient, 0 to 16. Sets with their order in brackets.",
         std::iter::once("method".to_owned()).chain(names),
         rows.iter().map(row).collect(),

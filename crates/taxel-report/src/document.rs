@@ -4,10 +4,10 @@
 use crate::numbers::three_digits;
 use serde::Serialize;
 
-/// One section of the report, for example "A. Fit".
+/// One section of the report, for example "Fit".
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Section {
-    /// Short and stable, lower case: it begins the names of the section's files, for example `a-fit`.
+    /// Short and stable, lower case: it begins the names of the section's files, for example `fit`.
     pub id: String,
     /// The heading.
     pub title: String,
@@ -24,10 +24,8 @@ pub struct Section {
 /// Something measured that may have been promised.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Aim {
-    /// Short and stable, with its unit.
+    /// For who reads it without the section around it, with its unit.
     pub what: String,
-    /// The same for who reads it without the section around it; empty if it is no promise.
-    pub words: String,
     /// `None` if it could not be measured.
     pub measured: Option<f64>,
     /// What was promised, in words.
@@ -152,20 +150,19 @@ macro_rules! row {
 pub(crate) use row;
 
 impl Aim {
-    /// A promise and whether it is kept; `words` as for [`Aim::words`].
-    pub(crate) fn new(what: &str, words: &str, measured: f64, aim: String, met: bool) -> Self {
-        let (what, words) = (what.to_owned(), words.to_owned());
-        Self { what, words, measured: Some(measured).filter(|m| !m.is_nan()), aim, met: Some(met) }
+    /// A promise and whether it is kept.
+    fn new(what: &str, measured: f64, aim: String, met: bool) -> Self {
+        Self { what: what.to_owned(), measured: Some(measured).filter(|m| !m.is_nan()), aim, met: Some(met) }
     }
 
     /// A promise of a value that is no greater than `most`.
-    pub(crate) fn at_most(what: &str, words: &str, measured: f64, most: f64) -> Self {
-        Self::new(what, words, measured, format!("at most {}", plain(most)), measured <= most)
+    pub(crate) fn at_most(what: &str, measured: f64, most: f64) -> Self {
+        Self::new(what, measured, format!("at most {}", plain(most)), measured <= most)
     }
 
     /// A promise of a value that is no less than `least`.
-    pub(crate) fn at_least(what: &str, words: &str, measured: f64, least: f64) -> Self {
-        Self::new(what, words, measured, format!("at least {}", plain(least)), measured >= least)
+    pub(crate) fn at_least(what: &str, measured: f64, least: f64) -> Self {
+        Self::new(what, measured, format!("at least {}", plain(least)), measured >= least)
     }
 
     /// What was measured beside the promises.
@@ -185,10 +182,10 @@ impl Section {
         let row = |aim: &Aim| {
             let met = aim.met.map_or_else(|| Cell::from(""), Cell::from);
             let measured = aim.measured.map_or_else(|| Cell::from("not measured"), Cell::from);
-            vec![aim.what.as_str().into(), measured, aim.aim.as_str().into(), met, aim.words.as_str().into()]
+            vec![aim.what.as_str().into(), measured, aim.aim.as_str().into(), met]
         };
         let rows: Vec<_> = self.aims.iter().map(row).collect();
-        let columns = ["what", "measured", "aim", "met", "in words"];
+        let columns = ["what", "measured", "aim", "met"];
         let aims = Table::new(&format!("{}-aims", self.id), "Measured, and what was promised.", columns, rows);
         std::iter::once(aims).filter(|table| !table.rows.is_empty()).chain(self.tables.iter().cloned())
     }

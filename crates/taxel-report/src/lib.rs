@@ -4,15 +4,16 @@
 //! Each section is a module with a function that measures and returns a [`document::Section`]; `page` makes files of
 //! them.
 
+pub mod daemon;
 pub mod document;
 pub mod machine;
 pub mod options;
 pub mod page;
 pub mod paper;
 
-mod daemon;
 mod digits;
 mod draw;
+mod force;
 mod held_out;
 mod live;
 mod numbers;
@@ -24,4 +25,5 @@ mod run;
 mod stability;
 mod work_precision;
 
+pub use rig::fits::calibrate;
 pub use run::{names, run};

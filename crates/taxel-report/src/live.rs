@@ -1,4 +1,4 @@
-//! Section C, first part: the live path's arithmetic, error against run time over all counts. Whole frames through the
+//! Section `live`: the live path's arithmetic, error against run time over all counts. Whole frames through the
 //! daemon are the second part, `daemon`; what the engine takes for evaluation and sum is an example of taxel-engine.
 //!
 //! Convention of work-precision diagrams: the same task for every method, the knob swept along each line, a reference far
@@ -61,7 +61,7 @@ struct Row {
     ns: Vec<Vec<f64>>,
 }
 
-/// Section `c-live`.
+/// Section `live`.
 ///
 /// # Errors
 /// None at present; the signature is that of every section.
@@ -77,8 +77,8 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
     }
     let figure = |(at, size): (usize, &usize)| figure(&rows, at, *size, half_count_kpa, repetitions);
     Ok(Section {
-        id: "c-live".to_owned(),
-        title: "C. Live: counts to pressures".to_owned(),
+        id: "live".to_owned(),
+        title: "Live: counts to pressures".to_owned(),
         text: text(&rows),
         figures: SIZES.iter().enumerate().map(figure).collect(),
         tables: vec![table(&rows)],
@@ -328,7 +328,7 @@ fn figure(rows: &[Row], at: usize, size: usize, half_count_kpa: f64, repetitions
     };
     let floor: Vec<f64> = rows.iter().filter(|row| row.method == FLOOR).map(|row| median(&row.ns[at])).collect();
     Figure {
-        id: format!("c-live-{size}"),
+        id: format!("live-{size}"),
         title: format!("Live: time per taxel against error, {size} taxels"),
         caption: format!(
             "Counts that walk. Left is faster, down is more exact; the marks are orders. To load, convert and store a count \
@@ -350,7 +350,7 @@ fn table(rows: &[Row]) -> Table {
         head.into_iter().chain([error]).chain(row.ns.iter().map(|ns| median(ns).into())).collect()
     };
     let columns = ["method", "order", "largest error, kPa", "230 taxels, ns per taxel", "5,000 taxels, ns per taxel"];
-    Table::new("c-live-methods", "Medians, counts that walk.", columns, rows.iter().map(row).collect())
+    Table::new("live-methods", "Medians, counts that walk.", columns, rows.iter().map(row).collect())
 }
 
 #[cfg(test)]

@@ -20,10 +20,13 @@ pub(crate) fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / n
 }
 
-/// A figure for people: three significant digits.
+/// A figure for people: three significant digits; counts as they are.
 pub(crate) fn three_digits(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
+    }
+    if value.fract() == 0.0 && value.abs() < 1e6 {
+        return format!("{value}");
     }
     // Rounding first, so that 9.999 becomes 10.0 and not 10.00.
     let size = format!("{:.2e}", value.abs());
@@ -52,7 +55,9 @@ mod tests {
         let cases = [
             (0.0, "0"),
             (9.999, "10.0"),
-            (-1.0, "-1.00"),
+            (-1.0, "-1"),
+            (2500.0, "2500"),
+            (1.001, "1.00"),
             (0.001_234_5, "0.00123"),
             (0.000_999_9, "0.00100"),
             (123_456.0, "123456"),

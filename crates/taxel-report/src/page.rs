@@ -15,6 +15,9 @@ use crate::document::{Cell, Figure, Section, Table};
 use crate::draw;
 use crate::machine::Machine;
 
+/// A table with more rows is folded away until somebody wants it.
+const LONG_ROWS: usize = 16;
+
 /// Everything that `report.json` holds.
 #[derive(Serialize)]
 struct Report<'a> {
@@ -146,6 +149,17 @@ pub(crate) fn rows(columns: &[impl AsRef<str>], rows: &[Vec<Cell>], caption: &Ma
     }
 }
 
+/// A table of the page; a long one is folded away.
+fn folded(table: &Table) -> Markup {
+    let links = links(&table.id, &["csv", "json"]);
+    let whole = rows(&table.columns, &table.rows, &html! { (table.caption) (links) });
+    html! {
+        @if table.rows.len() > LONG_ROWS {
+            details { summary { "Table of " (table.rows.len()) " rows" } (whole) }
+        } @else { (whole) }
+    }
+}
+
 fn cell(cell: &Cell) -> Markup {
     let class = match cell {
         Cell::Text(_) => "",
@@ -165,9 +179,7 @@ fn page(machine: &Machine, sections: &[Section]) -> Markup {
                 h2 { (section.title) }
                 @for paragraph in &section.text { p { (paragraph) } }
                 @for one in &section.figures { (figure(one, &["svg", "csv", "json"])) }
-                @for table in section.all_tables() {
-                    (rows(&table.columns, &table.rows, &html! { (table.caption) (links(&table.id, &["csv", "json"])) }))
-                }
+                @for table in section.all_tables() { (folded(&table)) }
             }
         }
         h2 { "Measured on" }
@@ -190,14 +202,14 @@ fn summary(sections: &[Section]) -> Markup {
              predicts what it has not seen, and how soon a force reaches a robot's controller. "
             (judged.len() - missed) " of " (judged.len()) " aims are met; a section's text says why one is missed."
         }
-        div class="scroll" { table {
+        div class="scroll" { table class="aims" {
             thead { tr { @for column in ["", "aim", "measured", "promised", "section"] { th { (column) } } } }
             tbody { @for (section, aim, met) in &judged { tr {
                 td class=(if *met { "pass" } else { "fail" }) { (if *met { "met" } else { "missed" }) }
-                td { (if aim.words.is_empty() { &aim.what } else { &aim.words }) }
+                td { (aim.what) }
                 (cell(&aim.measured.map_or_else(|| "not measured".into(), Cell::from)))
                 td { (aim.aim) }
-                td { a href={ "#section-" (section.id) } { (section.title.split('.').next().unwrap_or_default()) } }
+                td { a href={ "#section-" (section.id) } { (section.id) } }
             } } }
         } }
     }

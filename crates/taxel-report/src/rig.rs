@@ -13,20 +13,23 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::plan::{Gauge, Outputs, PatchPlan};
 use taxel_engine::zero::rest::RestStatistics;
 use taxel_model::{FitOptions, GaugeUncertainty};
-use taxel_sim::{BoardsConfig, Config, GaugeConfig, Mass, PumpCommand, Skin, World};
+use taxel_sim::{BoardsConfig, Config, Effect, GaugeConfig, Mass, PumpCommand, World};
 use taxel_skin::{BusIndex, Geometry, Kilopascal, TaxelIndex, Time};
 use taxel_wire::TimedFrame;
 use taxel_wire::icub::{Message, decode};
 use taxel_wire::signal::SignalSpec;
 
 /// The boards send so often.
-const PERIOD: Duration = Duration::from_millis(50);
+pub(crate) const PERIOD: Duration = Duration::from_millis(50);
 
 /// The grid on which the truth is noted: that of the bag's own steps.
 const STEP: Duration = Duration::from_millis(5);
 
 /// Rest is watched for so long.
 const REST_S: f64 = 1.0;
+
+/// The same before and after a recording of both branches.
+const CYCLE_REST_S: f64 = 10.0;
 
 /// After venting the fabric settles, and creep fades.
 const SETTLE_S: f64 = 20.0;
@@ -46,8 +49,12 @@ pub(crate) struct Weighed {
     pub kilogram: f64,
     /// Its weight.
     pub true_n: f64,
-    /// Ten of them.
+    /// While it settled.
+    pub before: Vec<Scan>,
+    /// While it was read: ten of them.
     pub scans: Vec<Scan>,
+    /// After it was taken away.
+    pub after: Vec<Scan>,
 }
 
 /// One count of every taxel, and the pressure in the bag when each board sent its part.
@@ -95,13 +102,22 @@ pub(crate) struct Forearm {
 }
 
 impl Forearm {
-    /// The forearm of a seed, streaming and at rest.
+    /// The forearm of a seed, streaming and at rest, without what [`Effect`] lists.
     ///
     /// # Errors
     /// A layout or configuration that cannot be, which the fixed ones are not.
     pub fn new(seed: u64) -> anyhow::Result<Self> {
+        Self::with(&[], seed)
+    }
+
+    /// The same with these effects.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn with(effects: &[Effect], seed: u64) -> anyhow::Result<Self> {
         let boards = BoardsConfig { start_streaming: true, ..BoardsConfig::default() };
-        let world = World::new(Skin::forearm()?, Config { boards, ..Config::seeded(seed) })?;
+        let (skin, config) = Effect::forearm(effects, seed)?;
+        let world = World::new(skin, Config { boards, ..config })?;
         let patch = world.skin().patch();
         let mut boards = vec![0..0; patch.boards().len()];
         for (taxel, site) in patch.taxels().iter().enumerate() {
@@ -233,6 +249,16 @@ impl Forearm {
         self.watch((from_kpa + 2.0) / kpa_per_s + 2.0)
     }
 
+    /// From rest to about `target_kpa` and back to rest, every scan of it.
+    pub fn cycle(&mut self, target_kpa: f64, kpa_per_s: f64) -> Vec<Scan> {
+        let mut scans = self.watch(CYCLE_REST_S);
+        self.world.pump(PumpCommand::Ramp { target: Kilopascal(target_kpa), kpa_per_s });
+        scans.extend(self.watch(target_kpa / kpa_per_s + 2.0));
+        scans.extend(self.release(target_kpa, kpa_per_s));
+        scans.extend(self.watch(CYCLE_REST_S));
+        scans
+    }
+
     /// Vents the bag and waits until the fabric has settled.
     pub fn vent(&mut self) {
         self.world.pump(PumpCommand::Vent);
@@ -247,11 +273,9 @@ impl Forearm {
     pub fn weigh(&mut self, kilogram: f64, taxel: usize) -> anyhow::Result<Weighed> {
         let centre = TaxelIndex(u16::try_from(taxel).context("a taxel beyond 65,535")?);
         let true_n = self.world.lay(Mass::on_disc(kilogram, centre, 600.0))?.0;
-        self.watch(LOAD_S);
-        let scans = self.watch(0.5);
+        let (before, scans) = (self.watch(LOAD_S), self.watch(0.5));
         self.world.clear();
-        self.watch(2.0 * LOAD_S);
-        Ok(Weighed { kilogram, true_n, scans })
+        Ok(Weighed { kilogram, true_n, before, scans, after: self.watch(2.0 * LOAD_S) })
     }
 
     /// All masses on all places, which are evenly spread and a few taxels on with each mass and `skin`, so that no place

@@ -3,7 +3,7 @@
 use crate::document::Section;
 use crate::machine::Machine;
 use crate::options::Options;
-use crate::{daemon, digits, held_out, live, page, stability, work_precision};
+use crate::{daemon, digits, force, held_out, live, page, stability, work_precision};
 use anyhow::ensure;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -20,13 +20,14 @@ struct Part {
 
 /// In the order of the page.
 const PARTS: &[Part] = &[
-    Part { name: "fit", title: "A. Fit", section: work_precision::section },
-    Part { name: "model", title: "B. Model", section: held_out::section },
-    Part { name: "live", title: "C. Live", section: live::section },
-    Part { name: "latency", title: "C. Live: the whole path", section: daemon::latency },
-    Part { name: "digits", title: "D. Digits", section: digits::section },
-    Part { name: "stability", title: "E. Stability", section: stability::section },
-    Part { name: "scenes", title: "F. Scenes", section: daemon::scenes },
+    Part { name: "force", title: "Force", section: force::section },
+    Part { name: "fit", title: "Fit", section: work_precision::section },
+    Part { name: "model", title: "Model", section: held_out::section },
+    Part { name: "live", title: "Live", section: live::section },
+    Part { name: "latency", title: "Latency", section: daemon::latency },
+    Part { name: "digits", title: "Digits", section: digits::section },
+    Part { name: "stability", title: "Stability", section: stability::section },
+    Part { name: "scenes", title: "Scenes", section: daemon::scenes },
 ];
 
 /// The names of all sections, in the order of the page.
@@ -94,8 +95,8 @@ mod tests {
     #[test]
     fn a_section_that_fails_says_so_in_its_place() {
         let failing = [
-            Part { name: "a", title: "A. First", section: |_| anyhow::bail!("no simulator") },
-            Part { name: "b", title: "B. Second", section: |_| panic!("index 3") },
+            Part { name: "a", title: "First", section: |_| anyhow::bail!("no simulator") },
+            Part { name: "b", title: "Second", section: |_| panic!("index 3") },
         ];
         for (part, why) in failing.iter().zip(["no simulator", "it panicked: index 3"]) {
             let error = measure(part, &options()).unwrap_err();

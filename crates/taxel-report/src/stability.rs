@@ -1,4 +1,4 @@
-//! Section E: the stability suite, stiff, extreme and broken cases, as the crates keep it whose guarantees they are; here
+//! Section `stability`: the suite of, stiff, extreme and broken cases, as the crates keep it whose guarantees they are; here
 //! with what others make of the same samples.
 
 use taxel_model::stability::case::{Case, Contest, Outcome, Problem};
@@ -61,9 +61,9 @@ fn section_of(cases: impl IntoIterator<Item = Case>, peers: &mut Peers) -> anyho
             peers.said
         ),
     ];
-    let words = "hard cases, stiff, extreme or broken, that do not come out as they must";
-    let aims = vec![Aim::at_most("cases that do not hold", words, failed.len() as f64, 0.0)];
-    let (id, title) = ("e-stability".to_owned(), "E. Stability".to_owned());
+    let what = "hard cases, stiff, extreme or broken, that do not come out as they must";
+    let aims = vec![Aim::at_most(what, failed.len() as f64, 0.0)];
+    let (id, title) = ("stability".to_owned(), "Stability: stiff, extreme and broken taxels".to_owned());
     Ok(Section { id, title, text, aims, figures: Vec::new(), tables: vec![table(&names, rows)] })
 }
 
@@ -76,7 +76,7 @@ fn table(names: &[&str], rows: Vec<Vec<Cell>>) -> Table {
                    recordings, each is compared with itself. `none` means that the method gave no finite solution, an \
                    empty cell that the case is not theirs. Every fit must moreover give finite readings, the same bits in \
                    another order of its samples, and a table that is monotone wherever the status allows its use.";
-    Table::new("e-stability", caption, columns.iter().chain(names).copied(), rows)
+    Table::new("stability-cases", caption, columns.iter().chain(names).copied(), rows)
 }
 
 fn row(case: &Case, outcome: &Outcome, failures: &[String]) -> Vec<Cell> {

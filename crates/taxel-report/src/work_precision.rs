@@ -1,7 +1,7 @@
-//! Section A: what precision of a fit costs what time, for ours and for what else one could take.
+//! Section `fit`: what precision of a fit costs what time, for ours and for what else one could take.
 //!
 //! Every method is compared with the exact solution of its own least-squares problem, so that the error here is that of
-//! arithmetic alone; how well a model predicts pressures is section B.
+//! arithmetic alone; how well a model predicts pressures is section `force`.
 
 mod aims;
 mod contenders;
@@ -12,11 +12,10 @@ use crate::document::{Cell, Section, Table, row};
 use crate::numbers::three_digits;
 use crate::options::Options;
 use crate::peers::Peers;
-use contenders::{Contender, DEFAULT};
 use panel::{Measured, Panel};
 use taxels::Bits;
 
-/// Measures section A.
+/// Measures the section.
 ///
 /// # Errors
 /// Python ended in the middle of it. Python without numpy is no error: the section says so.
@@ -34,19 +33,22 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
             .to_owned(),
         peers.said.clone(),
     ];
-    text.extend(measured.iter().filter_map(time_in_words));
+    let panels: Vec<String> = measured.iter().filter_map(in_words).collect();
+    text.push(format!(
+        "At order {ORDER}, the shipped default's, and only of methods within half a count: {}.",
+        panels.join("; ")
+    ));
     text.push(
         "What the time of ours buys: the same bits in whatever order the samples come, a verdict on the taxel, the \
-         uncertainty of each reading, and a curve that is exact on skins that are stiff, noisy or clipped (section E), \
+         uncertainty of each reading, and a curve that is exact on skins that are stiff, noisy or clipped (section Stability), \
          where others have none. Who needs none of these, and has a sound taxel at order 5 or less, is well served by \
          Chebyshev polynomials or numpy's Polynomial.fit."
             .to_owned(),
     );
     text.extend(ours_in_words(&measured));
-    text.extend(measured.iter().map(others_in_words));
     Ok(Section {
-        id: "a-fit".to_owned(),
-        title: "A. Fit: error against run time".to_owned(),
+        id: "fit".to_owned(),
+        title: "Fit: error against run time".to_owned(),
         text,
         aims,
         figures: measured.iter().map(Measured::figure).collect(),
@@ -64,35 +66,25 @@ fn panels(quick: bool) -> Vec<Panel> {
     [Bits::Eight, Bits::Sixteen].into_iter().flat_map(|bits| sizes.map(|scans| new(bits, scans))).collect()
 }
 
-/// Where the shipped default is slower and where it is faster than others, at its own order.
-fn time_in_words(panel: &Measured) -> Option<String> {
-    const ORDER: usize = 5;
-    let cell = |(contender, cells): (&Contender, &Vec<panel::Cell>)| {
-        cells[ORDER - 1].is_measured().then(|| (*contender, cells[ORDER - 1].median_us(), cells[ORDER - 1].error_pa()))
-    };
-    let all: Vec<_> = panel.contenders.iter().zip(&panel.cells).filter_map(cell).collect();
-    let (_, us, pa) = *all.iter().find(|(contender, ..)| contender.name == DEFAULT)?;
-    let name = |(other, other_us, other_pa): &(Contender, f64, f64)| {
-        let ratio = (us / other_us).max(other_us / us);
-        format!("{} ({} times, {})", other.name, three_digits(ratio), off_by(*other_pa))
-    };
-    let others = || all.iter().filter(|(contender, ..)| !contender.is_ours());
-    let join = |faster: bool| match others().filter(|other| (other.1 < us) == faster).map(name).collect::<Vec<_>>() {
-        names if names.is_empty() => "none".to_owned(),
-        names => names.join(", "),
-    };
-    Some(format!(
-        "{}, order {ORDER}: the shipped default takes {} us a taxel, {}. Faster: {}. Slower: {}.",
-        panel.panel.name(),
-        three_digits(us),
-        off_by(pa),
-        join(true),
-        join(false)
-    ))
-}
+/// The order that is shipped.
+const ORDER: usize = 5;
 
-fn off_by(pa: f64) -> String {
-    if pa.is_finite() { format!("off by {} Pa", three_digits(pa)) } else { "not always with a solution".to_owned() }
+/// The time of the shipped default, and which useful method is fastest beside it; `None` where there is none.
+fn in_words(panel: &Measured) -> Option<String> {
+    let all = || panel.contenders.iter().zip(&panel.cells).map(|(contender, cells)| (contender, &cells[ORDER - 1]));
+    // Too few scans are never binned: then the default is what stands before it.
+    let mut ours = all().filter(|(contender, cell)| contender.is_ours() && !contender.is_exact() && cell.is_measured());
+    let us = ours.next_back()?.1.median_us();
+    let useful = all().filter(|(contender, cell)| !contender.is_ours() && panel.is_useful(cell));
+    let (other, cell) = useful.min_by(|a, b| a.1.median_us().total_cmp(&b.1.median_us()))?;
+    let (name, other_us) = (panel.panel.name(), cell.median_us());
+    let verdict = if other_us < us { "slower" } else { "faster" };
+    let ratio = three_digits((us / other_us).max(other_us / us));
+    let [us, other_us] = [us, other_us].map(three_digits);
+    Some(format!(
+        "{name}, {us} us a taxel, {ratio} times {verdict} than the fastest other, {} ({other_us} us)",
+        other.name
+    ))
 }
 
 fn ours_in_words(measured: &[Measured]) -> Option<String> {
@@ -105,25 +97,12 @@ fn ours_in_words(measured: &[Measured]) -> Option<String> {
     ))
 }
 
-/// From which order on the other methods are useless.
-fn others_in_words(panel: &Measured) -> String {
-    let others = panel.contenders.iter().enumerate().filter(|(_, contender)| !contender.is_ours());
-    let words = others.filter_map(|(k, contender)| {
-        panel.first_useless_order(k).map(|order| format!("{} from order {order}", contender.name))
-    });
-    let (words, name) = (words.collect::<Vec<_>>(), panel.panel.name());
-    if words.is_empty() {
-        return format!("{name}: no method is off by more than half a count at any order.");
-    }
-    format!("{name}: off by more than half a count, or without a solution: {}.", words.join("; "))
-}
-
 /// Times and errors at orders 5 and 9.
 fn orders_table(measured: &[Measured]) -> Table {
     let mut rows = Vec::new();
     for panel in measured {
-        for (contender, cells) in panel.contenders.iter().zip(&panel.cells).filter(|(_, cells)| cells[0].is_measured())
-        {
+        let measured = panel.contenders.iter().zip(&panel.cells).filter(|(_, cells)| cells[0].is_measured());
+        for (contender, cells) in measured {
             let mut row = row![panel.panel.name(), contender.name];
             for cell in [5, 9].map(|order| &cells[order - 1]) {
                 row.push(cell.median_us().into());
@@ -132,9 +111,21 @@ fn orders_table(measured: &[Measured]) -> Table {
                     failed => format!("no solution for {failed} taxels of {}", panel.panel.taxels).into(),
                 });
             }
+            let useless = cells.iter().position(|cell| !panel.is_useful(cell));
+            row.push(useless.map_or_else(|| "".into(), |at| Cell::from((at + 1) as f64)));
             rows.push(row);
         }
     }
-    let columns = ["data", "method", "order 5, us", "order 5, Pa", "order 9, us", "order 9, Pa"];
-    Table::new("a-fit-orders", "Median time per taxel and worst error at orders 5 and 9.", columns, rows)
+    let columns = [
+        "data",
+        "method",
+        "order 5, us",
+        "order 5, Pa",
+        "order 9, us",
+        "order 9, Pa",
+        "off by half a count from order",
+    ];
+    let caption = "Median time per taxel and worst error at orders 5 and 9, and the first order at which the method is off by \
+                   more than half a count or has no solution.";
+    Table::new("fit-orders", caption, columns, rows)
 }

@@ -25,13 +25,7 @@ fn section(id: &str) -> Section {
     };
     let row = |pass| vec![Cell::Text("a < b, c".to_owned()), Cell::Number(1.0 / 3.0), Cell::Verdict(pass)];
     let table = Table::new(&format!("{id}-table"), "a <table>", ["case", "us", "holds"], vec![row(true), row(false)]);
-    let aim = |what: &str, met| Aim {
-        what: what.to_owned(),
-        measured: Some(0.25),
-        aim: "<= 1".to_owned(),
-        met,
-        ..Aim::default()
-    };
+    let aim = |what: &str, met| Aim { what: what.to_owned(), measured: Some(0.25), aim: "<= 1".to_owned(), met };
     Section {
         id: id.to_owned(),
         title: "A & B. Title".to_owned(),

@@ -63,14 +63,15 @@ pub async fn connect(daemon: &mut Daemon) -> anyhow::Result<Channel> {
     }
 }
 
-/// Imports and activates a model set.
+/// Imports and activates a model set of this patch, whose name is empty if there is only one.
 ///
 /// # Errors
 /// If the daemon refuses.
-pub async fn give_models(channel: &Channel, json: String) -> anyhow::Result<()> {
+pub async fn give_models(channel: &Channel, json: String, patch: &str) -> anyhow::Result<()> {
     let mut models = ModelServiceClient::new(channel.clone()).max_decoding_message_size(16 << 20);
     let imported = models.import_model_set(v1::ImportModelSetRequest { json, insist: false }).await?.into_inner();
-    let activate = v1::ActivateModelSetRequest { patch: String::new(), model_set: imported.model_set, expected: None };
+    let (patch, model_set) = (patch.to_owned(), imported.model_set);
+    let activate = v1::ActivateModelSetRequest { patch, model_set, expected: None };
     models.activate_model_set(activate).await?;
     Ok(())
 }

@@ -77,7 +77,7 @@ async fn measure(options: &Options) -> anyhow::Result<Section> {
     let home = Home::new(options, Scene::Full)?;
     let mut daemon = home.start()?;
     let channel = client::connect(&mut daemon).await?;
-    client::give_models(&channel, models).await?;
+    client::give_models(&channel, models, "").await?;
     let asked_to_force = client::first_force(&channel).await.with_context(|| daemon.complaints())?;
     let mut seen: Vec<Seen> = CASES.iter().map(|_| Seen::default()).collect();
     let mut floors = FLOORS.map(|_| Vec::new());
@@ -86,10 +86,10 @@ async fn measure(options: &Options) -> anyhow::Result<Section> {
             floor.extend(wire_floor::one_way_us(messages, period)?);
         }
         for (case, seen) in CASES.iter().zip(&mut seen) {
-            let (before, begun) = (daemon.cpu()?, Instant::now());
+            let (before, begun) = (daemon.used()?.processor, Instant::now());
             seen.delays.extend(client::watch(daemon.address, case.crowd, WARM_UP, window).await?);
             seen.window += begun.elapsed();
-            seen.cpu += daemon.cpu()?.saturating_sub(before);
+            seen.cpu += daemon.used()?.processor.saturating_sub(before);
         }
     }
     drop(daemon);
@@ -132,8 +132,8 @@ fn section(seen: &[Seen], floors: &[Vec<f64>; 2], [activated, restarted]: [Durat
     let delays: Vec<Delays> = CASES.iter().zip(seen).map(|(case, seen)| seen.delays(case.crowd)).collect();
     let aims = aims(seen, &delays, restarted);
     Section {
-        id: "c-path".to_owned(),
-        title: "C. Live: from the bus into a client's hands".to_owned(),
+        id: "latency".to_owned(),
+        title: "Latency: from the bus into a client's hands".to_owned(),
         text: text(&delays, floors, [activated, restarted], &aims),
         aims,
         figures: vec![picture(&delays)],
@@ -211,29 +211,25 @@ fn path_table(seen: &[Seen], delays: &[Delays], floors: &[Vec<f64>; 2]) -> Table
         rows.push(row);
     }
     let caption = "The way of a value, in us. A dash stands where the case has no such time.";
-    Table::new("c-path-cases", caption, columns, rows)
+    Table::new("latency-cases", caption, columns, rows)
 }
 
 fn aims(seen: &[Seen], delays: &[Delays], restarted: Duration) -> Vec<Aim> {
     let mut aims = Vec::new();
     for ((case, seen), delays) in CASES.iter().zip(seen).zip(delays) {
-        let (way, words) = match case.crowd.rate_hz {
-            None => ("stamp to hand", "from the bus into a controller's hands, 99 % of the forces, us"),
-            Some(_) => ("message made to hand", "from the daemon into a controller's hands, 99 % of the forces, us"),
-        };
+        let from = if case.crowd.rate_hz.is_none() { "the bus" } else { "the daemon" };
         let name = name(case.crowd);
         if let Some(aim) = case.p99_aim_us {
-            let words = format!("{name}: {words}");
-            aims.push(Aim::at_most(&format!("{name}: {way}, p99, us"), &words, quantile(&delays.whole, 0.99), aim));
+            let what = format!("{name}: from {from} into a controller's hands, 99 % of the forces, us");
+            aims.push(Aim::at_most(&what, quantile(&delays.whole, 0.99), aim));
         }
         if let Some(aim) = case.cpu_aim_percent {
             let what = format!("{name}: daemon, % of a core");
-            aims.push(Aim::at_most(&what, &what, seen.cpu_percent(), aim));
+            aims.push(Aim::at_most(&what, seen.cpu_percent(), aim));
         }
     }
-    let what = "start on a stored model set: first complete scan to first force, ms";
-    let words = "start on a stored calibration: from the first complete scan to the first force, ms";
-    aims.push(Aim::at_most(what, words, restarted.as_secs_f64() * 1e3, START_AIM_MS));
+    let what = "start on a stored calibration: from the first complete scan to the first force, ms";
+    aims.push(Aim::at_most(what, restarted.as_secs_f64() * 1e3, START_AIM_MS));
     aims
 }
 
@@ -253,7 +249,7 @@ fn picture(delays: &[Delays]) -> Figure {
             .collect(),
     };
     Figure {
-        id: "c-path".to_owned(),
+        id: "latency-path".to_owned(),
         title: "From the bus into a client's hands".to_owned(),
         caption: "From the newest frame's stamp to the published value and into the client's hands, each value as it \
                   comes, against the number of subscribers."

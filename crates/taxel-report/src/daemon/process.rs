@@ -1,7 +1,7 @@
 //! The measured daemon: a child process in a folder of its own, which is gone with it.
 
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -30,22 +30,50 @@ pub struct Home {
 }
 
 impl Home {
+    /// For the simulated forearm.
+    ///
     /// # Errors
     /// If the folder cannot be written.
     pub fn new(options: &Options, scene: Scene) -> anyhow::Result<Self> {
-        let home = Self { folder: tempfile::tempdir()?, taxeld: options.taxeld.clone() };
+        Self::forearm(&options.taxeld, "", scene, options.seed)
+    }
+
+    /// The same with further lines of the section `[service]`.
+    ///
+    /// # Errors
+    /// If the folder cannot be written.
+    pub fn forearm(taxeld: &Path, service: &str, scene: Scene, seed: u64) -> anyhow::Result<Self> {
+        let home = Self::with(taxeld, service, &configuration(scene, seed))?;
         std::fs::write(home.path("positions.txt"), Skin::forearm()?.positions_file())?;
+        Ok(home)
+    }
+
+    /// For any buses and patches: `service` are further lines of the section `[service]`, `rest` is what follows it. The
+    /// daemon listens on loopback TCP, and on the Unix socket that [`Home::socket`] names.
+    ///
+    /// # Errors
+    /// If the folder cannot be written.
+    pub fn with(taxeld: &Path, service: &str, rest: &str) -> anyhow::Result<Self> {
+        let home = Self { folder: tempfile::tempdir()?, taxeld: taxeld.to_owned() };
         let config = format!(
-            "[store]\npath = \"{}\"\n[service]\nlisten = \"ADDRESS\"\n{}",
+            "[store]\npath = \"{}\"\n[service]\nlisten = \"ADDRESS\"\n{service}\n[[listen]]\nunix = \"{}\"\n{rest}",
             home.path("store.db").display(),
-            configuration(scene, options.seed)
+            home.socket().display(),
         );
         std::fs::write(home.path("template.toml"), config)?;
         Ok(home)
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    /// A file in the folder.
+    #[must_use]
+    pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
+    }
+
+    /// The daemon's Unix socket.
+    #[must_use]
+    pub fn socket(&self) -> PathBuf {
+        self.path("socket")
     }
 
     /// Starts the daemon, on the store that an earlier one left.
@@ -66,6 +94,7 @@ impl Home {
     }
 }
 
+/// Bus and patch of the simulated forearm.
 fn configuration(scene: Scene, seed: u64) -> String {
     let (geometry, gauge) = match scene {
         Scene::Full => (
@@ -79,6 +108,15 @@ fn configuration(scene: Scene, seed: u64) -> String {
          [[patch]]\nname = \"left_forearm\"\nbus = \"skin\"\n{geometry}\
          [[patch.board]]\naddress = 13\nmodules = \"0-15\"\n[[patch.board]]\naddress = 12\nmodules = \"0-6\"\n{gauge}"
     )
+}
+
+/// What a process has used.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Used {
+    /// Time of all processors together.
+    pub processor: Duration,
+    /// How often one of its threads went to sleep and was woken again.
+    pub wakes: u64,
 }
 
 /// A running daemon; it ends when this is dropped.
@@ -104,24 +142,26 @@ impl Daemon {
         }
     }
 
-    /// Processor time since the start, without that of the simulated bus.
+    /// What the process has used since its start, without the simulated bus.
     ///
     /// # Errors
     /// If `/proc` does not tell.
-    pub fn cpu(&self) -> anyhow::Result<Duration> {
-        let mut total = Duration::ZERO;
+    pub fn used(&self) -> anyhow::Result<Used> {
+        let mut used = Used::default();
         for task in std::fs::read_dir(format!("/proc/{}/task", self.child.id()))? {
             let task = task?.path();
             // A thread that has just ended is not there any more.
             let Ok(name) = std::fs::read_to_string(task.join("comm")) else { continue };
-            if name.trim_end() != SIMULATOR_THREAD {
-                let spent = std::fs::read_to_string(task.join("schedstat")).unwrap_or_default();
-                let ns =
-                    spent.split_whitespace().next().with_context(|| format!("no schedstat in {}", task.display()))?;
-                total += Duration::from_nanos(ns.parse()?);
+            if name.trim_end() == SIMULATOR_THREAD {
+                continue;
             }
+            let spent = std::fs::read_to_string(task.join("schedstat")).unwrap_or_default();
+            let ns = spent.split_whitespace().next().with_context(|| format!("no schedstat in {}", task.display()))?;
+            used.processor += Duration::from_nanos(ns.parse()?);
+            let status = std::fs::read_to_string(task.join("status")).unwrap_or_default();
+            used.wakes += number_in(&status, "voluntary_ctxt_switches:")?;
         }
-        Ok(total)
+        Ok(used)
     }
 
     /// Resident memory in bytes.
@@ -130,9 +170,16 @@ impl Daemon {
     /// If `/proc` does not tell.
     pub fn resident_bytes(&self) -> anyhow::Result<f64> {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id()))?;
-        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).context("no VmRSS in /proc")?;
-        let kibibytes: f64 = line.split_whitespace().next().context("no figure behind VmRSS")?.parse()?;
-        Ok(kibibytes * 1024.0)
+        Ok(number_in(&status, "VmRSS:")? as f64 * 1024.0)
+    }
+
+    /// Threads, and open descriptors.
+    ///
+    /// # Errors
+    /// If `/proc` does not tell.
+    pub fn threads_and_descriptors(&self) -> anyhow::Result<[usize; 2]> {
+        let count = |what| std::io::Result::Ok(std::fs::read_dir(format!("/proc/{}/{what}", self.child.id()))?.count());
+        Ok([count("task")?, count("fd")?])
     }
 }
 
@@ -142,4 +189,11 @@ impl Drop for Daemon {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// The number behind `name` at the beginning of a line of `/proc/PID/status`.
+fn number_in(status: &str, name: &str) -> anyhow::Result<u64> {
+    let line =
+        status.lines().find_map(|line| line.strip_prefix(name)).with_context(|| format!("no {name} in /proc"))?;
+    Ok(line.split_whitespace().next().context("no figure in /proc")?.parse()?)
 }

@@ -1,6 +1,7 @@
 //! Models of a skin from a stretch of scans, and how far they are off on scans that they never saw.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::force::Force;
@@ -182,22 +183,59 @@ fn weigh(set: ModelSet, plan: &PatchPlan, exam: &Exam) -> f64 {
 /// The engine's own force of each weighing at the zero `rest`, N.
 #[must_use]
 pub fn forces(set: ModelSet, plan: &PatchPlan, rest: &[TaxelBaseline], weighings: &[Weighed]) -> Vec<f64> {
-    let (counts, modules) = (plan.areas.len(), plan.patch.modules().len());
-    let (sound, silent, pads) = (vec![true; counts], vec![false; modules], vec![[0; 2]; modules]);
-    let mut measured = Force::new(plan.force());
-    measured.set_models(Arc::new(set));
-    measured.set_zero(Some(rest), 0.0);
-    let mut force = |scan: &Scan| {
+    let mut live = Live::new(Arc::new(set), plan, rest);
+    let mut force = |weighed: &Weighed| {
+        let mut read = |scans: &[Scan]| mean(scans.iter().map(|scan| live.read(&scan.counts)));
+        let _ = read(&weighed.before);
+        let force = read(&weighed.scans);
+        let _ = read(&weighed.after);
+        force
+    };
+    weighings.iter().map(&mut force).collect()
+}
+
+/// The engine's force on bare counts, scan after scan.
+pub struct Live {
+    force: Force,
+    now: Time,
+    period: Duration,
+    sound: Vec<bool>,
+    silent: Vec<bool>,
+    pads: Vec<[u8; 2]>,
+}
+
+impl Live {
+    /// With these models at the zero `rest`.
+    #[must_use]
+    pub fn new(set: Arc<ModelSet>, plan: &PatchPlan, rest: &[TaxelBaseline]) -> Self {
+        let (taxels, modules) = (plan.areas.len(), plan.patch.modules().len());
+        let mut force = Force::new(plan.force());
+        force.set_models(set);
+        force.set_zero(Some(rest), 0.0);
+        let (now, period) = (Time::default(), plan.period);
+        Self {
+            force,
+            now,
+            period,
+            sound: vec![true; taxels],
+            silent: vec![false; modules],
+            pads: vec![[0; 2]; modules],
+        }
+    }
+
+    /// The force of the next scan, N; NaN if there is none. Hysteresis follows, where it is compensated.
+    pub fn read(&mut self, counts: &[u8]) -> f64 {
         let scan = taxel_engine::Scan {
-            time: Time::default(),
+            time: self.now,
             whole: true,
-            counts: (&scan.counts).into(),
-            pads: &pads,
-            silent: &silent,
-            sound: &sound,
+            counts: counts.into(),
+            pads: &self.pads,
+            silent: &self.silent,
+            sound: &self.sound,
             soundness: 0,
         };
-        measured.sample(&scan, 0, &ZeroState::default()).sample.total.map_or(f64::NAN, |total| total.0)
-    };
-    weighings.iter().map(|weighed| mean(weighed.scans.iter().map(&mut force))).collect()
+        self.now = self.now + self.period;
+        self.force.follow(&scan);
+        self.force.sample(&scan, 0, &ZeroState::default()).sample.total.map_or(f64::NAN, |total| total.0)
+    }
 }

@@ -39,12 +39,11 @@ pub(super) fn aims(options: &Options, peers: &mut Peers) -> anyhow::Result<Vec<A
         Aim::beside("ours: fit of all taxels, order 5, defaults, ms", fit_ms),
         Aim::beside("ours: sums and fit, ms", both_ms),
     ];
-    let faster = "numpy.polyfit loop, order 5, over ours (sums and fit)";
+    let faster = "fit of 230 taxels, 6,000 scans each: times faster than a loop of numpy.polyfit";
     if peers.names().contains(&POLYFIT) {
         let loop_ms = peer_ms(&recording, peers)?;
-        let words = "fit of 230 taxels, 6,000 scans each: times faster than a loop of numpy.polyfit";
         aims.push(Aim::beside("loop of numpy.polyfit, order 5, ms", loop_ms));
-        aims.push(Aim::at_least(faster, words, loop_ms / both_ms, WANTED_SPEED));
+        aims.push(Aim::at_least(faster, loop_ms / both_ms, WANTED_SPEED));
     } else {
         aims.push(Aim { what: faster.to_owned(), aim: format!("at least {WANTED_SPEED}"), ..Aim::default() });
     }
@@ -57,8 +56,8 @@ pub(super) fn aims(options: &Options, peers: &mut Peers) -> anyhow::Result<Vec<A
     let [our_pa, svd_pa] = worst;
     aims.push(Aim::beside("ours: max |dP| at order 9, Pa", our_pa));
     aims.push(Aim::beside("nalgebra SVD on raw powers: max |dP| at order 9, Pa", svd_pa));
-    let words = "fit at order 9: times nearer to the exact solution than an SVD on powers of the raw count";
-    aims.push(Aim::at_least("SVD over ours", words, svd_pa / our_pa.max(f64::MIN_POSITIVE), WANTED_PRECISION));
+    let what = "fit at order 9: times nearer to the exact solution than an SVD on powers of the raw count";
+    aims.push(Aim::at_least(what, svd_pa / our_pa.max(f64::MIN_POSITIVE), WANTED_PRECISION));
     Ok(aims)
 }
 

@@ -102,6 +102,11 @@ impl Contender {
         self.ours.is_some()
     }
 
+    /// Whether it is ours with refinement until nothing changes.
+    pub fn is_exact(&self) -> bool {
+        self.ours == Some(true)
+    }
+
     /// Fewer scans than this are none of its business.
     pub fn least_scans(&self) -> usize {
         if self.problem == Problem::PressureBinned { MIN_BINNED_SAMPLES as usize } else { 0 }

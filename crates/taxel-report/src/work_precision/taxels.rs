@@ -92,7 +92,7 @@ impl Recording {
 impl Taxel {
     fn simulate(bits: Bits, truth_kpa: &[f64], random: &mut ChaCha8Rng) -> Self {
         let (full_scale, scale) = bits.full_scale();
-        // Short of the rails, which are another story: section E.
+        // Short of the rails, which are another story: section `stability`.
         let rest = (240.0 + 5.9 * normal(random)).min(248.0);
         let (gain, half_kpa) = (random.random_range(40.0..180.0), random.random_range(15.0..65.0));
         let counts: Vec<f64> = truth_kpa
