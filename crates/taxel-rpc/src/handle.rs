@@ -81,6 +81,8 @@ pub struct Handle {
     pub(crate) push: Option<PushLine>,
     pub(crate) certificates: Option<CertificateMaker>,
     pub(crate) recording: Option<RecordingSource>,
+    /// What the daemon could not have when it started, in words.
+    pub(crate) lacks: Arc<[String]>,
     pub(crate) shutdown: CancellationToken,
     /// Held by whoever fits: one fit takes up to 150 MB.
     pub(crate) fits: Arc<Semaphore>,
@@ -160,6 +162,7 @@ pub fn channel(
             push: None,
             certificates: None,
             recording: None,
+            lacks: Arc::default(),
             shutdown,
             fits,
             events,
@@ -281,6 +284,13 @@ impl Handle {
     #[must_use]
     pub fn with_recording(mut self, recording: RecordingSource) -> Self {
         self.recording = Some(recording);
+        self
+    }
+
+    /// The same handle whose health tells of this, in words: something that was asked for and could not be had.
+    #[must_use]
+    pub fn lacking(mut self, what: impl IntoIterator<Item = String>) -> Self {
+        self.lacks = self.lacks.iter().cloned().chain(what).collect();
         self
     }
 

@@ -37,6 +37,11 @@ pub(crate) fn engine_stopped() -> Status {
     Refusal::unavailable(v1::ErrorReason::EngineStopped, "the engine has stopped").into()
 }
 
+/// The system has no timer left for another fixed rate, or took one away.
+pub(crate) fn no_timer(error: &std::io::Error) -> Status {
+    Refusal::exhausted(v1::ErrorReason::NoPlace, format!("no timer for a fixed rate: {error}")).into()
+}
+
 /// The engine's reasons under the same names.
 const fn sent_as(reason: ErrorReason) -> v1::ErrorReason {
     use v1::ErrorReason as Sent;

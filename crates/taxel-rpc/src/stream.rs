@@ -7,14 +7,15 @@
 
 use futures_util::stream::{self, Stream};
 use std::pin::Pin;
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 use std::time::Duration;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
+use taxel_ticks::Ticks;
 use tokio::sync::watch;
-use tokio::time::{Instant, Interval, MissedTickBehavior};
+use tokio::time::Instant;
 use tokio_util::sync::WaitForCancellationFutureOwned;
 use tonic::{Code, Status};
 
@@ -23,17 +24,13 @@ use crate::convert::Sending;
 use crate::freshness::Freshness;
 use crate::service::Service;
 use crate::shares::Place;
-use crate::status::{engine_stopped, invalid, shutting_down};
+use crate::status::{engine_stopped, invalid, no_timer, shutting_down};
 
 /// A stream of messages that ends with a status.
 pub(crate) type MessageStream<M> = Pin<Box<dyn Stream<Item = Result<M, Status>> + Send>>;
 
 /// Rates that a controller may ask for, in Hz.
 const RATE_RANGE_HZ: std::ops::RangeInclusive<f64> = 1.0..=1_000.0;
-
-/// Fixed rates tick at multiples of their period from here. So equal rates tick together, and one wake-up of the service
-/// and one write a connection do for all of them.
-static GRID: LazyLock<Instant> = LazyLock::new(Instant::now);
 
 /// Makes the message of a snapshot: patch, snapshot, circumstances.
 pub(crate) type Encode<M> = fn(&PatchPlan, &PatchSnapshot, Sending) -> M;
@@ -53,7 +50,7 @@ struct Subscription<M> {
     patch: usize,
     snapshots: watch::Receiver<Arc<PatchSnapshot>>,
     /// `None`: each value as it comes, and once more when it is too old to be believed.
-    ticks: Option<Interval>,
+    ticks: Option<Ticks>,
     encode: Encode<M>,
     /// Registered once, not for every message.
     shutdown: Pin<Box<WaitForCancellationFutureOwned>>,
@@ -72,7 +69,7 @@ pub(crate) fn subscribe<M: Send + 'static>(
     rate_hz: Option<f64>,
     encode: Encode<M>,
 ) -> Result<MessageStream<M>, Status> {
-    let ticks = rate_hz.map(|rate_hz| ticks(rate_hz, *GRID)).transpose()?;
+    let ticks = rate_hz.map(ticks).transpose()?;
     let subscription = Subscription {
         patch,
         snapshots: service.handle.patches[patch].snapshot.clone(),
@@ -92,34 +89,29 @@ pub(crate) fn subscribe<M: Send + 'static>(
     })))
 }
 
-/// Ticks at multiples of the period after `origin`, from the next one on.
-fn ticks(rate_hz: f64, origin: Instant) -> Result<Interval, Status> {
+/// Ticks of this rate. Those of equal rates come together, so that one wake-up of the service and one write a connection
+/// do for all of them.
+fn ticks(rate_hz: f64) -> Result<Ticks, Status> {
     if !RATE_RANGE_HZ.contains(&rate_hz) {
         let (low, high) = (RATE_RANGE_HZ.start(), RATE_RANGE_HZ.end());
         return Err(invalid("rate_hz", format_args!("{rate_hz} is not in {low} to {high}")));
     }
-    let period = Duration::from_secs_f64(1.0 / rate_hz);
-    let now = Instant::now();
-    let since_last_ns = (now - origin).as_nanos() % period.as_nanos(); // less than a second
-    let next = now + period - Duration::from_nanos(since_last_ns as u64);
-    let mut ticks = tokio::time::interval_at(next, period);
-    ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    Ok(ticks)
+    Ticks::every(Duration::from_secs_f64(1.0 / rate_hz)).map_err(|error| no_timer(&error))
 }
 
 /// Waits until a message is due. Gives how long it has been due if that is known, which is long only when the reader made
 /// no room for it.
 async fn due(
     first: bool,
-    ticks: Option<&mut Interval>,
+    ticks: Option<&mut Ticks>,
     snapshots: &mut watch::Receiver<Arc<PatchSnapshot>>,
 ) -> Result<Option<Duration>, Status> {
     match ticks {
         _ if first => Ok(None), // at once
         Some(ticks) => {
-            let due = ticks.tick().await;
+            let tick = ticks.tick().await.map_err(|error| no_timer(&error))?;
             snapshots.has_changed().map_err(|_| engine_stopped())?;
-            Ok(Some(due.elapsed()))
+            Ok(Some(tick.late))
         }
         None => {
             snapshots.changed().await.map_err(|_| engine_stopped())?;
@@ -172,42 +164,5 @@ impl<M> Subscription<M> {
     fn unread(&self, skipped: u64) -> Duration {
         let since_last = self.last.map_or(Duration::ZERO, |last| last.taken.elapsed());
         since_last.mul_f64(skipped as f64 / (skipped as f64 + 1.0))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[tokio::test(start_paused = true)]
-    async fn a_rate_is_kept_although_the_timer_counts_whole_milliseconds() {
-        let origin = Instant::now();
-        for rate_hz in [1.0, 3.0, 50.0, 333.0, 700.0, 1_000.0] {
-            tokio::time::advance(Duration::from_micros(12_345)).await;
-            let mut ticks = ticks(rate_hz, origin).unwrap();
-            let begun = ticks.tick().await;
-            let count = 2.0 * rate_hz;
-            for _ in 0..count as u32 {
-                ticks.tick().await;
-            }
-            let late = begun.elapsed().as_secs_f64() - 2.0;
-            assert!((-1e-6..2e-3).contains(&late), "{rate_hz} Hz: {count} ticks took {late} s more than 2 s");
-        }
-    }
-
-    #[tokio::test(start_paused = true)]
-    async fn equal_rates_tick_together_whenever_they_began() {
-        let origin = Instant::now();
-        // Not 1,000 Hz, where the timer's millisecond is a whole period.
-        for rate_hz in [1.0, 3.0, 50.0, 100.0, 333.0] {
-            let period = Duration::from_secs_f64(1.0 / rate_hz);
-            let mut early = ticks(rate_hz, origin).unwrap();
-            early.tick().await;
-            tokio::time::advance(period.mul_f64(0.3)).await;
-            let mut late = ticks(rate_hz, origin).unwrap();
-            let (shared, first) = tokio::join!(early.tick(), late.tick());
-            assert_eq!(shared, first, "{rate_hz} Hz");
-            assert_eq!((shared - origin).as_nanos() % period.as_nanos(), 0, "{rate_hz} Hz: on the grid");
-        }
     }
 }

@@ -38,9 +38,13 @@ pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
 fn print(config: &Config, scene: &Scene) {
     let service = &config.service;
     say!("store: {}, one SQLite file", config.store.path.display());
-    say!("service: gRPC, at most {} streams on {} connections", service.subscribers_max, service.connections_max);
+    say!("service: gRPC, at most {} streams on {} connections", service.streams(), service.connections_max);
     scene.doors.doors.iter().for_each(|door| say!("  on {door}"));
     access(&scene.doors).iter().for_each(|line| say!("  {line}"));
+    if service.low_latency {
+        say!("low latency: processors are kept awake, buses never rest, the service shares the engine's thread");
+        crate::low_latency::obstacle().iter().for_each(|why| say!("  as this account: {why}"));
+    }
     if let Some(page) = &config.page {
         say!("page: http://{}/ (loopback, unencrypted), and the service as JSON", page.listen);
     }
@@ -191,11 +195,13 @@ fn listed(parts: &[(&str, bool)]) -> String {
 /// The threads of `taxeld run` and what each is for.
 fn threads(config: &Config, plan: &Plan) -> Vec<String> {
     let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
-    let mut threads = vec![
-        format!("main: bus {}, the engine, the signal that ends the daemon", buses.join(", ")),
-        "service: subscribers must not hold the engine up".to_owned(),
-        "store writer: a slow disk must not hold the engine up".to_owned(),
-    ];
+    let shared = if config.service.low_latency { "the service, " } else { "" };
+    let mut threads =
+        vec![format!("main: bus {}, the engine, {shared}the signal that ends the daemon", buses.join(", "))];
+    if !config.service.low_latency {
+        threads.push("service: subscribers must not hold the engine up".to_owned());
+    }
+    threads.push("store writer: a slow disk must not hold the engine up".to_owned());
     if config.page.is_some() || config.metrics.is_some() {
         threads.push("page, metrics: what they cost must not delay a controller's sample".to_owned());
     }

@@ -32,11 +32,10 @@ pub struct Open {
 /// # Errors
 /// The door or the file, and what is wrong with it.
 pub fn open(doors: &Doors) -> anyhow::Result<Open> {
-    let access = Access::new(with_tokens(doors.rules.clone(), doors.tokens.as_deref())?);
+    let access = Access::new(Rules { tokens: tokens(doors.tokens.as_deref())?, ..doors.rules.clone() });
     #[cfg_attr(not(feature = "tls"), allow(unused_mut))] // it has no certificates then
     let mut reloader = Reloader {
         access: access.clone(),
-        rules: doors.rules.clone(),
         tokens: doors.tokens.clone(),
         #[cfg(feature = "tls")]
         tls: Vec::new(),
@@ -72,11 +71,10 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
     Ok(Open { listeners, access, reloader })
 }
 
-fn with_tokens(mut rules: Rules, tokens: Option<&Path>) -> anyhow::Result<Rules> {
-    if let Some(path) = tokens {
-        rules.tokens = Tokens::load(path).map_err(|problem| anyhow::anyhow!("access.tokens: {problem}"))?;
-    }
-    Ok(rules)
+/// The tokens of a file; none without one.
+fn tokens(path: Option<&Path>) -> anyhow::Result<Tokens> {
+    let Some(path) = path else { return Ok(Tokens::default()) };
+    Tokens::load(path).map_err(|problem| anyhow::anyhow!("access.tokens: {problem}"))
 }
 
 /// Binds a Unix socket. What is left of a daemon that was killed is removed, but only a socket that nobody answers on.
@@ -119,18 +117,22 @@ fn give_to(path: &Path, group: &str) -> anyhow::Result<()> {
 #[derive(Clone, Debug)]
 pub struct Reloader {
     access: Access,
-    rules: Rules,
     tokens: Option<PathBuf>,
     #[cfg(feature = "tls")]
     tls: Vec<Tls>,
 }
 
 impl Reloader {
+    /// Other grants from the configuration; what comes of a file stays.
+    pub fn regrant(&self, rules: Rules) {
+        self.access.replace_grants(rules);
+    }
+
     /// Reads all files again. What is wrong stays as it was; a line for each, and none if all is well.
     pub fn reload(&self) -> Vec<String> {
         let mut problems = Vec::new();
-        match with_tokens(self.rules.clone(), self.tokens.as_deref()) {
-            Ok(rules) => self.access.replace(rules),
+        match tokens(self.tokens.as_deref()) {
+            Ok(tokens) => self.access.replace_tokens(tokens),
             Err(error) => problems.push(format!("{error:#}; the tokens stay as they were")),
         }
         #[cfg(feature = "tls")]

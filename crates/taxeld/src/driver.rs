@@ -12,7 +12,6 @@ use taxel_engine::audit::Asked;
 use taxel_engine::calibration::{Direction, FitJob, FitOutcome, NotLoaded, SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{ErrorReason, Rejection, Reply, RequestId};
 use taxel_engine::events::EventWatch;
-use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
 use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
@@ -28,7 +27,9 @@ use crate::audit::Auditor;
 use crate::bus::BATCHES_WAITING_MAX;
 use crate::clock::RunClock;
 use crate::queues::{Action, BusBatch, Done, Queues, TellDone};
+use crate::set_loads::SetLoads;
 use crate::shared_memory::Pages;
+use crate::sleep::SleepWatch;
 
 /// Batches taken at once after a stall, so that not even a bus that never pauses puts the next tick off for ever. The
 /// kernel keeps half a second of a full bus, 4,505 frames in 71 reads; beside what waited here that is four buses.
@@ -59,11 +60,13 @@ struct Waiting {
 pub struct Driver {
     engine: Engine,
     clock: RunClock,
+    sleep: SleepWatch,
     publisher: Publisher,
     pages: Pages,
     /// The state of each patch's session as it was last logged.
     logged: Vec<Option<(u64, SessionState)>>,
     store: Store,
+    set_loads: SetLoads,
     /// One queue of frames to send per bus; a full one loses the frame, which the bring-up's proof then shows.
     buses: Vec<mpsc::Sender<Frame>>,
     waiting: HashMap<RequestId, Waiting>,
@@ -95,9 +98,11 @@ impl Driver {
             events: EventWatch::new(patches, &active),
             logged: vec![None; plan.patches.len()],
             engine: Engine::new(plan, restored),
+            sleep: if matches!(clock, RunClock::Live) { SleepWatch::of_machine() } else { SleepWatch::never() },
             clock,
             publisher,
             pages: Pages::default(),
+            set_loads: SetLoads::new(store.set_reader(), tell_done.clone()),
             store,
             buses,
             waiting: HashMap::new(),
@@ -138,6 +143,9 @@ impl Driver {
     /// One turn; `false` after the last.
     async fn turn(&mut self, queues: &mut Queues, cancel: &CancellationToken) -> bool {
         self.pages.beat();
+        if let Some(slept) = self.sleep.look() {
+            self.woke_up(slept);
+        }
         if let Some(gap) = self.publisher.beat() {
             self.resumed(gap);
             self.catch_up(queues).await;
@@ -167,6 +175,18 @@ impl Driver {
             Action::Command(request) => self.take_command(request),
             Action::Done(done) => self.take_done(done),
             Action::Wake | Action::Stop => {}
+        }
+    }
+
+    /// The machine slept. What was published before looks fresh, since the run's clock stood still, and what became of the
+    /// boards nobody knows.
+    fn woke_up(&mut self, slept: Duration) {
+        tracing::warn!(
+            seconds = slept.as_secs_f64(),
+            "the machine slept: no force until the zero is proven or taken anew"
+        );
+        for bus in 0..self.buses.len() {
+            self.step(Input::Bus(BusIndex(bus as u8), BusNotice::Slept(slept)));
         }
     }
 
@@ -311,7 +331,7 @@ impl Driver {
                 }
                 Output::LoadSet { ticket, model_set } => {
                     self.commit(std::mem::take(&mut records), Vec::new());
-                    self.load_set(ticket, model_set);
+                    self.set_loads.load(ticket, model_set);
                 }
                 Output::Reply(request, reply) => {
                     answers.extend(self.waiting.remove(&request).map(|to| (request, to, reply)));
@@ -392,22 +412,6 @@ impl Driver {
         self.store.read_samples(session, on_samples);
     }
 
-    /// Reads a model set beside the engine, and gives it to the engine.
-    fn load_set(&self, ticket: u64, model_set: String) {
-        let done = self.tell_done.clone();
-        let (tell, told) = oneshot::channel();
-        // The driver waits for it below as long as it runs.
-        self.store.read_model_set(model_set, Box::new(move |text| drop(tell.send(text))));
-        tokio::spawn(async move {
-            let text = told.await.unwrap_or(Err(StoreError::Closed));
-            // Ten milliseconds, for which no frame should wait.
-            let read = tokio::task::spawn_blocking(move || read_set(text)).await;
-            let lost =
-                |_| Err(NotLoaded::Unavailable("reading it was lost, which is a fault of this program".to_owned()));
-            done.tell(Done::SetLoaded(ticket, read.unwrap_or_else(lost)));
-        });
-    }
-
     fn hide_session(&mut self, index: usize) {
         if let Some((session, _)) = self.logged[index].take() {
             tracing::info!(session, "calibration session deleted");
@@ -453,17 +457,6 @@ async fn fit((session, fit): (u64, u64), done: TellDone, run: impl FnOnce() -> F
         FitOutcome { session, fit, result: Err(why.to_owned()) }
     });
     done.tell(Done::Fitted(outcome));
-}
-
-fn read_set(text: Result<String, StoreError>) -> Result<Arc<ModelSet>, NotLoaded> {
-    match text {
-        Ok(text) => match models_json::from_json(&text) {
-            Ok(set) => Ok(Arc::new(set)),
-            Err(why) => Err(NotLoaded::Damaged(why.to_string())),
-        },
-        Err(StoreError::DamagedModelSet { findings, .. }) => Err(NotLoaded::Damaged(findings)),
-        Err(error) => Err(NotLoaded::Unavailable(error.to_string())),
-    }
 }
 
 /// Tells whoever waits for a batch that the store's queue has no room for it, and gives the words.

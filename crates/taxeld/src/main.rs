@@ -25,6 +25,7 @@ mod fit;
 mod force_file;
 mod judge;
 mod logs;
+mod low_latency;
 mod offline;
 mod open_log;
 #[cfg(feature = "page")]
@@ -45,13 +46,16 @@ mod report;
 mod run;
 mod runtime;
 mod scan;
+mod set_loads;
 mod setup;
 mod shared_memory;
 #[cfg(feature = "sim")]
 mod show_demo;
 #[cfg(feature = "sim")]
 mod sim_bus;
+mod sleep;
 mod soundness;
+mod store_at;
 mod store_command;
 mod systemd;
 mod upkeep;

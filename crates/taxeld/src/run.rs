@@ -7,34 +7,35 @@ use std::time::Duration;
 
 use anyhow::Context;
 use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
+use taxel_engine::BusNotice;
 use taxel_engine::command::Command;
 use taxel_engine::engine::routes::Routes;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
-use taxel_engine::{BusNotice, Restored};
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
 use taxel_rpc::{
-    Access, AuditSource, Clocks, Handle, Limits, Listener, ModelCodec, ModelSetSource, Room, SamplesSource,
-    SharedServices, handle::channel, serve_and_share,
+    Access, Clocks, Handle, Limits, Listener, ModelCodec, SharedServices, handle::channel, serve_and_share,
 };
 use taxel_skin::BusIndex;
-use taxel_store::{AuditReader, Retention, SamplesReader, SetReader, Store, models_json};
+use taxel_store::{Retention, models_json};
 use taxel_wire::Frame;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
-use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, FRAMES_WAITING_MAX};
+use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX, Rest, Rhythm};
 use crate::clock::{RunClock, process_clock};
 use crate::config::{BusSource, Config, Scene};
 use crate::doors::{self, Open, Reloader};
 use crate::driver::{Driver, Stage};
 use crate::logs;
+use crate::low_latency::{self, Awake};
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::Reload;
 use crate::shared_memory::Pages;
+use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
 use crate::systemd;
 use crate::upkeep;
 
@@ -47,37 +48,12 @@ pub const CODEC: ModelCodec = ModelCodec {
     from_json: |text| models_json::from_json(text).map_err(|error| error.to_string()),
 };
 
-/// How the service reads the audit log.
-fn audit_source(reader: AuditReader) -> AuditSource {
-    Arc::new(move |before, most, on_entries| {
-        reader.read(before, most, Box::new(move |read| on_entries(read.map_err(|error| error.to_string()))));
-    })
-}
-
-/// Whether the store's files are within their budget.
-fn room_of(store: &StoreAt<'_>, budget_mb: u64) -> Room {
-    let StoreAt::File(path, _) = store else { return Arc::new(|| Ok(())) };
-    let files = ["", "-wal"].map(|end| {
-        let mut file = path.as_os_str().to_owned();
-        file.push(end);
-        std::path::PathBuf::from(file)
-    });
-    Arc::new(move || {
-        let bytes: u64 = files.iter().filter_map(|file| Some(std::fs::metadata(file).ok()?.len())).sum();
-        let megabytes = bytes.div_ceil(1_000_000);
-        if megabytes <= budget_mb {
-            return Ok(());
-        }
-        Err(format!(
-            "the store has {megabytes} MB, its budget is {budget_mb} MB (store.budget_mb): delete sessions or model sets, \
-             a restart gives their space back"
-        ))
-    })
-}
-
 /// Everything of a daemon but its buses.
 pub struct Daemon {
     plan: Arc<Plan>,
+    /// Whether buses rest between the bursts of their boards: where time is the machine's, and nobody reads the force
+    /// through shared memory, where a caller counts tens of microseconds and the first frames of a burst warm the caches.
+    rests: bool,
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
     handle: Handle,
     cancel: CancellationToken,
@@ -88,12 +64,15 @@ pub struct Daemon {
     reloader: Reloader,
     tasks: JoinSet<()>,
     buses: JoinSet<BusEnd>,
+    /// Held where latency has to be low.
+    _awake: Option<Awake>,
     /// What SIGHUP reloads; without it SIGHUP ends the process, as it does by itself.
     reload: Option<(Signal, Reload)>,
 }
 
 impl Daemon {
-    /// Starts engine, store and service; the engine on the present runtime, the other two on threads of their own.
+    /// Starts engine, store and service; the engine on the present runtime, the other two on threads of their own, but the
+    /// service beside the engine where latency has to be low.
     ///
     /// # Errors
     /// If the store cannot be opened or the address cannot be bound.
@@ -110,6 +89,7 @@ impl Daemon {
             StoreAt::Memory => Retention::default(),
         };
         let (store, restored) = open_store(store, &tell_done)?;
+        let low_latency = config.service.low_latency && matches!(clock, RunClock::Live);
         let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
         let clocks = Clocks { run: Arc::new(move || now.now().time), process: Arc::new(process_clock()) };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
@@ -134,17 +114,27 @@ impl Daemon {
         let share = share_with_pages(config, &cancel, &mut tasks)?;
         let Open { listeners, access, reloader } = doors::open(&scene.doors)?;
         let (handle, taps) = record::begin((config, live), &plan, handle, (&mut tasks, &cancel))?;
-        tasks.spawn(service(handle.clone(), listeners, (access, reloader.clone()), limits(config), share)?);
+        let (handle, awake) = if low_latency { awake(handle) } else { (handle, None) };
+        let service = service(handle.clone(), listeners, (access, reloader.clone()), limits(config), share);
+        if low_latency {
+            tasks.spawn(service);
+        } else {
+            tasks.spawn(on_a_thread(service)?);
+        }
         let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
         let (to_buses, buses) = (taps.beside(receivers), JoinSet::new());
-        Ok(Self { plan, handle, cancel, to_engine, to_buses, session, reloader, tasks, buses, reload: None })
+        let rests = live && config.shared_memory.is_none() && !low_latency;
+        let (reload, _awake) = (None, awake);
+        Ok(Self { plan, rests, handle, cancel, to_engine, to_buses, session, reloader, tasks, buses, reload, _awake })
     }
 
     /// Adds the source of a bus.
     pub fn add_bus(&mut self, bus: BusIndex, source: impl FrameSource + 'static) {
         let Some((to_send, tap)) = self.to_buses.get_mut(bus.0 as usize).and_then(Option::take) else { return };
-        self.buses.spawn(bus::run(bus, source, self.to_engine.clone(), to_send, tap, self.cancel.clone()));
+        let ends = Ends { to_engine: self.to_engine.clone(), to_send, tap };
+        let rest = if self.rests { Rest::by(Rhythm::new(&self.plan, &self.routes(), bus)) } else { Rest::never() };
+        self.buses.spawn(bus::run(bus, source, ends, rest, self.cancel.clone()));
     }
 
     /// Adds a bus whose scans are pushed: there is nothing to read, and nobody has pushed any yet.
@@ -158,10 +148,16 @@ impl Daemon {
         });
     }
 
-    /// What the calibration is at, for whoever plays the operator's hand.
-    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
-    pub fn session(&self) -> watch::Receiver<Option<Stage>> {
-        self.session.clone()
+    /// Adds a simulated bus, with what the plan expects on it.
+    ///
+    /// # Errors
+    /// If there is no thread to be had.
+    #[cfg(feature = "sim")]
+    pub fn add_sim_bus(&mut self, bus: BusIndex, seed: u64) -> anyhow::Result<()> {
+        // What the calibration is at concerns whoever plays the operator's hand.
+        let source = crate::sim_bus::SimBus::new(seed, (&self.plan, bus), self.session.clone())?;
+        self.add_bus(bus, source);
+        Ok(())
     }
 
     /// Uses a model set from now on.
@@ -194,7 +190,7 @@ impl Daemon {
             tokio::select! {
                 interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
                 _ = terminate.recv() => break,
-                () = hung_up(&mut self.reload) => self.reloader.reload_and_tell(),
+                () = hung_up(&mut self.reload, &self.reloader) => self.reloader.reload_and_tell(),
                 ended = self.buses.join_next() => match ended {
                     Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
                     Some(Ok(BusEnd::LogOver)) if !self.buses.is_empty() => {}
@@ -249,58 +245,37 @@ fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<Pages
     Ok(pages)
 }
 
-/// The samples of stored sessions, for the service.
-fn samples_of(store: SamplesReader) -> SamplesSource {
-    Arc::new(move |session, told| {
-        store.read(session, Box::new(move |samples| told(samples.map_err(|error| error.to_string()))));
-    })
-}
-
-/// The texts of stored model sets, for the service.
-fn model_sets_of(store: SetReader) -> ModelSetSource {
-    Arc::new(move |model_set, told| {
-        store.read(model_set, Box::new(move |text| told(text.map_err(|error| error.to_string()))));
-    })
+/// Keeps the machine's processors awake where that can be had; where not, the health says why.
+fn awake(handle: Handle) -> (Handle, Option<Awake>) {
+    match low_latency::keep_awake() {
+        Ok(awake) => {
+            tracing::info!("low latency: the processors of this machine are kept awake");
+            (handle, Some(awake))
+        }
+        Err(why) => {
+            tracing::warn!("{why}");
+            (handle.lacking([why]), None)
+        }
+    }
 }
 
 /// Waits for SIGHUP and reloads. The engine shares this thread: reading a few kilobytes takes it less than a scan's time.
-async fn hung_up(reload: &mut Option<(Signal, Reload)>) {
+async fn hung_up(reload: &mut Option<(Signal, Reload)>, reloader: &Reloader) {
     let Some((signal, reload)) = reload else { return pending().await };
     if signal.recv().await.is_none() {
         return pending().await;
     }
     systemd::reloading();
-    reload.again();
-    systemd::reloaded();
-}
-
-/// Where records go.
-pub enum StoreAt<'a> {
-    /// A file, and how much of it is kept.
-    File(&'a Path, Retention),
-    /// Nowhere that outlives the process.
-    Memory,
-}
-
-fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Store, Restored)> {
-    match at {
-        StoreAt::Memory => Ok((Store::in_memory(tell_done.of_store())?, Restored::default())),
-        StoreAt::File(path, retention) => {
-            if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
-                std::fs::create_dir_all(folder).with_context(|| format!("making {}", folder.display()))?;
-            }
-            let opened = Store::open_keeping(path, &retention, tell_done.of_store());
-            // What was found damaged is in the log already, and in `restored` for the health.
-            let (store, restored, _) = opened.with_context(|| format!("opening {}", path.display()))?;
-            Ok((store, restored))
-        }
+    if let Some(rules) = reload.again() {
+        reloader.regrant(rules);
     }
+    systemd::reloaded();
 }
 
 fn limits(config: &Config) -> Limits {
     let service = &config.service;
     Limits {
-        streams: service.subscribers_max,
+        streams: service.streams(),
         streams_per_peer: service.subscribers_per_peer_max,
         connections: service.connections_max,
         ..Limits::default()
@@ -327,30 +302,33 @@ fn share_with_pages(
     Ok(Vec::new())
 }
 
-/// Starts the service on a thread of its own, so that what subscribers cost never delays a frame. Gives its end.
-fn service(
+/// Serves to the end, on the runtime that it is called on.
+async fn service(
     handle: Handle,
     listeners: Vec<Listener>,
     (access, reloader): (Access, Reloader),
     limits: Limits,
     share: Vec<oneshot::Sender<SharedServices>>,
-) -> anyhow::Result<impl Future<Output = ()> + use<>> {
+) {
+    tokio::spawn(reloader.watch()); // ends with the runtime
+    let give = |services: SharedServices| {
+        share.into_iter().for_each(|to| drop(to.send(services.clone()))); // to a page that may have failed
+    };
+    let served = tokio::select! {
+        served = serve_and_share(handle.clone(), listeners, access, limits, give) => served,
+        never = systemd::keep(handle) => match never {},
+    };
+    if let Err(error) = served {
+        tracing::error!("the service ended: {:#}", anyhow::Error::from(error));
+    }
+}
+
+/// Starts the service on a thread of its own, so that what subscribers cost never delays a frame. Gives its end.
+fn on_a_thread(service: impl Future<Output = ()> + Send + 'static) -> anyhow::Result<impl Future<Output = ()>> {
     let runtime = crate::runtime::runtime()?;
     let (ended, end) = oneshot::channel();
-    let serving = async move {
-        tokio::spawn(reloader.watch()); // ends with the runtime
-        let give = |services: SharedServices| {
-            share.into_iter().for_each(|to| drop(to.send(services.clone()))); // to a page that may have failed
-        };
-        tokio::select! {
-            served = serve_and_share(handle.clone(), listeners, access, limits, give) => anyhow::Ok(served?),
-            never = systemd::keep(handle) => match never {},
-        }
-    };
     let run = move || {
-        if let Err(error) = runtime.block_on(serving) {
-            tracing::error!("the service ended: {error:#}");
-        }
+        runtime.block_on(service);
         let _ = ended.send(()); // the daemon did not wait for it
     };
     std::thread::Builder::new().name("service".to_owned()).spawn(run).context("a thread for the service")?;
@@ -375,8 +353,9 @@ pub async fn run(config: Config, scene: Scene, path: &Path) -> anyhow::Result<()
         samples: store.keep_samples,
         bytes: store.keep_mb.map(|mb| mb.saturating_mul(1_000_000)),
     };
+    let ruled = scene.doors.ruled;
     let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, retention), RunClock::Live).await?;
-    daemon.reload = Some((hangup, Reload::new(path)));
+    daemon.reload = Some((hangup, Reload::new(path, ruled)));
     let routes = daemon.routes();
     for (position, section) in config.bus.iter().enumerate() {
         let bus = BusIndex(position as u8);
@@ -390,7 +369,7 @@ pub async fn run(config: Config, scene: Scene, path: &Path) -> anyhow::Result<()
             }
             BusSource::Push => daemon.add_push_bus(bus),
             #[cfg(feature = "sim")]
-            BusSource::Sim => daemon.add_bus(bus, crate::sim_bus::SimBus::new(section.seed, daemon.session())?),
+            BusSource::Sim => daemon.add_sim_bus(bus, section.seed)?,
             #[cfg(not(feature = "sim"))]
             BusSource::Sim => {
                 anyhow::bail!("bus `{}`: this build has no simulator (cargo feature `sim`)", section.name)

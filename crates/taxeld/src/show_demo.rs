@@ -21,9 +21,9 @@ use crate::config::{self, Config, Door, Doors, Scene, SharedMemorySection};
 use crate::config::{MetricsSection, PageSection};
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
 use crate::picture;
-use crate::run::{Daemon, StoreAt};
+use crate::run::Daemon;
 use crate::shared_memory::Pages;
-use crate::sim_bus::SimBus;
+use crate::store_at::StoreAt;
 
 /// What can be asked of the demo.
 #[derive(Debug, clap::Args)]
@@ -229,8 +229,7 @@ async fn serve_live(
     // Whoever plays with a simulated skin may do everything with it.
     scene.doors = Doors { doors: vec![Door::Tcp(listen)], rules: Rules::open(), tokens: None, ruled: false };
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, RunClock::Live).await?;
-    let bus = SimBus::new(args.seed, daemon.session())?;
-    daemon.add_bus(BusIndex(0), bus);
+    daemon.add_sim_bus(BusIndex(0), args.seed)?;
     let calibrated = models.is_some();
     if let Some(models) = models {
         daemon.use_models(Arc::new(models)).await?;

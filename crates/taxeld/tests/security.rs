@@ -100,13 +100,17 @@ impl Daemon {
         format!("unix:{}", self.folder.join("socket").display())
     }
 
-    /// The Unix socket, as soon as the daemon serves it.
+    /// The Unix socket, as soon as the daemon answers on it, whatever it says: all its doors are open then. That the socket
+    /// takes a connection says less, since it is the first of them.
     async fn unix(&self) -> Channel {
         let (begun, endpoint) = (Instant::now(), Endpoint::from_shared(self.socket()).unwrap());
+        let channel = endpoint.connect_lazy();
         loop {
-            match endpoint.connect().await {
-                Ok(channel) => return channel,
-                Err(error) => assert!(begun.elapsed() < PATIENCE, "the daemon does not come up: {error}"),
+            match SkinServiceClient::new(channel.clone()).get_health(v1::GetHealthRequest::default()).await {
+                Err(error) if error.code() == Code::Unavailable => {
+                    assert!(begun.elapsed() < PATIENCE, "the daemon does not come up: {error}");
+                }
+                _answered => return channel,
             }
             tokio::task::yield_now().await;
         }
@@ -221,6 +225,43 @@ async fn on_a_signal_other_certificates_and_tokens_count_and_useless_ones_change
     std::fs::write(folder.path().join("server.pem"), "no certificate").unwrap();
     hang_up();
     tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap();
+}
+
+#[tokio::test]
+async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on() {
+    if !openssl() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    make_certificates(folder.path());
+    let daemon = Daemon::start(folder.path());
+    let (unix, operator) = (daemon.unix().await, daemon.with_certificates(folder.path()));
+    let mut skin = SkinServiceClient::new(unix.clone());
+    let request = v1::StreamTaxelsRequest { patch: "left_forearm".to_owned(), ..v1::StreamTaxelsRequest::default() };
+    let mut stream = skin.stream_taxels(request).await.unwrap().into_inner();
+    assert_eq!(tare(&unix, None, "Ann").await.unwrap_err().code(), Code::PermissionDenied);
+    tare(&operator, None, "Ann").await.unwrap();
+
+    let path = folder.path().join("taxeld.toml");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let hang_up_with = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        let child = daemon.child.id().to_string();
+        assert!(Command::new("kill").args(["-HUP", &child]).status().unwrap().success());
+    };
+    // Who comes by the socket may, and the certificate's grant is gone.
+    let other = text.replace("tokens = \"tokens\"", "tokens = \"tokens\"\nunix = \"operator\"");
+    hang_up_with(&other.replace("role = \"operator\"", "role = \"observer\""));
+    let begun = Instant::now();
+    while tare(&unix, None, "Ann").await.is_err_and(|error| error.code() == Code::PermissionDenied) {
+        assert!(begun.elapsed() < PATIENCE, "the new grants do not count");
+    }
+    assert_eq!(tare(&operator, None, "Ann").await.unwrap_err().code(), Code::PermissionDenied);
+    assert!(stream.message().await.unwrap().is_some(), "the stream goes on");
+
+    // A file that cannot be used changes nothing.
+    hang_up_with(&other.replace("role = \"operator\"", "role = \"none\""));
+    tare(&unix, None, "Ann").await.unwrap();
 }
 
 #[cfg(feature = "client")]

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tempfile::TempDir;
 use tonic::Streaming;
 
@@ -27,6 +28,11 @@ struct Service {
 
 impl Service {
     fn start(watchdog: Option<Duration>, arguments: &[&str]) -> Self {
+        Self::start_with(watchdog, arguments, "")
+    }
+
+    /// The same with further lines of the section `[service]`.
+    fn start_with(watchdog: Option<Duration>, arguments: &[&str], more: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let manager = UnixDatagram::bind(folder.path().join("notify")).unwrap();
         manager.set_read_timeout(Some(PATIENCE)).unwrap();
@@ -40,7 +46,7 @@ impl Service {
             Some(limit) => command.env("WATCHDOG_USEC", limit.as_micros().to_string()),
             None => command.env_remove("WATCHDOG_USEC"),
         };
-        write_config(&folder, address, "");
+        write_config(&folder, address, more);
         let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap();
         Self { child, manager, address, folder }
     }
@@ -174,4 +180,22 @@ async fn the_log_has_no_colours_in_a_file_and_one_object_a_line_where_that_is_as
     let objects: Vec<serde_json::Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert!(objects.iter().any(|object| object["fields"]["message"] == "taxeld is up"), "{log}");
     assert!(objects.iter().all(|object| object["timestamp"].is_string()), "{log}");
+}
+
+#[tokio::test]
+async fn with_low_latency_it_serves_on_the_engines_thread_and_tells_whether_processors_are_kept_awake() {
+    let service = Service::start_with(None, &[], "low_latency = true");
+    service.until_told("READY=1");
+    next(&mut service.stream().await).await;
+    let threads = std::fs::read_dir(format!("/proc/{}/task", service.child.id())).unwrap();
+    let names = threads.filter_map(|thread| std::fs::read_to_string(thread.unwrap().path().join("comm")).ok());
+    assert!(!names.collect::<Vec<_>>().contains(&"service\n".to_owned()));
+    let mut skin = SkinServiceClient::connect(format!("http://{}", service.address)).await.unwrap();
+    let health = skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner();
+    assert_eq!(health.streams_max, 32);
+    // Whether the device can be had is the machine's business. The daemon serves without it, too.
+    let lacks = health.problems.iter().any(|problem| problem.contains("/dev/cpu_dma_latency cannot be held"));
+    assert_ne!(service.log().contains("processors of this machine are kept awake"), lacks, "{}", service.log());
+    service.signal("-TERM");
+    service.until_told("STOPPING=1");
 }

@@ -133,6 +133,16 @@ impl Access {
         self.accounts.forget();
     }
 
+    /// Other tokens from now on; all else stays.
+    pub fn replace_tokens(&self, tokens: Tokens) {
+        self.replace(Rules { tokens, ..Rules::clone(&self.rules()) });
+    }
+
+    /// Other grants and other roles of the ways to come in from now on; the tokens stay, whatever `rules` has.
+    pub fn replace_grants(&self, rules: Rules) {
+        self.replace(Rules { tokens: self.rules().tokens.clone(), ..rules });
+    }
+
     pub(crate) fn rules(&self) -> Arc<Rules> {
         Arc::clone(&self.rules.read().unwrap_or_else(PoisonError::into_inner))
     }

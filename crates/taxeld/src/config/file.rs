@@ -5,8 +5,9 @@ use serde::Deserialize;
 use super::certificate_section::CertificateSection;
 use super::listen_sections::{AccessSection, ListenSection};
 use super::page_section::{MetricsSection, PageSection};
-use super::parts::{BusSection, LogSection, PatchSection, ServiceSection, StoreSection};
+use super::parts::{BusSection, LogSection, PatchSection, StoreSection};
 use super::record_section::RecordSection;
+use super::service_section::ServiceSection;
 use super::shared_memory_section::SharedMemorySection;
 
 /// The whole file.

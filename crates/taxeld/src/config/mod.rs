@@ -19,6 +19,7 @@ mod parts;
 mod patch_limits;
 mod record_section;
 mod resolve;
+mod service_section;
 mod shared_memory_section;
 mod signal_parts;
 mod signals;

@@ -1,7 +1,6 @@
 //! The sections of the configuration file. Defaults are the ones of `deploy/taxeld.toml`.
 
 use serde::Deserialize;
-use std::net::SocketAddr;
 use std::path::PathBuf;
 use toml::Spanned;
 
@@ -33,26 +32,6 @@ pub struct StoreSection {
 
 fn four_gigabytes() -> u64 {
     4096
-}
-
-/// `[service]`
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ServiceSection {
-    /// Where gRPC is served; loopback only. Absent, 127.0.0.1:50051, unless there is a `[[listen]]`.
-    pub listen: Option<SocketAddr>,
-    /// Most streams at a time.
-    pub subscribers_max: usize,
-    /// Of one peer: an account on the Unix socket, a certificate, or an address.
-    pub subscribers_per_peer_max: usize,
-    /// Most connections at a time.
-    pub connections_max: usize,
-}
-
-impl Default for ServiceSection {
-    fn default() -> Self {
-        Self { listen: None, subscribers_max: 128, subscribers_per_peer_max: 100, connections_max: 128 }
-    }
 }
 
 /// `[log]`

@@ -58,6 +58,8 @@ pub fn scene_of(config: &Config, path: &Path) -> Result<Scene, Fault> {
     let nowhere = Doors { doors: vec![], rules: Rules::open(), tokens: None, ruled: false };
     let mut scene = Scene { plan, doors: nowhere, left_out: vec![], remarks: vec![] };
     check_buses(config)?;
+    let too_many = config.service.problem();
+    too_many.map_or(Ok(()), |words| Err(Fault::of("service.subscribers_max", words)))?;
     certificate(config.certificate.as_ref())?;
     for (number, section) in config.patch.iter().enumerate() {
         let named = |fault: Fault| fault.within(&format!("patch[{number}]"), &format!("patch `{}`", section.name));

@@ -54,6 +54,18 @@ pub fn differences(findings: &Findings, plan: &Plan, bus: BusIndex) -> Vec<Strin
     lines
 }
 
+/// Taxels that the configuration describes are no candidates for the gauge: they move with the pressure, too.
+pub fn name_no_gauge_among_taxels(findings: &mut Findings, plan: &Plan, bus: BusIndex) {
+    let of_bus = |patch: &&PatchPlan| patch.patch.boards().iter().any(|board| board.bus == bus);
+    for patch in plan.patches.iter().filter(of_bus) {
+        let gauge = patch.gauge.as_ref().map(|gauge| gauge.signal.id);
+        for id in patch.devices.iter().flat_map(|device| device.ids()).filter(|id| gauge != Some(*id)) {
+            let id = id.to_string();
+            findings.others.iter_mut().filter(|other| other.id == id).for_each(|other| other.pressures.clear());
+        }
+    }
+}
+
 fn configured(plan: &Plan, bus: BusIndex) -> BTreeMap<u8, Configured> {
     let mut boards: BTreeMap<u8, Configured> = BTreeMap::new();
     for patch in plan.patches.iter().filter(|patch| patch.devices.is_empty()) {

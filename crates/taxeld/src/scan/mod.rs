@@ -70,9 +70,11 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     let scene = args.config.as_deref().map(load).transpose()?;
     let bus = scene.as_ref().map(|(config, _)| bus_of(config, args.interface.as_deref())).transpose()?;
     let runtime = crate::runtime::runtime()?;
-    let findings = runtime.block_on(listen(args, scene.as_ref().zip(bus)))?;
-    let differences =
-        scene.as_ref().zip(bus).map(|((_, scene), bus)| compare::differences(&findings, &scene.plan, bus));
+    let mut findings = runtime.block_on(listen(args, scene.as_ref().zip(bus)))?;
+    let differences = scene.as_ref().zip(bus).map(|((_, scene), bus)| {
+        compare::name_no_gauge_among_taxels(&mut findings, &scene.plan, bus);
+        compare::differences(&findings, &scene.plan, bus)
+    });
     if args.json {
         let report = Report { findings: &findings, differences: differences.as_deref() };
         say!("{}", serde_json::to_string_pretty(&report)?);

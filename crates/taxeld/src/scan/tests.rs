@@ -4,7 +4,7 @@ use taxel_skin::{BoardAddress, Module, Time};
 use taxel_wire::icub::{Message, StatusWord};
 use taxel_wire::{CanId, Frame, TimedFrame};
 
-use super::compare::differences;
+use super::compare::{differences, name_no_gauge_among_taxels};
 use super::findings::Findings;
 use super::survey::Survey;
 use super::words;
@@ -166,6 +166,30 @@ fn a_described_array_is_compared_by_its_frames_and_is_no_board() {
             "a: frames with identifier 18FE0002 were not heard",
         ]
     );
+}
+
+#[test]
+fn taxels_that_the_configuration_describes_are_no_candidates_for_the_gauge() {
+    let mut survey = Survey::default();
+    for scan in 0..100_u16 {
+        let value = (100 * scan.min(99 - scan)).to_le_bytes();
+        for id in [0x120, 0x200] {
+            let frame = Frame::of(CanId::Standard(id), value);
+            survey.frame(&TimedFrame { time: Time::from_seconds(0.02 * f64::from(scan)), frame });
+        }
+    }
+    let mut found = survey.findings();
+    let text = "store.path = \"t.db\"\n[[bus]]\nname = \"c\"\ninterface = \"can0\"\n[[patch]]\nname = \"a\"\nbus = \"c\"\n\
+                period_ms = 20\narea_mm2 = 16.0\n[[patch.signals]]\nid = 0x120\nlength_bits = 16\n\
+                [patch.gauge]\nid = 0x200\nlength_bits = 16\nunit = \"Pa\"\n";
+    let path = Path::new("t.toml");
+    let scene = config::resolve(&config::parse(path, text).unwrap(), path).unwrap();
+    let candidates =
+        |found: &Findings| found.others.iter().map(|other| !other.pressures.is_empty()).collect::<Vec<_>>();
+    assert_eq!(candidates(&found), [true, true]);
+    name_no_gauge_among_taxels(&mut found, &scene.plan, BusIndex(0));
+    assert_eq!(candidates(&found), [false, true]);
+    assert_eq!(differences(&found, &scene.plan, BusIndex(0)), Vec::<String>::new());
 }
 
 #[test]

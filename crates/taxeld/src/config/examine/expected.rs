@@ -1,7 +1,7 @@
 //! What each key expects, for whoever wrote something else.
 
 /// Keys and what they expect. Sections of lists have no numbers here. The ranges are those that `resolve` checks.
-const EXPECTED: [(&str, &str); 61] = [
+const EXPECTED: [(&str, &str); 62] = [
     ("store.path", "the path of a file, as in \"/var/lib/taxeld/taxeld.db\""),
     ("store.budget_mb", "a whole number of megabytes"),
     ("store.keep_model_sets", "a whole number of model sets"),
@@ -9,6 +9,7 @@ const EXPECTED: [(&str, &str); 61] = [
     ("store.keep_samples", "a whole number of samples"),
     ("store.keep_mb", "a whole number of megabytes"),
     ("service.listen", "an address and a port, as in \"127.0.0.1:50051\""),
+    ("service.low_latency", "true or false"),
     ("service.subscribers_max", "a whole number of streams"),
     ("service.subscribers_per_peer_max", "a whole number of streams"),
     ("service.connections_max", "a whole number of connections"),

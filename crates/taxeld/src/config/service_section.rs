@@ -1,0 +1,66 @@
+//! `[service]`: how much of the service there is.
+
+use std::net::SocketAddr;
+
+use serde::Deserialize;
+
+/// With `low_latency` a message to one subscriber, 3 to 5 us, is time in which no frame is taken: all of them at 1 kHz take a
+/// sixth of the thread, and delay a frame by 0.16 ms at most.
+const LOW_LATENCY_STREAMS_MAX: usize = 32;
+
+/// `[service]`
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServiceSection {
+    /// Where gRPC is served; loopback only. Absent, 127.0.0.1:50051, unless there is a `[[listen]]`.
+    pub listen: Option<SocketAddr>,
+    /// Whether all is done for the time from a frame to its reader: the service shares the engine's thread, and the machine's
+    /// processors are kept awake.
+    pub low_latency: bool,
+    /// Most streams at a time; absent, [`ServiceSection::streams`] says how many.
+    pub subscribers_max: Option<usize>,
+    /// Of one peer: an account on the Unix socket, a certificate, or an address.
+    pub subscribers_per_peer_max: usize,
+    /// Most connections at a time.
+    pub connections_max: usize,
+}
+
+impl Default for ServiceSection {
+    fn default() -> Self {
+        let (listen, subscribers_max) = (None, None);
+        Self { listen, low_latency: false, subscribers_max, subscribers_per_peer_max: 100, connections_max: 128 }
+    }
+}
+
+impl ServiceSection {
+    /// Most streams at a time.
+    pub fn streams(&self) -> usize {
+        self.subscribers_max.unwrap_or(if self.low_latency { LOW_LATENCY_STREAMS_MAX } else { 128 })
+    }
+
+    /// What is wrong with the section, if anything is.
+    pub fn problem(&self) -> Option<String> {
+        let streams = self.subscribers_max.filter(|most| self.low_latency && *most > LOW_LATENCY_STREAMS_MAX)?;
+        Some(format!(
+            "service.subscribers_max = {streams}: expected at most {LOW_LATENCY_STREAMS_MAX} with low_latency = true, where \
+             subscribers share a thread with the engine"
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn with_low_latency_few_subscribe() {
+        let read = |text: &str| toml::from_str::<ServiceSection>(text).unwrap();
+        assert_eq!((read("").streams(), read("").problem()), (128, None));
+        assert_eq!(read("low_latency = true").streams(), LOW_LATENCY_STREAMS_MAX);
+        assert_eq!((read("subscribers_max = 1000").streams(), read("subscribers_max = 1000").problem()), (1000, None));
+        let few = read("low_latency = true\nsubscribers_max = 4");
+        assert_eq!((few.streams(), few.problem()), (4, None));
+        let said = read("low_latency = true\nsubscribers_max = 33").problem().unwrap();
+        assert!(said.contains("subscribers_max = 33: expected at most 32"), "{said}");
+    }
+}

@@ -1,0 +1,191 @@
+//! What a machine may be short of: a disk that takes long for each write, as worn flash does, file descriptors, and the hours
+//! for which it slept. The force goes on meanwhile, or is not believed. A write takes half a second, or as many milliseconds as TAXELD_SLOW_MS says.
+#![cfg(all(feature = "sim", feature = "client"))]
+#![allow(clippy::unwrap_used, clippy::panic)] // a test's helpers fail as the test does
+
+use std::fs::File;
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use taxel_proto::v1;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use tempfile::TempDir;
+use tonic::{Code, Status, Streaming};
+
+/// Nothing that is waited for takes longer, on the slowest machine.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+struct Daemon {
+    child: Child,
+    address: SocketAddr,
+    folder: TempDir,
+}
+
+impl Daemon {
+    /// A daemon with its store in the folder `disk` beside its configuration, changed by `with` before it is started.
+    fn start(with: impl FnOnce(&mut Command, &Path)) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
+        let config = format!(
+            "store.path = \"{}/disk/store.db\"\nservice.listen = \"{address}\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
+             [[patch]]\nname = \"forearm\"\nbus = \"skin\"\n[[patch.board]]\naddress = 13\nmodules = \"0-15\"\n",
+            folder.path().display()
+        );
+        std::fs::write(folder.path().join("taxeld.toml"), config).unwrap();
+        // The shell sets limits for what it becomes.
+        let mut command = Command::new("sh");
+        command.args(["-c", "ulimit -n ${DESCRIPTORS:-1024}; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_taxeld"), "run"]);
+        command.arg("--config").arg(folder.path().join("taxeld.toml"));
+        with(&mut command, folder.path());
+        let log = File::create(folder.path().join("log")).unwrap();
+        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap();
+        Self { child, address, folder }
+    }
+
+    /// One whose disk is slow while there is a file `slow`.
+    fn with_slow_disk() -> Self {
+        Self::start(|command, folder| {
+            let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+            let milliseconds = std::env::var("TAXELD_SLOW_MS").unwrap_or_else(|_| "500".to_owned());
+            command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", milliseconds);
+            command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("slow"));
+        })
+    }
+
+    fn log(&self) -> String {
+        std::fs::read_to_string(self.folder.path().join("log")).unwrap()
+    }
+
+    async fn stream(&self) -> Streaming<v1::ForceSample> {
+        let begun = Instant::now();
+        loop {
+            match ForceServiceClient::connect(format!("http://{}", self.address)).await {
+                Ok(mut client) => {
+                    return client.stream_force(v1::StreamForceRequest::default()).await.unwrap().into_inner();
+                }
+                Err(error) => assert!(begun.elapsed() < PATIENCE, "the daemon does not come up: {error}"),
+            }
+            tokio::task::yield_now().await;
+        }
+    }
+
+    async fn tare(&self) -> Result<(), Status> {
+        let mut skin = SkinServiceClient::connect(format!("http://{}", self.address)).await.unwrap();
+        let request = v1::TareRequest { confirmed_by: "Ann".to_owned(), ..v1::TareRequest::default() };
+        skin.tare(request).await.map(|_| ())
+    }
+
+    /// Asks for a zero every ten samples until it is taken: at first the boards are being configured.
+    async fn tared(&self, stream: &mut Streaming<v1::ForceSample>) {
+        let begun = Instant::now();
+        while let Err(status) = self.tare().await {
+            assert!(status.code() == Code::FailedPrecondition && begun.elapsed() < PATIENCE, "{status}");
+            for _ in 0..10 {
+                stream.message().await.unwrap().unwrap();
+            }
+        }
+    }
+
+    fn audited(&self) -> String {
+        let output = Command::new(env!("CARGO_BIN_EXE_taxeld"))
+            .args(["audit", "--at", &self.address.to_string()])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// A library that is made of this text, to be preloaded.
+fn compiled(folder: &Path, text: &str) -> PathBuf {
+    let (library, source) = (folder.join("faults.so"), folder.join("faults.c"));
+    std::fs::write(&source, text).unwrap();
+    let compiled =
+        Command::new("cc").args(["-shared", "-fPIC", "-O1", "-o"]).args([&library, &source]).output().unwrap();
+    assert!(compiled.status.success(), "{}", String::from_utf8_lossy(&compiled.stderr));
+    library
+}
+
+#[tokio::test]
+async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
+    let daemon = Daemon::with_slow_disk();
+    let mut stream = daemon.stream().await;
+    daemon.tared(&mut stream).await;
+    let slow = daemon.folder.path().join("slow");
+    std::fs::write(&slow, "").unwrap();
+    let answer = daemon.tare();
+    tokio::pin!(answer);
+    let (mut samples, mut stale) = (0, 0);
+    let answer = loop {
+        tokio::select! {
+            answer = &mut answer => break answer,
+            sample = stream.message() => {
+                let sample = sample.unwrap().unwrap();
+                samples += 1;
+                stale += u32::from(sample.state() == v1::ForceState::Stale);
+            }
+        }
+    };
+    // It is taken, or its time is over, which is an answer, too: nobody waits for the disk for ever.
+    let code = answer.as_ref().map_or_else(Status::code, |()| Code::Ok);
+    assert!(matches!(code, Code::Ok | Code::DeadlineExceeded), "{answer:?}");
+    println!("{samples} samples until the answer {answer:?}, {stale} of them stale");
+    assert!(samples >= 10, "only {samples} samples came while the disk was slow");
+    assert_eq!(stale, 0);
+    std::fs::remove_file(&slow).unwrap();
+    let audited = daemon.audited();
+    assert!(audited.contains("Tare") && audited.contains("Ann"), "{audited}");
+}
+
+#[tokio::test]
+async fn a_daemon_without_a_descriptor_left_goes_on_and_takes_connections_again_when_it_has_some() {
+    let daemon = Daemon::start(|command, _| {
+        command.env("DESCRIPTORS", "64");
+    });
+    let mut stream = daemon.stream().await;
+    let crowd: Vec<_> = (0..100).map(|_| TcpStream::connect(daemon.address).unwrap()).collect();
+    // Told once it has none, and the force goes on for all who are there.
+    let begun = Instant::now();
+    while !daemon.log().contains("a connection was not accepted") {
+        assert!(begun.elapsed() < PATIENCE, "{}", daemon.log());
+        stream.message().await.unwrap().unwrap();
+    }
+    for _ in 0..20 {
+        stream.message().await.unwrap().unwrap();
+    }
+    drop(crowd);
+    let mut other = daemon.stream().await;
+    other.message().await.unwrap().unwrap();
+}
+
+/// The clock that goes on while the machine sleeps jumps by an hour, and the one that stands still does not.
+#[tokio::test]
+async fn a_sleep_of_the_machine_is_noticed_when_it_wakes_up() {
+    let daemon = Daemon::start(|command, folder| {
+        let library = compiled(folder, include_str!("sleep_faults.c"));
+        command.env("LD_PRELOAD", library).env("SLEPT_AN_HOUR", folder.join("slept"));
+    });
+    let mut stream = daemon.stream().await;
+    daemon.tared(&mut stream).await;
+    assert!(!daemon.log().contains("the machine slept"), "{}", daemon.log());
+    std::fs::write(daemon.folder.path().join("slept"), "").unwrap();
+    let begun = Instant::now();
+    while !daemon.log().contains("the machine slept") {
+        stream.message().await.unwrap().unwrap();
+        assert!(begun.elapsed() < PATIENCE, "{}", daemon.log());
+    }
+    for _ in 0..20 {
+        stream.message().await.unwrap().unwrap();
+    }
+    assert_eq!(daemon.log().matches("the machine slept").count(), 1, "{}", daemon.log());
+}
