@@ -159,7 +159,9 @@ fn stored_samples_are_fitted_once_more(demo: &Demo, session: &str, own: &str) {
     let compared = &demo.json(&["models", "compare", "active", id, "--json"])[0];
     assert_eq!(compared["earlier"]["modelSet"], own);
     let taxels = compared["taxels"].as_array().unwrap();
-    assert!(taxels.len() > 150 && taxels.iter().all(|taxel| taxel["restCounts"] == 0.0), "{compared}");
+    // A taxel that had a fault while the zero was taken, as one near the end of its counts may, has no rest to compare.
+    let known: Vec<_> = taxels.iter().map(|taxel| &taxel["restCounts"]).filter(|moved| !moved.is_null()).collect();
+    assert!(known.len() > 150 && known.iter().all(|moved| **moved == 0.0), "{compared}");
     let gain = compared["gainRatio"].as_f64().unwrap();
     assert!((0.8..1.25).contains(&gain), "{gain}");
     demo.succeeds(&["activate", id]);

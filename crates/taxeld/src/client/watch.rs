@@ -72,7 +72,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
     let mut stream = daemon.force().stream_force(request).await?.into_inner();
     let mut reader = Reader::new(Instant::now());
     let mut screen = Screen::new(&args);
-    let (mut newest, mut seen): (Option<Received>, u64) = (None, 0);
+    let (mut newest, mut seen): (Option<Judged>, u64) = (None, 0);
     let mut look = tokio::time::interval(LOOK_EVERY);
     look.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Skip);
     let give_up = Instant::now() + Duration::from_secs_f64(args.within.min(1e9));
@@ -83,19 +83,22 @@ pub async fn watch(args: WatchArgs) -> Outcome {
                 let Some(sample) = sample? else {
                     return Err(Failure::Broken(anyhow::anyhow!("the daemon ended the stream")));
                 };
-                let received = reader.take(sample, Instant::now());
+                let now = Instant::now();
+                let judged = Judged::new(reader.take(sample, now), now, args.age_max());
                 seen += 1;
-                let good = received.usable(Instant::now(), args.age_max()).is_ok();
+                let good = judged.force.is_ok();
                 if !args.once || good {
-                    screen.sample(&received)?;
+                    screen.sample(&judged)?;
                 }
                 if crate::say::reader_has_gone() {
                     return Ok(()); // as in `taxeld watch | head`
                 }
-                newest = Some(received);
-                if (args.once && good) || args.count.is_some_and(|count| seen >= count) {
-                    break;
+                let enough = (args.once && good) || args.count.is_some_and(|count| seen >= count);
+                if enough {
+                    screen.end();
+                    return verdict(Some(judged)); // as it was shown, however long that took
                 }
+                newest = Some(judged);
             }
             _ = look.tick() => screen.look(newest.as_ref()),
         }
@@ -104,14 +107,35 @@ pub async fn watch(args: WatchArgs) -> Outcome {
         }
     }
     screen.end();
-    verdict(newest.as_ref(), args.age_max())
+    verdict(newest.map(|newest| newest.again(Instant::now())))
 }
 
 /// What the exit code tells.
-fn verdict(newest: Option<&Received>, age_max: Duration) -> Outcome {
-    let Some(received) = newest else { return Err(Failure::refused("no force: no sample came")) };
-    let usable = received.usable(Instant::now(), age_max);
-    usable.map(|_| ()).map_err(|why| Failure::refused(format!("no force: {why}")))
+fn verdict(newest: Option<Judged>) -> Outcome {
+    let Some(judged) = newest else { return Err(Failure::refused("no force: no sample came")) };
+    judged.force.map(|_| ()).map_err(|why| Failure::refused(format!("no force: {why}")))
+}
+
+/// A sample at one moment. Everything that is told of it is of that moment, so that the words, the figures and the exit code
+/// agree on a slow machine, too.
+#[derive(Clone)]
+struct Judged {
+    received: Received,
+    age_max: Duration,
+    age: Option<Duration>,
+    /// In newton, and the age; or why it is not to be acted on.
+    force: Result<(f64, Duration), NoForce>,
+}
+
+impl Judged {
+    fn new(received: Received, at: Instant, age_max: Duration) -> Self {
+        Self { age: received.age(at), force: received.usable(at, age_max), received, age_max }
+    }
+
+    /// The same sample at a later moment.
+    fn again(&self, at: Instant) -> Self {
+        Self::new(self.received.clone(), at, self.age_max)
+    }
 }
 
 /// Where samples are shown.
@@ -132,31 +156,28 @@ impl<'a> Screen<'a> {
         Self { args, line, header_due: args.csv }
     }
 
-    fn sample(&mut self, received: &Received) -> Outcome {
-        let usable = received.usable(Instant::now(), self.args.age_max());
+    fn sample(&mut self, judged: &Judged) -> Outcome {
+        let sample = judged.received.sample();
         if self.args.json {
-            return json::print("ForceSample", received.sample());
+            return json::print("ForceSample", sample);
         }
         if self.args.csv {
             if std::mem::take(&mut self.header_due) {
                 say!("{}", CSV_HEADER.join(","));
             }
-            say!("{}", csv_line(&csv(received, usable.as_ref().err())));
+            say!("{}", csv_line(&csv(judged)));
         } else if self.args.quiet {
-            say!("{}", received.sample().total_n.unwrap_or(f64::NAN));
+            say!("{}", sample.total_n.unwrap_or(f64::NAN));
         } else if self.line.is_none() {
-            say!("{}", describe(received, &usable));
+            say!("{}", describe(judged));
         }
         Ok(())
     }
 
-    fn look(&self, newest: Option<&Received>) {
+    fn look(&self, newest: Option<&Judged>) {
         if let Some(line) = &self.line {
-            let shown = newest.map_or_else(
-                || "no sample yet".to_owned(),
-                |received| describe(received, &received.usable(Instant::now(), self.args.age_max())),
-            );
-            line.set_message(shown);
+            let now = |newest: &Judged| describe(&newest.again(Instant::now()));
+            line.set_message(newest.map_or_else(|| "no sample yet".to_owned(), now));
             line.tick();
         }
     }
@@ -169,9 +190,9 @@ impl<'a> Screen<'a> {
 }
 
 /// A force for people, in one line.
-fn describe(received: &Received, usable: &Result<(f64, Duration), NoForce>) -> String {
-    let sample = received.sample();
-    let (newton, age) = match usable {
+fn describe(judged: &Judged) -> String {
+    let sample = judged.received.sample();
+    let (newton, age) = match &judged.force {
         Ok(force) => force,
         Err(why) => return format!("{}: no force: {why}", sample.patch),
     };
@@ -205,26 +226,31 @@ const CSV_HEADER: [&str; 14] = [
     "reasons",
 ];
 
-fn csv(received: &Received, unusable: Option<&NoForce>) -> Vec<String> {
-    let sample: &ForceSample = received.sample();
+fn csv(judged: &Judged) -> Vec<String> {
+    let sample: &ForceSample = judged.received.sample();
     let number = |value: Option<f64>| value.map_or_else(String::new, |value| format!("{value:.6}"));
     let time = sample.time.as_ref().map_or_else(String::new, |t| format!("{}.{:09}", t.seconds, t.nanos));
-    let too_old = unusable.filter(|why| matches!(why, NoForce::TooOld(..))).map(ToString::to_string);
+    let too_old = judged.force.as_ref().err().filter(|why| matches!(why, NoForce::TooOld(..)));
     vec![
         time,
         sample.patch.clone(),
         sample.sequence.to_string(),
         word(sample.state()).to_owned(),
-        u8::from(unusable.is_none()).to_string(),
+        u8::from(judged.force.is_ok()).to_string(),
         number(sample.total_n),
         number(sample.total_sigma_n),
         number(sample.detection_floor_n),
         u8::from(sample.lower_bound).to_string(),
-        number(received.age(Instant::now()).map(|age| age.as_secs_f64())),
+        number(judged.age.map(|age| age.as_secs_f64())),
         sample.active.to_string(),
         sample.out_of_range.to_string(),
         sample.excluded.to_string(),
-        too_old.into_iter().chain(sample.reasons.iter().cloned()).collect::<Vec<_>>().join("; "),
+        too_old
+            .map(ToString::to_string)
+            .into_iter()
+            .chain(sample.reasons.iter().cloned())
+            .collect::<Vec<_>>()
+            .join("; "),
     ]
 }
 
@@ -233,7 +259,9 @@ mod tests {
     use super::*;
     use taxel_proto::v1::ForceState;
 
-    fn received(state: ForceState, total_n: Option<f64>) -> Received {
+    const AGE_MAX: Duration = Duration::from_millis(120);
+
+    fn judged(state: ForceState, total_n: Option<f64>) -> Judged {
         let reasons = if state == ForceState::Ok { Vec::new() } else { vec!["a module is silent".to_owned()] };
         let sample = ForceSample {
             patch: "palm".to_owned(),
@@ -247,38 +275,37 @@ mod tests {
             ..ForceSample::default()
         };
         let now = Instant::now();
-        Reader::new(now).take(sample, now)
-    }
-
-    fn line(received: &Received) -> String {
-        describe(received, &received.usable(received_at(), Duration::from_secs(60)))
-    }
-
-    fn received_at() -> Instant {
-        Instant::now()
+        Judged::new(Reader::new(now).take(sample, now), now, AGE_MAX)
     }
 
     #[test]
     fn a_line_has_the_force_its_uncertainty_its_age_and_its_state() {
-        let line = line(&received(ForceState::Degraded, Some(4.9)));
+        let line = describe(&judged(ForceState::Degraded, Some(4.9)));
         assert!(line.starts_with("palm: 4.90 N +- 0.50 (k = 2), "), "{line}");
         assert!(line.ends_with(" ms old, 18 taxels active, DEGRADED: a module is silent"), "{line}");
     }
 
     #[test]
     fn without_a_force_the_line_says_why_and_shows_no_number() {
-        let line = line(&received(ForceState::TareInvalid, None));
+        let line = describe(&judged(ForceState::TareInvalid, None));
         assert_eq!(line, "palm: no force: TARE_INVALID: a module is silent");
     }
 
     #[test]
     fn a_row_has_as_many_cells_as_the_header_and_says_whether_it_may_be_used() {
-        let good = received(ForceState::Ok, Some(4.9));
-        let row = csv(&good, None);
+        let good = judged(ForceState::Ok, Some(4.9));
+        let row = csv(&good);
         assert_eq!(row.len(), CSV_HEADER.len());
         assert_eq!((row[4].as_str(), row[5].as_str()), ("1", "4.900000"));
-        let old = NoForce::TooOld(Duration::from_millis(300), Duration::from_millis(120));
-        let row = csv(&good, Some(&old));
-        assert_eq!((row[4].as_str(), row[13].as_str()), ("0", "300 ms old, more than 120 ms"));
+        let row = csv(&good.again(Instant::now() + Duration::from_secs(3600)));
+        assert_eq!(row[4], "0");
+        assert!(row[13].ends_with(" ms old, more than 120 ms"), "{}", row[13]);
+    }
+
+    #[test]
+    fn a_force_that_was_shown_as_good_ends_well_however_long_that_took() {
+        let shown = judged(ForceState::Degraded, Some(4.9));
+        let later = shown.again(Instant::now() + Duration::from_secs(3600));
+        assert!(verdict(Some(shown)).is_ok() && verdict(Some(later)).is_err() && verdict(None).is_err());
     }
 }
