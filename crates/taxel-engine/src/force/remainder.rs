@@ -18,7 +18,11 @@
 //! What the zero has followed of the temperature since it was taken is no part of `H`: what a load may have had in that
 //! is known to the zero, and the caller adds it to the floor.
 //!
-//! The floor is `max(R, 0) + max(H, 0)` and two standard uncertainties.
+//! Where the taxels that are not active lie away from load by `o = -R / sum w` counts in the mean, as those of a skin do
+//! whose temperature has changed since the zero, a contact that activates none hides by as much: `C = max(o, 0) sum w` over
+//! the modules of a contact.
+//!
+//! The floor is `max(R, 0) + C + max(H, 0)` and two standard uncertainties.
 //!
 //! Which taxels are in a total hangs on their noise, too. That of a contact on the modules that have most of it,
 //! `sqrt(sum (w s)^2)`, is in every total, as is that of taxels below the threshold that are in it because they touch an
@@ -68,6 +72,8 @@ pub struct Remainder {
     contact_noise_n: f64,
     /// Sum of the forces per count, N.
     per_count_n: f64,
+    /// The same of a contact on the modules that have most of it, N.
+    contact_per_count_n: f64,
     /// What the zero may hide.
     hidden: Hidden,
 }
@@ -145,22 +151,21 @@ impl Remainder {
         };
         let shares: Vec<Share> =
             (0..selected.len()).map(|t| selected[t].then(|| share(t)).flatten().unwrap_or_default()).collect();
-        let of_module = |range: &Range<usize>| {
-            let noises =
-                range.clone().filter_map(|taxel| shares.get(taxel)).map(|share| f64::from(share.noise_n).powi(2));
-            noises.sum::<f64>()
-        };
-        let mut by_module: Vec<f64> = modules.iter().map(of_module).collect();
-        by_module.sort_by(|a, b| b.total_cmp(a));
-        let contact_noise_n = by_module.iter().take(CONTACT_MODULES).sum::<f64>().sqrt();
         let sum = |of: &dyn Fn(&Share) -> f64| shares.iter().map(of).sum::<f64>();
+        let contact = |of: &dyn Fn(&Share) -> f64| {
+            let of_module = |range: &Range<usize>| range.clone().filter_map(|taxel| shares.get(taxel)).map(of).sum();
+            let mut by_module: Vec<f64> = modules.iter().map(of_module).collect();
+            by_module.sort_by(|a, b| b.total_cmp(a));
+            by_module.iter().take(CONTACT_MODULES).sum::<f64>()
+        };
         Self {
             newton_per_count: shares.iter().map(|s| s.newton_per_count).collect(),
             zeros_n: sum(&|s| f64::from(s.newton_per_count) * f64::from(s.zero)),
             hidden: Hidden::of(tables, &shares, rest, modules),
             noise_n2: sum(&|s| f64::from(s.noise_n).powi(2)),
-            contact_noise_n,
+            contact_noise_n: contact(&|s| f64::from(s.noise_n).powi(2)).sqrt(),
             per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
+            contact_per_count_n: contact(&|s| f64::from(s.newton_per_count).abs()),
             shares,
         }
     }
@@ -196,12 +201,14 @@ impl Remainder {
             per_count_n -= f64::from(share.newton_per_count).abs();
         }
         let unseen_n = (noise_n2.max(0.0) + (zero_sigma_counts * per_count_n).powi(2)).sqrt();
-        let (rest, hidden) = (rest_n.max(0.0), self.hidden);
+        let offset_counts = if per_count_n > 0.0 { rest_n / per_count_n } else { 0.0 };
+        let beside_n = (-offset_counts).max(0.0) * self.contact_per_count_n;
+        let (unseen, hidden) = (rest_n.max(0.0) + beside_n, self.hidden);
         Unseen {
             choice_n: chosen_n.hypot(self.contact_noise_n),
-            floor: Newton(rest + hidden.newton + FLOOR_SIGMAS * unseen_n.hypot(hidden.sigma_n)),
-            told: Newton(rest + FLOOR_SIGMAS * unseen_n),
-            offset_counts: if per_count_n > 0.0 { rest_n / per_count_n } else { 0.0 },
+            floor: Newton(unseen + hidden.newton + FLOOR_SIGMAS * unseen_n.hypot(hidden.sigma_n)),
+            told: Newton(unseen + FLOOR_SIGMAS * unseen_n),
+            offset_counts,
         }
     }
 }
@@ -301,12 +308,13 @@ mod tests {
         fn it_is_what_a_plain_loop_over_the_taxels_gives(taxels in taxels(0..=255), zero_sigma in 0.0..0.5_f64) {
             let tables = tables();
             let (mut remainder, mut noise, mut per_count, mut chosen) = (0.0, 0.0, 0.0, 0.0);
-            let mut of_modules = [0.0; 4];
+            let (mut of_modules, mut counts_of_modules) = ([0.0; 4], [0.0; 4]);
             for (taxel, &(count, selected, active)) in taxels.iter().enumerate() {
                 let distance = ACTIVATION.distance_counts(0.5);
                 let newton_per_count = tables.threshold_n(taxel, distance).unwrap() / distance;
                 if selected {
                     of_modules[taxel / 10] += (newton_per_count * 0.5).powi(2);
+                    counts_of_modules[taxel / 10] += newton_per_count;
                 }
                 if selected && active && f64::from(REST) - f64::from(count) < distance {
                     chosen += newton_per_count * 0.5;
@@ -322,7 +330,10 @@ mod tests {
             of_modules.sort_by(f64::total_cmp);
             let choice = of_modules[1..].iter().sum::<f64>().sqrt().hypot(chosen);
             prop_assert!((found.choice_n - choice).abs() < 1e-4 * (1.0 + choice), "{found:?} {choice}");
-            let floor = remainder.max(0.0) + FLOOR_SIGMAS * sigma;
+            counts_of_modules.sort_by(f64::total_cmp);
+            let away = if per_count > 0.0 { (-remainder / per_count).max(0.0) } else { 0.0 };
+            let beside = away * counts_of_modules[1..].iter().sum::<f64>();
+            let floor = remainder.max(0.0) + beside + FLOOR_SIGMAS * sigma;
             prop_assert!((found.floor.0 - floor).abs() < 1e-3 * (1.0 + floor), "{found:?} {floor}");
         }
 
@@ -349,6 +360,20 @@ mod tests {
             prop_assert!(!open || found.floor.0 > 0.0, "{found:?}");
             let selected = taxels.iter().any(|&(_, selected, _)| selected);
             prop_assert!(found.choice_n.is_finite() && (!selected || found.choice_n > 0.0), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn a_contact_on_a_skin_that_lies_away_from_load_is_less_than_the_floor() {
+        let tables = tables();
+        for warmed in 1..=3 {
+            // All taxels moved away from load, and those of the first module came back by as much: it is pressed.
+            let pressed = |taxel: usize| if taxel < 10 { REST } else { REST + warmed };
+            let taxels: Vec<(u8, bool, bool)> = (0..TAXELS).map(|taxel| (pressed(taxel), true, false)).collect();
+            let pressure = f64::from(tables.reading(0, REST - warmed, 0.0).unwrap().pressure_kpa);
+            let pressing = 10.0 * pressure * AREA.0 * 1e-3;
+            let found = unseen(&tables, &taxels, 0.0);
+            assert!(pressing > 0.0 && found.told.0 >= pressing - 1e-4, "{warmed} counts: {found:?} {pressing}");
         }
     }
 
