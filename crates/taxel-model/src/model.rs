@@ -160,4 +160,11 @@ impl TaxelModel {
         let sigma_kpa = self.sigma.as_ref().map_or(f64::INFINITY, |sigma| sigma.at(inside));
         Some(Reading { kpa: curve.evaluate(inside), sigma_kpa, range })
     }
+
+    /// The pressure of [`Self::evaluate`] alone, kPa, for whole recordings.
+    #[must_use]
+    pub fn kpa(&self, count: f64) -> Option<f64> {
+        let (curve, [low, high]) = (self.curve.as_ref()?, self.range?);
+        count.is_finite().then(|| curve.evaluate(count.max(low).min(high)))
+    }
 }

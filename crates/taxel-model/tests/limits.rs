@@ -34,6 +34,10 @@ fn a_reading_beyond_a_rail_is_clipped_in_every_estimator() {
         assert!(model.flags.iter().any(|f| matches!(f, Flag::RailDropped { count: 9000.0, .. })), "{:?}", model.flags);
         let got = model.evaluate(2500.0).unwrap().kpa;
         assert!((got - 50.0).abs() < 0.1, "{estimator:?}: {got} kPa");
+        // The pressure alone is that of the reading, beyond the range and of no count, too.
+        for count in [f64::NAN, f64::INFINITY, -1.0, 0.0, 1900.0, 2500.5, 4000.0, 1e300] {
+            assert_eq!(model.kpa(count), model.evaluate(count).map(|reading| reading.kpa), "{count}");
+        }
     }
 }
 

@@ -4,6 +4,7 @@
 //! harm is left out, counted and named.
 
 use anyhow::bail;
+use taxel_engine::calibration::fit::scans::is_byte;
 use taxel_model::MIN_BINNED_SAMPLES;
 
 use crate::recording::{Column, Recording};
@@ -82,16 +83,16 @@ fn check_rows(recording: &mut Recording, wanted: Wanted, notes: &mut Vec<String>
     Ok(())
 }
 
-/// A count of an 8-bit skin, or none.
-fn is_byte(count: f64) -> bool {
-    count.is_nan() || ((0.0..=255.0).contains(&count) && count.fract() == 0.0)
+/// Neither a count of an 8-bit skin nor missing.
+fn is_stray(count: f64) -> bool {
+    !is_byte(count) && !count.is_nan()
 }
 
 /// Cells that are no 8-bit counts: how many, and the first with its place.
 fn strays(recording: &Recording) -> (usize, Option<String>) {
-    let stray = |column: &Column| column.hi.iter().filter(|count| !is_byte(**count)).count();
+    let stray = |column: &Column| column.hi.iter().filter(|count| is_stray(**count)).count();
     let first = recording.counts.iter().enumerate().find_map(|(taxel, column)| {
-        let row = column.hi.iter().position(|count| !is_byte(*count))?;
+        let row = column.hi.iter().position(|count| is_stray(*count))?;
         Some(format!("line {}, c{taxel}: {}", recording.lines[row], column.hi[row]))
     });
     (recording.counts.iter().map(stray).sum(), first)
@@ -124,7 +125,7 @@ fn is_wide_skin(recording: &Recording, rows_min: u64) -> bool {
 /// Makes the few cells that are no 8-bit counts missing ones.
 fn mask_strays(recording: &mut Recording) -> Option<String> {
     let (strays, first) = strays(recording);
-    for count in recording.counts.iter_mut().flat_map(|column| &mut column.hi).filter(|count| !is_byte(**count)) {
+    for count in recording.counts.iter_mut().flat_map(|column| &mut column.hi).filter(|count| is_stray(**count)) {
         *count = f64::NAN;
     }
     let first = first?;

@@ -100,7 +100,7 @@ impl FitJob {
         let scans = scans(&time_s, &columns);
         let kpa: Vec<f64> = samples.iter().map(|sample| sample.pressure_kpa).collect();
         let course = Course::of_session(samples, self.recipe.branch);
-        let fit = SkinFit { scans: &scans, masks, kpa, course, recipe: &recipe };
+        let fit = SkinFit::new(&scans, masks, kpa, course, &recipe);
         let fitted = fit.run(&mut |_, _| {});
         if fitted.usable().is_empty() {
             let why = fitted.models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));

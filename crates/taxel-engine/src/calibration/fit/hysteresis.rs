@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use taxel_model::{Order, PLAYS, PlayState, Plays, RADII_OF_SWING};
 
-use crate::statistics::{mean, quantile, root_mean_square};
+use crate::statistics::{mean, root_mean_square, spread};
 
 /// Pressures, as shares of the range, between which the width is measured: at the ends both branches meet.
 const WIDTH_BETWEEN: (f64, f64) = (0.1, 0.85);
@@ -14,9 +14,15 @@ const SAMPLES_MIN: usize = 20;
 
 /// The swing of a smoothed count between its 0.2 and 99.8 % points.
 pub(super) fn swing(smoothed: &[f64], kpa: &[f64]) -> Option<f64> {
-    let known: Vec<f64> = smoothed.iter().zip(kpa).filter(|(_, p)| p.is_finite()).map(|(c, _)| *c).collect();
-    let swing = quantile(known.clone(), 0.998)? - quantile(known, 0.002)?;
-    (swing > 0.0).then_some(swing)
+    let known = smoothed.iter().zip(kpa).filter(|(_, p)| p.is_finite()).map(|(c, _)| *c);
+    let [low, high] = spread(known, [0.002, 0.998])?;
+    Some(high - low).filter(|swing| *swing > 0.0)
+}
+
+/// The least and the greatest of the finite values; infinite without any.
+pub(super) fn range(values: &[f64]) -> [f64; 2] {
+    let finite = || values.iter().copied().filter(|value| value.is_finite());
+    [finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max)]
 }
 
 /// Plays of one taxel over the scans with a pressure.
@@ -53,7 +59,7 @@ pub(super) fn read(plays: &Plays, smoothed: &[f64]) -> Vec<f64> {
 /// How much lower the gauge is at equal counts while the pressure falls, kPa: the mean of what the static curve reads
 /// too high on the falling branch, less that on the rising one.
 pub(super) fn width_kpa(static_read: &[f64], kpa: &[f64], falling: &[bool]) -> Option<f64> {
-    let (low, high) = (quantile(kpa.to_vec(), 0.0)?, quantile(kpa.to_vec(), 1.0)?);
+    let [low, high] = range(kpa);
     let between = |p: f64| {
         let share = (p - low) / (high - low);
         share >= WIDTH_BETWEEN.0 && share <= WIDTH_BETWEEN.1

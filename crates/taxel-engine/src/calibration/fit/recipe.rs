@@ -47,7 +47,7 @@ pub fn fit(
     let gauge_zero_kpa = if recipe.gauge_zero { gauge_zero::find(scans, &kpa, &masks) } else { 0.0 };
     kpa.iter_mut().for_each(|p| *p -= gauge_zero_kpa);
     let course = if recipe.is_paper() { Course::of_runs(&kpa) } else { Course::of_recording(scans.len(), top) };
-    let fit = SkinFit { scans, masks, kpa, course, recipe };
+    let fit = SkinFit::new(scans, masks, kpa, course, recipe);
     let fitted = fit.run(progress);
     let (usable, rest) = (fitted.usable(), rest_scans(&fit.kpa, top));
     let of = |t: usize| baseline(scans.counts[t], fit.masks.of(t), &rest);

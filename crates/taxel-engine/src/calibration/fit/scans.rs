@@ -39,8 +39,7 @@ impl Scans<'_> {
     }
 
     pub(crate) fn has_bytes(&self) -> bool {
-        let byte = |c: &f64| c.is_nan() || ((0.0..=255.0).contains(c) && c.fract() == 0.0);
-        self.counts.iter().all(|column| column.iter().all(byte))
+        self.counts.iter().all(|column| column.iter().all(|c| c.is_nan() || is_byte(*c)))
     }
 
     /// Median time from scan to scan, seconds; 0 if there is none.
@@ -55,6 +54,12 @@ impl Scans<'_> {
         let scans = seconds / self.period_s();
         if scans.is_finite() { (scans as usize).clamp(1, self.len().max(1)) } else { 1 }
     }
+}
+
+/// Whether a value is an 8-bit count. Many millions are asked, and `fract` is a call of the mathematical library.
+#[must_use]
+pub fn is_byte(value: f64) -> bool {
+    f64::from(value as u8) == value
 }
 
 /// Modules of `size` neighbouring taxels; the last may be smaller.

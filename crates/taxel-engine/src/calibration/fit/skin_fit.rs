@@ -9,7 +9,7 @@ use crate::calibration::fit::course::Course;
 use crate::calibration::fit::hysteresis;
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::FitRecipe;
-use crate::calibration::fit::scans::Scans;
+use crate::calibration::fit::scans::{Scans, is_byte};
 use crate::calibration::fit::smooth::half_width;
 use crate::calibration::fit::smooth::smooth;
 use crate::intake::faults::fault::Fault;
@@ -35,8 +35,9 @@ pub(crate) struct SkinFit<'a> {
     pub kpa: Vec<f64>,
     /// Ramps and branches.
     pub course: Course,
-    /// How to fit.
-    pub recipe: &'a FitRecipe,
+    recipe: &'a FitRecipe,
+    /// Scans on each side of the mean that the models see in use.
+    half_scans: usize,
 }
 
 /// What came of the fit.
@@ -58,11 +59,13 @@ impl FittedSkin {
     }
 }
 
-/// A taxel's static curve with its figures in use: RMSE in kPa, NaN without a curve that may be used, and hysteresis.
+/// A taxel's static curve with its figures in use: RMSE in kPa, NaN without a curve that may be used, hysteresis, and counts
+/// per kPa, if it ever moved while the pressure did.
 struct FittedTaxel {
     model: TaxelModel,
     rmse_kpa: f64,
     hysteresis_kpa: Option<f64>,
+    sensitivity: Option<f64>,
 }
 
 impl FittedTaxel {
@@ -93,7 +96,19 @@ impl FittedTaxel {
     }
 }
 
-impl SkinFit<'_> {
+impl<'a> SkinFit<'a> {
+    /// To be fitted as `recipe` says.
+    pub(crate) fn new(
+        scans: &'a Scans<'a>,
+        masks: Masks,
+        kpa: Vec<f64>,
+        course: Course,
+        recipe: &'a FitRecipe,
+    ) -> Self {
+        let half_scans = half_width(scans, recipe.smooth_s);
+        Self { scans, masks, kpa, course, recipe, half_scans }
+    }
+
     /// Fits every taxel. `progress` is told taxels done and all.
     pub(crate) fn run(&self, progress: &mut dyn FnMut(usize, usize)) -> FittedSkin {
         let n = self.scans.counts.len();
@@ -133,10 +148,9 @@ impl SkinFit<'_> {
     /// The taxel's count as the models see it in use; NaN where it is not sound.
     fn smoothed(&self, taxel: usize) -> Vec<f64> {
         let (counts, masked) = (self.scans.counts[taxel], self.masks.of(taxel));
-        let half = half_width(self.scans, self.recipe.smooth_s);
         let mut all = vec![f64::NAN; counts.len()];
         for stretch in self.course.stretches() {
-            let smoothed = smooth(&counts[stretch.clone()], &masked[stretch.clone()], half);
+            let smoothed = smooth(&counts[stretch.clone()], &masked[stretch.clone()], self.half_scans);
             all[stretch.clone()].copy_from_slice(&smoothed);
         }
         all.iter_mut().zip(masked).filter(|(_, masked)| **masked).for_each(|(count, _)| *count = f64::NAN);
@@ -148,6 +162,7 @@ impl SkinFit<'_> {
             model: TaxelModel::without_curve(status, self.recipe.options.gauge),
             rmse_kpa: f64::NAN,
             hysteresis_kpa: None,
+            sensitivity: None,
         };
         let share = self.masks.share(taxel);
         if share > MASKED_MAX && !self.recipe.is_paper() {
@@ -162,9 +177,12 @@ impl SkinFit<'_> {
         }
         let mut fitted = FittedTaxel { model, ..without(Status::NoData) };
         if fitted.model.is_usable() || fitted.has_wide_interval() {
-            let read = read_static(&fitted.model, &self.smoothed(taxel));
+            let smoothed = self.smoothed(taxel);
+            let read = read_static(&fitted.model, &smoothed);
             fitted.rmse_kpa = root_mean_square(read.iter().zip(&kpa).map(|(read, p)| read - p));
             fitted.hysteresis_kpa = hysteresis::width_kpa(&read, &kpa, self.course.falling());
+            let [low, high] = hysteresis::range(&kpa);
+            fitted.sensitivity = hysteresis::swing(&smoothed, &kpa).map(|swing| swing / (high - low));
         }
         fitted
     }
@@ -174,7 +192,7 @@ impl SkinFit<'_> {
         let options: &FitOptions = &self.recipe.options;
         let sound = || counts.iter().zip(kpa).filter(|(_, p)| p.is_finite());
         // The accumulator rounds pressures to a thousandth of a pascal, which the paper's equation does not.
-        if !self.recipe.is_paper() && sound().all(|(c, _)| c.fract() == 0.0 && (0.0..=255.0).contains(c)) {
+        if !self.recipe.is_paper() && sound().all(|(c, _)| is_byte(*c)) {
             // Counts are integers, and so are all sums.
             let mut sums = Accumulator::new();
             for (ramp, scans) in self.course.ramps() {
@@ -215,26 +233,26 @@ impl SkinFit<'_> {
 
     /// What is known of a usable taxel in use; `None` if it never moved while the pressure did.
     fn in_use(&self, taxel: usize, fitted: &FittedTaxel, plays_on: bool) -> Option<RecordedTaxel> {
-        let (smoothed, kpa) = (self.smoothed(taxel), self.pressure(taxel));
-        let range = |kpa: &[f64]| {
-            let known = || kpa.iter().copied().filter(|p| p.is_finite());
-            known().fold(f64::NEG_INFINITY, f64::max) - known().fold(f64::INFINITY, f64::min)
-        };
-        let sensitivity = hysteresis::swing(&smoothed, &kpa)? / range(&kpa);
+        let sensitivity = fitted.sensitivity?;
         // Plays that contradict the static curve would be of another taxel.
-        let plays: Option<Plays> =
-            if plays_on { hysteresis::identify(&smoothed, &kpa, self.recipe.plays_order) } else { None };
-        let plays = plays.filter(|plays| plays.sign == fitted.model.sign);
-        let rmse_kpa = plays.as_ref().map_or(fitted.rmse_kpa, |plays| {
-            root_mean_square(hysteresis::read(plays, &smoothed).iter().zip(&kpa).map(|(read, p)| read - p))
-        });
+        let same_sign = |(plays, _): &(Plays, f64)| plays.sign == fitted.model.sign;
+        let plays = if plays_on { self.plays(taxel).filter(same_sign) } else { None };
+        let (plays, rmse_kpa) = plays.map_or((None, fitted.rmse_kpa), |(plays, rmse_kpa)| (Some(plays), rmse_kpa));
         Some(RecordedTaxel { rmse_kpa, sensitivity, hysteresis_kpa: fitted.hysteresis_kpa, plays })
+    }
+
+    /// The taxel's plays, and what error they leave, kPa.
+    fn plays(&self, taxel: usize) -> Option<(Plays, f64)> {
+        let (smoothed, kpa) = (self.smoothed(taxel), self.pressure(taxel));
+        let plays = hysteresis::identify(&smoothed, &kpa, self.recipe.plays_order)?;
+        let read = hysteresis::read(&plays, &smoothed);
+        Some((plays, root_mean_square(read.iter().zip(&kpa).map(|(read, p)| read - p))))
     }
 }
 
 /// The pressures that a static curve makes of a smoothed count; NaN where there is none.
 fn read_static(model: &TaxelModel, smoothed: &[f64]) -> Vec<f64> {
-    smoothed.iter().map(|count| model.evaluate(*count).map_or(f64::NAN, |reading| reading.kpa)).collect()
+    smoothed.iter().map(|count| model.kpa(*count).unwrap_or(f64::NAN)).collect()
 }
 
 /// Whether a loop is large enough for plays to win by taking it out. One of width w makes an error of w / 2; if plays win
