@@ -1,0 +1,68 @@
+//! The paper's own recipe.
+
+use super::*;
+
+fn paper() -> FitRecipe {
+    // What the paper has no word of is not done, whatever else is asked for.
+    let options = FitOptions { estimator: Estimator::Paper, ..FitOptions::default() };
+    FitRecipe { options, branch: Branch::Both, plays: PlaysChoice::On, max_lag_s: 2.0, ..FitRecipe::default() }
+}
+
+#[test]
+fn the_papers_recipe_is_its_equation_over_every_rising_sample() {
+    let mut skin = Skin::cycle(5.0);
+    skin.spoil(2, 20.0..75.9, |_| 90.0); // frozen until the end
+    skin.spoil(3, 20.0..30.0, |_| 240.0); // frozen
+    skin.spoil(5, 20.0..20.5, |_| 255.0); // on a rail
+    skin.spoil(7, 25.0..25.02, |_| 120.0); // one reading that stands alone
+    skin.counts[9][700] = f64::NAN;
+    skin.kpa[900] += 14.0; // a reading of the gauge that is off
+    let set = fitted(&skin, &paper());
+    assert_eq!(set.method, "order 5, paper, rising");
+    let zero_return = set.recorded.as_ref().unwrap().zero_return_counts;
+    assert!(zero_return < 2.0, "a broken taxel has no say in where the others come back to: {zero_return}");
+    let top = (0..skin.kpa.len()).fold(0, |top, i| if skin.kpa[i] > skin.kpa[top] { i } else { top });
+    assert_eq!(top, 1900);
+    for (taxel, model) in set.taxels.iter().enumerate() {
+        let rows = (0..=top).filter(|&i| skin.counts[taxel][i].is_finite());
+        let (counts, kpa): (Vec<f64>, Vec<f64>) = rows.map(|i| (skin.counts[taxel][i], skin.kpa[i])).unzip();
+        let alone = taxel_model::fit(&Samples::new(&counts, &kpa), &paper().options);
+        assert_eq!((model.status, model.estimator), (Status::Ok, Estimator::Paper), "taxel {taxel}");
+        assert_eq!((&model.curve, model.range), (&alone.curve, alone.range), "taxel {taxel}");
+        assert_eq!(model.quality.samples, counts.len() as u64, "taxel {taxel}");
+        assert!(!model.repaired && set.plays(taxel).is_none());
+    }
+    let least = |taxel: usize| set.taxels[taxel].range.unwrap()[0];
+    assert!(least(7) == 120.0 && least(8) > 120.0, "the outlier has its say");
+    let left_out =
+        |flag: &Flag| matches!(flag, Flag::RailDropped { .. } | Flag::Dropouts { .. } | Flag::Rejected { .. });
+    assert!(set.taxels.iter().all(|model| !model.flags.iter().any(left_out)));
+}
+
+#[test]
+fn the_paper_excludes_by_swing_alone() {
+    let mut recipe = paper();
+    let skin = Skin::cycle(5.0);
+    let swing = |set: &crate::model_set::ModelSet, taxel: usize| set.taxels[taxel].quality.swing_counts;
+    let all = fitted(&skin, &recipe);
+    recipe.options.exclusion.min_swing_counts = 0.5 * (swing(&all, 0) + swing(&all, TAXELS - 1));
+    recipe.options.exclusion.max_interval_share = 1e-6;
+    let some = fitted(&skin, &recipe);
+    for (taxel, model) in some.taxels.iter().enumerate() {
+        let (swing, needed) = (swing(&all, taxel), recipe.options.exclusion.min_swing_counts);
+        let excluded = Status::InsufficientSwing { swing_counts: swing, needed_counts: needed };
+        assert_eq!(model.status, if swing < needed { excluded } else { Status::Ok }, "taxel {taxel}");
+    }
+}
+
+#[test]
+fn three_runs_all_have_their_rises_in_the_papers_fit() {
+    let one = cycle(4.0, 200.0);
+    let skin = Skin::new(one.repeat(3), 5.0, 0.0, 4);
+    let set = fitted(&skin, &paper());
+    let legs = legs::legs(&skin.kpa);
+    let rising = legs::rising(&skin.kpa, &legs).iter().filter(|r| **r).count();
+    assert!((3 * 1900..3 * 2400).contains(&rising), "{rising}");
+    assert!(set.taxels.iter().all(|model| model.quality.samples == rising as u64));
+    assert!(set.taxels.iter().all(|model| model.quality.repeatability_kpa.is_some()));
+}
