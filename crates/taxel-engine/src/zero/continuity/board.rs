@@ -14,6 +14,8 @@ const PROBATION_SCANS: u8 = KEPT as u8;
 const RETURN_SCANS: u8 = 3;
 /// Fewest sound inputs, pads counted twice, that may clear a board of a doubt.
 const WITNESSES_MIN: f32 = 8.0;
+/// For so many scans at the most, in a row, a doubt waits for them.
+const BLIND_SCANS_MAX: u8 = 160;
 /// Of the load on a board less than this share remains when it vanishes.
 const VANISHED_SHARE: f32 = 0.4;
 /// A load on so many taxels, or fewer, may be their noise.
@@ -76,6 +78,8 @@ pub struct BoardWatch {
     pub references: Vec<Reference>,
     /// Why its zero is in doubt, and for how many scans yet.
     doubt: Option<(String, u8)>,
+    /// For how many scans the doubt has waited because too few inputs were sound.
+    blind: u8,
     /// For how many scans yet its force is a lower bound: its load vanished at once.
     vanished: u8,
     /// For how many scans longer than that the counts have left it unclear.
@@ -97,7 +101,7 @@ impl BoardWatch {
 
     /// A zero was taken: nothing is held against the board.
     pub fn begin(&mut self) {
-        (self.doubt, self.vanished, self.unclear, self.before) = (None, 0, 0, None);
+        (self.doubt, self.blind, self.vanished, self.unclear, self.before) = (None, 0, 0, 0, None);
     }
 
     /// Something that it sent says that it may have taken a new zero; `read` are the counts of the patch before, if there
@@ -186,8 +190,11 @@ impl BoardWatch {
             self.doubt = Some((why.clone(), PROBATION_SCANS));
             return Some(Finding::Doubt(why));
         }
+        let blind = seen.witnesses < WITNESSES_MIN;
+        self.blind = if blind && self.doubt.is_some() { self.blind.saturating_add(1) } else { 0 };
         if let Some((_, left)) = &mut self.doubt {
-            *left = wait(*left, seen.possible);
+            // Its last scan waits for taxels that are sound again, as they soon are after frames came late and all at once.
+            *left = wait(*left, seen.possible || (blind && self.blind <= BLIND_SCANS_MAX));
         }
         self.end_doubt(seen)
     }
@@ -248,9 +255,9 @@ mod tests {
         board
     }
 
-    /// How many scans of this come before the first finding, and what that is; `None` of a hundred.
+    /// How many scans of this come before the first finding, and what that is; `None` of two hundred.
     fn scans(board: &mut BoardWatch, seen: Seen) -> Option<(usize, Finding)> {
-        (0..100).find_map(|scan| Some((scan, board.judge(&seen)?)))
+        (0..200).find_map(|scan| Some((scan, board.judge(&seen)?)))
     }
 
     #[test]
@@ -277,10 +284,20 @@ mod tests {
         (0..15).for_each(|_| assert_eq!(late.judge(&QUIET), None));
         assert!(matches!(scans(&mut late, POSSIBLE), Some((15, Finding::NewZero(_)))));
         assert_eq!(scans(&mut board(), POSSIBLE), None, "of a board that nobody suspects");
-        let mut hidden = doubted();
+    }
+
+    #[test]
+    fn a_doubt_waits_for_sound_taxels_but_not_for_ever() {
         let blind = Seen { witnesses: WITNESSES_MIN - 0.1, ..QUIET };
-        let Some((15, Finding::NewZero(why))) = scans(&mut hidden, blind) else { panic!("{hidden:?}") };
+        let mut hidden = doubted();
+        let Some((160, Finding::NewZero(why))) = scans(&mut hidden, blind) else { panic!("{hidden:?}") };
         assert!(why.starts_with("board 12 was not heard, and too few"), "{why}");
+        // A taxel counts as sound if it was so in sixteen scans: one scan with enough of them shows what a doubt asks for.
+        for scans_blind in [15, 16, 160] {
+            let mut board = doubted();
+            (0..scans_blind).for_each(|_| assert!(board.judge(&blind).is_none() && board.doubted().is_some()));
+            assert!(board.judge(&QUIET).is_none() && board.doubted().is_none(), "{scans_blind}");
+        }
     }
 
     #[test]
