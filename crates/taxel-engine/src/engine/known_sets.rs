@@ -108,4 +108,37 @@ mod tests {
         sets.learn(set(1), |_| false);
         assert_eq!(sets.all()[0].at_hand.as_ref().map(|set| set.created_wall_ns), Some(1));
     }
+
+    fn named(id: &str) -> Arc<ModelSet> {
+        Arc::new(ModelSet { id: id.to_owned(), ..ModelSet::clone(&set(1)) })
+    }
+
+    fn at_hand(sets: &KnownSets) -> Vec<&str> {
+        sets.all().iter().filter(|known| known.at_hand.is_some()).map(|known| known.id.as_str()).collect()
+    }
+
+    #[test]
+    fn the_last_four_and_those_in_use_are_at_hand() {
+        let mut sets = KnownSets::default();
+        let in_use = |id: &str| id == "m-b";
+        for id in ["m-a", "m-b", "m-c", "m-d", "m-e"] {
+            sets.learn(named(id), in_use);
+        }
+        assert_eq!((sets.len(), at_hand(&sets)), (5, vec!["m-a", "m-b", "m-c", "m-d", "m-e"]));
+        // What comes again is the last; what is not known does not come.
+        sets.keep_at_hand(&named("m-a"), in_use);
+        sets.keep_at_hand(&named("m-x"), in_use);
+        sets.learn(named("m-f"), in_use);
+        assert_eq!(at_hand(&sets), ["m-a", "m-b", "m-d", "m-e", "m-f"]);
+        // Once it is not in use it is the oldest.
+        sets.learn(named("m-g"), |_| false);
+        assert_eq!(at_hand(&sets), ["m-a", "m-e", "m-f", "m-g"]);
+        sets.keep_at_hand(&named("m-c"), |_| false);
+        assert_eq!(at_hand(&sets), ["m-a", "m-c", "m-f", "m-g"]);
+        assert!(sets.get("m-b").is_some() && sets.get("m-x").is_none());
+        sets.forget("m-g");
+        assert_eq!((sets.len(), at_hand(&sets)), (6, vec!["m-a", "m-c", "m-f"]));
+        sets.learn(named("m-h"), |_| false);
+        assert_eq!(at_hand(&sets), ["m-a", "m-c", "m-f", "m-h"], "what is forgotten takes no room");
+    }
 }

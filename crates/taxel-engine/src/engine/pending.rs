@@ -170,3 +170,33 @@ impl Pending {
         self.effects.values().any(|effect| matches!(effect, Effect::Forget { what, .. } if what == gone))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_ticket_is_another_one_and_is_good_for_what_it_was_given_for_once() {
+        let mut pending = Pending::default();
+        let request = RequestId(7);
+        let forget = Effect::Forget { request, what: Forgotten::Session(3) };
+        let zero = Effect::Zero { request, patch: 1 };
+        let tickets = [
+            pending.keep(forget),
+            pending.load(Loading { request, session: 3, command: Trigger::StartRamp }),
+            pending.load_set(LoadingSet { request, patch: 2, model_set: "m-1".to_owned(), expected: None }),
+            pending.keep(zero),
+        ];
+        assert!((0..4).all(|i| !tickets[..i].contains(&tickets[i])), "{tickets:?}");
+        assert!(pending.take(tickets[1]).is_none() && pending.take_load(tickets[0]).is_none());
+        assert!(pending.forgets(&Forgotten::Session(3)) && !pending.forgets(&Forgotten::Session(4)));
+        assert!(matches!(pending.take(tickets[3]), Some(Effect::Zero { patch: 1, .. })));
+        assert!(pending.take(tickets[0]).is_some() && pending.take(tickets[0]).is_none());
+        assert!(!pending.forgets(&Forgotten::Session(3)));
+        assert_eq!(pending.take_load(tickets[1]).map(|loading| loading.session), Some(3));
+        assert!(pending.take_load(tickets[1]).is_none());
+        assert_eq!(pending.take_set(tickets[2]).map(|loading| loading.patch), Some(2));
+        assert!(pending.take_set(tickets[2]).is_none());
+        assert!(!pending.activates(1) && !pending.activates_set("m-1") && pending.imports() == 0);
+    }
+}

@@ -56,3 +56,122 @@ fn odd(curve: &Curve, [low, high]: [f64; 2], sign: Sign, most: f64) -> Option<St
     let (from, to) = (curve.evaluate(low), curve.evaluate(high));
     (rise < 0.0).then(|| format!("its curve goes from {from} to {to} kPa, against its `sign`"))
 }
+
+#[cfg(test)]
+mod tests {
+    use taxel_model::{GaugeUncertainty, PLAYS, Status, TaxelModel};
+
+    use super::*;
+    use crate::model_set::{Recorded, RecordedTaxel};
+
+    const SIGN: Sign = Sign::Falling;
+
+    /// Over 150 to 250 counts, in the polynomials of Chebyshev.
+    fn curve(chebyshev: &[f64]) -> Curve {
+        Curve { centre: 200.0, half_width: 50.0, chebyshev: chebyshev.to_vec() }
+    }
+
+    fn set(pressure_max_kpa: f64, model: TaxelModel, plays: Option<Plays>) -> ModelSet {
+        let taxel = RecordedTaxel { rmse_kpa: 0.0, sensitivity: 1.0, hysteresis_kpa: None, plays };
+        let recorded = Recorded {
+            smooth_s: 0.0,
+            module_size: 10,
+            lag_s: 0.0,
+            clock: None,
+            zero_return_counts: 0.0,
+            zero_return_common_counts: None,
+            plays_error_ratio: None,
+            taxels: vec![Some(taxel)],
+        };
+        ModelSet {
+            id: "m-1".to_owned(),
+            patch: "p".to_owned(),
+            created_wall_ns: 0,
+            session: None,
+            method: String::new(),
+            board_settings: Vec::new(),
+            baseline: Vec::new(),
+            pressure_max_kpa,
+            gauge_gain_rel: 0.0,
+            gauge_offset_kpa: 0.0,
+            taxels: vec![model],
+            recorded: Some(recorded),
+            recalibrated: None,
+        }
+    }
+
+    fn model(chebyshev: &[f64], sign: Sign) -> TaxelModel {
+        let without = TaxelModel::without_curve(Status::Ok, GaugeUncertainty::default());
+        TaxelModel { sign, range: Some([150.0, 250.0]), curve: Some(curve(chebyshev)), ..without }
+    }
+
+    /// What is said of a set for a patch that is calibrated to 70 kPa.
+    fn says(set: &ModelSet) -> Option<String> {
+        implausible(set, Kilopascal(70.0))
+    }
+
+    #[test]
+    fn a_calibration_reached_more_than_nothing_and_at_most_ten_times_the_target() {
+        for (kpa, plausible) in
+            [(0.0, false), (-1.0, false), (f64::NAN, false), (0.1, true), (700.0, true), (700.1, false)]
+        {
+            let found = says(&set(kpa, model(&[0.0], SIGN), None));
+            let said = found.is_some_and(|why| why.contains("more than 0 and at most 700 for this patch"));
+            assert_eq!(said, !plausible, "{kpa}");
+        }
+        let none = TaxelModel::without_curve(Status::NoData, GaugeUncertainty::default());
+        assert_eq!(says(&set(0.0, none, None)), None, "a set without models was calibrated to nothing");
+    }
+
+    /// From -35 to 105 kPa after a calibration to 70 kPa.
+    #[test]
+    fn a_curve_errs_by_half_of_the_calibrations_pressure_at_most() {
+        for (chebyshev, problem) in [
+            ([35.0, -69.9, 0.0], None),
+            ([35.1, -70.0, 0.0], Some("its curve gives 105.1 kPa at count 150, expected -35 to 105 kPa")),
+            ([34.9, -70.0, 0.0], Some("kPa at count 250, expected -35 to 105 kPa")),
+            // A bay between its ends, which are within the limits.
+            ([30.0, -1.0, 70.0], Some("kPa at count 192.1875, expected -35 to 105 kPa")),
+            ([f64::NAN, 0.0, 0.0], Some("its curve gives NaN kPa at count 150")),
+        ] {
+            let found = says(&set(70.0, model(&chebyshev, SIGN), None));
+            let is = found.as_deref().zip(problem).is_some_and(|(is, problem)| is.contains(problem));
+            assert!(is || (found.is_none() && problem.is_none()), "{chebyshev:?}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn a_curve_goes_the_way_of_its_sign() {
+        for (slope, sign, plausible) in [
+            (-5.0, Sign::Falling, true),
+            (5.0, Sign::Falling, false),
+            (-5.0, Sign::Rising, false),
+            (5.0, Sign::Rising, true),
+            (0.0, Sign::Falling, true),
+        ] {
+            let found = says(&set(70.0, model(&[30.0, slope], sign), None));
+            let (from, to) = (30.0 - slope, 30.0 + slope);
+            let why = format!("taxel 0: its curve goes from {from} to {to} kPa, against its `sign`");
+            assert_eq!(found, (!plausible).then_some(why));
+        }
+    }
+
+    #[test]
+    fn hysteresis_is_no_more_than_the_calibrations_pressure() {
+        let plays = |radius: f64, chebyshev: &[f64]| {
+            let (radii_counts, weights_kpa) = ([radius; PLAYS], [2.0, 5.0]);
+            Plays { curve: curve(chebyshev), range: [150.0, 250.0], sign: SIGN, radii_counts, weights_kpa }
+        };
+        for (radius, problem) in [
+            (10.0, None),
+            (10.1, Some("taxel 0: its hysteresis is 70.")),
+            (f64::NAN, Some("taxel 0: its hysteresis is NaN kPa, the calibration went up to 70 kPa")),
+        ] {
+            let found = says(&set(70.0, model(&[35.0, -5.0], SIGN), Some(plays(radius, &[35.0, -5.0]))));
+            assert_eq!(found.is_some(), problem.is_some(), "{radius}: {found:?}");
+            assert!(found.as_deref().zip(problem).is_none_or(|(is, problem)| is.starts_with(problem)), "{found:?}");
+        }
+        let found = says(&set(70.0, model(&[35.0, -5.0], SIGN), Some(plays(1.0, &[35.0, 5.0]))));
+        assert!(found.is_some_and(|why| why.contains("against its `sign`")), "the curve under its hysteresis");
+    }
+}

@@ -68,3 +68,38 @@ fn group_of(others: &[Vec<Vec<(usize, usize)>>], patch: usize) -> Vec<usize> {
     group.sort_unstable();
     group
 }
+
+#[cfg(test)]
+mod tests {
+    use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
+
+    use super::*;
+
+    /// One module of each board, given by bus and address.
+    fn patch(name: &str, boards: &[(u8, u8)]) -> PatchPlan {
+        let board = |(module, &(bus, address)): (usize, &(u8, u8))| Board {
+            bus: BusIndex(bus),
+            address: BoardAddress::new(address).unwrap(),
+            modules: vec![(Module::new(module as u8).unwrap(), ModuleKind::Triangle)],
+        };
+        PatchPlan::new(Patch::new(name, boards.iter().enumerate().map(board).collect()).unwrap())
+    }
+
+    #[test]
+    fn who_shares_boards_with_whom() {
+        let patches = vec![
+            patch("upper", &[(0, 13)]),
+            patch("far", &[(0, 9), (1, 13)]),
+            patch("middle", &[(0, 12), (0, 13)]),
+            patch("lower", &[(0, 11), (0, 12)]),
+        ];
+        let shared = SharedBoards::new(&Plan { buses: 2, patches });
+        let of = |patch: usize, board: usize| shared.others(patch, board).to_vec();
+        assert_eq!([of(0, 0), of(2, 0), of(2, 1), of(3, 1)], [vec![(2, 1)], vec![(3, 1)], vec![(0, 0)], vec![(2, 0)]]);
+        assert!([of(1, 0), of(1, 1), of(3, 0), of(0, 1), of(4, 0)].iter().all(Vec::is_empty));
+        let shares = (0..5).map(|patch| shared.of_patch(patch));
+        assert!(shares.eq([vec![true], vec![false; 2], vec![true; 2], vec![false, true], Vec::new()]));
+        let groups = (0..5).map(|patch| shared.group(patch));
+        assert!(groups.eq([[0, 2, 3].as_slice(), &[1], &[0, 2, 3], &[0, 2, 3], &[]]));
+    }
+}

@@ -6,8 +6,11 @@ use std::time::Duration;
 
 use taxel_engine::command::{Command, Done, Rejection, Reply, RequestId};
 use taxel_engine::plan::{BoardSetup, PatchPlan, Plan};
-use taxel_engine::{Engine, Input, Now, Output, Restored};
-use taxel_skin::{Board, BoardAddress, Module, ModuleKind, Patch, Time};
+use taxel_engine::{Engine, ErrorReason, Input, Now, Output, Restored};
+use taxel_model::GaugeUncertainty;
+use taxel_sim::GaugeConfig;
+use taxel_skin::{Board, BoardAddress, Kilopascal, Module, ModuleKind, Patch, Time};
+use taxel_wire::TimedFrame;
 use taxel_wire::icub::Command as BoardCommand;
 
 use crate::world::{BUS, EPOCH_NS, plan};
@@ -103,4 +106,34 @@ fn a_patch_is_named_where_there_are_several() {
     let ended = ask(&mut engine, Time::default(), Command::DiscardSession { session: 1 });
     let Ok(Done::Session(view)) = ended else { panic!("{ended:?}") };
     assert_eq!(view.reason, "an operator laid it aside");
+}
+
+/// A vented bag is at 10 kPa at most, and at no less than 0.3 kPa and three standard deviations of the gauge below none.
+#[test]
+fn what_a_bag_may_be_at_when_boards_are_configured() {
+    for (kpa, later_ms, refused) in [
+        (-1.79, 100, None),
+        (-1.81, 100, Some((ErrorReason::GaugeOffset, "no less than -1.80 kPa: set the gauge's zero"))),
+        (10.0, 100, None),
+        (10.01, 100, Some((ErrorReason::BagPresses, "vent it below 10.0 kPa first"))),
+        (10.01, 500, Some((ErrorReason::BagPresses, "presses on the skin"))),
+        // A reading that is older says nothing any more.
+        (10.01, 501, None),
+        (-1.81, 501, None),
+    ] {
+        let mut patch = patch("only", &[(13, 0)]);
+        patch.fit.gauge = GaugeUncertainty { gain_rel: 0.5, offset_kpa: 0.3, noise_kpa: 0.4 };
+        let mut engine = Engine::new(Arc::new(Plan { buses: 1, patches: vec![patch] }), Restored::default());
+        let time = Time::from_nanos(1_000_000_000);
+        let frame = GaugeConfig::default().signal.encode(Kilopascal(kpa)).unwrap();
+        step(&mut engine, time, Input::Frames(BUS, &[TimedFrame { time, frame }]));
+        let bring_up = Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) };
+        match (ask(&mut engine, time + Duration::from_millis(later_ms), bring_up), refused) {
+            (Ok(Done::BringUpStarted), None) => {}
+            (Err(Rejection::FailedPrecondition(is, why)), Some((reason, words))) => {
+                assert!(is == reason && why.contains(words), "{kpa} kPa: {why}");
+            }
+            (reply, _) => panic!("{kpa} kPa, {later_ms} ms later: {reply:?}"),
+        }
+    }
 }

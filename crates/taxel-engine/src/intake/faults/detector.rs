@@ -247,9 +247,6 @@ impl ModuleWatch {
 }
 
 fn slots_by_size(taxels: usize) -> &'static [u8] {
-    match taxels {
-        10 => ModuleKind::Triangle.taxel_slots(),
-        11 => ModuleKind::PalmPad11.taxel_slots(),
-        _ => ModuleKind::Fingertip.taxel_slots(),
-    }
+    // The first eleven of a fingertip are those of a palm with pad 11.
+    if taxels == 10 { ModuleKind::Triangle.taxel_slots() } else { ModuleKind::Fingertip.taxel_slots() }
 }

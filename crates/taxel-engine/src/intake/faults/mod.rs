@@ -1,6 +1,8 @@
 //! Faults of taxels and modules, found from their own counts and status words.
 
 pub mod detector;
+#[cfg(test)]
+mod edge_tests;
 pub mod fault;
 pub mod limits;
 mod taxel;

@@ -46,8 +46,6 @@ pub(super) struct TaxelWatch {
     rail_until: Time,
     jump_until: Time,
     still_until: Time,
-    /// The last of these three.
-    held_until: Time,
     since: Option<Time>,
 }
 
@@ -67,7 +65,6 @@ impl Default for TaxelWatch {
             rail_until: NEVER,
             jump_until: NEVER,
             still_until: NEVER,
-            held_until: NEVER,
             since: None,
         }
     }
@@ -102,15 +99,14 @@ impl TaxelWatch {
         self.watch_rails(now, count, hold, limits);
         self.watch_jumps(now, hold, limits);
         self.watch_stillness(now, others_change, hold, limits);
-        self.held_until = self.rail_until.max(self.jump_until).max(self.still_until);
         self.note_onset(now);
     }
 
-    /// Nearly always a taxel has no fault and gives no reason for one; then none of the watches below would change it.
+    /// Nearly always a taxel has no fault, so none is held, and gives no reason for one; then none of the watches below
+    /// would change it.
     fn is_plainly_sound(&self, now: Time, count: f32, limits: &FaultLimits) -> bool {
         let on_at = self.jumps_on_at(limits);
         self.faults.is_empty()
-            & (now >= self.held_until)
             & (count > limits.rail_low)
             & (count < limits.rail_high)
             & (self.variance <= on_at * on_at)
@@ -131,8 +127,8 @@ impl TaxelWatch {
         let interval = now.seconds_since(self.last_change) as f32;
         self.mean_interval_s += (interval - self.mean_interval_s) * (one * self.weight(1.0));
         let product = (-delta * self.last_delta).clamp(-PRODUCT_MAX, PRODUCT_MAX);
-        let follows = if self.changes > 0 { one } else { 0.0 };
-        self.variance += (product - self.variance) * (follows * self.weight(NOISE_PRIOR));
+        // The first change follows none: both are 0 then.
+        self.variance += (product - self.variance) * (one * self.weight(NOISE_PRIOR));
         self.changes = self.changes.saturating_add(u32::from(changed));
         self.last_delta = delta + none * self.last_delta;
         self.last_change = if changed { now } else { self.last_change };

@@ -43,9 +43,13 @@
 
 mod coefficient;
 mod common;
+#[cfg(test)]
+mod edge_tests;
 pub mod follow;
 mod limits;
 mod module;
+#[cfg(test)]
+mod module_tests;
 mod others;
 pub mod plan;
 pub mod site;

@@ -275,6 +275,8 @@ fn what_is_said_of_a_skin_that_is_not_at_rest() {
     let unsteady = |what| RestVerdict::Unsteady { module: 3, what };
     let restless =
         |drift, noise_ratio| RestVerdict::Restless { drift, drift_max: 0.45, noise_ratio, noise_ratio_max: 2.5 };
+    let in_part =
+        |taxels, from_zero| RestVerdict::LoadedInPart { module: 3, taxels, moved: 2.6, moved_max: 2.5, from_zero };
     let not_enough = |scans| RestVerdict::NotEnough { scans, scans_min: 10, sound: 40, comparable: TAXELS };
     let said = [
         (
@@ -288,10 +290,21 @@ fn what_is_said_of_a_skin_that_is_not_at_rest() {
         (unsteady(Unsteadiness::Noise(2.0, 1.9)), "module 3: three of its taxels have 2.0 times their noise and more"),
         (restless(0.5, f64::NAN), "the median taxel drifts by +0.50 counts, at rest by at most 0.45"),
         (restless(0.0, 2.6), "the median taxel's noise is 2.6 times that at rest, expected at most 2.5"),
+        (in_part(2, false), "two taxels of module 3 moved 2.60 counts and more towards load since the calibration"),
+        (in_part(3, true), "three taxels of module 3 moved 2.60 counts and more towards load since the present zero"),
         (not_enough(9), "too little was seen: 9 scans, 10 are needed"),
         (not_enough(10), "too few sound taxels: 40 of the 150 that have a baseline and a model"),
     ];
     for (verdict, words) in said {
         assert!(verdict.to_string().contains(words), "`{words}` is not in: {verdict}");
     }
+}
+
+#[test]
+fn what_is_said_of_a_load() {
+    let RestVerdict::Loaded { figures, .. } = say(&on(10, 2.0, 7.05), None) else { panic!("not loaded") };
+    let figures = RestFigures { share_one_sided: 0.25, ..figures };
+    let expected =
+        "150 taxels moved +2.00 counts towards load in the median, 25 % of them that way, module 3 by 5.05 more";
+    assert_eq!(figures.to_string(), expected);
 }

@@ -1,0 +1,362 @@
+//! Where each limit of the detector lies: a little less is sound, a little more is a fault.
+
+use std::time::Duration;
+use taxel_skin::{CountRange, ModuleKind, Time};
+
+use super::taxel::TaxelWatch;
+use super::*;
+use crate::counts::Counts;
+
+const HOLD: Duration = Duration::from_secs(2);
+
+fn at(seconds: f64) -> Time {
+    Time::from_nanos((seconds * 1e9).round() as i64)
+}
+
+/// A taxel that is scanned every 20 ms.
+struct One {
+    watch: TaxelWatch,
+    scans: u32,
+}
+
+impl One {
+    fn new(noise: f32) -> Self {
+        let mut watch = TaxelWatch::default();
+        watch.expect_noise(noise);
+        let mut one = Self { watch, scans: 0 };
+        one.push(100.0);
+        one
+    }
+
+    fn push(&mut self, count: f32) {
+        self.watch.push(at(0.02 * f64::from(self.scans)), count, true, HOLD, &FaultLimits::default());
+        self.scans += 1;
+    }
+
+    fn has(&self, fault: Fault) -> bool {
+        self.watch.faults.contains(fault)
+    }
+
+    /// Goes up and down by so much from 100 counts until it jumps: after how many changes.
+    fn flicker(&mut self, by: f32) -> Option<u32> {
+        (1..=400).find(|change| {
+            self.push(if change % 2 == 1 { 100.0 + by } else { 100.0 });
+            self.has(Fault::Jumping)
+        })
+    }
+}
+
+/// The noise is 4 counts, or four times what is known; a jump counts for no more than ten counts.
+#[test]
+fn after_how_many_changes_a_taxel_jumps() {
+    for (noise, by, changes) in [
+        (0.0, 4.0, None),
+        (0.0, 4.5, Some(32)),
+        (0.0, 5.0, Some(16)),
+        (0.0, 8.0, Some(4)),
+        (0.0, 10.0, Some(3)),
+        (0.0, 20.0, Some(3)),
+        (0.5, 5.0, Some(16)),
+        (2.0, 8.0, None),
+        (2.0, 9.0, Some(32)),
+        (-2.0, 5.0, Some(16)),
+        (f32::NAN, 5.0, Some(16)),
+    ] {
+        assert_eq!(One::new(noise).flicker(by), changes, "{noise} {by}");
+    }
+    // What it did before counts: quiet changes for less and less, a ramp against it.
+    for (quiet, changes) in [(30, 12), (100, 12)] {
+        let mut one = One::new(0.0);
+        (0..quiet).for_each(|i| one.push(if i % 2 == 0 { 101.0 } else { 100.0 }));
+        assert_eq!(one.flicker(8.0), Some(changes), "{quiet}");
+    }
+    for (rise, changes) in [(5.0, 7), (20.0, 14)] {
+        let mut one = One::new(0.0);
+        one.watch.forget_trend();
+        (0..9).for_each(|step| one.push(100.0 + rise * (step - 8) as f32));
+        assert_eq!(one.flicker(12.0), Some(changes), "{rise}");
+    }
+    // Scans without a change are none: the converter is slower than the bus.
+    let mut one = One::new(0.0);
+    for count in [108.0, 108.0, 108.0, 100.0, 100.0, 108.0, 108.0, 108.0] {
+        one.push(count);
+        assert!(!one.has(Fault::Jumping));
+    }
+    one.push(100.0);
+    assert!(one.has(Fault::Jumping));
+}
+
+/// It began 1.5 s before, and is over 2 s after its noise was above three quarters of the limit.
+#[test]
+fn from_when_to_when_a_taxel_jumps() {
+    let mut one = One::new(0.0);
+    assert_eq!(one.flicker(8.0), Some(4));
+    assert_eq!(one.watch.wrong_since(), Some(at(0.08 - 1.5)));
+    // The twelfth change of a count is the last at which the noise is above three counts.
+    for change in 0..13 {
+        one.push(if change % 2 == 0 { 101.0 } else { 100.0 });
+    }
+    let last = one.scans - 2;
+    while one.scans < last + 100 {
+        one.push(101.0);
+        assert!(one.has(Fault::Jumping), "{} scans later", one.scans - last);
+    }
+    one.push(101.0);
+    assert!(one.watch.faults.is_empty(), "{}", one.watch.faults);
+    assert_eq!(one.watch.wrong_since(), None);
+}
+
+#[test]
+fn the_rails_are_the_ends_of_the_range() {
+    for (count, rail) in [(-1.0, true), (0.0, true), (0.5, false), (254.5, false), (255.0, true), (256.0, true)] {
+        let mut one = One::new(0.0);
+        one.push(101.0);
+        one.push(count);
+        assert_eq!(one.has(Fault::Rail), rail, "{count}");
+        assert_eq!(one.watch.wrong_since(), rail.then_some(at(0.04)));
+    }
+    let mut one = One::new(0.0);
+    one.push(0.0);
+    let over = (1..200).find(|scan| {
+        one.push(if scan % 2 == 0 { 101.0 } else { 100.0 });
+        one.watch.faults.is_empty()
+    });
+    assert_eq!(over, Some(100), "it is over after two seconds");
+}
+
+/// Seconds from the last change to when it is told, in scans of so many seconds.
+fn still(watch: &mut TaxelWatch, from: f64, fault: Fault, others_change: bool, step: f64) -> Option<f64> {
+    (1..2_000).map(|scan| step * f64::from(scan)).find(|seconds| {
+        watch.push(at(from + seconds), 100.0, others_change, HOLD, &FaultLimits::default());
+        watch.faults.contains(fault)
+    })
+}
+
+#[test]
+fn after_how_many_seconds_a_still_taxel_is_frozen() {
+    // Its known noise, how long its changes took in turns, whether others change.
+    for (noise, intervals, others, after) in [
+        (0.0, [0.05; 2], true, Some(2.05)),
+        (0.0, [0.05; 2], false, None),
+        (0.0, [0.5; 2], true, Some(10.05)),
+        (0.0, [0.2, 0.6], true, Some(8.05)),
+        (0.29, [0.05; 2], false, None),
+        (0.31, [0.05; 2], false, Some(2.05)),
+        (0.31, [0.5; 2], true, Some(2.05)),
+    ] {
+        let mut watch = TaxelWatch::default();
+        watch.expect_noise(noise);
+        let mut last = 0.0;
+        for change in 0..=10 {
+            last += if change == 0 { 0.0 } else { intervals[change % 2] };
+            let count = if change % 2 == 0 { 100.0 } else { 101.0 };
+            watch.push(at(last), count, others, HOLD, &FaultLimits::default());
+            assert_eq!(watch.is_lively, change > 0);
+        }
+        let is = still(&mut watch, last, Fault::Frozen, others, 0.05);
+        assert!(is.is_some() == after.is_some(), "{noise} {intervals:?} {others}: {is:?}");
+        let Some((is, after)) = is.zip(after) else { continue };
+        assert!((is - after).abs() < 1e-6, "{noise} {intervals:?} {others}: {is}");
+        assert!(!watch.is_lively && watch.wrong_since() == Some(at(last)) && !watch.faults.contains(Fault::Dead));
+        // It lives again, and the fault is over two seconds after it was seen last.
+        let over = (1..80).find(|scan| {
+            let count = if scan % 2 == 0 { 100.0 } else { 101.0 };
+            watch.push(at(last + is + 0.05 * f64::from(*scan)), count, others, HOLD, &FaultLimits::default());
+            watch.faults.is_empty()
+        });
+        assert_eq!((over, watch.is_lively), (Some(40), true));
+    }
+}
+
+#[test]
+fn after_how_many_seconds_a_taxel_that_never_changed_is_dead() {
+    for (noise, others, after) in [(0.0, true, true), (0.0, false, false), (0.31, false, true), (0.29, false, false)] {
+        let mut watch = TaxelWatch::default();
+        watch.expect_noise(noise);
+        watch.push(at(5.0), 100.0, others, HOLD, &FaultLimits::default());
+        let is = still(&mut watch, 5.0, Fault::Dead, others, 0.05);
+        assert!(is.map_or(!after, |is| after && (is - 3.05).abs() < 1e-6), "{noise} {others}: {is:?}");
+        assert!(!watch.is_lively && !watch.faults.contains(Fault::Frozen));
+        assert_eq!(watch.wrong_since(), after.then_some(at(5.0)));
+        // The first change ends it, two seconds later.
+        let died = 5.0 + is.unwrap_or(0.0);
+        for (seconds, dead) in [(1.99, after), (2.0, false)] {
+            let mut watch = watch.clone();
+            watch.push(at(died + seconds), 101.0, others, HOLD, &FaultLimits::default());
+            assert_eq!(watch.faults.contains(Fault::Dead), dead && is.is_some(), "{noise} {others} {seconds}");
+        }
+    }
+}
+
+/// Four triangles.
+fn detector() -> FaultDetector {
+    let modules: Vec<_> = (0..4).map(|m| 10 * m..10 * m + 10).collect();
+    FaultDetector::new(40, &modules, FaultLimits::default())
+}
+
+fn says(detector: &FaultDetector, taxel: usize) -> String {
+    detector.faults(taxel).to_string()
+}
+
+#[test]
+fn a_quarter_of_the_patch_says_that_the_rest_should_live() {
+    for (lively, dead) in [(9, false), (10, true)] {
+        let mut detector = detector();
+        for scan in 0..100 {
+            for module in 0..4 {
+                let count = |t: usize| if module == 0 && t < lively { (100 + scan % 2) as f32 } else { 100.0 };
+                let counts: Vec<f32> = (0..10).map(count).collect();
+                detector.push_reals(at(0.05 * f64::from(scan)), module, &counts, 0);
+            }
+        }
+        assert_eq!(detector.lively, lively);
+        assert_eq!(says(&detector, 39), if dead { "dead" } else { "" }, "{lively}");
+    }
+}
+
+#[test]
+fn seven_of_ten_at_a_rail_condemn_their_module() {
+    for (broken, flicker) in [(6, false), (7, true)] {
+        let mut detector = detector();
+        let counts = |at_rail: usize| -> Vec<f32> { (0..10).map(|t| if t < at_rail { 0.0 } else { 100.0 }).collect() };
+        assert!(detector.push_reals(at(0.0), 1, &counts(broken), 0));
+        assert_eq!(says(&detector, 10), if flicker { "rail, module flicker" } else { "rail" });
+        assert_eq!(says(&detector, 19), if flicker { "module flicker" } else { "" });
+        assert_eq!(detector.wrong_since(19), flicker.then_some(at(0.0)));
+        assert!(!detector.push_reals(at(1.0), 1, &counts(broken), 0), "nothing is new");
+        assert!(!detector.push_reals(at(2.9), 1, &counts(0), 0) && detector.push_reals(at(3.0), 1, &counts(0), 0));
+        assert_eq!((says(&detector, 10), says(&detector, 19)), (String::new(), String::new()));
+    }
+    // A module without taxels has none that could.
+    let mut empty = FaultDetector::new(10, &[0..10, 10..10], FaultLimits::default());
+    assert!(!empty.push_reals(at(0.0), 1, &[], 0) && !empty.push_reals(at(0.0), 2, &[], 0));
+}
+
+#[test]
+fn a_second_of_silence_is_told_of_each_module_once() {
+    let mut detector = detector();
+    assert_eq!((detector.deadline(), detector.tick(at(9.0))), (None, false), "none was heard yet");
+    for (module, seconds) in [(0, 0.5), (1, 0.0), (2, 0.5)] {
+        assert!(!detector.push_reals(at(seconds), module, &[100.0; 10], 0));
+    }
+    assert_eq!(detector.deadline(), Some(at(1.001)));
+    assert!(!detector.tick(at(1.0)) && detector.tick(at(1.001)) && !detector.tick(at(1.002)));
+    assert_eq!([0, 10, 19, 20, 30].map(|taxel| says(&detector, taxel)), ["", "stale", "stale", "", ""]);
+    assert_eq!((detector.deadline(), detector.wrong_since(10)), (Some(at(1.501)), Some(at(1.001))));
+    assert!(!detector.tick(at(1.5)) && detector.tick(at(1.6)) && !detector.tick(at(1.7)));
+    assert_eq!((detector.deadline(), says(&detector, 30)), (None, String::new()));
+    assert!(detector.push_reals(at(1.8), 1, &[100.0; 10], 0), "it is not stale any more");
+    assert_eq!((says(&detector, 10), says(&detector, 20)), (String::new(), "stale".to_owned()));
+    assert_eq!(detector.deadline(), Some(at(2.801)));
+    assert!(!detector.tick(at(2.8)) && detector.tick(at(2.81)));
+}
+
+/// The counts before and after more than a second of silence do not belong together.
+#[test]
+fn a_flicker_does_not_go_on_over_a_silence() {
+    for (interval, jumps) in [(1.0, true), (1.01, false)] {
+        let mut detector = detector();
+        for scan in 0..8 {
+            let count = if scan % 2 == 0 { 100.0 } else { 120.0 };
+            detector.push_reals(at(interval * f64::from(scan)), 0, &[count; 10], 0);
+        }
+        assert_eq!(detector.faults(0).contains(Fault::Jumping), jumps, "{interval}");
+    }
+}
+
+#[test]
+fn what_a_status_word_or_a_doubt_says_ends_after_its_time() {
+    let mut detector = detector();
+    for (status, words) in [(1, "no acknowledgement"), (2, "not connected"), (1 << 4, "out of range by status")] {
+        for over in [3.0, 3.5] {
+            let mut detector = detector.clone();
+            assert!(detector.push_reals(at(1.0), 0, &[100.0; 10], status));
+            assert_eq!(says(&detector, 0), words);
+            assert_eq!(says(&detector, 1), if status == 16 { "" } else { words }, "bit 4 is that of value 0 alone");
+            assert_eq!(detector.wrong_since(0), Some(at(1.0)));
+            assert!(!detector.push_reals(at(2.99), 0, &[100.0; 10], 0) && says(&detector, 0) == words);
+            assert!(detector.push_reals(at(over), 0, &[100.0; 10], 0) && says(&detector, 0).is_empty());
+        }
+    }
+    // Several at once, each with its own end.
+    detector.push_reals(at(1.0), 0, &[100.0; 10], 1);
+    detector.push_reals(at(2.0), 0, &[100.0; 10], 2);
+    assert_eq!(says(&detector, 0), "not connected, no acknowledgement");
+    detector.push_reals(at(3.0), 0, &[100.0; 10], 0);
+    assert_eq!(says(&detector, 0), "not connected");
+    // Scans that come too fast, until the latest moment that was named.
+    detector.doubt_module(at(4.0), 1, at(6.0));
+    detector.doubt_module(at(4.0), 1, at(5.0));
+    detector.doubt_module(at(4.0), 9, at(6.0));
+    assert_eq!((says(&detector, 10), says(&detector, 20)), ("too fast".to_owned(), String::new()));
+    assert_eq!(detector.wrong_since(10), Some(at(4.0)));
+    for over in [6.0, 6.5] {
+        let mut detector = detector.clone();
+        for seconds in [5.0, 5.99] {
+            assert!(!detector.push_reals(at(seconds), 1, &[100.0; 10], 0) && says(&detector, 10) == "too fast");
+        }
+        assert!(detector.push_reals(at(over), 1, &[100.0; 10], 0) && says(&detector, 10).is_empty());
+    }
+}
+
+/// Which of its values a module's taxels are: the pads of a triangle are its values 6 and 10.
+#[test]
+fn a_status_bit_blames_the_taxel_of_its_value() {
+    for (taxels, kind, blamed) in [
+        (10, None, [Some(6), None, Some(9)]),
+        (11, None, [Some(7), Some(10), None]),
+        (12, None, [Some(7), Some(10), Some(11)]),
+        (11, Some(ModuleKind::PalmPad7), [None, Some(9), Some(10)]),
+    ] {
+        for (value, blamed) in [7, 10, 11].into_iter().zip(blamed) {
+            let module = std::slice::from_ref(&(0..taxels)).to_vec();
+            let mut detector = FaultDetector::new(taxels, &module, FaultLimits::default()).with_kinds(kind);
+            detector.push_reals(at(0.0), 0, &vec![100.0; taxels], 16 << value);
+            let found = (0..taxels).find(|taxel| detector.faults(*taxel).contains(Fault::StatusOutOfRange));
+            assert_eq!(found, blamed, "value {value} of {taxels}");
+        }
+    }
+}
+
+/// Taxels beyond the last are none, and counts come in bytes, in words, or in more bytes than a module has.
+#[test]
+fn counts_come_in_several_forms() {
+    let mut short = FaultDetector::new(12, &[0..10, 10..20, 20..30], FaultLimits::default());
+    for module in 0..3 {
+        assert_eq!(short.push_module(at(0.0), module, &[0; 10], 0), module < 2);
+    }
+    assert_eq!([11, 12].map(|taxel| says(&short, taxel)), ["rail, module flicker", ""]);
+    let words: Vec<u16> = (0..10).map(|t| if t == 3 { 65_535 } else { 256 * 100 }).collect();
+    let mut fine = detector();
+    fine.push_module(at(0.0), 2, Counts::Words(&words, CountRange::to(65_535).unwrap()), 0);
+    assert_eq!([22, 23].map(|taxel| says(&fine, taxel)), ["", "rail"]);
+    let mut wide = FaultDetector::new(14, std::slice::from_ref(&(0..14)), FaultLimits::default());
+    let bytes: Vec<u8> = (0..14).map(|t| if t == 13 { 0 } else { 100 }).collect();
+    wide.push_module(at(0.0), 0, &bytes, 0);
+    assert_eq!([12, 13].map(|taxel| says(&wide, taxel)), ["", "rail"]);
+}
+
+#[test]
+fn a_set_of_faults_has_each_once_and_in_order() {
+    let all = Fault::ALL.into_iter().rev().fold(FaultSet::default(), |set, fault| set.with(fault).with(fault));
+    assert!(all.iter().eq(Fault::ALL) && !all.is_empty() && FaultSet::default().is_empty());
+    let some = FaultSet::default().with(Fault::Stale).with(Fault::Rail);
+    assert_eq!(some.to_string(), "rail, stale");
+    assert_eq!(
+        Fault::ALL.map(|fault| some.contains(fault)),
+        [true, false, false, false, false, false, false, false, true, false]
+    );
+    let names = [
+        "rail",
+        "frozen",
+        "jumping",
+        "dead",
+        "module flicker",
+        "out of range by status",
+        "not connected",
+        "no acknowledgement",
+        "stale",
+        "too fast",
+    ];
+    assert_eq!(Fault::ALL.map(Fault::name), names);
+}
