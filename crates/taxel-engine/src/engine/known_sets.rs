@@ -140,5 +140,7 @@ mod tests {
         assert_eq!((sets.len(), at_hand(&sets)), (6, vec!["m-a", "m-c", "m-f"]));
         sets.learn(named("m-h"), |_| false);
         assert_eq!(at_hand(&sets), ["m-a", "m-c", "m-f", "m-h"], "what is forgotten takes no room");
+        sets.learn(named("m-i"), |_| false);
+        assert_eq!(at_hand(&sets), ["m-c", "m-f", "m-h", "m-i"], "and the others still make room");
     }
 }

@@ -124,3 +124,42 @@ impl Routes {
         standard.chain(extended).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use taxel_sim::GaugeConfig;
+    use taxel_skin::{Board, BoardAddress, Module, ModuleKind, Patch};
+    use taxel_wire::signal::SignalSpec;
+
+    use super::*;
+    use crate::plan::{Gauge, PatchPlan};
+
+    /// A patch of module 0 of a board, with a gauge.
+    fn patch(address: u8, gauge: CanId) -> PatchPlan {
+        let modules = vec![(Module::new(0).unwrap(), ModuleKind::Triangle)];
+        let board = Board { bus: BusIndex(0), address: BoardAddress::new(address).unwrap(), modules };
+        let signal = SignalSpec { id: gauge, ..GaugeConfig::default().signal };
+        let gauge = Some(Gauge { bus: BusIndex(0), signal });
+        PatchPlan { gauge, ..PatchPlan::new(Patch::new("p", vec![board]).unwrap()) }
+    }
+
+    #[test]
+    fn the_kernel_lets_through_what_concerns_somebody_and_nothing_twice() {
+        use CanId::{Extended, Standard};
+        let gauges = [Extended(0x3000), Extended(0x1000), Extended(0x3000), Standard(0x123)];
+        let patches = (10..14).zip(gauges).map(|(address, gauge)| patch(address, gauge)).collect();
+        let routes = Routes::new(&Plan { buses: 2, patches });
+        for gauge in gauges {
+            assert_eq!([0, 1].map(|bus| routes.of(BusIndex(bus), gauge)), [Route::Gauge, Route::Foreign]);
+        }
+        assert_eq!(routes.of(BusIndex(0), Extended(0x2000)), Route::Foreign);
+        assert_eq!(routes.of(BusIndex(0), Standard(0x4B0)), Route::Module { patch: 1, module: 0 });
+        let of_boards = [0x2_0, 0x3_0, 0x3_E, 0x3_F, 0x4_0, 0x6_0, 0x7_5].map(|id: u16| (id & 0xF0) << 4 | id & 0xF);
+        let mut wanted: Vec<u16> = (0xA..=0xD).flat_map(|board| of_boards.map(|id| id | board << 4)).collect();
+        wanted.push(0x123);
+        wanted.sort_unstable();
+        let wanted: Vec<CanId> = wanted.into_iter().map(Standard).chain([Extended(0x1000), Extended(0x3000)]).collect();
+        assert_eq!(routes.wanted(BusIndex(0)), wanted);
+        assert_eq!([1, 2].map(|bus| routes.wanted(BusIndex(bus))), [Vec::new(), Vec::new()]);
+    }
+}

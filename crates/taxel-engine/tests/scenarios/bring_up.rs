@@ -3,9 +3,9 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
-use taxel_engine::command::Command;
+use taxel_engine::command::{Command, Done, Rejection};
 use taxel_engine::snapshot::ForceState;
-use taxel_engine::{BusNotice, Restored, plan::PatchPlan};
+use taxel_engine::{BusNotice, ErrorReason, Restored, plan::PatchPlan};
 use taxel_sim::Fault;
 use taxel_wire::{CanId, Frame, icub};
 
@@ -34,6 +34,20 @@ fn a_bring_up_loses_the_zero_and_is_verified_again() {
     assert_ne!(bench.host.state(), ForceState::Ok, "no zero was taken yet");
     bench.tare(None).unwrap();
     bench.until_force(1.0, ForceState::Ok);
+}
+
+#[test]
+fn boards_that_bear_a_load_are_configured_only_if_somebody_vouches_for_the_skin() {
+    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    bench.brought_up();
+    bench.until_force(5.0, ForceState::Ok);
+    bench.lay(0.5, 33);
+    bench.seconds(1.0);
+    let refused = bench.ask(bring_up_again());
+    let Err(Rejection::FailedPrecondition(ErrorReason::SkinLoaded, why)) = refused else { panic!("{refused:?}") };
+    assert!(why.contains("unload the skin first"), "{why}");
+    let confirmed = Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) };
+    assert!(matches!(bench.ask(confirmed), Ok(Done::BringUpStarted)));
 }
 
 /// The daemon counts lost acknowledgements from the last bring-up. The status words say so and nothing is wrong, so that

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use taxel_engine::Restored;
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::catalogue::StoreDamage;
 use taxel_engine::command::{Command, Done, Rejection};
 use taxel_engine::known_set::{KnownSet, SetSummary};
@@ -91,19 +93,48 @@ fn damage_that_the_store_finds_is_in_the_health_and_what_is_lost_is_not_listed()
     bench.activate("m-other").unwrap();
 }
 
+/// One that was interrupted could only have gone on from its samples; the others have their models.
+#[test]
+fn an_interrupted_session_whose_samples_are_damaged_has_failed_and_no_other_has() {
+    let states = [SessionState::Interrupted, SessionState::Review, SessionState::Interrupted];
+    let session = |(number, state)| {
+        Arc::new(SessionView { number, state, model_set: None, changed_wall_ns: 1, ..small().session.clone() })
+    };
+    let restored = Restored { sessions: (1..).zip(states).map(session).collect(), ..small().restored() };
+    let patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+    let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+    bench.seconds(0.5);
+    let sessions = [1, 2, 9].map(|number| (number, "a torn record".to_owned())).to_vec();
+    bench.host.store_damaged(StoreDamage { problems: Vec::new(), model_sets: Vec::new(), sessions });
+    bench.seconds(0.5);
+    let listed = &bench.host.catalogue.sessions;
+    let is: Vec<_> = listed.iter().map(|view| (view.number, view.state, view.changed_wall_ns > 1)).collect();
+    let (failed, review) = (SessionState::Failed, SessionState::Review);
+    assert_eq!(is, [(1, failed, true), (2, review, false), (3, SessionState::Interrupted, false)]);
+    assert_eq!(listed[0].reason, "its samples are damaged on disk: a torn record");
+}
+
 #[test]
 fn few_sets_stay_in_memory_however_many_come() {
     let (mut bench, _) = with_another_stored("m-other");
-    for n in 0..12 {
-        let set = ModelSet { id: format!("m-{n}"), session: None, ..ModelSet::clone(&small().set) };
-        bench.ask(Command::Import { model_set: Arc::new(set), insist: false }).unwrap();
-    }
-    let known = &bench.host.catalogue.model_sets;
-    assert_eq!(known.len(), 14);
-    let in_memory: Vec<_> = known.iter().filter(|set| set.at_hand.is_some()).map(|set| set.id.as_str()).collect();
+    let import = |bench: &mut Bench, sets: std::ops::Range<u32>| {
+        for n in sets {
+            let set = ModelSet { id: format!("m-{n}"), session: None, ..ModelSet::clone(&small().set) };
+            bench.ask(Command::Import { model_set: Arc::new(set), insist: false }).unwrap();
+        }
+    };
+    let in_memory = |bench: &Bench| -> Vec<String> {
+        let known = bench.host.catalogue.model_sets.iter();
+        known.filter(|set| set.at_hand.is_some()).map(|set| set.id.to_string()).collect()
+    };
+    import(&mut bench, 0..12);
+    assert_eq!(bench.host.catalogue.model_sets.len(), 14);
     assert_eq!(
-        in_memory,
+        in_memory(&bench),
         [small().set.id.as_str(), "m-8", "m-9", "m-10", "m-11"],
         "the one in use and the newest four"
     );
+    bench.activate("m-9").unwrap();
+    import(&mut bench, 12..17);
+    assert_eq!(in_memory(&bench), ["m-9", "m-13", "m-14", "m-15", "m-16"]);
 }
