@@ -239,7 +239,7 @@ async fn serve_live(
         say!("*** PORT {} IS TAKEN: THIS DEMO LISTENS ON {listen}. Tell the commands below so with", usual.port());
         say!("***   export TAXELD_SERVER=http://{listen}");
     }
-    let what = if calibrated { "live, with a force once its zero is proven," } else { "live, and not calibrated yet," };
+    let what = if calibrated { "calibrated and live" } else { "live, and not calibrated yet," };
     say!("The same skin is now {what} on {listen}.");
     if let Some(page) = page {
         say!("Its page, from which to calibrate and validate it: http://{page}/");
