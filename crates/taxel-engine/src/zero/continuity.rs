@@ -19,7 +19,8 @@
 //!
 //! Of a board that is suspected already, because it was not heard, reported a fault or lost its whole load at once, less
 //! is asked: the mean over 16 scans proves a new zero beyond the first bound, and the suspicion is over only when that
-//! mean is below `POSSIBLE`, the bound for 1e-3. If it is not within 16 further scans, the zero is lost.
+//! mean is below `POSSIBLE`, the bound for 1e-3. If it is not within 16 further scans, the zero is lost. A suspicion waits
+//! as well while fewer than `WITNESSES_MIN` inputs were sound in all of the 16 scans, but for 160 scans at most.
 //!
 //! A board that is silent or doubted and then reads nothing of what lay on it has lost its zero without further proof: its
 //! load may have been lifted just then, but nobody can tell. In a bag that presses, the load of a whole board does not

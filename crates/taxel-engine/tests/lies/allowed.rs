@@ -85,12 +85,6 @@ const ALLOWED: &[(&str, &str, &str)] = &[
         "",
         "As a silent re-tare: a hang that is shorter than a silence leaves nothing but the new zero.",
     ),
-    (
-        "temperature ramp",
-        " by a little",
-        "A light load on all of a small patch moves its counts as temperature does. Where both come together and move them \
-         opposite ways, the mean of all taxels shows neither.",
-    ),
     ("power cycle of a board", "", "A board that starts takes its zero then, as one that is configured."),
     (
         "module flickers",

@@ -143,7 +143,7 @@ impl Suspects {
         self.over.iter().filter(fresh).fold(all, |all, kind| all.or(Kinds::one(kind)))
     }
 
-    /// The kind that names what a force may be wrong by: a fault that has just begun and adds to it, a board's own
+    /// The kind that names what a force may be wrong by: a fault that has just begun, a board's own
     /// zero under a load, what zero and models went through, or else the newest fault. What reads too
     /// little already in the very first sample at a zero (`of_zero`) comes from the zero or from its boards.
     pub fn principal(&self, kinds: Kinds, now: Time, too_little: bool, of_zero: bool) -> Option<Kind> {
@@ -159,9 +159,7 @@ impl Suspects {
         let retared = |kind: &Kind| self.boards.has(*kind) && (of_zero || self.since_zero.has(*kind));
         let retared = || RETARES.into_iter().filter(|_| too_little).find(retared);
         let root = || ROOTS.into_iter().find(|kind| kinds.has(*kind));
-        // Beside a load that a board has taken for nothing, and that stays, not even a module that is not heard adds anything.
-        let begun_adds = |kind: &Kind| adds(kind) && (!MUTES.contains(kind) || retared().is_none());
-        let begun = newest(&mut faults().filter(fresh).filter(begun_adds)).filter(|_| !of_zero);
+        let begun = newest(&mut faults().filter(fresh).filter(adds)).filter(|_| !of_zero);
         begun
             .or_else(retared)
             .or_else(root)
