@@ -29,9 +29,14 @@ fn place(values: usize, share: f64) -> Option<usize> {
 #[must_use]
 pub fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let mut finite: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
-    finite.sort_by(f64::total_cmp);
     let n = finite.len();
-    (n > 0).then(|| 0.5 * (finite[(n - 1) / 2] + finite[n / 2]))
+    if n == 0 {
+        return None;
+    }
+    let (below, &mut upper, _) = finite.select_nth_unstable_by(n / 2, f64::total_cmp);
+    let greatest = || below.iter().copied().max_by(f64::total_cmp);
+    let lower = if n.is_multiple_of(2) { greatest().unwrap_or(upper) } else { upper };
+    Some(0.5 * (lower + upper))
 }
 
 /// Mean of the finite values and how many they are; NaN without any.

@@ -69,7 +69,7 @@ impl Zero {
             drift,
             continuity: Continuity::new(&regions, &plan.board_names),
             doubted: false,
-            lookback: Lookback::new(regions.taxels(), plan.period),
+            lookback: Lookback::new(regions.taxels(), plan.period, plan.drift.follow),
             configuring: false,
             looked: None,
             configured_at: None,

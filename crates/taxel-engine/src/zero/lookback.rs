@@ -10,6 +10,7 @@ use crate::zero::count_sums::CountSums;
 use crate::zero::rest::limits::RestLimits;
 use crate::zero::rest::moves::Moves;
 use crate::zero::unloading::{Later, Unloading};
+use crate::zero::warmth::Warmth;
 
 /// Length of a window.
 const WINDOW: Duration = Duration::from_secs(2);
@@ -21,6 +22,8 @@ const OFFSET_MAX_COUNTS: f64 = 4.0;
 #[derive(Clone, Debug)]
 pub struct Lookback {
     later: CountSums,
+    /// `None` where the zero follows the temperature.
+    warmth: Option<Warmth>,
     /// Scans of a window.
     scans: u64,
     offset_counts: f64,
@@ -42,29 +45,33 @@ pub struct Present<'a> {
 }
 
 impl Lookback {
-    /// For so many taxels that are scanned once in each `period`.
+    /// For so many taxels that are scanned once in each `period`, with a zero that follows the temperature or not.
     #[must_use]
-    pub fn new(taxels: usize, period: Duration) -> Self {
+    pub fn new(taxels: usize, period: Duration, follows: bool) -> Self {
         let scans = (WINDOW.as_secs_f64() / period.as_secs_f64()).ceil() as u64;
-        Self { later: CountSums::new(taxels), scans, offset_counts: 0.0, median_counts: None }
+        let warmth = (!follows).then(Warmth::default);
+        Self { later: CountSums::new(taxels), warmth, scans, offset_counts: 0.0, median_counts: None }
     }
 
     /// A zero was taken.
     pub fn begin(&mut self) {
         self.offset_counts = 0.0;
+        self.warmth.iter_mut().for_each(Warmth::begin);
         self.restart();
     }
 
     /// The window begins anew.
     pub fn restart(&mut self) {
         self.later.restart();
+        self.warmth.iter_mut().for_each(Warmth::restart);
     }
 
-    /// How far the median taxel lay from its zero in the last window, counts. Half of the skin is seldom touched, so this
-    /// is what the zero is off by everywhere.
+    /// How far the median taxel lay from its zero in the last window, counts, or may have lain by what the thermal pads say,
+    /// whichever is more. Half of the skin is seldom touched, so the median is what the zero is off by everywhere. Where
+    /// all of it is, a light load and the cold hide each other from the median, but not from the pads.
     #[must_use]
-    pub const fn offset_counts(&self) -> f64 {
-        self.offset_counts
+    pub fn offset_counts(&self) -> f64 {
+        self.warmth.as_ref().map_or(0.0, Warmth::sigma_counts).min(OFFSET_MAX_COUNTS).max(self.offset_counts)
     }
 
     /// How far the median taxel moved towards load, if a window has just ended, counts.
@@ -76,6 +83,7 @@ impl Lookback {
     /// Takes a scan. At the end of a window, what shows that the skin became lighter than its zero.
     pub fn on_scan(&mut self, scan: &Scan<'_>, present: Present<'_>) -> Option<Unloading> {
         self.later.push(scan);
+        self.warmth.iter_mut().for_each(|warmth| warmth.push(scan.pads));
         self.median_counts = None;
         if self.later.scans() < self.scans {
             return None;
@@ -86,6 +94,7 @@ impl Lookback {
         self.median_counts = median.is_finite().then_some(median);
         self.offset_counts = if median.is_finite() { median.abs().min(OFFSET_MAX_COUNTS) } else { 0.0 };
         self.later.restart();
+        self.warmth.iter_mut().for_each(Warmth::end);
         Later { seen: &seen, scans, modules }.unloaded(zero, signs, limits)
     }
 }

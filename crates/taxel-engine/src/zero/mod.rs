@@ -20,6 +20,7 @@ pub mod rest;
 mod tests;
 pub mod unloading;
 pub mod view;
+mod warmth;
 pub mod watch;
 mod watching;
 

@@ -32,6 +32,8 @@ struct Skin {
     events: Vec<ZeroEvent>,
     session_open: bool,
     models: Option<ModelSet>,
+    /// What the thermal pads of all modules read, counts.
+    pads: u8,
 }
 
 impl Skin {
@@ -57,6 +59,7 @@ impl Skin {
             events: Vec::new(),
             session_open: false,
             models: None,
+            pads: 100,
         }
     }
 
@@ -76,7 +79,7 @@ impl Skin {
                 time: now.time,
                 whole: true,
                 counts: (&counts).into(),
-                pads: &[[100; 2]; MODULES],
+                pads: &[[self.pads; 2]; MODULES],
                 silent: &[false; MODULES],
                 sound: &[true; TAXELS],
                 soundness: 0,
@@ -181,6 +184,24 @@ fn what_all_taxels_read_beside_their_zero_is_an_uncertainty_of_it() {
     skin.scan(40, |_| 2);
     let again = skin.zeroed(|_| 2);
     assert_eq!(again.zero.sigma_counts(), 0.15, "of a new zero nothing is known");
+}
+
+/// Cold moves counts away from load. Where a light load on everything moves them back, only the pads show it.
+#[test]
+fn what_the_pads_say_of_the_temperature_is_an_uncertainty_of_a_zero_that_does_not_follow_it() {
+    for follow in [false, true] {
+        let mut skin = Skin::with_drift(DriftPlan { follow, ..DriftPlan::default() }).zeroed(|_| 0);
+        skin.scan(40, |_| 0);
+        assert!((skin.zero.sigma_counts() - 0.15).abs() < 0.05, "{}", skin.zero.sigma_counts());
+        skin.pads = 99;
+        skin.scan(80, |_| 0);
+        assert_eq!(skin.lost(), None);
+        let sigma = skin.zero.sigma_counts();
+        // Taxels move by a quarter to all of what the pads do.
+        let expected = (21.0_f64 / 48.0).sqrt().hypot(0.15);
+        let is = if follow { sigma < 0.5 * expected } else { (sigma - expected).abs() < 0.05 };
+        assert!(is, "{sigma}, expected {expected} of a zero that does not follow: {follow}");
+    }
 }
 
 #[test]

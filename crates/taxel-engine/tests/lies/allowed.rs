@@ -121,7 +121,7 @@ const ALLOWED: &[(&str, &str, &str)] = &[
 
 /// A truth that is so little beyond three standard uncertainties, in newton, is there by chance: of normal errors one in
 /// 370 is further out.
-const CHANCE_N: f64 = 0.05;
+pub const CHANCE_N: f64 = 0.05;
 
 /// Whether a lie by so much is on the list.
 pub fn is_allowed(name: &str, excess_n: f64) -> bool {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 use taxel_skin::Time;
 
-use crate::allowed::{FORGOTTEN, HEARD_LATE, MODULES_APART};
+use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART};
 use crate::daemon::Daemon;
 use crate::dice::Dice;
 use crate::hands::Hands;
@@ -18,12 +18,36 @@ use crate::operator::Operator;
 use crate::rig::plan;
 use crate::stage::Stage;
 use crate::store::Store;
-use crate::suspects::RETARES;
+use crate::suspects::{AFTERMATH, RETARES, Wrong};
 use crate::tally::{LITTLE_N, Tally};
 use crate::truth::{AGE_MAX, HEARD_MAX};
 
 /// A skin without so large a share of its taxels has names of its own, too: insensitive ones are a twentieth.
 const MANY_EXCLUDED: f64 = 0.2;
+
+/// Lies of one direction without a longer pause than what ended may still show.
+#[derive(Clone, Copy)]
+struct Spell {
+    too_little: bool,
+    began: Time,
+    last: Time,
+    worst_n: f64,
+}
+
+impl Spell {
+    /// This one with another lie, or a new one that begins with it.
+    fn with(spell: Option<Self>, lie: Lie, now: Time) -> Self {
+        let new = Self { too_little: lie.too_little, began: now, last: now, worst_n: lie.excess_n };
+        // A lie that is greater than ever is another: something has come to it.
+        let same = |spell: &Self| {
+            spell.too_little == lie.too_little
+                && now < spell.last + AFTERMATH
+                && lie.excess_n <= spell.worst_n + CHANCE_N
+        };
+        let of = |spell: Self| Self { last: now, worst_n: spell.worst_n.max(lie.excess_n), ..spell };
+        spell.filter(same).map_or(new, of)
+    }
+}
 
 /// What a story came to.
 pub struct Told {
@@ -56,6 +80,7 @@ struct Story {
     state: ForceState,
     /// The name of the lie that is being told.
     lying: Option<String>,
+    spell: Option<Spell>,
     /// When the zero of the last sample was taken, by its label, and whether the first sample at it lied.
     zero: (Option<i64>, bool),
     frames: Vec<taxel_wire::TimedFrame>,
@@ -96,6 +121,7 @@ impl Story {
             tally: Tally::new(),
             state: ForceState::default(),
             lying: None,
+            spell: None,
             zero: (None, false),
             frames: Vec::new(),
         }
@@ -143,8 +169,10 @@ impl Story {
         if zero != self.zero.0 {
             self.zero = (zero, lie.is_some_and(|lie| lie.too_little));
         }
-        let of_zero = self.zero.1;
-        let lie = lie.map(|lie| (lie, name(stage, snapshot, stated, lie, truth, of_zero)));
+        let spell = lie.map(|lie| Spell::with(self.spell, lie, stage.now()));
+        self.spell = spell.or(self.spell);
+        let wrong = |spell: Spell| Wrong { too_little: spell.too_little, of_zero: self.zero.1, since: spell.began };
+        let lie = lie.zip(spell.map(wrong)).map(|(lie, wrong)| (lie, name(stage, snapshot, stated, lie, truth, wrong)));
         self.tally.sample(kinds, lie.is_some());
         match lie {
             None => {
@@ -177,19 +205,18 @@ fn name(
     stated: (f64, f64),
     lie: Lie,
     (least, greatest): (f64, f64),
-    of_zero: bool,
+    wrong: Wrong,
 ) -> String {
     let now = stage.now();
     let excluded = f64::from(snapshot.force.excluded) / snapshot.taxels.len() as f64;
     let apart = apart(stage, snapshot.time, stated);
     let forgotten = stage.daemon.has_forgotten() && lie.too_little;
     let mutes = stage.suspects.mutes(now).filter(|_| apart == HEARD_LATE);
-    let root =
-        match mutes.or_else(|| stage.suspects.principal(stage.suspects.present(now), now, lie.too_little, of_zero)) {
-            Some(kind) => kind.name(),
-            None if excluded > MANY_EXCLUDED => "no fault, but many taxels excluded",
-            None => "no fault",
-        };
+    let root = match mutes.or_else(|| stage.suspects.principal(stage.suspects.present(now), now, wrong)) {
+        Some(kind) => kind.name(),
+        None if excluded > MANY_EXCLUDED => "no fault, but many taxels excluded",
+        None => "no fault",
+    };
     let last_second = stage.truth.range(now - Duration::from_secs(1), now);
     let last_seconds = stage.truth.range(now - Duration::from_secs(8), now);
     let load = if stage.world.true_pressure().0 > 0.3 {

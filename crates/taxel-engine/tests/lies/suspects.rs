@@ -7,7 +7,7 @@ use taxel_skin::Time;
 use crate::kinds::{Kind, Kinds};
 
 /// What ended so long ago may still show: silence is judged after 150 ms, a power cycle after a second.
-const AFTERMATH: Duration = Duration::from_millis(1500);
+pub const AFTERMATH: Duration = Duration::from_millis(1500);
 
 /// A fault that began so long ago and still lasts names a lie before anything else.
 const FRESH: Duration = Duration::from_secs(10);
@@ -37,6 +37,17 @@ const fn is_harmless(kind: Kind) -> bool {
         kind,
         Kind::GaugeSilent | Kind::GaugeStuck | Kind::GaugeOffset | Kind::GaugeSpikes | Kind::BagLeak | Kind::StoreFails
     )
+}
+
+/// What is known of a lie when its cause is looked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Wrong {
+    /// The force reads less than the truth.
+    pub too_little: bool,
+    /// It did so already in the very first sample at this zero.
+    pub of_zero: bool,
+    /// Since when it has been told, by as much at some moment as it is now.
+    pub since: Time,
 }
 
 /// What goes on, what has just ended, and what a zero or a model set keeps of it.
@@ -145,15 +156,17 @@ impl Suspects {
 
     /// The kind that names what a force may be wrong by: a fault that has just begun, a board's own
     /// zero under a load, what zero and models went through, or else the newest fault. What reads too
-    /// little already in the very first sample at a zero (`of_zero`) comes from the zero or from its boards.
-    pub fn principal(&self, kinds: Kinds, now: Time, too_little: bool, of_zero: bool) -> Option<Kind> {
-        let of_zero = too_little && of_zero;
+    /// little already in the very first sample at a zero comes from the zero or from its boards, and what has been told
+    /// for a while from nothing that began since.
+    pub fn principal(&self, kinds: Kinds, now: Time, wrong: Wrong) -> Option<Kind> {
+        let Wrong { too_little, since, .. } = wrong;
+        let of_zero = too_little && wrong.of_zero;
         let newest = |kinds: &mut dyn Iterator<Item = Kind>| kinds.max_by_key(|kind| self.newest[*kind as usize]);
         // What keeps modules from being heard adds nothing to a force, unless there is nothing else that could.
         let faults = || kinds.iter().filter(|kind| kind.is_fault() && !ROOTS.contains(kind));
         let adds = |kind: &Kind| too_little || !MUTES.contains(kind);
         let fresh = |kind: &Kind| {
-            let began = self.newest[*kind as usize].is_some_and(|began| now < began + FRESH);
+            let began = self.newest[*kind as usize].is_some_and(|began| now < began + FRESH && began <= since);
             began && self.begun[*kind as usize] > 0 && !is_harmless(*kind)
         };
         let retared = |kind: &Kind| self.boards.has(*kind) && (of_zero || self.since_zero.has(*kind));

@@ -124,8 +124,9 @@ impl FaultDetector {
             if silent {
                 taxel.forget_trend();
             }
-            if count.is_finite() {
-                taxel.push(now, count, others_change, self.hold, &self.limits);
+            if count.is_finite() && taxel.push(now, count, others_change, self.hold, &self.limits) {
+                self.lively += usize::from(!before.1);
+                continue; // nearly always
             }
             match (before.1, taxel.is_lively) {
                 (false, true) => self.lively += 1,

@@ -83,35 +83,46 @@ impl TaxelWatch {
         self.variance = 0.0;
     }
 
-    /// `others_change`: enough of the patch is lively to expect life of this taxel too.
-    pub(super) fn push(&mut self, now: Time, count: f32, others_change: bool, hold: Duration, limits: &FaultLimits) {
+    /// Takes a count and judges it. `others_change`: enough of the patch is lively to expect life of this taxel too.
+    ///
+    /// Returns whether the taxel is plainly sound, which it nearly always is: it has no fault, so none is held, and gives no
+    /// reason for one; then none of the watches would change it.
+    pub(super) fn push(
+        &mut self,
+        now: Time,
+        count: f32,
+        others_change: bool,
+        hold: Duration,
+        limits: &FaultLimits,
+    ) -> bool {
         let newest = std::mem::replace(&mut self.newest, count);
-        if self.begun {
-            self.change(now, count - newest);
-        } else {
-            self.begun = true;
-            self.last_change = now;
-        }
-        if self.is_plainly_sound(now, count, limits) {
+        let still_s = if self.begun { self.change(now, count - newest) } else { self.begin_at(now) };
+        if self.is_plainly_sound(still_s, limits) {
             self.is_lively = true;
-            return;
+            return true;
         }
-        self.watch_rails(now, count, hold, limits);
+        self.watch_rails(now, hold, limits);
         self.watch_jumps(now, hold, limits);
         self.watch_stillness(now, others_change, hold, limits);
         self.note_onset(now);
+        false
     }
 
-    /// Nearly always a taxel has no fault, so none is held, and gives no reason for one; then none of the watches below
-    /// would change it.
-    fn is_plainly_sound(&self, now: Time, count: f32, limits: &FaultLimits) -> bool {
+    /// The first count changes nothing; it has stood for no time.
+    fn begin_at(&mut self, now: Time) -> f32 {
+        self.begun = true;
+        self.last_change = now;
+        0.0
+    }
+
+    fn is_plainly_sound(&self, still_s: f32, limits: &FaultLimits) -> bool {
         let on_at = self.jumps_on_at(limits);
         self.faults.is_empty()
-            & (count > limits.rail_low)
-            & (count < limits.rail_high)
+            & (self.newest > limits.rail_low)
+            & (self.newest < limits.rail_high)
             & (self.variance <= on_at * on_at)
             & (self.changes > 0)
-            & (now.seconds_since(self.last_change) as f32 <= limits.frozen_after_s)
+            & (still_s <= limits.frozen_after_s)
     }
 
     /// The noise from which on it is jumping, counts.
@@ -119,9 +130,10 @@ impl TaxelWatch {
         limits.jump_on_counts.max(4.0 * self.expected_noise)
     }
 
-    /// Takes the difference to the scan before; none changes nothing. No branches: whether a count changes is as good as
-    /// random, and a processor that guesses wrong every other time would take longer for it than for the sums.
-    fn change(&mut self, now: Time, delta: f32) {
+    /// Takes the difference to the scan before; none changes nothing. Returns for how many seconds the count has stood. No
+    /// branches: whether a count changes is as good as random, and a processor that guesses wrong every other time would
+    /// take longer for it than for the sums.
+    fn change(&mut self, now: Time, delta: f32) -> f32 {
         let changed = delta != 0.0;
         let (one, none) = (f32::from(u8::from(changed)), f32::from(u8::from(!changed)));
         let interval = now.seconds_since(self.last_change) as f32;
@@ -132,6 +144,7 @@ impl TaxelWatch {
         self.changes = self.changes.saturating_add(u32::from(changed));
         self.last_delta = delta + none * self.last_delta;
         self.last_change = if changed { now } else { self.last_change };
+        none * interval
     }
 
     /// What the newest change counts in an average that began with a belief worth `prior` changes.
@@ -140,7 +153,8 @@ impl TaxelWatch {
         if changes < NOISE_CHANGES { (1.0 / NOISE_CHANGES).max(1.0 / (changes + prior)) } else { 1.0 / NOISE_CHANGES }
     }
 
-    fn watch_rails(&mut self, now: Time, count: f32, hold: Duration, limits: &FaultLimits) {
+    fn watch_rails(&mut self, now: Time, hold: Duration, limits: &FaultLimits) {
+        let count = self.newest;
         if count <= limits.rail_low || count >= limits.rail_high {
             self.rail_until = now + hold;
             self.begin(now);

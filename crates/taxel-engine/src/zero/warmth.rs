@@ -1,0 +1,100 @@
+//! What the thermal pads say of a zero that does not follow the temperature.
+//!
+//! No load reaches the pads, and warmth moves taxels by a quarter to all of what it moves them: the boards compensate the
+//! rest. A skin that cools under a load on all of it may read as if nothing lay there, and only the pads show that.
+//! With `d` the median over the modules of how far their pads moved since the zero, the zero of all taxels may be off by
+//! `k d`, `k` uniform from 1/4 to 1: a root mean square of `0.66 d`.
+
+use crate::statistics::median;
+
+/// Root mean square of a coefficient that is uniform from 1/4 to 1: `sqrt((1 + 1/4 + 1/16) / 3)`.
+const COEFFICIENT_RMS: f64 = 0.661_437_827_766_147_6;
+
+/// Means of the pads over windows of scans, the first of them that of the zero.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Warmth {
+    /// Both pads of each module summed over the window.
+    sums: Vec<u32>,
+    scans: u32,
+    /// Mean of the pads of each module in the first window after the zero, counts.
+    at_zero: Option<Vec<f64>>,
+    sigma_counts: f64,
+}
+
+impl Warmth {
+    /// A zero was taken: the next window is its own.
+    pub(super) fn begin(&mut self) {
+        *self = Self { sums: std::mem::take(&mut self.sums), ..Self::default() };
+        self.restart();
+    }
+
+    /// The window begins anew.
+    pub(super) fn restart(&mut self) {
+        self.sums.clear();
+        self.scans = 0;
+    }
+
+    /// The pads of a scan, two of each module; a module without pads has zeros.
+    pub(super) fn push(&mut self, pads: &[[u8; 2]]) {
+        self.sums.resize(pads.len(), 0);
+        self.sums.iter_mut().zip(pads).for_each(|(sum, [a, b])| *sum += u32::from(*a) + u32::from(*b));
+        self.scans += 1;
+    }
+
+    /// The window ends.
+    pub(super) fn end(&mut self) {
+        let scans = f64::from(self.scans.max(1));
+        let means: Vec<f64> = self.sums.iter().map(|&sum| f64::from(sum) / (2.0 * scans)).collect();
+        if let Some(at_zero) = &self.at_zero {
+            let with_pads = means.iter().zip(at_zero).filter(|(now, then)| **now > 0.0 && **then > 0.0);
+            let moved = median(with_pads.map(|(now, then)| (now - then).abs())).unwrap_or(0.0);
+            self.sigma_counts = COEFFICIENT_RMS * moved;
+        } else {
+            self.at_zero = Some(means);
+        }
+        self.restart();
+    }
+
+    /// Standard uncertainty, in counts, of a zero that all taxels share, for the warmth since it was taken.
+    pub(super) const fn sigma_counts(&self) -> f64 {
+        self.sigma_counts
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn window(warmth: &mut Warmth, pads: &[[u8; 2]]) -> f64 {
+        (0..40).for_each(|_| warmth.push(pads));
+        warmth.end();
+        warmth.sigma_counts()
+    }
+
+    #[test]
+    fn a_skin_that_warms_up_may_have_moved_by_two_thirds_of_its_pads() {
+        let mut warmth = Warmth::default();
+        warmth.begin();
+        assert_eq!(window(&mut warmth, &[[200, 202]; 5]), 0.0);
+        assert_eq!(window(&mut warmth, &[[200, 202]; 5]), 0.0);
+        for moved in [2, 3] {
+            let expected = f64::from(moved) * (21.0_f64 / 48.0).sqrt();
+            assert!((window(&mut warmth, &[[200 - moved, 202 - moved]; 5]) - expected).abs() < 1e-12);
+            assert!((window(&mut warmth, &[[200 + moved, 202 + moved]; 5]) - expected).abs() < 1e-12);
+        }
+        warmth.begin();
+        assert_eq!(window(&mut warmth, &[[203, 205]; 5]), 0.0);
+    }
+
+    #[test]
+    fn modules_without_pads_and_a_broken_one_say_nothing() {
+        let mut warmth = Warmth::default();
+        warmth.begin();
+        window(&mut warmth, &[[200, 200], [0, 0], [200, 200], [0, 0], [200, 200]]);
+        let sigma = window(&mut warmth, &[[201, 201], [0, 0], [0, 0], [0, 0], [255, 255]]);
+        assert!((sigma - 28.0 * COEFFICIENT_RMS).abs() < 1e-12, "{sigma}");
+        let sigma = window(&mut warmth, &[[201, 201], [0, 0], [201, 201], [0, 0], [255, 255]]);
+        assert!((sigma - COEFFICIENT_RMS).abs() < 1e-12, "{sigma}");
+        assert_eq!(window(&mut warmth, &[[0, 0]; 5]), 0.0);
+    }
+}
