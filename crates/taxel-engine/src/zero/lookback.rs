@@ -94,7 +94,8 @@ impl Lookback {
         self.median_counts = median.is_finite().then_some(median);
         self.offset_counts = if median.is_finite() { median.abs().min(OFFSET_MAX_COUNTS) } else { 0.0 };
         self.later.restart();
-        self.warmth.iter_mut().for_each(Warmth::end);
+        let towards_load = f64::from(signs.iter().map(|&sign| i32::from(sign)).sum::<i32>().signum());
+        self.warmth.iter_mut().for_each(|warmth| warmth.end(towards_load));
         Later { seen: &seen, scans, modules }.unloaded(zero, signs, limits)
     }
 }

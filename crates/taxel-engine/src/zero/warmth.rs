@@ -2,8 +2,9 @@
 //!
 //! No load reaches the pads, and warmth moves taxels by a quarter to all of what it moves them: the boards compensate the
 //! rest. A skin that cools under a load on all of it may read as if nothing lay there, and only the pads show that.
-//! With `d` the median over the modules of how far their pads moved since the zero, the zero of all taxels may be off by
-//! `k d`, `k` uniform from 1/4 to 1: a root mean square of `0.66 d`.
+//! With `d` the median over the modules of how far their pads moved away from load since the zero, the zero of all taxels
+//! may be off by `k d`, `k` uniform from 1/4 to 1: a root mean square of `0.66 d`. Where they moved towards load nothing is
+//! hidden: all taxels read too much then, which their own median tells.
 
 use crate::statistics::median;
 
@@ -41,14 +42,14 @@ impl Warmth {
         self.scans += 1;
     }
 
-    /// The window ends.
-    pub(super) fn end(&mut self) {
+    /// The window ends. `towards_load` is the sign of a count's change under load.
+    pub(super) fn end(&mut self, towards_load: f64) {
         let scans = f64::from(self.scans.max(1));
         let means: Vec<f64> = self.sums.iter().map(|&sum| f64::from(sum) / (2.0 * scans)).collect();
         if let Some(at_zero) = &self.at_zero {
             let with_pads = means.iter().zip(at_zero).filter(|(now, then)| **now > 0.0 && **then > 0.0);
-            let moved = median(with_pads.map(|(now, then)| (now - then).abs())).unwrap_or(0.0);
-            self.sigma_counts = COEFFICIENT_RMS * moved;
+            let moved = median(with_pads.map(|(now, then)| towards_load * (now - then))).unwrap_or(0.0);
+            self.sigma_counts = COEFFICIENT_RMS * (-moved).max(0.0);
         } else {
             self.at_zero = Some(means);
         }
@@ -67,20 +68,20 @@ mod tests {
 
     fn window(warmth: &mut Warmth, pads: &[[u8; 2]]) -> f64 {
         (0..40).for_each(|_| warmth.push(pads));
-        warmth.end();
+        warmth.end(-1.0);
         warmth.sigma_counts()
     }
 
     #[test]
-    fn a_skin_that_warms_up_may_have_moved_by_two_thirds_of_its_pads() {
+    fn a_skin_that_cools_may_have_moved_by_two_thirds_of_its_pads() {
         let mut warmth = Warmth::default();
         warmth.begin();
         assert_eq!(window(&mut warmth, &[[200, 202]; 5]), 0.0);
         assert_eq!(window(&mut warmth, &[[200, 202]; 5]), 0.0);
         for moved in [2, 3] {
             let expected = f64::from(moved) * (21.0_f64 / 48.0).sqrt();
-            assert!((window(&mut warmth, &[[200 - moved, 202 - moved]; 5]) - expected).abs() < 1e-12);
             assert!((window(&mut warmth, &[[200 + moved, 202 + moved]; 5]) - expected).abs() < 1e-12);
+            assert_eq!(window(&mut warmth, &[[200 - moved, 202 - moved]; 5]), 0.0, "that is towards load");
         }
         warmth.begin();
         assert_eq!(window(&mut warmth, &[[203, 205]; 5]), 0.0);
