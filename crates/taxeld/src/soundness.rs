@@ -91,11 +91,13 @@ fn is_stray(count: f64) -> bool {
 /// Cells that are no 8-bit counts: how many, and the first with its place.
 fn strays(recording: &Recording) -> (usize, Option<String>) {
     let stray = |column: &Column| column.hi.iter().filter(|count| is_stray(**count)).count();
-    let first = recording.counts.iter().enumerate().find_map(|(taxel, column)| {
+    let strays: usize = recording.counts.iter().map(stray).sum();
+    let place = |(taxel, column): (usize, &Column)| {
         let row = column.hi.iter().position(|count| is_stray(*count))?;
         Some(format!("line {}, c{taxel}: {}", recording.lines[row], column.hi[row]))
-    });
-    (recording.counts.iter().map(stray).sum(), first)
+    };
+    // Nearly always there is none, and then nobody looks for the first.
+    (strays, if strays > 0 { recording.counts.iter().enumerate().find_map(place) } else { None })
 }
 
 /// Why this is no recording of an 8-bit skin; `None` if it is one.
