@@ -4,6 +4,7 @@
 //! and one taken while it moves too fast lags behind. What is on the wrong way or too fast is refused, and counted. The
 //! gates are the same for both branches, seen from the other side.
 
+use std::time::Duration;
 use taxel_skin::{Kilopascal, Time};
 
 use crate::calibration::branch::Direction;
@@ -18,10 +19,17 @@ const RATE_MIN_KPA_PER_S: f64 = 0.02;
 /// so much within half a second is beyond the steepest slope anyway.
 const SPIKE_BANDS: f64 = 4.0;
 
+/// A gauge that has jumped and is not back after so long was wrong before or is wrong now, and so is the ramp.
+const JUMPED_MAX: Duration = Duration::from_secs(1);
+
 /// One ramp's progress.
 #[derive(Clone, Debug)]
 pub struct Ramp {
     direction: Direction,
+    /// When the ramp began, its other branch included.
+    begun: Time,
+    /// Since when the gauge is off by a jump since then.
+    off_since: Option<Time>,
     /// Furthest pressure of an accepted sample on this branch, kPa times the direction's sign.
     reached: f64,
     /// When the last sample was accepted, or the branch began.
@@ -43,7 +51,27 @@ impl Ramp {
     /// A branch of a ramp that begins now.
     #[must_use]
     pub const fn new(now: Time, direction: Direction) -> Self {
-        Self { direction, reached: f64::NEG_INFINITY, progress: now }
+        Self { direction, begun: now, off_since: None, reached: f64::NEG_INFINITY, progress: now }
+    }
+
+    /// The other branch of the same ramp, which begins now.
+    #[must_use]
+    pub fn turned(&self, now: Time, direction: Direction) -> Self {
+        Self { begun: self.begun, off_since: self.off_since, ..Self::new(now, direction) }
+    }
+
+    /// By how much the gauge has jumped since the ramp began, kPa, if it is not back at `time` and has not been for a second.
+    #[must_use]
+    pub fn gauge_jumped(&self, time: Time, gauge: &GaugeHistory) -> Option<f64> {
+        let off = self.off_since.is_some_and(|since| time.since(since) > JUMPED_MAX);
+        off.then(|| gauge.jumped(self.begun, time))
+    }
+
+    /// Whether the gauge reads what it would have without the jumps it has made since the ramp began.
+    fn is_gauge_itself(&mut self, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> bool {
+        let itself = gauge.jumped(self.begun, time).abs() <= SPIKE_BANDS * limits.noise_band.0;
+        self.off_since = if itself { None } else { self.off_since.or(Some(time)) };
+        itself
     }
 
     /// Judges a scan taken at `time`.
@@ -56,10 +84,11 @@ impl Ramp {
         let Some(Trend { rate_kpa_per_s, level_kpa }) = gauge.trend(time) else {
             return Gate::Refuse(SampleRefusal::NoPressure);
         };
-        if (pressure.0 - level_kpa).abs() > SPIKE_BANDS * limits.noise_band.0 {
+        let spike_kpa = SPIKE_BANDS * limits.noise_band.0;
+        if !self.is_gauge_itself(time, gauge, limits) || (pressure.0 - level_kpa).abs() > spike_kpa {
             return Gate::Refuse(SampleRefusal::GaugeSpike);
         }
-        if gauge.stuck_by(time) > SPIKE_BANDS * limits.noise_band.0 {
+        if gauge.stuck_by(time) > spike_kpa {
             return Gate::Refuse(SampleRefusal::GaugeStuck);
         }
         let sign = self.direction.sign();
@@ -161,6 +190,21 @@ mod tests {
         let (accepted, refused) = run(Direction::Rising, |t| 9.0 * t, 5);
         assert!(accepted.is_empty());
         assert!(refused.iter().filter(|&&r| r == SampleRefusal::TooFast).count() > 80);
+    }
+
+    #[test]
+    fn nothing_enters_while_the_gauge_is_off_by_a_jump() {
+        let off = |t: f64| if (5.0..8.0).contains(&t) { 3.0 } else { 0.0 };
+        let (accepted, refused) = run(Direction::Rising, |t| t + off(t), 20);
+        let wrong = accepted.iter().filter(|kpa| (8.05..10.95).contains(*kpa)).count();
+        assert!(
+            accepted.len() > 290 && wrong <= 58,
+            "{wrong} of {}: the pressures of a rise come once",
+            accepted.len()
+        );
+        assert!(refused.iter().filter(|&&r| r == SampleRefusal::GaugeSpike).count() >= 58);
+        let (accepted, _) = run(Direction::Rising, |t| t + if t < 5.0 { 3.0 } else { 0.0 }, 20);
+        assert!(accepted.len() < 100, "which of both is the pressure nobody knows: {}", accepted.len());
     }
 
     #[test]

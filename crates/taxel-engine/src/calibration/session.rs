@@ -216,7 +216,10 @@ impl SessionRun {
     }
 
     fn begin_branch(&mut self, now: Time, direction: Direction) {
-        self.ramp = Ramp::new(now, direction);
+        self.ramp = match direction {
+            Direction::Rising => Ramp::new(now, direction),
+            Direction::Falling => self.ramp.turned(now, direction),
+        };
         self.rise = Rise::default();
         self.view.direction = direction;
         self.stale_since_progress = 0;
@@ -265,6 +268,10 @@ impl SessionRun {
                 }
                 Gate::Refuse(reason) => self.view.refused.add(reason),
                 Gate::Wait => {}
+            }
+            if let Some(kpa) = self.ramp.gauge_jumped(time, gauge) {
+                self.view.reason = gauge_jumped(kpa);
+                return Progress::Failed;
             }
             if self.is_over(time, gate, gauge) {
                 return if self.turn(time) { Progress::Turned } else { Progress::RampEnded };
@@ -396,4 +403,12 @@ impl SessionRun {
             self.view.not_responding = unmoved.into();
         }
     }
+}
+
+/// Why a ramp ended whose gauge reads another pressure than it would have without a jump.
+fn gauge_jumped(kpa: f64) -> String {
+    format!(
+        "the gauge jumped by {kpa:+.1} kPa from one reading to the next and is not back: it was wrong before or is wrong now, and \
+         so are samples of this ramp; mend the gauge and begin a new session"
+    )
 }

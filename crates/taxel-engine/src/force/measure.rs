@@ -8,7 +8,7 @@ use taxel_skin::{Geometry, Newton, NormalsVerdict, SquareMillimetre};
 use crate::counts::Counts;
 use crate::force::contacts::clusters;
 use crate::force::evaluator::Evaluator;
-use crate::force::neighbours::{Filled, Neighbours};
+use crate::force::neighbours::{Filled, Neighbours, Rim};
 use crate::force::reason::positions;
 use crate::force::remainder::Unseen;
 use crate::force::sample::ForceSample;
@@ -84,6 +84,16 @@ pub struct Touch {
     /// The contact that each taxel belongs to, and the sums of each; the first is of taxels without a position.
     labels: Vec<u16>,
     contacts: Vec<Contact>,
+    /// How it lies on taxels that are excluded.
+    rim: Rim,
+}
+
+impl Touch {
+    /// How many excluded taxels are beside touched ones, if more of a contact may lie on them than on touched ones.
+    #[must_use]
+    pub fn mostly_blind(&self) -> Option<usize> {
+        self.rim.is_mostly_blind().then_some(self.rim.without)
+    }
 }
 
 /// Sums over the taxels of a total that its uncertainty follows from.
@@ -156,6 +166,7 @@ impl ForceModel {
         touch.active.clear();
         touch.beside.clear();
         touch.contacts.clear();
+        touch.rim = Rim::default();
         evaluator.find_active(counts, &mut touch.active);
         if touch.active.is_empty() {
             return;
@@ -167,8 +178,10 @@ impl ForceModel {
             if coverage.uncovered_share > 0.0 {
                 let selected = evaluator.selection();
                 let kpa = |taxel| low(taxel) / self.newton_per_kpa(taxel);
-                neighbours.fill(&touch.active, |taxel| selected[taxel], kpa, &mut touch.beside);
+                touch.rim = neighbours.fill(&touch.active, |taxel| selected[taxel], kpa, &mut touch.beside);
             }
+        } else if coverage.uncovered_share > 0.0 {
+            touch.rim = self.rim_of_modules(&touch.active, evaluator.selection());
         }
         touch.contacts.resize(contacts + 1, Contact::default());
         for &(taxel, newton) in &touch.active {
@@ -224,6 +237,17 @@ impl ForceModel {
             self.add_geometry(&mut sample, geometry, active);
         }
         sample
+    }
+
+    /// Without positions excluded taxels are beside those of their module: the touched module with most of them for each
+    /// taxel that is touched.
+    fn rim_of_modules(&self, active: &[(usize, f64)], selected: &[bool]) -> Rim {
+        let rim = |range: &Range<usize>| {
+            let touched = active.iter().filter(|(taxel, _)| range.contains(taxel)).count();
+            Rim { without: range.clone().filter(|&taxel| !selected[taxel]).count(), touched, beyond: 0 }
+        };
+        let touched = self.modules.iter().map(rim).filter(|rim| rim.touched > 0);
+        touched.max_by(|a, b| (a.without * b.touched).cmp(&(b.without * a.touched))).unwrap_or_default()
     }
 
     /// Without positions nobody knows which excluded taxels lie under a contact. Those of a module that it touches may

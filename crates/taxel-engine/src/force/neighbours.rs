@@ -13,10 +13,21 @@ const REACH_M: f64 = 0.008;
 /// A filled pressure rests on at least so many neighbours.
 const FILL_NEIGHBOURS_MIN: usize = 2;
 
+/// A taxel at the rim of the skin has its neighbours on one side: the mean of the directions to them is at least so long.
+/// Of a straight rim it is 0.43, of a corner 0.87, and 0 where neighbours lie all around.
+const ONE_SIDED: f64 = 0.4;
+
+/// A taxel with so much of what all taxels read is one of the three that a contact touches at most.
+const LARGE_SHARE: f64 = 0.3;
+/// Beside one taxel another is well touched if it reads more than this share of its pressure.
+const WELL_TOUCHED_SHARE: f64 = 0.25;
+
 /// The neighbours of every taxel, ascending.
 #[derive(Clone, Debug)]
 pub struct Neighbours {
     of: Vec<Vec<u16>>,
+    /// Whether the taxel lies at the rim of the skin: what presses on it from beyond reaches no neighbour.
+    at_rim: Vec<bool>,
 }
 
 /// A pressure taken from neighbours.
@@ -28,6 +39,26 @@ pub struct Filled {
     pub kpa: f64,
     /// Standard deviation among its neighbours: how far a single taxel is from their mean.
     pub sigma_kpa: f64,
+}
+
+/// Where touched taxels lie beside others that have no pressure of their own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rim {
+    /// Taxels without a pressure beside touched ones.
+    pub without: usize,
+    /// Touched taxels.
+    pub touched: usize,
+    /// Of those without one, how many lie at the rim of the skin beside one taxel with much of what is touched, and beside
+    /// nothing else that is well touched.
+    pub beyond: usize,
+}
+
+impl Rim {
+    /// Whether more of a contact may lie on taxels without a pressure than on those that have one.
+    #[must_use]
+    pub const fn is_mostly_blind(self) -> bool {
+        self.without > self.touched || self.beyond > 0
+    }
 }
 
 impl Neighbours {
@@ -43,7 +74,9 @@ impl Neighbours {
             let close = others.filter(|&other| here.zip(place(other)).is_some_and(|(a, b)| near(a, b)));
             close.map(|other| other as u16).collect()
         };
-        Self { of: (0..taxels).map(beside).collect() }
+        let of: Vec<Vec<u16>> = (0..taxels).map(beside).collect();
+        let at_rim = (0..taxels).map(|taxel| is_one_sided(taxel, &of[taxel], &place)).collect();
+        Self { of, at_rim }
     }
 
     /// Adds to `active` (taxel, value) what is connected to it through taxels that `low` gives a value above zero, and
@@ -99,6 +132,7 @@ impl Neighbours {
     }
 
     /// Appends pressures for taxels that have none, where at least two neighbours have one and one of these is touched.
+    /// Returns how a contact lies on taxels without one.
     ///
     /// `has_pressure` is whether a taxel has a pressure of its own, `pressure_kpa` is that: zero where nothing touches it.
     pub fn fill(
@@ -107,22 +141,49 @@ impl Neighbours {
         has_pressure: impl Fn(usize) -> bool,
         pressure_kpa: impl Fn(usize) -> f64,
         filled: &mut Vec<Filled>,
-    ) {
-        let first = filled.len();
+    ) -> Rim {
+        let (first, mut rim) = (filled.len(), Rim::default());
         for &(taxel, _) in touched {
             for &missing in self.of[taxel].iter().filter(|&&other| !has_pressure(usize::from(other))) {
-                filled.push(Filled { taxel: usize::from(missing), kpa: 0.0, sigma_kpa: 0.0 });
+                filled.push(Filled { taxel: usize::from(missing), kpa: pressure_kpa(taxel), sigma_kpa: 0.0 });
             }
         }
         filled[first..].sort_unstable_by_key(|f| f.taxel);
+        let runs = filled[first..].chunk_by(|a, b| a.taxel == b.taxel);
+        let sum_kpa = touched.iter().map(|&(taxel, _)| pressure_kpa(taxel)).sum();
+        rim.beyond = runs.filter(|run| self.at_rim[run[0].taxel] && is_beside_most(run, sum_kpa)).count();
         filled.dedup_by_key(|f| f.taxel);
+        (rim.without, rim.touched) = (filled.len() - first, touched.len());
         filled.retain_mut(|f| {
             let known = || self.of(f.taxel).filter(|&other| has_pressure(other)).map(&pressure_kpa);
             let Some((kpa, sigma_kpa)) = mean_and_scatter(known) else { return false };
             (f.kpa, f.sigma_kpa) = (kpa, sigma_kpa);
             true
         });
+        rim
     }
+}
+
+/// Whether one of these, by far the greatest of them, has a large share of the sum over all that is touched: then most of a
+/// contact may lie beyond it.
+fn is_beside_most(touched: &[Filled], sum_kpa: f64) -> bool {
+    let (first, second) = touched
+        .iter()
+        .fold((0.0_f64, 0.0_f64), |(first, second), filled| (first.max(filled.kpa), second.max(filled.kpa.min(first))));
+    first >= LARGE_SHARE * sum_kpa && second <= WELL_TOUCHED_SHARE * first
+}
+
+/// Whether the neighbours of a taxel lie on one side of it.
+fn is_one_sided(taxel: usize, neighbours: &[u16], place: impl Fn(usize) -> Option<[f64; 3]>) -> bool {
+    let Some(here) = place(taxel) else { return false };
+    let mut sum = [0.0; 3];
+    for there in neighbours.iter().filter_map(|&other| place(usize::from(other))) {
+        let way = [0, 1, 2].map(|axis| there[axis] - here[axis]);
+        let length = way.iter().map(|part| part * part).sum::<f64>().sqrt();
+        sum.iter_mut().zip(way).for_each(|(sum, part)| *sum += part / length);
+    }
+    let length = sum.iter().map(|part| part * part).sum::<f64>().sqrt();
+    length >= ONE_SIDED * neighbours.len() as f64
 }
 
 /// Mean and standard deviation of `values`, which gives the same ones twice; `None` of fewer than
@@ -171,9 +232,37 @@ mod tests {
         let pressures = [Some(0.0), Some(10.0), None, Some(14.0), None];
         let (has, kpa) = (|t: usize| pressures[t].is_some(), |t: usize| pressures[t].unwrap());
         let mut filled = Vec::new();
-        row(5).fill(&[(1, 1.0), (3, 1.0)], has, kpa, &mut filled);
+        let rim = row(5).fill(&[(1, 1.0), (3, 1.0)], has, kpa, &mut filled);
+        assert_eq!(rim, Rim { without: 2, touched: 2, beyond: 1 }, "taxel 4 lies at the end of the row");
         assert_eq!(filled.len(), 1, "taxel 4 has one neighbour only");
         assert_eq!((filled[0].taxel, filled[0].kpa), (2, 12.0));
         assert!((filled[0].sigma_kpa - 8.0_f64.sqrt()).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_contact_that_touches_one_taxel_between_two_without_a_pressure_may_lie_on_these() {
+        let has = |taxel: usize| taxel % 2 == 0;
+        let rim = |touched: &[(usize, f64)]| row(7).fill(touched, has, |_| 1.0, &mut Vec::new());
+        assert_eq!(rim(&[]), Rim::default());
+        assert_eq!(rim(&[(2, 1.0)]), Rim { without: 2, touched: 1, beyond: 0 });
+        assert!(rim(&[(2, 1.0)]).is_mostly_blind());
+        assert!(!rim(&[(0, 1.0)]).is_mostly_blind(), "the first of the row has one beside it");
+    }
+
+    /// A hexagonal patch of 19 taxels: a centre, six about it, twelve at the rim.
+    #[test]
+    fn taxels_at_the_rim_have_their_neighbours_on_one_side() {
+        let pitch = 0.0065;
+        let at =
+            |q: i32, r: i32| [pitch * (f64::from(q) + 0.5 * f64::from(r)), pitch * 0.75_f64.sqrt() * f64::from(r), 0.0];
+        let all = (-2_i32..=2).flat_map(|q| (-2_i32..=2).map(move |r| (q, r))).filter(|(q, r)| (q + r).abs() <= 2);
+        let ring = |(q, r): (i32, i32)| q.abs().max(r.abs()).max((q + r).abs());
+        let (places, rings): (Vec<_>, Vec<_>) = all.map(|place| (at(place.0, place.1), ring(place))).unzip();
+        let poses = places.into_iter().map(|position| Some(TaxelPose { position, normal: [0.0, 0.0, 1.0] })).collect();
+        let neighbours = Neighbours::new(&Geometry::from_poses(poses));
+        assert_eq!(rings.len(), 19);
+        for (taxel, ring) in rings.iter().enumerate() {
+            assert_eq!(neighbours.at_rim[taxel], *ring == 2, "{taxel}");
+        }
     }
 }

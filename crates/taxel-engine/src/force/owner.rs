@@ -273,8 +273,11 @@ impl Force {
         sample.stale = silent as u32;
         sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
         sample.reasons = self.shortcomings(scan, &sample, (&in_total, faulty), zero);
-        sample.lower_bound =
-            self.coverage.blind > 0 || sample.stale > 0 || sample.out_of_range > 0 || zero.load_vanished.is_some();
+        sample.lower_bound = self.coverage.blind > 0
+            || self.touch.mostly_blind().is_some()
+            || sample.stale > 0
+            || sample.out_of_range > 0
+            || zero.load_vanished.is_some();
         sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
         Measured { sample, active: in_total, told: unseen.told }
     }
@@ -351,6 +354,9 @@ impl Force {
                 let text = format!("{n} taxels with a model {why}");
                 reasons.push(Reason::about(Arc::clone(&self.without_zero), TaxelsWithoutZero, text));
             }
+        } else if let Some(n) = self.touch.mostly_blind() {
+            let text = format!("more of a contact may lie on {n} taxels that cannot be read than on those that can");
+            reasons.push(Reason::new(TaxelsBlind, format!("{text}: the total is a lower bound")));
         }
         if sample.out_of_range > 0 {
             let n = sample.out_of_range;

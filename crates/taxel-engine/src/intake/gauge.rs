@@ -26,6 +26,15 @@ const HELD_SHARE: f64 = 0.9;
 /// A newest reading that is older than so many usual distances of two says nothing of now.
 const USUAL_AGES_MAX: u32 = 3;
 
+/// No bag's pressure goes faster for longer than a reading, vented ones excepted, kPa/s.
+const STEEPEST_KPA_PER_S: f64 = 50.0;
+/// A single step further than that by so much is the gauge's own, kPa: several times what gauges err by.
+const JUMP_MIN_KPA: f64 = 1.0;
+/// And it is single if the steps before and after it are less than this share of it: when a bag is vented they are not.
+const BESIDE_JUMP_MAX: f64 = 0.25;
+/// Jumps that are kept: those of a gauge with more of them say nothing new.
+const JUMPS_MAX: usize = 256;
+
 /// A gauge that says the very same for so long, and in at least so many readings, may stand still while the pressure
 /// goes on.
 const RUN_MIN: Duration = Duration::from_millis(300);
@@ -46,6 +55,37 @@ pub struct GaugeHistory {
     readings: VecDeque<(Time, f64)>,
     /// Readings that were not later than the one before; counted and left out.
     out_of_order: u64,
+    changes: Changes,
+    /// Steps that no pressure makes, with their times, the newest last.
+    jumps: VecDeque<(Time, f64)>,
+}
+
+/// The steps of a gauge, without the readings between in which it repeated itself.
+#[derive(Clone, Debug, Default)]
+struct Changes {
+    /// When it changed last, and to what.
+    last: Option<(Time, f64)>,
+    /// The step before the newest, and the newest with its time and what of it no pressure explains.
+    before: Option<f64>,
+    newest: Option<(Time, f64, f64)>,
+}
+
+impl Changes {
+    /// Takes a reading; the step before it, if that was a jump, with its time.
+    fn push(&mut self, time: Time, kpa: f64) -> Option<(Time, f64)> {
+        let Some((since, from)) = self.last.replace((time, kpa)) else { return None };
+        let step = kpa - from;
+        if step == 0.0 {
+            self.last = Some((since, from)); // it changed then
+        }
+        let beside = self.before.map(|before| step.abs().max(before.abs()));
+        let single = |newest: f64| beside.is_some_and(|beside| beside < BESIDE_JUMP_MAX * newest.abs());
+        let jump = self.newest.filter(|&(_, newest, beyond)| beyond > JUMP_MIN_KPA && single(newest));
+        let beyond = step.abs() - STEEPEST_KPA_PER_S * time.seconds_since(since);
+        self.before = self.newest.map(|(_, newest, _)| newest);
+        self.newest = Some((time, step, beyond));
+        jump.map(|(at, newest, _)| (at, newest))
+    }
 }
 
 /// What is known of the pressure at a time.
@@ -72,6 +112,20 @@ impl GaugeHistory {
             self.readings.pop_front();
         }
         self.readings.push_back((time, pressure.0));
+        if let Some(jump) = self.changes.push(time, pressure.0) {
+            self.jumps.push_back(jump);
+            if self.jumps.len() > JUMPS_MAX {
+                self.jumps.pop_front();
+            }
+        }
+    }
+
+    /// By how much the gauge jumped after `from` and until `until`, up and down together, kPa: its readings differ from the
+    /// pressure by that much more at the end than at the beginning. A jump is known with the next reading.
+    #[must_use]
+    pub fn jumped(&self, from: Time, until: Time) -> f64 {
+        let within = self.jumps.iter().filter(|&&(time, _)| time > from && time <= until);
+        within.map(|&(_, kpa)| kpa).sum()
     }
 
     /// Readings left out because they came out of order.
@@ -186,6 +240,39 @@ mod tests {
     }
 
     const TIMEOUT: Duration = Duration::from_millis(500);
+
+    /// A gauge that is read every 10 ms for so many seconds.
+    fn read(seconds: f64, kpa: impl Fn(f64) -> f64) -> GaugeHistory {
+        let mut gauge = GaugeHistory::default();
+        (0..(100.0 * seconds) as i64).for_each(|n| gauge.push(ms(10 * n), Kilopascal(kpa(0.01 * n as f64))));
+        gauge
+    }
+
+    #[test]
+    fn a_step_that_no_pressure_makes_is_a_jump_until_the_gauge_is_back() {
+        let off = |t: f64| if (1.0..2.5).contains(&t) { 3.0 } else { 0.0 };
+        let gauge = read(4.0, |t| 4.0 * t + off(t));
+        assert!((gauge.jumped(ms(0), ms(1500)) - 3.0).abs() < 0.1, "{:?}", gauge.jumps);
+        assert!(gauge.jumped(ms(0), ms(4000)).abs() < 0.1 && gauge.jumped(ms(1500), ms(2400)) == 0.0);
+        assert!((gauge.jumped(ms(1500), ms(4000)) + 3.0).abs() < 0.1, "it may have been wrong before");
+    }
+
+    #[test]
+    fn what_a_pressure_does_is_no_jump() {
+        let vented = |t: f64| if t < 1.0 { 70.0 } else { 70.0 * (-(t - 1.0) / 0.3).exp() };
+        let stuck = |t: f64| if (1.0..3.0).contains(&t) { 5.0 } else { 5.0 * t };
+        let coarse = |t: f64| (0.4 * t).floor();
+        let spikes = |t: f64| t + if ((100.0 * t).round() as i64) % 37 == 0 { 9.0 } else { 0.0 };
+        for (what, gauge) in [
+            ("a vented bag", read(4.0, vented)),
+            ("a gauge that stood still and caught up", read(4.0, stuck)),
+            ("a gauge of coarse steps", read(20.0, coarse)),
+            ("spikes of one reading", read(4.0, spikes)),
+            ("noise", read(4.0, |t| 4.0 * t + 0.3 * (1e4 * t).sin())),
+        ] {
+            assert_eq!(gauge.jumped(ms(0), ms(20_000)), 0.0, "{what}: {:?}", gauge.jumps);
+        }
+    }
 
     #[test]
     fn pressure_is_linear_between_readings_and_nowhere_else() {

@@ -212,7 +212,7 @@ fn name(
     let apart = apart(stage, snapshot.time, stated);
     let forgotten = stage.daemon.has_forgotten() && lie.too_little;
     let mutes = stage.suspects.mutes(now).filter(|_| apart == HEARD_LATE);
-    let root = match mutes.or_else(|| stage.suspects.principal(stage.suspects.present(now), now, wrong)) {
+    let root = match mutes.or_else(|| stage.suspects.principal(stage.suspects.present(now), wrong)) {
         Some(kind) => kind.name(),
         None if excluded > MANY_EXCLUDED => "no fault, but many taxels excluded",
         None => "no fault",

@@ -9,7 +9,7 @@ use crate::kinds::{Kind, Kinds};
 /// What ended so long ago may still show: silence is judged after 150 ms, a power cycle after a second.
 pub const AFTERMATH: Duration = Duration::from_millis(1500);
 
-/// A fault that began so long ago and still lasts names a lie before anything else.
+/// A fault that began so long before a lie and still lasts names it before anything else.
 const FRESH: Duration = Duration::from_secs(10);
 
 /// What zero and models went through; the first of these that holds names a lie.
@@ -137,13 +137,15 @@ impl Suspects {
         self.models = kinds;
     }
 
-    /// A board has taken its zero, under a load or not. Only a configuration reaches all of them.
+    /// A board has taken its zero, under a load or not. Only a configuration reaches all of them: what they had before is
+    /// gone then.
     pub fn board_zero(&mut self, kind: Kind, loaded: bool) {
+        if kind == Kind::BoardsUnderLoad {
+            self.boards = Kinds::default();
+        }
         if loaded {
             self.boards.insert(kind);
             self.ever.insert(kind);
-        } else if kind == Kind::BoardsUnderLoad {
-            self.boards = Kinds::default();
         }
     }
 
@@ -158,7 +160,7 @@ impl Suspects {
     /// zero under a load, what zero and models went through, or else the newest fault. What reads too
     /// little already in the very first sample at a zero comes from the zero or from its boards, and what has been told
     /// for a while from nothing that began since.
-    pub fn principal(&self, kinds: Kinds, now: Time, wrong: Wrong) -> Option<Kind> {
+    pub fn principal(&self, kinds: Kinds, wrong: Wrong) -> Option<Kind> {
         let Wrong { too_little, since, .. } = wrong;
         let of_zero = too_little && wrong.of_zero;
         let newest = |kinds: &mut dyn Iterator<Item = Kind>| kinds.max_by_key(|kind| self.newest[*kind as usize]);
@@ -166,7 +168,7 @@ impl Suspects {
         let faults = || kinds.iter().filter(|kind| kind.is_fault() && !ROOTS.contains(kind));
         let adds = |kind: &Kind| too_little || !MUTES.contains(kind);
         let fresh = |kind: &Kind| {
-            let began = self.newest[*kind as usize].is_some_and(|began| now < began + FRESH && began <= since);
+            let began = self.newest[*kind as usize].is_some_and(|began| began <= since && since < began + FRESH);
             began && self.begun[*kind as usize] > 0 && !is_harmless(*kind)
         };
         let retared = |kind: &Kind| self.boards.has(*kind) && (of_zero || self.since_zero.has(*kind));

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::limits::RestLimits;
 use super::moves::{Moves, third};
-use super::statistics::{INDEPENDENT_SHARE, NOISE_FLOOR_COUNTS, RestWindow};
+use super::statistics::{INDEPENDENT_SHARE, NOISE_FLOOR_COUNTS, RestWindow, STEADY_COUNTS_MAX, STEADY_ERRORS_MAX};
 use super::verdict::{RestFigures, RestVerdict, Unsteadiness};
 use crate::baseline::TaxelBaseline;
 use crate::statistics::{median, median_error};
@@ -18,6 +18,13 @@ const THIRD_ERRORS_MAX: f64 = 3.3;
 
 /// Three of a module's taxels with so much more noise than they are known to have: of 20 scans once in 1e9 windows.
 const THIRD_NOISE_MAX: f64 = 1.9;
+
+/// So many taxels of a module, or of the skin, that moved by far more than their noise are a load that came or went, however
+/// few of its modules' taxels it lies on. One alone may be broken.
+const JUMPS_OF_MODULE: usize = 2;
+const JUMPS_OF_SKIN: usize = 3;
+/// A large skin may have a broken taxel more for each so many.
+const TAXELS_PER_BROKEN: usize = 500;
 
 /// Most of a thermal drift that is put down to time, counts.
 const DRIFT_MAX_COUNTS: f64 = 3.5;
@@ -102,6 +109,14 @@ fn unsteady(
         if noise.is_finite() { noise.max(NOISE_FLOOR_COUNTS) } else { f64::NAN }
     };
     let both_halves = early.count() > 1 && late.count() > 1;
+    let moved = |t: usize| after[t].mean - before[t].mean;
+    let jumps = |t: usize| {
+        let least = (STEADY_ERRORS_MAX * known(t) * share).max(STEADY_COUNTS_MAX);
+        takes_part[t] && moved(t).abs() > least
+    };
+    if both_halves && let Some(found) = too_many(window.all().modules(), jumps) {
+        return Some(found);
+    }
     for (module, range) in window.all().modules().iter().enumerate() {
         let taxels = || range.clone().filter(|&t| takes_part[t]);
         let noise: Vec<f64> = taxels().map(|t| all[t].noise / known(t)).collect();
@@ -111,7 +126,6 @@ fn unsteady(
         if !both_halves {
             continue;
         }
-        let moved = |t: usize| after[t].mean - before[t].mean;
         let errors: Vec<f64> = taxels().map(|t| (moved(t) / (known(t) * share)).abs()).collect();
         if let Some(errors) = third(&errors).filter(|errors| *errors > THIRD_ERRORS_MAX) {
             return Some((module, Unsteadiness::Third(errors, THIRD_ERRORS_MAX)));
@@ -123,6 +137,17 @@ fn unsteady(
         }
     }
     None
+}
+
+/// The module with most taxels that moved by far more than their noise, if these are too many to be broken ones.
+fn too_many(modules: &[Range<usize>], jumps: impl Fn(usize) -> bool) -> Option<(usize, Unsteadiness)> {
+    let jumped = modules.iter().map(|range| range.clone().filter(|&taxel| jumps(taxel)).count());
+    let (skin, taxels) = (jumped.clone().sum::<usize>(), modules.iter().map(ExactSizeIterator::len).sum::<usize>());
+    let (module, most) = jumped.enumerate().max_by_key(|&(_, jumped)| jumped)?;
+    let of_module = most >= JUMPS_OF_MODULE;
+    let found = if of_module { (most, false) } else { (skin, true) };
+    let too_many = of_module || skin >= JUMPS_OF_SKIN + taxels / TAXELS_PER_BROKEN;
+    too_many.then_some((module, Unsteadiness::Single { taxels: found.0, all: found.1 }))
 }
 
 /// Rest or not, from how far the taxels of a still skin have moved since the calibration.

@@ -11,9 +11,9 @@ pub(super) const NOISE_FLOOR_COUNTS: f64 = 0.5;
 
 /// A taxel that has moved further from one half of a window to the other has no zero, in standard errors. By chance that
 /// becomes of one taxel in a hundred thousand (`a_taxel_at_rest_keeps_its_zero`).
-const STEADY_ERRORS_MAX: f64 = 5.0;
+pub(super) const STEADY_ERRORS_MAX: f64 = 5.0;
 /// And in counts, so that rounding is no movement.
-const STEADY_COUNTS_MAX: f64 = 1.0;
+pub(super) const STEADY_COUNTS_MAX: f64 = 1.0;
 /// Half of the scans repeat a conversion of the boards, so half of them count.
 pub(super) const INDEPENDENT_SHARE: f64 = 0.5;
 
@@ -53,8 +53,8 @@ impl RestWindow {
         &self.all
     }
 
-    /// Mean and noise per taxel. A taxel that moved while it was watched has none: one or two of a module may move without
-    /// the skin being called restless, and what they read in the mean may hide a load that came meanwhile.
+    /// Mean and noise per taxel. A taxel that moved while it was watched has none: one of a module and two of a skin may move
+    /// without the skin being called restless, and what they read in the mean may hide a load that came meanwhile.
     #[must_use]
     pub fn steady_baseline(&self) -> Vec<TaxelBaseline> {
         let [early, late] = self.halves.each_ref().map(RestStatistics::baseline);

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use super::statistics::STEADY_ERRORS_MAX;
 use crate::request::ErrorReason;
 
 /// From here on a zero lies so far towards load that what pressed before may still be in it, counts.
@@ -148,6 +149,13 @@ pub enum Unsteadiness {
     Third(f64, f64),
     /// The noise of its third taxel, over what it is known to be, and the limit.
     Noise(f64, f64),
+    /// So many of its taxels, or of all modules', each by far more than its noise.
+    Single {
+        /// How many moved.
+        taxels: usize,
+        /// Whether those of all modules are meant.
+        all: bool,
+    },
 }
 
 impl fmt::Display for Unsteadiness {
@@ -165,6 +173,14 @@ impl fmt::Display for Unsteadiness {
             }
             Self::Noise(ratio, max) => {
                 write!(f, "three of its taxels have {ratio:.1} times their noise and more, at rest at most {max}")
+            }
+            Self::Single { taxels, all } => {
+                let whose = if *all { "taxels of the skin, one of them its own," } else { "of its taxels" };
+                write!(
+                    f,
+                    "{taxels} {whose} moved by more than {STEADY_ERRORS_MAX} standard errors from the first half to the \
+                     second"
+                )
             }
         }
     }
