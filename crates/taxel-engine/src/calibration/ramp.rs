@@ -60,11 +60,18 @@ impl Ramp {
         Self { begun: self.begun, off_since: self.off_since, ..Self::new(now, direction) }
     }
 
-    /// By how much the gauge has jumped since the ramp began, kPa, if it is not back at `time` and has not been for a second.
+    /// Why nothing of the ramp can be trusted, if that is so: the gauge has jumped since it began, and is not back at `time`
+    /// and has not been for a second.
     #[must_use]
-    pub fn gauge_jumped(&self, time: Time, gauge: &GaugeHistory) -> Option<f64> {
+    pub fn why_void(&self, time: Time, gauge: &GaugeHistory) -> Option<String> {
         let off = self.off_since.is_some_and(|since| time.since(since) > JUMPED_MAX);
-        off.then(|| gauge.jumped(self.begun, time))
+        off.then(|| {
+            format!(
+                "the gauge jumped by {:+.1} kPa from one reading to the next and is not back: it was wrong before or is wrong \
+                 now, and so are samples of this ramp; mend the gauge and begin a new session",
+                gauge.jumped(self.begun, time)
+            )
+        })
     }
 
     /// Whether the gauge reads what it would have without the jumps it has made since the ramp began.

@@ -269,8 +269,8 @@ impl SessionRun {
                 Gate::Refuse(reason) => self.view.refused.add(reason),
                 Gate::Wait => {}
             }
-            if let Some(kpa) = self.ramp.gauge_jumped(time, gauge) {
-                self.view.reason = gauge_jumped(kpa);
+            if let Some(why) = self.ramp.why_void(time, gauge) {
+                self.view.reason = why;
                 return Progress::Failed;
             }
             if self.is_over(time, gate, gauge) {
@@ -403,12 +403,4 @@ impl SessionRun {
             self.view.not_responding = unmoved.into();
         }
     }
-}
-
-/// Why a ramp ended whose gauge reads another pressure than it would have without a jump.
-fn gauge_jumped(kpa: f64) -> String {
-    format!(
-        "the gauge jumped by {kpa:+.1} kPa from one reading to the next and is not back: it was wrong before or is wrong now, and \
-         so are samples of this ramp; mend the gauge and begin a new session"
-    )
 }

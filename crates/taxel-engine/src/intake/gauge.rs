@@ -63,27 +63,27 @@ pub struct GaugeHistory {
 /// The steps of a gauge, without the readings between in which it repeated itself.
 #[derive(Clone, Debug, Default)]
 struct Changes {
-    /// When it changed last, and to what.
-    last: Option<(Time, f64)>,
+    /// When it changed last, to what, and when it was read last.
+    last: Option<(Time, f64, Time)>,
     /// The step before the newest, and the newest with its time and what of it no pressure explains.
     before: Option<f64>,
     newest: Option<(Time, f64, f64)>,
 }
 
 impl Changes {
-    /// Takes a reading; the step before it, if that was a jump, with its time.
+    /// Takes a reading; the step before it, if that was a jump, with the time of the reading that it began at.
     fn push(&mut self, time: Time, kpa: f64) -> Option<(Time, f64)> {
-        let Some((since, from)) = self.last.replace((time, kpa)) else { return None };
+        let (since, from, read) = self.last.replace((time, kpa, time))?;
         let step = kpa - from;
         if step == 0.0 {
-            self.last = Some((since, from)); // it changed then
+            self.last = Some((since, from, time)); // it changed then
         }
         let beside = self.before.map(|before| step.abs().max(before.abs()));
         let single = |newest: f64| beside.is_some_and(|beside| beside < BESIDE_JUMP_MAX * newest.abs());
         let jump = self.newest.filter(|&(_, newest, beyond)| beyond > JUMP_MIN_KPA && single(newest));
         let beyond = step.abs() - STEEPEST_KPA_PER_S * time.seconds_since(since);
         self.before = self.newest.map(|(_, newest, _)| newest);
-        self.newest = Some((time, step, beyond));
+        self.newest = Some((read, step, beyond));
         jump.map(|(at, newest, _)| (at, newest))
     }
 }
@@ -120,11 +120,11 @@ impl GaugeHistory {
         }
     }
 
-    /// By how much the gauge jumped after `from` and until `until`, up and down together, kPa: its readings differ from the
+    /// By how much the gauge jumped between `from` and `until`, up and down together, kPa: its readings differ from the
     /// pressure by that much more at the end than at the beginning. A jump is known with the next reading.
     #[must_use]
     pub fn jumped(&self, from: Time, until: Time) -> f64 {
-        let within = self.jumps.iter().filter(|&&(time, _)| time > from && time <= until);
+        let within = self.jumps.iter().filter(|&&(time, _)| time >= from && time < until);
         within.map(|&(_, kpa)| kpa).sum()
     }
 

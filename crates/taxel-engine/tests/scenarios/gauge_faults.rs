@@ -29,6 +29,43 @@ fn what_a_gauge_says_while_it_stands_still_in_a_fast_ramp_never_enters() {
     assert!(refused >= 10, "{refused} refused as such: {:?}", bench.host.session().refused);
 }
 
+#[test]
+fn a_gauge_that_jumps_and_stays_ends_the_ramp_by_name() {
+    for kpa in [3.0, -3.0] {
+        let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
+        bench.brought_up();
+        let session = bench.start_session(None);
+        bench.ramp(74.0, 4.0);
+        bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 20.0));
+        let before = bench.world.true_pressure().0;
+        bench.inject(Fault::GaugeOffset { kpa });
+        bench.until_state(10.0, SessionState::Failed);
+        let reason = &bench.host.session().reason;
+        assert!(reason.starts_with(&format!("the gauge jumped by {kpa:+.1} kPa")), "{reason}");
+        let last = bench.host.samples(session).last().map_or(0.0, |sample| sample.pressure_kpa);
+        assert!((before - 1.0..before + 0.2).contains(&last), "{last} entered, the gauge jumped at {before}");
+    }
+}
+
+#[test]
+fn a_gauge_that_is_back_within_a_second_costs_the_ramp_only_what_it_said_meanwhile() {
+    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
+    bench.brought_up();
+    let session = bench.start_session(None);
+    bench.ramp(74.0, 4.0);
+    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 20.0));
+    bench.inject(Fault::GaugeOffset { kpa: 3.0 });
+    bench.seconds(0.6);
+    bench.repair(Fault::GaugeOffset { kpa: 3.0 });
+    bench.until(60.0, "the end of the ramp", |host| host.session().state != SessionState::Ramping);
+    assert_ne!(bench.host.session().state, SessionState::Failed, "{}", bench.host.session().reason);
+    let samples = bench.host.samples(session);
+    assert!(samples.len() > 150, "the rest of the ramp enters: {}", samples.len());
+    let rises = samples.windows(2).map(|pair| pair[1].pressure_kpa - pair[0].pressure_kpa);
+    let falls = rises.filter(|step| *step < -0.3).count();
+    assert_eq!(falls, 0, "a sample of an offset that ended would be above those after it");
+}
+
 /// Boards brought up, a session that is not patient on its way up.
 fn rising(change: impl FnOnce(&mut Bench)) -> Bench {
     let mut patch = patch_plan(&small().skin);
