@@ -75,7 +75,7 @@ impl Neighbours {
             close.map(|other| other as u16).collect()
         };
         let of: Vec<Vec<u16>> = (0..taxels).map(beside).collect();
-        let at_rim = (0..taxels).map(|taxel| is_one_sided(taxel, &of[taxel], &place)).collect();
+        let at_rim = (0..taxels).map(|taxel| is_one_sided(taxel, &of[taxel], place)).collect();
         Self { of, at_rim }
     }
 
