@@ -241,7 +241,7 @@ mod tests {
 
     #[test]
     fn a_contact_that_touches_one_taxel_between_two_without_a_pressure_may_lie_on_these() {
-        let has = |taxel: usize| taxel % 2 == 0;
+        let has = |taxel: usize| taxel.is_multiple_of(2);
         let rim = |touched: &[(usize, f64)]| row(7).fill(touched, has, |_| 1.0, &mut Vec::new());
         assert_eq!(rim(&[]), Rim::default());
         assert_eq!(rim(&[(2, 1.0)]), Rim { without: 2, touched: 1, beyond: 0 });
