@@ -53,14 +53,7 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
             .to_owned(),
     ];
     text.extend(simulated.sentences());
-    Ok(Section {
-        id: "model".to_owned(),
-        title: "Model: calibration length and held-out error".to_owned(),
-        text,
-        figures: vec![simulated.figure()],
-        tables: vec![simulated.table()],
-        ..Section::default()
-    })
+    Ok(Section { text, figures: vec![simulated.figure()], tables: vec![simulated.table()], ..Section::default() })
 }
 
 /// Simulates, fits and judges.

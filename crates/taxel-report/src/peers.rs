@@ -5,12 +5,12 @@
 //! normal equations and numpy's `polyfit`. All work on one row a sample, so that time and memory grow with the samples.
 
 use std::hint::black_box;
+use std::path::Path;
 use std::time::Instant;
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::numpy::Numpy;
-use crate::options::Options;
 pub use crate::polynomial::{Basis, Fitted, Polynomial, Samples};
 
 /// Iterations that a singular value decomposition may take; healthy ones need a few a column. Without a limit a matrix
@@ -53,10 +53,10 @@ pub struct Peers {
 }
 
 impl Peers {
-    /// With numpy, if it is there.
+    /// With numpy, if this Python has it.
     #[must_use]
-    pub fn start(options: &Options) -> Self {
-        match Numpy::start(&options.python) {
+    pub fn start(python: &Path) -> Self {
+        match Numpy::start(python) {
             Ok(numpy) => Self { said: format!("{} takes part, by its own clock.", numpy.versions), numpy: Some(numpy) },
             Err(error) => Self { numpy: None, said: format!("numpy takes no part: {error:#}.") },
         }

@@ -6,11 +6,13 @@ use std::time::Duration;
 
 use anyhow::Context;
 use taxel_proto::v1::ForceSample;
+use taxel_report::daemon::client::{Crowd, STREAMS_PER_CONNECTION, endpoint, stream};
+use taxel_report::daemon::process::Used;
 
-use crate::crowd::{self, Crowd, Seen};
+use crate::crowd::{self, Seen};
 use crate::histogram::Histogram;
 use crate::jitter::Jitter;
-use crate::live::{Figures, Live};
+use crate::live::Live;
 use crate::raw::Raw;
 use crate::rows;
 
@@ -22,9 +24,6 @@ const ROUNDS: usize = 3;
 
 /// Two daemons are started each time.
 const RAW_ROUNDS: usize = 2;
-
-/// A connection carries at most 256 calls; and several clients of one process share one.
-const STREAMS_PER_CONNECTION: usize = 25;
 
 fn crowd(live: &Live, subscribers: usize, rate_hz: Option<f64>) -> Crowd {
     let (address, patches) = (live.tcp(), live.patches.clone());
@@ -41,7 +40,7 @@ struct Case {
 impl Case {
     async fn watch(&mut self, crowd: &Crowd, span: Duration) -> anyhow::Result<()> {
         let jitter = Jitter::begin();
-        self.seen.add(&crowd::watch(crowd, WARM_UP, span).await?);
+        self.seen.watch(crowd, WARM_UP, span).await?;
         self.timer.add(&jitter.end());
         Ok(())
     }
@@ -53,18 +52,18 @@ impl Case {
 
 /// One crowd, and what the daemon's process was at the beginning and at the end of the span.
 async fn soak(name: &str, live: &Live, crowd: &Crowd, span: Duration) -> anyhow::Result<()> {
-    let figures = async {
+    let used = async {
         tokio::time::sleep(2 * WARM_UP).await;
-        let begin = live.figures()?;
+        let begin = live.used()?;
         tokio::time::sleep(span.saturating_sub(2 * WARM_UP)).await;
-        anyhow::Ok::<[Figures; 2]>([begin, live.figures()?])
+        anyhow::Ok::<[Used; 2]>([begin, live.used()?])
     };
     let mut case = Case::default();
-    let (watched, figures) = tokio::join!(case.watch(crowd, span), figures);
+    let (watched, used) = tokio::join!(case.watch(crowd, span), used);
     watched.with_context(|| live.complaints())?;
     rows::head();
     case.print(name);
-    rows::process(name, &figures?, span.saturating_sub(2 * WARM_UP).as_secs_f64());
+    rows::process(name, &used?, span.saturating_sub(2 * WARM_UP).as_secs_f64());
     Ok(())
 }
 
@@ -132,7 +131,7 @@ fn ratios(beside: &Case, alone: &Case) {
 
 /// A message of the untouched skin, the shortest that the daemon sends.
 async fn shortest(address: &str) -> anyhow::Result<ForceSample> {
-    let mut stream = crowd::stream(crowd::endpoint(address)?.connect().await?, "", None).await?;
+    let mut stream = stream(endpoint(address)?.connect().await?, "", None).await?;
     loop {
         let message = stream.message().await?.context("the stream ended")?;
         if message.active == 0 {

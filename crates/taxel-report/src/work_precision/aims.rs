@@ -3,10 +3,11 @@
 use std::hint::black_box;
 use std::time::Instant;
 
+use anyhow::Context as _;
 use taxel_model::{Accumulator, FitOptions};
 
-use super::contenders::{DEFAULT, contenders};
-use super::panel::{MAX_ORDER, worst_error_pa};
+use super::contenders::{Contender, DEFAULT, contenders};
+use super::panel::{Judge, MAX_ORDER};
 use super::taxels::{Bits, Recording};
 use crate::document::Aim;
 use crate::numbers::median;
@@ -47,18 +48,24 @@ pub(super) fn aims(options: &Options, peers: &mut Peers) -> anyhow::Result<Vec<A
     } else {
         aims.push(Aim { what: faster.to_owned(), aim: format!("at least {WANTED_SPEED}"), ..Aim::default() });
     }
-    let mut worst = [f64::NAN; 2];
-    for contender in contenders(peers) {
-        if let Some(at) = [DEFAULT, RAW_SVD].iter().position(|name| *name == contender.name) {
-            worst[at] = worst_error_pa(&contender, &recording, MAX_ORDER, peers)?;
+    let [mut our_pa, mut svd_pa] = [0.0_f64; 2];
+    let (ours, svd) = (contender(DEFAULT, peers)?, contender(RAW_SVD, peers)?);
+    for taxel in 0..TAXELS {
+        let judge = Judge::new(&recording, taxel);
+        for (contender, worst) in [(&ours, &mut our_pa), (&svd, &mut svd_pa)] {
+            let fitted = contender.fit(&recording, taxel, MAX_ORDER, peers)?;
+            *worst = worst.max(judge.error_pa(&fitted, contender.problem, MAX_ORDER).unwrap_or(f64::INFINITY));
         }
     }
-    let [our_pa, svd_pa] = worst;
     aims.push(Aim::beside("ours: max |dP| at order 9, Pa", our_pa));
     aims.push(Aim::beside("nalgebra SVD on raw powers: max |dP| at order 9, Pa", svd_pa));
     let what = "fit at order 9: times nearer to the exact solution than an SVD on powers of the raw count";
     aims.push(Aim::at_least(what, svd_pa / our_pa.max(f64::MIN_POSITIVE), WANTED_PRECISION));
     Ok(aims)
+}
+
+fn contender(name: &str, peers: &Peers) -> anyhow::Result<Contender> {
+    contenders(peers).into_iter().find(|contender| contender.name == name).with_context(|| format!("no {name}"))
 }
 
 /// Medians of the times of sums and fit, ms. Ours judges, repairs and tells uncertainties.

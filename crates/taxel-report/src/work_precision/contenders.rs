@@ -8,7 +8,7 @@ use taxel_model::reference::Reference;
 use taxel_model::{Estimator, FitOptions, MIN_BINNED_SAMPLES, Order, Samples, Shape, TaxelModel, fit};
 
 use super::taxels::{Bits, Recording};
-use crate::peers::{self, Peers, Polynomial};
+use crate::peers::{self, Fitted, Peers, Polynomial};
 
 /// Which problem is solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,12 +55,6 @@ pub(super) struct Contender {
     pub problem: Problem,
     /// Ours, and whether with refinement until nothing changes; else a peer.
     ours: Option<bool>,
-}
-
-/// What a fit gives: its time, and the curve unless it failed.
-pub(super) struct Fitted {
-    pub us: f64,
-    pub curve: Option<Curve>,
 }
 
 /// A curve as its method serves it.
@@ -116,10 +110,16 @@ impl Contender {
     ///
     /// # Errors
     /// The process of numpy ended. A method that finds no curve is no error.
-    pub fn fit(&self, recording: &Recording, taxel: usize, order: usize, peers: &mut Peers) -> anyhow::Result<Fitted> {
+    pub fn fit(
+        &self,
+        recording: &Recording,
+        taxel: usize,
+        order: usize,
+        peers: &mut Peers,
+    ) -> anyhow::Result<Fitted<Curve>> {
         let Some(exact) = self.ours else {
             let (x, y) = (recording.taxels[taxel].counts.as_slice(), recording.kpa.as_slice());
-            let peers::Fitted { us, curve } = peers.fit(self.name, &peers::Samples { x, y, w: None }, order)?;
+            let Fitted { us, curve } = peers.fit(self.name, &peers::Samples { x, y, w: None }, order)?;
             return Ok(Fitted { us, curve: curve.map(Curve::Polynomial) });
         };
         let options = self.options(recording.bits, order, exact);
