@@ -82,21 +82,13 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// The scans at these places.
-    fn at(&self, wanted: &[usize]) -> Self {
-        let of = |column: &Vec<f64>| wanted.iter().map(|&i| column[i]).collect();
-        Self {
-            time_s: of(&self.time_s),
-            pressure_kpa: of(&self.pressure_kpa),
-            counts: self.counts.iter().map(of).collect(),
-            low_kpa: self.low_kpa,
-        }
-    }
-
     /// What a recipe fits of it.
     fn part(&self, recipe: &Recipe) -> Self {
         let low = |i: &usize| recipe.low.is_none() || self.pressure_kpa[*i] <= self.low_kpa;
-        self.at(&(0..self.time_s.len()).step_by(recipe.every).filter(low).collect::<Vec<_>>())
+        let wanted: Vec<usize> = (0..self.time_s.len()).step_by(recipe.every).filter(low).collect();
+        let of = |column: &Vec<f64>| wanted.iter().map(|&i| column[i]).collect();
+        let counts = self.counts.iter().map(of).collect();
+        Self { time_s: of(&self.time_s), pressure_kpa: of(&self.pressure_kpa), counts, low_kpa: self.low_kpa }
     }
 
     /// As the engine takes it.
