@@ -5,14 +5,13 @@
 //! better than any contender. All methods are safe Rust that the compiler vectorises by itself or not.
 
 use std::hint::black_box;
-use std::time::Instant;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use taxel_model::{Curve, Dd, FitOptions, Order};
 
 use crate::document::{Axis, Figure, Level, Line, Point, Section, Table, row};
-use crate::numbers::{median, quantile, three_digits};
+use crate::numbers::{median, quantile, three_digits, timed_us};
 use crate::options::Options;
 use crate::work_precision::taxels::{Bits, Recording};
 
@@ -269,9 +268,7 @@ fn times(methods: &[(&'static str, Method)], scans: &[Vec<u8>], repetitions: usi
                 }
             };
             run();
-            let begun = Instant::now();
-            run();
-            ns.push(begun.elapsed().as_nanos() as f64 / (rounds * scans.len() * taxels) as f64);
+            ns.push(1e3 * timed_us(run).0 / (rounds * scans.len() * taxels) as f64);
         }
     }
     ns

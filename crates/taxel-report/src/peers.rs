@@ -6,10 +6,10 @@
 
 use std::hint::black_box;
 use std::path::Path;
-use std::time::Instant;
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::numbers::timed_us;
 use crate::numpy::Numpy;
 pub use crate::polynomial::{Basis, Fitted, Polynomial, Samples};
 
@@ -77,9 +77,8 @@ impl Peers {
         let method = METHODS.iter().find(|(known, _)| *known == name).map(|(_, method)| *method);
         match (method, &mut self.numpy) {
             (Some(Method::Nalgebra(basis, solver)), _) => {
-                let start = Instant::now();
-                let curve = black_box(solve(black_box(samples), order, basis, solver));
-                Ok(Fitted { us: start.elapsed().as_secs_f64() * 1e6, curve })
+                let (us, curve) = timed_us(|| solve(black_box(samples), order, basis, solver));
+                Ok(Fitted { us, curve })
             }
             (Some(Method::Numpy(method)), Some(numpy)) => numpy.fit(method, samples, order),
             _ => anyhow::bail!("`{name}` takes no part"),

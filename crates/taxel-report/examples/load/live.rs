@@ -9,7 +9,7 @@ use taxel_engine::model_set::ModelSet;
 use taxel_proto::v1::TareRequest;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_report::daemon::client::{connect, give_models, start};
-use taxel_report::daemon::process::{Daemon, Home, Scene, Used};
+use taxel_report::daemon::process::{Daemon, Home, Scene};
 use taxel_store::models_json;
 use tokio::task::JoinSet;
 use tonic::transport::Channel;
@@ -26,8 +26,8 @@ const UNTOUCHED_AFTER: Duration = Duration::from_millis(10_500);
 
 /// A daemon with its folder.
 pub struct Live {
-    daemon: Daemon,
-    home: Home,
+    pub daemon: Daemon,
+    pub home: Home,
     pub patches: Vec<String>,
 }
 
@@ -69,27 +69,6 @@ impl Live {
             zero?.with_context(|| daemon.complaints())?;
         }
         Ok(Self { daemon, home, patches })
-    }
-
-    pub fn tcp(&self) -> String {
-        self.daemon.address()
-    }
-
-    pub fn unix(&self) -> String {
-        format!("unix:{}", self.home.socket().display())
-    }
-
-    pub fn home(&self) -> &Home {
-        &self.home
-    }
-
-    pub fn used(&self) -> anyhow::Result<Used> {
-        self.daemon.used()
-    }
-
-    /// What the daemon logged, from warnings on.
-    pub fn complaints(&self) -> String {
-        self.daemon.complaints()
     }
 }
 

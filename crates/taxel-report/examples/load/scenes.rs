@@ -26,7 +26,7 @@ const ROUNDS: usize = 3;
 const RAW_ROUNDS: usize = 2;
 
 fn crowd(live: &Live, subscribers: usize, rate_hz: Option<f64>) -> Crowd {
-    let (address, patches) = (live.tcp(), live.patches.clone());
+    let (address, patches) = (live.daemon.address(), live.patches.clone());
     Crowd { address, patches, subscribers, per_connection: STREAMS_PER_CONNECTION, rate_hz }
 }
 
@@ -54,13 +54,13 @@ impl Case {
 async fn soak(name: &str, live: &Live, crowd: &Crowd, span: Duration) -> anyhow::Result<()> {
     let used = async {
         tokio::time::sleep(2 * WARM_UP).await;
-        let begin = live.used()?;
+        let begin = live.daemon.used()?;
         tokio::time::sleep(span.saturating_sub(2 * WARM_UP)).await;
-        anyhow::Ok::<[Used; 2]>([begin, live.used()?])
+        anyhow::Ok::<[Used; 2]>([begin, live.daemon.used()?])
     };
     let mut case = Case::default();
     let (watched, used) = tokio::join!(case.watch(crowd, span), used);
-    watched.with_context(|| live.complaints())?;
+    watched.with_context(|| live.daemon.complaints())?;
     rows::head();
     case.print(name);
     rows::process(name, &used?, span.saturating_sub(2 * WARM_UP).as_secs_f64());
@@ -87,7 +87,7 @@ pub async fn unread(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
     for _ in 0..ROUNDS {
         alone.watch(&ten, span).await?;
         let held = crowd::unread(&ten.address, &ten.patches[0], 50).await?;
-        beside.watch(&ten, span).await.with_context(|| live.complaints())?;
+        beside.watch(&ten, span).await.with_context(|| live.daemon.complaints())?;
         drop(held);
     }
     rows::head();
@@ -112,7 +112,7 @@ pub async fn idle(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
         let sockets = (0..SOCKETS).map(|_| TcpStream::connect(host)).collect::<Result<Vec<_>, _>>();
         let sockets = sockets.with_context(|| format!("{SOCKETS} sockets: see `ulimit -n`"))?;
         waits_beside.add(&crowd::newcomers(&ten.address, "", NEWCOMERS).await?);
-        beside.watch(&ten, span).await.with_context(|| live.complaints())?;
+        beside.watch(&ten, span).await.with_context(|| live.daemon.complaints())?;
         drop(sockets);
     }
     rows::head();
@@ -151,8 +151,8 @@ pub async fn raw(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
     let mut seen: Vec<[Case; 4]> = cases.iter().map(|_| Default::default()).collect();
     for _ in 0..RAW_ROUNDS {
         let live = Live::forearm(taxeld, "").await?;
-        let raw = Raw::start(&shortest(&live.tcp()).await?, &live.home().path(""))?;
-        let servers = [raw.address.clone(), live.tcp(), live.unix()];
+        let raw = Raw::start(&shortest(&live.daemon.address()).await?, &live.home.path(""))?;
+        let servers = [raw.address.clone(), live.daemon.address(), live.home.socket_address()];
         for (&(_, subscribers, per_connection, rate_hz), seen) in cases.iter().zip(&mut seen) {
             for (address, seen) in servers.iter().zip(seen) {
                 let (address, patches) = (address.clone(), live.patches.clone());
@@ -162,7 +162,7 @@ pub async fn raw(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
         drop((raw, live));
         let live = Live::forearm(taxeld, "low_latency = true").await?;
         for (&(_, subscribers, per_connection, rate_hz), seen) in cases.iter().zip(&mut seen) {
-            let (address, patches) = (live.unix(), live.patches.clone());
+            let (address, patches) = (live.home.socket_address(), live.patches.clone());
             seen[3].watch(&Crowd { address, patches, subscribers, per_connection, rate_hz }, span).await?;
         }
     }

@@ -39,7 +39,7 @@ impl Home {
     }
 
     /// For any buses and patches: `service` are further lines of the section `[service]`, `rest` is what follows it. The
-    /// daemon listens on loopback TCP, and on the Unix socket that [`Home::socket`] names.
+    /// daemon listens on loopback TCP, and on the Unix socket that [`Home::socket_address`] names.
     ///
     /// # Errors
     /// If the folder cannot be written.
@@ -48,7 +48,7 @@ impl Home {
         let config = format!(
             "[store]\npath = \"{}\"\n[service]\nlisten = \"ADDRESS\"\n{service}\n[[listen]]\nunix = \"{}\"\n{rest}",
             home.path("store.db").display(),
-            home.socket().display(),
+            home.path("socket").display(),
         );
         std::fs::write(home.path("template.toml"), config)?;
         Ok(home)
@@ -60,10 +60,10 @@ impl Home {
         self.folder.path().join(name)
     }
 
-    /// The daemon's Unix socket.
+    /// Where the daemon serves on a Unix socket.
     #[must_use]
-    pub fn socket(&self) -> PathBuf {
-        self.path("socket")
+    pub fn socket_address(&self) -> String {
+        format!("unix:{}", self.path("socket").display())
     }
 
     /// Starts the daemon, on the store that an earlier one left.

@@ -1,13 +1,13 @@
 //! How a recording is made into models: the recipes that are compared, and what came of each.
 
+use std::hint::black_box;
 use std::sync::Arc;
-use std::time::Instant;
 
 use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans, fit};
 use taxel_engine::model_set::ModelSet;
 use taxel_model::{Estimator, FitOptions, Order, TaxelModel};
 
-use crate::numbers::median;
+use crate::numbers::{median, timed_us};
 
 /// One way to calibrate.
 pub struct Recipe {
@@ -105,9 +105,9 @@ impl Recording {
         let part = self.part(recipe);
         let (scans, mut times_ms, mut set) = (part.scans(), Vec::new(), None);
         for _ in 0..repetitions.max(1) {
-            let begun = Instant::now();
-            set = Some(fit(&scans, &recipe.fit, &mut |_, _| {})?);
-            times_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+            let (us, fitted) = timed_us(|| fit(&scans, &recipe.fit, &mut |_, _| {}));
+            set = Some(fitted?);
+            times_ms.push(1e-3 * us);
         }
         let set = set.map(Arc::new).ok_or_else(|| anyhow::anyhow!("nothing was fitted"))?;
         Ok((set, median(&times_ms), part.time_s.len()))
@@ -155,11 +155,12 @@ pub struct Source {
 pub fn scan_us(scans: &[Vec<u8>], repetitions: usize, mut read: impl FnMut(&[u8]) -> f64) -> f64 {
     let mut times_us = Vec::new();
     for _ in 0..=repetitions {
-        let begun = Instant::now();
-        for counts in scans {
-            std::hint::black_box(read(std::hint::black_box(counts)));
-        }
-        times_us.push(begun.elapsed().as_secs_f64() * 1e6 / scans.len() as f64);
+        let (us, ()) = timed_us(|| {
+            for counts in scans {
+                black_box(read(black_box(counts)));
+            }
+        });
+        times_us.push(us / scans.len() as f64);
     }
     // The first round warms up.
     median(&times_us[1..])

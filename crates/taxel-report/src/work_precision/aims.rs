@@ -1,7 +1,6 @@
 //! The speeds and precisions that were promised for a whole skin: 230 taxels, 6,000 scans of 8 bit.
 
 use std::hint::black_box;
-use std::time::Instant;
 
 use anyhow::Context as _;
 use taxel_model::{Accumulator, FitOptions};
@@ -10,7 +9,7 @@ use super::contenders::{Contender, DEFAULT, contenders};
 use super::panel::{Judge, MAX_ORDER};
 use super::taxels::{Bits, Recording};
 use crate::document::Aim;
-use crate::numbers::median;
+use crate::numbers::{median, timed_us};
 use crate::options::Options;
 use crate::peers::{POLYFIT, Peers, RAW_SVD, Samples};
 
@@ -22,13 +21,6 @@ const WANTED_SPEED: f64 = 20.0;
 
 /// How many times smaller an error than nalgebra's SVD on raw powers at order 9 at least.
 const WANTED_PRECISION: f64 = 1e6;
-
-/// Time in ms.
-fn timed<T>(run: impl FnOnce() -> T) -> (f64, T) {
-    let start = Instant::now();
-    let value = run();
-    (start.elapsed().as_secs_f64() * 1e3, value)
-}
 
 /// Measures the aims and says whether they are met.
 pub(super) fn aims(options: &Options, peers: &mut Peers) -> anyhow::Result<Vec<Aim>> {
@@ -54,7 +46,7 @@ pub(super) fn aims(options: &Options, peers: &mut Peers) -> anyhow::Result<Vec<A
         let judge = Judge::new(&recording, taxel);
         for (contender, worst) in [(&ours, &mut our_pa), (&svd, &mut svd_pa)] {
             let fitted = contender.fit(&recording, taxel, MAX_ORDER, peers)?;
-            *worst = worst.max(judge.error_pa(&fitted, contender.problem, MAX_ORDER).unwrap_or(f64::INFINITY));
+            *worst = worst.max(judge.error_pa(&fitted, contender.estimator, MAX_ORDER).unwrap_or(f64::INFINITY));
         }
     }
     aims.push(Aim::beside("ours: max |dP| at order 9, Pa", our_pa));
@@ -73,16 +65,16 @@ fn ours(options: &Options, recording: &Recording) -> [f64; 2] {
     let defaults = FitOptions::default();
     let mut times = [Vec::new(), Vec::new()];
     for round in 0..=if options.quick { 15 } else { 30 } {
-        let (sums_ms, gathered) =
-            timed(|| (0..TAXELS).map(|taxel| recording.sums(taxel)).collect::<Vec<Accumulator>>());
-        let (fit_ms, ()) = timed(|| gathered.iter().for_each(|sums| drop(black_box(sums.fit(&defaults)))));
+        let (sums_us, gathered) =
+            timed_us(|| (0..TAXELS).map(|taxel| recording.sums(taxel)).collect::<Vec<Accumulator>>());
+        let (fit_us, ()) = timed_us(|| gathered.iter().for_each(|sums| drop(black_box(sums.fit(&defaults)))));
         // The first round warms up.
         if round > 0 {
-            times[0].push(sums_ms);
-            times[1].push(fit_ms);
+            times[0].push(sums_us);
+            times[1].push(fit_us);
         }
     }
-    times.map(|times| median(&times))
+    times.map(|us| 1e-3 * median(&us))
 }
 
 /// What numpy.polyfit takes for one taxel after the other, ms; it only solves.

@@ -1,9 +1,10 @@
 //! One diagram: all contenders at all orders on one recording.
 
-use taxel_model::Dd;
 use taxel_model::reference::{QuickReference, Reference};
+use taxel_model::stability::case::greatest;
+use taxel_model::{Dd, Estimator};
 
-use super::contenders::{Contender, Curve, Problem, contenders};
+use super::contenders::{Contender, Curve, contenders, solve};
 use super::taxels::{Bits, Recording};
 use crate::document::{Axis, Figure, Level, Line, Point};
 use crate::numbers::{median, quantile, three_digits};
@@ -82,33 +83,28 @@ pub(super) struct Judge<'a> {
 
 impl<'a> Judge<'a> {
     pub fn new(recording: &'a Recording, taxel: usize) -> Self {
-        let solved = |problem: Problem| -> Vec<QuickReference> {
-            problem.solve(recording, taxel, MAX_ORDER).iter().map(Reference::quick).collect()
+        let solved = |estimator| -> Vec<QuickReference> {
+            solve(estimator, recording, taxel, MAX_ORDER).iter().map(Reference::quick).collect()
         };
-        let (per_sample, codes) = (solved(Problem::PerSample), recording.taxels[taxel].codes.as_slice());
+        let (per_sample, codes) = (solved(Estimator::PerSample), recording.taxels[taxel].codes.as_slice());
         let at_codes = per_sample.iter().map(|solution| codes.iter().map(|c| solution.evaluate(*c)).collect());
-        Self { codes, at_codes: at_codes.collect(), per_sample, binned: solved(Problem::PressureBinned) }
+        Self { codes, at_codes: at_codes.collect(), per_sample, binned: solved(Estimator::PressureBinned) }
     }
 
     /// Greatest distance from the exact solution over all observed counts, Pa; `None` without a curve or a solution, or
     /// where it is not finite.
-    pub fn error_pa(&self, fitted: &Fitted<Curve>, problem: Problem, order: usize) -> Option<f64> {
+    pub fn error_pa(&self, fitted: &Fitted<Curve>, estimator: Estimator, order: usize) -> Option<f64> {
         let curve = fitted.curve.as_ref()?;
-        let (solution, known) = match problem {
-            Problem::PerSample => (self.per_sample.get(order)?, self.at_codes.get(order)?.as_slice()),
-            Problem::PressureBinned => (self.binned.get(order)?, [].as_slice()),
+        let (solution, known) = match estimator {
+            Estimator::PressureBinned => (self.binned.get(order)?, [].as_slice()),
+            _ => (self.per_sample.get(order)?, self.at_codes.get(order)?.as_slice()),
         };
-        let mut worst = 0.0_f64;
-        for (k, code) in self.codes.iter().enumerate() {
+        let errors_pa = self.codes.iter().enumerate().map(|(k, code)| {
             let (count, kpa) = curve.evaluate(*code);
             let exact = known.get(k).copied().filter(|_| count == *code).unwrap_or_else(|| solution.evaluate(count));
-            let error_pa = 1000.0 * (Dd::from(kpa) - exact).hi.abs();
-            // Not `max`, which would lose a NaN.
-            if error_pa.is_nan() || error_pa > worst {
-                worst = error_pa;
-            }
-        }
-        Some(worst).filter(|worst| worst.is_finite())
+            1000.0 * (Dd::from(kpa) - exact).hi.abs()
+        });
+        Some(greatest(errors_pa)).filter(|worst| worst.is_finite())
     }
 }
 
@@ -139,7 +135,7 @@ impl Panel {
                     let cell = &mut cells[at][order - 1];
                     cell.us.push(fitted.us);
                     if round < self.taxels {
-                        match judges[taxel].error_pa(&fitted, contender.problem, order) {
+                        match judges[taxel].error_pa(&fitted, contender.estimator, order) {
                             Some(error_pa) => cell.worst_pa = cell.worst_pa.max(error_pa),
                             None => cell.failed += 1,
                         }
