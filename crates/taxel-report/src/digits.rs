@@ -26,16 +26,10 @@ type Row = (&'static str, Vec<Option<f64>>);
 pub fn section(options: &Options) -> anyhow::Result<Section> {
     let folder = options.data.as_ref().map(|data| data.join("strd"));
     let sets = sets(folder.as_deref())?;
-    let mut peers = Peers::start(options);
-    let mut rows: Vec<Row> = Vec::new();
-    for set in &sets {
-        for (k, (method, digits)) in digits_of_all(set, &mut peers)?.into_iter().enumerate() {
-            match rows.get_mut(k) {
-                Some(row) => row.1.push(digits),
-                None => rows.push((method, vec![digits])),
-            }
-        }
-    }
+    let mut peers = Peers::start(&options.python);
+    let columns = sets.iter().map(|set| digits_of_all(set, &mut peers)).collect::<anyhow::Result<Vec<_>>>()?;
+    let row = |k: usize| (columns[0][k].0, columns.iter().map(|column| column[k].1).collect());
+    let rows: Vec<Row> = (0..columns[0].len()).map(row).collect();
     let text = vec![
         "How many digits of the worst coefficient are correct, in powers of the raw abscissa? An f64 holds 16. Decimals \
          such as 0.1 are not exact as f64: the row `limit` is the exact solution of the decimals so rounded, which no \
@@ -45,13 +39,7 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
         agreement(&sets, folder.as_deref()),
         worst_in_words(&rows),
     ];
-    Ok(Section {
-        id: "digits".to_owned(),
-        title: "Digits: certified regression sets".to_owned(),
-        text,
-        tables: vec![table(&sets, &rows)],
-        ..Section::default()
-    })
+    Ok(Section { text, tables: vec![table(&sets, &rows)], ..Section::default() })
 }
 
 /// All sets that are at hand: those that need no file always, others from `folder`.
@@ -176,10 +164,9 @@ mod tests {
 
     #[test]
     fn rounded_decimals_limit_everybody() {
-        let nowhere = std::path::PathBuf::from("nowhere");
-        let options = Options { quick: true, data: None, python: nowhere.clone(), taxeld: nowhere, seed: 1 };
+        let mut peers = Peers::start(Path::new("nowhere"));
         for set in built_in() {
-            let digits = digits_of_all(&set, &mut Peers::start(&options)).unwrap();
+            let digits = digits_of_all(&set, &mut peers).unwrap();
             let (rounded, limit) = (digits[2].1.unwrap(), digits[3].1.unwrap());
             assert!(rounded > limit - 0.5, "{} {rounded} {limit}", set.name);
         }

@@ -7,7 +7,8 @@ use serde::Serialize;
 /// One section of the report, for example "Fit".
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Section {
-    /// Short and stable, lower case: it begins the names of the section's files, for example `fit`.
+    /// Short and stable, lower case: it begins the names of the section's files, for example `fit`. Whoever measures a
+    /// section leaves it and the title to the list of all sections.
     pub id: String,
     /// The heading.
     pub title: String,
@@ -215,6 +216,20 @@ impl Axis {
     #[must_use]
     pub fn log(label: &str) -> Self {
         Self { label: label.to_owned(), log: true }
+    }
+}
+
+impl Figure {
+    /// With evenly divided axes of these labels.
+    pub(crate) fn linear(
+        id: &str,
+        title: impl Into<String>,
+        caption: impl Into<String>,
+        [x, y]: [&str; 2],
+        lines: Vec<Line>,
+    ) -> Self {
+        let (id, title, caption) = (id.to_owned(), title.into(), caption.into());
+        Self { id, title, caption, x: Axis::linear(x), y: Axis::linear(y), lines, ..Self::default() }
     }
 }
 

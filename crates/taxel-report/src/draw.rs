@@ -11,7 +11,7 @@ use std::fmt::Write;
 
 use crate::document::{Figure, Line, Look, Point};
 use paper::{BOTTOM_PX, CHARACTER, LEFT_PX, RIGHT_OF_BANDS_PX, RIGHT_PX, Style, TOP_PX, WIDTH_PX, escape, put};
-use scale::{Label, Place, Scale};
+use scale::{Place, Scale, Tick};
 
 const MARK_SIZE_PX: f64 = 10.5;
 /// Large marks of several lines stand side by side, so far apart, or they would hide each other.
@@ -160,16 +160,20 @@ impl<'a> Drawing<'a> {
 
     fn axes(&self, out: &mut String) {
         let right = self.right_px;
-        let class = |label: &Label| if *label == Label::None { "fine" } else { "grid" };
-        for tick in self.x.ticks() {
-            let (px, class) = (tick.px, class(&tick.label));
+        let class = |label: &Option<String>| if label.is_some() { "grid" } else { "fine" };
+        for Tick { px, label } in self.x.ticks() {
+            let (class, y) = (class(&label), BOTTOM_PX + 18.0);
             put!(out, r#"<path d="M{px:.1} {TOP_PX}V{BOTTOM_PX}" class="s-{class}" stroke-width="0.8"/>"#);
-            text(out, px, BOTTOM_PX + 18.0, "middle", &tick.label);
+            if let Some(label) = label {
+                put!(out, r#"<text x="{px:.1}" y="{y:.1}" text-anchor="middle">{label}</text>"#);
+            }
         }
-        for tick in self.y.ticks() {
-            let (px, class) = (tick.px, class(&tick.label));
+        for Tick { px, label } in self.y.ticks() {
+            let (class, x, y) = (class(&label), LEFT_PX - 8.0, px + 4.5);
             put!(out, r#"<path d="M{LEFT_PX} {px:.1}H{right}" class="s-{class}" stroke-width="0.8"/>"#);
-            text(out, LEFT_PX - 8.0, px + 4.5, "end", &tick.label);
+            if let Some(label) = label {
+                put!(out, r#"<text x="{x:.1}" y="{y:.1}" text-anchor="end">{label}</text>"#);
+            }
         }
         put!(out, r#"<path d="M{LEFT_PX} {TOP_PX}V{BOTTOM_PX}H{right}" fill="none" class="s-faint"/>"#);
         let (x, y) = ((LEFT_PX + right) / 2.0, BOTTOM_PX + 40.0);
@@ -302,16 +306,6 @@ impl<'a> Drawing<'a> {
         ];
         notes.into_iter().filter(|(count, _)| *count > 0).map(|(_, note)| note).collect::<Vec<_>>().join(" ")
     }
-}
-
-/// A tick's label; powers of ten with a raised exponent.
-fn text(out: &mut String, x: f64, y: f64, anchor: &str, label: &Label) {
-    let words = match label {
-        Label::None => return,
-        Label::Plain(words) => escape(words),
-        Label::Power(power) => format!(r#"10<tspan dy="-5" font-size="9.5">{power}</tspan>"#),
-    };
-    put!(out, r#"<text x="{x:.1}" y="{y:.1}" text-anchor="{anchor}">{words}</text>"#);
 }
 
 #[cfg(test)]

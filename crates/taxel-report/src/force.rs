@@ -44,12 +44,11 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
     sources.push(forearm);
     text.extend(sources.iter().map(in_words));
     Ok(Section {
-        id: "force".to_owned(),
-        title: "Force: held-out error against run time".to_owned(),
         text,
         aims: sources.iter().flat_map(aims).collect(),
         figures: sources.iter().map(figure).collect(),
         tables: vec![table(&sources)],
+        ..Section::default()
     })
 }
 

@@ -7,7 +7,7 @@ use crate::document::{Axis, Cell, Figure, Line, Point, Section, Table, row};
 use crate::numbers::{median, quantile, three_digits};
 use crate::options::Options;
 use crate::rig::fits::{Calibration, Exam, Recipe, Score, judge};
-use crate::rig::{Forearm, MASSES_KG, PLACES, Scan};
+use crate::rig::{Forearm, MASSES_KG, PLACES};
 
 /// Ramps to 70 kPa that take 14, 28, 56, 112 and 224 s: 5 kPa/s is the fastest that a session accepts.
 const RATES_KPA_PER_S: [f64; 5] = [5.0, 2.5, 1.25, 0.625, 0.3125];
@@ -53,14 +53,7 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
             .to_owned(),
     ];
     text.extend(simulated.sentences());
-    Ok(Section {
-        id: "model".to_owned(),
-        title: "Model: calibration length and held-out error".to_owned(),
-        text,
-        figures: vec![simulated.figure()],
-        tables: vec![simulated.table()],
-        ..Section::default()
-    })
+    Ok(Section { text, figures: vec![simulated.figure()], tables: vec![simulated.table()], ..Section::default() })
 }
 
 /// Simulates, fits and judges.
@@ -103,8 +96,7 @@ fn calibrations(forearm: &Forearm) -> Vec<Calibration> {
         let scans = copy.ramp(TARGET_KPA, rate);
         let strides = if at == 0 { [STRIDES.as_slice(), &[1]].concat() } else { vec![1] };
         for stride in strides {
-            let some: Vec<&Scan> = scans.iter().step_by(stride).collect();
-            all.push(Calibration::new(forearm, rest.clone(), &some));
+            all.push(Calibration::new(forearm, rest.clone(), scans.iter().step_by(stride)));
         }
     }
     all

@@ -5,14 +5,13 @@
 //! better than any contender. All methods are safe Rust that the compiler vectorises by itself or not.
 
 use std::hint::black_box;
-use std::time::Instant;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use taxel_model::{Curve, Dd, FitOptions, Order};
 
 use crate::document::{Axis, Figure, Level, Line, Point, Section, Table, row};
-use crate::numbers::{median, quantile, three_digits};
+use crate::numbers::{median, quantile, three_digits, timed_us};
 use crate::options::Options;
 use crate::work_precision::taxels::{Bits, Recording};
 
@@ -58,7 +57,7 @@ struct Row {
     /// Largest over all taxels of the larger skin and all counts, kPa; NaN for what computes no pressure.
     error_kpa: f64,
     /// ns per taxel of every run, by size.
-    ns: Vec<Vec<f64>>,
+    ns: [Vec<f64>; SIZES.len()],
 }
 
 /// Section `live`.
@@ -77,8 +76,6 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
     }
     let figure = |(at, size): (usize, &usize)| figure(&rows, at, *size, half_count_kpa, repetitions);
     Ok(Section {
-        id: "live".to_owned(),
-        title: "Live: counts to pressures".to_owned(),
         text: text(&rows),
         figures: SIZES.iter().enumerate().map(figure).collect(),
         tables: vec![table(&rows)],
@@ -230,18 +227,14 @@ fn methods(taxels: &[Taxel], order: u8) -> Vec<(&'static str, Method)> {
 }
 
 fn measure(taxels: &[Taxel], order: u8, seed: u64, repetitions: usize) -> Vec<Row> {
-    let mut rows: Vec<Row> = Vec::new();
-    for size in SIZES.into_iter().rev() {
+    let [small, large] = SIZES.map(|size| {
         let taxels = &taxels[..size.min(taxels.len())];
-        let all = methods(taxels, order);
-        for (k, ns) in times(&all, &walk(taxels, seed), repetitions).into_iter().enumerate() {
-            if rows.len() == k {
-                let (method, run) = &all[k];
-                let error_kpa = if *method == FLOOR { f64::NAN } else { max_error_kpa(run, taxels) };
-                rows.push(Row { method, order, error_kpa, ns: Vec::new() });
-            }
-            rows[k].ns.insert(0, ns);
-        }
+        times(&methods(taxels, order), &walk(taxels, seed), repetitions)
+    });
+    let mut rows = Vec::new();
+    for (((method, run), small), large) in methods(taxels, order).into_iter().zip(small).zip(large) {
+        let error_kpa = if method == FLOOR { f64::NAN } else { max_error_kpa(&run, taxels) };
+        rows.push(Row { method, order, error_kpa, ns: [small, large] });
     }
     rows
 }
@@ -275,9 +268,7 @@ fn times(methods: &[(&'static str, Method)], scans: &[Vec<u8>], repetitions: usi
                 }
             };
             run();
-            let begun = Instant::now();
-            run();
-            ns.push(begun.elapsed().as_nanos() as f64 / (rounds * scans.len() * taxels) as f64);
+            ns.push(1e3 * timed_us(run).0 / (rounds * scans.len() * taxels) as f64);
         }
     }
     ns

@@ -1,8 +1,11 @@
 //! What the figures were measured on and with: without it a time means nothing.
 
-use crate::options::Options;
+use std::time::SystemTime;
+
+use prost_types::Timestamp;
 use serde::Serialize;
-use std::time::{SystemTime, UNIX_EPOCH};
+
+use crate::options::Options;
 
 /// Machine, versions and the report's own options.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -37,7 +40,7 @@ impl Machine {
             kernel: kernel(),
             taxeld: env!("CARGO_PKG_VERSION").to_owned(),
             build: build(),
-            date_utc: utc(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs())),
+            date_utc: now_utc(),
             seed: options.seed,
             quick: options.quick,
             data: data(options),
@@ -56,6 +59,12 @@ impl Machine {
             ("data", self.data.clone()),
         ]
     }
+}
+
+/// To the minute.
+fn now_utc() -> String {
+    let now = Timestamp::from(SystemTime::now()).to_string();
+    now.split_at_checked("2026-01-01T00:00".len()).map_or_else(String::new, |(minute, _)| minute.replace('T', " "))
 }
 
 fn cpu_model() -> Option<String> {
@@ -89,31 +98,4 @@ fn data(options: &Options) -> String {
     };
     let there = |name: &str| if folder.join(name).is_dir() { "present" } else { "absent" };
     format!("recordings of the insole {}, regression sets (strd) {}", there("insole"), there("strd"))
-}
-
-/// Seconds since 1970 as a date; civil-from-days after H. Hinnant, "chrono-compatible low-level date algorithms".
-fn utc(seconds: u64) -> String {
-    let (days, second) = (seconds / 86_400, seconds % 86_400);
-    let shifted = days + 719_468;
-    let (era, day_of_era) = (shifted / 146_097, shifted % 146_097);
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let month_from_march = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * month_from_march + 2) / 5 + 1;
-    let month = if month_from_march < 10 { month_from_march + 3 } else { month_from_march - 9 };
-    let year = era * 400 + year_of_era + u64::from(month <= 2);
-    format!("{year:04}-{month:02}-{day:02} {:02}:{:02}", second / 3600, second / 60 % 60)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn days_of_the_calendar() {
-        assert_eq!(utc(0), "1970-01-01 00:00");
-        assert_eq!(utc(951_782_399), "2000-02-28 23:59");
-        assert_eq!(utc(951_782_400), "2000-02-29 00:00");
-        assert_eq!(utc(1_798_761_599), "2026-12-31 23:59");
-    }
 }

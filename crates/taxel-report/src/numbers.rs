@@ -1,4 +1,14 @@
-//! From many measured values to the few figures of a page.
+//! Times that are measured, and from many measured values to the few figures of a page.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+/// How long it takes, us, and what comes of it.
+pub(crate) fn timed_us<T>(run: impl FnOnce() -> T) -> (f64, T) {
+    let begun = Instant::now();
+    let value = black_box(run());
+    (begun.elapsed().as_secs_f64() * 1e6, value)
+}
 
 /// The value below which this share of the others lies, one that occurred; NaN of none. What is not finite counts as
 /// greatest.

@@ -5,12 +5,12 @@
 //! normal equations and numpy's `polyfit`. All work on one row a sample, so that time and memory grow with the samples.
 
 use std::hint::black_box;
-use std::time::Instant;
+use std::path::Path;
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::numbers::timed_us;
 use crate::numpy::Numpy;
-use crate::options::Options;
 pub use crate::polynomial::{Basis, Fitted, Polynomial, Samples};
 
 /// Iterations that a singular value decomposition may take; healthy ones need a few a column. Without a limit a matrix
@@ -53,10 +53,10 @@ pub struct Peers {
 }
 
 impl Peers {
-    /// With numpy, if it is there.
+    /// With numpy, if this Python has it.
     #[must_use]
-    pub fn start(options: &Options) -> Self {
-        match Numpy::start(&options.python) {
+    pub fn start(python: &Path) -> Self {
+        match Numpy::start(python) {
             Ok(numpy) => Self { said: format!("{} takes part, by its own clock.", numpy.versions), numpy: Some(numpy) },
             Err(error) => Self { numpy: None, said: format!("numpy takes no part: {error:#}.") },
         }
@@ -77,9 +77,8 @@ impl Peers {
         let method = METHODS.iter().find(|(known, _)| *known == name).map(|(_, method)| *method);
         match (method, &mut self.numpy) {
             (Some(Method::Nalgebra(basis, solver)), _) => {
-                let start = Instant::now();
-                let curve = black_box(solve(black_box(samples), order, basis, solver));
-                Ok(Fitted { us: start.elapsed().as_secs_f64() * 1e6, curve })
+                let (us, curve) = timed_us(|| solve(black_box(samples), order, basis, solver));
+                Ok(Fitted { us, curve })
             }
             (Some(Method::Numpy(method)), Some(numpy)) => numpy.fit(method, samples, order),
             _ => anyhow::bail!("`{name}` takes no part"),

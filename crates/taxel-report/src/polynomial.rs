@@ -55,10 +55,10 @@ impl Polynomial {
 }
 
 /// A fit with its time.
-#[derive(Clone, Debug, Default)]
-pub struct Fitted {
+#[derive(Clone, Debug)]
+pub struct Fitted<Curve = Polynomial> {
     /// By the method's own clock, us.
     pub us: f64,
-    /// `None` where the method gives no finite polynomial.
-    pub curve: Option<Polynomial>,
+    /// `None` where the method gives no finite curve.
+    pub curve: Option<Curve>,
 }

@@ -16,7 +16,7 @@ use taxel_model::{FitOptions, GaugeUncertainty};
 use taxel_sim::{BoardsConfig, Config, Effect, GaugeConfig, Mass, PumpCommand, World};
 use taxel_skin::{BusIndex, Geometry, Kilopascal, TaxelIndex, Time};
 use taxel_wire::TimedFrame;
-use taxel_wire::icub::{Message, decode};
+use taxel_wire::icub::{Message, Pairer, decode};
 use taxel_wire::signal::SignalSpec;
 
 /// The boards send so often.
@@ -96,9 +96,10 @@ pub(crate) struct Forearm {
     world: World,
     gauge: SignalSpec,
     boards: Vec<Range<usize>>,
-    /// Newest count of every taxel, and the seven values of each module whose tail has not come yet.
+    /// Newest count of every taxel.
     counts: Vec<u8>,
-    heads: Vec<[u8; 7]>,
+    /// By module.
+    pairers: Vec<Pairer>,
 }
 
 impl Forearm {
@@ -124,8 +125,9 @@ impl Forearm {
             let board = &mut boards[usize::from(patch.modules()[usize::from(site.module)].board)];
             *board = if board.start == board.end { taxel..taxel + 1 } else { board.start..taxel + 1 };
         }
-        let (counts, heads) = (vec![0; patch.taxels().len()], vec![[0; 7]; patch.modules().len()]);
-        let mut forearm = Self { gauge: GaugeConfig::default().signal, boards, counts, heads, world };
+        let counts = vec![0; patch.taxels().len()];
+        let pairers = vec![Pairer::new(PERIOD / 2); patch.modules().len()];
+        let mut forearm = Self { gauge: GaugeConfig::default().signal, boards, counts, pairers, world };
         forearm.watch(1.0); // the first conversions are the boards' tare
         Ok(forearm)
     }
@@ -202,26 +204,23 @@ impl Forearm {
             };
             patch.modules().iter().position(of)
         };
-        match decode(&frame.frame).ok()? {
+        let (at, scan) = match decode(&frame.frame).ok()? {
             Message::Head { board, module, values } => {
-                let at = module_of(board, module)?;
-                self.heads[at] = values;
-                None
+                self.pairers[module_of(board, module)?].head(frame.time, values);
+                return None;
             }
-            Message::Tail { board, module, values, .. } => {
+            Message::Tail { board, module, values, status } => {
                 let at = module_of(board, module)?;
-                let site = patch.modules()[at];
-                let slots = site.kind.taxel_slots();
-                let all = [self.heads[at].as_slice(), &values].concat();
-                let first = usize::from(site.first_taxel);
-                for (count, slot) in self.counts[first..first + slots.len()].iter_mut().zip(slots) {
-                    *count = all[usize::from(*slot)];
-                }
-                let last = patch.boards()[usize::from(site.board)].modules.last()?.0;
-                (module == last).then_some(usize::from(site.board))
+                (at, self.pairers[at].tail(frame.time, values, status)?)
             }
-            _ => None,
+            _ => return None,
+        };
+        let site = patch.modules()[at];
+        for (taxel, slot) in (usize::from(site.first_taxel)..).zip(site.kind.taxel_slots()) {
+            self.counts[taxel] = scan.values[usize::from(*slot)];
         }
+        let last = patch.boards()[usize::from(site.board)].modules.last()?.0;
+        (site.module == last).then_some(usize::from(site.board))
     }
 
     /// What the taxels read now, at rest.

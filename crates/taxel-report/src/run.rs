@@ -11,23 +11,24 @@ use std::time::Instant;
 
 /// A section by name.
 struct Part {
-    /// As `--only` takes it.
+    /// As `--only` takes it: the section's id.
     name: &'static str,
-    /// Its heading if it fails; otherwise the section brings its own.
+    /// Its heading.
     title: &'static str,
+    /// Measures it; id and title come from here.
     section: fn(&Options) -> anyhow::Result<Section>,
 }
 
 /// In the order of the page.
 const PARTS: &[Part] = &[
-    Part { name: "force", title: "Force", section: force::section },
-    Part { name: "fit", title: "Fit", section: work_precision::section },
-    Part { name: "model", title: "Model", section: held_out::section },
-    Part { name: "live", title: "Live", section: live::section },
-    Part { name: "latency", title: "Latency", section: daemon::latency },
-    Part { name: "digits", title: "Digits", section: digits::section },
-    Part { name: "stability", title: "Stability", section: stability::section },
-    Part { name: "scenes", title: "Scenes", section: daemon::scenes },
+    Part { name: "force", title: "Force: held-out error against run time", section: force::section },
+    Part { name: "fit", title: "Fit: error against run time", section: work_precision::section },
+    Part { name: "model", title: "Model: calibration length and held-out error", section: held_out::section },
+    Part { name: "live", title: "Live: counts to pressures", section: live::section },
+    Part { name: "latency", title: "Latency: from the bus into a client's hands", section: daemon::latency },
+    Part { name: "digits", title: "Digits: certified regression sets", section: digits::section },
+    Part { name: "stability", title: "Stability: stiff, extreme and broken taxels", section: stability::section },
+    Part { name: "scenes", title: "Scenes: what is left out costs nothing", section: daemon::scenes },
 ];
 
 /// The names of all sections, in the order of the page.
@@ -67,11 +68,12 @@ pub fn run(options: &Options, out: &Path, only: &[String]) -> anyhow::Result<()>
 
 /// A section that panics must not take the others with it: a full report is the work of many minutes.
 fn measure(part: &Part, options: &Options) -> anyhow::Result<Section> {
-    catch_unwind(AssertUnwindSafe(|| (part.section)(options))).unwrap_or_else(|panic| {
+    let measured = catch_unwind(AssertUnwindSafe(|| (part.section)(options))).unwrap_or_else(|panic| {
         let text = panic.downcast_ref::<String>().map(String::as_str);
         let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
         Err(anyhow::anyhow!("it panicked: {}", text.unwrap_or("without a message")))
-    })
+    });
+    Ok(Section { id: part.name.to_owned(), title: part.title.to_owned(), ..measured? })
 }
 
 fn failure(part: &Part, error: &anyhow::Error) -> Section {

@@ -17,7 +17,7 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
     let mut cases: Vec<Case> = groups.flat_map(|(_, cases)| cases()).collect();
     // By the number of the group.
     cases.sort_by_key(|case| case.number.split('.').next().and_then(|group| group.parse::<u32>().ok()));
-    section_of(cases, &mut Peers::start(options))
+    section_of(cases, &mut Peers::start(&options.python))
 }
 
 fn section_of(cases: impl IntoIterator<Item = Case>, peers: &mut Peers) -> anyhow::Result<Section> {
@@ -63,8 +63,7 @@ fn section_of(cases: impl IntoIterator<Item = Case>, peers: &mut Peers) -> anyho
     ];
     let what = "hard cases, stiff, extreme or broken, that do not come out as they must";
     let aims = vec![Aim::at_most(what, failed.len() as f64, 0.0)];
-    let (id, title) = ("stability".to_owned(), "Stability: stiff, extreme and broken taxels".to_owned());
-    Ok(Section { id, title, text, aims, figures: Vec::new(), tables: vec![table(&names, rows)] })
+    Ok(Section { text, aims, tables: vec![table(&names, rows)], ..Section::default() })
 }
 
 fn table(names: &[&str], rows: Vec<Vec<Cell>>) -> Table {
@@ -123,6 +122,7 @@ fn judged<C>(contest: &Contest, curves: &[C], evaluate: impl Fn(&C, f64) -> f64 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
     use taxel_model::stability::taxels::Recording;
 
     #[test]
@@ -139,10 +139,8 @@ mod tests {
             outcome.require(false, || "the promise".to_owned());
             outcome
         });
-        let nowhere = std::path::PathBuf::from("nowhere");
-        let options = Options { quick: true, data: None, python: nowhere.clone(), taxeld: nowhere, seed: 1 };
         let cases = [good, wrong_status, too_large, not_a_number, broken];
-        let section = section_of(cases, &mut Peers::start(&options)).unwrap();
+        let section = section_of(cases, &mut Peers::start(Path::new("nowhere"))).unwrap();
         let table = &section.tables[0];
         let verdicts: Vec<&Cell> = table.rows.iter().map(|row| &row[5]).collect();
         assert_eq!(verdicts, [true, false, false, false, false].map(Cell::Verdict).iter().collect::<Vec<_>>());

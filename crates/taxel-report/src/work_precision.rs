@@ -20,7 +20,7 @@ use taxels::Bits;
 /// # Errors
 /// Python ended in the middle of it. Python without numpy is no error: the section says so.
 pub fn section(options: &Options) -> anyhow::Result<Section> {
-    let mut peers = Peers::start(options);
+    let mut peers = Peers::start(&options.python);
     let measured: anyhow::Result<Vec<Measured>> =
         panels(options.quick).into_iter().map(|panel| panel.measure(options.seed, &mut peers)).collect();
     let measured = measured?;
@@ -47,12 +47,11 @@ pub fn section(options: &Options) -> anyhow::Result<Section> {
     );
     text.extend(ours_in_words(&measured));
     Ok(Section {
-        id: "fit".to_owned(),
-        title: "Fit: error against run time".to_owned(),
         text,
         aims,
         figures: measured.iter().map(Measured::figure).collect(),
         tables: vec![orders_table(&measured)],
+        ..Section::default()
     })
 }
 

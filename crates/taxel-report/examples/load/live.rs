@@ -8,7 +8,7 @@ use anyhow::Context;
 use taxel_engine::model_set::ModelSet;
 use taxel_proto::v1::TareRequest;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use taxel_report::daemon::client::{connect, first_force, give_models};
+use taxel_report::daemon::client::{connect, give_models, start};
 use taxel_report::daemon::process::{Daemon, Home, Scene};
 use taxel_store::models_json;
 use tokio::task::JoinSet;
@@ -24,18 +24,10 @@ const BUSES: usize = 10;
 /// every ten seconds, has taken it away.
 const UNTOUCHED_AFTER: Duration = Duration::from_millis(10_500);
 
-/// What the process takes.
-pub struct Figures {
-    pub resident_bytes: f64,
-    pub threads: usize,
-    pub descriptors: usize,
-    pub processor: Duration,
-}
-
 /// A daemon with its folder.
 pub struct Live {
-    daemon: Daemon,
-    home: Home,
+    pub daemon: Daemon,
+    pub home: Home,
     pub patches: Vec<String>,
 }
 
@@ -44,10 +36,7 @@ impl Live {
     pub async fn forearm(taxeld: &Path, service: &str) -> anyhow::Result<Self> {
         let models = models_json::to_json(&*taxel_report::calibrate(SEED)?)?;
         let home = Home::forearm(taxeld, service, Scene::Full, SEED)?;
-        let mut daemon = home.start()?;
-        let channel = connect(&mut daemon).await?;
-        give_models(&channel, models, "").await?;
-        first_force(&channel).await.with_context(|| daemon.complaints())?;
+        let (daemon, ..) = start(&home, Some(models)).await?;
         Ok(Self { daemon, home, patches: vec!["left_forearm".to_owned()] })
     }
 
@@ -80,29 +69,6 @@ impl Live {
             zero?.with_context(|| daemon.complaints())?;
         }
         Ok(Self { daemon, home, patches })
-    }
-
-    pub fn tcp(&self) -> String {
-        format!("http://{}", self.daemon.address)
-    }
-
-    pub fn unix(&self) -> String {
-        format!("unix:{}", self.home.socket().display())
-    }
-
-    pub fn home(&self) -> &Home {
-        &self.home
-    }
-
-    pub fn figures(&self) -> anyhow::Result<Figures> {
-        let [threads, descriptors] = self.daemon.threads_and_descriptors()?;
-        let (resident_bytes, processor) = (self.daemon.resident_bytes()?, self.daemon.used()?.processor);
-        Ok(Figures { resident_bytes, threads, descriptors, processor })
-    }
-
-    /// What the daemon logged, from warnings on.
-    pub fn complaints(&self) -> String {
-        self.daemon.complaints()
     }
 }
 

@@ -1,8 +1,9 @@
 //! Rows for people, as Markdown.
 
+use taxel_report::daemon::process::Used;
+
 use crate::crowd::Seen;
 use crate::histogram::Histogram;
-use crate::live::Figures;
 
 pub fn head() {
     println!("| case | delay | p50, us | p99 | p99.9 | most | messages | timer p50, us | p99 | p99.9 | most |");
@@ -35,14 +36,13 @@ pub fn ratio(what: &str, [this, that]: [&Histogram; 2]) {
 }
 
 /// What the process was at the beginning and at the end.
-pub fn process(case: &str, [begin, end]: &[Figures; 2], seconds: f64) {
-    let mib = |figures: &Figures| figures.resident_bytes / f64::from(1 << 20);
+pub fn process(case: &str, [begin, end]: &[Used; 2], seconds: f64) {
     let used = end.processor.saturating_sub(begin.processor).as_secs_f64();
     println!(
         "{case}, {seconds:.0} s: memory {:.1} MiB at the beginning, {:.1} MiB at the end; {} and {} threads; {} and {} \
          descriptors; {:.1} % of a processor without the simulation",
-        mib(begin),
-        mib(end),
+        begin.memory_mib,
+        end.memory_mib,
         begin.threads,
         end.threads,
         begin.descriptors,

@@ -6,11 +6,13 @@ use std::time::Duration;
 
 use anyhow::Context;
 use taxel_proto::v1::ForceSample;
+use taxel_report::daemon::client::{Crowd, STREAMS_PER_CONNECTION, endpoint, stream};
+use taxel_report::daemon::process::Used;
 
-use crate::crowd::{self, Crowd, Seen};
+use crate::crowd::{self, Seen};
 use crate::histogram::Histogram;
 use crate::jitter::Jitter;
-use crate::live::{Figures, Live};
+use crate::live::Live;
 use crate::raw::Raw;
 use crate::rows;
 
@@ -23,11 +25,8 @@ const ROUNDS: usize = 3;
 /// Two daemons are started each time.
 const RAW_ROUNDS: usize = 2;
 
-/// A connection carries at most 256 calls; and several clients of one process share one.
-const STREAMS_PER_CONNECTION: usize = 25;
-
 fn crowd(live: &Live, subscribers: usize, rate_hz: Option<f64>) -> Crowd {
-    let (address, patches) = (live.tcp(), live.patches.clone());
+    let (address, patches) = (live.daemon.address(), live.patches.clone());
     Crowd { address, patches, subscribers, per_connection: STREAMS_PER_CONNECTION, rate_hz }
 }
 
@@ -41,7 +40,7 @@ struct Case {
 impl Case {
     async fn watch(&mut self, crowd: &Crowd, span: Duration) -> anyhow::Result<()> {
         let jitter = Jitter::begin();
-        self.seen.add(&crowd::watch(crowd, WARM_UP, span).await?);
+        self.seen.watch(crowd, WARM_UP, span).await?;
         self.timer.add(&jitter.end());
         Ok(())
     }
@@ -53,18 +52,18 @@ impl Case {
 
 /// One crowd, and what the daemon's process was at the beginning and at the end of the span.
 async fn soak(name: &str, live: &Live, crowd: &Crowd, span: Duration) -> anyhow::Result<()> {
-    let figures = async {
+    let used = async {
         tokio::time::sleep(2 * WARM_UP).await;
-        let begin = live.figures()?;
+        let begin = live.daemon.used()?;
         tokio::time::sleep(span.saturating_sub(2 * WARM_UP)).await;
-        anyhow::Ok::<[Figures; 2]>([begin, live.figures()?])
+        anyhow::Ok::<[Used; 2]>([begin, live.daemon.used()?])
     };
     let mut case = Case::default();
-    let (watched, figures) = tokio::join!(case.watch(crowd, span), figures);
-    watched.with_context(|| live.complaints())?;
+    let (watched, used) = tokio::join!(case.watch(crowd, span), used);
+    watched.with_context(|| live.daemon.complaints())?;
     rows::head();
     case.print(name);
-    rows::process(name, &figures?, span.saturating_sub(2 * WARM_UP).as_secs_f64());
+    rows::process(name, &used?, span.saturating_sub(2 * WARM_UP).as_secs_f64());
     Ok(())
 }
 
@@ -88,7 +87,7 @@ pub async fn unread(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
     for _ in 0..ROUNDS {
         alone.watch(&ten, span).await?;
         let held = crowd::unread(&ten.address, &ten.patches[0], 50).await?;
-        beside.watch(&ten, span).await.with_context(|| live.complaints())?;
+        beside.watch(&ten, span).await.with_context(|| live.daemon.complaints())?;
         drop(held);
     }
     rows::head();
@@ -113,7 +112,7 @@ pub async fn idle(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
         let sockets = (0..SOCKETS).map(|_| TcpStream::connect(host)).collect::<Result<Vec<_>, _>>();
         let sockets = sockets.with_context(|| format!("{SOCKETS} sockets: see `ulimit -n`"))?;
         waits_beside.add(&crowd::newcomers(&ten.address, "", NEWCOMERS).await?);
-        beside.watch(&ten, span).await.with_context(|| live.complaints())?;
+        beside.watch(&ten, span).await.with_context(|| live.daemon.complaints())?;
         drop(sockets);
     }
     rows::head();
@@ -132,7 +131,7 @@ fn ratios(beside: &Case, alone: &Case) {
 
 /// A message of the untouched skin, the shortest that the daemon sends.
 async fn shortest(address: &str) -> anyhow::Result<ForceSample> {
-    let mut stream = crowd::stream(crowd::endpoint(address)?.connect().await?, "", None).await?;
+    let mut stream = stream(endpoint(address)?.connect().await?, "", None).await?;
     loop {
         let message = stream.message().await?.context("the stream ended")?;
         if message.active == 0 {
@@ -152,8 +151,8 @@ pub async fn raw(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
     let mut seen: Vec<[Case; 4]> = cases.iter().map(|_| Default::default()).collect();
     for _ in 0..RAW_ROUNDS {
         let live = Live::forearm(taxeld, "").await?;
-        let raw = Raw::start(&shortest(&live.tcp()).await?, &live.home().path(""))?;
-        let servers = [raw.address.clone(), live.tcp(), live.unix()];
+        let raw = Raw::start(&shortest(&live.daemon.address()).await?, &live.home.path(""))?;
+        let servers = [raw.address.clone(), live.daemon.address(), live.home.socket_address()];
         for (&(_, subscribers, per_connection, rate_hz), seen) in cases.iter().zip(&mut seen) {
             for (address, seen) in servers.iter().zip(seen) {
                 let (address, patches) = (address.clone(), live.patches.clone());
@@ -163,7 +162,7 @@ pub async fn raw(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
         drop((raw, live));
         let live = Live::forearm(taxeld, "low_latency = true").await?;
         for (&(_, subscribers, per_connection, rate_hz), seen) in cases.iter().zip(&mut seen) {
-            let (address, patches) = (live.unix(), live.patches.clone());
+            let (address, patches) = (live.home.socket_address(), live.patches.clone());
             seen[3].watch(&Crowd { address, patches, subscribers, per_connection, rate_hz }, span).await?;
         }
     }

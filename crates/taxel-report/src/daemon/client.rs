@@ -1,50 +1,90 @@
 //! Clients of the daemon, all on one thread of this process.
 
-use std::net::SocketAddr;
+use std::cell::RefCell;
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
+use futures_util::future::try_join_all;
 use prost::Message;
 use taxel_can::ClockReading;
-use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_proto::v1::{self, ForceSample, ForceState};
+use tonic::Streaming;
 use tonic::transport::{Channel, Endpoint};
 
-use super::process::Daemon;
+use super::process::{Daemon, Home};
 
 /// A daemon that does not answer by then has failed.
-const PATIENCE: Duration = Duration::from_secs(15);
+pub const PATIENCE: Duration = Duration::from_secs(15);
 
-/// Subscribers of one connection; a connection carries at most 256 calls, and one peer 100 streams.
-const STREAMS_PER_CONNECTION: usize = 25;
+/// Subscribers of one connection, where nothing else is wanted; a connection carries at most 256 calls, and one peer 100
+/// streams.
+pub const STREAMS_PER_CONNECTION: usize = 25;
 
 /// A stream's message is preceded by a byte of flags and four of length.
 const MESSAGE_HEAD_BYTES: usize = 5;
 
-/// One message's way.
-#[derive(Clone, Copy, Debug)]
-pub struct Delay {
-    /// Which value.
-    pub sequence: u64,
-    /// From the newest frame's stamp to the making of the message, in us: its age.
-    pub to_send_us: f64,
-    /// From there into the client's hands, in us.
-    pub on_the_way_us: f64,
-}
-
-/// What subscribers do together.
-#[derive(Clone, Copy, Debug)]
+/// Subscribers that do the same.
+#[derive(Clone, Debug)]
 pub struct Crowd {
+    /// `http://HOST:PORT` or `unix:PATH`.
+    pub address: String,
+    /// Shared out in turn; the empty name is the only patch there is.
+    pub patches: Vec<String>,
     /// How many.
     pub subscribers: usize,
+    /// How many of them share a connection.
+    pub per_connection: usize,
     /// Absent: each value as it comes.
     pub rate_hz: Option<f64>,
 }
 
-fn endpoint(address: SocketAddr) -> anyhow::Result<Endpoint> {
-    Ok(Endpoint::from_shared(format!("http://{address}"))?.tcp_nodelay(true).connect_timeout(PATIENCE))
+/// A message in a client's hands. All times are of `CLOCK_MONOTONIC`, in ns.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrival {
+    /// Which value.
+    pub sequence: u64,
+    /// The subscriber's message before had another value.
+    pub is_new: bool,
+    /// Whether it is a force.
+    pub is_force: bool,
+    /// When the newest frame in it was received.
+    pub stamp_ns: i64,
+    /// When the message was made: the stamp and the age.
+    pub made_ns: i64,
+    /// Now.
+    pub at_ns: i64,
+}
+
+/// The present of `CLOCK_MONOTONIC`, ns.
+#[must_use]
+pub fn now_ns() -> i64 {
+    ClockReading::now().time.as_nanos()
+}
+
+/// Where to connect.
+///
+/// # Errors
+/// If it is no address.
+pub fn endpoint(address: &str) -> anyhow::Result<Endpoint> {
+    Ok(Endpoint::from_shared(address.to_owned())?.tcp_nodelay(true).connect_timeout(PATIENCE))
+}
+
+/// The forces of a patch, whose name is empty if there is only one.
+///
+/// # Errors
+/// If the server refuses.
+pub async fn stream(channel: Channel, patch: &str, rate_hz: Option<f64>) -> anyhow::Result<Streaming<ForceSample>> {
+    let request = v1::StreamForceRequest { patch: patch.to_owned(), rate_hz };
+    Ok(ForceServiceClient::new(channel).stream_force(request).await?.into_inner())
+}
+
+/// When a message was made, ns, if there is any frame in it.
+#[must_use]
+pub fn made_ns(sample: &ForceSample) -> Option<i64> {
+    sample.monotonic_ns.zip(sample.age_s).map(|(stamp_ns, age_s)| stamp_ns + (age_s * 1e9) as i64)
 }
 
 /// A connection to a daemon that may still be starting.
@@ -52,11 +92,11 @@ fn endpoint(address: SocketAddr) -> anyhow::Result<Endpoint> {
 /// # Errors
 /// If it ends, or does not listen in time.
 pub async fn connect(daemon: &mut Daemon) -> anyhow::Result<Channel> {
-    let (begun, endpoint) = (Instant::now(), endpoint(daemon.address)?);
+    let (begun, endpoint) = (Instant::now(), endpoint(&daemon.address())?);
     loop {
         match endpoint.connect().await {
             Ok(channel) => return Ok(channel),
-            Err(error) if begun.elapsed() > PATIENCE => bail!("{}: {error}", daemon.address),
+            Err(error) if begun.elapsed() > PATIENCE => bail!("{}: {error}", daemon.address()),
             Err(_) => daemon.alive()?,
         }
         tokio::time::sleep(Duration::from_millis(2)).await;
@@ -76,20 +116,30 @@ pub async fn give_models(channel: &Channel, json: String, patch: &str) -> anyhow
     Ok(())
 }
 
-/// From the first complete scan to the first force, by the frames' own stamps.
+/// Starts a daemon and, where there are any, gives it models for its only patch. With how long its first force took.
 ///
 /// # Errors
-/// If no force comes in time.
-pub async fn first_force(channel: &Channel) -> anyhow::Result<Duration> {
-    let request = v1::StreamForceRequest { patch: String::new(), rate_hz: None };
-    let mut stream = ForceServiceClient::new(channel.clone()).stream_force(request).await?.into_inner();
+/// If it cannot be started, refuses the models or comes to no force.
+pub async fn start(home: &Home, models: Option<String>) -> anyhow::Result<(Daemon, Channel, Duration)> {
+    let mut daemon = home.start()?;
+    let channel = connect(&mut daemon).await?;
+    if let Some(models) = models {
+        give_models(&channel, models, "").await?;
+    }
+    let took = first_force(&channel).await.with_context(|| daemon.complaints())?;
+    Ok((daemon, channel, took))
+}
+
+/// From the first complete scan to the first force, by the frames' own stamps.
+async fn first_force(channel: &Channel) -> anyhow::Result<Duration> {
+    let mut stream = stream(channel.clone(), "", None).await?;
     let (mut first_scan_ns, mut last) = (None, String::new());
     let until = tokio::time::Instant::now() + PATIENCE;
     while let Ok(message) = tokio::time::timeout_at(until, stream.message()).await {
         let sample = message?.context("the stream ended")?;
         if let Some(ns) = sample.monotonic_ns.filter(|_| sample.stale == 0) {
             let first_ns = *first_scan_ns.get_or_insert(ns);
-            if matches!(sample.state(), v1::ForceState::Ok | v1::ForceState::Degraded) {
+            if is_force(&sample) {
                 return Ok(Duration::from_nanos(ns.abs_diff(first_ns)));
             }
         }
@@ -98,66 +148,54 @@ pub async fn first_force(channel: &Channel) -> anyhow::Result<Duration> {
     bail!("no force within {} s; the last sample was {last}", PATIENCE.as_secs())
 }
 
-/// What a crowd of subscribers sees within `window`, after `warm_up`.
+fn is_force(sample: &ForceSample) -> bool {
+    matches!(sample.state(), ForceState::Ok | ForceState::Degraded)
+}
+
+/// Shows `see` every message that a crowd gets within `window`, after `warm_up`.
 ///
 /// # Errors
-/// If a stream ends or nothing comes.
-pub async fn watch(
-    address: SocketAddr,
-    crowd: Crowd,
-    warm_up: Duration,
-    window: Duration,
-) -> anyhow::Result<Vec<Delay>> {
+/// If a stream ends, or a subscriber gets nothing any more.
+pub async fn watch(crowd: &Crowd, warm_up: Duration, window: Duration, see: impl FnMut(Arrival)) -> anyhow::Result<()> {
     let from_ns = now_ns() + warm_up.as_nanos() as i64;
-    let until_ns = from_ns + window.as_nanos() as i64;
-    let (mut tasks, mut channel) = (tokio::task::JoinSet::new(), None);
-    // Controllers do not start at the same moment.
-    let apart = crowd.rate_hz.map_or(Duration::ZERO, |hz| Duration::from_secs_f64(1.0 / hz / crowd.subscribers as f64));
+    let during_ns = from_ns..from_ns + window.as_nanos() as i64;
+    let (see, mut readers, mut channel) = (RefCell::new(see), Vec::new(), None);
     for subscriber in 0..crowd.subscribers {
-        if subscriber % STREAMS_PER_CONNECTION == 0 {
-            channel = Some(endpoint(address)?.connect().await?);
+        if subscriber % crowd.per_connection == 0 {
+            channel = Some(endpoint(&crowd.address)?.connect().await?);
         }
         let channel = channel.clone().context("a connection")?;
-        let after = apart * subscriber as u32;
-        tasks.spawn(async move {
-            tokio::time::sleep(after).await;
-            read(channel, crowd.rate_hz, from_ns..until_ns).await
-        });
+        let patch = &crowd.patches[subscriber % crowd.patches.len()];
+        readers.push(read(stream(channel, patch, crowd.rate_hz).await?, during_ns.clone(), &see));
     }
-    let mut delays = Vec::new();
-    let all = async {
-        while let Some(task) = tasks.join_next().await {
-            delays.extend(task??);
-        }
-        anyhow::Ok(())
-    };
-    tokio::time::timeout(warm_up + window + PATIENCE, all).await.context("a subscriber got nothing any more")??;
-    anyhow::ensure!(!delays.is_empty(), "{} subscribers got no message", crowd.subscribers);
-    Ok(delays)
+    let all = tokio::time::timeout(warm_up + window + PATIENCE, try_join_all(readers));
+    all.await.context("a subscriber got nothing any more")??;
+    Ok(())
 }
 
-fn now_ns() -> i64 {
-    ClockReading::now().time.as_nanos()
-}
-
-async fn read(channel: Channel, rate_hz: Option<f64>, during_ns: std::ops::Range<i64>) -> anyhow::Result<Vec<Delay>> {
-    let request = v1::StreamForceRequest { patch: String::new(), rate_hz };
-    let mut stream = ForceServiceClient::new(channel).stream_force(request).await?.into_inner();
-    let mut delays = Vec::new();
+/// Reads a stream to the end of a span.
+async fn read(
+    mut stream: Streaming<ForceSample>,
+    during_ns: Range<i64>,
+    see: &RefCell<impl FnMut(Arrival)>,
+) -> anyhow::Result<()> {
+    let mut last = None;
     loop {
         let sample = stream.message().await?.context("the stream ended")?;
-        let now_ns = now_ns();
-        if now_ns >= during_ns.end {
-            return Ok(delays);
+        let at_ns = now_ns();
+        if at_ns >= during_ns.end {
+            return Ok(());
         }
-        if let (Some(stamp_ns), Some(age_s), true) = (sample.monotonic_ns, sample.age_s, now_ns >= during_ns.start) {
-            let on_the_way_us = (now_ns - stamp_ns) as f64 * 1e-3 - age_s * 1e6;
-            delays.push(Delay { sequence: sample.sequence, to_send_us: age_s * 1e6, on_the_way_us });
+        let (sequence, is_force) = (sample.sequence, is_force(&sample));
+        let is_new = last.replace(sequence) != Some(sequence);
+        if let (Some(stamp_ns), Some(made_ns), true) = (sample.monotonic_ns, made_ns(&sample), at_ns >= during_ns.start)
+        {
+            (see.borrow_mut())(Arrival { sequence, is_new, is_force, stamp_ns, made_ns, at_ns });
         }
     }
 }
 
-/// What one subscriber is sent within `window`.
+/// What one subscriber is sent within a window.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Traffic {
     /// Messages.
@@ -166,38 +204,15 @@ pub struct Traffic {
     pub bytes: u64,
 }
 
-/// Which stream a subscriber reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum StreamOf {
-    /// Force samples as they come.
-    Force,
-    /// Every taxel as it comes.
-    Taxels,
-}
-
 /// Reads a stream to the end of `window` and counts.
 ///
 /// # Errors
 /// If it ends early.
-pub async fn count(channel: Channel, what: StreamOf, window: Duration) -> anyhow::Result<Traffic> {
-    let mut traffic = Traffic::default();
-    let mut take = |bytes: usize| {
+pub async fn count(mut stream: Streaming<impl Message + Default>, window: Duration) -> anyhow::Result<Traffic> {
+    let (mut traffic, until) = (Traffic::default(), tokio::time::Instant::now() + window);
+    while let Ok(message) = tokio::time::timeout_at(until, stream.message()).await {
         traffic.messages += 1;
-        traffic.bytes += (bytes + MESSAGE_HEAD_BYTES) as u64;
-    };
-    let until = tokio::time::Instant::now() + window;
-    if what == StreamOf::Force {
-        let request = v1::StreamForceRequest { patch: String::new(), rate_hz: None };
-        let mut stream = ForceServiceClient::new(channel).stream_force(request).await?.into_inner();
-        while let Ok(message) = tokio::time::timeout_at(until, stream.message()).await {
-            take(message?.context("the stream ended")?.encoded_len());
-        }
-    } else {
-        let request = v1::StreamTaxelsRequest { patch: String::new(), rate_hz: None };
-        let mut stream = SkinServiceClient::new(channel).stream_taxels(request).await?.into_inner();
-        while let Ok(message) = tokio::time::timeout_at(until, stream.message()).await {
-            take(message?.context("the stream ended")?.encoded_len());
-        }
+        traffic.bytes += (message?.context("the stream ended")?.encoded_len() + MESSAGE_HEAD_BYTES) as u64;
     }
     Ok(traffic)
 }

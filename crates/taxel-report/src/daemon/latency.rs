@@ -3,13 +3,12 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
 use taxel_store::models_json;
 
-use super::client::{self, Crowd, Delay};
+use super::client::{self, Arrival, Crowd};
 use super::process::{Home, Scene};
 use super::wire_floor;
-use crate::document::{Aim, Axis, Cell, Figure, Level, Line, Look, Point, Section, Table, row};
+use crate::document::{Aim, Axis, Cell, Figure, Level, Line, Point, Section, Table, row};
 use crate::numbers::{quantile, three_digits as figure};
 use crate::options::Options;
 use crate::rig::fits;
@@ -17,15 +16,18 @@ use crate::rig::fits;
 /// Streams settle before a window begins.
 const WARM_UP: Duration = Duration::from_millis(300);
 
-/// A case and the aims that stand for it.
+/// Subscribers that do the same, and the aims that stand for them.
+#[derive(Clone, Copy)]
 struct Case {
-    crowd: Crowd,
+    subscribers: usize,
+    /// Absent: each value as it comes.
+    rate_hz: Option<f64>,
     p99_aim_us: Option<f64>,
     cpu_aim_percent: Option<f64>,
 }
 
 const fn case(subscribers: usize, rate_hz: Option<f64>, p99_us: Option<f64>, cpu_percent: Option<f64>) -> Case {
-    Case { crowd: Crowd { subscribers, rate_hz }, p99_aim_us: p99_us, cpu_aim_percent: cpu_percent }
+    Case { subscribers, rate_hz, p99_aim_us: p99_us, cpu_aim_percent: cpu_percent }
 }
 
 const CASES: [Case; 5] = [
@@ -43,23 +45,19 @@ const FLOORS: [(usize, Duration); 2] = [(800, Duration::from_millis(1)), (40, Du
 /// Start to first force with a stored model set, from the first complete scan.
 const START_AIM_MS: f64 = 200.0;
 
-/// What was seen of a case.
-#[derive(Default)]
+/// What was seen of a case, in us.
 struct Seen {
-    delays: Vec<Delay>,
+    case: Case,
+    /// From the stamp of the newest frame to the first message made of the value, by value: it was published before that.
+    /// Of values as they come: a held value's age says nothing of when it was published.
+    published: BTreeMap<u64, f64>,
+    /// From the making of a message into the client's hands.
+    on_the_way: Vec<f64>,
+    /// From the stamp into the client's hands, of values as they come.
+    to_hand: Vec<f64>,
     window: Duration,
     /// Processor time of the daemon.
     cpu: Duration,
-}
-
-/// Delays in us.
-struct Delays {
-    /// From the stamp of the newest frame to the first message made of the value: it was published before that.
-    published: Vec<f64>,
-    /// From the making of a message into the client's hands.
-    on_the_way: Vec<f64>,
-    /// What the case's aim is for: all the way for values as they come, else `on_the_way`.
-    whole: Vec<f64>,
 }
 
 /// Measures the daemon as a process, with 1, 10 and 100 subscribers.
@@ -74,46 +72,63 @@ pub fn latency(options: &Options) -> anyhow::Result<Section> {
 async fn measure(options: &Options) -> anyhow::Result<Section> {
     let (rounds, window) = if options.quick { (1, Duration::from_millis(1500)) } else { (3, Duration::from_secs(8)) };
     let models = models_json::to_json(&*fits::calibrate(options.seed)?)?;
-    let home = Home::new(options, Scene::Full)?;
-    let mut daemon = home.start()?;
-    let channel = client::connect(&mut daemon).await?;
-    client::give_models(&channel, models, "").await?;
-    let asked_to_force = client::first_force(&channel).await.with_context(|| daemon.complaints())?;
-    let mut seen: Vec<Seen> = CASES.iter().map(|_| Seen::default()).collect();
+    let home = Home::forearm(&options.taxeld, "", Scene::Full, options.seed)?;
+    let (daemon, _, activated) = client::start(&home, Some(models)).await?;
+    let mut all = CASES.map(Seen::new);
     let mut floors = FLOORS.map(|_| Vec::new());
     for _ in 0..rounds {
         for (floor, (messages, period)) in floors.iter_mut().zip(FLOORS) {
             floor.extend(wire_floor::one_way_us(messages, period)?);
         }
-        for (case, seen) in CASES.iter().zip(&mut seen) {
-            let (before, begun) = (daemon.used()?.processor, Instant::now());
-            seen.delays.extend(client::watch(daemon.address, case.crowd, WARM_UP, window).await?);
+        for seen in &mut all {
+            let (before, begun, crowd) = (daemon.used()?.processor, Instant::now(), seen.case.crowd(daemon.address()));
+            client::watch(&crowd, WARM_UP, window, |arrival| seen.take(arrival)).await?;
             seen.window += begun.elapsed();
             seen.cpu += daemon.used()?.processor.saturating_sub(before);
         }
     }
     drop(daemon);
-    let mut daemon = home.start()?;
-    let channel = client::connect(&mut daemon).await?;
-    let start = client::first_force(&channel).await.with_context(|| daemon.complaints())?;
-    Ok(section(&seen, &floors, [asked_to_force, start]))
+    let (_daemon, _, restarted) = client::start(&home, None).await?;
+    Ok(section(&all, &floors, [activated, restarted]))
+}
+
+impl Case {
+    fn crowd(self, address: String) -> Crowd {
+        let Self { subscribers, rate_hz, .. } = self;
+        let (patches, per_connection) = (vec![String::new()], client::STREAMS_PER_CONNECTION);
+        Crowd { address, patches, subscribers, per_connection, rate_hz }
+    }
+
+    fn name(self) -> String {
+        let plural = if self.subscribers == 1 { "" } else { "s" };
+        let when = self.rate_hz.map_or_else(|| "each value as it comes".to_owned(), |hz| format!("{hz} Hz"));
+        format!("{} subscriber{plural}, {when}", self.subscribers)
+    }
 }
 
 impl Seen {
-    fn delays(&self, crowd: Crowd) -> Delays {
-        let mut first: BTreeMap<u64, f64> = BTreeMap::new();
-        for delay in &self.delays {
-            let least = first.entry(delay.sequence).or_insert(f64::INFINITY);
-            *least = least.min(delay.to_send_us);
+    fn new(case: Case) -> Self {
+        let (published, window) = (BTreeMap::new(), Duration::ZERO);
+        Self { case, published, on_the_way: Vec::new(), to_hand: Vec::new(), window, cpu: Duration::ZERO }
+    }
+
+    fn take(&mut self, Arrival { sequence, stamp_ns, made_ns, at_ns, .. }: Arrival) {
+        let us = |from_ns, to_ns| (to_ns - from_ns) as f64 * 1e-3;
+        self.on_the_way.push(us(made_ns, at_ns));
+        if self.case.rate_hz.is_none() {
+            self.to_hand.push(us(stamp_ns, at_ns));
+            let first = self.published.entry(sequence).or_insert(f64::INFINITY);
+            *first = first.min(us(stamp_ns, made_ns));
         }
-        let on_the_way = || self.delays.iter().map(|delay| delay.on_the_way_us);
-        let whole = match crowd.rate_hz {
-            None => self.delays.iter().map(|delay| delay.to_send_us + delay.on_the_way_us).collect(),
-            Some(_) => on_the_way().collect(),
-        };
-        // A held value's age says nothing of when it was published.
-        let published = if crowd.rate_hz.is_none() { first.into_values().collect() } else { Vec::new() };
-        Delays { published, on_the_way: on_the_way().collect(), whole }
+    }
+
+    fn published(&self) -> Vec<f64> {
+        self.published.values().copied().collect()
+    }
+
+    /// What the case's aim is for: a held value is old by design.
+    fn judged(&self) -> &[f64] {
+        if self.case.rate_hz.is_none() { &self.to_hand } else { &self.on_the_way }
     }
 
     fn cpu_percent(&self) -> f64 {
@@ -121,29 +136,25 @@ impl Seen {
     }
 }
 
-fn name(crowd: Crowd) -> String {
-    let Crowd { subscribers, rate_hz } = crowd;
-    let plural = if subscribers == 1 { "" } else { "s" };
-    let when = rate_hz.map_or_else(|| "each value as it comes".to_owned(), |hz| format!("{hz} Hz"));
-    format!("{subscribers} subscriber{plural}, {when}")
-}
-
-fn section(seen: &[Seen], floors: &[Vec<f64>; 2], [activated, restarted]: [Duration; 2]) -> Section {
-    let delays: Vec<Delays> = CASES.iter().zip(seen).map(|(case, seen)| seen.delays(case.crowd)).collect();
-    let aims = aims(seen, &delays, restarted);
+fn section(all: &[Seen], floors: &[Vec<f64>; 2], started: [Duration; 2]) -> Section {
+    let aims = aims(all, started[1]);
     Section {
-        id: "latency".to_owned(),
-        title: "Latency: from the bus into a client's hands".to_owned(),
-        text: text(&delays, floors, [activated, restarted], &aims),
+        text: text(&all[1], floors, started, &aims),
         aims,
-        figures: vec![picture(&delays)],
-        tables: vec![path_table(seen, &delays, floors)],
+        figures: vec![picture(all)],
+        tables: vec![path_table(all, floors)],
+        ..Section::default()
     }
 }
 
-fn text(delays: &[Delays], floors: &[Vec<f64>; 2], [activated, restarted]: [Duration; 2], aims: &[Aim]) -> Vec<String> {
+/// `ten` are the ten subscribers that take each value as it comes; the first force after an activation and a restart.
+fn text(ten: &Seen, floors: &[Vec<f64>; 2], [activated, restarted]: [Duration; 2], aims: &[Aim]) -> Vec<String> {
     let missed = aims.iter().filter(|aim| aim.met == Some(false)).count();
-    let (published, on_the_way) = (&delays[1].published, &delays[1].on_the_way);
+    let typical = |us: &[f64]| [0.5, 0.99].map(|share| figure(quantile(us, share)));
+    let [published, published_99] = typical(&ten.published());
+    let [on_the_way, on_the_way_99] = typical(&ten.on_the_way);
+    let [[fast, fast_99], [slow, slow_99]] = [typical(&floors[0]), typical(&floors[1])];
+    let [activated, restarted] = [activated, restarted].map(|took| figure(took.as_secs_f64() * 1e3));
     vec![
         "A daemon runs as a process of its own on the simulated forearm of 230 taxels, which sends 20 scans a second, \
          with every output asked for. The clients share this process's one thread, and both share the machine's cores. \
@@ -153,25 +164,16 @@ fn text(delays: &[Delays], floors: &[Vec<f64>; 2], [activated, restarted]: [Dura
          fixed rate a held value is old by design, so that the time from the making of the message counts."
             .to_owned(),
         format!(
-            "With 10 subscribers the median value is published {} us after its stamp and takes {} us from there into a \
-             client's hands (p99: {} and {} us). On the way sleeping threads are woken one after the other: the engine's by the bus, \
+            "With 10 subscribers the median value is published {published} us after its stamp and takes {on_the_way} us from \
+             there into a client's hands (p99: {published_99} and {on_the_way_99} us). On the way sleeping threads are woken one after the other: the engine's by the bus, \
              the service's by the engine, the client's by the service; the first figure has two of these wake-ups, the \
-             second one. Loopback TCP alone, to a thread that sleeps in read, takes {} us, p99 {} us, at 1 kHz, and \
-             {} us, p99 {} us, at the skin's rate, in the same run.",
-            figure(quantile(published, 0.5)),
-            figure(quantile(on_the_way, 0.5)),
-            figure(quantile(published, 0.99)),
-            figure(quantile(on_the_way, 0.99)),
-            figure(quantile(&floors[0], 0.5)),
-            figure(quantile(&floors[0], 0.99)),
-            figure(quantile(&floors[1], 0.5)),
-            figure(quantile(&floors[1], 0.99)),
+             second one. Loopback TCP alone, to a thread that sleeps in read, takes {fast} us, p99 {fast_99} us, at 1 kHz, \
+             and {slow} us, p99 {slow_99} us, at the skin's rate, in the same run."
         ),
         format!(
-            "The first force came {} ms after the first complete scan that the client saw when models were activated on \
-             a fresh store, and {} ms after the first complete scan when the daemon was started again on that store.",
-            figure(activated.as_secs_f64() * 1e3),
-            figure(restarted.as_secs_f64() * 1e3)
+            "The first force came {activated} ms after the first complete scan that the client saw when models were activated \
+             on a fresh store, and {restarted} ms after the first complete scan when the daemon was started again on that \
+             store."
         ),
         format!(
             "Processor time is the daemon's without the simulated bus. A p99.9 of fewer than 1,000 messages is the largest of \
@@ -182,50 +184,45 @@ fn text(delays: &[Delays], floors: &[Vec<f64>; 2], [activated, restarted]: [Dura
     ]
 }
 
-fn three(values: &[f64]) -> [Cell; 3] {
-    [0.5, 0.99, 0.999].map(|share| match quantile(values, share) {
-        value if value.is_nan() => "-".into(),
-        value => value.into(),
-    })
-}
-
-fn path_table(seen: &[Seen], delays: &[Delays], floors: &[Vec<f64>; 2]) -> Table {
+fn path_table(all: &[Seen], floors: &[Vec<f64>; 2]) -> Table {
     let mut columns = vec!["case".to_owned(), "messages".to_owned()];
     for what in ["stamp to published", "message made to hand", "stamp to hand"] {
         columns.extend(["p50", "p99", "p99.9"].map(|quantile| format!("{what}, {quantile}, us")));
     }
     columns.push("daemon, % of a core".to_owned());
-    let mut rows: Vec<Vec<Cell>> = Vec::new();
-    for ((case, seen), delays) in CASES.iter().zip(seen).zip(delays) {
-        let mut row = row![name(case.crowd), seen.delays.len() as f64];
-        let whole: &[f64] = if case.crowd.rate_hz.is_none() { &delays.whole } else { &[] };
-        row.extend([delays.published.as_slice(), &delays.on_the_way, whole].into_iter().flat_map(three));
-        row.push(seen.cpu_percent().into());
-        rows.push(row);
-    }
-    for (floor, (_, period)) in floors.iter().zip(FLOORS) {
+    let quantiles = |us: &[f64]| -> [Cell; 3] {
+        [0.5, 0.99, 0.999].map(|share| if us.is_empty() { "-".into() } else { quantile(us, share).into() })
+    };
+    let cells = |name: String, [published, on_the_way, to_hand]: [&[f64]; 3], cpu: Cell| {
+        let mut row = row![name, on_the_way.len() as f64];
+        row.extend([published, on_the_way, to_hand].into_iter().flat_map(quantiles));
+        row.push(cpu);
+        row
+    };
+    let case = |seen: &Seen| {
+        let published = seen.published();
+        cells(seen.case.name(), [&published, &seen.on_the_way, &seen.to_hand], seen.cpu_percent().into())
+    };
+    let floor = |(us, (_, period)): (&Vec<f64>, (usize, Duration))| {
         let name = format!("loopback TCP alone, {} Hz", 1.0 / period.as_secs_f64());
-        let mut row = row![name, floor.len() as f64];
-        row.extend([&[][..], floor, &[]].into_iter().flat_map(three));
-        row.push("-".into());
-        rows.push(row);
-    }
+        cells(name, [&[], us, &[]], "-".into())
+    };
+    let rows = all.iter().map(case).chain(floors.iter().zip(FLOORS).map(floor)).collect();
     let caption = "The way of a value, in us. A dash stands where the case has no such time.";
     Table::new("latency-cases", caption, columns, rows)
 }
 
-fn aims(seen: &[Seen], delays: &[Delays], restarted: Duration) -> Vec<Aim> {
+fn aims(all: &[Seen], restarted: Duration) -> Vec<Aim> {
     let mut aims = Vec::new();
-    for ((case, seen), delays) in CASES.iter().zip(seen).zip(delays) {
-        let from = if case.crowd.rate_hz.is_none() { "the bus" } else { "the daemon" };
-        let name = name(case.crowd);
-        if let Some(aim) = case.p99_aim_us {
+    for seen in all {
+        let from = if seen.case.rate_hz.is_none() { "the bus" } else { "the daemon" };
+        let name = seen.case.name();
+        if let Some(aim) = seen.case.p99_aim_us {
             let what = format!("{name}: from {from} into a controller's hands, 99 % of the forces, us");
-            aims.push(Aim::at_most(&what, quantile(&delays.whole, 0.99), aim));
+            aims.push(Aim::at_most(&what, quantile(seen.judged(), 0.99), aim));
         }
-        if let Some(aim) = case.cpu_aim_percent {
-            let what = format!("{name}: daemon, % of a core");
-            aims.push(Aim::at_most(&what, seen.cpu_percent(), aim));
+        if let Some(aim) = seen.case.cpu_aim_percent {
+            aims.push(Aim::at_most(&format!("{name}: daemon, % of a core"), seen.cpu_percent(), aim));
         }
     }
     let what = "start on a stored calibration: from the first complete scan to the first force, ms";
@@ -234,19 +231,14 @@ fn aims(seen: &[Seen], delays: &[Delays], restarted: Duration) -> Vec<Aim> {
 }
 
 /// Quantiles against the number of subscribers, for values as they come.
-fn picture(delays: &[Delays]) -> Figure {
-    let cases = || CASES.iter().zip(delays).filter(|(case, _)| case.crowd.rate_hz.is_none());
-    let line = |what: &str, share: f64, ours: bool, of: fn(&Delays) -> &Vec<f64>| Line {
-        name: format!("{what}, p{}", share * 100.0),
-        ours,
-        look: Look::Signs,
-        points: cases()
-            .map(|(case, delays)| Point {
-                x: case.crowd.subscribers as f64,
-                y: quantile(of(delays), share),
-                ..Point::default()
-            })
-            .collect(),
+fn picture(all: &[Seen]) -> Figure {
+    let line = |what: &str, share: f64, ours: bool, of: fn(&Seen) -> Vec<f64>| {
+        let point = |seen: &Seen| {
+            let (x, y) = (seen.case.subscribers as f64, quantile(&of(seen), share));
+            Point { x, y, ..Point::default() }
+        };
+        let points = all.iter().filter(|seen| seen.case.rate_hz.is_none()).map(point).collect();
+        Line { name: format!("{what}, p{}", share * 100.0), ours, points, ..Line::default() }
     };
     Figure {
         id: "latency-path".to_owned(),
@@ -257,14 +249,14 @@ fn picture(delays: &[Delays]) -> Figure {
         x: Axis::log("subscribers"),
         y: Axis::log("us"),
         lines: vec![
-            line("to published", 0.5, false, |delays| &delays.published),
-            line("to published", 0.99, false, |delays| &delays.published),
-            line("to hand", 0.5, true, |delays| &delays.whole),
-            line("to hand", 0.99, true, |delays| &delays.whole),
-            line("to hand", 0.999, true, |delays| &delays.whole),
+            line("to published", 0.5, false, Seen::published),
+            line("to published", 0.99, false, Seen::published),
+            line("to hand", 0.5, true, |seen| seen.to_hand.clone()),
+            line("to hand", 0.99, true, |seen| seen.to_hand.clone()),
+            line("to hand", 0.999, true, |seen| seen.to_hand.clone()),
         ],
         bands: vec![Level::new(300.0, "aim for p99 to hand with 10 subscribers")],
-        levels: Vec::new(),
+        ..Figure::default()
     }
 }
 
@@ -272,33 +264,32 @@ fn picture(delays: &[Delays]) -> Figure {
 mod tests {
     use super::*;
 
-    fn delay(sequence: u64, to_send_us: f64, on_the_way_us: f64) -> Delay {
-        Delay { sequence, to_send_us, on_the_way_us }
+    fn seen(case: Case, arrivals: &[(u64, i64, i64)]) -> Seen {
+        let mut seen = Seen { window: Duration::from_secs(1), cpu: Duration::from_millis(20), ..Seen::new(case) };
+        for &(sequence, made_us, at_us) in arrivals {
+            let (made_ns, at_ns) = (1_000 * made_us, 1_000 * at_us);
+            seen.take(Arrival { sequence, is_new: true, is_force: true, stamp_ns: 0, made_ns, at_ns });
+        }
+        seen
     }
-
-    const CPU: Duration = Duration::from_millis(20);
 
     #[test]
     fn a_value_is_published_before_its_first_message_is_made() {
-        let delays = vec![delay(1, 50.0, 10.0), delay(1, 40.0, 30.0), delay(2, 60.0, 5.0)];
-        let seen = Seen { delays, window: Duration::from_secs(1), cpu: CPU };
-        let arrival = seen.delays(Crowd { subscribers: 2, rate_hz: None });
-        assert_eq!(arrival.published, [40.0, 60.0]);
-        assert_eq!(arrival.whole, [60.0, 70.0, 65.0]);
-        let held = seen.delays(Crowd { subscribers: 2, rate_hz: Some(100.0) });
-        assert!(held.published.is_empty(), "the age of a held value is no delay");
-        assert_eq!(held.whole, [10.0, 30.0, 5.0]);
-        assert!((seen.cpu_percent() - 2.0).abs() < 1e-9);
+        let arrivals = [(1, 50, 60), (1, 40, 70), (2, 60, 65)];
+        let as_they_come = seen(case(2, None, None, None), &arrivals);
+        assert_eq!(as_they_come.published(), [40.0, 60.0]);
+        assert_eq!(as_they_come.judged(), [60.0, 70.0, 65.0]);
+        let held = seen(case(2, Some(100.0), None, None), &arrivals);
+        assert!(held.published().is_empty(), "the age of a held value is no delay");
+        assert_eq!(held.judged(), [10.0, 30.0, 5.0]);
+        assert!((held.cpu_percent() - 2.0).abs() < 1e-9);
     }
 
     #[test]
     fn every_aim_is_judged_and_a_miss_is_counted_in_the_text() {
-        let seen: Vec<Seen> = CASES
-            .iter()
-            .map(|_| Seen { delays: vec![delay(1, 200.0, 160.0)], window: Duration::from_secs(1), cpu: CPU })
-            .collect();
-        let section =
-            section(&seen, &[vec![20.0, 30.0], vec![80.0]], [Duration::from_secs(1), Duration::from_millis(150)]);
+        let all = CASES.map(|case| seen(case, &[(1, 200, 360)]));
+        let started = [Duration::from_secs(1), Duration::from_millis(150)];
+        let section = section(&all, &[vec![20.0, 30.0], vec![80.0]], started);
         let verdicts: Vec<bool> = section.aims.iter().filter_map(|aim| aim.met).collect();
         assert_eq!(verdicts, [false, true, true, false, true]);
         assert!(section.text[3].contains("2 of 5 aims were missed"), "{}", section.text[3]);

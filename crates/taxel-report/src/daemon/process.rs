@@ -9,8 +9,6 @@ use anyhow::Context;
 use taxel_sim::Skin;
 use tempfile::TempDir;
 
-use crate::options::Options;
-
 /// The thread that plays the bus: none of the daemon's own time.
 const SIMULATOR_THREAD: &str = "sim-bus";
 
@@ -30,15 +28,7 @@ pub struct Home {
 }
 
 impl Home {
-    /// For the simulated forearm.
-    ///
-    /// # Errors
-    /// If the folder cannot be written.
-    pub fn new(options: &Options, scene: Scene) -> anyhow::Result<Self> {
-        Self::forearm(&options.taxeld, "", scene, options.seed)
-    }
-
-    /// The same with further lines of the section `[service]`.
+    /// For the simulated forearm, with further lines of the section `[service]`.
     ///
     /// # Errors
     /// If the folder cannot be written.
@@ -49,7 +39,7 @@ impl Home {
     }
 
     /// For any buses and patches: `service` are further lines of the section `[service]`, `rest` is what follows it. The
-    /// daemon listens on loopback TCP, and on the Unix socket that [`Home::socket`] names.
+    /// daemon listens on loopback TCP, and on the Unix socket that [`Home::socket_address`] names.
     ///
     /// # Errors
     /// If the folder cannot be written.
@@ -58,7 +48,7 @@ impl Home {
         let config = format!(
             "[store]\npath = \"{}\"\n[service]\nlisten = \"ADDRESS\"\n{service}\n[[listen]]\nunix = \"{}\"\n{rest}",
             home.path("store.db").display(),
-            home.socket().display(),
+            home.path("socket").display(),
         );
         std::fs::write(home.path("template.toml"), config)?;
         Ok(home)
@@ -70,10 +60,10 @@ impl Home {
         self.folder.path().join(name)
     }
 
-    /// The daemon's Unix socket.
+    /// Where the daemon serves on a Unix socket.
     #[must_use]
-    pub fn socket(&self) -> PathBuf {
-        self.path("socket")
+    pub fn socket_address(&self) -> String {
+        format!("unix:{}", self.path("socket").display())
     }
 
     /// Starts the daemon, on the store that an earlier one left.
@@ -110,25 +100,37 @@ fn configuration(scene: Scene, seed: u64) -> String {
     )
 }
 
-/// What a process has used.
+/// What a process takes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Used {
-    /// Time of all processors together.
+    /// Time of all processors together since its start, without the simulated bus.
     pub processor: Duration,
-    /// How often one of its threads went to sleep and was woken again.
+    /// How often one of its threads went to sleep and was woken again, without the simulated bus.
     pub wakes: u64,
+    /// Resident memory, MiB.
+    pub memory_mib: f64,
+    /// Threads that there are.
+    pub threads: usize,
+    /// Open descriptors.
+    pub descriptors: usize,
 }
 
 /// A running daemon; it ends when this is dropped.
 pub struct Daemon {
     child: Child,
-    /// Where it serves.
-    pub address: SocketAddr,
+    address: SocketAddr,
     log: PathBuf,
 }
 
 impl Daemon {
+    /// Where it serves.
+    #[must_use]
+    pub fn address(&self) -> String {
+        format!("http://{}", self.address)
+    }
+
     /// What it had to complain about, for an error's text.
+    #[must_use]
     pub fn complaints(&self) -> String {
         std::fs::read_to_string(&self.log).unwrap_or_default().trim().to_owned()
     }
@@ -142,14 +144,20 @@ impl Daemon {
         }
     }
 
-    /// What the process has used since its start, without the simulated bus.
+    /// What the process takes.
     ///
     /// # Errors
     /// If `/proc` does not tell.
     pub fn used(&self) -> anyhow::Result<Used> {
-        let mut used = Used::default();
-        for task in std::fs::read_dir(format!("/proc/{}/task", self.child.id()))? {
+        let process = Path::new("/proc").join(self.child.id().to_string());
+        let mut used = Used {
+            memory_mib: number_in(&std::fs::read_to_string(process.join("status"))?, "VmRSS:")? as f64 / 1024.0,
+            descriptors: std::fs::read_dir(process.join("fd"))?.count(),
+            ..Used::default()
+        };
+        for task in std::fs::read_dir(process.join("task"))? {
             let task = task?.path();
+            used.threads += 1;
             // A thread that has just ended is not there any more.
             let Ok(name) = std::fs::read_to_string(task.join("comm")) else { continue };
             if name.trim_end() == SIMULATOR_THREAD {
@@ -162,24 +170,6 @@ impl Daemon {
             used.wakes += number_in(&status, "voluntary_ctxt_switches:")?;
         }
         Ok(used)
-    }
-
-    /// Resident memory in bytes.
-    ///
-    /// # Errors
-    /// If `/proc` does not tell.
-    pub fn resident_bytes(&self) -> anyhow::Result<f64> {
-        let status = std::fs::read_to_string(format!("/proc/{}/status", self.child.id()))?;
-        Ok(number_in(&status, "VmRSS:")? as f64 * 1024.0)
-    }
-
-    /// Threads, and open descriptors.
-    ///
-    /// # Errors
-    /// If `/proc` does not tell.
-    pub fn threads_and_descriptors(&self) -> anyhow::Result<[usize; 2]> {
-        let count = |what| std::io::Result::Ok(std::fs::read_dir(format!("/proc/{}/{what}", self.child.id()))?.count());
-        Ok([count("task")?, count("fd")?])
     }
 }
 

@@ -2,12 +2,13 @@
 
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
-use taxel_engine::model_set::ModelSet;
+use futures_util::future::try_join_all;
+use taxel_proto::v1::StreamTaxelsRequest;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_store::models_json;
 use tonic::transport::Channel;
 
-use super::client::{self, StreamOf, Traffic};
+use super::client::{self, Traffic};
 use super::process::{Daemon, Home, Scene};
 use crate::document::{Aim, Section, Table, row};
 use crate::numbers::three_digits as figure;
@@ -20,14 +21,22 @@ const FULL_FORCE_SUBSCRIBERS: usize = 4;
 /// Of the forearm, calibrated, with every output.
 const MEMORY_AIM_MIB: f64 = 30.0;
 
+/// Who reads a daemon, each value as it comes.
+#[derive(Clone, Copy)]
+struct Subscribers {
+    force: usize,
+    taxels: usize,
+}
+
 /// A scene's daemon under observation.
+#[derive(Clone, Copy)]
 struct Observed {
     cpu_us_per_scan: f64,
     wakes_per_scan: f64,
     bytes_per_s: f64,
     bytes_per_s_of_force: f64,
     subscribers: usize,
-    resident_bytes: f64,
+    memory_mib: f64,
 }
 
 /// Measures both scenes as processes.
@@ -35,77 +44,53 @@ struct Observed {
 /// # Errors
 /// If a daemon cannot be started or comes to no force.
 pub fn scenes(options: &Options) -> anyhow::Result<Section> {
-    let set = fits::calibrate(options.seed)?;
+    let models = models_json::to_json(&*fits::calibrate(options.seed)?)?;
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let observed = runtime.block_on(observe_both(options, &set))?;
-    Ok(section(&observed))
+    let observed = runtime.block_on(observe_both(options, models))?;
+    Ok(section(observed))
 }
 
-async fn observe_both(options: &Options, set: &ModelSet) -> anyhow::Result<[Observed; 2]> {
+async fn observe_both(options: &Options, models: String) -> anyhow::Result<[Observed; 2]> {
     let window = Duration::from_secs(if options.quick { 3 } else { 20 });
-    let json = models_json::to_json(set)?;
-    let (full_home, lean_home) = (Home::new(options, Scene::Full)?, Home::new(options, Scene::Lean)?);
+    let home = |scene| Home::forearm(&options.taxeld, "", scene, options.seed);
+    let (full_home, lean_home) = (home(Scene::Full)?, home(Scene::Lean)?);
     // Started together, since most of a start is waiting, and observed one after the other.
-    let (mut full, mut lean) = (full_home.start()?, lean_home.start()?);
-    let (full_channel, lean_channel) = (ready(&mut full, &json).await?, ready(&mut lean, &json).await?);
-    client::first_force(&full_channel).await.with_context(|| full.complaints())?;
-    client::first_force(&lean_channel).await.with_context(|| lean.complaints())?;
-    let mut streams = vec![StreamOf::Force; FULL_FORCE_SUBSCRIBERS];
-    streams.push(StreamOf::Taxels);
+    let starts = (client::start(&full_home, Some(models.clone())), client::start(&lean_home, Some(models)));
+    let ((full, full_channel, _), (lean, lean_channel, _)) = tokio::try_join!(starts.0, starts.1)?;
+    let everybody = Subscribers { force: FULL_FORCE_SUBSCRIBERS, taxels: 1 };
     Ok([
-        observe(&full, &full_channel, &streams, window).await?,
-        observe(&lean, &lean_channel, &[StreamOf::Force], window).await?,
+        observe(&full, &full_channel, everybody, window).await?,
+        observe(&lean, &lean_channel, Subscribers { force: 1, taxels: 0 }, window).await?,
     ])
 }
 
-async fn ready(daemon: &mut Daemon, json: &str) -> anyhow::Result<Channel> {
-    let channel = client::connect(daemon).await?;
-    client::give_models(&channel, json.to_owned(), "").await?;
-    Ok(channel)
-}
-
-async fn observe(
-    daemon: &Daemon,
-    channel: &Channel,
-    streams: &[StreamOf],
-    window: Duration,
-) -> anyhow::Result<Observed> {
+async fn observe(daemon: &Daemon, channel: &Channel, who: Subscribers, window: Duration) -> anyhow::Result<Observed> {
     let (before, begun) = (daemon.used()?, Instant::now());
-    let mut counting = tokio::task::JoinSet::new();
-    for &what in streams {
-        let channel = channel.clone();
-        counting.spawn(async move { client::count(channel, what, window).await.map(|traffic| (what, traffic)) });
-    }
-    let (mut all, mut force) = (Traffic::default(), Traffic::default());
-    while let Some(counted) = counting.join_next().await {
-        let (what, traffic) = counted??;
-        all.bytes += traffic.bytes;
-        if what == StreamOf::Force {
-            force = traffic;
-        }
-    }
-    let elapsed = begun.elapsed();
-    let used = daemon.used()?;
-    let scans = force.messages.max(1) as f64;
-    let per_s = |count: u64| count as f64 / elapsed.as_secs_f64();
+    let force = || async { client::count(client::stream(channel.clone(), "", None).await?, window).await };
+    let taxels = || async {
+        let request = StreamTaxelsRequest { patch: String::new(), rate_hz: None };
+        client::count(SkinServiceClient::new(channel.clone()).stream_taxels(request).await?.into_inner(), window).await
+    };
+    let force = try_join_all((0..who.force).map(|_| force()));
+    let (force, taxels) = tokio::try_join!(force, try_join_all((0..who.taxels).map(|_| taxels())))?;
+    let (used, elapsed) = (daemon.used()?, begun.elapsed());
+    // A force subscriber who takes each value as it comes gets one message a scan.
+    let scans = force[0].messages.max(1) as f64;
+    let per_s = |bytes: u64| bytes as f64 / elapsed.as_secs_f64();
     Ok(Observed {
-        // A force subscriber who takes each value as it comes gets one message a scan.
         cpu_us_per_scan: used.processor.saturating_sub(before.processor).as_secs_f64() * 1e6 / scans,
         wakes_per_scan: used.wakes.saturating_sub(before.wakes) as f64 / scans,
-        bytes_per_s: per_s(all.bytes),
-        bytes_per_s_of_force: per_s(force.bytes),
-        subscribers: streams.len(),
-        resident_bytes: daemon.resident_bytes()?,
+        bytes_per_s: per_s(force.iter().chain(&taxels).map(|traffic: &Traffic| traffic.bytes).sum()),
+        bytes_per_s_of_force: per_s(force[0].bytes),
+        subscribers: who.force + who.taxels,
+        memory_mib: used.memory_mib,
     })
 }
 
-fn section(observed: &[Observed; 2]) -> Section {
-    let [full, lean] = observed;
+fn section([full, lean]: [Observed; 2]) -> Section {
     let what = "resident memory for a forearm with every output, MiB";
-    let ratio = |of: fn(&Observed) -> f64| figure(of(full) / of(lean));
+    let ratio = |of: fn(&Observed) -> f64| figure(of(&full) / of(&lean));
     Section {
-        id: "scenes".to_owned(),
-        title: "Scenes: what is left out costs nothing".to_owned(),
         text: vec![
             format!(
                 "Two daemons on the same simulated forearm. The full scene has geometry, gauge and every output, and \
@@ -120,28 +105,24 @@ fn section(observed: &[Observed; 2]) -> Section {
                  holds {} times the memory.",
                 ratio(|scene| scene.cpu_us_per_scan),
                 ratio(|scene| scene.bytes_per_s),
-                ratio(|scene| scene.resident_bytes),
+                ratio(|scene| scene.memory_mib),
             ),
         ],
-        aims: vec![Aim::at_most(what, mebibytes(full.resident_bytes), MEMORY_AIM_MIB)],
-        figures: Vec::new(),
-        tables: vec![scene_table(observed)],
+        aims: vec![Aim::at_most(what, full.memory_mib, MEMORY_AIM_MIB)],
+        tables: vec![scene_table([&full, &lean])],
+        ..Section::default()
     }
 }
 
-fn mebibytes(bytes: f64) -> f64 {
-    bytes / f64::from(1 << 20)
-}
-
-fn scene_table([full, lean]: &[Observed; 2]) -> Table {
-    let row = |what: &str, of: &dyn Fn(&Observed) -> f64| row![what, of(full), of(lean), of(full) / of(lean)];
+fn scene_table([full, lean]: [&Observed; 2]) -> Table {
+    let row = |what: &str, of: fn(&Observed) -> f64| row![what, of(full), of(lean), of(full) / of(lean)];
     let rows = vec![
-        row("processor time of the daemon, us per scan", &|scene| scene.cpu_us_per_scan),
-        row("wakes of the daemon per scan", &|scene| scene.wakes_per_scan),
-        row("subscribers", &|scene| scene.subscribers as f64),
-        row("bytes to one force subscriber, per s", &|scene| scene.bytes_per_s_of_force),
-        row("bytes to all subscribers, per s", &|scene| scene.bytes_per_s),
-        row("resident memory, MiB", &|scene| mebibytes(scene.resident_bytes)),
+        row("processor time of the daemon, us per scan", |scene| scene.cpu_us_per_scan),
+        row("wakes of the daemon per scan", |scene| scene.wakes_per_scan),
+        row("subscribers", |scene| scene.subscribers as f64),
+        row("bytes to one force subscriber, per s", |scene| scene.bytes_per_s_of_force),
+        row("bytes to all subscribers, per s", |scene| scene.bytes_per_s),
+        row("resident memory, MiB", |scene| scene.memory_mib),
     ];
     let columns = ["what", "full (all outputs)", "lean (shipped default)", "full / lean"];
     Table::new("scenes-costs", "The same simulated traffic in both scenes.", columns, rows)
@@ -153,15 +134,15 @@ mod tests {
 
     #[test]
     fn the_table_is_whole_and_every_aim_is_judged() {
-        let observed = || Observed {
+        let observed = Observed {
             cpu_us_per_scan: 100.0,
             wakes_per_scan: 10.0,
             bytes_per_s: 4_000.0,
             bytes_per_s_of_force: 3_000.0,
             subscribers: 1,
-            resident_bytes: 8e6,
+            memory_mib: 8.0,
         };
-        let section = section(&[observed(), observed()]);
+        let section = section([observed; 2]);
         let table = &section.tables[0];
         assert!(table.rows.iter().all(|row| row.len() == table.columns.len() && row[3] == 1.0.into()), "{table:?}");
         assert!(section.aims.iter().all(|aim| aim.met == Some(true)), "{:?}", section.aims);

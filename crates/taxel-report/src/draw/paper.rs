@@ -1,5 +1,7 @@
 //! The paper that a figure is drawn on: where its plot lies, how lines look, and text that is safe in SVG.
 
+use maud::html;
+
 pub(super) const WIDTH_PX: f64 = 760.0;
 pub(super) const LEFT_PX: f64 = 80.0;
 pub(super) const TOP_PX: f64 = 50.0;
@@ -20,22 +22,11 @@ pub(super) struct Style {
     pub(super) width_px: f64,
 }
 
-/// `text` with everything replaced that has a meaning in SVG, also within quotes.
+/// `text` with everything replaced that has a meaning in SVG, also within quotes, and control characters, which are not
+/// allowed in XML at all.
 pub(super) fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&#39;"),
-            // Other control characters are not allowed in XML at all.
-            c if c.is_control() && c != '\n' && c != '\t' => out.push('\u{fffd}'),
-            c => out.push(c),
-        }
-    }
-    out
+    let text = text.replace(|c: char| c.is_control() && c != '\n' && c != '\t', "\u{fffd}");
+    html! { (text) }.into_string()
 }
 
 /// Writes to a string, which cannot fail.

@@ -59,16 +59,8 @@ impl Place {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tick {
     pub px: f64,
-    pub label: Label,
-}
-
-/// How a tick is named.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Label {
-    None,
-    Plain(String),
-    /// Ten to this power.
-    Power(i32),
+    /// As SVG: a power of ten has a raised exponent.
+    pub label: Option<String>,
 }
 
 impl Scale {
@@ -116,7 +108,7 @@ impl Scale {
                     1 if (decade - first) % step == 0 => decade_label(1, decade),
                     2 | 5 if to - from < SHORT_DECADES => decade_label(k, decade),
                     2..10 if to - from < HALF_DECADE => decade_label(k, decade),
-                    2..10 if last - first < FEW_DECADES => Label::None,
+                    2..10 if last - first < FEW_DECADES => None,
                     _ => continue,
                 };
                 if (from..=to).contains(&at) {
@@ -133,7 +125,7 @@ impl Scale {
         let places = (-step.log10().floor()).clamp(0.0, 9.0) as usize;
         let name = |value: f64| {
             let plain = value == 0.0 || (1e-6..1e7).contains(&value.abs());
-            Label::Plain(if plain { format!("{value:.places$}") } else { format!("{value:e}") })
+            Some(if plain { format!("{value:.places$}") } else { format!("{value:e}") })
         };
         let count = (last - first).clamp(0.0, 40.0) as i32;
         let values = (0..=count).map(|k| (first + f64::from(k)) * step);
@@ -142,12 +134,11 @@ impl Scale {
 }
 
 /// `k` times ten to the power of `decade`.
-fn decade_label(k: i32, decade: i32) -> Label {
+fn decade_label(k: i32, decade: i32) -> Option<String> {
     match decade {
-        0..=4 => Label::Plain((k * 10_i32.pow(decade as u32)).to_string()),
-        -3..0 => Label::Plain(format!("{:.*}", -decade as usize, f64::from(k) * 10.0_f64.powi(decade))),
-        _ if k == 1 => Label::Power(decade),
-        _ => Label::None,
+        0..=4 => Some((k * 10_i32.pow(decade as u32)).to_string()),
+        -3..0 => Some(format!("{:.*}", -decade as usize, f64::from(k) * 10.0_f64.powi(decade))),
+        _ => (k == 1).then(|| format!(r#"10<tspan dy="-5" font-size="9.5">{decade}</tspan>"#)),
     }
 }
 
@@ -211,6 +202,10 @@ mod tests {
         Scale::new(&Axis { label: String::new(), log }, values.to_vec(), (100.0, 200.0))
     }
 
+    fn labels(axis: &Scale) -> Vec<String> {
+        axis.ticks().into_iter().filter_map(|tick| tick.label).collect()
+    }
+
     #[test]
     fn decades_span_the_values_and_zero_has_its_own_edge() {
         let axis = scale(true, &[3.0, 400.0]);
@@ -224,19 +219,17 @@ mod tests {
 
     #[test]
     fn labels_are_few_and_round() {
-        let labels = |axis: Scale| axis.ticks().into_iter().filter(|t| t.label != Label::None).map(|t| t.label);
-        let plain = |texts: &[&str]| texts.iter().map(|t| Label::Plain((*t).to_owned())).collect::<Vec<_>>();
-        assert_eq!(labels(scale(true, &[0.02, 30.0])).collect::<Vec<_>>(), plain(&["0.01", "0.1", "1", "10", "100"]));
-        assert_eq!(labels(scale(false, &[0.0, 0.9])).collect::<Vec<_>>().len(), 6);
-        assert!(labels(scale(true, &[1e-300, 1e300])).count() <= 11);
+        assert_eq!(labels(&scale(true, &[0.02, 30.0])), ["0.01", "0.1", "1", "10", "100"]);
+        assert_eq!(labels(&scale(false, &[0.0, 0.9])).len(), 6);
+        let wide = labels(&scale(true, &[1e-300, 1e300]));
+        assert!(wide.len() <= 11 && wide[0].starts_with("10<tspan"), "{wide:?}");
     }
 
     #[test]
     fn a_short_axis_ends_at_2_or_5() {
         let axis = scale(true, &[2.5, 7.0]);
         assert_eq!((axis.place(2.0), axis.place(10.0)), (Place::Here(100.0), Place::Here(200.0)));
-        let labels: Vec<Label> = axis.ticks().into_iter().map(|t| t.label).filter(|l| *l != Label::None).collect();
-        assert_eq!(labels, ["2", "5", "10"].map(|t| Label::Plain(t.to_owned())));
+        assert_eq!(labels(&axis), ["2", "5", "10"]);
         assert!((100.0..200.0).contains(&scale(true, &[1.0]).place(1.0).px()));
     }
 

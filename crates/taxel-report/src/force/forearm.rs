@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use anyhow::Context as _;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Outputs, PatchPlan};
 use taxel_model::Sign;
@@ -32,15 +33,9 @@ const LIGHT_KG: f64 = 0.2;
 /// A simulation that cannot be set up.
 pub fn measure(seed: u64, quick: bool) -> anyhow::Result<Source> {
     let (skins, repetitions) = (SKINS[usize::from(!quick)], if quick { 1 } else { 5 });
-    let recipes = Recipe::all();
-    let mut all: Vec<Vec<Weighing>> = recipes.iter().map(|_| Vec::new()).collect();
-    for skin in 0..skins {
-        let tried = Tried::new(seed.wrapping_add(skin), skin as usize)?;
-        for (recipe, of) in recipes.iter().zip(&mut all) {
-            // All skins cost the same.
-            of.push(tried.weigh(recipe, if skin == 0 { repetitions } else { 1 })?);
-        }
-    }
+    let tried = (0..skins).map(|skin| Tried::new(seed.wrapping_add(skin), skin as usize));
+    let tried = tried.collect::<anyhow::Result<Vec<Tried>>>()?;
+    let outcomes = Recipe::all().into_iter().map(|recipe| outcome(&recipe, &tried, repetitions));
     Ok(Source {
         id: "forearm",
         skin: "simulated forearms of 230 taxels",
@@ -51,22 +46,21 @@ pub fn measure(seed: u64, quick: bool) -> anyhow::Result<Source> {
         exams: vec!["masses", "0.2 kg, bias"],
         // `taxeld demo` judges what was promised for masses, by the whole procedure.
         promised_percent: Vec::new(),
-        outcomes: all
-            .into_iter()
-            .map(|of| Outcome {
-                scans: of[0].scans,
-                usable: of[0].usable,
-                fit_ms: of[0].fit_ms,
-                scan_us: of[0].scan_us,
-                force_percent: vec![
-                    mean(of.iter().flat_map(|one| &one.errors).map(|(_, error)| 100.0 * error.abs())),
-                    mean(
-                        of.iter().flat_map(|one| &one.errors).filter(|(kg, _)| *kg == LIGHT_KG).map(|(_, e)| 100.0 * e),
-                    ),
-                ],
-            })
-            .collect(),
+        outcomes: outcomes.collect::<anyhow::Result<_>>()?,
     })
+}
+
+/// What a recipe comes to. What it costs is that of the first skin: all cost the same.
+fn outcome(recipe: &Recipe, tried: &[Tried], repetitions: usize) -> anyhow::Result<Outcome> {
+    let (mut percent, mut light_percent, mut first) = (Vec::new(), Vec::new(), None);
+    for tried in tried {
+        let (outcome, errors) = tried.weigh(recipe, if first.is_none() { repetitions } else { 1 })?;
+        first.get_or_insert(outcome);
+        percent.extend(errors.iter().map(|(_, error)| 100.0 * error.abs()));
+        light_percent.extend(errors.iter().filter(|(kg, _)| *kg == LIGHT_KG).map(|(_, error)| 100.0 * error));
+    }
+    let force_percent = [percent, light_percent].map(|percent| mean(percent.into_iter())).to_vec();
+    Ok(Outcome { force_percent, ..first.context("no skin was tried")? })
 }
 
 /// A skin that was in the bag and under masses.
@@ -76,16 +70,6 @@ struct Tried {
     plans: [PatchPlan; 2],
     rest: Vec<taxel_engine::baseline::TaxelBaseline>,
     weighings: Vec<Weighed>,
-}
-
-/// What a recipe made of a skin.
-struct Weighing {
-    scans: usize,
-    usable: usize,
-    fit_ms: f64,
-    scan_us: f64,
-    /// kg, and force over weight less 1.
-    errors: Vec<(f64, f64)>,
 }
 
 impl Tried {
@@ -101,7 +85,8 @@ impl Tried {
         Ok(Self { calibration: recording(&scans), plans: [plan, equal], rest, weighings })
     }
 
-    fn weigh(&self, recipe: &Recipe, repetitions: usize) -> anyhow::Result<Weighing> {
+    /// What a recipe costs on this skin, and by weighing the mass in kg and force over weight less 1.
+    fn weigh(&self, recipe: &Recipe, repetitions: usize) -> anyhow::Result<(Outcome, Vec<(f64, f64)>)> {
         let (set, fit_ms, scans) = self.calibration.fit(recipe, repetitions)?;
         let plan = &self.plans[usize::from(recipe.is_paper())];
         let held = (recipe.low == Some(Beyond::Held)).then(|| self.held(&set));
@@ -112,7 +97,7 @@ impl Tried {
         let usable = set.taxels.iter().filter(|model| model.is_usable()).count();
         let read = forces(ModelSet::clone(&set), plan, &self.rest, weighings);
         let errors = read.into_iter().zip(weighings).map(|(n, one)| (one.kilogram, n / one.true_n - 1.0)).collect();
-        Ok(Weighing { scans, usable, fit_ms, scan_us, errors })
+        Ok((Outcome { scans, usable, fit_ms, scan_us, force_percent: Vec::new() }, errors))
     }
 
     /// The weighings with counts that never go beyond what was calibrated.

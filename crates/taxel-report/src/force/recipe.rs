@@ -1,13 +1,13 @@
 //! How a recording is made into models: the recipes that are compared, and what came of each.
 
+use std::hint::black_box;
 use std::sync::Arc;
-use std::time::Instant;
 
 use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans, fit};
 use taxel_engine::model_set::ModelSet;
 use taxel_model::{Estimator, FitOptions, Order, TaxelModel};
 
-use crate::numbers::median;
+use crate::numbers::{median, timed_us};
 
 /// One way to calibrate.
 pub struct Recipe {
@@ -82,21 +82,13 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// The scans at these places.
-    fn at(&self, wanted: &[usize]) -> Self {
-        let of = |column: &Vec<f64>| wanted.iter().map(|&i| column[i]).collect();
-        Self {
-            time_s: of(&self.time_s),
-            pressure_kpa: of(&self.pressure_kpa),
-            counts: self.counts.iter().map(of).collect(),
-            low_kpa: self.low_kpa,
-        }
-    }
-
     /// What a recipe fits of it.
     fn part(&self, recipe: &Recipe) -> Self {
         let low = |i: &usize| recipe.low.is_none() || self.pressure_kpa[*i] <= self.low_kpa;
-        self.at(&(0..self.time_s.len()).step_by(recipe.every).filter(low).collect::<Vec<_>>())
+        let wanted: Vec<usize> = (0..self.time_s.len()).step_by(recipe.every).filter(low).collect();
+        let of = |column: &Vec<f64>| wanted.iter().map(|&i| column[i]).collect();
+        let counts = self.counts.iter().map(of).collect();
+        Self { time_s: of(&self.time_s), pressure_kpa: of(&self.pressure_kpa), counts, low_kpa: self.low_kpa }
     }
 
     /// As the engine takes it.
@@ -113,9 +105,9 @@ impl Recording {
         let part = self.part(recipe);
         let (scans, mut times_ms, mut set) = (part.scans(), Vec::new(), None);
         for _ in 0..repetitions.max(1) {
-            let begun = Instant::now();
-            set = Some(fit(&scans, &recipe.fit, &mut |_, _| {})?);
-            times_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+            let (us, fitted) = timed_us(|| fit(&scans, &recipe.fit, &mut |_, _| {}));
+            set = Some(fitted?);
+            times_ms.push(1e-3 * us);
         }
         let set = set.map(Arc::new).ok_or_else(|| anyhow::anyhow!("nothing was fitted"))?;
         Ok((set, median(&times_ms), part.time_s.len()))
@@ -163,11 +155,12 @@ pub struct Source {
 pub fn scan_us(scans: &[Vec<u8>], repetitions: usize, mut read: impl FnMut(&[u8]) -> f64) -> f64 {
     let mut times_us = Vec::new();
     for _ in 0..=repetitions {
-        let begun = Instant::now();
-        for counts in scans {
-            std::hint::black_box(read(std::hint::black_box(counts)));
-        }
-        times_us.push(begun.elapsed().as_secs_f64() * 1e6 / scans.len() as f64);
+        let (us, ()) = timed_us(|| {
+            for counts in scans {
+                black_box(read(black_box(counts)));
+            }
+        });
+        times_us.push(us / scans.len() as f64);
     }
     // The first round warms up.
     median(&times_us[1..])

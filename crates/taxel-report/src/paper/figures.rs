@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use taxel_model::TaxelModel;
 
-use crate::document::{Axis, Figure, Level, Line, Look};
+use crate::document::{Figure, Level, Line, Look};
 use crate::numbers::mean;
 use crate::paper::data::Data;
 use crate::paper::statistics::{Binned, branch, differences, quantile};
@@ -39,8 +39,8 @@ pub(super) struct Figures<'a> {
     usable: Vec<usize>,
 }
 
-/// A figure, or why there is none.
-type Drawn = Result<Figure, LeftOut>;
+/// A figure, or what the data lack for it.
+type Drawn = Result<Figure, String>;
 
 impl<'a> Figures<'a> {
     /// For the models of `data`.
@@ -53,58 +53,57 @@ impl<'a> Figures<'a> {
     /// All figures, in the order of the paper.
     pub fn all(&self) -> (Vec<Figure>, Vec<LeftOut>) {
         let drawn = [
-            self.raw(),
-            self.mean_curve(),
-            Ok(self.swings()),
-            self.baselines(),
-            self.repeatability(),
-            self.apart(),
-            self.both_branches(),
-            self.fitted("fit-typical", "of median swing", 0.5),
-            self.fitted("fit-weak", "of little swing", 0.1),
-            self.forces(),
+            ("raw counts against pressure", self.raw()),
+            ("mean curve over the taxels", self.mean_curve()),
+            ("histogram of the swing", Ok(self.swings())),
+            ("histogram of the baseline", self.baselines()),
+            ("repeatability of three runs", self.repeatability()),
+            ("differences between three runs", self.apart()),
+            ("loop of both branches", self.both_branches()),
+            ("fit over samples", self.fitted("fit-typical", "of median swing", 0.5)),
+            ("fit over samples", self.fitted("fit-weak", "of little swing", 0.1)),
+            ("measured against true force", self.forces()),
         ];
-        let (mut charts, mut left_out) = (Vec::new(), Vec::new());
-        for figure in drawn {
-            match figure {
-                Ok(chart) => charts.push(chart),
-                Err(why) => left_out.push(why),
+        let (mut figures, mut left_out) = (Vec::new(), Vec::new());
+        for (figure, drawn) in drawn {
+            match drawn {
+                Ok(drawn) => figures.push(drawn),
+                Err(why) => left_out.push(LeftOut { figure, why }),
             }
         }
-        (charts, left_out)
+        (figures, left_out)
     }
 
     /// The usable taxel below which this share of the others' swings lies.
-    fn taxel(&self, share: f64, figure: &'static str) -> Result<usize, LeftOut> {
+    fn taxel(&self, share: f64) -> Result<usize, String> {
         let at = (share * self.usable.len().saturating_sub(1) as f64).round() as usize;
-        let why = || LeftOut { figure, why: "no taxel has a model that may be used".to_owned() };
-        self.usable.get(at).copied().ok_or_else(why)
+        self.usable.get(at).copied().ok_or_else(|| "no taxel has a model that may be used".to_owned())
+    }
+
+    /// Whether a taxel is excluded.
+    fn is_weak(&self, taxel: usize) -> bool {
+        swing(&self.models[taxel]) < self.min_swing_counts
     }
 
     fn raw(&self) -> Drawn {
-        let (data, taxel) = (self.data, self.taxel(0.5, "raw counts against pressure")?);
+        let (data, taxel) = (self.data, self.taxel(0.5)?);
         let of = |up: bool| {
             let scans = data.branches(up).cloned();
             thinned(scans.flat_map(|scans| data.samples(taxel, scans, |_| true)).collect())
         };
-        let mut series = vec![Line::new("pressure rises", Look::Dots, of(true))];
-        let fallen = of(false);
-        if !fallen.is_empty() {
-            series.push(Line::new("pressure falls", Look::Dots, fallen));
-        }
-        Ok(Figure {
-            id: "raw".to_owned(),
-            title: format!("Raw counts of taxel {taxel} against pressure"),
-            caption: "Each dot is a scan, all runs together. The taxel is the one of median swing.".to_owned(),
-            x: Axis::linear("pressure, kPa"),
-            y: Axis::linear("raw count"),
-            lines: series,
-            ..Figure::default()
-        })
+        let lines = [("pressure rises", of(true)), ("pressure falls", of(false))];
+        let there = lines.into_iter().filter(|(name, dots)| *name == "pressure rises" || !dots.is_empty());
+        Ok(Figure::linear(
+            "raw",
+            format!("Raw counts of taxel {taxel} against pressure"),
+            "Each dot is a scan, all runs together. The taxel is the one of median swing.",
+            ["pressure, kPa", "raw count"],
+            there.map(|(name, dots)| Line::new(name, Look::Dots, dots)).collect(),
+        ))
     }
 
     fn mean_curve(&self) -> Drawn {
-        self.taxel(0.5, "mean curve over the taxels")?;
+        self.taxel(0.5)?;
         let curve = |&taxel: &usize| {
             let rest = self.data.baseline(taxel);
             Binned::new(self.data, self.data.risen(taxel)).points().map(|(p, c)| (p, c - rest)).collect::<Vec<_>>()
@@ -116,188 +115,156 @@ impl<'a> Figures<'a> {
             (0..bins).map(|bin| (mean(column(bin).map(|p| p.0)), of(column(bin).map(|p| p.1).collect()))).collect()
         };
         let share = |share: f64| over(&move |counts| quantile(counts, share).unwrap_or(f64::NAN));
-        let series = vec![
-            Line::new("mean", Look::Plain, over(&|counts| mean(counts.into_iter()))),
-            Line::new("10 % of the taxels below", Look::Dashed, share(0.1)),
-            Line::new("90 % below", Look::Dashed, share(0.9)),
-        ];
-        Ok(Figure {
-            id: "mean-curve".to_owned(),
-            title: format!("Mean response of {} taxels", self.usable.len()),
-            caption: "Counts less those at rest while the pressure rises, averaged in bins of equal pressure and then \
-                      over all taxels that are not excluded."
-                .to_owned(),
-            x: Axis::linear("pressure, kPa"),
-            y: Axis::linear("change of the count since rest, counts"),
-            lines: series,
-            ..Figure::default()
-        })
+        Ok(Figure::linear(
+            "mean-curve",
+            format!("Mean response of {} taxels", self.usable.len()),
+            "Counts less those at rest while the pressure rises, averaged in bins of equal pressure and then over all taxels \
+             that are not excluded.",
+            ["pressure, kPa", "change of the count since rest, counts"],
+            vec![
+                Line::new("mean", Look::Plain, over(&|counts| mean(counts.into_iter()))),
+                Line::new("10 % of the taxels below", Look::Dashed, share(0.1)),
+                Line::new("90 % below", Look::Dashed, share(0.9)),
+            ],
+        ))
     }
 
     fn swings(&self) -> Figure {
-        let all: Vec<f64> = self.models.iter().map(swing).collect();
-        let excluded = all.iter().filter(|swing| **swing < self.min_swing_counts).count();
-        let below = |kept: bool| {
-            all.iter().copied().filter(|swing| (*swing >= self.min_swing_counts) == kept).collect::<Vec<f64>>()
-        };
-        Figure {
-            id: "swing".to_owned(),
-            title: format!("Swing of {} taxels, {excluded} of them excluded", all.len()),
-            caption:
-                "Swing is the greatest less the least count while the pressure rises. A taxel below the threshold \
-                      is excluded, and nothing else excludes one."
-                    .to_owned(),
-            x: Axis::linear("swing, counts"),
-            y: Axis::linear("taxels"),
-            lines: histograms(&[("kept", below(true)), ("excluded", below(false))]),
-            levels: vec![Level::new(self.min_swing_counts, format!("threshold: {} counts", self.min_swing_counts))],
-            ..Figure::default()
-        }
+        let (excluded, kept): (Vec<usize>, Vec<usize>) = (0..self.models.len()).partition(|&taxel| self.is_weak(taxel));
+        let of = |taxels: &[usize]| taxels.iter().map(|&taxel| swing(&self.models[taxel])).collect();
+        let figure = Figure::linear(
+            "swing",
+            format!("Swing of {} taxels, {} of them excluded", self.models.len(), excluded.len()),
+            "Swing is the greatest less the least count while the pressure rises. A taxel below the threshold is excluded, \
+             and nothing else excludes one.",
+            ["swing, counts", "taxels"],
+            histograms(&[("kept", of(&kept)), ("excluded", of(&excluded))]),
+        );
+        let threshold = format!("threshold: {} counts", self.min_swing_counts);
+        Figure { levels: vec![Level::new(self.min_swing_counts, threshold)], ..figure }
     }
 
     fn baselines(&self) -> Drawn {
         let of = |excluded: bool| {
-            let taxels =
-                (0..self.data.taxels()).filter(|&t| (swing(&self.models[t]) < self.min_swing_counts) == excluded);
+            let taxels = (0..self.data.taxels()).filter(|&taxel| self.is_weak(taxel) == excluded);
             taxels.map(|taxel| self.data.baseline(taxel)).filter(|count| count.is_finite()).collect::<Vec<f64>>()
         };
         let (kept, excluded) = (of(false), of(true));
         if kept.is_empty() && excluded.is_empty() {
-            let why = "no scan is at rest before the pressure rises".to_owned();
-            return Err(LeftOut { figure: "histogram of the baseline", why });
+            return Err("no scan is at rest before the pressure rises".to_owned());
         }
-        let threshold = self.min_swing_counts;
-        Ok(Figure {
-            id: "baseline".to_owned(),
-            title: format!("Baseline of {} taxels", kept.len() + excluded.len()),
-            caption: format!(
-                "Mean count at rest before the first rise. Excluded are taxels with a swing below {threshold} counts."
+        Ok(Figure::linear(
+            "baseline",
+            format!("Baseline of {} taxels", kept.len() + excluded.len()),
+            format!(
+                "Mean count at rest before the first rise. Excluded are taxels with a swing below {} counts.",
+                self.min_swing_counts
             ),
-            x: Axis::linear("baseline, counts"),
-            y: Axis::linear("taxels"),
-            lines: histograms(&[("kept", kept), ("excluded by their swing", excluded)]),
-            ..Figure::default()
-        })
+            ["baseline, counts", "taxels"],
+            histograms(&[("kept", kept), ("excluded by their swing", excluded)]),
+        ))
     }
 
     fn repeatability(&self) -> Drawn {
-        let figure = "repeatability of three runs";
-        let (taxel, runs) = (self.taxel(0.5, figure)?, self.runs(figure)?);
-        let series = runs
-            .iter()
-            .enumerate()
-            .map(|(k, run)| Line::new(format!("run {}", k + 1), Look::Plain, branch(self.data, taxel, run).points()));
-        Ok(Figure {
-            id: "repeatability".to_owned(),
-            title: format!("Repeatability: taxel {taxel} in {} runs", runs.len()),
-            caption: "Mean counts in bins of equal pressure while it rises, one line a run.".to_owned(),
-            x: Axis::linear("pressure, kPa"),
-            y: Axis::linear("count, mean of each bin"),
-            lines: series.collect(),
-            ..Figure::default()
-        })
+        let (taxel, runs) = (self.taxel(0.5)?, self.runs()?);
+        Ok(Figure::linear(
+            "repeatability",
+            format!("Repeatability: taxel {taxel} in {} runs", runs.len()),
+            "Mean counts in bins of equal pressure while it rises, one line a run.",
+            ["pressure, kPa", "count, mean of each bin"],
+            run_lines(runs.iter().map(|run| branch(self.data, taxel, run).points().collect())),
+        ))
     }
 
     /// The first three runs, or the two there are.
-    fn runs(&self, figure: &'static str) -> Result<Vec<&'a Range<usize>>, LeftOut> {
+    fn runs(&self) -> Result<Vec<&'a Range<usize>>, String> {
         let runs: Vec<_> = self.data.branches(true).take(3).collect();
-        let why = || format!("{} run in the data, three are wanted", runs.len());
-        if runs.len() < 2 { Err(LeftOut { figure, why: why() }) } else { Ok(runs) }
+        if runs.len() < 2 { Err(format!("{} run in the data, three are wanted", runs.len())) } else { Ok(runs) }
     }
 
     /// The lines of three runs lie on each other: what they differ by, for all taxels.
     fn apart(&self) -> Drawn {
-        let figure = "differences between three runs";
-        self.taxel(0.5, figure)?;
-        let runs = self.runs(figure)?;
-        let apart = differences(self.data, &self.usable, &runs);
-        let series = apart.into_iter().enumerate();
-        Ok(Figure {
-            id: "repeatability-difference".to_owned(),
-            title: format!("Repeatability: {} runs less their mean", runs.len()),
-            caption: format!(
-                "Mean over the {} taxels that are not excluded, in bins of equal pressure, of each run's count less \
-                 the mean of the runs.",
+        self.taxel(0.5)?;
+        let runs = self.runs()?;
+        Ok(Figure::linear(
+            "repeatability-difference",
+            format!("Repeatability: {} runs less their mean", runs.len()),
+            format!(
+                "Mean over the {} taxels that are not excluded, in bins of equal pressure, of each run's count less the mean \
+                 of the runs.",
                 self.usable.len()
             ),
-            x: Axis::linear("pressure, kPa"),
-            y: Axis::linear("difference, counts"),
-            lines: series.map(|(k, run)| Line::new(format!("run {}", k + 1), Look::Plain, run)).collect(),
-            ..Figure::default()
-        })
+            ["pressure, kPa", "difference, counts"],
+            run_lines(differences(self.data, &self.usable, &runs)),
+        ))
     }
 
     fn both_branches(&self) -> Drawn {
-        let figure = "loop of both branches";
-        let taxel = self.taxel(0.5, figure)?;
-        let why = || LeftOut { figure, why: "no falling pressure follows a rise in the data".to_owned() };
-        let (rise, fall) = self.data.run_with_both().ok_or_else(why)?;
-        Ok(Figure {
-            id: "loop".to_owned(),
-            title: format!("Hysteresis: taxel {taxel} on both branches"),
-            caption: "Mean counts of one run in bins of equal pressure.".to_owned(),
-            x: Axis::linear("pressure, kPa"),
-            y: Axis::linear("count, mean of each bin"),
-            lines: vec![
+        let taxel = self.taxel(0.5)?;
+        let (rise, fall) = self.data.run_with_both().ok_or("no falling pressure follows a rise in the data")?;
+        Ok(Figure::linear(
+            "loop",
+            format!("Hysteresis: taxel {taxel} on both branches"),
+            "Mean counts of one run in bins of equal pressure.",
+            ["pressure, kPa", "count, mean of each bin"],
+            vec![
                 Line::new("pressure rises", Look::Plain, branch(self.data, taxel, rise).points()),
                 Line::new("pressure falls", Look::Plain, branch(self.data, taxel, fall).points()),
             ],
-            ..Figure::default()
-        })
+        ))
     }
 
     /// A taxel's samples and its model, with the swing that is above this share of the others'.
-    fn fitted(&self, id: &'static str, which: &str, share: f64) -> Drawn {
-        let figure = "fit over samples";
-        let taxel = self.taxel(share, figure)?;
+    fn fitted(&self, id: &str, which: &str, share: f64) -> Drawn {
+        let taxel = self.taxel(share)?;
         let model = &self.models[taxel];
-        let why = || LeftOut { figure, why: format!("taxel {taxel} has no curve") };
-        let (curve, [low, high]) = model.curve.as_ref().zip(model.range).ok_or_else(why)?;
+        let curve = model.curve.as_ref().zip(model.range);
+        let (curve, [low, high]) = curve.ok_or_else(|| format!("taxel {taxel} has no curve"))?;
         let at = |k: usize| low + (high - low) * k as f64 / (CURVE_POINTS - 1) as f64;
         let line = (0..CURVE_POINTS).map(|k| (at(k), curve.evaluate(at(k))));
         let samples = thinned(self.data.risen(taxel).map(|(p, c)| (c, p)).collect());
-        Ok(Figure {
-            id: id.to_owned(),
-            title: format!("Fit of taxel {taxel}, {which}"),
-            caption: format!(
-                "Samples of rising pressure, and the polynomial of order {} that has the least squares over them: \
-                 root mean square of the residuals {:.2} kPa, swing {} counts.",
+        Ok(Figure::linear(
+            id,
+            format!("Fit of taxel {taxel}, {which}"),
+            format!(
+                "Samples of rising pressure, and the polynomial of order {} that has the least squares over them: root mean \
+                 square of the residuals {:.2} kPa, swing {} counts.",
                 model.order, model.quality.rmse_kpa, model.quality.swing_counts
             ),
-            x: Axis::linear("raw count"),
-            y: Axis::linear("pressure, kPa"),
-            lines: vec![Line::new("samples", Look::Dots, samples), Line::new("fit", Look::Plain, line)],
-            ..Figure::default()
-        })
+            ["raw count", "pressure, kPa"],
+            vec![Line::new("samples", Look::Dots, samples), Line::new("fit", Look::Plain, line)],
+        ))
     }
 
     fn forces(&self) -> Drawn {
-        let figure = "measured against true force";
-        let mut series: Vec<Line> = Vec::new();
+        let mut lines: Vec<Line> = Vec::new();
         let mut most = 0.0_f64;
         for loads in self.data.loads() {
             most = loads.all.iter().fold(most, |most, load| most.max(load.true_n));
             let points = loads.all.iter().map(|load| (load.true_n, load.measured_n));
-            series.push(Line::new(loads.by.clone(), Look::Marks, points));
+            lines.push(Line::new(loads.by.clone(), Look::Marks, points));
         }
-        if series.is_empty() {
-            return Err(LeftOut { figure, why: self.data.why_no_loads().to_owned() });
+        if lines.is_empty() {
+            return Err(self.data.why_no_loads().to_owned());
         }
-        series.push(Line::new("measured = true", Look::Plain, [(0.0, 0.0), (most, most)]));
+        lines.push(Line::new("measured = true", Look::Plain, [(0.0, 0.0), (most, most)]));
         for (name, factor) in [("+12 %", 1.0 + PAPER_ERROR), ("-12 %", 1.0 - PAPER_ERROR)] {
-            series.push(Line::new(name, Look::Dashed, [(0.0, 0.0), (most, factor * most)]));
+            lines.push(Line::new(name, Look::Dashed, [(0.0, 0.0), (most, factor * most)]));
         }
-        Ok(Figure {
-            id: "force".to_owned(),
-            title: "Measured against true force of known loads".to_owned(),
-            caption: "One mark a load, side by side where several were read. The dashed lines are the mean error that the paper reports of its real forearm."
-                .to_owned(),
-            x: Axis::linear("true force, N"),
-            y: Axis::linear("measured force, N"),
-            lines: series,
-            ..Figure::default()
-        })
+        Ok(Figure::linear(
+            "force",
+            "Measured against true force of known loads",
+            "One mark a load, side by side where several were read. The dashed lines are the mean error that the paper reports \
+             of its real forearm.",
+            ["true force, N", "measured force, N"],
+            lines,
+        ))
     }
+}
+
+/// A line a run.
+fn run_lines(runs: impl IntoIterator<Item = Vec<(f64, f64)>>) -> Vec<Line> {
+    (1..).zip(runs).map(|(k, run)| Line::new(format!("run {k}"), Look::Plain, run)).collect()
 }
 
 /// Greatest less least count of the rising samples.

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use crate::document::{Cell, Figure};
+use crate::document::Figure;
 use crate::page::{document, figure, rows};
 use crate::paper::table::{Errors, Tables};
 
@@ -18,7 +18,7 @@ pub(super) fn page(figures: &[Figure], tables: &Tables) -> Markup {
         p { "The tables: " a href="table.md" { "table.md" } ", " a href="table.json" { "table.json" } "." }
         @if !tables.errors.is_empty() { h2 { "Force error of known loads" } }
         @for errors in &tables.errors {
-            (rows(&Errors::COLUMNS, &cells(errors.cells()), &html! { (errors.by) }))
+            (rows(&Errors::COLUMNS, &errors.cells(), &html! { (errors.by) }))
         }
         h2 { "Figures" }
         @for one in figures { (figure(one, &["svg"])) }
@@ -32,8 +32,4 @@ pub(super) fn page(figures: &[Figure], tables: &Tables) -> Markup {
         } }
     };
     document("The paper's figures and table", &body)
-}
-
-fn cells(rows: Vec<Vec<String>>) -> Vec<Vec<Cell>> {
-    rows.into_iter().map(|row| row.into_iter().map(Cell::from).collect()).collect()
 }

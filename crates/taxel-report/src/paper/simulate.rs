@@ -41,7 +41,7 @@ pub fn simulate(seed: u64, min_swing_counts: f64) -> anyhow::Result<Data> {
     forearm.vent();
     let zero = forearm.rest();
     let weighings = forearm.weigh_all(0)?;
-    let calibration = Calibration::new(&forearm, rest, &risen.iter().collect::<Vec<_>>());
+    let calibration = Calibration::new(&forearm, rest, risen.iter());
     let paper_plan = PatchPlan { geometry: None, outputs: Outputs::default(), ..plan.clone() };
     let read =
         |by: &str, models, plan: &PatchPlan| {

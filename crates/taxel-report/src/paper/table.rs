@@ -5,6 +5,7 @@ use std::fmt::Write;
 use serde::Serialize;
 use taxel_model::{Flag, Status, TaxelModel};
 
+use crate::document::{Cell, row};
 use crate::numbers::mean;
 use crate::paper::data::{Data, Weighing};
 use crate::paper::figures::{LeftOut, swing};
@@ -151,7 +152,7 @@ impl Tables {
             let _ = writeln!(out, "\nForce error: {}\n\n| {} |", errors.by, Errors::COLUMNS.join(" | "));
             let _ = writeln!(out, "|{}", "---|".repeat(Errors::COLUMNS.len()));
             for row in errors.cells() {
-                let _ = writeln!(out, "| {} |", row.join(" | "));
+                let _ = writeln!(out, "| {} |", row.iter().map(Cell::words).collect::<Vec<_>>().join(" | "));
             }
         }
         if !self.left_out.is_empty() {
@@ -180,13 +181,10 @@ impl Errors {
     }
 
     /// The table's cells, the last row over all loads.
-    pub(super) fn cells(&self) -> Vec<Vec<String>> {
-        let mut rows: Vec<Vec<String>> = self.rows.iter().map(ErrorRow::cells).collect();
+    pub(super) fn cells(&self) -> Vec<Vec<Cell>> {
         let loads = self.rows.iter().map(|row| row.loads).sum::<usize>();
-        let blank = String::new;
-        let all = format!("{:.1}", self.mean_absolute_percent);
-        rows.push(vec!["all".to_owned(), blank(), loads.to_string(), blank(), blank(), blank(), all]);
-        rows
+        let all = row!["all", "", loads.to_string(), "", "", "", format!("{:.1}", self.mean_absolute_percent)];
+        self.rows.iter().map(ErrorRow::cells).chain([all]).collect()
     }
 }
 
@@ -205,9 +203,9 @@ impl ErrorRow {
         }
     }
 
-    fn cells(&self) -> Vec<String> {
+    fn cells(&self) -> Vec<Cell> {
         let or_blank = |value: Option<f64>, places: usize| value.map_or_else(String::new, |v| format!("{v:.places$}"));
-        vec![
+        row![
             or_blank(self.kilogram, 3),
             format!("{:.2}", self.true_n),
             self.loads.to_string(),

@@ -77,10 +77,15 @@ pub struct Calibration {
 impl Calibration {
     /// Gathers scans.
     #[must_use]
-    pub fn new(forearm: &Forearm, rest: Vec<TaxelBaseline>, scans: &[&Scan]) -> Self {
+    pub fn new<'a>(
+        forearm: &Forearm,
+        rest: Vec<TaxelBaseline>,
+        scans: impl ExactSizeIterator<Item = &'a Scan> + Clone,
+    ) -> Self {
         let gather = |taxel: usize| {
             let (board, mut sums) = (forearm.board_of(taxel), Accumulator::new());
-            let samples = scans.iter().map(|scan| (scan.counts[taxel], FixedPressure::from_kpa(scan.gauge_kpa[board])));
+            let samples =
+                scans.clone().map(|scan| (scan.counts[taxel], FixedPressure::from_kpa(scan.gauge_kpa[board])));
             sums.extend(samples, 0);
             sums
         };
@@ -123,7 +128,7 @@ pub fn calibrate(seed: u64) -> anyhow::Result<Arc<ModelSet>> {
     let mut forearm = Forearm::new(seed)?;
     let (plan, rest) = (forearm.plan()?, forearm.rest());
     let scans = forearm.ramp(70.0, 4.0);
-    let calibration = Calibration::new(&forearm, rest, &scans.iter().collect::<Vec<_>>());
+    let calibration = Calibration::new(&forearm, rest, scans.iter());
     Ok(Arc::new(calibration.model_set(calibration.fit(&plan.fit), &plan)))
 }
 
@@ -165,19 +170,15 @@ pub fn judge(set: ModelSet, forearm: &Forearm, plan: &PatchPlan, exam: &Exam) ->
         }
     }
     let high = sums.iter().filter(|sum| sum.1 > RELATIVE_ABOVE_KPA * usable.len() as f64);
+    let (rest, weighings) = &exam.weighings;
+    let read = forces(set, plan, rest, weighings).into_iter();
+    let errors = read.zip(weighings).map(|(read_n, weighed)| (read_n / weighed.true_n - 1.0).abs());
     Score {
         rmse_kpa: mean(squares.iter().map(|sum| (sum / scans.len() as f64).sqrt())),
         ramp_force_percent: 100.0 * mean(high.map(|(read, truth)| (read / truth - 1.0).abs())),
-        weight_percent: 100.0 * weigh(set, plan, exam),
+        weight_percent: 100.0 * mean(errors),
         usable: usable.len(),
     }
-}
-
-/// Mean relative error of the weighings, by the engine's own force.
-fn weigh(set: ModelSet, plan: &PatchPlan, exam: &Exam) -> f64 {
-    let (rest, weighings) = &exam.weighings;
-    let read = forces(set, plan, rest, weighings);
-    mean(read.into_iter().zip(weighings).map(|(read_n, weighed)| (read_n / weighed.true_n - 1.0).abs()))
 }
 
 /// The engine's own force of each weighing at the zero `rest`, N.

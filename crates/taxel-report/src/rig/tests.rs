@@ -40,7 +40,7 @@ fn a_calibration_reads_what_it_never_saw_and_a_wrong_one_does_not() {
     let mut forearm = rested.clone();
     let rest = forearm.rest();
     let scans = forearm.ramp(70.0, 5.0);
-    let calibration = Calibration::new(&forearm, rest, &scans.iter().collect::<Vec<_>>());
+    let calibration = Calibration::new(&forearm, rest, scans.iter());
     forearm.vent();
     let ramp = (forearm.rest(), forearm.ramp(60.0, 4.0));
     forearm.vent();

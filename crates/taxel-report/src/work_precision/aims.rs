@@ -1,15 +1,15 @@
 //! The speeds and precisions that were promised for a whole skin: 230 taxels, 6,000 scans of 8 bit.
 
 use std::hint::black_box;
-use std::time::Instant;
 
+use anyhow::Context as _;
 use taxel_model::{Accumulator, FitOptions};
 
-use super::contenders::{DEFAULT, contenders};
-use super::panel::{MAX_ORDER, worst_error_pa};
+use super::contenders::{Contender, DEFAULT, contenders};
+use super::panel::{Judge, MAX_ORDER};
 use super::taxels::{Bits, Recording};
 use crate::document::Aim;
-use crate::numbers::median;
+use crate::numbers::{median, timed_us};
 use crate::options::Options;
 use crate::peers::{POLYFIT, Peers, RAW_SVD, Samples};
 
@@ -21,13 +21,6 @@ const WANTED_SPEED: f64 = 20.0;
 
 /// How many times smaller an error than nalgebra's SVD on raw powers at order 9 at least.
 const WANTED_PRECISION: f64 = 1e6;
-
-/// Time in ms.
-fn timed<T>(run: impl FnOnce() -> T) -> (f64, T) {
-    let start = Instant::now();
-    let value = run();
-    (start.elapsed().as_secs_f64() * 1e3, value)
-}
 
 /// Measures the aims and says whether they are met.
 pub(super) fn aims(options: &Options, peers: &mut Peers) -> anyhow::Result<Vec<Aim>> {
@@ -47,13 +40,15 @@ pub(super) fn aims(options: &Options, peers: &mut Peers) -> anyhow::Result<Vec<A
     } else {
         aims.push(Aim { what: faster.to_owned(), aim: format!("at least {WANTED_SPEED}"), ..Aim::default() });
     }
-    let mut worst = [f64::NAN; 2];
-    for contender in contenders(peers) {
-        if let Some(at) = [DEFAULT, RAW_SVD].iter().position(|name| *name == contender.name) {
-            worst[at] = worst_error_pa(&contender, &recording, MAX_ORDER, peers)?;
+    let [mut our_pa, mut svd_pa] = [0.0_f64; 2];
+    let (ours, svd) = (contender(DEFAULT, peers)?, contender(RAW_SVD, peers)?);
+    for taxel in 0..TAXELS {
+        let judge = Judge::new(&recording, taxel);
+        for (contender, worst) in [(&ours, &mut our_pa), (&svd, &mut svd_pa)] {
+            let fitted = contender.fit(&recording, taxel, MAX_ORDER, peers)?;
+            *worst = worst.max(judge.error_pa(&fitted, contender.estimator, MAX_ORDER).unwrap_or(f64::INFINITY));
         }
     }
-    let [our_pa, svd_pa] = worst;
     aims.push(Aim::beside("ours: max |dP| at order 9, Pa", our_pa));
     aims.push(Aim::beside("nalgebra SVD on raw powers: max |dP| at order 9, Pa", svd_pa));
     let what = "fit at order 9: times nearer to the exact solution than an SVD on powers of the raw count";
@@ -61,21 +56,25 @@ pub(super) fn aims(options: &Options, peers: &mut Peers) -> anyhow::Result<Vec<A
     Ok(aims)
 }
 
+fn contender(name: &str, peers: &Peers) -> anyhow::Result<Contender> {
+    contenders(peers).into_iter().find(|contender| contender.name == name).with_context(|| format!("no {name}"))
+}
+
 /// Medians of the times of sums and fit, ms. Ours judges, repairs and tells uncertainties.
 fn ours(options: &Options, recording: &Recording) -> [f64; 2] {
     let defaults = FitOptions::default();
     let mut times = [Vec::new(), Vec::new()];
     for round in 0..=if options.quick { 15 } else { 30 } {
-        let (sums_ms, gathered) =
-            timed(|| (0..TAXELS).map(|taxel| recording.sums(taxel)).collect::<Vec<Accumulator>>());
-        let (fit_ms, ()) = timed(|| gathered.iter().for_each(|sums| drop(black_box(sums.fit(&defaults)))));
+        let (sums_us, gathered) =
+            timed_us(|| (0..TAXELS).map(|taxel| recording.sums(taxel)).collect::<Vec<Accumulator>>());
+        let (fit_us, ()) = timed_us(|| gathered.iter().for_each(|sums| drop(black_box(sums.fit(&defaults)))));
         // The first round warms up.
         if round > 0 {
-            times[0].push(sums_ms);
-            times[1].push(fit_ms);
+            times[0].push(sums_us);
+            times[1].push(fit_us);
         }
     }
-    times.map(|times| median(&times))
+    times.map(|us| 1e-3 * median(&us))
 }
 
 /// What numpy.polyfit takes for one taxel after the other, ms; it only solves.

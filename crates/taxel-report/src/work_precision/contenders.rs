@@ -2,43 +2,33 @@
 
 use std::collections::BTreeMap;
 use std::hint::black_box;
-use std::time::Instant;
 
 use taxel_model::reference::Reference;
 use taxel_model::{Estimator, FitOptions, MIN_BINNED_SAMPLES, Order, Samples, Shape, TaxelModel, fit};
 
 use super::taxels::{Bits, Recording};
-use crate::peers::{self, Peers, Polynomial};
+use crate::numbers::timed_us;
+use crate::peers::{self, Fitted, Peers, Polynomial};
 
-/// Which problem is solved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Problem {
-    /// One row a sample.
-    PerSample,
-    /// One row a bin of pressure: mean count and mean pressure, weighted with the number of samples.
-    PressureBinned,
-}
-
-impl Problem {
-    /// The exact solutions of orders 0 to `order` for a taxel, kPa.
-    pub fn solve(self, recording: &Recording, taxel: usize, order: usize) -> Vec<Reference> {
-        let mut rows: BTreeMap<i64, (i64, i64, i64)> = BTreeMap::new();
-        for (units, count) in recording.units.iter().zip(&recording.taxels[taxel].counts) {
-            let count = *count as i64;
-            let key = match (self, recording.bits) {
-                (Self::PerSample, _) => count,
-                // 1 unit is 1000 times 2^-10 Pa.
-                (Self::PressureBinned, Bits::Eight) => (units * 1000) >> 19,
-                (Self::PressureBinned, Bits::Sixteen) => units.div_euclid(512),
-            };
-            let row = rows.entry(key).or_default();
-            *row = (row.0 + 1, row.1 + count, row.2 + units);
-        }
-        Reference::of_sums(&rows.into_values().collect::<Vec<_>>(), -10, order)
+/// The exact solutions of orders 0 to `order` for a taxel, kPa, of an estimator's problem: one row a sample, or one a bin of
+/// pressure with mean count and mean pressure, weighted with the number of samples.
+pub(super) fn solve(estimator: Estimator, recording: &Recording, taxel: usize, order: usize) -> Vec<Reference> {
+    let mut rows: BTreeMap<i64, (i64, i64, i64)> = BTreeMap::new();
+    for (units, count) in recording.units.iter().zip(&recording.taxels[taxel].counts) {
+        let count = *count as i64;
+        let key = match (estimator, recording.bits) {
+            // 1 unit is 1000 times 2^-10 Pa.
+            (Estimator::PressureBinned, Bits::Eight) => (units * 1000) >> 19,
+            (Estimator::PressureBinned, Bits::Sixteen) => units.div_euclid(512),
+            _ => count,
+        };
+        let row = rows.entry(key).or_default();
+        *row = (row.0 + 1, row.1 + count, row.2 + units);
     }
+    Reference::of_sums(&rows.into_values().collect::<Vec<_>>(), -10, order)
 }
 
-/// What makes the bins of [`Problem::solve`]: with 8 bits two of the accumulator's own, whose width is 2^18 units of
+/// What makes the bins of [`solve`]: with 8 bits two of the accumulator's own, whose width is 2^18 units of
 /// 2^-10 Pa, with 16 bits half a kPa.
 fn bin_width_kpa(bits: Bits) -> f64 {
     match bits {
@@ -52,15 +42,9 @@ fn bin_width_kpa(bits: Bits) -> f64 {
 pub(super) struct Contender {
     pub name: &'static str,
     /// Whose exact solution it is compared with.
-    pub problem: Problem,
+    pub estimator: Estimator,
     /// Ours, and whether with refinement until nothing changes; else a peer.
     ours: Option<bool>,
-}
-
-/// What a fit gives: its time, and the curve unless it failed.
-pub(super) struct Fitted {
-    pub us: f64,
-    pub curve: Option<Curve>,
 }
 
 /// A curve as its method serves it.
@@ -89,12 +73,12 @@ pub(super) const DEFAULT: &str = "ours, pressure-binned (shipped default)";
 /// All in the same order everywhere, so that each looks the same in every diagram.
 pub(super) fn contenders(peers: &Peers) -> Vec<Contender> {
     let ours = [
-        ("ours, per sample", Problem::PerSample, Some(false)),
-        (DEFAULT, Problem::PressureBinned, Some(false)),
-        ("ours, per sample, exact", Problem::PerSample, Some(true)),
+        ("ours, per sample", Estimator::PerSample, Some(false)),
+        (DEFAULT, Estimator::PressureBinned, Some(false)),
+        ("ours, per sample, exact", Estimator::PerSample, Some(true)),
     ];
-    let others = peers.names().into_iter().map(|name| (name, Problem::PerSample, None));
-    ours.into_iter().chain(others).map(|(name, problem, ours)| Contender { name, problem, ours }).collect()
+    let others = peers.names().into_iter().map(|name| (name, Estimator::PerSample, None));
+    ours.into_iter().chain(others).map(|(name, estimator, ours)| Contender { name, estimator, ours }).collect()
 }
 
 impl Contender {
@@ -109,23 +93,27 @@ impl Contender {
 
     /// Fewer scans than this are none of its business.
     pub fn least_scans(&self) -> usize {
-        if self.problem == Problem::PressureBinned { MIN_BINNED_SAMPLES as usize } else { 0 }
+        if self.estimator == Estimator::PressureBinned { MIN_BINNED_SAMPLES as usize } else { 0 }
     }
 
     /// Fits one taxel.
     ///
     /// # Errors
     /// The process of numpy ended. A method that finds no curve is no error.
-    pub fn fit(&self, recording: &Recording, taxel: usize, order: usize, peers: &mut Peers) -> anyhow::Result<Fitted> {
+    pub fn fit(
+        &self,
+        recording: &Recording,
+        taxel: usize,
+        order: usize,
+        peers: &mut Peers,
+    ) -> anyhow::Result<Fitted<Curve>> {
         let Some(exact) = self.ours else {
             let (x, y) = (recording.taxels[taxel].counts.as_slice(), recording.kpa.as_slice());
-            let peers::Fitted { us, curve } = peers.fit(self.name, &peers::Samples { x, y, w: None }, order)?;
+            let Fitted { us, curve } = peers.fit(self.name, &peers::Samples { x, y, w: None }, order)?;
             return Ok(Fitted { us, curve: curve.map(Curve::Polynomial) });
         };
         let options = self.options(recording.bits, order, exact);
-        let start = Instant::now();
-        let model = black_box(ours(black_box(recording), taxel, &options));
-        let us = start.elapsed().as_secs_f64() * 1e6;
+        let (us, model) = timed_us(|| ours(black_box(recording), taxel, &options));
         Ok(Fitted { us, curve: model.curve.is_some().then(|| Curve::Model(Box::new(model))) })
     }
 
@@ -134,10 +122,7 @@ impl Contender {
     fn options(&self, bits: Bits, order: usize, exact: bool) -> FitOptions {
         FitOptions {
             order: Order::Fixed(order as u8),
-            estimator: match self.problem {
-                Problem::PerSample => Estimator::PerSample,
-                Problem::PressureBinned => Estimator::PressureBinned,
-            },
+            estimator: self.estimator,
             exact,
             bin_width_kpa: Some(bin_width_kpa(bits)),
             min_samples_at_ends: 1,

@@ -1,13 +1,14 @@
 //! One diagram: all contenders at all orders on one recording.
 
-use taxel_model::Dd;
 use taxel_model::reference::{QuickReference, Reference};
+use taxel_model::stability::case::greatest;
+use taxel_model::{Dd, Estimator};
 
-use super::contenders::{Contender, Fitted, Problem, contenders};
+use super::contenders::{Contender, Curve, contenders, solve};
 use super::taxels::{Bits, Recording};
 use crate::document::{Axis, Figure, Level, Line, Point};
 use crate::numbers::{median, quantile, three_digits};
-use crate::peers::Peers;
+use crate::peers::{Fitted, Peers};
 
 /// The knob's end: orders 1 to this are swept.
 pub(super) const MAX_ORDER: usize = 9;
@@ -71,67 +72,40 @@ impl Cell {
 }
 
 /// Exact pressures of one taxel: both problems, all orders from 0.
-struct Judge {
+pub(super) struct Judge<'a> {
+    /// All observed counts.
+    codes: &'a [f64],
     per_sample: Vec<QuickReference>,
     binned: Vec<QuickReference>,
-    /// `per_sample` at all observed counts, by order.
+    /// `per_sample` at all observed counts, by order: most contenders are judged there.
     at_codes: Vec<Vec<Dd>>,
 }
 
-/// All exact solutions of a taxel's problem, for many evaluations.
-fn solved(problem: Problem, recording: &Recording, taxel: usize) -> Vec<QuickReference> {
-    problem.solve(recording, taxel, MAX_ORDER).iter().map(Reference::quick).collect()
-}
-
-impl Judge {
-    fn new(recording: &Recording, taxel: usize) -> Self {
-        let per_sample = solved(Problem::PerSample, recording, taxel);
-        let codes = &recording.taxels[taxel].codes;
+impl<'a> Judge<'a> {
+    pub fn new(recording: &'a Recording, taxel: usize) -> Self {
+        let solved = |estimator| -> Vec<QuickReference> {
+            solve(estimator, recording, taxel, MAX_ORDER).iter().map(Reference::quick).collect()
+        };
+        let (per_sample, codes) = (solved(Estimator::PerSample), recording.taxels[taxel].codes.as_slice());
         let at_codes = per_sample.iter().map(|solution| codes.iter().map(|c| solution.evaluate(*c)).collect());
-        Self { at_codes: at_codes.collect(), per_sample, binned: solved(Problem::PressureBinned, recording, taxel) }
+        Self { codes, at_codes: at_codes.collect(), per_sample, binned: solved(Estimator::PressureBinned) }
     }
 
-    /// Greatest error over all observed counts, Pa; `None` without a curve or a solution.
-    fn error_pa(&self, fitted: &Fitted, problem: Problem, order: usize, codes: &[f64]) -> Option<f64> {
-        match problem {
-            Problem::PerSample => worst_pa(fitted, self.per_sample.get(order)?, codes, self.at_codes.get(order)?),
-            Problem::PressureBinned => worst_pa(fitted, self.binned.get(order)?, codes, &[]),
-        }
+    /// Greatest distance from the exact solution over all observed counts, Pa; `None` without a curve or a solution, or
+    /// where it is not finite.
+    pub fn error_pa(&self, fitted: &Fitted<Curve>, estimator: Estimator, order: usize) -> Option<f64> {
+        let curve = fitted.curve.as_ref()?;
+        let (solution, known) = match estimator {
+            Estimator::PressureBinned => (self.binned.get(order)?, [].as_slice()),
+            _ => (self.per_sample.get(order)?, self.at_codes.get(order)?.as_slice()),
+        };
+        let errors_pa = self.codes.iter().enumerate().map(|(k, code)| {
+            let (count, kpa) = curve.evaluate(*code);
+            let exact = known.get(k).copied().filter(|_| count == *code).unwrap_or_else(|| solution.evaluate(count));
+            1000.0 * (Dd::from(kpa) - exact).hi.abs()
+        });
+        Some(greatest(errors_pa)).filter(|worst| worst.is_finite())
     }
-}
-
-/// Greatest distance of the curve from `solution` over all counts, Pa; the exact pressures of the counts may be `known`
-/// already. `None` without a curve, or where it is not finite.
-fn worst_pa(fitted: &Fitted, solution: &QuickReference, codes: &[f64], known: &[Dd]) -> Option<f64> {
-    let curve = fitted.curve.as_ref()?;
-    let mut worst = 0.0_f64;
-    for (k, code) in codes.iter().enumerate() {
-        let (count, kpa) = curve.evaluate(*code);
-        let exact = known.get(k).copied().filter(|_| count == *code).unwrap_or_else(|| solution.evaluate(count));
-        let error_pa = 1000.0 * (Dd::from(kpa) - exact).hi.abs();
-        // Not `max`, which would lose a NaN.
-        if error_pa.is_nan() || error_pa > worst {
-            worst = error_pa;
-        }
-    }
-    Some(worst).filter(|worst| worst.is_finite())
-}
-
-/// Worst error over all taxels, Pa, of `contender` at `order`; infinite if it fails on one.
-pub(super) fn worst_error_pa(
-    contender: &Contender,
-    recording: &Recording,
-    order: usize,
-    peers: &mut Peers,
-) -> anyhow::Result<f64> {
-    let mut worst = 0.0_f64;
-    for (at, taxel) in recording.taxels.iter().enumerate() {
-        let fitted = contender.fit(recording, at, order, peers)?;
-        let solution = contender.problem.solve(recording, at, order).get(order).map(Reference::quick);
-        let error = solution.and_then(|solution| worst_pa(&fitted, &solution, &taxel.codes, &[]));
-        worst = worst.max(error.unwrap_or(f64::INFINITY));
-    }
-    Ok(worst)
 }
 
 impl Panel {
@@ -161,8 +135,7 @@ impl Panel {
                     let cell = &mut cells[at][order - 1];
                     cell.us.push(fitted.us);
                     if round < self.taxels {
-                        let codes = &recording.taxels[taxel].codes;
-                        match judges[taxel].error_pa(&fitted, contender.problem, order, codes) {
+                        match judges[taxel].error_pa(&fitted, contender.estimator, order) {
                             Some(error_pa) => cell.worst_pa = cell.worst_pa.max(error_pa),
                             None => cell.failed += 1,
                         }
@@ -229,13 +202,11 @@ fn line(contender: &Contender, cells: &[Cell]) -> Line {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::Options;
     use crate::peers::RAW_SVD;
+    use std::path::Path;
 
     fn measure(panel: Panel, seed: u64) -> Measured {
-        let python = std::path::PathBuf::from("nowhere");
-        let options = Options { quick: true, data: None, taxeld: python.clone(), python, seed };
-        panel.measure(seed, &mut Peers::start(&options)).unwrap()
+        panel.measure(seed, &mut Peers::start(Path::new("nowhere"))).unwrap()
     }
 
     /// Also proves that both sides make the same bins: other bins would be off by pascals.
