@@ -167,8 +167,8 @@ impl FitJob {
         let rest = |ramp: &RampBaseline| ramp.taxels.get(taxel).map_or(f64::NAN, |t| t.mean);
         let Some(first) = self.samples.ramps.first().map(rest) else { return };
         let shift = |ramp: u16| {
-            let own = self.samples.ramps.iter().find(|r| r.ramp == ramp).map_or(first, rest);
-            if (first - own).is_finite() { first - own } else { 0.0 }
+            let shift = first - self.samples.ramps.iter().find(|r| r.ramp == ramp).map_or(first, rest);
+            if shift.is_finite() { shift } else { 0.0 }
         };
         let mut known = (0, shift(0));
         for (count, sample) in column.iter_mut().zip(&self.samples.samples) {

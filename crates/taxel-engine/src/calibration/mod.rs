@@ -2,10 +2,14 @@
 
 pub mod branch;
 pub mod calibrate;
+#[cfg(test)]
+mod calibrate_tests;
 pub mod calibration_plan;
 pub mod export;
 pub mod fit;
 pub mod job;
+#[cfg(test)]
+mod job_tests;
 pub mod limits;
 pub mod method;
 pub mod ramp;
@@ -13,6 +17,8 @@ pub mod refit;
 pub mod rise;
 pub mod samples;
 pub mod session;
+#[cfg(test)]
+mod session_tests;
 pub mod transition;
 pub mod view;
 

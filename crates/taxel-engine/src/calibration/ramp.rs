@@ -222,6 +222,65 @@ mod tests {
         assert_eq!(ramp.judge(ms(501), ms(0), &gauge, &limits), Gate::Refuse(SampleRefusal::NoPressure));
     }
 
+    /// What is said of a scan at 3 s by a gauge that follows a curve until then, read every 10 ms.
+    fn say(direction: Direction, curve: impl Fn(i64) -> f64) -> Gate {
+        let mut gauge = GaugeHistory::default();
+        (0..=300).for_each(|i| gauge.push(ms(10 * i), Kilopascal(curve(10 * i))));
+        Ramp::new(ms(0), direction).judge(ms(4_000), ms(3_000), &gauge, &SessionLimits::default())
+    }
+
+    fn enters(gate: Gate) -> bool {
+        matches!(gate, Gate::Accept(_))
+    }
+
+    #[test]
+    fn a_reading_that_is_further_from_the_trend_than_noise_can_be_is_a_spike() {
+        // Four noise bands of 0.3 kPa are 1.2 kPa, to both sides.
+        let off = |by: f64| say(Direction::Rising, move |t| 0.002 * t as f64 + if t == 3_000 { by } else { 0.0 });
+        for by in [1.1, -1.1] {
+            assert!(enters(off(by)), "{by} kPa: {:?}", off(by));
+        }
+        for by in [1.3, -1.3, 30.0] {
+            assert_eq!(off(by), Gate::Refuse(SampleRefusal::GaugeSpike), "{by} kPa");
+        }
+        assert_eq!(off(f64::NAN), Gate::Refuse(SampleRefusal::NoPressure), "what is no number never enters");
+    }
+
+    #[test]
+    fn a_gauge_that_stood_still_for_longer_than_its_noise_explains_is_stuck() {
+        // It stands from 2.6 s on while the pressure goes on: at 2.5 kPa/s by 1 kPa, at 3.5 by 1.4.
+        let stands = |rate: f64| say(Direction::Rising, move |t| rate * 0.001 * t.min(2_600) as f64);
+        assert_ne!(stands(2.5), Gate::Refuse(SampleRefusal::GaugeStuck));
+        assert_eq!(stands(3.5), Gate::Refuse(SampleRefusal::GaugeStuck));
+    }
+
+    #[test]
+    fn the_gates_are_as_wide_as_the_limits_say() {
+        for (direction, sign) in [(Direction::Rising, 1.0), (Direction::Falling, -1.0)] {
+            let at = |rate: f64| say(direction, move |t| 40.0 + sign * rate * 0.001 * t as f64);
+            assert!(enters(at(0.025)) && enters(at(4.9)), "{direction:?}");
+            let astray = if sign > 0.0 { SampleRefusal::NotRising } else { SampleRefusal::NotFalling };
+            assert_eq!([0.015, -0.025].map(at), [Gate::Refuse(astray); 2]);
+            assert_eq!(at(5.1), Gate::Refuse(SampleRefusal::TooFast), "{direction:?}");
+        }
+    }
+
+    #[test]
+    fn a_branch_says_which_it_is_and_when_it_last_went_on() {
+        let (mut gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
+        (0..=300).for_each(|i| gauge.push(ms(10 * i), Kilopascal(40.0 - 0.01 * i as f64)));
+        let mut ramp = Ramp::new(ms(500), Direction::Falling);
+        assert_eq!((ramp.direction(), ramp.progress()), (Direction::Falling, ms(500)));
+        assert!(enters(ramp.judge(ms(3_000), ms(2_000), &gauge, &limits)));
+        assert_eq!(ramp.progress(), ms(2_000));
+        // Back by 0.2 kPa is the gauge's noise, back by 0.4 is not; neither moves what was reached.
+        for (back_kpa, enter) in [(0.2, true), (0.4, false), (0.25, true)] {
+            let mut later = GaugeHistory::default();
+            (0..=300).for_each(|i| later.push(ms(10 * i), Kilopascal(40.0 + back_kpa - 0.01 * i as f64)));
+            assert_eq!(enters(ramp.judge(ms(3_000), ms(2_000), &later, &limits)), enter, "{back_kpa} kPa");
+        }
+    }
+
     proptest! {
         #[test]
         fn what_enters_never_goes_back_by_more_than_the_noise_band(

@@ -122,4 +122,35 @@ mod tests {
         let why = Rise::default().why(stall(0.0));
         assert!(why.contains("0 of 0 taxels"), "{why}");
     }
+
+    #[test]
+    fn what_is_said_of_a_rise_changes_at_what_can_be_told_from_noise() {
+        let says = |gauge_kpa: &[f64], counts: [u8; 2]| {
+            let last = gauge_kpa[gauge_kpa.len() - 1];
+            rise(gauge_kpa, counts).why(stall(last))
+        };
+        // 2 kPa below its highest the pressure has escaped.
+        assert!(says(&[0.0, 32.0, 29.9], [200, 160]).contains("the bag leaks"));
+        assert!(says(&[0.0, 32.0, 30.1], [200, 160]).contains("as much leaks into the bag"));
+        // By 1 kPa the gauge has moved.
+        assert!(says(&[5.0, 6.1], [200, 160]).contains("as much leaks into the bag"));
+        assert!(says(&[5.0, 5.9], [200, 160]).contains("it is not in this bag"));
+        // Four counts are a taxel that responds, to either side.
+        assert!(says(&[5.0, 5.0], [200, 196]).contains("4 of 4 taxels have moved, and the gauge only"));
+        assert!(says(&[5.0, 5.0], [196, 200]).contains("4 of 4 taxels"));
+        assert!(says(&[5.0, 5.0], [200, 197]).contains("0 of 4 taxels have moved: is the bag closed"));
+        assert!(says(&[69.9], [200, 160]).starts_with("the pressure did not rise"));
+        assert!(says(&[70.0], [200, 160]).contains("beyond the target"), "the target itself has been reached");
+    }
+
+    #[test]
+    fn a_gauge_is_only_doubted_where_most_taxels_have_moved() {
+        let says = |moved: u8| {
+            let mut rise = rise(&[5.0, 5.0], [200, 200]);
+            rise.on_scan(&(0..4).map(|taxel| if taxel < moved { 180 } else { 200 }).collect());
+            rise.why(stall(5.0))
+        };
+        assert!(says(2).contains("2 of 4 taxels have moved: is the bag closed"), "{}", says(2));
+        assert!(says(3).contains("3 of 4 taxels have moved, and the gauge only"), "{}", says(3));
+    }
 }

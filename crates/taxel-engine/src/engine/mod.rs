@@ -16,6 +16,8 @@ pub mod routes;
 mod sessions;
 mod shared;
 pub mod step;
+#[cfg(test)]
+mod step_tests;
 mod successors;
 
 pub use routes::{Route, Routes};

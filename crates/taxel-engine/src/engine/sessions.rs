@@ -111,9 +111,6 @@ impl Engine {
     }
 
     fn command_held(&mut self, now: Now, index: usize, command: Trigger, out: &mut Vec<Output>) -> Reply {
-        if let Some(view) = self.patches[index].calibration().session() {
-            commanded(view.number, view.state, command)?; // before what only matters in the right state
-        }
         let view = self.with_patch(now, index, out, |patch, effects| patch.command_session(now, command, effects))?;
         Ok(Done::Session(view))
     }

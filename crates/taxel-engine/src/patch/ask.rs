@@ -175,7 +175,7 @@ impl Patch {
         command: Trigger,
         effects: &mut Effects<'_>,
     ) -> Result<Arc<SessionView>, Rejection> {
-        self.calibration.refuse_unless_possible(command)?;
+        self.calibration.refuse_unless_possible(command)?; // before what only matters in the right state
         if command == Trigger::StartRamp {
             self.check_looked_at()?;
             self.check_vented(now)?;

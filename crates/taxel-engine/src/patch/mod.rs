@@ -2,6 +2,8 @@
 
 mod ask;
 mod bring_up;
+#[cfg(test)]
+pub(crate) mod edge_tests;
 mod events;
 pub mod owner;
 mod publish;

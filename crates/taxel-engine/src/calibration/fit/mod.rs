@@ -12,6 +12,8 @@ pub mod apply;
 mod clock;
 pub(crate) mod course;
 mod dropouts;
+#[cfg(test)]
+mod edge_tests;
 mod gauge_zero;
 mod hysteresis;
 pub mod judge;

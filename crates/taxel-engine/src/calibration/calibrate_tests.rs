@@ -1,0 +1,274 @@
+//! What follows from each thing that happens to a session, and how often it is shown.
+
+use std::time::Duration;
+use taxel_model::FitOptions;
+use taxel_skin::{Kilopascal, Time};
+
+use super::branch::{Branch, Direction};
+use super::calibrate::{Calibration, CalibrationEvent};
+use super::calibration_plan::CalibrationPlan;
+use super::job::FitOutcome;
+use super::limits::SessionLimits;
+use super::session::SessionRecord;
+use super::transition::Trigger;
+use super::view::{SampleRefusal, SessionState, SessionView};
+use crate::baseline::TaxelBaseline;
+use crate::counts::Counts;
+use crate::intake::faults::limits::FaultLimits;
+use crate::intake::gauge::GaugeHistory;
+use crate::now::Now;
+use crate::scan::Scan;
+
+const TAXELS: usize = 4;
+const SHOW_EVERY: Duration = Duration::from_millis(200);
+
+fn ms(ms: i64) -> Time {
+    Time::from_nanos(ms * 1_000_000)
+}
+
+fn plan() -> CalibrationPlan {
+    CalibrationPlan {
+        patch: "p".to_owned(),
+        modules: vec![0..2, 2..4],
+        taxels: TAXELS,
+        session: SessionLimits { patience: Duration::from_secs(3), ..SessionLimits::default() },
+        fit: FitOptions::default(),
+        faults: FaultLimits::default(),
+        board_settings: Vec::new(),
+    }
+}
+
+/// The calibration of a patch, its gauge, and what followed last.
+struct Scene {
+    calibration: Calibration,
+    gauge: GaugeHistory,
+    events: Vec<CalibrationEvent>,
+    ms: i64,
+}
+
+impl Scene {
+    fn new() -> Self {
+        let gauge = GaugeHistory::default();
+        Self { calibration: Calibration::new(plan()), gauge, events: Vec::new(), ms: 1_000 }
+    }
+
+    /// A session that watches for its zero.
+    fn started(branches: Branch) -> Self {
+        let mut scene = Self::new();
+        let view = SessionView { number: 3, target_kpa: 50.0, branches, left_out: vec![1], ..SessionView::default() };
+        scene.calibration.start(scene.now(), view, &scene.gauge, &mut scene.events);
+        scene
+    }
+
+    fn ramping(branches: Branch) -> Self {
+        let mut scene = Self::started(branches);
+        scene.take_zero();
+        scene
+    }
+
+    /// A fit that is out; its outcome.
+    fn fitting() -> (Self, FitOutcome) {
+        let mut scene = Self::ramping(Branch::Rising);
+        scene.events.clear();
+        let now = scene.now();
+        scene.calibration.command(now, Trigger::FinishRamp, &scene.gauge, &mut scene.events).unwrap();
+        let job = scene.events.iter().find_map(|event| match event {
+            CalibrationEvent::Fit(job) => Some((job.session, job.fit)),
+            _ => None,
+        });
+        let (session, fit) = job.unwrap();
+        (scene, FitOutcome { session, fit, result: Err("it gave none".to_owned()) })
+    }
+
+    fn now(&self) -> Now {
+        Now { time: ms(self.ms), wall_ns: self.ms }
+    }
+
+    fn take_zero(&mut self) {
+        let baseline = vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; TAXELS];
+        self.calibration.on_zero_taken(self.now(), baseline, &self.gauge, &mut self.events);
+    }
+
+    fn scan(&mut self) {
+        let counts = Counts::Bytes(&[200; TAXELS]);
+        let (silent, sound) = (&[false; 2], &[true; TAXELS]);
+        let scan = Scan { time: ms(self.ms), whole: true, counts, pads: &[], silent, sound, soundness: 0 };
+        self.calibration.on_scan(&scan, true);
+    }
+
+    /// The pressure goes on for so many seconds.
+    fn go(&mut self, from_kpa: f64, kpa_per_s: f64, seconds: f64) {
+        for i in 0..(100.0 * seconds) as i64 {
+            self.ms += 10;
+            self.gauge.push(ms(self.ms), Kilopascal(from_kpa + 0.01 * kpa_per_s * i as f64));
+            if i % 5 == 0 {
+                self.scan();
+            }
+            self.calibration.advance(self.now(), &self.gauge, String::new, &mut self.events);
+        }
+    }
+
+    /// What is shown after so much time.
+    fn shown_after(&mut self, ms_later: i64) -> Option<SessionView> {
+        self.ms += ms_later;
+        let mut events = Vec::new();
+        self.calibration.show(ms(self.ms), &self.gauge, &mut events);
+        events.into_iter().next_back().map(|event| match event {
+            CalibrationEvent::Progress(view) => SessionView::clone(&view),
+            other => panic!("{other:?}"),
+        })
+    }
+
+    fn state(&self) -> SessionState {
+        self.calibration.session().unwrap().state
+    }
+
+    fn count(&self, which: impl Fn(&CalibrationEvent) -> bool) -> usize {
+        self.events.iter().filter(|event| which(event)).count()
+    }
+}
+
+fn wants_zero(event: &CalibrationEvent) -> bool {
+    matches!(event, CalibrationEvent::WantsZero { .. })
+}
+
+fn wants_none(event: &CalibrationEvent) -> bool {
+    matches!(event, CalibrationEvent::ZeroNotWanted)
+}
+
+#[test]
+fn a_session_ramps_from_its_zero_on_and_leaves_out_what_was_asked_for() {
+    let mut scene = Scene::new();
+    assert!(!scene.calibration.is_ramping() && !scene.calibration.leaves_out(1));
+    scene = Scene::started(Branch::Rising);
+    assert!(!scene.calibration.is_ramping());
+    assert_eq!([0, 1].map(|module| scene.calibration.leaves_out(module)), [false, true]);
+    scene.take_zero();
+    assert!(scene.calibration.is_ramping());
+}
+
+#[test]
+fn a_zero_is_wanted_until_it_is_taken_and_the_end_of_that_is_told_once() {
+    let mut scene = Scene::started(Branch::Rising);
+    assert_eq!((scene.count(wants_zero), scene.count(wants_none)), (1, 0));
+    scene.take_zero();
+    let ramps = |event: &CalibrationEvent| matches!(event, CalibrationEvent::Record(SessionRecord::Ramp { .. }));
+    assert_eq!((scene.count(ramps), scene.count(wants_none)), (1, 0), "the zero that was taken ends its own watch");
+    let now = scene.now();
+    scene.calibration.command(now, Trigger::Abort, &scene.gauge, &mut scene.events).unwrap();
+    assert_eq!((scene.state(), scene.count(wants_none)), (SessionState::Aborted, 0));
+    let mut scene = Scene::started(Branch::Rising);
+    scene.calibration.command(now, Trigger::Abort, &scene.gauge, &mut scene.events).unwrap();
+    assert_eq!((scene.count(wants_zero), scene.count(wants_none)), (1, 1));
+}
+
+#[test]
+fn rest_that_is_not_proven_is_waited_for_as_long_as_patience_goes() {
+    let mut scene = Scene::started(Branch::Rising);
+    scene.ms += 3_000;
+    let now = scene.now();
+    scene.calibration.on_zero_refused(now, "it moves", &scene.gauge, &mut scene.events);
+    assert_eq!((scene.state(), scene.count(wants_zero)), (SessionState::Taring, 2));
+    assert_eq!(scene.calibration.session().unwrap().reason, "waiting for rest: it moves");
+    scene.ms += 1;
+    let now = scene.now();
+    scene.calibration.on_zero_refused(now, "it moves", &scene.gauge, &mut scene.events);
+    assert_eq!((scene.state(), scene.count(wants_zero)), (SessionState::Failed, 2));
+}
+
+/// A board that took a new zero unseen is found within the second for which scans wait: those are not to be believed.
+#[test]
+fn scans_that_wait_while_the_zero_comes_into_doubt_never_enter() {
+    let mut scene = Scene::ramping(Branch::Rising);
+    scene.go(0.0, 2.0, 0.9);
+    scene.calibration.on_zero_doubted();
+    assert_eq!(scene.calibration.session().unwrap().refused.get(SampleRefusal::ZeroInDoubt), 18);
+    let shown = scene.shown_after(200).unwrap();
+    assert_eq!((shown.refused.get(SampleRefusal::ZeroInDoubt), shown.accepted), (18, 0));
+}
+
+#[test]
+fn a_fall_that_ended_early_says_so_until_the_session_is_left_and_a_ramp_that_went_well_says_nothing() {
+    let mut scene = Scene::ramping(Branch::Both);
+    scene.go(0.0, 4.0, 5.0);
+    let now = scene.now();
+    scene.calibration.command(now, Trigger::FinishRamp, &scene.gauge, &mut scene.events).unwrap();
+    assert_eq!(scene.calibration.session().unwrap().direction, Direction::Falling);
+    scene.go(16.0, 0.0, 4.2);
+    let view = scene.calibration.session().unwrap();
+    assert_eq!(view.state, SessionState::Fitting);
+    assert!(view.reason.starts_with("the falling branch ended early: "), "{}", view.reason);
+    // What a session failed of is no reason of the fit that follows.
+    let mut scene = Scene::ramping(Branch::Rising);
+    scene.go(0.0, 0.0, 4.2);
+    assert_eq!(scene.state(), SessionState::Failed);
+    let now = scene.now();
+    scene.calibration.command(now, Trigger::FinishRamp, &scene.gauge, &mut scene.events).unwrap();
+    let view = scene.calibration.session().unwrap();
+    assert_eq!((view.state, view.reason.as_str()), (SessionState::Fitting, ""));
+}
+
+#[test]
+fn only_the_newest_fit_of_the_session_that_waits_for_it_counts() {
+    let (mut scene, outcome) = Scene::fitting();
+    let now = scene.now();
+    let others = [
+        FitOutcome { fit: outcome.fit + 1, ..outcome.clone() },
+        FitOutcome { session: outcome.session + 1, ..outcome.clone() },
+    ];
+    for other in &others {
+        assert!(!scene.calibration.awaits(other), "{other:?}");
+        scene.calibration.on_fitted(now, other, &scene.gauge, &mut scene.events);
+        assert_eq!(scene.state(), SessionState::Fitting);
+    }
+    assert!(scene.calibration.awaits(&outcome));
+    scene.calibration.on_fitted(now, &outcome, &scene.gauge, &mut scene.events);
+    assert_eq!(scene.state(), SessionState::Failed);
+    assert!(!scene.calibration.awaits(&outcome), "once");
+    let (mut scene, outcome) = Scene::fitting();
+    scene.calibration.command(now, Trigger::Abort, &scene.gauge, &mut scene.events).unwrap();
+    assert!(!scene.calibration.awaits(&outcome), "a session that was aborted waits for nothing");
+}
+
+#[test]
+fn an_open_session_is_shown_five_times_a_second_and_one_that_is_over_when_something_changed() {
+    let mut scene = Scene::new();
+    assert_eq!(scene.calibration.deadline(), None);
+    scene = Scene::ramping(Branch::Rising);
+    assert_eq!(scene.calibration.deadline(), Some(scene.now().time + SHOW_EVERY));
+    assert!(scene.shown_after(199).is_none());
+    assert!(scene.shown_after(1).is_some() && scene.shown_after(199).is_none() && scene.shown_after(1).is_some());
+    let now = scene.now();
+    scene.calibration.command(now, Trigger::Abort, &scene.gauge, &mut scene.events).unwrap();
+    assert_eq!(scene.calibration.deadline(), None, "nothing of it changes any more ...");
+    scene.calibration.on_durable(4, 7);
+    assert_eq!(scene.calibration.deadline(), None);
+    scene.calibration.on_durable(3, 7);
+    assert_eq!(scene.calibration.deadline(), Some(now.time + SHOW_EVERY), "... but what of it is on disk");
+    assert_eq!(scene.shown_after(200).map(|view| view.durable), Some(7));
+    assert_eq!(scene.calibration.deadline(), None);
+}
+
+/// The bag is vented during the review, and the operator looks at the pressure; a gauge's noise is nothing to look at.
+#[test]
+fn in_review_the_pressure_is_shown_when_it_moved() {
+    let mut scene = Scene::new();
+    let view = SessionView { number: 3, state: SessionState::Review, target_kpa: 50.0, ..SessionView::default() };
+    scene.calibration.resume(scene.now(), view, Default::default());
+    let read = |scene: &mut Scene, kpa: f64| {
+        scene.ms += 200;
+        scene.gauge.push(ms(scene.ms), Kilopascal(kpa));
+        scene.shown_after(0).map(|view| view.pressure_kpa)
+    };
+    assert_eq!(read(&mut scene, 40.0), Some(Some(40.0)), "a gauge that is heard again");
+    assert_eq!(read(&mut scene, 40.4), None);
+    assert_eq!(read(&mut scene, 39.5), None, "half a kilopascal is noise yet");
+    assert_eq!(read(&mut scene, 40.6), Some(Some(40.6)), "against what was shown, not what was read last");
+    assert_eq!(read(&mut scene, 40.0), Some(Some(40.0)));
+    assert_eq!(scene.shown_after(600).map(|view| view.pressure_kpa), Some(None), "a gauge that fell silent");
+    assert_eq!(scene.shown_after(600).map(|view| view.pressure_kpa), None);
+    assert!(scene.calibration.deadline().is_some(), "it is looked at for as long as it is in review");
+    scene.ms += 200;
+    scene.calibration.on_durable(3, 9);
+    assert_eq!(read(&mut scene, 0.3).map(|kpa| kpa.is_some()), Some(true));
+}

@@ -1,0 +1,350 @@
+//! Where each limit of a fit lies, and what its figures are, on numbers that can be worked out by hand.
+
+use super::course::{Course, session_clock};
+use super::dropouts::dropouts;
+use super::hysteresis::{error_on, range, swing, width_kpa};
+use super::lag::{mean_counts, shifted};
+use super::legs::{legs, rising};
+use super::scans::modules;
+use super::smooth::half_width;
+use super::zero::{ZeroReturn, baseline, rest_scans, zero_return};
+use super::*;
+use crate::baseline::TaxelBaseline;
+use crate::calibration::samples::Sample;
+use crate::intake::faults::{Fault, FaultLimits};
+
+/// A recording of so many scans, one each so many seconds, with these columns.
+fn scans<'a>(time_s: &'a [f64], counts: &[&'a [f64]]) -> Scans<'a> {
+    Scans { time_s, pressure_kpa: None, counts: counts.to_vec() }
+}
+
+fn every(seconds: f64, scans: usize) -> Vec<f64> {
+    (0..scans).map(|i| seconds * i as f64).collect()
+}
+
+/// One stretch from the first scan on.
+fn stretch(end: usize) -> Vec<std::ops::Range<usize>> {
+    std::iter::once(0..end).collect()
+}
+
+fn same(is: &[f64], expected: &[f64]) {
+    let near = |(a, b): (&f64, &f64)| (a.is_nan() && b.is_nan()) || (a - b).abs() < 1e-9;
+    assert!(is.len() == expected.len() && is.iter().zip(expected).all(near), "{is:?} is not {expected:?}");
+}
+
+#[test]
+fn a_score_is_what_its_words_say() {
+    let applied = Applied {
+        pressure_kpa: vec![vec![12.0, 34.0, 44.0, 50.0], vec![10.0, 30.0, 38.0, f64::NAN], Vec::new()],
+        sigma_kpa: vec![vec![1.0, 2.0, 2.0, 0.1], vec![1.0, 1.0, 1.0, 1.0], Vec::new()],
+        beyond: vec![vec![false, false, false, true], vec![false; 4], Vec::new()],
+        area_sigma_kpa: vec![1.0, 2.0, 0.5, 1.0],
+        unread: vec![None, None, Some(Unread::Faulty)],
+        zero: Zero::Calibration,
+        masked: (1, 8),
+    };
+    let score = judge(&applied, &[10.0, 30.0, 40.0, 50.0]);
+    let near = |is: f64, expected: f64| assert!((is - expected).abs() < 1e-9, "{is} is not {expected}: {score:?}");
+    // Above 30 kPa are two scans; the mean over the taxels is off by 1 and by 0 kPa there.
+    near(score.area_percent, 100.0 * 0.5 / 40.0);
+    near(score.bias_kpa, 0.5);
+    let rmse = [(4.0_f64 + 16.0 + 16.0) / 4.0, 4.0 / 3.0].map(f64::sqrt);
+    near(score.taxel_rmse_kpa, 0.5 * (rmse[0] + rmse[1]));
+    near(score.taxel_rmse_median_kpa, rmse[0]);
+    assert_eq!(score.taxels, 2);
+    // Of the seven readings those that are off by 2 and 4 kPa are outside, but for what is no further than 1.96 sigma.
+    near(score.coverage_percent.unwrap(), 100.0 * 3.0 / 7.0);
+    near(score.coverage_beyond_percent.unwrap(), 100.0);
+    near(score.beyond_percent, 100.0 / 7.0);
+    near(score.area_coverage_percent.unwrap(), 75.0);
+    let without = Applied { sigma_kpa: vec![Vec::new(); 3], area_sigma_kpa: Vec::new(), ..applied };
+    let score = judge(&without, &[10.0, 30.0, 40.0, 50.0]);
+    assert_eq!((score.coverage_percent, score.area_coverage_percent), (None, None));
+    assert_eq!((score.coverage_beyond_percent, score.beyond_percent), (None, 0.0));
+}
+
+#[test]
+fn the_width_of_a_loop_is_taken_between_its_ends_and_of_enough_scans() {
+    // From 20 to 120 kPa and back: what is read is 3 kPa too high on the way down, 1 kPa too low on the way up, and quite
+    // wrong at the ends.
+    let width = |scans: usize, ends: usize| {
+        let middle = |i: usize| 30.0 + 75.0 * i as f64 / (scans - 1) as f64;
+        let branch = (0..scans).map(middle).chain((0..ends).flat_map(|_| [20.0, 29.9, 105.1, 120.0]));
+        let kpa: Vec<f64> = branch.clone().chain(branch).chain([20.0, 120.0]).collect();
+        let falling: Vec<bool> = (0..kpa.len()).map(|i| i >= scans + 4 * ends).collect();
+        let off = |(p, falls): (&f64, &bool)| {
+            if (30.0..=105.0).contains(p) {
+                p + if *falls { 3.0 } else { -1.0 }
+            } else {
+                p + if *falls { 40.0 } else { 0.0 }
+            }
+        };
+        let read: Vec<f64> = kpa.iter().zip(&falling).map(off).collect();
+        width_kpa(&read, &kpa, &falling)
+    };
+    assert!((width(20, 5).unwrap() - 4.0).abs() < 1e-9, "{:?}", width(20, 5));
+    assert_eq!(width(19, 5), None, "19 scans of a branch say nothing");
+}
+
+#[test]
+fn the_swing_of_a_count_leaves_its_outermost_scans_out_and_is_of_scans_with_a_pressure() {
+    let mut counts: Vec<f64> = (0..=1_000).map(|i| 100.0 + 0.1 * f64::from(i)).collect();
+    let mut kpa = vec![1.0; counts.len()];
+    assert!((swing(&counts, &kpa).unwrap() - 99.6).abs() < 1e-9, "{:?}", swing(&counts, &kpa));
+    counts.extend([0.0; 50]);
+    kpa.extend([f64::NAN; 50]);
+    assert!((swing(&counts, &kpa).unwrap() - 99.6).abs() < 1e-9);
+    assert_eq!(swing(&[7.0; 30], &[1.0; 30]), None, "what never moved has none");
+    assert_eq!(range(&[3.0, f64::NAN, -2.0]), [-2.0, 3.0]);
+    assert!((error_on(&[1.0, 5.0, 8.0], &[1.0, 2.0, 4.0], &(1..3)) - 12.5_f64.sqrt()).abs() < 1e-12);
+}
+
+#[test]
+fn a_recording_tells_its_pace_by_its_middle_step() {
+    let at = |time_s: &[f64]| scans(time_s, &[]).period_s();
+    assert_eq!([at(&[0.0, 0.25, 0.5, 7.0, 7.0, 6.0]), at(&[3.0]), at(&[])], [0.25, 0.0, 0.0]);
+    let time_s = every(0.25, 40);
+    let recording = scans(&time_s, &[]);
+    assert_eq!([0.0, 0.3, 2.0, 9.9, 99.0].map(|seconds| recording.scans_in(seconds)), [1, 1, 8, 39, 40]);
+    assert_eq!(scans(&[1.0, 1.0], &[]).scans_in(5.0), 1, "nobody knows");
+    assert_eq!([0.0, 0.4, 0.5, 1.3].map(|seconds| half_width(&recording, seconds)), [0, 0, 1, 2]);
+    assert_eq!(half_width(&scans(&[1.0, 1.0], &[]), 0.5), 0);
+    assert_eq!(modules(25, 10), [0..10, 10..20, 20..25]);
+    assert_eq!(modules(2, 0), [0..1, 1..2]);
+}
+
+#[test]
+fn the_rig_is_at_rest_before_its_top_within_two_hundredths_of_the_range() {
+    // From 10 to 110 kPa these are 2 kPa.
+    assert_eq!(rest_scans(&[10.0, 11.99, 12.1, 110.0, 10.0], 3), [true, true, false, false, false]);
+    let counts: Vec<f64> = (0..24).map(|i| if i % 2 == 0 { 100.0 } else { 102.0 }).collect();
+    let all = [true; 24];
+    let of = |masked: &[bool], rest: &[bool]| baseline(&counts, masked, rest);
+    let known = of(&[false; 24], &all);
+    assert_eq!((known.mean, known.noise), (101.0, 1.0));
+    let without = |n: usize| -> Vec<bool> { (0..24).map(|i| i < n).collect() };
+    assert!(of(&without(4), &all).mean.is_finite(), "twenty scans are enough");
+    assert!(of(&without(5), &all).mean.is_nan() && of(&without(5), &all).noise.is_nan());
+    assert!(of(&[false; 24], &without(19)).mean.is_nan());
+    let odd: Vec<bool> = (0..24).map(|i| i % 2 == 1).collect();
+    let long = [counts.clone(), counts.clone()].concat();
+    let odd = [odd.clone(), odd].concat();
+    assert_eq!(baseline(&long, &odd, &[true; 48]).mean, 100.0, "what is masked has no say");
+}
+
+#[test]
+fn the_return_to_zero_is_that_of_the_last_five_seconds_if_these_are_at_rest() {
+    assert_eq!(ZeroReturn::of(&[3.0, -1.0, f64::NAN]), Some(ZeroReturn { rms: 5.0_f64.sqrt(), common: 1.0 }));
+    assert_eq!(ZeroReturn::of(&[-2.0, -2.0]), Some(ZeroReturn { rms: 2.0, common: 2.0 }));
+    assert_eq!([ZeroReturn::of(&[]), ZeroReturn::of(&[f64::NAN])], [None, None]);
+    // Twelve scans after the load, one each 0.5 s: the last ten of them count.
+    let time_s = every(0.5, 30);
+    let kpa = |end: f64| -> Vec<f64> {
+        (0..30)
+            .map(|i| {
+                if i == 0 {
+                    0.0
+                } else if i < 18 {
+                    100.0
+                } else {
+                    end
+                }
+            })
+            .collect()
+    };
+    let column = |end: f64| -> Vec<f64> { (0..30).map(|i| if i < 20 { 50.0 } else { end }).collect() };
+    let (mut a, b, c) = (column(102.0), column(99.0), column(180.0));
+    a[25] = f64::NAN;
+    let recording = scans(&time_s, &[&a, &b, &c]);
+    let rest = [TaxelBaseline { mean: 100.0, noise: 1.0 }; 3];
+    let of = |kpa: &[f64], taxels: &[usize]| zero_return(&recording, &Masks::missing(&recording), kpa, &rest, taxels);
+    let returned = of(&kpa(1.9), &[0, 1]);
+    assert!((returned.rms - 2.5_f64.sqrt()).abs() < 1e-12 && (returned.common - 0.5).abs() < 1e-12, "{returned:?}");
+    let unknown = of(&kpa(2.1), &[0, 1]);
+    assert_eq!((unknown.rms, unknown.common), (1.2, 0.9), "what the recorded skin does");
+    assert_eq!([of(&kpa(f64::NAN), &[0, 1]), of(&kpa(1.9), &[])], [unknown; 2]);
+}
+
+#[test]
+fn what_was_done_about_a_zero_is_told() {
+    let moved = vec![2.0, f64::NAN];
+    let by_word = Zero::Tared { window_s: 3.0, proof: None, moved };
+    assert_eq!([0, 1, 2].map(|taxel| by_word.moved(taxel)), [Some(2.0), None, None]);
+    assert!(by_word.is_tared() && !Zero::Calibration.is_tared());
+    let text = "tared from the first 3 s on the operator's word; 1 of 2 taxels have no zero of their own there";
+    assert_eq!(by_word.to_string(), text);
+    assert_eq!(Zero::Calibration.moved(7), Some(0.0));
+    assert_eq!(Zero::Calibration.to_string(), "not tared, as asked: the zero is that of the calibration");
+    let unread = [Unread::NoZero, Unread::Faulty].map(|why| why.to_string());
+    assert_eq!(unread, ["no zero: faulty while the others were tared", "faulty in every scan"]);
+}
+
+#[test]
+fn what_the_gauge_reads_at_rest_is_its_zero_where_nothing_moves_and_no_bag_could_press() {
+    let time_s = every(0.0625, 132);
+    // Two seconds at rest, of two halves, and then from `low` to 200 kPa above that.
+    let find = |rest_kpa: [f64; 2], low: f64, count: f64| {
+        let half = |i: usize| usize::from(i >= 16);
+        let kpa: Vec<f64> =
+            (0..132).map(|i| if i < 32 { rest_kpa[half(i)] } else { low + 2.0 * (i - 31) as f64 }).collect();
+        let column: Vec<f64> = (0..132).map(|i| 200.0 + count * half(i) as f64).collect();
+        let recording = scans(&time_s, &[&column, &column]);
+        gauge_zero::find(&recording, &kpa, &Masks::missing(&recording))
+    };
+    let near = |is: f64, expected: f64| assert!((is - expected).abs() < 1e-9, "{is} is not {expected}");
+    near(find([4.0, 4.0], 4.0, 0.0), 4.0);
+    near(find([-4.0, -4.0], -4.0, 0.0), -4.0);
+    near(find([4.0, 4.4], 4.0, 0.0), 4.2); // by less than a tenth
+    near(find([4.0, 4.45], 4.0, 0.0), 0.0);
+    near(find([4.4, 4.0], 4.0, 0.0), 4.2);
+    near(find([4.45, 4.0], 4.0, 0.0), 0.0);
+    near(find([4.0, 4.0], 4.0, 0.09), 4.0); // counts may move by a tenth of one
+    near(find([4.0, 4.0], 4.0, 0.11), 0.0);
+    near(find([4.0, 4.0], 4.0, -0.11), 0.0);
+    near(find([9.9, 9.9], 9.9, 0.0), 9.9); // from 10 kPa on it is a pressure
+    near(find([10.1, 10.1], 10.1, 0.0), 0.0);
+    near(find([-10.1, -10.1], -10.1, 0.0), 0.0);
+    near(find([5.8, 5.8], 0.0, 0.0), 5.8); // the least reading is 2 kPa there, and 2 % of the range are 3.96 kPa
+    near(find([6.0, 6.0], 0.0, 0.0), 0.0);
+    let (short, still) = (every(0.0625, 19), [200.0; 19]);
+    let recording = scans(&short, &[&still, &still]);
+    near(gauge_zero::find(&recording, &[4.0; 19], &Masks::missing(&recording)), 0.0); // too few scans
+}
+
+#[test]
+fn a_reading_stands_alone_by_more_than_three_counts_and_five_deviations() {
+    let found = |change: &[(usize, f64)], noise: f64| {
+        let mut counts: Vec<f64> = (0..60).map(|i| 100.0 + noise * f64::from(i % 3 - 1)).collect();
+        change.iter().for_each(|(at, count)| counts[*at] = *count);
+        dropouts(&counts, &[false; 60])
+    };
+    assert_eq!(found(&[(30, 103.0)], 0.0), [0_usize; 0]);
+    assert_eq!(found(&[(29, 99.0), (30, 103.0)], 0.0), [0_usize; 0]);
+    assert_eq!(found(&[(30, 103.5)], 0.0), [30]);
+    assert_eq!(found(&[(0, 90.0), (30, 96.0), (59, 0.0)], 0.0), [0, 30, 59], "at the ends, too");
+    assert_eq!(
+        found(&[(29, 103.0), (30, 106.0), (31, 103.0)], 0.0),
+        [0_usize; 0],
+        "on its way it does not stand alone"
+    );
+    // Deviations of one count: 5 times 1.48 of them.
+    assert_eq!(found(&[(30, 107.0)], 1.0), [0_usize; 0]);
+    assert_eq!(found(&[(30, 108.0)], 1.0), [30]);
+    // Seven scans to each side are what it is compared with: a ramp goes far beyond them.
+    let mut ramp: Vec<f64> = (0..120).map(|i| 240.0 - 0.5 * f64::from(i)).collect();
+    ramp[30] += 20.0;
+    assert_eq!(dropouts(&ramp, &[false; 120]), [30]);
+    let mut counts = [100.0; 60];
+    (counts[20], counts[40]) = (0.0, f64::NAN);
+    let mut masked = [false; 60];
+    masked[20] = true;
+    assert_eq!(dropouts(&counts, &masked), [0_usize; 0], "what is masked already or missing is nothing anew");
+}
+
+#[test]
+fn a_pressure_that_is_shifted_is_linear_between_readings_and_ends_with_its_stretch() {
+    let (time_s, kpa) = ([0.0, 1.0, 2.0, 3.0], [0.0, 10.0, 40.0, 90.0]);
+    let nan = f64::NAN;
+    let by = |lag_s: f64, stretches: &[std::ops::Range<usize>]| shifted(&time_s, &kpa, lag_s, stretches);
+    same(&by(0.5, &stretch(4)), &[5.0, 25.0, 65.0, nan]);
+    same(&by(-0.25, &stretch(4)), &[nan, 7.5, 32.5, 77.5]);
+    same(&by(1.0, &stretch(4)), &[10.0, 40.0, 90.0, nan]);
+    same(&by(0.5, &[0..2, 2..4]), &[5.0, nan, 65.0, nan]);
+    same(&by(0.0, &stretch(2)), &kpa);
+    // A taxel that is missing in more than one scan of a hundred has no say in the lag.
+    let times = every(1.0, 200);
+    let (mut a, mut b, c) = (vec![10.0; 200], vec![90.0; 200], vec![20.0; 200]);
+    a[..2].fill(nan);
+    b[..3].fill(nan);
+    let recording = scans(&times, &[&a, &b, &c]);
+    let mean = mean_counts(&recording, &Masks::missing(&recording));
+    assert_eq!((mean[0], mean[100]), (20.0, 15.0));
+}
+
+#[test]
+fn a_quarter_of_the_range_is_a_turn_and_a_hundredth_of_it_a_dip() {
+    let course = |back: f64| -> Vec<f64> {
+        let up = (0..1_000).map(|i| 0.1 * f64::from(i));
+        up.chain([100.0; 50]).chain([100.0 - back; 100]).chain([100.0; 100]).collect()
+    };
+    let rises = |back: f64| legs(&course(back)).iter().map(|leg| leg.rising).collect::<Vec<bool>>();
+    assert_eq!(rises(24.0), [true]);
+    assert_eq!(rises(26.0), [true, false, true]);
+    let in_dip = |back: f64| {
+        let kpa = course(back);
+        rising(&kpa, &legs(&kpa))[1_100]
+    };
+    assert_eq!([0.9, 1.1].map(in_dip), [true, false]);
+    let falls: Vec<f64> = (0..500).map(|i| 50.0 - 0.1 * f64::from(i)).collect();
+    assert_eq!(legs(&falls), [legs::Leg { scans: 0..500, rising: false }]);
+    // A wave of seven runs, each with a fall of its own.
+    let wave: Vec<f64> = (0..7).flat_map(|_| (0..100).chain((0..100).rev())).map(f64::from).collect();
+    let course = Course::of_runs(&wave);
+    assert_eq!(course.ramps().map(|(ramp, _)| ramp).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6]);
+    let falling = course.falling().iter().filter(|falls| **falls).count();
+    assert!((640..=720).contains(&falling), "{falling} of 1400");
+    assert_eq!(course.stretches(), stretch(1_400));
+}
+
+#[test]
+fn scans_that_are_further_apart_than_two_and_a_half_periods_do_not_follow_each_other() {
+    let samples = |steps_ms: &[i64]| -> Vec<Sample> {
+        let mut ms = 0;
+        let steady = [50; 20];
+        let all = [0].into_iter().chain(steady).chain(steps_ms.iter().copied());
+        let kpa = (0..).map(f64::from);
+        all.zip(kpa)
+            .map(|(step, pressure_kpa)| {
+                ms += step;
+                Sample { ramp: 0, time_ns: ms * 1_000_000, pressure_kpa, counts: [0_u8].as_slice().into() }
+            })
+            .collect()
+    };
+    let stretches = |steps_ms: &[i64]| Course::of_session(&samples(steps_ms), Branch::Rising).stretches().to_vec();
+    assert_eq!(stretches(&[120, 50]), stretch(23));
+    assert_eq!(stretches(&[130, 50]), [0..21, 21..23]);
+    // A pause of the intake counts as one period, a silence of more than a second as one of at least two and a period.
+    let step = |ms: i64| {
+        let clock = session_clock(&samples(&[ms]), 1.0);
+        clock[21] - clock[20]
+    };
+    let near = |is: f64, expected: f64| assert!((is - expected).abs() < 1e-9, "{is} is not {expected}");
+    for (ms, expected) in [(120, 0.12), (130, 0.05), (990, 0.05), (1_500, 2.05), (3_000, 3.0), (0, 2.05), (-100, 2.05)]
+    {
+        near(step(ms), expected);
+    }
+    assert_eq!(session_clock(&samples(&[])[..2], 1.0)[0], 0.0);
+}
+
+#[test]
+fn a_fall_can_judge_with_twenty_scans_below_half_of_the_range() {
+    // Up to 100 kPa in 100 scans, and down again as far as so many scans of 1 kPa each.
+    let held = |fall: usize| {
+        let kpa: Vec<f64> = (0..=100).chain((0..100).rev().take(fall)).map(f64::from).collect();
+        Course::of_recording(kpa.len(), 100).held_out(&kpa)
+    };
+    assert_eq!(held(69), None, "19 scans below 50 kPa");
+    assert_eq!(held(70), Some(151..171));
+}
+
+#[test]
+fn the_fault_of_a_taxel_is_the_one_that_holds_longer_than_it_is_missing() {
+    let time_s = every(0.02, 1_000);
+    // On its rail for a second, and missing from 6 s on for so many scans.
+    let column = |missing: usize| -> Vec<f64> {
+        let count = |i: usize| match i {
+            100..150 => 255.0,
+            _ if (300..300 + missing).contains(&i) => f64::NAN,
+            _ => 200.0 + (7 * i % 3) as f64,
+        };
+        (0..1_000).map(count).collect()
+    };
+    let (long, short) = (column(600), column(20));
+    let sound: Vec<f64> = (0..1_000).map(|i| 200.0 + f64::from(7 * i % 3)).collect();
+    let columns: Vec<&[f64]> = [&long, &short].into_iter().chain([&sound; 8]).map(Vec::as_slice).collect();
+    let recording = scans(&time_s, &columns);
+    let masks = Masks::find(&recording, &modules(10, 10), &FaultLimits::default());
+    let faults = [0, 1, 2].map(|taxel| masks.main_fault(taxel));
+    assert_eq!(faults, [None, Some(Fault::Rail), None]);
+    assert!(masks.share(0) >= 0.65 && (0.07..0.4).contains(&masks.share(1)) && masks.share(2) == 0.0);
+}

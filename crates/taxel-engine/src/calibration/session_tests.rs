@@ -1,0 +1,259 @@
+//! Where each limit of a session lies, and what its operator is told of it.
+
+use taxel_skin::{Kilopascal, Time};
+
+use super::branch::{Branch, Direction};
+use super::limits::SessionLimits;
+use super::samples::{Sample, SessionSamples};
+use super::session::{Pending, Progress, SessionRecord, SessionRun};
+use super::view::{SampleRefusal, SessionState, SessionView};
+use crate::baseline::TaxelBaseline;
+use crate::counts::SharedCounts;
+use crate::intake::gauge::GaugeHistory;
+use crate::now::Now;
+
+const TAXELS: usize = 3;
+
+fn ms(ms: i64) -> Time {
+    Time::from_nanos(ms * 1_000_000)
+}
+
+fn at(time: Time) -> Now {
+    Now { time, wall_ns: 7_000_000_000 + time.as_nanos() }
+}
+
+fn scan(time: Time, counts: [u8; TAXELS]) -> Option<Pending> {
+    Some(Pending { time, counts: SharedCounts::from(counts.to_vec()) })
+}
+
+/// A session whose ramp has begun at time 0, and its gauge.
+struct Scene {
+    run: SessionRun,
+    gauge: GaugeHistory,
+    records: Vec<SessionRecord>,
+    /// The newest pressure, and when it was read.
+    kpa: f64,
+    ms: i64,
+}
+
+impl Scene {
+    fn new(branches: Branch, target_kpa: f64) -> Self {
+        Self::with(branches, target_kpa, |_| {})
+    }
+
+    fn with(branches: Branch, target_kpa: f64, change: impl FnOnce(&mut SessionLimits)) -> Self {
+        let mut limits = SessionLimits::default();
+        change(&mut limits);
+        let view = SessionView { number: 1, target_kpa, branches, ..SessionView::default() };
+        let mut run = SessionRun::new(at(ms(0)), view, limits, TAXELS);
+        run.begin_ramp(at(ms(0)), vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; TAXELS]);
+        let mut gauge = GaugeHistory::default();
+        gauge.push(ms(0), Kilopascal(0.0));
+        Self { run, gauge, records: Vec::new(), kpa: 0.0, ms: 0 }
+    }
+
+    /// The pressure goes on for so many seconds, read every 10 ms, with a scan every 50 ms; what it came to.
+    fn go(&mut self, kpa_per_s: f64, seconds: f64) -> Progress {
+        let (begin_ms, begin_kpa) = (self.ms, self.kpa);
+        for _ in 0..(100.0 * seconds).round() as i64 {
+            self.ms += 10;
+            self.kpa = begin_kpa + kpa_per_s * (self.ms - begin_ms) as f64 / 1000.0;
+            self.gauge.push(ms(self.ms), Kilopascal(self.kpa));
+            if self.ms % 50 == 0 {
+                self.run.on_scan(scan(ms(self.ms), [200, 200 - self.kpa.max(0.0) as u8, 200]));
+            }
+            let progress = self.advance(self.ms);
+            if progress != Progress::On {
+                return progress;
+            }
+        }
+        Progress::On
+    }
+
+    fn advance(&mut self, until_ms: i64) -> Progress {
+        self.run.advance(ms(until_ms), &self.gauge, &mut self.records)
+    }
+
+    fn shown(&mut self) -> &SessionView {
+        self.run.refresh(ms(self.ms), &self.gauge);
+        self.run.view()
+    }
+
+    fn refused(&self, why: SampleRefusal) -> u64 {
+        self.run.view().refused.get(why)
+    }
+}
+
+#[test]
+fn a_scan_enters_when_the_zero_has_stood_for_a_second_after_it() {
+    let mut scene = Scene::new(Branch::Rising, 50.0);
+    (1..=200).for_each(|i| scene.gauge.push(ms(10 * i), Kilopascal(0.02 * i as f64)));
+    scene.run.on_scan(scan(ms(1_500), [200; TAXELS]));
+    scene.advance(2_499);
+    assert_eq!(scene.run.view().accepted, 0);
+    scene.advance(2_500);
+    assert_eq!(scene.run.view().accepted, 1);
+    let Some(SessionRecord::Sample { index, sample }) = scene.records.pop() else { panic!("no sample") };
+    assert_eq!((index, sample.ramp, sample.time_ns), (0, 0, 1_500_000_000));
+    assert!((sample.pressure_kpa - 3.0).abs() < 1e-9, "{}", sample.pressure_kpa);
+}
+
+/// At 5 ms and 1 s of patience with the gauge there are 400; more than 512 would wait for ever.
+#[test]
+fn no_more_than_512_scans_wait_and_the_oldest_goes_first() {
+    let mut scene = Scene::new(Branch::Rising, 50.0);
+    (1..=512).for_each(|i| scene.run.on_scan(scan(ms(i), [200; TAXELS])));
+    assert_eq!(scene.refused(SampleRefusal::NoPressure), 0);
+    scene.run.on_scan(scan(ms(513), [200; TAXELS]));
+    assert_eq!(scene.refused(SampleRefusal::NoPressure), 1);
+    scene.run.drop_waiting();
+    assert_eq!(scene.refused(SampleRefusal::ZeroInDoubt), 512);
+}
+
+#[test]
+fn nothing_waits_before_a_ramp_and_nothing_that_waits_outlives_it() {
+    let mut scene = Scene::new(Branch::Rising, 50.0);
+    scene.run.on_scan(scan(ms(10), [200; TAXELS]));
+    scene.run.enter(at(ms(20)), SessionState::Failed, "over");
+    scene.run.drop_waiting();
+    assert_eq!(scene.refused(SampleRefusal::ZeroInDoubt), 0);
+    scene.run.enter(at(ms(30)), SessionState::Taring, "");
+    scene.run.on_scan(scan(ms(40), [200; TAXELS]));
+    scene.run.on_scan(None);
+    scene.run.drop_waiting();
+    assert_eq!(scene.run.view().refused, super::view::RefusalCounts::default());
+}
+
+#[test]
+fn a_ramp_ends_when_the_session_is_full() {
+    let mut scene = Scene::with(Branch::Rising, 50.0, |limits| limits.scans_max = 5);
+    assert_eq!(scene.go(2.0, 10.0), Progress::RampEnded);
+    assert_eq!((scene.run.view().accepted, scene.run.samples().samples.len()), (5, 5));
+    assert_eq!(scene.refused(SampleRefusal::Full), 1);
+}
+
+#[test]
+fn a_rise_ends_at_its_target_and_a_fall_where_the_bag_is_vented() {
+    let mut scene = Scene::new(Branch::Both, 10.0);
+    assert_eq!(scene.go(2.0, 7.0), Progress::Turned);
+    assert_eq!(scene.run.view().direction, Direction::Falling);
+    let highest = scene.run.samples().samples.iter().map(|s| s.pressure_kpa).fold(0.0, f64::max);
+    assert!((10.0..10.2).contains(&highest), "{highest}");
+    assert_eq!(scene.go(-2.0, 10.0), Progress::RampEnded);
+    let last = scene.run.samples().samples.last().unwrap().pressure_kpa;
+    assert!((0.9..1.2).contains(&last), "the branch ends at 1 kPa: {last}");
+    assert!(!scene.run.turn(ms(scene.ms)), "a fall turns no more");
+}
+
+#[test]
+fn a_ramp_over_the_rise_alone_does_not_turn() {
+    let mut scene = Scene::new(Branch::Rising, 10.0);
+    assert!(!scene.run.turn(ms(10)));
+    let mut scene = Scene::new(Branch::Both, 10.0);
+    scene.run.enter(at(ms(10)), SessionState::Taring, "");
+    assert!(!scene.run.turn(ms(10)), "nor before it has begun");
+}
+
+/// The last scan that could have entered is judged a second late, so that much is added to the patience.
+#[test]
+fn patience_ends_after_a_minute_and_the_second_for_which_scans_wait() {
+    let mut scene = Scene::new(Branch::Rising, 50.0);
+    assert_eq!(scene.advance(61_000), Progress::On);
+    assert_eq!(scene.advance(61_001), Progress::Failed);
+}
+
+#[test]
+fn why_nothing_enters_is_told_from_what_is_missing() {
+    let why = |scene: &Scene| scene.run.view().reason.clone();
+    let mut deaf = Scene::new(Branch::Rising, 50.0);
+    assert_eq!(deaf.advance(62_000), Progress::Failed);
+    assert_eq!(why(&deaf), "the last pressure frame came 62.0 s ago");
+    let mut silent = Scene::new(Branch::Rising, 50.0);
+    silent.gauge.push(ms(61_500), Kilopascal(0.0));
+    (0..3).for_each(|_| silent.run.on_scan(None));
+    assert_eq!(silent.advance(62_000), Progress::Failed);
+    assert_eq!(why(&silent), "3 scans in 60 s had silent modules");
+    assert!(silent.run.lacks_modules());
+    let mut still = Scene::new(Branch::Rising, 50.0);
+    still.gauge.push(ms(61_500), Kilopascal(0.0));
+    assert_eq!(still.advance(62_000), Progress::Failed);
+    assert!(why(&still).starts_with("the pressure did not rise for 60 s"), "{}", why(&still));
+    assert!(!still.run.lacks_modules());
+    assert_eq!(still.refused(SampleRefusal::StaleModule), 0);
+}
+
+/// Modules that were silent for a moment long ago are not what keeps samples out now.
+#[test]
+fn what_was_silent_before_the_last_sample_explains_nothing() {
+    let mut scene = Scene::new(Branch::Rising, 50.0);
+    scene.run.on_scan(None);
+    assert!(scene.run.lacks_modules());
+    scene.go(2.0, 3.0);
+    assert!(scene.run.view().accepted > 0 && !scene.run.lacks_modules());
+    scene.run.on_scan(None);
+    scene.run.begin_ramp(at(ms(scene.ms)), Vec::new());
+    assert!(!scene.run.lacks_modules(), "nor what was silent in an earlier ramp");
+}
+
+#[test]
+fn the_time_left_is_what_is_missing_to_the_end_of_the_branch_at_the_present_rate() {
+    let mut scene = Scene::new(Branch::Both, 10.0);
+    scene.go(2.0, 3.0);
+    let view = scene.shown();
+    assert_eq!(view.pressure_kpa.map(|p| (p * 1e6).round() / 1e6), Some(6.0));
+    assert!((view.rate_kpa_per_s.unwrap() - 2.0).abs() < 0.05, "{view:?}");
+    assert!((view.remaining_s.unwrap() - 2.0).abs() < 0.1, "4 kPa at 2 kPa/s: {view:?}");
+    scene.go(2.0, 4.0);
+    scene.go(-1.5, 2.0);
+    let view = scene.shown().clone();
+    assert_eq!(view.direction, Direction::Falling);
+    let expected = (view.pressure_kpa.unwrap() - 1.0) / 1.5;
+    assert!((view.remaining_s.unwrap() - expected).abs() < 0.1, "down to 1 kPa: {view:?}");
+    scene.go(0.0, 2.0);
+    assert_eq!(scene.shown().remaining_s, None, "a pressure that stands still never arrives");
+}
+
+#[test]
+fn beyond_the_end_no_time_is_left_and_outside_of_a_ramp_none_is_told() {
+    let mut scene = Scene::new(Branch::Rising, 3.0);
+    for i in 1..=400 {
+        scene.gauge.push(ms(10 * i), Kilopascal(0.02 * i as f64));
+    }
+    scene.ms = 4_000;
+    assert_eq!(scene.shown().remaining_s, Some(0.0));
+    scene.run.enter(at(ms(4_000)), SessionState::Review, "");
+    assert_eq!(scene.shown().remaining_s, None);
+    assert!(scene.shown().pressure_kpa.is_some());
+    scene.ms = 4_500;
+    assert!(scene.shown().pressure_kpa.is_some(), "half a second is the gauge's timeout");
+    scene.ms = 4_501;
+    assert_eq!(scene.shown().pressure_kpa, None);
+}
+
+#[test]
+fn every_kilopascal_with_a_sample_is_covered_and_a_taxel_that_moved_by_six_counts_responds() {
+    let sample = |pressure_kpa: f64, counts: [u8; TAXELS]| Sample {
+        ramp: 0,
+        time_ns: 0,
+        pressure_kpa,
+        counts: SharedCounts::from(counts.to_vec()),
+    };
+    let kpa = [-0.4, 0.3, 1.0, 1.9, 3.5, 12.0];
+    let mut samples: Vec<Sample> = kpa.iter().map(|kpa| sample(*kpa, [200, 200, 200])).collect();
+    samples[3].counts = SharedCounts::from(vec![195, 194, 206]);
+    let samples = SessionSamples { ramps: Vec::new(), samples };
+    let view = SessionView { target_kpa: 9.5, ..SessionView::default() };
+    let mut run = SessionRun::resume(at(ms(0)), view, SessionLimits::default(), TAXELS, samples);
+    assert_eq!((run.view().responding, &*run.view().not_responding), ((2, 3), [0_u16].as_slice()));
+    assert_eq!((run.view().accepted, run.view().durable), (6, 6));
+    run.refresh(ms(0), &GaugeHistory::default());
+    assert!((run.view().coverage - 0.3).abs() < 1e-9, "steps 0, 1 and 3 of ten: {}", run.view().coverage);
+}
+
+#[test]
+fn what_is_on_disk_is_never_told_less() {
+    let mut scene = Scene::new(Branch::Rising, 50.0);
+    scene.run.set_durable(7);
+    scene.run.set_durable(3);
+    assert_eq!(scene.run.view().durable, 7);
+}

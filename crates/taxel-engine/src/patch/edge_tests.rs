@@ -1,0 +1,150 @@
+//! Where each limit of what is asked of a patch lies, and when its boards are configured.
+
+use taxel_model::{FitOptions, GaugeUncertainty};
+use taxel_sim::HOST_BOARD_CONFIG;
+use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Time};
+use taxel_wire::icub::TriangleConfig;
+
+use super::owner::{Effects, Intent, Patch};
+use crate::boundary::output::Output;
+use crate::force;
+use crate::now::Now;
+use crate::plan::{BoardSetup, PatchPlan};
+use crate::request::{ErrorReason, Rejection};
+
+/// Ten taxels on one board.
+const TAXELS: usize = 10;
+
+fn now(ms: i64) -> Now {
+    Now { time: Time::from_nanos(ms * 1_000_000), wall_ns: 0 }
+}
+
+fn listening() -> PatchPlan {
+    let board = Board {
+        bus: BusIndex(0),
+        address: BoardAddress::new(1).unwrap(),
+        modules: vec![(Module::new(0).unwrap(), ModuleKind::Triangle)],
+    };
+    PatchPlan::new(taxel_skin::Patch::new("p", vec![board]).unwrap())
+}
+
+/// The same, with a board that has to be configured.
+pub fn configuring() -> PatchPlan {
+    let module = Module::new(0).unwrap();
+    let triangle = TriangleConfig { first: module, last: module, shift: 2, enabled: true, cdc_offset: 0x2200 };
+    let setup = BoardSetup { board: HOST_BOARD_CONFIG, triangles: vec![triangle] };
+    PatchPlan { bring_up: vec![setup], ..listening() }
+}
+
+/// A patch, and what it put out last.
+struct Scene {
+    patch: Patch,
+    out: Vec<Output>,
+    intents: Vec<Intent>,
+}
+
+impl Scene {
+    fn new(plan: PatchPlan, with_models: bool, shares_its_board: bool) -> Self {
+        let mut patch = Patch::new(0, plan, Vec::new(), None, vec![shares_its_board]);
+        if with_models {
+            patch.set_models(force::tests::set(TAXELS));
+        }
+        Self { patch, out: Vec::new(), intents: Vec::new() }
+    }
+
+    fn act<T>(&mut self, act: impl FnOnce(&mut Patch, &mut Effects<'_>) -> T) -> T {
+        (self.out, self.intents) = (Vec::new(), Vec::new());
+        act(&mut self.patch, &mut Effects { out: &mut self.out, intents: &mut self.intents })
+    }
+
+    /// Whether anything is sent to the boards with the tick at this time.
+    fn sends(&mut self, ms: i64) -> bool {
+        self.act(|patch, effects| patch.tick(now(ms), effects));
+        self.out.iter().any(|output| matches!(output, Output::Send(..)))
+    }
+}
+
+#[test]
+fn a_bag_is_vented_within_what_its_gauge_may_be_off_by() {
+    // The noise that sessions allow for is 0.3 kPa, and three times 0.5 kPa are stated of the gauge.
+    let gauge = GaugeUncertainty { gain_rel: 0.0, offset_kpa: 0.3, noise_kpa: 0.4 };
+    let plan = PatchPlan { fit: FitOptions { gauge, ..FitOptions::default() }, ..listening() };
+    let at = |kpa: f64, ms: i64| {
+        let mut scene = Scene::new(plan.clone(), false, false);
+        let read = now(1_000);
+        scene.act(|patch, effects| patch.on_pressure(read, read.time, Kilopascal(kpa), effects));
+        scene.patch.check_vented(now(1_000 + ms)).map_err(|refusal| match refusal {
+            Rejection::FailedPrecondition(reason, why) => (reason, why),
+            other => panic!("{other:?}"),
+        })
+    };
+    for kpa in [-1.79, 0.0, 9.99, 10.0] {
+        assert_eq!(at(kpa, 0), Ok(()), "{kpa} kPa");
+    }
+    let (reason, why) = at(10.1, 0).unwrap_err();
+    assert_eq!(reason, ErrorReason::BagPresses);
+    assert!(why.starts_with("the bag is at 10.1 kPa and presses on the skin: vent it below 10.0 kPa first"), "{why}");
+    let (reason, why) = at(-1.81, 0).unwrap_err();
+    assert_eq!(reason, ErrorReason::GaugeOffset);
+    assert!(why.starts_with("the gauge reads -1.81 kPa, and a vented bag has no less than -1.80 kPa"), "{why}");
+    // What it said half a second ago is what it says; later nobody knows, and the ramp itself waits for it.
+    assert!(at(40.0, 500).is_err());
+    assert_eq!(at(40.0, 501), Ok(()));
+    assert_eq!(Scene::new(plan.clone(), false, false).patch.check_vented(now(1_000)), Ok(()));
+}
+
+#[test]
+fn boards_that_were_not_heard_for_three_periods_are_configured_without_a_look() {
+    let mut scene = Scene::new(configuring(), true, false);
+    scene.act(|patch, effects| patch.start(now(1_000), effects));
+    assert!(scene.patch.check_looked_at().is_err());
+    let why = scene.patch.check_set_up().unwrap_err().to_string();
+    assert!(
+        why.ends_with("the boards are being configured, which takes their zero anew: ask again when they are verified"),
+        "{why}"
+    );
+    assert!(!scene.sends(1_000) && !scene.sends(1_299));
+    assert_eq!(scene.patch.deadline(), Some(now(1_300).time), "it wants to be woken for that");
+    assert!(scene.sends(1_300));
+    assert!(scene.patch.check_looked_at().is_ok());
+    assert!(scene.patch.check_set_up().is_err(), "they are not verified yet");
+}
+
+/// Silent boards show nothing, however long one looks.
+#[test]
+fn silent_boards_are_configured_again_at_once() {
+    let mut scene = Scene::new(configuring(), true, false);
+    scene.act(|patch, effects| patch.start(now(1_000), effects));
+    assert!(scene.sends(1_300));
+    scene.act(|patch, effects| patch.bring_up_again(now(60_000), false, effects));
+    assert!(scene.patch.check_looked_at().is_ok() && scene.sends(60_000));
+}
+
+#[test]
+fn boards_whose_load_no_model_would_show_are_configured_at_once_and_those_of_a_listener_never() {
+    let mut scene = Scene::new(configuring(), false, false);
+    scene.act(|patch, effects| patch.start(now(1_000), effects));
+    assert!(scene.patch.check_looked_at().is_ok() && scene.sends(1_000));
+    let mut scene = Scene::new(listening(), true, false);
+    scene.act(|patch, effects| patch.start(now(1_000), effects));
+    assert!(scene.patch.check_looked_at().is_ok() && scene.patch.check_set_up().is_ok());
+    assert!(!scene.sends(1_000) && !scene.sends(2_000));
+}
+
+#[test]
+fn a_board_that_is_shared_waits_for_the_others_and_what_was_seen_holds_for_ten_seconds() {
+    let mut scene = Scene::new(configuring(), false, true);
+    assert!(!scene.patch.is_ready_for_bring_up());
+    scene.act(|patch, effects| patch.start(now(1_000), effects));
+    assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);
+    assert!(scene.patch.is_ready_for_bring_up() && !scene.sends(1_500));
+    scene.act(|patch, effects| patch.on_looked(now(1_500), Ok(()), effects));
+    assert!(scene.intents.is_empty(), "it has said so: {:?}", scene.intents);
+    assert!(!scene.act(|patch, effects| patch.looks_again(now(11_000), effects)));
+    assert!(scene.patch.is_ready_for_bring_up());
+    assert!(scene.act(|patch, effects| patch.looks_again(now(11_001), effects)));
+    assert!(!scene.patch.is_ready_for_bring_up(), "until it has looked");
+    let mut scene = Scene::new(listening(), false, true);
+    assert!(scene.patch.is_ready_for_bring_up(), "a patch that configures nothing keeps nobody waiting");
+    assert!(!scene.act(|patch, effects| patch.looks_again(now(99_000), effects)));
+}
