@@ -141,12 +141,14 @@ impl BringUp {
         }
     }
 
-    /// Time passed: an unproven bring-up becomes incomplete.
-    pub fn tick(&mut self, now: Time) {
-        if self.state == BringUpState::Proving && now > self.proof_until {
+    /// Time passed: an unproven bring-up becomes incomplete. Returns whether it has just become so.
+    pub fn tick(&mut self, now: Time) -> bool {
+        let over = self.state == BringUpState::Proving && now > self.proof_until;
+        if over {
             let silent = self.heard.iter().enumerate().filter(|(_, h)| !**h).map(|(m, _)| m).collect();
             self.state = BringUpState::Incomplete(silent);
         }
+        over
     }
 
     /// Where it stands.

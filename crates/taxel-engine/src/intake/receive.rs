@@ -305,10 +305,13 @@ impl Intake {
         while let Some(step) = self.bring_up.next_due(now) {
             send.push(step);
         }
-        self.bring_up.tick(now);
+        let incomplete = self.bring_up.tick(now);
         let silent = self.assembler.mark_stale(now, self.plan.stale_after);
-        if self.faults.tick(now) || !silent.is_empty() {
+        let unsound = self.faults.tick(now) || !silent.is_empty();
+        if unsound {
             self.refresh_soundness();
+        }
+        if incomplete || unsound {
             events.push(IntakeEvent::Changed);
         }
     }

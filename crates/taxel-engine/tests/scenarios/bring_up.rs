@@ -104,6 +104,15 @@ fn an_incomplete_bring_up_names_the_modules() {
 }
 
 #[test]
+fn a_bring_up_that_no_board_answers_is_told_though_no_frame_comes() {
+    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
+    [13, 12].into_iter().for_each(|address| bench.inject(Fault::BoardSilent(board(address))));
+    bench.seconds(4.0);
+    let words: Vec<_> = bench.host.health().boards.iter().map(|b| b.bring_up.as_str()).collect();
+    assert_eq!(words, ["incomplete: no frame from modules 0, 1, 2, 3, 4, 5", "incomplete: no frame from modules 0, 1"]);
+}
+
+#[test]
 fn who_only_listens_never_sends() {
     let listening = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
     let mut world = small_world();
