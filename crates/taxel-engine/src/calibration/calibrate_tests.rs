@@ -194,7 +194,7 @@ fn a_fall_that_ended_early_says_so_until_the_session_is_left_and_a_ramp_that_wen
     let now = scene.now();
     scene.calibration.command(now, Trigger::FinishRamp, &scene.gauge, &mut scene.events).unwrap();
     assert_eq!(scene.calibration.session().unwrap().direction, Direction::Falling);
-    scene.go(16.0, 0.0, 4.2);
+    scene.go(20.0, 0.0, 4.2);
     let view = scene.calibration.session().unwrap();
     assert_eq!(view.state, SessionState::Fitting);
     assert!(view.reason.starts_with("the falling branch ended early: "), "{}", view.reason);

@@ -20,10 +20,9 @@ const THIRD_ERRORS_MAX: f64 = 3.3;
 const THIRD_NOISE_MAX: f64 = 1.9;
 
 /// So many taxels of a module, or of the skin, that moved by far more than their noise are a load that came or went, however
-/// few of its modules' taxels it lies on. One alone may be broken.
+/// few of a module's taxels it lies on. One alone may be broken, and of a large skin one more for each so many.
 const JUMPS_OF_MODULE: usize = 2;
-const JUMPS_OF_SKIN: usize = 3;
-/// A large skin may have a broken taxel more for each so many.
+const JUMPS_OF_SKIN: usize = 2;
 const TAXELS_PER_BROKEN: usize = 500;
 
 /// Most of a thermal drift that is put down to time, counts.

@@ -53,8 +53,8 @@ impl RestWindow {
         &self.all
     }
 
-    /// Mean and noise per taxel. A taxel that moved while it was watched has none: one of a module and two of a skin may move
-    /// without the skin being called restless, and what they read in the mean may hide a load that came meanwhile.
+    /// Mean and noise per taxel. A taxel that moved while it was watched has none: one may move without the skin being called
+    /// restless, and what it reads in the mean may hide a load that came meanwhile.
     #[must_use]
     pub fn steady_baseline(&self) -> Vec<TaxelBaseline> {
         let [early, late] = self.halves.each_ref().map(RestStatistics::baseline);
