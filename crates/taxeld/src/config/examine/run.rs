@@ -44,7 +44,10 @@ pub fn examine(path: &Path) -> Result<(Config, Scene), Problems> {
 }
 
 /// The same of a text; `path` is for messages and for files beside it.
-fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems> {
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems> {
     let (tree, errors) = DeTable::parse_recoverable(text);
     let span = tree.span();
     let original = tree.into_inner();

@@ -1,0 +1,94 @@
+//! Every target on its corpus, on what once failed, and on random changes of both, the same in each run.
+
+#![allow(clippy::unwrap_used, clippy::panic)]
+
+mod change;
+
+use std::fs;
+use std::panic::catch_unwind;
+use std::path::{Path, PathBuf};
+
+use change::Random;
+use taxel_fuzz::{TARGETS, Target};
+
+/// Longest input that changes make, in bytes: each target has to be quick without optimisation.
+const BYTES_MAX: usize = 2048;
+
+/// The inputs of a target in one of the folders, in the order of their names.
+fn inputs(folder: &str, target: &Target) -> Vec<(PathBuf, Vec<u8>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder).join(target.name);
+    let Ok(entries) = fs::read_dir(folder) else { return vec![] };
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    paths.into_iter().map(|path| (path.clone(), fs::read(path).unwrap())).collect()
+}
+
+/// Runs one input. One that fails is kept, and the test says how to run it again.
+fn run(target: &Target, input: &[u8], from: &str) {
+    if catch_unwind(|| (target.run)(input)).is_ok() {
+        return;
+    }
+    let kept = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("failed-{}", target.name));
+    fs::write(&kept, input).unwrap();
+    panic!(
+        "target {} fails on {from}, kept as {}\n  {}\nagain: FUZZ_INPUT={} cargo test -p taxel-fuzz one_input",
+        target.name,
+        kept.display(),
+        input.escape_ascii(),
+        kept.display(),
+    );
+}
+
+#[test]
+fn what_was_kept_holds() {
+    for target in TARGETS {
+        let seeds = inputs("corpus", target);
+        assert!(!seeds.is_empty(), "{} has no corpus", target.name);
+        for (path, input) in seeds.into_iter().chain(inputs("finds", target)) {
+            run(target, &input, &path.display().to_string());
+        }
+        run(target, &[], "nothing");
+    }
+}
+
+#[test]
+fn random_changes_of_it_hold() {
+    for target in TARGETS {
+        let seeds: Vec<Vec<u8>> =
+            inputs("corpus", target).into_iter().chain(inputs("finds", target)).map(|(_, input)| input).collect();
+        let mut random = Random::new(target.name);
+        for number in 0..target.changes {
+            let mut input = seeds[random.below(seeds.len())].clone();
+            let other = &seeds[random.below(seeds.len())];
+            change::change(&mut input, other, &mut random);
+            input.truncate(BYTES_MAX);
+            run(target, &input, &format!("change {number}"));
+        }
+    }
+}
+
+/// `FUZZ_INPUT=FILE cargo test -p taxel-fuzz one_input`: a file whose path names its target, as those that failed do.
+#[test]
+fn one_input() {
+    let Some(path) = std::env::var_os("FUZZ_INPUT").map(PathBuf::from) else { return };
+    let name = path.display().to_string();
+    let target = TARGETS.iter().filter(|target| name.contains(target.name)).max_by_key(|target| target.name.len());
+    (target.unwrap().run)(&fs::read(path).unwrap());
+}
+
+#[test]
+fn every_target_has_a_binary_and_every_folder_a_target() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let names = |folder: &str| {
+        let entries = fs::read_dir(root.join(folder)).into_iter().flatten();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    };
+    let mut targets: Vec<&str> = TARGETS.iter().map(|target| target.name).collect();
+    targets.sort_unstable();
+    assert_eq!(names("libfuzzer/src/bin"), targets);
+    assert_eq!(names("corpus"), targets);
+    assert!(names("finds").iter().all(|name| targets.contains(&name.as_str())));
+}
