@@ -29,7 +29,8 @@ pub enum LogFault {
         /// The system's answer.
         error: io::Error,
     },
-    /// Reading or unpacking failed. All complete lines before were handed out.
+    /// Reading or unpacking failed. All complete lines before were handed out; of a damaged gzip those lack that were
+    /// unpacked together with the damage, at most a block.
     #[error("{name}: after line {line}: {error}")]
     Read {
         /// The log.

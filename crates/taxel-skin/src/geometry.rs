@@ -52,10 +52,10 @@ impl Geometry {
     pub fn from_poses(mut poses: Vec<Option<TaxelPose>>) -> Self {
         let mut furthest = 0.0_f64;
         for pose in poses.iter_mut().flatten() {
-            let norm = length(pose.normal);
+            let (normal, norm) = normalised(pose.normal);
             if norm > 0.0 {
                 furthest = furthest.max((norm - 1.0).abs());
-                pose.normal = pose.normal.map(|n| n / norm);
+                pose.normal = normal;
             }
         }
         let normals = judge_normals(&poses);
@@ -96,10 +96,26 @@ fn remarks(poses: &[Option<TaxelPose>], normals: NormalsVerdict, furthest: f64) 
         NormalsVerdict::Missing => remarks.push("normals are zero or missing: no vector is served".into()),
     }
     if furthest > 0.01 {
-        remarks
-            .push(format!("normals were up to {:.0} % off unit length and have been renormalised", furthest * 100.0));
+        let off = if furthest > 10.0 { "more than 1000".into() } else { format!("up to {:.0}", furthest * 100.0) };
+        remarks.push(format!("normals were {off} % off unit length and have been renormalised"));
     }
     remarks
+}
+
+/// The vector at unit length, and its length.
+fn normalised(v: [f64; 3]) -> ([f64; 3], f64) {
+    let norm = length(v);
+    if (1e-100..=1e100).contains(&norm) {
+        return (v.map(|n| n / norm), norm);
+    }
+    // Scaled by its largest component first, so that no square is lost or infinite.
+    let largest = v.iter().fold(0.0_f64, |largest, n| largest.max(n.abs()));
+    if largest == 0.0 {
+        return (v, 0.0);
+    }
+    let scaled = v.map(|n| n / largest);
+    let norm = length(scaled);
+    (scaled.map(|n| n / norm), norm * largest)
 }
 
 fn length(v: [f64; 3]) -> f64 {
@@ -139,6 +155,27 @@ mod tests {
         assert_eq!(geometry.normals, NormalsVerdict::Usable);
         assert!(geometry.remarks.iter().any(|r| r.contains("18 of 20 taxels have no position")));
         assert!(geometry.remarks.iter().any(|r| r.contains("50 % off unit length")));
+    }
+
+    #[test]
+    fn normals_of_any_length_become_unit_normals() {
+        for (written, expected) in [
+            ("1e-300 0 0", [1.0, 0.0, 0.0]),
+            ("0 -1e300 0", [0.0, -1.0, 0.0]),
+            ("5e-324 0 5e-324", [0.5_f64.sqrt(), 0.0, 0.5_f64.sqrt()]),
+            ("1.7e308 1.7e308 1.7e308", [(1.0_f64 / 3.0).sqrt(); 3]),
+        ] {
+            let mut rows = vec!["0 0 0 0 0 0"; 12];
+            let row = format!("0.1 0.2 0.3 {written}");
+            rows[0] = &row;
+            let geometry = Geometry::parse(&file(&rows), &patch(&[(1, &[0])])).unwrap();
+            let normal = geometry.poses[0].unwrap().normal;
+            let off = normal.iter().zip(expected).map(|(n, expected)| (n - expected).abs()).fold(0.0, f64::max);
+            assert!(off < 1e-15, "{written}: {normal:?}");
+            assert_eq!(geometry.normals, NormalsVerdict::Usable, "{written}");
+            let remark = geometry.remarks.iter().find(|remark| remark.contains("% off unit length")).unwrap();
+            assert!(remark.len() < 100, "{remark}");
+        }
     }
 
     #[test]

@@ -15,6 +15,9 @@ mod db;
 mod deletions;
 mod doubts;
 mod error;
+#[cfg(feature = "fuzzing")]
+#[doc(hidden)]
+pub mod fuzzing;
 mod group;
 mod identity;
 mod load_row;

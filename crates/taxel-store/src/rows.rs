@@ -45,7 +45,7 @@ pub(crate) fn counts_to_blob(counts: Counts<'_>) -> Cow<'_, [u8]> {
 }
 
 /// Counts of more than eight bits; `None` if the blob holds none.
-fn wide_counts(blob: &[u8]) -> Option<SharedCounts> {
+pub(crate) fn wide_counts(blob: &[u8]) -> Option<SharedCounts> {
     let words: Vec<u16> = blob.chunks_exact(2).map(|pair| u16::from_le_bytes([pair[0], pair[1]])).collect();
     let (top, words) = words.split_first()?;
     let range = CountRange::to(*top).filter(|range| !range.is_byte() && blob.len().is_multiple_of(2))?;

@@ -98,7 +98,11 @@ impl Recording {
         Self::parse(open(path)?).with_context(|| path.display().to_string())
     }
 
-    fn parse(input: impl Read) -> anyhow::Result<Self> {
+    /// Reads a recording of anything that can be read.
+    ///
+    /// # Errors
+    /// As [`Recording::read`].
+    pub fn parse(input: impl Read) -> anyhow::Result<Self> {
         let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(input);
         let header = reader.headers()?.clone();
         let has_pressure = check_header(&header)?;

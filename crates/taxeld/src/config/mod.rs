@@ -5,7 +5,7 @@ mod area_words;
 mod boards;
 mod certificate_section;
 mod dbc;
-mod examine;
+pub mod examine;
 mod fault;
 mod file;
 mod fit_section;

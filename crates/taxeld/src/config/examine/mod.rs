@@ -3,7 +3,7 @@
 mod expected;
 mod feasible;
 mod problem;
-mod run;
+pub mod run;
 mod tree;
 
 pub use problem::Problems;

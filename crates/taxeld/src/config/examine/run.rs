@@ -44,13 +44,16 @@ pub fn examine(path: &Path) -> Result<(Config, Scene), Problems> {
 }
 
 /// The same of a text; `path` is for messages and for files beside it.
-fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems> {
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems> {
     let (tree, errors) = DeTable::parse_recoverable(text);
     let span = tree.span();
     let original = tree.into_inner();
     let mut examination = Examination { path, text, original: &original, removed: Vec::new(), problems: Vec::new() };
     if !errors.is_empty() {
-        errors.iter().for_each(|error| examination.note_syntax(error));
+        errors.iter().take(PROBLEMS_MAX).for_each(|error| examination.note_syntax(error));
         return Err(Problems::new(examination.problems));
     }
     let mut tree = original.clone();
@@ -349,6 +352,11 @@ mod tests {
     fn several_faults_of_syntax_are_told_at_once() {
         let found = lines("[store\npath = 1\n[[bus]]\nname = = 2\n");
         assert!(found.len() >= 2 && found[0].starts_with("t.toml:1: "), "{found:#?}");
+    }
+
+    #[test]
+    fn faults_of_syntax_are_told_up_to_the_limit() {
+        assert_eq!(lines(&"= 1\n".repeat(2 * PROBLEMS_MAX)).len(), PROBLEMS_MAX);
     }
 
     proptest! {

@@ -1,0 +1,75 @@
+//! Whole logs, plain or gzipped, that come in pieces of any size.
+
+use std::io::{self, Read};
+
+use taxel_can::{LogReader, LogReport};
+use taxel_wire::TimedFrame;
+use taxel_wire::candump::parse_line_bytes;
+
+/// A line that is longer is refused as a whole.
+const LINE_BYTES_MAX: usize = 4096;
+
+/// The size of the pieces, then the log.
+pub fn run(data: &[u8]) {
+    let Some((pieces, log)) = data.split_first() else { return };
+    let (frames, report, whole) = read(log, log.len().max(1), None);
+    assert_eq!(frames.len() as u64, report.frames);
+    assert_eq!(report.lines, report.frames + report.other_interface + report.blank + report.bad);
+    assert!(report.first_bad.len() as u64 <= report.bad.min(5));
+    assert!(report.first_bad.iter().all(|bad| bad.line <= report.lines && !bad.fault.to_string().is_empty()));
+    let in_pieces = read(log, 1 + usize::from(*pieces), None);
+    let common = frames.len().min(in_pieces.0.len());
+    assert_eq!(frames[..common], in_pieces.0[..common], "in pieces of {}", 1 + usize::from(*pieces));
+    // How much of a damaged gzip is unpacked before the damage is seen depends on its pieces.
+    assert!(in_pieces.2 == whole && (!whole || (in_pieces.0.len(), &in_pieces.1) == (common, &report)));
+    if !log.starts_with(&[0x1F, 0x8B]) {
+        assert!(whole, "a plain log is read to its end");
+        compare(log, &frames, &report);
+    }
+    let (of_one, report_of_one, _) = read(log, log.len().max(1), Some("can0".to_owned()));
+    assert_eq!(report_of_one.frames + report_of_one.other_interface, report.frames);
+    assert!(of_one.len() <= frames.len());
+}
+
+/// The frames, what became of the lines, and whether the log was read to its end.
+fn read(log: &[u8], piece: usize, interface: Option<String>) -> (Vec<TimedFrame>, LogReport, bool) {
+    let input = Pieces { log: log.to_vec(), at: 0, piece };
+    let mut reader = LogReader::from_reader("a log".to_owned(), input, interface).expect("it can be read");
+    let mut frames = Vec::new();
+    loop {
+        let before = frames.len();
+        match reader.next_batch(&mut frames, 3) {
+            Ok(true) => assert_eq!(frames.len(), before + 3),
+            Ok(false) => return (frames, reader.report().clone(), true),
+            Err(fault) => {
+                assert!(fault.to_string().starts_with("a log: after line"), "{fault}");
+                return (frames, reader.report().clone(), false);
+            }
+        }
+    }
+}
+
+/// A plain log is what its lines are, one by one.
+fn compare(log: &[u8], frames: &[TimedFrame], report: &LogReport) {
+    let lines = || log.split_inclusive(|byte| *byte == b'\n').map(|line| line.strip_suffix(b"\n").unwrap_or(line));
+    assert_eq!(report.lines, lines().count() as u64);
+    let parsed = lines().filter(|line| line.len() <= LINE_BYTES_MAX).filter_map(|line| parse_line_bytes(line).ok());
+    let expected: Vec<TimedFrame> = parsed.map(|line| TimedFrame { time: line.time, frame: line.frame }).collect();
+    assert_eq!(frames, expected);
+}
+
+/// Gives so many bytes at a time.
+struct Pieces {
+    log: Vec<u8>,
+    at: usize,
+    piece: usize,
+}
+
+impl Read for Pieces {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let length = into.len().min(self.piece).min(self.log.len() - self.at);
+        into[..length].copy_from_slice(&self.log[self.at..][..length]);
+        self.at += length;
+        Ok(length)
+    }
+}

@@ -1,0 +1,74 @@
+//! The message of each call of the service, as it comes from a client.
+
+use prost::Message;
+use taxel_proto::v1;
+
+use crate::requests::Requests;
+
+/// Requests, one after the other.
+pub fn run(data: &[u8]) {
+    for (call, message) in Requests::new(data) {
+        if let Some((_, check)) = CHECKS.iter().find(|(name, _)| *name == call) {
+            check(message);
+        }
+    }
+}
+
+/// The calls whose messages are read: all that there are.
+pub fn calls() -> impl Iterator<Item = &'static str> {
+    CHECKS.iter().map(|(call, _)| *call)
+}
+
+/// What is read can be written, is read again as the same, and has no more in it than came.
+fn check<M: Message + Default>(bytes: &[u8]) {
+    let Ok(message) = M::decode(bytes) else { return };
+    let written = message.encode_to_vec();
+    // A list of one number takes a byte more in the form in which it is written.
+    assert!(written.len() <= 2 * bytes.len(), "{} bytes of {}", written.len(), bytes.len());
+    let again = M::decode(&*written).expect("what was written is read");
+    // Equal bytes are equal messages, also where a number is NaN.
+    assert_eq!(again.encode_to_vec(), written);
+}
+
+/// A call's name, and how its message is checked.
+type Check = (&'static str, fn(&[u8]));
+
+const CHECKS: &[Check] = &[
+    ("AbortSession", check::<v1::AbortSessionRequest>),
+    ("AcceptRecalibration", check::<v1::AcceptRecalibrationRequest>),
+    ("ActivateModelSet", check::<v1::ActivateModelSetRequest>),
+    ("BringUp", check::<v1::BringUpRequest>),
+    ("CompareModelSets", check::<v1::CompareModelSetsRequest>),
+    ("DeleteModelSet", check::<v1::DeleteModelSetRequest>),
+    ("DeleteSession", check::<v1::DeleteSessionRequest>),
+    ("DiscardSession", check::<v1::DiscardSessionRequest>),
+    ("ExportModelSet", check::<v1::ExportModelSetRequest>),
+    ("ExportSamples", check::<v1::ExportSamplesRequest>),
+    ("FinishRamp", check::<v1::FinishRampRequest>),
+    ("GetCertificate", check::<v1::GetCertificateRequest>),
+    ("GetForce", check::<v1::GetForceRequest>),
+    ("GetHealth", check::<v1::GetHealthRequest>),
+    ("GetModelSet", check::<v1::GetModelSetRequest>),
+    ("GetSession", check::<v1::GetSessionRequest>),
+    ("GetSkin", check::<v1::GetSkinRequest>),
+    ("GetTaxelModel", check::<v1::GetTaxelModelRequest>),
+    ("GetTaxels", check::<v1::GetTaxelsRequest>),
+    ("GetValidation", check::<v1::GetValidationRequest>),
+    ("ImportModelSet", check::<v1::ImportModelSetRequest>),
+    ("ListAudit", check::<v1::ListAuditRequest>),
+    ("ListEvents", check::<v1::ListEventsRequest>),
+    ("ListModelSets", check::<v1::ListModelSetsRequest>),
+    ("ListSessions", check::<v1::ListSessionsRequest>),
+    ("MergeSessions", check::<v1::MergeSessionsRequest>),
+    ("ProposeRecalibration", check::<v1::ProposeRecalibrationRequest>),
+    ("PushScans", check::<v1::PushScansRequest>),
+    ("RecordLoad", check::<v1::RecordLoadRequest>),
+    ("RefitSession", check::<v1::RefitSessionRequest>),
+    ("StartRamp", check::<v1::StartRampRequest>),
+    ("StartSession", check::<v1::StartSessionRequest>),
+    ("StreamForce", check::<v1::StreamForceRequest>),
+    ("StreamTaxels", check::<v1::StreamTaxelsRequest>),
+    ("Tare", check::<v1::TareRequest>),
+    ("WatchEvents", check::<v1::WatchEventsRequest>),
+    ("WatchSession", check::<v1::WatchSessionRequest>),
+];

@@ -1,0 +1,128 @@
+//! Every target on its corpus, on what once failed, and on random changes of both, the same in each run.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod change;
+
+use std::fmt::Display;
+use std::fs;
+use std::panic::catch_unwind;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use change::Random;
+use taxel_fuzz::{TARGETS, Target};
+
+/// Longest input that changes make, in bytes: each target has to be quick without optimisation.
+const BYTES_MAX: usize = 2048;
+
+/// The inputs of a target in one of the folders, in the order of their names.
+fn inputs(folder: &str, target: &Target) -> Vec<(PathBuf, Vec<u8>)> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder).join(target.name);
+    let Ok(entries) = fs::read_dir(folder) else { return vec![] };
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    paths.sort();
+    paths.into_iter().map(|path| (path.clone(), fs::read(path).unwrap())).collect()
+}
+
+/// Runs one input. One that fails is kept, and the test says how to run it again.
+fn run(target: &Target, input: &[u8], from: impl Display) {
+    if catch_unwind(|| (target.run)(input)).is_ok() {
+        return;
+    }
+    let kept = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("failed-{}", target.name));
+    fs::write(&kept, input).unwrap();
+    panic!(
+        "target {} fails on {from}, kept as {}\n  {}\nagain: FUZZ_INPUT={} cargo test -p taxel-fuzz one_input",
+        target.name,
+        kept.display(),
+        input.escape_ascii(),
+        kept.display(),
+    );
+}
+
+#[test]
+fn what_was_kept_holds() {
+    for target in TARGETS {
+        let seeds = inputs("corpus", target);
+        assert!(!seeds.is_empty(), "{} has no corpus", target.name);
+        for (path, input) in seeds.into_iter().chain(inputs("finds", target)) {
+            run(target, &input, path.display());
+        }
+        run(target, &[], "nothing");
+    }
+}
+
+/// Changes of what was kept, the same ones for the same seed.
+struct Changes<'a> {
+    target: &'a Target,
+    kept: Vec<Vec<u8>>,
+    random: Random,
+}
+
+impl<'a> Changes<'a> {
+    fn new(target: &'a Target, seed: &str) -> Self {
+        let kept = inputs("corpus", target).into_iter().chain(inputs("finds", target));
+        Self { target, kept: kept.map(|(_, input)| input).collect(), random: Random::new(target.name, seed) }
+    }
+
+    /// Tries one, and says which it was if it fails.
+    fn try_one(&mut self, number: u64) {
+        let mut input = self.kept[self.random.below(self.kept.len())].clone();
+        let other = &self.kept[self.random.below(self.kept.len())];
+        change::change(&mut input, other, &mut self.random);
+        input.truncate(BYTES_MAX);
+        run(self.target, &input, format_args!("change {number}"));
+    }
+}
+
+#[test]
+fn random_changes_of_it_hold() {
+    for target in TARGETS {
+        let mut changes = Changes::new(target, "");
+        (0..u64::from(target.changes)).for_each(|number| changes.try_one(number));
+    }
+}
+
+/// `FUZZ_TARGET=frames FUZZ_SECONDS=3600 cargo test --release -p taxel-fuzz for_long -- --ignored --nocapture`, with another
+/// FUZZ_SEED other changes: without libFuzzer's counters far more of them in the same time.
+#[test]
+#[ignore = "for as long as it is told to"]
+fn random_changes_hold_for_long() {
+    let variable = |name: &str| std::env::var(name).unwrap_or_default();
+    let (name, seconds) = (variable("FUZZ_TARGET"), variable("FUZZ_SECONDS").parse().unwrap_or(60));
+    let target = TARGETS.iter().find(|target| target.name == name).expect("FUZZ_TARGET names a target");
+    let mut changes = Changes::new(target, &variable("FUZZ_SEED"));
+    let (begun, mut number) = (Instant::now(), 0);
+    while number % 1000 > 0 || begun.elapsed().as_secs() < seconds {
+        changes.try_one(number);
+        number += 1;
+    }
+    println!("{name}: {number} executions in {seconds} s");
+}
+
+/// `FUZZ_INPUT=FILE cargo test -p taxel-fuzz one_input`: a file whose path names its target, as those that failed do.
+#[test]
+fn one_input() {
+    let Some(path) = std::env::var_os("FUZZ_INPUT").map(PathBuf::from) else { return };
+    let name = path.display().to_string();
+    let target = TARGETS.iter().filter(|target| name.contains(target.name)).max_by_key(|target| target.name.len());
+    (target.unwrap().run)(&fs::read(path).unwrap());
+}
+
+#[test]
+fn every_target_has_a_binary_and_every_folder_a_target() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let names = |folder: &str| {
+        let entries = fs::read_dir(root.join(folder)).into_iter().flatten();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().path().file_stem().unwrap().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    };
+    let mut targets: Vec<&str> = TARGETS.iter().map(|target| target.name).collect();
+    targets.sort_unstable();
+    assert_eq!(names("libfuzzer/src/bin"), targets);
+    assert_eq!(names("corpus"), targets);
+    assert!(names("finds").iter().all(|name| targets.contains(&name.as_str())));
+}
