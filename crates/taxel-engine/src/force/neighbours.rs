@@ -144,14 +144,17 @@ impl Neighbours {
     ) -> Rim {
         let (first, mut rim) = (filled.len(), Rim::default());
         for &(taxel, _) in touched {
-            for &missing in self.of[taxel].iter().filter(|&&other| !has_pressure(usize::from(other))) {
-                filled.push(Filled { taxel: usize::from(missing), kpa: pressure_kpa(taxel), sigma_kpa: 0.0 });
+            for missing in self.of(taxel).filter(|&other| !has_pressure(other)) {
+                let kpa = if self.at_rim[missing] { pressure_kpa(taxel) } else { 0.0 };
+                filled.push(Filled { taxel: missing, kpa, sigma_kpa: 0.0 });
             }
         }
         filled[first..].sort_unstable_by_key(|f| f.taxel);
-        let runs = filled[first..].chunk_by(|a, b| a.taxel == b.taxel);
-        let sum_kpa = touched.iter().map(|&(taxel, _)| pressure_kpa(taxel)).sum();
-        rim.beyond = runs.filter(|run| self.at_rim[run[0].taxel] && is_beside_most(run, sum_kpa)).count();
+        if filled[first..].iter().any(|f| self.at_rim[f.taxel]) {
+            let runs = filled[first..].chunk_by(|a, b| a.taxel == b.taxel);
+            let sum_kpa = touched.iter().map(|&(taxel, _)| pressure_kpa(taxel)).sum();
+            rim.beyond = runs.filter(|run| self.at_rim[run[0].taxel] && is_beside_most(run, sum_kpa)).count();
+        }
         filled.dedup_by_key(|f| f.taxel);
         (rim.without, rim.touched) = (filled.len() - first, touched.len());
         filled.retain_mut(|f| {
