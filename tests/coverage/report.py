@@ -1,6 +1,6 @@
 """Lines that tests come by, by crate, and whether that is as many as was aimed for.
 
-    python tests/coverage/report.py LLVM_COV FOLDER [--lines]
+    python tests/coverage/report.py LLVM_COV FOLDER [--lines] [PACKAGE...]
 
 FOLDER has `built.json`, what cargo said of the test binaries, and `all.profdata`. Tests themselves do not count, nor do
 examples and build scripts; of a file with tests in it the lines above `#[cfg(test)]` do.
@@ -59,7 +59,10 @@ def without_tests(path, lines):
 
 def main():
     llvm_cov, folder = sys.argv[1], pathlib.Path(sys.argv[2])
+    wanted = [argument for argument in sys.argv[3:] if argument != "--lines"]
     files = counts_by_file(llvm_cov, folder)
+    # Of a package whose own tests did not run nothing can be said.
+    files = {path: lines for path, lines in files.items() if not wanted or path.split("/")[1] in wanted}
     groups = collections.defaultdict(list)
     for path in files:
         groups[path.split("/")[1]].append(path)
