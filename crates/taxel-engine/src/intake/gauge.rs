@@ -71,8 +71,12 @@ struct Changes {
 }
 
 impl Changes {
-    /// Takes a reading; the step before it, if that was a jump, with the time of the reading that it began at.
+    /// Takes a reading; the step before it, if that was a jump, with the time of the reading that it began at. What is no
+    /// number is no reading: a jump behind it would be none.
     fn push(&mut self, time: Time, kpa: f64) -> Option<(Time, f64)> {
+        if !kpa.is_finite() {
+            return None;
+        }
         let (since, from, read) = self.last.replace((time, kpa, time))?;
         let step = kpa - from;
         if step == 0.0 {
@@ -255,6 +259,8 @@ mod tests {
         assert!((gauge.jumped(ms(0), ms(1500)) - 3.0).abs() < 0.1, "{:?}", gauge.jumps);
         assert!(gauge.jumped(ms(0), ms(4000)).abs() < 0.1 && gauge.jumped(ms(1500), ms(2400)) == 0.0);
         assert!((gauge.jumped(ms(1500), ms(4000)) + 3.0).abs() < 0.1, "it may have been wrong before");
+        let hidden = read(2.0, |t| if (1.0..1.02).contains(&t) { f64::NAN } else { 4.0 * t + off(t) });
+        assert!((hidden.jumped(ms(0), ms(1500)) - 3.0).abs() < 0.2, "{:?}", hidden.jumps);
     }
 
     #[test]
