@@ -34,4 +34,9 @@ impl Scan<'_> {
     pub fn sound_counts(&self) -> impl Iterator<Item = Option<f64>> {
         self.counts.iter_units().zip(self.sound).map(|(count, &sound)| sound.then_some(count))
     }
+
+    /// The counts of those that may not be believed, as last received, `None` for the others.
+    pub fn faulty_counts(&self) -> impl Iterator<Item = Option<f64>> {
+        self.counts.iter_units().zip(self.sound).map(|(count, &sound)| (!sound).then_some(count))
+    }
 }

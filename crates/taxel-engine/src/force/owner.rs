@@ -3,6 +3,8 @@
 //! Order of calls: [`Force::set_models`] and [`Force::set_zero`] whenever these change, [`Force::follow`] and then
 //! [`Force::sample`] for each scan.
 
+mod shortcomings;
+
 use std::sync::Arc;
 use taxel_skin::{CountRange, Newton, SquareMillimetre};
 
@@ -16,10 +18,6 @@ use crate::force::sample::{ForceSample, ForceState};
 use crate::force::tables::Tables;
 use crate::model_set::ModelSet;
 use crate::scan::Scan;
-
-/// So many blind taxels may be anywhere without a force being called degraded: a load on them alone is smaller than a
-/// fingertip.
-const BLIND_TAXELS_BORNE: u32 = 2;
 
 /// What the force needs to know of a patch.
 #[derive(Clone, Debug)]
@@ -90,6 +88,8 @@ pub struct Force {
     faulty: Vec<usize>,
     /// Taxels of modules that are heard with a usable model and no zero: they had a fault or moved when it was taken.
     without_zero: Arc<[u16]>,
+    /// Those of them that have no fault, each with its zero in the models and the way that load moves it.
+    live_without_zero: Vec<(u16, f64, f64)>,
     /// Taxels that [`Coverage::blind`] counts.
     blind: Arc<[u16]>,
     /// How many taxels are selected.
@@ -117,6 +117,7 @@ impl Force {
             selected_for: None,
             faulty: Vec::new(),
             without_zero: Arc::default(),
+            live_without_zero: Vec::new(),
             blind: Arc::default(),
             usable: 0,
             touch: Touch::default(),
@@ -227,6 +228,13 @@ impl Force {
         self.faulty = heard.clone().filter(|&t| tables.has(t) && !scan.sound[t]).collect();
         let without_zero = heard.filter(|&t| tables.set().taxels[t].is_usable() && !tables.has(t));
         self.without_zero = positions(without_zero).into();
+        let live = self.without_zero.iter().filter(|&&taxel| scan.sound[usize::from(taxel)]);
+        let signs = tables.set().signs();
+        let to_compare = |&taxel: &u16| {
+            let place = usize::from(taxel);
+            (taxel, tables.set().baseline[place].mean, f64::from(signs[place]))
+        };
+        self.live_without_zero = live.map(to_compare).collect();
         if let Some(zero) = &self.zero {
             let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
             let zero = Rest { zero, taken: &self.taken, before: &self.before };
@@ -267,13 +275,15 @@ impl Force {
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts };
         let faulty = self.faulty_beside(&touch);
+        let loaded = self.loaded_without_zero(scan);
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, unseen, present);
         self.touch = touch;
         sample.stale = silent as u32;
         sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
-        sample.reasons = self.shortcomings(scan, &sample, (&in_total, faulty), zero);
-        sample.lower_bound = self.coverage.blind > 0
+        sample.lower_bound = !loaded.is_empty();
+        sample.reasons = self.shortcomings(scan, &sample, (&in_total, faulty, loaded), zero);
+        sample.lower_bound |= self.coverage.blind > 0
             || self.touch.mostly_blind().is_some()
             || sample.stale > 0
             || sample.out_of_range > 0
@@ -293,78 +303,6 @@ impl Force {
             ..ForceSample::default()
         };
         Measured { sample, ..Measured::default() }
-    }
-
-    /// Taxels with a fault under the contact or at its rim. Without positions nobody knows, and all count.
-    fn faulty_beside(&self, touch: &Touch) -> Vec<u16> {
-        let Some(neighbours) = self.model.neighbours() else { return positions(self.faulty.iter().copied()) };
-        if self.faulty.is_empty() || touch.active.is_empty() {
-            return Vec::new();
-        }
-        let touched = |taxel: usize| touch.active.iter().any(|&(active, _)| active == taxel);
-        positions(self.faulty.iter().copied().filter(|&taxel| neighbours.of(taxel).any(touched)))
-    }
-
-    /// Taxels of modules that are silent, ascending.
-    fn silent(&self, scan: &Scan<'_>) -> Vec<u16> {
-        let modules = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| **silent);
-        let mut taxels = positions(modules.flat_map(|(taxels, _)| taxels.clone()));
-        taxels.sort_unstable();
-        taxels
-    }
-
-    /// Those of `active`, which count in the total, that read more than was calibrated.
-    fn out_of_range(&self, scan: &Scan<'_>, active: &[u16]) -> Vec<u16> {
-        let Some(evaluator) = &self.evaluator else { return Vec::new() };
-        let above = |&taxel: &u16| {
-            let taxel = usize::from(taxel);
-            let share = scan.counts.raw(taxel).and_then(|count| evaluator.tables().share(taxel, count));
-            share.is_some_and(|share| share.above > 0.0)
-        };
-        active.iter().copied().filter(above).collect()
-    }
-
-    /// Only what touches the total degrades it; the rest is the health's. A good sample, as nearly all are, asks for no
-    /// memory here.
-    fn shortcomings(
-        &self,
-        scan: &Scan<'_>,
-        sample: &ForceSample,
-        (active, faulty): (&[u16], Vec<u16>),
-        zero: &ZeroState,
-    ) -> Vec<Reason> {
-        use ReasonCode::{TaxelsBlind, TaxelsFaulty, TaxelsOutOfRange, TaxelsSilent, TaxelsWithoutZero};
-        let mut reasons = Vec::new();
-        if sample.stale > 0 {
-            let text = format!("{} taxels are silent", sample.stale);
-            reasons.push(Reason::about(self.silent(scan), TaxelsSilent, text));
-        }
-        if !faulty.is_empty() {
-            let text = format!("{} taxels have a fault", faulty.len());
-            reasons.push(Reason::about(faulty, TaxelsFaulty, text));
-        }
-        if self.coverage.blind > BLIND_TAXELS_BORNE && self.coverage.blind > sample.stale {
-            let blind = self.coverage.blind;
-            let text = format!("{blind} taxels are blind, and so are those beside them: the total is a lower bound");
-            reasons.push(Reason::about(Arc::clone(&self.blind), TaxelsBlind, text));
-            if !self.without_zero.is_empty() {
-                let n = self.without_zero.len();
-                let why =
-                    "had a fault or moved when the zero was taken and have none: a new one at rest brings them back";
-                let text = format!("{n} taxels with a model {why}");
-                reasons.push(Reason::about(Arc::clone(&self.without_zero), TaxelsWithoutZero, text));
-            }
-        } else if let Some(n) = self.touch.mostly_blind() {
-            let text = format!("more of a contact may lie on {n} taxels that cannot be read than on those that can");
-            reasons.push(Reason::new(TaxelsBlind, format!("{text}: the total is a lower bound")));
-        }
-        if sample.out_of_range > 0 {
-            let n = sample.out_of_range;
-            let text = format!("{n} active taxels read more than was calibrated: the total is a lower bound");
-            reasons.push(Reason::about(self.out_of_range(scan, active), TaxelsOutOfRange, text));
-        }
-        reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());
-        reasons
     }
 
     /// How much a count more of each taxel weighs below its threshold, N, negative where counts fall with load; empty

@@ -187,6 +187,26 @@ fn each_reason_has_a_code_and_names_the_taxels_that_it_is_about() {
     assert_eq!(silent, [(TaxelsSilent, (0..60).collect())], "no force at all");
 }
 
+/// A load came while the zero was taken and lies on one taxel alone, which has none therefore.
+#[test]
+fn a_taxel_without_a_zero_that_lies_far_towards_load_may_bear_one() {
+    let told = |counts: u8, fault: bool| {
+        let mut skin = Skin::new(Some(row(TAXELS))).press(37..38, counts);
+        let mut zero = rest(TAXELS);
+        zero[37] = TaxelBaseline::UNKNOWN;
+        skin.force.set_zero(Some(&zero), 0.0);
+        skin.sound[37] = !fault;
+        let sample = skin.measured().sample;
+        let reasons = sample.reasons.iter().map(|reason| (reason.code(), reason.taxels().to_vec()));
+        (sample.state, sample.lower_bound, reasons.collect::<Vec<_>>())
+    };
+    let nothing = (ForceState::Ok, false, Vec::new());
+    assert_eq!(told(0, false), nothing);
+    assert_eq!(told(16, false), nothing);
+    assert_eq!(told(17, false), (ForceState::Degraded, true, vec![(ReasonCode::TaxelsWithoutZero, vec![37])]));
+    assert_eq!(told(17, true), nothing, "what a broken taxel reads says nothing");
+}
+
 #[test]
 fn a_sound_skin_is_ok_at_rest_and_under_load_and_never_certain() {
     for geometry in [None, Some(row(TAXELS))] {

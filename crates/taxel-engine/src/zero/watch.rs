@@ -63,10 +63,16 @@ impl Watch {
         &self.purpose
     }
 
-    /// Takes one scan; a taxel with a fault is `None`.
-    pub fn push(&mut self, now: Time, scan: impl Iterator<Item = Option<f64>>) {
+    /// Takes one scan: what its sound taxels read, and what the others do.
+    pub fn push(
+        &mut self,
+        now: Time,
+        sound: impl Iterator<Item = Option<f64>>,
+        faulty: impl Iterator<Item = Option<f64>>,
+    ) {
         let late = now.since(self.begun) >= self.duration / 2;
-        self.window.push(late, scan);
+        self.window.push(late, sound);
+        self.window.push_faulty(faulty);
     }
 
     /// Whether it has lasted long enough and has seen at least so many scans.
@@ -97,7 +103,9 @@ mod tests {
     /// A watch of a second with so many scans, the first at once and then one every 100 ms.
     fn watched(scans: u32) -> Watch {
         let mut watch = Watch::new(Time::default(), SECOND, RestWindow::new(1, &[]), Purpose::AtStart);
-        (0..scans).for_each(|scan| watch.push(Time::default() + scan * SECOND / 10, std::iter::once(Some(240.0))));
+        (0..scans).for_each(|scan| {
+            watch.push(Time::default() + scan * SECOND / 10, std::iter::once(Some(240.0)), std::iter::once(None))
+        });
         watch
     }
 

@@ -32,7 +32,7 @@ impl Zero {
         if for_session && (around.no_rest || (!scan.whole && !around.parts_left_out)) {
             return;
         }
-        watch.push(now.time, scan.sound_counts());
+        watch.push(now.time, scan.sound_counts(), scan.faulty_counts());
         if watch.is_over(now.time, self.plan.tare.rest.scans_min)
             && let Some(watch) = self.watch.take()
         {

@@ -331,3 +331,47 @@ fn what_is_said_of_a_load() {
         "150 taxels moved +2.00 counts towards load in the median, 25 % of them that way, module 3 by 5.05 more";
     assert_eq!(figures.to_string(), expected);
 }
+
+/// Taxels that stand still are no measure of rest. Two of a module that do so far towards load may lie beyond their range
+/// under a load, whether their fault has been found already or not.
+#[test]
+fn two_taxels_of_a_module_that_stand_far_towards_load_are_no_rest() {
+    let standing = |taxels: &[usize], level: f64, sound: bool, flutter: f64| {
+        let mut seen = RestWindow::new(TAXELS, &modules());
+        for scan in 0..SCANS {
+            let wiggle = |t: usize| if (scan + t).is_multiple_of(2) { 0.4 } else { -0.4 };
+            let stands = |t: &usize| taxels.contains(t);
+            let count = |t: usize| match stands(&t) {
+                true => sound.then_some(240.0 - level),
+                false => Some(240.0 + wiggle(t)),
+            };
+            seen.push(2 * scan >= SCANS, (0..TAXELS).map(count));
+            let faulty = |t: usize| (stands(&t) && !sound).then_some(240.0 - level + flutter * wiggle(t));
+            seen.push_faulty((0..TAXELS).map(faulty));
+        }
+        say(&seen, None)
+    };
+    for sound in [false, true] {
+        let loaded = |level| standing(&[32, 37, 90], level, sound, 0.0);
+        assert_eq!(loaded(16.1), RestVerdict::Standing { module: 3, taxels: 2, moved_max: 16.0 }, "{sound}");
+        assert!(loaded(16.1).is_loaded() && loaded(16.1).is_still(), "somebody may vouch for broken ones");
+        for level in [15.9, 0.0, -200.0] {
+            assert!(matches!(loaded(level), RestVerdict::Rest { .. }), "{sound}, {level}: {}", loaded(level));
+        }
+        let apart = standing(&[32, 47, 90], 200.0, sound, 0.0);
+        assert!(matches!(apart, RestVerdict::Rest { .. }), "one of a module may be broken: {apart}");
+        // Of a module with less than five taxels that are read nothing is known, and its force says so.
+        for (broken, loaded) in [(5, true), (6, false), (10, false)] {
+            let module: Vec<usize> = (30..30 + broken).collect();
+            let verdict = standing(&module, 200.0, sound, 0.0);
+            assert_eq!(matches!(verdict, RestVerdict::Standing { .. }), loaded, "{sound}, {broken}: {verdict}");
+        }
+    }
+    // At the end of its range a taxel flutters by its noise; what goes back and forth by more is broken.
+    for (flutter, loaded) in [(2.5 * NOISE, true), (7.0 * NOISE, false)] {
+        let verdict = standing(&[32, 37], 200.0, false, flutter);
+        assert_eq!(matches!(verdict, RestVerdict::Standing { .. }), loaded, "{flutter}: {verdict}");
+    }
+    let words = RestVerdict::Standing { module: 3, taxels: 2, moved_max: 16.0 }.to_string();
+    assert!(words.contains("2 taxels of module 3 stand still more than 16 counts towards load"), "{words}");
+}

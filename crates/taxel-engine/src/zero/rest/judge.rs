@@ -25,6 +25,9 @@ const JUMPS_OF_MODULE: usize = 2;
 const JUMPS_OF_SKIN: usize = 2;
 const TAXELS_PER_BROKEN: usize = 500;
 
+/// So many taxels of a module that stand still far towards load are a load.
+const STANDING_OF_MODULE: usize = 2;
+
 /// Most of a thermal drift that is put down to time, counts.
 const DRIFT_MAX_COUNTS: f64 = 3.5;
 
@@ -80,9 +83,35 @@ pub fn judge(window: &RestWindow, reference: Reference<'_>, limits: &RestLimits)
         return RestVerdict::Restless { drift: drift_median, drift_max, noise_ratio, noise_ratio_max };
     }
     match compare_with_models(&moves, window, drift_median, noise_ratio, limits) {
-        rest @ RestVerdict::Rest { .. } => compare_with_zero(window, reference, limits).unwrap_or(rest),
+        rest @ RestVerdict::Rest { .. } => {
+            let standing = || standing(window, models, &moves, reference.sign, limits);
+            compare_with_zero(window, reference, limits).or_else(standing).unwrap_or(rest)
+        }
         other => other,
     }
+}
+
+/// The module with most taxels that take no part and stand still far towards load, if that may be a load beyond their range:
+/// one of them may be broken. Of a module that is hardly read nothing is known, and its force says so.
+fn standing(
+    window: &RestWindow,
+    models: &[TaxelBaseline],
+    moves: &Moves,
+    sign: &[i8],
+    limits: &RestLimits,
+) -> Option<RestVerdict> {
+    let (sound, faulty) = (window.all().baseline(), window.faulty().baseline());
+    let moved_max = limits.moved_second_max;
+    let far = |t: usize| {
+        let stands = if moves.has(t) { &TaxelBaseline::UNKNOWN } else { known_of(&sound[t], &faulty[t]) };
+        let still = stands.noise <= THIRD_NOISE_MAX * models[t].noise.max(NOISE_FLOOR_COUNTS);
+        still && f64::from(sign[t].signum()) * (stands.mean - models[t].mean) > moved_max
+    };
+    let read = |range: &&Range<usize>| moves.are_enough_of(range);
+    let of_module = |range: &Range<usize>| range.clone().filter(|&t| far(t)).count();
+    let modules = window.all().modules().iter().enumerate().filter(|(_, range)| read(range));
+    let (module, taxels) = modules.map(|(module, range)| (module, of_module(range))).max_by_key(|found| found.1)?;
+    (taxels >= STANDING_OF_MODULE).then_some(RestVerdict::Standing { module, taxels, moved_max })
 }
 
 /// Whether something came or went while the skin was watched: module by module, the first half against the second, and
@@ -147,6 +176,11 @@ fn too_many(modules: &[Range<usize>], jumps: impl Fn(usize) -> bool) -> Option<(
     let found = if of_module { (most, false) } else { (skin, true) };
     let too_many = of_module || skin >= JUMPS_OF_SKIN + taxels / TAXELS_PER_BROKEN;
     too_many.then_some((module, Unsteadiness::Single { taxels: found.0, all: found.1 }))
+}
+
+/// What is known of a taxel by its sound readings, or else by the others.
+const fn known_of<'a>(sound: &'a TaxelBaseline, faulty: &'a TaxelBaseline) -> &'a TaxelBaseline {
+    if sound.mean.is_finite() { sound } else { faulty }
 }
 
 /// Rest or not, from how far the taxels of a still skin have moved since the calibration.

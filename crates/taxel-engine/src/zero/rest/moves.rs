@@ -81,6 +81,17 @@ impl Moves {
         self.sound > 0 && self.sound as f64 >= sound_share_min * self.comparable as f64
     }
 
+    /// Whether enough taxels of a module take part to speak for it.
+    pub(super) fn are_enough_of(&self, module: &Range<usize>) -> bool {
+        let taxels = self.moved.get(module.clone()).unwrap_or_default();
+        taxels.iter().filter(|m| m.is_finite()).count() >= MODULE_TAXELS_MIN
+    }
+
+    /// Whether a taxel takes part.
+    pub(super) fn has(&self, taxel: usize) -> bool {
+        self.moved[taxel].is_finite()
+    }
+
     /// The taxels that take part.
     pub fn taxels(&self) -> impl Iterator<Item = usize> {
         self.moved.iter().enumerate().filter(|(_, m)| m.is_finite()).map(|(taxel, _)| taxel)
@@ -119,11 +130,10 @@ impl Moves {
     fn worst(&self, modules: &[Range<usize>], all: f64, of: impl Fn(&[f64]) -> Option<f64>) -> (Option<usize>, f64) {
         let mut worst = (None, 0.0);
         for (module, range) in modules.iter().enumerate() {
-            let taxels = self.moved.get(range.clone()).unwrap_or_default();
-            if taxels.iter().filter(|m| m.is_finite()).count() < MODULE_TAXELS_MIN {
+            if !self.are_enough_of(range) {
                 continue;
             }
-            let beyond = of(taxels).unwrap_or(0.0) - all;
+            let beyond = of(&self.moved[range.clone()]).unwrap_or(0.0) - all;
             if beyond > worst.1 {
                 worst = (Some(module), beyond);
             }

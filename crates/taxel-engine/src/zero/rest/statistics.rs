@@ -30,6 +30,8 @@ pub struct RestStatistics {
 pub struct RestWindow {
     all: RestStatistics,
     halves: [RestStatistics; 2],
+    /// What taxels with a fault read.
+    faulty: RestStatistics,
 }
 
 impl RestWindow {
@@ -37,7 +39,7 @@ impl RestWindow {
     #[must_use]
     pub fn new(taxels: usize, modules: &[Range<usize>]) -> Self {
         let empty = || RestStatistics::new(taxels).in_modules(modules.iter().cloned());
-        Self { all: empty(), halves: [empty(), empty()] }
+        Self { all: empty(), halves: [empty(), empty()], faulty: empty() }
     }
 
     /// Takes one scan of the earlier or the later half; `None` where a taxel gave nothing usable.
@@ -45,6 +47,17 @@ impl RestWindow {
         let scan: Vec<Option<f64>> = scan.collect();
         self.halves[usize::from(late)].push(scan.iter().copied());
         self.all.push(scan);
+    }
+
+    /// What those taxels read in the same scan that gave nothing usable: they have no zero, but may stand at a rail under a
+    /// load.
+    pub fn push_faulty(&mut self, scan: impl Iterator<Item = Option<f64>>) {
+        self.faulty.push(scan);
+    }
+
+    /// The taxels with a fault.
+    pub(super) const fn faulty(&self) -> &RestStatistics {
+        &self.faulty
     }
 
     /// The whole window.

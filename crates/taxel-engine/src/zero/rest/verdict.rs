@@ -66,6 +66,15 @@ pub enum RestVerdict {
         /// Whether it is compared with the zero that holds now, else with that of the models.
         from_zero: bool,
     },
+    /// Some taxels of a module stand still far towards load: they are broken, or beyond their range under a load.
+    Standing {
+        /// The module.
+        module: usize,
+        /// How many of its taxels stand so.
+        taxels: usize,
+        /// The limit, counts.
+        moved_max: f64,
+    },
     /// Something came or went while the skin was watched.
     Unsteady {
         /// The module.
@@ -114,6 +123,7 @@ impl RestVerdict {
             Self::Rest { .. }
             | Self::Loaded { .. }
             | Self::LoadedInPart { .. }
+            | Self::Standing { .. }
             | Self::OtherZero { .. }
             | Self::Unproven { .. } => true,
             Self::Restless { .. } | Self::Unsteady { .. } | Self::NotEnough { .. } => false,
@@ -125,14 +135,14 @@ impl RestVerdict {
     /// Whether something lies on the skin.
     #[must_use]
     pub const fn is_loaded(&self) -> bool {
-        matches!(self, Self::Loaded { .. } | Self::LoadedInPart { .. })
+        matches!(self, Self::Loaded { .. } | Self::LoadedInPart { .. } | Self::Standing { .. })
     }
 
     /// Why no zero is taken of a skin that this was said of, unless somebody vouches for it.
     #[must_use]
     pub const fn refusal(&self) -> ErrorReason {
         match self {
-            Self::Loaded { .. } | Self::LoadedInPart { .. } => ErrorReason::TareLoaded,
+            Self::Loaded { .. } | Self::LoadedInPart { .. } | Self::Standing { .. } => ErrorReason::TareLoaded,
             Self::Restless { .. } | Self::Unsteady { .. } => ErrorReason::TareUnsteady,
             Self::Rest { .. } | Self::OtherZero { .. } | Self::Unproven { .. } => ErrorReason::TareUnproven,
             Self::NotEnough { .. } => ErrorReason::SkinSilent,
@@ -213,6 +223,11 @@ impl fmt::Display for RestVerdict {
                      {since}, at rest by at most {moved_max}"
                 )
             }
+            Self::Standing { module, taxels, moved_max } => write!(
+                f,
+                "loaded: {taxels} taxels of module {module} stand still more than {moved_max} counts towards load: they are \
+                 broken, or beyond their range under a load"
+            ),
             Self::Unsteady { module, what } => write!(f, "restless: something moved on module {module}: {what}"),
             Self::Restless { drift, drift_max, noise_ratio, .. } if noise_ratio.is_nan() => {
                 write!(f, "restless: the median taxel drifts by {drift:+.2} counts, at rest by at most {drift_max:.2}")

@@ -1,0 +1,107 @@
+//! What keeps a force from being a good one: taxels that cannot be read where something may lie, or that read too much.
+
+use std::sync::Arc;
+
+use super::{Force, ZeroState};
+use crate::force::measure::Touch;
+use crate::force::reason::{Reason, ReasonCode, positions};
+use crate::force::sample::ForceSample;
+use crate::scan::Scan;
+
+/// So many blind taxels may be anywhere without a force being called degraded: a load on them alone is smaller than a
+/// fingertip.
+const BLIND_TAXELS_BORNE: u32 = 2;
+
+/// A taxel without a zero that lies so far towards load from where it was calibrated may bear one, counts: from day to day a
+/// taxel moves by less (see [`crate::zero::rest::RestLimits::moved_second_max`]).
+const LOADED_COUNTS: f64 = 16.0;
+
+impl Force {
+    /// Taxels with a fault under the contact or at its rim. Without positions nobody knows, and all count.
+    pub(super) fn faulty_beside(&self, touch: &Touch) -> Vec<u16> {
+        let Some(neighbours) = self.model.neighbours() else { return positions(self.faulty.iter().copied()) };
+        if self.faulty.is_empty() || touch.active.is_empty() {
+            return Vec::new();
+        }
+        let touched = |taxel: usize| touch.active.iter().any(|&(active, _)| active == taxel);
+        positions(self.faulty.iter().copied().filter(|&taxel| neighbours.of(taxel).any(touched)))
+    }
+
+    /// Taxels of modules that are silent, ascending.
+    pub(super) fn silent(&self, scan: &Scan<'_>) -> Vec<u16> {
+        let modules = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| **silent);
+        let mut taxels = positions(modules.flat_map(|(taxels, _)| taxels.clone()));
+        taxels.sort_unstable();
+        taxels
+    }
+
+    /// Taxels without a fault and without a zero that read so much more than when they were calibrated that a load may lie on
+    /// them: what came while the zero was taken and lies on one taxel alone.
+    pub(super) fn loaded_without_zero(&self, scan: &Scan<'_>) -> Vec<u16> {
+        let moved = |&(taxel, zero, sign): &(u16, f64, f64)| {
+            scan.counts.units(usize::from(taxel)).is_some_and(|count| sign * (count - zero) > LOADED_COUNTS)
+        };
+        self.live_without_zero.iter().filter(|taxel| moved(taxel)).map(|&(taxel, ..)| taxel).collect()
+    }
+
+    /// Those of `active`, which count in the total, that read more than was calibrated.
+    fn out_of_range(&self, scan: &Scan<'_>, active: &[u16]) -> Vec<u16> {
+        let Some(evaluator) = &self.evaluator else { return Vec::new() };
+        let above = |&taxel: &u16| {
+            let taxel = usize::from(taxel);
+            let share = scan.counts.raw(taxel).and_then(|count| evaluator.tables().share(taxel, count));
+            share.is_some_and(|share| share.above > 0.0)
+        };
+        active.iter().copied().filter(above).collect()
+    }
+
+    /// Only what touches the total degrades it; the rest is the health's. A good sample, as nearly all are, asks for no
+    /// memory here.
+    pub(super) fn shortcomings(
+        &self,
+        scan: &Scan<'_>,
+        sample: &ForceSample,
+        (active, faulty, loaded): (&[u16], Vec<u16>, Vec<u16>),
+        zero: &ZeroState,
+    ) -> Vec<Reason> {
+        use ReasonCode::{TaxelsBlind, TaxelsFaulty, TaxelsOutOfRange, TaxelsSilent, TaxelsWithoutZero};
+        let mut reasons = Vec::new();
+        if sample.stale > 0 {
+            let text = format!("{} taxels are silent", sample.stale);
+            reasons.push(Reason::about(self.silent(scan), TaxelsSilent, text));
+        }
+        if !faulty.is_empty() {
+            let text = format!("{} taxels have a fault", faulty.len());
+            reasons.push(Reason::about(faulty, TaxelsFaulty, text));
+        }
+        if self.coverage.blind > BLIND_TAXELS_BORNE && self.coverage.blind > sample.stale {
+            let blind = self.coverage.blind;
+            let text = format!("{blind} taxels are blind, and so are those beside them: the total is a lower bound");
+            reasons.push(Reason::about(Arc::clone(&self.blind), TaxelsBlind, text));
+            if !self.without_zero.is_empty() {
+                let n = self.without_zero.len();
+                let why =
+                    "had a fault or moved when the zero was taken and have none: a new one at rest brings them back";
+                let text = format!("{n} taxels with a model {why}");
+                reasons.push(Reason::about(Arc::clone(&self.without_zero), TaxelsWithoutZero, text));
+            }
+        } else if let Some(n) = self.touch.mostly_blind() {
+            let text = format!("more of a contact may lie on {n} taxels that cannot be read than on those that can");
+            reasons.push(Reason::new(TaxelsBlind, format!("{text}: the total is a lower bound")));
+        }
+        if !loaded.is_empty() {
+            let n = loaded.len();
+            let text = format!(
+                "{n} taxels without a zero read {LOADED_COUNTS} counts and more towards load since the calibration"
+            );
+            reasons.push(Reason::about(loaded, TaxelsWithoutZero, format!("{text}: the total is a lower bound")));
+        }
+        if sample.out_of_range > 0 {
+            let n = sample.out_of_range;
+            let text = format!("{n} active taxels read more than was calibrated: the total is a lower bound");
+            reasons.push(Reason::about(self.out_of_range(scan, active), TaxelsOutOfRange, text));
+        }
+        reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());
+        reasons
+    }
+}
