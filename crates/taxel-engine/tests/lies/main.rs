@@ -26,14 +26,20 @@ mod tally;
 mod truth;
 
 use std::panic::catch_unwind;
+use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
 
 use crate::tally::Tally;
 
 /// More argued lies than this share of all samples, and something has become worse.
 const ARGUED_SHARE_MAX: f64 = 0.005;
+
+/// So many stories are played until a long run is kept.
+const KEPT_AFTER: u64 = 1_000;
 
 /// The number that an environment variable holds.
 fn variable(name: &str) -> Option<u64> {
@@ -42,14 +48,12 @@ fn variable(name: &str) -> Option<u64> {
 }
 
 /// Plays stories of ascending seeds on all cores, while `more` says so of the number of stories begun and the time
-/// simulated; prints what they came to.
-fn many(first: u64, more: impl Fn(u64, Duration) -> bool + Sync) -> Tally {
-    let begin = Instant::now();
+/// simulated; what they came to.
+fn play_all(first: u64, more: impl Fn(u64, Duration) -> bool + Sync) -> Tally {
     let next = AtomicU64::new(first);
     let (whole, panicked) = (Mutex::new(Tally::new()), Mutex::new(Vec::new()));
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
-        for _ in 0..cores {
+        for _ in 0..cores() {
             scope.spawn(|| {
                 loop {
                     let seed = next.fetch_add(1, Ordering::Relaxed);
@@ -66,16 +70,46 @@ fn many(first: u64, more: impl Fn(u64, Duration) -> bool + Sync) -> Tally {
         }
     });
     let (whole, panicked) = (whole.into_inner().unwrap(), panicked.into_inner().unwrap());
-    let (took, simulated) = (begin.elapsed().as_secs_f64(), whole.simulated.as_secs_f64());
-    println!(
-        "{whole}\n{took:.0} s on {cores} cores: {:.0} simulated seconds a second and core",
-        simulated / took / cores as f64
-    );
+    assert!(panicked.is_empty(), "stories that panicked: {panicked:?}");
+    whole
+}
+
+fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Prints what stories came to, `simulated` of which took the time since `begin`.
+fn tell(whole: &Tally, simulated: Duration, begin: Instant) {
+    let (took, cores) = (begin.elapsed().as_secs_f64(), cores());
+    let rate = simulated.as_secs_f64() / took / cores as f64;
+    println!("{whole}\n{took:.0} s on {cores} cores: {rate:.0} simulated seconds a second and core");
     for (name, liars) in whole.most_frequent().into_iter().take(tally::NAMES_SHOWN) {
         println!("\n## {name}: LIES_SEED={}\n{}", liars.seed, liars.example);
     }
-    assert!(panicked.is_empty(), "stories that panicked: {panicked:?}");
-    whole
+}
+
+/// A long run as far as it has come.
+#[derive(Serialize, Deserialize)]
+struct Progress {
+    /// The seed that it goes on with.
+    next: u64,
+    whole: Tally,
+}
+
+impl Progress {
+    /// Goes on with what is kept in the file, if there is one, else begins.
+    fn begin(first: u64, kept: Option<&Path>) -> Self {
+        let new = Self { next: first, whole: Tally::new() };
+        let Some(kept) = kept.filter(|kept| kept.exists()) else { return new };
+        serde_json::from_slice(&std::fs::read(kept).unwrap()).unwrap()
+    }
+
+    /// In one piece: a run that is killed meanwhile has the earlier one.
+    fn keep(&self, kept: &Path) {
+        let written = kept.with_extension("new");
+        std::fs::write(&written, serde_json::to_vec(self).unwrap()).unwrap();
+        std::fs::rename(written, kept).unwrap();
+    }
 }
 
 fn assert_no_lies(whole: &Tally) {
@@ -106,7 +140,9 @@ fn assert_argued_are_few(whole: &Tally) {
 #[test]
 fn five_hundred_stories_hold_no_lie_but_argued_ones() {
     if variable("LIES_SEED").is_none() {
-        let whole = many(0, |stories, _| stories < 500);
+        let begin = Instant::now();
+        let whole = play_all(0, |stories, _| stories < 500);
+        tell(&whole, whole.simulated, begin);
         assert_no_lies(&whole);
         assert_argued_are_few(&whole);
     }
@@ -117,7 +153,21 @@ fn five_hundred_stories_hold_no_lie_but_argued_ones() {
 fn a_long_run_holds_no_lie_but_argued_ones() {
     let minutes = variable("LIES_MINUTES").unwrap_or(10_000);
     let first = variable("LIES_SEED").unwrap_or(1_000_000);
-    let whole = many(first, |_, simulated| simulated < Duration::from_secs(60 * minutes));
+    let kept = std::env::var_os("LIES_KEEP").map(PathBuf::from);
+    let mut progress = Progress::begin(first, kept.as_deref());
+    let (begin, before) = (Instant::now(), progress.whole.simulated);
+    let wanted = Duration::from_secs(60 * minutes);
+    while progress.whole.simulated < wanted {
+        let missing = wanted - progress.whole.simulated;
+        let some = play_all(progress.next, |stories, simulated| stories < KEPT_AFTER && simulated < missing);
+        progress.next += some.stories;
+        progress.whole.add(&some);
+        if let Some(kept) = &kept {
+            progress.keep(kept);
+        }
+    }
+    let whole = progress.whole;
+    tell(&whole, whole.simulated - before, begin);
     assert_no_lies(&whole);
     assert_argued_are_few(&whole);
 }

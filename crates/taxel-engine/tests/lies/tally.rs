@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
 use taxel_engine::snapshot::{Reason, in_words};
 
 use crate::allowed::is_allowed;
@@ -17,7 +18,7 @@ pub const NAMES_SHOWN: usize = 20;
 pub const LITTLE_N: f64 = 0.5;
 
 /// Figures of one kind of thing that happens.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Row {
     stories: u64,
     samples: u64,
@@ -26,7 +27,7 @@ struct Row {
 }
 
 /// Lies of one name.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Liars {
     pub samples: u64,
     /// Of them in a state of OK.
@@ -80,7 +81,7 @@ fn write_liars(f: &mut fmt::Formatter<'_>, title: &str, liars: &[(&String, &Liar
 }
 
 /// Counts over stories; those of several threads add up.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Tally {
     rows: Vec<Row>,
     quiet: Row,

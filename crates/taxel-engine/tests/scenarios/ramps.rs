@@ -311,6 +311,30 @@ fn no_session_begins_with_a_gauge_that_reads_less_than_a_vented_bag_can_have() {
     bench.start_session(None);
 }
 
+/// And what it reads beyond what a vented bag may keep would be, too.
+#[test]
+fn no_session_begins_with_a_gauge_that_reads_more_than_a_vented_bag_may_keep() {
+    let mut bench = fresh(|_| {});
+    bench.inject(Fault::GaugeOffset { kpa: 9.3 });
+    bench.seconds(1.0);
+    let start = || Command::StartSession {
+        patch: String::new(),
+        target: None,
+        branches: None,
+        confirmed_by: None,
+        leave_out: Vec::new(),
+    };
+    let why = bench.refused(start());
+    assert!(why.contains("the bag is at 9.") && why.contains("the gauge's scale or offset is wrong"), "{why}");
+    bench.repair(Fault::GaugeOffset { kpa: 9.3 });
+    bench.seconds(1.0);
+    session_of(bench.ask(start()));
+    // It jumps while the zero of the ramp is taken.
+    bench.inject(Fault::GaugeOffset { kpa: 9.3 });
+    bench.until(10.0, "a refusal", |host| host.session().reason.contains("the gauge's scale or offset is wrong"));
+    assert_eq!(bench.host.session().accepted, 0);
+}
+
 #[test]
 fn a_session_waits_for_rest_and_fails_when_it_never_comes() {
     let mut bench = fresh(|plan| plan.session.patience = Duration::from_secs(6));

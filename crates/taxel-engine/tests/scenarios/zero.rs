@@ -8,6 +8,7 @@ use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::{ForceState, Reason, ReasonCode};
 use taxel_sim::Fault;
+use taxel_skin::TaxelIndex;
 
 use crate::bench::Bench;
 use crate::host::Host;
@@ -141,6 +142,27 @@ fn a_tare_under_a_mass_is_refused_with_figures() {
         assert!(why.contains(part), "`{part}` is not in: {why}");
     }
     assert_eq!(bench.host.snapshot().tare, before, "the earlier zero still holds");
+}
+
+/// What presses a few taxels to the end of their range takes them out of every comparison: they have a fault. So they look
+/// as broken ones do, and only somebody who sees the skin can tell.
+#[test]
+fn no_tare_is_taken_beside_taxels_that_stand_at_their_rail_unless_somebody_vouches() {
+    let mut bench = small().in_use();
+    let stuck = |taxel: u16| Fault::TaxelStuck { taxel: TaxelIndex(taxel), value: 0 };
+    bench.inject(stuck(43));
+    bench.seconds(5.0);
+    assert!(bench.tare(None).is_ok(), "one may be broken");
+    bench.inject(stuck(44));
+    bench.seconds(5.0);
+    let before = bench.host.snapshot().tare.clone();
+    let why = match bench.tare(None) {
+        Err(Rejection::FailedPrecondition(ErrorReason::TareLoaded, why)) => why,
+        other => panic!("{other:?}"),
+    };
+    assert!(why.contains("2 taxels of module 4 stand still more than 16 counts towards load"), "{why}");
+    assert_eq!(bench.host.snapshot().tare, before, "the earlier zero still holds");
+    assert!(bench.tare(Some("Ada")).is_ok());
 }
 
 #[test]
