@@ -287,7 +287,8 @@ impl Engine {
     /// A frame of devices, which may have numbers of several patches, and of a gauge, in it.
     fn on_device(&mut self, now: Now, bus: BusIndex, frame: &TimedFrame, out: &mut Vec<Output>) -> Taken {
         let (mut ours, mut refused) = (false, None);
-        if self.plan.patches.iter().any(|plan| plan.gauge.as_ref().is_some_and(|g| g.signal.id == frame.frame.id)) {
+        let mut gauges = self.plan.patches.iter().filter_map(|plan| plan.gauge.as_ref());
+        if gauges.any(|gauge| gauge.bus == bus && gauge.signal.id == frame.frame.id) {
             refused = self.on_gauge(now, bus, frame, out);
             ours = true;
         }

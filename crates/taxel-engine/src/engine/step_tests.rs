@@ -152,7 +152,8 @@ fn a_gauge_is_read_on_its_own_bus() {
     assert_eq!((engine.buses[0].frames, engine.buses[1].frames), (0, 1));
 }
 
-/// An array of four taxels on each of two buses, with a gauge: page 1 of what its device sends under one identifier.
+/// An array of four taxels on each of two buses, with a gauge: page 1 of what its device sends under one identifier. The gauge
+/// of the first bus has that identifier, too, for another page.
 fn arrays(id: CanId) -> Engine {
     let byte = |n: u16| BitField::new(8 * n, 8, ByteOrder::Little, false).unwrap();
     let field = |n: u16| (n, CountField { field: byte(1 + n), low: 0, shift: 0, top: 255 });
@@ -163,7 +164,8 @@ fn arrays(id: CanId) -> Engine {
     let patch = |bus: u8| {
         let modules = vec![(Module::new(0).unwrap(), ModuleKind::Cells(4))];
         let board = Board { bus: BusIndex(bus), address: BoardAddress::new(1).unwrap(), modules };
-        let signal = SignalSpec { id: CanId::Standard(0x123), ..GaugeConfig::default().signal };
+        let gauge = if bus == 0 { id } else { CanId::Standard(0x123) };
+        let signal = SignalSpec { id: gauge, ..GaugeConfig::default().signal };
         let gauge = Some(Gauge { bus: BusIndex(bus), signal });
         let patch = Patch::new(format!("array {bus}"), vec![board]).unwrap();
         PatchPlan { devices: vec![device.clone()], gauge, ..PatchPlan::new(patch) }
@@ -183,7 +185,7 @@ fn frames_of_a_device_are_counted_by_what_became_of_them_and_are_those_of_its_ow
         (bus.frames, bus.foreign, bus.malformed, scans)
     };
     assert_eq!(give(1_000, &[1, 200, 200, 200, 200]), (1, 0, 0, [0, 1]));
-    assert_eq!(give(1_020, &[2, 9, 9, 9, 9]), (1, 1, 0, [0, 1]), "another page");
+    assert_eq!(give(1_020, &[2, 9, 9, 9, 9]), (1, 1, 0, [0, 1]), "another page, and the gauge is not on this bus");
     assert_eq!(give(1_040, &[1, 200]), (1, 1, 1, [0, 1]), "too short");
 }
 

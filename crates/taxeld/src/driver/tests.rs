@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::panic)] // clippy exempts only functions that are tests themselves
 
+use super::outputs::fit;
 use super::*;
 use std::path::Path;
 use taxel_engine::baseline::TaxelBaseline;
@@ -12,6 +13,7 @@ use taxel_rpc::handle::channel;
 use taxel_rpc::{Clocks, Handle, ModelCodec, STALLED_AFTER};
 use taxel_sim::{BoardsConfig, Config, Skin, World};
 use taxel_skin::Time;
+use taxel_store::{OnDurable, QUEUE_BATCHES, StoreError, models_json};
 use taxel_wire::{CanId, TimedFrame};
 use tokio::time::{Instant, advance};
 

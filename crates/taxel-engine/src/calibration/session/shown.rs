@@ -1,0 +1,47 @@
+//! What an operator sees of a session while it gathers: pressure, rate, coverage, the time left, taxels that do not respond.
+
+use taxel_skin::Time;
+
+use super::SessionRun;
+use crate::calibration::branch::Direction;
+use crate::calibration::view::SessionState;
+use crate::intake::gauge::GaugeHistory;
+
+impl SessionRun {
+    /// Shows the pressure as it was shown before.
+    pub const fn keep_pressure(&mut self, kpa: Option<f64>) {
+        self.view.pressure_kpa = kpa;
+    }
+
+    /// Brings pressure, rate, coverage and the time left up to date.
+    pub fn refresh(&mut self, now: Time, gauge: &GaugeHistory) {
+        let fresh = gauge.newest().filter(|&(time, _)| now.since(time) <= self.limits.gauge_timeout);
+        self.view.pressure_kpa = fresh.map(|(_, p)| p.0);
+        self.view.rate_kpa_per_s = fresh.and_then(|(time, _)| gauge.trend(time)).map(|trend| trend.rate_kpa_per_s);
+        self.view.coverage = self.covered.iter().filter(|c| **c).count() as f64 / self.covered.len() as f64;
+        self.count_responding();
+        let (left, rate) = match self.ramp.direction() {
+            Direction::Rising => {
+                (self.view.pressure_kpa.map(|kpa| self.limits.target.0 - kpa), self.view.rate_kpa_per_s)
+            }
+            Direction::Falling => {
+                let falls = self.view.rate_kpa_per_s.map(|rate| -rate);
+                (self.view.pressure_kpa.map(|kpa| kpa - self.limits.fall_end.0), falls)
+            }
+        };
+        let (left, rate) = (left.map(|left| left.max(0.0)), rate.filter(|&rate| rate > 0.02));
+        let ramping = self.view.state == SessionState::Ramping;
+        self.view.remaining_s = left.zip(rate).filter(|_| ramping).map(|(left, rate)| left / rate);
+    }
+
+    pub(super) fn count_responding(&mut self) {
+        let least = f64::from(self.limits.responding_counts);
+        let still = |(low, high): &(f64, f64)| high - low < least;
+        let taxels = (0_u16..).zip(&self.extremes);
+        let unmoved: Vec<u16> = taxels.filter(|(_, extremes)| still(extremes)).map(|(taxel, _)| taxel).collect();
+        self.view.responding.0 = (self.extremes.len() - unmoved.len()) as u32;
+        if *self.view.not_responding != *unmoved {
+            self.view.not_responding = unmoved.into();
+        }
+    }
+}

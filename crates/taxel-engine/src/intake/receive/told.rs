@@ -1,0 +1,78 @@
+//! What is told of a patch's boards: which modules are silent, and the health of each board.
+
+use std::ops::Range;
+use taxel_skin::Time;
+
+use super::Intake;
+use crate::intake::cells::Device;
+use crate::intake::health::BoardHealth;
+use crate::intake::pace::Pace;
+
+impl Intake {
+    /// Which modules keep a scan from being whole, in words.
+    #[must_use]
+    pub fn silence(&self, now: Time) -> String {
+        let sites = self.assembler.modules().iter().zip(self.plan.patch.modules());
+        let words = sites.filter(|(module, _)| module.stale).map(|(module, site)| {
+            let address = self.plan.patch.boards()[usize::from(site.board)].address;
+            let since = module.last.map_or_else(
+                || "never heard".to_owned(),
+                |last| format!("silent for {:.1} s", now.since(last).as_secs_f64()),
+            );
+            format!("board {address} module {} ({since})", site.module)
+        });
+        let silent: Vec<String> = words.collect();
+        match silent.len() {
+            0 => "too few whole scans came in time".to_owned(),
+            n @ 1..=4 => format!("{n} modules are silent: {}", silent.join(", ")),
+            n => format!("{n} modules are silent: {} and {} more", silent[..3].join(", "), n - 3),
+        }
+    }
+
+    /// One entry per board.
+    #[must_use]
+    pub fn board_health(&self) -> Vec<BoardHealth> {
+        (0..self.boards.len()).map(|board| self.health_of(board)).collect()
+    }
+
+    fn health_of(&self, position: usize) -> BoardHealth {
+        let (board, state) = (&self.plan.patch.boards()[position], &self.boards[position]);
+        let range = self.regions.board_modules()[position].clone();
+        let modules = &self.assembler.modules()[range.clone()];
+        let names = range.clone().map(|m| (m, self.plan.patch.modules()[m].module.to_string()));
+        let mut warnings = state.warnings();
+        warnings.extend(self.pace_warnings(range));
+        BoardHealth {
+            patch: self.plan.patch.name().to_owned(),
+            bus: board.bus.0,
+            address: board.address.get(),
+            bring_up: self.bring_up.in_words(names),
+            modules: (modules.len() as u32, modules.iter().filter(|m| !m.stale).count() as u32),
+            scans: modules.iter().map(|m| m.scans).sum(),
+            orphans: modules.iter().map(|m| m.pairer.orphans().heads + m.pairer.orphans().tails).sum::<u64>()
+                + self.devices.get(position).map_or(0, Device::orphans),
+            status_errors: state.status_errors(),
+            celsius: state.celsius(),
+            firmware: state.firmware(),
+            warnings,
+        }
+    }
+
+    /// What is strange about how often the modules of a board send.
+    fn pace_warnings(&self, modules: Range<usize>) -> Vec<String> {
+        let paces = &self.paces[modules];
+        let mut warnings = Vec::new();
+        if let Some(period) = paces.iter().find_map(Pace::unlike_configured) {
+            let (is, was) = (period.as_millis(), self.plan.period.as_millis());
+            warnings.push(format!("sends every {is} ms, the configuration says {was} ms"));
+        }
+        let excess: u64 = paces.iter().map(Pace::excess).sum();
+        if excess > 0 {
+            warnings.push(format!(
+                "{excess} scans came faster than it can send and were refused: a second node with its identifiers, or \
+                 old frames from a queue"
+            ));
+        }
+        warnings
+    }
+}

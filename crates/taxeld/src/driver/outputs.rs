@@ -1,0 +1,201 @@
+//! What the engine puts out, done: snapshots to readers, records to the store and replies once they are on disk, frames to
+//! the buses, fits beside the engine.
+
+use std::sync::Arc;
+
+use taxel_engine::calibration::{FitJob, FitOutcome, NotLoaded, SessionSamples, SessionView};
+use taxel_engine::command::{ErrorReason, Rejection, Reply, RequestId};
+use taxel_engine::record::Record;
+use taxel_engine::{Input, Output};
+use taxel_skin::BusIndex;
+use taxel_store::{Batch, Durability, OnDurable, QUEUE_BATCHES, QueueFull, StoreError, models_json};
+use taxel_wire::Frame;
+use tokio::sync::oneshot;
+
+use super::{Driver, Stage, Waiting};
+use crate::queues::{Done, TellDone};
+
+impl Driver {
+    pub(super) fn step(&mut self, input: Input<'_>) {
+        let mut out = std::mem::take(&mut self.out);
+        self.engine.step(self.clock.now(), input, &mut out);
+        let (mut records, mut answers) = (Vec::new(), Vec::new());
+        self.note_events(&out);
+        for output in out.drain(..) {
+            match output {
+                Output::Patch(index, snapshot) => {
+                    self.pages.patch(index, &snapshot);
+                    self.publisher.patch(index, snapshot);
+                }
+                Output::Session(index, view) => self.show_session(index, view),
+                Output::SessionGone(index) => self.hide_session(index),
+                Output::Health(health) => self.publisher.health(health),
+                Output::Catalogue(catalogue) => {
+                    self.audit.catalogue(&catalogue);
+                    self.publisher.catalogue(catalogue);
+                }
+                Output::Send(bus, frame) => self.send(bus, frame),
+                Output::Fit(job) => self.fit(job),
+                Output::Record(record) => records.push(record),
+                Output::Commit { ticket, records: intended } => {
+                    // What came before goes first, so that the order on disk is that of what happened.
+                    self.commit(std::mem::take(&mut records), Vec::new());
+                    self.commit_intended(ticket, intended);
+                }
+                Output::Load { ticket, session } => {
+                    self.commit(std::mem::take(&mut records), Vec::new());
+                    self.load(ticket, session);
+                }
+                Output::LoadSet { ticket, model_set } => {
+                    self.commit(std::mem::take(&mut records), Vec::new());
+                    self.set_loads.load(ticket, model_set);
+                }
+                Output::Reply(request, reply) => {
+                    answers.extend(self.waiting.remove(&request).map(|to| (request, to, reply)));
+                }
+            }
+        }
+        self.out = out;
+        self.answer(records, answers);
+    }
+
+    /// What an operator may ask for later goes to the event log.
+    fn note_events(&mut self, out: &[Output]) {
+        let mut events = Vec::new();
+        let wall_ns = self.clock.now().wall_ns;
+        out.iter().for_each(|output| self.events.look(wall_ns, output, &mut events));
+        events.into_iter().for_each(|event| self.publisher.event(event));
+    }
+
+    /// Answers go out when the disk has them, and what was recorded in the same step. That something was refused is
+    /// written down as well, but nobody waits for it.
+    fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>) {
+        let wall_ns = self.clock.now().wall_ns;
+        let (mut replies, mut refusals) = (Vec::new(), Vec::new());
+        for (request, Waiting { reply: to, patch }, reply) in answers {
+            let row = patch.map(|patch| self.audit.answered(request, wall_ns, &patch, &reply));
+            if reply.is_ok() { &mut records } else { &mut refusals }.extend(row);
+            replies.push((to, reply));
+        }
+        self.commit(records, replies);
+        if !refusals.is_empty() {
+            self.commit(refusals, Vec::new());
+        }
+    }
+
+    /// A reply goes out once everything recorded in the same step is on disk.
+    fn commit(&mut self, records: Vec<Record>, replies: Vec<(oneshot::Sender<Reply>, Reply)>) {
+        if records.is_empty() {
+            for (to, reply) in replies {
+                let _ = to.send(reply); // the client has gone
+            }
+            return;
+        }
+        // What was done is on disk already where only the audit log is written: then it is done, whatever becomes of that.
+        let is_done = records.iter().all(|record| matches!(record, Record::Answered(_)));
+        let on_durable: Option<OnDurable> = if replies.is_empty() {
+            None
+        } else {
+            Some(Box::new(move |outcome| answer(replies, if is_done { Ok(Durability::OnDisk) } else { outcome })))
+        };
+        if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable }) {
+            self.step(Input::StoreFailed(refuse(batch)));
+        }
+    }
+
+    /// Writes down what the engine intends, and tells it how that went. Where the store's queue has no room nothing is
+    /// lost: what is not written does not come about.
+    fn commit_intended(&self, ticket: u64, records: Vec<Record>) {
+        let done = self.tell_done.clone();
+        let on_durable: OnDurable = Box::new(move |outcome: Result<Durability, StoreError>| {
+            done.tell(Done::Committed(ticket, outcome.map(|_| ()).map_err(|error| error.to_string())));
+        });
+        if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable: Some(on_durable) }) {
+            let why = refuse(batch);
+            tracing::warn!(%why, "a change was refused");
+        }
+    }
+
+    /// Reads the samples of a session, and gives them to the engine.
+    fn load(&self, ticket: u64, session: u64) {
+        let done = self.tell_done.clone();
+        let on_samples = Box::new(move |outcome: Result<SessionSamples, StoreError>| {
+            let result = outcome.map_err(|error| match error {
+                StoreError::DamagedSamples { findings, .. } => NotLoaded::Damaged(findings),
+                error => NotLoaded::Unavailable(error.to_string()),
+            });
+            done.tell(Done::Loaded(ticket, result));
+        });
+        self.store.read_samples(session, on_samples);
+    }
+
+    fn hide_session(&mut self, index: usize) {
+        if let Some((session, _)) = self.logged[index].take() {
+            tracing::info!(session, "calibration session deleted");
+        }
+        self.publisher.session_gone(index);
+    }
+
+    fn show_session(&mut self, index: usize, view: Arc<SessionView>) {
+        let state = Some((view.number, view.state));
+        if std::mem::replace(&mut self.logged[index], state) != state {
+            let (session, state) = (view.number, view.state.name());
+            tracing::info!(session, patch = %view.patch, state, reason = %view.reason, "calibration session");
+        }
+        if let Some(told) = &self.session_state {
+            told.send_replace(Some(Stage { state: view.state, direction: view.direction }));
+        }
+        self.publisher.session(index, view);
+    }
+
+    fn send(&self, bus: BusIndex, frame: Frame) {
+        let queue = self.buses.get(bus.0 as usize);
+        if queue.is_none_or(|queue| queue.try_send(frame).is_err()) {
+            tracing::warn!(bus = bus.0, id = %frame.id, "a command to a board was not sent: the send queue is full");
+        }
+    }
+
+    fn fit(&self, job: FitJob) {
+        let (of, done) = ((job.session, job.fit), self.tell_done.clone());
+        let fits = self.publisher.fits();
+        tokio::spawn(async move {
+            let _turn = fits.acquire_owned().await; // nobody closes it
+            fit(of, done, move || job.run(models_json::content_id)).await;
+        });
+    }
+}
+
+/// Runs a fit beside the engine. Also one that is lost comes back, so that its session does not wait for ever: it is named
+/// by the number of the session and its own.
+pub(super) async fn fit((session, fit): (u64, u64), done: TellDone, run: impl FnOnce() -> FitOutcome + Send + 'static) {
+    let outcome = tokio::task::spawn_blocking(run).await.unwrap_or_else(|lost| {
+        tracing::error!(session, %lost, "a fit");
+        let why = "the fit was lost, which is a fault of this program; the samples are kept";
+        FitOutcome { session, fit, result: Err(why.to_owned()) }
+    });
+    done.tell(Done::Fitted(outcome));
+}
+
+/// Tells whoever waits for a batch that the store's queue has no room for it, and gives the words.
+fn refuse(batch: Batch) -> String {
+    let behind = StoreError::Behind { waiting: QUEUE_BATCHES };
+    let why = behind.to_string();
+    if let Some(on_durable) = batch.on_durable {
+        on_durable(Err(behind));
+    }
+    why
+}
+
+/// Tells everyone who waited for a commit how it went.
+fn answer(replies: Vec<(oneshot::Sender<Reply>, Reply)>, outcome: Result<Durability, StoreError>) {
+    for (to, reply) in replies {
+        let reply = match &outcome {
+            Ok(_) => reply,
+            Err(error) => Err(Rejection::Unavailable(
+                ErrorReason::StoreUnavailable,
+                format!("it could not be written to disk: {error}"),
+            )),
+        };
+        let _ = to.send(reply); // the client has gone
+    }
+}
