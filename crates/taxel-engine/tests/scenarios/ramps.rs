@@ -207,7 +207,7 @@ fn a_second_ramp_after_venting_is_added_and_all_is_fitted_again() {
     session_of(bench.ask(Command::FinishRamp { session: number }));
     bench.until_state(1.0, SessionState::Review);
     let why = bench.refused(Command::StartRamp { session: number });
-    assert!(why.contains("vent it below 3.0 kPa first"), "{why}");
+    assert!(why.contains("vent it below 10.0 kPa first"), "{why}");
     bench.world.pump(PumpCommand::Vent);
     bench.seconds(20.0);
     session_of(bench.ask(Command::StartRamp { session: number }));
@@ -237,7 +237,7 @@ fn ramps_at_different_zeros_are_brought_to_one() {
     bench.until_state(1.0, SessionState::Review);
     bench.world.pump(PumpCommand::Vent);
     bench.seconds(1.0);
-    bench.ramp(2.8, 5.0); // the new zero is taken under 2.8 kPa, so that it differs
+    bench.ramp(3.0, 5.0); // the new zero is taken under 3 kPa, so that it differs
     bench.seconds(2.0);
     bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
     bench.seconds(1.0);
@@ -289,7 +289,7 @@ fn no_session_begins_in_a_bag_under_vacuum() {
         confirmed_by: None,
         leave_out: Vec::new(),
     });
-    assert!(why.contains("the bag is at 20.") && why.contains("vent it below 3.0 kPa first"), "{why}");
+    assert!(why.contains("the bag is at 20.") && why.contains("vent it below 10.0 kPa first"), "{why}");
 }
 
 /// A vented bag is at the air's pressure: what a gauge reads below that is its own offset, and would be in every model.
@@ -315,7 +315,7 @@ fn no_session_begins_with_a_gauge_that_reads_less_than_a_vented_bag_can_have() {
 #[test]
 fn no_session_begins_with_a_gauge_that_reads_more_than_a_vented_bag_may_keep() {
     let mut bench = fresh(|_| {});
-    bench.inject(Fault::GaugeOffset { kpa: 9.3 });
+    bench.inject(Fault::GaugeOffset { kpa: 12.5 });
     bench.seconds(1.0);
     let start = || Command::StartSession {
         patch: String::new(),
@@ -325,12 +325,12 @@ fn no_session_begins_with_a_gauge_that_reads_more_than_a_vented_bag_may_keep() {
         leave_out: Vec::new(),
     };
     let why = bench.refused(start());
-    assert!(why.contains("the bag is at 9.") && why.contains("the gauge's scale or offset is wrong"), "{why}");
-    bench.repair(Fault::GaugeOffset { kpa: 9.3 });
+    assert!(why.contains("the bag is at 12.") && why.contains("the gauge's scale or offset is wrong"), "{why}");
+    bench.repair(Fault::GaugeOffset { kpa: 12.5 });
     bench.seconds(1.0);
     session_of(bench.ask(start()));
     // It jumps while the zero of the ramp is taken.
-    bench.inject(Fault::GaugeOffset { kpa: 9.3 });
+    bench.inject(Fault::GaugeOffset { kpa: 12.5 });
     bench.until(10.0, "a refusal", |host| host.session().reason.contains("the gauge's scale or offset is wrong"));
     assert_eq!(bench.host.session().accepted, 0);
 }

@@ -23,7 +23,7 @@ const MOVES_MAX_SHARE: f64 = 0.1;
 /// And the mean count by so much, counts: its noise is a fiftieth of that.
 const MOVES_MAX_COUNTS: f64 = 0.1;
 
-/// More is no gauge's zero but a pressure, kPa. A session, which can be asked to wait, allows less.
+/// More is no gauge's zero but a pressure, kPa: sessions are refused from there on, too.
 const ZERO_MAX_KPA: f64 = 10.0;
 
 /// Nor is what lies further than this share of the range above the least reading.

@@ -335,9 +335,9 @@ mod tests {
     #[test]
     fn limits_that_exclude_each_other_and_impossible_names_are_found() {
         let text = SMALL.replace("can0", "an-interface-of-19")
-            + "[patch.session]\ntarget_kpa = 3\nfall_end_kpa = 3\nnoise_band_kpa = 9\n";
+            + "[patch.session]\ntarget_kpa = 5\nfall_end_kpa = 5\nnoise_band_kpa = 9\n";
         let keys: Vec<String> = problems(&text).into_iter().map(|problem| problem.key).collect();
-        let target = "patch[0].session.target_kpa"; // vented_below_kpa is the default, and not below it
+        let target = "patch[0].session.target_kpa"; // vented_below_kpa is the default, above it
         assert_eq!(
             keys,
             ["bus[0].interface", target, "patch[0].session.fall_end_kpa", "patch[0].session.noise_band_kpa"]
