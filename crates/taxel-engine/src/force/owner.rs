@@ -229,10 +229,10 @@ impl Force {
         let without_zero = heard.filter(|&t| tables.set().taxels[t].is_usable() && !tables.has(t));
         self.without_zero = positions(without_zero).into();
         let live = self.without_zero.iter().filter(|&&taxel| scan.sound[usize::from(taxel)]);
-        let signs = tables.set().signs();
+        let set = tables.set();
         let to_compare = |&taxel: &u16| {
             let place = usize::from(taxel);
-            (taxel, tables.set().baseline[place].mean, f64::from(signs[place]))
+            (taxel, set.baseline[place].mean, set.taxels[place].sign.as_f64())
         };
         self.live_without_zero = live.map(to_compare).collect();
         if let Some(zero) = &self.zero {
@@ -281,13 +281,13 @@ impl Force {
         self.touch = touch;
         sample.stale = silent as u32;
         sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
-        sample.lower_bound = !loaded.is_empty();
-        sample.reasons = self.shortcomings(scan, &sample, (&in_total, faulty, loaded), zero);
-        sample.lower_bound |= self.coverage.blind > 0
+        sample.lower_bound = self.coverage.blind > 0
             || self.touch.mostly_blind().is_some()
+            || !loaded.is_empty()
             || sample.stale > 0
             || sample.out_of_range > 0
             || zero.load_vanished.is_some();
+        sample.reasons = self.shortcomings(scan, &sample, (&in_total, faulty, loaded), zero);
         sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
         Measured { sample, active: in_total, told: unseen.told }
     }

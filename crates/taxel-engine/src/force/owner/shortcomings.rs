@@ -92,7 +92,7 @@ impl Force {
         if !loaded.is_empty() {
             let n = loaded.len();
             let text = format!(
-                "{n} taxels without a zero read {LOADED_COUNTS} counts and more towards load since the calibration"
+                "{n} taxels without a zero read more than {LOADED_COUNTS} counts towards load since the calibration"
             );
             reasons.push(Reason::about(loaded, TaxelsWithoutZero, format!("{text}: the total is a lower bound")));
         }
