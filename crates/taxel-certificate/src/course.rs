@@ -36,7 +36,7 @@ impl Course {
     /// pressure and falls thereafter; where only rising pressure was gathered all of it rises.
     pub(crate) fn of(samples: &SessionSamples, branches: Branch, top_kpa: f64) -> Self {
         let first_ns = samples.samples.first().map_or(0, |sample| sample.time_ns);
-        let kpa: Vec<f64> = samples.samples.iter().map(|sample| sample.pressure_kpa).collect();
+        let kpa = samples.pressures_kpa();
         let position = |ramp: u16| samples.ramps.iter().position(|known| known.ramp == ramp).unwrap_or(0);
         let ramp: Vec<usize> = samples.samples.iter().map(|sample| position(sample.ramp)).collect();
         let seconds = |ns: i64| (ns.saturating_sub(first_ns) as f64 * 1e-3).round() * 1e-6; // as exported: microseconds

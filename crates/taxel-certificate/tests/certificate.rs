@@ -51,7 +51,8 @@ fn case() -> Case {
             samples.push(Sample { ramp, time_ns, pressure_kpa: f64::from(kpa), counts });
         }
     }
-    let ramps = vec![RampBaseline { ramp: 0, taxels: zero(240.0) }, RampBaseline { ramp: 1, taxels: zero(241.0) }];
+    let begun = |ramp, taxels| RampBaseline { ramp, taxels, gauge_kpa: Some(0.0) };
+    let ramps = vec![begun(0, zero(240.0)), begun(1, zero(241.0))];
     let dead = TaxelModel::without_curve(Status::Dead { count: 7.0 }, GaugeUncertainty::default());
     let set = ModelSet {
         id: "m-1".to_owned(),

@@ -67,6 +67,7 @@ fn samples() -> SessionSamples {
     let baseline = |ramp| RampBaseline {
         ramp,
         taxels: (0..TAXELS).map(|taxel| TaxelBaseline { mean: rest(taxel), noise: 0.6 }).collect(),
+        gauge_kpa: Some(0.0),
     };
     let half = SCANS / RAMPS / 2;
     let mut noise = 1_u32;

@@ -60,5 +60,6 @@ fn zero(samples: &SessionSamples, ramp: &RampBaseline) -> v1::RampZero {
         ramp: u32::from(ramp.ramp) + 1,
         samples: samples.samples.iter().filter(|sample| sample.ramp == ramp.ramp).count() as u64,
         taxels: ramp.taxels.iter().map(rest).collect(),
+        gauge_kpa: ramp.gauge_kpa.and_then(known),
     }
 }

@@ -9,7 +9,7 @@ use taxel_engine::calibration::SessionView;
 use taxel_engine::known_set::SetSummary;
 use taxel_engine::loads::Load;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::{Record, Sample};
+use taxel_engine::record::{RampBaseline, Record, Sample};
 use taxel_engine::snapshot::TareView;
 
 use crate::audit_rows;
@@ -70,7 +70,7 @@ impl Appender {
     pub(crate) fn append(&mut self, transaction: &Transaction<'_>, record: &Record) -> Result<(), StoreError> {
         match record {
             Record::Session(view) => self.session(transaction, view),
-            Record::Ramp { session, ramp, baseline } => self.ramp(transaction, *session, *ramp, baseline),
+            Record::Ramp { session, ramp } => self.ramp(transaction, *session, ramp),
             Record::Sample { session, index, sample } => self.sample(transaction, *session, *index, sample),
             Record::ModelSet(set) => self.model_set(transaction, set),
             Record::Activated { patch, model_set, wall_ns } => self.activated(transaction, patch, model_set, *wall_ns),
@@ -101,19 +101,14 @@ impl Appender {
         Ok(())
     }
 
-    fn ramp(
-        &mut self,
-        connection: &Connection,
-        session: u64,
-        ramp: u16,
-        baseline: &[TaxelBaseline],
-    ) -> Result<(), StoreError> {
+    fn ramp(&mut self, connection: &Connection, session: u64, begun: &RampBaseline) -> Result<(), StoreError> {
         let expected = self.tally.get(connection, Stream::Ramps(session))?;
+        let ramp = begun.ramp;
         if u64::from(ramp) != expected {
             let what = format!("ramp {ramp} of session {session}");
             return Err(StoreError::Unstorable { what, reason: format!("ramp {expected} is the next one") });
         }
-        let blob = rows::baseline_to_blob(baseline);
+        let blob = rows::ramp_to_blob(begun);
         connection.execute(
             "INSERT INTO ramps (session, ramp, baseline, checksum) VALUES (?1, ?2, ?3, ?4)",
             params![session, ramp, blob, rows::ramp_checksum(session, ramp, &blob)],

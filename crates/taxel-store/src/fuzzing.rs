@@ -28,10 +28,10 @@ pub fn load_again(text: &str) -> Result<[String; 2], String> {
     Ok([format!("{:?}", Ok::<_, String>(load)), format!("{again:?}")])
 }
 
-/// The baseline of a ramp as it is written again; `None` if the blob is none.
+/// The beginning of a ramp as it is written again; `None` if the blob is none.
 #[must_use]
-pub fn baseline_again(blob: &[u8]) -> Option<Vec<u8>> {
-    rows::baseline_from_blob(blob).map(|baseline| rows::baseline_to_blob(&baseline))
+pub fn ramp_again(blob: &[u8]) -> Option<Vec<u8>> {
+    rows::ramp_from_blob(0, blob).map(|ramp| rows::ramp_to_blob(&ramp))
 }
 
 /// The counts of a sample as they are written again, in each of the forms that the blob may be of.

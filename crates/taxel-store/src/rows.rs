@@ -7,7 +7,7 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::fit::Branch;
 use taxel_engine::calibration::{Direction, RefusalCounts, SampleRefusal, SessionState, SessionView};
 use taxel_engine::counts::{Counts, SharedCounts};
-use taxel_engine::record::Sample;
+use taxel_engine::record::{RampBaseline, Sample};
 use taxel_skin::CountRange;
 
 /// Bytes of a row's checksum: enough against chance, small beside a sample of 230 counts.
@@ -129,6 +129,20 @@ pub(crate) fn tally_checksum(stream: &str, rows: u64) -> Vec<u8> {
 /// Mean and noise of each taxel as little-endian f64, 16 bytes a taxel; NaN is kept.
 pub(crate) fn baseline_to_blob(baseline: &[TaxelBaseline]) -> Vec<u8> {
     baseline.iter().flat_map(|taxel| [taxel.mean.to_le_bytes(), taxel.noise.to_le_bytes()]).flatten().collect()
+}
+
+/// Ramps -> bytes: the zero of the taxels, and behind it what the gauge read, if that is known, 8 bytes.
+pub(crate) fn ramp_to_blob(ramp: &RampBaseline) -> Vec<u8> {
+    let mut blob = baseline_to_blob(&ramp.taxels);
+    blob.extend(ramp.gauge_kpa.into_iter().flat_map(f64::to_le_bytes));
+    blob
+}
+
+/// The inverse of [`ramp_to_blob`]; `None` if the length is not a multiple of 8.
+pub(crate) fn ramp_from_blob(ramp: u16, blob: &[u8]) -> Option<RampBaseline> {
+    let (taxels, gauge) = blob.split_at(blob.len() / 16 * 16);
+    let gauge_kpa = if gauge.is_empty() { None } else { Some(f64::from_le_bytes(gauge.try_into().ok()?)) };
+    Some(RampBaseline { ramp, taxels: baseline_from_blob(taxels)?, gauge_kpa })
 }
 
 /// The inverse of [`baseline_to_blob`]; `None` if the length is not a multiple of 16.
@@ -292,6 +306,18 @@ mod tests {
     fn a_torn_baseline_is_refused() {
         assert!(baseline_from_blob(&[0; 15]).is_none());
         assert!(baseline_from_blob(&[0; 24]).is_none());
+        assert!(ramp_from_blob(0, &[0; 15]).is_none());
+        assert!(ramp_from_blob(0, &[0; 33]).is_none());
+    }
+
+    #[test]
+    fn a_ramp_comes_back_with_the_zero_of_its_gauge_and_an_earlier_one_without() {
+        let taxels = vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; 3];
+        for gauge_kpa in [None, Some(5.8), Some(-0.02)] {
+            let ramp = RampBaseline { ramp: 2, taxels: taxels.clone(), gauge_kpa };
+            assert_eq!(ramp_from_blob(2, &ramp_to_blob(&ramp)), Some(ramp));
+        }
+        assert_eq!(ramp_from_blob(2, &baseline_to_blob(&taxels)).unwrap().gauge_kpa, None);
     }
 
     #[test]

@@ -102,8 +102,7 @@ fn ramp(session: u64, position: u64, row: &Row<'_>) -> Result<RampBaseline, Stri
     if checksum != rows::ramp_checksum(session, ramp, &blob) {
         return Err(format!("the checksum of ramp {ramp} is wrong"));
     }
-    let taxels = rows::baseline_from_blob(&blob).ok_or_else(|| format!("ramp {ramp} has a torn baseline"))?;
-    Ok(RampBaseline { ramp, taxels })
+    rows::ramp_from_blob(ramp, &blob).ok_or_else(|| format!("ramp {ramp} has a torn baseline"))
 }
 
 fn sample(session: u64, position: u64, row: &Row<'_>) -> Result<Sample, String> {

@@ -9,7 +9,7 @@ pub fn run(data: &[u8]) {
         0 => text(row, fuzzing::session_again),
         1 => text(row, fuzzing::load_again),
         2 => {
-            let again = fuzzing::baseline_again(row);
+            let again = fuzzing::ramp_again(row);
             assert_eq!(again.is_some(), row.len().is_multiple_of(16));
             assert!(again.is_none_or(|again| again == row), "every bit is kept");
         }

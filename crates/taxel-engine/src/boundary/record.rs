@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::baseline::TaxelBaseline;
 use crate::boundary::audit::{Answered, Asked};
-pub use crate::calibration::samples::Sample;
+pub use crate::calibration::samples::{RampBaseline, Sample};
 use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
@@ -15,14 +15,12 @@ use crate::zero::view::TareView;
 pub enum Record {
     /// A session began or changed its state; the newest view of a session counts.
     Session(Arc<SessionView>),
-    /// A ramp began at this zero.
+    /// A ramp began.
     Ramp {
         /// Number of the session.
         session: u64,
-        /// Number of the ramp in it, from 0.
-        ramp: u16,
-        /// The zero of the ramp, one per taxel.
-        baseline: Vec<TaxelBaseline>,
+        /// The zero at which it began.
+        ramp: RampBaseline,
     },
     /// A scan entered the session.
     Sample {

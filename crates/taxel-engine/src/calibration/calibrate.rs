@@ -188,7 +188,7 @@ impl Calibration {
         if transition(session.view().state, Trigger::Zeroed).is_none() {
             return;
         }
-        let ramp = session.begin_ramp(now, baseline);
+        let ramp = session.begin_ramp(now, baseline, gauge);
         events.push(CalibrationEvent::Record(ramp));
         self.tell(now, gauge, events);
     }

@@ -152,7 +152,7 @@ fn a_zero_is_wanted_until_it_is_taken_and_the_end_of_that_is_told_once() {
     let mut scene = Scene::started(Branch::Rising);
     assert_eq!((scene.count(wants_zero), scene.count(wants_none)), (1, 0));
     scene.take_zero();
-    let ramps = |event: &CalibrationEvent| matches!(event, CalibrationEvent::Record(SessionRecord::Ramp { .. }));
+    let ramps = |event: &CalibrationEvent| matches!(event, CalibrationEvent::Record(SessionRecord::Ramp(_)));
     assert_eq!((scene.count(ramps), scene.count(wants_none)), (1, 0), "the zero that was taken ends its own watch");
     let now = scene.now();
     scene.calibration.command(now, Trigger::Abort, &scene.gauge, &mut scene.events).unwrap();

@@ -15,6 +15,7 @@ use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::skin_fit::{FittedSkin, SkinFit};
 use crate::calibration::fit::zero::ZeroReturn;
 use crate::calibration::fit::{lag, zero};
+use crate::calibration::gauge_zero::GaugeZero;
 use crate::calibration::method::{method, plays_in_words};
 use crate::calibration::samples::{RampBaseline, SessionSamples};
 use crate::model_set::{ModelSet, Recorded};
@@ -90,7 +91,9 @@ impl FitJob {
         let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
         let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
         let raw = scans(&time_s, &columns);
-        let recipe = self.recipe.settled();
+        let gauge_zero = GaugeZero::of(&self.samples.ramps);
+        let mut recipe = self.recipe.settled();
+        recipe.options.gauge.offset_kpa = gauge_zero.doubt_kpa().max(recipe.options.gauge.offset_kpa);
         let masks = if recipe.is_paper() {
             Masks::missing(&raw)
         } else {
@@ -98,9 +101,8 @@ impl FitJob {
         };
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
         let scans = scans(&time_s, &columns);
-        let kpa: Vec<f64> = samples.iter().map(|sample| sample.pressure_kpa).collect();
         let course = Course::of_session(samples, self.recipe.branch);
-        let fit = SkinFit::new(&scans, masks, kpa, course, &recipe);
+        let fit = SkinFit::new(&scans, masks, self.samples.pressures_kpa(), course, &recipe);
         let fitted = fit.run(&mut |_, _| {});
         if fitted.usable().is_empty() {
             let why = fitted.models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
@@ -113,7 +115,7 @@ impl FitJob {
             patch: self.patch.clone(),
             created_wall_ns: self.wall_ns,
             session: Some(self.session),
-            method: self.method(fitted.plays_on),
+            method: self.method(fitted.plays_on) + &gauge_zero.told(),
             board_settings: self.board_settings.clone(),
             baseline: ramp.taxels.clone(),
             pressure_max_kpa: fit.kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max),

@@ -20,7 +20,7 @@ fn gathered(zeros: &[u8], falls: bool) -> SessionSamples {
     let mut all = SessionSamples::default();
     for (ramp, &zero) in (0..).zip(zeros) {
         let rest = TaxelBaseline { mean: f64::from(zero), noise: 0.5 };
-        all.ramps.push(RampBaseline { ramp, taxels: vec![rest; TAXELS] });
+        all.ramps.push(RampBaseline { ramp, taxels: vec![rest; TAXELS], gauge_kpa: Some(0.0) });
         let up = 0..=400_i64;
         let down = (0..if falls { 400 } else { 0 }).rev();
         for (k, step) in (0..).zip(up.chain(down)) {

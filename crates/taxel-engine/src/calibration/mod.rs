@@ -7,6 +7,7 @@ mod calibrate_tests;
 pub mod calibration_plan;
 pub mod export;
 pub mod fit;
+mod gauge_zero;
 pub mod job;
 #[cfg(test)]
 mod job_tests;

@@ -10,7 +10,7 @@ use taxel_skin::{Kilopascal, Time};
 use crate::calibration::branch::Direction;
 use crate::calibration::limits::SessionLimits;
 use crate::calibration::view::SampleRefusal;
-use crate::intake::gauge::{GaugeHistory, PressureAt, Trend};
+use crate::intake::gauge::{GaugeHistory, PressureAt, REST_SPAN, Trend};
 
 /// Below this rate the pressure stands still: the slope that a gauge's noise makes over one second.
 const RATE_MIN_KPA_PER_S: f64 = 0.02;
@@ -26,8 +26,8 @@ const JUMPED_MAX: Duration = Duration::from_secs(1);
 #[derive(Clone, Debug)]
 pub struct Ramp {
     direction: Direction,
-    /// When the ramp began, its other branch included.
-    begun: Time,
+    /// From where on a jump of the gauge is one against its zero: the zero is taken from there until the ramp begins.
+    zero_since: Time,
     /// Since when the gauge is off by a jump since then.
     off_since: Option<Time>,
     /// Furthest pressure of an accepted sample on this branch, kPa times the direction's sign.
@@ -50,14 +50,14 @@ pub enum Gate {
 impl Ramp {
     /// A branch of a ramp that begins now.
     #[must_use]
-    pub const fn new(now: Time, direction: Direction) -> Self {
-        Self { direction, begun: now, off_since: None, reached: f64::NEG_INFINITY, progress: now }
+    pub fn new(now: Time, direction: Direction) -> Self {
+        Self { direction, zero_since: now - REST_SPAN, off_since: None, reached: f64::NEG_INFINITY, progress: now }
     }
 
     /// The other branch of the same ramp, which begins now.
     #[must_use]
     pub fn turned(&self, now: Time, direction: Direction) -> Self {
-        Self { begun: self.begun, off_since: self.off_since, ..Self::new(now, direction) }
+        Self { zero_since: self.zero_since, off_since: self.off_since, ..Self::new(now, direction) }
     }
 
     /// Why nothing of the ramp can be trusted, if that is so: the gauge has jumped since it began, and is not back at `time`
@@ -69,14 +69,14 @@ impl Ramp {
             format!(
                 "the gauge jumped by {:+.1} kPa from one reading to the next and is not back: it was wrong before or is wrong \
                  now, and so are samples of this ramp; mend the gauge and begin a new session",
-                gauge.jumped(self.begun, time)
+                gauge.jumped(self.zero_since, time)
             )
         })
     }
 
     /// Whether the gauge reads what it would have without the jumps it has made since the ramp began.
     fn is_gauge_itself(&mut self, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> bool {
-        let itself = gauge.jumped(self.begun, time).abs() <= SPIKE_BANDS * limits.noise_band.0;
+        let itself = gauge.jumped(self.zero_since, time).abs() <= SPIKE_BANDS * limits.noise_band.0;
         self.off_since = if itself { None } else { self.off_since.or(Some(time)) };
         itself
     }

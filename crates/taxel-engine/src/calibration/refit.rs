@@ -295,8 +295,8 @@ fn joined(all: Vec<SessionSamples>) -> Result<SessionSamples, Rejection> {
                 )
             })
         };
-        for RampBaseline { ramp, taxels } in samples.ramps {
-            joined.ramps.push(RampBaseline { ramp: number(ramp)?, taxels });
+        for ramp in samples.ramps {
+            joined.ramps.push(RampBaseline { ramp: number(ramp.ramp)?, ..ramp });
         }
         joined.samples.reserve_exact(samples.samples.len());
         for mut sample in samples.samples {

@@ -3,13 +3,16 @@
 use crate::baseline::TaxelBaseline;
 use crate::counts::SharedCounts;
 
-/// The zero at which a ramp began.
+/// The zero at which a ramp began, of the taxels and of the gauge.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RampBaseline {
     /// Number of the ramp.
     pub ramp: u16,
     /// One per taxel.
     pub taxels: Vec<TaxelBaseline>,
+    /// What the gauge read while the skin rested, kPa: its own zero. `None` if it was not heard, and in sessions of before
+    /// this was kept.
+    pub gauge_kpa: Option<f64>,
 }
 
 /// Everything that a session gathered.
@@ -37,7 +40,7 @@ pub struct Sample {
     pub ramp: u16,
     /// Time of the scan on the run's clock in nanoseconds.
     pub time_ns: i64,
-    /// Pressure interpolated at that time.
+    /// What the gauge read, interpolated at that time, kPa.
     pub pressure_kpa: f64,
     /// One raw count per taxel.
     pub counts: SharedCounts,

@@ -52,12 +52,7 @@ pub enum Progress {
 #[derive(Clone, Debug)]
 pub enum SessionRecord {
     /// A ramp began at this zero.
-    Ramp {
-        /// Number of the ramp, from 0.
-        ramp: u16,
-        /// The zero, one per taxel.
-        baseline: Vec<TaxelBaseline>,
-    },
+    Ramp(RampBaseline),
     /// A scan entered.
     Sample {
         /// Position of the sample in the session, from 0.
@@ -134,8 +129,7 @@ impl SessionRun {
         samples: SessionSamples,
         records: &mut Vec<SessionRecord>,
     ) -> Self {
-        let ramp = |ramp: &RampBaseline| SessionRecord::Ramp { ramp: ramp.ramp, baseline: ramp.taxels.clone() };
-        records.extend(samples.ramps.iter().map(ramp));
+        records.extend(samples.ramps.iter().cloned().map(SessionRecord::Ramp));
         let sample = |(index, sample): (u64, &Sample)| SessionRecord::Sample { index, sample: sample.clone() };
         records.extend((0..).zip(&samples.samples).map(sample));
         let mut run = Self::resume(now, view, limits, taxels, samples);
@@ -196,14 +190,14 @@ impl SessionRun {
     }
 
     /// Rest is proven: the ramp begins at this zero.
-    pub fn begin_ramp(&mut self, now: Now, baseline: Vec<TaxelBaseline>) -> SessionRecord {
-        let ramp = self.view.ramps;
+    pub fn begin_ramp(&mut self, now: Now, taxels: Vec<TaxelBaseline>, gauge: &GaugeHistory) -> SessionRecord {
+        let gauge_kpa = gauge.at_rest(now.time).map(|zero| zero.0);
+        let ramp = RampBaseline { ramp: self.view.ramps, taxels, gauge_kpa };
         self.view.ramps += 1;
         self.begin_branch(now.time, Direction::Rising);
-        let samples = Arc::make_mut(&mut self.samples);
-        samples.ramps.push(RampBaseline { ramp, taxels: baseline.clone() });
+        Arc::make_mut(&mut self.samples).ramps.push(ramp.clone());
         self.enter(now, SessionState::Ramping, "");
-        SessionRecord::Ramp { ramp, baseline }
+        SessionRecord::Ramp(ramp)
     }
 
     /// Ends the rise: the falling branch begins. False if the session gathers none, or it has begun.

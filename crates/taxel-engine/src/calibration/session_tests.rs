@@ -46,7 +46,7 @@ impl Scene {
         change(&mut limits);
         let view = SessionView { number: 1, target_kpa, branches, ..SessionView::default() };
         let mut run = SessionRun::new(at(ms(0)), view, limits, TAXELS);
-        run.begin_ramp(at(ms(0)), vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; TAXELS]);
+        run.begin_ramp(at(ms(0)), vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; TAXELS], &GaugeHistory::default());
         let mut gauge = GaugeHistory::default();
         gauge.push(ms(0), Kilopascal(0.0));
         Self { run, gauge, records: Vec::new(), kpa: 0.0, ms: 0 }
@@ -191,7 +191,7 @@ fn what_was_silent_before_the_last_sample_explains_nothing() {
     scene.go(2.0, 3.0);
     assert!(scene.run.view().accepted > 0 && !scene.run.lacks_modules());
     scene.run.on_scan(None);
-    scene.run.begin_ramp(at(ms(scene.ms)), Vec::new());
+    scene.run.begin_ramp(at(ms(scene.ms)), Vec::new(), &scene.gauge);
     assert!(!scene.run.lacks_modules(), "nor what was silent in an earlier ramp");
 }
 

@@ -17,6 +17,9 @@ const READINGS_MAX: usize = 4_000;
 /// The stretch over which the trend is taken.
 const TREND_SPAN: Duration = Duration::from_secs(1);
 
+/// The stretch over which a gauge's own zero is taken.
+pub const REST_SPAN: Duration = Duration::from_secs(1);
+
 /// A pressure that falls faster is let go.
 const FALLING_KPA_PER_S: f64 = 0.5;
 
@@ -207,6 +210,16 @@ impl GaugeHistory {
         rises && time.since(newest) <= USUAL_AGES_MAX * usual && kpa >= HELD_SHARE * greatest
     }
 
+    /// What it reads while a skin rests: the median of the second that ends at `time`. `None` with fewer than two readings
+    /// in it.
+    #[must_use]
+    pub fn at_rest(&self, time: Time) -> Option<Kilopascal> {
+        let since = time - REST_SPAN;
+        let recent = self.readings.iter().filter(|r| r.0 > since && r.0 <= time && r.1.is_finite());
+        let recent: Vec<f64> = recent.map(|reading| reading.1).collect();
+        if recent.len() < 2 { None } else { median(recent).map(Kilopascal) }
+    }
+
     /// Where the pressure is and where it goes, from the readings of the second that ends at `time`.
     ///
     /// Both come from the medians of the second's halves, which a spike of the gauge does not move. `None` with fewer
@@ -317,6 +330,19 @@ mod tests {
         }
         assert!(gauge.trend(ms(2_095)).unwrap().rate_kpa_per_s > 0.0, "the trend still rises");
         assert!(!gauge.is_holding(ms(2_095)));
+    }
+
+    #[test]
+    fn what_a_gauge_reads_at_rest_is_the_median_of_the_last_second() {
+        let gauge = read(4.0, |t| match t {
+            t if t < 2.0 => 60.0,
+            t if t < 3.0 => 5.8,
+            t if t < 3.2 => f64::NAN,
+            _ => 5.9,
+        });
+        assert_eq!(gauge.at_rest(ms(2_990)), Some(Kilopascal(5.8)), "spikes and what was before do not count");
+        assert_eq!(gauge.at_rest(ms(3_990)), Some(Kilopascal(5.9)));
+        assert_eq!((gauge.at_rest(ms(4_990)), gauge.at_rest(ms(9_000))), (None, None), "one reading, and none");
     }
 
     #[test]

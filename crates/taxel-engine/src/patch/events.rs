@@ -99,7 +99,7 @@ impl Patch {
                 CalibrationEvent::Record(record) => {
                     let session = self.calibration.session().map_or(0, |view| view.number);
                     effects.out.push(Output::Record(match record {
-                        SessionRecord::Ramp { ramp, baseline } => Record::Ramp { session, ramp, baseline },
+                        SessionRecord::Ramp(ramp) => Record::Ramp { session, ramp },
                         SessionRecord::Sample { index, sample } => Record::Sample { session, index, sample },
                     }));
                 }

@@ -84,10 +84,7 @@ impl Store {
                 let number = view.number;
                 self.sessions.entry(number).or_default().0 = Some(view);
             }
-            Record::Ramp { session, ramp, baseline } => {
-                let samples = &mut self.sessions.entry(session).or_default().1;
-                samples.ramps.push(RampBaseline { ramp, taxels: baseline });
-            }
+            Record::Ramp { session, ramp } => self.sessions.entry(session).or_default().1.ramps.push(ramp),
             Record::Sample { session, sample, .. } => {
                 self.sessions.entry(session).or_default().1.samples.push(sample);
             }

@@ -232,11 +232,11 @@ fn a_session_of_the_papers_estimator_is_its_equation_over_the_rise_and_gives_a_f
     let samples = bench.host.samples(session);
     let (rising, falling) = branches_are_in_order(&samples, 0.3);
     assert!(falling > 250, "{falling}");
-    let kpa: Vec<f64> = samples[..rising].iter().map(|s| s.pressure_kpa).collect();
+    let kpa = &bench.host.on_disk(session).unwrap().pressures_kpa()[..rising];
     for (taxel, model) in set.taxels.iter().enumerate() {
         let counts: Vec<f64> = samples[..rising].iter().map(|s| s.counts.counts().units(taxel).unwrap()).collect();
         let options = FitOptions { estimator: Estimator::Paper, ..bench.host.plan.patches[0].fit };
-        let alone = taxel_model::fit(&Samples::new(&counts, &kpa), &options);
+        let alone = taxel_model::fit(&Samples::new(&counts, kpa), &options);
         assert_eq!((model.estimator, &model.curve), (Estimator::Paper, &alone.curve), "taxel {taxel}");
     }
     bench.world.pump(PumpCommand::Vent);

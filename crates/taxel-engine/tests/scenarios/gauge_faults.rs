@@ -1,9 +1,12 @@
 //! A gauge that is wrong for a while in a ramp: nothing of that while enters the models.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::Restored;
 use taxel_engine::calibration::{SampleRefusal, SessionState};
+use taxel_engine::command::Command;
+use taxel_engine::model_set::ModelSet;
 use taxel_sim::Fault;
 
 use crate::bench::Bench;
@@ -64,6 +67,68 @@ fn a_gauge_that_is_back_within_a_second_costs_the_ramp_only_what_it_said_meanwhi
     let rises = samples.windows(2).map(|pair| pair[1].pressure_kpa - pair[0].pressure_kpa);
     let falls = rises.filter(|step| *step < -0.3).count();
     assert_eq!(falls, 0, "a sample of an offset that ended would be above those after it");
+}
+
+/// The set of a session whose gauge was off by so much since before it began.
+fn set_of_a_gauge_off_by(kpa: f64) -> Arc<ModelSet> {
+    let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
+    bench.brought_up();
+    bench.inject(Fault::GaugeOffset { kpa });
+    bench.seconds(1.5);
+    bench.start_session(None);
+    bench.ramp(90.0, 2.0);
+    bench.until_state(60.0, SessionState::Review);
+    bench.host.set(0)
+}
+
+#[test]
+fn a_gauge_that_is_off_since_before_the_ramp_is_taken_from_what_it_read_at_rest_and_that_stays_in_doubt() {
+    let [right, off] = [0.0, 9.0].map(set_of_a_gauge_off_by);
+    assert!(right.gauge_offset_kpa < 0.1 && !right.method.contains("at rest"), "{}", right.method);
+    assert!((2.9..3.1).contains(&off.gauge_offset_kpa), "{}: a third of 9 kPa", off.gauge_offset_kpa);
+    assert!(off.method.ends_with(", less 9.0 kPa that the gauge read at rest"), "{}", off.method);
+    assert!((off.pressure_max_kpa - (right.pressure_max_kpa - 9.0)).abs() < 0.2, "{}", off.pressure_max_kpa);
+    assert!(off.taxels.iter().all(|model| model.gauge.offset_kpa >= 2.9));
+    for part in [-0.5, 0.0, 0.4, 0.8] {
+        // Over the skin: single taxels read their own noise.
+        let pairs = right.taxels.iter().zip(&off.taxels).filter(|(right, _)| right.is_usable());
+        let apart = pairs.map(|(right, off)| {
+            let curve = right.curve.as_ref().unwrap();
+            let count = curve.centre + part * curve.half_width;
+            off.kpa(count).unwrap() - right.kpa(count).unwrap()
+        });
+        let apart: Vec<f64> = apart.collect();
+        let mean = apart.iter().sum::<f64>() / apart.len() as f64;
+        assert!(mean.abs() < 0.3, "{mean} kPa apart at {part} of the range");
+    }
+}
+
+#[test]
+fn a_gauge_that_jumps_just_before_the_ramp_begins_has_no_zero_and_the_ramp_is_void() {
+    let start = || {
+        let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
+        bench.brought_up();
+        let (patch, leave_out) = (String::new(), Vec::new());
+        bench
+            .ask(Command::StartSession { patch, target: None, branches: None, confirmed_by: None, leave_out })
+            .unwrap();
+        bench
+    };
+    let mut first = start();
+    let asked = first.now();
+    first.until(10.0, "the ramp", |host| host.session().state == SessionState::Ramping);
+    let watched_s = first.now().seconds_since(asked);
+    for before_s in [0.1, 0.3, 0.7] {
+        let mut bench = start();
+        bench.seconds(watched_s - before_s);
+        bench.inject(Fault::GaugeOffset { kpa: 6.0 });
+        bench.until(10.0, "the ramp", |host| host.session().state == SessionState::Ramping);
+        bench.ramp(74.0, 2.0);
+        bench.until_state(30.0, SessionState::Failed);
+        let reason = &bench.host.session().reason;
+        assert!(reason.starts_with("the gauge jumped by +6.0 kPa"), "{before_s} s before: {reason}");
+        assert_eq!(bench.host.session().accepted, 0, "{before_s} s before");
+    }
 }
 
 /// Boards brought up, a session that is not patient on its way up.

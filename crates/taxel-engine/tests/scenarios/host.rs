@@ -5,7 +5,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_engine::calibration::{FitJob, NotLoaded, RampBaseline, SessionSamples, SessionView};
+use taxel_engine::calibration::{FitJob, NotLoaded, SessionSamples, SessionView};
 use taxel_engine::catalogue::StoreDamage;
 use taxel_engine::command::{Command, Reply, RequestId};
 use taxel_engine::events::{Event, EventWatch};
@@ -270,9 +270,8 @@ impl Host {
         let mut found = self.stored.get(&number).cloned();
         for record in &self.records {
             match record {
-                Record::Ramp { session, ramp, baseline } if *session == number => {
-                    let ramp = RampBaseline { ramp: *ramp, taxels: baseline.clone() };
-                    found.get_or_insert_default().ramps.push(ramp);
+                Record::Ramp { session, ramp } if *session == number => {
+                    found.get_or_insert_default().ramps.push(ramp.clone());
                 }
                 Record::Sample { session, sample, .. } if *session == number => {
                     found.get_or_insert_default().samples.push(sample.clone());

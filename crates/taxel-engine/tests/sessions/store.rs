@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use taxel_engine::Restored;
-use taxel_engine::calibration::{NotLoaded, RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_engine::calibration::{NotLoaded, SessionSamples, SessionState, SessionView};
 use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
@@ -107,9 +107,7 @@ impl Store {
         let mut found = SessionSamples::default();
         for record in &self.records {
             match record {
-                Record::Ramp { session, ramp, baseline } if *session == number => {
-                    found.ramps.push(RampBaseline { ramp: *ramp, taxels: baseline.clone() });
-                }
+                Record::Ramp { session, ramp } if *session == number => found.ramps.push(ramp.clone()),
                 Record::Sample { session, index, sample } if *session == number => {
                     assert_eq!(found.samples.len() as u64, *index, "samples of session {session} have gaps");
                     found.samples.push(sample.clone());

@@ -22,7 +22,7 @@ fn source() -> SamplesSource {
         let taxels = vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS];
         let counts = vec![200; TAXELS].as_slice().into();
         let samples = vec![Sample { ramp: 0, time_ns: 5, pressure_kpa: 1.0, counts }];
-        told(Ok(SessionSamples { ramps: vec![RampBaseline { ramp: 0, taxels }], samples }));
+        told(Ok(SessionSamples { ramps: vec![RampBaseline { ramp: 0, taxels, gauge_kpa: Some(5.8) }], samples }));
     })
 }
 

@@ -29,7 +29,7 @@ fn samples() -> SamplesSource {
         told(match session {
             3 => Err("row 7 is not what was written".to_owned()),
             _ => Ok(SessionSamples {
-                ramps: vec![RampBaseline { ramp: 0, taxels: rest }],
+                ramps: vec![RampBaseline { ramp: 0, taxels: rest, gauge_kpa: Some(0.0) }],
                 samples: (0..=700).map(sample).collect(),
             }),
         });

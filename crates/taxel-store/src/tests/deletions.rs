@@ -44,7 +44,7 @@ fn a_deleted_session_is_gone_from_the_disk_and_is_not_taken_for_lost() {
     filled(&path);
     let (store, ..) = open(&path);
     let baseline = vec![TaxelBaseline { mean: 1_234.567_89, noise: 9.876_543_21 }; 60];
-    let mut records = vec![session(3, SessionState::Review), Record::Ramp { session: 3, ramp: 0, baseline }];
+    let mut records = vec![session(3, SessionState::Review), began(3, 0, baseline)];
     records.extend((0..2_000).map(marked));
     write(&store, records).unwrap();
     assert!(holds_marks(&fs::read(&path).unwrap()) || holds_marks(&fs::read(&log).unwrap()));
@@ -67,7 +67,7 @@ fn the_space_of_what_was_deleted_is_given_back_at_the_next_start() {
     let rest = model_set(0).baseline[0];
     write(&store, vec![session(1, SessionState::Aborted)]).unwrap();
     for ramp in 0..20 {
-        write(&store, vec![Record::Ramp { session: 1, ramp, baseline: vec![rest; 25_000] }]).unwrap();
+        write(&store, vec![began(1, ramp, vec![rest; 25_000])]).unwrap();
     }
     write(&store, vec![session_deleted(1)]).unwrap();
     store.close().unwrap();

@@ -8,7 +8,7 @@ use taxel_engine::Restored;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::{SessionSamples, SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::{Record, Sample};
+use taxel_engine::record::{RampBaseline, Record, Sample};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, TaxelModel};
 
 use crate::db::Db;
@@ -72,8 +72,12 @@ pub fn session(number: u64, state: SessionState) -> Record {
     }))
 }
 
+pub fn began(session: u64, ramp: u16, taxels: Vec<TaxelBaseline>) -> Record {
+    Record::Ramp { session, ramp: RampBaseline { ramp, taxels, gauge_kpa: Some(0.1) } }
+}
+
 pub fn ramp(session: u64, ramp: u16) -> Record {
-    Record::Ramp { session, ramp, baseline: model_set(0).baseline }
+    began(session, ramp, model_set(0).baseline)
 }
 
 pub fn sample(index: u64) -> Sample {

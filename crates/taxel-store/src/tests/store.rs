@@ -193,7 +193,7 @@ fn the_log_stays_short() {
     let rest = model_set(0).baseline[0];
     let mut longest = 0;
     for ramp in 0..24 {
-        write(&store, vec![Record::Ramp { session: 1, ramp, baseline: vec![rest; 25_000] }]).unwrap();
+        write(&store, vec![began(1, ramp, vec![rest; 25_000])]).unwrap();
         longest = longest.max(std::fs::metadata(dir.path().join("store.db-wal")).unwrap().len());
     }
     assert!(longest < 5_500_000, "{longest} bytes after 24 records of 400 kB each");

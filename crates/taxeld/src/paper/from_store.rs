@@ -72,7 +72,7 @@ mod tests {
     use super::*;
     use std::sync::Arc;
     use taxel_engine::baseline::TaxelBaseline;
-    use taxel_engine::calibration::{Sample, SessionState, SessionView};
+    use taxel_engine::calibration::{RampBaseline, Sample, SessionState, SessionView};
     use taxel_engine::loads::{Load, Reading};
     use taxel_engine::record::Record;
     use taxel_store::Batch;
@@ -80,11 +80,12 @@ mod tests {
     fn session(number: u64) -> Vec<Record> {
         let (patch, state) = ("palm".to_owned(), SessionState::Review);
         let view = SessionView { number, patch, state, target_kpa: 70.0, ..SessionView::default() };
-        let baseline = vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; 2];
+        let taxels = vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; 2];
+        let begun = |ramp| RampBaseline { ramp, taxels: taxels.clone(), gauge_kpa: Some(0.0) };
         let mut records = vec![
             Record::Session(Arc::new(view)),
-            Record::Ramp { session: number, ramp: 0, baseline: baseline.clone() },
-            Record::Ramp { session: number, ramp: 1, baseline },
+            Record::Ramp { session: number, ramp: begun(0) },
+            Record::Ramp { session: number, ramp: begun(1) },
         ];
         records.extend((0..200).map(|index| {
             let pressure_kpa = 0.7 * (index % 100) as f64;

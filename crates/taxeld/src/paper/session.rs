@@ -12,7 +12,7 @@ use taxel_report::paper::Data;
 /// A session without a sample.
 pub(super) fn of_session(source: String, samples: &SessionSamples) -> anyhow::Result<Data> {
     let first = samples.samples.first().context("the session has no sample")?;
-    let kpa = samples.samples.iter().map(|sample| sample.pressure_kpa).collect();
+    let kpa = samples.pressures_kpa();
     let count = |taxel: usize| {
         samples.samples.iter().map(|sample| sample.counts.counts().units(taxel).unwrap_or(f64::NAN)).collect()
     };
