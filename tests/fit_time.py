@@ -3,6 +3,7 @@
     python tests/fit_time.py TAXELD [ROUNDS]
 
 230 taxels, 6,000 scans of one ramp to 70 kPa with a count of noise, in turns; medians of wall-clock time and of processor time.
+The fit takes all cores, the loop one.
 """
 
 import os
@@ -14,7 +15,7 @@ import sys
 import tempfile
 import time
 
-os.environ["OPENBLAS_NUM_THREADS"] = "1"  # as the fit, which has one thread
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # a loop of small fits, as one would write it
 import numpy  # noqa: E402
 
 TAXELS, SCANS, ORDER, SEED = 230, 6_000, 5, 1

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, bail};
 use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans, legs};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans, Workers, legs};
 use taxel_engine::calibration::method;
 use taxel_engine::model_set::ModelSet;
 use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Plays, Samples};
@@ -19,9 +20,13 @@ use crate::files;
 use crate::recording::{Column, Recording};
 use crate::say;
 use crate::soundness::{Wanted, check};
+use crate::threads::Threads;
 
 /// A bar is shown for what takes longer.
 const BAR_AFTER: Duration = Duration::from_secs(1);
+
+/// Steps of that bar.
+const BAR_STEPS: u64 = 1_000;
 
 /// Fits models to DATA.csv and writes MODELS.json.
 #[derive(Debug, clap::Args)]
@@ -147,9 +152,8 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
     let began = Instant::now();
     let scans = scans_of(&recording);
     let mut set = if scans.is_recording() {
-        let mut bar = Bar::new(began);
         let recipe = args.recipe();
-        taxel_engine::calibration::fit::fit(&scans, &recipe, &mut |done, all| bar.show(done, all))
+        taxel_engine::calibration::fit::fit(&scans, &recipe, &Bar::new(began))
             .with_context(|| args.data.display().to_string())?
     } else {
         args.fit_table(&recording).with_context(|| args.data.display().to_string())?
@@ -279,31 +283,37 @@ fn stem(path: &Path) -> String {
 /// A bar on a terminal, once the work takes long enough to want one.
 struct Bar {
     began: Instant,
-    bar: Option<ProgressBar>,
+    bar: OnceLock<ProgressBar>,
     wanted: bool,
 }
 
 impl Bar {
     fn new(began: Instant) -> Self {
-        Self { began, bar: None, wanted: std::io::stderr().is_terminal() }
+        Self { began, bar: OnceLock::new(), wanted: std::io::stderr().is_terminal() }
+    }
+}
+
+impl Workers for Bar {
+    fn each(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
+        Threads.each(jobs, job);
     }
 
-    fn show(&mut self, done: usize, all: usize) {
+    fn progress(&self, share: f64) {
         if !self.wanted || self.began.elapsed() < BAR_AFTER {
             return;
         }
-        let bar = self.bar.get_or_insert_with(|| {
-            let bar = ProgressBar::with_draw_target(Some(all as u64), ProgressDrawTarget::stderr());
+        let bar = self.bar.get_or_init(|| {
+            let bar = ProgressBar::with_draw_target(Some(BAR_STEPS), ProgressDrawTarget::stderr());
             let style = ProgressStyle::with_template("fitting {bar:40} {percent} %");
             bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
         });
-        bar.set_position(done as u64);
+        bar.set_position((share * BAR_STEPS as f64) as u64);
     }
 }
 
 impl Drop for Bar {
     fn drop(&mut self) {
-        if let Some(bar) = &self.bar {
+        if let Some(bar) = self.bar.get() {
             bar.finish_and_clear();
         }
     }

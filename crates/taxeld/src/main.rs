@@ -58,6 +58,7 @@ mod soundness;
 mod store_at;
 mod store_command;
 mod systemd;
+mod threads;
 mod upkeep;
 
 use std::path::{Path, PathBuf};

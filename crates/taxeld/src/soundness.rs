@@ -3,11 +3,14 @@
 //! What has no sound reading is refused with its place, its value and what was expected. What can be left out without
 //! harm is left out, counted and named.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use anyhow::bail;
 use taxel_engine::calibration::fit::scans::is_byte;
 use taxel_model::MIN_BINNED_SAMPLES;
 
 use crate::recording::{Column, Recording};
+use crate::threads;
 
 /// A recording may have so large a share of cells or rows that have to be left out; with more it is something else.
 const LEFT_OUT_MAX: f64 = 0.01;
@@ -91,7 +94,11 @@ fn is_stray(count: f64) -> bool {
 /// Cells that are no 8-bit counts: how many, and the first with its place.
 fn strays(recording: &Recording) -> (usize, Option<String>) {
     let stray = |column: &Column| column.hi.iter().filter(|count| is_stray(**count)).count();
-    let strays: usize = recording.counts.iter().map(stray).sum();
+    let strays = AtomicUsize::new(0);
+    threads::each(recording.counts.len(), &|taxel| {
+        strays.fetch_add(stray(&recording.counts[taxel]), Ordering::Relaxed);
+    });
+    let strays = strays.into_inner();
     let place = |(taxel, column): (usize, &Column)| {
         let row = column.hi.iter().position(|count| is_stray(*count))?;
         Some(format!("line {}, c{taxel}: {}", recording.lines[row], column.hi[row]))

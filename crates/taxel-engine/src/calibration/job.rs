@@ -13,6 +13,7 @@ use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::skin_fit::{FittedSkin, SkinFit};
+use crate::calibration::fit::workers::OneByOne;
 use crate::calibration::fit::zero::ZeroReturn;
 use crate::calibration::fit::{lag, zero};
 use crate::calibration::gauge_zero::GaugeZero;
@@ -97,13 +98,13 @@ impl FitJob {
         let masks = if recipe.is_paper() {
             Masks::missing(&raw)
         } else {
-            Masks::find(&raw, &self.modules, &recipe.faults).without_dropouts(&raw)
+            Masks::find(&raw, &self.modules, &recipe.faults).without_dropouts(&raw, &OneByOne)
         };
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
         let scans = scans(&time_s, &columns);
         let course = Course::of_session(samples, self.recipe.branch);
         let fit = SkinFit::new(&scans, masks, self.samples.pressures_kpa(), course, &recipe);
-        let fitted = fit.run(&mut |_, _| {});
+        let fitted = fit.run(&OneByOne);
         if fitted.usable().is_empty() {
             let why = fitted.models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
             let samples = samples.len();

@@ -27,7 +27,7 @@ pub struct SessionLimits {
     /// Without any pressure frame, or any rise, for so long the session fails; without any fall the ramp ends.
     pub patience: Duration,
     /// A ramp cannot start above this, and no zero is taken: the bag must be vented, and its gauge not be off by more. The
-    /// gauge of a recorded rig reads 5.8 kPa at rest, so the default bears that: what it is off by is in all models.
+    /// gauge of a recorded rig reads 5.8 kPa at rest, so the default bears that; what it reads then is taken off.
     pub vented_below: Kilopascal,
     /// Most scans of one session; a ramp ends when they are full.
     pub scans_max: usize,

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use taxel_engine::Restored;
-use taxel_engine::calibration::{NotLoaded, RampBaseline, SessionSamples, SessionState, SessionView};
+use taxel_engine::calibration::{NotLoaded, SessionSamples, SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 use taxel_skin::Time;

@@ -3,7 +3,7 @@
 use std::hint::black_box;
 use std::sync::Arc;
 
-use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans, fit};
+use taxel_engine::calibration::fit::{Branch, FitRecipe, OneByOne, PlaysChoice, Scans, fit};
 use taxel_engine::model_set::ModelSet;
 use taxel_model::{Estimator, FitOptions, Order, TaxelModel};
 
@@ -105,7 +105,7 @@ impl Recording {
         let part = self.part(recipe);
         let (scans, mut times_ms, mut set) = (part.scans(), Vec::new(), None);
         for _ in 0..repetitions.max(1) {
-            let (us, fitted) = timed_us(|| fit(&scans, &recipe.fit, &mut |_, _| {}));
+            let (us, fitted) = timed_us(|| fit(&scans, &recipe.fit, &OneByOne));
             set = Some(fitted?);
             times_ms.push(1e-3 * us);
         }

@@ -13,6 +13,7 @@ use taxel_model::{Estimator, FitOptions, Order};
 use crate::fit::scans_of;
 use crate::recording::Recording;
 use crate::soundness::{Wanted, check};
+use crate::threads::Threads;
 
 /// Name and recipe; the last is what `taxeld fit` does by default.
 fn recipes() -> [(&'static str, FitRecipe); 6] {
@@ -58,7 +59,7 @@ pub fn print(directory: &Path) -> anyhow::Result<()> {
     say!("|---|---|---|---|---|---|---|---|---|");
     for (name, recipe) in recipes() {
         let began = Instant::now();
-        let set = fit(&scans_of(&calibration), &recipe, &mut |_, _| {})?;
+        let set = fit(&scans_of(&calibration), &recipe, &Threads)?;
         let took = began.elapsed().as_secs_f64();
         for (file, recording) in &judged {
             let scans = scans_of(recording);

@@ -6,6 +6,7 @@ use taxel_skin::Time;
 
 use crate::calibration::fit::dropouts::dropouts;
 use crate::calibration::fit::scans::Scans;
+use crate::calibration::fit::workers::{Workers, map};
 use crate::intake::faults::detector::FaultDetector;
 use crate::intake::faults::fault::Fault;
 use crate::intake::faults::limits::FaultLimits;
@@ -35,16 +36,20 @@ impl Masks {
             dropouts: vec![0; taxels],
         };
         let mut onset: Vec<Option<Time>> = vec![None; taxels];
-        let mut row = Vec::new();
+        let (mut row, mut faulty) = (Vec::new(), vec![false; modules.len()]);
         let times: Vec<Time> = scans.time_s.iter().map(|&t| Time::from_seconds(t)).collect();
         for (i, &now) in times.iter().enumerate() {
             for (m, range) in modules.iter().enumerate() {
                 row.clear();
                 row.extend(range.clone().map(|t| scans.counts[t][i] as f32));
-                detector.push_reals(now, m, &row, 0);
+                let changed = detector.push_reals(now, m, &row, 0);
+                if !changed && !faulty[m] && row.iter().all(|count| count.is_finite()) {
+                    continue; // nearly always
+                }
                 for (taxel, count) in range.clone().zip(&row) {
                     masks.take(taxel, i, count.is_finite(), &times, &detector, &mut onset[taxel]);
                 }
+                faulty[m] = range.clone().any(|taxel| !detector.faults(taxel).is_empty());
             }
         }
         masks
@@ -62,9 +67,9 @@ impl Masks {
 
     /// Also leaves out single readings that stand alone: for a fit.
     #[must_use]
-    pub fn without_dropouts(mut self, scans: &Scans<'_>) -> Self {
-        for ((counts, masked), n) in scans.counts.iter().zip(&mut self.masked).zip(&mut self.dropouts) {
-            let alone = dropouts(counts, masked);
+    pub fn without_dropouts(mut self, scans: &Scans<'_>, workers: &dyn Workers) -> Self {
+        let found = map(workers, scans.counts.len(), |taxel| dropouts(scans.counts[taxel], &self.masked[taxel]));
+        for ((alone, masked), n) in found.into_iter().zip(&mut self.masked).zip(&mut self.dropouts) {
             *n = alone.len() as u32;
             alone.into_iter().for_each(|scan| masked[scan] = true);
         }

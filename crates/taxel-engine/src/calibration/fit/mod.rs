@@ -29,6 +29,7 @@ pub(crate) mod skin_fit;
 pub mod smooth;
 #[cfg(test)]
 mod tests;
+pub mod workers;
 pub mod zero;
 
 pub use crate::calibration::branch::{Branch, PlaysChoice};
@@ -39,4 +40,5 @@ pub use recipe::fit;
 pub use recipe_options::{FitRecipe, RecordingError};
 pub use scans::Scans;
 pub use smooth::{running_median, smooth};
+pub use workers::{OneByOne, Workers};
 pub use zero::{Tare, Zero};

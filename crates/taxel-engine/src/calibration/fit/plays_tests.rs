@@ -82,7 +82,7 @@ fn path(turns: &[f64]) -> Vec<f64> {
 /// Root mean square error of the area-mean from scan `first` on, kPa, by a set that was fitted with these plays, and
 /// whether it has any.
 fn error_kpa(calibration: &Recorded, plays: PlaysChoice, judged: &Recorded, first: usize) -> (f64, bool) {
-    let set = fit(&calibration.scans(), &FitRecipe { plays, ..FitRecipe::default() }, &mut |_, _| {}).unwrap();
+    let set = fit(&calibration.scans(), &FitRecipe { plays, ..FitRecipe::default() }, &OneByOne).unwrap();
     let applied = apply(&judged.scans(), &set, &ApplyRecipe::default()).unwrap();
     let read = || applied.pressure_kpa.iter().filter(|column| !column.is_empty());
     assert!(read().count() == TAXELS, "{}", applied.zero);

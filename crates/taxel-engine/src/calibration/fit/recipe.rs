@@ -14,22 +14,19 @@ use crate::calibration::fit::recipe_options::{FitRecipe, RecordingError};
 use crate::calibration::fit::scans::{Scans, modules};
 use crate::calibration::fit::skin_fit::{MASKED_MAX, SkinFit};
 use crate::calibration::fit::smooth::running_median;
+use crate::calibration::fit::workers::Workers;
 use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
 use crate::calibration::method::{method as method_of, plays_in_words};
 use crate::model_set::{ModelSet, Recorded};
 
-/// Fits a recording. The set comes without id, patch and time of making. `progress` is told taxels done and all.
+/// Fits a recording. The set comes without id, patch and time of making.
 ///
 /// # Errors
 /// [`RecordingError::NoPressure`]. A taxel that cannot be fitted is no error: its status says why.
-pub fn fit(
-    scans: &Scans<'_>,
-    recipe: &FitRecipe,
-    progress: &mut dyn FnMut(usize, usize),
-) -> Result<ModelSet, RecordingError> {
+pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Result<ModelSet, RecordingError> {
     let gauge = scans.pressure_kpa.ok_or(RecordingError::NoPressure)?;
     let recipe = &recipe.settled();
-    let (masks, faults) = masks(scans, recipe);
+    let (masks, faults) = masks(scans, recipe, workers);
     let kpa = if recipe.is_paper() { gauge.to_vec() } else { running_median(gauge, GAUGE_MEDIAN_SCANS) };
     let whole: Vec<Range<usize>> = std::iter::once(0..scans.len()).collect();
     let lag_s = if recipe.max_lag_s > 0.0 { lag::estimate(scans, &kpa, &masks, &whole, recipe.max_lag_s) } else { 0.0 };
@@ -48,7 +45,7 @@ pub fn fit(
     kpa.iter_mut().for_each(|p| *p -= gauge_zero_kpa);
     let course = if recipe.is_paper() { Course::of_runs(&kpa) } else { Course::of_recording(scans.len(), top) };
     let fit = SkinFit::new(scans, masks, kpa, course, recipe);
-    let fitted = fit.run(progress);
+    let fitted = fit.run(workers);
     let (usable, rest) = (fitted.usable(), rest_scans(&fit.kpa, top));
     let of = |t: usize| baseline(scans.counts[t], fit.masks.of(t), &rest);
     let baseline: Vec<TaxelBaseline> = (0..scans.counts.len()).map(of).collect();
@@ -84,9 +81,9 @@ pub fn fit(
 
 /// What of the scans must not be believed, and the faults of the skin where that is something else: of the paper's scans
 /// only what was never read is left out.
-fn masks(scans: &Scans<'_>, recipe: &FitRecipe) -> (Masks, Option<Masks>) {
+fn masks(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> (Masks, Option<Masks>) {
     let modules = modules(scans.counts.len(), recipe.module_size);
-    let faults = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans);
+    let faults = Masks::find(scans, &modules, &recipe.faults).without_dropouts(scans, workers);
     if recipe.is_paper() { (Masks::missing(scans), Some(faults)) } else { (faults, None) }
 }
 

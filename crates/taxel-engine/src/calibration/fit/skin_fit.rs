@@ -1,6 +1,7 @@
 //! From sound scans to models of a whole skin: what `taxeld fit` and a session have in common.
 
 use std::ops::Range;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use taxel_model::{Accumulator, FitOptions, FixedPressure, Flag, Plays, Samples, Status, TaxelModel, student_975};
 
@@ -12,6 +13,7 @@ use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::{Scans, is_byte};
 use crate::calibration::fit::smooth::half_width;
 use crate::calibration::fit::smooth::smooth;
+use crate::calibration::fit::workers::{Workers, map};
 use crate::intake::faults::fault::Fault;
 use crate::model_set::RecordedTaxel;
 use crate::statistics::{quantile, root_mean_square};
@@ -109,26 +111,36 @@ impl<'a> SkinFit<'a> {
         Self { scans, masks, kpa, course, recipe, half_scans }
     }
 
-    /// Fits every taxel. `progress` is told taxels done and all.
-    pub(crate) fn run(&self, progress: &mut dyn FnMut(usize, usize)) -> FittedSkin {
+    /// Fits every taxel.
+    pub(crate) fn run(&self, workers: &dyn Workers) -> FittedSkin {
         let n = self.scans.counts.len();
         // Static curves are half of the work, plays the other.
-        let mut fitted: Vec<FittedTaxel> = Vec::with_capacity(n);
-        for taxel in 0..n {
-            fitted.push(self.fit_static(taxel));
-            progress(taxel, 2 * n);
-        }
+        let done = AtomicUsize::new(0);
+        let count = |all: usize, before: f64| {
+            let done = done.fetch_add(1, Ordering::Relaxed) + 1;
+            workers.progress(before + 0.5 * done as f64 / all as f64);
+        };
+        let mut fitted = map(workers, n, |taxel| {
+            let fitted = self.fit_static(taxel);
+            count(n, 0.0);
+            fitted
+        });
         // Hysteresis is part of a static curve's error: whether a taxel is good enough is judged with the plays, if there
         // are any.
         let candidates: Vec<usize> = (0..n).filter(|&t| fitted[t].may_be_used()).collect();
-        let (plays_on, plays_error_ratio) = self.decide_on_plays(&candidates, has_wide_loops(&fitted));
+        let (plays_on, plays_error_ratio) = self.decide_on_plays(&candidates, has_wide_loops(&fitted), workers);
+        done.store(0, Ordering::Relaxed);
+        let found = map(workers, candidates.len(), |i| {
+            let in_use = self.in_use(candidates[i], &fitted[candidates[i]], plays_on);
+            count(candidates.len(), 0.5);
+            in_use
+        });
         let mut in_use: Vec<Option<RecordedTaxel>> = vec![None; n];
-        for (done, &taxel) in candidates.iter().enumerate() {
-            in_use[taxel] = self.in_use(taxel, &fitted[taxel], plays_on);
+        for (&taxel, found) in candidates.iter().zip(found) {
             if !self.recipe.is_paper() {
-                fitted[taxel].judge_in_use(in_use[taxel].as_ref());
+                fitted[taxel].judge_in_use(found.as_ref());
             }
-            progress(n + done * n / candidates.len(), 2 * n);
+            in_use[taxel] = found;
         }
         if !self.recipe.is_paper() {
             exclude_poor_fits(&mut fitted);
@@ -207,14 +219,15 @@ impl<'a> SkinFit<'a> {
         taxel_model::fit(&Samples { ramp: Some(&ramps), ..Samples::new(&counts, &kpa) }, options)
     }
 
-    fn decide_on_plays(&self, taxels: &[usize], wide_loops: bool) -> (bool, Option<f64>) {
+    fn decide_on_plays(&self, taxels: &[usize], wide_loops: bool, workers: &dyn Workers) -> (bool, Option<f64>) {
         if self.recipe.plays == PlaysChoice::Off || self.recipe.branch == Branch::Rising {
             return (false, None);
         }
         let Some(held_out) = self.course.held_out(&self.kpa) else {
             return (self.recipe.plays == PlaysChoice::On, None);
         };
-        let ratio = quantile(taxels.iter().filter_map(|&t| self.error_ratio(t, &held_out)).collect(), 0.5);
+        let ratios = map(workers, taxels.len(), |i| self.error_ratio(taxels[i], &held_out));
+        let ratio = quantile(ratios.into_iter().flatten().collect(), 0.5);
         let wins = wide_loops && ratio.is_some_and(|ratio| ratio < PLAYS_WIN_BELOW);
         (wins || self.recipe.plays == PlaysChoice::On, ratio)
     }

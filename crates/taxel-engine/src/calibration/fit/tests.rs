@@ -88,7 +88,7 @@ fn cycle(rest: f64, top: f64) -> Vec<f64> {
 }
 
 fn fitted(skin: &Skin, recipe: &FitRecipe) -> crate::model_set::ModelSet {
-    fit(&skin.scans(), recipe, &mut |_, _| {}).unwrap()
+    fit(&skin.scans(), recipe, &OneByOne).unwrap()
 }
 
 fn find(skin: &Skin) -> Masks {
@@ -306,10 +306,10 @@ fn one_lag_is_found_and_taken_out() {
 fn a_recording_without_pressure_or_scans_is_no_panic() {
     let skin = Skin::cycle(0.0);
     let blind = Scans { pressure_kpa: None, ..skin.scans() };
-    assert_eq!(fit(&blind, &FitRecipe::default(), &mut |_, _| {}).unwrap_err(), RecordingError::NoPressure);
+    assert_eq!(fit(&blind, &FitRecipe::default(), &OneByOne).unwrap_err(), RecordingError::NoPressure);
     let nothing = vec![f64::NAN; skin.kpa.len()];
     let gone = Scans { pressure_kpa: Some(&nothing), ..skin.scans() };
-    assert_eq!(fit(&gone, &FitRecipe::default(), &mut |_, _| {}).unwrap_err(), RecordingError::NoPressure);
+    assert_eq!(fit(&gone, &FitRecipe::default(), &OneByOne).unwrap_err(), RecordingError::NoPressure);
     let set = fitted(&skin, &FitRecipe::default());
     let empty = Scans { time_s: &[], pressure_kpa: None, counts: vec![&[]; TAXELS] };
     let applied = apply(&empty, &set, &ApplyRecipe::default()).unwrap();
@@ -379,7 +379,7 @@ proptest! {
     ) {
         let time_s: Vec<f64> = (0..300).map(|i| f64::from(if backwards { 300 - i } else { i }) * 0.02).collect();
         let scans = Scans { time_s: &time_s, pressure_kpa: Some(&kpa), counts: counts.iter().map(Vec::as_slice).collect() };
-        let set = fit(&scans, &FitRecipe { max_lag_s: if lagged { 0.1 } else { 0.0 }, ..FitRecipe::default() }, &mut |_, _| {}).unwrap();
+        let set = fit(&scans, &FitRecipe { max_lag_s: if lagged { 0.1 } else { 0.0 }, ..FitRecipe::default() }, &OneByOne).unwrap();
         let applied = apply(&scans, &set, &ApplyRecipe { sigma: true, ..ApplyRecipe::default() }).unwrap();
         prop_assert!(applied.pressure_kpa.iter().flatten().all(|p| p.is_nan() || p.is_finite()));
         for taxel in set.recorded.unwrap().taxels.iter().flatten() {

@@ -1,15 +1,27 @@
 //! DATA.csv: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or gzipped.
 
-use std::borrow::Cow;
+mod blocks;
+mod column;
+
 use std::io::{BufReader, Read};
 use std::path::Path;
+use std::sync::OnceLock;
 
 use anyhow::{Context, bail};
 use flate2::read::MultiGzDecoder;
 use taxel_model::parse_decimal;
 
 use crate::files;
+use crate::recording::blocks::{Blocks, lines_in, parts};
+pub use crate::recording::column::Column;
 use crate::say::{error_line, short};
+use crate::threads;
+
+/// A thread parses so much of a file at a time, bytes.
+const PART_BYTES: usize = 1 << 20;
+
+/// Less is not worth a thread, bytes.
+const PART_BYTES_MIN: usize = 1 << 16;
 
 /// Most bad rows that are told one by one.
 const TOLD_MAX: usize = 5;
@@ -29,34 +41,6 @@ pub struct Recording {
     pub refused: Refused,
 }
 
-/// A column of decimals: the nearest doubles, and what they leave over of the text.
-#[derive(Clone, Debug, Default)]
-pub struct Column {
-    /// Nearest double.
-    pub hi: Vec<f64>,
-    /// Rest; `None` while every value was a double.
-    pub lo: Option<Vec<f64>>,
-}
-
-impl Column {
-    /// The column with only the rows of which `keep` says so; all of it without one.
-    pub fn only(&self, keep: Option<&[bool]>) -> Cow<'_, Self> {
-        let Some(keep) = keep else { return Cow::Borrowed(self) };
-        let kept = |all: &[f64]| all.iter().zip(keep).filter(|(_, keep)| **keep).map(|(value, _)| *value).collect();
-        Cow::Owned(Self { hi: kept(&self.hi), lo: self.lo.as_deref().map(kept) })
-    }
-
-    fn push(&mut self, hi: f64, lo: f64) {
-        if lo != 0.0 && self.lo.is_none() {
-            self.lo = Some(vec![0.0; self.hi.len()]);
-        }
-        self.hi.push(hi);
-        if let Some(rest) = &mut self.lo {
-            rest.push(lo);
-        }
-    }
-}
-
 /// What of a file could not be used.
 #[derive(Debug, Default)]
 pub struct Refused {
@@ -73,6 +57,13 @@ impl Refused {
         if self.told.len() < TOLD_MAX {
             self.told.push(what());
         }
+    }
+
+    fn append(&mut self, other: Self) {
+        self.rows += other.rows;
+        self.cells += other.cells;
+        self.told.extend(other.told);
+        self.told.truncate(TOLD_MAX);
     }
 }
 
@@ -103,27 +94,22 @@ impl Recording {
     /// # Errors
     /// As [`Recording::read`].
     pub fn parse(input: impl Read) -> anyhow::Result<Self> {
-        let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(input);
-        let header = reader.headers()?.clone();
-        let has_pressure = check_header(&header)?;
-        let first = 1 + usize::from(has_pressure);
-        let mut recording = Self {
-            pressure_kpa: has_pressure.then(Column::default),
-            counts: (first..header.len()).map(|_| Column::default()).collect(),
-            ..Self::default()
+        let mut blocks = Blocks::new(input, PART_BYTES * threads::count());
+        let first = blocks.next()?.unwrap_or_default();
+        let recording = if in_one_piece(&first) {
+            let mut reader = reader(blocks.from(first), true);
+            let mut recording = Self::under(reader.headers()?)?;
+            recording.take_rows(reader, 0)?;
+            recording
+        } else {
+            let mut first = first;
+            let mut reader = reader(first.as_slice(), true);
+            let mut recording = Self::under(reader.headers()?)?;
+            let (begin, line) = (reader.position().byte() as usize, reader.position().line());
+            first.drain(..begin);
+            recording.take_blocks(blocks, first, line - 1)?;
+            recording
         };
-        let mut row = csv::ByteRecord::new();
-        loop {
-            match reader.read_byte_record(&mut row) {
-                Ok(true) => recording.take_row(&row, header.len()),
-                Ok(false) => break,
-                Err(error) if matches!(error.kind(), csv::ErrorKind::Io(_)) => return Err(error.into()),
-                Err(error) => {
-                    recording.refused.rows += 1;
-                    recording.refused.tell(|| error.to_string());
-                }
-            }
-        }
         if recording.time_s.is_empty() {
             let reason = recording.refused.told.first().map_or("there is none", String::as_str);
             bail!("not one usable row: {reason}");
@@ -131,8 +117,65 @@ impl Recording {
         Ok(recording)
     }
 
-    fn take_row(&mut self, row: &csv::ByteRecord, columns: usize) {
-        let line = row.position().map_or(0, csv::Position::line);
+    /// An empty recording with the columns of a header.
+    fn under(header: &csv::StringRecord) -> anyhow::Result<Self> {
+        let has_pressure = check_header(header)?;
+        Ok(Self::with_columns(has_pressure, header.len() - 1 - usize::from(has_pressure)))
+    }
+
+    fn with_columns(has_pressure: bool, taxels: usize) -> Self {
+        Self {
+            pressure_kpa: has_pressure.then(Column::default),
+            counts: vec![Column::default(); taxels],
+            ..Self::default()
+        }
+    }
+
+    /// Takes a block of rows and those after it, whose first stands in the line after `lines_before`.
+    fn take_blocks(&mut self, mut blocks: Blocks<impl Read>, first: Vec<u8>, lines_before: u64) -> anyhow::Result<()> {
+        let (mut block, mut lines) = (Some(first), lines_before);
+        while let Some(text) = block {
+            if in_one_piece(&text) {
+                return self.take_rows(reader(blocks.from(text), false), lines);
+            }
+            self.take_block(&text, lines)?;
+            lines += lines_in(&text);
+            block = blocks.next()?;
+        }
+        Ok(())
+    }
+
+    /// Takes the rows of a block, several at the same time.
+    fn take_block(&mut self, text: &[u8], lines_before: u64) -> anyhow::Result<()> {
+        let parts = parts(text, threads::count(), PART_BYTES_MIN);
+        let found: Vec<OnceLock<anyhow::Result<Self>>> = parts.iter().map(|_| OnceLock::new()).collect();
+        threads::each(parts.len(), &|number| {
+            let (before, part) = parts[number];
+            let mut recording = Self::with_columns(self.pressure_kpa.is_some(), self.counts.len());
+            let taken = recording.take_rows(reader(part, false), lines_before + before);
+            let _ = found[number].set(taken.map(|()| recording));
+        });
+        found.into_iter().filter_map(OnceLock::into_inner).try_for_each(|part| part.map(|part| self.append(part)))
+    }
+
+    /// Takes all rows of a reader.
+    fn take_rows(&mut self, mut reader: csv::Reader<impl Read>, lines_before: u64) -> anyhow::Result<()> {
+        let mut row = csv::ByteRecord::new();
+        loop {
+            match reader.read_byte_record(&mut row) {
+                Ok(true) => self.take_row(&row, lines_before + row.position().map_or(0, csv::Position::line)),
+                Ok(false) => return Ok(()),
+                Err(error) if matches!(error.kind(), csv::ErrorKind::Io(_)) => return Err(error.into()),
+                Err(error) => {
+                    self.refused.rows += 1;
+                    self.refused.tell(|| error.to_string());
+                }
+            }
+        }
+    }
+
+    fn take_row(&mut self, row: &csv::ByteRecord, line: u64) {
+        let columns = 1 + usize::from(self.pressure_kpa.is_some()) + self.counts.len();
         if row.len() != columns {
             self.refused.rows += 1;
             let cells = row.len();
@@ -146,16 +189,24 @@ impl Recording {
         self.time_s.push(time);
         self.lines.push(line);
         let pressure = self.pressure_kpa.as_mut().into_iter();
-        for (cell, column) in row.iter().skip(1).zip(pressure.chain(&mut self.counts)) {
+        for ((cell, column), number_of) in row.iter().skip(1).zip(pressure.chain(&mut self.counts)).zip(2..) {
             let (hi, lo) = number(cell).unwrap_or((f64::NAN, 0.0));
             column.push(hi, lo);
             if hi.is_nan() && !cell.is_empty() {
                 self.refused.cells += 1;
-                let at = column.hi.len();
                 let text = shown(cell);
-                self.refused.tell(|| format!("line {line}: `{text}` (row {at}) is not a finite number"));
+                self.refused.tell(|| format!("line {line}: `{text}` (cell {number_of}) is not a finite number"));
             }
         }
+    }
+
+    /// Goes on with the rows of another recording of the same columns.
+    fn append(&mut self, other: Self) {
+        self.time_s.extend(other.time_s);
+        self.lines.extend(other.lines);
+        let columns = self.pressure_kpa.as_mut().into_iter().chain(&mut self.counts);
+        columns.zip(other.pressure_kpa.iter().chain(&other.counts)).for_each(|(column, other)| column.append(other));
+        self.refused.append(other.refused);
     }
 
     /// How many scans.
@@ -190,6 +241,17 @@ impl Recording {
 fn keep<T>(values: &mut Vec<T>, kept: &[bool]) {
     let mut marks = kept.iter();
     values.retain(|_| marks.next().is_none_or(|mark| *mark));
+}
+
+/// Rows, or a header and rows, as a table.
+fn reader<R: Read>(input: R, headed: bool) -> csv::Reader<R> {
+    csv::ReaderBuilder::new().has_headers(headed).flexible(true).trim(csv::Trim::All).from_reader(input)
+}
+
+/// Whether what follows can only be read in one piece: a line break between quotes is none, and a byte order mark before
+/// the header is no part of it.
+fn in_one_piece(text: &[u8]) -> bool {
+    text.contains(&b'"') || text.starts_with(b"\xEF\xBB\xBF")
 }
 
 /// Whether there is a pressure column.
@@ -258,6 +320,39 @@ mod tests {
         ] {
             let error = Recording::parse(text.as_bytes()).unwrap_err().to_string();
             assert!(error.contains(says), "{text:?}: {error}");
+        }
+    }
+
+    /// A table of some blocks, with cells and rows that cannot be read in all of them.
+    fn long(quote_at: Option<usize>) -> String {
+        let mut text = String::from("t_s,pressure_kpa,c0,c1\n");
+        for row in 0..200_000 {
+            let quote = if quote_at == Some(row) { "\"" } else { "" };
+            match row % 1_000 {
+                7 => text += "x,1,2,3\n",
+                8 => text += &format!("{row},1,nothing,0.1\n"),
+                9 => text += "\n1,2\n",
+                _ => text += &format!("{row}.25,{quote}0.5{quote},{},{}\n", row % 256, row % 255),
+            }
+        }
+        text
+    }
+
+    #[test]
+    fn a_long_file_is_the_same_in_parts_and_in_one_piece() {
+        let text = long(None);
+        let whole = {
+            let mut reader = reader(text.as_bytes(), true);
+            let mut whole = Recording::under(reader.headers().unwrap()).unwrap();
+            whole.take_rows(reader, 0).unwrap();
+            whole
+        };
+        assert_eq!((whole.refused.rows, whole.refused.cells), (400, 200));
+        for text in [text, long(Some(0)), long(Some(60_000)), long(Some(199_999))] {
+            let parts = Recording::parse(text.as_bytes()).unwrap();
+            assert_eq!((&parts.time_s, &parts.lines), (&whole.time_s, &whole.lines));
+            let columns = |of: &Recording| format!("{:?}{:?}{:?}", of.counts, of.pressure_kpa, of.refused);
+            assert!(columns(&parts) == columns(&whole), "{:?} and {:?}", parts.refused, whole.refused);
         }
     }
 

@@ -1,0 +1,52 @@
+//! The cores of this machine, for what is done once over a whole file. The daemon itself leaves them to the robot.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+use taxel_engine::calibration::fit::Workers;
+
+/// Threads on all cores.
+pub struct Threads;
+
+impl Workers for Threads {
+    fn each(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
+        each(jobs, job);
+    }
+}
+
+/// How many threads run at once.
+pub fn count() -> usize {
+    thread::available_parallelism().map_or(1, usize::from)
+}
+
+/// Does `job` for each number below `jobs`, each once, on all cores.
+pub fn each(jobs: usize, job: &(dyn Fn(usize) + Sync)) {
+    let next = AtomicUsize::new(0);
+    let work = || {
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            if number >= jobs {
+                return;
+            }
+            job(number);
+        }
+    };
+    thread::scope(|scope| {
+        (1..count().min(jobs)).for_each(|_| _ = scope.spawn(work));
+        work();
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_job_is_done_once() {
+        for jobs in [0, 1, 2, 1_000] {
+            let done: Vec<AtomicUsize> = (0..jobs).map(|_| AtomicUsize::new(0)).collect();
+            each(jobs, &|number| _ = done[number].fetch_add(1, Ordering::Relaxed));
+            assert!(done.iter().all(|times| times.load(Ordering::Relaxed) == 1), "{done:?}");
+        }
+    }
+}
