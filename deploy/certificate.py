@@ -55,10 +55,16 @@ class Session:
         self.time, self.kpa, self.counts = values[:, 0], values[:, 1], values[:, 2:] / per_unit
         rows, rest = table(zeros, 3)
         means = [index for index, row in enumerate(rows) if row[2] == "mean"]
+        gauge = {int(row[0]) - 1: float(row[3]) for row in rows if row[2] == "gauge_kpa"}
         self.zero, self.noise = rest[means], rest[[index + 1 for index in means]]
         scans = [int(rows[index][1]) for index in means]
         self.ramps = len(scans)
         self.ramp = np.repeat(np.arange(self.ramps), scans)
+        self.gauge = [gauge.get(ramp) for ramp in range(self.ramps)]
+        known = [kpa for kpa in self.gauge if kpa is not None]
+        others = np.mean(known) if known else 0.0
+        self.kpa = self.kpa - np.array([others if kpa is None else kpa for kpa in self.gauge])[self.ramp]
+        self.gauge_doubt = max(map(abs, known), default=0.0) / (np.sqrt(3) if len(known) == self.ramps else 1)
         self.shift = self.zero - self.zero[0]
         self.counts = self.counts - np.nan_to_num(self.shift)[self.ramp]
         self.falling = np.zeros(len(self.kpa), bool)
@@ -154,6 +160,7 @@ def ramp_part(session, ramp, shifts):
     own = np.flatnonzero(session.ramp == ramp)
     shifts = shifts[np.isfinite(shifts)]
     part = {"ramp": ramp + 1, "scans_rising": int(np.sum(~session.falling[own])), "scans_falling": int(np.sum(session.falling[own]))}
+    part["gauge_zero_kpa"] = session.gauge[ramp]
     part["zero_mean_counts"], part["zero_rms_counts"] = (np.mean(shifts), rms(shifts)) if len(shifts) else (None, None)
     if len(own):
         first, top, last = own[0], own[np.argmax(session.kpa[own])], own[-1]
@@ -209,7 +216,7 @@ def recompute(stated, samples, zeros, models_text, text):
     per_unit, top = stated["session"]["counts_per_unit"], models["pressure_max_kpa"]
     session = Session(samples, zeros, stated["session"]["branches"] == "both", top, per_unit)
     entered = stated["stated"]["reference_expanded_uncertainty_kpa"] or 0.0
-    reference = max(np.hypot(models["gauge_gain_rel"] * top, models["gauge_offset_kpa"]), entered / K)
+    reference = max(np.hypot(models["gauge_gain_rel"] * top, models["gauge_offset_kpa"]), np.hypot(entered / K, session.gauge_doubt))
     figures, all_errors, slopes, shifts = zip(*(taxel(t, session, reference, per_unit, smooth_s) for t in stated["taxels"]))
     recorded = (models.get("recorded") or {"taxels": []})["taxels"]
     for part, own in zip(figures, stated["taxels"]):  # the curves are those of the models

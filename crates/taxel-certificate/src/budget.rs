@@ -6,10 +6,18 @@ use crate::taxel::Examined;
 /// Expanded uncertainties are so many standard uncertainties.
 pub(crate) const COVERAGE_FACTOR: f64 = 2.0;
 
-/// Standard uncertainty of the reference at the highest pressure: by its gain and offset as configured, or by its own
-/// certificate, whichever is greater.
-pub(crate) fn reference_kpa(gain_rel: f64, offset_kpa: f64, top_kpa: f64, expanded_kpa: Option<f64>) -> f64 {
-    (gain_rel * top_kpa).hypot(offset_kpa).max(expanded_kpa.unwrap_or(0.0) / COVERAGE_FACTOR)
+/// Standard uncertainty of the reference at the highest pressure: by its gain and offset in the model set, or by its own
+/// certificate, whichever is greater. `zero_kpa` is that of its zero, which is in the set's offset: a certificate says nothing of
+/// the day.
+pub(crate) fn reference_kpa(
+    gain_rel: f64,
+    offset_kpa: f64,
+    top_kpa: f64,
+    expanded_kpa: Option<f64>,
+    zero_kpa: f64,
+) -> f64 {
+    let certified = (expanded_kpa.unwrap_or(0.0) / COVERAGE_FACTOR).hypot(zero_kpa);
+    (gain_rel * top_kpa).hypot(offset_kpa).max(certified)
 }
 
 /// Standard uncertainty of a zero that shifted by so much at most: a rectangle.
@@ -50,7 +58,7 @@ pub(crate) fn rows(taxels: &[Examined], mean: &MeanPart, reference_kpa: f64, per
         BudgetRow {
             name: "reference",
             source: "reference sensor at the highest pressure",
-            evaluation: "B, the greater of configured gain and offset and of its own certificate",
+            evaluation: "B, the greater of configured gain and offset and of its own certificate, with what it read at rest",
             taxel_kpa: Some(reference_kpa),
             mean_kpa: Some(reference_kpa),
             combined: true,

@@ -83,6 +83,8 @@ pub(crate) struct RampPart {
     /// Zero at its beginning less that of the first ramp, over the usable taxels.
     pub zero_mean_counts: Option<f64>,
     pub zero_rms_counts: Option<f64>,
+    /// What the gauge read before it, which is taken off its pressures.
+    pub gauge_zero_kpa: Option<f64>,
 }
 
 /// One level of pressure on one branch, over all usable taxels and ramps.

@@ -105,7 +105,7 @@ impl Certificate {
                 (row("Its certificate", &stated(s.reference_certificate.as_deref())))
                 (row("Calibrated on", &stated(s.reference_date.as_deref())))
                 (row("Its expanded uncertainty (k = 2)", &with_unit(s.reference_expanded_uncertainty_kpa, 3, "kPa")))
-                (row("Standard uncertainty as configured", &configured))
+                (row("Standard uncertainty as configured, with its zero", &configured))
                 (row("Traceability", &stated(s.traceability.as_deref())))
                 (row("Environment", &environment.join(", ")))
             }
@@ -139,11 +139,12 @@ impl Certificate {
                 thead { tr {
                     th { "Ramp" } th { "Scans rising" } th { "falling" } th { "From kPa" } th { "to kPa" } th { "back to kPa" }
                     th { "Rise kPa/s" } th { "Fall kPa/s" } th { "Zero before it, mean shift, counts" } th { "RMS shift, counts" }
+                    th { "Reference at rest, kPa" }
                 } }
                 tbody { @for ramp in &self.ramps { (ramp_row(ramp)) } }
             }
             p class="note" { "Shifts of the zero are against the first ramp, over the usable taxels. The zero before a ramp is "
-                "the zero after the one before it." }
+                "the zero after the one before it. What the reference read at rest is taken off the pressures of the ramp." }
         }
     }
 
@@ -290,6 +291,7 @@ fn ramp_row(ramp: &RampPart) -> Markup {
         td { (known(ramp.from_kpa, 2)) } td { (known(ramp.top_kpa, 2)) } td { (known(ramp.to_kpa, 2)) }
         td { (known(ramp.rise_kpa_per_s, 2)) } td { (known(ramp.fall_kpa_per_s, 2)) }
         td { (known(ramp.zero_mean_counts, 2)) } td { (known(ramp.zero_rms_counts, 2)) }
+        td { (known(ramp.gauge_zero_kpa, 2)) }
     } }
 }
 

@@ -4,6 +4,7 @@ use crate::course::{Course, LEVELS};
 use crate::document::{LevelPart, RampPart};
 use crate::figures::Figures;
 use crate::taxel::Examined;
+use taxel_engine::calibration::SessionSamples;
 
 /// Every level of both branches that has scans enough.
 pub(crate) fn levels(course: &Course, taxels: &[Examined], mean: &Figures) -> Vec<LevelPart> {
@@ -35,8 +36,10 @@ fn spread(values: &[f64]) -> Option<f64> {
 }
 
 /// Every ramp: its branches, its rates, and the zero at its beginning.
-pub(crate) fn ramps(course: &Course, taxels: &[Examined]) -> Vec<RampPart> {
-    (0..course.ramps).map(|ramp| self::ramp(ramp, course, taxels)).collect()
+pub(crate) fn ramps(course: &Course, taxels: &[Examined], samples: &SessionSamples) -> Vec<RampPart> {
+    let part =
+        |ramp: usize| RampPart { gauge_zero_kpa: samples.ramps[ramp].gauge_kpa, ..self::ramp(ramp, course, taxels) };
+    (0..course.ramps).map(part).collect()
 }
 
 fn ramp(ramp: usize, course: &Course, taxels: &[Examined]) -> RampPart {
@@ -64,5 +67,6 @@ fn ramp(ramp: usize, course: &Course, taxels: &[Examined]) -> RampPart {
         fall_kpa_per_s: rate(top, last).filter(|_| falls),
         zero_mean_counts: over(shifts.iter().sum()),
         zero_rms_counts: over(shifts.iter().map(|shift| shift * shift).sum()).map(f64::sqrt),
+        gauge_zero_kpa: None,
     }
 }

@@ -47,14 +47,15 @@ impl Certificate {
         };
         let (gain, offset) = (set.gauge_gain_rel, set.gauge_offset_kpa);
         let stated_kpa = entered.reference_expanded_uncertainty_kpa;
-        let reference_kpa = budget::reference_kpa(gain, offset, set.pressure_max_kpa, stated_kpa);
+        let zero_kpa = samples.gauge_zero_doubt_kpa();
+        let reference_kpa = budget::reference_kpa(gain, offset, set.pressure_max_kpa, stated_kpa, zero_kpa);
         let rows = budget::rows(&taxels, &mean, reference_kpa, per_unit(samples));
         let expanded = Expanded {
             coverage_factor: budget::COVERAGE_FACTOR,
             taxel_kpa: budget::expanded(&rows, |row| row.taxel_kpa),
             mean_kpa: budget::expanded(&rows, |row| row.mean_kpa),
         };
-        let (levels, ramps) = (levels(&course, &taxels, &figures), ramps(&course, &taxels));
+        let (levels, ramps) = (levels(&course, &taxels, &figures), ramps(&course, &taxels, samples));
         let loads = loads::counting(evidence.loads, &set.id);
         let finished = |taxel: Examined| {
             let expanded_uncertainty_kpa = budget::expanded_of_taxel(&taxel, reference_kpa);

@@ -29,7 +29,7 @@ pub(crate) fn zeros_csv(samples: &SessionSamples) -> String {
     for ramp in &samples.ramps {
         let scans = samples.samples.iter().filter(|sample| sample.ramp == ramp.ramp).count();
         let zero = ramp.taxels.iter().map(|taxel| (taxel.mean, taxel.noise));
-        text += &zero_rows(u32::from(ramp.ramp) + 1, scans, zero);
+        text += &zero_rows(u32::from(ramp.ramp) + 1, scans, zero, ramp.gauge_kpa);
     }
     text
 }

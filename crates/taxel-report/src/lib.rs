@@ -15,7 +15,6 @@ mod digits;
 mod draw;
 mod force;
 mod held_out;
-mod live;
 mod numbers;
 mod numpy;
 mod peers;

@@ -3,7 +3,7 @@
 use crate::document::Section;
 use crate::machine::Machine;
 use crate::options::Options;
-use crate::{daemon, digits, force, held_out, live, page, stability, work_precision};
+use crate::{daemon, digits, force, held_out, page, stability, work_precision};
 use anyhow::ensure;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -24,7 +24,6 @@ const PARTS: &[Part] = &[
     Part { name: "force", title: "Force: held-out error against run time", section: force::section },
     Part { name: "fit", title: "Fit: error against run time", section: work_precision::section },
     Part { name: "model", title: "Model: calibration length and held-out error", section: held_out::section },
-    Part { name: "live", title: "Live: counts to pressures", section: live::section },
     Part { name: "latency", title: "Latency: from the bus into a client's hands", section: daemon::latency },
     Part { name: "digits", title: "Digits: certified regression sets", section: digits::section },
     Part { name: "stability", title: "Stability: stiff, extreme and broken taxels", section: stability::section },

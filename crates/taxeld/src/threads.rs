@@ -19,7 +19,7 @@ pub fn count() -> usize {
     thread::available_parallelism().map_or(1, usize::from)
 }
 
-/// Does `job` for each number below `jobs`, each once, on all cores.
+/// Does `job` for each number below `jobs`, each once, on all cores. Where no thread can be had this one does it all.
 pub fn each(jobs: usize, job: &(dyn Fn(usize) + Sync)) {
     let next = AtomicUsize::new(0);
     let work = || {
@@ -32,7 +32,7 @@ pub fn each(jobs: usize, job: &(dyn Fn(usize) + Sync)) {
         }
     };
     thread::scope(|scope| {
-        (1..count().min(jobs)).for_each(|_| _ = scope.spawn(work));
+        (1..count().min(jobs)).for_each(|_| _ = thread::Builder::new().spawn_scoped(scope, work));
         work();
     });
 }

@@ -10,7 +10,7 @@ pub fn run(data: &[u8]) {
         1 => text(row, fuzzing::load_again),
         2 => {
             let again = fuzzing::ramp_again(row);
-            assert_eq!(again.is_some(), row.len().is_multiple_of(16));
+            assert_eq!(again.is_some(), row.len().is_multiple_of(8));
             assert!(again.is_none_or(|again| again == row), "every bit is kept");
         }
         _ => {

@@ -48,7 +48,7 @@ struct Scene {
 
 impl Scene {
     fn new() -> Self {
-        let gauge = GaugeHistory::default();
+        let gauge = GaugeHistory::at_rest_until(ms(1_000));
         Self { calibration: Calibration::new(plan()), gauge, events: Vec::new(), ms: 1_000 }
     }
 

@@ -94,7 +94,7 @@ impl FitJob {
         let raw = scans(&time_s, &columns);
         let gauge_zero = GaugeZero::of(&self.samples.ramps);
         let mut recipe = self.recipe.settled();
-        recipe.options.gauge.offset_kpa = gauge_zero.doubt_kpa().max(recipe.options.gauge.offset_kpa);
+        recipe.options.gauge.offset_kpa = gauge_zero.doubt_kpa().hypot(recipe.options.gauge.offset_kpa);
         let masks = if recipe.is_paper() {
             Masks::missing(&raw)
         } else {

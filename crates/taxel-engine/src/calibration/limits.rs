@@ -4,6 +4,10 @@ use std::time::Duration;
 use taxel_skin::Kilopascal;
 
 use crate::calibration::branch::{Branch, PlaysChoice};
+use crate::intake::gauge::RestLimits;
+
+/// A spike is so many noise bands high.
+const SPIKE_BANDS: f64 = 4.0;
 
 /// The rules of a calibration session.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,12 +31,28 @@ pub struct SessionLimits {
     /// Without any pressure frame, or any rise, for so long the session fails; without any fall the ramp ends.
     pub patience: Duration,
     /// A ramp cannot start above this, and no zero is taken: the bag must be vented, and its gauge not be off by more. The
-    /// gauge of a recorded rig reads 5.8 kPa at rest, so the default bears that; what it reads then is taken off.
+    /// gauge of a recorded rig reads 5.8 kPa at rest, so the default bears that; what it reads then is taken off, and target
+    /// and end of the fall are counted from there.
     pub vented_below: Kilopascal,
     /// Most scans of one session; a ramp ends when they are full.
     pub scans_max: usize,
     /// A taxel responds once its count has moved so far.
     pub responding_counts: u8,
+}
+
+impl SessionLimits {
+    /// A reading further from the trend is the gauge's own doing. A real pressure that bends by so much within half a second
+    /// is beyond the steepest slope anyway.
+    #[must_use]
+    pub fn spike_kpa(&self) -> f64 {
+        SPIKE_BANDS * self.noise_band.0
+    }
+
+    /// How still the gauge has to be while its own zero is taken.
+    #[must_use]
+    pub fn gauge_rest(&self) -> RestLimits {
+        RestLimits { noise_kpa: self.noise_band.0, spike_kpa: self.spike_kpa(), timeout: self.gauge_timeout }
+    }
 }
 
 impl Default for SessionLimits {

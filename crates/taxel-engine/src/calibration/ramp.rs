@@ -10,14 +10,10 @@ use taxel_skin::{Kilopascal, Time};
 use crate::calibration::branch::Direction;
 use crate::calibration::limits::SessionLimits;
 use crate::calibration::view::SampleRefusal;
-use crate::intake::gauge::{GaugeHistory, PressureAt, REST_SPAN, Trend};
+use crate::intake::gauge::{GaugeHistory, PressureAt, Trend};
 
 /// Below this rate the pressure stands still: the slope that a gauge's noise makes over one second.
 const RATE_MIN_KPA_PER_S: f64 = 0.02;
-
-/// A reading further from the trend than so many noise bands is the gauge's own doing. A real pressure that bends by
-/// so much within half a second is beyond the steepest slope anyway.
-const SPIKE_BANDS: f64 = 4.0;
 
 /// A gauge that has jumped and is not back after so long was wrong before or is wrong now, and so is the ramp.
 const JUMPED_MAX: Duration = Duration::from_secs(1);
@@ -26,8 +22,9 @@ const JUMPED_MAX: Duration = Duration::from_secs(1);
 #[derive(Clone, Debug)]
 pub struct Ramp {
     direction: Direction,
-    /// From where on a jump of the gauge is one against its zero: the zero is taken from there until the ramp begins.
-    zero_since: Time,
+    /// When the newest reading came that the gauge's own zero was taken of; `None` if it has none. A jump thereafter is one
+    /// against that zero.
+    gauge_zero: Option<Time>,
     /// Since when the gauge is off by a jump since then.
     off_since: Option<Time>,
     /// Furthest pressure of an accepted sample on this branch, kPa times the direction's sign.
@@ -48,35 +45,44 @@ pub enum Gate {
 }
 
 impl Ramp {
-    /// A branch of a ramp that begins now.
+    /// A branch of a ramp that begins now. `gauge_zero`: when the newest reading came of those that the gauge's own zero was
+    /// taken of; without one nothing enters.
     #[must_use]
-    pub fn new(now: Time, direction: Direction) -> Self {
-        Self { direction, zero_since: now - REST_SPAN, off_since: None, reached: f64::NEG_INFINITY, progress: now }
+    pub const fn new(now: Time, direction: Direction, gauge_zero: Option<Time>) -> Self {
+        Self { direction, gauge_zero, off_since: None, reached: f64::NEG_INFINITY, progress: now }
     }
 
     /// The other branch of the same ramp, which begins now.
     #[must_use]
     pub fn turned(&self, now: Time, direction: Direction) -> Self {
-        Self { zero_since: self.zero_since, off_since: self.off_since, ..Self::new(now, direction) }
+        Self { off_since: self.off_since, ..Self::new(now, direction, self.gauge_zero) }
     }
 
-    /// Why nothing of the ramp can be trusted, if that is so: the gauge has jumped since it began, and is not back at `time`
-    /// and has not been for a second.
+    /// Why nothing of the ramp can be trusted, if that is so: the gauge is heard and has no zero, or it has jumped since the
+    /// ramp began, and is not back at `time` and has not been for a second.
     #[must_use]
     pub fn why_void(&self, time: Time, gauge: &GaugeHistory) -> Option<String> {
+        let Some(since) = self.gauge_zero else {
+            return gauge.trend(time).map(|_| {
+                "the gauge was not heard while the skin's zero was taken, so nobody knows what it reads at rest: vent the bag and \
+                 begin another ramp"
+                    .to_owned()
+            });
+        };
         let off = self.off_since.is_some_and(|since| time.since(since) > JUMPED_MAX);
         off.then(|| {
             format!(
                 "the gauge jumped by {:+.1} kPa from one reading to the next and is not back: it was wrong before or is wrong \
                  now, and so are samples of this ramp; mend the gauge and begin a new session",
-                gauge.jumped(self.zero_since, time)
+                gauge.jumped(since, time)
             )
         })
     }
 
     /// Whether the gauge reads what it would have without the jumps it has made since the ramp began.
     fn is_gauge_itself(&mut self, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> bool {
-        let itself = gauge.jumped(self.zero_since, time).abs() <= SPIKE_BANDS * limits.noise_band.0;
+        let jumped = self.gauge_zero.map(|since| gauge.jumped(since, time).abs());
+        let itself = jumped.is_some_and(|jumped| jumped <= limits.spike_kpa());
         self.off_since = if itself { None } else { self.off_since.or(Some(time)) };
         itself
     }
@@ -91,7 +97,10 @@ impl Ramp {
         let Some(Trend { rate_kpa_per_s, level_kpa }) = gauge.trend(time) else {
             return Gate::Refuse(SampleRefusal::NoPressure);
         };
-        let spike_kpa = SPIKE_BANDS * limits.noise_band.0;
+        if self.gauge_zero.is_none() {
+            return Gate::Refuse(SampleRefusal::NoPressure);
+        }
+        let spike_kpa = limits.spike_kpa();
         if !self.is_gauge_itself(time, gauge, limits) || (pressure.0 - level_kpa).abs() > spike_kpa {
             return Gate::Refuse(SampleRefusal::GaugeSpike);
         }
@@ -140,7 +149,7 @@ mod tests {
     /// Runs a pressure curve sampled every 10 ms and judges a scan every 50 ms; returns what was accepted.
     fn run(direction: Direction, curve: impl Fn(f64) -> f64, seconds: i64) -> (Vec<f64>, Vec<SampleRefusal>) {
         let (mut gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
-        let mut ramp = Ramp::new(ms(0), direction);
+        let mut ramp = Ramp::new(ms(0), direction, Some(ms(0)));
         let (mut accepted, mut refused) = (Vec::new(), Vec::new());
         for t in (0..seconds * 1000).step_by(10) {
             gauge.push(ms(t), Kilopascal(curve(t as f64 / 1000.0)));
@@ -217,7 +226,7 @@ mod tests {
     #[test]
     fn without_a_gauge_a_scan_waits_for_the_timeout_and_no_longer() {
         let (gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
-        let mut ramp = Ramp::new(ms(0), Direction::Rising);
+        let mut ramp = Ramp::new(ms(0), Direction::Rising, Some(ms(0)));
         assert_eq!(ramp.judge(ms(400), ms(0), &gauge, &limits), Gate::Wait);
         assert_eq!(ramp.judge(ms(501), ms(0), &gauge, &limits), Gate::Refuse(SampleRefusal::NoPressure));
     }
@@ -226,7 +235,7 @@ mod tests {
     fn say(direction: Direction, curve: impl Fn(i64) -> f64) -> Gate {
         let mut gauge = GaugeHistory::default();
         (0..=300).for_each(|i| gauge.push(ms(10 * i), Kilopascal(curve(10 * i))));
-        Ramp::new(ms(0), direction).judge(ms(4_000), ms(3_000), &gauge, &SessionLimits::default())
+        Ramp::new(ms(0), direction, Some(ms(0))).judge(ms(4_000), ms(3_000), &gauge, &SessionLimits::default())
     }
 
     fn enters(gate: Gate) -> bool {
@@ -269,7 +278,7 @@ mod tests {
     fn a_branch_says_which_it_is_and_when_it_last_went_on() {
         let (mut gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
         (0..=300).for_each(|i| gauge.push(ms(10 * i), Kilopascal(40.0 - 0.01 * i as f64)));
-        let mut ramp = Ramp::new(ms(500), Direction::Falling);
+        let mut ramp = Ramp::new(ms(500), Direction::Falling, Some(ms(0)));
         assert_eq!((ramp.direction(), ramp.progress()), (Direction::Falling, ms(500)));
         assert!(enters(ramp.judge(ms(3_000), ms(2_000), &gauge, &limits)));
         assert_eq!(ramp.progress(), ms(2_000));

@@ -15,7 +15,7 @@ use crate::calibration::rise::{Rise, Stall};
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
 use crate::calibration::view::{SampleRefusal, SessionState, SessionView};
 use crate::counts::{Counts, SharedCounts};
-use crate::intake::gauge::GaugeHistory;
+use crate::intake::gauge::{GaugeAtRest, GaugeHistory};
 use crate::now::Now;
 
 /// A scan enters the session when the zero has stood for so long after it. A board that takes a new zero unseen is
@@ -89,7 +89,7 @@ impl SessionRun {
         let mut run = Self {
             covered: vec![false; view.target_kpa.ceil().max(1.0) as usize],
             extremes: vec![(f64::INFINITY, f64::NEG_INFINITY); taxels],
-            ramp: Ramp::new(now.time, view.direction),
+            ramp: Ramp::new(now.time, view.direction, None),
             rise: Rise::default(),
             view,
             limits,
@@ -106,8 +106,8 @@ impl SessionRun {
     #[must_use]
     pub fn resume(now: Now, view: SessionView, limits: SessionLimits, taxels: usize, samples: SessionSamples) -> Self {
         let mut run = Self::new(now, view, limits, taxels);
+        samples.pressures_kpa().into_iter().for_each(|kpa| run.cover(kpa));
         for sample in &samples.samples {
-            run.cover(sample.pressure_kpa);
             run.note_extremes(sample.counts.counts());
         }
         run.view.accepted = samples.samples.len() as u64;
@@ -191,10 +191,14 @@ impl SessionRun {
 
     /// Rest is proven: the ramp begins at this zero.
     pub fn begin_ramp(&mut self, now: Now, taxels: Vec<TaxelBaseline>, gauge: &GaugeHistory) -> SessionRecord {
-        let gauge_kpa = gauge.at_rest(now.time).map(|zero| zero.0);
+        let gauge_kpa = match gauge.at_rest(now.time, self.limits.gauge_rest()) {
+            GaugeAtRest::Still(zero) => Some(zero.0),
+            GaugeAtRest::Moves(..) | GaugeAtRest::NotHeard => None,
+        };
         let ramp = RampBaseline { ramp: self.view.ramps, taxels, gauge_kpa };
         self.view.ramps += 1;
-        self.begin_branch(now.time, Direction::Rising);
+        let newest = gauge.newest().filter(|_| gauge_kpa.is_some()).map(|(time, _)| time);
+        self.begin_branch(Ramp::new(now.time, Direction::Rising, newest));
         Arc::make_mut(&mut self.samples).ramps.push(ramp.clone());
         self.enter(now, SessionState::Ramping, "");
         SessionRecord::Ramp(ramp)
@@ -206,18 +210,15 @@ impl SessionRun {
             && self.view.branches == Branch::Both
             && self.view.direction == Direction::Rising;
         if turns {
-            self.begin_branch(now, Direction::Falling);
+            self.begin_branch(self.ramp.turned(now, Direction::Falling));
         }
         turns
     }
 
-    fn begin_branch(&mut self, now: Time, direction: Direction) {
-        self.ramp = match direction {
-            Direction::Rising => Ramp::new(now, direction),
-            Direction::Falling => self.ramp.turned(now, direction),
-        };
+    fn begin_branch(&mut self, branch: Ramp) {
+        self.view.direction = branch.direction();
+        self.ramp = branch;
         self.rise = Rise::default();
-        self.view.direction = direction;
         self.stale_since_progress = 0;
     }
 
@@ -280,13 +281,22 @@ impl SessionRun {
     /// more: the bag was vented.
     fn is_over(&self, time: Time, gate: Gate, gauge: &GaugeHistory) -> bool {
         match self.ramp.direction() {
-            Direction::Rising => matches!(gate, Gate::Accept(pressure) if pressure >= self.limits.target),
-            Direction::Falling => gauge.trend(time).is_some_and(|trend| trend.level_kpa <= self.limits.fall_end.0),
+            Direction::Rising => {
+                matches!(gate, Gate::Accept(pressure) if pressure.0 - self.gauge_zero_kpa() >= self.limits.target.0)
+            }
+            Direction::Falling => {
+                gauge.trend(time).is_some_and(|trend| trend.level_kpa - self.gauge_zero_kpa() <= self.limits.fall_end.0)
+            }
         }
     }
 
+    /// What the gauge read when the ramp began: the pressure is counted from there.
+    fn gauge_zero_kpa(&self) -> f64 {
+        self.samples.ramps.last().and_then(|ramp| ramp.gauge_kpa).unwrap_or(0.0)
+    }
+
     fn accept(&mut self, scan: Pending, pressure: Kilopascal) -> SessionRecord {
-        self.cover(pressure.0);
+        self.cover(pressure.0 - self.gauge_zero_kpa());
         self.note_extremes(scan.counts.counts());
         self.stale_since_progress = 0;
         let sample = Sample {

@@ -45,10 +45,9 @@ impl Scene {
         let mut limits = SessionLimits::default();
         change(&mut limits);
         let view = SessionView { number: 1, target_kpa, branches, ..SessionView::default() };
+        let gauge = GaugeHistory::at_rest_until(ms(0));
         let mut run = SessionRun::new(at(ms(0)), view, limits, TAXELS);
-        run.begin_ramp(at(ms(0)), vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; TAXELS], &GaugeHistory::default());
-        let mut gauge = GaugeHistory::default();
-        gauge.push(ms(0), Kilopascal(0.0));
+        run.begin_ramp(at(ms(0)), vec![TaxelBaseline { mean: 200.0, noise: 0.5 }; TAXELS], &gauge);
         Self { run, gauge, records: Vec::new(), kpa: 0.0, ms: 0 }
     }
 

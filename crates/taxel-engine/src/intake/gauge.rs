@@ -17,8 +17,9 @@ const READINGS_MAX: usize = 4_000;
 /// The stretch over which the trend is taken.
 const TREND_SPAN: Duration = Duration::from_secs(1);
 
-/// The stretch over which a gauge's own zero is taken.
-pub const REST_SPAN: Duration = Duration::from_secs(1);
+/// While a gauge rests so much of its readings may be spikes, but none of the newest ones: they may be a jump.
+const SPIKES_MAX_SHARE: f64 = 0.1;
+const READINGS_NEWEST: usize = 3;
 
 /// A pressure that falls faster is let go.
 const FALLING_KPA_PER_S: f64 = 0.5;
@@ -93,6 +94,28 @@ impl Changes {
         self.newest = Some((read, step, beyond));
         jump.map(|(at, newest, _)| (at, newest))
     }
+}
+
+/// How still a gauge has to be while its own zero is taken.
+#[derive(Clone, Copy, Debug)]
+pub struct RestLimits {
+    /// Between the halves of the second, kPa.
+    pub noise_kpa: f64,
+    /// From reading to reading, kPa.
+    pub spike_kpa: f64,
+    /// The newest reading is no older.
+    pub timeout: Duration,
+}
+
+/// What a gauge reads while a skin rests.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GaugeAtRest {
+    /// Too few readings to say.
+    NotHeard,
+    /// It does not stand still: its least and its greatest reading, kPa.
+    Moves(f64, f64),
+    /// It stands still there.
+    Still(Kilopascal),
 }
 
 /// What is known of the pressure at a time.
@@ -210,14 +233,23 @@ impl GaugeHistory {
         rises && time.since(newest) <= USUAL_AGES_MAX * usual && kpa >= HELD_SHARE * greatest
     }
 
-    /// What it reads while a skin rests: the median of the second that ends at `time`. `None` with fewer than two readings
-    /// in it.
+    /// What it reads while a skin rests, from the second that ends at `time`. The median of each half may differ by `noise_kpa`,
+    /// and single readings by any amount; more of them, or the newest ones, by `spike_kpa` from the median of all.
     #[must_use]
-    pub fn at_rest(&self, time: Time) -> Option<Kilopascal> {
-        let since = time - REST_SPAN;
-        let recent = self.readings.iter().filter(|r| r.0 > since && r.0 <= time && r.1.is_finite());
-        let recent: Vec<f64> = recent.map(|reading| reading.1).collect();
-        if recent.len() < 2 { None } else { median(recent).map(Kilopascal) }
+    pub fn at_rest(&self, time: Time, limits: RestLimits) -> GaugeAtRest {
+        let since = time - TREND_SPAN;
+        let recent: Vec<f64> =
+            self.readings.iter().filter(|r| r.0 > since && r.0 <= time).map(|reading| reading.1).collect();
+        let fresh = self.readings.back().is_some_and(|&(newest, _)| time.since(newest) <= limits.timeout);
+        let known = self.trend(time).zip(median(recent.clone())).filter(|_| fresh);
+        let Some((trend, kpa)) = known else { return GaugeAtRest::NotHeard };
+        let away: Vec<bool> = recent.iter().map(|reading| !((reading - kpa).abs() <= limits.spike_kpa)).collect();
+        let lately = away.iter().rev().take(READINGS_NEWEST).any(|away| *away);
+        let many = away.iter().filter(|away| **away).count() as f64 > SPIKES_MAX_SHARE * away.len() as f64;
+        let (least, most) = recent.iter().fold((kpa, kpa), |(least, most), r| (least.min(*r), most.max(*r)));
+        // The halves are half a span apart.
+        let drifts = !(trend.rate_kpa_per_s.abs() * 0.5 * TREND_SPAN.as_secs_f64() <= limits.noise_kpa);
+        if lately || many || drifts { GaugeAtRest::Moves(least, most) } else { GaugeAtRest::Still(Kilopascal(kpa)) }
     }
 
     /// Where the pressure is and where it goes, from the readings of the second that ends at `time`.
@@ -246,6 +278,16 @@ pub struct Trend {
     pub rate_kpa_per_s: f64,
     /// What the gauge should read now, in kPa.
     pub level_kpa: f64,
+}
+
+#[cfg(test)]
+impl GaugeHistory {
+    /// One that has read nothing but 0 kPa every 10 ms in the second until `time`.
+    pub(crate) fn at_rest_until(time: Time) -> Self {
+        let mut gauge = Self::default();
+        (0..100).rev().for_each(|n| gauge.push(time - Duration::from_millis(10 * n), Kilopascal(0.0)));
+        gauge
+    }
 }
 
 #[cfg(test)]
@@ -333,16 +375,30 @@ mod tests {
     }
 
     #[test]
-    fn what_a_gauge_reads_at_rest_is_the_median_of_the_last_second() {
-        let gauge = read(4.0, |t| match t {
-            t if t < 2.0 => 60.0,
-            t if t < 3.0 => 5.8,
-            t if t < 3.2 => f64::NAN,
-            _ => 5.9,
-        });
-        assert_eq!(gauge.at_rest(ms(2_990)), Some(Kilopascal(5.8)), "spikes and what was before do not count");
-        assert_eq!(gauge.at_rest(ms(3_990)), Some(Kilopascal(5.9)));
-        assert_eq!((gauge.at_rest(ms(4_990)), gauge.at_rest(ms(9_000))), (None, None), "one reading, and none");
+    fn a_gauge_is_at_rest_where_it_stands_still_but_for_single_spikes() {
+        let limits = RestLimits { noise_kpa: 0.3, spike_kpa: 1.2, timeout: TIMEOUT };
+        let at = |kpa: &dyn Fn(f64) -> f64| read(3.0, kpa).at_rest(ms(2_990), limits);
+        let still = GaugeAtRest::Still(Kilopascal(5.8));
+        assert_eq!(at(&|t| if t < 1.9 { 60.0 } else { 5.8 }), still, "what was before does not count");
+        assert_eq!(at(&|t| if (2.40..2.45).contains(&t) { 40.0 } else { 5.8 }), still);
+        let between = |from: f64, until: f64| move |t: f64| if (from..until).contains(&t) { 0.8 } else { 5.8 };
+        for (what, moves) in [
+            ("away for a tenth of it and more", at(&between(2.3, 2.45))),
+            ("away for most of it", at(&between(2.2, 2.9))),
+            ("jumps just before its end", at(&between(2.975, 9.0))),
+            ("jumps soon after its beginning", at(&between(2.15, 9.0))),
+        ] {
+            assert_eq!(moves, GaugeAtRest::Moves(0.8, 5.8), "{what}");
+        }
+        assert!(matches!(at(&|t| 0.7 * t), GaugeAtRest::Moves(..)), "it rises");
+        assert!(matches!(at(&|t| 0.5 * t), GaugeAtRest::Still(_)), "by less than its noise");
+        assert!(
+            matches!(at(&|t| if t > 2.97 { f64::NAN } else { 5.8 }), GaugeAtRest::Moves(..)),
+            "no number is no rest"
+        );
+        let silent = read(2.0, |_| 5.8);
+        assert_eq!(silent.at_rest(ms(2_500), limits), GaugeAtRest::NotHeard);
+        assert_eq!(GaugeHistory::default().at_rest(ms(2_500), limits), GaugeAtRest::NotHeard);
     }
 
     #[test]

@@ -7,6 +7,7 @@ use crate::calibration::samples::SessionSamples;
 use crate::calibration::transition::Trigger;
 use crate::calibration::view::SessionView;
 use crate::force::reason::ReasonCode;
+use crate::intake::gauge::GaugeAtRest;
 use crate::intake::look::look;
 use crate::loads::load::{KnownLoad, Load};
 use crate::loads::owner::LoadRead;
@@ -133,6 +134,23 @@ impl Patch {
             );
             Rejection::FailedPrecondition(ErrorReason::GaugeOffset, why)
         })
+    }
+
+    /// Refuses the zero of a ramp while the gauge moves: what it reads then is its own zero, which is taken off all pressures of
+    /// the ramp. Of a gauge that is not heard the ramp itself has to say so.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with what it read.
+    pub fn check_gauge_still(&self, now: Now) -> Result<(), Rejection> {
+        let GaugeAtRest::Moves(least, most) = self.intake.gauge().at_rest(now.time, self.plan.session.gauge_rest())
+        else {
+            return Ok(());
+        };
+        let why = format!(
+            "the gauge read {least:.2} to {most:.2} kPa within a second, and what it reads at rest is taken off the pressures: \
+             wait until bag and gauge stand still"
+        );
+        Err(Rejection::FailedPrecondition(ErrorReason::GaugeOffset, why))
     }
 
     /// What should be seen to before the pump runs, a line each. `left_out` are modules that a session does without.

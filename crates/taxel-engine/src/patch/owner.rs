@@ -313,7 +313,9 @@ impl Patch {
         if !matches!(self.zero.watching(), Some(Purpose::Session { .. })) {
             return false;
         }
-        let Err(refusal) = self.check_set_up().and_then(|()| self.check_vented(now)) else { return false };
+        let checked =
+            self.check_set_up().and_then(|()| self.check_vented(now)).and_then(|()| self.check_gauge_still(now));
+        let Err(refusal) = checked else { return false };
         let mut events = Vec::new();
         self.zero.end_watch(refusal.reason(), refusal.to_string(), &mut events);
         self.on_zero_events(now, events, effects);

@@ -88,11 +88,9 @@ fn run(scene: &Scene) -> Run {
     let limits = SessionLimits { scans_max: scene.scans_max, ..SessionLimits::default() };
     let view = SessionView { target_kpa: limits.target.0, ..SessionView::default() };
     let mut session = SessionRun::new(Now::default(), view, limits, 1);
-    session.begin_ramp(
-        Now::default(),
-        vec![TaxelBaseline { mean: NOMINAL.rest, noise: NOMINAL.noise }],
-        &GaugeHistory::default(),
-    );
+    let mut rest = GaugeHistory::default();
+    (-100..=0).for_each(|n| rest.push(Time::from_nanos(n * GAUGE_MS * 1_000_000), Kilopascal(0.0)));
+    session.begin_ramp(Now::default(), vec![TaxelBaseline { mean: NOMINAL.rest, noise: NOMINAL.noise }], &rest);
     let mut run = Run { session, gauge: GaugeHistory::default(), all: Recording::default(), readings: 0, ended: None };
     let (mut lagging, mut random) = (0.0_f64, random(6));
     for t in (0..scene.seconds * 1000).step_by(GAUGE_MS as usize) {

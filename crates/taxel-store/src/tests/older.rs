@@ -3,21 +3,23 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use rusqlite::Connection;
+use rusqlite::{Connection, params};
 use taxel_engine::loads::Load;
 use taxel_engine::record::Record;
 
 use super::fixture::*;
 use crate::db::Db;
+use crate::rows;
 use crate::schema;
 
 /// The tables of each version that hold rows.
-const TABLES: [&[&str]; 5] = [
-    &["sessions", "ramps", "samples", "model_sets", "activations", "tares", "tally"],
+const TABLES: [&[&str]; 6] = [
+    &["sessions", "samples", "model_sets", "activations", "tares", "tally"],
     &["loads"],
     &["deleted_sessions", "deleted_model_sets"],
     &["audit", "audit_results"],
     &["set_index"],
+    &["zero_doubts"],
 ];
 
 /// A store as `version` wrote it, with what [`filled`] has.
@@ -33,7 +35,22 @@ fn written_by(version: usize, path: &Path) -> [taxel_engine::model_set::ModelSet
     for table in TABLES[..version].iter().copied().flatten() {
         old.execute(&format!("INSERT INTO {table} SELECT * FROM newer.{table}"), []).unwrap();
     }
+    ramps_without_a_zero_of_the_gauge(&old);
     sets
+}
+
+/// Until version 7 a ramp had the zero of its taxels alone.
+fn ramps_without_a_zero_of_the_gauge(old: &Connection) {
+    let mut statement = old.prepare("SELECT session, ramp, baseline FROM newer.ramps").unwrap();
+    let mut found = statement.query([]).unwrap();
+    while let Some(row) = found.next().unwrap() {
+        let (session, ramp, blob): (u64, u16, Vec<u8>) =
+            (row.get(0).unwrap(), row.get(1).unwrap(), row.get(2).unwrap());
+        let baseline = rows::baseline_to_blob(&rows::ramp_from_blob(ramp, &blob).unwrap().taxels);
+        assert_eq!(baseline.len() + 8, blob.len());
+        let row = params![session, ramp, baseline, rows::ramp_checksum(session, ramp, &baseline)];
+        old.execute("INSERT INTO ramps (session, ramp, baseline, checksum) VALUES (?1, ?2, ?3, ?4)", row).unwrap();
+    }
 }
 
 fn schema_of(path: &Path) -> Vec<String> {
@@ -54,7 +71,8 @@ fn a_file_of_every_earlier_version_keeps_all_it_has_and_takes_what_is_new() {
         assert_eq!(quarantined, [], "version {version}");
         assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())]);
         assert_eq!((restored.model_sets.len(), restored.sessions.len(), restored.next_session), (2, 2, 3));
-        assert_eq!(samples_of(&store, 2).unwrap().samples.len(), 40);
+        let samples = samples_of(&store, 2).unwrap();
+        assert_eq!((samples.samples.len(), samples.ramps[0].gauge_kpa), (40, None));
         assert_eq!((restored.loads.len(), restored.next_load), (0, 1));
         let load = Load { number: 1, patch: PATCH.to_owned(), force_n: 1.0, ..Load::default() };
         write(&store, vec![Record::Load(Arc::new(load))]).unwrap();

@@ -19,7 +19,12 @@ pub fn write_zeros(to: Option<&Path>, ramps: &[RampZero]) -> Outcome {
 fn zeros_csv(ramps: &[RampZero]) -> String {
     let rows = ramps.iter().map(|ramp| {
         let rest = |taxel: &RestCount| (taxel.mean_counts.unwrap_or(f64::NAN), taxel.noise_counts.unwrap_or(f64::NAN));
-        zero_rows(ramp.ramp, usize::try_from(ramp.samples).unwrap_or(usize::MAX), ramp.taxels.iter().map(rest))
+        zero_rows(
+            ramp.ramp,
+            usize::try_from(ramp.samples).unwrap_or(usize::MAX),
+            ramp.taxels.iter().map(rest),
+            ramp.gauge_kpa,
+        )
     });
     zeros_header(ramps.first().map_or(0, |ramp| ramp.taxels.len())) + &rows.collect::<String>()
 }

@@ -17,11 +17,18 @@ pub use crate::recording::column::Column;
 use crate::say::{error_line, short};
 use crate::threads;
 
+/// How a file is cut, to be parsed on several threads.
+#[derive(Clone, Copy)]
+struct Parts {
+    /// A block is parsed at once, bytes.
+    block_bytes: usize,
+    /// Less is not worth a thread, bytes.
+    least_bytes: usize,
+}
+
 /// A thread parses so much of a file at a time, bytes.
 const PART_BYTES: usize = 1 << 20;
-
-/// Less is not worth a thread, bytes.
-const PART_BYTES_MIN: usize = 1 << 16;
+const PARTS: Parts = Parts { block_bytes: PART_BYTES, least_bytes: 1 << 16 };
 
 /// Most bad rows that are told one by one.
 const TOLD_MAX: usize = 5;
@@ -94,12 +101,16 @@ impl Recording {
     /// # Errors
     /// As [`Recording::read`].
     pub fn parse(input: impl Read) -> anyhow::Result<Self> {
-        let mut blocks = Blocks::new(input, PART_BYTES * threads::count());
+        Self::parse_in(Parts { block_bytes: PART_BYTES * threads::count(), ..PARTS }, input)
+    }
+
+    fn parse_in(cut: Parts, input: impl Read) -> anyhow::Result<Self> {
+        let mut blocks = Blocks::new(input, cut.block_bytes);
         let first = blocks.next()?.unwrap_or_default();
         let recording = if in_one_piece(&first) {
             let mut reader = reader(blocks.from(first), true);
             let mut recording = Self::under(reader.headers()?)?;
-            recording.take_rows(reader, 0)?;
+            recording.take_rows(reader, 0, &[])?;
             recording
         } else {
             let mut first = first;
@@ -107,7 +118,7 @@ impl Recording {
             let mut recording = Self::under(reader.headers()?)?;
             let (begin, line) = (reader.position().byte() as usize, reader.position().line());
             first.drain(..begin);
-            recording.take_blocks(blocks, first, line - 1)?;
+            recording.take_blocks(cut, blocks, first, line - 1)?;
             recording
         };
         if recording.time_s.is_empty() {
@@ -132,13 +143,19 @@ impl Recording {
     }
 
     /// Takes a block of rows and those after it, whose first stands in the line after `lines_before`.
-    fn take_blocks(&mut self, mut blocks: Blocks<impl Read>, first: Vec<u8>, lines_before: u64) -> anyhow::Result<()> {
+    fn take_blocks(
+        &mut self,
+        cut: Parts,
+        mut blocks: Blocks<impl Read>,
+        first: Vec<u8>,
+        lines_before: u64,
+    ) -> anyhow::Result<()> {
         let (mut block, mut lines) = (Some(first), lines_before);
         while let Some(text) = block {
             if in_one_piece(&text) {
-                return self.take_rows(reader(blocks.from(text), false), lines);
+                return self.take_rows(reader(blocks.from(text), false), lines, &[]);
             }
-            self.take_block(&text, lines)?;
+            self.take_block(cut, &text, lines)?;
             lines += lines_in(&text);
             block = blocks.next()?;
         }
@@ -146,24 +163,29 @@ impl Recording {
     }
 
     /// Takes the rows of a block, several at the same time.
-    fn take_block(&mut self, text: &[u8], lines_before: u64) -> anyhow::Result<()> {
-        let parts = parts(text, threads::count(), PART_BYTES_MIN);
+    fn take_block(&mut self, cut: Parts, text: &[u8], lines_before: u64) -> anyhow::Result<()> {
+        let parts = parts(text, threads::count(), cut.least_bytes);
         let found: Vec<OnceLock<anyhow::Result<Self>>> = parts.iter().map(|_| OnceLock::new()).collect();
         threads::each(parts.len(), &|number| {
             let (before, part) = parts[number];
             let mut recording = Self::with_columns(self.pressure_kpa.is_some(), self.counts.len());
-            let taken = recording.take_rows(reader(part, false), lines_before + before);
+            let taken = recording.take_rows(reader(part, false), lines_before + before, part);
             let _ = found[number].set(taken.map(|()| recording));
         });
         found.into_iter().filter_map(OnceLock::into_inner).try_for_each(|part| part.map(|part| self.append(part)))
     }
 
-    /// Takes all rows of a reader.
-    fn take_rows(&mut self, mut reader: csv::Reader<impl Read>, lines_before: u64) -> anyhow::Result<()> {
+    /// Takes all rows of a reader, whose text tells how many empty lines it skipped before a row; without it they are not counted.
+    fn take_rows(&mut self, mut reader: csv::Reader<impl Read>, lines_before: u64, text: &[u8]) -> anyhow::Result<()> {
         let mut row = csv::ByteRecord::new();
+        let line = |at: &csv::Position| {
+            let rest = text.get(at.byte() as usize..).unwrap_or_default();
+            let skipped = rest.iter().take_while(|byte| matches!(byte, b'\n' | b'\r')).filter(|byte| **byte == b'\n');
+            lines_before + at.line() + skipped.count() as u64
+        };
         loop {
             match reader.read_byte_record(&mut row) {
-                Ok(true) => self.take_row(&row, lines_before + row.position().map_or(0, csv::Position::line)),
+                Ok(true) => self.take_row(&row, row.position().map_or(0, line)),
                 Ok(false) => return Ok(()),
                 Err(error) if matches!(error.kind(), csv::ErrorKind::Io(_)) => return Err(error.into()),
                 Err(error) => {
@@ -248,10 +270,10 @@ fn reader<R: Read>(input: R, headed: bool) -> csv::Reader<R> {
     csv::ReaderBuilder::new().has_headers(headed).flexible(true).trim(csv::Trim::All).from_reader(input)
 }
 
-/// Whether what follows can only be read in one piece: a line break between quotes is none, and a byte order mark before
-/// the header is no part of it.
+/// Whether what follows can only be read in one piece: a line break between quotes is none, a byte order mark (its first byte
+/// is EF) is one at the very beginning alone, and without the end of a line there are no parts.
 fn in_one_piece(text: &[u8]) -> bool {
-    text.contains(&b'"') || text.starts_with(b"\xEF\xBB\xBF")
+    text.iter().any(|byte| matches!(byte, b'"' | 0xEF)) || !text.contains(&b'\n')
 }
 
 /// Whether there is a pressure column.
@@ -323,40 +345,46 @@ mod tests {
         }
     }
 
-    /// A table of some blocks, with cells and rows that cannot be read in all of them.
-    fn long(quote_at: Option<usize>) -> String {
-        let mut text = String::from("t_s,pressure_kpa,c0,c1\n");
-        for row in 0..200_000 {
-            let quote = if quote_at == Some(row) { "\"" } else { "" };
-            match row % 1_000 {
-                7 => text += "x,1,2,3\n",
-                8 => text += &format!("{row},1,nothing,0.1\n"),
-                9 => text += "\n1,2\n",
-                _ => text += &format!("{row}.25,{quote}0.5{quote},{},{}\n", row % 256, row % 255),
-            }
-        }
-        text
+    /// What is read of a text in one piece.
+    fn whole(text: &[u8]) -> anyhow::Result<Recording> {
+        let mut reader = reader(text, true);
+        let mut recording = Recording::under(reader.headers()?)?;
+        recording.take_rows(reader, 0, text)?;
+        Ok(recording)
     }
 
-    #[test]
-    fn a_long_file_is_the_same_in_parts_and_in_one_piece() {
-        let text = long(None);
-        let whole = {
-            let mut reader = reader(text.as_bytes(), true);
-            let mut whole = Recording::under(reader.headers().unwrap()).unwrap();
-            whole.take_rows(reader, 0).unwrap();
-            whole
-        };
-        assert_eq!((whole.refused.rows, whole.refused.cells), (400, 200));
-        for text in [text, long(Some(0)), long(Some(60_000)), long(Some(199_999))] {
-            let parts = Recording::parse(text.as_bytes()).unwrap();
-            assert_eq!((&parts.time_s, &parts.lines), (&whole.time_s, &whole.lines));
-            let columns = |of: &Recording| format!("{:?}{:?}{:?}", of.counts, of.pressure_kpa, of.refused);
-            assert!(columns(&parts) == columns(&whole), "{:?} and {:?}", parts.refused, whole.refused);
-        }
+    /// Rows as they come, some that cannot be read, and signs that a table treats in ways of its own.
+    fn rows() -> impl Strategy<Value = String> {
+        let row = prop_oneof![
+            12 => (0..100_u32, 0..256_u32).prop_map(|(t, c)| format!("{t}.5,0.1,{c}\n")),
+            1 => prop_oneof![Just("x,1,2\n"), Just("\n"), Just("1,2\n"), Just("3,,\n"), Just("4,1,no\n"), Just("5,1,7\r")]
+                .prop_map(str::to_owned),
+            1 => prop_oneof![Just("6,\"1\",7\n"), Just("7,\"1\n8,2,3\n")].prop_map(str::to_owned),
+        ];
+        (proptest::collection::vec(row, 0..40), any::<bool>(), any::<bool>()).prop_map(|(rows, unix, ended)| {
+            let mut text = String::from("t_s,pressure_kpa,c0\n") + &rows.concat();
+            if !ended {
+                text.pop();
+            }
+            if unix { text } else { text.replace('\n', "\r\n") }
+        })
     }
 
     proptest! {
+        #[test]
+        fn in_parts_a_file_is_what_it_is_in_one_piece(text in rows(), block in 40..200_usize, least in 1..50_usize) {
+            let parts = Recording::parse_in(Parts { block_bytes: block, least_bytes: least }, text.as_bytes());
+            let Ok(parts) = parts else { return Ok(()) };
+            let whole = whole(text.replace("\r\n", "\n").as_bytes()).unwrap();
+            let columns = |of: &Recording| format!("{:?}{:?}{:?}", of.counts, of.pressure_kpa, of.refused.told);
+            prop_assert_eq!(&parts.time_s, &whole.time_s);
+            if !text.contains('"') {
+                prop_assert_eq!(columns(&parts), columns(&whole));
+            }
+            // In one piece empty lines are not counted.
+            prop_assert!(text.contains('"') || parts.lines == whole.lines, "{:?} and {:?}", parts.lines, whole.lines);
+        }
+
         #[test]
         fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
             let mut text = b"t_s,pressure_kpa,c0\n".to_vec();

@@ -20,13 +20,12 @@ impl SessionRun {
         self.view.rate_kpa_per_s = fresh.and_then(|(time, _)| gauge.trend(time)).map(|trend| trend.rate_kpa_per_s);
         self.view.coverage = self.covered.iter().filter(|c| **c).count() as f64 / self.covered.len() as f64;
         self.count_responding();
+        let pressure = self.view.pressure_kpa.map(|kpa| kpa - self.gauge_zero_kpa());
         let (left, rate) = match self.ramp.direction() {
-            Direction::Rising => {
-                (self.view.pressure_kpa.map(|kpa| self.limits.target.0 - kpa), self.view.rate_kpa_per_s)
-            }
+            Direction::Rising => (pressure.map(|kpa| self.limits.target.0 - kpa), self.view.rate_kpa_per_s),
             Direction::Falling => {
                 let falls = self.view.rate_kpa_per_s.map(|rate| -rate);
-                (self.view.pressure_kpa.map(|kpa| kpa - self.limits.fall_end.0), falls)
+                (pressure.map(|kpa| kpa - self.limits.fall_end.0), falls)
             }
         };
         let (left, rate) = (left.map(|left| left.max(0.0)), rate.filter(|&rate| rate > 0.02));
