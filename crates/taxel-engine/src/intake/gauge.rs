@@ -243,12 +243,14 @@ impl GaugeHistory {
         let fresh = self.readings.back().is_some_and(|&(newest, _)| time.since(newest) <= limits.timeout);
         let known = self.trend(time).zip(median(recent.clone())).filter(|_| fresh);
         let Some((trend, kpa)) = known else { return GaugeAtRest::NotHeard };
-        let away: Vec<bool> = recent.iter().map(|reading| !((reading - kpa).abs() <= limits.spike_kpa)).collect();
+        // What is no number is within nothing.
+        let within = |kpa: f64, limit: f64| kpa.abs() <= limit;
+        let away: Vec<bool> = recent.iter().map(|reading| !within(reading - kpa, limits.spike_kpa)).collect();
         let lately = away.iter().rev().take(READINGS_NEWEST).any(|away| *away);
         let many = away.iter().filter(|away| **away).count() as f64 > SPIKES_MAX_SHARE * away.len() as f64;
         let (least, most) = recent.iter().fold((kpa, kpa), |(least, most), r| (least.min(*r), most.max(*r)));
         // The halves are half a span apart.
-        let drifts = !(trend.rate_kpa_per_s.abs() * 0.5 * TREND_SPAN.as_secs_f64() <= limits.noise_kpa);
+        let drifts = !within(trend.rate_kpa_per_s * 0.5 * TREND_SPAN.as_secs_f64(), limits.noise_kpa);
         if lately || many || drifts { GaugeAtRest::Moves(least, most) } else { GaugeAtRest::Still(Kilopascal(kpa)) }
     }
 
