@@ -63,7 +63,7 @@ enum SessionsCommand {
         #[arg(value_name = "SESSION", required = true, value_parser = clap::value_parser!(u64).range(1..))]
         sessions: Vec<u64>,
     },
-    /// Writes the samples of a session: as the table that `taxeld fit` reads, or as MCAP.
+    /// Writes the samples of a session: as a table that `taxeld fit` reads, or as MCAP.
     #[command(
         after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 --out session3.mcap\n  taxeld sessions export 3 | taxeld fit - --order auto --out models.json && taxeld models import models.json"
     )]
