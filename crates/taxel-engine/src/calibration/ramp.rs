@@ -58,17 +58,11 @@ impl Ramp {
         Self { off_since: self.off_since, ..Self::new(now, direction, self.gauge_zero) }
     }
 
-    /// Why nothing of the ramp can be trusted, if that is so: the gauge is heard and has no zero, or it has jumped since the
-    /// ramp began, and is not back at `time` and has not been for a second.
+    /// Why nothing of the ramp can be trusted, if that is so: the gauge has jumped since it began, and is not back at `time`
+    /// and has not been for a second.
     #[must_use]
     pub fn why_void(&self, time: Time, gauge: &GaugeHistory) -> Option<String> {
-        let Some(since) = self.gauge_zero else {
-            return gauge.trend(time).map(|_| {
-                "the gauge was not heard while the skin's zero was taken, so nobody knows what it reads at rest: vent the bag and \
-                 begin another ramp"
-                    .to_owned()
-            });
-        };
+        let since = self.gauge_zero?;
         let off = self.off_since.is_some_and(|since| time.since(since) > JUMPED_MAX);
         off.then(|| {
             format!(

@@ -112,7 +112,7 @@ impl Patch {
     /// [`Rejection::FailedPrecondition`] with the pressure and the limit.
     pub fn check_vented(&self, now: Now) -> Result<(), Rejection> {
         let limits = &self.plan.session;
-        // Without a reading the ramp itself waits for the gauge.
+        // A ramp's zero waits until the gauge is heard.
         let Some((time, pressure)) = self.intake.gauge().newest() else { return Ok(()) };
         let gauge = &self.plan.fit.gauge;
         // Three standard deviations of what is stated of the gauge, beside the noise that sessions allow for.
@@ -136,21 +136,33 @@ impl Patch {
         })
     }
 
-    /// Refuses the zero of a ramp while the gauge moves: what it reads then is its own zero, which is taken off all pressures of
-    /// the ramp. Of a gauge that is not heard the ramp itself has to say so.
+    /// Refuses the zero of a ramp while the gauge is not heard or moves: what it reads then is its own zero, which is taken off
+    /// all pressures of the ramp.
     ///
     /// # Errors
-    /// [`Rejection::FailedPrecondition`] with what it read.
-    pub fn check_gauge_still(&self, now: Now) -> Result<(), Rejection> {
-        let GaugeAtRest::Moves(least, most) = self.intake.gauge().at_rest(now.time, self.plan.session.gauge_rest())
-        else {
-            return Ok(());
+    /// [`Rejection::FailedPrecondition`] with what it read, or when last.
+    pub fn check_gauge_at_rest(&self, now: Now) -> Result<(), Rejection> {
+        let gauge = self.intake.gauge();
+        let (reason, why) = match gauge.at_rest(now.time, self.plan.session.gauge_rest()) {
+            GaugeAtRest::Still(_) => return Ok(()),
+            GaugeAtRest::Moves(least, most) => (
+                ErrorReason::GaugeOffset,
+                format!(
+                    "the gauge read {least:.2} to {most:.2} kPa within a second, and what it reads at rest is taken off the \
+                     pressures: wait until bag and gauge stand still"
+                ),
+            ),
+            GaugeAtRest::NotHeard => (
+                ErrorReason::NoPressureSensor,
+                match gauge.newest() {
+                    None => "no pressure frame came: is the gauge on, and is its CAN identifier right?".to_owned(),
+                    Some((time, _)) => {
+                        format!("the last pressure frame came {:.1} s ago", now.time.since(time).as_secs_f64())
+                    }
+                },
+            ),
         };
-        let why = format!(
-            "the gauge read {least:.2} to {most:.2} kPa within a second, and what it reads at rest is taken off the pressures: \
-             wait until bag and gauge stand still"
-        );
-        Err(Rejection::FailedPrecondition(ErrorReason::GaugeOffset, why))
+        Err(Rejection::FailedPrecondition(reason, why))
     }
 
     /// What should be seen to before the pump runs, a line each. `left_out` are modules that a session does without.

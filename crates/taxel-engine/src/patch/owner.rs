@@ -314,7 +314,7 @@ impl Patch {
             return false;
         }
         let checked =
-            self.check_set_up().and_then(|()| self.check_vented(now)).and_then(|()| self.check_gauge_still(now));
+            self.check_set_up().and_then(|()| self.check_vented(now)).and_then(|()| self.check_gauge_at_rest(now));
         let Err(refusal) = checked else { return false };
         let mut events = Vec::new();
         self.zero.end_watch(refusal.reason(), refusal.to_string(), &mut events);

@@ -35,7 +35,9 @@ impl Model {
                 self.idle_s.1 + f64::from(PASS_S) < PATIENCE_S
             }
             Some((_, S::Taring)) => {
-                how != Passing::ModuleSilent || self.presses() || self.idle_s.1 + f64::from(PASS_S) < PATIENCE_S
+                !matches!(how, Passing::ModuleSilent | Passing::GaugeSilent)
+                    || self.presses()
+                    || self.idle_s.1 + f64::from(PASS_S) < PATIENCE_S
             }
             Some((_, S::Ramping)) => {
                 let ((least, most), limit, pass) = (self.idle_s, PATIENCE_S + PROBATION_S, f64::from(PASS_S));
@@ -98,7 +100,8 @@ impl Model {
     }
 
     fn pass_taring(&mut self, number: u64, how: Passing) {
-        if self.kpa == 0 && how != Passing::ModuleSilent {
+        // A ramp begins at the zero of skin and gauge.
+        if self.kpa == 0 && !matches!(how, Passing::ModuleSilent | Passing::GaugeSilent) {
             self.void_zeros();
             self.enter(number, S::Ramping);
             (self.idle_s, self.reached_kpa) = ((0.6, 3.0), 0);
