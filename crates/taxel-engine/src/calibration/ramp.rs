@@ -22,8 +22,8 @@ const JUMPED_MAX: Duration = Duration::from_secs(1);
 #[derive(Clone, Debug)]
 pub struct Ramp {
     direction: Direction,
-    /// When the newest reading came that the gauge's own zero was taken of; `None` if it has none. A jump thereafter is one
-    /// against that zero.
+    /// When the gauge last read its own zero before the ramp; `None` if it has none. A jump thereafter is one against that
+    /// zero.
     gauge_zero: Option<Time>,
     /// Since when the gauge is off by a jump since then.
     off_since: Option<Time>,
@@ -45,8 +45,7 @@ pub enum Gate {
 }
 
 impl Ramp {
-    /// A branch of a ramp that begins now. `gauge_zero`: when the newest reading came of those that the gauge's own zero was
-    /// taken of; without one nothing enters.
+    /// A branch of a ramp that begins now. `gauge_zero`: when the gauge last read its own zero; without one nothing enters.
     #[must_use]
     pub const fn new(now: Time, direction: Direction, gauge_zero: Option<Time>) -> Self {
         Self { direction, gauge_zero, off_since: None, reached: f64::NEG_INFINITY, progress: now }

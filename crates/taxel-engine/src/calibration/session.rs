@@ -191,14 +191,13 @@ impl SessionRun {
 
     /// Rest is proven: the ramp begins at this zero.
     pub fn begin_ramp(&mut self, now: Now, taxels: Vec<TaxelBaseline>, gauge: &GaugeHistory) -> SessionRecord {
-        let gauge_kpa = match gauge.at_rest(now.time, self.limits.gauge_rest()) {
-            GaugeAtRest::Still(zero) => Some(zero.0),
-            GaugeAtRest::Moves(..) | GaugeAtRest::NotHeard => None,
+        let (gauge_kpa, until) = match gauge.at_rest(now.time, self.limits.gauge_rest()) {
+            GaugeAtRest::Still { kpa, until } => (Some(kpa.0), Some(until)),
+            GaugeAtRest::Moves(..) | GaugeAtRest::NotHeard => (None, None),
         };
         let ramp = RampBaseline { ramp: self.view.ramps, taxels, gauge_kpa };
         self.view.ramps += 1;
-        let newest = gauge.newest().filter(|_| gauge_kpa.is_some()).map(|(time, _)| time);
-        self.begin_branch(Ramp::new(now.time, Direction::Rising, newest));
+        self.begin_branch(Ramp::new(now.time, Direction::Rising, until));
         Arc::make_mut(&mut self.samples).ramps.push(ramp.clone());
         self.enter(now, SessionState::Ramping, "");
         SessionRecord::Ramp(ramp)

@@ -144,7 +144,7 @@ impl Patch {
     pub fn check_gauge_at_rest(&self, now: Now) -> Result<(), Rejection> {
         let gauge = self.intake.gauge();
         let (reason, why) = match gauge.at_rest(now.time, self.plan.session.gauge_rest()) {
-            GaugeAtRest::Still(_) => return Ok(()),
+            GaugeAtRest::Still { .. } => return Ok(()),
             GaugeAtRest::Moves(least, most) => (
                 ErrorReason::GaugeOffset,
                 format!(

@@ -167,7 +167,7 @@ fn a_gauge_that_moves_while_the_zero_is_taken_has_no_zero_until_it_stands_still(
         if !stays {
             bench.inject(Fault::GaugeOffset { kpa: 5.8 });
         }
-        bench.until(10.0, "the ramp", ramping);
+        bench.until(10.0, "the ramp", |host| host.session().state != SessionState::Taring);
         bench.ramp(74.0, 2.0);
         bench.until(60.0, "the end of the ramp", |host| !ramping(host));
         let samples = bench.host.on_disk(bench.host.session().number).unwrap();
