@@ -156,6 +156,9 @@ impl Patch {
                 ErrorReason::NoPressureSensor,
                 match gauge.newest() {
                     None => "no pressure frame came: is the gauge on, and is its CAN identifier right?".to_owned(),
+                    Some((time, _)) if now.time.since(time) <= self.plan.session.gauge_timeout => {
+                        "the gauge has been heard for less than a second, or not twice in each half of it".to_owned()
+                    }
                     Some((time, _)) => {
                         format!("the last pressure frame came {:.1} s ago", now.time.since(time).as_secs_f64())
                     }
