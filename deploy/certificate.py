@@ -278,7 +278,8 @@ def leaves(value, path=""):
 def disagreements(stated, computed):
     stated, computed = dict(leaves(stated)), dict(leaves(computed))
     for path, value in computed.items():
-        there = stated.get(path, "missing")
+        # What an earlier version did not state and nobody knows.
+        there = stated.get(path, None if value is None else "missing")
         if isinstance(value, (int, float, np.number)) and isinstance(there, (int, float)):
             agrees = abs(there - value) <= 1e-9 + 1e-7 * abs(value)
         else:

@@ -52,7 +52,7 @@ fn not_stated(evidence: &Evidence<'_>) -> Vec<String> {
         );
     }
     if evidence.set.gauge_gain_rel == 0.0
-        && evidence.set.gauge_offset_kpa == 0.0
+        && evidence.set.gauge_offset_kpa <= evidence.samples.gauge_zero_doubt_kpa()
         && stated.reference_expanded_uncertainty_kpa.is_none()
     {
         lines.push("The uncertainty of the reference sensor is not stated and counts as 0.".to_owned());

@@ -4,13 +4,23 @@
 //! reads 5 kPa at that moment is off by 5 kPa, or the bag still stands at them; the daemon cannot tell. In the first case
 //! the pressures are right once the 5 kPa are off. In the second they are those beyond what the skin was zeroed at, and a
 //! skin whose counts move s times as much per kPa at rest as at a pressure reads wrong there by (s - 1) times the 5 kPa. So
-//! they stay in the uncertainty, as the half-width of a rectangle (GUM 4.3.7): three standard deviations hold an s of 2.7.
+//! they stay in the uncertainty, as the half-width of a rectangle (GUM 4.3.7): three standard deviations hold an s of 2.7, and for
+//! a skin of more it is raised ([`steeper_at_rest`]).
 
+use taxel_model::TaxelModel;
+
+use crate::baseline::TaxelBaseline;
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
-use crate::statistics::mean;
+use crate::statistics::{mean, quantile};
+
+/// A curve that is flat at rest by its fit's whim says nothing.
+const STEEPER_MAX: f64 = 10.0;
 
 /// Less is not worth a word, kPa: the last digit of many gauges.
 const TOLD_FROM_KPA: f64 = 0.1;
+
+/// The zeros of more ramps are told by the least and the greatest.
+const TOLD_MAX: usize = 3;
 
 /// The gauge's zeros of a session.
 #[derive(Clone, Debug, Default)]
@@ -36,11 +46,16 @@ impl GaugeZero {
         sample.pressure_kpa - zero.and_then(|(_, kpa)| *kpa).unwrap_or(self.mean_kpa)
     }
 
-    /// Standard uncertainty of what was taken off, kPa: that of a rectangle as wide as the greatest, and all of it where a ramp
-    /// has the zero of the others.
-    pub fn doubt_kpa(&self) -> f64 {
-        let share = if self.ramps.iter().all(|(_, kpa)| kpa.is_some()) { 3.0_f64.sqrt().recip() } else { 1.0 };
-        share * self.greatest_kpa()
+    /// Standard uncertainty of what was taken off, kPa: that of a rectangle as wide as the greatest. Where a ramp has the zero of the
+    /// others its own may have been anything up to its least pressure, and that is all in doubt.
+    pub fn doubt_kpa(&self, samples: &[Sample]) -> f64 {
+        let known = self.greatest_kpa();
+        let unknown = |ramp: u16| self.ramps.iter().any(|(of, kpa)| *of == ramp && kpa.is_none());
+        if known == 0.0 || self.ramps.iter().all(|(_, kpa)| kpa.is_some()) {
+            return known / 3.0_f64.sqrt();
+        }
+        let read = samples.iter().filter(|sample| unknown(sample.ramp)).map(|sample| sample.pressure_kpa.max(0.0));
+        known.max(read.reduce(f64::min).unwrap_or(0.0))
     }
 
     /// In words, for the method of a set; nothing where it is as good as none.
@@ -55,12 +70,39 @@ impl GaugeZero {
         } else {
             String::new()
         };
-        format!(", less {} kPa that the gauge read at rest{unknown}", zeros.join(" and "))
+        let told = if let [first, .., last] = self.sorted().as_slice()
+            && zeros.len() > TOLD_MAX
+        {
+            format!("{first:.1} to {last:.1}")
+        } else {
+            zeros.join(" and ")
+        };
+        format!(", less {told} kPa that the gauge read at rest{unknown}")
+    }
+
+    fn sorted(&self) -> Vec<f64> {
+        let mut known: Vec<f64> = self.ramps.iter().filter_map(|(_, kpa)| *kpa).collect();
+        known.sort_by(f64::total_cmp);
+        known
     }
 
     fn greatest_kpa(&self) -> f64 {
         self.ramps.iter().filter_map(|(_, kpa)| *kpa).map(f64::abs).fold(0.0, f64::max)
     }
+}
+
+/// By how much a doubt about the zero is to be raised for what it makes of the upper end of the range: (s - 1) / sqrt(3), s being
+/// how many times as many counts a kPa moves at rest as at the upper end, over secants of a fifth of the range. Nine taxels of ten
+/// have no more; at least 1.
+pub(super) fn steeper_at_rest(models: &[TaxelModel], rest: &[TaxelBaseline]) -> f64 {
+    let of = |(model, rest): (&TaxelModel, &TaxelBaseline)| {
+        let [low, high] = model.range.filter(|_| model.is_usable())?;
+        let (from, to) = if (rest.mean - low).abs() < (rest.mean - high).abs() { (low, high) } else { (high, low) };
+        let kpa = |part: f64| model.kpa(from + part * (to - from));
+        Some((kpa(1.0)? - kpa(0.8)?) / (kpa(0.2)? - kpa(0.0)?)).filter(|s| s.is_finite() && *s > 0.0)
+    };
+    let steeper = quantile(models.iter().zip(rest).filter_map(of).collect(), 0.9).unwrap_or(1.0);
+    ((steeper - 1.0) / 3.0_f64.sqrt()).clamp(1.0, STEEPER_MAX)
 }
 
 impl SessionSamples {
@@ -74,7 +116,7 @@ impl SessionSamples {
     /// Standard uncertainty that these pressures have because of what was taken off them, kPa.
     #[must_use]
     pub fn gauge_zero_doubt_kpa(&self) -> f64 {
-        GaugeZero::of(&self.ramps).doubt_kpa()
+        GaugeZero::of(&self.ramps).doubt_kpa(&self.samples)
     }
 }
 
@@ -94,7 +136,7 @@ mod tests {
     fn each_ramp_is_taken_from_its_own_zero_and_the_farthest_stays_in_doubt() {
         let zero = GaugeZero::of(&[begun(0, Some(-0.3)), begun(1, Some(6.0))]);
         assert_eq!([0, 1].map(|ramp| zero.pressure_kpa(&read(ramp, 20.0))), [20.3, 14.0]);
-        assert!((zero.doubt_kpa() - 6.0 / 3.0_f64.sqrt()).abs() < 1e-12);
+        assert!((zero.doubt_kpa(&[]) - 6.0 / 3.0_f64.sqrt()).abs() < 1e-12);
         assert_eq!(zero.told(), ", less -0.3 and 6.0 kPa that the gauge read at rest");
     }
 
@@ -102,16 +144,29 @@ mod tests {
     fn a_ramp_whose_zero_is_not_known_has_that_of_the_others_and_all_of_it_in_doubt() {
         let zero = GaugeZero::of(&[begun(0, None), begun(1, Some(5.0)), begun(2, Some(6.0)), begun(3, Some(f64::NAN))]);
         let pressures = [0, 1, 2, 3].map(|ramp| zero.pressure_kpa(&read(ramp, 20.0)));
-        assert_eq!((pressures, zero.doubt_kpa()), ([14.5, 15.0, 14.0, 14.5], 6.0));
+        assert_eq!((pressures, zero.doubt_kpa(&[read(0, 4.0)])), ([14.5, 15.0, 14.0, 14.5], 6.0));
+        let doubt = GaugeZero::of(&[begun(0, None), begun(1, Some(0.01))]).doubt_kpa(&[
+            read(1, 0.5),
+            read(0, 7.0),
+            read(0, 6.5),
+        ]);
+        assert_eq!(doubt, 6.5, "an earlier session of a gauge that was mended since");
         let told = ", less 5.0 and 6.0 kPa that the gauge read at rest, their mean in 2 ramps where that is not known";
         assert_eq!(zero.told(), told);
+    }
+
+    #[test]
+    fn of_many_ramps_the_least_and_the_greatest_zero_are_told() {
+        let ramps: Vec<RampBaseline> =
+            [5.2, 5.9, 5.0, 5.4].into_iter().zip(0..).map(|(kpa, n)| begun(n, Some(kpa))).collect();
+        assert_eq!(GaugeZero::of(&ramps).told(), ", less 5.0 to 5.9 kPa that the gauge read at rest");
     }
 
     #[test]
     fn of_a_gauge_that_reads_nothing_at_rest_nothing_is_told() {
         for ramps in [vec![], vec![begun(0, None)], vec![begun(0, Some(0.05))]] {
             let zero = GaugeZero::of(&ramps);
-            assert!(zero.told().is_empty() && zero.doubt_kpa() < 0.03, "{ramps:?}");
+            assert!(zero.told().is_empty() && zero.doubt_kpa(&[]) < 0.03, "{ramps:?}");
             assert!((zero.pressure_kpa(&read(0, 20.0)) - 20.0).abs() < 0.06, "{ramps:?}");
         }
     }

@@ -6,6 +6,8 @@ use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
+use taxel_model::GaugeUncertainty;
+
 use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::Branch;
 use crate::calibration::fit::course::{Course, session_clock};
@@ -16,7 +18,7 @@ use crate::calibration::fit::skin_fit::{FittedSkin, SkinFit};
 use crate::calibration::fit::workers::OneByOne;
 use crate::calibration::fit::zero::ZeroReturn;
 use crate::calibration::fit::{lag, zero};
-use crate::calibration::gauge_zero::GaugeZero;
+use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
 use crate::calibration::method::{method, plays_in_words};
 use crate::calibration::samples::{RampBaseline, SessionSamples};
 use crate::model_set::{ModelSet, Recorded};
@@ -94,7 +96,9 @@ impl FitJob {
         let raw = scans(&time_s, &columns);
         let gauge_zero = GaugeZero::of(&self.samples.ramps);
         let mut recipe = self.recipe.settled();
-        recipe.options.gauge.offset_kpa = gauge_zero.doubt_kpa().hypot(recipe.options.gauge.offset_kpa);
+        let configured_kpa = recipe.options.gauge.offset_kpa;
+        let doubt_kpa = gauge_zero.doubt_kpa(samples);
+        recipe.options.gauge.offset_kpa = doubt_kpa.hypot(configured_kpa);
         let masks = if recipe.is_paper() {
             Masks::missing(&raw)
         } else {
@@ -104,13 +108,16 @@ impl FitJob {
         let scans = scans(&time_s, &columns);
         let course = Course::of_session(samples, self.recipe.branch);
         let fit = SkinFit::new(&scans, masks, self.samples.pressures_kpa(), course, &recipe);
-        let fitted = fit.run(&OneByOne);
+        let mut fitted = fit.run(&OneByOne);
         if fitted.usable().is_empty() {
             let why = fitted.models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));
             let samples = samples.len();
             return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
-        let (gauge, branch) = (recipe.options.gauge, recipe.branch);
+        let steeper = steeper_at_rest(&fitted.models, &ramp.taxels);
+        let offset_kpa = (doubt_kpa * steeper).hypot(configured_kpa);
+        fitted.models.iter_mut().for_each(|model| model.gauge.offset_kpa = offset_kpa);
+        let (gauge, branch) = (GaugeUncertainty { offset_kpa, ..recipe.options.gauge }, recipe.branch);
         Ok(ModelSet {
             id: String::new(),
             patch: self.patch.clone(),

@@ -63,19 +63,24 @@ impl Ramp {
     pub fn why_void(&self, time: Time, gauge: &GaugeHistory) -> Option<String> {
         let since = self.gauge_zero?;
         let off = self.off_since.is_some_and(|since| time.since(since) > JUMPED_MAX);
+        let jumped = [gauge.jumped(since, time), gauge.stepped(since, time)]
+            .into_iter()
+            .max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
         off.then(|| {
             format!(
-                "the gauge jumped by {:+.1} kPa from one reading to the next and is not back: it was wrong before or is wrong \
-                 now, and so are samples of this ramp; mend the gauge and begin a new session",
-                gauge.jumped(since, time)
+                "the gauge jumped by {jumped:+.1} kPa from one reading to the next and is not back: it was wrong before or is wrong \
+                 now, and so are samples of this ramp; mend the gauge and begin a new session"
             )
         })
     }
 
     /// Whether the gauge reads what it would have without the jumps it has made since the ramp began.
     fn is_gauge_itself(&mut self, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> bool {
-        let jumped = self.gauge_zero.map(|since| gauge.jumped(since, time).abs());
-        let itself = jumped.is_some_and(|jumped| jumped <= limits.spike_kpa());
+        let itself = self.gauge_zero.is_some_and(|since| {
+            // Before the pump runs a gauge that stands still is not stuck.
+            let stepped = if self.reached == f64::NEG_INFINITY { gauge.stepped(since, time) } else { 0.0 };
+            gauge.jumped(since, time).abs().max(stepped.abs()) <= limits.spike_kpa()
+        });
         self.off_since = if itself { None } else { self.off_since.or(Some(time)) };
         itself
     }
@@ -214,6 +219,20 @@ mod tests {
         assert!(refused.iter().filter(|&&r| r == SampleRefusal::GaugeSpike).count() >= 58);
         let (accepted, _) = run(Direction::Rising, |t| t + if t < 5.0 { 3.0 } else { 0.0 }, 20);
         assert!(accepted.len() < 100, "which of both is the pressure nobody knows: {}", accepted.len());
+    }
+
+    #[test]
+    fn a_gauge_that_repeated_itself_and_jumps_before_the_pump_runs_voids_the_ramp() {
+        let coarse = |ms: i64| {
+            ((0.0_f64.max(0.002 * (ms - 2_000) as f64) + if ms > 500 { 5.0 } else { 0.0 }) * 10.0).round() / 10.0
+        };
+        let (mut gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
+        (-300..=300).for_each(|i| gauge.push(ms(10 * i), Kilopascal(coarse(10 * i))));
+        let mut ramp = Ramp::new(ms(0), Direction::Rising, Some(ms(0)));
+        let said: Vec<Gate> = (10..=58).map(|i| ramp.judge(ms(5_000), ms(50 * i), &gauge, &limits)).collect();
+        assert!(!said.iter().any(|gate| enters(*gate)), "{said:?}");
+        let why = ramp.why_void(ms(2_900), &gauge).unwrap();
+        assert!(why.starts_with("the gauge jumped by +5.0 kPa"), "{why}");
     }
 
     #[test]

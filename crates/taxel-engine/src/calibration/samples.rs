@@ -10,8 +10,7 @@ pub struct RampBaseline {
     pub ramp: u16,
     /// One per taxel.
     pub taxels: Vec<TaxelBaseline>,
-    /// What the gauge read while the skin rested, kPa: its own zero. `None` if it was not heard, and in sessions of before
-    /// this was kept.
+    /// What the gauge read while the skin rested, kPa: its own zero. `None` in sessions of before this was kept.
     pub gauge_kpa: Option<f64>,
 }
 

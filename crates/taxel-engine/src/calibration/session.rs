@@ -191,13 +191,13 @@ impl SessionRun {
 
     /// Rest is proven: the ramp begins at this zero.
     pub fn begin_ramp(&mut self, now: Now, taxels: Vec<TaxelBaseline>, gauge: &GaugeHistory) -> SessionRecord {
-        let (gauge_kpa, until) = match gauge.at_rest(now.time, self.limits.gauge_rest()) {
-            GaugeAtRest::Still { kpa, until } => (Some(kpa.0), Some(until)),
+        let (gauge_kpa, newest) = match gauge.at_rest(now.time, self.limits.gauge_rest()) {
+            GaugeAtRest::Still { kpa, newest } => (Some(kpa.0), Some(newest)),
             GaugeAtRest::Moves(..) | GaugeAtRest::NotHeard => (None, None),
         };
         let ramp = RampBaseline { ramp: self.view.ramps, taxels, gauge_kpa };
         self.view.ramps += 1;
-        self.begin_branch(Ramp::new(now.time, Direction::Rising, until));
+        self.begin_branch(Ramp::new(now.time, Direction::Rising, newest));
         Arc::make_mut(&mut self.samples).ramps.push(ramp.clone());
         self.enter(now, SessionState::Ramping, "");
         SessionRecord::Ramp(ramp)
@@ -246,7 +246,7 @@ impl SessionRun {
             return Progress::On;
         }
         if let Some((_, Kilopascal(kpa))) = gauge.newest() {
-            self.rise.on_gauge(kpa);
+            self.rise.on_gauge(kpa - self.gauge_zero_kpa());
         }
         while let Some(time) = self.pending.front().map(|scan| scan.time).filter(|time| now.since(*time) >= PROBATION) {
             let gate = self.ramp.judge(now, time, gauge, &self.limits);
@@ -358,14 +358,14 @@ impl SessionRun {
                 format!("{} scans in {seconds} s had silent modules", self.stale_since_progress)
             }
             Some((_, Kilopascal(kpa))) if self.ramp.direction() == Direction::Falling => {
-                let end = self.limits.fall_end.0;
+                let (kpa, end) = (kpa - self.gauge_zero_kpa(), self.limits.fall_end.0);
                 format!(
                     "the pressure did not fall for {seconds} s: it is {kpa:.1} kPa, the branch ends at {end:.1} kPa"
                 )
             }
             Some((_, Kilopascal(kpa))) => self.rise.why(Stall {
                 patience: self.limits.patience,
-                kpa,
+                kpa: kpa - self.gauge_zero_kpa(),
                 target_kpa: self.limits.target.0,
                 responding_counts: f64::from(self.limits.responding_counts),
             }),

@@ -182,7 +182,7 @@ pub struct SessionView {
     pub refused: RefusalCounts,
     /// Scans that are on disk.
     pub durable: u64,
-    /// The newest pressure in kPa, if one came lately.
+    /// The newest pressure in kPa, if one came lately; from the first ramp on, above what the gauge read at rest.
     pub pressure_kpa: Option<f64>,
     /// Its rate of rise in kPa/s over the last second.
     pub rate_kpa_per_s: Option<f64>,

@@ -103,7 +103,7 @@ impl Changes {
 pub struct RestLimits {
     /// Between the halves of the second, kPa.
     pub noise_kpa: f64,
-    /// From reading to reading, kPa.
+    /// Of nine readings of ten and the newest from the median, kPa.
     pub spike_kpa: f64,
     /// The newest reading is no older.
     pub timeout: Duration,
@@ -120,8 +120,8 @@ pub enum GaugeAtRest {
     Still {
         /// Where.
         kpa: Kilopascal,
-        /// When it last read that: what it read since may be a spike or the first of a jump.
-        until: Time,
+        /// When it read that last.
+        newest: Time,
     },
 }
 
@@ -163,6 +163,17 @@ impl GaugeHistory {
     pub fn jumped(&self, from: Time, until: Time) -> f64 {
         let within = self.jumps.iter().filter(|&&(time, _)| time >= from && time < until);
         within.map(|&(_, kpa)| kpa).sum()
+    }
+
+    /// By how much readings between `from` and `until` were further from the one before than a pressure goes meanwhile, up and down
+    /// together, kPa. A gauge that repeats itself while nothing happens has been right all the time, so its jump shows here, and
+    /// not in [`Self::jumped`].
+    #[must_use]
+    pub fn stepped(&self, from: Time, until: Time) -> f64 {
+        let within = self.readings.iter().filter(|&&(time, kpa)| time >= from && time <= until && kpa.is_finite());
+        let pairs = within.clone().zip(within.skip(1));
+        let steps = pairs.map(|(a, b)| (b.1 - a.1, STEEPEST_KPA_PER_S * b.0.seconds_since(a.0)));
+        steps.filter(|(step, pressure)| step.abs() - pressure > JUMP_MIN_KPA).map(|(step, _)| step).sum()
     }
 
     /// Readings left out because they came out of order.
@@ -241,7 +252,7 @@ impl GaugeHistory {
     }
 
     /// What it reads while a skin rests, from the second that ends at `time`. The median of each half may differ by `noise_kpa`,
-    /// and single readings by any amount; more of them by `spike_kpa` from the median of all.
+    /// and single readings before the newest by any amount; more of them by `spike_kpa` from the median of all.
     #[must_use]
     pub fn at_rest(&self, time: Time, limits: RestLimits) -> GaugeAtRest {
         let since = time - TREND_SPAN;
@@ -257,8 +268,9 @@ impl GaugeHistory {
         let (least, most) = recent.iter().fold((kpa, kpa), |(least, most), r| (least.min(*r), most.max(*r)));
         // The halves are half a span apart.
         let drifts = !within(trend.rate_kpa_per_s * 0.5 * TREND_SPAN.as_secs_f64(), limits.noise_kpa);
-        match times.iter().zip(&away).rfind(|(_, away)| !**away) {
-            Some((&until, _)) if !(many || drifts) => GaugeAtRest::Still { kpa: Kilopascal(kpa), until },
+        // The newest reading that is away may be the first of a jump.
+        match times.last().zip(away.last()) {
+            Some((&newest, false)) if !(many || drifts) => GaugeAtRest::Still { kpa: Kilopascal(kpa), newest },
             _ => GaugeAtRest::Moves(least, most),
         }
     }

@@ -149,7 +149,8 @@ impl Patch {
                 ErrorReason::GaugeOffset,
                 format!(
                     "the gauge read {least:.2} to {most:.2} kPa within a second, and what it reads at rest is taken off the \
-                     pressures: wait until bag and gauge stand still"
+                     pressures: wait until bag and gauge stand still; if it is the gauge's noise, raise \
+                     `session.noise_band_kpa`"
                 ),
             ),
             GaugeAtRest::NotHeard => (

@@ -65,7 +65,8 @@ enum SessionsCommand {
     },
     /// Writes the samples of a session: as a table that `taxeld fit` reads, or as MCAP.
     #[command(
-        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 --out session3.mcap\n  taxeld sessions export 3 | taxeld fit - --order auto --out models.json && taxeld models import models.json"
+        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 --out session3.mcap\n  taxeld sessions export 3 | taxeld fit - --order auto --out models.json    (of the pressures as the gauge read them; \
+                      `sessions refit` takes off what it read at rest)"
     )]
     Export(ExportArgs),
 }

@@ -86,22 +86,22 @@ fn a_pressure_that_has_begun_to_fall_or_is_not_heard_does_not_hold() {
 fn a_gauge_is_at_rest_where_it_stands_still_but_for_single_spikes() {
     let limits = RestLimits { noise_kpa: 0.3, spike_kpa: 1.2, timeout: TIMEOUT };
     let at = |kpa: &dyn Fn(f64) -> f64| read(3.0, kpa).at_rest(ms(2_990), limits);
-    let still = GaugeAtRest::Still { kpa: Kilopascal(5.8), until: ms(2_990) };
+    let still = GaugeAtRest::Still { kpa: Kilopascal(5.8), newest: ms(2_990) };
     assert_eq!(at(&|t| if t < 1.9 { 60.0 } else { 5.8 }), still, "what was before does not count");
     assert_eq!(at(&|t| if (2.40..2.45).contains(&t) { 40.0 } else { 5.8 }), still);
     let between = |from: f64, until: f64| move |t: f64| if (from..until).contains(&t) { 0.8 } else { 5.8 };
     for (what, moves) in [
         ("away for a tenth of it and more", at(&between(2.3, 2.45))),
         ("away for most of it", at(&between(2.2, 2.9))),
+        ("jumped just before its end", at(&between(2.975, 9.0))),
         ("jumps soon after its beginning", at(&between(2.15, 9.0))),
     ] {
         assert_eq!(moves, GaugeAtRest::Moves(0.8, 5.8), "{what}");
     }
     assert!(matches!(at(&|t| 0.7 * t), GaugeAtRest::Moves(..)), "it rises");
     assert!(matches!(at(&|t| 0.5 * t), GaugeAtRest::Still { .. }), "by less than its noise");
-    let jumps = GaugeAtRest::Still { kpa: Kilopascal(5.8), until: ms(2_970) };
-    assert_eq!(at(&between(2.975, 9.0)), jumps, "what it read last may be the first of a jump");
-    assert_eq!(at(&|t| if t > 2.975 { f64::NAN } else { 5.8 }), jumps);
+    assert_eq!(at(&between(2.985, 9.0)), GaugeAtRest::Moves(0.8, 5.8), "it may be the first of a jump");
+    assert!(matches!(at(&|t| if t > 2.985 { f64::NAN } else { 5.8 }), GaugeAtRest::Moves(..)), "no number is no rest");
     assert!(matches!(at(&|t| if t > 2.8 { f64::NAN } else { 5.8 }), GaugeAtRest::Moves(..)), "no number is no rest");
     let silent = read(2.0, |_| 5.8);
     assert_eq!(silent.at_rest(ms(2_500), limits), GaugeAtRest::NotHeard);
@@ -153,4 +153,18 @@ fn memory_is_bounded() {
         gauge.push(Time::from_nanos(i), Kilopascal(0.0));
     }
     assert_eq!(gauge.readings.len(), READINGS_MAX);
+}
+
+#[test]
+fn a_gauge_that_repeated_itself_and_then_jumps_has_stepped() {
+    let coarse = |jump: f64| read(4.0, move |t| if t < 3.0 { 0.0 } else { jump });
+    let gauge = coarse(5.0);
+    assert_eq!(gauge.jumped(ms(0), ms(4_000)), 0.0, "a gauge that stood still may have caught up");
+    let stepped = [(2_000, 3_500), (0, 2_980), (3_000, 3_990)].map(|(from, until)| gauge.stepped(ms(from), ms(until)));
+    assert_eq!(stepped, [5.0, 0.0, 0.0]);
+    let spike = |t: f64| if (1.0..1.01).contains(&t) { 10.0 } else { 0.0 };
+    let (coarse, pump) = (coarse(1.0), read(4.0, |t| 20.0 * t));
+    for (what, gauge) in [("a coarse gauge", coarse), ("a pump", pump), ("a spike", read(4.0, spike))] {
+        assert_eq!(gauge.stepped(ms(0), ms(4_000)), 0.0, "{what}");
+    }
 }
