@@ -63,8 +63,11 @@ class Session:
         self.gauge = [gauge.get(ramp) for ramp in range(self.ramps)]
         known = [kpa for kpa in self.gauge if kpa is not None]
         others = np.mean(known) if known else 0.0
+        greatest, unknown = max(map(abs, known), default=0.0), np.array([kpa is None for kpa in self.gauge])[self.ramp]
+        self.gauge_doubt = greatest / np.sqrt(3)
+        if greatest > 0 and len(known) < self.ramps:
+            self.gauge_doubt = max(greatest, min(np.maximum(self.kpa[unknown], 0.0), default=0.0))
         self.kpa = self.kpa - np.array([others if kpa is None else kpa for kpa in self.gauge])[self.ramp]
-        self.gauge_doubt = max(map(abs, known), default=0.0) / (np.sqrt(3) if len(known) == self.ramps else 1)
         self.shift = self.zero - self.zero[0]
         self.counts = self.counts - np.nan_to_num(self.shift)[self.ramp]
         self.falling = np.zeros(len(self.kpa), bool)

@@ -37,12 +37,10 @@ fn spread(values: &[f64]) -> Option<f64> {
 
 /// Every ramp: its branches, its rates, and the zero at its beginning.
 pub(crate) fn ramps(course: &Course, taxels: &[Examined], samples: &SessionSamples) -> Vec<RampPart> {
-    let part =
-        |ramp: usize| RampPart { gauge_zero_kpa: samples.ramps[ramp].gauge_kpa, ..self::ramp(ramp, course, taxels) };
-    (0..course.ramps).map(part).collect()
+    samples.ramps.iter().enumerate().map(|(at, ramp)| self::ramp(at, course, taxels, ramp.gauge_kpa)).collect()
 }
 
-fn ramp(ramp: usize, course: &Course, taxels: &[Examined]) -> RampPart {
+fn ramp(ramp: usize, course: &Course, taxels: &[Examined], gauge_zero_kpa: Option<f64>) -> RampPart {
     let scans: Vec<usize> = (0..course.kpa.len()).filter(|&scan| course.ramp[scan] == ramp).collect();
     let first_of_greatest = |best: usize, scan: &usize| if course.kpa[*scan] > course.kpa[best] { *scan } else { best };
     let (first, last) = (scans.first().copied(), scans.last().copied());
@@ -67,6 +65,6 @@ fn ramp(ramp: usize, course: &Course, taxels: &[Examined]) -> RampPart {
         fall_kpa_per_s: rate(top, last).filter(|_| falls),
         zero_mean_counts: over(shifts.iter().sum()),
         zero_rms_counts: over(shifts.iter().map(|shift| shift * shift).sum()).map(f64::sqrt),
-        gauge_zero_kpa: None,
+        gauge_zero_kpa,
     }
 }

@@ -107,6 +107,23 @@ fn near(value: &Value, want: f64) {
     assert!((got - want).abs() < 1e-12 * want.abs().max(1.0), "{got}, expected {want}");
 }
 
+/// A gauge that reads half a kPa at rest before the first ramp, and a quarter below nothing before the second.
+#[test]
+fn what_the_gauge_reads_at_rest_is_taken_off_and_stays_in_the_budget() {
+    let mut off = case();
+    let zeros = [0.5, -0.25];
+    off.samples.samples.iter_mut().for_each(|sample| sample.pressure_kpa += zeros[usize::from(sample.ramp)]);
+    off.samples.ramps.iter_mut().zip(zeros).for_each(|(ramp, zero)| ramp.gauge_kpa = Some(zero));
+    off.entered.reference_expanded_uncertainty_kpa = Some(0.4);
+    let (off, plain) = (json(&off), json(&case()));
+    assert_eq!(off["taxels"][0]["rmse_kpa"], plain["taxels"][0]["rmse_kpa"]);
+    assert_eq!(off["levels"], plain["levels"]);
+    near(&off["ramps"][0]["gauge_zero_kpa"], 0.5);
+    near(&off["ramps"][1]["gauge_zero_kpa"], -0.25);
+    near(&off["ramps"][1]["top_kpa"], 70.0);
+    near(&off["budget"][0]["taxel_kpa"], 0.2_f64.hypot(0.5 / 3.0_f64.sqrt()));
+}
+
 #[test]
 fn the_figures_are_those_of_the_hand() {
     let all = json(&case());

@@ -95,10 +95,7 @@ impl FitJob {
         let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
         let raw = scans(&time_s, &columns);
         let gauge_zero = GaugeZero::of(&self.samples.ramps);
-        let mut recipe = self.recipe.settled();
-        let configured_kpa = recipe.options.gauge.offset_kpa;
-        let doubt_kpa = gauge_zero.doubt_kpa(samples);
-        recipe.options.gauge.offset_kpa = doubt_kpa.hypot(configured_kpa);
+        let recipe = self.recipe.settled();
         let masks = if recipe.is_paper() {
             Masks::missing(&raw)
         } else {
@@ -114,8 +111,8 @@ impl FitJob {
             let samples = samples.len();
             return Err(format!("none of the {taxels} taxels gives a usable model from {samples} samples{why}"));
         }
-        let steeper = steeper_at_rest(&fitted.models, &ramp.taxels);
-        let offset_kpa = (doubt_kpa * steeper).hypot(configured_kpa);
+        let doubt_kpa = gauge_zero.doubt_kpa(samples) * steeper_at_rest(&fitted.models, &ramp.taxels);
+        let offset_kpa = doubt_kpa.hypot(recipe.options.gauge.offset_kpa);
         fitted.models.iter_mut().for_each(|model| model.gauge.offset_kpa = offset_kpa);
         let (gauge, branch) = (GaugeUncertainty { offset_kpa, ..recipe.options.gauge }, recipe.branch);
         Ok(ModelSet {

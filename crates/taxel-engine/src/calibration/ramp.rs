@@ -63,10 +63,9 @@ impl Ramp {
     pub fn why_void(&self, time: Time, gauge: &GaugeHistory) -> Option<String> {
         let since = self.gauge_zero?;
         let off = self.off_since.is_some_and(|since| time.since(since) > JUMPED_MAX);
-        let jumped = [gauge.jumped(since, time), gauge.stepped(since, time)]
-            .into_iter()
-            .max_by(|a, b| a.abs().total_cmp(&b.abs()))?;
         off.then(|| {
+            let (jumped, stepped) = (gauge.jumped(since, time), gauge.stepped(since, time));
+            let jumped = if jumped.abs() >= stepped.abs() { jumped } else { stepped };
             format!(
                 "the gauge jumped by {jumped:+.1} kPa from one reading to the next and is not back: it was wrong before or is wrong \
                  now, and so are samples of this ramp; mend the gauge and begin a new session"
