@@ -31,6 +31,11 @@ pub(crate) fn doubt_mark(path: &Path) -> PathBuf {
     beside(path, "-doubt")
 }
 
+/// What a start found lost, until it was told: see [`loss`](crate::loss).
+pub(crate) fn loss_note(path: &Path) -> PathBuf {
+    beside(path, "-loss")
+}
+
 /// The active model sets as plain text.
 pub(crate) fn active(path: &Path) -> PathBuf {
     beside(path, "-active")

@@ -14,11 +14,14 @@ use crate::active_file::IdAndText;
 use crate::append::Appender;
 use crate::audit_rows;
 use crate::error::StoreError;
+use crate::held_files::HeldFiles;
 use crate::pass::{Finding, Lost, Step, Unproven};
 use crate::prepare::{WAL_BYTES_MAX, bring_up_to_date, configure};
 use crate::retention::{self, Retention, Size};
 use crate::{active_file, beside, restore, session_samples, sets};
 
+mod active;
+mod connect;
 mod open;
 
 /// The connection and what it must remember between transactions.
@@ -33,12 +36,79 @@ pub(crate) struct Db {
     activated: bool,
     /// What is not proven yet.
     unproven: Unproven,
+    /// The files that are open; `None` until the start is over, and in memory.
+    held: Option<HeldFiles>,
+    /// The first change that failed during the start. Nothing was changed after it, and nothing may be.
+    failure: Option<StoreError>,
     /// How many texts of model sets the start has read.
     #[cfg(test)]
     pub(crate) texts_read: usize,
 }
 
+/// What opening a file came to, beside what the engine starts from.
+#[derive(Default)]
+struct Opened {
+    /// The row of each model set.
+    rows_of_sets: Vec<(String, u64)>,
+    unproven: Unproven,
+    /// How many texts of model sets were read.
+    texts_read: usize,
+    /// The first change that failed.
+    failure: Option<StoreError>,
+}
+
 impl Db {
+    fn new(connection: Connection, path: Option<PathBuf>, found: Option<Opened>) -> Self {
+        let Opened { rows_of_sets, unproven, texts_read, failure } = found.unwrap_or_default();
+        #[cfg(not(test))]
+        let _ = texts_read;
+        Self {
+            connection,
+            path,
+            appender: Appender::new(rows_of_sets),
+            erasing: false,
+            activated: false,
+            unproven,
+            held: None,
+            failure,
+            #[cfg(test)]
+            texts_read,
+        }
+    }
+
+    /// Does what changes the store during a start, unless a change has failed before. That the disk is full, read-only or
+    /// fails is remembered and keeps nobody from what was read.
+    ///
+    /// # Errors
+    /// Any other error.
+    fn attempt(&mut self, change: impl FnOnce(&mut Self) -> Result<(), StoreError>) -> Result<(), StoreError> {
+        if self.failure.is_some() {
+            return Ok(());
+        }
+        match change(self) {
+            Err(error) if error.is_of_changing() => {
+                tracing::error!(%error, "the store cannot be written: what is in it is served as it is");
+                self.failure = Some(error);
+                Ok(())
+            }
+            changed => changed,
+        }
+    }
+
+    /// The store, if it takes something.
+    ///
+    /// # Errors
+    /// The first change that failed during the start.
+    pub(crate) fn writable(mut self) -> Result<Self, StoreError> {
+        match self.failure.take() {
+            None => Ok(self),
+            Some(failure) => {
+                self.abandon();
+                Err(failure)
+            }
+        }
+    }
+
     /// Deletes what is beyond the limits.
     fn retain(&mut self, restored: &mut Restored, limits: &Retention) -> Result<(), StoreError> {
         if !limits.limits() {
@@ -103,16 +173,7 @@ impl Db {
         let mut connection = Connection::open_in_memory()?;
         configure(&connection)?;
         bring_up_to_date(&mut connection)?;
-        Ok(Self {
-            connection,
-            path: None,
-            appender: Appender::new(None),
-            erasing: false,
-            activated: false,
-            unproven: Unproven::default(),
-            #[cfg(test)]
-            texts_read: 0,
-        })
+        Ok(Self::new(connection, None, None))
     }
 
     /// Whether what is committed survives the process.
@@ -136,6 +197,8 @@ impl Db {
         }
         let grown = self.appender.finish(&transaction)?;
         transaction.commit()?;
+        // A commit into a file that nobody finds again is none.
+        self.held.as_ref().map_or(Ok(()), HeldFiles::check)?;
         Ok(grown)
     }
 
@@ -203,17 +266,19 @@ impl Db {
 
     /// Folds the log back and closes the file.
     pub(crate) fn close(self) -> Result<(), StoreError> {
-        if let Err(error) = self.end_log() {
-            self.abandon();
+        let open = self.writable()?;
+        if let Err(error) = open.end_log() {
+            open.abandon();
             return Err(error);
         }
-        self.connection.close().map_err(|(_, error)| StoreError::from(error))
+        open.connection.close().map_err(|(_, error)| StoreError::from(error))
     }
 
     /// Folds the log back, and notes that one that is missing from here on is none that was lost. Closing removes it, so that
     /// this comes first: a process that dies between the two must not find a loss.
     fn end_log(&self) -> Result<(), StoreError> {
         let Some(path) = &self.path else { return Ok(()) };
+        self.held.as_ref().map_or(Ok(()), HeldFiles::check)?;
         self.checkpoint()?;
         beside::remove(&beside::open_mark(path)).map_err(|error| StoreError::Io(error.to_string()))
     }

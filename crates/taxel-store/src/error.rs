@@ -1,6 +1,7 @@
 //! What can go wrong with a store, in words an operator can act on.
 
 use std::fmt;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use rusqlite::ErrorCode;
@@ -66,6 +67,12 @@ pub enum StoreError {
         /// What is wrong with it and what was expected.
         reason: String,
     },
+    /// Another file has its name, or none: what is written into the one that is open is lost when it is closed.
+    #[error("{}: its file was removed or replaced while it was open", path.display())]
+    Replaced {
+        /// The database or its log.
+        path: PathBuf,
+    },
     /// An earlier write failed, so that nothing more is written: what is on disk stays a prefix of what happened.
     #[error("the store takes no more writes until the programme is started again, because {reason}")]
     ReadOnly {
@@ -119,6 +126,8 @@ impl StoreError {
             Some(ErrorCode::DatabaseBusy | ErrorCode::DatabaseLocked) => Self::InUse { path },
             Some(ErrorCode::NotADatabase) => Self::Foreign { path, reason: "it is no SQLite file".to_owned() },
             Some(ErrorCode::DiskFull) => Self::Full(error.to_string()),
+            Some(ErrorCode::ReadOnly) => Self::Io(error.to_string()),
+            Some(ErrorCode::SystemIoFailure) if !is_of_reading(error) => Self::Io(error.to_string()),
             Some(
                 ErrorCode::PermissionDenied
                 | ErrorCode::CannotOpen
@@ -130,6 +139,28 @@ impl StoreError {
             _ => Self::Damaged { path, findings: error.to_string().replace('\n', " ") },
         }
     }
+
+    /// What became of changing a file.
+    pub(crate) fn changing(path: &Path, error: &io::Error) -> Self {
+        let words = format!("{}: {error}", path.display());
+        match error.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::Full(words),
+            _ => Self::Io(words),
+        }
+    }
+
+    /// Whether a change failed for want of a disk that takes it; what was read before is as good as ever.
+    pub(crate) fn is_of_changing(&self) -> bool {
+        matches!(self, Self::Full(_) | Self::Io(_) | Self::Replaced { .. })
+    }
+}
+
+/// Whether the disk did not give back what is on it. All other errors of input and output are those of changing files and of
+/// locking them, and say nothing of what the files hold.
+pub(crate) fn is_of_reading(error: &rusqlite::Error) -> bool {
+    use rusqlite::ffi::{SQLITE_IOERR_CORRUPTFS, SQLITE_IOERR_DATA, SQLITE_IOERR_READ, SQLITE_IOERR_SHORT_READ};
+    let of_reading = [SQLITE_IOERR_READ, SQLITE_IOERR_SHORT_READ, SQLITE_IOERR_DATA, SQLITE_IOERR_CORRUPTFS];
+    error.sqlite_error().is_some_and(|error| of_reading.contains(&error.extended_code))
 }
 
 impl From<rusqlite::Error> for StoreError {
@@ -137,6 +168,7 @@ impl From<rusqlite::Error> for StoreError {
         match error.sqlite_error_code() {
             Some(ErrorCode::DiskFull) => Self::Full(error.to_string()),
             Some(ErrorCode::DatabaseCorrupt | ErrorCode::NotADatabase) => Self::Corrupt(error.to_string()),
+            Some(ErrorCode::SystemIoFailure) if is_of_reading(&error) => Self::Corrupt(error.to_string()),
             _ => Self::Io(error.to_string()),
         }
     }

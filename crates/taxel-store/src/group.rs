@@ -4,10 +4,10 @@ use std::time::{Duration, Instant};
 
 use taxel_engine::record::Record;
 
-use crate::work::Entry;
+use crate::work::{Entry, QUEUE_BATCHES};
 
-/// Samples that are committed together at most, and for how long the first of them waits at most. A flush costs
-/// milliseconds; a crash costs no more than this.
+/// So many samples are not kept waiting for more, and the first of them waits for so long at most. A flush costs
+/// milliseconds; a crash costs no more than this, but where more waits for the disk already.
 const GROUP_SAMPLES: usize = 64;
 const GROUP_WAIT: Duration = Duration::from_millis(100);
 
@@ -30,13 +30,16 @@ impl Group {
         self.entries.push(entry);
     }
 
+    /// Whether it takes no more: all that may wait for the disk is in it.
     pub(crate) fn is_full(&self) -> bool {
-        self.samples >= GROUP_SAMPLES || self.entries.len() >= GROUP_SAMPLES
+        self.entries.len() >= QUEUE_BATCHES
     }
 
-    /// How long the next batch may still take to be part of it: if someone waits, only one that is there already.
+    /// How long the next batch may still take to be part of it: if someone waits, or it is worth a flush, only one that is
+    /// there already. On a disk that takes seconds for a flush all that has come meanwhile goes with the next one.
     pub(crate) fn wait(&self) -> Option<Duration> {
         let since = self.since?;
-        Some(if self.urgent { Duration::ZERO } else { GROUP_WAIT.saturating_sub(since.elapsed()) })
+        let is_worth_it = self.samples >= GROUP_SAMPLES || self.entries.len() >= GROUP_SAMPLES;
+        Some(if self.urgent || is_worth_it { Duration::ZERO } else { GROUP_WAIT.saturating_sub(since.elapsed()) })
     }
 }

@@ -19,8 +19,11 @@ mod error;
 #[doc(hidden)]
 pub mod fuzzing;
 mod group;
+mod held_files;
 mod identity;
+mod in_place;
 mod load_row;
+mod loss;
 mod maintenance;
 pub mod models_json;
 mod pass;

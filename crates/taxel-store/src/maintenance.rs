@@ -47,7 +47,7 @@ pub fn check(path: &Path) -> Result<Checked, StoreError> {
     if beside::wal(path).exists() {
         fs::copy(beside::wal(path), beside::wal(&copy)).map_err(io)?;
     }
-    let checked = match Db::open_file(&copy, true, &mut damage) {
+    let checked = match Db::open_file(&copy, true, None, &mut damage) {
         Ok((db, restored)) => db.size().map(|size| {
             let (model_sets, sessions) = (restored.model_sets.len(), restored.sessions.len());
             Checked { model_sets, sessions, samples: size.samples, bytes: size.bytes, damage }
@@ -82,6 +82,7 @@ pub fn compact(path: &Path) -> Result<Compacted, StoreError> {
     let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
     let before = bytes().map_err(io)?;
     let (db, _, damage) = Db::open_proving(path, &Retention::default(), u64::MAX)?;
+    let db = db.writable()?;
     db.compact()?;
     db.close()?;
     Ok(Compacted { before, after: bytes().map_err(io)?, damage })

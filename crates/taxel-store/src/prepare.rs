@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use rusqlite::{Connection, ErrorCode, TransactionBehavior};
 
+use crate::error::StoreError;
 use crate::schema;
 
 /// How long a start waits for a predecessor that is still closing the file.
@@ -29,6 +30,23 @@ pub(crate) fn configure(connection: &Connection) -> rusqlite::Result<()> {
     connection.pragma_update(None, "cell_size_check", true)?;
     connection.pragma_update_and_check(None, "journal_size_limit", WAL_BYTES_MAX as i64, |_| Ok(()))?;
     connection.pragma_update_and_check(None, "wal_autocheckpoint", 0, |_| Ok(()))
+}
+
+/// Has what is written go to the log first. A new database, or a copy that somebody made, is changed by this.
+pub(crate) fn use_log(connection: &Connection, path: &Path) -> Result<(), StoreError> {
+    let mut mode = String::new();
+    // It is over when the last row was asked for.
+    let used = connection.pragma(None, "journal_mode", "wal", |row| row.get(0).map(|found| mode = found));
+    used.map_err(|error| match error.sqlite_error_code() {
+        // The file itself is open.
+        Some(ErrorCode::CannotOpen) => StoreError::Io(error.to_string()),
+        _ => StoreError::opening(path, &error),
+    })?;
+    if mode != "wal" {
+        let reason = format!("its file system has no write-ahead log (journal mode is `{mode}`)");
+        return Err(StoreError::Open { path: path.to_path_buf(), reason });
+    }
+    Ok(())
 }
 
 /// Takes the steps that the file lacks, all or none; an empty file lacks every one.

@@ -16,7 +16,7 @@ use crate::load_row::load_from_text;
 use crate::pass::Unproven;
 use crate::rows;
 use crate::session_samples::{prove, samples_of};
-use crate::sets::{self, Listed};
+use crate::sets::{self, Listed, ToIndex};
 use crate::tally::{Stream, shortfall, written};
 
 /// What a start has from the database.
@@ -29,6 +29,8 @@ pub(crate) struct Found {
     pub(crate) unproven: Unproven,
     /// How many texts of model sets were read.
     pub(crate) texts_read: usize,
+    /// What the index of model sets lacks.
+    pub(crate) to_index: Vec<ToIndex>,
 }
 
 /// Reads all that the engine starts from. Errors are those of reading; a row that is wrong is quarantined instead.
@@ -55,7 +57,8 @@ pub(crate) fn read(
     }
     let (loads, next_load) = loads(connection, quarantined)?;
     let patches: BTreeSet<&str> = list.sets.iter().map(|set| set.known.patch.as_str()).collect();
-    let doubts = doubts::read(connection, &patches, quarantined)?;
+    let doubts = doubts::read(connection, &patches, false, quarantined)?;
+    let doubts = doubts.into_iter().map(|doubt| (doubt.patch, doubt.why)).collect();
     audit_rows::count(connection, quarantined)?;
     let texts_read = list.texts_read + active.len();
     let rows_of_sets = list.sets.iter().map(|set| (set.known.id.clone(), set.seq)).collect();
@@ -63,7 +66,7 @@ pub(crate) fn read(
     let sessions = sessions.into_iter().map(Arc::new).collect();
     let problems = Vec::new();
     let restored = Restored { model_sets, active, sessions, next_session, loads, next_load, doubts, problems };
-    Ok(Found { restored, rows_of_sets, unproven, texts_read })
+    Ok(Found { restored, rows_of_sets, unproven, texts_read, to_index: list.to_index })
 }
 
 /// The active set of each patch, as the rows that are sound tell it; what is not sound was reported at the start.

@@ -88,7 +88,8 @@ fn in_use(restored: &Restored, set: Option<&str>) -> bool {
     restored.active.iter().any(|(_, active)| uses(active))
 }
 
-fn wall_ns() -> i64 {
+/// Nanoseconds since 1970, by the clock on the wall.
+pub(crate) fn wall_ns() -> i64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }

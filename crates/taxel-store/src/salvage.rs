@@ -8,10 +8,13 @@ use std::path::{Path, PathBuf};
 
 use rusqlite::config::DbConfig;
 use rusqlite::types::Value;
-use rusqlite::{Connection, Row, params_from_iter};
+use rusqlite::{Connection, ErrorCode, Row, params_from_iter};
 use taxel_engine::record::Sample;
 
 use crate::beside;
+use crate::error::is_of_reading;
+use crate::in_place;
+use crate::prepare::use_log;
 use crate::rows;
 use crate::schema;
 
@@ -50,21 +53,21 @@ pub(crate) struct Salvaged {
 
 /// Puts a new database with what can be read in the place of a damaged one.
 ///
-/// The damaged one keeps its bytes: what reads it reads copies. The new one gets its place in one step, once it is whole.
+/// The damaged one keeps its bytes: it is only read. The new one gets its place in one step, once it is whole. Where there is
+/// no room to read or to write all that can be read, everything stays as it is, and a later start can do better.
 pub(crate) fn salvage(path: &Path) -> Result<Salvaged, String> {
     let at = |what: &'static str| move |error: std::io::Error| format!("{what}: {error}");
-    let aside = beside::keep_aside(path).map_err(at("the damaged store cannot be kept"))?;
     let (part, copy) = (beside::beside(path, "-new-part"), beside::beside(path, "-copy"));
     for left_over in [&part, &copy] {
         remove_with_log(left_over).map_err(at("what an earlier attempt left"))?;
     }
     let mut new = Connection::open(&part).map_err(|error| error.to_string())?;
-    let taken = fill(&mut new, path, &copy).map_err(|error| format!("a new store: {error}"));
+    let taken = fill(&mut new, path, &copy).map_err(|error| format!("taking over what can be read: {error}"));
     let closed = new.close().map_err(|(_, error)| error.to_string());
     remove_with_log(&copy).map_err(at("the copy"))?;
-    let rows = taken?;
-    closed?;
+    let rows = taken.and_then(|rows| closed.map(|()| rows)).inspect_err(|_| drop(remove_with_log(&part)))?;
     File::open(&part).and_then(|file| file.sync_all()).map_err(at("the new store"))?;
+    let aside = beside::keep_aside(path).map_err(at("the damaged store cannot be kept"))?;
     fs::rename(&part, beside::successor(path)).map_err(at("the new store"))?;
     beside::sync_folder(path).map_err(at("the new store"))?;
     succeed(path).map_err(at("the new store"))?;
@@ -93,7 +96,44 @@ fn remove_with_log(path: &Path) -> std::io::Result<()> {
 /// Makes the tables and fills them from one reading of the damaged file after another, until one meets no damage. What
 /// a file says of itself can be wrong while its content is whole, so that the others take it from the new one: the header,
 /// the first page, all pages that describe tables.
-fn fill(new: &mut Connection, damaged: &Path, copy: &Path) -> rusqlite::Result<u64> {
+///
+/// Each reads a copy, whose unreadable sectors are zeros; without room for one, the file itself is read as it is.
+fn fill(new: &mut Connection, damaged: &Path, copy: &Path) -> Result<u64, String> {
+    let words = |error: rusqlite::Error| error.to_string();
+    let table_pages = make_tables(new).map_err(words)?;
+    let first_page = table_pages.first().map(|(_, page)| page.clone()).unwrap_or_default();
+    let beginning = |bytes: usize| first_page.get(..bytes).map(|part| (0, part.to_vec()));
+    let header = Vec::from_iter(beginning(HEADER_BYTES));
+    let first = Vec::from_iter(beginning(PAGE_BYTES));
+    let mut rows = 0;
+    for replaced in [Vec::new(), header, first, table_pages] {
+        let as_it_is = replaced.is_empty();
+        let copied = remove_with_log(copy).and_then(|()| copy_of(damaged, copy, replaced));
+        let old = match copied {
+            Ok(()) => open_copy(copy),
+            Err(error) if as_it_is => {
+                tracing::warn!(%error, "there is no copy of the damaged store: it is read as it is");
+                in_place::open(damaged)
+            }
+            Err(error) => return Err(format!("a copy of it: {error}")),
+        };
+        let transaction = new.transaction().map_err(words)?;
+        let (taken, whole) = take_all(&old.map_err(words)?, &transaction).map_err(words)?;
+        transaction.commit().map_err(words)?;
+        rows += taken;
+        if whole {
+            break;
+        }
+    }
+    // Nothing is left to be changed once it has its place: the start that follows may find no room for that.
+    let part = new.path().map(PathBuf::from).unwrap_or_default();
+    use_log(new, &part).map_err(|error| error.to_string())?;
+    Ok(rows)
+}
+
+/// Makes all tables in a new database, and gives the pages that describe them.
+fn make_tables(new: &mut Connection) -> rusqlite::Result<Vec<Part>> {
+    new.pragma_update_and_check(None, "locking_mode", "exclusive", |_| Ok(()))?;
     new.pragma_update(None, "foreign_keys", false)?;
     new.pragma_update(None, "synchronous", "off")?; // nothing counts before it is whole and flushed
     let transaction = new.transaction()?;
@@ -101,25 +141,7 @@ fn fill(new: &mut Connection, damaged: &Path, copy: &Path) -> rusqlite::Result<u
     transaction.pragma_update(None, "user_version", schema::VERSION)?;
     schema::STEPS.iter().try_for_each(|step| transaction.execute_batch(step))?;
     transaction.commit()?;
-    let table_pages = new.path().and_then(|path| table_pages(Path::new(path)).ok()).unwrap_or_default();
-    let first_page = table_pages.first().map(|(_, page)| page.clone()).unwrap_or_default();
-    let beginning = |bytes: usize| first_page.get(..bytes).map(|part| (0, part.to_vec()));
-    let header = Vec::from_iter(beginning(HEADER_BYTES));
-    let first = Vec::from_iter(beginning(PAGE_BYTES));
-    let mut rows = 0;
-    for replaced in [Vec::new(), header, first, table_pages] {
-        if remove_with_log(copy).and_then(|()| copy_of(damaged, copy, replaced)).is_err() {
-            continue; // for want of space: what was taken before counts
-        }
-        let transaction = new.transaction()?;
-        let (taken, whole) = take_all(copy, &transaction);
-        transaction.commit()?;
-        rows += taken;
-        if whole {
-            break;
-        }
-    }
-    Ok(rows)
+    Ok(new.path().and_then(|path| table_pages(Path::new(path)).ok()).unwrap_or_default())
 }
 
 /// Bytes of a file, and where they begin.
@@ -165,19 +187,21 @@ fn copy_of(damaged: &Path, copy: &Path, replaced: Vec<Part>) -> std::io::Result<
     Ok(())
 }
 
-/// Takes every proven row that the new database lacks: how many, and whether all could be read.
-fn take_all(copy: &Path, new: &Connection) -> (u64, bool) {
-    let opened = Connection::open(copy).and_then(|old| {
-        old.set_db_config(DbConfig::SQLITE_DBCONFIG_DEFENSIVE, true)?;
-        old.pragma_update(None, "trusted_schema", false)?;
-        Ok(old)
-    });
-    let Ok(old) = opened else { return (0, false) };
+fn open_copy(copy: &Path) -> rusqlite::Result<Connection> {
+    let old = Connection::open(copy)?;
+    old.set_db_config(DbConfig::SQLITE_DBCONFIG_DEFENSIVE, true)?;
+    old.pragma_update(None, "trusted_schema", false)?;
+    Ok(old)
+}
+
+/// Takes every proven row that the new database lacks: how many, and whether all could be read. Errors are those of the
+/// machine, by which nothing is known of the damaged file; what the file is to blame for is left out.
+fn take_all(old: &Connection, new: &Connection) -> rusqlite::Result<(u64, bool)> {
     let (mut rows, mut whole) = (0, true);
     for table in &TABLES {
         // From both ends, because reading ends at the first page that is damaged.
         for direction in ["ASC", "DESC"] {
-            let (taken, read_all) = take(table, direction, &old, new);
+            let (taken, read_all) = take(table, direction, old, new)?;
             rows += taken;
             if read_all {
                 break;
@@ -185,7 +209,7 @@ fn take_all(copy: &Path, new: &Connection) -> (u64, bool) {
             whole = false;
         }
     }
-    (rows, whole)
+    Ok((rows, whole))
 }
 
 /// Whether a row is what was written; no error if its columns are of the wrong type.
@@ -254,26 +278,44 @@ const TABLES: [Table; 13] = [
     }),
 ];
 
+/// Whether the machine is to blame for an error, and not the content of a file.
+fn is_of_the_machine(error: &rusqlite::Error) -> bool {
+    use ErrorCode::{CannotOpen, DatabaseBusy, DiskFull, OutOfMemory, PermissionDenied, ReadOnly};
+    let of_the_machine = [CannotOpen, DatabaseBusy, DiskFull, OutOfMemory, PermissionDenied, ReadOnly];
+    match error.sqlite_error_code() {
+        Some(ErrorCode::SystemIoFailure) => !is_of_reading(error),
+        code => code.is_some_and(|code| of_the_machine.contains(&code)),
+    }
+}
+
 /// Takes the proven rows of a table: how many are new, and whether the last one was read.
-fn take(table: &Table, direction: &str, old: &Connection, new: &Connection) -> (u64, bool) {
+fn take(table: &Table, direction: &str, old: &Connection, new: &Connection) -> rusqlite::Result<(u64, bool)> {
     let Table { name, columns, key, proof } = table;
     let key = key.replace("{}", direction);
     let query = format!("SELECT {columns} FROM {name} ORDER BY {key} {direction}");
-    let Ok(mut statement) = old.prepare(&query) else { return (0, false) };
+    let not_read = |error, taken| if is_of_the_machine(&error) { Err(error) } else { Ok((taken, false)) };
+    let mut statement = match old.prepare(&query) {
+        Ok(statement) => statement,
+        Err(error) => return not_read(error, 0),
+    };
     let width = statement.column_count();
     let places = vec!["?"; width].join(", ");
-    let insert = new.prepare(&format!("INSERT OR IGNORE INTO {name} ({columns}) VALUES ({places})"));
-    let (Ok(mut insert), Ok(mut found)) = (insert, statement.query([])) else { return (0, false) };
+    let mut insert = new.prepare(&format!("INSERT OR IGNORE INTO {name} ({columns}) VALUES ({places})"))?;
+    let mut found = statement.query([])?;
     let mut taken = 0;
     loop {
         match found.next() {
-            Ok(None) => return (taken, true),
-            Err(_) => return (taken, false),
+            Ok(None) => return Ok((taken, true)),
+            Err(error) => return not_read(error, taken),
             Ok(Some(row)) => {
                 let values = (0..width).map(|column| row.get::<_, Value>(column)).collect::<Result<Vec<_>, _>>();
                 if let (Ok(true), Ok(values)) = (proof(row), values) {
-                    // A row that the new tables refuse is no row of ours.
-                    taken += insert.execute(params_from_iter(values)).unwrap_or(0) as u64;
+                    taken += match insert.execute(params_from_iter(values)) {
+                        Ok(inserted) => inserted as u64,
+                        // A row that the new tables refuse is no row of ours.
+                        Err(error) if error.sqlite_error_code() == Some(ErrorCode::ConstraintViolation) => 0,
+                        Err(error) => return Err(error),
+                    };
                 }
             }
         }

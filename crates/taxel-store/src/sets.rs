@@ -7,7 +7,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rusqlite::{Connection, OptionalExtension, Row, params};
 use serde::{Deserialize, Serialize};
-use std::time::Instant;
 use taxel_engine::known_set::{KnownSet, SetSummary};
 use taxel_engine::model_set::ModelSet;
 
@@ -46,7 +45,12 @@ pub(crate) struct List {
     pub(crate) sets: Vec<Listed>,
     /// How many texts were read for it.
     pub(crate) texts_read: usize,
+    /// What the index lacks.
+    pub(crate) to_index: Vec<ToIndex>,
 }
+
+/// A row that the index lacks: that of the set, the hash of its text, and what lists show of it.
+pub(crate) type ToIndex = (u64, Vec<u8>, SetSummary);
 
 /// A row, without its text.
 struct Entry {
@@ -108,13 +112,12 @@ pub(crate) fn list(
     quarantined: &mut Vec<Quarantined>,
 ) -> rusqlite::Result<List> {
     let (entries, without_index) = entries(connection, deletions, quarantined)?;
-    let begun = Instant::now();
     if without_index > 0 {
         tracing::info!(model_sets = without_index, "model sets without an index row are read, once");
     }
     let mut rows_of: BTreeMap<&str, usize> = BTreeMap::new();
     entries.iter().for_each(|entry| *rows_of.entry(&entry.id).or_default() += 1);
-    let (mut list, mut made) = (List { sets: Vec::new(), texts_read: 0 }, Vec::new());
+    let mut list = List { sets: Vec::new(), texts_read: 0, to_index: Vec::new() };
     let mut there = BTreeSet::new();
     for entry in &entries {
         let Entry { seq, id, sha256, summary } = entry;
@@ -130,7 +133,7 @@ pub(crate) fn list(
             Err(reason) => quarantined.push(Quarantined::new(format!("model set {id}"), reason)),
             Ok(proven) => {
                 if summary.is_none() {
-                    made.push((*seq, sha256, proven.clone()));
+                    list.to_index.push((*seq, sha256.clone(), proven.clone()));
                 }
                 if there.insert(id) {
                     list.sets.push(Listed { seq: *seq, known: KnownSet::stored(proven) });
@@ -138,14 +141,19 @@ pub(crate) fn list(
             }
         }
     }
-    if !made.is_empty() {
-        let transaction = connection.unchecked_transaction()?;
-        made.iter().try_for_each(|(seq, sha256, summary)| index(&transaction, *seq, sha256, summary))?;
-        transaction.commit()?;
-        let seconds = begun.elapsed().as_secs_f64();
-        tracing::info!(model_sets = made.len(), seconds, "the index of model sets was made");
-    }
     Ok(list)
+}
+
+/// Writes what the index lacks.
+pub(crate) fn complete_index(connection: &Connection, to_index: &[ToIndex]) -> rusqlite::Result<()> {
+    if to_index.is_empty() {
+        return Ok(());
+    }
+    let transaction = connection.unchecked_transaction()?;
+    to_index.iter().try_for_each(|(seq, sha256, summary)| index(&transaction, *seq, sha256, summary))?;
+    transaction.commit()?;
+    tracing::info!(model_sets = to_index.len(), "the index of model sets was made");
+    Ok(())
 }
 
 /// Every row without its text, and how many have no index row.

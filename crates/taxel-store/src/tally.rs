@@ -105,6 +105,12 @@ impl Tally {
     }
 }
 
+/// Whether there is a record of how many rows a stream got: there is none before the first one, and none if it is lost.
+pub(crate) fn is_recorded(connection: &Connection, stream: Stream) -> rusqlite::Result<bool> {
+    let there = "SELECT EXISTS (SELECT 1 FROM tally WHERE stream = ?1)";
+    connection.query_row(there, [stream.to_string()], |row| row.get(0))
+}
+
 /// How many rows a stream got; `None` if the record of it is damaged.
 pub(crate) fn written(connection: &Connection, stream: Stream) -> rusqlite::Result<Option<u64>> {
     let name = stream.to_string();

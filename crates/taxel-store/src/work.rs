@@ -49,7 +49,7 @@ pub struct Batch {
     /// In the order they happened.
     pub records: Vec<Record>,
     /// Who waits for them. A batch with someone waiting is committed at once, with all that came before it; one
-    /// without is committed with others, at most 100 ms or 64 samples later.
+    /// without is committed with others, at most 100 ms later or once 64 samples are together and no more wait.
     pub on_durable: Option<OnDurable>,
 }
 

@@ -68,9 +68,12 @@ impl Store {
     /// Gives what the engine starts from, and what was found damaged and left out of it: all of that, where the lines in
     /// [`Restored::problems`] are bounded.
     ///
+    /// Where the disk takes nothing, or a damaged file cannot be put right, what can be read is handed out all the same, at
+    /// least the active model sets: [`StoreEvent::Failed`] comes at once, and every batch is refused with the reason.
+    ///
     /// # Errors
-    /// [`StoreError`] if the file cannot be opened, is another process's, another programme's or a newer version's, or
-    /// if its structure is broken.
+    /// [`StoreError`] if the file cannot be read, is another process's, another programme's or a newer version's; or if its
+    /// structure is broken, it cannot be put right, and no plain file has active model sets.
     pub fn open(path: &Path, notify: Notify) -> Result<(Self, Restored, Vec<Quarantined>), StoreError> {
         Self::open_keeping(path, &Retention::default(), notify)
     }
@@ -85,9 +88,6 @@ impl Store {
         notify: Notify,
     ) -> Result<(Self, Restored, Vec<Quarantined>), StoreError> {
         let (db, restored, quarantined) = Db::open_keeping(path, limits)?;
-        for damage in &quarantined {
-            tracing::error!(store = %path.display(), "{damage}");
-        }
         Ok((Self::start(db, quarantined.clone(), notify)?, restored, quarantined))
     }
 
@@ -195,10 +195,15 @@ pub(crate) struct Writer {
 impl Writer {
     pub(crate) fn new(db: Db, found: Vec<Quarantined>, notify: Notify) -> Self {
         let prove_at = (!db.is_proven()).then(|| Instant::now() + PROVE_AFTER);
-        Self { db: Ok(db), notify, group: Group::default(), found, prove_at, undisturbed: STRUCTURE_AGAIN }
+        let db = db.writable();
+        let prove_at = prove_at.filter(|_| db.is_ok());
+        Self { db, notify, group: Group::default(), found, prove_at, undisturbed: STRUCTURE_AGAIN }
     }
 
     fn run(mut self, work: &WorkSource) -> Result<(), StoreError> {
+        if let Err(first) = &self.db {
+            (self.notify)(StoreEvent::Failed(first.to_string()));
+        }
         // A fault of this programme ends all writing, as a failing disk does, and nobody waits for ever.
         while catch_unwind(AssertUnwindSafe(|| self.serve(work))).is_err() {
             self.fail(StoreError::Panicked);

@@ -5,6 +5,7 @@
  *   eio         that call fails
  *   enospc      that one and all after it fail
  *   erofs       the same with another reason
+ *   readonly    the same, and no file can be opened for writing, as on a disk that was mounted so
  *   kill        the process dies before it
  *   torn        half of what is written, then the process dies
  *   hold        the call waits until the file FAULT_RELEASE is there
@@ -77,7 +78,7 @@ static int strike(void) {
     if (!fault || call < number) return 0;
     if (strcmp(fault, "slow") == 0) drag();
     if (strcmp(fault, "enospc") == 0) return ENOSPC;
-    if (strcmp(fault, "erofs") == 0) return EROFS;
+    if (strcmp(fault, "erofs") == 0 || strcmp(fault, "readonly") == 0) return EROFS;
     if (call != number) return 0;
     if (strcmp(fault, "eio") == 0) return EIO;
     if (strcmp(fault, "torn") == 0) return -1;
@@ -176,6 +177,12 @@ int rename(const char *from, const char *to) {
     return error ? refuse(error) : REAL(rename)(from, to);
 }
 
+/* Whether this file is opened to be changed, on a disk that is mounted read-only. */
+static int is_barred(const char *path, int flags) {
+    const char *fault = getenv("FAULT");
+    return fault && strcmp(fault, "readonly") == 0 && (flags & O_ACCMODE) != O_RDONLY && below(path);
+}
+
 #define OPEN(name) \
     int name(const char *path, int flags, ...) { \
         va_list list; \
@@ -183,7 +190,7 @@ int rename(const char *from, const char *to) {
         mode_t mode = flags & O_CREAT ? va_arg(list, mode_t) : 0; \
         va_end(list); \
         int makes = flags & O_CREAT && below(path) && access(path, F_OK) != 0; \
-        int error = makes ? strike() : 0; \
+        int error = makes ? strike() : is_barred(path, flags) ? EROFS : 0; \
         return error ? refuse(error) : REAL(name)(path, flags, mode); \
     }
 

@@ -7,9 +7,9 @@ use taxel_engine::record::Record;
 use super::fixture::*;
 use crate::db::Db;
 
-const WHY: &str = "board 13 lost its load while it was silent";
+pub const WHY: &str = "board 13 lost its load while it was silent";
 
-fn doubt(patch: &str, why: Option<&str>) -> Record {
+pub fn doubt(patch: &str, why: Option<&str>) -> Record {
     Record::ZeroDoubt { patch: patch.to_owned(), why: why.map(str::to_owned), wall_ns: 7 }
 }
 

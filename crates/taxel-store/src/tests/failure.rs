@@ -56,6 +56,27 @@ fn a_full_queue_is_told_and_never_waits() {
     store.close().unwrap();
 }
 
+/// A disk that takes seconds for a flush keeps up all the same: all that came meanwhile goes with the next one.
+#[test]
+fn all_that_waits_for_a_slow_disk_goes_with_one_flush() {
+    let (release, hold) = channel::<()>();
+    let (tell, told) = channel();
+    let (tell_event, events) = channel();
+    let store = Store::in_memory(Box::new(move |event| drop(tell_event.send(event)))).unwrap();
+    let blocker = Box::new(move |_| {
+        tell.send(()).unwrap();
+        hold.recv().unwrap();
+    });
+    store.submit(Batch { records: vec![session(1, SessionState::Ramping)], on_durable: Some(blocker) }).unwrap();
+    told.recv().unwrap(); // the writer is in the callback now
+    let waiting = QUEUE_BATCHES as u64;
+    (0..waiting).for_each(|index| store.submit(quiet(vec![sample_record(1, index)])).unwrap());
+    release.send(()).unwrap();
+    store.close().unwrap();
+    let stored: Vec<_> = events.iter().collect();
+    assert_eq!(stored, [StoreEvent::Durable { session: 1, samples: waiting }]);
+}
+
 #[test]
 fn a_batch_is_there_whole_or_not_at_all() {
     let dir = tempfile::tempdir().unwrap();

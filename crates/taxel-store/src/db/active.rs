@@ -1,0 +1,150 @@
+//! The active model sets are there whatever became of the database: a plain file beside it has them once more.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
+
+use taxel_engine::Restored;
+use taxel_engine::model_set::ModelSet;
+use taxel_engine::record::Record;
+
+use crate::db::Db;
+use crate::error::{Quarantined, StoreError};
+use crate::retention::wall_ns;
+use crate::{active_file, doubts, models_json, restore};
+
+/// How findings name the plain file.
+const FILE: &str = "the file of the active model sets";
+
+impl Db {
+    /// Brings the plain file of the active model sets in step with the database, or takes from it what the database lost.
+    /// `lost` is set if the database is older than the file.
+    pub(super) fn restore_active(
+        &mut self,
+        path: &Path,
+        restored: &mut Restored,
+        lost: &mut bool,
+        quarantined: &mut Vec<Quarantined>,
+    ) -> Result<(), StoreError> {
+        let newest = restore::newest_activation(&self.connection)?;
+        let file = match active_file::read(path) {
+            Some(Ok(file)) => Some(file),
+            Some(Err(reason)) => {
+                quarantined.push(Quarantined::new(FILE, reason));
+                None
+            }
+            None => None,
+        };
+        // An older file is that of a stop before it could be written: the database goes on.
+        if let Some(file) = file.filter(|file| file.activation > newest || !quarantined.is_empty()) {
+            if file.activation > newest {
+                let reason = format!("its newest one is {newest}, the file beside the store has {}", file.activation);
+                quarantined.push(Quarantined::new("the list of activations", reason));
+                restored.active.clear();
+                *lost = true;
+            }
+            if file.activation >= newest {
+                let sets = sets_of(file.sets, quarantined);
+                self.take_back(sets, file.activation, restored, quarantined)?;
+            }
+        }
+        self.attempt(|db| {
+            db.activated = true;
+            db.keep_active();
+            Ok(())
+        })
+    }
+
+    /// Makes the model sets active whose patches have none because the database lost it, and that were not deleted since.
+    fn take_back(
+        &mut self,
+        sets: Vec<Arc<ModelSet>>,
+        activation: u64,
+        restored: &mut Restored,
+        quarantined: &mut Vec<Quarantined>,
+    ) -> Result<(), StoreError> {
+        let mut records = Vec::new();
+        for set in sets {
+            let has_one = restored.active.iter().any(|(known, _)| *known == set.patch);
+            if has_one || restore::was_deleted(&self.connection, &set.id, activation)? {
+                continue;
+            }
+            let what = format!("the activation of model set {} in the store", set.id);
+            quarantined.push(Quarantined::new(what, "it is served from the plain file beside it"));
+            let (patch, model_set) = (set.patch.clone(), set.id.clone());
+            records.push(Record::ModelSet(Arc::clone(&set)));
+            records.push(Record::Activated { patch, model_set, wall_ns: 0 });
+            serve(set, restored);
+        }
+        self.attempt(|db| if records.is_empty() { Ok(()) } else { db.write(records.iter()).map(drop) })
+    }
+
+    /// Finds what is held against the boards' zeros, now that all patches are known. What follows from a loss alone is written
+    /// down, so that it is held until somebody vouches for the zero.
+    ///
+    /// `lost` tells that the newest rows may be missing.
+    pub(super) fn restore_doubts(&mut self, restored: &mut Restored, lost: bool) -> Result<(), StoreError> {
+        let patches: BTreeSet<&str> = patches_of(restored).collect();
+        let found = doubts::read(&self.connection, &patches, lost, &mut Vec::new())?; // what is damaged was told
+        let (wall_ns, unnoted) = (wall_ns(), found.iter().filter(|doubt| !doubt.is_noted));
+        let record = |doubt: &doubts::Doubt| {
+            tracing::error!(patch = doubt.patch, "{}", doubt.why);
+            Record::ZeroDoubt { patch: doubt.patch.clone(), why: Some(doubt.why.clone()), wall_ns }
+        };
+        let records: Vec<_> = unnoted.map(record).collect();
+        restored.doubts = found.into_iter().map(|doubt| (doubt.patch, doubt.why)).collect();
+        self.attempt(|db| if records.is_empty() { Ok(()) } else { db.write(records.iter()).map(drop) })
+    }
+
+    /// Where the database cannot be had at all: the active model sets of the plain file, in a store that takes nothing.
+    ///
+    /// # Errors
+    /// Why the database cannot be had, if there is no such file or nothing in it.
+    pub(super) fn of_plain_file(
+        path: &Path,
+        why: StoreError,
+        quarantined: &mut Vec<Quarantined>,
+    ) -> Result<(Self, Restored), StoreError> {
+        let Some(Ok(file)) = active_file::read(path) else { return Err(why) };
+        let mut restored = Restored { next_session: 1, next_load: 1, ..Restored::default() };
+        sets_of(file.sets, quarantined).into_iter().for_each(|set| serve(set, &mut restored));
+        if restored.active.is_empty() {
+            return Err(why);
+        }
+        restored.doubts = doubts::of_all(restored.active.iter().map(|(patch, _)| patch.as_str()));
+        tracing::error!(error = %why, "the active model sets are served from the plain file, and nothing is stored");
+        quarantined.push(Quarantined::new("the store", &why));
+        let mut db = Self::in_memory()?;
+        db.failure = Some(why);
+        Ok((db, restored))
+    }
+}
+
+/// The sets of the plain file that are what their names say.
+fn sets_of(sets: Vec<(String, String)>, quarantined: &mut Vec<Quarantined>) -> Vec<Arc<ModelSet>> {
+    let mut sound = Vec::new();
+    for (id, text) in sets {
+        match models_json::from_json(&text) {
+            Ok(set) if set.id == id => sound.push(Arc::new(set)),
+            Ok(set) => {
+                quarantined.push(Quarantined::new(FILE, format!("it names `{id}`, its content is {}", set.id)));
+            }
+            Err(error) => quarantined.push(Quarantined::new(FILE, error)),
+        }
+    }
+    sound
+}
+
+fn serve(set: Arc<ModelSet>, restored: &mut Restored) {
+    restored.active.push((set.patch.clone(), set.id.clone()));
+    match restored.model_sets.iter_mut().find(|known| known.id == set.id) {
+        Some(known) => known.at_hand = Some(set),
+        None => restored.model_sets.push(set.into()),
+    }
+}
+
+/// Each patch that has a model set.
+fn patches_of(restored: &Restored) -> impl Iterator<Item = &str> {
+    let of_sets = restored.model_sets.iter().map(|set| set.patch.as_str());
+    of_sets.chain(restored.active.iter().map(|(patch, _)| patch.as_str()))
+}

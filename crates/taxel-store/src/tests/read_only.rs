@@ -1,0 +1,178 @@
+//! A disk that takes nothing keeps nobody from what is on it: a start hands out what can be read, and the store refuses all
+//! else with the reason.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use taxel_engine::calibration::SessionState;
+use tempfile::TempDir;
+
+use super::disk::{folder, shim, told};
+use super::doubts::{WHY, doubt};
+use super::fixture::*;
+use super::lost::copy;
+use crate::{Store, beside};
+
+const CHILD: &str = "TAXEL_STORE_READ_ONLY_CHILD";
+
+/// Runs in the child: opens the store, says what it holds and what is wrong, and tries to write.
+#[test]
+fn read_only_child() {
+    let Ok(path) = std::env::var(CHILD) else { return };
+    let (tell, events) = std::sync::mpsc::channel();
+    let notify = Box::new(move |event| drop(tell.send(event)));
+    let (store, restored, quarantined) = match Store::open(Path::new(&path), notify) {
+        Ok(opened) => opened,
+        Err(error) => return println!("\nstart {error}"),
+    };
+    quarantined.iter().for_each(|damage| println!("\ndamaged {damage}"));
+    restored.active.iter().for_each(|(_, id)| println!("\nactive {id}"));
+    restored.doubts.iter().for_each(|(_, why)| println!("\ndoubt {why}"));
+    println!("\nsets {}", restored.model_sets.len());
+    match write(&store, vec![session(9, SessionState::Aborted)]) {
+        Ok(_) => println!("\nwritten yes"),
+        Err(error) => println!("\nrefused {error}"),
+    }
+    drop(store.close());
+    events.iter().for_each(|event| println!("\nevent {event:?}"));
+}
+
+/// What a child said, by its first word.
+fn said<'a>(lines: &'a [String], word: &str) -> BTreeSet<&'a str> {
+    lines.iter().filter_map(|line| line.strip_prefix(word)?.strip_prefix(' ')).collect()
+}
+
+/// A disk with a store: closed, or as a kill leaves it. A doubt and a sample are the last that was written.
+fn disk(closed: bool) -> (TempDir, String) {
+    let (disk, work) = (folder(), folder());
+    let path = work.path().join("store.db");
+    let [_, second] = filled(&path);
+    let (store, ..) = open(&path);
+    write(&store, vec![doubt(PATCH, Some(WHY)), sample_record(2, 40)]).unwrap();
+    if closed {
+        store.close().unwrap();
+        copy(work.path(), disk.path());
+    } else {
+        copy(work.path(), disk.path());
+        drop(store);
+    }
+    (disk, second.id)
+}
+
+/// All that was on a disk is there at a start without a fault.
+fn is_whole(path: &Path, what: &str) {
+    let (store, restored, ..) = open(path);
+    assert_eq!(restored.model_sets.len(), 2, "{what}");
+    assert_eq!(restored.doubts.len(), 1, "{what}");
+    assert_eq!(samples_of(&store, 2).unwrap().samples.len(), 41, "{what}");
+    store.close().unwrap();
+}
+
+/// How many calls that change something the child makes.
+fn calls_of(shim: &Path, path: &Path, tools: &TempDir) -> u64 {
+    let count = tools.path().join("calls");
+    told(shim, "tests::read_only::read_only_child", CHILD, path, &[("FAULT_COUNT", count.to_str().unwrap())]);
+    fs::read_to_string(count).unwrap().trim().parse().unwrap()
+}
+
+/// A start meets the fault at each of its calls in turn, with a store that was changed by `damage`. Every time the active set
+/// is served; where nothing can be written, that is said with the reason; and what was on the disk stays there.
+fn at_each_call_of_a_start(fault: &str, reasons: &[&str], closed: bool, damage: fn(&Path)) {
+    let tools = folder();
+    let shim = shim(&tools);
+    let master = disk(closed);
+    let damaged = || {
+        let folder = folder();
+        copy(master.0.path(), folder.path());
+        let path = folder.path().join("store.db");
+        damage(&path);
+        (folder, path)
+    };
+    let calls = calls_of(&shim, &damaged().1, &tools);
+    let mut refusals = 0;
+    for call in 1..=calls {
+        let (_folder, path) = damaged();
+        let what = format!("{fault} at call {call} of {calls}");
+        let fault = [("FAULT", fault), ("FAULT_AT", &*call.to_string())];
+        let lines = told(&shim, "tests::read_only::read_only_child", CHILD, &path, &fault);
+        assert_eq!(said(&lines, "start"), BTreeSet::new(), "{what}");
+        assert_eq!(said(&lines, "active"), [master.1.as_str()].into(), "{what}: {lines:?}");
+        assert_eq!(said(&lines, "doubt").len(), 1, "{what}: {lines:?}");
+        if let Some(why) = said(&lines, "refused").first() {
+            refusals += 1;
+            assert!(reasons.iter().any(|reason| why.contains(reason)), "{what}: {why}");
+            let events = said(&lines, "event");
+            assert!(events.iter().any(|event| event.starts_with("Failed(")), "{what}: {lines:?}");
+        }
+        is_whole(&path, &what);
+    }
+    println!("{fault} at each of {calls} calls: {refusals} refusals");
+    assert!(refusals > 0);
+}
+
+const FULL: [&str; 4] = ["full", "I/O error", "No space left", "unable to open"];
+const EIO: [&str; 3] = ["I/O error", "Input/output error", "unable to open"];
+
+#[test]
+fn a_start_on_a_full_disk_hands_out_all_that_is_on_it() {
+    at_each_call_of_a_start("enospc", &FULL, true, |_| ());
+    at_each_call_of_a_start("enospc", &FULL, false, |_| ());
+}
+
+#[test]
+fn a_start_whose_disk_fails_once_hands_out_all_that_is_on_it() {
+    at_each_call_of_a_start("eio", &EIO, false, |_| ());
+}
+
+/// A byte of the header is wrong: all is there, and can be read with another header.
+fn break_header(path: &Path) {
+    let mut bytes = fs::read(path).unwrap();
+    bytes[20] ^= 0x55;
+    fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn a_damaged_store_on_a_full_disk_is_not_replaced_by_less_than_what_can_be_read() {
+    at_each_call_of_a_start("enospc", &FULL, true, break_header);
+}
+
+#[test]
+fn a_start_on_a_read_only_disk_hands_out_all_that_is_on_it_and_takes_it_for_no_damage() {
+    let tools = folder();
+    let shim = shim(&tools);
+    for closed in [true, false] {
+        let (folder, id) = disk(closed);
+        let path = folder.path().join("store.db");
+        let before: Vec<_> = [path.clone(), beside::wal(&path)].iter().map(|file| fs::read(file).ok()).collect();
+        let fault = [("FAULT", "readonly")];
+        let lines = told(&shim, "tests::read_only::read_only_child", CHILD, &path, &fault);
+        let words = ["start", "damaged", "active", "sets"].map(|word| said(&lines, word));
+        let expected = [[].into(), [].into(), [id.as_str()].into(), ["2"].into()];
+        assert_eq!(words, expected, "closed: {closed}");
+        assert_eq!(said(&lines, "doubt"), [WHY].into());
+        let refused = said(&lines, "refused").first().copied().unwrap_or_default().to_owned();
+        assert!(refused.contains("Read-only file system") && refused.contains("store.db"), "{refused}");
+        let after: Vec<_> = [path.clone(), beside::wal(&path)].iter().map(|file| fs::read(file).ok()).collect();
+        assert!(before == after, "closed: {closed}: a file was changed");
+        is_whole(&path, "later");
+    }
+}
+
+/// What a log lost is found again by the start that can note it.
+#[test]
+fn a_loss_that_a_read_only_disk_cannot_note_is_told_again_later() {
+    let tools = folder();
+    let shim = shim(&tools);
+    let (folder, id) = disk(false);
+    let path = folder.path().join("store.db");
+    fs::remove_file(beside::wal(&path)).unwrap();
+    for _ in 0..2 {
+        let lines = told(&shim, "tests::read_only::read_only_child", CHILD, &path, &[("FAULT", "readonly")]);
+        assert_eq!(said(&lines, "active"), [id.as_str()].into(), "{lines:?}");
+        assert_eq!((said(&lines, "doubt").len(), said(&lines, "damaged").len()), (1, 1), "{lines:?}");
+    }
+    let (store, restored, quarantined, _events) = open(&path);
+    assert_eq!((restored.doubts.len(), quarantined.len()), (1, 1));
+    store.close().unwrap();
+}
