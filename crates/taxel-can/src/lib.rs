@@ -14,7 +14,9 @@
 mod can_error;
 mod clock;
 mod filter;
+mod log_clock;
 mod log_reader;
+mod log_report;
 mod replay;
 mod rx;
 mod socket_can;
@@ -24,8 +26,10 @@ mod sys;
 mod tx;
 
 pub use can_error::{BusError, ErrorCounters};
-pub use clock::{ClockReading, slept};
-pub use log_reader::{BadLine, LineFault, LogFault, LogReader, LogReport};
+pub use clock::{ClockReading, slept, time_with_sleep};
+pub use log_clock::{ClockStep, ClockSteps};
+pub use log_reader::{LogFault, LogReader};
+pub use log_report::{BadLine, LineFault, LogReport};
 pub use replay::{Pace, Replay};
 pub use socket_can::{LINK_POLL, OpenError, SocketCan, SocketCanOptions};
 pub use source::{Batch, BusEvent, DownReason, FrameSource, SendError, SourceError};

@@ -1,22 +1,25 @@
 //! candump logs, read as fast as they can be: no allocation a line, and no line lost in silence.
+//!
+//! Times go on: where the log's clock steps back by more than a second, the times after that are later than the log's
+//! (`log_clock`), and the report says where. With an interface asked for its frames alone count for that.
 
 use std::fs::File;
 use std::io::{self, Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
-use taxel_skin::Time;
 use taxel_wire::TimedFrame;
-use taxel_wire::candump::{LogError, parse_line_bytes};
+use taxel_wire::candump::parse_line_bytes;
 use thiserror::Error;
+
+use crate::log_clock::LogClock;
+use crate::log_report::{LINE_BYTES_MAX, LineFault, LogReport};
 
 /// Bytes asked of the file at once.
 const BLOCK_BYTES: usize = 256 * 1024;
-/// Longest line that is read: a frame's is at most 80 bytes. What is longer is refused as a whole.
-const LINE_BYTES_MAX: usize = 4096;
-/// Bad lines that are kept with their reason; all are counted.
-const BAD_LINES_TOLD: usize = 5;
 const GZIP_MAGIC: [u8; 2] = [0x1F, 0x8B];
+/// With it some editors begin a file.
+const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// The log cannot be opened, or not be read on.
 #[derive(Debug, Error)]
@@ -42,45 +45,6 @@ pub enum LogFault {
     },
 }
 
-/// Why a line holds no frame.
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-pub enum LineFault {
-    /// It is not as candump writes it.
-    #[error(transparent)]
-    Syntax(#[from] LogError),
-    /// It is too long to be a frame.
-    #[error("longer than {LINE_BYTES_MAX} bytes")]
-    TooLong,
-}
-
-/// A line that was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BadLine {
-    /// Its number, from 1.
-    pub line: u64,
-    /// Why.
-    pub fault: LineFault,
-}
-
-/// What became of the lines. `lines` is the sum of `frames`, `other_interface`, `blank` and `bad`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct LogReport {
-    /// Lines read.
-    pub lines: u64,
-    /// Lines handed out as frames.
-    pub frames: u64,
-    /// Frames of interfaces not asked for.
-    pub other_interface: u64,
-    /// Empty lines and comments (`#` first).
-    pub blank: u64,
-    /// Lines refused.
-    pub bad: u64,
-    /// The first few of them.
-    pub first_bad: Vec<BadLine>,
-    /// Frames handed out whose time was before that of the frame before. They keep their time.
-    pub backwards: u64,
-}
-
 /// A candump log, plain or gzipped, from its first line to its last.
 pub struct LogReader {
     name: String,
@@ -93,7 +57,7 @@ pub struct LogReader {
     over: bool,
     /// Within a line that is too long.
     skipping: bool,
-    newest: Option<Time>,
+    clock: LogClock,
     report: LogReport,
 }
 
@@ -137,7 +101,7 @@ impl LogReader {
             end: 0,
             over: false,
             skipping: false,
-            newest: None,
+            clock: LogClock::default(),
             report: LogReport::default(),
         })
     }
@@ -189,36 +153,29 @@ impl LogReader {
         let line = &self.buffer[from..to];
         if self.skipping || line.len() > LINE_BYTES_MAX {
             self.skipping = false;
-            self.refuse(LineFault::TooLong);
+            self.report.refuse(LineFault::TooLong);
             return None;
         }
+        let line = if self.report.lines == 1 { line.strip_prefix(BYTE_ORDER_MARK).unwrap_or(line) } else { line };
         let parsed = match parse_line_bytes(line) {
             Ok(parsed) => parsed,
             Err(error) => {
-                match line.trim_ascii_start().first() {
-                    None | Some(b'#') => self.report.blank += 1,
-                    Some(_) => self.refuse(error.into()),
+                match (line.first(), line.trim_ascii_start().first()) {
+                    (Some(b'\t'), _) | (_, None | Some(b'#')) => self.report.blank += 1,
+                    _ => self.report.refuse(error.into()),
                 }
                 return None;
             }
         };
+        self.report.note_interface(parsed.interface);
         if self.interface.as_deref().is_some_and(|wanted| wanted != parsed.interface) {
             self.report.other_interface += 1;
             return None;
         }
-        let timed = TimedFrame { time: parsed.time, frame: parsed.frame };
         self.report.frames += 1;
-        self.report.backwards += u64::from(self.newest.is_some_and(|before| timed.time < before));
-        self.newest = Some(timed.time);
-        Some(timed)
-    }
-
-    #[cold]
-    fn refuse(&mut self, fault: LineFault) {
-        self.report.bad += 1;
-        if self.report.first_bad.len() < BAD_LINES_TOLD {
-            self.report.first_bad.push(BadLine { line: self.report.lines, fault });
-        }
+        let reading = self.clock.read(parsed.time, self.report.lines, &mut self.report.clock);
+        self.report.backwards += u64::from(reading.is_late);
+        Some(TimedFrame { time: reading.time, frame: parsed.frame })
     }
 
     /// Reads on behind the incomplete line, which moves to the buffer's beginning.

@@ -1,5 +1,6 @@
 //! A log as a bus.
 
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use taxel_skin::Time;
@@ -7,7 +8,8 @@ use taxel_wire::{Frame, FrameKind, TimedFrame};
 use tokio::time::{Instant, sleep_until};
 
 use crate::can_error;
-use crate::log_reader::{LogReader, LogReport};
+use crate::log_reader::LogReader;
+use crate::log_report::LogReport;
 use crate::source::{Batch, BusEvent, FrameSource, SendError, SourceError};
 
 /// Frames read of the log at once, and the most that one batch has.
@@ -28,7 +30,7 @@ pub enum Pace {
     AsFastAsPossible,
 }
 
-/// A candump log behind the interface of a bus. Each frame keeps the log's own time.
+/// A candump log behind the interface of a bus. Each frame keeps the time that the [`LogReader`] gives it.
 ///
 /// A frame whose time is before that of an earlier one is handed out at once, with its time and in its place; the
 /// report counts it. Error frames of the log become events, as on a real bus.
@@ -43,15 +45,13 @@ pub struct Replay {
     fault: Option<SourceError>,
     told_up: bool,
     told_end: bool,
-    start: Option<Start>,
+    /// Where the log's clock begins: at its first frame, or at that of another bus ([`Replay::together`]).
+    begin: Option<Time>,
+    /// When that was by the runtime's clock; all buses that are played together have it from the first one.
+    here: Arc<OnceLock<Instant>>,
     newest: Time,
-}
-
-/// Where the log's clock and the runtime's met.
-#[derive(Clone, Copy)]
-struct Start {
-    log: Time,
-    here: Instant,
+    /// Where the report goes in the end.
+    told: Option<Arc<OnceLock<LogReport>>>,
 }
 
 impl Replay {
@@ -72,8 +72,46 @@ impl Replay {
             fault: None,
             told_up: false,
             told_end: false,
-            start: None,
+            begin: None,
+            here: Arc::default(),
             newest: Time::default(),
+            told: None,
+        }
+    }
+
+    /// Leaves the report in `told` when nobody plays this log any more.
+    #[must_use]
+    pub fn telling(mut self, told: Arc<OnceLock<LogReport>>) -> Self {
+        self.told = Some(told);
+        self
+    }
+
+    /// Plays buses of one recording by one clock, so that they are as far apart as they were: it begins with the earliest
+    /// first frame, whose time is the answer. `None`: no log has a frame. To be called before the first of them plays.
+    ///
+    /// # Errors
+    /// A log that cannot be read up to its first frame.
+    pub fn together(replays: &mut [Self]) -> Result<Option<Time>, SourceError> {
+        let mut begin = None;
+        for replay in &mut *replays {
+            begin = begin.into_iter().chain(replay.first_time()?).min();
+        }
+        let here = Arc::default();
+        for replay in replays {
+            (replay.begin, replay.here) = (begin, Arc::clone(&here));
+        }
+        Ok(begin)
+    }
+
+    /// When the first frame was received that is not handed out yet.
+    fn first_time(&mut self) -> Result<Option<Time>, SourceError> {
+        if self.at == self.frames.len() && !self.over {
+            self.refill();
+        }
+        let first = self.frames.get(self.at).map(|timed| timed.time);
+        match self.fault.take_if(|_| first.is_none()) {
+            Some(fault) => Err(fault),
+            None => Ok(first),
         }
     }
 
@@ -87,20 +125,20 @@ impl Replay {
     /// `None` before the first frame.
     #[must_use]
     pub fn log_time(&self) -> Option<Time> {
-        let start = self.start?;
+        let (begin, here) = (self.begin?, self.here.get()?);
         Some(match self.pace {
-            Pace::Realtime { speed } => self.newest.max(start.log + start.here.elapsed().mul_f64(speed)),
+            Pace::Realtime { speed } => self.newest.max(begin + here.elapsed().mul_f64(speed)),
             Pace::AsFastAsPossible => self.newest,
         })
     }
 
     /// When the frame is to be handed out; `None`: at once.
     fn due(&mut self, time: Time) -> Option<Instant> {
-        let start = *self.start.get_or_insert_with(|| Start { log: time, here: Instant::now() });
+        let (begin, here) = (*self.begin.get_or_insert(time), *self.here.get_or_init(Instant::now));
         let Pace::Realtime { speed } = self.pace else { return None };
-        let wait = time.since(start.log).as_secs_f64() / speed;
+        let wait = time.since(begin).as_secs_f64() / speed;
         // A wait beyond the runtime's clock: nobody lives to see it.
-        start.here.checked_add(Duration::try_from_secs_f64(wait).ok()?)
+        here.checked_add(Duration::try_from_secs_f64(wait).ok()?)
     }
 
     /// Puts every frame that is due into the batch.
@@ -174,6 +212,14 @@ impl FrameSource for Replay {
     }
 }
 
+impl Drop for Replay {
+    fn drop(&mut self) {
+        if let Some(told) = &self.told {
+            let _ = told.set(self.log.report().clone()); // it is nobody else's to set
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -214,6 +260,33 @@ mod tests {
         }
         assert_eq!(played.report().backwards, 1);
         assert!(played.log_time() >= Some(Time::from_seconds(102.0)));
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn buses_that_are_played_together_stay_as_far_apart_as_they_were() {
+        let pace = Pace::Realtime { speed: 2.0 };
+        let mut buses = ["(103.0) can1 301#\n", "(101.0) can0 301#\n(102.0) can0 301#\n", "# nothing\n"]
+            .map(|log| replay(log, pace));
+        assert_eq!(Replay::together(&mut buses).unwrap(), Some(Time::from_seconds(101.0)));
+        let [late, early, _] = &mut buses;
+        let ((late, _), (early, _)) = tokio::join!(play(late), play(early));
+        for ((waited, _), due) in early.iter().chain(&late).zip([0, 500, 1000]) {
+            assert!((due..=due + 2).contains(&waited.as_millis()), "{waited:?}, due at {due} ms");
+        }
+        let mut nothing = [replay("nonsense\n", pace)];
+        assert_eq!(Replay::together(&mut nothing).unwrap(), None);
+        assert_eq!(nothing[0].report().bad, 1);
+    }
+
+    #[tokio::test]
+    async fn the_report_is_left_when_nobody_plays_any_more() {
+        let told = Arc::default();
+        let log = "(1.000000) can0 301#01\nnonsense\n";
+        let mut played = replay(log, Pace::AsFastAsPossible).telling(Arc::clone(&told));
+        play(&mut played).await;
+        assert!(told.get().is_none());
+        drop(played);
+        assert_eq!(told.get().unwrap().bad, 1);
     }
 
     #[tokio::test(start_paused = true)]

@@ -169,9 +169,13 @@ impl SocketCan {
 
     /// Opens the sockets. An interface that is not there is told and no failure.
     fn try_open(&mut self, batch: &mut Batch) -> Result<(), Failure> {
-        let Some(index) = index_of(&self.interface) else {
-            self.tell(Link::Down(DownReason::NoInterface), batch);
-            return Ok(());
+        let index = match if_nametoindex(&*self.interface).map_err(io::Error::from) {
+            Ok(index) => index, // never 0, which no interface has
+            Err(error) if is_gone(&error) => {
+                self.tell(Link::Down(DownReason::NoInterface), batch);
+                return Ok(());
+            }
+            Err(error) => return Err(Failure { call: "if_nametoindex", error }),
         };
         let opened = Rx::open(index, &self.wanted).and_then(|(rx, granted)| {
             let tx = if self.tx { Some(Tx::open(index)?) } else { None };
@@ -184,7 +188,7 @@ impl SocketCan {
                 Ok(())
             }
             // It went between the look for its index and now.
-            Err(Failure { error, .. }) if is_gone(&error) && index_of(&self.interface) != Some(index) => {
+            Err(Failure { error, .. }) if is_gone(&error) && if_nametoindex(&*self.interface) != Ok(index) => {
                 self.tell(Link::Down(DownReason::NoInterface), batch);
                 Ok(())
             }
@@ -201,7 +205,7 @@ impl SocketCan {
         }
         let Some(sockets) = &mut self.sockets else { return };
         sockets.rx.ask_drops(batch);
-        if index_of(&self.interface) != Some(sockets.index) {
+        if is_lost(sockets.index, sys::interface_index(sockets.rx.fd(), &self.interface)) {
             self.close(DownReason::NoInterface, batch);
             return;
         }
@@ -213,7 +217,8 @@ impl SocketCan {
             }
             Ok(flags) if flags & libc::IFF_RUNNING == 0 => self.tell(Link::Down(DownReason::NoCarrier), batch),
             Ok(_) => self.tell(Link::Up, batch),
-            Err(error) => self.close(reason_of(&error), batch),
+            Err(error) if is_gone(&error) => self.close(DownReason::NoInterface, batch),
+            Err(_nothing_about_the_link) => {} // the next look asks again
         }
     }
 
@@ -322,8 +327,13 @@ impl FrameSource for SocketCan {
     }
 }
 
-fn index_of(name: &str) -> Option<u32> {
-    if_nametoindex(name).ok().filter(|&index| index != 0)
+/// Whether the interface that the sockets are bound to is gone, as another look at its name tells: nothing has the name, or
+/// another interface has it. An answer about anything else, such as a want of memory, says nothing about the interface.
+fn is_lost(bound: u32, now: io::Result<u32>) -> bool {
+    match now {
+        Ok(index) => index != bound,
+        Err(error) => is_gone(&error),
+    }
 }
 
 fn is_gone(error: &io::Error) -> bool {
@@ -354,6 +364,17 @@ mod tests {
     async fn a_name_that_no_interface_can_have_is_refused_with_the_name() {
         for name in ["", "a-name-of-16-bytes", "can 0", "can/0", "can0\0", ".."] {
             assert!(matches!(open(name), Err(OpenError::Name { name: told }) if told == name), "{name:?}");
+        }
+    }
+
+    #[test]
+    fn an_interface_is_lost_when_its_name_is_gone_or_another_s_and_not_when_the_system_is_short_of_something() {
+        let failed = |errno| Err(io::Error::from_raw_os_error(errno));
+        for gone in [failed(libc::ENODEV), failed(libc::ENXIO), Ok(8)] {
+            assert!(is_lost(7, gone));
+        }
+        for there in [Ok(7), failed(libc::EMFILE), failed(libc::ENFILE), failed(libc::ENOBUFS), failed(libc::ENOMEM)] {
+            assert!(!is_lost(7, there));
         }
     }
 

@@ -135,6 +135,33 @@ fn timespec_ns(data: &[u8]) -> Option<i64> {
 
 /// The flags of an interface (`IFF_*`), by its name, in the network namespace of `socket`.
 pub(crate) fn interface_flags(socket: BorrowedFd<'_>, name: &str) -> io::Result<i32> {
+    let mut request = request_of(name)?;
+    // SAFETY: SIOCGIFFLAGS reads the name and writes the flags of the `ifreq` that is lent to it.
+    let result = unsafe { libc::ioctl(socket.as_raw_fd(), libc::SIOCGIFFLAGS as _, &raw mut request) };
+    if result < 0 {
+        return Err(io::Error::last_os_error());
+    }
+    // SAFETY: the call succeeded, so the union holds the flags, and any bits are a valid `c_short`.
+    let flags = unsafe { request.ifr_ifru.ifru_flags };
+    Ok(i32::from(flags))
+}
+
+/// The index that an interface of this name has now, in the network namespace of `socket`; `ENODEV` if there is none.
+/// Unlike `if_nametoindex` it opens no socket for it, so it has an answer also where there is no descriptor left.
+pub(crate) fn interface_index(socket: BorrowedFd<'_>, name: &str) -> io::Result<u32> {
+    let mut request = request_of(name)?;
+    // SAFETY: SIOCGIFINDEX reads the name and writes the index of the `ifreq` that is lent to it.
+    let result = unsafe { libc::ioctl(socket.as_raw_fd(), libc::SIOCGIFINDEX as _, &raw mut request) };
+    if result < 0 {
+        return Err(io::Error::last_os_error());
+    }
+    // SAFETY: the call succeeded, so the union holds the index, and any bits are a valid `c_int`.
+    let index = unsafe { request.ifr_ifru.ifru_ifindex };
+    u32::try_from(index).map_err(|_| io::Error::from_raw_os_error(libc::ENODEV)) // no interface has such a one
+}
+
+/// What the kernel is asked about the interface of this name; `ENODEV` if none can have it.
+fn request_of(name: &str) -> io::Result<libc::ifreq> {
     // SAFETY: `ifreq` is a plain C structure for which all zeros are valid.
     let mut request = unsafe { mem::zeroed::<libc::ifreq>() };
     // One byte stays zero and ends the name.
@@ -145,14 +172,7 @@ pub(crate) fn interface_flags(socket: BorrowedFd<'_>, name: &str) -> io::Result<
     for (to, from) in request.ifr_name.iter_mut().zip(name.bytes()) {
         *to = from as libc::c_char;
     }
-    // SAFETY: SIOCGIFFLAGS reads the name and writes the flags of the `ifreq` that is lent to it.
-    let result = unsafe { libc::ioctl(socket.as_raw_fd(), libc::SIOCGIFFLAGS as _, &raw mut request) };
-    if result < 0 {
-        return Err(io::Error::last_os_error());
-    }
-    // SAFETY: the call succeeded, so the union holds the flags, and any bits are a valid `c_short`.
-    let flags = unsafe { request.ifr_ifru.ifru_flags };
-    Ok(i32::from(flags))
+    Ok(request)
 }
 
 /// A socket that the runtime waits for.
@@ -192,6 +212,18 @@ mod tests {
             let mut one = Received::default();
             read_control(&order.map(|i| parts[i].clone()).concat(), &mut one);
             assert_eq!((one.stamp_wall_ns, one.drops), (Some(7_000_000_005), Some(9)));
+        }
+    }
+
+    #[test]
+    fn an_interface_is_asked_for_on_a_socket_that_is_open_already() {
+        let socket = std::net::UdpSocket::bind(("127.0.0.1", 0)).unwrap();
+        let index = nix::net::if_::if_nametoindex("lo").unwrap();
+        assert_eq!(interface_index(socket.as_fd(), "lo").unwrap(), index);
+        assert_eq!(interface_flags(socket.as_fd(), "lo").unwrap() & libc::IFF_LOOPBACK, libc::IFF_LOOPBACK);
+        for absent in ["taxeld-no-such", "a-name-of-16-bytes"] {
+            let refused = interface_index(socket.as_fd(), absent).unwrap_err();
+            assert_eq!(refused.raw_os_error(), Some(libc::ENODEV), "{absent}: {refused}");
         }
     }
 

@@ -3,11 +3,11 @@
 mod lab;
 
 use std::io::Write;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use lab::adapter::Adapter;
 use lab::{Heard, Vcan, run};
-use taxel_can::{BusError, BusEvent, ClockReading, DownReason, ErrorCounters, FrameSource, SendError};
+use taxel_can::{BusError, BusEvent, ClockReading, DownReason, ErrorCounters, FrameSource, LINK_POLL, SendError};
 use taxel_skin::Time;
 use taxel_wire::candump::write_line;
 use taxel_wire::{CanId, Frame};
@@ -166,6 +166,30 @@ async fn flaps_of_the_interface_are_each_told_lose_nothing_after_them_and_leak_n
     }
     assert!(files.iter().all(|open| *open == files[0]), "open files: {files:?}");
     println!("{flaps} flaps, {} open files at each", files[0]);
+}
+
+/// Whatever can still be opened is, and held until this is dropped.
+fn all_descriptors() -> Vec<std::fs::File> {
+    std::iter::from_fn(|| std::fs::File::open("/dev/null").ok()).collect()
+}
+
+#[tokio::test]
+async fn without_a_descriptor_left_a_bus_goes_on_and_its_end_is_told_all_the_same() {
+    let Some(vcan) = Vcan::up("vc_scarce") else { return };
+    let mut bus = vcan.open(None, true);
+    Heard::event(&mut bus, BusEvent::Up).await;
+    let held = all_descriptors();
+    let (mut heard, begun) = (Heard::default(), Instant::now());
+    // For as long as some looks at the link take.
+    while begun.elapsed() < 5 * LINK_POLL {
+        let sent = numbered(heard.frames.len() as u32);
+        bus.send(&sent).await.unwrap();
+        heard.until(&mut bus, |heard| heard.frames.last().is_some_and(|last| last.frame == sent)).await;
+    }
+    assert_eq!(heard.events, []);
+    drop(held);
+    vcan.delete();
+    Heard::event(&mut bus, NO_INTERFACE).await;
 }
 
 #[tokio::test]

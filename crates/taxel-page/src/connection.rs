@@ -1,4 +1,4 @@
-//! A connection whose peer must take what is written to it: else it would hold its place and old values for ever.
+//! A connection whose peer must take what is written to it: else it would hold old values for ever.
 
 use std::future::Future;
 use std::io::{self, ErrorKind};
@@ -8,7 +8,6 @@ use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
-use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::Sleep;
 
 /// One connection under guard.
@@ -17,14 +16,12 @@ pub(crate) struct Connection {
     unread: Duration,
     /// By when the peer has to take something; absent while nothing waits.
     deadline: Option<Pin<Box<Sleep>>>,
-    /// Free again when the connection is gone.
-    _place: OwnedSemaphorePermit,
 }
 
 impl Connection {
     /// Guards `io`, whose peer may leave what is written unread for so long.
-    pub(crate) fn new(io: TcpStream, unread: Duration, place: OwnedSemaphorePermit) -> Self {
-        Self { io, unread, deadline: None, _place: place }
+    pub(crate) fn new(io: TcpStream, unread: Duration) -> Self {
+        Self { io, unread, deadline: None }
     }
 
     /// What a write came to, or the end of a peer that takes nothing.

@@ -18,6 +18,7 @@ mod limits;
 mod methods;
 mod metrics;
 mod origin;
+mod places;
 mod serve;
 mod site;
 

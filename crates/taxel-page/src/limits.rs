@@ -5,8 +5,11 @@ use std::time::Duration;
 /// What the HTTP side grants. The defaults suit some tabs and some scripts beside the controllers, who use gRPC.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Connections at once; a further one is closed on arrival. A browser opens up to six.
+    /// Connections at once. A further one takes the place of the longest idle one of the address that has the most; while
+    /// all are being served it is closed on arrival. A browser opens up to six.
     pub connections: usize,
+    /// Of one address, but for those of this machine, which are not told apart.
+    pub connections_per_address: usize,
     /// Streams at once over all connections, of which the daemon's own limit counts each as well: so pages can never take
     /// all places from controllers.
     pub streams: usize,
@@ -39,6 +42,7 @@ impl Default for Limits {
     fn default() -> Self {
         Self {
             connections: 64,
+            connections_per_address: 48,
             streams: 32,
             streams_per_answer: 8,
             head: Duration::from_secs(10),

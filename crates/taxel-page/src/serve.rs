@@ -9,7 +9,6 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::{TcpListener, TcpSocket, TcpStream};
-use tokio::sync::Semaphore;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -17,6 +16,7 @@ use tokio_util::sync::CancellationToken;
 use crate::call::Services;
 use crate::connection::Connection;
 use crate::limits::Limits;
+use crate::places::{NoPlace, Places};
 use crate::site::{Shows, Site};
 
 /// A failed accept mostly means that file descriptors ran out; it is tried again after this pause.
@@ -62,7 +62,7 @@ pub async fn serve(listener: std::net::TcpListener, options: Options, shutdown: 
     let site = Site::new(services, shows, names, limits.clone()).map_err(io::Error::other)?;
     let mut server = Server {
         site: Arc::new(site),
-        places: Arc::new(Semaphore::new(limits.connections)),
+        places: Places::new(limits.connections, limits.connections_per_address),
         limits,
         shutdown: shutdown.clone(),
         connections: JoinSet::new(),
@@ -90,7 +90,7 @@ pub async fn serve(listener: std::net::TcpListener, options: Options, shutdown: 
 
 struct Server {
     site: Arc<Site>,
-    places: Arc<Semaphore>,
+    places: Places,
     limits: Limits,
     shutdown: CancellationToken,
     connections: JoinSet<()>,
@@ -99,25 +99,30 @@ struct Server {
 
 impl Server {
     fn admit(&mut self, io: TcpStream, address: SocketAddr) {
-        let Ok(place) = Arc::clone(&self.places).try_acquire_owned() else {
-            self.refused.tell(self.limits.connections);
-            return;
+        let place = match self.places.arrive(address.ip()) {
+            Ok(place) => place,
+            Err(why) => return self.refused.tell(why),
         };
         let _ = io.set_nodelay(true); // an event is small and must not wait for the next; without it it comes late
-        let connection = Connection::new(io, self.limits.unread, place);
+        let connection = Connection::new(io, self.limits.unread);
         let (site, shutdown) = (Arc::clone(&self.site), self.shutdown.clone());
         let limits = &self.limits;
         let mut http = http1::Builder::new();
         http.timer(TokioTimer::new()).header_read_timeout(limits.head).max_buf_size(limits.head_bytes);
         self.connections.spawn(async move {
+            let held = Arc::clone(&place);
             let service = service_fn(move |request| {
-                let site = Arc::clone(&site);
-                async move { Ok::<_, std::convert::Infallible>(site.answer(request, address).await) }
+                let (site, place) = (Arc::clone(&site), Arc::clone(&held));
+                async move { Ok::<_, std::convert::Infallible>(site.answer(request, address, place).await) }
             });
             let served = http.serve_connection(TokioIo::new(connection), service);
             tokio::pin!(served);
             let ended = tokio::select! {
                 ended = &mut served => ended,
+                () = place.evicted() => {
+                    tracing::debug!(%address, "page: an idle connection made room for a new one");
+                    return;
+                }
                 () = shutdown.cancelled() => {
                     served.as_mut().graceful_shutdown();
                     served.await
@@ -138,10 +143,13 @@ struct Refused {
 }
 
 impl Refused {
-    fn tell(&mut self, limit: usize) {
+    fn tell(&mut self, NoPlace(limit): NoPlace) {
         self.count += 1;
         if self.told.is_none_or(|told| told.elapsed() >= TELL_EVERY) {
-            tracing::warn!(so_far = self.count, "page: connection refused: {limit} are open, which is the limit");
+            tracing::warn!(
+                so_far = self.count,
+                "page: connection refused: {limit} are being served, which is the limit"
+            );
             self.told = Some(Instant::now());
         }
     }

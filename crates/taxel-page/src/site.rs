@@ -21,6 +21,7 @@ use crate::limits::Limits;
 use crate::methods::{Method, Methods};
 use crate::metrics::{Metrics, OPEN_METRICS};
 use crate::origin::{check_host, check_origin};
+use crate::places::{Place, Served};
 
 /// What a site serves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,13 +62,23 @@ impl Site {
     }
 
     /// Answers one request.
-    pub(crate) async fn answer(&self, request: Request<Incoming>, address: SocketAddr) -> Response<Body> {
+    pub(crate) async fn answer(
+        &self,
+        mut request: Request<Incoming>,
+        address: SocketAddr,
+        place: Arc<Place>,
+    ) -> Response<Body> {
         let head = *request.method() == Verb::HEAD;
+        if request.body().is_end_stream() {
+            place.serve();
+        } else {
+            request.extensions_mut().insert(Arc::clone(&place)); // whoever reads the body knows when it is there
+        }
         let mut response = hardened(self.route(request, address).await.unwrap_or_else(|status| refusal(&status)));
         if head {
             *response.body_mut() = http_body_util::Empty::new().boxed_unsync();
         }
-        response
+        response.map(|body| Served { body, place }.boxed_unsync())
     }
 
     async fn route(&self, request: Request<Incoming>, address: SocketAddr) -> Result<Response<Body>, Status> {
@@ -137,6 +148,7 @@ impl Site {
         if request.body().size_hint().lower() > limit as u64 {
             return Ok(too_large(limit)); // at once: the rest may never come
         }
+        let connection = request.extensions().get::<Arc<Place>>().cloned();
         let body = Limited::new(request.into_body(), limit).collect();
         let body: Bytes = match tokio::time::timeout(self.limits.body, body).await {
             Ok(Ok(body)) => body.to_bytes(),
@@ -148,6 +160,7 @@ impl Site {
                 return Ok(closing(refusal_as(StatusCode::REQUEST_TIMEOUT, &slow)));
             }
         };
+        connection.inspect(|place| place.serve());
         let message = method.request(&body)?;
         drop(body);
         let begun = Instant::now();

@@ -70,7 +70,7 @@ function check(signal) {
   return el("div.cards",
     el("section.card", el("h2", "Is all as it should be?"), list),
     el("section.card", el("h2", "Begin"), begin(),
-      el("p.note", "The bag lies around the skin and is vented; nothing else touches the skin. The session watches it at rest, takes its zero, and then waits for the pressure to rise.")));
+      el("p.note", "The bag lies around the skin and is vented; nothing else touches the skin. The session watches skin and gauge at rest, takes the zero of both, and then waits for the pressure to rise.")));
 }
 
 function begin() {

@@ -1,11 +1,12 @@
 //! `AuditService`: the audit log in pages.
 
+use std::sync::Arc;
 use taxel_engine::audit::AuditEntry;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
 use taxel_proto::v1::audit_service_server::AuditService;
-use tokio::sync::oneshot;
+use tokio::sync::{OwnedSemaphorePermit, oneshot};
 use tonic::{Request, Response, Status};
 
 use crate::convert::timestamp;
@@ -29,7 +30,8 @@ impl AuditService for Service {
             }
         };
         // One more than is shown tells whether there is another page.
-        let mut entries = read(self.handle.audit.as_ref(), before, size as u32 + 1).await?;
+        let turn = Arc::clone(&self.audit_reading).acquire_owned().await.map_err(|_| engine_stopped())?;
+        let mut entries = read(self.handle.audit.as_ref(), before, size as u32 + 1, turn).await?;
         let more = entries.len() > size;
         entries.truncate(size);
         let next_page_token = entries.last().filter(|_| more).map(|last| last.number.to_string()).unwrap_or_default();
@@ -38,11 +40,19 @@ impl AuditService for Service {
     }
 }
 
-async fn read(source: Option<&AuditSource>, before: u64, most: u32) -> Result<Vec<AuditEntry>, Status> {
+/// Reads them. The turn goes the way of the question and is free again when the store has answered: questions stand in the
+/// same queue as what is to be written down, which calls that are made and given up must not fill.
+async fn read(
+    source: Option<&AuditSource>,
+    before: u64,
+    most: u32,
+    turn: OwnedSemaphorePermit,
+) -> Result<Vec<AuditEntry>, Status> {
     let source =
         source.ok_or_else(|| Refusal::unavailable(ErrorReason::NotOffered, "this daemon keeps no audit log"))?;
     let (tell, told) = oneshot::channel();
     let tell = move |entries| {
+        drop(turn);
         let _ = tell.send(entries); // the client has gone
     };
     source(before, most, Box::new(tell));

@@ -280,7 +280,8 @@ fn session(plan: Option<&PatchPlan>, view: &SessionView) -> v1::Session {
         rise_max_kpa_per_s: limits.rise_max_kpa_per_s,
         fall_max_kpa_per_s: limits.fall_max_kpa_per_s,
         fall_end_kpa: limits.fall_end.0,
-        vented_below_kpa: limits.vented_below.0,
+        // The bag is judged by what the gauge itself reads.
+        vented_below_kpa: limits.vented_below.0 - view.gauge_zero_kpa,
         look: view.look.to_vec(),
         predecessor: view.predecessor,
         not_responding: view.not_responding.iter().map(|taxel| u32::from(*taxel)).collect(),

@@ -8,14 +8,21 @@ use taxel_proto::v1;
 use taxel_proto::v1::ErrorReason;
 use tonic::Status;
 
+use crate::access::caller::Caller;
+use crate::aside::aside;
 use crate::certificate_maker::{CertificateOf, MadeCertificate};
 use crate::samples::read;
 use crate::service::Service;
+use crate::shares::{Place, What};
 use crate::status::samples_not_kept;
 
 impl Service {
-    /// The certificate of a model set.
-    pub(crate) async fn certificate(&self, set: Arc<ModelSet>) -> Result<v1::Certificate, Status> {
+    /// The certificate of a model set, with a place that is to be held until it is out.
+    pub(crate) async fn certificate(
+        &self,
+        caller: &Caller,
+        set: Arc<ModelSet>,
+    ) -> Result<(v1::Certificate, Place), Status> {
         let missing = || {
             Refusal::failed_precondition(
                 ErrorReason::NotOffered,
@@ -41,30 +48,20 @@ impl Service {
         let session = self.sessions().into_iter().find(|view| view.number == session && view.patch == set.patch);
         let session = session.ok_or_else(not_here)?;
         let patch = self.patch(&set.patch)?;
-        let models_json = (self.handle.codec.to_json)(&set).map_err(Refusal::fault)?;
         let loads = self.handle.catalogue.borrow().validations.get(patch).map(Arc::clone);
         let loads = loads.iter().flat_map(|view| view.loads.iter().map(|judged| Arc::clone(&judged.load))).collect();
-        let turn = Arc::clone(&self.exports).try_acquire_owned().map_err(|_| {
-            let limit = self.limits.exports;
-            Refusal::exhausted(
-                ErrorReason::NoPlace,
-                format!("{limit} sessions are being read, which is the limit: try again later"),
-            )
-        })?;
+        let place = self.place(What::Export, caller)?;
         let number = session.number;
-        let failed = |reason, why: String| Refusal::failed_precondition(reason, why).about("session", number);
-        let (samples, turn) = read(&source, number, turn).await?;
-        let model_set = set.id.clone();
-        let evidence = CertificateOf { set, models_json, patch, session, samples, loads };
-        // A whole session is gone through several times: no stream should wait for that. The turn goes along: a certificate
-        // whose client is gone ends by itself.
-        let make = move || {
-            let _turn = turn;
-            maker(&evidence)
+        let (samples, place) = read(&source, number, place).await?;
+        let (model_set, to_json) = (set.id.clone(), self.handle.codec.to_json);
+        // A whole session is gone through several times: no stream should wait for that.
+        let make = move || -> Result<MadeCertificate, Refusal> {
+            let models_json = to_json(&set).map_err(Refusal::fault)?;
+            let made = maker(&CertificateOf { set, models_json, patch, session, samples, loads });
+            made.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why).about("session", number))
         };
-        let made = tokio::task::spawn_blocking(make).await;
-        let made = made.map_err(|failed| Refusal::fault(format!("the certificate was not made: {failed}")))?;
-        let MadeCertificate { number, json, html } = made.map_err(|why| failed(ErrorReason::NotFitted, why))?;
-        Ok(v1::Certificate { model_set, number, json, html })
+        let (made, place) = aside(place, make).await?;
+        let MadeCertificate { number, json, html } = made?;
+        Ok((v1::Certificate { model_set, number, json, html }, place))
     }
 }

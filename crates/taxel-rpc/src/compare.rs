@@ -7,14 +7,18 @@ use taxel_engine::statistics::median;
 use taxel_proto::v1;
 use tonic::Status;
 
+use crate::access::caller::Caller;
+use crate::aside::aside;
 use crate::convert::known;
 use crate::model::summary;
 use crate::service::Service;
+use crate::shares::What;
 use crate::status::invalid;
 
 impl Service {
     pub(crate) async fn compare(
         &self,
+        caller: &Caller,
         request: &v1::CompareModelSetsRequest,
     ) -> Result<v1::ModelSetComparison, Status> {
         let earlier = self.model_set(&request.earlier, &request.patch).await?;
@@ -26,8 +30,9 @@ impl Service {
                 format_args!("`{}` is for patch `{b}`, `{}` for `{a}`", later.id, earlier.id),
             ));
         }
-        let mut compared = comparison(&earlier, &later);
+        let place = self.place(What::LargeAnswer, caller)?;
         let active = self.active(&earlier.patch);
+        let (mut compared, _place) = aside(place, move || comparison(&earlier, &later)).await?;
         for set in [&mut compared.earlier, &mut compared.later].into_iter().flatten() {
             set.active = active.as_ref() == Some(&set.model_set);
         }

@@ -1,18 +1,16 @@
 //! The samples of a session, block by block.
 
 use futures_util::stream::{self, StreamExt};
-use std::sync::Arc;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples};
-use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
-use taxel_proto::v1::ErrorReason;
 use tonic::Status;
 
 use crate::access::caller::Caller;
 use crate::convert::known;
 use crate::samples::read;
 use crate::service::Service;
+use crate::shares::What;
 use crate::status::samples_not_kept;
 use crate::stream::MessageStream;
 
@@ -23,18 +21,14 @@ impl Service {
     /// The samples of a session that exists, as a stream of blocks, at least one.
     pub(crate) async fn export(&self, caller: &Caller, session: u64) -> Result<MessageStream<v1::SampleBlock>, Status> {
         let source = self.handle.samples.clone().ok_or_else(samples_not_kept)?;
-        let place = self.stream_place(caller)?;
-        let export = Arc::clone(&self.exports).try_acquire_owned().map_err(|_| {
-            let limit = self.limits.exports;
-            Refusal::exhausted(
-                ErrorReason::NoPlace,
-                format!("{limit} sessions are being exported, which is the limit: try again later"),
-            )
-        })?;
-        let (samples, export) = read(&source, session, export).await?;
+        let places = (self.stream_place(caller)?, self.place(What::Export, caller)?);
+        let (samples, places) = read(&source, session, places).await?;
         let blocks = samples.samples.len().div_ceil(BLOCK_SAMPLES).max(1);
-        let held = (Arc::new(samples), place, export);
-        Ok(stream::iter(0..blocks).map(move |number| Ok(block(&held.0, number))).boxed())
+        let message = move |number| {
+            let _held = &places; // else they would not move in here
+            Ok(block(&samples, number))
+        };
+        Ok(stream::iter(0..blocks).map(message).boxed())
     }
 }
 

@@ -7,6 +7,7 @@ use std::future::Future;
 use std::io::{self, ErrorKind};
 use std::pin::Pin;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::task::{Context, Poll};
 use std::time::SystemTime;
 
@@ -51,7 +52,7 @@ impl Guard {
     pub(crate) fn tell(&self, origin: &Origin, why: NoPlace) {
         let key = origin.key();
         self.refusals.tell(("connection", &key), || {
-            format!("a connection from {} was refused: {}", origin.place(), why.text("connections", &key))
+            format!("a connection from {} was refused: {}", origin.place(), why.text(What::Connection, &key))
         });
     }
 
@@ -77,11 +78,13 @@ impl Guard {
             }
             _ => None,
         };
+        let ward = Arc::new(Ward::new(self.limits.untaken, self.cut.child_token()));
         Connection {
+            cut: Box::pin(ward.cut.clone().cancelled_owned()),
+            ward,
             io: BufWriter::with_capacity(WRITE_BUFFER_BYTES, io),
             origin: Arc::new(origin),
             proof: Proof::Awaited { missing: PREFACE_BYTES, deadline, ticket },
-            cut: Box::pin(self.cut.clone().cancelled_owned()),
             expires,
             guard: self.clone(),
         }
@@ -90,6 +93,47 @@ impl Guard {
     /// Whether whoever comes from there is an operator without showing a token.
     fn is_operator(&self, origin: &Origin) -> bool {
         self.access.rules().role(origin) >= Some(Role::Operator)
+    }
+}
+
+/// Who makes a call, and by which connection if by one of ours. Cheap to clone.
+#[derive(Clone, Debug)]
+pub(crate) struct Peer {
+    pub(crate) origin: Arc<Origin>,
+    pub(crate) ward: Option<Arc<Ward>>,
+}
+
+impl Peer {
+    /// One more answer was given up that HTTP/2 still has some of.
+    pub(crate) fn count_untaken(&self) {
+        if let Some(ward) = &self.ward
+            && ward.untaken.fetch_add(1, Ordering::Relaxed) >= ward.most
+        {
+            ward.cut.cancel();
+        }
+    }
+
+    /// One of these is gone.
+    pub(crate) fn count_taken(&self) {
+        if let Some(ward) = &self.ward {
+            ward.untaken.fetch_sub(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// What the answers of a connection may do to it.
+#[derive(Debug)]
+pub(crate) struct Ward {
+    /// Answers that were given up and are still somewhere.
+    untaken: AtomicUsize,
+    /// Beyond so many it is closed.
+    most: usize,
+    cut: CancellationToken,
+}
+
+impl Ward {
+    const fn new(most: usize, cut: CancellationToken) -> Self {
+        Self { untaken: AtomicUsize::new(0), most, cut }
     }
 }
 
@@ -112,6 +156,7 @@ pub(crate) struct Connection {
     io: BufWriter<Box<dyn Io>>,
     origin: Arc<Origin>,
     proof: Proof,
+    ward: Arc<Ward>,
     cut: Pin<Box<WaitForCancellationFutureOwned>>,
     /// A connection does not outlive the certificate that it was opened with.
     expires: Option<Pin<Box<Sleep>>>,
@@ -122,7 +167,10 @@ impl Connection {
     /// Whether it has to end, and why.
     fn poll_end(&mut self, cx: &mut Context<'_>) -> Poll<io::Error> {
         if self.cut.as_mut().poll(cx).is_ready() {
-            return Poll::Ready(io::Error::new(ErrorKind::ConnectionAborted, "cut at shutdown"));
+            return Poll::Ready(io::Error::new(
+                ErrorKind::ConnectionAborted,
+                "cut at shutdown, or for answers not taken",
+            ));
         }
         if let Some(expires) = &mut self.expires
             && expires.as_mut().poll(cx).is_ready()
@@ -197,10 +245,10 @@ impl AsyncWrite for Connection {
 }
 
 impl Connected for Connection {
-    /// Who is at the other end; every call finds it among its extensions.
-    type ConnectInfo = Arc<Origin>;
+    /// Every call finds it among its extensions.
+    type ConnectInfo = Peer;
 
-    fn connect_info(&self) -> Arc<Origin> {
-        Arc::clone(&self.origin)
+    fn connect_info(&self) -> Peer {
+        Peer { origin: Arc::clone(&self.origin), ward: Some(Arc::clone(&self.ward)) }
     }
 }

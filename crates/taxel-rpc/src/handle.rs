@@ -57,6 +57,9 @@ pub type OnSamples = Box<dyn FnOnce(Result<SessionSamples, String>) + Send>;
 /// Whether the disk has room for what is kept for ever, or why not.
 pub type Room = Arc<dyn Fn() -> Result<(), String> + Send + Sync>;
 
+/// What the daemon lacks at present, in words; asked for each health.
+pub type LacksSource = Arc<dyn Fn() -> Vec<String> + Send + Sync>;
+
 /// What the recording is at; asked for each health.
 pub type RecordingSource = Arc<dyn Fn() -> RecordingHealth + Send + Sync>;
 
@@ -82,7 +85,9 @@ pub struct Handle {
     pub(crate) certificates: Option<CertificateMaker>,
     pub(crate) recording: Option<RecordingSource>,
     /// What the daemon could not have when it started, in words.
-    pub(crate) lacks: Arc<[String]>,
+    lacks: Arc<[String]>,
+    /// What it cannot have at present.
+    lacks_now: Option<LacksSource>,
     pub(crate) shutdown: CancellationToken,
     /// Held by whoever fits: one fit takes up to 150 MB.
     pub(crate) fits: Arc<Semaphore>,
@@ -163,6 +168,7 @@ pub fn channel(
             certificates: None,
             recording: None,
             lacks: Arc::default(),
+            lacks_now: None,
             shutdown,
             fits,
             events,
@@ -292,6 +298,19 @@ impl Handle {
     pub fn lacking(mut self, what: impl IntoIterator<Item = String>) -> Self {
         self.lacks = self.lacks.iter().cloned().chain(what).collect();
         self
+    }
+
+    /// The same handle whose health also tells of what this gives, in words: something that comes and goes.
+    #[must_use]
+    pub fn lacking_now(mut self, what: LacksSource) -> Self {
+        self.lacks_now = Some(what);
+        self
+    }
+
+    /// All that was asked for and cannot be had.
+    pub(crate) fn lacks(&self) -> impl Iterator<Item = String> {
+        let now = self.lacks_now.iter().flat_map(|what| what());
+        self.lacks.iter().cloned().chain(now)
     }
 
     /// The newest state of the patch at this position of the plan, as the engine published it.

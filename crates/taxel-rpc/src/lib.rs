@@ -6,6 +6,8 @@
 
 mod about;
 mod access;
+mod answers;
+mod aside;
 mod audit;
 mod audit_words;
 mod calibration;
@@ -35,6 +37,7 @@ mod reasons;
 mod recalibration;
 mod refit;
 mod refusals;
+mod request_body;
 mod samples;
 mod serve;
 mod service;

@@ -31,18 +31,46 @@ pub struct Limits {
     /// Streams at once over all connections. Measured elsewhere: 64 subscribers at 1 kHz stay below 1 ms at the 99th
     /// percentile on two cores.
     pub streams: usize,
-    /// Sessions that are exported at once. One of 36,000 scans of 230 taxels takes 10 MB of memory.
-    pub exports: usize,
     /// Of one peer.
     pub streams_per_peer: usize,
     /// Of all, those that only operators can have.
     pub streams_reserved: usize,
+    /// Calls at once that do not stream, each from its head until its answer is out. One holds up to
+    /// [`Limits::request_bytes`] of its request and most often less of its answer.
+    pub calls: usize,
+    /// Of one peer.
+    pub calls_per_peer: usize,
+    /// Of all, those that only operators can have.
+    pub calls_reserved: usize,
+    /// Of these, exported model sets and comparisons. The text of a forearm's set takes 1 MB, and work of tens of
+    /// milliseconds.
+    pub large_answers: usize,
+    /// Of one peer.
+    pub large_answers_per_peer: usize,
+    /// Of all, those that only operators can have.
+    pub large_answers_reserved: usize,
+    /// Sessions of which samples are exported or a certificate is made at once. One of 36,000 scans of 230 taxels takes 10
+    /// MB of memory.
+    pub exports: usize,
+    /// Of one peer.
+    pub exports_per_peer: usize,
+    /// Of all, those that only operators can have.
+    pub exports_reserved: usize,
+    /// ImportModelSet requests that are taken in at once; further ones wait. One takes some five times
+    /// [`Limits::models_bytes`] while it is read.
+    pub imports: usize,
+    /// The body of a request that does not stream has to come on within this time.
+    pub body_pause: Duration,
     /// Calls of one peer that change something. Each costs two rows of the audit log, about 1 KiB.
     pub commands: Rate,
     /// Sessions that one peer may start. An aborted one is kept, about 2 KiB.
     pub session_starts: Rate,
-    /// A stream whose reader leaves a value unread for so long ends with ABORTED.
+    /// A stream whose reader leaves a value unread for so long ends with ABORTED, and so does any answer of which nothing is
+    /// taken for so long.
     pub unread: Duration,
+    /// Answers of one connection that may have ended so and not yet be taken; beyond, the connection is closed, because
+    /// HTTP/2 keeps up to 32 KiB of each.
+    pub untaken: usize,
     /// A stream that pushes no scan for so long ends, and another may begin.
     pub push_pause: Duration,
     /// How long a command may take. A tare watches the skin for seconds.
@@ -51,6 +79,8 @@ pub struct Limits {
     pub request_bytes: usize,
     /// Largest ImportModelSet request, and largest answer, in bytes.
     pub models_bytes: usize,
+    /// What a client may send ahead of what is read, on one stream and on one connection, in bytes.
+    pub ahead_bytes: [u32; 2],
     /// Largest block of request headers, in bytes.
     pub header_bytes: u32,
     /// A ping goes out after so long a silence of the peer ...
@@ -71,16 +101,28 @@ impl Default for Limits {
             preface: Duration::from_secs(3),
             calls_per_connection: 256,
             streams: 64,
-            exports: 2,
             streams_per_peer: 100,
             streams_reserved: 8,
+            calls: 96,
+            calls_per_peer: 64,
+            calls_reserved: 16,
+            large_answers: 8,
+            large_answers_per_peer: 4,
+            large_answers_reserved: 2,
+            exports: 2,
+            exports_per_peer: 1,
+            exports_reserved: 1,
+            imports: 1,
+            body_pause: Duration::from_secs(5),
             commands: Rate { burst: 100, every: Duration::from_millis(200) },
             session_starts: Rate { burst: 20, every: Duration::from_secs(6) },
             unread: Duration::from_secs(5),
+            untaken: 8,
             push_pause: Duration::from_secs(10),
             command: Duration::from_secs(60),
             request_bytes: 64 << 10,
             models_bytes: 16 << 20,
+            ahead_bytes: [64 << 10, 256 << 10],
             header_bytes: 8 << 10,
             keepalive_interval: Duration::from_secs(10),
             keepalive_timeout: Duration::from_secs(5),

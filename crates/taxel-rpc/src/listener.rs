@@ -124,13 +124,13 @@ fn with_tls(listener: TcpListener, tls: Tls, guard: Guard) -> impl Stream<Item =
     let handshakes = arrivals.map(move |(stream, address)| {
         let (tls, guard) = (tls.clone(), guard.clone());
         async move {
-            let key = PeerKey::Address(address.ip().to_canonical());
+            let key = PeerKey::of(address.ip());
             // Whose share it will take is known only with the certificate.
             if guard.shares.is_full(What::Connection) {
                 guard.refusals.tell(("connection", &key), || {
                     format!(
                         "a connection from {address} was refused: {}",
-                        NoPlace::All(guard.limits.connections).text("connections", &key)
+                        NoPlace::All(guard.limits.connections).text(What::Connection, &key)
                     )
                 });
                 return None;

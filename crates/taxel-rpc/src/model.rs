@@ -10,9 +10,13 @@ use taxel_proto::v1;
 use taxel_proto::v1::model_service_server::ModelService;
 use tonic::{Request, Response, Status};
 
+use crate::access::layer::ImportTurn;
+use crate::answers::with_place;
+use crate::aside::aside;
 use crate::convert::{known, timestamp};
 use crate::page::page;
 use crate::service::{Service, caller, strange_answer};
+use crate::shares::What;
 use crate::status::invalid;
 
 #[tonic::async_trait]
@@ -83,34 +87,37 @@ impl ModelService for Service {
         &self,
         request: Request<v1::ExportModelSetRequest>,
     ) -> Result<Response<v1::ExportModelSetResponse>, Status> {
+        let place = self.place(What::LargeAnswer, &caller(&request)?)?;
         let request = request.into_inner();
         let set = self.model_set(&request.model_set, &request.patch).await?;
-        let json = (self.handle.codec.to_json)(&set).map_err(Refusal::fault)?;
-        Ok(Response::new(v1::ExportModelSetResponse { model_set: set.id.clone(), json }))
+        let (model_set, to_json) = (set.id.clone(), self.handle.codec.to_json);
+        let (json, place) = aside(place, move || to_json(&set)).await?;
+        let json = json.map_err(Refusal::fault)?;
+        Ok(with_place(v1::ExportModelSetResponse { model_set, json }, place))
     }
 
     async fn get_certificate(
         &self,
         request: Request<v1::GetCertificateRequest>,
     ) -> Result<Response<v1::Certificate>, Status> {
+        let caller = caller(&request)?;
         let request = request.into_inner();
         let set = self.model_set(&request.model_set, &request.patch).await?;
-        Ok(Response::new(self.certificate(set).await?))
+        let (certificate, place) = self.certificate(&caller, set).await?;
+        Ok(with_place(certificate, place))
     }
 
     async fn import_model_set(
         &self,
-        request: Request<v1::ImportModelSetRequest>,
+        mut request: Request<v1::ImportModelSetRequest>,
     ) -> Result<Response<v1::ImportModelSetResponse>, Status> {
         let caller = caller(&request)?;
+        // What reading takes is taken once, however many ask for it: the turn is held until the file is read.
+        let turn = request.extensions_mut().remove::<ImportTurn>();
         let v1::ImportModelSetRequest { json, insist } = request.into_inner();
         let from_json = self.handle.codec.from_json;
-        // One at a time, so that what reading takes is taken once, however many ask for it.
-        let turn = self.reading.acquire().await;
-        // Reading 16 MiB takes tens of milliseconds, for which no stream should wait.
-        let read = tokio::task::spawn_blocking(move || from_json(&json)).await;
+        let (set, turn) = aside(turn, move || from_json(&json)).await?;
         drop(turn);
-        let set = read.map_err(|failed| Refusal::fault(format!("the file was not read: {failed}")))?;
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
         match self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await? {
             Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),
@@ -122,7 +129,7 @@ impl ModelService for Service {
         &self,
         request: Request<v1::CompareModelSetsRequest>,
     ) -> Result<Response<v1::ModelSetComparison>, Status> {
-        self.compare(request.get_ref()).await.map(Response::new)
+        self.compare(&caller(&request)?, request.get_ref()).await.map(Response::new)
     }
 
     async fn delete_model_set(

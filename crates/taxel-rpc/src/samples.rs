@@ -3,7 +3,7 @@
 use taxel_engine::calibration::SessionSamples;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
-use tokio::sync::{OwnedSemaphorePermit, oneshot};
+use tokio::sync::oneshot;
 use tonic::Status;
 
 use crate::handle::SamplesSource;
@@ -11,11 +11,11 @@ use crate::status::engine_stopped;
 
 /// Reads them. The turn goes the way of the question: where whoever asked has gone meanwhile, it is free again when the
 /// store has answered and not before, so that calls which are made and given up do not pile up in the store.
-pub(crate) async fn read(
+pub(crate) async fn read<T: Send + 'static>(
     source: &SamplesSource,
     session: u64,
-    turn: OwnedSemaphorePermit,
-) -> Result<(SessionSamples, OwnedSemaphorePermit), Status> {
+    turn: T,
+) -> Result<(SessionSamples, T), Status> {
     let (tell, told) = oneshot::channel();
     source(session, Box::new(move |samples| drop(tell.send((samples, turn)))));
     let (samples, turn) = told.await.map_err(|_| engine_stopped())?;

@@ -1,6 +1,8 @@
 //! The server: all services on one listener, with limits, until the shutdown and no longer than the drain.
 
+use std::convert::Infallible;
 use std::sync::Arc;
+use std::task::{Context, Poll};
 use std::time::Duration;
 use taxel_proto::v1::audit_service_server::AuditServiceServer;
 use taxel_proto::v1::calibration_service_server::CalibrationServiceServer;
@@ -12,6 +14,9 @@ use taxel_proto::v1::validation_service_server::ValidationServiceServer;
 use thiserror::Error;
 use tokio::sync::watch;
 use tokio_util::sync::CancellationToken;
+use tonic::body::Body;
+use tonic::codegen::{Service as Serves, http};
+use tonic::server::NamedService;
 use tonic::service::Routes;
 use tonic::transport::Server;
 use tonic_health::server::HealthReporter;
@@ -19,6 +24,8 @@ use tower_layer::Layer;
 
 use crate::access::layer::Gate;
 use crate::access::rules::Access;
+use crate::access::table::IMPORT;
+use crate::answers::Answers;
 use crate::guard::Guard;
 use crate::handle::{Handle, PatchFeed};
 use crate::health::Report;
@@ -91,7 +98,9 @@ pub async fn serve_and_share(
     let shutdown = handle.shutdown.clone();
     let (drain, cut) = (limits.drain, CancellationToken::new());
     let (shares, refusals) = (Shares::new(&limits), Arc::new(Refusals::default()));
-    let gate = Gate::new(access.clone(), Arc::clone(&shares), Arc::clone(&refusals));
+    let answers = Answers::new(limits.unread, Arc::clone(&refusals));
+    let ledgers = (Arc::clone(&shares), Arc::clone(&refusals));
+    let gate = Gate::new(access.clone(), ledgers, Arc::clone(&answers), &limits);
     let guard = Guard {
         access,
         shares: Arc::clone(&shares),
@@ -118,6 +127,7 @@ pub async fn serve_and_share(
         served = &mut server => return Ok(served.map(|()| Drain::Clean)?),
         never = watchdog.keep() => match never {},
         never = refusals.keep() => match never {},
+        never = answers.keep() => match never {},
         () = overdue => {}
     }
     tracing::warn!("connections were still open {} s after the shutdown began: cut", drain.as_secs_f64());
@@ -151,7 +161,10 @@ fn relayed(mut handle: Handle, woken: &watch::Receiver<()>) -> Handle {
 }
 
 fn server(limits: &Limits) -> Server {
+    let [of_stream, of_connection] = limits.ahead_bytes;
     Server::builder()
+        .initial_stream_window_size(of_stream)
+        .initial_connection_window_size(of_connection)
         // Covers a call up to the head of its answer, so that a request that never ends is no place to hide.
         .timeout(limits.command + limits.preface)
         .max_concurrent_streams(limits.calls_per_connection)
@@ -182,9 +195,38 @@ fn routes(service: Service, reporter: &HealthReporter) -> Result<Routes, ServeEr
         .add_service(limited!(ValidationServiceServer::new(service.clone()), small))
         .add_service(limited!(AuditServiceServer::new(service.clone()), small))
         .add_service(limited!(IngestServiceServer::new(service.clone()), small))
-        .add_service(limited!(ModelServiceServer::new(service), large))
+        .add_service(Models {
+            usual: limited!(ModelServiceServer::new(service.clone()), small),
+            import: limited!(ModelServiceServer::new(service), large),
+        })
         .add_service(limited!(tonic_health::pb::health_server::HealthServer::new(health), small))
         .add_service(limited!(reflection().build_v1()?, small))
         .add_service(limited!(reflection().build_v1alpha()?, small))
         .prepare())
+}
+
+/// `ModelService`. A limit of requests is a service's; of this one, one method alone takes large ones.
+#[derive(Clone)]
+struct Models {
+    usual: ModelServiceServer<Service>,
+    import: ModelServiceServer<Service>,
+}
+
+impl NamedService for Models {
+    const NAME: &'static str = ModelServiceServer::<Service>::NAME;
+}
+
+impl Serves<http::Request<Body>> for Models {
+    type Response = http::Response<Body>;
+    type Error = Infallible;
+    type Future = <ModelServiceServer<Service> as Serves<http::Request<Body>>>::Future;
+
+    fn poll_ready(&mut self, _: &mut Context<'_>) -> Poll<Result<(), Infallible>> {
+        Poll::Ready(Ok(()))
+    }
+
+    fn call(&mut self, request: http::Request<Body>) -> Self::Future {
+        let is_import = request.uri().path().strip_prefix('/') == Some(IMPORT);
+        if is_import { self.import.call(request) } else { self.usual.call(request) }
+    }
 }

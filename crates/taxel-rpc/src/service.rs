@@ -18,7 +18,7 @@ use crate::audit_words;
 use crate::convert::Sending;
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
-use crate::shares::{Place, Shares};
+use crate::shares::{Place, Shares, What};
 use crate::status::{engine_stopped, invalid, of_rejection, shutting_down};
 
 /// Longest text that a client may have written down, in bytes.
@@ -30,16 +30,17 @@ pub(crate) struct Service {
     pub(crate) handle: Handle,
     pub(crate) limits: Arc<Limits>,
     shares: Arc<Shares>,
-    /// Held while a model set is read.
-    pub(crate) reading: Arc<Semaphore>,
-    /// Each export holds a whole session in memory.
-    pub(crate) exports: Arc<Semaphore>,
+    /// Held while the store reads a page of the audit log.
+    pub(crate) audit_reading: Arc<Semaphore>,
+}
+
+fn one_at_a_time() -> Arc<Semaphore> {
+    Arc::new(Semaphore::new(1))
 }
 
 impl Service {
     pub(crate) fn new(handle: Handle, limits: Limits, shares: Arc<Shares>) -> Self {
-        let exports = Arc::new(Semaphore::new(limits.exports));
-        Self { handle, limits: Arc::new(limits), shares, reading: Arc::new(Semaphore::new(1)), exports }
+        Self { handle, limits: Arc::new(limits), shares, audit_reading: one_at_a_time() }
     }
 
     /// Position of the patch of this name; an empty name stands for the only one.
@@ -140,7 +141,12 @@ impl Service {
 
     /// A place for one more stream of this caller. The place moves into the stream and is free again when that is dropped.
     pub(crate) fn stream_place(&self, caller: &Caller) -> Result<Place, Status> {
-        self.shares.stream(caller)
+        self.place(What::Stream, caller)
+    }
+
+    /// A place for what a call needs beside its own.
+    pub(crate) fn place(&self, what: What, caller: &Caller) -> Result<Place, Status> {
+        self.shares.place(what, caller)
     }
 
     /// Streams that are being served now.

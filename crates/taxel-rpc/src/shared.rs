@@ -12,6 +12,7 @@ use tonic::transport::server::TcpConnectInfo;
 
 use crate::access::layer::Guarded;
 use crate::access::origin::Origin;
+use crate::guard::Peer;
 
 /// All services behind the gate. A request carries the client's address as [`TcpConnectInfo`] and its `authorization`, and
 /// is judged as if the client had come over TCP without TLS.
@@ -38,7 +39,7 @@ impl Service<http::Request<Body>> for SharedServices {
     fn call(&mut self, mut request: http::Request<Body>) -> Self::Future {
         let address = request.extensions().get::<TcpConnectInfo>().and_then(TcpConnectInfo::remote_addr);
         if let Some(address) = address {
-            request.extensions_mut().insert(Arc::new(Origin::of_tcp(address)));
+            request.extensions_mut().insert(Peer { origin: Arc::new(Origin::of_tcp(address)), ward: None });
         }
         self.guarded.call(request)
     }

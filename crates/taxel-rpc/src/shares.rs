@@ -22,6 +22,26 @@ const PEERS_MAX: usize = 1024;
 pub(crate) enum What {
     Connection,
     Stream,
+    /// A call that does not stream, until its answer is out.
+    Call,
+    /// An answer that can be large, from before it is made.
+    LargeAnswer,
+    /// The samples of a stored session, in memory.
+    Export,
+}
+
+impl What {
+    /// So many of them, with the verb.
+    fn are(self, number: usize, of: &str) -> String {
+        let name = match self {
+            Self::Connection => "connection",
+            Self::Stream => "stream",
+            Self::Call => "call",
+            Self::LargeAnswer => "large answer",
+            Self::Export => "sample export",
+        };
+        if number == 1 { format!("1 {name}{of} is") } else { format!("{number} {name}s{of} are") }
+    }
 }
 
 /// Places of one sort.
@@ -46,16 +66,15 @@ pub(crate) enum NoPlace {
 
 impl NoPlace {
     /// What is refused and why, with what to do.
-    pub(crate) fn text(self, what: &str, peer: &PeerKey) -> String {
-        match self {
-            Self::All(most) => format!("{most} {what} are being served, which is the limit: end another first"),
+    pub(crate) fn text(self, what: What, peer: &PeerKey) -> String {
+        let why = match self {
+            Self::All(most) => format!("{} being served, which is the limit", what.are(most, "")),
             Self::Peer(most) => {
-                format!("{most} {what} of {peer} are being served, which is the limit for one: end another first")
+                format!("{} being served, which is the limit for one", what.are(most, &format!(" of {peer}")))
             }
-            Self::Reserved(left) => {
-                format!("the last {left} {what} are kept for operators: end another first")
-            }
-        }
+            Self::Reserved(left) => format!("the last {} kept for operators", what.are(left, "")),
+        };
+        format!("{why}: end another first")
     }
 }
 
@@ -128,6 +147,9 @@ impl Rates {
 struct State {
     connections: Pool,
     streams: Pool,
+    calls: Pool,
+    large_answers: Pool,
+    exports: Pool,
     commands: Rates,
     session_starts: Rates,
 }
@@ -137,6 +159,9 @@ impl State {
         match what {
             What::Connection => &mut self.connections,
             What::Stream => &mut self.streams,
+            What::Call => &mut self.calls,
+            What::LargeAnswer => &mut self.large_answers,
+            What::Export => &mut self.exports,
         }
     }
 }
@@ -150,6 +175,13 @@ impl Shares {
         Arc::new(Self(Mutex::new(State {
             connections: Pool::new(limits.connections, limits.connections_per_peer, limits.connections_reserved),
             streams: Pool::new(limits.streams, limits.streams_per_peer, limits.streams_reserved),
+            calls: Pool::new(limits.calls, limits.calls_per_peer, limits.calls_reserved),
+            large_answers: Pool::new(
+                limits.large_answers,
+                limits.large_answers_per_peer,
+                limits.large_answers_reserved,
+            ),
+            exports: Pool::new(limits.exports, limits.exports_per_peer, limits.exports_reserved),
             commands: Rates::new(limits.commands),
             session_starts: Rates::new(limits.session_starts),
         })))
@@ -181,11 +213,11 @@ impl Shares {
         Ok(Place { shares: Arc::clone(self), what, key })
     }
 
-    /// A place for one more stream of this caller. It moves into the stream and is free again when that is dropped.
-    pub(crate) fn stream(self: &Arc<Self>, caller: &Caller) -> Result<Place, Status> {
+    /// A place for one more of this caller's. It is free again when it is dropped.
+    pub(crate) fn place(self: &Arc<Self>, what: What, caller: &Caller) -> Result<Place, Status> {
         let key = caller.key();
-        let refused = |why: NoPlace| Refusal::exhausted(ErrorReason::NoPlace, why.text("streams", &key));
-        Ok(self.take(What::Stream, key.clone(), caller.is_operator()).map_err(refused)?)
+        let refused = |why: NoPlace| Refusal::exhausted(ErrorReason::NoPlace, why.text(what, &key));
+        Ok(self.take(what, key.clone(), caller.is_operator()).map_err(refused)?)
     }
 
     /// Streams that are being served now.

@@ -94,13 +94,12 @@ impl SkinService for Service {
         let recording = self.handle.recording.as_ref().map(|state| state());
         let unrecorded = recording.iter().map(|state| &state.problem).filter(|problem| !problem.is_empty());
         let unrecorded = unrecorded.map(|problem| format!("nothing is recorded: {problem}"));
-        let lacks = self.handle.lacks.iter().cloned();
         let own = [stalled, unknown].into_iter().flatten();
         Ok(Response::new(v1::Health {
             buses: health.buses.iter().enumerate().map(|(bus, health)| bus_health(bus, health)).collect(),
             boards: health.boards.iter().map(board_health).collect(),
             patches: (0..self.handle.plan.patches.len()).map(|patch| self.patch_health(patch)).collect(),
-            problems: own.chain(health.problems.iter().cloned()).chain(unrecorded).chain(lacks).collect(),
+            problems: own.chain(health.problems.iter().cloned()).chain(unrecorded).chain(self.handle.lacks()).collect(),
             streams: self.streams_open() as u32,
             streams_max: self.limits.streams as u32,
             store: Some(v1::StoreHealth {

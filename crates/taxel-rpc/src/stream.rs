@@ -1,8 +1,8 @@
 //! How a subscriber gets values: pulled, newest first, with what it missed.
 //!
-//! A value is taken from the engine's `watch` only when HTTP/2 has room for a message, so nothing queues here and the
-//! newest value always wins. What waits in HTTP/2 windows beyond is the client's; sequence and age in every message let
-//! it see that. Whether a value may still be believed is judged at that moment, too; the watchdog wakes subscribers when
+//! A value is taken from the engine's `watch` only when HTTP/2 asks for a message, so nothing queues here and the newest
+//! value always wins. hyper asks for one before it knows that there is room (since 1.10): one message may wait there, and
+//! what waits in HTTP/2 windows beyond is the client's; sequence and time in every message let it see that. Whether a value may still be believed is judged at that moment, too; the watchdog wakes subscribers when
 //! that changes without a new value.
 
 use futures_util::stream::{self, Stream};

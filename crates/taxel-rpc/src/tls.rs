@@ -18,7 +18,7 @@ use x509_cert::ext::pkix::SubjectAltName;
 use x509_cert::ext::pkix::name::GeneralName;
 
 use crate::access::origin::Certificate;
-use crate::access::private_file::read_private;
+use crate::access::private_file::{Others, read_guarded};
 
 /// What a TLS listener is made from, all in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,7 +27,8 @@ pub struct TlsFiles {
     pub certificate: PathBuf,
     /// Its key, which only its owner may read.
     pub key: PathBuf,
-    /// The authorities that sign clients' certificates.
+    /// The authorities that sign clients' certificates. Who can change it can make himself anybody: only its owner, who is
+    /// root or the daemon's own account, may.
     pub client_ca: PathBuf,
 }
 
@@ -87,19 +88,21 @@ fn server_config(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError> {
     let wrong = |path: &Path, problem: String| TlsError { path: path.to_path_buf(), problem };
     let provider = Arc::new(ring::default_provider());
     let mut roots = RootCertStore::empty();
-    for authority in certificates(&files.client_ca)? {
+    let authorities = read_guarded(&files.client_ca, Others::Read).map_err(|why| wrong(&files.client_ca, why))?;
+    for authority in certificates(&files.client_ca, &authorities)? {
         roots.add(authority).map_err(|error| wrong(&files.client_ca, error.to_string()))?;
     }
     let verifier = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider))
         .build()
         .map_err(|error| wrong(&files.client_ca, error.to_string()))?;
-    let secret = read_private(&files.key).map_err(|problem| TlsError { path: files.key.clone(), problem })?;
+    let secret = read_guarded(&files.key, Others::Nothing).map_err(|why| wrong(&files.key, why))?;
     let key = PrivateKeyDer::from_pem_slice(&secret).map_err(|error| wrong(&files.key, error.to_string()))?;
+    let own = std::fs::read(&files.certificate).map_err(|error| wrong(&files.certificate, error.to_string()))?;
     let mut config = ServerConfig::builder_with_provider(provider)
         .with_protocol_versions(&[&TLS13])
         .map_err(|error| wrong(&files.certificate, error.to_string()))?
         .with_client_cert_verifier(verifier)
-        .with_single_cert(certificates(&files.certificate)?, key)
+        .with_single_cert(certificates(&files.certificate, &own)?, key)
         .map_err(|error| wrong(&files.certificate, format!("does not go with the key: {error}")))?;
     config.alpn_protocols = vec![b"h2".to_vec()];
     // A resumed connection would not show its certificate again.
@@ -107,10 +110,10 @@ fn server_config(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError> {
     Ok(Arc::new(config))
 }
 
-/// All certificates of a file, at least one.
-fn certificates(path: &Path) -> Result<Vec<CertificateDer<'static>>, TlsError> {
+/// All certificates of a file's text, at least one.
+fn certificates(path: &Path, text: &[u8]) -> Result<Vec<CertificateDer<'static>>, TlsError> {
     let wrong = |problem: String| TlsError { path: path.to_path_buf(), problem };
-    let read = CertificateDer::pem_file_iter(path).and_then(Iterator::collect::<Result<Vec<_>, _>>);
+    let read = CertificateDer::pem_slice_iter(text).collect::<Result<Vec<_>, _>>();
     let found = read.map_err(|error| wrong(error.to_string()))?;
     if found.is_empty() { Err(wrong("there is no certificate in it".to_owned())) } else { Ok(found) }
 }

@@ -34,4 +34,4 @@ pub use permissions::Permissions;
 pub use reader::{Page, Reader};
 pub use sample::{Sample, State};
 pub use text::Text;
-pub use writer::PageWriter;
+pub use writer::{Named, PageName, PageWriter};

@@ -27,10 +27,46 @@ use crate::text::Text;
 #[derive(Debug)]
 pub struct PageWriter {
     map: Map,
-    path: PathBuf,
-    file: (u64, u64),
+    name: PageName,
     /// Held for as long as there is a page.
     _lock: Arc<File>,
+}
+
+/// The name of a page and the file that is the page.
+#[derive(Clone, Debug)]
+pub struct PageName {
+    path: PathBuf,
+    /// Device and inode.
+    file: (u64, u64),
+}
+
+/// What is found under the name of a page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Named {
+    /// The page.
+    ThePage,
+    /// Nothing: somebody removed it. Whoever has it open still reads it, and nobody else finds it.
+    Nothing,
+    /// Something else, or it cannot be looked at.
+    Other,
+}
+
+impl PageName {
+    /// Where the page is.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Looks what is there now.
+    #[must_use]
+    pub fn look(&self) -> Named {
+        match std::fs::symlink_metadata(&self.path) {
+            Ok(about) if (about.dev(), about.ino()) == self.file => Named::ThePage,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Named::Nothing,
+            Ok(_) | Err(_) => Named::Other,
+        }
+    }
 }
 
 impl PageWriter {
@@ -45,30 +81,24 @@ impl PageWriter {
         let path = folder.join(patch);
         let new = folder.join(format!(".{patch}.new"));
         let _ = std::fs::remove_file(&new); // of a daemon that was killed at this very place; else it is not there
-        let mut options = OpenOptions::new();
-        options.read(true).write(true).create_new(true).mode(0o600);
-        let mut file = options.open(&new).map_err(PageError::of(&new, "making the page"))?;
-        // Written and not only sized, so that the memory is there, and its want is told here and not by a signal later.
-        file.write_all(&[0; PAGE_BYTES]).map_err(PageError::of(&new, "making the page"))?;
-        let map = Map::for_writing(&file).map_err(PageError::of(&new, "mapping the page"))?;
-        for (word, value) in map.words().iter().zip(header(patch, limits)) {
-            word.store(value, Ordering::Relaxed);
-        }
-        if permissions.group.is_some() {
-            std::os::unix::fs::fchown(&file, None, permissions.group)
-                .map_err(PageError::of(&new, "giving the page to the group, of which the daemon has to be a member"))?;
-        }
-        file.set_permissions(std::fs::Permissions::from_mode(permissions.mode))
-            .map_err(PageError::of(&new, "setting the page's mode"))?;
-        let about = file.metadata().map_err(PageError::of(&new, "looking at the page"))?;
-        std::fs::rename(&new, &path).map_err(PageError::of(&path, "naming the page"))?;
-        Ok(Self { map, path, file: (about.dev(), about.ino()), _lock: lock })
+        let made = make(&new, header(patch, limits), permissions).and_then(|made| {
+            std::fs::rename(&new, &path).map_err(PageError::of(&path, "naming the page"))?;
+            Ok(made)
+        });
+        let (map, file) = made.inspect_err(|_| _ = std::fs::remove_file(&new))?; // the first error is what is told
+        Ok(Self { map, name: PageName { path, file }, _lock: lock })
     }
 
     /// Where the page is.
     #[must_use]
     pub fn path(&self) -> &Path {
-        &self.path
+        self.name.path()
+    }
+
+    /// Its name, by which anybody can look whether it still has it.
+    #[must_use]
+    pub const fn name(&self) -> &PageName {
+        &self.name
     }
 
     /// Writes the next sample.
@@ -82,6 +112,27 @@ impl PageWriter {
     pub fn beat(&self) {
         self.map.words()[AT_BEAT].store(monotonic_ns().cast_unsigned(), Ordering::Relaxed);
     }
+}
+
+/// Makes the file of a page, complete but for its name. Gives it with its device and inode.
+fn make(new: &Path, header: [u64; PAGE_WORDS], permissions: Permissions) -> Result<(Map, (u64, u64)), PageError> {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).create_new(true).mode(0o600);
+    let mut file = options.open(new).map_err(PageError::of(new, "making the page"))?;
+    // Written and not only sized, so that the memory is there, and its want is told here and not by a signal later.
+    file.write_all(&[0; PAGE_BYTES]).map_err(PageError::of(new, "making the page"))?;
+    let map = Map::for_writing(&file).map_err(PageError::of(new, "mapping the page"))?;
+    for (word, value) in map.words().iter().zip(header) {
+        word.store(value, Ordering::Relaxed);
+    }
+    if permissions.group.is_some() {
+        std::os::unix::fs::fchown(&file, None, permissions.group)
+            .map_err(PageError::of(new, "giving the page to the group, of which the daemon has to be a member"))?;
+    }
+    file.set_permissions(std::fs::Permissions::from_mode(permissions.mode))
+        .map_err(PageError::of(new, "setting the page's mode"))?;
+    let about = file.metadata().map_err(PageError::of(new, "looking at the page"))?;
+    Ok((map, (about.dev(), about.ino())))
 }
 
 /// What is in a page before its first sample.
@@ -103,9 +154,8 @@ fn header(patch: &str, limits: Limits) -> [u64; PAGE_WORDS] {
 impl Drop for PageWriter {
     fn drop(&mut self) {
         self.map.words()[AT_CLOSED].store(1, Ordering::Release);
-        let named = std::fs::symlink_metadata(&self.path);
-        if named.is_ok_and(|about| (about.dev(), about.ino()) == self.file) {
-            let _ = std::fs::remove_file(&self.path); // the page itself says that it is over
+        if self.name.look() == Named::ThePage {
+            let _ = std::fs::remove_file(&self.name.path); // the page itself says that it is over
         }
     }
 }

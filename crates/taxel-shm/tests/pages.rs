@@ -9,7 +9,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use common::{Child, LIMITS, folder, good, in_memory, plain};
-use taxel_shm::{Folder, NoForce, Page, Reader, Sample, State, monotonic_ns};
+use taxel_shm::{Folder, Named, NoForce, Page, Reader, Sample, State, monotonic_ns};
 
 #[test]
 fn what_was_written_is_read_and_nothing_before_it() {
@@ -64,6 +64,38 @@ fn a_writer_that_ends_says_so_and_the_next_ones_page_is_found() {
     second.write(&good(7));
     assert_eq!(wait_for(&mut reader), 7.0);
     assert_ne!(reader.page().unwrap().generation(), generation);
+}
+
+#[test]
+fn a_page_whose_name_was_removed_is_made_again_and_found_by_whoever_had_the_old_one() {
+    let place = in_memory();
+    let folder = folder(&place);
+    let mut first = folder.page("palm", LIMITS).unwrap();
+    first.write(&good(1));
+    let mut reader = Reader::new(first.path(), None);
+    assert_eq!(wait_for(&mut reader), 1.0);
+    let name = first.name().clone();
+    assert_eq!(name.look(), Named::ThePage);
+    std::fs::remove_file(name.path()).unwrap();
+    assert_eq!(name.look(), Named::Nothing);
+    assert_eq!(Reader::new(name.path(), None).force(), Err(NoForce::NoPage));
+    let mut second = folder.page("palm", LIMITS).unwrap();
+    assert_eq!((name.look(), second.name().look()), (Named::Other, Named::ThePage));
+    second.write(&good(2));
+    drop(first);
+    assert_eq!(second.name().look(), Named::ThePage, "what was replaced takes no name along");
+    assert_eq!(wait_for(&mut reader), 2.0);
+}
+
+#[test]
+fn a_page_that_cannot_be_made_leaves_nothing_behind() {
+    let place = in_memory();
+    let folder = folder(&place);
+    std::fs::create_dir(place.path().join("palm")).unwrap();
+    let refused = folder.page("palm", LIMITS).unwrap_err();
+    assert!(refused.to_string().contains("naming the page") && !refused.is_shortage(), "{refused}");
+    let left: Vec<_> = std::fs::read_dir(place.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(!left.contains(&".palm.new".into()), "{left:?}");
 }
 
 /// Reads until there is a force; a reader looks for a new page every 50 ms.

@@ -35,6 +35,19 @@ impl RunClock {
         }
     }
 
+    /// A clock of the process, by which a task is judged to run or to hang. Live it goes on while the machine sleeps, which
+    /// the run's clock does not: what was published before is not to look fresh until the engine has its turn. In a replay
+    /// it stands still with the log's, but has its own speed.
+    pub fn of_process(&self) -> Arc<dyn Fn() -> Time + Send + Sync> {
+        match self {
+            Self::Live => Arc::new(taxel_can::time_with_sleep),
+            Self::Log { .. } => {
+                let begun = Instant::now();
+                Arc::new(move || Time::default() + begun.elapsed())
+            }
+        }
+    }
+
     /// For how long to set a timer so that so much time passes on this clock.
     pub fn timer(&self, span: Duration) -> Duration {
         match self {
@@ -57,11 +70,4 @@ impl RunClock {
             }
         }
     }
-}
-
-/// The monotonic time since this call, by the runtime's own clock: by it a task is judged to run or to hang, also in a
-/// replay, whose clock has another speed.
-pub fn process_clock() -> impl Fn() -> Time + Send + Sync {
-    let begun = Instant::now();
-    move || Time::default() + begun.elapsed()
 }

@@ -143,10 +143,11 @@ impl Driver {
 
     /// One turn; `false` after the last.
     async fn turn(&mut self, queues: &mut Queues, cancel: &CancellationToken) -> bool {
-        self.pages.beat();
+        // Before any sign of life: until then readers have the force of before, and a clock that stood still meanwhile.
         if let Some(slept) = self.sleep.look() {
             self.woke_up(slept);
         }
+        self.pages.beat();
         if let Some(gap) = self.publisher.beat() {
             self.resumed(gap);
             self.catch_up(queues).await;

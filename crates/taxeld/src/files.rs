@@ -37,6 +37,17 @@ pub fn read_text(path: &Path) -> anyhow::Result<String> {
     Ok(text)
 }
 
+/// The text of a file of which nobody says in which encoding it is: bytes that are no UTF-8 are replaced, since nothing that
+/// matters in such files is beyond ASCII, and a byte order mark is left out.
+///
+/// # Errors
+/// The system's reason.
+pub fn read_any_text(path: &Path) -> io::Result<String> {
+    let bytes = std::fs::read(path)?;
+    let text = String::from_utf8_lossy(&bytes);
+    Ok(text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned())
+}
+
 /// A file to write, or standard output; an existing file is overwritten.
 ///
 /// # Errors

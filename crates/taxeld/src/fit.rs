@@ -1,6 +1,5 @@
 //! `taxeld fit`: models from a recording, or from any table of counts and pressures.
 
-use std::collections::BTreeMap;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -13,14 +12,20 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans, Workers, legs};
 use taxel_engine::calibration::method;
 use taxel_engine::model_set::ModelSet;
-use taxel_model::{Estimator, FitOptions, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Plays, Samples};
+use taxel_model::{
+    Estimator, FitOptions, Flag, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Plays, Rails, Samples, Shape, Status, TaxelModel,
+};
 use taxel_store::models_json;
+
+mod summary;
 
 use crate::files;
 use crate::recording::{Column, Recording};
 use crate::say;
 use crate::soundness::{Wanted, check};
 use crate::threads::Threads;
+
+pub use summary::{print_summary, spread};
 
 /// A bar is shown for what takes longer.
 const BAR_AFTER: Duration = Duration::from_secs(1);
@@ -38,7 +43,8 @@ pub struct FitArgs {
     ///
     /// 280 rows and more of integers within 0..=255 in two columns or more are a recording of a skin: faulty stretches
     /// are left out, and the hysteresis is compensated where that wins; one cell in a hundred may be something else and
-    /// is left out. Anything else is fitted as it stands, decimals as written.
+    /// is left out. Anything else is fitted as it stands, decimals as written: the least-squares polynomial of each column,
+    /// monotone or not, is written down also where it is no usable model of a taxel.
     data: PathBuf,
     /// Where the models go; `-` is the standard output.
     #[arg(long, value_name = "MODELS.json")]
@@ -167,7 +173,11 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
     notes.iter().for_each(|note| say!("  {note}"));
     print_summary(&set);
     if set.taxels.iter().all(|model| !model.is_usable()) {
-        bail!("not one of {} taxels got a usable model: nothing is written", set.taxels.len());
+        // Of a regression set the polynomial is what was asked for.
+        if scans.is_recording() || !set.taxels.iter().any(has_polynomial) {
+            bail!("not one of {} taxels got a usable model: nothing is written", set.taxels.len());
+        }
+        say!("  no column is a usable model of a taxel: what is written are the polynomials alone");
     }
     let text = models_json::to_json(&set).context("the models cannot be written")?;
     files::write_text(&args.out, &text)?;
@@ -237,7 +247,11 @@ impl FitArgs {
                 pressure_low: pressure.lo.as_deref(),
                 ramp: None,
             };
-            taxel_model::fit(&samples, &options)
+            if options.estimator == Estimator::PerSample {
+                as_it_stands(&samples, options)
+            } else {
+                taxel_model::fit(&samples, &options)
+            }
         };
         let taxels: Vec<_> = recording.counts.iter().map(fitted).collect();
         let highest = pressure.hi.iter().copied().filter(|p| p.is_finite()).fold(f64::NEG_INFINITY, f64::max);
@@ -262,6 +276,26 @@ impl FitArgs {
             recalibrated: None,
         })
     }
+}
+
+/// The least-squares polynomial of all samples: no value is the end of a converter, and no curve is bent. One of integers,
+/// which may be counts, is no usable model where it would have had to be bent to be monotone.
+fn as_it_stands(samples: &Samples<'_>, options: FitOptions) -> TaxelModel {
+    let options = FitOptions { rails: Rails::None, ..options };
+    let model = taxel_model::fit(samples, &options);
+    let Some(rmse_ratio) = model.flags.iter().find_map(|flag| match flag {
+        Flag::Repaired { rmse_ratio } => Some(*rmse_ratio),
+        _ => None,
+    }) else {
+        return model;
+    };
+    let free = taxel_model::fit(samples, &FitOptions { shape: Shape::Report, ..options });
+    TaxelModel { status: Status::NotMonotone { rmse_ratio }, ..free }
+}
+
+/// Whether it has more than a constant, usable or not.
+fn has_polynomial(model: &TaxelModel) -> bool {
+    model.curve.is_some() && model.order > 0
 }
 
 /// A recording as the engine takes it.
@@ -317,69 +351,4 @@ impl Drop for Bar {
             bar.finish_and_clear();
         }
     }
-}
-
-/// Prints what a model set holds: how many taxels of which status, and how good they are.
-pub fn print_summary(set: &ModelSet) {
-    say!("model set {} of patch {}: {}", set.id, set.patch, set.method);
-    let mut reasons: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-    for (taxel, model) in set.taxels.iter().enumerate().filter(|(_, model)| !model.is_usable()) {
-        reasons.entry(model.status.code()).or_default().push(taxel);
-    }
-    let usable = || set.taxels.iter().filter(|model| model.is_usable());
-    say!("  taxels: {} of {} usable", usable().count(), set.taxels.len());
-    for (reason, taxels) in &reasons {
-        say!("    {} {reason}: {}", taxels.len(), listed(taxels));
-    }
-    let figure = |name: &str, values: Vec<f64>, unit: &str| {
-        if let Some((low, middle, high)) = spread(values) {
-            say!("  {name}: median {middle:.3} {unit}, {low:.3} to {high:.3}");
-        }
-    };
-    figure("RMSE of the static fit", usable().map(|model| model.quality.rmse_kpa).collect(), "kPa");
-    figure("swing", usable().map(|model| model.quality.swing_counts).collect(), "counts");
-    let repaired = usable().filter(|model| model.repaired).count();
-    if repaired > 0 {
-        say!("  repaired to be monotone: {repaired}");
-    }
-    let Some(recorded) = &set.recorded else { return };
-    let in_use = || recorded.taxels.iter().flatten();
-    figure("RMSE in use, smoothed", in_use().map(|taxel| taxel.rmse_kpa).collect(), "kPa");
-    figure("hysteresis", in_use().filter_map(|taxel| taxel.hysteresis_kpa).collect(), "kPa");
-    let plays = in_use().filter(|taxel| taxel.plays.is_some()).count();
-    match recorded.plays_error_ratio {
-        Some(ratio) => say!(
-            "  plays: {plays} taxels; on the branch kept from the fit they leave {:.0} % of the static error",
-            100.0 * ratio
-        ),
-        None => say!("  plays: {plays} taxels"),
-    }
-    say!("  zero after the load has gone: {:.2} counts off (root mean square)", recorded.zero_return_counts);
-    if let Some(clock) = recorded.clock {
-        let use_of_it = if clock.applied { "used" } else { "not used" };
-        say!(
-            "  clock of the gauge: {:+.2} s late, {:+.3} % fast; where it was not found it leaves {:.0} % of the error: {use_of_it}",
-            clock.offset_s,
-            100.0 * clock.rate,
-            100.0 * clock.error_ratio
-        );
-    }
-    if recorded.lag_s != 0.0 {
-        let use_of_it = if set.session.is_some() { "not taken out: one clock pairs them" } else { "taken out" };
-        say!("  lag of the gauge behind the counts: {:.3} s, {use_of_it}", recorded.lag_s);
-    }
-}
-
-/// The first taxels of a list.
-fn listed(taxels: &[usize]) -> String {
-    const MOST: usize = 12;
-    let shown: Vec<String> = taxels.iter().take(MOST).map(ToString::to_string).collect();
-    format!("{}{}", shown.join(" "), if taxels.len() > MOST { " ..." } else { "" })
-}
-
-/// Least, median and greatest of the finite values.
-pub fn spread(mut values: Vec<f64>) -> Option<(f64, f64, f64)> {
-    values.retain(|v| v.is_finite());
-    values.sort_by(f64::total_cmp);
-    Some((*values.first()?, values[values.len() / 2], *values.last()?))
 }

@@ -11,7 +11,7 @@ use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 
 /// A CSV file with one row for each snapshot of each patch.
 ///
-/// Columns: `time_s` of the log, `patch`, `state` (as in the service, without its prefix), `total_n`, `sigma_n`
+/// Columns: `time_s` of the log (later where its clock stepped back before), `patch`, `state` (as in the service, without its prefix), `total_n`, `sigma_n`
 /// (standard uncertainty), `detection_floor_n`, `lower_bound` (0 or 1), `active`, `out_of_range`, `excluded`, `stale`
 /// (taxels), and `reasons`, separated by semicolons. Without a force the newtons are empty.
 pub struct ForceFile {

@@ -1,10 +1,17 @@
 //! Where the log goes and what it looks like. On a terminal it has colours; under the journal it has no time of its own,
 //! because the journal notes one.
 
+mod queue;
+
+use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io::IsTerminal;
 use std::os::unix::fs::MetadataExt;
+use std::panic::PanicHookInfo;
 use std::sync::OnceLock;
+use std::time::Duration;
 
+use queue::LogQueue;
+use tracing_subscriber::fmt::writer::BoxMakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, Registry, fmt, reload};
@@ -28,11 +35,52 @@ pub enum LogFormat {
 /// The way to the filter of the running process.
 static FILTERING: OnceLock<reload::Handle<EnvFilter, Registry>> = OnceLock::new();
 
+/// What waits for the reader of standard error, where nobody may be held up by it.
+static QUEUE: OnceLock<LogQueue> = OnceLock::new();
+
+/// At its end a process waits so long for the reader of its log.
+const FLUSH_WITHIN: Duration = Duration::from_secs(1);
+
+/// Who writes the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Writes {
+    /// Whoever logs, which waits for the reader.
+    Itself,
+    /// A thread of its own: the daemon goes on whether anybody reads or not.
+    Thread,
+}
+
+/// The log of this process. Dropped, also by a panic, it waits a moment for what is not written yet.
+#[must_use]
+pub struct Log(());
+
+impl Drop for Log {
+    fn drop(&mut self) {
+        if let Some(queue) = QUEUE.get() {
+            queue.flush(FLUSH_WITHIN); // a reader that has not read by then does not hold up the end either
+        }
+    }
+}
+
 /// Starts the log on standard error; `RUST_LOG` says what is logged.
-pub fn start(format: LogFormat) {
+pub fn start(format: LogFormat, writes: Writes) -> Log {
+    if writes == Writes::Thread {
+        match LogQueue::start(std::io::stderr(), tell_dropped) {
+            Ok(queue) => {
+                let _ = QUEUE.set(queue); // called once
+                crate::say::lead_errors_to(queued);
+                std::panic::set_hook(Box::new(tell_panic));
+            }
+            Err(error) => crate::say::failure(&format!("no thread for the log, which may hold the daemon up: {error}")),
+        }
+    }
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(FILTER));
     let (filter, handle) = reload::Layer::new(filter);
-    let lines = fmt::layer().with_writer(std::io::stderr).with_ansi(std::io::stderr().is_terminal());
+    let writer = match QUEUE.get() {
+        Some(queue) => BoxMakeWriter::new(|| queue.clone()),
+        None => BoxMakeWriter::new(std::io::stderr),
+    };
+    let lines = fmt::layer().with_writer(writer).with_ansi(std::io::stderr().is_terminal());
     let lines = match (format, is_the_journal()) {
         (LogFormat::Text, false) => lines.boxed(),
         (LogFormat::Text, true) => lines.without_time().boxed(),
@@ -41,6 +89,25 @@ pub fn start(format: LogFormat) {
     };
     tracing_subscriber::registry().with(filter).with(lines).init();
     let _ = FILTERING.set(handle); // called once
+    Log(())
+}
+
+/// Puts a line of text for standard error behind what is logged, where that has a queue. Whether it has.
+fn queued(text: std::fmt::Arguments<'_>) -> bool {
+    QUEUE.get().inspect(|queue| queue.put(format!("{text}\n").as_bytes())).is_some()
+}
+
+fn tell_dropped(lines: u64) {
+    tracing::warn!("{lines} lines of the log were dropped, since nobody read them");
+}
+
+/// As the standard library tells of a panic, but without waiting for the reader.
+fn tell_panic(panic: &PanicHookInfo<'_>) {
+    let thread = std::thread::current();
+    let name = thread.name().unwrap_or("without a name");
+    let trace = Backtrace::capture();
+    let trace = if trace.status() == BacktraceStatus::Captured { format!("\n{trace}") } else { String::new() };
+    queued(format_args!("thread '{name}' {panic}{trace}"));
 }
 
 /// Logs what this filter lets through from now on, unless `RUST_LOG` decides. Gives what applies now.

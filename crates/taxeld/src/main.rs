@@ -24,6 +24,7 @@ mod files;
 mod fit;
 mod force_file;
 mod judge;
+mod log_words;
 mod logs;
 mod low_latency;
 mod offline;
@@ -188,7 +189,8 @@ fn parse_speed(text: &str) -> Result<f64, String> {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    logs::start(cli.log_format);
+    let is_daemon = matches!(cli.command, Subcommands::Run { .. });
+    let _log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
     let done = match cli.command {
         #[cfg(feature = "client")]
         Subcommands::Client(command) => return client::run(command),

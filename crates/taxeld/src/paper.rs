@@ -17,6 +17,8 @@ use crate::recording::{Recording, open};
 
 /// The header of every SQLite file.
 const SQLITE: &[u8] = b"SQLite format 3\0";
+/// With it some editors begin a file.
+const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 
 /// What can be asked of the paper's figures.
 #[derive(Debug, clap::Args)]
@@ -75,13 +77,22 @@ enum Kind {
 
 impl Kind {
     fn of(path: &Path) -> anyhow::Result<Self> {
+        if path.is_dir() {
+            return Ok(Self::Log); // of recordings of the bus
+        }
         let mut begin = Vec::new();
         open(path)?.take(SQLITE.len() as u64).read_to_end(&mut begin)?;
-        match begin.first() {
+        let text = begin.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&begin).trim_ascii_start();
+        match text {
             _ if begin == SQLITE => Ok(Self::Store),
-            Some(b't') => Ok(Self::Recording),
-            Some(b'(') => Ok(Self::Log),
-            _ => bail!("neither a recording `t_s,pressure_kpa,c0,...`, nor a candump log, nor a store"),
+            [b't', ..] | [b'"', b't', ..] => Ok(Self::Recording),
+            // A frame, a comment before the first one, a frame of a screen without a time, which the log's reader explains;
+            // and what an MCAP file begins with.
+            [b'(' | b'#' | 0x89, ..] => Ok(Self::Log),
+            _ if begin.starts_with(b"  ") => Ok(Self::Log),
+            _ => bail!(
+                "neither a recording `t_s,pressure_kpa,c0,...`, nor a candump log `(SECONDS) can0 ID#DATA`, nor a store"
+            ),
         }
     }
 }

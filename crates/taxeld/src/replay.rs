@@ -3,12 +3,12 @@
 
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, bail};
 use indicatif::ProgressBar;
-use taxel_can::{LogReader, Pace, Replay};
+use taxel_can::{LogReport, Pace, Replay};
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
@@ -19,10 +19,11 @@ use crate::clock::RunClock;
 use crate::config::{BusSource, Config, Scene};
 use crate::files;
 use crate::force_file::ForceFile;
+use crate::log_words::{expect_frames, read_on};
 use crate::offline::Offline;
 use crate::open_log::{Wanted, open_log};
 use crate::run::Daemon;
-use crate::say;
+use crate::say::{self, error_line};
 use crate::store_at::StoreAt;
 
 /// Frames per read.
@@ -68,15 +69,51 @@ pub fn replay(request: Request, config: Config, mut scene: Scene) -> anyhow::Res
 }
 
 async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::Result<()> {
-    let clock = RunClock::of_log(speed);
-    let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, clock).await?;
-    for (position, section) in config.bus.iter().enumerate() {
+    if config.bus.len() > 1 && !can_be_opened_again(log) {
+        bail!(
+            "{}: each of the {} buses of the configuration reads the log for itself, so it has to be a file",
+            log.display(),
+            config.bus.len()
+        );
+    }
+    let told: Vec<Arc<OnceLock<LogReport>>> = config.bus.iter().map(|_| Arc::default()).collect();
+    let mut replays = Vec::with_capacity(config.bus.len());
+    for (section, told) in config.bus.iter().zip(&told) {
         // A recording knows the names of buses; with one bus they need not be the same.
         let bus = (config.bus.len() > 1).then(|| section.name.clone());
         let reader = open_log(log, Wanted { interface: section.interface.clone(), bus })?;
-        daemon.add_bus(BusIndex(position as u8), Replay::new(reader, Pace::Realtime { speed }));
+        replays.push(Replay::new(reader, Pace::Realtime { speed }).telling(Arc::clone(told)));
     }
-    daemon.until_the_end().await
+    if Replay::together(&mut replays)?.is_none() {
+        let interfaces: Vec<&str> = config.bus.iter().filter_map(|section| section.interface.as_deref()).collect();
+        return match replays.first() {
+            Some(replay) => expect_frames(log, Some(&interfaces.join(" or ")), replay.report()),
+            None => bail!("the configuration has no bus"),
+        };
+    }
+    let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, RunClock::of_log(speed)).await?;
+    for (position, replay) in replays.into_iter().enumerate() {
+        daemon.add_bus(BusIndex(position as u8), replay);
+    }
+    daemon.until_the_end().await?;
+    tell_once(told.iter().filter_map(|told| told.get()));
+    Ok(())
+}
+
+/// Whether a log can be opened more than once, and is the same each time.
+fn can_be_opened_again(log: &Path) -> bool {
+    std::fs::metadata(log).map_or(true, |metadata| metadata.is_file() || metadata.is_dir())
+}
+
+/// Says what a user should know of the lines. All buses read the same ones, so that most of it is the same for each.
+fn tell_once<'a>(reports: impl Iterator<Item = &'a LogReport>) {
+    let mut said: Vec<String> = Vec::new();
+    for line in reports.flat_map(LogReport::words) {
+        if !said.contains(&line) {
+            error_line(format_args!("{line}"));
+            said.push(line);
+        }
+    }
 }
 
 /// No log has scans that a program pushes.
@@ -106,7 +143,7 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
             bar.set_message(format!("{:.1} million frames", total as f64 / 1e6));
         }
         frames.clear();
-        more = reader.next_batch(&mut frames, FRAMES)?;
+        more = read_on(&mut reader, &mut frames, FRAMES);
         total += frames.len() as u64;
         if let (None, Some(target), Some(frame)) = (first, request.calibrate, frames.first()) {
             offline.advance(frame.time);
@@ -134,12 +171,11 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
         total as f64 / elapsed.as_secs_f64() / 1e6,
         offline.published,
     );
-    print_report(&reader, &offline);
+    print_report(reader.report(), &offline);
+    expect_frames(&request.log, section.interface.as_deref(), reader.report())?;
     let understood: u64 = offline.health.buses.iter().map(|bus| bus.frames).sum();
     if understood == 0 {
-        bail!(
-            "not one of {total} frames was understood: do the interface and the identifiers of the configuration fit the log?"
-        );
+        bail!("not one of {total} frames was understood: do the identifiers of the configuration fit the log?");
     }
     if let Some(file) = force {
         say!("{}", file.finish()?);
@@ -184,19 +220,16 @@ fn finish_session(offline: &mut Offline) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn print_report(reader: &LogReader, offline: &Offline) {
-    let report = reader.report();
+fn print_report(report: &LogReport, offline: &Offline) {
     say!(
-        "log: {} lines, {} frames, {} of other interfaces, {} that are no frame, {} with a time before the last",
+        "log: {} lines, {} frames, {} of other interfaces, {} that are no frame, {} with a time before an earlier one",
         report.lines,
         report.frames,
         report.other_interface,
         report.bad,
         report.backwards
     );
-    for bad in &report.first_bad {
-        say!("  line {}: {}", bad.line, bad.fault);
-    }
+    report.words().iter().for_each(|line| say!("{line}"));
     for bus in &offline.health.buses {
         say!("bus: {} frames understood, {} of no concern, {} malformed", bus.frames, bus.foreign, bus.malformed);
         if bus.malformed > 0 {

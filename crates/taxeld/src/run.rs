@@ -2,7 +2,7 @@
 
 use std::future::pending;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use anyhow::Context;
@@ -25,7 +25,7 @@ use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX, Rest, Rhythm};
-use crate::clock::{RunClock, process_clock};
+use crate::clock::RunClock;
 use crate::config::{BusSource, Config, Scene};
 use crate::doors::{self, Open, Reloader};
 use crate::driver::{Driver, Stage};
@@ -34,7 +34,7 @@ use crate::low_latency::{self, Awake};
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::Reload;
-use crate::shared_memory::Pages;
+use crate::shared_memory::{Keeper, Pages};
 use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
 use crate::systemd;
 use crate::upkeep;
@@ -83,7 +83,7 @@ impl Daemon {
         let cancel = CancellationToken::new();
         let (tell_done, done) = TellDone::new();
         let room = room_of(&store, config.store.budget_mb);
-        let pages = pages(config, &plan, &clock)?;
+        let (pages, keeper) = pages(config, &plan, &clock)?;
         let kept = match &store {
             StoreAt::File(_, kept) => *kept,
             StoreAt::Memory => Retention::default(),
@@ -91,7 +91,7 @@ impl Daemon {
         let (store, restored) = open_store(store, &tell_done)?;
         let low_latency = config.service.low_latency && matches!(clock, RunClock::Live);
         let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
-        let clocks = Clocks { run: Arc::new(move || now.now().time), process: Arc::new(process_clock()) };
+        let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
         let handle = handle.with_samples(samples_of(store.reader())).with_refits(models_json::content_id);
         let handle = handle.with_model_sets(model_sets_of(store.set_reader()));
@@ -111,6 +111,7 @@ impl Daemon {
         let mut tasks = JoinSet::new();
         tasks.spawn(driver.run(queues, cancel.clone()));
         tasks.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
+        let handle = if let Some(keeper) = keeper { kept_by(keeper, handle, (&mut tasks, &cancel)) } else { handle };
         let share = share_with_pages(config, &cancel, &mut tasks)?;
         let Open { listeners, access, reloader } = doors::open(&scene.doors)?;
         let (handle, taps) = record::begin((config, live), &plan, handle, (&mut tasks, &cancel))?;
@@ -234,15 +235,22 @@ fn push_ways(plan: &Plan) -> (Option<PushLine>, Option<mpsc::Receiver<Pushed>>) 
 
 /// The pages in shared memory, where they are configured. Readers judge ages by the machine's clock, so that a log, which
 /// has its own, has none.
-fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<Pages> {
+fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<(Pages, Option<Keeper>)> {
     let section = config.shared_memory.as_ref();
     if section.is_some() && !matches!(clock, RunClock::Live) {
         tracing::info!("no pages in shared memory: a log has a clock of its own");
-        return Ok(Pages::default());
+        return Ok((Pages::default(), None));
     }
-    let pages = Pages::make(section, plan)?;
+    let (pages, keeper) = Pages::make(section, plan)?;
     pages.paths().for_each(|page| tracing::info!(page = %page.display(), "in shared memory"));
-    Ok(pages)
+    Ok((pages, keeper))
+}
+
+/// Starts the one who keeps the pages; the health tells what is wrong with them.
+fn kept_by(keeper: Keeper, handle: Handle, (tasks, cancel): (&mut JoinSet<()>, &CancellationToken)) -> Handle {
+    let problems = keeper.problems();
+    tasks.spawn(keeper.keep(cancel.clone()));
+    handle.lacking_now(Arc::new(move || problems.lock().unwrap_or_else(PoisonError::into_inner).clone()))
 }
 
 /// Keeps the machine's processors awake where that can be had; where not, the health says why.

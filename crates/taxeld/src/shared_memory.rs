@@ -1,53 +1,63 @@
 //! The newest force of each patch in shared memory: written by the engine's own task as it publishes, before
 //! the service hears of it.
 
+mod keeper;
+
 use std::path::Path;
 use std::sync::Arc;
 
-use anyhow::Context;
+pub use keeper::Keeper;
 use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot};
-use taxel_rpc::STALLED_AFTER;
-use taxel_shm::{Folder, Limits, PageWriter, Permissions, Sample, State, Text};
+use taxel_shm::{PageWriter, Sample, State, Text};
+use tokio::sync::mpsc;
 
 use crate::config::SharedMemorySection;
 
 /// The pages of a daemon. Dropped, each says that nobody is behind it any more.
 #[derive(Debug, Default)]
-pub struct Pages(Vec<PageWriter>);
+pub struct Pages {
+    /// By the patch's position in the plan; none where a page could not be made yet.
+    pages: Vec<Option<PageWriter>>,
+    /// Pages that were made since, with the patch's position.
+    made: Option<mpsc::Receiver<(usize, PageWriter)>>,
+}
 
 impl Pages {
-    /// Makes the pages that the section wants, one for each patch of the plan; none without a section.
+    /// Makes the pages that the section wants, one for each patch of the plan, with the one who keeps them; none without a
+    /// section. What the machine is short of ends nothing: a page is made once it can be had.
     ///
     /// # Errors
     /// What is wrong with the folder or the group.
-    pub fn make(section: Option<&SharedMemorySection>, plan: &Plan) -> anyhow::Result<Self> {
-        let Some(SharedMemorySection { path, mode, group }) = section else { return Ok(Self::default()) };
-        let group = group.as_ref().map(|name| {
-            taxel_rpc::group_id(name).with_context(|| format!("shared_memory.group: there is no group `{name}`"))
-        });
-        let permissions = Permissions { mode: *mode, group: group.transpose()? };
-        let folder = Folder::open(path, permissions).context("shared_memory.path")?;
-        let pages = plan.patches.iter().map(|patch| {
-            let limits = Limits { age: patch.live.stale_after, beat: STALLED_AFTER };
-            Ok(folder.page(patch.patch.name(), limits)?)
-        });
-        pages.collect::<anyhow::Result<_>>().map(Self)
+    pub fn make(section: Option<&SharedMemorySection>, plan: &Plan) -> anyhow::Result<(Self, Option<Keeper>)> {
+        let Some(section) = section else { return Ok((Self::default(), None)) };
+        let (keeper, made) = Keeper::begin(section, plan)?;
+        let mut pages = Self { pages: plan.patches.iter().map(|_| None).collect(), made: Some(made) };
+        pages.take_made();
+        Ok((pages, Some(keeper)))
     }
 
     /// Where they are.
     pub fn paths(&self) -> impl Iterator<Item = &Path> {
-        self.0.iter().map(PageWriter::path)
+        self.pages.iter().flatten().map(PageWriter::path)
     }
 
     /// The engine's task has its turn now: readers judge by this whether the engine runs.
-    pub fn beat(&self) {
-        self.0.iter().for_each(PageWriter::beat);
+    pub fn beat(&mut self) {
+        self.take_made();
+        self.pages.iter().flatten().for_each(PageWriter::beat);
+    }
+
+    /// A page that takes the place of another has a force with the next scan. The other one says that it is over.
+    fn take_made(&mut self) {
+        while let Some((position, page)) = self.made.as_mut().and_then(|made| made.try_recv().ok()) {
+            self.pages[position] = Some(page);
+        }
     }
 
     /// New state of the patch at this position of the plan.
     pub fn patch(&mut self, position: usize, snapshot: &Arc<PatchSnapshot>) {
-        if let Some(page) = self.0.get_mut(position) {
+        if let Some(Some(page)) = self.pages.get_mut(position) {
             page.write(&sample(snapshot));
         }
     }

@@ -108,7 +108,7 @@ mod tests {
     use tokio::sync::mpsc;
 
     use super::*;
-    use crate::clock::{RunClock, process_clock};
+    use crate::clock::RunClock;
     use crate::config;
     use crate::driver::Driver;
     use crate::queues::{Queues, TellDone};
@@ -163,7 +163,7 @@ mod tests {
         let config = config::parse(path, include_str!("demo_config.toml")).unwrap();
         let plan = Arc::new(config::resolve(&config, path).unwrap().plan);
         let cancel = CancellationToken::new();
-        let clocks = Clocks { run: Arc::new(|| RunClock::Live.now().time), process: Arc::new(process_clock()) };
+        let clocks = Clocks { run: Arc::new(|| RunClock::Live.now().time), process: RunClock::Live.of_process() };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
         let (tell_done, done) = TellDone::new();
         let (store, restored, _) = Store::open(database, tell_done.of_store()).unwrap();

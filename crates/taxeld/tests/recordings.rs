@@ -202,6 +202,72 @@ fn a_regression_set_keeps_every_digit() {
     }
 }
 
+/// The coefficients and the status of the first column of a table, as the command writes them.
+fn polynomial(rows: &[(f64, f64)], order: u8, more: &[&str]) -> (Vec<f64>, String) {
+    let directory = tempfile::tempdir().unwrap();
+    let (table, models) = (directory.path().join("table.csv"), directory.path().join("models.json"));
+    let rows: Vec<String> = rows.iter().enumerate().map(|(i, (x, y))| format!("{i},{y},{x}")).collect();
+    write(&table, "t_s,pressure_kpa,c0", &rows);
+    let order = order.to_string();
+    ran(&[&["fit", text(&table), "--out", text(&models), "--order", &order], more].concat());
+    let file: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&models).unwrap()).unwrap();
+    let taxel = &file["taxels"][0];
+    let coefficients = taxel["coefficients"].as_array().unwrap().iter().map(|c| c.as_f64().unwrap()).collect();
+    (coefficients, taxel["status"].as_str().unwrap().to_owned())
+}
+
+#[test]
+fn the_least_squares_polynomial_of_a_table_is_written_down_whatever_it_is_good_for() {
+    let near = |got: &[f64], want: &[f64]| {
+        assert_eq!(got.len(), want.len(), "{got:?}");
+        let good = got.iter().zip(want).all(|(got, want)| (got - want).abs() <= 1e-12 * want.abs().max(1.0));
+        assert!(good, "{got:?}, expected {want:?}");
+    };
+    // Wampler5: ones, and a scatter that is as large as the largest power.
+    let deltas = [759.0, -2048.0, 2048.0, -2048.0, 2523.0, -2048.0, 2048.0, -2048.0, 1838.0, -2048.0, 2048.0];
+    let scatter = |i: usize| 1e4 * deltas[if i > 10 { 20 - i } else { i }];
+    let sum = |x: f64| (0..6).map(|k| x.powi(k)).sum::<f64>();
+    let wampler5: Vec<(f64, f64)> = (0..21).map(|i| (i as f64, sum(i as f64) + scatter(i))).collect();
+    let (got, status) = polynomial(&wampler5, 5, &["--exact"]);
+    assert_eq!(status, "interval_too_wide");
+    let free = taxel_model::fit(
+        &taxel_model::Samples::new(
+            &wampler5.iter().map(|p| p.0).collect::<Vec<_>>(),
+            &wampler5.iter().map(|p| p.1).collect::<Vec<_>>(),
+        ),
+        &taxel_model::FitOptions { shape: taxel_model::Shape::Report, exact: true, ..Default::default() },
+    );
+    assert_eq!(got, free.raw_coefficients);
+    // As many points as coefficients.
+    let exact: Vec<(f64, f64)> = (0..3).map(|i| (i as f64, 2.0 + f64::from(i) + 3.0 * f64::from(i * i))).collect();
+    let (got, status) = polynomial(&exact, 2, &[]);
+    near(&got, &[2.0, 1.0, 3.0]);
+    assert_eq!(status, "unproven");
+    // Integer abscissae: neither bent nor refused, and no force is made of what is not monotone.
+    let parabola: Vec<(f64, f64)> = (0..21).map(|i| (f64::from(i), f64::from((i - 10) * (i - 10)))).collect();
+    let (got, status) = polynomial(&parabola, 2, &[]);
+    near(&got, &[100.0, -20.0, 1.0]);
+    assert_eq!(status, "not_monotone");
+    let step = |shift: f64| (0..21).map(move |i| (f64::from(i) + shift, ((f64::from(i) - 10.0) / 4.0).tanh()));
+    let (whole, half) = (step(0.0).collect::<Vec<_>>(), step(0.5).collect::<Vec<_>>());
+    let ((got, status), (shifted, _)) = (polynomial(&whole, 5, &[]), polynomial(&half, 5, &[]));
+    assert_eq!(status, "not_monotone");
+    let value = |c: &[f64], x: f64| c.iter().rev().fold(0.0, |sum, c| sum * x + c);
+    for (x, _) in &whole {
+        let (a, b) = (value(&got, *x), value(&shifted, x + 0.5));
+        assert!((a - b).abs() < 1e-9, "at {x}: {a} and {b}");
+    }
+    // 300 rows with a tenth of them at 0: no end of a converter.
+    let line: Vec<(f64, f64)> = (0..300).map(|i| (f64::from(i % 10), f64::from(i % 10 + i % 3))).collect();
+    let (got, _) = polynomial(&line, 1, &["--estimator", "per-sample"]);
+    let (x, y): (Vec<f64>, Vec<f64>) = line.iter().copied().unzip();
+    let n = 300.0;
+    let (mx, my) = (x.iter().sum::<f64>() / n, y.iter().sum::<f64>() / n);
+    let sxy: f64 = line.iter().map(|(x, y)| (x - mx) * (y - my)).sum();
+    let slope = sxy / x.iter().map(|x| (x - mx).powi(2)).sum::<f64>();
+    near(&got, &[my - slope * mx, slope]);
+}
+
 #[test]
 fn what_cannot_be_used_is_refused_with_its_place() {
     let directory = tempfile::tempdir().unwrap();

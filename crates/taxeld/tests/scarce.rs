@@ -1,9 +1,11 @@
-//! What a machine may be short of: a disk that takes long for each write, as worn flash does, file descriptors, and the hours
-//! for which it slept. The force goes on meanwhile, or is not believed. A write takes half a second, or as many milliseconds as TAXELD_SLOW_MS says.
+//! What a machine may be short of: a disk that takes long for each write, as worn flash does, file descriptors, somebody who
+//! reads the log, memory to share, and the hours for which it slept. The force goes on meanwhile, or is not believed. A write
+//! takes half a second, or as many milliseconds as TAXELD_SLOW_MS says.
 #![cfg(all(feature = "sim", feature = "client"))]
-#![allow(clippy::unwrap_used, clippy::panic)] // a test's helpers fail as the test does
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 use std::fs::File;
+use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -27,7 +29,13 @@ struct Daemon {
 impl Daemon {
     /// A daemon with its store in the folder `disk` beside its configuration, changed by `with` before it is started.
     fn start(with: impl FnOnce(&mut Command, &Path)) -> Self {
-        let folder = tempfile::tempdir().unwrap();
+        Self::start_in(tempfile::tempdir().unwrap(), |command, folder| {
+            command.stderr(File::create(folder.join("log")).unwrap());
+            with(command, folder);
+        })
+    }
+
+    fn start_in(folder: TempDir, with: impl FnOnce(&mut Command, &Path)) -> Self {
         let address = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap().local_addr().unwrap();
         let config = format!(
             "store.path = \"{}/disk/store.db\"\nservice.listen = \"{address}\"\n[[bus]]\nname = \"skin\"\nsource = \"sim\"\n\
@@ -40,8 +48,7 @@ impl Daemon {
         command.args(["-c", "ulimit -n ${DESCRIPTORS:-1024}; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_taxeld"), "run"]);
         command.arg("--config").arg(folder.path().join("taxeld.toml"));
         with(&mut command, folder.path());
-        let log = File::create(folder.path().join("log")).unwrap();
-        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log).spawn().unwrap();
+        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().unwrap();
         Self { child, address, folder }
     }
 
@@ -70,6 +77,16 @@ impl Daemon {
             }
             tokio::task::yield_now().await;
         }
+    }
+
+    async fn force(&self) -> v1::ForceSample {
+        let mut client = ForceServiceClient::connect(format!("http://{}", self.address)).await.unwrap();
+        client.get_force(v1::GetForceRequest::default()).await.unwrap().into_inner()
+    }
+
+    async fn problems(&self) -> Vec<String> {
+        let mut client = SkinServiceClient::connect(format!("http://{}", self.address)).await.unwrap();
+        client.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner().problems
     }
 
     async fn tare(&self) -> Result<(), Status> {
@@ -104,6 +121,13 @@ impl Drop for Daemon {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
+}
+
+/// Lets the daemon whose configuration is in the folder publish its force in this one, too.
+fn publishing(folder: &Path, memory: &Path) {
+    let path = folder.join("taxeld.toml");
+    let config = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, format!("{config}[shared_memory]\npath = \"{}\"\n", memory.display())).unwrap();
 }
 
 /// A library that is made of this text, to be preloaded.
@@ -168,16 +192,72 @@ async fn a_daemon_without_a_descriptor_left_goes_on_and_takes_connections_again_
     other.message().await.unwrap().unwrap();
 }
 
-/// The clock that goes on while the machine sleeps jumps by an hour, and the one that stands still does not.
+/// With so much to say that the pipe and what waits for it are full within the first samples.
+#[tokio::test]
+async fn a_log_that_nobody_reads_holds_nothing_up_and_says_later_how_much_it_lacks() {
+    let (unread, log) = std::io::pipe().unwrap();
+    let daemon = Daemon::start(|command, _| _ = command.stderr(log).env("RUST_LOG", "trace"));
+    let mut stream = daemon.stream().await;
+    for _ in 0..100 {
+        let sample = tokio::time::timeout(PATIENCE, stream.message()).await.expect("the force goes on");
+        sample.unwrap().unwrap();
+    }
+    // The engine has its turns, too: it answers.
+    tokio::time::timeout(PATIENCE, daemon.tared(&mut stream)).await.expect("a command is answered");
+    let mut lines = BufReader::new(unread).lines().take(1_000_000).map_while(Result::ok);
+    assert!(lines.any(|line| line.contains("lines of the log were dropped, since nobody read them")));
+}
+
+#[tokio::test]
+async fn without_room_for_pages_the_daemon_serves_all_the_same_and_its_health_says_so() {
+    let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
+    let daemon = Daemon::start(|command, folder| {
+        let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+        command.env("LD_PRELOAD", library).env("FAULT", "enospc").env("FAULT_DIR", memory.path());
+        publishing(folder, memory.path());
+    });
+    daemon.stream().await.message().await.unwrap().unwrap();
+    let problems = daemon.problems().await;
+    let said = |problem: &String| {
+        problem.starts_with("no force of forearm in shared memory: ") && problem.contains("No space left on device")
+    };
+    assert_eq!(problems.iter().filter(|problem| said(problem)).count(), 1, "{problems:?}");
+    assert!(daemon.log().contains("No space left on device"), "{}", daemon.log());
+}
+
+/// Whoever cleans up in /dev/shm takes the name along, and readers that come later find nothing.
+#[tokio::test]
+async fn a_page_that_somebody_removed_is_made_again() {
+    let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
+    let daemon = Daemon::start(|_, folder| publishing(folder, memory.path()));
+    let mut stream = daemon.stream().await;
+    let path = memory.path().join("forearm");
+    std::fs::remove_file(&path).unwrap();
+    let (begun, mut reader) = (Instant::now(), taxel_shm::Reader::new(&path, None));
+    while !matches!(reader.force(), Err(taxel_shm::NoForce::State(..))) {
+        stream.message().await.unwrap().unwrap();
+        assert!(begun.elapsed() < PATIENCE, "{:?}\n{}", reader.force(), daemon.log());
+    }
+    assert!(daemon.log().contains("its page in shared memory was removed: made again"), "{}", daemon.log());
+    assert!(!daemon.problems().await.iter().any(|problem| problem.contains("shared memory")));
+}
+
+/// The clocks that go on while the machine sleeps jump by an hour, and the one that stands still does not: for the service
+/// first, before the engine has a turn, and then for all.
 #[tokio::test]
 async fn a_sleep_of_the_machine_is_noticed_when_it_wakes_up() {
     let daemon = Daemon::start(|command, folder| {
         let library = compiled(folder, include_str!("sleep_faults.c"));
-        command.env("LD_PRELOAD", library).env("SLEPT_AN_HOUR", folder.join("slept"));
+        command.env("LD_PRELOAD", library);
+        command.env("SERVICE_WOKE", folder.join("service")).env("SLEPT_AN_HOUR", folder.join("slept"));
     });
     let mut stream = daemon.stream().await;
     daemon.tared(&mut stream).await;
     assert!(!daemon.log().contains("the machine slept"), "{}", daemon.log());
+    std::fs::write(daemon.folder.path().join("service"), "").unwrap();
+    let force = daemon.force().await;
+    assert_eq!(force.state(), v1::ForceState::Stale);
+    assert!(force.reasons.iter().any(|reason| reason.contains("the engine has not run for 3600.")), "{force:?}");
     std::fs::write(daemon.folder.path().join("slept"), "").unwrap();
     let begun = Instant::now();
     while !daemon.log().contains("the machine slept") {

@@ -2,8 +2,11 @@ use super::*;
 use flate2::{Compression, write::GzEncoder};
 use proptest::prelude::*;
 use std::io::Write;
-use taxel_wire::candump::write_line;
+use taxel_skin::Time;
+use taxel_wire::candump::{LogError, write_line};
 use taxel_wire::{CanId, Frame};
+
+use crate::log_report::BadLine;
 
 const LOG: &str = "(1.000000) can0 301#01\n\n# a comment\n(2.000000) can1 302#02\nnonsense\n(1.500000) can0 301#03";
 
@@ -54,6 +57,61 @@ fn a_frame_from_the_past_keeps_its_time_and_is_counted() {
     let frames = read_all(&mut log);
     assert_eq!(frames[2].time, Time::from_seconds(1.5));
     assert_eq!(log.report().backwards, 1);
+}
+
+/// A recording whose clock was set back by an hour, one joined before an earlier one, and two that both begin at 0.
+#[test]
+fn where_the_clock_steps_back_time_goes_on_and_the_report_says_where() {
+    let run =
+        |from_s: u32| (0..4).map(|i| format!("({}.{}) can0 301#0{i}\n", from_s + i / 2, i % 2 * 5)).collect::<String>();
+    for (second, back) in [(run(5000 - 3600), "3601.5"), (run(0), "5001.5"), (run(4999), "2.5")] {
+        let mut log = reader(format!("{}\n{second}", run(5000)).as_bytes(), None);
+        let frames = read_all(&mut log);
+        let times: Vec<f64> = frames.iter().map(|timed| timed.time.as_seconds()).collect();
+        assert_eq!(times, [5000.0, 5000.5, 5001.0, 5001.5, 5001.6, 5002.1, 5002.6, 5003.1], "by {back}");
+        assert_eq!(log.report().backwards, 0);
+        let said = log.report().words();
+        assert!(said[0].starts_with(&format!("the clock stepped back by {back} s at line 6: ")), "{said:?}");
+    }
+}
+
+#[test]
+fn of_one_interface_the_clock_of_another_moves_nothing() {
+    let text = "(50.0) can1 301#\n(1.0) can0 301#\n(51.0) can1 301#\n(2.0) can0 301#\n";
+    let mut log = reader(text.as_bytes(), Some("can0"));
+    let times: Vec<f64> = read_all(&mut log).iter().map(|timed| timed.time.as_seconds()).collect();
+    assert_eq!(times, [1.0, 2.0]);
+    assert_eq!(log.report().words(), Vec::<String>::new());
+    assert_eq!(log.report().interfaces, ["can1", "can0"]);
+}
+
+#[test]
+fn times_from_frame_to_frame_are_suspected() {
+    let text: String = (0..20).map(|i| format!(" (000.{:06})  can0  301   [0]\n", i % 3 * 100)).collect();
+    let mut log = reader(text.as_bytes(), None);
+    assert_eq!(read_all(&mut log).len(), 20);
+    let said = log.report().words();
+    assert!(said.len() == 1 && said[0].contains("as `candump -td` writes them"), "{said:?}");
+}
+
+/// What `candump -ta -e` shows: an error frame has a line more. The file is one of an editor with a byte order mark.
+#[test]
+fn what_a_screen_shows_is_read_and_explanations_are_no_fault() {
+    let text = "\u{feff} (1.000000)  can0  301   [1]  01\r\n (1.100000)  can0  20000004   [8]  00 01 00 00 00 00 00 00   \
+                ERRORFRAME\r\n\tcontroller-problem{rx-overflow}\r\n (1.200000)  can0  301   [2]  01 02   '..'\r\n";
+    for bytes in [text.as_bytes().to_vec(), gzipped(text.as_bytes())] {
+        let mut log = reader(&bytes, None);
+        assert_eq!(read_all(&mut log).len(), 3);
+        assert_eq!((log.report().lines, log.report().blank, log.report().bad), (4, 1, 0));
+    }
+    let mut log = reader(b"  can0  301   [1]  01\n", None);
+    assert!(read_all(&mut log).is_empty());
+    let said = log.report().words();
+    assert_eq!(said[0], "1 of 1 lines are no frame:");
+    assert!(
+        said[1].starts_with("  line 1: column 3: ") && said[1].ends_with("record with `candump -l` or `candump -ta`"),
+        "{said:?}"
+    );
 }
 
 #[test]

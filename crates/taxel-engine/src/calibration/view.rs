@@ -184,6 +184,9 @@ pub struct SessionView {
     pub durable: u64,
     /// The newest pressure in kPa, if one came lately; from the first ramp on, above what the gauge read at rest.
     pub pressure_kpa: Option<f64>,
+    /// What the gauge read at rest before the newest ramp, in kPa: what pressures are counted from. 0 before the first ramp
+    /// and where it is not known; not kept on disk.
+    pub gauge_zero_kpa: f64,
     /// Its rate of rise in kPa/s over the last second.
     pub rate_kpa_per_s: Option<f64>,
     /// Share of the 1 kPa steps from 0 to the target that hold a sample, 0 to 1.

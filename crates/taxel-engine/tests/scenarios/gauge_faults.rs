@@ -72,6 +72,10 @@ fn a_gauge_that_is_back_within_a_second_costs_the_ramp_only_what_it_said_meanwhi
 
 /// The set of a session, before which something was done.
 fn set_after(before: impl FnOnce(&mut Bench)) -> Arc<ModelSet> {
+    calibrated_after(before).host.set(0)
+}
+
+fn calibrated_after(before: impl FnOnce(&mut Bench)) -> Bench {
     let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
     bench.brought_up();
     before(&mut bench);
@@ -79,7 +83,7 @@ fn set_after(before: impl FnOnce(&mut Bench)) -> Arc<ModelSet> {
     bench.start_session(None);
     bench.ramp(90.0, 2.0);
     bench.until_state(60.0, SessionState::Review);
-    bench.host.set(0)
+    bench
 }
 
 fn off_by(kpa: f64) -> impl FnOnce(&mut Bench) {
@@ -106,6 +110,14 @@ fn a_gauge_that_is_off_since_before_the_ramp_is_taken_from_what_it_read_at_rest_
         let mean = apart.iter().sum::<f64>() / apart.len() as f64;
         assert!(mean.abs() < 0.3, "{mean} kPa apart at {part} of the range");
     }
+}
+
+#[test]
+fn a_session_shows_what_its_pressures_are_counted_from() {
+    let mut bench = calibrated_after(off_by(6.0));
+    bench.seconds(1.0);
+    let view = bench.host.session();
+    assert!((5.9..6.1).contains(&view.gauge_zero_kpa), "{}", view.gauge_zero_kpa);
 }
 
 /// The daemon cannot tell it from a gauge that is off, and takes the pressures from there, where the skin has its zero.

@@ -1,14 +1,16 @@
 //! Before all services: who calls, whether the table lets that one through, and whether there is room.
 
+use std::mem;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
+use std::time::Duration;
 
-use http_body::Frame;
 use taxel_proto::refusal::{Refusal, complete};
 use taxel_proto::v1::ErrorReason;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::body::Body;
-use tonic::codegen::{Bytes, Service, http};
+use tonic::codegen::{Service, http};
 use tonic::{Code, Status};
 use tower_layer::Layer;
 
@@ -16,8 +18,12 @@ use crate::access::caller::Caller;
 use crate::access::origin::Origin;
 use crate::access::rules::Access;
 use crate::access::table::{Kind, Method, method};
+use crate::answers::Answers;
+use crate::guard::Peer;
+use crate::limits::Limits;
 use crate::refusals::Refusals;
-use crate::shares::{Place, Shares};
+use crate::request_body::RequestBody;
+use crate::shares::{Place, Shares, What};
 
 /// Longest method name that an answer repeats, in characters.
 const NAME_CHARS_MAX: usize = 100;
@@ -28,26 +34,44 @@ pub(crate) struct Gate {
     access: Access,
     shares: Arc<Shares>,
     refusals: Arc<Refusals>,
+    answers: Arc<Answers>,
+    imports: Arc<Semaphore>,
+    body_pause: Duration,
 }
+
+/// The right to have a large request read, by extension from the gate to the service.
+#[derive(Clone)]
+pub(crate) struct ImportTurn(
+    #[expect(dead_code, reason = "free again when this is dropped")] Arc<OwnedSemaphorePermit>,
+);
 
 /// What a call was let through with.
 struct Admitted {
     caller: Caller,
-    /// Of a stream whose service takes none itself.
+    peer: Peer,
+    method: Method,
+    /// Of a call that does not stream, or of a stream whose service takes none itself.
     place: Option<Place>,
 }
 
 impl Gate {
-    pub(crate) fn new(access: Access, shares: Arc<Shares>, refusals: Arc<Refusals>) -> Self {
-        Self { access, shares, refusals }
+    pub(crate) fn new(
+        access: Access,
+        (shares, refusals): (Arc<Shares>, Arc<Refusals>),
+        answers: Arc<Answers>,
+        limits: &Limits,
+    ) -> Self {
+        let imports = Arc::new(Semaphore::new(limits.imports));
+        Self { access, shares, refusals, answers, imports, body_pause: limits.body_pause }
     }
 
     fn admit(&self, request: &http::Request<Body>) -> Result<Admitted, Status> {
         let path = request.uri().path();
         let no_origin = || Refusal::fault("the connection has no origin, which is a fault of this program");
-        let origin = request.extensions().get::<Arc<Origin>>().ok_or_else(no_origin)?;
-        let judged = self.judge(origin, path, request.headers());
+        let peer = request.extensions().get::<Peer>().ok_or_else(no_origin)?;
+        let judged = self.judge(peer, path, request.headers());
         judged.inspect_err(|status| {
+            let origin = &peer.origin;
             let (peer, code) = (origin.key(), status.code());
             self.refusals.tell((&code.to_string(), &peer), || {
                 format!("a call was refused: {} from {}: {}", shown(path), origin.place(), status.message())
@@ -55,13 +79,13 @@ impl Gate {
         })
     }
 
-    fn judge(&self, origin: &Arc<Origin>, path: &str, headers: &http::HeaderMap) -> Result<Admitted, Status> {
+    fn judge(&self, peer: &Peer, path: &str, headers: &http::HeaderMap) -> Result<Admitted, Status> {
         let mut shown_credentials = headers.get_all(http::header::AUTHORIZATION).iter();
         let credential = shown_credentials.next().map(http::HeaderValue::as_bytes);
         if shown_credentials.next().is_some() {
             return Err(Refusal::unauthenticated("the metadata `authorization` is there twice").into());
         }
-        let caller = self.access.rules().caller(origin, credential)?;
+        let caller = self.access.rules().caller(&peer.origin, credential)?;
         let method = method(path).ok_or_else(|| {
             Refusal::new(Code::Unimplemented, ErrorReason::MethodUnknown, format!("there is no method {}", shown(path)))
         })?;
@@ -69,12 +93,28 @@ impl Gate {
             return Err(denied(&caller, method));
         }
         let place = match method.kind {
-            Kind::ForeignStream => Some(self.shares.stream(&caller)?),
-            Kind::Command => self.shares.command(&caller).map(|()| None)?,
-            Kind::SessionStart => self.shares.session_start(&caller).map(|()| None)?,
-            Kind::Read | Kind::Stream => None,
+            Kind::Read | Kind::Command | Kind::SessionStart | Kind::Import => Some(What::Call),
+            Kind::ForeignStream => Some(What::Stream),
+            Kind::Stream | Kind::Push => None,
         };
-        Ok(Admitted { caller, place })
+        let place = place.map(|what| self.shares.place(what, &caller)).transpose()?;
+        match method.kind {
+            Kind::Command | Kind::Import | Kind::Push => self.shares.command(&caller)?,
+            Kind::SessionStart => self.shares.session_start(&caller)?,
+            Kind::Read | Kind::Stream | Kind::ForeignStream => {}
+        }
+        Ok(Admitted { caller, peer: peer.clone(), method, place })
+    }
+
+    /// The request as its service gets it. One that may be large waits for its turn before anything of its body is read.
+    async fn prepare(&self, mut request: http::Request<Body>, caller: Caller, kind: Kind) -> http::Request<Body> {
+        request.extensions_mut().insert(caller);
+        if kind == Kind::Import
+            && let Ok(turn) = Arc::clone(&self.imports).acquire_owned().await
+        {
+            request.extensions_mut().insert(ImportTurn(Arc::new(turn)));
+        }
+        if kind.is_unary() { request.map(|body| Body::new(RequestBody::new(body, self.body_pause))) } else { request }
     }
 }
 
@@ -126,9 +166,9 @@ type Answer<E> = Pin<Box<dyn Future<Output = Result<http::Response<Body>, E>> + 
 
 impl<S> Service<http::Request<Body>> for Guarded<S>
 where
-    S: Service<http::Request<Body>, Response = http::Response<Body>>,
-    S::Future: Send + 'static,
-    S::Error: Send + 'static,
+    S: Service<http::Request<Body>, Response = http::Response<Body>> + Clone + Send + 'static,
+    S::Future: Send,
+    S::Error: Send,
 {
     type Response = http::Response<Body>;
     type Error = S::Error;
@@ -138,47 +178,21 @@ where
         self.inner.poll_ready(cx)
     }
 
-    fn call(&mut self, mut request: http::Request<Body>) -> Self::Future {
+    fn call(&mut self, request: http::Request<Body>) -> Self::Future {
         match self.gate.admit(&request) {
-            Ok(Admitted { caller, place }) => {
-                request.extensions_mut().insert(caller);
-                let answer = self.inner.call(request);
+            Ok(Admitted { caller, peer, method, place }) => {
+                let gate = self.gate.clone();
+                // The one that was ready is taken, and a clone of it stays.
+                let waiting = self.inner.clone();
+                let mut inner = mem::replace(&mut self.inner, waiting);
                 Box::pin(async move {
-                    let mut answer = answer.await?;
+                    let request = gate.prepare(request, caller, method.kind).await;
+                    let mut answer = inner.call(request).await?;
                     complete(answer.headers_mut());
-                    Ok(match place {
-                        None => answer,
-                        Some(place) => answer.map(|body| Body::new(Held { body, _place: place })),
-                    })
+                    Ok(gate.answers.watch((method.name, &peer), answer, place))
                 })
             }
             Err(status) => Box::pin(std::future::ready(Ok(status.into_http()))),
         }
-    }
-}
-
-/// The answer of a call. It holds a place until it has ended or its reader is gone, and a refusal at its end that has no
-/// reason for programs gets one.
-struct Held {
-    body: Body,
-    _place: Place,
-}
-
-impl http_body::Body for Held {
-    type Data = Bytes;
-    type Error = Status;
-
-    fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, Status>>> {
-        let mut polled = Pin::new(&mut self.body).poll_frame(cx);
-        if let Poll::Ready(Some(Ok(frame))) = &mut polled
-            && let Some(trailers) = frame.trailers_mut()
-        {
-            complete(trailers);
-        }
-        polled
-    }
-
-    fn is_end_stream(&self) -> bool {
-        self.body.is_end_stream()
     }
 }

@@ -1,7 +1,7 @@
 //! Who is at the other end of a connection, as far as the connection itself proves it.
 
 use std::fmt;
-use std::net::{IpAddr, SocketAddr};
+use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::SystemTime;
 
@@ -42,14 +42,29 @@ pub(crate) enum Origin {
 #[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum PeerKey {
     User(u32),
+    /// Whoever comes over TCP from this machine: a process may take any of 16 million addresses there.
+    Loopback,
+    /// An address elsewhere; of IPv6 the network of 64 bits, all of whose addresses one host may have.
     Address(IpAddr),
     Certificate(String),
+}
+
+impl PeerKey {
+    pub(crate) fn of(address: IpAddr) -> Self {
+        match address.to_canonical() {
+            address if address.is_loopback() => Self::Loopback,
+            IpAddr::V6(address) => Self::Address(Ipv6Addr::from_bits(address.to_bits() & (!0 << 64)).into()),
+            address => Self::Address(address),
+        }
+    }
 }
 
 impl fmt::Display for PeerKey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::User(uid) => write!(f, "user id {uid}"),
+            Self::Loopback => write!(f, "loopback TCP"),
+            Self::Address(IpAddr::V6(network)) => write!(f, "{network}/64"),
             Self::Address(address) => write!(f, "{address}"),
             Self::Certificate(name) => write!(f, "certificate {name}"),
         }
@@ -93,11 +108,29 @@ impl Origin {
     pub(crate) fn key(&self) -> PeerKey {
         match self {
             Self::Unix(account, _) => PeerKey::User(account.uid),
-            Self::Loopback(address) | Self::Insecure(address) => PeerKey::Address(address.ip().to_canonical()),
+            Self::Loopback(address) | Self::Insecure(address) => PeerKey::of(address.ip()),
             Self::Tls(address, certificate) => match certificate.names.first() {
                 Some(name) => PeerKey::Certificate(name.clone()),
-                None => PeerKey::Address(address.ip().to_canonical()),
+                None => PeerKey::of(address.ip()),
             },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_host_is_one_peer_whichever_of_its_addresses_it_comes_from() {
+        let key = |address: &str| Origin::of_tcp(address.parse().unwrap()).key();
+        for other in ["127.0.0.2:1", "127.255.255.254:9", "[::1]:1", "[::ffff:127.0.0.3]:1"] {
+            assert_eq!(key("127.0.0.1:1"), key(other), "{other}");
+        }
+        assert_eq!(key("[2001:db8::1]:1"), key("[2001:db8::ffff:1:2:3]:2"));
+        assert_ne!(key("[2001:db8::1]:1"), key("[2001:db8:0:1::1]:1"));
+        assert_ne!(key("192.0.2.1:1"), key("192.0.2.2:1"));
+        assert_eq!(key("[::ffff:192.0.2.1]:1"), key("192.0.2.1:1"));
+        assert_eq!(key("[2001:db8::5]:1").to_string(), "2001:db8::/64");
     }
 }

@@ -1,41 +1,65 @@
-//! Files with secrets: read only if nobody else can read or change them.
+//! Files on which it hangs who may do what: read only if nobody else can have changed them, or read secrets in them.
 
 use nix::unistd::geteuid;
 use std::io::Read;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-/// No key and no list of tokens is as long.
+/// No key, no authorities and no list of tokens are as long.
 const BYTES_MAX: u64 = 1 << 20;
 
-/// Group may write, others may do anything at all.
-const MODE_FORBIDDEN: u32 = 0o027;
+/// What others than the owner, who is root or the daemon's own account, may do with a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Others {
+    /// Nothing, but for the group, which may read.
+    Nothing,
+    /// Read.
+    #[cfg_attr(not(feature = "tls"), allow(dead_code))] // only certificates of authorities are so
+    Read,
+}
+
+impl Others {
+    /// The bits of the mode that must not be set, and what they mean.
+    const fn forbidden(self) -> (u32, &'static str) {
+        match self {
+            Self::Nothing => (0o027, "others can read or change it; expected 600 or 640"),
+            Self::Read => (0o022, "others can change it; expected 600 or 644"),
+        }
+    }
+}
 
 /// Reads a file that only its owner, who is root or the daemon's own account, and perhaps its group can read.
 ///
 /// # Errors
 /// The path, what is wrong with the file and what was expected.
 pub fn read_private(path: &Path) -> Result<Vec<u8>, String> {
-    let told = |problem: String| format!("{}: {problem}", path.display());
-    let file = std::fs::File::open(path).map_err(|error| told(error.to_string()))?;
+    read_guarded(path, Others::Nothing).map_err(|problem| format!("{}: {problem}", path.display()))
+}
+
+/// Reads a file with which others may do no more than that.
+///
+/// # Errors
+/// What is wrong with the file and what was expected, without its path.
+pub(crate) fn read_guarded(path: &Path, others: Others) -> Result<Vec<u8>, String> {
+    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
     // Of the open file and not of the path, which may be another file's by now.
-    let about = file.metadata().map_err(|error| told(error.to_string()))?;
+    let about = file.metadata().map_err(|error| error.to_string())?;
     if !about.is_file() {
-        return Err(told("is not a regular file".to_owned()));
+        return Err("is not a regular file".to_owned());
     }
     let (owner, own) = (about.uid(), geteuid().as_raw());
     if owner != 0 && owner != own {
-        return Err(told(format!("belongs to user {owner}, expected root or user {own}, who runs the daemon")));
+        return Err(format!("belongs to user {owner}, expected root or user {own}, who runs the daemon"));
     }
-    let mode = about.mode() & 0o777;
-    if mode & MODE_FORBIDDEN != 0 {
-        return Err(told(format!("its mode is {mode:03o}: others can read or change it; expected 600 or 640")));
+    let (mode, (forbidden, why)) = (about.mode() & 0o777, others.forbidden());
+    if mode & forbidden != 0 {
+        return Err(format!("its mode is {mode:03o}: {why}"));
     }
     if about.len() > BYTES_MAX {
-        return Err(told(format!("has {} bytes, expected at most {BYTES_MAX}", about.len())));
+        return Err(format!("has {} bytes, expected at most {BYTES_MAX}", about.len()));
     }
     let mut bytes = Vec::new();
-    file.take(BYTES_MAX).read_to_end(&mut bytes).map_err(|error| told(error.to_string()))?;
+    file.take(BYTES_MAX).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
     Ok(bytes)
 }
 
@@ -49,11 +73,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("tokens");
         std::fs::write(&path, "text").unwrap();
-        for (mode, good) in
-            [(0o600, true), (0o400, true), (0o640, true), (0o644, false), (0o660, false), (0o601, false)]
-        {
+        // By mode: whether a secret is read, and whether what others may know is.
+        let cases = [
+            (0o600, true, true),
+            (0o400, true, true),
+            (0o640, true, true),
+            (0o644, false, true),
+            (0o660, false, false),
+            (0o664, false, false),
+            (0o646, false, false),
+            (0o601, false, true),
+        ];
+        for (mode, secret, known) in cases {
             std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).unwrap();
-            assert_eq!(read_private(&path).is_ok(), good, "{mode:o}");
+            assert_eq!(read_private(&path).is_ok(), secret, "{mode:o}");
+            assert_eq!(read_guarded(&path, Others::Read).is_ok(), known, "{mode:o}");
         }
         assert!(read_private(folder.path()).unwrap_err().contains("is not a regular file"));
         assert!(read_private(&folder.path().join("absent")).unwrap_err().contains("No such file"));

@@ -129,18 +129,25 @@ impl Access {
     /// Other rules from now on. Streams that are being served go on; every new call is judged by them. Accounts are looked
     /// up anew for each new connection.
     pub fn replace(&self, rules: Rules) {
-        *self.rules.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(rules);
-        self.accounts.forget();
+        self.update(|_| rules);
     }
 
     /// Other tokens from now on; all else stays.
     pub fn replace_tokens(&self, tokens: Tokens) {
-        self.replace(Rules { tokens, ..Rules::clone(&self.rules()) });
+        self.update(|now| Rules { tokens, ..now.clone() });
     }
 
     /// Other grants and other roles of the ways to come in from now on; the tokens stay, whatever `rules` has.
     pub fn replace_grants(&self, rules: Rules) {
-        self.replace(Rules { tokens: self.rules().tokens.clone(), ..rules });
+        self.update(|now| Rules { tokens: now.tokens.clone(), ..rules });
+    }
+
+    /// One look and change at a time: two threads replace different parts, and none may bring back what another took away.
+    fn update(&self, change: impl FnOnce(&Rules) -> Rules) {
+        let mut rules = self.rules.write().unwrap_or_else(PoisonError::into_inner);
+        *rules = Arc::new(change(&rules));
+        drop(rules);
+        self.accounts.forget();
     }
 
     pub(crate) fn rules(&self) -> Arc<Rules> {
@@ -205,6 +212,21 @@ mod tests {
         for (origin, expected) in cases {
             assert_eq!(rules().role(&origin), expected, "{origin:?}");
         }
+    }
+
+    #[test]
+    fn tokens_and_grants_that_two_threads_replace_do_not_bring_back_each_others_old_ones() {
+        let access = Access::new(rules());
+        let turns = 20_000;
+        let without_grants = || Rules { grants: Vec::new(), ..rules() };
+        std::thread::scope(|scope| {
+            scope.spawn(|| (0..turns).for_each(|_| access.replace_tokens(Tokens::default())));
+            for turn in 0..turns {
+                let expected = if turn % 2 == 0 { without_grants() } else { rules() };
+                access.replace_grants(expected.clone());
+                assert_eq!(access.rules().grants, expected.grants, "turn {turn}");
+            }
+        });
     }
 
     #[test]

@@ -15,6 +15,20 @@ pub(crate) enum Kind {
     Command,
     /// A command that begins a session, which costs room on the disk for ever.
     SessionStart,
+    /// A command whose request may be large: few are taken in at once.
+    Import,
+    /// A stream of requests that begins with a command and takes its place itself.
+    Push,
+}
+
+impl Kind {
+    /// Whether one request has one answer.
+    pub(crate) const fn is_unary(self) -> bool {
+        match self {
+            Self::Read | Self::Command | Self::SessionStart | Self::Import => true,
+            Self::Stream | Self::ForeignStream | Self::Push => false,
+        }
+    }
 }
 
 /// What a method is.
@@ -47,6 +61,9 @@ const fn administer(name: &'static str) -> Method {
     Method { name, role: Role::Admin, kind: Kind::Command }
 }
 
+/// The one method whose request may be large.
+pub(crate) const IMPORT: &str = "taxel.v1.ModelService/ImportModelSet";
+
 /// Every method that is served.
 pub(crate) const METHODS: [Method; 41] = [
     read("taxel.v1.ForceService/GetForce"),
@@ -78,14 +95,14 @@ pub(crate) const METHODS: [Method; 41] = [
     read("taxel.v1.ModelService/GetCertificate"),
     read("taxel.v1.ModelService/CompareModelSets"),
     operate("taxel.v1.ModelService/ActivateModelSet"),
-    administer("taxel.v1.ModelService/ImportModelSet"),
+    Method { name: IMPORT, role: Role::Admin, kind: Kind::Import },
     administer("taxel.v1.ModelService/DeleteModelSet"),
     read("taxel.v1.ValidationService/GetValidation"),
     operate("taxel.v1.ValidationService/RecordLoad"),
     Method { name: "taxel.v1.ValidationService/ProposeRecalibration", role: Role::Operator, kind: Kind::Read },
     operate("taxel.v1.ValidationService/AcceptRecalibration"),
     Method { name: "taxel.v1.AuditService/ListAudit", role: Role::Operator, kind: Kind::Read },
-    operate("taxel.v1.IngestService/PushScans"), // beginning is a command; the service takes the stream's place itself
+    Method { name: "taxel.v1.IngestService/PushScans", role: Role::Operator, kind: Kind::Push },
     read("grpc.health.v1.Health/Check"),
     foreign("grpc.health.v1.Health/Watch"),
     foreign("grpc.reflection.v1.ServerReflection/ServerReflectionInfo"),

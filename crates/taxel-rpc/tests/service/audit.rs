@@ -1,6 +1,7 @@
 //! The audit log: what a command takes along for it, and how it is read.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use taxel_engine::audit::{Answered, Asked, AuditEntry};
 use taxel_engine::command::{ErrorReason, Rejection};
@@ -125,4 +126,33 @@ async fn a_log_that_cannot_be_read_says_why() {
     let status = client.list_audit(v1::ListAuditRequest::default()).await.unwrap_err();
     assert_eq!(status.code(), Code::Unavailable);
     assert!(status.message().contains("the disk is gone"), "{status:?}");
+}
+
+#[tokio::test]
+async fn however_many_ask_for_the_log_the_store_is_asked_one_question_at_a_time() {
+    let (open, most) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
+    let (now_open, most_open) = (Arc::clone(&open), Arc::clone(&most));
+    let source: AuditSource = Arc::new(move |_, _, tell| {
+        most_open.fetch_max(now_open.fetch_add(1, Ordering::Relaxed) + 1, Ordering::Relaxed);
+        let open = Arc::clone(&now_open);
+        tokio::spawn(async move {
+            for _ in 0..100 {
+                tokio::task::yield_now().await; // a slow store
+            }
+            open.fetch_sub(1, Ordering::Relaxed);
+            tell(Ok(Vec::new()));
+        });
+    });
+    let daemon = start_audited(source).await;
+    let client = AuditServiceClient::new(daemon.connect().await);
+    let ask = || {
+        let mut client = client.clone();
+        tokio::spawn(async move { client.list_audit(v1::ListAuditRequest::default()).await })
+    };
+    let asked: Vec<_> = (0..16).map(|_| ask()).collect();
+    ask().abort();
+    for answer in asked {
+        answer.await.unwrap().unwrap();
+    }
+    assert_eq!((open.load(Ordering::Relaxed), most.load(Ordering::Relaxed)), (0, 1));
 }

@@ -51,6 +51,7 @@ pub fn patient() -> Limits {
         unread: hour,
         command: hour,
         push_pause: hour,
+        body_pause: hour,
         keepalive_interval: hour,
         keepalive_timeout: hour,
         drain: hour,

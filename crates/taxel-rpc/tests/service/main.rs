@@ -22,5 +22,6 @@ mod sessions;
 mod shares;
 mod stalls;
 mod streams;
+mod untaken;
 mod validations;
 mod walk;

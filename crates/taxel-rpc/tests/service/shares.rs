@@ -48,7 +48,7 @@ async fn the_stream_beyond_a_peers_share_is_refused_on_its_channel_and_calls_bes
     for _ in 0..300 {
         let status = stream(&channel).await.unwrap_err();
         assert_eq!(status.code(), Code::ResourceExhausted);
-        assert!(status.message().contains("100 streams of 127.0.0.1 are being served"), "{status:?}");
+        assert!(status.message().contains("100 streams of loopback TCP are being served"), "{status:?}");
     }
     ForceServiceClient::new(channel.clone()).get_force(v1::GetForceRequest::default()).await.unwrap();
     // All streams of the channel still run, and another peer has its own share.
@@ -157,7 +157,7 @@ async fn a_flood_of_sessions_is_bounded_and_says_when_one_more_may_start() {
         let status = client.start_session(v1::StartSessionRequest::default()).await.unwrap_err();
         if status.code() == Code::ResourceExhausted {
             let text = status.message();
-            assert!(text.contains("127.0.0.1 asked for more than") && text.contains("try again in"), "{text}");
+            assert!(text.contains("loopback TCP asked for more than") && text.contains("try again in"), "{text}");
             refused += 1;
         }
     }

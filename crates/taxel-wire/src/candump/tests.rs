@@ -46,6 +46,94 @@ fn direction_padding_and_line_ends() {
     assert_eq!(of("(0.1) can0 001#R4 T\r\n"), Ok(("can0".into(), 4, Some(Direction::Transmitted))));
     assert_eq!(of("(0.1) can0 001# R\n"), Ok(("can0".into(), 0, Some(Direction::Received))));
     assert_eq!(of("(0.1)   vcan0 001#\n"), Ok(("vcan0".into(), 0, None)), "candump pads names");
+    assert_eq!(of("  (0.1) can0 001#11 \t \r\n"), Ok(("can0".into(), 1, None)), "blanks around a line");
+}
+
+/// What `candump -ta` shows, with what its other options add.
+#[test]
+fn the_lines_of_a_screen() {
+    let of = |text: &str| {
+        let line = parse_line(text).unwrap_or_else(|error| panic!("{text:?}: {error}"));
+        (line.time.as_nanos(), line.interface.to_owned(), line.frame, line.direction)
+    };
+    let at = 1_600_000_000_000_120_000;
+    let eight = frame(CanId::Standard(0x4D0), FrameKind::Data, &[0x40, 0xF0, 0xEF, 0xEF, 0xF1, 0xF1, 0xEE, 0xF0]);
+    let expected = (at, "can0".to_owned(), eight, None);
+    assert_eq!(of(" (1600000000.000120)  can0  4D0   [8]  40 F0 EF EF F1 F1 EE F0\n"), expected);
+    assert_eq!(of(" (2020-09-13 12:26:40.000120)  can0  4D0   [8]  40 F0 EF EF F1 F1 EE F0"), expected);
+    assert_eq!(of(" (1600000000.000120)  can0       4D0   [8]  40 F0 EF EF F1 F1 EE F0   '@.......'"), expected);
+    let (.., received) = of(" (1600000000.000120)  can0  RX - -  4D0   [8]  40 F0 EF EF F1 F1 EE F0");
+    assert_eq!(received, Some(Direction::Received));
+
+    let read = |rest: &str| of(&format!(" (000.000000)  can0  {rest}")).2;
+    assert_eq!(read("TX B E  12345678  [12]  00 01 02 03 04 05 06 07 08 09 0A 0B"), {
+        frame(CanId::Extended(0x1234_5678), FrameKind::Fd, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11])
+    });
+    assert_eq!(read("123  [08]  11 22 33 44 55 66 77 88").kind, FrameKind::Fd);
+    assert_eq!(read("4D0   [0]"), frame(CanId::Standard(0x4D0), FrameKind::Data, &[]));
+    assert_eq!(read("4D0   [0]  remote request"), frame(CanId::Standard(0x4D0), FrameKind::Remote, &[]));
+    assert_eq!(read("4D0   [4]  remote request"), frame(CanId::Standard(0x4D0), FrameKind::Remote, &[0; 4]));
+    let error = frame(CanId::Extended(0x40), FrameKind::Error, &[0; 8]);
+    assert_eq!(read("20000040   [8]  00 00 00 00 00 00 00 00   ERRORFRAME"), error);
+    assert_eq!(read("20000040   [8]  00 00 00 00 00 00 00 00"), error);
+}
+
+#[test]
+fn a_line_of_a_screen_that_is_none_is_refused_with_the_column() {
+    let table = [
+        (
+            "  can0  4D0   [8]  40 F0 EF EF F1 F1 EE F0",
+            "column 3: found `c`, expected `(` and a time: record with `candump -l` or `candump -ta`",
+        ),
+        (" (1.0)  c  001   8  11", "column 18: found `8`, expected `[` and the length"),
+        (" (1.0)  c  001   [9]  11", "column 19: found `9`, expected a length from 0 to 8"),
+        (" (1.0)  c  001   [65]  11", "column 19: found `6`, expected a length from 00 to 64"),
+        (" (1.0)  c  001   [123]", "column 21: found `3`, expected `]` after one or two digits of the length"),
+        (
+            " (1.0)  c  001   [2]  11",
+            "column 25: found the line's end, expected a space and a data byte of two hexadecimal digits: the length says \
+             that there are more",
+        ),
+        (
+            " (1.0)  c  001   [1]  1",
+            "column 24: found the line's end, expected the second hexadecimal digit of a data byte",
+        ),
+        (
+            " (1.0)  c  001   [1]  11 22",
+            "column 26: found `2`, expected the line's end: so many data bytes are what the length says",
+        ),
+        (
+            " (1.0)  c  001   [1]  01100110",
+            "column 25: found `1`, expected the line's end: so many data bytes are what the length says",
+        ),
+        (
+            " (1.0)  c  RX 0 -  001   [0]",
+            "column 15: found `0`, expected `B` or `-`, whether the bit rate was switched",
+        ),
+        ("(2020-13-01 00:00:00.0) c 001#", "column 7: found `1`, expected a month from 01 to 12"),
+        ("(2021-02-29 00:00:00.0) c 001#", "column 10: found `2`, expected a day of that month"),
+        ("(1969-01-01 00:00:00.0) c 001#", "column 2: found `1`, expected a year from 1970"),
+        ("(2020-01-01 24:00:00.0) c 001#", "column 13: found `2`, expected an hour from 00 to 23"),
+    ];
+    for (line, expected) in table {
+        assert_eq!(refusal(line), expected, "line {line:?}");
+    }
+    let latest = LogError::TimeRange { column: 2 };
+    assert_eq!(parse_line("(9999-12-31 23:59:59.0) c 001#"), Err(latest));
+}
+
+#[test]
+fn dates_are_seconds_since_1970() {
+    let seconds = |date: &str| parse_line(&format!("({date}.5) c 001#")).unwrap().time.as_nanos() / 1_000_000_000;
+    for (date, expected) in [
+        ("1970-01-01 00:00:00", 0),
+        ("1972-03-01 00:00:00", 68_256_000),
+        ("2000-02-29 23:59:59", 951_868_799),
+        ("2016-12-31 23:59:60", 1_483_228_800),
+        ("2100-03-01 00:00:00", 4_107_542_400),
+    ] {
+        assert_eq!(seconds(date), expected, "{date}");
+    }
 }
 
 #[test]
@@ -61,14 +149,14 @@ fn times_to_the_nanosecond_and_to_the_end_of_the_clock() {
 #[test]
 fn refusals_name_column_and_expectation() {
     let table = [
-        ("", "column 1: found the line's end, expected `(` and a time"),
-        ("# comment", "column 1: found `#`, expected `(` and a time"),
+        ("", "column 1: found the line's end, expected `(` and a time: record with `candump -l` or `candump -ta`"),
+        ("# comment", "column 1: found `#`, expected `(` and a time: record with `candump -l` or `candump -ta`"),
         ("(-1.0) c 001#", "column 2: found `-`, expected a digit of the seconds"),
         ("(1) c 001#", "column 3: found `)`, expected `.` and the fraction of the seconds"),
         ("(1.) c 001#", "column 4: found `)`, expected a digit of the fraction"),
         ("(1.0123456789) c 001#", "column 13: found `9`, expected `)` after one to nine digits of the fraction"),
         ("(1.0)c 001#", "column 6: found `c`, expected a space"),
-        ("(1.0) ", "column 7: found the line's end, expected an interface name of 1 to 15 visible ASCII characters"),
+        ("(1.0) ", "column 6: found the line's end, expected a space"),
         (
             "(1.0) \u{e9}th 001#",
             "column 7: found `\\xc3`, expected an interface name of 1 to 15 visible ASCII characters",
@@ -81,7 +169,8 @@ fn refusals_name_column_and_expectation() {
         ("(1.0) c 0123#", "column 13: found `#`, expected an identifier of three or eight hexadecimal digits"),
         ("(1.0) c 012345678#", "column 17: found `8`, expected `#` after three or eight digits of the identifier"),
         ("(1.0) c 00G#", "column 11: found `G`, expected an identifier of three or eight hexadecimal digits"),
-        ("(1.0) c 001 11", "column 12: found ` `, expected `#` after the identifier"),
+        ("(1.0) c 001:11", "column 12: found `:`, expected `#` after the identifier, or a space and the length"),
+        ("(1.0) c 001 11", "column 13: found `1`, expected `[` and the length"),
         ("(1.0) c 800#", "column 9: identifier 800 is too large, expected at most 7FF"),
         ("(1.0) c 40000001#", "column 9: identifier 40000001 is too large, expected at most 3FFFFFFF"),
         ("(1.0) c 001##", "column 14: found the line's end, expected a hexadecimal digit, the flags of a CAN FD frame"),
@@ -107,7 +196,7 @@ fn refusals_name_column_and_expectation() {
             "column 18: found `R`, expected the end of up to eight data bytes, two hexadecimal digits each",
         ),
         ("(1.0) c 001#11 X", "column 16: found `X`, expected the direction, `R` or `T`"),
-        ("(1.0) c 001#11 ", "column 16: found the line's end, expected the direction, `R` or `T`"),
+        ("(1.0) c 001#11  R", "column 16: found ` `, expected the direction, `R` or `T`"),
         ("(1.0) c 001#11 RT", "column 17: found `T`, expected the line's end"),
     ];
     for (line, expected) in table {
@@ -152,8 +241,10 @@ fn any_near_line() -> impl Strategy<Value = Vec<u8>> {
         "(1600000000.000120) can0 4D0#40F0EFEFF1F1EEF0",
         "(1600000000.000000001) can0 18AAA301#0102 R",
         "(9223372036.854775807) abcdefghijklmno 20000040#R8 T",
+        " (1600000000.000120)  can0  4D0   [3]  40 F0 EF   '@..'",
+        " (2020-09-13 12:26:40.000120)  can0  TX B -  18AAA301  [02]  01 02",
     ]);
-    let byte = prop_oneof![prop::sample::select(b"()#. R0F9\r\n".to_vec()), any::<u8>()];
+    let byte = prop_oneof![prop::sample::select(b"()#. R0F9[]-\r\n".to_vec()), any::<u8>()];
     let changes = prop::collection::vec((any::<prop::sample::Index>(), 0..3_u8, byte), 0..4);
     (seeds, changes).prop_map(|(seed, changes)| {
         let mut line = seed.as_bytes().to_vec();
@@ -192,8 +283,7 @@ proptest! {
                 prop_assert_eq!(parse_line(&again), Ok(LogLine { direction: None, ..read }));
             }
             Err(LogError::Syntax { column, found, .. }) => {
-                let text = line.strip_suffix(b"\n").unwrap_or(&line);
-                let text = text.strip_suffix(b"\r").unwrap_or(text);
+                let text = line.trim_ascii_end();
                 prop_assert!(column <= text.len() + 1);
                 prop_assert_eq!(found, text.get(column - 1).copied());
             }

@@ -11,7 +11,9 @@ use super::{json, table};
 
 /// The patches, what each reads now, its active model set and its newest session.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  taxeld list\n  taxeld list --server robot:50051")]
+#[command(
+    after_help = "Examples:\n  taxeld list\n  taxeld list --server https://robot:50052 --ca ca.pem --certificate operator.pem --key operator.key"
+)]
 pub struct ListArgs {
     #[command(flatten)]
     server: Server,

@@ -15,6 +15,7 @@ use super::parts::{GaugeSection, PatchSection};
 use super::signal_parts::{
     ArraySection, FrameSection, MuxSection, NumberSection, SignalsSection, StatusSection, TemperatureSection,
 };
+use crate::files::read_any_text;
 
 /// The message of a DBC file that holds signals of no message.
 const INDEPENDENT: &str = "VECTOR__INDEPENDENT_SIG_MSG";
@@ -30,9 +31,9 @@ pub fn expand(section: &PatchSection, config: &Path) -> Result<PatchSection, Str
         return Ok(section.clone());
     };
     let path = config.parent().unwrap_or(Path::new("")).join(name);
-    let bytes = std::fs::read(&path).map_err(|e| format!("dbc {}: {e}", path.display()))?;
     // Comments and units of old files are not always UTF-8; names are letters, digits and `_` in any encoding.
-    from_text(section, array, &String::from_utf8_lossy(&bytes)).map_err(|why| format!("dbc {}: {why}", path.display()))
+    let text = read_any_text(&path).map_err(|e| format!("dbc {}: {e}", path.display()))?;
+    from_text(section, array, &text).map_err(|why| format!("dbc {}: {why}", path.display()))
 }
 
 fn from_text(section: &PatchSection, array: &ArraySection, text: &str) -> Result<PatchSection, String> {

@@ -20,6 +20,7 @@ use super::number_words::{OrderOfBytes, UnitWord};
 use super::parts::{BoardSection, BusSource, GaugeSection, OutputWord, PatchSection};
 use super::patch_limits::{drift, fit_options, live, session};
 use super::signals::{Described, describe, pushed};
+use crate::files::read_any_text;
 
 /// MTB3 holds the period in a 16-bit timer that wraps beyond this.
 const PERIOD_MAX_MS: u8 = 209;
@@ -296,7 +297,7 @@ fn described(section: &PatchSection, bus: BusIndex) -> Result<Option<Described>,
 
 fn geometry(file: &Path, config: &Path, patch: &Patch) -> Result<Geometry, String> {
     let file = config.parent().unwrap_or(Path::new("")).join(file);
-    let text = std::fs::read_to_string(&file).map_err(|e| format!("geometry {}: {e}", file.display()))?;
+    let text = read_any_text(&file).map_err(|e| format!("geometry {}: {e}", file.display()))?;
     Geometry::parse(&text, patch).map_err(|e| format!("geometry {}: {e}", file.display()))
 }
 

@@ -18,6 +18,8 @@ use crate::queues::{Done, TellDone};
 impl Driver {
     pub(super) fn step(&mut self, input: Input<'_>) {
         let mut out = std::mem::take(&mut self.out);
+        // What is answered when a commit is on disk has been done, whatever else is written down because of it.
+        let is_done = matches!(input, Input::Committed { result: Ok(()), .. });
         self.engine.step(self.clock.now(), input, &mut out);
         let (mut records, mut answers) = (Vec::new(), Vec::new());
         self.note_events(&out);
@@ -39,15 +41,15 @@ impl Driver {
                 Output::Record(record) => records.push(record),
                 Output::Commit { ticket, records: intended } => {
                     // What came before goes first, so that the order on disk is that of what happened.
-                    self.commit(std::mem::take(&mut records), Vec::new());
+                    self.commit(std::mem::take(&mut records), Vec::new(), false);
                     self.commit_intended(ticket, intended);
                 }
                 Output::Load { ticket, session } => {
-                    self.commit(std::mem::take(&mut records), Vec::new());
+                    self.commit(std::mem::take(&mut records), Vec::new(), false);
                     self.load(ticket, session);
                 }
                 Output::LoadSet { ticket, model_set } => {
-                    self.commit(std::mem::take(&mut records), Vec::new());
+                    self.commit(std::mem::take(&mut records), Vec::new(), false);
                     self.set_loads.load(ticket, model_set);
                 }
                 Output::Reply(request, reply) => {
@@ -56,7 +58,7 @@ impl Driver {
             }
         }
         self.out = out;
-        self.answer(records, answers);
+        self.answer(records, answers, is_done);
     }
 
     /// What an operator may ask for later goes to the event log.
@@ -69,7 +71,7 @@ impl Driver {
 
     /// Answers go out when the disk has them, and what was recorded in the same step. That something was refused is
     /// written down as well, but nobody waits for it.
-    fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>) {
+    fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>, is_done: bool) {
         let wall_ns = self.clock.now().wall_ns;
         let (mut replies, mut refusals) = (Vec::new(), Vec::new());
         for (request, Waiting { reply: to, patch }, reply) in answers {
@@ -77,14 +79,20 @@ impl Driver {
             if reply.is_ok() { &mut records } else { &mut refusals }.extend(row);
             replies.push((to, reply));
         }
-        self.commit(records, replies);
+        self.commit(records, replies, is_done);
         if !refusals.is_empty() {
-            self.commit(refusals, Vec::new());
+            self.commit(refusals, Vec::new(), false);
         }
     }
 
-    /// A reply goes out once everything recorded in the same step is on disk.
-    fn commit(&mut self, records: Vec<Record>, replies: Vec<(oneshot::Sender<Reply>, Reply)>) {
+    /// A reply goes out once everything recorded in the same step is on disk, or could not be written though what it tells
+    /// of `is_done`.
+    pub(super) fn commit(
+        &mut self,
+        records: Vec<Record>,
+        replies: Vec<(oneshot::Sender<Reply>, Reply)>,
+        is_done: bool,
+    ) {
         if records.is_empty() {
             for (to, reply) in replies {
                 let _ = to.send(reply); // the client has gone
@@ -92,7 +100,7 @@ impl Driver {
             return;
         }
         // What was done is on disk already where only the audit log is written: then it is done, whatever becomes of that.
-        let is_done = records.iter().all(|record| matches!(record, Record::Answered(_)));
+        let is_done = is_done || records.iter().all(|record| matches!(record, Record::Answered(_)));
         let on_durable: Option<OnDurable> = if replies.is_empty() {
             None
         } else {

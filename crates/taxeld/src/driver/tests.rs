@@ -8,6 +8,7 @@ use std::path::Path;
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
+use taxel_engine::record::Record;
 use taxel_model::{Accumulator, FitOptions};
 use taxel_rpc::handle::channel;
 use taxel_rpc::{Clocks, Handle, ModelCodec, STALLED_AFTER};
@@ -18,7 +19,6 @@ use taxel_wire::{CanId, TimedFrame};
 use tokio::time::{Instant, advance};
 
 use crate::bus::BATCHES_WAITING_MAX;
-use crate::clock::process_clock;
 use crate::config;
 
 const MS: Duration = Duration::from_millis(1);
@@ -50,7 +50,7 @@ impl Bench {
         let (plan, clock, cancel) = (Arc::new(plan), RunClock::of_log(1.0), CancellationToken::new());
         clock.start(BEGUN);
         let now = clock.clone();
-        let clocks = Clocks { run: Arc::new(move || now.now().time), process: Arc::new(process_clock()) };
+        let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
         let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json: |_| Err("not here".to_owned()) };
         let (handle, publisher, _) = channel(Arc::clone(&plan), clocks, codec, cancel.clone());
         let (tell_done, done) = TellDone::new();
@@ -275,6 +275,20 @@ async fn when_the_stores_thread_dies_every_commit_is_refused_with_the_reason() {
         assert!(why.contains("the store"), "{why}");
     }
     assert!(bench.refused_import(3).await.contains("internal error"));
+}
+
+#[tokio::test]
+async fn what_is_done_is_told_so_also_where_what_follows_from_it_cannot_be_written_down() {
+    let mut bench = Bench::new();
+    let fault: OnDurable = Box::new(|_| panic!("a fault that this test makes"));
+    bench.driver.store.submit(Batch { records: Vec::new(), on_durable: Some(fault) }).unwrap();
+    // As of an activation: it is on disk and in use, and its session is to be marked as active.
+    let session = || vec![Record::Session(Arc::default())];
+    for is_done in [true, false] {
+        let (reply, answer) = oneshot::channel();
+        bench.driver.commit(session(), vec![(reply, Ok(taxel_engine::command::Done::Deleted))], is_done);
+        assert_eq!(answer.await.unwrap().is_ok(), is_done);
+    }
 }
 
 #[tokio::test]

@@ -11,6 +11,7 @@ use taxel_report::paper::Data;
 use taxel_skin::BusIndex;
 
 use crate::config;
+use crate::log_words::{expect_frames, read_on, tell};
 use crate::offline::Offline;
 use crate::open_log::{Wanted, open_log};
 use crate::paper::session::{name, of_session};
@@ -21,7 +22,7 @@ const FRAMES: usize = 256;
 /// Replays the log at `path` through the scene of `config`, with a session that takes every ramp there is.
 ///
 /// # Errors
-/// A configuration or log that cannot be read, or a log without a ramp that a session could take.
+/// A configuration or log that cannot be read, a log without a frame, or one without a ramp that a session could take.
 pub(super) fn read(path: &Path, config: &Path) -> anyhow::Result<Data> {
     let settings = config::load(config)?;
     let mut scene = config::resolve(&settings, config)?;
@@ -37,7 +38,7 @@ pub(super) fn read(path: &Path, config: &Path) -> anyhow::Result<Data> {
     let (mut more, mut started, mut ramps_follow) = (true, false, true);
     while more {
         frames.clear();
-        more = reader.next_batch(&mut frames, FRAMES)?;
+        more = read_on(&mut reader, &mut frames, FRAMES);
         if let (false, Some(frame)) = (started, frames.first()) {
             offline.advance(frame.time);
             command(&mut offline, start())?;
@@ -49,6 +50,8 @@ pub(super) fn read(path: &Path, config: &Path) -> anyhow::Result<Data> {
             ramps_follow = command(&mut offline, Command::StartRamp { session: view.number }).is_ok();
         }
     }
+    tell(reader.report());
+    expect_frames(path, bus.interface.as_deref(), reader.report())?;
     finish(&mut offline)?;
     let samples = offline.samples.clone().with_context(|| match session(&offline) {
         Some(view) => format!("no ramp could be taken: the session is {}: {}", view.state.name(), view.reason),

@@ -109,13 +109,13 @@ impl Recording {
         let first = blocks.next()?.unwrap_or_default();
         let recording = if in_one_piece(&first) {
             let mut reader = reader(blocks.from(first), true);
-            let mut recording = Self::under(reader.headers()?)?;
+            let mut recording = Self::under(reader.byte_headers()?)?;
             recording.take_rows(reader, 0, &[])?;
             recording
         } else {
             let mut first = first;
             let mut reader = reader(first.as_slice(), true);
-            let mut recording = Self::under(reader.headers()?)?;
+            let mut recording = Self::under(reader.byte_headers()?)?;
             let (begin, line) = (reader.position().byte() as usize, reader.position().line());
             first.drain(..begin);
             recording.take_blocks(cut, blocks, first, line - 1)?;
@@ -129,7 +129,7 @@ impl Recording {
     }
 
     /// An empty recording with the columns of a header.
-    fn under(header: &csv::StringRecord) -> anyhow::Result<Self> {
+    fn under(header: &csv::ByteRecord) -> anyhow::Result<Self> {
         let has_pressure = check_header(header)?;
         Ok(Self::with_columns(has_pressure, header.len() - 1 - usize::from(has_pressure)))
     }
@@ -203,15 +203,17 @@ impl Recording {
             let cells = row.len();
             return self.refused.tell(|| format!("line {line}: {cells} cells, the header has {columns}"));
         }
-        let Some((time, _)) = row.get(0).and_then(number) else {
+        let mut cells = row.iter().map(unquoted);
+        let first = cells.next().unwrap_or_default();
+        let Some((time, _)) = number(first) else {
             self.refused.rows += 1;
-            let text = shown(row.get(0).unwrap_or_default());
+            let text = shown(first);
             return self.refused.tell(|| format!("line {line}: t_s is `{text}`, expected seconds"));
         };
         self.time_s.push(time);
         self.lines.push(line);
         let pressure = self.pressure_kpa.as_mut().into_iter();
-        for ((cell, column), number_of) in row.iter().skip(1).zip(pressure.chain(&mut self.counts)).zip(2..) {
+        for ((cell, column), number_of) in cells.zip(pressure.chain(&mut self.counts)).zip(2..) {
             let (hi, lo) = number(cell).unwrap_or((f64::NAN, 0.0));
             column.push(hi, lo);
             if hi.is_nan() && !cell.is_empty() {
@@ -265,35 +267,43 @@ fn keep<T>(values: &mut Vec<T>, kept: &[bool]) {
     values.retain(|_| marks.next().is_none_or(|mark| *mark));
 }
 
-/// Rows, or a header and rows, as a table.
+/// Rows, or a header and rows, as a table. A quote is a sign like any other, so that a stray one spoils its cell and not
+/// all rows up to the next one.
 fn reader<R: Read>(input: R, headed: bool) -> csv::Reader<R> {
-    csv::ReaderBuilder::new().has_headers(headed).flexible(true).trim(csv::Trim::All).from_reader(input)
+    let mut builder = csv::ReaderBuilder::new();
+    builder.has_headers(headed).flexible(true).quoting(false).trim(csv::Trim::All).from_reader(input)
 }
 
-/// Whether what follows can only be read in one piece: a line break between quotes is none, a byte order mark (its first byte
-/// is EF) is one at the very beginning alone, and without the end of a line there are no parts.
+/// Whether what follows can only be read in one piece: a byte order mark (its first byte is EF) is one at the very
+/// beginning alone, and without the end of a line there are no parts.
 fn in_one_piece(text: &[u8]) -> bool {
-    text.iter().any(|byte| matches!(byte, b'"' | 0xEF)) || !text.contains(&b'\n')
+    text.contains(&0xEF) || !text.contains(&b'\n')
+}
+
+/// A cell without the quotes around it.
+fn unquoted(cell: &[u8]) -> &[u8] {
+    let inner = cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\""));
+    inner.map_or(cell, <[u8]>::trim_ascii)
 }
 
 /// Whether there is a pressure column.
-fn check_header(header: &csv::StringRecord) -> anyhow::Result<bool> {
-    let columns: Vec<&str> = header.iter().collect();
+fn check_header(header: &csv::ByteRecord) -> anyhow::Result<bool> {
+    let columns: Vec<&[u8]> = header.iter().map(unquoted).collect();
     let (has_pressure, taxels) = match columns.as_slice() {
-        ["t_s", "pressure_kpa", taxels @ ..] => (true, taxels),
-        ["t_s", taxels @ ..] => (false, taxels),
+        [b"t_s", b"pressure_kpa", taxels @ ..] => (true, taxels),
+        [b"t_s", taxels @ ..] => (false, taxels),
         _ => bail!(
             "line 1: the header begins with `{}`, expected `t_s,pressure_kpa,c0,c1,...`",
-            short(&columns.join(","), SHOWN_CHARS_MAX)
+            shown(&columns.join(&b","[..]))
         ),
     };
     if taxels.is_empty() {
         bail!("line 1: the header has no taxel column: expected `t_s,pressure_kpa,c0,c1,...`");
     }
     for (i, name) in taxels.iter().enumerate() {
-        if *name != format!("c{i}") {
-            let name = short(name, SHOWN_CHARS_MAX);
-            bail!("line 1: column {} is `{name}`, expected `c{i}`", i + 2 + usize::from(has_pressure));
+        if *name != format!("c{i}").as_bytes() {
+            let (column, name) = (i + 2 + usize::from(has_pressure), shown(name));
+            bail!("line 1: column {column} is `{name}`, expected `c{i}`");
         }
     }
     Ok(has_pressure)
@@ -315,84 +325,4 @@ fn number(cell: &[u8]) -> Option<(f64, f64)> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    #[test]
-    fn cells_and_rows_that_cannot_be_read_are_counted_with_their_places() {
-        let text = "t_s,pressure_kpa,c0,c1\n0.0,1.5,240,239\n0.1,,238,nan\nx,1,2,3\n0.2,1.0,2\n0.3,2.5,1e3,0.1\n";
-        let r = Recording::parse(text.as_bytes()).unwrap();
-        assert_eq!(r.time_s, [0.0, 0.1, 0.3]);
-        assert_eq!((r.refused.rows, r.refused.cells), (2, 1));
-        assert!(r.pressure_kpa.as_ref().unwrap().hi[1].is_nan());
-        assert_eq!(r.counts[0].hi, [240.0, 238.0, 1000.0]);
-        assert!(r.counts[1].lo.as_ref().unwrap()[2] != 0.0, "0.1 is not a double");
-        assert!(r.refused.told[1].starts_with("line 4: t_s is `x`"), "{:?}", r.refused.told);
-    }
-
-    #[test]
-    fn a_header_that_is_something_else_is_refused() {
-        for (text, says) in [
-            ("time,c0\n0,1\n", "begins with `time,c0`"),
-            ("t_s,pressure_kpa\n0,1\n", "no taxel column"),
-            ("t_s,c0,c2\n0,1,2\n", "column 3 is `c2`, expected `c1`"),
-            ("t_s,c0\n", "not one usable row"),
-            ("", "header"),
-        ] {
-            let error = Recording::parse(text.as_bytes()).unwrap_err().to_string();
-            assert!(error.contains(says), "{text:?}: {error}");
-        }
-    }
-
-    /// What is read of a text in one piece.
-    fn whole(text: &[u8]) -> anyhow::Result<Recording> {
-        let mut reader = reader(text, true);
-        let mut recording = Recording::under(reader.headers()?)?;
-        recording.take_rows(reader, 0, text)?;
-        Ok(recording)
-    }
-
-    /// Rows as they come, some that cannot be read, and signs that a table treats in ways of its own.
-    fn rows() -> impl Strategy<Value = String> {
-        let row = prop_oneof![
-            12 => (0..100_u32, 0..256_u32).prop_map(|(t, c)| format!("{t}.5,0.1,{c}\n")),
-            1 => prop_oneof![Just("x,1,2\n"), Just("\n"), Just("1,2\n"), Just("3,,\n"), Just("4,1,no\n"), Just("5,1,7\r")]
-                .prop_map(str::to_owned),
-            1 => prop_oneof![Just("6,\"1\",7\n"), Just("7,\"1\n8,2,3\n")].prop_map(str::to_owned),
-        ];
-        (proptest::collection::vec(row, 0..40), any::<bool>(), any::<bool>()).prop_map(|(rows, unix, ended)| {
-            let mut text = String::from("t_s,pressure_kpa,c0\n") + &rows.concat();
-            if !ended {
-                text.pop();
-            }
-            if unix { text } else { text.replace('\n', "\r\n") }
-        })
-    }
-
-    proptest! {
-        #[test]
-        fn in_parts_a_file_is_what_it_is_in_one_piece(text in rows(), block in 40..200_usize, least in 1..50_usize) {
-            let parts = Recording::parse_in(Parts { block_bytes: block, least_bytes: least }, text.as_bytes());
-            let whole = whole(text.replace("\r\n", "\n").as_bytes()).unwrap();
-            let Ok(parts) = parts else {
-                prop_assert!(whole.time_s.is_empty(), "{whole:?}");
-                return Ok(());
-            };
-            let columns = |of: &Recording| format!("{:?}{:?}{:?}", of.counts, of.pressure_kpa, of.refused.told);
-            prop_assert_eq!(&parts.time_s, &whole.time_s);
-            if !text.contains('"') {
-                prop_assert_eq!(columns(&parts), columns(&whole));
-            }
-            // In one piece empty lines are not counted.
-            prop_assert!(text.contains('"') || parts.lines == whole.lines, "{:?} and {:?}", parts.lines, whole.lines);
-        }
-
-        #[test]
-        fn no_bytes_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-            let mut text = b"t_s,pressure_kpa,c0\n".to_vec();
-            text.extend(bytes);
-            let _ = Recording::parse(&text[..]);
-        }
-    }
-}
+mod tests;

@@ -13,10 +13,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context as _, bail};
-use taxel_can::{Batch, BusEvent, FrameSource, Pace, Replay, SocketCan, SocketCanOptions};
+use taxel_can::{Batch, BusEvent, FrameSource, LogReport, Pace, Replay, SocketCan, SocketCanOptions, SourceError};
 use taxel_skin::BusIndex;
 
 use crate::config::{self, Config, Scene};
+use crate::log_words::{cut_off, expect_frames, tell};
 use crate::open_log::{Wanted, open_log};
 use findings::Findings;
 use survey::Survey;
@@ -59,7 +60,8 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 /// Listens and says what is there. Nothing is sent.
 ///
 /// # Errors
-/// A bus or file that cannot be read, a configuration that cannot be used, or a file that is there already.
+/// A bus or file that cannot be read, a log without a frame or of several interfaces of which none was named, a
+/// configuration that cannot be used, or a file that is there already.
 pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     if args.log.is_none() && args.interface.is_none() {
         bail!("say what to listen to: --interface can0, or a log");
@@ -70,7 +72,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     let scene = args.config.as_deref().map(load).transpose()?;
     let bus = scene.as_ref().map(|(config, _)| bus_of(config, args.interface.as_deref())).transpose()?;
     let runtime = crate::runtime::runtime()?;
-    let mut findings = runtime.block_on(listen(args, scene.as_ref().zip(bus)))?;
+    let Heard { mut findings, interface } = runtime.block_on(listen(args, scene.as_ref().zip(bus)))?;
     let differences = scene.as_ref().zip(bus).map(|((_, scene), bus)| {
         compare::name_no_gauge_among_taxels(&mut findings, &scene.plan, bus);
         compare::differences(&findings, &scene.plan, bus)
@@ -82,7 +84,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         say!("{}", words::text(&findings, differences.as_deref()).trim_end());
     }
     match &args.out {
-        Some(out) => write_beginning(&findings, args.interface.as_deref().unwrap_or("can0"), out),
+        Some(out) => write_beginning(&findings, &interface, out),
         None => Ok(()),
     }
 }
@@ -104,31 +106,55 @@ fn bus_of(config: &Config, interface: Option<&str>) -> anyhow::Result<BusIndex> 
     Ok(BusIndex(u8::try_from(position)?))
 }
 
-async fn listen(args: &ScanArgs, scene: Option<(&(Config, Scene), BusIndex)>) -> anyhow::Result<Findings> {
-    if let Some(log) = &args.log {
-        let interface = scene.and_then(|((config, _), bus)| config.bus[usize::from(bus.0)].interface.clone());
-        let reader = open_log(log, Wanted::interface(args.interface.clone().or(interface)))?;
-        return survey(Replay::new(reader, Pace::AsFastAsPossible), None).await;
-    }
-    let interface = args.interface.clone().unwrap_or_default();
-    let bus = SocketCan::open(SocketCanOptions { interface, ids: None, tx: false })?;
-    survey(bus, Some(Duration::from_secs_f64(args.seconds))).await
+/// What was heard, and on which interface.
+struct Heard {
+    findings: Findings,
+    interface: String,
 }
 
-/// Takes all that a source gives, until it ends or the time is over.
-async fn survey(mut source: impl FrameSource, time: Option<Duration>) -> anyhow::Result<Findings> {
-    let mut survey = Survey::default();
+async fn listen(args: &ScanArgs, scene: Option<(&(Config, Scene), BusIndex)>) -> anyhow::Result<Heard> {
+    if let Some(log) = &args.log {
+        let interface = scene.and_then(|((config, _), bus)| config.bus[usize::from(bus.0)].interface.clone());
+        return of_log(log, args.interface.clone().or(interface)).await;
+    }
+    let interface = args.interface.clone().unwrap_or_default();
+    let options = SocketCanOptions { interface: interface.clone(), ids: None, tx: false };
+    let (mut bus, mut survey) = (SocketCan::open(options)?, Survey::default());
+    let over = tokio::time::sleep(Duration::from_secs_f64(args.seconds));
+    tokio::select! {
+        result = take_all(&mut bus, &mut survey) => result?,
+        () = over => {}
+    }
+    Ok(Heard { findings: survey.findings(), interface })
+}
+
+/// All frames of one interface of a log: of the one that is wanted, or of the only one that there is.
+async fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<Heard> {
+    let reader = open_log(log, Wanted::interface(wanted.clone()))?;
+    let (mut replay, mut survey) = (Replay::new(reader, Pace::AsFastAsPossible), Survey::default());
+    if let Err(fault) = take_all(&mut replay, &mut survey).await {
+        cut_off(&fault);
+    }
+    let report = replay.report();
+    tell(report);
+    expect_frames(log, wanted.as_deref(), report)?;
+    let interface = wanted.map_or_else(|| only_interface(report), Ok)?;
+    Ok(Heard { findings: survey.findings(), interface })
+}
+
+/// The interface of all frames.
+fn only_interface(report: &LogReport) -> anyhow::Result<String> {
+    match report.interfaces.as_slice() {
+        [interface] => Ok(interface.clone()),
+        several => bail!("the log has {}: say which with --interface", several.join(" and ")),
+    }
+}
+
+/// Takes all that a source gives, until it ends.
+async fn take_all(source: &mut impl FrameSource, survey: &mut Survey) -> Result<(), SourceError> {
     let mut batch = Batch::default();
-    let until = time.and_then(|time| tokio::time::Instant::now().checked_add(time));
     while !batch.end {
-        let next = source.next(&mut batch);
-        match until {
-            Some(until) => match tokio::time::timeout_at(until, next).await {
-                Ok(next) => next?,
-                Err(_over) => break,
-            },
-            None => next.await?,
-        }
+        source.next(&mut batch).await?;
         batch.frames.iter().for_each(|frame| survey.frame(frame));
         for event in &batch.events {
             match event {
@@ -140,7 +166,7 @@ async fn survey(mut source: impl FrameSource, time: Option<Duration>) -> anyhow:
             }
         }
     }
-    Ok(survey.findings())
+    Ok(())
 }
 
 fn write_beginning(findings: &Findings, interface: &str, out: &Path) -> anyhow::Result<()> {

@@ -15,6 +15,7 @@ use anyhow::{Context as _, bail};
 use taxel_skin::PositionFile;
 
 use crate::config;
+use crate::files::read_any_text;
 use compose::{PatchDraft, Sources, compose};
 use drawing::Drawing;
 use part::Part;
@@ -137,10 +138,8 @@ fn part(said: Option<&str>, path: &Path, inside: Option<&str>) -> anyhow::Result
     })
 }
 
-/// A file's text; bytes that are none are replaced, since nothing that matters is beyond ASCII.
 fn read(path: &Path) -> anyhow::Result<String> {
-    let bytes = std::fs::read(path).with_context(|| format!("{}", path.display()))?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
+    read_any_text(path).with_context(|| format!("{}", path.display()))
 }
 
 /// The files of the robot's configuration, each with the name that tells its limb.

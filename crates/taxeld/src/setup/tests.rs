@@ -218,6 +218,17 @@ fn a_gauge_is_taken_in_the_words_of_the_configuration() {
     assert!(folder.resolved().plan.patches.len() == 2, "what is refused changes nothing");
 }
 
+/// A comment in Latin-1 is nothing that matters, to `setup` and to the daemon.
+#[test]
+fn a_comment_in_another_encoding_is_no_fault_of_a_position_file() {
+    let folder = Folder::new();
+    let hand = folder.put("left_hand.txt", "");
+    let text = [b"# gepr\xFCft\n", positions("l_hand", 1, &[8]).as_bytes()].concat();
+    std::fs::write(&hand, text).unwrap();
+    run(&["--positions", &hand, "--out", &folder.path("t.toml")]).unwrap();
+    assert!(folder.resolved().plan.patches[0].geometry.is_some());
+}
+
 #[test]
 fn what_cannot_be_is_refused_with_the_file() {
     let folder = Folder::new();

@@ -16,7 +16,8 @@ impl SessionRun {
     /// Brings pressure, rate, coverage and the time left up to date.
     pub fn refresh(&mut self, now: Time, gauge: &GaugeHistory) {
         let fresh = gauge.newest().filter(|&(time, _)| now.since(time) <= self.limits.gauge_timeout);
-        self.view.pressure_kpa = fresh.map(|(_, p)| p.0 - self.gauge_zero_kpa());
+        self.view.gauge_zero_kpa = self.gauge_zero_kpa();
+        self.view.pressure_kpa = fresh.map(|(_, p)| p.0 - self.view.gauge_zero_kpa);
         self.view.rate_kpa_per_s = fresh.and_then(|(time, _)| gauge.trend(time)).map(|trend| trend.rate_kpa_per_s);
         self.view.coverage = self.covered.iter().filter(|c| **c).count() as f64 / self.covered.len() as f64;
         self.count_responding();

@@ -29,7 +29,7 @@ pub struct RecalibrateArgs {
     /// Numbers of loads not to take.
     #[arg(long, value_name = "LOAD,...", value_delimiter = ',')]
     leave_out: Vec<u64>,
-    /// Relative standard deviation of what a sound skin reads from place to place, above 0 and at most 0.2 [default: 0.03].
+    /// Relative standard deviation of what a sound skin reads from place to place, 0.01 to 0.2 [default: 0.03].
     /// The smaller, the smaller a wrong load is found.
     #[arg(long, value_name = "SHARE")]
     place_uncertainty: Option<f64>,

@@ -45,6 +45,21 @@ fn names_become_signals_in_the_order_of_their_numbers() {
     assert_eq!((temperature.scale, temperature.offset, temperature.number.start_bit), (0.5, -40.0, 16));
 }
 
+/// Of an editor that begins files with a byte order mark, and with a unit in Latin-1.
+#[test]
+fn the_encoding_of_a_file_does_not_matter() {
+    let folder = tempfile::tempdir().unwrap();
+    let (before, after) = SKIN.split_once("degC").unwrap();
+    let bytes = ["\u{feff}".as_bytes(), before.as_bytes(), b"\xB0C", after.as_bytes()].concat();
+    std::fs::write(folder.path().join("skin.dbc"), bytes).unwrap();
+    let text = format!(
+        "store.path = \"t.db\"\n[[bus]]\nname = \"b\"\ninterface = \"can0\"\n{HEAD}dbc = \"skin.dbc\"\ntaxels = [\"Skin.T*\"]\n"
+    );
+    let path = folder.path().join("t.toml");
+    let config = crate::config::load::parse(&path, &text).unwrap();
+    assert_eq!(expand(&config.patch[0], &path).unwrap().signals.len(), 4);
+}
+
 #[test]
 fn nested_selectors_and_their_runs_are_followed() {
     let dbc = r#"VERSION ""

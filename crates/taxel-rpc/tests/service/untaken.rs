@@ -1,0 +1,212 @@
+//! Requests that do not come on and answers that nobody takes: what they hold is bounded, and free again.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use http_body_util::StreamBody;
+use taxel_engine::calibration::{Sample, SessionSamples, SessionState, SessionView};
+use taxel_engine::command::{Command, Done};
+use taxel_engine::snapshot::Catalogue;
+use taxel_proto::refusal::reason_of;
+use taxel_proto::v1;
+use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
+use taxel_proto::v1::force_service_client::ForceServiceClient;
+use taxel_proto::v1::model_service_client::ModelServiceClient;
+use taxel_rpc::Limits;
+use taxel_skin::Time;
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::body::Body;
+use tonic::codegen::{Bytes, Service, http};
+use tonic::transport::Channel;
+use tonic::{Code, Status};
+
+use crate::fixture::{Daemon, FOREARM, TAXELS, patient, snapshot, start, start_with, start_with_samples};
+
+const GET_FORCE: &str = "/taxel.v1.ForceService/GetForce";
+const IMPORT: &str = "/taxel.v1.ModelService/ImportModelSet";
+
+/// A request of which the rest never comes: five bytes say that a message of 100 follows, and one of these is sent.
+struct HalfSent {
+    answer: JoinHandle<http::Response<Body>>,
+    _rest: mpsc::Sender<Result<http_body::Frame<Bytes>, Status>>,
+}
+
+async fn half_sent(channel: &Channel, path: &str) -> HalfSent {
+    let (rest, body) = mpsc::channel(1);
+    rest.send(Ok(http_body::Frame::data(Bytes::from_static(&[0, 0, 0, 0, 100, 1])))).await.unwrap();
+    let request = http::Request::post(path)
+        .header("content-type", "application/grpc")
+        .body(Body::new(StreamBody::new(ReceiverStream::new(body))))
+        .unwrap();
+    let mut channel = channel.clone();
+    std::future::poll_fn(|cx| Service::<http::Request<Body>>::poll_ready(&mut channel, cx)).await.unwrap();
+    let answer = channel.call(request); // in line from here on, before whatever is asked next
+    HalfSent { answer: tokio::spawn(async move { answer.await.unwrap() }), _rest: rest }
+}
+
+async fn get_force(channel: &Channel) -> Result<v1::ForceSample, Status> {
+    let mut client = ForceServiceClient::new(channel.clone());
+    client.get_force(v1::GetForceRequest::default()).await.map(tonic::Response::into_inner)
+}
+
+/// A client that makes room for no byte of any answer.
+async fn without_room(daemon: &Daemon) -> Channel {
+    daemon.endpoint().initial_stream_window_size(0).connect().await.unwrap()
+}
+
+/// The answer to a call of `GetForce`, of which only the head has come.
+async fn untaken_force(channel: &Channel) -> http::Response<Body> {
+    let mut channel = channel.clone();
+    let request = http::Request::post(GET_FORCE)
+        .header("content-type", "application/grpc")
+        .body(Body::new(http_body_util::Full::new(Bytes::from_static(&[0; 5]))))
+        .unwrap();
+    std::future::poll_fn(|cx| Service::<http::Request<Body>>::poll_ready(&mut channel, cx)).await.unwrap();
+    channel.call(request).await.unwrap()
+}
+
+#[tokio::test]
+async fn only_a_model_set_may_be_large() {
+    let daemon = start().await;
+    let mut client = ModelServiceClient::new(daemon.connect().await);
+    let long = "x".repeat(100_000);
+    let request = v1::GetModelSetRequest { model_set: long.clone(), ..Default::default() };
+    let status = client.get_model_set(request).await.unwrap_err();
+    assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::OutOfRange, Some("REQUEST_UNREADABLE")));
+    let request = v1::ImportModelSetRequest { json: long, ..Default::default() };
+    let status = client.import_model_set(request).await.unwrap_err();
+    assert_eq!(status.code(), Code::InvalidArgument, "it is read: {status:?}");
+}
+
+#[tokio::test]
+async fn a_model_set_is_taken_in_when_the_one_before_it_is_read_or_given_up() {
+    let mut daemon = start().await;
+    let channel = daemon.connect().await;
+    let first = half_sent(&channel, IMPORT).await;
+    let mut client = ModelServiceClient::new(daemon.connect().await);
+    let import = async move {
+        client.import_model_set(v1::ImportModelSetRequest { json: "set m-1".to_owned(), ..Default::default() }).await
+    };
+    tokio::pin!(import);
+    let others = async {
+        for _ in 0..20 {
+            let _ = get_force(&channel).await;
+        }
+    };
+    tokio::select! {
+        _ = &mut import => panic!("two were taken in at once"),
+        () = others => {}
+    }
+    assert!(daemon.requests.try_recv().is_err(), "nothing has reached the engine");
+    first.answer.abort();
+    drop(first);
+    let imported = |command| assert!(matches!(command, Command::Import { .. }), "{command:?}");
+    let done = Ok(Done::Imported { model_set: "m-1".to_owned() });
+    let (answer, ()) = tokio::join!(import, daemon.answer(done, imported));
+    assert_eq!(answer.unwrap().into_inner().model_set, "m-1");
+}
+
+#[tokio::test]
+async fn a_request_that_does_not_come_on_ends_and_its_turn_and_place_are_free() {
+    let limits = Limits { body_pause: Duration::from_millis(20), calls: 1, calls_reserved: 0, ..patient() };
+    let daemon = start_with(&[FOREARM], limits).await;
+    let channel = daemon.connect().await;
+    for path in [GET_FORCE, IMPORT, IMPORT] {
+        let answer = half_sent(&channel, path).await.answer.await.unwrap();
+        let status = Status::from_header_map(answer.headers()).unwrap();
+        assert_eq!(status.code(), Code::DeadlineExceeded, "{path}: {status:?}");
+        assert_eq!(reason_of(&status).as_deref(), Some("BODY_REFUSED"), "{path}");
+    }
+}
+
+#[tokio::test]
+async fn calls_beyond_a_peers_share_are_refused_until_one_has_ended() {
+    let limits = Limits { calls: 8, calls_per_peer: 2, calls_reserved: 0, ..patient() };
+    let daemon = start_with(&[FOREARM], limits).await;
+    let channel = daemon.connect().await;
+    let held = [half_sent(&channel, GET_FORCE).await, half_sent(&channel, GET_FORCE).await];
+    let status = get_force(&channel).await.unwrap_err();
+    assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::ResourceExhausted, Some("NO_PLACE")));
+    assert!(status.message().contains("2 calls of loopback TCP are being served"), "{status:?}");
+    held.iter().for_each(|call| call.answer.abort());
+    drop(held);
+    while get_force(&channel).await.is_err() {}
+}
+
+#[tokio::test]
+async fn an_answer_that_nobody_takes_is_a_call_in_its_peers_share() {
+    let daemon = start_with(&[FOREARM], Limits { calls_per_peer: 1, ..patient() }).await;
+    let (mute, channel) = (without_room(&daemon).await, daemon.connect().await);
+    let untaken = untaken_force(&mute).await;
+    let status = get_force(&channel).await.unwrap_err();
+    assert!(status.message().contains("1 call of loopback TCP is being served"), "{status:?}");
+    drop(untaken);
+    while get_force(&channel).await.is_err() {}
+}
+
+#[tokio::test]
+async fn an_answer_that_nobody_takes_gives_its_place_back() {
+    let unread = Duration::from_millis(5);
+    let daemon = start_with(&[FOREARM], Limits { calls_per_peer: 1, unread, ..patient() }).await;
+    let mute = without_room(&daemon).await;
+    let channel = daemon.connect().await;
+    let untaken = untaken_force(&mute).await;
+    while get_force(&channel).await.is_err() {}
+    drop(untaken);
+}
+
+#[tokio::test]
+async fn a_stream_whose_reader_makes_no_room_gives_its_place_back() {
+    let limits = Limits { streams: 1, unread: Duration::from_millis(5), ..patient() };
+    let daemon = start_with(&[FOREARM], limits).await;
+    daemon.engine().patch(0, snapshot(1, Time::default()));
+    let mut mute = ForceServiceClient::new(without_room(&daemon).await);
+    let _untaken = mute.stream_force(v1::StreamForceRequest::default()).await.unwrap();
+    let mut other = ForceServiceClient::new(daemon.connect().await);
+    while other.stream_force(v1::StreamForceRequest::default()).await.is_err() {}
+}
+
+#[tokio::test]
+async fn a_connection_that_leaves_answer_after_answer_is_closed() {
+    let limits = Limits { unread: Duration::from_millis(5), untaken: 2, ..patient() };
+    let daemon = start_with(&[FOREARM], limits).await;
+    let mute = without_room(&daemon).await;
+    let _untaken = [untaken_force(&mute).await, untaken_force(&mute).await, untaken_force(&mute).await];
+    // Further calls find that it is gone.
+    let mut client = ForceServiceClient::new(mute.clone());
+    while !matches!(client.stream_force(v1::StreamForceRequest::default()).await, Err(status) if is_gone(&status)) {}
+}
+
+/// Whether the connection failed, and not the call.
+fn is_gone(status: &Status) -> bool {
+    reason_of(status).is_none()
+}
+
+#[tokio::test]
+async fn one_peer_has_one_export_at_a_time() {
+    let session = |number| {
+        Arc::new(SessionView {
+            number,
+            patch: FOREARM.to_owned(),
+            state: SessionState::Active,
+            ..SessionView::default()
+        })
+    };
+    // Several blocks, so that one waits for room and others for it.
+    let sample = |time_ns| Sample { ramp: 0, time_ns, pressure_kpa: 1.0, counts: vec![200; TAXELS].as_slice().into() };
+    let samples = Arc::new(move |_: u64, told: taxel_rpc::OnSamples| {
+        told(Ok(SessionSamples { ramps: Vec::new(), samples: (0..5_000).map(sample).collect() }));
+    });
+    let daemon = start_with_samples(samples).await;
+    daemon.engine().catalogue(Arc::new(Catalogue { sessions: vec![session(7)], ..Catalogue::default() }));
+    let request = || v1::ExportSamplesRequest { session: 7 };
+    let mut mute = CalibrationServiceClient::new(without_room(&daemon).await);
+    let untaken = mute.export_samples(request()).await.unwrap();
+    let mut client = CalibrationServiceClient::new(daemon.connect().await);
+    let status = client.export_samples(request()).await.unwrap_err();
+    assert!(status.message().contains("1 sample export of loopback TCP is being served"), "{status:?}");
+    drop(untaken);
+    while client.export_samples(request()).await.is_err() {}
+}

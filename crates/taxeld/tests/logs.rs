@@ -1,0 +1,232 @@
+//! Logs of a bus as they are found: of several interfaces, of a screen, joined, cut off, of a clock that was set.
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test's helpers fail as the test does
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use flate2::{Compression, write::GzEncoder};
+
+fn taxeld(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).stdin(Stdio::piped()).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What a command that must succeed prints, and what it says beside that.
+fn succeeds(arguments: &[&str]) -> (String, String) {
+    let output = taxeld(arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+    (text(&output.stdout), text(&output.stderr))
+}
+
+/// What a command that must fail says.
+fn fails(arguments: &[&str]) -> String {
+    let output = taxeld(arguments);
+    assert!(!output.status.success(), "{arguments:?} succeeded: {}", text(&output.stdout));
+    text(&output.stderr)
+}
+
+const CONFIG: &str = r#"
+[store]
+path = "t.db"
+[[listen]]
+unix = "s"
+[[bus]]
+name = "skin"
+interface = "can0"
+[[patch]]
+name = "palm"
+bus = "skin"
+listen_only = true
+[[patch.board]]
+address = 13
+modules = "0-1"
+[patch.gauge]
+id = 0x3A1
+length_bits = 32
+signed = true
+unit = "Pa"
+noise_kpa = 0.02
+"#;
+
+/// Lines of a scan.
+const SCAN_LINES: usize = 5;
+
+/// The frames of 640 scans of twenty taxels, one every 50 ms, that lose one count a kPa: at rest for 1.5 s, then 2.5 kPa/s
+/// up to 76 kPa. With the times in microseconds at which they came, the first at 0.
+fn frames() -> Vec<(u64, String)> {
+    let mut frames = Vec::new();
+    for scan in 0..640_u32 {
+        let kpa = 2.5 * (f64::from(scan) * 0.05 - 1.5).max(0.0);
+        let pascal: String = ((kpa * 1000.0) as i32).to_le_bytes().iter().map(|b| format!("{b:02X}")).collect();
+        let mut of_scan = vec![format!("3A1#{pascal}")];
+        for module in 0..2 {
+            // Pressure does not reach the two thermal pads.
+            let pressed = |k: u32| if matches!(k, 6 | 10) { 0.0 } else { kpa };
+            let count =
+                |k: u32| (240.0 - pressed(k) + f64::from((scan * 7 + k * 3) % 3) - 1.0).clamp(0.0, 255.0).round() as u8;
+            let hex = |from: u32, to: u32| (from..to).map(|k| format!("{:02X}", count(k))).collect::<String>();
+            of_scan.push(format!("4D{module}#40{}", hex(0, 7)));
+            of_scan.push(format!("4D{module}#C0{}0000", hex(7, 12)));
+        }
+        let at = |line: usize| u64::from(scan) * 50_000 + line as u64 * 120;
+        frames.extend(of_scan.into_iter().enumerate().map(|(line, frame)| (at(line), frame)));
+    }
+    frames
+}
+
+/// A log of these frames; `begin_s` says from when on the clock counts at each line, from 0.
+fn log(frames: &[(u64, String)], begin_s: impl Fn(usize) -> u64) -> String {
+    let mut log = String::new();
+    for (line, (at_us, frame)) in frames.iter().enumerate() {
+        let time_us = begin_s(line) * 1_000_000 + at_us;
+        writeln!(log, "({}.{:06}) can0 {frame}", time_us / 1_000_000, time_us % 1_000_000).unwrap();
+    }
+    log
+}
+
+/// As `candump -ta -a` shows such a log.
+fn on_a_screen(log: &str) -> String {
+    let mut text = String::new();
+    for line in log.lines() {
+        let (front, frame) = line.rsplit_once(' ').unwrap();
+        let (time, interface) = front.split_once(' ').unwrap();
+        let (id, data) = frame.split_once('#').unwrap();
+        let bytes: String =
+            data.as_bytes().chunks(2).map(|byte| format!(" {}", str::from_utf8(byte).unwrap())).collect();
+        writeln!(text, " {time}  {interface}  {id}   [{}] {bytes}   '........'", data.len() / 2).unwrap();
+    }
+    text
+}
+
+fn scratch(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, content) in files {
+        std::fs::write(folder.path().join(name), content).unwrap();
+    }
+    folder
+}
+
+fn path(folder: &Path, name: &str) -> String {
+    folder.join(name).to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_calibration_goes_on_where_the_clock_was_set_back_and_says_where() {
+    let set_back = |line: usize| if line < 200 * SCAN_LINES { 1_600_000_000 } else { 1_600_000_000 - 3600 };
+    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log(&frames(), set_back))]);
+    let [log, config, models] = ["t.log", "t.toml", "m.json"].map(|name| path(folder.path(), name));
+    let (printed, _) = succeeds(&["replay", &log, "--config", &config, "--calibrate", "70", "--out", &models]);
+    assert!(printed.contains("session: REVIEW") && printed.contains("20 of 20 usable"), "{printed}");
+    assert!(printed.contains("the clock stepped back by 3600.0 s at line 1001: times go on from there"), "{printed}");
+    assert!(printed.contains("(32.0 s of log)"), "{printed}");
+}
+
+#[test]
+fn two_runs_that_both_begin_at_0_give_the_force_of_both() {
+    let run = log(&frames()[..400 * SCAN_LINES], |_| 0);
+    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &format!("{run}{run}"))]);
+    let [log, config, force] = ["t.log", "t.toml", "f.csv"].map(|name| path(folder.path(), name));
+    let (printed, _) = succeeds(&["replay", &log, "--config", &config, "--force", &force]);
+    assert!(printed.contains("board 13: 2 modules, 1600 scans, 0 orphans"), "{printed}");
+    let rows = std::fs::read_to_string(&force).unwrap();
+    let times: Vec<f64> = rows.lines().skip(1).map(|row| row.split(',').next().unwrap().parse().unwrap()).collect();
+    assert!(times.is_sorted() && *times.last().unwrap() > 39.9, "until {:?}", times.last());
+}
+
+#[test]
+fn a_log_of_several_interfaces_is_scanned_by_the_name_of_one() {
+    let (first, second) = (log(&frames(), |_| 0), log(&frames(), |_| 0));
+    let second = second.replace("can0 4D0", "can1 4E0").replace("can0 4D1", "can1 4E1").replace("can0 3A1", "can1 3A2");
+    let both: String = first.lines().zip(second.lines()).map(|(a, b)| format!("{a}\n{b}\n")).collect();
+    let folder = scratch(&[("both.log", &both), ("second.log", &second)]);
+    let [both, second, out] = ["both.log", "second.log", "out.toml"].map(|name| path(folder.path(), name));
+    let said = fails(&["scan", &both, "--out", &out]);
+    assert!(said.contains("the log has can0 and can1: say which with --interface"), "{said}");
+    let (printed, _) = succeeds(&["scan", &both, "--interface", "can1"]);
+    assert!(printed.contains("board 14: modules 0-1") && !printed.contains("board 13"), "{printed}");
+    succeeds(&["scan", &second, "--out", &out]);
+    let begun = std::fs::read_to_string(&out).unwrap();
+    assert!(begun.contains("interface = \"can1\""), "{begun}");
+    let said = fails(&["scan", &both, "--interface", "can2"]);
+    assert!(said.contains("none of its 6400 frames is of can2: they are of can0, can1"), "{said}");
+}
+
+#[test]
+fn what_a_screen_showed_is_the_same_log() {
+    let log = log(&frames(), |_| 1_600_000_000);
+    let folder = scratch(&[("t.toml", CONFIG), ("a.log", &log), ("b.log", &on_a_screen(&log))]);
+    let config = path(folder.path(), "t.toml");
+    let models = ["a", "b"].map(|name| {
+        let [log, out] = ["log", "json"].map(|kind| path(folder.path(), &format!("{name}.{kind}")));
+        succeeds(&["replay", &log, "--config", &config, "--calibrate", "70", "--out", &out]);
+        std::fs::read_to_string(out).unwrap()
+    });
+    assert_eq!(models[0], models[1]);
+}
+
+#[test]
+fn lines_that_are_refused_are_told_and_a_log_of_nothing_else_fails_with_the_first() {
+    let log = log(&frames(), |_| 1_600_000_000).replacen('\n', "\nthis is no frame\n", 1);
+    let bare = "  can0  4D0   [3]  40 F0 EF\n  can0  4D0   [2]  C0 F0\n";
+    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log), ("bare.log", bare), ("empty.log", "# nothing\n")]);
+    let [config, log, bare, empty, out] =
+        ["t.toml", "t.log", "bare.log", "empty.log", "out"].map(|name| path(folder.path(), name));
+    let replay = |log| ["replay", log, "--config", &config].map(str::to_owned).to_vec();
+    let paced = |log| [replay(log), vec!["--speed".to_owned(), "1000".to_owned()]].concat();
+    let mut commands = vec![("scan", vec!["scan".to_owned()])];
+    commands.extend([("replay", replay("")), ("paced", paced(""))]);
+    if cfg!(feature = "report") {
+        commands.push(("paper", ["paper", "", "--config", &config, "--out", &out].map(str::to_owned).to_vec()));
+    }
+    for (name, command) in commands {
+        let of = |log: &str| -> Vec<String> {
+            let mut command = command.clone();
+            if name == "scan" {
+                command.push(log.to_owned())
+            } else {
+                log.clone_into(&mut command[1])
+            }
+            command
+        };
+        let arguments = of(&log);
+        let (printed, said) = succeeds(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        let told = if name == "replay" { printed } else { said };
+        assert!(told.contains("1 of 3201 lines are no frame:\n  line 2: column 1: found `t`"), "{name}: {told}");
+        let arguments = of(&bare);
+        let said = fails(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        let why =
+            "not one of its 2 lines is a frame: line 1: column 3: found `c`, expected `(` and a time: record with";
+        assert!(said.contains(why), "{name}: {said}");
+        let arguments = of(&empty);
+        let said = fails(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+        assert!(said.contains("there is no frame in it"), "{name}: {said}");
+    }
+}
+
+#[test]
+fn of_a_gzip_that_was_cut_off_all_before_is_used() {
+    let folder = scratch(&[("t.toml", CONFIG)]);
+    let [config, cut, models] = ["t.toml", "t.log.gz", "m.json"].map(|name| path(folder.path(), name));
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
+    std::io::Write::write_all(&mut encoder, log(&frames(), |_| 1_600_000_000).as_bytes()).unwrap();
+    let whole = encoder.finish().unwrap();
+    std::fs::write(&cut, &whole[..whole.len() - 9]).unwrap();
+    let (printed, said) = succeeds(&["replay", &cut, "--config", &config, "--calibrate", "70", "--out", &models]);
+    assert!(printed.contains("20 of 20 usable"), "{printed}");
+    assert!(said.contains("t.log.gz: after line 3") && said.contains("; everything before it was read"), "{said}");
+    let (printed, said) = succeeds(&["scan", &cut]);
+    assert!(printed.contains("board 13: modules 0-1"), "{printed}");
+    assert!(said.contains("; everything before it was read"), "{said}");
+}
+
+#[test]
+fn a_log_that_can_be_read_once_plays_no_two_buses() {
+    let two = CONFIG.replace("[[patch]]", "[[bus]]\nname = \"leg\"\ninterface = \"can1\"\n[[patch]]");
+    let folder = scratch(&[("t.toml", &two)]);
+    let said = fails(&["replay", "-", "--config", &path(folder.path(), "t.toml"), "--speed", "1"]);
+    assert!(said.contains("each of the 2 buses of the configuration reads the log for itself"), "{said}");
+}
