@@ -25,7 +25,9 @@ use crate::say;
 use crate::soundness::{Wanted, check};
 use crate::threads::Threads;
 
-pub use summary::{print_summary, spread};
+pub use summary::print_summary;
+#[cfg(feature = "client")]
+pub use summary::spread;
 
 /// A bar is shown for what takes longer.
 const BAR_AFTER: Duration = Duration::from_secs(1);
