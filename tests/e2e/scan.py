@@ -74,7 +74,9 @@ def check_boards(taxeld, scratch):
     with Boards(logs[13]), Boards(logs[12]):
         found = taxeld_scan(taxeld, "vcan0", "--out", begun)["findings"]
         again = unhurried(taxeld_scan(taxeld, "vcan0", "--config", begun)["differences"])
-    assert len(again) == 1 and re.match(r"board 12 sends every [23]. ms, the configuration says [5-8]. ms$", again[0]), again
+    # Senders in Python that share a processor with the daemon are some milliseconds early or late.
+    pace = re.match(r"board 12 sends every (\d+) ms, the configuration says (\d+) ms$", again[0]) if len(again) == 1 else None
+    assert pace and 18 <= int(pace[1]) < 40 and 45 <= int(pace[2]) < 90, again
     assert found["boards"].keys() == {"12", "13"}, found["boards"].keys()
     for address, (modules, period_ms) in present.items():
         board = found["boards"][str(address)]
