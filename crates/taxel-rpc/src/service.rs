@@ -34,13 +34,9 @@ pub(crate) struct Service {
     pub(crate) audit_reading: Arc<Semaphore>,
 }
 
-fn one_at_a_time() -> Arc<Semaphore> {
-    Arc::new(Semaphore::new(1))
-}
-
 impl Service {
     pub(crate) fn new(handle: Handle, limits: Limits, shares: Arc<Shares>) -> Self {
-        Self { handle, limits: Arc::new(limits), shares, audit_reading: one_at_a_time() }
+        Self { handle, limits: Arc::new(limits), shares, audit_reading: Arc::new(Semaphore::new(1)) }
     }
 
     /// Position of the patch of this name; an empty name stands for the only one.

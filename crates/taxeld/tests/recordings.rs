@@ -230,14 +230,7 @@ fn the_least_squares_polynomial_of_a_table_is_written_down_whatever_it_is_good_f
     let wampler5: Vec<(f64, f64)> = (0..21).map(|i| (i as f64, sum(i as f64) + scatter(i))).collect();
     let (got, status) = polynomial(&wampler5, 5, &["--exact"]);
     assert_eq!(status, "interval_too_wide");
-    let free = taxel_model::fit(
-        &taxel_model::Samples::new(
-            &wampler5.iter().map(|p| p.0).collect::<Vec<_>>(),
-            &wampler5.iter().map(|p| p.1).collect::<Vec<_>>(),
-        ),
-        &taxel_model::FitOptions { shape: taxel_model::Shape::Report, exact: true, ..Default::default() },
-    );
-    assert_eq!(got, free.raw_coefficients);
+    assert_eq!(got, [1.0; 6]);
     // As many points as coefficients.
     let exact: Vec<(f64, f64)> = (0..3).map(|i| (i as f64, 2.0 + f64::from(i) + 3.0 * f64::from(i * i))).collect();
     let (got, status) = polynomial(&exact, 2, &[]);

@@ -25,6 +25,8 @@ use tonic::{Code, Status};
 use crate::fixture::{Daemon, FOREARM, TAXELS, patient, snapshot, start, start_with, start_with_samples};
 
 const GET_FORCE: &str = "/taxel.v1.ForceService/GetForce";
+/// Calls that are made until something has to have come about that takes milliseconds.
+const TRIES: u32 = 100_000;
 const IMPORT: &str = "/taxel.v1.ModelService/ImportModelSet";
 
 /// A request of which the rest never comes: five bytes say that a message of 100 follows, and one of these is sent.
@@ -49,6 +51,16 @@ async fn half_sent(channel: &Channel, path: &str) -> HalfSent {
 async fn get_force(channel: &Channel) -> Result<v1::ForceSample, Status> {
     let mut client = ForceServiceClient::new(channel.clone());
     client.get_force(v1::GetForceRequest::default()).await.map(tonic::Response::into_inner)
+}
+
+/// Asks again until it is so. Tries are counted, so that a fault ends the test.
+async fn until(mut is_so: impl AsyncFnMut() -> bool) {
+    for _ in 0..TRIES {
+        if is_so().await {
+            return;
+        }
+    }
+    panic!("it is not so after {TRIES} calls");
 }
 
 /// A client that makes room for no byte of any answer.
@@ -132,7 +144,7 @@ async fn calls_beyond_a_peers_share_are_refused_until_one_has_ended() {
     assert!(status.message().contains("2 calls of loopback TCP are being served"), "{status:?}");
     held.iter().for_each(|call| call.answer.abort());
     drop(held);
-    while get_force(&channel).await.is_err() {}
+    until(async || get_force(&channel).await.is_ok()).await;
 }
 
 #[tokio::test]
@@ -143,7 +155,7 @@ async fn an_answer_that_nobody_takes_is_a_call_in_its_peers_share() {
     let status = get_force(&channel).await.unwrap_err();
     assert!(status.message().contains("1 call of loopback TCP is being served"), "{status:?}");
     drop(untaken);
-    while get_force(&channel).await.is_err() {}
+    until(async || get_force(&channel).await.is_ok()).await;
 }
 
 #[tokio::test]
@@ -153,7 +165,7 @@ async fn an_answer_that_nobody_takes_gives_its_place_back() {
     let mute = without_room(&daemon).await;
     let channel = daemon.connect().await;
     let untaken = untaken_force(&mute).await;
-    while get_force(&channel).await.is_err() {}
+    until(async || get_force(&channel).await.is_ok()).await;
     drop(untaken);
 }
 
@@ -165,7 +177,7 @@ async fn a_stream_whose_reader_makes_no_room_gives_its_place_back() {
     let mut mute = ForceServiceClient::new(without_room(&daemon).await);
     let _untaken = mute.stream_force(v1::StreamForceRequest::default()).await.unwrap();
     let mut other = ForceServiceClient::new(daemon.connect().await);
-    while other.stream_force(v1::StreamForceRequest::default()).await.is_err() {}
+    until(async || other.stream_force(v1::StreamForceRequest::default()).await.is_ok()).await;
 }
 
 #[tokio::test]
@@ -176,7 +188,8 @@ async fn a_connection_that_leaves_answer_after_answer_is_closed() {
     let _untaken = [untaken_force(&mute).await, untaken_force(&mute).await, untaken_force(&mute).await];
     // Further calls find that it is gone.
     let mut client = ForceServiceClient::new(mute.clone());
-    while !matches!(client.stream_force(v1::StreamForceRequest::default()).await, Err(status) if is_gone(&status)) {}
+    let request = v1::StreamForceRequest::default;
+    until(async || client.stream_force(request()).await.is_err_and(|status| is_gone(&status))).await;
 }
 
 /// Whether the connection failed, and not the call.
@@ -208,5 +221,5 @@ async fn one_peer_has_one_export_at_a_time() {
     let status = client.export_samples(request()).await.unwrap_err();
     assert!(status.message().contains("1 sample export of loopback TCP is being served"), "{status:?}");
     drop(untaken);
-    while client.export_samples(request()).await.is_err() {}
+    until(async || client.export_samples(request()).await.is_ok()).await;
 }
