@@ -60,39 +60,45 @@ impl Footprint {
     pub fn share_on_skin(&self, skin: &Skin) -> Result<f64, LoadError> {
         let [x, y] = self.centre_mm(skin)?;
         let outline = Self { profile: Profile::Flat, tilt: 0.0, ..*self };
+        let density = outline.density();
         let (mut all, mut on) = (0_u32, 0_u32);
-        for [dx, dy] in outline.grid().filter(|&[dx, dy]| outline.density(dx, dy) > 0.0) {
+        for [dx, dy] in outline.grid().filter(|&[dx, dy]| density(dx, dy) > 0.0) {
             all += 1;
             on += u32::from(skin.covers([x + dx, y + dy]));
         }
         Ok(f64::from(on) / f64::from(all.max(1)))
     }
 
-    /// The pressure at a point about its centre in millimetres, up to a factor; nothing outside.
-    pub(crate) fn density(&self, dx: f64, dy: f64) -> f64 {
-        let [u, v] = self.in_axes(dx, dy);
-        let square = u.powi(2) + v.powi(2);
-        if square >= 1.0 {
-            return 0.0;
+    /// The pressure at points about its centre in millimetres, up to a factor; nothing outside.
+    pub(crate) fn density(&self) -> impl Fn(f64, f64) -> f64 + use<> {
+        let (in_axes, profile, tilt) = (self.in_axes(), self.profile, self.tilt);
+        move |dx, dy| {
+            let [u, v] = in_axes(dx, dy);
+            let square = u.powi(2) + v.powi(2);
+            if square >= 1.0 {
+                return 0.0;
+            }
+            let pressure = match profile {
+                Profile::Hertz => (1.0 - square).sqrt(),
+                Profile::Flat => 1.0,
+            };
+            pressure * (1.0 + tilt * u)
         }
-        let profile = match self.profile {
-            Profile::Hertz => (1.0 - square).sqrt(),
-            Profile::Flat => 1.0,
-        };
-        profile * (1.0 + self.tilt * u)
     }
 
-    /// A point about its centre in units of its half axes.
-    fn in_axes(&self, dx: f64, dy: f64) -> [f64; 2] {
-        let [a, b] = self.semi_axes_mm;
-        let (sine, cosine) = self.turn.sin_cos();
-        [(cosine * dx + sine * dy) / a, (cosine * dy - sine * dx) / b]
+    /// Points about its centre in units of its half axes.
+    fn in_axes(&self) -> impl Fn(f64, f64) -> [f64; 2] + use<> {
+        let ([a, b], (sine, cosine)) = (self.semi_axes_mm, self.turn.sin_cos());
+        move |dx, dy| [(cosine * dx + sine * dy) / a, (cosine * dy - sine * dx) / b]
     }
 
-    /// How far a point is from its centre in units of its half axes; 1 at the rim.
-    pub(crate) fn distance(&self, dx: f64, dy: f64) -> f64 {
-        let [u, v] = self.in_axes(dx, dy);
-        u.hypot(v)
+    /// How far points are from its centre in units of its half axes; 1 at the rim.
+    pub(crate) fn distance(&self) -> impl Fn(f64, f64) -> f64 + use<> {
+        let in_axes = self.in_axes();
+        move |dx, dy| {
+            let [u, v] = in_axes(dx, dy);
+            u.hypot(v)
+        }
     }
 
     /// Points of a square grid about its centre that hold the whole ellipse, in millimetres.

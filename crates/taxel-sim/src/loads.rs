@@ -37,7 +37,13 @@ struct Placed {
     centre_mm: Change<[f64; 2]>,
     /// What its whole weight does at the end of its way.
     arrived: Pressed,
+    /// The same at places of equal distance on its way, first and last included; empty where that is worked out at each
+    /// moment.
+    way: Vec<Pressed>,
 }
+
+/// Through a layer of some millimetres, what a load does changes over no shorter way than this.
+const WAY_STEP_MM: f64 = 2.0;
 
 impl Placed {
     fn weight(&self, now: Time) -> f64 {
@@ -53,9 +59,16 @@ impl Placed {
 
     /// Hands over what it does now, and the share of its weight that rests on the skin.
     fn pressing<R>(&self, now: Time, skin: &Skin, path: &Path, then: impl FnOnce(f64, &Pressed) -> R) -> R {
-        let weight = self.weight(now);
-        let rolling = (self.centre_mm.share(now) < 1.0).then(|| path.press(skin, &self.mass, self.centre_mm(now)));
-        match rolling {
+        let (weight, share) = (self.weight(now), self.centre_mm.share(now));
+        let on_way = || match self.way.len().checked_sub(1) {
+            None => path.press(skin, &self.mass, self.centre_mm(now)),
+            Some(steps) => {
+                let along = share * steps as f64;
+                let step = (along as usize).min(steps.saturating_sub(1));
+                Ok(self.way[step].towards(&self.way[(step + 1).min(steps)], along - step as f64))
+            }
+        };
+        match (share < 1.0).then(on_way) {
             // Where its way leads over no skin it stays where it goes to.
             Some(Ok(on_its_way)) => then(weight, &on_its_way),
             Some(Err(_)) | None => then(weight, &self.arrived),
@@ -109,6 +122,7 @@ impl Loads {
             weight: Change { from: 0.0, to: 1.0, begin: now, over },
             centre_mm: Change { from: centre, to: centre, begin: now, over: Duration::ZERO },
             arrived,
+            way: Vec::new(),
         });
         Ok(id)
     }
@@ -136,10 +150,28 @@ impl Loads {
         mass.footprint.centre = to;
         let arrived = self.pressed(skin, &mass)?;
         let end = mass.footprint.centre_mm(skin)?;
+        let begin = self.placed[index].centre_mm(now);
+        let way = self.way(skin, &mass, begin, end);
         let placed = &mut self.placed[index];
-        placed.centre_mm = Change { from: placed.centre_mm(now), to: end, begin: now, over };
-        (placed.mass, placed.arrived) = (mass, arrived);
+        placed.centre_mm = Change { from: begin, to: end, begin: now, over };
+        (placed.mass, placed.arrived, placed.way) = (mass, arrived, way);
         Ok(())
+    }
+
+    /// What a mass does on its way, where the layer makes that costly; where its way leads over no skin, what it does at
+    /// the end.
+    fn way(&self, skin: &Skin, mass: &Mass, from_mm: [f64; 2], to_mm: [f64; 2]) -> Vec<Pressed> {
+        if matches!(self.path, Path::Shared) {
+            return Vec::new();
+        }
+        let way_mm = [to_mm[0] - from_mm[0], to_mm[1] - from_mm[1]];
+        let steps = (way_mm[0].hypot(way_mm[1]) / WAY_STEP_MM).ceil().max(1.0) as u32;
+        let at = |step: u32| {
+            let share = f64::from(step) / f64::from(steps);
+            self.path.press(skin, mass, [from_mm[0] + share * way_mm[0], from_mm[1] + share * way_mm[1]])
+        };
+        let end = at(steps);
+        (0..=steps).filter_map(|step| at(step).or_else(|_| end.clone()).ok()).collect()
     }
 
     /// All masses are gone at once.

@@ -39,10 +39,20 @@ impl Default for Layer {
 /// What a load does to the skin while all of its weight rests there.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Pressed {
-    /// Pressure on each taxel that feels it, kPa, with the taxel's index; never empty.
+    /// Pressures on the taxels that feel it, kPa, with the taxel's index, to be added up; never empty.
     pub(crate) kpa: Vec<(usize, f64)>,
     /// Sum of force times outward normal, N.
     pub(crate) vector_n: [f64; 3],
+}
+
+impl Pressed {
+    /// So much of the way to another, 0 to 1.
+    pub(crate) fn towards(&self, other: &Self, share: f64) -> Self {
+        let mut kpa: Vec<_> = self.kpa.iter().map(|&(taxel, kpa)| (taxel, (1.0 - share) * kpa)).collect();
+        kpa.extend(other.kpa.iter().map(|&(taxel, kpa)| (taxel, share * kpa)));
+        let vector_n = [0, 1, 2].map(|axis| (1.0 - share) * self.vector_n[axis] + share * other.vector_n[axis]);
+        Self { kpa, vector_n }
+    }
 }
 
 /// Beyond this distance a pad feels next to nothing of a point load, mm: 1 % of it under 2 mm of layer.
@@ -94,15 +104,17 @@ fn shared(skin: &Skin, mass: &Mass, centre_mm: [f64; 2]) -> Pressed {
         let [x, y] = poses[index].unrolled_mm;
         [x - centre_mm[0], y - centre_mm[1]]
     };
+    let density = mass.footprint.density();
     let density = |index: usize| {
         let [dx, dy] = from_centre(index);
-        (index, mass.footprint.density(dx, dy))
+        (index, density(dx, dy))
     };
     let mut covered: Vec<(usize, f64)> = (0..poses.len()).map(density).filter(|(_, weight)| *weight > 0.0).collect();
     if covered.is_empty() {
+        let distance = mass.footprint.distance();
         let distance = |index: &usize| {
             let [dx, dy] = from_centre(*index);
-            mass.footprint.distance(dx, dy)
+            distance(dx, dy)
         };
         let nearest = (0..poses.len()).min_by(|i, j| distance(i).total_cmp(&distance(j)));
         covered.extend(nearest.map(|index| (index, 1.0)));
@@ -124,8 +136,9 @@ fn through_layer(
     [x, y]: [f64; 2],
 ) -> Result<Pressed, LoadError> {
     let footprint = &mass.footprint;
+    let density = footprint.density();
     let on_skin = |dx: f64, dy: f64| {
-        let density = footprint.density(dx, dy);
+        let density = density(dx, dy);
         if density > 0.0 && skin.covers([x + dx, y + dy]) { density } else { 0.0 }
     };
     let (mut total, mut vector_n) = (0.0, [0.0; 3]);

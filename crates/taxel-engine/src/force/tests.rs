@@ -230,6 +230,16 @@ fn a_fault_away_from_the_contact_degrades_nothing_and_one_beside_it_does() {
     assert_eq!(state, ForceState::Degraded, "without positions nobody knows where it lies");
 }
 
+/// Found by the simulation, seed 1230781: at the end of its range it stood still under a load, and was taken for broken.
+#[test]
+fn a_taxel_with_a_fault_beside_the_contact_that_reads_a_load_makes_the_total_a_lower_bound() {
+    for geometry in [Some(row(TAXELS)), None] {
+        let (state, reasons, bound) = Skin::new(geometry).press(20..24, 30).press(24..25, 200).fault(24).verdict();
+        let text = "1 taxels have a fault, and 1 of them read a load: the total is a lower bound";
+        assert_eq!((state, reasons, bound), (ForceState::Degraded, vec![text.to_owned()], true));
+    }
+}
+
 #[test]
 fn a_taxel_that_the_models_exclude_degrades_nothing() {
     let mut models = ModelSet::clone(&set(TAXELS));

@@ -8,7 +8,7 @@ use taxel_engine::calibration::SessionState;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
-use taxel_sim::{Config, DielectricConfig, PumpCommand, Skin, World};
+use taxel_sim::{Config, DielectricConfig, Layer, LoadPath, PumpCommand, Skin, World};
 use taxel_skin::{Board, Kilopascal, ModuleKind, Patch, Time};
 
 use crate::daemon::Daemon;
@@ -63,7 +63,10 @@ fn calibrate(n: usize) -> House {
     // Every other skin tares so well that no taxel rests on a rail.
     let fine = DielectricConfig { tare_bias_counts: 1.0, tare_residue_counts: 0.5, ..DielectricConfig::default() };
     let dielectric = if n.is_multiple_of(2) { DielectricConfig::default() } else { fine };
-    let mut world = World::new(skin, Config { dielectric, ..Config::seeded(seed) }).unwrap();
+    // Loads reach the taxels through a soft layer: where they were shared out over the taxels whose centres they cover, half
+    // a load that hangs over the rim lay on one taxel alone, and its neighbours felt nothing of tens of newtons.
+    let loads = LoadPath::Layer(Layer::default());
+    let mut world = World::new(skin, Config { dielectric, loads, ..Config::seeded(seed) }).unwrap();
     let branches = if n % 3 == 1 { Branch::Both } else { Branch::Rising };
     let whole = plan(patch_plan(world.skin()));
     let mut daemon = Daemon::new(whole, Store::default(), Dice::new(seed), world.now());

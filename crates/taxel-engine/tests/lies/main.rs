@@ -11,6 +11,7 @@ mod dice;
 mod faults;
 mod hands;
 mod house;
+mod inquiry;
 mod judge;
 mod kinds;
 mod mishaps;
@@ -60,7 +61,7 @@ fn play_all(first: u64, more: impl Fn(u64, Duration) -> bool + Sync) -> Tally {
                     if !more(seed - first, whole.lock().unwrap().simulated) {
                         break;
                     }
-                    let told = catch_unwind(|| story::play(seed));
+                    let told = catch_unwind(|| inquiry::play(seed));
                     match told {
                         Ok(told) => whole.lock().unwrap().add(&told.tally),
                         Err(_) => panicked.lock().unwrap().push(seed),
@@ -176,7 +177,7 @@ fn a_long_run_holds_no_lie_but_argued_ones() {
 #[test]
 fn the_story_of_a_named_seed_holds_no_lie_but_argued_ones() {
     let Some(seed) = variable("LIES_SEED").filter(|_| variable("LIES_MINUTES").is_none()) else { return };
-    let told = story::play(seed);
+    let told = inquiry::play(seed);
     println!("{}\n\n{}", told.lines.join("\n"), told.tally);
     assert_no_lies(&told.tally);
 }
@@ -184,7 +185,7 @@ fn the_story_of_a_named_seed_holds_no_lie_but_argued_ones() {
 #[test]
 fn the_same_seed_tells_the_same_story() {
     for seed in [1, 4] {
-        let (first, second) = (story::play(seed), story::play(seed));
+        let (first, second) = (inquiry::play(seed), inquiry::play(seed));
         assert!(first.lines.len() > 5 && first.tally.samples > 100, "seed {seed}: {:?}", first.lines);
         assert_eq!(first.lines, second.lines, "seed {seed}");
         assert_eq!(first.tally.to_string(), second.tally.to_string(), "seed {seed}");

@@ -7,7 +7,7 @@ use taxel_skin::Time;
 
 use crate::dice::Dice;
 use crate::faults::{Trouble, trouble};
-use crate::kinds::Kind;
+use crate::kinds::{Kind, Kinds};
 use crate::stage::Stage;
 
 /// The troubles of one story, by time.
@@ -21,8 +21,9 @@ pub struct Mishaps {
 }
 
 impl Mishaps {
-    /// None in a quarter of the stories, else one kind or several, each up to three times.
-    pub fn new(mut dice: Dice, stage: &Stage, length: Duration) -> Self {
+    /// None in a quarter of the stories, else one kind or several, each up to three times; those of the kinds `without` are
+    /// left out, which changes nothing else of the story but what follows from them.
+    pub fn new(mut dice: Dice, stage: &Stage, length: Duration, without: Kinds) -> Self {
         let kinds = if dice.chance(0.25) { 0 } else { dice.pick(&[1, 1, 1, 1, 2, 2, 3]) };
         let mut due = Vec::new();
         for _ in 0..kinds {
@@ -32,6 +33,7 @@ impl Mishaps {
                 due.push((at, trouble(kind, stage.world.skin(), &mut dice)));
             }
         }
+        due.retain(|(_, trouble)| !without.has(trouble.kind));
         due.sort_by_key(|(at, _)| std::cmp::Reverse(*at));
         Self { due, under_way: Vec::new(), power_cycled: false, store_failed: false }
     }

@@ -45,13 +45,14 @@ pub struct Stage {
 }
 
 impl Stage {
-    pub fn new(house: &'static House, world: World, daemon: Daemon) -> Self {
+    /// Those that are `cleared` name no lie.
+    pub fn new(house: &'static House, world: World, daemon: Daemon, cleared: Kinds) -> Self {
         let begin = world.now();
         Self {
             house,
             world,
             daemon,
-            suspects: Suspects::new(begin),
+            suspects: Suspects::new(begin, cleared),
             truth: Truth::default(),
             loads: 0,
             changes_until: begin,

@@ -6,13 +6,13 @@ use std::time::Duration;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 use taxel_skin::Time;
 
-use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART};
+use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART, is_allowed};
 use crate::daemon::Daemon;
 use crate::dice::Dice;
 use crate::hands::Hands;
 use crate::house::{SKINS, SLOT, house, scene};
 use crate::judge::{Lie, interval, judge};
-use crate::kinds::Kinds;
+use crate::kinds::{Kind, Kinds};
 use crate::mishaps::Mishaps;
 use crate::operator::Operator;
 use crate::rig::plan;
@@ -49,16 +49,30 @@ impl Spell {
     }
 }
 
+/// A sample that lied.
+#[derive(Clone, Copy, Debug)]
+pub struct LyingSample {
+    pub time: Time,
+    pub lie: Lie,
+    /// What it is named after.
+    pub from: Option<Kind>,
+    pub argued: bool,
+}
+
 /// What a story came to.
 pub struct Told {
     pub tally: Tally,
     /// Everything that happened, a line each.
     pub lines: Vec<String>,
+    /// Every sample that lied, oldest first.
+    pub lies: Vec<LyingSample>,
+    /// What happened in it.
+    pub ever: Kinds,
 }
 
-/// Plays the story of this seed.
-pub fn play(seed: u64) -> Told {
-    let mut story = Story::new(seed);
+/// Plays the story of this seed, `without` what goes wrong of these kinds; those that are `cleared` name no lie.
+pub fn play(seed: u64, without: Kinds, cleared: Kinds) -> Told {
+    let mut story = Story::new(seed, without, cleared);
     let length = story.length;
     let end = story.stage.now() + length;
     while story.stage.now() < end {
@@ -66,7 +80,7 @@ pub fn play(seed: u64) -> Told {
     }
     let (ever, lied) = (story.stage.suspects.ever, story.tally.lies > 0);
     story.tally.story(ever, lied);
-    Told { lines: story.stage.last_lines(usize::MAX), tally: story.tally }
+    Told { lines: story.stage.last_lines(usize::MAX), tally: story.tally, lies: story.lies, ever }
 }
 
 struct Story {
@@ -83,11 +97,12 @@ struct Story {
     spell: Option<Spell>,
     /// When the zero of the last sample was taken, by its label, and whether the first sample at it lied.
     zero: (Option<i64>, bool),
+    lies: Vec<LyingSample>,
     frames: Vec<taxel_wire::TimedFrame>,
 }
 
 impl Story {
-    fn new(seed: u64) -> Self {
+    fn new(seed: u64, without: Kinds, cleared: Kinds) -> Self {
         let root = Dice::new(seed);
         let mut dice = root.of(1);
         let length = Duration::from_secs_f64(dice.between(60.0, 300.0));
@@ -101,7 +116,7 @@ impl Story {
         let begins_loaded = dice.chance(0.12);
         let now = world.now();
         let daemon = Daemon::new(plan(patch), Store::with(&house.set), root.of(2), now);
-        let mut stage = Stage::new(house, world, daemon);
+        let mut stage = Stage::new(house, world, daemon, cleared);
         stage.tell(format!("seed {seed}: skin {number}, {:.0} s, listens only: {listens_only}", length.as_secs_f64()));
         let mut hands = Hands::new(root.of(3), now, length);
         if begins_loaded {
@@ -109,7 +124,7 @@ impl Story {
         }
         stage.changes(Duration::ZERO);
         stage.note_truth();
-        let mishaps = Mishaps::new(root.of(4), &stage, length);
+        let mishaps = Mishaps::new(root.of(4), &stage, length, without);
         let operator = Operator::new(root.of(5), now, length, listens_only);
         Self {
             seed,
@@ -123,6 +138,7 @@ impl Story {
             lying: None,
             spell: None,
             zero: (None, false),
+            lies: Vec::new(),
             frames: Vec::new(),
         }
     }
@@ -181,7 +197,9 @@ impl Story {
                     stage.tell(format!("no lie any more: {text}"));
                 }
             }
-            Some((lie, name)) => {
+            Some((lie, (from, name))) => {
+                let argued = is_allowed(&name, lie.excess_n);
+                self.lies.push(LyingSample { time: snapshot.time, lie, from, argued });
                 if self.lying.as_ref() != Some(&name) {
                     let text = reading(snapshot, truth);
                     stage.tell(format!("LIE `{name}`: {text}"));
@@ -198,7 +216,7 @@ impl Story {
     }
 }
 
-/// What a lie is called: what it may come from, what lay on the skin, and which way it went.
+/// What a lie may come from, and what it is called: that, what lay on the skin, and which way it went.
 fn name(
     stage: &Stage,
     snapshot: &PatchSnapshot,
@@ -206,13 +224,14 @@ fn name(
     lie: Lie,
     (least, greatest): (f64, f64),
     wrong: Wrong,
-) -> String {
+) -> (Option<Kind>, String) {
     let now = stage.now();
     let excluded = f64::from(snapshot.force.excluded) / snapshot.taxels.len() as f64;
     let apart = apart(stage, snapshot.time, stated);
     let forgotten = stage.daemon.has_forgotten() && lie.too_little;
     let mutes = stage.suspects.mutes(now).filter(|_| apart == HEARD_LATE);
-    let root = match mutes.or_else(|| stage.suspects.principal(stage.suspects.present(now), wrong)) {
+    let from = mutes.or_else(|| stage.suspects.principal(stage.suspects.present(now), wrong));
+    let root = match from {
         Some(kind) => kind.name(),
         None if excluded > MANY_EXCLUDED => "no fault, but many taxels excluded",
         None => "no fault",
@@ -237,7 +256,7 @@ fn name(
     };
     let size = if lie.excess_n < LITTLE_N { " by a little" } else { "" };
     let forgotten = if forgotten && RETARES.iter().any(|kind| kind.name() == root) { FORGOTTEN } else { "" };
-    format!("{root}; {load}; {way}{size}{apart}{forgotten}")
+    (from, format!("{root}; {load}; {way}{size}{apart}{forgotten}"))
 }
 
 /// Whether a statement would be true if each module had been read at another moment of what a sample may be of, or of what

@@ -53,7 +53,8 @@ pub struct Wrong {
 /// What goes on, what has just ended, and what a zero or a model set keeps of it.
 #[derive(Debug)]
 pub struct Suspects {
-    begun: Vec<u32>,
+    /// What goes on, and since when; a kind may be there several times.
+    under_way: Vec<(Kind, Time)>,
     /// Those that have ended at least once.
     over: Kinds,
     /// Those that go on.
@@ -71,15 +72,18 @@ pub struct Suspects {
     blame: Option<Kinds>,
     /// All that ever happened.
     pub ever: Kinds,
+    /// Those that name no lie: the same are told without them.
+    cleared: Kinds,
 }
 
 impl Suspects {
-    /// The daemon has just started, which counts as a restart: its first zero takes its time.
-    pub fn new(now: Time) -> Self {
+    /// The daemon has just started, which counts as a restart: its first zero takes its time. Those that are `cleared` name
+    /// no lie.
+    pub fn new(now: Time, cleared: Kinds) -> Self {
         let mut ended = vec![None; Kind::ALL.len()];
         ended[Kind::Restart as usize] = Some(now);
         Self {
-            begun: vec![0; Kind::ALL.len()],
+            under_way: Vec::new(),
             over: Kinds::one(Kind::Restart),
             going_on: Kinds::default(),
             newest: vec![None; Kind::ALL.len()],
@@ -89,11 +93,12 @@ impl Suspects {
             models: Kinds::default(),
             blame: None,
             ever: Kinds::default(),
+            cleared,
         }
     }
 
     pub fn begin(&mut self, kind: Kind, now: Time) {
-        self.begun[kind as usize] += 1;
+        self.under_way.push((kind, now));
         self.going_on.insert(kind);
         self.newest[kind as usize] = Some(now);
         self.ever.insert(kind);
@@ -103,8 +108,10 @@ impl Suspects {
     }
 
     pub fn end(&mut self, kind: Kind, now: Time) {
-        self.begun[kind as usize] = self.begun[kind as usize].saturating_sub(1);
-        if self.begun[kind as usize] == 0 {
+        if let Some(place) = self.under_way.iter().position(|(other, _)| *other == kind) {
+            self.under_way.remove(place);
+        }
+        if self.under_way.iter().all(|(other, _)| *other != kind) {
             self.going_on.remove(kind);
         }
         self.ended[kind as usize] = Some(now);
@@ -165,13 +172,16 @@ impl Suspects {
         let of_zero = too_little && wrong.of_zero;
         let newest = |kinds: &mut dyn Iterator<Item = Kind>| kinds.max_by_key(|kind| self.newest[*kind as usize]);
         // What keeps modules from being heard adds nothing to a force, unless there is nothing else that could.
-        let faults = || kinds.iter().filter(|kind| kind.is_fault() && !ROOTS.contains(kind));
+        let may = |kind: &Kind| kind.is_fault() && !ROOTS.contains(kind) && !self.cleared.has(*kind);
+        let faults = || kinds.iter().filter(may);
         let adds = |kind: &Kind| too_little || !MUTES.contains(kind);
         let fresh = |kind: &Kind| {
-            let began = self.newest[*kind as usize].is_some_and(|began| began <= since && since < began + FRESH);
-            began && self.begun[*kind as usize] > 0 && !is_harmless(*kind)
+            let of_kind = self.under_way.iter().filter(|(other, _)| other == kind);
+            let began = of_kind.map(|(_, began)| *began).any(|began| began <= since && since < began + FRESH);
+            began && !is_harmless(*kind)
         };
-        let retared = |kind: &Kind| self.boards.has(*kind) && (of_zero || self.since_zero.has(*kind));
+        let retared =
+            |kind: &Kind| self.boards.has(*kind) && (of_zero || self.since_zero.has(*kind)) && !self.cleared.has(*kind);
         let retared = || RETARES.into_iter().filter(|_| too_little).find(retared);
         let root = || ROOTS.into_iter().find(|kind| kinds.has(*kind));
         let begun = newest(&mut faults().filter(fresh).filter(adds)).filter(|_| !of_zero);
@@ -186,7 +196,8 @@ impl Suspects {
     /// The newest of what keeps modules from being heard, while it lasts and shortly after.
     pub fn mutes(&self, now: Time) -> Option<Kind> {
         let present = self.present(now);
-        MUTES.iter().copied().filter(|kind| present.has(*kind)).max_by_key(|kind| self.newest[*kind as usize])
+        let may = |kind: &Kind| present.has(*kind) && !self.cleared.has(*kind);
+        MUTES.iter().copied().filter(may).max_by_key(|kind| self.newest[*kind as usize])
     }
 
     /// Notes whether there is a force; what its absence comes from, if there is none.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Force, ZeroState};
+use super::{Force, Missing, ZeroState};
 use crate::force::measure::Touch;
 use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::force::sample::ForceSample;
@@ -25,6 +25,18 @@ impl Force {
         }
         let touched = |taxel: usize| touch.active.iter().any(|&(active, _)| active == taxel);
         positions(self.faulty.iter().copied().filter(|&taxel| neighbours.of(taxel).any(touched)))
+    }
+
+    /// How many of these taxels read a load: a taxel at the end of its range stands as still under one as a broken one, and
+    /// bears more of it than those beside it tell.
+    pub(super) fn pressed(&self, scan: &Scan<'_>, taxels: &[u16]) -> usize {
+        let (Some(evaluator), Some(zero)) = (&self.evaluator, &self.zero) else { return 0 };
+        let reads_load = |&&taxel: &&u16| {
+            let (taxel, rest) = (usize::from(taxel), zero[usize::from(taxel)]);
+            let pressed = scan.counts.units(taxel).map(|count| evaluator.tables().sign(taxel) * (count - rest.mean));
+            pressed.is_some_and(|counts| counts > self.plan.activation.distance_counts(rest.noise))
+        };
+        taxels.iter().filter(reads_load).count()
     }
 
     /// Taxels of modules that are silent, ascending.
@@ -61,7 +73,7 @@ impl Force {
         &self,
         scan: &Scan<'_>,
         sample: &ForceSample,
-        (active, faulty, loaded): (&[u16], Vec<u16>, Vec<u16>),
+        Missing { active, faulty, pressed, loaded }: Missing<'_>,
         zero: &ZeroState,
     ) -> Vec<Reason> {
         use ReasonCode::{TaxelsBlind, TaxelsFaulty, TaxelsOutOfRange, TaxelsSilent, TaxelsWithoutZero};
@@ -71,7 +83,9 @@ impl Force {
             reasons.push(Reason::about(self.silent(scan), TaxelsSilent, text));
         }
         if !faulty.is_empty() {
-            let text = format!("{} taxels have a fault", faulty.len());
+            let bound = format!(", and {pressed} of them read a load: the total is a lower bound");
+            let bound = if pressed > 0 { bound.as_str() } else { "" };
+            let text = format!("{} taxels have a fault{bound}", faulty.len());
             reasons.push(Reason::about(faulty, TaxelsFaulty, text));
         }
         if self.coverage.blind > BLIND_TAXELS_BORNE && self.coverage.blind > sample.stale {
