@@ -35,7 +35,7 @@ impl Engine {
             Command::StartRamp { session } => self.command_session(now, request, session, Trigger::StartRamp, out),
             Command::FinishRamp { session } => self.command_session(now, request, session, Trigger::FinishRamp, out),
             Command::AbortSession { session } => self.command_session(now, request, session, Trigger::Abort, out),
-            Command::DiscardSession { session } => self.discard(now, session, out).map(Answer::Now),
+            Command::DiscardSession { session } => self.discard(now, request, session, out),
             Command::DeleteSession { session } => self.delete_session(now, request, session, out),
             Command::DeleteModelSet { model_set } => self.delete_model_set(now, request, model_set, out),
             Command::Activate { patch, model_set, expected } => {
@@ -145,11 +145,15 @@ impl Engine {
     pub(super) fn comes_of_discarded(&self, set: &SetSummary) -> bool {
         let discarded = |id: &str| {
             let of = |view: &Arc<SessionView>| view.model_set.as_deref() == Some(id);
-            self.sessions.values().any(|view| of(view) && view.state == SessionState::Discarded)
+            self.sessions.values().any(|view| of(view) && self.is_discarded(view))
         };
         let own = self.session_of(&set.id, set.session);
-        own.is_some_and(|view| view.state == SessionState::Discarded)
-            || set.origins.iter().any(|origin| discarded(origin))
+        own.is_some_and(|view| self.is_discarded(view)) || set.origins.iter().any(|origin| discarded(origin))
+    }
+
+    /// Whether a session was laid aside, or is about to be.
+    fn is_discarded(&self, view: &SessionView) -> bool {
+        view.state == SessionState::Discarded || self.pending.ends(view.number) == Some(Trigger::Discard)
     }
 
     fn import(

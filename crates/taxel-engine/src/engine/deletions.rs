@@ -2,6 +2,7 @@
 
 use crate::boundary::output::Output;
 use crate::boundary::record::Record;
+use crate::calibration::transition::Trigger;
 use crate::engine::answer::Answer;
 use crate::engine::pending::{Effect, Forgotten};
 use crate::engine::step::Engine;
@@ -81,15 +82,16 @@ impl Engine {
         Ok(())
     }
 
-    /// Refuses what needs a session that is on its way out.
+    /// Refuses what needs a session that is on its way out, or about to end.
     pub(super) fn refuse_if_session_is_deleted(&self, number: u64) -> Result<(), Rejection> {
-        if self.pending.forgets(&Forgotten::Session(number)) {
-            return Err(Rejection::FailedPrecondition(
-                ErrorReason::BeingDeleted,
-                format!("session {number} is being deleted"),
-            ));
-        }
-        Ok(())
+        let is_being = match self.pending.ends(number) {
+            _ if self.pending.forgets(&Forgotten::Session(number)) => "deleted",
+            Some(Trigger::Discard) => "discarded",
+            Some(_) => "aborted",
+            None => return Ok(()),
+        };
+        let why = format!("session {number} is being {is_being}");
+        Err(Rejection::FailedPrecondition(ErrorReason::BeingDeleted, why))
     }
 
     /// Refuses what cannot be while a model set is in use or about to be.

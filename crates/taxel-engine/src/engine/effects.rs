@@ -69,6 +69,10 @@ impl Engine {
                 self.forget(&what, out);
                 out.push(Output::Reply(request, Ok(Done::Deleted)));
             }
+            Effect::End { request, command, view } => {
+                let reply = self.end_session(now, command, view, out);
+                out.push(Output::Reply(request, reply));
+            }
             Effect::Fitted { patch, outcome } => {
                 if let Ok(set) = &outcome.result {
                     self.learn(Arc::clone(set));
@@ -85,6 +89,7 @@ impl Engine {
             | Effect::Import { request, .. }
             | Effect::Refit { request, .. }
             | Effect::Load { request, .. }
+            | Effect::End { request, .. }
             | Effect::Forget { request, .. } => request,
             Effect::Zero { request, patch } => {
                 self.patches[patch].reject_zero(request);

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use crate::calibration::job::FitOutcome;
 use crate::calibration::transition::Trigger;
+use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
 use crate::request::RequestId;
@@ -57,6 +58,15 @@ pub enum Effect {
         request: RequestId,
         /// What it is.
         what: Forgotten,
+    },
+    /// An operator ends a session that gathers nothing.
+    End {
+        /// Whom to answer.
+        request: RequestId,
+        /// How it was ended.
+        command: Trigger,
+        /// What is known of it then.
+        view: Arc<SessionView>,
     },
     /// A fit ends its session.
     Fitted {
@@ -162,6 +172,15 @@ impl Pending {
     #[must_use]
     pub fn imports(&self) -> usize {
         self.effects.values().filter(|effect| matches!(effect, Effect::Import { .. } | Effect::Refit { .. })).count()
+    }
+
+    /// How a session is being ended.
+    #[must_use]
+    pub fn ends(&self, number: u64) -> Option<Trigger> {
+        self.effects.values().find_map(|effect| match effect {
+            Effect::End { command, view, .. } if view.number == number => Some(*command),
+            _ => None,
+        })
     }
 
     /// Whether something is being deleted.

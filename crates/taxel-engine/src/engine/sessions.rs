@@ -12,7 +12,7 @@ use crate::calibration::transition::{Trigger, commanded};
 use crate::calibration::view::SessionView;
 use crate::counts::Counts;
 use crate::engine::answer::Answer;
-use crate::engine::pending::Loading;
+use crate::engine::pending::{Effect, Loading};
 use crate::engine::step::Engine;
 use crate::now::Now;
 use crate::patch::owner::Patch;
@@ -101,7 +101,7 @@ impl Engine {
             return self.command_held(now, index, command, out).map(Answer::Now);
         }
         if command == Trigger::Abort {
-            return self.end_unheld(now, number, command, out).map(Answer::Now);
+            return self.end_on_disk(now, request, number, command, out);
         }
         self.check_take_up(now, number, command)?;
         self.room_for_model_set()?;
@@ -115,7 +115,13 @@ impl Engine {
         Ok(Done::Session(view))
     }
 
-    pub(super) fn discard(&mut self, now: Now, number: u64, out: &mut Vec<Output>) -> Reply {
+    pub(super) fn discard(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        number: u64,
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
         self.refuse_if_session_is_deleted(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
@@ -124,21 +130,50 @@ impl Engine {
             return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
         }
         self.store_takes_records()?;
-        if let Some(index) = self.held(number) {
-            return self.command_held(now, index, Trigger::Discard, out);
-        }
-        self.end_unheld(now, number, Trigger::Discard, out)
+        self.end_on_disk(now, request, number, Trigger::Discard, out)
     }
 
-    /// Ends a session that no patch holds: the one that its patch holds stays there, with its samples.
-    fn end_unheld(&self, now: Now, number: u64, command: Trigger, out: &mut Vec<Output>) -> Reply {
-        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
-        let mut view = SessionView::clone(view);
+    /// A session that gathers nothing ends once that is on disk.
+    fn end_on_disk(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        number: u64,
+        command: Trigger,
+        out: &mut Vec<Output>,
+    ) -> Result<Answer, Rejection> {
+        let held = self.held(number).and_then(|index| self.patches[index].calibration().session());
+        let view = held.or_else(|| self.sessions.get(&number).map(Arc::as_ref));
+        let mut view = view.cloned().ok_or_else(|| Rejection::no_session(number))?;
         view.state = commanded(number, view.state, command)?;
+        if let Some(id) = view.model_set.as_deref().filter(|id| self.pending.activates_set(id)) {
+            let why = format!("model set `{id}` of session {number} is being activated");
+            return Err(Rejection::FailedPrecondition(ErrorReason::ModelSetInUse, why));
+        }
         view.reason = command.reason().to_owned();
         view.changed_wall_ns = now.wall_ns;
         let view = Arc::new(view);
-        out.push(Output::Record(Record::Session(Arc::clone(&view))));
+        let record = Record::Session(Arc::clone(&view));
+        self.commit(Effect::End { request, command, view }, vec![record], out);
+        Ok(Answer::Later)
+    }
+
+    /// That it has ended is on disk. One that a patch holds stays there, with its samples.
+    pub(super) fn end_session(
+        &mut self,
+        now: Now,
+        command: Trigger,
+        view: Arc<SessionView>,
+        out: &mut Vec<Output>,
+    ) -> Reply {
+        if let Some(index) = self.held(view.number) {
+            let mut follows = Vec::new();
+            self.command_held(now, index, command, &mut follows)?;
+            let is_known = |output: &Output| matches!(output, Output::Record(Record::Session(known)) if known.number == view.number);
+            out.extend(follows.into_iter().filter(|output| !is_known(output)));
+        }
+        self.sessions.insert(view.number, Arc::clone(&view));
+        self.catalogue_dirty = true;
         Ok(Done::Session(view))
     }
 

@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
+use taxel_engine::calibration::SessionState;
 use taxel_engine::command::{Command, Done, Rejection, RequestId};
 use taxel_engine::loads::{KnownLoad, Weight};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 
-use crate::bench::Bench;
+use crate::bench::{Bench, Disk};
+use crate::sessions::in_review;
 use crate::shared::small;
 
 fn other_set(id: &str) -> Arc<ModelSet> {
@@ -74,6 +76,33 @@ fn a_tare_that_the_disk_refuses_has_no_effect() {
     bench.seconds(2.0);
     assert_eq!(bench.host.commits.len(), 1);
     is_refused_and_has_no_effect(&mut bench, request, &before, "a tare");
+}
+
+/// Its patch holds the one session; of the other it knows what is on disk.
+#[test]
+fn a_discard_that_the_disk_refuses_has_no_effect() {
+    let (mut held, session) = in_review(30.0);
+    let mut unheld = Bench::after(held.world.clone(), held.host.plan.clone(), Disk::after_a_crash(&held.host));
+    let set = held.host.session().model_set.clone().unwrap();
+    for (bench, is_held) in [(&mut held, true), (&mut unheld, false)] {
+        let discard = || Command::DiscardSession { session };
+        bench.host.disk_is_slow = true;
+        let before = seen(bench);
+        let request = bench.host.command(discard());
+        bench.seconds(1.0);
+        for second in [discard(), Command::StartRamp { session }, Command::DeleteSession { session }] {
+            assert_eq!(bench.refused(second), format!("session {session} is being discarded"));
+        }
+        if is_held {
+            let why = bench.refused(activate(&set));
+            assert!(why.contains("DISCARDED"), "{why}");
+        }
+        is_refused_and_has_no_effect(bench, request, &before, "a discard");
+        bench.host.disk_is_slow = false;
+        let Ok(Done::Session(view)) = bench.ask(discard()) else { panic!("it cannot be asked for again") };
+        assert_eq!(view.state, SessionState::Discarded);
+        assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Discarded);
+    }
 }
 
 #[test]

@@ -103,8 +103,14 @@ fn a_patch_is_named_where_there_are_several() {
     let ended = ask(&mut engine, Time::default(), Command::AbortSession { session: 1 });
     let Ok(Done::Session(view)) = ended else { panic!("{ended:?}") };
     assert_eq!((view.patch.as_str(), view.reason.as_str()), ("lower", "an operator aborted it"));
-    let ended = ask(&mut engine, Time::default(), Command::DiscardSession { session: 1 });
-    let Ok(Done::Session(view)) = ended else { panic!("{ended:?}") };
+    // What gathers nothing any more ends once that is on disk.
+    let discard = Input::Command(RequestId(1), Command::DiscardSession { session: 1 });
+    let out = step(&mut engine, Time::default(), discard);
+    let [Output::Commit { ticket, .. }] = out.as_slice() else { panic!("{out:?}") };
+    let written = Input::Committed { ticket: *ticket, result: Ok(()) };
+    let out = step(&mut engine, Time::default(), written);
+    let reply = out.iter().find_map(|out| if let Output::Reply(_, reply) = out { Some(reply) } else { None });
+    let Some(Ok(Done::Session(view))) = reply else { panic!("{out:?}") };
     assert_eq!(view.reason, "an operator laid it aside");
 }
 

@@ -13,6 +13,11 @@ impl Model {
             return Answer::Refused;
         }
         match step {
+            Step::StartRamp(number) | Step::FinishRamp(number) | Step::Abort(number) | Step::Discard(number)
+                if self.ends(number).is_some() =>
+            {
+                Answer::Refused
+            }
             Step::StartSession => {
                 if self.open().is_some() || self.presses() || self.boards_wait {
                     return Answer::Refused;
@@ -43,12 +48,17 @@ impl Model {
             }
             Step::Abort(number) => {
                 let can = matches!(self.state(number), Some(S::Taring | S::Ramping | S::Fitting | S::Interrupted));
-                if can {
-                    self.enter(number, S::Aborted);
+                if !can {
+                    return Answer::Refused;
                 }
-                if can { Answer::Done } else { Answer::Refused }
+                // What the patch holds ends at once.
+                if self.held == Some(number) {
+                    self.enter(number, S::Aborted);
+                    return Answer::Done;
+                }
+                self.end(request, number, S::Aborted)
             }
-            Step::Discard(number) => self.discard(number),
+            Step::Discard(number) => self.discard(request, number),
             Step::Activate(set) => self.activate(request, set),
             Step::Import(set) => {
                 self.recorded.known.insert(set);
@@ -76,7 +86,8 @@ impl Model {
 
     fn activate(&mut self, request: u64, set: Set) -> Answer {
         let other = self.pending.iter().any(|pending| matches!(pending, Pending::Activate { .. }));
-        let discarded = self.owner(set).is_some_and(|number| self.state(number) == Some(S::Discarded));
+        let is_discarded = |number| [self.state(number), self.ends(number)].contains(&Some(S::Discarded));
+        let discarded = self.owner(set).is_some_and(is_discarded);
         if !self.live.known.contains(&set) || other || discarded {
             return Answer::Refused;
         }
@@ -85,19 +96,28 @@ impl Model {
         Answer::Later
     }
 
-    fn discard(&mut self, number: u64) -> Answer {
+    fn discard(&mut self, request: u64, number: u64) -> Answer {
         let Some((state, set)) = self.live.sessions.get(&number).copied() else { return Answer::Refused };
         let can = matches!(state, S::Review | S::Discarded | S::Aborted | S::Failed | S::Interrupted);
+        if !can || (set.is_some() && self.live.active == set) {
+            return Answer::Refused;
+        }
+        self.end(request, number, S::Discarded)
+    }
+
+    /// A session that gathers nothing ends once that is on disk, unless its models are coming into use.
+    fn end(&mut self, request: u64, number: u64, state: S) -> Answer {
+        let Some((_, set)) = self.live.sessions.get(&number).copied() else { return Answer::Refused };
         let comes_into_use = |pending: &Pending| match pending {
             Pending::Activate { set: coming, .. } => Some(*coming) == set,
             _ => false,
         };
-        let used = set.is_some() && (self.live.active == set || self.pending.iter().any(comes_into_use));
-        if !can || used {
+        if self.pending.iter().any(comes_into_use) {
             return Answer::Refused;
         }
-        self.enter(number, S::Discarded);
-        Answer::Done
+        self.recorded.sessions.insert(number, (state, set));
+        self.pending.push(Pending::End { request, number, state });
+        Answer::Later
     }
 
     /// Whether a session can go on; it holds the patch then. Its samples are in memory or on disk.

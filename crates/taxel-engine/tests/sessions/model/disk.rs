@@ -33,6 +33,10 @@ impl Model {
                     self.live.known.insert(set);
                 }
                 Pending::Zero { request, good } => self.settle(request, good),
+                Pending::End { request, number, state } => {
+                    self.settle(request, true);
+                    self.enter(number, state);
+                }
                 Pending::Fitted { fit } => {
                     self.live.known.insert(Set::Fit(fit));
                     if self.awaits(fit) {
@@ -61,8 +65,10 @@ impl Model {
     pub(super) fn disk_fails(&mut self) {
         self.disk = Disk::Failed;
         for pending in std::mem::take(&mut self.pending) {
-            if let Pending::Activate { request, .. } | Pending::Import { request, .. } | Pending::Zero { request, .. } =
-                pending
+            if let Pending::Activate { request, .. }
+            | Pending::Import { request, .. }
+            | Pending::Zero { request, .. }
+            | Pending::End { request, .. } = pending
             {
                 self.settle(request, false);
             }

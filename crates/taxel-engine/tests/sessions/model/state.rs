@@ -21,6 +21,7 @@ pub enum Pending {
     Import { request: u64, set: Set },
     Zero { request: u64, good: bool },
     Fitted { fit: usize },
+    End { request: u64, number: u64, state: S },
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,6 +108,14 @@ impl Model {
 
     pub(super) fn state(&self, number: u64) -> Option<S> {
         self.live.sessions.get(&number).map(|(state, _)| *state)
+    }
+
+    /// How a session is about to end.
+    pub(super) fn ends(&self, number: u64) -> Option<S> {
+        self.pending.iter().find_map(|pending| match pending {
+            Pending::End { number: ended, state, .. } if *ended == number => Some(*state),
+            _ => None,
+        })
     }
 
     /// Whether the bag is known to press.
