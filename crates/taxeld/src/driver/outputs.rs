@@ -70,19 +70,20 @@ impl Driver {
     }
 
     /// Answers go out when the disk has them, and what was recorded in the same step. That something was refused is
-    /// written down as well, but nobody waits for it.
+    /// written down as well; whoever asked waits for it, so that nobody can ask faster than the disk writes, but is told
+    /// the refusal whatever becomes of that.
     fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>, is_done: bool) {
         let wall_ns = self.clock.now().wall_ns;
-        let (mut replies, mut refusals) = (Vec::new(), Vec::new());
+        let (mut replies, mut refusals, mut refused) = (Vec::new(), Vec::new(), Vec::new());
         for (request, Waiting { reply: to, patch }, reply) in answers {
             let row = patch.map(|patch| self.audit.answered(request, wall_ns, &patch, &reply));
-            if reply.is_ok() { &mut records } else { &mut refusals }.extend(row);
+            let (rows, replies) =
+                if reply.is_ok() { (&mut records, &mut replies) } else { (&mut refusals, &mut refused) };
+            rows.extend(row);
             replies.push((to, reply));
         }
         self.commit(records, replies, is_done);
-        if !refusals.is_empty() {
-            self.commit(refusals, Vec::new(), false);
-        }
+        self.commit(refusals, refused, true);
     }
 
     /// A reply goes out once everything recorded in the same step is on disk, or could not be written though what it tells

@@ -99,6 +99,19 @@ impl Bench {
         }
     }
 
+    /// The store's thread writes nothing until it is told to go on.
+    fn hold_writer(&self) -> std::sync::mpsc::Sender<()> {
+        let (release, hold) = std::sync::mpsc::channel::<()>();
+        let (tell, told) = std::sync::mpsc::channel();
+        let blocker: OnDurable = Box::new(move |_| {
+            tell.send(()).unwrap();
+            hold.recv().unwrap();
+        });
+        self.driver.store.submit(Batch { records: Vec::new(), on_durable: Some(blocker) }).unwrap();
+        told.recv().unwrap(); // the writer is in the callback now
+        release
+    }
+
     /// Gives a command that is refused at once; the refusal comes here.
     fn ask(&self) -> Option<oneshot::Receiver<Reply>> {
         let (reply, answer) = oneshot::channel();
@@ -246,14 +259,7 @@ async fn on_a_full_disk_a_commit_is_refused_with_the_reason_and_changes_nothing(
 async fn a_commit_that_the_stores_queue_has_no_room_for_is_refused_with_the_reason() {
     let mut bench = Bench::new();
     bench.turn().await;
-    let (release, hold) = std::sync::mpsc::channel::<()>();
-    let (tell, told) = std::sync::mpsc::channel();
-    let blocker: OnDurable = Box::new(move |_| {
-        tell.send(()).unwrap();
-        hold.recv().unwrap();
-    });
-    bench.driver.store.submit(Batch { records: Vec::new(), on_durable: Some(blocker) }).unwrap();
-    told.recv().unwrap(); // the writer is in the callback now
+    let release = bench.hold_writer();
     while bench.driver.store.submit(Batch::default()).is_ok() {}
     let why = bench.refused_import(1).await;
     let behind = StoreError::Behind { waiting: QUEUE_BATCHES }.to_string();
@@ -263,6 +269,25 @@ async fn a_commit_that_the_stores_queue_has_no_room_for_is_refused_with_the_reas
     while let Err(Rejection::Unavailable(_, why)) = bench.reply(import(2)).await {
         assert!(why.contains(&behind), "{why}");
     }
+}
+
+/// Else whoever asks for what is refused could fill the queue of a slow disk, and end all writing with that.
+#[tokio::test]
+async fn a_refusal_is_told_when_it_is_in_the_audit_log() {
+    let mut bench = Bench::new();
+    bench.turn().await;
+    let release = bench.hold_writer();
+    let (reply, mut answer) = oneshot::channel();
+    let asked = Some(Box::new(Asked { who: "eve".to_owned(), patch: "left_forearm".to_owned(), ..Asked::default() }));
+    let command = Command::DiscardSession { session: 7 };
+    bench.commands.try_send(Request { command, reply, asked }).unwrap();
+    // Of the next one it is not known who asked, so that nothing is written down of it.
+    let refused = bench.reply(Command::DiscardSession { session: 8 }).await.unwrap_err();
+    assert!(matches!(refused, Rejection::NotFound(..)), "{refused:?}");
+    assert!(matches!(answer.try_recv(), Err(oneshot::error::TryRecvError::Empty)));
+    release.send(()).unwrap();
+    let refused = answer.await.unwrap().unwrap_err();
+    assert!(matches!(refused, Rejection::NotFound(..)), "{refused:?}");
 }
 
 #[tokio::test]
