@@ -53,3 +53,31 @@ fn is_same(lie: &LyingSample, other: &LyingSample) -> bool {
         && lie.lie.too_little == other.lie.too_little
         && other.lie.excess_n >= 0.5 * lie.lie.excess_n
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Both stories hold lies that get the name of a temperature ramp, because it began last.
+    #[test]
+    fn a_fault_is_cleared_of_lies_that_do_not_need_it() {
+        let retared = "none of its lies is told without `board hangs below 1 s, new zero`";
+        for (seed, why) in [(1_294_388, "the same lies are told without it"), (1_111_938, retared)] {
+            let accused = story::play(seed, Kinds::default(), Kinds::default());
+            assert!(accused.lies.iter().any(|lie| lie.from == Some(Kind::WarmRamp) && !lie.argued), "seed {seed}");
+            let told = play(seed);
+            assert_eq!(told.lines[0], format!("   `temperature ramp` is cleared: {why}"), "seed {seed}");
+            assert!(told.lies.iter().all(|lie| lie.argued), "seed {seed}");
+            assert_eq!(told.lies.len(), accused.lies.len(), "a name makes no lie true");
+        }
+    }
+
+    #[test]
+    fn without_a_fault_a_story_is_the_same_until_it_begins() {
+        let [with, without] = [Kinds::default(), Kinds::one(Kind::ModuleFlicker)]
+            .map(|without| story::play(1_294_388, without, Kinds::default()).lines);
+        let first = with.iter().position(|line| line.contains("FAULT module flickers")).unwrap();
+        assert!(first > 5 && with[..first] == without[..first]);
+        assert!(!without.iter().any(|line| line.contains("FAULT module flickers")));
+    }
+}
