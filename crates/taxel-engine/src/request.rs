@@ -67,7 +67,7 @@ pub enum ErrorReason {
     SessionOpen,
     /// The session is in a state in which this cannot be done.
     SessionWrongState,
-    /// The session or the model set is being deleted.
+    /// The session or the model set is being deleted, or the session is being discarded or aborted.
     BeingDeleted,
     /// As many as are kept are there: something has to be deleted first.
     LimitReached,

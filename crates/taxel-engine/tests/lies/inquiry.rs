@@ -27,10 +27,13 @@ pub fn play(seed: u64) -> Told {
     }
 }
 
-/// The faults that lies are named after which are not argued, each once.
+/// The faults that lies are named after which are not argued, each once. What an operator did can't be left out of a story.
 fn accused(told: &Told) -> impl Iterator<Item = Kind> + use<> {
     let named = told.lies.iter().filter(|lie| !lie.argued).filter_map(|lie| lie.from);
-    named.filter(|kind| kind.is_fault()).fold(Kinds::default(), |all, kind| all.or(Kinds::one(kind))).iter()
+    named
+        .filter(|kind| Kind::faults().contains(kind))
+        .fold(Kinds::default(), |all, kind| all.or(Kinds::one(kind)))
+        .iter()
 }
 
 /// Why the lies that are named after this fault and not argued do not come from it; `None` if they may.

@@ -187,7 +187,12 @@ impl Story {
         }
         let spell = lie.map(|lie| Spell::with(self.spell, lie, stage.now()));
         self.spell = spell.or(self.spell);
-        let wrong = |spell: Spell| Wrong { too_little: spell.too_little, of_zero: self.zero.1, since: spell.began };
+        let wrong = |spell: Spell| Wrong {
+            time: snapshot.time,
+            too_little: spell.too_little,
+            of_zero: self.zero.1,
+            since: spell.began,
+        };
         let lie = lie.zip(spell.map(wrong)).map(|(lie, wrong)| (lie, name(stage, snapshot, stated, lie, truth, wrong)));
         self.tally.sample(kinds, lie.is_some());
         match lie {

@@ -5,6 +5,7 @@ use std::time::Duration;
 use taxel_skin::Time;
 
 use crate::kinds::{Kind, Kinds};
+use crate::truth::AGE_MAX;
 
 /// What ended so long ago may still show: silence is judged after 150 ms, a power cycle after a second.
 pub const AFTERMATH: Duration = Duration::from_millis(1500);
@@ -42,6 +43,8 @@ const fn is_harmless(kind: Kind) -> bool {
 /// What is known of a lie when its cause is looked for.
 #[derive(Clone, Copy, Debug)]
 pub struct Wrong {
+    /// When the sample was taken.
+    pub time: Time,
     /// The force reads less than the truth.
     pub too_little: bool,
     /// It did so already in the very first sample at this zero.
@@ -50,11 +53,19 @@ pub struct Wrong {
     pub since: Time,
 }
 
+/// From when to when something went on.
+#[derive(Clone, Copy, Debug)]
+struct Spell {
+    kind: Kind,
+    began: Time,
+    ended: Option<Time>,
+}
+
 /// What goes on, what has just ended, and what a zero or a model set keeps of it.
 #[derive(Debug)]
 pub struct Suspects {
-    /// What goes on, and since when; a kind may be there several times.
-    under_way: Vec<(Kind, Time)>,
+    /// What goes on, and what ended shortly ago; a kind may be there several times.
+    spells: Vec<Spell>,
     /// Those that have ended at least once.
     over: Kinds,
     /// Those that go on.
@@ -83,7 +94,7 @@ impl Suspects {
         let mut ended = vec![None; Kind::ALL.len()];
         ended[Kind::Restart as usize] = Some(now);
         Self {
-            under_way: Vec::new(),
+            spells: Vec::new(),
             over: Kinds::one(Kind::Restart),
             going_on: Kinds::default(),
             newest: vec![None; Kind::ALL.len()],
@@ -98,7 +109,7 @@ impl Suspects {
     }
 
     pub fn begin(&mut self, kind: Kind, now: Time) {
-        self.under_way.push((kind, now));
+        self.spells.push(Spell { kind, began: now, ended: None });
         self.going_on.insert(kind);
         self.newest[kind as usize] = Some(now);
         self.ever.insert(kind);
@@ -108,10 +119,12 @@ impl Suspects {
     }
 
     pub fn end(&mut self, kind: Kind, now: Time) {
-        if let Some(place) = self.under_way.iter().position(|(other, _)| *other == kind) {
-            self.under_way.remove(place);
+        self.spells.retain(|spell| spell.ended.is_none_or(|ended| now <= ended + FRESH));
+        let mut of_kind = self.spells.iter_mut().filter(|spell| spell.kind == kind && spell.ended.is_none());
+        if let Some(oldest) = of_kind.next() {
+            oldest.ended = Some(now);
         }
-        if self.under_way.iter().all(|(other, _)| *other != kind) {
+        if of_kind.next().is_none() {
             self.going_on.remove(kind);
         }
         self.ended[kind as usize] = Some(now);
@@ -163,12 +176,12 @@ impl Suspects {
         self.over.iter().filter(fresh).fold(all, |all, kind| all.or(Kinds::one(kind)))
     }
 
-    /// The kind that names what a force may be wrong by: a fault that has just begun, a board's own
-    /// zero under a load, what zero and models went through, or else the newest fault. What reads too
-    /// little already in the very first sample at a zero comes from the zero or from its boards, and what has been told
-    /// for a while from nothing that began since.
+    /// The kind that names what a force may be wrong by: a fault that has just begun and lasted when the sample was taken, a
+    /// board's own zero under a load, what zero and models went through, or else the newest fault. What reads too little
+    /// already in the very first sample at a zero comes from the zero or from its boards, and what has been told for a while
+    /// from nothing that began since.
     pub fn principal(&self, kinds: Kinds, wrong: Wrong) -> Option<Kind> {
-        let Wrong { too_little, since, .. } = wrong;
+        let Wrong { time, too_little, since, .. } = wrong;
         let of_zero = too_little && wrong.of_zero;
         let newest = |kinds: &mut dyn Iterator<Item = Kind>| kinds.max_by_key(|kind| self.newest[*kind as usize]);
         // What keeps modules from being heard adds nothing to a force, unless there is nothing else that could.
@@ -176,9 +189,10 @@ impl Suspects {
         let faults = || kinds.iter().filter(may);
         let adds = |kind: &Kind| too_little || !MUTES.contains(kind);
         let fresh = |kind: &Kind| {
-            let of_kind = self.under_way.iter().filter(|(other, _)| other == kind);
-            let began = of_kind.map(|(_, began)| *began).any(|began| began <= since && since < began + FRESH);
-            began && !is_harmless(*kind)
+            let of_kind = || self.spells.iter().filter(|spell| spell.kind == *kind);
+            let lasts = of_kind().any(|spell| spell.ended.is_none_or(|ended| time <= ended + AGE_MAX));
+            let began = of_kind().any(|spell| (spell.began..spell.began + FRESH).contains(&since));
+            lasts && began && !is_harmless(*kind)
         };
         let retared =
             |kind: &Kind| self.boards.has(*kind) && (of_zero || self.since_zero.has(*kind)) && !self.cleared.has(*kind);
