@@ -46,18 +46,7 @@ impl Model {
                 self.fit(number);
                 Answer::Done
             }
-            Step::Abort(number) => {
-                let can = matches!(self.state(number), Some(S::Taring | S::Ramping | S::Fitting | S::Interrupted));
-                if !can {
-                    return Answer::Refused;
-                }
-                // What the patch holds ends at once.
-                if self.held == Some(number) {
-                    self.enter(number, S::Aborted);
-                    return Answer::Done;
-                }
-                self.end(request, number, S::Aborted)
-            }
+            Step::Abort(number) => self.abort(request, number),
             Step::Discard(number) => self.discard(request, number),
             Step::Activate(set) => self.activate(request, set),
             Step::Import(set) => {
@@ -94,6 +83,18 @@ impl Model {
         self.recorded.active = Some(set);
         self.pending.push(Pending::Activate { request, set });
         Answer::Later
+    }
+
+    fn abort(&mut self, request: u64, number: u64) -> Answer {
+        if !matches!(self.state(number), Some(S::Taring | S::Ramping | S::Fitting | S::Interrupted)) {
+            return Answer::Refused;
+        }
+        // What the patch holds ends at once.
+        if self.held == Some(number) {
+            self.enter(number, S::Aborted);
+            return Answer::Done;
+        }
+        self.end(request, number, S::Aborted)
     }
 
     fn discard(&mut self, request: u64, number: u64) -> Answer {
