@@ -207,6 +207,8 @@ impl Loads {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::load::Footprint;
+    use crate::path::Layer;
     use taxel_skin::Kilopascal;
 
     fn force_n(loads: &Loads, now_s: f64, skin: &Skin) -> f64 {
@@ -260,5 +262,39 @@ mod tests {
         assert_eq!(there, moved);
         let gone = loads.roll(Time::default(), &skin, id, TaxelIndex(999), Duration::ZERO);
         assert!(matches!(gone, Err(LoadError::Taxel { .. })));
+    }
+
+    /// Through the layer its way is worked out at some places, between which it changes evenly.
+    #[test]
+    fn through_a_layer_a_rolling_mass_does_on_its_way_what_it_does_there() {
+        let skin = Skin::forearm_with_gaps(18.0).unwrap();
+        let layer = LoadPath::Layer(Layer::default());
+        let mut loads = Loads::new(&skin, layer);
+        let mass = Mass::on_disc(0.5, TaxelIndex(100), 600.0);
+        let id = loads.place(Time::default(), &skin, mass, Duration::ZERO).unwrap();
+        loads.roll(Time::default(), &skin, id, TaxelIndex(104), Duration::from_secs(1)).unwrap();
+        let [from, to] = [100, 104].map(|taxel| Footprint::disc(TaxelIndex(taxel), 600.0).centre_mm(&skin).unwrap());
+        let path = Path::new(layer, &skin);
+        let (mut now, mut furthest) = (Vec::new(), 0.0_f64);
+        for n in 0..=50 {
+            let share = f64::from(n) / 50.0;
+            loads.write(Time::from_seconds(share), &skin, &mut now);
+            let there = [0, 1].map(|axis| from[axis] + share * (to[axis] - from[axis]));
+            let mut exact = vec![0.0; now.len()];
+            path.press(&skin, &mass, there).unwrap().kpa.iter().for_each(|&(taxel, kpa)| exact[taxel] += kpa);
+            let apart = now.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            furthest = furthest.max(apart);
+            assert!((loads.force_n(Time::from_seconds(share), &skin).0 - mass.weight().0).abs() < 1e-9);
+        }
+        let mean_kpa = 1000.0 * mass.weight().0 / 600.0;
+        assert!(furthest > 0.0 && furthest < 0.05 * mean_kpa, "{furthest} kPa of {mean_kpa} kPa");
+        // Another way begins where it is.
+        loads.roll(Time::from_seconds(0.5), &skin, id, TaxelIndex(100), Duration::from_secs(1)).unwrap();
+        loads.write(Time::from_seconds(3.0), &skin, &mut now);
+        let mut at_rest = Loads::new(&skin, layer);
+        at_rest.lay(&skin, &mass).unwrap();
+        let mut there = Vec::new();
+        at_rest.write(Time::default(), &skin, &mut there);
+        assert_eq!(now, there);
     }
 }

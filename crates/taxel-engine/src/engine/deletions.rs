@@ -43,7 +43,7 @@ impl Engine {
     ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
-        self.refuse_if_session_is_deleted(number)?;
+        self.refuse_if_session_ends(number)?;
         if view.state.is_open() {
             let why = format!("session {number} is {}; abort it first", view.state.name());
             return Err(Rejection::FailedPrecondition(ErrorReason::SessionOpen, why));
@@ -82,16 +82,20 @@ impl Engine {
         Ok(())
     }
 
-    /// Refuses what needs a session that is on its way out, or about to end.
-    pub(super) fn refuse_if_session_is_deleted(&self, number: u64) -> Result<(), Rejection> {
-        let is_being = match self.pending.ends(number) {
-            _ if self.pending.forgets(&Forgotten::Session(number)) => "deleted",
-            Some(Trigger::Discard) => "discarded",
-            Some(_) => "aborted",
-            None => return Ok(()),
-        };
-        let why = format!("session {number} is being {is_being}");
-        Err(Rejection::FailedPrecondition(ErrorReason::BeingDeleted, why))
+    /// Refuses what needs the samples of a session that is on its way out.
+    pub(super) fn refuse_if_session_goes(&self, number: u64) -> Result<(), Rejection> {
+        let goes = self.pending.forgets(&Forgotten::Session(number));
+        if goes { Err(session_is_being(number, "deleted")) } else { Ok(()) }
+    }
+
+    /// Refuses what changes a session that is on its way out, or about to end.
+    pub(super) fn refuse_if_session_ends(&self, number: u64) -> Result<(), Rejection> {
+        self.refuse_if_session_goes(number)?;
+        match self.pending.ends(number) {
+            Some(Trigger::Discard) => Err(session_is_being(number, "discarded")),
+            Some(_) => Err(session_is_being(number, "aborted")),
+            None => Ok(()),
+        }
     }
 
     /// Refuses what cannot be while a model set is in use or about to be.
@@ -118,4 +122,8 @@ impl Engine {
         }
         Ok(())
     }
+}
+
+fn session_is_being(number: u64, what: &str) -> Rejection {
+    Rejection::FailedPrecondition(ErrorReason::BeingDeleted, format!("session {number} is being {what}"))
 }

@@ -22,7 +22,7 @@ impl Engine {
         self.store_takes_records()?;
         let index = self.patch_named(&set.patch)?;
         for number in sessions {
-            self.refuse_if_session_is_deleted(*number)?;
+            self.refuse_if_session_goes(*number)?;
             let view = self.sessions.get(number).ok_or_else(|| Rejection::no_session(*number))?;
             if view.patch != set.patch {
                 let why = format!("session {number} is of patch `{}`, the model set is of `{}`", view.patch, set.patch);

@@ -87,7 +87,7 @@ impl Engine {
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
-        self.refuse_if_session_is_deleted(number)?;
+        self.refuse_if_session_ends(number)?;
         if command == Trigger::StartRamp {
             self.room_for_model_set()?;
         }
@@ -122,7 +122,7 @@ impl Engine {
         number: u64,
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
-        self.refuse_if_session_is_deleted(number)?;
+        self.refuse_if_session_ends(number)?;
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         if view.model_set.as_deref().is_some_and(|id| self.refuse_if_set_is_used(id).is_err()) {
             let state = view.state.name();
@@ -167,8 +167,10 @@ impl Engine {
         out: &mut Vec<Output>,
     ) -> Reply {
         if let Some(index) = self.held(view.number) {
+            // Everybody sees the time that is on disk.
+            let then = Now { wall_ns: view.changed_wall_ns, ..now };
             let mut follows = Vec::new();
-            self.command_held(now, index, command, &mut follows)?;
+            self.command_held(then, index, command, &mut follows)?;
             let is_known = |output: &Output| matches!(output, Output::Record(Record::Session(known)) if known.number == view.number);
             out.extend(follows.into_iter().filter(|output| !is_known(output)));
         }
@@ -213,7 +215,7 @@ impl Engine {
     ) -> Reply {
         let Loading { session: number, command, .. } = loading;
         self.store_takes_records()?;
-        self.refuse_if_session_is_deleted(number)?;
+        self.refuse_if_session_ends(number)?;
         if self.is_succeeded(number, command) {
             let index = self.check_successor(now, number)?;
             let samples = self.usable_samples(index, number, result)?;

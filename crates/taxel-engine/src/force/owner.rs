@@ -67,8 +67,6 @@ struct Missing<'a> {
     active: &'a [u16],
     /// Those with a fault under the contact or at its rim.
     faulty: Vec<u16>,
-    /// How many of these read a load all the same.
-    pressed: usize,
     /// Those without a zero that may bear a load.
     loaded: Vec<u16>,
 }
@@ -287,7 +285,8 @@ impl Force {
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts };
         let faulty = self.faulty_beside(&touch);
-        let pressed = self.pressed(scan, &faulty);
+        // Told of all, for a tip may press on one taxel alone; it degrades the force beside a contact.
+        let pressed = self.faulty.iter().any(|&taxel| self.is_pressed(scan, taxel));
         let loaded = self.loaded_without_zero(scan);
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, unseen, present);
@@ -297,11 +296,11 @@ impl Force {
         sample.lower_bound = self.coverage.blind > 0
             || self.touch.mostly_blind().is_some()
             || !loaded.is_empty()
-            || pressed > 0
+            || pressed
             || sample.stale > 0
             || sample.out_of_range > 0
             || zero.load_vanished.is_some();
-        sample.reasons = self.shortcomings(scan, &sample, Missing { active: &in_total, faulty, pressed, loaded }, zero);
+        sample.reasons = self.shortcomings(scan, &sample, Missing { active: &in_total, faulty, loaded }, zero);
         sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
         Measured { sample, active: in_total, told: unseen.told }
     }

@@ -2,7 +2,7 @@
 //!
 //! Faults draw from random streams of their own, so that a story without one is the same but for what follows from it. Two
 //! faults that last at the same time can't be told apart by what is seen, but by this: a fault is cleared of lies that are
-//! told without it just the same, and of lies that need a zero that a board took by itself, since that lasts.
+//! told without it just the same, and of lies that need a zero that a board took by itself since the daemon's, which lasts.
 
 use std::time::Duration;
 
@@ -18,7 +18,8 @@ pub fn play(seed: u64) -> Told {
     let (mut cleared, mut lines) = (Kinds::default(), Vec::new());
     loop {
         let mut told = story::play(seed, Kinds::default(), cleared);
-        let Some((kind, why)) = accused(&told).find_map(|kind| Some((kind, clears(seed, &told, kind)?))) else {
+        let Some((kind, why)) = accused(&told).find_map(|kind| Some((kind, clears(seed, &told, kind, cleared)?)))
+        else {
             told.lines.splice(0..0, lines);
             return told;
         };
@@ -36,16 +37,18 @@ fn accused(told: &Told) -> impl Iterator<Item = Kind> + use<> {
         .iter()
 }
 
-/// Why the lies that are named after this fault and not argued do not come from it; `None` if they may.
-fn clears(seed: u64, told: &Told, kind: Kind) -> Option<String> {
+/// Why the lies that are named after this fault and not argued do not come from it, nor from it or those that are `cleared`
+/// already; `None` if they may.
+fn clears(seed: u64, told: &Told, kind: Kind, cleared: Kinds) -> Option<String> {
     let lies: Vec<LyingSample> =
         told.lies.iter().filter(|lie| lie.from == Some(kind) && !lie.argued).copied().collect();
-    let without = |kind: Kind| story::play(seed, Kinds::one(kind), Kinds::default());
+    let without = |kind: Kind| story::play(seed, cleared.or(Kinds::one(kind)), Kinds::default());
     let told_by = |other: &Told| lies.iter().filter(|lie| other.lies.iter().any(|same| is_same(lie, same))).count();
     if told_by(&without(kind)) == lies.len() {
         return Some("the same lies are told without it".to_owned());
     }
-    let needed = |retare: &Kind| *retare != kind && told.ever.has(*retare) && told_by(&without(*retare)) == 0;
+    let at_it = |retare: Kind| lies.iter().all(|lie| lie.since_zero.has(retare));
+    let needed = |retare: &Kind| *retare != kind && at_it(*retare) && told_by(&without(*retare)) == 0;
     RETARES.into_iter().find(needed).map(|retare| format!("none of its lies is told without `{}`", retare.name()))
 }
 

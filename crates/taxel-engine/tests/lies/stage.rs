@@ -106,12 +106,19 @@ impl Stage {
         self.changes_until = self.changes_until.max(self.now() + over + 2 * SLOT);
     }
 
+    /// What bears on each module: of the true force, in the shares of what its taxels feel. A layer spreads some of a load
+    /// to where no taxel is, so that what all feel is not all there is.
     fn note_modules(&mut self) {
         let skin = self.world.skin();
         let (area, taxels) = (skin.taxel_area(), skin.patch().taxels());
         let mut newton = vec![0.0; skin.patch().modules().len()];
         for (taxel, pressure) in taxels.iter().zip(self.world.true_taxel_pressures()) {
             newton[usize::from(taxel.module)] += pressure.on(area).0;
+        }
+        let felt: f64 = newton.iter().sum();
+        if felt > 0.0 {
+            let scale = self.world.true_force().0 / felt;
+            newton.iter_mut().for_each(|newton| *newton *= scale);
         }
         self.truth.note_modules(self.world.now(), newton.into());
     }

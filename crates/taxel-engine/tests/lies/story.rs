@@ -57,6 +57,8 @@ pub struct LyingSample {
     /// What it is named after.
     pub from: Option<Kind>,
     pub argued: bool,
+    /// What may have moved the counts since its zero was taken.
+    pub since_zero: Kinds,
 }
 
 /// What a story came to.
@@ -66,8 +68,6 @@ pub struct Told {
     pub lines: Vec<String>,
     /// Every sample that lied, oldest first.
     pub lies: Vec<LyingSample>,
-    /// What happened in it.
-    pub ever: Kinds,
 }
 
 /// Plays the story of this seed, `without` what goes wrong of these kinds; those that are `cleared` name no lie.
@@ -80,7 +80,7 @@ pub fn play(seed: u64, without: Kinds, cleared: Kinds) -> Told {
     }
     let (ever, lied) = (story.stage.suspects.ever, story.tally.lies > 0);
     story.tally.story(ever, lied);
-    Told { lines: story.stage.last_lines(usize::MAX), tally: story.tally, lies: story.lies, ever }
+    Told { lines: story.stage.last_lines(usize::MAX), tally: story.tally, lies: story.lies }
 }
 
 struct Story {
@@ -204,7 +204,8 @@ impl Story {
             }
             Some((lie, (from, name))) => {
                 let argued = is_allowed(&name, lie.excess_n);
-                self.lies.push(LyingSample { time: snapshot.time, lie, from, argued });
+                let since_zero = stage.suspects.since_zero();
+                self.lies.push(LyingSample { time: snapshot.time, lie, from, argued, since_zero });
                 if self.lying.as_ref() != Some(&name) {
                     let text = reading(snapshot, truth);
                     stage.tell(format!("LIE `{name}`: {text}"));

@@ -53,18 +53,21 @@ pub struct Wrong {
     pub since: Time,
 }
 
-/// From when to when something went on.
+/// From when to when something went on, once or several times at the same time.
 #[derive(Clone, Copy, Debug)]
 struct Spell {
     kind: Kind,
     began: Time,
+    /// How many times it goes on.
+    times: u32,
+    /// When the last of them ended.
     ended: Option<Time>,
 }
 
 /// What goes on, what has just ended, and what a zero or a model set keeps of it.
 #[derive(Debug)]
 pub struct Suspects {
-    /// What goes on, and what ended shortly ago; a kind may be there several times.
+    /// What goes on, and what ended shortly ago.
     spells: Vec<Spell>,
     /// Those that have ended at least once.
     over: Kinds,
@@ -109,7 +112,10 @@ impl Suspects {
     }
 
     pub fn begin(&mut self, kind: Kind, now: Time) {
-        self.spells.push(Spell { kind, began: now, ended: None });
+        match self.spells.iter_mut().find(|spell| spell.kind == kind && spell.times > 0) {
+            Some(spell) => spell.times += 1,
+            None => self.spells.push(Spell { kind, began: now, times: 1, ended: None }),
+        }
         self.going_on.insert(kind);
         self.newest[kind as usize] = Some(now);
         self.ever.insert(kind);
@@ -120,12 +126,13 @@ impl Suspects {
 
     pub fn end(&mut self, kind: Kind, now: Time) {
         self.spells.retain(|spell| spell.ended.is_none_or(|ended| now <= ended + FRESH));
-        let mut of_kind = self.spells.iter_mut().filter(|spell| spell.kind == kind && spell.ended.is_none());
-        if let Some(oldest) = of_kind.next() {
-            oldest.ended = Some(now);
-        }
-        if of_kind.next().is_none() {
-            self.going_on.remove(kind);
+        match self.spells.iter_mut().find(|spell| spell.kind == kind && spell.times > 1) {
+            Some(spell) => spell.times -= 1,
+            None => {
+                let last = self.spells.iter_mut().find(|spell| spell.kind == kind && spell.times == 1);
+                last.into_iter().for_each(|spell| (spell.times, spell.ended) = (0, Some(now)));
+                self.going_on.remove(kind);
+            }
         }
         self.ended[kind as usize] = Some(now);
         self.over.insert(kind);
@@ -169,6 +176,11 @@ impl Suspects {
         }
     }
 
+    /// What may have moved the counts since the zero was taken.
+    pub fn since_zero(&self) -> Kinds {
+        self.since_zero
+    }
+
     /// What a wrong force may come from now.
     pub fn present(&self, now: Time) -> Kinds {
         let fresh = |kind: &Kind| self.ended[*kind as usize].is_some_and(|ended| now < ended + AFTERMATH);
@@ -188,17 +200,19 @@ impl Suspects {
         let may = |kind: &Kind| kind.is_fault() && !ROOTS.contains(kind) && !self.cleared.has(*kind);
         let faults = || kinds.iter().filter(may);
         let adds = |kind: &Kind| too_little || !MUTES.contains(kind);
-        let fresh = |kind: &Kind| {
-            let of_kind = || self.spells.iter().filter(|spell| spell.kind == *kind);
-            let lasts = of_kind().any(|spell| spell.ended.is_none_or(|ended| time <= ended + AGE_MAX));
-            let began = of_kind().any(|spell| (spell.began..spell.began + FRESH).contains(&since));
-            lasts && began && !is_harmless(*kind)
+        let began = |kind: &Kind| {
+            let lasts = |spell: &&Spell| spell.ended.is_none_or(|ended| time <= ended + AGE_MAX);
+            let in_time = |spell: &&Spell| (spell.began..spell.began + FRESH).contains(&since);
+            let of_kind = self.spells.iter().filter(|spell| spell.kind == *kind);
+            of_kind.filter(lasts).filter(in_time).map(|spell| spell.began).max()
         };
         let retared =
             |kind: &Kind| self.boards.has(*kind) && (of_zero || self.since_zero.has(*kind)) && !self.cleared.has(*kind);
         let retared = || RETARES.into_iter().filter(|_| too_little).find(retared);
         let root = || ROOTS.into_iter().find(|kind| kinds.has(*kind));
-        let begun = newest(&mut faults().filter(fresh).filter(adds)).filter(|_| !of_zero);
+        let begun =
+            faults().filter(|kind| adds(kind) && !is_harmless(*kind)).filter_map(|kind| Some((began(&kind)?, kind)));
+        let begun = begun.max().map(|(_, kind)| kind).filter(|_| !of_zero);
         begun
             .or_else(retared)
             .or_else(root)

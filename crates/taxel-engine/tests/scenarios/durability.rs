@@ -9,7 +9,7 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 
 use crate::bench::{Bench, Disk};
-use crate::sessions::in_review;
+use crate::sessions::{in_review, ramping};
 use crate::shared::small;
 
 fn other_set(id: &str) -> Arc<ModelSet> {
@@ -103,6 +103,25 @@ fn a_discard_that_the_disk_refuses_has_no_effect() {
         assert_eq!(view.state, SessionState::Discarded);
         assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Discarded);
     }
+}
+
+/// It was under way when the daemon crashed.
+#[test]
+fn an_abort_that_the_disk_refuses_has_no_effect() {
+    let (crashed, session) = ramping(20.0);
+    let mut bench = Bench::after(crashed.world.clone(), crashed.host.plan.clone(), Disk::after_a_crash(&crashed.host));
+    bench.host.disk_is_slow = true;
+    let before = seen(&bench);
+    let request = bench.host.command(Command::AbortSession { session });
+    bench.seconds(1.0);
+    let why = bench.refused(Command::FinishRamp { session });
+    assert_eq!(why, format!("session {session} is being aborted"));
+    is_refused_and_has_no_effect(&mut bench, request, &before, "an abort");
+    bench.host.disk_is_slow = false;
+    let Ok(Done::Session(view)) = bench.ask(Command::AbortSession { session }) else {
+        panic!("it cannot be asked again")
+    };
+    assert_eq!(view.state, SessionState::Aborted);
 }
 
 #[test]

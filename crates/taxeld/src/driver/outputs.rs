@@ -70,8 +70,8 @@ impl Driver {
     }
 
     /// Answers go out when the disk has them, and what was recorded in the same step. That something was refused is
-    /// written down as well; whoever asked waits for it, so that nobody can ask faster than the disk writes, but is told
-    /// the refusal whatever becomes of that.
+    /// written down as well; whoever asked waits for that, so that being refused is no faster than the disk, and is told
+    /// the refusal whatever becomes of it.
     fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>, is_done: bool) {
         let wall_ns = self.clock.now().wall_ns;
         let (mut replies, mut refusals, mut refused) = (Vec::new(), Vec::new(), Vec::new());
@@ -83,7 +83,7 @@ impl Driver {
             replies.push((to, reply));
         }
         self.commit(records, replies, is_done);
-        self.commit(refusals, refused, true);
+        self.note_refusals(refusals, refused);
     }
 
     /// A reply goes out once everything recorded in the same step is on disk, or could not be written though what it tells
@@ -109,6 +109,17 @@ impl Driver {
         };
         if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable }) {
             self.step(Input::StoreFailed(refuse(batch)));
+        }
+    }
+
+    /// Nothing has changed by what was refused: the store does without its row where its queue has no room.
+    fn note_refusals(&self, records: Vec<Record>, replies: Vec<(oneshot::Sender<Reply>, Reply)>) {
+        let told: OnDurable = Box::new(move |_| answer(replies, Ok(Durability::OnDisk)));
+        if records.is_empty() {
+            told(Ok(Durability::OnDisk));
+        } else if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable: Some(told) }) {
+            let why = refuse(batch);
+            tracing::warn!(%why, "that a command was refused is not in the audit log");
         }
     }
 
