@@ -18,7 +18,7 @@ impl Engine {
             return Err(Rejection::FailedPrecondition(ErrorReason::NotPushed, why));
         }
         if let Some(line) = self.line_of(index) {
-            line.on_notice(BusNotice::Up);
+            line.on_notice(now.time, BusNotice::Up);
         }
         self.health_dirty.0 = true;
         self.with_patch(now, index, out, |patch, effects| patch.begin_push(now, effects));
@@ -34,7 +34,7 @@ impl Engine {
                 None => line.frames += 1,
                 Some(why) => line.refuse_scan(why.clone()),
             }
-            line.on_frames()
+            line.on_frames(now.time)
         });
         self.health_dirty.0 |= news;
         if refused.is_none() {

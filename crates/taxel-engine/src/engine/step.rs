@@ -229,8 +229,9 @@ impl Engine {
     }
 
     fn on_frames(&mut self, now: Now, bus: BusIndex, frames: &[TimedFrame], out: &mut Vec<Output>) {
-        if let Some(state) = self.buses.get_mut(usize::from(bus.0)) {
-            self.health_dirty.0 |= state.on_frames();
+        let newest = frames.iter().map(|frame| frame.time).max();
+        if let (Some(state), Some(newest)) = (self.buses.get_mut(usize::from(bus.0)), newest) {
+            self.health_dirty.0 |= state.on_frames(newest);
         }
         for frame in frames {
             // What a frame brings about happens at its own time, so that it does not matter how frames were batched.
@@ -312,7 +313,7 @@ impl Engine {
     fn on_bus(&mut self, now: Now, bus: BusIndex, notice: BusNotice, out: &mut Vec<Output>) {
         let Some(state) = self.buses.get_mut(usize::from(bus.0)) else { return };
         let dropped = matches!(notice, BusNotice::Dropped(_));
-        let lost = state.on_notice(notice);
+        let lost = state.on_notice(now.time, notice);
         self.health_dirty.0 = true;
         for index in 0..self.patches.len() {
             if !self.plan.patches[index].patch.boards().iter().any(|board| board.bus == bus) {

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use taxel_skin::Time;
 use taxel_wire::Frame;
 
 /// What a bus tells beside its frames.
@@ -41,11 +42,18 @@ pub struct BusState {
     problem: String,
     /// The problem is an error that the controller reported, and not why no frame can come.
     reported: bool,
+    /// When it was told last that no frame can come.
+    down_at: Option<Time>,
 }
 
 impl BusState {
-    /// Frames came: the bus is up, whatever was told before. Gives whether that is news.
-    pub fn on_frames(&mut self) -> bool {
+    /// Frames came, the newest of them received at this time: the bus is up, whatever was told before. Those that were
+    /// received before it went down say nothing: what a socket holds then is read after the error. Gives whether that is
+    /// news.
+    pub fn on_frames(&mut self, received: Time) -> bool {
+        if self.down_at.is_some_and(|down| received <= down) {
+            return false;
+        }
         let news = !std::mem::replace(&mut self.up, true);
         if news {
             self.problem.clear();
@@ -65,8 +73,13 @@ impl BusState {
         self.last_malformed = why;
     }
 
-    /// Takes a notice; returns why the boards' zero is in doubt, if it is.
-    pub fn on_notice(&mut self, notice: BusNotice) -> Option<String> {
+    /// Takes a notice that is told `now`; returns why the boards' zero is in doubt, if it is.
+    pub fn on_notice(&mut self, now: Time, notice: BusNotice) -> Option<String> {
+        match &notice {
+            BusNotice::Up => self.down_at = None,
+            BusNotice::Down(_) | BusNotice::BusOff => self.down_at = Some(now),
+            _ => {}
+        }
         match notice {
             BusNotice::Up => {
                 self.up = true;
