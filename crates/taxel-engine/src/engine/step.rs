@@ -229,9 +229,8 @@ impl Engine {
     }
 
     fn on_frames(&mut self, now: Now, bus: BusIndex, frames: &[TimedFrame], out: &mut Vec<Output>) {
-        let newest = frames.iter().map(|frame| frame.time).max();
-        if let (Some(state), Some(newest)) = (self.buses.get_mut(usize::from(bus.0)), newest) {
-            self.health_dirty.0 |= state.on_frames(newest);
+        if let (Some(state), Some(newest)) = (self.buses.get_mut(usize::from(bus.0)), frames.last()) {
+            self.health_dirty.0 |= state.on_frames(newest.time);
         }
         for frame in frames {
             // What a frame brings about happens at its own time, so that it does not matter how frames were batched.

@@ -104,14 +104,24 @@ fn what_is_to_be_shown_is_not_forgotten_because_of_what_comes_after_it() {
     bare.frames(1_530, BUS, 0);
     assert_eq!(bare.health_at(2_500).unwrap().buses[0].foreign, 4);
     bare.step(2_510, Input::Bus(BUS, BusNotice::Down("unplugged".to_owned())));
-    // What the socket still held.
-    let frame = TimedFrame { time: ms(2_509), frame: Frame::data(CanId::Standard(0x101), &[1]).unwrap() };
-    bare.step(2_515, Input::Frames(BUS, &[frame]));
-    assert!(!bare.health_at(2_755).unwrap().buses[0].up);
-    bare.frames(2_760, BUS, 1);
-    assert_eq!(bare.wakes(), Some(3_005), "down and up again is news, too");
-    let health = bare.health_at(3_005).unwrap();
+    bare.frames(2_520, BUS, 1);
+    assert_eq!(bare.wakes(), Some(2_750), "down and up again is news, too");
+    let health = bare.health_at(2_750).unwrap();
     assert_eq!((health.buses[0].up, health.buses[0].problem.as_str()), (true, ""));
+}
+
+/// A socket gives its error first, and then the frames that it held.
+#[test]
+fn a_bus_that_is_down_is_not_up_by_frames_of_before() {
+    let mut bare = Bare::new();
+    bare.frames(1_300, BUS, 1);
+    bare.step(1_510, Input::Bus(BUS, BusNotice::Down("unplugged".to_owned())));
+    let frame = TimedFrame { time: ms(1_509), frame: Frame::data(CanId::Standard(0x101), &[1]).unwrap() };
+    bare.step(1_515, Input::Frames(BUS, &[frame]));
+    let health = bare.health_at(1_760).unwrap();
+    assert_eq!((health.buses[0].up, health.buses[0].problem.as_str()), (false, "unplugged"));
+    bare.frames(1_770, BUS, 1);
+    assert!(bare.health_at(2_010).unwrap().buses[0].up);
 }
 
 #[test]

@@ -37,8 +37,8 @@ fn accused(told: &Told) -> impl Iterator<Item = Kind> + use<> {
         .iter()
 }
 
-/// Why the lies that are named after this fault and not argued do not come from it, nor from it or those that are `cleared`
-/// already; `None` if they may.
+/// Why the lies that are named after this fault and not argued do not come from it; `None` if they may. It is left out
+/// together with those that are `cleared` already: of two that each suffice, one is to blame.
 fn clears(seed: u64, told: &Told, kind: Kind, cleared: Kinds) -> Option<String> {
     let lies: Vec<LyingSample> =
         told.lies.iter().filter(|lie| lie.from == Some(kind) && !lie.argued).copied().collect();

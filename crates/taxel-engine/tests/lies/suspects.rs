@@ -126,11 +126,10 @@ impl Suspects {
 
     pub fn end(&mut self, kind: Kind, now: Time) {
         self.spells.retain(|spell| spell.ended.is_none_or(|ended| now <= ended + FRESH));
-        match self.spells.iter_mut().find(|spell| spell.kind == kind && spell.times > 1) {
-            Some(spell) => spell.times -= 1,
-            None => {
-                let last = self.spells.iter_mut().find(|spell| spell.kind == kind && spell.times == 1);
-                last.into_iter().for_each(|spell| (spell.times, spell.ended) = (0, Some(now)));
+        if let Some(spell) = self.spells.iter_mut().find(|spell| spell.kind == kind && spell.times > 0) {
+            spell.times -= 1;
+            if spell.times == 0 {
+                spell.ended = Some(now);
                 self.going_on.remove(kind);
             }
         }
