@@ -3,6 +3,7 @@
 use crate::load::{LoadError, Mass};
 use crate::skin::Skin;
 use std::f64::consts::PI;
+use std::sync::Arc;
 use taxel_skin::Kilopascal;
 
 /// How the pressure of a load reaches the taxels.
@@ -62,11 +63,38 @@ const STEP_MM: f64 = 0.5;
 /// Taxels within this distance are neighbours, mm.
 const NEIGHBOUR_MM: f64 = 8.0;
 
+/// Points of the skin where a pad feels a pressure at the surface, in mm about its centre, with the share of that; so many
+/// at a time as a processor may take.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Felt {
+    points: Vec<[[f64; 3]; LANES]>,
+}
+
+const LANES: usize = 8;
+
+impl Felt {
+    fn of(points: &[[f64; 3]]) -> Self {
+        let some = |points: &[[f64; 3]]| std::array::from_fn(|lane| points.get(lane).copied().unwrap_or_default());
+        Self { points: points.chunks(LANES).map(some).collect() }
+    }
+
+    /// The mean of this pressure over the pad.
+    fn mean(&self, density: impl Fn(f64, f64) -> f64) -> f64 {
+        let mut lanes = [0.0; LANES];
+        for points in &self.points {
+            for (sum, [x, y, share]) in lanes.iter_mut().zip(points) {
+                *sum += share * density(*x, *y);
+            }
+        }
+        lanes.iter().sum()
+    }
+}
+
 /// [`LoadPath`] made ready: what is the same for all loads is worked out once.
 #[derive(Clone, Debug)]
 pub(crate) enum Path {
     Shared,
-    Layer { stencil: Vec<([f64; 2], f64)>, crosstalk: f64, neighbours: Vec<Vec<usize>> },
+    Layer { felt: Arc<[Felt]>, crosstalk: f64, neighbours: Vec<Vec<usize>> },
 }
 
 impl Path {
@@ -74,7 +102,7 @@ impl Path {
         match path {
             LoadPath::Shared => Self::Shared,
             LoadPath::Layer(layer) => {
-                Self::Layer { stencil: stencil(layer), crosstalk: layer.crosstalk, neighbours: neighbours(skin) }
+                Self::Layer { felt: felt(layer, skin), crosstalk: layer.crosstalk, neighbours: neighbours(skin) }
             }
         }
     }
@@ -86,8 +114,8 @@ impl Path {
     pub(crate) fn press(&self, skin: &Skin, mass: &Mass, centre_mm: [f64; 2]) -> Result<Pressed, LoadError> {
         match self {
             Self::Shared => Ok(shared(skin, mass, centre_mm)),
-            Self::Layer { stencil, crosstalk, neighbours } => {
-                let mut pressed = through_layer(stencil, skin, mass, centre_mm)?;
+            Self::Layer { felt, crosstalk, neighbours } => {
+                let mut pressed = through_layer(felt, skin, mass, centre_mm)?;
                 if *crosstalk > 0.0 {
                     pressed.kpa = mixed(&pressed.kpa, *crosstalk, neighbours);
                 }
@@ -129,47 +157,57 @@ fn shared(skin: &Skin, mass: &Mass, centre_mm: [f64; 2]) -> Pressed {
     Pressed { kpa, vector_n }
 }
 
-fn through_layer(
-    stencil: &[([f64; 2], f64)],
-    skin: &Skin,
-    mass: &Mass,
-    [x, y]: [f64; 2],
-) -> Result<Pressed, LoadError> {
+fn through_layer(felt: &[Felt], skin: &Skin, mass: &Mass, [x, y]: [f64; 2]) -> Result<Pressed, LoadError> {
     let footprint = &mass.footprint;
     let density = footprint.density();
-    let on_skin = |dx: f64, dy: f64| {
+    let on_skin = |[dx, dy]: [f64; 2]| {
         let density = density(dx, dy);
-        if density > 0.0 && skin.covers([x + dx, y + dy]) { density } else { 0.0 }
+        (density > 0.0 && skin.covers([x + dx, y + dy])).then_some(density)
     };
-    let (mut total, mut vector_n) = (0.0, [0.0; 3]);
-    for [dx, dy] in footprint.grid() {
-        let density = on_skin(dx, dy);
-        if density > 0.0 {
-            total += density;
-            add(&mut vector_n, Skin::normal_at([x + dx, y + dy]), density);
-        }
-    }
+    let total: f64 = footprint.grid(1).filter_map(on_skin).sum();
     if total <= 0.0 {
         return Err(LoadError::BesideTheSkin);
     }
+    // The normal changes over centimetres: every other row and column says enough of it.
+    let (mut of_normals, mut vector_n) = (0.0, [0.0; 3]);
+    for place in footprint.grid(2) {
+        if let Some(density) = on_skin(place) {
+            of_normals += density;
+            add(&mut vector_n, Skin::normal_at([x + place[0], y + place[1]]), density);
+        }
+    }
+    let vector_n = match of_normals {
+        0.0 => Skin::normal_at([x, y]).map(|part| part * mass.weight().0),
+        of_normals => vector_n.map(|sum| sum * mass.weight().0 / of_normals),
+    };
     // N / mm2 is 1000 kPa.
     let kpa_per_density = 1000.0 * mass.weight().0 / (total * footprint.step_mm().powi(2));
-    let vector_n = vector_n.map(|sum| sum * mass.weight().0 / total);
     let far_mm = footprint.semi_axes_mm[0].max(footprint.semi_axes_mm[1]) + REACH_MM;
-    let felt = |(index, pose): (usize, &crate::skin::Pose)| {
+    let presses = |((index, pose), points): ((usize, &crate::skin::Pose), &Felt)| {
         let [dx, dy] = [pose.unrolled_mm[0] - x, pose.unrolled_mm[1] - y];
         if dx.hypot(dy) > far_mm {
             return None;
         }
-        let mean: f64 = stencil.iter().map(|([u, v], weight)| weight * on_skin(dx + u, dy + v)).sum();
+        let mean = points.mean(|u, v| density(dx + u, dy + v));
         (mean > 0.0).then_some((index, mean * kpa_per_density))
     };
-    let kpa: Vec<_> = skin.poses().iter().enumerate().filter_map(felt).collect();
+    let kpa: Vec<_> = skin.poses().iter().enumerate().zip(felt).filter_map(presses).collect();
     Ok(Pressed { kpa, vector_n })
 }
 
-/// Where a pad feels a pressure at the surface, in mm about its centre, and the share of that; the shares add up to 1.
-fn stencil(layer: Layer) -> Vec<([f64; 2], f64)> {
+/// What each taxel of a skin feels; the shares of a pad amid the skin add up to 1.
+fn felt(layer: Layer, skin: &Skin) -> Arc<[Felt]> {
+    let stencil = stencil(layer);
+    let of = |pose: &crate::skin::Pose| {
+        let [x, y] = pose.unrolled_mm;
+        let on_skin = |[u, v, _]: &[f64; 3]| skin.covers([x + u, y + v]);
+        Felt::of(&stencil.iter().copied().filter(on_skin).collect::<Vec<_>>())
+    };
+    skin.poses().iter().map(of).collect()
+}
+
+/// What a pad feels where skin lies all around: points as of [`Felt`], the shares of which add up to 1.
+fn stencil(layer: Layer) -> Vec<[f64; 3]> {
     let grid = |reach_mm: f64| {
         let steps = (reach_mm / STEP_MM).floor() as i32;
         let along = move || (-steps..=steps).map(|n| f64::from(n) * STEP_MM);
@@ -180,11 +218,11 @@ fn stencil(layer: Layer) -> Vec<([f64; 2], f64)> {
     let pad: Vec<[f64; 2]> = grid(layer.pad_radius_mm).collect();
     let felt = |[x, y]: [f64; 2]| {
         let share: f64 = pad.iter().map(|[u, v]| point((x - u).powi(2) + (y - v).powi(2))).sum();
-        ([x, y], share)
+        [x, y, share]
     };
     let mut stencil: Vec<_> = grid(REACH_MM).map(felt).collect();
-    let total: f64 = stencil.iter().map(|(_, share)| share).sum();
-    stencil.iter_mut().for_each(|(_, share)| *share /= total);
+    let total: f64 = stencil.iter().map(|[_, _, share]| share).sum();
+    stencil.iter_mut().for_each(|[_, _, share]| *share /= total);
     stencil
 }
 

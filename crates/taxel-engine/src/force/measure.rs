@@ -186,7 +186,8 @@ impl ForceModel {
         touch.contacts.resize(contacts + 1, Contact::default());
         for &(taxel, newton) in &touch.active {
             let contact = touch.labels.get(taxel).map_or(0, |&label| usize::from(label));
-            touch.contacts[contact].add(newton / self.newton_per_kpa(taxel), newton);
+            let at_rim = self.neighbours.as_ref().is_some_and(|neighbours| neighbours.is_at_rim(taxel));
+            touch.contacts[contact].add(newton / self.newton_per_kpa(taxel), newton, at_rim);
         }
     }
 

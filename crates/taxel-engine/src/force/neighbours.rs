@@ -19,6 +19,8 @@ const ONE_SIDED: f64 = 0.4;
 
 /// A taxel with so much of what all taxels read is one of the three that a contact touches at most.
 const LARGE_SHARE: f64 = 0.3;
+/// Where the taxels beside one read so many times as much as the next ones together, a contact's tip lies between them.
+const TIP_RATIO: f64 = 2.0;
 /// Beside one taxel another is well touched if it reads more than this share of its pressure.
 const WELL_TOUCHED_SHARE: f64 = 0.25;
 
@@ -48,8 +50,8 @@ pub struct Rim {
     pub without: usize,
     /// Touched taxels.
     pub touched: usize,
-    /// Of those without one, how many lie at the rim of the skin beside one taxel with much of what is touched, and beside
-    /// nothing else that is well touched.
+    /// Of those without one, how many lie at the rim of the skin and may bear most of a contact: beside one taxel with much
+    /// of what is touched and nothing else that is well touched, or amid what is touched most of its surroundings.
     pub beyond: usize,
 }
 
@@ -126,6 +128,12 @@ impl Neighbours {
         known >= FILL_NEIGHBOURS_MIN
     }
 
+    /// Whether a taxel lies at the rim of the skin.
+    #[must_use]
+    pub fn is_at_rim(&self, taxel: usize) -> bool {
+        self.at_rim[taxel]
+    }
+
     /// The neighbours of a taxel, ascending.
     pub fn of(&self, taxel: usize) -> impl Iterator<Item = usize> {
         self.of[taxel].iter().map(|&other| usize::from(other))
@@ -153,7 +161,11 @@ impl Neighbours {
         if filled[first..].iter().any(|f| self.at_rim[f.taxel]) {
             let runs = filled[first..].chunk_by(|a, b| a.taxel == b.taxel);
             let sum_kpa = touched.iter().map(|&(taxel, _)| pressure_kpa(taxel)).sum();
-            rim.beyond = runs.filter(|run| self.at_rim[run[0].taxel] && is_beside_most(run, sum_kpa)).count();
+            let bears_most = |run: &[Filled]| {
+                let own = |taxel: usize| if has_pressure(taxel) { pressure_kpa(taxel) } else { 0.0 };
+                is_beside_most(run, sum_kpa) || self.is_amid_most(run[0].taxel, sum_kpa, own)
+            };
+            rim.beyond = runs.filter(|run| self.at_rim[run[0].taxel] && bears_most(run)).count();
         }
         filled.dedup_by_key(|f| f.taxel);
         (rim.without, rim.touched) = (filled.len() - first, touched.len());
@@ -164,6 +176,20 @@ impl Neighbours {
             true
         });
         rim
+    }
+
+    /// Whether the neighbours of a taxel read a large share of the sum over all that is touched, and far more than the ones
+    /// beside these: nobody has seen the tip of the contact.
+    fn is_amid_most(&self, taxel: usize, sum_kpa: f64, kpa: impl Fn(usize) -> f64) -> bool {
+        let beside_kpa: f64 = self.of(taxel).map(&kpa).sum();
+        if beside_kpa < LARGE_SHARE * sum_kpa {
+            return false;
+        }
+        let is_next = |other: &usize| *other != taxel && !self.of[taxel].contains(&(*other as u16));
+        let mut next: Vec<usize> = self.of(taxel).flat_map(|other| self.of(other)).filter(is_next).collect();
+        next.sort_unstable();
+        next.dedup();
+        beside_kpa >= TIP_RATIO * next.into_iter().map(&kpa).sum::<f64>()
     }
 }
 
@@ -252,9 +278,8 @@ mod tests {
         assert!(!rim(&[(0, 1.0)]).is_mostly_blind(), "the first of the row has one beside it");
     }
 
-    /// A hexagonal patch of 19 taxels: a centre, six about it, twelve at the rim.
-    #[test]
-    fn taxels_at_the_rim_have_their_neighbours_on_one_side() {
+    /// A hexagonal patch of 19 taxels, a centre, six about it, twelve at the rim, and the ring that each lies on.
+    fn hexagon() -> (Neighbours, Vec<i32>) {
         let pitch = 0.0065;
         let at =
             |q: i32, r: i32| [pitch * (f64::from(q) + 0.5 * f64::from(r)), pitch * 0.75_f64.sqrt() * f64::from(r), 0.0];
@@ -262,10 +287,34 @@ mod tests {
         let ring = |(q, r): (i32, i32)| q.abs().max(r.abs()).max((q + r).abs());
         let (places, rings): (Vec<_>, Vec<_>) = all.map(|place| (at(place.0, place.1), ring(place))).unzip();
         let poses = places.into_iter().map(|position| Some(TaxelPose { position, normal: [0.0, 0.0, 1.0] })).collect();
-        let neighbours = Neighbours::new(&Geometry::from_poses(poses));
+        (Neighbours::new(&Geometry::from_poses(poses)), rings)
+    }
+
+    #[test]
+    fn taxels_at_the_rim_have_their_neighbours_on_one_side() {
+        let (neighbours, rings) = hexagon();
         assert_eq!(rings.len(), 19);
         for (taxel, ring) in rings.iter().enumerate() {
             assert_eq!(neighbours.at_rim[taxel], *ring == 2, "{taxel}");
         }
+    }
+
+    /// Both neighbours of a corner that has no pressure read the same, so that their scatter says nothing of the tip there.
+    #[test]
+    fn a_contact_about_a_corner_without_a_pressure_may_lie_on_it() {
+        let (neighbours, rings) = hexagon();
+        let corner = (0..19).find(|&taxel| neighbours.of(taxel).count() == 3).unwrap();
+        let amid = neighbours.of(corner).find(|&taxel| rings[taxel] == 1).unwrap();
+        let rim = |kpa: &dyn Fn(usize) -> f64| {
+            let touched: Vec<_> = (0..19).filter(|&t| t != corner && kpa(t) > 0.0).map(|t| (t, kpa(t))).collect();
+            neighbours.fill(&touched, |taxel| taxel != corner, kpa, &mut Vec::new())
+        };
+        let about = |place: usize| {
+            let neighbours = &neighbours;
+            move |taxel: usize| if neighbours.of(place).any(|other| other == taxel) { 50.0 } else { 2.0 }
+        };
+        assert_eq!(rim(&about(corner)), Rim { without: 1, touched: 18, beyond: 1 });
+        let within = |taxel: usize| if taxel == amid { 100.0 } else { about(amid)(taxel) };
+        assert!(!rim(&within).is_mostly_blind(), "its tip is seen");
     }
 }

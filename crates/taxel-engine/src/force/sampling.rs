@@ -10,28 +10,35 @@
 const BY_TAXELS: [(f64, f64); 8] =
     [(1.0, 0.5), (2.0, 0.21), (4.0, 0.155), (6.0, 0.105), (8.5, 0.087), (12.0, 0.046), (16.0, 0.024), (1e3, 0.024)];
 
+/// Relative standard uncertainty of what the taxels at the rim of the skin read of a contact. Under the same layer a pad at a
+/// straight rim feels 0.90 of a pressure that is the same everywhere on the skin, and one at a corner 0.81: what the layer
+/// spreads to beyond the skin is lost to all of them alike.
+const AT_RIM: f64 = 0.1;
+
 /// Sums over the taxels of one contact.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Contact {
     force_n: f64,
+    rim_n: f64,
     kpa: f64,
     kpa2: f64,
 }
 
 impl Contact {
-    /// A taxel under a pressure with its force. Pressures below zero count as none.
-    pub fn add(&mut self, kpa: f64, newton: f64) {
+    /// A taxel under a pressure with its force, at the rim of the skin or not. Pressures below zero count as none.
+    pub fn add(&mut self, kpa: f64, newton: f64, at_rim: bool) {
         let kpa = kpa.max(0.0);
         self.force_n += newton;
+        self.rim_n += if at_rim { newton } else { 0.0 };
         self.kpa += kpa;
         self.kpa2 += kpa * kpa;
     }
 
-    /// Standard uncertainty of its force because pads sample it, N.
+    /// Standard uncertainty of its force because pads sample it, and some of it at the rim of the skin, N.
     #[must_use]
     pub fn sigma_n(&self) -> f64 {
         let effective = if self.kpa2 > 0.0 { self.kpa * self.kpa / self.kpa2 } else { 1.0 };
-        relative_sigma(effective) * self.force_n.abs()
+        (relative_sigma(effective) * self.force_n).hypot(AT_RIM * self.rim_n)
     }
 }
 
@@ -54,7 +61,7 @@ mod tests {
     fn more_taxels_under_a_contact_leave_less_uncertainty() {
         let sigma = |taxels: usize| {
             let mut contact = Contact::default();
-            (0..taxels).for_each(|_| contact.add(10.0, 0.5));
+            (0..taxels).for_each(|_| contact.add(10.0, 0.5, false));
             contact.sigma_n() / (0.5 * taxels as f64)
         };
         assert!((sigma(1) - 0.5).abs() < 1e-12 && (sigma(4) - 0.155).abs() < 1e-12 && (sigma(40) - 0.024).abs() < 1e-9);
@@ -65,8 +72,19 @@ mod tests {
     #[test]
     fn a_taxel_that_stands_out_counts_for_most_of_its_contact() {
         let mut contact = Contact::default();
-        contact.add(100.0, 5.0);
-        (0..9).for_each(|_| contact.add(1.0, 0.05));
+        contact.add(100.0, 5.0, false);
+        (0..9).for_each(|_| contact.add(1.0, 0.05, false));
         assert!(contact.sigma_n() > 0.4 * 5.45, "{contact:?}");
+    }
+
+    #[test]
+    fn what_lies_at_the_rim_is_uncertain_together() {
+        let sigma = |at_rim: usize| {
+            let mut contact = Contact::default();
+            (0..20).for_each(|taxel| contact.add(10.0, 0.5, taxel < at_rim));
+            contact.sigma_n()
+        };
+        let expected = (0.024_f64 * 10.0).hypot(AT_RIM * 4.0);
+        assert!((sigma(0) - 0.24).abs() < 1e-12 && (sigma(8) - expected).abs() < 1e-12, "{}", sigma(8));
     }
 }

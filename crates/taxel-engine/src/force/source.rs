@@ -227,9 +227,11 @@ impl<'a> Source<'a> {
                 table.pressure_kpa[code] = kpa as f32;
                 table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
             }
-            table.pressure_kpa[code] += beyond.kpa as f32;
-            let sigma_kpa = beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa);
-            table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
+            if beyond != Beyond::default() {
+                table.pressure_kpa[code] += beyond.kpa as f32;
+                let sigma_kpa = beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa);
+                table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
+            }
         }
         let shared_kpa = self.shared_kpa();
         let beyond = |distance: f64| -> [f32; 256] {

@@ -9,6 +9,7 @@ use crate::scan::Scan;
 use crate::zero::count_sums::CountSums;
 use crate::zero::rest::limits::RestLimits;
 use crate::zero::rest::moves::Moves;
+use crate::zero::sudden::SuddenWarmth;
 use crate::zero::unloading::{Later, Unloading};
 use crate::zero::warmth::Warmth;
 
@@ -24,6 +25,7 @@ pub struct Lookback {
     later: CountSums,
     /// `None` where the zero follows the temperature.
     warmth: Option<Warmth>,
+    sudden: SuddenWarmth,
     /// Scans of a window.
     scans: u64,
     offset_counts: f64,
@@ -50,13 +52,15 @@ impl Lookback {
     pub fn new(taxels: usize, period: Duration, follows: bool) -> Self {
         let scans = (WINDOW.as_secs_f64() / period.as_secs_f64()).ceil() as u64;
         let warmth = (!follows).then(Warmth::default);
-        Self { later: CountSums::new(taxels), warmth, scans, offset_counts: 0.0, median_counts: None }
+        let (later, sudden) = (CountSums::new(taxels), SuddenWarmth::new(period));
+        Self { later, warmth, sudden, scans, offset_counts: 0.0, median_counts: None }
     }
 
     /// A zero was taken.
     pub fn begin(&mut self) {
         self.offset_counts = 0.0;
         self.warmth.iter_mut().for_each(Warmth::begin);
+        self.sudden.looked();
         self.restart();
     }
 
@@ -68,10 +72,17 @@ impl Lookback {
 
     /// How far the median taxel lay from its zero in the last window, counts, or may have lain by what the thermal pads say,
     /// whichever is more. Half of the skin is seldom touched, so the median is what the zero is off by everywhere. Where
-    /// all of it is, a light load and the cold hide each other from the median, but not from the pads.
+    /// all of it is, a light load and the cold hide each other from the median, but not from the pads. What has warmed the
+    /// skin since the last window comes to it.
     #[must_use]
     pub fn offset_counts(&self) -> f64 {
-        self.warmth.as_ref().map_or(0.0, Warmth::sigma_counts).min(OFFSET_MAX_COUNTS).max(self.offset_counts)
+        let by_pads = self.warmth.as_ref().map_or(0.0, Warmth::sigma_counts).min(OFFSET_MAX_COUNTS);
+        by_pads.max(self.offset_counts).hypot(self.sudden.sigma_counts().min(OFFSET_MAX_COUNTS))
+    }
+
+    /// The pads of a scan, whether there is a zero or not; see [`Scan::pads`].
+    pub fn feel(&mut self, pads: &[[u8; 2]]) {
+        self.sudden.push(pads);
     }
 
     /// How far the median taxel moved towards load, if a window has just ended, counts.
@@ -94,6 +105,7 @@ impl Lookback {
         self.median_counts = median.is_finite().then_some(median);
         self.offset_counts = if median.is_finite() { median.abs().min(OFFSET_MAX_COUNTS) } else { 0.0 };
         self.later.restart();
+        self.sudden.looked();
         let towards_load = f64::from(signs.iter().map(|&sign| i32::from(sign)).sum::<i32>().signum());
         self.warmth.iter_mut().for_each(|warmth| warmth.end(towards_load));
         Later { seen: &seen, scans, modules }.unloaded(zero, signs, limits)

@@ -16,6 +16,7 @@ pub mod plan;
 mod proven;
 mod residue;
 pub mod rest;
+mod sudden;
 #[cfg(test)]
 mod tests;
 pub mod unloading;

@@ -9,7 +9,7 @@
 use crate::statistics::median;
 
 /// Root mean square of a coefficient that is uniform from 1/4 to 1: `sqrt((1 + 1/4 + 1/16) / 3)`.
-const COEFFICIENT_RMS: f64 = 0.661_437_827_766_147_6;
+pub(super) const COEFFICIENT_RMS: f64 = 0.661_437_827_766_147_6;
 
 /// Means of the pads over windows of scans, the first of them that of the zero.
 #[derive(Clone, Debug, Default)]

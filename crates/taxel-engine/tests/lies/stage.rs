@@ -39,6 +39,8 @@ pub struct Stage {
     begin: Time,
     told: Vec<(f64, String)>,
     epoch: Option<u64>,
+    /// What lay on the skin all the while its zero was taken, N.
+    in_zero_n: f64,
     active: Option<String>,
     /// What went on while the last session gathered.
     session: Kinds,
@@ -60,6 +62,7 @@ impl Stage {
             begin,
             told: Vec::new(),
             epoch: None,
+            in_zero_n: 0.0,
             active: Some(house.set.id.clone()),
             session: Kinds::default(),
         }
@@ -67,6 +70,11 @@ impl Stage {
 
     pub fn now(&self) -> Time {
         self.world.now()
+    }
+
+    /// How much of a load the zero may hide, because it lay there all the while that was taken, in newton.
+    pub const fn in_zero_n(&self) -> f64 {
+        self.in_zero_n
     }
 
     /// Seconds since the story began.
@@ -218,6 +226,7 @@ impl Stage {
         };
         let now = self.now();
         self.suspects.zero_taken(now, under);
+        self.in_zero_n = if under.is_some() { least } else { 0.0 };
         self.tell(format!("zero {} under {least:.3} to {greatest:.3} N: {}", tare.epoch, tare.reason));
     }
 }

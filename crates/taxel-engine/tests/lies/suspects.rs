@@ -49,6 +49,8 @@ pub struct Wrong {
     pub too_little: bool,
     /// It did so already in the very first sample at this zero.
     pub of_zero: bool,
+    /// It would not, had the zero not taken in what lay there.
+    pub by_zero: bool,
     /// Since when it has been told, by as much at some moment as it is now.
     pub since: Time,
 }
@@ -189,11 +191,11 @@ impl Suspects {
 
     /// The kind that names what a force may be wrong by: a fault that has just begun and lasted when the sample was taken, a
     /// board's own zero under a load, what zero and models went through, or else the newest fault. What reads too little
-    /// already in the very first sample at a zero comes from the zero or from its boards, and what has been told for a while
-    /// from nothing that began since.
+    /// already in the very first sample at a zero comes from the zero or from its boards, as does what would hold but for the
+    /// load that the zero has taken in, and what has been told for a while from nothing that began since.
     pub fn principal(&self, kinds: Kinds, wrong: Wrong) -> Option<Kind> {
-        let Wrong { time, too_little, since, .. } = wrong;
-        let of_zero = too_little && wrong.of_zero;
+        let Wrong { time, too_little, since, by_zero, .. } = wrong;
+        let of_zero = too_little && (wrong.of_zero || by_zero);
         let newest = |kinds: &mut dyn Iterator<Item = Kind>| kinds.max_by_key(|kind| self.newest[*kind as usize]);
         // What keeps modules from being heard adds nothing to a force, unless there is nothing else that could.
         let may = |kind: &Kind| kind.is_fault() && !ROOTS.contains(kind) && !self.cleared.has(*kind);

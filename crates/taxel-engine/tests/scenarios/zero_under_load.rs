@@ -7,8 +7,8 @@ use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
 use taxel_engine::{BusNotice, Restored};
-use taxel_sim::{Fault, Footprint, Mass};
-use taxel_skin::TaxelIndex;
+use taxel_sim::{Fault, Footprint, Mass, PumpCommand};
+use taxel_skin::{Kilopascal, TaxelIndex};
 
 use crate::bench::{Bench, Disk};
 use crate::rig::{board, module, patch_plan, plan};
@@ -221,6 +221,22 @@ fn a_light_load_on_a_colder_skin_that_is_taken_for_rest_is_within_the_interval()
             bench.is_truthful_since(0, &format!("{kilogram} kg at {kelvin} K"));
         }
         assert!(forces >= 1, "a light load passes for another day");
+    }
+}
+
+/// Warmth that comes within a second or two while something lies on all of the skin shows on the pads alone.
+#[test]
+fn a_skin_that_warms_at_once_while_all_of_it_is_touched_is_within_the_interval() {
+    for (kelvin, kpa_per_s) in [(6.0, 2.0), (6.0, 4.0), (8.0, 2.0), (8.0, 4.0), (-8.0, 2.0)] {
+        let mut bench = small().in_use();
+        bench.ask(tare()).unwrap();
+        let mark = bench.mark();
+        bench.world.pump(PumpCommand::Ramp { target: Kilopascal(40.0), kpa_per_s });
+        bench.seconds(0.3);
+        bench.inject(Fault::Warming { kelvin, over: Duration::from_millis(900) });
+        bench.seconds(3.0);
+        assert!(bench.has_force_since(mark));
+        bench.is_truthful_since(mark, &format!("{kelvin} K while a bag presses by {kpa_per_s} kPa more each second"));
     }
 }
 
