@@ -14,8 +14,16 @@ pub struct Folder {
     /// Oldest first, with their bytes.
     files: VecDeque<(FileName, u64)>,
     next: u32,
-    /// Keeps other processes out for as long as it is open.
-    _lock: File,
+    /// Keeps other processes out.
+    lock: File,
+}
+
+impl Drop for Folder {
+    /// To close the lock would not be enough: a process that another thread starts just now has a copy of it until it runs its
+    /// own program, and keeps it locked.
+    fn drop(&mut self) {
+        let _ = self.lock.unlock(); // the folder may be gone, and the lock with it
+    }
 }
 
 impl Folder {
@@ -32,7 +40,7 @@ impl Folder {
         })?;
         let files = Self::list(path)?;
         let next = files.back().map_or(1, |(name, _)| name.number().saturating_add(1));
-        Ok(Self { path: path.to_owned(), files, next, _lock: lock })
+        Ok(Self { path: path.to_owned(), files, next, lock })
     }
 
     /// The recordings of a folder, oldest first, with their bytes.
@@ -104,6 +112,17 @@ impl Folder {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_folder_is_free_again_though_a_process_that_is_being_started_has_a_copy_of_its_lock() {
+        let scratch = tempfile::tempdir().unwrap();
+        let folder = Folder::open(scratch.path()).unwrap();
+        let copy = folder.lock.try_clone().unwrap();
+        assert!(Folder::open(scratch.path()).unwrap_err().to_string().contains("another process"));
+        drop(folder);
+        assert!(Folder::open(scratch.path()).is_ok());
+        drop(copy);
+    }
 
     #[test]
     fn the_oldest_of_our_files_go_first_and_no_other_file_ever() {

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use std::net::TcpListener;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
-use taxel_page::{Limits, Options, Services, Shows, bind, serve};
+use taxel_page::{Caller, Limits, Options, Services, Shows, bind, serve};
 use taxel_rpc::handle::channel;
 use taxel_rpc::{Access, Clock, Clocks, Listener, ModelCodec, Publisher, Rules, serve_and_share};
 use taxel_skin::{Board, BoardAddress, BusIndex, Geometry, Module, ModuleKind, Newton, Patch, TaxelPose, Time};
@@ -89,7 +89,10 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     tokio::spawn(publish(engine, clock, taxels));
     let limits = Limits::default();
     let listener = bind(address, &limits)?;
-    let services = Services::new(shared.await?);
+    let services = shared.await?;
+    let judge = services.clone();
+    let permits = Arc::new(move |caller: &Caller, path: &str| judge.permits(caller.address, path, &caller.headers()));
+    let services = Services::new(services);
     println!("{taxels} taxels on http://{}/", listener.local_addr()?);
-    Ok(serve(listener, Options { services, shows: Shows::Page, names: Vec::new(), limits }, shutdown).await?)
+    Ok(serve(listener, Options { services, permits, shows: Shows::Page, names: Vec::new(), limits }, shutdown).await?)
 }

@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::pin::Pin;
+use std::sync::Arc;
 
 use futures_util::future::poll_fn;
 use futures_util::stream::{self, Stream};
@@ -32,24 +33,23 @@ pub struct Caller {
     pub authorization: Option<HeaderValue>,
 }
 
-/// May this caller make this call, `taxel.v1.Service/Method`? Everybody who is let in by address, `Host` and `Origin` may
-/// do all today. What roles allow is asked in the layers around [`Services`]; what they cannot know belongs here.
-///
-/// # Errors
-/// `PERMISSION_DENIED` or `UNAUTHENTICATED` with what is lacking.
-#[expect(clippy::unnecessary_wraps, reason = "this is where a refusal comes from")]
-fn admit(method: &str, caller: &Caller) -> Result<(), Status> {
-    tracing::debug!(method, address = %caller.address, "call");
-    Ok(())
+impl Caller {
+    /// What of its headers its call carries.
+    #[must_use]
+    pub fn headers(&self) -> HeaderMap {
+        self.authorization.iter().map(|authorization| (AUTHORIZATION, authorization.clone())).collect()
+    }
 }
+
+/// Whether a caller may make the call with this path, `/taxel.v1.Service/Method`, as the services themselves judge it; asked
+/// before the body of a request is read, so that whoever may not make a call takes no place from those who may.
+pub type Permits = Arc<dyn Fn(&Caller, &str) -> Result<(), Status> + Send + Sync>;
 
 /// The services as this caller calls them: with its address and its `authorization`.
 pub(crate) fn as_of(services: &Services, caller: &Caller) -> Services {
     let caller = caller.clone();
     Services::new(services.clone().map_request(move |mut call: hyper::Request<Body>| {
-        if let Some(authorization) = &caller.authorization {
-            call.headers_mut().insert(AUTHORIZATION, authorization.clone());
-        }
+        call.headers_mut().extend(caller.headers());
         call.extensions_mut().insert(TcpConnectInfo { local_addr: None, remote_addr: Some(caller.address) });
         call
     }))
@@ -63,7 +63,6 @@ pub(crate) async fn begin(
     caller: &Caller,
 ) -> Result<Answer, Status> {
     let path = method.path();
-    admit(&path, caller)?;
     let mut call = hyper::Request::new(Body::new(Full::new(framed(request))));
     *call.method_mut() = hyper::Method::POST;
     *call.uri_mut() = format!("/{path}").parse().map_err(|_| Refusal::fault("the path of a method"))?;

@@ -22,7 +22,7 @@ mod places;
 mod serve;
 mod site;
 
-pub use call::{Caller, Services};
+pub use call::{Caller, Permits, Services};
 pub use limits::Limits;
 pub use serve::{Options, bind, serve};
 pub use site::Shows;

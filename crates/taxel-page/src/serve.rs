@@ -13,7 +13,7 @@ use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 
-use crate::call::Services;
+use crate::call::{Permits, Services};
 use crate::connection::Connection;
 use crate::limits::Limits;
 use crate::places::{NoPlace, Places};
@@ -32,6 +32,8 @@ const TELL_EVERY: Duration = Duration::from_secs(10);
 pub struct Options {
     /// The daemon's services.
     pub services: Services,
+    /// Who may call what, as the services judge it.
+    pub permits: Permits,
     /// What is served.
     pub shows: Shows,
     /// Names beside localhost and loopback addresses by which the page may be asked for: those of a proxy before it.
@@ -58,8 +60,8 @@ pub fn bind(address: SocketAddr, limits: &Limits) -> io::Result<std::net::TcpLis
 /// If the listener cannot be used on this runtime, or the compiled descriptors cannot be read.
 pub async fn serve(listener: std::net::TcpListener, options: Options, shutdown: CancellationToken) -> io::Result<()> {
     let listener = TcpListener::from_std(listener)?;
-    let Options { services, shows, names, limits } = options;
-    let site = Site::new(services, shows, names, limits.clone()).map_err(io::Error::other)?;
+    let Options { services, permits, shows, names, limits } = options;
+    let site = Site::new((services, permits), shows, names, limits.clone()).map_err(io::Error::other)?;
     let mut server = Server {
         site: Arc::new(site),
         places: Places::new(limits.connections, limits.connections_per_address),

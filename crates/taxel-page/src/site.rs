@@ -15,7 +15,7 @@ use tonic::{Code, Status};
 
 use crate::answer::{Body, closing, code_name, hardened, json_of, refusal, refusal_as, whole, wrong_method};
 use crate::assets;
-use crate::call::{Caller, Services, begin};
+use crate::call::{Caller, Permits, Services, begin};
 use crate::events::{Source, events};
 use crate::limits::Limits;
 use crate::methods::{Method, Methods};
@@ -37,6 +37,7 @@ pub enum Shows {
 /// One page, shared by all its connections.
 pub(crate) struct Site {
     services: Services,
+    permits: Permits,
     shows: Shows,
     metrics: Metrics,
     methods: Methods,
@@ -50,7 +51,7 @@ pub(crate) struct Site {
 impl Site {
     /// The site over these services.
     pub(crate) fn new(
-        services: Services,
+        (services, permits): (Services, Permits),
         shows: Shows,
         names: Vec<String>,
         limits: Limits,
@@ -58,7 +59,7 @@ impl Site {
         let streams = Arc::new(Semaphore::new(limits.streams));
         let large_bodies = Arc::new(Semaphore::new(limits.large_bodies));
         let metrics = Metrics::new();
-        Ok(Self { services, shows, metrics, methods: Methods::new()?, names, limits, streams, large_bodies })
+        Ok(Self { services, permits, shows, metrics, methods: Methods::new()?, names, limits, streams, large_bodies })
     }
 
     /// Answers one request.
@@ -144,6 +145,7 @@ impl Site {
             let wrong = Refusal::unreadable("expected the header Content-Type: application/json").into();
             return Ok(refusal_as(StatusCode::UNSUPPORTED_MEDIA_TYPE, &wrong));
         }
+        (self.permits)(caller, request.uri().path())?;
         let (limit, _place) = self.body_limit(method, &request)?;
         if request.body().size_hint().lower() > limit as u64 {
             return Ok(too_large(limit)); // at once: the rest may never come

@@ -1,6 +1,6 @@
 //! The folder in which one daemon publishes its pages.
 
-use std::fs::{DirBuilder, File, OpenOptions, TryLockError};
+use std::fs::{DirBuilder, OpenOptions, TryLockError};
 use std::io::Read;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
@@ -12,6 +12,7 @@ use nix::unistd::geteuid;
 use crate::error::PageError;
 use crate::force::Limits;
 use crate::layout::{MAGIC, PAGE_BYTES};
+use crate::lock::Lock;
 use crate::permissions::Permissions;
 use crate::writer::PageWriter;
 
@@ -23,7 +24,7 @@ const LOCK: &str = ".lock";
 pub struct Folder {
     path: PathBuf,
     permissions: Permissions,
-    lock: Arc<File>,
+    lock: Arc<Lock>,
 }
 
 impl Folder {
@@ -53,11 +54,10 @@ impl Folder {
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false).mode(0o600).custom_flags(nix::libc::O_NOFOLLOW);
         let lock = options.open(&at).map_err(PageError::of(&at, "opening the lock"))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(wrong("another daemon publishes its pages there")),
-            Err(TryLockError::Error(source)) => return Err(PageError::of(&at, "locking")(source)),
-        }
+        let lock = Lock::take(lock).map_err(|error| match error {
+            TryLockError::WouldBlock => wrong("another daemon publishes its pages there"),
+            TryLockError::Error(source) => PageError::of(&at, "locking")(source),
+        })?;
         let folder = Self { path: path.to_owned(), permissions, lock: Arc::new(lock) };
         folder.remove_leftovers()?;
         Ok(folder)

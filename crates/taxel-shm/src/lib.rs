@@ -17,6 +17,7 @@ mod folder;
 mod force;
 mod latch;
 mod layout;
+mod lock;
 #[allow(unsafe_code)]
 mod map;
 mod permissions;

@@ -1,6 +1,6 @@
 //! The daemon's side: the one writer of a page.
 
-use std::fs::{File, OpenOptions};
+use std::fs::OpenOptions;
 use std::io::Write;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
@@ -16,6 +16,7 @@ use crate::layout::{
     AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_GENERATION, AT_MAGIC, AT_NAME, AT_PID, AT_VERSION_AND_BYTES,
     MAGIC, NAME_BYTES, PAGE_BYTES, PAGE_WORDS, VERSION, encode, pair, put_bytes,
 };
+use crate::lock::Lock;
 use crate::map::Map;
 use crate::permissions::Permissions;
 use crate::sample::Sample;
@@ -29,7 +30,7 @@ pub struct PageWriter {
     map: Map,
     name: PageName,
     /// Held for as long as there is a page.
-    _lock: Arc<File>,
+    _lock: Arc<Lock>,
 }
 
 /// The name of a page and the file that is the page.
@@ -73,7 +74,7 @@ impl PageWriter {
     /// Makes the page under a name of its own and then gives it that of the patch, so that nobody sees half of it, and
     /// whoever still reads an older page is left with that.
     pub(crate) fn create(
-        (folder, lock): (&Path, Arc<File>),
+        (folder, lock): (&Path, Arc<Lock>),
         patch: &str,
         limits: Limits,
         permissions: Permissions,

@@ -101,7 +101,8 @@ impl Footprint {
 
     /// Points of a square grid about its centre that hold the whole ellipse, in millimetres: so many steps apart.
     pub(crate) fn grid(&self, apart: u16) -> impl Iterator<Item = [f64; 2]> + use<> {
-        let (steps, step_mm) = (self.half_steps() / i32::from(apart) + i32::from(apart > 1), self.step_mm() * f64::from(apart));
+        let (steps, step_mm) =
+            (self.half_steps() / i32::from(apart) + i32::from(apart > 1), self.step_mm() * f64::from(apart));
         let along = move || (-steps..=steps).map(move |n| f64::from(n) * step_mm);
         along().flat_map(move |x| along().map(move |y| [x, y]))
     }

@@ -5,7 +5,7 @@ use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 
 use anyhow::Context;
-use taxel_page::{Limits, Options, Services, Shows, bind, serve};
+use taxel_page::{Limits, Options, Permits, Services, Shows, bind, serve};
 use taxel_rpc::SharedServices;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
@@ -50,6 +50,11 @@ pub fn bind_some(usual: SocketAddr) -> std::io::Result<TcpListener> {
     bind(usual, &limits).or_else(|_| bind(SocketAddr::new(usual.ip(), 0), &limits))
 }
 
+/// The services' own judgement, for the page.
+fn permits(services: SharedServices) -> Permits {
+    Arc::new(move |caller, path| services.permits(caller.address, path, &caller.headers()))
+}
+
 impl Site {
     /// Binds the address and starts the thread. Gives where the services go once they are there, and the site's end. One
     /// that fails is told in the log and leaves the daemon as it is.
@@ -71,7 +76,9 @@ impl Site {
         let cancel = shutdown.clone();
         let serving = async move {
             let Ok(services) = shared.await else { return Ok(()) }; // there is no service: its own error says why
-            serve(listener, Options { services: Services::new(services), shows, names, limits }, cancel).await
+            let permits = permits(services.clone());
+            let services = Services::new(services);
+            serve(listener, Options { services, permits, shows, names, limits }, cancel).await
         };
         let run = move || {
             if let Err(error) = runtime.block_on(serving) {

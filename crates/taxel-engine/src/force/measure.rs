@@ -186,7 +186,8 @@ impl ForceModel {
         touch.contacts.resize(contacts + 1, Contact::default());
         for &(taxel, newton) in &touch.active {
             let contact = touch.labels.get(taxel).map_or(0, |&label| usize::from(label));
-            let at_rim = self.neighbours.as_ref().is_some_and(|neighbours| neighbours.is_at_rim(taxel));
+            // Without positions any taxel may lie there.
+            let at_rim = self.neighbours.as_ref().is_none_or(|neighbours| neighbours.is_at_rim(taxel));
             touch.contacts[contact].add(newton / self.newton_per_kpa(taxel), newton, at_rim);
         }
     }
@@ -221,9 +222,12 @@ impl ForceModel {
         let shares = self.shares(evaluator, counts, active, filled);
         let sampling_n = contacts.iter().fold(0.0, |sigma: f64, contact| sigma.hypot(contact.sigma_n()));
         let sigma_n = self.sigma_n(evaluator, shares, total_n, present.zero_sigma_counts).hypot(sampling_n);
+        // What is not there and what the rim loses are both too little, and most of both where a contact lies about a taxel
+        // at the rim that cannot be read: they add up.
+        let lost_n = missing_n + contacts.iter().map(Contact::rim_sigma_n).sum::<f64>();
         let mut sample = ForceSample {
             total: Some(Newton(total_n)),
-            total_sigma: Some(Newton(sigma_n.hypot(missing_n).hypot(unseen.choice_n))),
+            total_sigma: Some(Newton(sigma_n.hypot(lost_n).hypot(unseen.choice_n))),
             detection_floor: Some(unseen.floor),
             active: active.len() as u32,
             out_of_range: shares.above as u32,
@@ -312,7 +316,7 @@ impl ForceModel {
     /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2 + (o sum A_i)^2 + (a F)^2`,
     /// where s is the uncertainty of a taxel, h what of it is hysteresis, z the zero's in counts with what the skin may
     /// remember of earlier loads, and the s of a filled taxel is the scatter of its neighbours. What the pads' places add
-    /// is in [`Contact::sigma_n`].
+    /// is in [`Contact::sigma_n`] and [`Contact::rim_sigma_n`].
     fn sigma_n(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
         let set = evaluator.tables().set();
         let shared = [

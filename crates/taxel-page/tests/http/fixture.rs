@@ -41,6 +41,11 @@ pub async fn start() -> Daemon {
 }
 
 pub async fn start_with(limits: Limits) -> Daemon {
+    start_as(limits, Rules::open()).await
+}
+
+/// A page whose clients may do what the rules say.
+pub async fn start_as(limits: Limits, rules: Rules) -> Daemon {
     let modules = (0..2).map(|m| (Module::from_nibble(m), ModuleKind::Triangle)).collect();
     let board = Board { bus: BusIndex(0), address: BoardAddress::new(13).unwrap(), modules };
     let patch = PatchPlan::new(Patch::new("left_forearm", vec![board]).unwrap());
@@ -53,11 +58,14 @@ pub async fn start_with(limits: Limits) -> Daemon {
     let (share, shared) = oneshot::channel();
     let give = |routes| drop(share.send(routes));
     let listeners = vec![Listener::Tcp(listener.into_std().unwrap())];
-    tokio::spawn(serve_and_share(handle, listeners, Access::new(Rules::open()), patient_service(), give));
+    tokio::spawn(serve_and_share(handle, listeners, Access::new(rules), patient_service(), give));
     let listener = bind("127.0.0.1:0".parse().unwrap(), &limits).unwrap();
     let address = listener.local_addr().unwrap();
+    let services = shared.await.unwrap();
+    let judge = services.clone();
     let options = Options {
-        services: Services::new(shared.await.unwrap()),
+        services: Services::new(services),
+        permits: Arc::new(move |caller, path| judge.permits(caller.address, path, &caller.headers())),
         shows: Shows::All,
         names: vec!["robot.lab".to_owned()],
         limits,

@@ -3,9 +3,10 @@
 use std::time::Duration;
 
 use taxel_page::Limits;
+use taxel_rpc::{Role, Rules};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 
-use crate::fixture::{Daemon, patient, snapshot, start, start_with};
+use crate::fixture::{Daemon, patient, snapshot, start, start_as, start_with};
 
 const GET_FORCE: &str = "/taxel.v1.ForceService/GetForce";
 const STREAM: &str = "/taxel.v1.ForceService/StreamForce";
@@ -63,6 +64,25 @@ async fn a_model_set_may_be_large_but_one_at_a_time() {
     assert_eq!(answer.status, 429, "{answer:?}");
     let small = daemon.post(IMPORT, r#"{"json": "x"}"#).await;
     assert!(small.body.contains("1 bytes"), "{small:?}");
+}
+
+/// Nothing of what an observer sends to a command is read, so that it takes no place from those who may.
+#[tokio::test]
+async fn who_may_not_import_is_told_before_a_body_is_read() {
+    let rules = Rules { loopback: Some(Role::Observer), ..Rules::default() };
+    let daemon = start_as(patient(), rules).await;
+    for length in [2, 3_000_000] {
+        let head = format!(
+            "POST {IMPORT} HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nExpect: 100-continue\r\nContent-Length: {length}\r\n\r\n"
+        );
+        let mut peer = daemon.connect().await;
+        peer.write_all(head.as_bytes()).await.unwrap();
+        let mut answer = [0; 12];
+        peer.read_exact(&mut answer).await.unwrap();
+        assert_eq!(&answer, b"HTTP/1.1 401", "{length} bytes were announced");
+    }
+    daemon.engine.patch(0, snapshot(1));
+    assert_eq!(daemon.post(GET_FORCE, "{}").await.status, 200, "an observer reads");
 }
 
 #[tokio::test]

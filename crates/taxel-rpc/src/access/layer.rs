@@ -69,17 +69,24 @@ impl Gate {
         let path = request.uri().path();
         let no_origin = || Refusal::fault("the connection has no origin, which is a fault of this program");
         let peer = request.extensions().get::<Peer>().ok_or_else(no_origin)?;
-        let judged = self.judge(peer, path, request.headers());
-        judged.inspect_err(|status| {
-            let origin = &peer.origin;
-            let (peer, code) = (origin.key(), status.code());
-            self.refusals.tell((&code.to_string(), &peer), || {
-                format!("a call was refused: {} from {}: {}", shown(path), origin.place(), status.message())
-            });
-        })
+        self.judge(peer, path, request.headers()).inspect_err(|status| self.tell(peer, path, status))
     }
 
-    fn judge(&self, peer: &Peer, path: &str, headers: &http::HeaderMap) -> Result<Admitted, Status> {
+    /// Whether the rules let this peer make this call; nothing is counted yet.
+    pub(crate) fn permits(&self, peer: &Peer, path: &str, headers: &http::HeaderMap) -> Result<(), Status> {
+        self.permitted(peer, path, headers).map(drop).inspect_err(|status| self.tell(peer, path, status))
+    }
+
+    /// Tells the log of a refusal.
+    fn tell(&self, peer: &Peer, path: &str, status: &Status) {
+        let origin = &peer.origin;
+        self.refusals.tell((&status.code().to_string(), &origin.key()), || {
+            format!("a call was refused: {} from {}: {}", shown(path), origin.place(), status.message())
+        });
+    }
+
+    /// Who calls what, if its role is enough for it.
+    fn permitted(&self, peer: &Peer, path: &str, headers: &http::HeaderMap) -> Result<(Caller, Method), Status> {
         let mut shown_credentials = headers.get_all(http::header::AUTHORIZATION).iter();
         let credential = shown_credentials.next().map(http::HeaderValue::as_bytes);
         if shown_credentials.next().is_some() {
@@ -92,6 +99,11 @@ impl Gate {
         if caller.role < Some(method.role) {
             return Err(denied(&caller, method));
         }
+        Ok((caller, method))
+    }
+
+    fn judge(&self, peer: &Peer, path: &str, headers: &http::HeaderMap) -> Result<Admitted, Status> {
+        let (caller, method) = self.permitted(peer, path, headers)?;
         let place = match method.kind {
             Kind::Read | Kind::Command | Kind::SessionStart | Kind::Import => Some(What::Call),
             Kind::ForeignStream => Some(What::Stream),
@@ -160,6 +172,12 @@ impl<S> Layer<S> for Gate {
 pub(crate) struct Guarded<S> {
     inner: S,
     gate: Gate,
+}
+
+impl<S> Guarded<S> {
+    pub(crate) const fn gate(&self) -> &Gate {
+        &self.gate
+    }
 }
 
 type Answer<E> = Pin<Box<dyn Future<Output = Result<http::Response<Body>, E>> + Send>>;
