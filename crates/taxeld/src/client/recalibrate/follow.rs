@@ -124,8 +124,8 @@ struct Loads<'a> {
     reference: Reference,
     reading: Option<Reading>,
     not_before: Instant,
-    /// A load that was read while the sensor moved: the next one takes its place.
-    wrong: Option<u64>,
+    /// A load that does not count, and why: the next one takes its place.
+    wrong: Option<(u64, String)>,
     numbers: Vec<u64>,
 }
 
@@ -147,7 +147,7 @@ impl<'a> Loads<'a> {
             relative_uncertainty: Some(self.args.uncertainty.hypot(steady.relative_sigma)),
             note: "by a force sensor".to_owned(),
             by: self.args.by.clone(),
-            replaces: self.wrong.unwrap_or(0),
+            replaces: self.wrong.as_ref().map_or(0, |(number, _)| *number),
         };
         let daemon = self.daemon.clone();
         let call = async move { daemon.validation().record_load(request).await.map(tonic::Response::into_inner) };
@@ -163,9 +163,9 @@ impl<'a> Loads<'a> {
                     .reference
                     .steady(now)
                     .filter(|since| (since.force_n - steady.force_n).abs() <= MOVED_SHARE_MAX * steady.force_n);
-                if held.is_none() {
-                    self.tell(&format!("load {}: the sensor moved meanwhile; the next load replaces it", load.load));
-                    self.wrong = Some(load.load);
+                if let Some(why) = does_not_count(&load, held.is_some()) {
+                    self.tell(&format!("load {}: {why}; the next load replaces it", load.load));
+                    self.wrong = Some((load.load, why));
                     self.not_before = now + AGAIN_AFTER;
                     return Ok(());
                 }
@@ -200,11 +200,32 @@ impl<'a> Loads<'a> {
     /// Why there are fewer loads than wanted, and what is left of them.
     fn ended(&self, why: &str) -> Failure {
         let (count, of) = (self.numbers.len(), self.args.points);
-        let wrong = self.wrong.map_or_else(String::new, |number| {
-            format!(
-                ". Load {number} was read while the sensor moved: replace it with `taxeld load --replaces {number}`"
-            )
+        let wrong = self.wrong.as_ref().map_or_else(String::new, |(number, why)| {
+            format!(". Load {number} does not count ({why}): replace it with `taxeld load --replaces {number}`")
         });
         Failure::refused(format!("{why} after {count} of {of} loads that held still{wrong}"))
+    }
+}
+
+/// Why a load that was read is none to recalibrate by, if it is none; `held` is whether the sensor held still meanwhile.
+fn does_not_count(load: &Load, held: bool) -> Option<String> {
+    match [&load.outdated_because, &load.left_out_because].into_iter().find(|why| !why.is_empty()) {
+        _ if !held => Some("the sensor moved meanwhile".to_owned()),
+        why => why.cloned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_load_counts_that_held_still_under_a_good_force() {
+        assert_eq!(does_not_count(&Load::default(), true), None);
+        assert!(does_not_count(&Load::default(), false).is_some_and(|why| why.contains("moved")));
+        let faulty = Load { left_out_because: "the force had a shortcoming".to_owned(), ..Load::default() };
+        assert_eq!(does_not_count(&faulty, true).as_ref(), Some(&faulty.left_out_because));
+        let other = Load { outdated_because: "of another model set".to_owned(), ..Load::default() };
+        assert_eq!(does_not_count(&other, true).as_ref(), Some(&other.outdated_because));
     }
 }
