@@ -22,7 +22,7 @@ impl Drop for Folder {
     /// To close the lock would not be enough: a process that another thread starts just now has a copy of it until it runs its
     /// own program, and keeps it locked.
     fn drop(&mut self) {
-        let _ = self.lock.unlock(); // the folder may be gone, and the lock with it
+        let _ = self.lock.unlock(); // it fails where the system has lost the file, and the lock with that
     }
 }
 

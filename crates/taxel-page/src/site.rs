@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use http_body_util::{BodyExt, LengthLimitError, Limited};
 use hyper::body::{Body as _, Bytes, Incoming};
@@ -145,7 +145,10 @@ impl Site {
             let wrong = Refusal::unreadable("expected the header Content-Type: application/json").into();
             return Ok(refusal_as(StatusCode::UNSUPPORTED_MEDIA_TYPE, &wrong));
         }
-        (self.permits)(caller, request.uri().path())?;
+        if let Err(status) = (self.permits)(caller, &format!("/{}", method.path())) {
+            self.metrics.called(method.path(), code_name(status.code()), Duration::ZERO);
+            return Ok(closing(refusal(&status))); // the body may be on its way
+        }
         let (limit, _place) = self.body_limit(method, &request)?;
         if request.body().size_hint().lower() > limit as u64 {
             return Ok(too_large(limit)); // at once: the rest may never come

@@ -20,7 +20,7 @@ impl Drop for Lock {
     /// To close the file would not be enough: a process that another thread starts just now has a copy of it until it runs its
     /// own program, and keeps the lock with that.
     fn drop(&mut self) {
-        let _ = self.0.unlock(); // the folder may be gone, and the lock with it
+        let _ = self.0.unlock(); // it fails where the system has lost the file, and the lock with that
     }
 }
 

@@ -224,7 +224,12 @@ impl ForceModel {
         let sigma_n = self.sigma_n(evaluator, shares, total_n, present.zero_sigma_counts).hypot(sampling_n);
         // What is not there and what the rim loses are both too little, and most of both where a contact lies about a taxel
         // at the rim that cannot be read: they add up.
-        let lost_n = missing_n + contacts.iter().map(Contact::rim_sigma_n).sum::<f64>();
+        let mut filled_at_rim = Contact::default();
+        for of in filled.iter().filter(|of| self.neighbours.as_ref().is_some_and(|n| n.is_at_rim(of.taxel))) {
+            filled_at_rim.add(of.kpa, of.kpa * self.newton_per_kpa(of.taxel), true);
+        }
+        let of_contacts = contacts.iter().chain([&filled_at_rim]).map(Contact::rim_sigma_n);
+        let lost_n = missing_n + of_contacts.sum::<f64>();
         let mut sample = ForceSample {
             total: Some(Newton(total_n)),
             total_sigma: Some(Newton(sigma_n.hypot(lost_n).hypot(unseen.choice_n))),

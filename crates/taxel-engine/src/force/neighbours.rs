@@ -204,7 +204,7 @@ fn is_beside_most(touched: &[Filled], sum_kpa: f64) -> bool {
 
 /// Whether the neighbours of a taxel lie on one side of it.
 fn is_one_sided(taxel: usize, neighbours: &[u16], place: impl Fn(usize) -> Option<[f64; 3]>) -> bool {
-    let Some(here) = place(taxel) else { return false };
+    let Some(here) = place(taxel) else { return true }; // it may lie anywhere
     let mut sum = [0.0; 3];
     for there in neighbours.iter().filter_map(|&other| place(usize::from(other))) {
         let way = [0, 1, 2].map(|axis| there[axis] - here[axis]);

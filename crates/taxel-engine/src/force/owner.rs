@@ -6,7 +6,7 @@
 mod shortcomings;
 
 use std::sync::Arc;
-use taxel_skin::{CountRange, Newton, SquareMillimetre};
+use taxel_skin::{CountRange, Newton, SquareMillimetre, Time};
 
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
@@ -100,6 +100,10 @@ pub struct Force {
     without_zero: Arc<[u16]>,
     /// Those of them that have no fault, each with its zero in the models and the way that load moves it.
     live_without_zero: Vec<(u16, f64, f64)>,
+    /// The same of those that have one.
+    faulty_without_zero: Vec<(u16, f64, f64)>,
+    /// When a taxel with a fault last read a load, if that was a moment ago.
+    unread: Option<Time>,
     /// Taxels that [`Coverage::blind`] counts.
     blind: Arc<[u16]>,
     /// How many taxels are selected.
@@ -128,6 +132,8 @@ impl Force {
             faulty: Vec::new(),
             without_zero: Arc::default(),
             live_without_zero: Vec::new(),
+            faulty_without_zero: Vec::new(),
+            unread: None,
             blind: Arc::default(),
             usable: 0,
             touch: Touch::default(),
@@ -188,6 +194,7 @@ impl Force {
     }
 
     fn begin(&mut self) {
+        self.unread = None;
         self.hysteresis = match (&self.set, &self.zero) {
             (Some(set), Some(zero)) => Hysteresis::new(set, zero),
             _ => None,
@@ -238,13 +245,14 @@ impl Force {
         self.faulty = heard.clone().filter(|&t| tables.has(t) && !scan.sound[t]).collect();
         let without_zero = heard.filter(|&t| tables.set().taxels[t].is_usable() && !tables.has(t));
         self.without_zero = positions(without_zero).into();
-        let live = self.without_zero.iter().filter(|&&taxel| scan.sound[usize::from(taxel)]);
         let set = tables.set();
         let to_compare = |&taxel: &u16| {
             let place = usize::from(taxel);
             (taxel, set.baseline[place].mean, set.taxels[place].sign.as_f64())
         };
-        self.live_without_zero = live.map(to_compare).collect();
+        let compared = self.without_zero.iter().map(to_compare);
+        (self.live_without_zero, self.faulty_without_zero) =
+            compared.partition(|&(taxel, ..)| scan.sound[usize::from(taxel)]);
         if let Some(zero) = &self.zero {
             let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
             let zero = Rest { zero, taken: &self.taken, before: &self.before };
@@ -286,7 +294,7 @@ impl Force {
         let present = Present { coverage: self.coverage, zero_sigma_counts };
         let faulty = self.faulty_beside(&touch);
         // Told of all, for a tip may press on one taxel alone; it degrades the force beside a contact.
-        let pressed = self.faulty.iter().any(|&taxel| self.is_pressed(scan, taxel));
+        self.unread = self.last_unread(scan);
         let loaded = self.loaded_without_zero(scan);
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, unseen, present);
@@ -296,7 +304,7 @@ impl Force {
         sample.lower_bound = self.coverage.blind > 0
             || self.touch.mostly_blind().is_some()
             || !loaded.is_empty()
-            || pressed
+            || self.unread.is_some()
             || sample.stale > 0
             || sample.out_of_range > 0
             || zero.load_vanished.is_some();

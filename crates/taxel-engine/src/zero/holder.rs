@@ -183,7 +183,7 @@ impl Zero {
 
     /// Takes a scan.
     pub fn on_scan(&mut self, now: Now, scan: &Scan<'_>, around: Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
-        self.lookback.feel(scan.pads);
+        self.lookback.feel(scan);
         self.check_continuity(scan, &around, events);
         self.check_unloading(scan, around.bag, events);
         self.watch_rest(now, scan, around, events);

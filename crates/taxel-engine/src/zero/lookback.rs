@@ -59,7 +59,7 @@ impl Lookback {
     /// A zero was taken.
     pub fn begin(&mut self) {
         self.offset_counts = 0.0;
-        self.warmth.iter_mut().for_each(Warmth::begin);
+        self.warmth.iter_mut().for_each(|warmth| warmth.begin(self.sudden.before()));
         self.sudden.looked();
         self.restart();
     }
@@ -77,12 +77,13 @@ impl Lookback {
     #[must_use]
     pub fn offset_counts(&self) -> f64 {
         let by_pads = self.warmth.as_ref().map_or(0.0, Warmth::sigma_counts).min(OFFSET_MAX_COUNTS);
-        by_pads.max(self.offset_counts).hypot(self.sudden.sigma_counts().min(OFFSET_MAX_COUNTS))
+        // The same taxels by the same coefficients: what came before and what comes now add up.
+        by_pads.max(self.offset_counts) + self.sudden.sigma_counts()
     }
 
-    /// The pads of a scan, whether there is a zero or not; see [`Scan::pads`].
-    pub fn feel(&mut self, pads: &[[u8; 2]]) {
-        self.sudden.push(pads);
+    /// The pads of a scan, whether there is a zero or not.
+    pub fn feel(&mut self, scan: &Scan<'_>) {
+        self.sudden.on_scan(scan);
     }
 
     /// How far the median taxel moved towards load, if a window has just ended, counts.

@@ -6,6 +6,9 @@
 
 use std::time::Duration;
 
+use taxel_skin::Time;
+
+use crate::scan::Scan;
 use crate::statistics::median;
 use crate::zero::warmth::COEFFICIENT_RMS;
 
@@ -13,72 +16,80 @@ use crate::zero::warmth::COEFFICIENT_RMS;
 const NOW_S: f64 = 0.1;
 /// ... and of where they were while a zero was watched.
 const BEFORE_S: f64 = 1.0;
+/// After a longer time without scans what was before says nothing of now, seconds.
+const GAP_S: f64 = 1.0;
 /// The noise of pads and their rounding move the median of a few modules by less than this, counts.
 const NOISE_COUNTS: f64 = 0.4;
-/// So many scans are looked at together.
-const SCANS: u16 = 2;
+/// The median is taken once in so many scans.
+const SCANS: u8 = 2;
 
-/// The pads of one module, both together, counts.
+/// One pad, counts.
 #[derive(Clone, Copy, Debug)]
-struct Pads {
+struct Pad {
     now: f64,
     before: f64,
-    /// Where they were when the zero was last looked at.
+    /// Where it was when the zero was last looked at.
     looked: f64,
 }
 
 /// The pads of a patch.
 #[derive(Clone, Debug)]
 pub(super) struct SuddenWarmth {
-    /// `None` of a module without pads.
-    modules: Vec<Option<Pads>>,
-    /// Sums over the scans that are not looked at yet, and how many these are.
-    sums: Vec<u16>,
-    scans: u16,
-    /// What the mean of [`SCANS`] scans weighs in each of the averages.
+    /// `None` of a pad that is not there, and of one at an end of its range.
+    modules: Vec<[Option<Pad>; 2]>,
+    /// What a new reading weighs in each of the averages.
     shares: [f64; 2],
+    last: Option<Time>,
+    scans: u8,
     sigma_counts: f64,
 }
 
 impl SuddenWarmth {
     /// For pads that are read once in each `period`.
     pub(super) fn new(period: Duration) -> Self {
-        let share = |time_s: f64| -(-f64::from(SCANS) * period.as_secs_f64() / time_s).exp_m1();
+        let share = |time_s: f64| -(-period.as_secs_f64() / time_s).exp_m1();
         let shares = [NOW_S, BEFORE_S].map(share);
-        Self { modules: Vec::new(), sums: Vec::new(), scans: 0, shares, sigma_counts: 0.0 }
+        Self { modules: Vec::new(), shares, last: None, scans: 0, sigma_counts: 0.0 }
     }
 
-    /// The pads of a scan, two of each module; a module without pads has zeros.
-    pub(super) fn push(&mut self, pads: &[[u8; 2]]) {
-        self.sums.resize(pads.len(), 0);
-        self.sums.iter_mut().zip(pads).for_each(|(sum, [a, b])| *sum += u16::from(*a) + u16::from(*b));
-        self.scans += 1;
-        if self.scans == SCANS {
-            self.take();
+    /// Takes a scan.
+    pub(super) fn on_scan(&mut self, scan: &Scan<'_>) {
+        let gap = self.last.is_none_or(|last| scan.time.seconds_since(last) > GAP_S);
+        self.last = Some(scan.time);
+        self.push(scan.pads, gap);
+        self.scans = (self.scans + 1) % SCANS;
+        if gap || self.scans == 0 {
+            let heard = self.modules.iter().zip(scan.silent).filter(|(_, silent)| !**silent);
+            let moved = median(heard.filter_map(|(pads, _)| mean(pads, |pad| pad.now - pad.looked))).unwrap_or(0.0);
+            self.sigma_counts = COEFFICIENT_RMS * (moved * moved - NOISE_COUNTS * NOISE_COUNTS).max(0.0).sqrt();
         }
     }
 
-    fn take(&mut self) {
-        self.modules.resize(self.sums.len(), None);
-        for (module, sum) in self.modules.iter_mut().zip(&mut self.sums) {
-            let counts = f64::from(std::mem::take(sum)) / f64::from(2 * SCANS);
-            *module = match *module {
-                _ if counts == 0.0 => None,
-                None => Some(Pads { now: counts, before: counts, looked: counts }),
-                Some(Pads { now, before, looked }) => {
-                    let [short, long] = self.shares;
-                    Some(Pads { now: now + short * (counts - now), before: before + long * (counts - before), looked })
+    /// The pads, two of each module; one that is not there has zeros. After a `gap` they are where they are.
+    fn push(&mut self, pads: &[[u8; 2]], gap: bool) {
+        let [short, long] = if gap { [1.0, self.shares[1]] } else { self.shares };
+        self.modules.resize(pads.len(), [None; 2]);
+        for (pad, count) in self.modules.as_flattened_mut().iter_mut().zip(pads.as_flattened()) {
+            let counts = f64::from(*count);
+            *pad = match *pad {
+                _ if matches!(*count, u8::MIN | u8::MAX) => None,
+                None => Some(Pad { now: counts, before: counts, looked: counts }),
+                Some(Pad { now, before, looked }) => {
+                    Some(Pad { now: now + short * (counts - now), before: before + long * (counts - before), looked })
                 }
             };
         }
-        self.scans = 0;
-        let moved = median(self.modules.iter().flatten().map(|pads| pads.now - pads.looked)).unwrap_or(0.0);
-        self.sigma_counts = COEFFICIENT_RMS * (moved * moved - NOISE_COUNTS * NOISE_COUNTS).max(0.0).sqrt();
     }
 
     /// A zero was taken, or it was looked at how far off it is: from what the pads were a moment ago on.
     pub(super) fn looked(&mut self) {
-        self.modules.iter_mut().flatten().for_each(|pads| pads.looked = pads.before);
+        self.modules.as_flattened_mut().iter_mut().flatten().for_each(|pad| pad.looked = pad.before);
+    }
+
+    /// Where the pads of each module were a moment ago, counts, 0 without pads; `None` before the first scan.
+    pub(super) fn before(&self) -> Option<Vec<f64>> {
+        let of_modules = || self.modules.iter().map(|pads| mean(pads, |pad| pad.before).unwrap_or(0.0)).collect();
+        (!self.modules.is_empty()).then(of_modules)
     }
 
     /// Standard uncertainty, in counts, of a zero that all taxels share, for the warmth since it was last looked at.
@@ -87,40 +98,86 @@ impl SuddenWarmth {
     }
 }
 
+/// Mean over the pads that are there.
+fn mean(pads: &[Option<Pad>; 2], of: impl Fn(&Pad) -> f64) -> Option<f64> {
+    let (sum, there) = pads.iter().flatten().fold((0.0, 0.0), |(sum, there), pad| (sum + of(pad), there + 1.0));
+    (there > 0.0).then(|| sum / there)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::counts::Counts;
 
     const PERIOD: Duration = Duration::from_millis(50);
 
-    fn after(warmth: &mut SuddenWarmth, scans: usize, pads: &[[u8; 2]]) -> f64 {
-        (0..scans).for_each(|_| warmth.push(pads));
-        warmth.sigma_counts()
+    /// Scans of pads alone; after each of them time goes on by a period.
+    struct Pads {
+        warmth: SuddenWarmth,
+        time: Time,
+        silent: [bool; 5],
+    }
+
+    impl Pads {
+        fn new() -> Self {
+            Self { warmth: SuddenWarmth::new(PERIOD), time: Time::default(), silent: [false; 5] }
+        }
+
+        fn after(&mut self, scans: usize, pads: &[[u8; 2]; 5]) -> f64 {
+            for _ in 0..scans {
+                let (counts, silent) = (Counts::Bytes(&[]), &self.silent);
+                let scan = Scan { time: self.time, whole: true, counts, pads, silent, sound: &[], soundness: 0 };
+                self.warmth.on_scan(&scan);
+                self.time = self.time + PERIOD;
+            }
+            self.warmth.sigma_counts()
+        }
+    }
+
+    fn sigma_of(moved: f64) -> f64 {
+        COEFFICIENT_RMS * (moved * moved - NOISE_COUNTS * NOISE_COUNTS).sqrt()
     }
 
     #[test]
     fn what_the_pads_moved_since_the_last_look_is_in_the_zero_either_way_within_tenths_of_a_second() {
-        for moved in [-4_i16, 4] {
-            let to = |counts: u8| counts.saturating_add_signed(moved as i8);
-            let mut warmth = SuddenWarmth::new(PERIOD);
-            assert_eq!(after(&mut warmth, 40, &[[200, 202]; 5]), 0.0);
-            warmth.looked();
-            let sigma = after(&mut warmth, 6, &[[to(200), to(202)]; 5]);
-            let expected = COEFFICIENT_RMS * (16.0_f64 - NOISE_COUNTS * NOISE_COUNTS).sqrt();
-            assert!(sigma > 0.93 * expected && sigma <= expected, "{sigma} of {expected}");
-            let later = after(&mut warmth, 100, &[[to(200), to(202)]; 5]);
-            assert!((later - expected).abs() < 1e-3, "{later}: until the zero is looked at again");
-            warmth.looked();
-            assert_eq!(after(&mut warmth, 2, &[[to(200), to(202)]; 5]), 0.0);
+        for moved in [-4_i8, 4] {
+            // Hands have one pad a module.
+            for second in [202_u8, 0] {
+                let to = |counts: u8| if counts == 0 { 0 } else { counts.saturating_add_signed(moved) };
+                let mut pads = Pads::new();
+                assert_eq!(pads.after(40, &[[200, second]; 5]), 0.0);
+                pads.warmth.looked();
+                let (sigma, expected) = (pads.after(6, &[[to(200), to(second)]; 5]), sigma_of(4.0));
+                assert!(sigma > 0.93 * expected && sigma <= expected, "{sigma} of {expected}");
+                let later = pads.after(100, &[[to(200), to(second)]; 5]);
+                assert!((later - expected).abs() < 1e-3, "{later}: until the zero is looked at again");
+                pads.warmth.looked();
+                assert_eq!(pads.after(2, &[[to(200), to(second)]; 5]), 0.0);
+            }
         }
     }
 
     #[test]
-    fn a_module_without_pads_and_a_broken_one_say_nothing() {
-        let mut warmth = SuddenWarmth::new(PERIOD);
-        after(&mut warmth, 40, &[[200, 200], [0, 0], [200, 200], [0, 0], [200, 200]]);
-        warmth.looked();
-        assert_eq!(after(&mut warmth, 40, &[[200, 200], [0, 0], [200, 200], [0, 0], [255, 255]]), 0.0);
-        assert_eq!(after(&mut SuddenWarmth::new(PERIOD), 40, &[[0, 0]; 5]), 0.0);
+    fn the_first_scan_after_a_gap_tells_what_came_meanwhile() {
+        let mut pads = Pads::new();
+        pads.after(40, &[[200, 202]; 5]);
+        pads.warmth.looked();
+        pads.time = pads.time + Duration::from_secs(300);
+        let sigma = pads.after(1, &[[210, 212]; 5]);
+        assert!((sigma - sigma_of(10.0)).abs() < 1e-12, "{sigma}");
+    }
+
+    #[test]
+    fn modules_without_pads_or_that_are_silent_and_pads_at_an_end_of_their_range_say_nothing() {
+        let mut pads = Pads::new();
+        pads.after(40, &[[200, 200], [0, 0], [200, 200], [0, 0], [200, 200]]);
+        pads.warmth.looked();
+        assert_eq!(pads.after(40, &[[200, 200], [0, 0], [200, 200], [0, 0], [255, 255]]), 0.0);
+        pads.silent = [true, false, true, false, false];
+        let sigma = pads.after(40, &[[200, 200], [0, 0], [200, 200], [0, 0], [204, 255]]);
+        assert_eq!(sigma, 0.0, "a pad that is there again was not there at the look");
+        pads.warmth.looked();
+        let sigma = pads.after(40, &[[200, 200], [0, 0], [200, 200], [0, 0], [208, 255]]);
+        assert!((sigma - sigma_of(4.0)).abs() < 1e-3, "{sigma}");
     }
 }

@@ -14,8 +14,8 @@ pub(super) const COEFFICIENT_RMS: f64 = 0.661_437_827_766_147_6;
 /// Means of the pads over windows of scans, the first of them that of the zero.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Warmth {
-    /// Both pads of each module summed over the window.
-    sums: Vec<u32>,
+    /// Each pad of each module summed over the window.
+    sums: Vec<[u32; 2]>,
     scans: u32,
     /// Mean of the pads of each module in the first window after the zero, counts.
     at_zero: Option<Vec<f64>>,
@@ -23,9 +23,9 @@ pub(super) struct Warmth {
 }
 
 impl Warmth {
-    /// A zero was taken: the next window is its own.
-    pub(super) fn begin(&mut self) {
-        *self = Self { sums: std::mem::take(&mut self.sums), ..Self::default() };
+    /// A zero was taken, with the pads of each module `at_zero`, counts; the next window is its own if that is not known.
+    pub(super) fn begin(&mut self, at_zero: Option<Vec<f64>>) {
+        *self = Self { sums: std::mem::take(&mut self.sums), at_zero, ..Self::default() };
         self.restart();
     }
 
@@ -37,15 +37,19 @@ impl Warmth {
 
     /// The pads of a scan, two of each module; a module without pads has zeros.
     pub(super) fn push(&mut self, pads: &[[u8; 2]]) {
-        self.sums.resize(pads.len(), 0);
-        self.sums.iter_mut().zip(pads).for_each(|(sum, [a, b])| *sum += u32::from(*a) + u32::from(*b));
+        self.sums.resize(pads.len(), [0; 2]);
+        let sums = self.sums.as_flattened_mut().iter_mut().zip(pads.as_flattened());
+        sums.for_each(|(sum, count)| *sum += u32::from(*count));
         self.scans += 1;
     }
 
     /// The window ends. `towards_load` is the sign of a count's change under load.
     pub(super) fn end(&mut self, towards_load: f64) {
         let scans = f64::from(self.scans.max(1));
-        let means: Vec<f64> = self.sums.iter().map(|&sum| f64::from(sum) / (2.0 * scans)).collect();
+        // Hands have one pad a module.
+        let pads_of = |sums: &[u32; 2]| sums.iter().filter(|sum| **sum > 0).count().max(1) as f64;
+        let mean = |sums: &[u32; 2]| f64::from(sums[0] + sums[1]) / (pads_of(sums) * scans);
+        let means: Vec<f64> = self.sums.iter().map(mean).collect();
         if let Some(at_zero) = &self.at_zero {
             let with_pads = means.iter().zip(at_zero).filter(|(now, then)| **now > 0.0 && **then > 0.0);
             let moved = median(with_pads.map(|(now, then)| towards_load * (now - then))).unwrap_or(0.0);
@@ -75,7 +79,7 @@ mod tests {
     #[test]
     fn a_skin_that_cools_may_have_moved_by_two_thirds_of_its_pads() {
         let mut warmth = Warmth::default();
-        warmth.begin();
+        warmth.begin(None);
         assert_eq!(window(&mut warmth, &[[200, 202]; 5]), 0.0);
         assert_eq!(window(&mut warmth, &[[200, 202]; 5]), 0.0);
         for moved in [2, 3] {
@@ -83,14 +87,25 @@ mod tests {
             assert!((window(&mut warmth, &[[200 + moved, 202 + moved]; 5]) - expected).abs() < 1e-12);
             assert_eq!(window(&mut warmth, &[[200 - moved, 202 - moved]; 5]), 0.0, "that is towards load");
         }
-        warmth.begin();
+        warmth.begin(None);
         assert_eq!(window(&mut warmth, &[[203, 205]; 5]), 0.0);
+    }
+
+    #[test]
+    fn what_the_pads_moved_in_the_first_window_counts_where_they_are_known_from_before() {
+        let mut warmth = Warmth::default();
+        warmth.begin(Some(vec![201.0; 5]));
+        let sigma = window(&mut warmth, &[[202, 204]; 5]);
+        assert!((sigma - 2.0 * COEFFICIENT_RMS).abs() < 1e-12, "{sigma}");
+        warmth.begin(Some(vec![200.0; 5]));
+        let sigma = window(&mut warmth, &[[202, 0]; 5]);
+        assert!((sigma - 2.0 * COEFFICIENT_RMS).abs() < 1e-12, "{sigma}: one pad a module");
     }
 
     #[test]
     fn modules_without_pads_and_a_broken_one_say_nothing() {
         let mut warmth = Warmth::default();
-        warmth.begin();
+        warmth.begin(None);
         window(&mut warmth, &[[200, 200], [0, 0], [200, 200], [0, 0], [200, 200]]);
         let sigma = window(&mut warmth, &[[201, 201], [0, 0], [0, 0], [0, 0], [255, 255]]);
         assert!((sigma - 28.0 * COEFFICIENT_RMS).abs() < 1e-12, "{sigma}");

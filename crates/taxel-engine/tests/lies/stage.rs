@@ -39,7 +39,7 @@ pub struct Stage {
     begin: Time,
     told: Vec<(f64, String)>,
     epoch: Option<u64>,
-    /// What lay on the skin all the while its zero was taken, N.
+    /// What lay on the skin all the while its zero was taken and since, N.
     in_zero_n: f64,
     active: Option<String>,
     /// What went on while the last session gathered.
@@ -72,7 +72,7 @@ impl Stage {
         self.world.now()
     }
 
-    /// How much of a load the zero may hide, because it lay there all the while that was taken, in newton.
+    /// How much of a load the zero may hide, because it has lain there all the while that was taken and since, in newton.
     pub const fn in_zero_n(&self) -> f64 {
         self.in_zero_n
     }
@@ -97,6 +97,7 @@ impl Stage {
     pub fn note_truth(&mut self) {
         let now = self.world.now();
         self.truth.note(now, self.world.true_force().0);
+        self.in_zero_n = self.in_zero_n.min(self.truth.newest());
         if now <= self.changes_until || self.world.true_pressure().0 > BAG_KPA {
             self.note_modules();
         }

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use taxel_skin::Time;
+
 use super::{Force, Missing, ZeroState};
 use crate::force::measure::Touch;
 use crate::force::reason::{Reason, ReasonCode, positions};
@@ -15,6 +17,9 @@ const BLIND_TAXELS_BORNE: u32 = 2;
 /// A taxel without a zero that lies so far towards load from where it was calibrated may bear one, counts: from day to day a
 /// taxel moves by less (see [`crate::zero::rest::RestLimits::moved_second_max`]).
 const LOADED_COUNTS: f64 = 16.0;
+
+/// So long a taxel with a fault that has read a load may still bear it, seconds.
+const BEARS_S: f64 = 1.0;
 
 impl Force {
     /// Taxels with a fault under the contact or at its rim. Without positions nobody knows, and all count.
@@ -36,6 +41,15 @@ impl Force {
         pressed.is_some_and(|counts| counts > self.plan.activation.distance_counts(rest.noise))
     }
 
+    /// When a taxel with a fault last read a load, if that may still lie there: one that another node sends for, too, reads it
+    /// in every other scan.
+    pub(super) fn last_unread(&self, scan: &Scan<'_>) -> Option<Time> {
+        let reads = self.faulty.iter().any(|&taxel| self.is_pressed(scan, taxel))
+            || self.faulty_without_zero.iter().any(|taxel| is_loaded(scan, taxel));
+        let last = if reads { Some(scan.time) } else { self.unread };
+        last.filter(|last| scan.time.seconds_since(*last) <= BEARS_S)
+    }
+
     /// Taxels of modules that are silent, ascending.
     pub(super) fn silent(&self, scan: &Scan<'_>) -> Vec<u16> {
         let modules = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| **silent);
@@ -47,10 +61,8 @@ impl Force {
     /// Taxels without a fault and without a zero that read so much more than when they were calibrated that a load may lie on
     /// them: what came while the zero was taken and lies on one taxel alone.
     pub(super) fn loaded_without_zero(&self, scan: &Scan<'_>) -> Vec<u16> {
-        let moved = |&(taxel, zero, sign): &(u16, f64, f64)| {
-            scan.counts.units(usize::from(taxel)).is_some_and(|count| sign * (count - zero) > LOADED_COUNTS)
-        };
-        self.live_without_zero.iter().filter(|taxel| moved(taxel)).map(|&(taxel, ..)| taxel).collect()
+        let loaded = self.live_without_zero.iter().filter(|taxel| is_loaded(scan, taxel));
+        loaded.map(|&(taxel, ..)| taxel).collect()
     }
 
     /// Those of `active`, which count in the total, that read more than was calibrated.
@@ -115,4 +127,9 @@ impl Force {
         reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());
         reasons
     }
+}
+
+/// Whether a taxel without a zero, with that of the models and the way that load moves it, lies far towards load.
+fn is_loaded(scan: &Scan<'_>, &(taxel, zero, sign): &(u16, f64, f64)) -> bool {
+    scan.counts.units(usize::from(taxel)).is_some_and(|count| sign * (count - zero) > LOADED_COUNTS)
 }

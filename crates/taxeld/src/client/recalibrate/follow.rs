@@ -23,6 +23,8 @@ const AGAIN_AFTER: Duration = Duration::from_secs(1);
 /// What is read at once, and how many of these may wait: a sensor of 10 kHz writes as much in a tenth of a second.
 const CHUNK_BYTES: usize = 4096;
 const CHUNKS_MAX: usize = 8;
+/// So many loads in a row that do not count, and something has to be mended first.
+const WRONG_MAX: u8 = 5;
 /// The sensor's mean may differ so much from that of when the reading began, as a share.
 const MOVED_SHARE_MAX: f64 = 0.02;
 
@@ -126,13 +128,16 @@ struct Loads<'a> {
     not_before: Instant,
     /// A load that does not count, and why: the next one takes its place.
     wrong: Option<(u64, String)>,
+    /// How many there were in a row.
+    wrong_in_a_row: u8,
     numbers: Vec<u64>,
 }
 
 impl<'a> Loads<'a> {
     fn new(daemon: &'a Daemon, args: &'a FollowArgs) -> Self {
         let (reference, numbers) = (Reference::default(), Vec::new());
-        Self { daemon, args, quiet: false, reference, reading: None, not_before: Instant::now(), wrong: None, numbers }
+        let (not_before, wrong) = (Instant::now(), None);
+        Self { daemon, args, quiet: false, reference, reading: None, not_before, wrong, wrong_in_a_row: 0, numbers }
     }
 
     fn on_value(&mut self, now: Instant, force_n: f64) {
@@ -166,9 +171,14 @@ impl<'a> Loads<'a> {
                 if let Some(why) = does_not_count(&load, held.is_some()) {
                     self.tell(&format!("load {}: {why}; the next load replaces it", load.load));
                     self.wrong = Some((load.load, why));
+                    self.wrong_in_a_row += 1;
                     self.not_before = now + AGAIN_AFTER;
-                    return Ok(());
+                    return match self.wrong_in_a_row {
+                        WRONG_MAX => Err(self.ended("given up")),
+                        _ => Ok(()),
+                    };
                 }
+                self.wrong_in_a_row = 0;
                 self.reference.done(steady.force_n);
                 self.numbers.push(load.load);
                 let (count, of) = (self.numbers.len(), self.args.points);
