@@ -12,7 +12,7 @@ use crate::force::neighbours::{Filled, Neighbours, Rim};
 use crate::force::reason::positions;
 use crate::force::remainder::Unseen;
 use crate::force::sample::ForceSample;
-use crate::force::sampling::Contact;
+use crate::force::sampling::{Contact, rim_sigma_n};
 
 /// Which parts of a force sample are computed beside the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -224,12 +224,10 @@ impl ForceModel {
         let sigma_n = self.sigma_n(evaluator, shares, total_n, present.zero_sigma_counts).hypot(sampling_n);
         // What is not there and what the rim loses are both too little, and most of both where a contact lies about a taxel
         // at the rim that cannot be read: they add up.
-        let mut filled_at_rim = Contact::default();
-        for of in filled.iter().filter(|of| self.neighbours.as_ref().is_some_and(|n| n.is_at_rim(of.taxel))) {
-            filled_at_rim.add(of.kpa, of.kpa * self.newton_per_kpa(of.taxel), true);
-        }
-        let of_contacts = contacts.iter().chain([&filled_at_rim]).map(Contact::rim_sigma_n);
-        let lost_n = missing_n + of_contacts.sum::<f64>();
+        let at_rim = |of: &&Filled| self.neighbours.as_ref().is_some_and(|neighbours| neighbours.is_at_rim(of.taxel));
+        let filled_at_rim = filled.iter().filter(at_rim).map(|of| of.kpa * self.newton_per_kpa(of.taxel));
+        let rim_n = contacts.iter().map(Contact::rim_sigma_n).sum::<f64>() + rim_sigma_n(filled_at_rim.sum());
+        let lost_n = missing_n + rim_n;
         let mut sample = ForceSample {
             total: Some(Newton(total_n)),
             total_sigma: Some(Newton(sigma_n.hypot(lost_n).hypot(unseen.choice_n))),

@@ -67,7 +67,6 @@ impl Lookback {
     /// The window begins anew.
     pub fn restart(&mut self) {
         self.later.restart();
-        self.warmth.iter_mut().for_each(Warmth::restart);
     }
 
     /// How far the median taxel lay from its zero in the last window, counts, or may have lain by what the thermal pads say,
@@ -95,7 +94,6 @@ impl Lookback {
     /// Takes a scan. At the end of a window, what shows that the skin became lighter than its zero.
     pub fn on_scan(&mut self, scan: &Scan<'_>, present: Present<'_>) -> Option<Unloading> {
         self.later.push(scan);
-        self.warmth.iter_mut().for_each(|warmth| warmth.push(scan.pads));
         self.median_counts = None;
         if self.later.scans() < self.scans {
             return None;
@@ -108,7 +106,7 @@ impl Lookback {
         self.later.restart();
         self.sudden.looked();
         let towards_load = f64::from(signs.iter().map(|&sign| i32::from(sign)).sum::<i32>().signum());
-        self.warmth.iter_mut().for_each(|warmth| warmth.end(towards_load));
+        self.warmth.iter_mut().for_each(|warmth| warmth.look(self.sudden.before(), towards_load));
         Later { seen: &seen, scans, modules }.unloaded(zero, signs, limits)
     }
 }

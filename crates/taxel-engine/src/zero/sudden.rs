@@ -86,10 +86,9 @@ impl SuddenWarmth {
         self.modules.as_flattened_mut().iter_mut().flatten().for_each(|pad| pad.looked = pad.before);
     }
 
-    /// Where the pads of each module were a moment ago, counts, 0 without pads; `None` before the first scan.
-    pub(super) fn before(&self) -> Option<Vec<f64>> {
-        let of_modules = || self.modules.iter().map(|pads| mean(pads, |pad| pad.before).unwrap_or(0.0)).collect();
-        (!self.modules.is_empty()).then(of_modules)
+    /// Where the pads of each module were a moment ago, counts, 0 without pads; nothing before the first scan.
+    pub(super) fn before(&self) -> Vec<f64> {
+        self.modules.iter().map(|pads| mean(pads, |pad| pad.before).unwrap_or(0.0)).collect()
     }
 
     /// Standard uncertainty, in counts, of a zero that all taxels share, for the warmth since it was last looked at.
