@@ -185,7 +185,7 @@ fn through_layer(felt: &[Felt], skin: &Skin, mass: &Mass, [x, y]: [f64; 2]) -> R
     let far_mm = footprint.semi_axes_mm[0].max(footprint.semi_axes_mm[1]) + REACH_MM;
     let presses = |((index, pose), points): ((usize, &crate::skin::Pose), &Felt)| {
         let [dx, dy] = [pose.unrolled_mm[0] - x, pose.unrolled_mm[1] - y];
-        if dx.hypot(dy) > far_mm {
+        if dx * dx + dy * dy > far_mm * far_mm {
             return None;
         }
         let mean = points.mean(|u, v| density(dx + u, dy + v));

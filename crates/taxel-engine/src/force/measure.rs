@@ -220,8 +220,8 @@ impl ForceModel {
         };
         let total_n = measured_n + filled_n;
         let shares = self.shares(evaluator, counts, active, filled);
-        let sampling_n = contacts.iter().fold(0.0, |sigma: f64, contact| sigma.hypot(contact.sigma_n()));
-        let sigma_n = self.sigma_n(evaluator, shares, total_n, present.zero_sigma_counts).hypot(sampling_n);
+        let sampling_n2: f64 = contacts.iter().map(|contact| contact.sigma_n().powi(2)).sum();
+        let variance_n2 = self.variance_n2(evaluator, shares, total_n, present.zero_sigma_counts) + sampling_n2;
         // What is not there and what the rim loses are both too little, and most of both where a contact lies about a taxel
         // at the rim that cannot be read: they add up.
         let at_rim = |of: &&Filled| self.neighbours.as_ref().is_some_and(|neighbours| neighbours.is_at_rim(of.taxel));
@@ -230,7 +230,7 @@ impl ForceModel {
         let lost_n = missing_n + rim_n;
         let mut sample = ForceSample {
             total: Some(Newton(total_n)),
-            total_sigma: Some(Newton(sigma_n.hypot(lost_n).hypot(unseen.choice_n))),
+            total_sigma: Some(Newton((variance_n2 + lost_n.powi(2) + unseen.choice_n.powi(2)).sqrt())),
             detection_floor: Some(unseen.floor),
             active: active.len() as u32,
             out_of_range: shares.above as u32,
@@ -313,23 +313,24 @@ impl ForceModel {
         if known > 0.0 { sums.map(|sum| sum / known) } else { sums }
     }
 
-    /// Standard uncertainty of the total: taxels are independent, while hysteresis, drift, gauge gain, gauge offset and
+    /// Variance of the total, N squared: taxels are independent, while hysteresis, drift, gauge gain, gauge offset and
     /// area are common to all of them and so add up before they are squared.
     ///
     /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2 + (o sum A_i)^2 + (a F)^2`,
     /// where s is the uncertainty of a taxel, h what of it is hysteresis, z the zero's in counts with what the skin may
     /// remember of earlier loads, and the s of a filled taxel is the scatter of its neighbours. What the pads' places add
     /// is in [`Contact::sigma_n`] and [`Contact::rim_sigma_n`].
-    fn sigma_n(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
+    fn variance_n2(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
         let set = evaluator.tables().set();
         let shared = [
             sums.hysteresis_n,
-            zero_sigma_counts.hypot(evaluator.tables().residue_sigma_counts()) * sums.per_count_n,
+            zero_sigma_counts * sums.per_count_n,
+            evaluator.tables().residue_sigma_counts() * sums.per_count_n,
             set.gauge_gain_rel * total_n,
             set.gauge_offset_kpa * sums.area,
             self.area_uncertainty * total_n,
         ];
-        shared.iter().fold(sums.own_n2, |variance, sigma| variance + sigma * sigma).sqrt()
+        shared.iter().fold(sums.own_n2, |variance, sigma| variance + sigma * sigma)
     }
 
     fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)]) {

@@ -68,8 +68,8 @@ pub struct Remainder {
     zeros_n: f64,
     /// Sum of the squared noises, N squared.
     noise_n2: f64,
-    /// Noise of a contact on the modules that have most of it, N.
-    contact_noise_n: f64,
+    /// Squared noise of a contact on the modules that have most of it, N squared.
+    contact_noise_n2: f64,
     /// Sum of the forces per count, N.
     per_count_n: f64,
     /// The same of a contact on the modules that have most of it, N.
@@ -163,7 +163,7 @@ impl Remainder {
             zeros_n: sum(&|s| f64::from(s.newton_per_count) * f64::from(s.zero)),
             hidden: Hidden::of(tables, &shares, rest, modules),
             noise_n2: sum(&|s| f64::from(s.noise_n).powi(2)),
-            contact_noise_n: contact(&|s| f64::from(s.noise_n).powi(2)).sqrt(),
+            contact_noise_n2: contact(&|s| f64::from(s.noise_n).powi(2)),
             per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
             contact_per_count_n: contact(&|s| f64::from(s.newton_per_count).abs()),
             shares,
@@ -200,14 +200,14 @@ impl Remainder {
             noise_n2 -= f64::from(share.noise_n).powi(2);
             per_count_n -= f64::from(share.newton_per_count).abs();
         }
-        let unseen_n = (noise_n2.max(0.0) + (zero_sigma_counts * per_count_n).powi(2)).sqrt();
+        let unseen_n2 = noise_n2.max(0.0) + (zero_sigma_counts * per_count_n).powi(2);
         let offset_counts = if per_count_n > 0.0 { rest_n / per_count_n } else { 0.0 };
         let beside_n = (-offset_counts).max(0.0) * self.contact_per_count_n;
         let (unseen, hidden) = (rest_n.max(0.0) + beside_n, self.hidden);
         Unseen {
-            choice_n: chosen_n.hypot(self.contact_noise_n),
-            floor: Newton(unseen + hidden.newton + FLOOR_SIGMAS * unseen_n.hypot(hidden.sigma_n)),
-            told: Newton(unseen + FLOOR_SIGMAS * unseen_n),
+            choice_n: (chosen_n.powi(2) + self.contact_noise_n2).sqrt(),
+            floor: Newton(unseen + hidden.newton + FLOOR_SIGMAS * (unseen_n2 + hidden.sigma_n.powi(2)).sqrt()),
+            told: Newton(unseen + FLOOR_SIGMAS * unseen_n2.sqrt()),
             offset_counts,
         }
     }

@@ -76,9 +76,10 @@ const ALLOWED: &[(&str, &str, &str)] = &[
     ),
     (
         "lost acknowledgements",
-        " by a little",
-        "As a silent re-tare: five of them lose the zero, but a load too light to be seen to vanish with the new one passes \
-         for rest when the next is taken.",
+        "",
+        "As a silent re-tare: five of them lose the zero, but what lay on the board when it took its own is not known. A load \
+         too light to be seen to vanish with it, or one that goes and gives its place to another as heavy, passes for rest \
+         when the next zero is taken.",
     ),
     (
         "board hangs below 1 s, new zero",
