@@ -19,6 +19,10 @@ use crate::retention::Size;
 /// 400 bytes a sample that is below 1 MB. More waiting means that the disk is gone, and then the caller has to know.
 pub const QUEUE_BATCHES: usize = 2048;
 
+/// Of these so many may wait before nothing more is taken of what people ask for: an answer and what a change brings with it
+/// come on top of each, and the rest is for what happens by itself, such as samples, without which all writing ends.
+pub const QUEUE_BATCHES_ASKED: usize = QUEUE_BATCHES / 4;
+
 /// How an acknowledged batch is kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Durability {
@@ -61,8 +65,13 @@ impl fmt::Debug for Batch {
 
 /// The queue holds as much as it may; the batch is given back.
 #[derive(Debug, Error)]
-#[error("the store is behind: {QUEUE_BATCHES} batches wait for the disk")]
-pub struct QueueFull(pub Batch);
+#[error("the store is behind: {most} batches wait for the disk")]
+pub struct QueueFull {
+    /// What was not taken.
+    pub batch: Batch,
+    /// So many batches may wait before one like this.
+    pub most: usize,
+}
 
 /// What is done with an answer.
 pub(crate) type Tell<T> = Box<dyn FnOnce(Result<T, StoreError>) + Send>;
@@ -137,6 +146,11 @@ impl WorkQueue {
         self.work.try_send(work).inspect_err(|_| {
             self.waiting.fetch_sub(1, Ordering::Relaxed);
         })
+    }
+
+    /// How much work waits.
+    pub(crate) fn waiting(&self) -> usize {
+        self.waiting.load(Ordering::Relaxed)
     }
 
     /// Asks for something; whoever asks is told if there is no room for it.

@@ -18,7 +18,8 @@ use crate::pass::{Finding, Lost, Step};
 use crate::readers::{AuditReader, SamplesReader, SetReader, SizeReader, read_samples, read_set};
 use crate::retention::Retention;
 use crate::work::{
-    Batch, Durability, Entry, OnModelSet, OnSamples, QueueFull, Waiting, Work, WorkQueue, WorkSource, work_queue,
+    Batch, Durability, Entry, OnModelSet, OnSamples, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Waiting, Work,
+    WorkQueue, WorkSource, work_queue,
 };
 
 /// What a start has left is proven from here on, a part at a time: a large model set takes the thread some milliseconds.
@@ -128,9 +129,21 @@ impl Store {
         let Batch { records, on_durable } = batch;
         match self.queue.try_send(Work::Write(Entry { records, waiting: Waiting(on_durable) })) {
             Ok(()) => Ok(()),
-            Err(TrySendError::Full(work)) => Err(QueueFull(work.into_batch())),
+            Err(TrySendError::Full(work)) => Err(QueueFull { batch: work.into_batch(), most: QUEUE_BATCHES }),
             Err(TrySendError::Disconnected(_)) => Ok(()), // whoever waits was told as this was dropped
         }
+    }
+
+    /// As [`Store::submit`], for what somebody asks for: it is refused while more than [`QUEUE_BATCHES_ASKED`] wait, so that
+    /// whoever asks much of a slow disk takes no room from what must be stored.
+    ///
+    /// # Errors
+    /// [`QueueFull`] with the batch, nothing of which is stored.
+    pub fn submit_asked(&self, batch: Batch) -> Result<(), QueueFull> {
+        if self.queue.waiting() >= QUEUE_BATCHES_ASKED {
+            return Err(QueueFull { batch, most: QUEUE_BATCHES_ASKED });
+        }
+        self.submit(batch)
     }
 
     /// Reads the samples of a session, after all that was submitted before. Never waits.

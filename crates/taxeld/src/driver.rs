@@ -281,7 +281,7 @@ impl Driver {
     fn note(&self, request: RequestId, asked: Asked) -> Result<String, String> {
         let (patch, row) = self.audit.asked(request, self.clock.now().wall_ns, asked)?;
         let batch = Batch { records: vec![row], on_durable: None };
-        self.store.submit(batch).map_err(|full| full.to_string())?;
+        self.store.submit_asked(batch).map_err(|full| full.to_string())?;
         Ok(patch)
     }
 

@@ -36,7 +36,7 @@ fn submit(store: &Store, records: Vec<Record>, name: Option<String>) {
     });
     let mut batch = Batch { records, on_durable };
     while let Err(full) = store.submit(batch) {
-        batch = full.0;
+        batch = full.batch;
         std::thread::yield_now();
     }
 }

@@ -8,7 +8,7 @@ use taxel_engine::record::Record;
 
 use super::fixture::*;
 use crate::db::Db;
-use crate::{Batch, QUEUE_BATCHES, QueueFull, Store, StoreError, StoreEvent};
+use crate::{Batch, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull, Store, StoreError, StoreEvent};
 
 #[test]
 fn a_full_disk_ends_all_writing_and_loses_nothing_acknowledged() {
@@ -50,8 +50,33 @@ fn a_full_queue_is_told_and_never_waits() {
     for index in 0..QUEUE_BATCHES as u64 {
         store.submit(quiet(vec![sample_record(1, index)])).unwrap();
     }
-    let QueueFull(batch) = store.submit(quiet(vec![sample_record(1, 9999)])).unwrap_err();
+    let QueueFull { batch, most } = store.submit(quiet(vec![sample_record(1, 9999)])).unwrap_err();
     assert!(matches!(batch.records[..], [Record::Sample { index: 9999, .. }]));
+    assert_eq!(most, QUEUE_BATCHES);
+    release.send(()).unwrap();
+    store.close().unwrap();
+}
+
+/// What people ask for never takes the room of what happens by itself.
+#[test]
+fn of_what_is_asked_for_a_quarter_of_the_queue_may_wait() {
+    let (release, hold) = channel::<()>();
+    let store = Store::in_memory(Box::new(|_| ())).unwrap();
+    let (tell, told) = channel();
+    let blocker = Box::new(move |_| {
+        tell.send(()).unwrap();
+        hold.recv().unwrap();
+    });
+    store.submit(Batch { records: vec![session(1, SessionState::Ramping)], on_durable: Some(blocker) }).unwrap();
+    told.recv().unwrap(); // the writer is in the callback now
+    let taken = (0..).take_while(|&index| store.submit_asked(quiet(vec![sample_record(1, index)])).is_ok()).count();
+    assert_eq!(taken, QUEUE_BATCHES_ASKED);
+    let QueueFull { batch, most } = store.submit_asked(quiet(vec![sample_record(1, 9999)])).unwrap_err();
+    assert!(matches!(batch.records[..], [Record::Sample { index: 9999, .. }]));
+    assert_eq!(most, QUEUE_BATCHES_ASKED);
+    for index in taken..QUEUE_BATCHES {
+        store.submit(quiet(vec![sample_record(1, index as u64)])).unwrap();
+    }
     release.send(()).unwrap();
     store.close().unwrap();
 }

@@ -8,7 +8,7 @@ use taxel_engine::command::{ErrorReason, Rejection, Reply, RequestId};
 use taxel_engine::record::Record;
 use taxel_engine::{Input, Output};
 use taxel_skin::BusIndex;
-use taxel_store::{Batch, Durability, OnDurable, QUEUE_BATCHES, QueueFull, StoreError, models_json};
+use taxel_store::{Batch, Durability, OnDurable, QueueFull, StoreError, models_json};
 use taxel_wire::Frame;
 use tokio::sync::oneshot;
 
@@ -107,8 +107,8 @@ impl Driver {
         } else {
             Some(Box::new(move |outcome| answer(replies, if is_done { Ok(Durability::OnDisk) } else { outcome })))
         };
-        if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable }) {
-            self.step(Input::StoreFailed(refuse(batch)));
+        if let Err(full) = self.store.submit(Batch { records, on_durable }) {
+            self.step(Input::StoreFailed(refuse(full)));
         }
     }
 
@@ -117,8 +117,8 @@ impl Driver {
         let told: OnDurable = Box::new(move |_| answer(replies, Ok(Durability::OnDisk)));
         if records.is_empty() {
             told(Ok(Durability::OnDisk));
-        } else if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable: Some(told) }) {
-            let why = refuse(batch);
+        } else if let Err(full) = self.store.submit_asked(Batch { records, on_durable: Some(told) }) {
+            let why = refuse(full);
             tracing::warn!(%why, "that a command was refused is not in the audit log");
         }
     }
@@ -130,8 +130,8 @@ impl Driver {
         let on_durable: OnDurable = Box::new(move |outcome: Result<Durability, StoreError>| {
             done.tell(Done::Committed(ticket, outcome.map(|_| ()).map_err(|error| error.to_string())));
         });
-        if let Err(QueueFull(batch)) = self.store.submit(Batch { records, on_durable: Some(on_durable) }) {
-            let why = refuse(batch);
+        if let Err(full) = self.store.submit(Batch { records, on_durable: Some(on_durable) }) {
+            let why = refuse(full);
             tracing::warn!(%why, "a change was refused");
         }
     }
@@ -197,8 +197,8 @@ pub(super) async fn fit((session, fit): (u64, u64), done: TellDone, run: impl Fn
 }
 
 /// Tells whoever waits for a batch that the store's queue has no room for it, and gives the words.
-fn refuse(batch: Batch) -> String {
-    let behind = StoreError::Behind { waiting: QUEUE_BATCHES };
+fn refuse(QueueFull { batch, most }: QueueFull) -> String {
+    let behind = StoreError::Behind { waiting: most };
     let why = behind.to_string();
     if let Some(on_durable) = batch.on_durable {
         on_durable(Err(behind));

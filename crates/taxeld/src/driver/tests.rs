@@ -14,7 +14,7 @@ use taxel_rpc::handle::channel;
 use taxel_rpc::{Clocks, Handle, ModelCodec, STALLED_AFTER};
 use taxel_sim::{BoardsConfig, Config, Skin, World};
 use taxel_skin::Time;
-use taxel_store::{OnDurable, QUEUE_BATCHES, StoreError, models_json};
+use taxel_store::{OnDurable, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, StoreError, models_json};
 use taxel_wire::{CanId, TimedFrame};
 use tokio::time::{Instant, advance};
 
@@ -288,6 +288,44 @@ async fn a_refusal_is_told_when_it_is_in_the_audit_log() {
     release.send(()).unwrap();
     let refused = answer.await.unwrap().unwrap_err();
     assert!(matches!(refused, Rejection::NotFound(..)), "{refused:?}");
+}
+
+/// Whoever asks faster than a slow disk writes is refused in time: what happens by itself still has room, and all is well
+/// when the disk is back.
+#[tokio::test]
+async fn whoever_asks_much_of_a_slow_disk_is_refused_before_that_ends_all_writing() {
+    let mut bench = Bench::new();
+    bench.turn().await;
+    let release = bench.hold_writer();
+    let (mut waiting, mut refused) = (Vec::new(), None);
+    while refused.is_none() {
+        assert!(waiting.len() < QUEUE_BATCHES, "all was taken");
+        let asked = Some(Box::new(Asked { who: "ann".to_owned(), ..Asked::default() }));
+        let (reply, mut answer) = oneshot::channel();
+        let command = import(waiting.len() as i64);
+        bench.commands.try_send(Request { command, reply, asked }).unwrap();
+        bench.turn().await;
+        refused = answer.try_recv().ok();
+        waiting.push(answer);
+    }
+    let behind = StoreError::Behind { waiting: QUEUE_BATCHES_ASKED };
+    let why = format!("the audit log cannot be written: {behind}");
+    assert_eq!(refused.unwrap().unwrap_err(), Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
+    for _ in 0..QUEUE_BATCHES / 2 {
+        bench.driver.store.submit(Batch::default()).unwrap();
+    }
+    release.send(()).unwrap();
+    waiting.pop();
+    for mut answer in waiting {
+        let stored = loop {
+            match answer.try_recv() {
+                Err(oneshot::error::TryRecvError::Empty) => bench.turn().await,
+                answered => break answered.unwrap(),
+            }
+        };
+        assert!(stored.is_ok(), "{stored:?}");
+    }
+    assert!(bench.reply(import(-1)).await.is_ok());
 }
 
 #[tokio::test]
