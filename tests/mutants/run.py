@@ -1,4 +1,4 @@
-"""Tries the changes of cargo-mutants on files of taxel-engine: which does no test notice?
+"""Tries the changes of cargo-mutants on files of one crate: which does no test notice?
 
     python tests/mutants/run.py SCRATCH crates/taxel-engine/src/zero ... [--seconds 60]
 
@@ -22,8 +22,12 @@ import sys
 from switch import RUNTIME, Change, with_switches
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-CRATE = "crates/taxel-engine"
-BINARIES = ["--lib", "--test", "scenarios", "--test", "sessions", "--test", "lies"]
+# The tests of a crate that its changes are tried with.
+BINARIES = {
+    "taxel-engine": ["--lib", "--test", "scenarios", "--test", "sessions", "--test", "lies"],
+    "taxel-rpc": ["--lib", "--test", "service"],
+    "taxel-store": ["--lib"],
+}
 # Stories of lies: so many minutes from each of these seeds on.
 LIES_MINUTES, LIES_FIRST_SEEDS = 40, [1, 1001, 2001, 3001]
 ENVIRONMENT = dict(os.environ, PROPTEST_CASES="100", PROPTEST_RNG_SEED="1")
@@ -58,22 +62,30 @@ class Test:
         return how, took
 
 
-def listed(files):
+def crate_of(files):
+    """The crate that all of these files are of."""
+    crates = {pathlib.Path(file).parts[1] for file in files}
+    if len(crates) != 1 or not crates <= set(BINARIES):
+        sys.exit(f"files of one of these crates, expected: {', '.join(BINARIES)}; given are files of {', '.join(crates)}")
+    return crates.pop()
+
+
+def listed(crate, files):
     """The changes that cargo-mutants would make."""
     chosen = [a for file in files for a in ("-f", file + "/**" if (ROOT / file).is_dir() else file)]
-    command = ["cargo", "mutants", "--list", "--json", "--no-config", "-p", "taxel-engine", *chosen]
+    command = ["cargo", "mutants", "--list", "--json", "--no-config", "-p", crate, *chosen]
     text = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
     return [Change(number, entry) for number, entry in enumerate(json.loads(text), 1)]
 
 
-def build(copy, changes):
+def build(copy, crate, changes):
     """Binaries with the changes in them; the changes that do not compile, and those that cannot be switched."""
     by_file = collections.defaultdict(list)
     for change in changes:
         by_file[change.file].append(change)
     bad = set()
     while True:
-        copied(copy)
+        copied(copy, crate)
         left = []
         for file, of_file in by_file.items():
             path = copy / file
@@ -81,10 +93,11 @@ def build(copy, changes):
             path.write_text(text)
             left += without
         sites = str(len(changes) + 1)
-        (copy / CRATE / "src/mutant.rs").write_text(RUNTIME.replace("SITES", sites))
-        with open(copy / CRATE / "src/lib.rs", "a") as lib:
+        source = copy / "crates" / crate / "src"
+        (source / "mutant.rs").write_text(RUNTIME.replace("SITES", sites))
+        with open(source / "lib.rs", "a") as lib:
             lib.write("\n#[doc(hidden)]\npub mod mutant;\n")
-        binaries, found = compiled(copy)
+        binaries, found = compiled(copy, crate)
         if found is None:
             return binaries, bad, {c.number for c in left}
         if not found - bad:
@@ -93,9 +106,9 @@ def build(copy, changes):
         print(f"{len(found)} changes do not compile", flush=True)
 
 
-def copied(copy):
+def copied(copy, crate):
     """A fresh copy of the sources; what did not change keeps its time, so that cargo leaves it alone."""
-    shutil.rmtree(copy / CRATE, ignore_errors=True)
+    shutil.rmtree(copy / "crates" / crate, ignore_errors=True)
     command = ["git", "ls-files", "-co", "--exclude-standard"]
     files = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
     for file in files.splitlines():
@@ -104,9 +117,9 @@ def copied(copy):
             shutil.copy2(ROOT / file, copy / file)
 
 
-def compiled(copy):
+def compiled(copy, crate):
     """The test binaries, or the numbers of the changes that do not compile."""
-    command = ["cargo", "test", "--no-run", "--message-format", "json", "-p", "taxel-engine", *BINARIES]
+    command = ["cargo", "test", "--no-run", "--message-format", "json", "-p", crate, *BINARIES[crate]]
     done = subprocess.run(command, cwd=copy, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     binaries, bad, failed = [], set(), False
     for line in done.stdout.splitlines():
@@ -182,8 +195,9 @@ def main():
     options.scratch = options.scratch.resolve()  # tests run elsewhere
     options.scratch.mkdir(parents=True, exist_ok=True)
     copy = options.scratch / "copy"
-    changes = listed(options.files)
-    binaries, bad, left = build(copy, changes)
+    crate = crate_of(options.files)
+    changes = listed(crate, options.files)
+    binaries, bad, left = build(copy, crate, changes)
     print(f"{len(changes)} changes, {len(bad)} do not compile, {len(left)} cannot be switched", flush=True)
     sites = places(copy, changes)
     tests = tests_of(binaries, options.scratch)

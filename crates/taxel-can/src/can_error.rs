@@ -108,7 +108,7 @@ const COUNTERS: u32 = 0x200;
 const KNOWN: u32 = 0x3FF;
 
 /// Calls `each` for everything that `frame` reports; for nothing if it is no error frame.
-pub(crate) fn decode(frame: &Frame, mut each: impl FnMut(BusError)) {
+pub fn decode(frame: &Frame, mut each: impl FnMut(BusError)) {
     let (FrameKind::Error, CanId::Extended(class)) = (frame.kind, frame.id) else { return };
     let mut data = [0; 8];
     for (to, from) in data.iter_mut().zip(frame.bytes()) {

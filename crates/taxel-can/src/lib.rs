@@ -25,7 +25,7 @@ mod source;
 mod sys;
 mod tx;
 
-pub use can_error::{BusError, ErrorCounters};
+pub use can_error::{BusError, ErrorCounters, decode as each_bus_error};
 pub use clock::{ClockReading, slept, time_with_sleep};
 pub use log_clock::{ClockStep, ClockSteps};
 pub use log_reader::{LogFault, LogReader};

@@ -53,7 +53,7 @@ pub struct LogReport {
     pub first_bad: Vec<BadLine>,
     /// Frames handed out whose time was before that of an earlier one, by at most a second. They keep their time.
     pub backwards: u64,
-    /// Where times were earlier by more than that, and go on from there.
+    /// Where times were earlier by more than that, or later by more than a day, and go on from there.
     pub clock: ClockSteps,
 }
 

@@ -232,6 +232,12 @@ impl Publisher {
 }
 
 impl Handle {
+    /// The newest health, as the engine put it out.
+    #[must_use]
+    pub fn health(&self) -> watch::Receiver<Arc<Health>> {
+        self.health.clone()
+    }
+
     /// The same with the samples of stored sessions, which `ExportSamples` then serves.
     #[must_use]
     pub fn with_samples(self, samples: SamplesSource) -> Self {

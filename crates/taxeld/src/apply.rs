@@ -96,6 +96,7 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     files::refuse_overwriting(&args.out, &inputs)?;
     if let Some(sigma) = &args.sigma {
         files::refuse_overwriting(sigma, &inputs)?;
+        files::refuse_one_output(&args.out, sigma)?;
     }
     if files::is_standard(&args.out) || args.sigma.as_deref().is_some_and(files::is_standard) {
         say::step_aside();
@@ -109,14 +110,14 @@ pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
     let scans = scans_of(&recording);
     let applied = taxel_engine::calibration::fit::apply(&scans, &set, &args.recipe.recipe(args.sigma.is_some()))
         .with_context(|| format!("{} with {}", args.data.display(), args.models.display()))?;
+    print_applied(&args.data, &notes, &applied);
+    if applied.unread.iter().all(Option::is_some) {
+        bail!("not one of {} taxels could be read: nothing is written", applied.unread.len());
+    }
     let decimals = set.recorded.is_some().then_some(4);
     write(&args.out, "p", &recording.time_s, &applied.pressure_kpa, decimals)?;
     if let Some(path) = &args.sigma {
         write(path, "s", &recording.time_s, &applied.sigma_kpa, decimals)?;
-    }
-    print_applied(&args.data, &notes, &applied);
-    if applied.unread.iter().all(Option::is_some) {
-        bail!("not one of {} taxels could be read", applied.unread.len());
     }
     say!("written to {}", args.out.display());
     Ok(())

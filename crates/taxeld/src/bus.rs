@@ -125,12 +125,17 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
         }
         BusEvent::Error { error, local: false } => {
             tracing::debug!(bus, %error, "error frame");
-            Some(match error {
-                BusError::BusOff => BusNotice::BusOff,
-                BusError::Active(_) | BusError::Restarted => BusNotice::ControllerRecovered(error.to_string()),
-                other => BusNotice::ControllerError(other.to_string()),
-            })
+            Some(of_controller(&error))
         }
+    }
+}
+
+/// What an error means that the controller reports.
+pub fn of_controller(error: &BusError) -> BusNotice {
+    match error {
+        BusError::BusOff => BusNotice::BusOff,
+        BusError::Active(_) | BusError::Restarted => BusNotice::ControllerRecovered(error.to_string()),
+        other => BusNotice::ControllerError(other.to_string()),
     }
 }
 

@@ -98,6 +98,19 @@ pub fn refuse_overwriting(output: &Path, inputs: &[&Path]) -> anyhow::Result<()>
     }
 }
 
+/// Refuses two outputs that are one: the second would overwrite the first.
+///
+/// # Errors
+/// Both names.
+pub fn refuse_one_output(first: &Path, second: &Path) -> anyhow::Result<()> {
+    let same_file = identity(first).is_some_and(|identity| self::identity(second) == Some(identity));
+    let same_name = first == second && first != Path::new("/dev/null");
+    if same_file || same_name {
+        bail!("two outputs go to {}: name another file for one of them", first.display());
+    }
+    Ok(())
+}
+
 /// Device and inode of an ordinary file; `None` for what is not there and for what cannot be overwritten.
 fn identity(path: &Path) -> Option<(u64, u64)> {
     use std::os::unix::fs::MetadataExt;
@@ -125,5 +138,19 @@ mod tests {
         refuse_overwriting(&other, &[&data]).unwrap();
         refuse_overwriting(Path::new("-"), &[Path::new("-"), &data]).unwrap();
         refuse_overwriting(Path::new("/dev/null"), &[Path::new("/dev/null")]).unwrap();
+    }
+
+    #[test]
+    fn two_outputs_that_are_one_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let [new, there, link] = ["new.csv", "there.csv", "link.csv"].map(|name| folder.path().join(name));
+        std::fs::write(&there, "t_s").unwrap();
+        std::os::unix::fs::symlink(&there, &link).unwrap();
+        for (first, second) in [(&new, &new), (&there, &link), (&"-".into(), &"-".into())] {
+            let error = refuse_one_output(first, second).unwrap_err().to_string();
+            assert!(error.starts_with("two outputs go to "), "{error}");
+        }
+        refuse_one_output(&new, &there).unwrap();
+        refuse_one_output(Path::new("/dev/null"), Path::new("/dev/null")).unwrap();
     }
 }

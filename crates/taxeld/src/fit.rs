@@ -225,12 +225,30 @@ impl FitArgs {
         options
     }
 
-    /// Fits each column as it stands, with --paper the rows of rising pressure alone.
+    /// Refuses what only a recording of a skin has.
+    fn refuse_for_table(&self) -> anyhow::Result<()> {
+        let asked = [
+            (matches!(self.plays, PlaysArg::On), "--plays on"),
+            (self.gauge_zero, "--gauge-zero"),
+            (self.max_lag > 0.0, "--max-lag"),
+        ];
+        match asked.iter().find(|(asked, _)| *asked) {
+            Some((_, option)) => bail!(
+                "{option} needs a recording of a skin, {MIN_BINNED_SAMPLES} rows and more of 8-bit counts in two columns and \
+                 more; this is fitted column by column as a table"
+            ),
+            None => Ok(()),
+        }
+    }
+
+    /// Fits each column as it stands, or the rows of rising pressure alone.
     fn fit_table(&self, recording: &Recording) -> anyhow::Result<ModelSet> {
+        self.refuse_for_table()?;
         let Some(pressure) = &recording.pressure_kpa else {
             bail!("there is no column `pressure_kpa` to fit to");
         };
-        let rising = self.paper.then(|| legs::rising(&pressure.hi, &legs::legs(&pressure.hi)));
+        let rises_alone = self.paper || matches!(self.branch, BranchArg::Rising);
+        let rising = rises_alone.then(|| legs::rising(&pressure.hi, &legs::legs(&pressure.hi)));
         let pressure = pressure.only(rising.as_deref());
         let fitted = |counts: &Column| {
             let counts = counts.only(rising.as_deref());
@@ -262,12 +280,13 @@ impl FitArgs {
         }
         let binned = taxels.iter().any(|model| model.estimator == Estimator::PressureBinned);
         let estimator = if binned { Estimator::PressureBinned } else { Estimator::PerSample };
+        let method = method(&self.options(if self.paper { Estimator::Paper } else { estimator }));
         Ok(ModelSet {
             id: String::new(),
             patch: String::new(),
             created_wall_ns: 0,
             session: None,
-            method: method(&self.options(if self.paper { Estimator::Paper } else { estimator })),
+            method: if rises_alone && !self.paper { format!("{method}, rising") } else { method },
             board_settings: Vec::new(),
             baseline: vec![TaxelBaseline { mean: f64::NAN, noise: f64::NAN }; taxels.len()],
             pressure_max_kpa: highest,

@@ -228,6 +228,9 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
                 let inputs: Vec<&Path> = [&log, &file].into_iter().chain(&models).map(PathBuf::as_path).collect();
                 files::refuse_overwriting(output, &inputs)?;
             }
+            if let (Some(out), Some(force)) = (&out, &force) {
+                files::refuse_one_output(out, force)?;
+            }
             replay::replay(replay::Request { log, speed, calibrate, out, models, force }, config, scene)
         }
         Subcommands::Setup(args) => setup::setup(&args),

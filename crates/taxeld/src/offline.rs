@@ -6,6 +6,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_can::each_bus_error;
 use taxel_engine::calibration::{FitJob, NotLoaded, SessionView};
 use taxel_engine::command::{Command, Reply, RequestId};
 use taxel_engine::model_set::ModelSet;
@@ -15,7 +16,9 @@ use taxel_engine::snapshot::{Health, PatchSnapshot};
 use taxel_engine::{Engine, Input, Now, Output, Restored};
 use taxel_skin::{BusIndex, Time};
 use taxel_store::models_json::content_id;
-use taxel_wire::{Frame, TimedFrame};
+use taxel_wire::{Frame, FrameKind, TimedFrame};
+
+use crate::bus::of_controller;
 
 const SLOT: Duration = Duration::from_millis(10);
 
@@ -84,8 +87,27 @@ impl Offline {
         }
     }
 
-    /// Frames of one bus in the order of reception.
-    pub fn frames(&mut self, bus: BusIndex, mut frames: &[TimedFrame]) {
+    /// Frames of one bus in the order of reception. What the controller reports in error frames is told as on a real bus.
+    pub fn frames(&mut self, bus: BusIndex, frames: &[TimedFrame]) {
+        let is_error = |timed: &TimedFrame| timed.frame.kind == FrameKind::Error;
+        for same in frames.chunk_by(|a, b| is_error(a) == is_error(b)) {
+            if same.first().is_some_and(is_error) {
+                same.iter().for_each(|timed| self.error_frame(bus, timed));
+            } else {
+                self.data_frames(bus, same);
+            }
+        }
+    }
+
+    fn error_frame(&mut self, bus: BusIndex, timed: &TimedFrame) {
+        self.advance(timed.time);
+        self.now = self.now.max(timed.time);
+        let mut notices = Vec::new();
+        each_bus_error(&timed.frame, |error| notices.push(of_controller(&error)));
+        notices.into_iter().for_each(|notice| self.step(Input::Bus(bus, notice)));
+    }
+
+    fn data_frames(&mut self, bus: BusIndex, mut frames: &[TimedFrame]) {
         while let Some(first) = frames.first() {
             self.advance(first.time);
             let slot_end = self.slot_end.unwrap_or(first.time);

@@ -11,9 +11,11 @@ use std::time::Instant;
 use anyhow::{Context, bail};
 use taxel_report::paper::{Data, Weighing, Weighings};
 
+use crate::files;
 use crate::fit::parse_seconds;
 use crate::paper::session::name;
 use crate::recording::{Recording, open};
+use crate::soundness::{Wanted, check};
 
 /// The header of every SQLite file.
 const SQLITE: &[u8] = b"SQLite format 3\0";
@@ -77,6 +79,9 @@ enum Kind {
 
 impl Kind {
     fn of(path: &Path) -> anyhow::Result<Self> {
+        if files::is_standard(path) {
+            bail!("what kind of file it is, is looked at first: name a file and not the standard input");
+        }
         if path.is_dir() {
             return Ok(Self::Log); // of recordings of the bus
         }
@@ -109,8 +114,11 @@ fn read(path: &Path, args: &PaperArgs) -> anyhow::Result<Data> {
 }
 
 fn recording(path: &Path) -> anyhow::Result<Data> {
-    let recording = Recording::read(path)?;
+    let mut recording = Recording::read(path)?;
     recording.report_refused(path);
+    for note in check(&mut recording, Wanted::JUDGE)? {
+        say!("{note}");
+    }
     let scans = recording.scans();
     let Some(pressure) = recording.pressure_kpa else { bail!("there is no column `pressure_kpa`") };
     if !pressure.hi.iter().any(|kpa| kpa.is_finite()) {

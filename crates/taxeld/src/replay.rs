@@ -12,6 +12,7 @@ use taxel_can::{LogReport, Pace, Replay};
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
+use taxel_engine::snapshot::BusHealth;
 use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
@@ -55,7 +56,7 @@ pub fn replay(request: Request, config: Config, mut scene: Scene) -> anyhow::Res
         patch.bring_up.clear(); // a log cannot be configured
         patch.devices.iter_mut().for_each(|device| device.commands.clear());
     }
-    if request.out.as_deref().is_some_and(files::is_standard) {
+    if request.out.iter().chain(&request.force).any(|output| files::is_standard(output)) {
         say::step_aside();
     }
     let request = Request { log: files::named(request.log), ..request };
@@ -95,8 +96,22 @@ async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::
     for (position, replay) in replays.into_iter().enumerate() {
         daemon.add_bus(BusIndex(position as u8), replay);
     }
+    let health = daemon.health();
     daemon.until_the_end().await?;
     tell_once(told.iter().filter_map(|told| told.get()));
+    for (section, report) in config.bus.iter().zip(&told).filter_map(|(section, told)| Some((section, told.get()?))) {
+        expect_frames(log, section.interface.as_deref(), report)?;
+    }
+    let health = health.borrow();
+    let sum = |of: fn(&BusHealth) -> u64| health.buses.iter().map(of).sum::<u64>();
+    expect_understood(sum(|bus| bus.frames), sum(|bus| bus.foreign + bus.malformed))
+}
+
+/// Refuses a log of which nothing was understood; of a log that was over before the health was looked at nothing is known.
+fn expect_understood(understood: u64, others: u64) -> anyhow::Result<()> {
+    if understood == 0 && others > 0 {
+        bail!("not one of {others} frames was understood: do the identifiers of the configuration fit the log?");
+    }
     Ok(())
 }
 
@@ -174,9 +189,7 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
     print_report(reader.report(), &offline);
     expect_frames(&request.log, section.interface.as_deref(), reader.report())?;
     let understood: u64 = offline.health.buses.iter().map(|bus| bus.frames).sum();
-    if understood == 0 {
-        bail!("not one of {total} frames was understood: do the identifiers of the configuration fit the log?");
-    }
+    expect_understood(understood, total)?;
     if let Some(file) = force {
         say!("{}", file.finish()?);
     }

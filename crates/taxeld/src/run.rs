@@ -12,6 +12,7 @@ use taxel_engine::command::Command;
 use taxel_engine::engine::routes::Routes;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
+use taxel_engine::snapshot::Health;
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
 use taxel_rpc::{
     Access, Clocks, Handle, Limits, Listener, ModelCodec, SharedServices, handle::channel, serve_and_share,
@@ -179,6 +180,12 @@ impl Daemon {
     /// Which identifiers each bus needs.
     pub fn routes(&self) -> Routes {
         Routes::new(&self.plan)
+    }
+
+    /// The newest health; it can be looked at after the daemon's end, too.
+    #[must_use]
+    pub fn health(&self) -> watch::Receiver<Arc<Health>> {
+        self.handle.health()
     }
 
     /// Runs until a signal comes or every bus has ended, then closes.

@@ -66,16 +66,22 @@ pub fn check(recording: &mut Recording, wanted: Wanted) -> anyhow::Result<Vec<St
     let Some(table) = why_a_table(recording, wanted.rows_min) else {
         notes.extend(mask_strays(recording));
         check_rows(recording, wanted, &mut notes)?;
+        // Without the rows that were left out it may be one all the same.
+        notes.extend(why_a_table(recording, wanted.rows_min).as_deref().map(as_a_table));
         return Ok(notes);
     };
     if is_wide_skin(recording, wanted.rows_min) {
         check_rows(recording, wanted, &mut notes)?;
     }
-    notes.push(format!(
-        "taken column by column as a table, because {table}: faults, hysteresis and lag are not looked for, and nothing is \
-         averaged over time"
-    ));
+    notes.push(as_a_table(&table));
     Ok(notes)
+}
+
+fn as_a_table(why: &str) -> String {
+    format!(
+        "taken column by column as a table, because {why}: faults, hysteresis and lag are not looked for, and nothing is \
+         averaged over time"
+    )
 }
 
 fn check_rows(recording: &mut Recording, wanted: Wanted, notes: &mut Vec<String>) -> anyhow::Result<()> {

@@ -6,6 +6,7 @@
 
 mod activate;
 mod ask;
+mod bring_up;
 mod calibrate;
 mod certificate;
 mod compare;
@@ -45,6 +46,8 @@ pub enum ClientCommand {
     Watch(watch::WatchArgs),
     /// Takes the zero of the untouched skin.
     Tare(tare::TareArgs),
+    /// Configures the boards anew, which then take their own zero.
+    BringUp(bring_up::BringUpArgs),
     /// Compares the force with a known mass on the skin.
     Load(load::LoadArgs),
     /// What known loads correct of the models in use, without the bag.
@@ -88,6 +91,7 @@ async fn one(command: ClientCommand) -> failure::Outcome {
         ClientCommand::Calibrate(args) => calibrate::calibrate(args).await,
         ClientCommand::Watch(args) => watch::watch(args).await,
         ClientCommand::Tare(args) => tare::tare(args).await,
+        ClientCommand::BringUp(args) => bring_up::bring_up(args).await,
         ClientCommand::Load(args) => load::load(args).await,
         ClientCommand::Recalibrate(args) => recalibrate::recalibrate(args).await,
         ClientCommand::Health(args) => health::health(args).await,

@@ -192,6 +192,7 @@ pub fn refusals(refused: Option<&RefusedScans>) -> String {
         (refused.no_pressure, "without pressure"),
         (refused.stale_module, "with silent modules"),
         (refused.gauge_spike, "with a gauge that jumps"),
+        (refused.gauge_stuck, "with a gauge that stands still"),
         (refused.zero_in_doubt, "with a zero in doubt"),
         (refused.full, "beyond what a session holds"),
     ];

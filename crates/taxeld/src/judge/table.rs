@@ -89,7 +89,7 @@ fn left_out(applied: &Applied) -> String {
     for why in applied.unread.iter().flatten() {
         let reason = match why {
             Unread::Model(status) => status.code(),
-            Unread::NoZero => "no zero",
+            Unread::NoZero | Unread::NoBaseline => "no zero",
             Unread::Faulty => "faulty throughout",
         };
         *reasons.entry(reason).or_default() += 1;

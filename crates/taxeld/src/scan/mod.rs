@@ -17,15 +17,17 @@ use taxel_can::{Batch, BusEvent, FrameSource, LogReport, Pace, Replay, SocketCan
 use taxel_skin::BusIndex;
 
 use crate::config::{self, Config, Scene};
+use crate::files;
 use crate::log_words::{cut_off, expect_frames, tell};
 use crate::open_log::{Wanted, open_log};
+use crate::say;
 use findings::Findings;
 use survey::Survey;
 
 /// What to listen to.
 #[derive(Debug, clap::Args)]
 pub struct ScanArgs {
-    /// A candump log, plain or .gz, or a recording (.mcap), in place of a bus.
+    /// A candump log, plain or .gz, or a recording (.mcap), in place of a bus; `-` is the standard input.
     log: Option<PathBuf>,
     /// The network interface; with a log, the interface of its frames.
     #[arg(long)]
@@ -36,7 +38,7 @@ pub struct ScanArgs {
     /// Say what is different from this configuration.
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// Write the beginning of a configuration.
+    /// Write the beginning of a configuration; `-` is the standard output.
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Print JSON.
@@ -66,8 +68,11 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     if args.log.is_none() && args.interface.is_none() {
         bail!("say what to listen to: --interface can0, or a log");
     }
-    if let Some(out) = args.out.as_ref().filter(|out| out.exists()) {
+    if let Some(out) = args.out.as_ref().filter(|out| !files::is_standard(out) && out.exists()) {
         bail!("{}: is there already", out.display());
+    }
+    if args.out.as_deref().is_some_and(files::is_standard) {
+        say::step_aside();
     }
     let scene = args.config.as_deref().map(load).transpose()?;
     let bus = scene.as_ref().map(|(config, _)| bus_of(config, args.interface.as_deref())).transpose()?;
@@ -113,9 +118,9 @@ struct Heard {
 }
 
 async fn listen(args: &ScanArgs, scene: Option<(&(Config, Scene), BusIndex)>) -> anyhow::Result<Heard> {
-    if let Some(log) = &args.log {
+    if let Some(log) = args.log.clone().map(files::named) {
         let interface = scene.and_then(|((config, _), bus)| config.bus[usize::from(bus.0)].interface.clone());
-        return of_log(log, args.interface.clone().or(interface)).await;
+        return of_log(&log, args.interface.clone().or(interface)).await;
     }
     let interface = args.interface.clone().unwrap_or_default();
     let options = SocketCanOptions { interface: interface.clone(), ids: None, tx: false };
@@ -176,5 +181,5 @@ fn write_beginning(findings: &Findings, interface: &str, out: &Path) -> anyhow::
     let text = words::beginning(findings, interface);
     let parsed = config::parse(out, &text).context("what was heard makes no configuration")?;
     config::resolve(&parsed, out).context("what was heard makes no configuration")?;
-    std::fs::write(out, text).with_context(|| format!("{}", out.display()))
+    files::write_text(out, &text)
 }

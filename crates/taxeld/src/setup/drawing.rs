@@ -76,8 +76,8 @@ impl Drawing {
     /// How many modules a word stands for, and what they are.
     fn meaning(&mut self, kind: &str, line: usize) -> Option<(usize, KindWord)> {
         match kind {
-            "triangle_10pad" => Some((1, KindWord::Triangle)),
-            "triangle" => Some((1, KindWord::Twelve)),
+            // Older drawings have the two thermal pads of a triangle as circles, too, and another word for it.
+            "triangle_10pad" | "triangle" => Some((1, KindWord::Triangle)),
             "palmL" | "palmR" => Some((4, KindWord::Palm)),
             "fakePalm" => None, // an outline, no module
             _ if kind.starts_with("fingertip") => Some((1, KindWord::Fingertip)),

@@ -15,7 +15,8 @@ use anyhow::{Context as _, bail};
 use taxel_skin::PositionFile;
 
 use crate::config;
-use crate::files::read_any_text;
+use crate::files::{self, read_any_text};
+use crate::say;
 use compose::{PatchDraft, Sources, compose};
 use drawing::Drawing;
 use part::Part;
@@ -39,7 +40,7 @@ pub struct SetupArgs {
     /// The network interface of a bus, once a bus: left_arm=can0.
     #[arg(long, value_name = "BUS=INTERFACE")]
     interface: Vec<String>,
-    /// The configuration to write.
+    /// The configuration to write; `-` is the standard output.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Write over a file that is there.
@@ -52,8 +53,15 @@ pub struct SetupArgs {
 /// # Errors
 /// What cannot be read, what contradicts itself, and what cannot be written; nothing is written then.
 pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
-    if args.out.exists() && !args.force {
+    let standard = files::is_standard(&args.out);
+    if args.out.exists() && !standard && !args.force {
         bail!("{}: is there already; --force writes over it", args.out.display());
+    }
+    let inputs = args.positions.iter().chain(&args.layout).map(|argument| named(argument).1).chain(args.xml.clone());
+    let inputs: Vec<PathBuf> = inputs.collect();
+    files::refuse_overwriting(&args.out, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    if standard {
+        say::step_aside();
     }
     let drafts = drafts(args)?;
     let interfaces = interfaces(args, &drafts)?;
@@ -62,7 +70,7 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     let text = write::text(&drafts, &interfaces, gauge.as_ref(), folder);
     let parsed = config::parse(&args.out, &text).context("what was made of the files is no configuration")?;
     let scene = config::resolve(&parsed, &args.out).context("what was made of the files is no configuration")?;
-    std::fs::write(&args.out, &text).with_context(|| format!("{}", args.out.display()))?;
+    files::write_text(&args.out, &text)?;
     for (draft, plan) in drafts.iter().zip(&scene.plan.patches) {
         let poses = plan.geometry.as_ref().map_or(0, |geometry| geometry.poses.iter().flatten().count());
         let (name, taxels, boards) = (plan.patch.name(), plan.patch.taxels().len(), draft.boards.len());

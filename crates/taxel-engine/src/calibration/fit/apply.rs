@@ -43,6 +43,8 @@ pub enum Unread {
     Model(Status),
     /// The recording is tared, and the taxel was not sound then.
     NoZero,
+    /// The recording is tared, and the models have no count of the taxel at rest to compare with.
+    NoBaseline,
     /// It is faulty in every scan.
     Faulty,
 }
@@ -52,6 +54,7 @@ impl fmt::Display for Unread {
         match self {
             Self::Model(status) => write!(f, "no usable model: {}", status.code()),
             Self::NoZero => write!(f, "no zero: faulty while the others were tared"),
+            Self::NoBaseline => write!(f, "no zero: the models have no count of it at rest; --tare none leaves theirs"),
             Self::Faulty => write!(f, "faulty in every scan"),
         }
     }
@@ -193,7 +196,8 @@ impl Reader<'_> {
         if masks.of(taxel).iter().all(|m| *m) {
             return Err(Unread::Faulty);
         }
-        zero.moved(taxel).ok_or(Unread::NoZero)
+        let known = self.set.baseline.get(taxel).is_some_and(|rest| rest.mean.is_finite());
+        zero.moved(taxel).ok_or(if known { Unread::NoZero } else { Unread::NoBaseline })
     }
 
     /// What is known of a taxel's error in use; `None` if nothing but its curve's own scatter is.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::calibration::branch::Branch;
-use crate::calibration::fit::legs::{legs, rising};
+use crate::calibration::fit::legs::{Leg, legs, rising};
 use crate::calibration::samples::Sample;
 use crate::statistics::quantile;
 
@@ -28,26 +28,25 @@ pub(crate) struct Course {
 }
 
 impl Course {
-    /// A recording of so many scans with the highest pressure at scan `top`: one ramp, and no gap that is told.
-    pub(crate) fn of_recording(scans: usize, top: usize) -> Self {
-        Self {
-            ramp: vec![0; scans],
-            falling: (0..scans).map(|i| i > top).collect(),
-            stretches: std::iter::once(0..scans).collect(),
+    /// A recording of one run or several, each a ramp of its own, without a gap that is told. What follows the highest
+    /// pressure of a ramp has fallen.
+    pub(crate) fn of_recording(kpa: &[f64]) -> Self {
+        let ramp = runs(kpa, &legs(kpa));
+        let mut falling = Vec::with_capacity(kpa.len());
+        for of_ramp in ramp.chunk_by(|a, b| a == b) {
+            let kpa = &kpa[falling.len()..][..of_ramp.len()];
+            let known = (0..kpa.len()).filter(|&i| kpa[i].is_finite());
+            let top = known.max_by(|&a, &b| kpa[a].total_cmp(&kpa[b]));
+            falling.extend((0..kpa.len()).map(|i| top.is_some_and(|top| i > top)));
         }
+        Self { ramp, falling, stretches: std::iter::once(0..kpa.len()).collect() }
     }
 
-    /// A recording of one run or several, each a ramp of its own; whatever does not rise counts as falling.
-    pub(crate) fn of_runs(kpa: &[f64]) -> Self {
+    /// The same as the paper has it: whatever does not rise counts as falling.
+    pub(crate) fn of_rises(kpa: &[f64]) -> Self {
         let legs = legs(kpa);
-        let mut ramp = Vec::with_capacity(kpa.len());
-        let mut runs = 0;
-        for leg in &legs {
-            runs += u16::from(leg.rising && leg.scans.start > 0);
-            ramp.resize(leg.scans.end, runs);
-        }
         let falling = rising(kpa, &legs).into_iter().map(|rises| !rises).collect();
-        Self { ramp, falling, stretches: std::iter::once(0..kpa.len()).collect() }
+        Self { ramp: runs(kpa, &legs), falling, stretches: std::iter::once(0..kpa.len()).collect() }
     }
 
     /// The samples of a session. Its branches need no mark on disk: what comes after the highest pressure of a ramp
@@ -122,6 +121,16 @@ impl Course {
     }
 }
 
+/// Number of the run that each scan is of; a run begins where the pressure turns upwards.
+fn runs(kpa: &[f64], legs: &[Leg]) -> Vec<u16> {
+    let (mut ramp, mut runs) = (Vec::with_capacity(kpa.len()), 0);
+    for leg in legs {
+        runs += u16::from(leg.rising && leg.scans.start > 0);
+        ramp.resize(leg.scans.end, runs);
+    }
+    ramp
+}
+
 /// Median time from one sample to the next within a ramp, seconds.
 fn period_s(samples: &[Sample]) -> f64 {
     let pairs = samples.windows(2).filter(|pair| pair[0].ramp == pair[1].ramp);
@@ -187,6 +196,28 @@ mod tests {
         assert_eq!(course.stretches().len(), 4, "the wait at the top parts the branches: {:?}", course.stretches());
         let rising = Course::of_session(&samples, Branch::Rising);
         assert!(!rising.falling().contains(&true));
+    }
+
+    /// Each of several cycles has its own top, whichever of them is the highest; a recording may begin with a fall.
+    #[test]
+    fn every_cycle_of_a_recording_has_its_own_branches() {
+        let way =
+            |from: i32, to: i32| (0..350).map(move |k| f64::from(from) + f64::from(to - from) * f64::from(k) / 350.0);
+        for tops in [[700, 600, 650], [600, 700, 650], [600, 650, 700]] {
+            let cycle = |top: i32| way(0, top).chain(way(top, 0));
+            let kpa: Vec<f64> = tops.into_iter().flat_map(cycle).map(|p| 0.1 * p).collect();
+            let course = Course::of_recording(&kpa);
+            assert_eq!(course.ramps().map(|(ramp, _)| ramp).collect::<Vec<_>>(), [0, 1, 2], "{tops:?}");
+            let falls = |i: usize| i % 700 > 350;
+            let wrong = (0..kpa.len()).filter(|&i| course.falling()[i] != falls(i)).count();
+            assert!(wrong <= 3, "{wrong} scans of {tops:?} are on the other branch");
+            let held_out = course.held_out(&kpa).unwrap();
+            assert!((1_750..1_753).contains(&held_out.start) && held_out.end == 2_100, "{held_out:?} of {tops:?}");
+        }
+        let valley: Vec<f64> = way(700, 0).chain(way(0, 705)).collect();
+        let course = Course::of_recording(&valley);
+        let falling = course.falling().iter().filter(|falls| **falls).count();
+        assert!((345..=350).contains(&falling) && !course.falling()[500], "{falling} of 700");
     }
 
     #[test]

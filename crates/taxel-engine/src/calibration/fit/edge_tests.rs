@@ -279,7 +279,7 @@ fn a_quarter_of_the_range_is_a_turn_and_a_hundredth_of_it_a_dip() {
     assert_eq!(legs(&falls), [legs::Leg { scans: 0..500, rising: false }]);
     // A wave of seven runs, each with a fall of its own.
     let wave: Vec<f64> = (0..7).flat_map(|_| (0..100).chain((0..100).rev())).map(f64::from).collect();
-    let course = Course::of_runs(&wave);
+    let course = Course::of_rises(&wave);
     assert_eq!(course.ramps().map(|(ramp, _)| ramp).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6]);
     let falling = course.falling().iter().filter(|falls| **falls).count();
     assert!((640..=720).contains(&falling), "{falling} of 1400");
@@ -321,7 +321,7 @@ fn a_fall_can_judge_with_twenty_scans_below_half_of_the_range() {
     // Up to 100 kPa in 100 scans, and down again as far as so many scans of 1 kPa each.
     let held = |fall: usize| {
         let kpa: Vec<f64> = (0..=100).chain((0..100).rev().take(fall)).map(f64::from).collect();
-        Course::of_recording(kpa.len(), 100).held_out(&kpa)
+        Course::of_recording(&kpa).held_out(&kpa)
     };
     assert_eq!(held(69), None, "19 scans below 50 kPa");
     assert_eq!(held(70), Some(151..171));

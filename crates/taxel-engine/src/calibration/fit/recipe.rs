@@ -31,19 +31,18 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
     let whole: Vec<Range<usize>> = std::iter::once(0..scans.len()).collect();
     let lag_s = if recipe.max_lag_s > 0.0 { lag::estimate(scans, &kpa, &masks, &whole, recipe.max_lag_s) } else { 0.0 };
     let mut kpa = lag::shifted(scans.time_s, &kpa, lag_s, &whole);
-    let mut top = top_of(&kpa).ok_or(RecordingError::NoPressure)?;
     // Without plays the loop of hysteresis would be taken for a lag.
     let looks_for_clock = recipe.max_clock_s > 0.0 && recipe.plays != PlaysChoice::Off && !recipe.is_paper();
     let max_clock_s = looks_for_clock.then_some(recipe.max_clock_s);
-    let course = Course::of_recording(scans.len(), top);
+    let course = Course::of_recording(&kpa);
     let clock = max_clock_s.and_then(|max_s| clock::find(scans, &kpa, &masks, &course, max_s));
     if let Some(clock) = clock.filter(|clock| clock.wins) {
         kpa = clock::set_right(scans.time_s, &kpa, &clock);
-        top = top_of(&kpa).ok_or(RecordingError::NoPressure)?;
     }
+    let top = top_of(&kpa).ok_or(RecordingError::NoPressure)?;
     let gauge_zero_kpa = if recipe.gauge_zero { gauge_zero::find(scans, &kpa, &masks) } else { 0.0 };
     kpa.iter_mut().for_each(|p| *p -= gauge_zero_kpa);
-    let course = if recipe.is_paper() { Course::of_runs(&kpa) } else { Course::of_recording(scans.len(), top) };
+    let course = if recipe.is_paper() { Course::of_rises(&kpa) } else { Course::of_recording(&kpa) };
     let fit = SkinFit::new(scans, masks, kpa, course, recipe);
     let fitted = fit.run(workers);
     let (usable, rest) = (fitted.usable(), rest_scans(&fit.kpa, top));

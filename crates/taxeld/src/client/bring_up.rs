@@ -1,0 +1,41 @@
+//! `taxeld bring-up`: configures the boards of a patch anew.
+
+use taxel_proto::v1::BringUpRequest;
+
+use super::connect::Server;
+use super::failure::Outcome;
+use super::json;
+
+/// Configures the boards of a patch anew, which then take their own zero. Nothing may touch the skin; while a force is felt the
+/// daemon refuses.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  taxeld bring-up\n  taxeld bring-up --confirmed-by Ada   # you vouch that nothing touches the skin"
+)]
+pub struct BringUpArgs {
+    #[command(flatten)]
+    server: Server,
+    /// Who vouches that nothing touches the skin: then boards that stream are not looked at for a second first.
+    #[arg(long, value_name = "NAME", default_value = "")]
+    confirmed_by: String,
+    /// Print the answer as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// Refused with the daemon's reason, or no daemon.
+pub async fn bring_up(args: BringUpArgs) -> Outcome {
+    let daemon = args.server.connect().await?;
+    let request = BringUpRequest { patch: daemon.patch(), confirmed_by: args.confirmed_by };
+    let begun = daemon.skin().bring_up(request).await?.into_inner();
+    if args.json {
+        return json::print("BringUpResponse", &begun);
+    }
+    say!(
+        "the bring-up has begun: `taxeld health` says how the boards are; then `taxeld tare`, if no zero is taken by itself"
+    );
+    Ok(())
+}
