@@ -22,6 +22,7 @@ use crate::access::rules::Access;
 use crate::limits::Limits;
 use crate::refusals::Refusals;
 use crate::shares::{NoPlace, Place, Shares, What};
+use crate::stall::Stalling;
 use crate::unproven::{Ticket, Unproven};
 
 /// Length of the HTTP/2 client preface, RFC 9113 section 3.4.
@@ -82,7 +83,7 @@ impl Guard {
         Connection {
             cut: Box::pin(ward.cut.clone().cancelled_owned()),
             ward,
-            io: BufWriter::with_capacity(WRITE_BUFFER_BYTES, io),
+            io: BufWriter::with_capacity(WRITE_BUFFER_BYTES, Stalling::new(io, self.limits.socket_stall)),
             origin: Arc::new(origin),
             proof: Proof::Awaited { missing: PREFACE_BYTES, deadline, ticket },
             expires,
@@ -153,7 +154,7 @@ enum Proof {
 /// One connection under guard.
 pub(crate) struct Connection {
     /// Buffered, so that a large frame's head and payload are one write.
-    io: BufWriter<Box<dyn Io>>,
+    io: BufWriter<Stalling<Box<dyn Io>>>,
     origin: Arc<Origin>,
     proof: Proof,
     ward: Arc<Ward>,
@@ -186,6 +187,16 @@ impl Connection {
             }
         }
         Poll::Pending
+    }
+
+    /// What became of something that is to be sent: a connection that waits for its socket has to end all the same.
+    fn sent<T>(&mut self, sent: Poll<io::Result<T>>, cx: &mut Context<'_>) -> Poll<io::Result<T>> {
+        if sent.is_pending()
+            && let Poll::Ready(error) = self.poll_end(cx)
+        {
+            return Poll::Ready(Err(error));
+        }
+        sent
     }
 
     /// So many bytes more came. With the last of the preface the connection takes its place.
@@ -226,11 +237,13 @@ impl AsyncRead for Connection {
 
 impl AsyncWrite for Connection {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &[u8]) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.io).poll_write(cx, buf)
+        let sent = Pin::new(&mut self.io).poll_write(cx, buf);
+        self.sent(sent, cx)
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
-        Pin::new(&mut self.io).poll_flush(cx)
+        let sent = Pin::new(&mut self.io).poll_flush(cx);
+        self.sent(sent, cx)
     }
 
     fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
@@ -250,5 +263,67 @@ impl Connected for Connection {
 
     fn connect_info(&self) -> Peer {
         Peer { origin: Arc::clone(&self.origin), ward: Some(Arc::clone(&self.ward)) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::access::rules::Rules;
+    use std::net::{Ipv4Addr, SocketAddr};
+    use std::time::Duration;
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+
+    fn guard(limits: Limits) -> Guard {
+        Guard {
+            access: Access::new(Rules::open()),
+            shares: Shares::new(&limits),
+            refusals: Arc::default(),
+            unproven: Unproven::new(limits.unproven),
+            limits: Arc::new(limits),
+            cut: CancellationToken::new(),
+        }
+    }
+
+    /// A connection over a socket that holds this many bytes, and its other end.
+    fn connection(guard: &Guard, holds: usize) -> (Connection, tokio::io::DuplexStream) {
+        let (near, far) = tokio::io::duplex(holds);
+        let origin = Origin::Loopback(SocketAddr::from((Ipv4Addr::LOCALHOST, 1)));
+        (guard.let_in(Box::new(near), origin).unwrap(), far)
+    }
+
+    async fn send(connection: &mut Connection, bytes: usize) -> io::Result<()> {
+        connection.write_all(&vec![0; bytes]).await?;
+        connection.flush().await
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_connection_whose_socket_takes_nothing_ends_and_one_that_is_slow_does_not() {
+        let limits = Limits { preface: Duration::from_secs(3600), ..Limits::default() };
+        let guard = guard(limits.clone());
+        let (mut slow, mut far) = connection(&guard, 1024);
+        let reads = tokio::spawn(async move {
+            for _ in 0..40 {
+                tokio::time::sleep(Duration::from_secs(9)).await;
+                far.read_exact(&mut [0; 1024]).await.unwrap();
+            }
+        });
+        send(&mut slow, 40 * 1024).await.unwrap();
+        reads.await.unwrap();
+        let (mut stuck, _far) = connection(&guard, 1024);
+        let begun = tokio::time::Instant::now();
+        let error = send(&mut stuck, 40 * 1024).await.unwrap_err();
+        assert_eq!((error.kind(), begun.elapsed().as_secs()), (ErrorKind::TimedOut, limits.socket_stall.as_secs()));
+        assert_eq!(error.to_string(), "nothing of what was sent was taken for 10 s");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_connection_that_waits_for_its_socket_is_cut_all_the_same() {
+        let guard = guard(Limits { socket_stall: Duration::from_secs(3600), ..Limits::default() });
+        let (mut stuck, _far) = connection(&guard, 1024);
+        let cut = guard.cut.clone();
+        tokio::spawn(async move { cut.cancel() });
+        let error = send(&mut stuck, 40 * 1024).await.unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::ConnectionAborted);
     }
 }

@@ -44,6 +44,7 @@ mod service;
 mod shared;
 mod shares;
 mod skin;
+mod stall;
 mod status;
 mod stored_sets;
 mod stream;

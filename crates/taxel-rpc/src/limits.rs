@@ -35,6 +35,13 @@ pub struct Limits {
     pub streams_per_peer: usize,
     /// Of all, those that only operators can have.
     pub streams_reserved: usize,
+    /// Streams that are being opened: their request has not come whole yet. One holds up to [`Limits::request_bytes`] of it
+    /// and the head.
+    pub opening: usize,
+    /// Of one peer.
+    pub opening_per_peer: usize,
+    /// Of all, those that only operators can have.
+    pub opening_reserved: usize,
     /// Calls at once that do not stream, each from its head until its answer is out. One holds up to
     /// [`Limits::request_bytes`] of its request and most often less of its answer.
     pub calls: usize,
@@ -59,12 +66,15 @@ pub struct Limits {
     /// ImportModelSet requests that are taken in at once; further ones wait. One takes some five times
     /// [`Limits::models_bytes`] while it is read.
     pub imports: usize,
-    /// The body of a request that does not stream has to come on within this time.
+    /// The body of a request that is one message has to come on within this time.
     pub body_pause: Duration,
     /// Calls of one peer that change something. Each costs two rows of the audit log, about 1 KiB.
     pub commands: Rate,
     /// Sessions that one peer may start. An aborted one is kept, about 2 KiB.
     pub session_starts: Rate,
+    /// A connection is closed whose socket takes nothing of what is to be sent for so long. Streams end before that, so that
+    /// a reader that is merely slow is told.
+    pub socket_stall: Duration,
     /// A stream whose reader leaves a value unread for so long ends with ABORTED, and so does any answer of which nothing is
     /// taken for so long.
     pub unread: Duration,
@@ -103,6 +113,9 @@ impl Default for Limits {
             streams: 64,
             streams_per_peer: 100,
             streams_reserved: 8,
+            opening: 192,
+            opening_per_peer: 128,
+            opening_reserved: 16,
             calls: 96,
             calls_per_peer: 64,
             calls_reserved: 16,
@@ -116,6 +129,7 @@ impl Default for Limits {
             body_pause: Duration::from_secs(5),
             commands: Rate { burst: 100, every: Duration::from_millis(200) },
             session_starts: Rate { burst: 20, every: Duration::from_secs(6) },
+            socket_stall: Duration::from_secs(10),
             unread: Duration::from_secs(5),
             untaken: 8,
             push_pause: Duration::from_secs(10),

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use taxel_engine::calibration::fit::PlaysChoice;
-use taxel_engine::calibration::{Refit, RefitOptions, SessionView, StoredSession};
+use taxel_engine::calibration::{Refit, RefitOptions, SessionView, StoredSession, TOGETHER_MAX};
 use taxel_engine::command::{Command, Done};
 use taxel_model::{Estimator, Order};
 use taxel_proto::refusal::Refusal;
@@ -28,6 +28,10 @@ impl Service {
         options: &v1::FitOptions,
     ) -> Result<v1::Refit, Status> {
         let options = asked_options(options)?;
+        // Before anything is looked up: a request has room for tens of thousands of numbers.
+        if numbers.len() > TOGETHER_MAX {
+            return Err(invalid("sessions", format_args!("{} are named, expected 1 to {TOGETHER_MAX}", numbers.len())));
+        }
         let views = numbers.iter().map(|number| self.session(*number)).collect::<Result<Vec<_>, _>>()?;
         let refit = self.plan_refit(views, &options).await?;
         let (source, id_of) = self.handle.samples.clone().zip(self.handle.id_of).ok_or_else(samples_not_kept)?;

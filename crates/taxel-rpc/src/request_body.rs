@@ -1,4 +1,4 @@
-//! The body of a request that does not stream: it has to come on.
+//! The body of a request that is one message: it has to come on.
 
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};

@@ -22,6 +22,8 @@ const PEERS_MAX: usize = 1024;
 pub(crate) enum What {
     Connection,
     Stream,
+    /// A stream whose request has not come whole yet.
+    Opening,
     /// A call that does not stream, until its answer is out.
     Call,
     /// An answer that can be large, from before it is made.
@@ -36,11 +38,16 @@ impl What {
         let name = match self {
             Self::Connection => "connection",
             Self::Stream => "stream",
+            Self::Opening => "request for a stream",
             Self::Call => "call",
             Self::LargeAnswer => "large answer",
             Self::Export => "sample export",
         };
-        if number == 1 { format!("1 {name}{of} is") } else { format!("{number} {name}s{of} are") }
+        match (self, number) {
+            (_, 1) => format!("1 {name}{of} is"),
+            (Self::Opening, number) => format!("{number} requests for streams{of} are"),
+            (_, number) => format!("{number} {name}s{of} are"),
+        }
     }
 }
 
@@ -147,6 +154,7 @@ impl Rates {
 struct State {
     connections: Pool,
     streams: Pool,
+    opening: Pool,
     calls: Pool,
     large_answers: Pool,
     exports: Pool,
@@ -159,6 +167,7 @@ impl State {
         match what {
             What::Connection => &mut self.connections,
             What::Stream => &mut self.streams,
+            What::Opening => &mut self.opening,
             What::Call => &mut self.calls,
             What::LargeAnswer => &mut self.large_answers,
             What::Export => &mut self.exports,
@@ -175,6 +184,7 @@ impl Shares {
         Arc::new(Self(Mutex::new(State {
             connections: Pool::new(limits.connections, limits.connections_per_peer, limits.connections_reserved),
             streams: Pool::new(limits.streams, limits.streams_per_peer, limits.streams_reserved),
+            opening: Pool::new(limits.opening, limits.opening_per_peer, limits.opening_reserved),
             calls: Pool::new(limits.calls, limits.calls_per_peer, limits.calls_reserved),
             large_answers: Pool::new(
                 limits.large_answers,

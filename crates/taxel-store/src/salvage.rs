@@ -235,10 +235,10 @@ const TABLES: [Table; 13] = [
         Ok(row.get::<_, Vec<u8>>(3)? == rows::ramp_checksum(row.get(0)?, row.get(1)?, &row.get::<_, Vec<u8>>(2)?))
     }),
     table("samples", "session {}, idx", "session, idx, ramp, time_ns, pressure_kpa, counts, checksum", |row| {
-        let counts: Vec<u8> = row.get(5)?;
         let (ramp, time_ns, pressure_kpa) = (row.get(2)?, row.get(3)?, row.get(4)?);
-        let sample = Sample { ramp, time_ns, pressure_kpa, counts: counts.into() };
-        Ok(row.get::<_, Vec<u8>>(6)? == rows::sample_checksum(row.get(0)?, row.get(1)?, &sample))
+        let sample = Sample { ramp, time_ns, pressure_kpa, counts: Vec::new().into() };
+        let (counts, found): (Vec<u8>, Vec<u8>) = (row.get(5)?, row.get(6)?);
+        Ok(rows::with_counts(row.get(0)?, row.get(1)?, sample, counts, &found).is_some())
     }),
     table("model_sets", "seq", "seq, id, sha256, json", |row| {
         row.get::<_, u64>(0)?; // no row of ours has a negative number, and a start could not read one

@@ -25,6 +25,9 @@ use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch};
 use crate::plan::Plan;
 
+/// The kernel keeps half a second of a full bus, and what it drops began after that: of so long a time frames may lack that it
+/// dropped. A longer pause of the host is told as such.
+const BUFFERED: Duration = Duration::from_millis(500);
 /// Health is shown this soon after something changed; staleness and faults have their own, faster ways out.
 const HEALTH_EVERY: Duration = Duration::from_millis(250);
 /// Counters alone are shown this often.
@@ -144,7 +147,7 @@ impl Engine {
             Input::Pushed(scan) => self.on_pushed(now, scan, out),
             Input::Bus(bus, notice) => self.on_bus(now, bus, notice, out),
             Input::Tick => self.tick(now, out),
-            Input::Resumed(_) => self.patches.iter_mut().for_each(Patch::on_frames_lost),
+            Input::Resumed(gap) => self.patches.iter_mut().for_each(|patch| patch.on_frames_lost(gap)),
             Input::Command(request, command) => self.on_command(now, request, command, out),
             Input::Fitted(outcome) => self.on_fitted(now, outcome, out),
             Input::Committed { ticket, result } => self.on_committed(now, ticket, result, out),
@@ -319,7 +322,7 @@ impl Engine {
                 continue;
             }
             if dropped {
-                self.patches[index].on_frames_lost();
+                self.patches[index].on_frames_lost(BUFFERED);
             }
             if let Some(why) = &lost {
                 let why = format!("bus {}: {why}", bus.0);

@@ -7,8 +7,15 @@
 
 use taxel_skin::Geometry;
 
-/// Taxels within this distance are neighbours: a little more than the 6.5 mm pitch of iCub's triangles.
-const REACH_M: f64 = 0.008;
+use crate::statistics::median;
+
+/// Taxels within this distance are neighbours: a little more than the 6.5 mm pitch of iCub's triangles. What presses on one
+/// is felt so far away through two millimetres of layer.
+const REACH_MAX_M: f64 = 0.008;
+
+/// On a finer skin those within so many times the distance of the nearest taxel, in the median, are: of a grid the eight
+/// around one. Others have taxels between, and would not feel what presses there.
+const REACH_PITCHES: f64 = 1.6;
 
 /// A filled pressure rests on at least so many neighbours.
 const FILL_NEIGHBOURS_MIN: usize = 2;
@@ -68,8 +75,17 @@ impl Neighbours {
     #[must_use]
     pub fn new(geometry: &Geometry) -> Self {
         let place = |taxel: usize| geometry.poses[taxel].map(|pose| pose.position);
-        let near = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>() <= REACH_M * REACH_M;
         let taxels = geometry.poses.len();
+        let apart2 = |a: [f64; 3], b: [f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>();
+        let nearest2 = |taxel: usize| {
+            let here = place(taxel)?;
+            let others = (0..taxels).filter(|&other| other != taxel).filter_map(place);
+            // Two at one place are an error of the file, and no pitch.
+            others.map(|other| apart2(here, other)).filter(|d| *d > 0.0).min_by(f64::total_cmp)
+        };
+        let pitch_m = median((0..taxels).filter_map(nearest2).map(f64::sqrt)).unwrap_or(REACH_MAX_M);
+        let reach_m = (REACH_PITCHES * pitch_m).min(REACH_MAX_M);
+        let near = |a: [f64; 3], b: [f64; 3]| apart2(a, b) <= reach_m * reach_m;
         let beside = |taxel: usize| {
             let here = place(taxel);
             let others = (0..taxels).filter(|&other| other != taxel);
@@ -236,6 +252,28 @@ mod tests {
     fn row(taxels: usize) -> Neighbours {
         let pose = |i: usize| TaxelPose { position: [0.006 * i as f64, 0.0, 0.0], normal: [0.0, 0.0, 1.0] };
         Neighbours::new(&Geometry::from_poses((0..taxels).map(|i| Some(pose(i))).collect()))
+    }
+
+    /// A grid of so many taxels a side, this pitch apart.
+    fn grid(side: usize, pitch_m: f64) -> Neighbours {
+        let place = |i: usize| [pitch_m * (i % side) as f64, pitch_m * (i / side) as f64, 0.0];
+        let pose = |i: usize| Some(TaxelPose { position: place(i), normal: [0.0, 0.0, 1.0] });
+        Neighbours::new(&Geometry::from_poses((0..side * side).map(pose).collect()))
+    }
+
+    #[test]
+    fn on_a_fine_grid_only_the_taxels_around_one_are_its_neighbours() {
+        for pitch_m in [0.001, 0.002, 0.004] {
+            let fine = grid(16, pitch_m);
+            let amid: usize = 8 * 16 + 8;
+            let around = [-17_isize, -16, -15, -1, 1, 15, 16, 17].map(|step| amid.checked_add_signed(step).unwrap());
+            assert_eq!(fine.of(amid).collect::<Vec<_>>(), around, "{pitch_m} m");
+            // Five rows without a pressure: what presses amid them, nobody feels.
+            let has_pressure = |taxel: usize| !(6..11).contains(&(taxel / 16));
+            assert!(fine.cover(6 * 16 + 8, has_pressure) && !fine.cover(amid, has_pressure), "{pitch_m} m");
+        }
+        assert_eq!(grid(8, 0.007).of(27).collect::<Vec<_>>(), [19, 26, 28, 35], "no further than 8 mm");
+        assert_eq!(grid(8, 0.009).of(27).count(), 0);
     }
 
     #[test]

@@ -168,7 +168,11 @@ impl<'a> Source<'a> {
 
     /// What of the uncertainty of a reading all taxels have in common, kPa.
     pub(super) fn shared_kpa(&self) -> f64 {
-        self.in_use.map_or(0.0, |in_use| in_use.shared_kpa(self.set.plays_error_ratio()))
+        let (Some(in_use), Some(recorded)) = (self.in_use, self.set.recorded.as_ref()) else { return 0.0 };
+        // How far the zero stays away from where it was does not average out either.
+        let common = recorded.zero_return_common_counts.unwrap_or(recorded.zero_return_counts);
+        let shared_kpa = in_use.shared_kpa(self.set.plays_error_ratio()).hypot(common / in_use.sensitivity);
+        shared_kpa.min(in_use.sigma_kpa(recorded.zero_return_counts))
     }
 
     /// What a count contributes to a force and to its uncertainty; `newton` is its force without a threshold.

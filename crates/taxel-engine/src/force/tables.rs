@@ -100,7 +100,7 @@ impl Tables {
     /// A skin that was pressed returns not quite to its rest, and a zero that is taken then takes what remains for nothing.
     /// Whether the next load finds that remainder again (as with play: it reads as much too little) or it has gone
     /// (creep), counts do not tell. So touched taxels are read at a share of it more, and which share is right is uncertain.
-    /// Where hysteresis is compensated it is known, and nothing is added.
+    /// Where hysteresis is compensated by plays it is known, and nothing is added.
     #[must_use]
     pub fn with_residue(
         set: Arc<ModelSet>,
@@ -122,8 +122,9 @@ impl Tables {
         activation: Activation,
         residue_counts: f64,
     ) -> Self {
-        let residue_counts = if set.recorded.is_none() { residue_counts } else { 0.0 };
         let taxels = set.taxels.len();
+        let compensated = (0..taxels).any(|taxel| set.plays(taxel).is_some());
+        let residue_counts = if compensated { 0.0 } else { residue_counts };
         let mut tables = Self {
             id: Arc::from(set.id.as_str()),
             taxels: vec![None; taxels],

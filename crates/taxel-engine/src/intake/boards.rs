@@ -44,8 +44,9 @@ pub struct BoardState {
     /// Since the board was last known to begin its own count anew.
     no_acks: u32,
     overflows: u64,
-    /// The host lost frames since the board was last heard, so that a silence need not be the board's.
-    frames_lost: bool,
+    /// Of so long a time since the board was last heard the host may have lost frames: so much of a silence need not be the
+    /// board's.
+    unheard: Duration,
     celsius: Option<f64>,
     firmware: Option<FirmwareVersion>,
 }
@@ -54,13 +55,13 @@ impl BoardState {
     /// A module of the board came whole. Returns why the board's zero is in doubt, if it is.
     pub fn on_module(&mut self, time: Time, status: StatusWord, limits: SilenceLimits) -> Option<BoardDoubt> {
         let silence = self.last.map(|last| time.since(last));
-        let lost = std::mem::take(&mut self.frames_lost);
+        let unheard = std::mem::take(&mut self.unheard);
         self.last = Some(time);
         self.status_errors += u64::from(!status.is_ok());
         let no_ack = status.no_ack().then(|| self.on_no_ack()); // counted whatever else is found
         if let Some(silence) = silence.filter(|&s| s > limits.doubt_after) {
             let seconds = silence.as_secs_f64();
-            if silence > limits.power_cycle_after && !lost {
+            if silence.saturating_sub(unheard) > limits.power_cycle_after {
                 self.no_acks = 0; // it counts from its start, too
                 let why = format!("was silent for {seconds:.1} s and may have lost its power");
                 return Some(BoardDoubt { why, certain: true });
@@ -90,9 +91,9 @@ impl BoardState {
         self.no_acks = 0;
     }
 
-    /// The host lost frames: a silence that ends with the next module may be its own.
-    pub const fn on_frames_lost(&mut self) {
-        self.frames_lost = true;
+    /// The host may have lost frames of so long a time.
+    pub fn on_frames_lost(&mut self, gap: Duration) {
+        self.unheard = self.unheard.saturating_add(gap);
     }
 
     /// It discarded its send queue.
@@ -144,5 +145,35 @@ impl BoardState {
             warnings.push(format!("discarded its send queue {} times", self.overflows));
         }
         warnings
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: SilenceLimits =
+        SilenceLimits { doubt_after: Duration::from_millis(150), power_cycle_after: Duration::from_secs(1) };
+
+    /// What is held against a board that was silent for so long, of which the host heard nothing in these gaps, seconds.
+    fn after(silence_s: f64, gaps_s: &[f64]) -> Option<bool> {
+        let mut board = BoardState::default();
+        let doubt = board.on_module(Time::from_seconds(1.0), StatusWord(0), LIMITS);
+        assert_eq!(doubt, None);
+        gaps_s.iter().for_each(|gap| board.on_frames_lost(Duration::from_secs_f64(*gap)));
+        let doubt = board.on_module(Time::from_seconds(1.0 + silence_s), StatusWord(0), LIMITS);
+        let again = board.on_module(Time::from_seconds(3.0 + silence_s), StatusWord(0), LIMITS);
+        assert!(again.is_some_and(|doubt| doubt.certain), "a gap excuses one silence");
+        doubt.map(|doubt| doubt.certain)
+    }
+
+    #[test]
+    fn a_gap_of_the_host_excuses_as_much_of_a_silence_as_it_was_long() {
+        assert_eq!(after(0.1, &[]), None);
+        assert_eq!(after(0.9, &[]), Some(false));
+        assert_eq!(after(5.0, &[]), Some(true));
+        assert_eq!(after(5.0, &[0.11]), Some(true), "the host stood still for a moment");
+        assert_eq!(after(5.0, &[4.5]), Some(false));
+        assert_eq!(after(1.4, &[0.25, 0.25]), Some(false));
     }
 }

@@ -62,6 +62,13 @@ pub enum IntakeEvent {
         /// Whether it surely has, or the counts have to show it.
         certain: bool,
     },
+    /// A board has a new zero: the counts of another patch that has modules of it have shown that.
+    BoardMoved {
+        /// Position of the board in the patch.
+        board: usize,
+        /// Why, in words that name the board.
+        why: String,
+    },
     /// Another patch has this board, too, and must know this of it.
     News {
         /// Position of the board in the patch.
@@ -222,9 +229,7 @@ impl Intake {
         match news {
             BoardNews::Heard(time, status) => self.watch_board(board, *time, *status, events),
             BoardNews::Said(message) => self.take_board_message(board, *message),
-            BoardNews::Moved(why) => {
-                events.push(IntakeEvent::BoardDoubted { board, why: why.clone(), certain: false });
-            }
+            BoardNews::Moved(why) => events.push(IntakeEvent::BoardMoved { board, why: why.clone() }),
         }
     }
 
@@ -296,9 +301,9 @@ impl Intake {
         self.gauge.push(time, pressure);
     }
 
-    /// The host lost frames of the bus that this patch's boards sit on.
-    pub fn on_frames_lost(&mut self) {
-        self.boards.iter_mut().for_each(BoardState::on_frames_lost);
+    /// The host may have lost frames of the bus that this patch's boards sit on, of so long a time at the most.
+    pub fn on_frames_lost(&mut self, gap: Duration) {
+        self.boards.iter_mut().for_each(|board| board.on_frames_lost(gap));
     }
 
     /// Time passed. Frames to send come with the position of their board.
@@ -326,7 +331,8 @@ impl Intake {
 
     /// What the counts of each taxel scatter by at rest, counts (NaN: not known).
     pub fn expect_noise(&mut self, baseline: &[TaxelBaseline]) {
-        self.faults.expect_noise(baseline.iter().map(|taxel| taxel.noise));
+        let steps_per_count = self.regions.counts().per_unit();
+        self.faults.expect_noise(baseline.iter().map(|taxel| taxel.noise), steps_per_count);
     }
 
     fn refresh_soundness(&mut self) {

@@ -76,7 +76,8 @@ impl Patch {
         self.bring_up_waits = false;
         self.ready_since = None;
         if self.plan.configures() {
-            self.zero.on_bring_up();
+            let models = self.force.models().map(|set| set.baseline.as_slice());
+            self.zero.on_bring_up(models);
         }
         self.intake.start_bring_up(now);
     }
@@ -88,6 +89,9 @@ impl Patch {
         self.ready_since = None;
         let feels = self.zero.holds() && self.felt.is_some();
         self.bring_up_waits = !confirmed && !feels && self.force.models().is_some() && streams;
+        if feels && !confirmed {
+            self.zero.look_by_zero();
+        }
         self.lose_zero(now, ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, effects);
         self.zero.on_bring_up_asked();
         if self.bring_up_waits {

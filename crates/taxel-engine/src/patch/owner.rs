@@ -4,6 +4,7 @@
 //! no force is made of a scan that shows that the zero is lost.
 
 use std::sync::Arc;
+use std::time::Duration;
 use taxel_skin::{Kilopascal, Newton, Time};
 use taxel_wire::array::TooShort;
 use taxel_wire::icub::Refusal;
@@ -172,9 +173,9 @@ impl Patch {
         self.on_zero_events(now, events, effects);
     }
 
-    /// The host lost frames of a bus that boards of this patch sit on.
-    pub fn on_frames_lost(&mut self) {
-        self.intake.on_frames_lost();
+    /// The host may have lost frames of a bus that boards of this patch sit on, of so long a time.
+    pub fn on_frames_lost(&mut self, gap: Duration) {
+        self.intake.on_frames_lost(gap);
     }
 
     /// A frame with an identifier of one of this patch's modules.
@@ -275,6 +276,11 @@ impl Patch {
                 IntakeEvent::BoardDoubted { board, why, certain: false } => {
                     let mut events = Vec::new();
                     self.zero.doubt(board, &why, &mut events);
+                    self.on_zero_events(now, events, effects);
+                }
+                IntakeEvent::BoardMoved { board, why } => {
+                    let mut events = Vec::new();
+                    self.zero.lose_by_another(board, &why, &mut events);
                     self.on_zero_events(now, events, effects);
                 }
                 IntakeEvent::News { board, news } => effects.intents.push(Intent::News { board, news }),

@@ -21,10 +21,26 @@ impl Zero {
         self.continuity.forget();
     }
 
-    /// The boards are being configured, and take zeros of their own on a skin that was looked at.
-    pub fn on_bring_up(&mut self) {
+    /// A force is felt at the zero that holds, and there is none: so that is what the boards are configured at.
+    pub fn look_by_zero(&mut self) {
+        self.looked = self.zero().map(<[TaxelBaseline]>::to_vec);
+    }
+
+    /// The boards are being configured, and take zeros of their own on a skin that was looked at, or that somebody vouches
+    /// for. What was let pass when they were configured before still lies there as far as this look knows: the boards' zeros
+    /// hide it from the look. `models` is the zero of the models in use.
+    pub fn on_bring_up(&mut self, models: Option<&[TaxelBaseline]>) {
         self.configuring = true;
-        self.configured_at = self.looked.take();
+        let earlier = self.configured_at.take();
+        self.configured_at = self.looked.take().map(|mut looked| {
+            if let (Some(earlier), Some(models)) = (earlier, models) {
+                for ((now, then), models) in looked.iter_mut().zip(earlier).zip(models) {
+                    let hidden = then.mean - models.mean;
+                    now.mean += if hidden.is_finite() { hidden } else { 0.0 };
+                }
+            }
+            looked
+        });
     }
 
     /// What the boards sent before they were configured and took zeros of their own, one per taxel, if that was looked at.

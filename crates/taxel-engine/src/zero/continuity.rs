@@ -146,6 +146,14 @@ impl Continuity {
         }
     }
 
+    /// The board has taken a new zero within the last scans: if its load has vanished with that, nothing shows it any more.
+    pub fn moved(&mut self, board: usize, why: &str) {
+        let lately = self.boards.get(board).is_some_and(BoardWatch::load_vanished_lately);
+        if self.at_rest && lately {
+            self.unproven = Some(why.to_owned());
+        }
+    }
+
     /// Why the zero of some board is in doubt now. A silent one has no part in the force, and its doubt waits.
     #[must_use]
     pub fn doubted(&self) -> Option<&str> {

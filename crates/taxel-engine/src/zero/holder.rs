@@ -250,6 +250,13 @@ impl Zero {
         self.lose(ReasonCode::ZeroLost, reason, events);
     }
 
+    /// As [`Zero::lose_by_board`], by what another patch has seen of the board some scans later: its load has vanished here,
+    /// too, if one lay here.
+    pub fn lose_by_another(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
+        self.continuity.moved(board, reason);
+        self.lose(ReasonCode::ZeroLost, reason, events);
+    }
+
     /// Ends a watch because of what has happened meanwhile. A zero that is being written down is none any more; who
     /// asked for it is told when that has ended, by [`Zero::adopt`].
     fn refuse_watch(&mut self, why: &str, events: &mut Vec<ZeroEvent>) {

@@ -25,6 +25,28 @@ const MODULES: usize = 8;
 const TAXELS: usize = 10 * MODULES;
 const PERIOD_NS: i64 = 50_000_000;
 
+#[test]
+fn what_lay_there_at_one_configuration_still_counts_at_the_next() {
+    let at = |mean: f64| vec![TaxelBaseline { mean, noise: 0.5 }; TAXELS];
+    let mut zero = Skin::new().zero;
+    let before = |zero: &Zero| zero.before_bring_up().map(|before| before[0].mean);
+    let models = at(240.0);
+    // One and a half counts of load were let pass; the boards hide them from the next look, which sees half a count more.
+    zero.looked = Some(at(238.5));
+    zero.on_bring_up(Some(&models));
+    assert_eq!(before(&zero), Some(238.5));
+    zero.looked = Some(at(239.5));
+    zero.on_bring_up(Some(&models));
+    assert_eq!(before(&zero), Some(238.0));
+    // The load has gone: the boards read as much less.
+    zero.looked = Some(at(242.0));
+    zero.on_bring_up(Some(&models));
+    assert_eq!(before(&zero), Some(240.0));
+    // Somebody vouches that nothing touches the skin.
+    zero.on_bring_up(Some(&models));
+    assert_eq!(before(&zero), None);
+}
+
 /// A skin, and what its zero told.
 struct Skin {
     zero: Zero,

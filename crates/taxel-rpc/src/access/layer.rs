@@ -52,6 +52,8 @@ struct Admitted {
     method: Method,
     /// Of a call that does not stream, or of a stream whose service takes none itself.
     place: Option<Place>,
+    /// Of a stream whose service takes its place, until it does.
+    opening: Option<Place>,
 }
 
 impl Gate {
@@ -110,12 +112,14 @@ impl Gate {
             Kind::Stream | Kind::Push => None,
         };
         let place = place.map(|what| self.shares.place(what, &caller)).transpose()?;
+        let opens = method.kind == Kind::Stream;
+        let opening = opens.then(|| self.shares.place(What::Opening, &caller)).transpose()?;
         match method.kind {
             Kind::Command | Kind::Import | Kind::Push => self.shares.command(&caller)?,
             Kind::SessionStart => self.shares.session_start(&caller)?,
             Kind::Read | Kind::Stream | Kind::ForeignStream => {}
         }
-        Ok(Admitted { caller, peer: peer.clone(), method, place })
+        Ok(Admitted { caller, peer: peer.clone(), method, place, opening })
     }
 
     /// The request as its service gets it. One that may be large waits for its turn before anything of its body is read.
@@ -126,7 +130,10 @@ impl Gate {
         {
             request.extensions_mut().insert(ImportTurn(Arc::new(turn)));
         }
-        if kind.is_unary() { request.map(|body| Body::new(RequestBody::new(body, self.body_pause))) } else { request }
+        if !kind.has_one_request() {
+            return request;
+        }
+        request.map(|body| Body::new(RequestBody::new(body, self.body_pause)))
     }
 }
 
@@ -198,7 +205,7 @@ where
 
     fn call(&mut self, request: http::Request<Body>) -> Self::Future {
         match self.gate.admit(&request) {
-            Ok(Admitted { caller, peer, method, place }) => {
+            Ok(Admitted { caller, peer, method, place, opening }) => {
                 let gate = self.gate.clone();
                 // The one that was ready is taken, and a clone of it stays.
                 let waiting = self.inner.clone();
@@ -206,6 +213,7 @@ where
                 Box::pin(async move {
                     let request = gate.prepare(request, caller, method.kind).await;
                     let mut answer = inner.call(request).await?;
+                    drop(opening);
                     complete(answer.headers_mut());
                     Ok(gate.answers.watch((method.name, &peer), answer, place))
                 })

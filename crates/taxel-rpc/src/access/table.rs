@@ -7,7 +7,7 @@ use crate::access::role::Role;
 pub(crate) enum Kind {
     /// Answered from what is known.
     Read,
-    /// A stream that takes its place itself.
+    /// A stream that takes its place itself, once its request has come.
     Stream,
     /// A stream of a service that is not ours: its place is taken for it.
     ForeignStream,
@@ -22,11 +22,11 @@ pub(crate) enum Kind {
 }
 
 impl Kind {
-    /// Whether one request has one answer.
-    pub(crate) const fn is_unary(self) -> bool {
+    /// Whether the request is one message, which has to come on.
+    pub(crate) const fn has_one_request(self) -> bool {
         match self {
-            Self::Read | Self::Command | Self::SessionStart | Self::Import => true,
-            Self::Stream | Self::ForeignStream | Self::Push => false,
+            Self::Read | Self::Stream | Self::Command | Self::SessionStart | Self::Import => true,
+            Self::ForeignStream | Self::Push => false,
         }
     }
 }

@@ -103,6 +103,9 @@ async fn what_cannot_be_fitted_is_refused_and_never_reaches_the_engine() {
     );
     says(client.refit_session(refit(3, default())).await.unwrap_err(), Code::FailedPrecondition, "session 3: row 7");
     says(client.merge_sessions(merge(&[])).await.unwrap_err(), Code::InvalidArgument, "sessions: none is named");
+    // As many as a request holds, and refused before one of them is looked up.
+    let many = merge(&[9; 60_000]);
+    says(client.merge_sessions(many).await.unwrap_err(), Code::InvalidArgument, "60000 are named, expected 1 to 32");
     says(client.merge_sessions(merge(&[1, 1])).await.unwrap_err(), Code::InvalidArgument, "named twice");
     for (options, words) in [
         (v1::FitOptions { order: Some(11), ..default() }, "order: 11 is not in 1 to 10"),

@@ -27,6 +27,7 @@ use crate::fixture::{Daemon, FOREARM, TAXELS, patient, snapshot, start, start_wi
 const GET_FORCE: &str = "/taxel.v1.ForceService/GetForce";
 /// Calls that are made until something has to have come about that takes milliseconds.
 const TRIES: u32 = 100_000;
+const STREAM_FORCE: &str = "/taxel.v1.ForceService/StreamForce";
 const IMPORT: &str = "/taxel.v1.ModelService/ImportModelSet";
 
 /// A request of which the rest never comes: five bytes say that a message of 100 follows, and one of these is sent.
@@ -122,10 +123,12 @@ async fn a_model_set_is_taken_in_when_the_one_before_it_is_read_or_given_up() {
 
 #[tokio::test]
 async fn a_request_that_does_not_come_on_ends_and_its_turn_and_place_are_free() {
-    let limits = Limits { body_pause: Duration::from_millis(20), calls: 1, calls_reserved: 0, ..patient() };
+    let (calls, opening) = (1, 1);
+    let limits = Limits { body_pause: Duration::from_millis(20), calls, opening, ..patient() };
+    let limits = Limits { calls_reserved: 0, opening_reserved: 0, ..limits };
     let daemon = start_with(&[FOREARM], limits).await;
     let channel = daemon.connect().await;
-    for path in [GET_FORCE, IMPORT, IMPORT] {
+    for path in [GET_FORCE, IMPORT, IMPORT, STREAM_FORCE, STREAM_FORCE] {
         let answer = half_sent(&channel, path).await.answer.await.unwrap();
         let status = Status::from_header_map(answer.headers()).unwrap();
         assert_eq!(status.code(), Code::DeadlineExceeded, "{path}: {status:?}");
@@ -145,6 +148,25 @@ async fn calls_beyond_a_peers_share_are_refused_until_one_has_ended() {
     held.iter().for_each(|call| call.answer.abort());
     drop(held);
     until(async || get_force(&channel).await.is_ok()).await;
+}
+
+/// A stream has its place only once its request is there; until then it has one of another sort.
+#[tokio::test]
+async fn requests_for_streams_beyond_a_peers_share_are_refused_until_one_has_come_or_ended() {
+    let limits = Limits { opening: 8, opening_per_peer: 2, opening_reserved: 0, ..patient() };
+    let daemon = start_with(&[FOREARM], limits).await;
+    daemon.engine().patch(0, snapshot(1, Time::default()));
+    let channel = daemon.connect().await;
+    let mut client = ForceServiceClient::new(channel.clone());
+    let mut open = async || client.stream_force(v1::StreamForceRequest::default()).await;
+    let streams = [open().await.unwrap(), open().await.unwrap(), open().await.unwrap()];
+    let held = [half_sent(&channel, STREAM_FORCE).await, half_sent(&channel, STREAM_FORCE).await];
+    let status = open().await.unwrap_err();
+    assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::ResourceExhausted, Some("NO_PLACE")));
+    assert!(status.message().contains("2 requests for streams of loopback TCP are being served"), "{status:?}");
+    held.iter().for_each(|call| call.answer.abort());
+    drop((held, streams));
+    until(async || open().await.is_ok()).await;
 }
 
 #[tokio::test]

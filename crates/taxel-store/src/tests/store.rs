@@ -1,5 +1,6 @@
 //! The ordinary course of things.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -65,6 +66,25 @@ fn counts_of_every_width_come_back_as_they_were() {
     let (store, _, quarantined, _events) = open(&path);
     assert_eq!(quarantined, []);
     assert_eq!(samples_of(&store, 2).unwrap().samples[40..], all);
+    store.close().unwrap();
+    // The page of another table is no page any more, so that the whole file is read row by row into a new one.
+    break_root_of(&path, "tares");
+    let (store, _, quarantined, _events) = open(&path);
+    assert!(!quarantined.is_empty());
+    assert_eq!(samples_of(&store, 2).unwrap().samples[40..], all, "{quarantined:?}");
+}
+
+/// Makes the first page of a table something that is no page.
+fn break_root_of(path: &Path, table: &str) {
+    let root = |column: &str| -> u64 {
+        let other = Connection::open(path).unwrap();
+        other.query_row(column, [], |row| row.get(0)).unwrap()
+    };
+    let page = root(&format!("SELECT rootpage FROM sqlite_schema WHERE name = '{table}'"));
+    let page_bytes = root("PRAGMA page_size");
+    let mut bytes = std::fs::read(path).unwrap();
+    bytes[((page - 1) * page_bytes) as usize] = 0x77;
+    std::fs::write(path, bytes).unwrap();
 }
 
 #[test]

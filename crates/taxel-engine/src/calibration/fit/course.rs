@@ -210,7 +210,7 @@ mod tests {
             assert_eq!(course.ramps().map(|(ramp, _)| ramp).collect::<Vec<_>>(), [0, 1, 2], "{tops:?}");
             let falls = |i: usize| i % 700 > 350;
             let wrong = (0..kpa.len()).filter(|&i| course.falling()[i] != falls(i)).count();
-            assert!(wrong <= 3, "{wrong} scans of {tops:?} are on the other branch");
+            assert!(wrong <= 20, "{wrong} scans of {tops:?} are on the other branch");
             let held_out = course.held_out(&kpa).unwrap();
             assert!((1_750..1_753).contains(&held_out.start) && held_out.end == 2_100, "{held_out:?} of {tops:?}");
         }

@@ -83,6 +83,24 @@ fn a_lost_frame_never_makes_a_module_of_two_scans() {
     }
 }
 
+/// A gateway that sends the last frames once more makes no scan of them, where the scans are numbered.
+#[test]
+fn frames_that_come_again_with_the_number_of_their_scan_are_no_scan() {
+    let mut device = device(ScanBegin::Counter(field(40, 8)));
+    for kind in 0..4 {
+        complete(&mut device, frame(f64::from(kind), kind, 7));
+    }
+    for again in 1..50 {
+        for kind in 0..4 {
+            let at = 20.0 * f64::from(again) + f64::from(kind);
+            assert_eq!(complete(&mut device, frame(at, kind, 7)), [0_usize; 0], "{again}");
+        }
+    }
+    assert_eq!(device.orphans(), 49 * 4);
+    let modules: Vec<usize> = (0..4).flat_map(|kind| complete(&mut device, frame(1_000.0, kind, 8))).collect();
+    assert_eq!(modules, [0, 1]);
+}
+
 #[test]
 fn a_status_that_is_not_the_good_one_is_told_until_it_is_good_again() {
     let mut device = device(ScanBegin::Time);

@@ -82,11 +82,12 @@ impl FaultDetector {
         self
     }
 
-    /// The noise that each taxel is known to have at rest, in counts (NaN: unknown). It raises the limit for jumping
-    /// on a noisy skin, and lets a freeze of the whole patch be seen.
-    pub fn expect_noise(&mut self, noise_counts: impl IntoIterator<Item = f64>) {
+    /// The noise that each taxel is known to have at rest, in counts (NaN: unknown), of which a converter makes
+    /// `steps_per_count` steps: more than one where it is finer than eight bits. It raises the limit for jumping on a noisy
+    /// skin, and lets a freeze of the whole patch be seen.
+    pub fn expect_noise(&mut self, noise_counts: impl IntoIterator<Item = f64>, steps_per_count: f64) {
         for (taxel, noise) in self.taxels.iter_mut().zip(noise_counts) {
-            taxel.expect_noise(noise as f32);
+            taxel.expect_noise(noise as f32, steps_per_count as f32);
         }
     }
 

@@ -22,7 +22,7 @@ struct One {
 impl One {
     fn new(noise: f32) -> Self {
         let mut watch = TaxelWatch::default();
-        watch.expect_noise(noise);
+        watch.expect_noise(noise, 1.0);
         let mut one = Self { watch, scans: 0 };
         one.push(100.0);
         one
@@ -145,7 +145,7 @@ fn after_how_many_seconds_a_still_taxel_is_frozen() {
         (0.31, [0.5; 2], true, Some(2.05)),
     ] {
         let mut watch = TaxelWatch::default();
-        watch.expect_noise(noise);
+        watch.expect_noise(noise, 1.0);
         let mut last = 0.0;
         for change in 0..=10 {
             last += if change == 0 { 0.0 } else { intervals[change % 2] };
@@ -168,11 +168,29 @@ fn after_how_many_seconds_a_still_taxel_is_frozen() {
     }
 }
 
+/// An eighth of a count is two steps of a converter of twelve bits: such a taxel never stands still either, also where all of
+/// them do.
+#[test]
+fn a_fine_converter_that_stands_still_stays_frozen() {
+    for (steps_per_count, frozen) in [(1.0, false), (16.0, true)] {
+        let mut watch = TaxelWatch::default();
+        watch.expect_noise(0.125, steps_per_count);
+        for scan in 0..40 {
+            let count = if scan % 2 == 0 { 100.0 } else { 100.125 };
+            watch.push(at(0.02 * f64::from(scan)), count, true, HOLD, &FaultLimits::default());
+        }
+        for scan in 40..1_000 {
+            watch.push(at(0.02 * f64::from(scan)), 100.0, false, HOLD, &FaultLimits::default());
+        }
+        assert_eq!(watch.faults.contains(Fault::Frozen), frozen, "{steps_per_count}");
+    }
+}
+
 #[test]
 fn after_how_many_seconds_a_taxel_that_never_changed_is_dead() {
     for (noise, others, after) in [(0.0, true, true), (0.0, false, false), (0.31, false, true), (0.29, false, false)] {
         let mut watch = TaxelWatch::default();
-        watch.expect_noise(noise);
+        watch.expect_noise(noise, 1.0);
         watch.push(at(5.0), 100.0, others, HOLD, &FaultLimits::default());
         let is = still(&mut watch, 5.0, Fault::Dead, others, 0.05);
         assert!(is.map_or(!after, |is| after && (is - 3.05).abs() < 1e-6), "{noise} {others}: {is:?}");

@@ -18,7 +18,7 @@ const PRODUCT_MAX: f32 = 100.0;
 /// How far back a flicker began when its noise passes the limit.
 const FLICKER_LOOKBACK: Duration = Duration::from_millis(1500);
 
-/// Noise from which on a taxel must change all the time, counts.
+/// Noise from which on a taxel must change all the time, in steps of its converter.
 const NOISE_SHOWS: f32 = 0.3;
 
 /// A taxel is frozen after so many of its mean intervals between changes, where the noise is not known.
@@ -42,7 +42,10 @@ pub(super) struct TaxelWatch {
     /// load is not taken for noise, and the repeats of a slow converter are skipped.
     variance: f32,
     mean_interval_s: f32,
+    /// Noise that it is known to have at rest, counts.
     expected_noise: f32,
+    /// With so much noise its converter never stands still.
+    must_change: bool,
     rail_until: Time,
     jump_until: Time,
     still_until: Time,
@@ -62,6 +65,7 @@ impl Default for TaxelWatch {
             variance: 0.0,
             mean_interval_s: 0.0,
             expected_noise: 0.0,
+            must_change: false,
             rail_until: NEVER,
             jump_until: NEVER,
             still_until: NEVER,
@@ -71,8 +75,10 @@ impl Default for TaxelWatch {
 }
 
 impl TaxelWatch {
-    pub(super) fn expect_noise(&mut self, noise: f32) {
+    /// So much noise at rest, in counts, of which its converter makes `steps_per_count` steps.
+    pub(super) fn expect_noise(&mut self, noise: f32, steps_per_count: f32) {
         self.expected_noise = if noise.is_finite() { noise.max(0.0) } else { 0.0 };
+        self.must_change = self.expected_noise * steps_per_count >= NOISE_SHOWS;
     }
 
     /// The scans before a silence say nothing about those after it.
@@ -180,9 +186,8 @@ impl TaxelWatch {
     fn watch_stillness(&mut self, now: Time, others_change: bool, hold: Duration, limits: &FaultLimits) {
         let still_s = now.seconds_since(self.last_change) as f32;
         self.is_lively = self.changes > 0 && still_s <= limits.frozen_after_s;
-        let must_change = self.expected_noise >= NOISE_SHOWS;
-        let expected = must_change || others_change;
-        let patience = if must_change { 0.0 } else { INTERVALS * self.mean_interval_s };
+        let expected = self.must_change || others_change;
+        let patience = if self.must_change { 0.0 } else { INTERVALS * self.mean_interval_s };
         let frozen = expected && self.changes > 0 && still_s > limits.frozen_after_s.max(patience);
         let dead = expected && self.changes == 0 && still_s > limits.dead_after_s;
         if frozen || dead {

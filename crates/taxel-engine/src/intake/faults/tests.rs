@@ -170,7 +170,7 @@ fn a_skin_without_noise_is_not_dead_unless_its_noise_is_known() {
     let mut rig = Rig::new(7);
     rig.seconds(10.0, |_, _| None);
     assert_eq!(rig.faulty(), vec![]);
-    rig.detector.expect_noise([1.0; TAXELS]);
+    rig.detector.expect_noise([1.0; TAXELS], 1.0);
     rig.seconds(0.1, |_, _| None);
     assert_eq!(rig.faulty().len(), TAXELS);
 }

@@ -82,6 +82,8 @@ pub struct BoardWatch {
     blind: u8,
     /// For how many scans yet its force is a lower bound: its load vanished at once.
     vanished: u8,
+    /// For how many scans yet its load has vanished lately, as far as another patch may find the reason for it later.
+    vanished_lately: u8,
     /// For how many scans longer than that the counts have left it unclear.
     unclear: u8,
     /// All its modules are silent.
@@ -102,6 +104,7 @@ impl BoardWatch {
     /// A zero was taken: nothing is held against the board.
     pub fn begin(&mut self) {
         (self.doubt, self.blind, self.vanished, self.unclear, self.before) = (None, 0, 0, 0, None);
+        self.vanished_lately = 0;
     }
 
     /// Something that it sent says that it may have taken a new zero; `read` are the counts of the patch before, if there
@@ -124,6 +127,12 @@ impl BoardWatch {
     #[must_use]
     pub const fn load_vanished(&self) -> bool {
         self.vanished > 0
+    }
+
+    /// Whether its load has vanished at once within twice as many scans as a proof of a new zero takes.
+    #[must_use]
+    pub const fn load_vanished_lately(&self) -> bool {
+        self.vanished_lately > 0
     }
 
     /// Whether all its modules are silent. What it read is kept, and what it was doubted for waits.
@@ -173,6 +182,8 @@ impl BoardWatch {
     pub fn judge(&mut self, seen: &Seen) -> Option<Finding> {
         let clears = wait(self.vanished, seen.possible);
         self.vanished = if seen.load_vanishes { PROBATION_SCANS } else { self.vanished };
+        self.vanished_lately =
+            if seen.load_vanishes { 2 * PROBATION_SCANS } else { self.vanished_lately.saturating_sub(1) };
         if seen.certain {
             return Some(self.new_zero(CERTAIN));
         }
