@@ -9,7 +9,7 @@ use crate::client::connect::Server;
 /// A session that is under way is taken up again. Ctrl-C asks whether to abort it or to leave it to the daemon.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log # asks nothing, activates what comes of it\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --patch left_forearm --with left_hand   # both in one bag, one ramp"
+    after_help = "Examples:\n  taxeld calibrate\n  taxeld calibrate --both --ramps 2        # learns the hysteresis, too\n  taxeld calibrate --yes > calibration.log 2>&1   # asks nothing, activates what comes of it\n  taxeld calibrate --leave-out 12:3        # without module 3 of board 12\n  taxeld calibrate --patch left_forearm --with left_hand   # both in one bag, one ramp"
 )]
 pub struct CalibrateArgs {
     #[command(flatten)]
