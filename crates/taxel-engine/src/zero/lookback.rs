@@ -102,11 +102,57 @@ impl Lookback {
         let (seen, scans) = (self.later.baseline(), self.later.scans());
         let median = Moves::between(zero, &seen, scans, signs).median();
         self.median_counts = median.is_finite().then_some(median);
-        self.offset_counts = if median.is_finite() { median.abs().min(OFFSET_MAX_COUNTS) } else { 0.0 };
         self.later.restart();
+        if self.median_counts.is_none() {
+            return None; // too little was sound: what was seen before holds, and what has warmed the skin since
+        }
+        self.offset_counts = median.abs().min(OFFSET_MAX_COUNTS);
         self.sudden.looked();
         let towards_load = f64::from(signs.iter().map(|&sign| i32::from(sign)).sum::<i32>().signum());
         self.warmth.iter_mut().for_each(|warmth| warmth.look(self.sudden.before(), towards_load));
         Later { seen: &seen, scans, modules }.unloaded(zero, signs, limits)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::counts::Counts;
+    use taxel_skin::Time;
+
+    const TAXELS: usize = 20;
+
+    /// What the zero is off by after windows of scans at these counts, each sound or not.
+    fn offset_after(windows: &[(u8, bool)]) -> f64 {
+        let mut lookback = Lookback::new(TAXELS, Duration::from_millis(50), false);
+        lookback.begin();
+        let zero = vec![TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS];
+        let (signs, limits) = (vec![-1; TAXELS], RestLimits::default());
+        let modules = [0..10, 10..TAXELS];
+        let present = Present { zero: &zero, signs: &signs, modules: &modules, limits: &limits };
+        let scans = windows.iter().flat_map(|window| std::iter::repeat_n(window, 40));
+        for (number, &(count, is_sound)) in (0..).zip(scans) {
+            let (counts, sound) = (vec![count + (number % 2) as u8; TAXELS], vec![is_sound; TAXELS]);
+            let scan = Scan {
+                time: Time::from_nanos(number * 50_000_000),
+                whole: true,
+                counts: Counts::Bytes(&counts),
+                pads: &[[200; 2]; 2],
+                silent: &[false; 2],
+                sound: &sound,
+                soundness: 0,
+            };
+            lookback.feel(&scan);
+            lookback.on_scan(&scan, present);
+        }
+        lookback.offset_counts()
+    }
+
+    #[test]
+    fn a_window_in_which_nothing_was_sound_says_nothing_of_the_zero() {
+        let near = |is: f64, expected: f64| assert!((is - expected).abs() < 1e-9, "{is} is not {expected}");
+        near(offset_after(&[(238, true)]), 1.5);
+        near(offset_after(&[(238, true), (238, false), (0, false)]), 1.5);
+        near(offset_after(&[(238, true), (238, false), (239, true)]), 0.5);
     }
 }

@@ -192,8 +192,8 @@ impl Suspects {
     /// The kind that names what a force may be wrong by: a fault that has just begun and lasted when the sample was taken, a
     /// board's own zero under a load, what zero and models went through, or else the newest fault. What reads too little
     /// already in the very first sample at a zero comes from the zero or from its boards, as does what would hold but for the
-    /// load that the zero has taken in, what reads too much rather from a fault that lasts than from a zero, and what has been
-    /// told for a while from nothing that began since.
+    /// load that the zero has taken in, what reads too much rather from a fault that lasts or a board's own zero than from the
+    /// daemon's, and what has been told for a while from nothing that began since.
     pub fn principal(&self, kinds: Kinds, wrong: Wrong) -> Option<Kind> {
         let Wrong { time, too_little, since, by_zero, .. } = wrong;
         let of_zero = too_little && (wrong.of_zero || by_zero);
@@ -214,14 +214,16 @@ impl Suspects {
         // What a zero has taken in makes a force too little, never too much: a fault that lasts adds to it sooner.
         let lasting =
             || newest(&mut faults().filter(|kind| adds(kind) && !is_harmless(*kind) && self.going_on.has(*kind)));
-        let lasting = || (!too_little).then(lasting).flatten();
+        // A board's own zero leaves residues on its taxels, either way.
+        let own = || RETARES.into_iter().find(|kind| self.since_zero.has(*kind) && !self.cleared.has(*kind));
+        let adding = || (!too_little).then(|| lasting().or_else(own)).flatten();
         let root = || ROOTS.into_iter().find(|kind| kinds.has(*kind));
         let begun =
             faults().filter(|kind| adds(kind) && !is_harmless(*kind)).filter_map(|kind| Some((began(&kind)?, kind)));
         let begun = begun.max().map(|(_, kind)| kind).filter(|_| !of_zero);
         begun
             .or_else(retared)
-            .or_else(lasting)
+            .or_else(adding)
             .or_else(root)
             .or_else(|| newest(&mut faults().filter(|kind| adds(kind) && !is_harmless(*kind))))
             .or_else(|| newest(&mut faults().filter(|kind| !is_harmless(*kind))))
