@@ -11,12 +11,14 @@ use serde_json::json;
 use std::convert::Infallible;
 use taxel_proto::refusal::{Refusal, info_of};
 use taxel_proto::v1::ErrorReason;
+use tokio::sync::OwnedSemaphorePermit;
 use tonic::{Code, Status};
 
 /// The body of every answer.
 pub(crate) type Body = UnsyncBoxBody<Bytes, Infallible>;
 
-const JSON: &str = "application/json";
+/// What the JSON of an answer is sent as.
+pub(crate) const JSON: &str = "application/json";
 
 /// The page runs its own scripts, speaks to its own origin, and is framed by nobody.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; \
@@ -50,9 +52,31 @@ pub(crate) fn whole(status: StatusCode, content_type: &'static str, bytes: impl 
 
 /// An answer that is JSON.
 pub(crate) fn json_of(value: &impl Serialize) -> Response<Body> {
-    match serde_json::to_vec(value) {
-        Ok(bytes) => whole(StatusCode::OK, JSON, bytes),
-        Err(error) => refusal(&Refusal::fault(format!("the answer is no JSON: {error}")).into()),
+    json_bytes(value).map_or_else(|status| refusal(&status), |bytes| whole(StatusCode::OK, JSON, bytes))
+}
+
+/// The JSON of an answer, in no more memory than it takes: a slow reader holds it for long.
+pub(crate) fn json_bytes(value: &impl Serialize) -> Result<Vec<u8>, Status> {
+    let written = serde_json::to_vec(value);
+    let mut json = written.map_err(|error| Refusal::fault(format!("the answer is no JSON: {error}")))?;
+    json.shrink_to_fit();
+    Ok(json)
+}
+
+/// Bytes that hold a place for as long as anybody has them. The body of an answer does not last so long: the server takes
+/// all of it at once and then writes what the peer has room for.
+pub(crate) fn with_place(bytes: Vec<u8>, place: OwnedSemaphorePermit) -> Bytes {
+    Bytes::from_owner(Placed { bytes, _place: place })
+}
+
+struct Placed {
+    bytes: Vec<u8>,
+    _place: OwnedSemaphorePermit,
+}
+
+impl AsRef<[u8]> for Placed {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
     }
 }
 

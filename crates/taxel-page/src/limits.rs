@@ -27,6 +27,13 @@ pub struct Limits {
     pub models_bytes: usize,
     /// Bodies above [`Limits::body_bytes`] at once; while one is read a further one is refused.
     pub large_bodies: usize,
+    /// An answer of more bytes than this is large and takes a place until it is out. The layout of a forearm, which the page
+    /// asks for when it opens, takes 60 KB and so needs none; all connections together hold 16 MiB of smaller ones.
+    pub large_answer_bytes: usize,
+    /// Large answers at once that are on their way; a further one is refused. The services count one until it is made and no
+    /// longer, but its reader may take hours over it. A forearm's exported set takes 1 MB. Only loopback is served, which is
+    /// one peer: there is no share of each.
+    pub large_answers: usize,
     /// A connection whose peer takes nothing of what is to be written for so long is closed.
     pub unread: Duration,
     /// A stream that has nothing to tell sends an empty comment this often, so that a peer that is gone is found.
@@ -51,6 +58,8 @@ impl Default for Limits {
             body_bytes: 64 << 10,
             models_bytes: 17 << 20, // 16 MiB of MODELS.json, its quotes and line ends escaped
             large_bodies: 1,
+            large_answer_bytes: 256 << 10,
+            large_answers: 8,
             unread: Duration::from_secs(5),
             comment: Duration::from_secs(5),
             send_buffer_bytes: 128 << 10,

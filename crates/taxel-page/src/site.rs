@@ -8,12 +8,14 @@ use http_body_util::{BodyExt, LengthLimitError, Limited};
 use hyper::body::{Body as _, Bytes, Incoming};
 use hyper::header::{AUTHORIZATION, CONTENT_TYPE};
 use hyper::{Method as Verb, Request, Response, StatusCode};
+use prost_reflect::DynamicMessage;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::{Code, Status};
 
-use crate::answer::{Body, closing, code_name, hardened, json_of, refusal, refusal_as, whole, wrong_method};
+use crate::answer::{Body, JSON, closing, code_name, hardened, json_bytes, json_of, refusal, refusal_as};
+use crate::answer::{whole, with_place, wrong_method};
 use crate::assets;
 use crate::call::{Caller, Permits, Services, begin};
 use crate::events::{Source, events};
@@ -46,6 +48,8 @@ pub(crate) struct Site {
     limits: Limits,
     streams: Arc<Semaphore>,
     large_bodies: Arc<Semaphore>,
+    /// Of those that are on their way; each has its permit.
+    large_answers: Arc<Semaphore>,
 }
 
 impl Site {
@@ -58,8 +62,9 @@ impl Site {
     ) -> Result<Self, prost_reflect::DescriptorError> {
         let streams = Arc::new(Semaphore::new(limits.streams));
         let large_bodies = Arc::new(Semaphore::new(limits.large_bodies));
-        let metrics = Metrics::new();
-        Ok(Self { services, permits, shows, metrics, methods: Methods::new()?, names, limits, streams, large_bodies })
+        let large_answers = Arc::new(Semaphore::new(limits.large_answers));
+        let (metrics, methods) = (Metrics::new(), Methods::new()?);
+        Ok(Self { services, permits, shows, metrics, methods, names, limits, streams, large_bodies, large_answers })
     }
 
     /// Answers one request.
@@ -170,12 +175,29 @@ impl Site {
         drop(body);
         let begun = Instant::now();
         let answer = match begin(self.services.clone(), method, &message, caller).await {
-            Ok(answer) => answer.only().await,
+            Ok(answer) => answer.only().await.and_then(|message| self.answered(&message)),
             Err(status) => Err(status),
         };
         let code = answer.as_ref().map_or_else(tonic::Status::code, |_| Code::Ok);
         self.metrics.called(method.path(), code_name(code), begun.elapsed());
-        Ok(json_of(&answer?))
+        answer
+    }
+
+    /// The answer with this message. A large one needs a place until it is out: what the services held for it they have
+    /// given back, and a reader takes as long over it as it likes. Only calls that read have large answers, so that none is
+    /// refused whose work is done.
+    fn answered(&self, message: &DynamicMessage) -> Result<Response<Body>, Status> {
+        let json = json_bytes(message)?;
+        let Limits { large_answer_bytes: small, large_answers: most, .. } = self.limits;
+        if json.len() <= small {
+            return Ok(whole(StatusCode::OK, JSON, json));
+        }
+        let place = Arc::clone(&self.large_answers).try_acquire_owned().map_err(|_| {
+            let why =
+                format!("{most} answers of more than {small} bytes are on their way over HTTP, which is the limit");
+            Refusal::exhausted(ErrorReason::NoPlace, why + ": read them to their ends, or try again later")
+        })?;
+        Ok(whole(StatusCode::OK, JSON, with_place(json, place)))
     }
 
     /// How long the body may be, with the place that a large one takes.

@@ -216,8 +216,10 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         #[cfg(feature = "sim")]
         Subcommands::Demo(args) => show_demo::demo(&args),
         Subcommands::Run { config: path } => {
-            let (config, scene) = load(&path)?;
-            runtime::runtime()?.block_on(run::run(config, scene, &path))
+            let text = config::read_text(&path)?;
+            let (config, scene) = config::examine_text(&path, &text)?;
+            let reload = reload::Reload::new(&path, &text, scene.doors.ruled);
+            runtime::runtime()?.block_on(run::run(config, scene, reload))
         }
         Subcommands::Check { config, json } => check::check(&config, json),
         Subcommands::Store(args) => store_command::store(&args),

@@ -1,7 +1,7 @@
 //! SIGHUP: the configuration is read again. What can change while the force goes on does; what cannot is named in the log
 //! with the reason, and waits for a restart.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use taxel_rpc::Rules;
@@ -35,46 +35,53 @@ pub struct Reload {
 }
 
 impl Reload {
-    /// Remembers what the daemon starts with.
-    pub fn new(path: &Path, ruled: bool) -> Self {
-        let applied = keys(path).unwrap_or_default();
+    /// Remembers what the daemon starts with: the text that its configuration was read from. By the time that it serves the
+    /// file may say something else, which is not applied yet.
+    pub fn new(path: &Path, text: &str, ruled: bool) -> Self {
+        let applied = keys(text).unwrap_or_default(); // what was read as a configuration is TOML
         Self { path: path.to_path_buf(), applied, ruled }
     }
 
-    /// Reads the file again and applies what can be. Gives the rules of who may do what, if these are others now.
+    /// Reads the file again and applies what can be. Gives the rules of who may do what, which are to be in force now;
+    /// nothing if they need a restart or the file cannot be used.
     pub fn again(&mut self) -> Option<Rules> {
-        let read = config::load(&self.path).map_err(|error| error.to_string());
-        let read = read.and_then(|config| config::resolve(&config, &self.path).map_err(|error| error.to_string()));
-        let (doors, found) = match read.and_then(|scene| Ok((scene.doors, keys(&self.path)?))) {
-            Ok(read) => read,
-            Err(error) => {
-                tracing::error!("nothing is reloaded: {error}");
-                return None;
-            }
-        };
-        let mut names: Vec<&String> = self.applied.keys().chain(found.keys()).collect();
-        names.sort();
-        names.dedup();
-        let changed = names.into_iter().filter(|name| self.applied.get(*name) != found.get(*name)).cloned();
-        let changed: Vec<String> = changed.collect();
+        let text = std::fs::read_to_string(&self.path).map_err(|error| format!("{}: {error}", self.path.display()));
+        text.and_then(|text| self.apply(&text)).unwrap_or_else(|error| {
+            tracing::error!("nothing is reloaded: {error}");
+            None
+        })
+    }
+
+    /// Applies what can be of a text. Keys and rules are of this one: what is written meanwhile is for the next reload.
+    fn apply(&mut self, text: &str) -> Result<Option<Rules>, String> {
+        let config = config::parse(&self.path, text).map_err(|error| error.to_string())?;
+        let doors = config::resolve(&config, &self.path).map_err(|error| error.to_string())?.doors;
+        let found = keys(text)?;
+        let regrants = doors.ruled == self.ruled;
+        let changed = self.changed(&found);
         if changed.is_empty() {
             tracing::info!("reloaded: nothing has changed");
         }
-        let mut regranted = false;
         for name in changed {
             if name == LOG_FILTER {
                 self.filter(name, &found);
-            } else if name.starts_with(ACCESS) && name != TOKENS && doors.ruled == self.ruled {
+            } else if name.starts_with(ACCESS) && name != TOKENS && regrants {
                 tracing::info!("{name} is reloaded");
                 self.note(name, &found);
-                regranted = true;
             } else {
                 let section = name.split(['.', '[']).next().unwrap_or_default();
                 let reason = REASONS.iter().find(|(first, _)| *first == section).map_or("it is in use", |(_, why)| why);
                 tracing::warn!("{name} is not reloaded: {reason}; it needs a restart");
             }
         }
-        regranted.then_some(doors.rules)
+        // Also if no key has changed: who may do what is what the file says, not what a comparison says of it.
+        Ok(regrants.then_some(doors.rules))
+    }
+
+    /// The keys that have another value than the one applied, or are here or there alone.
+    fn changed(&self, found: &BTreeMap<String, Value>) -> Vec<String> {
+        let names: BTreeSet<&String> = self.applied.keys().chain(found.keys()).collect();
+        names.into_iter().filter(|name| self.applied.get(*name) != found.get(*name)).cloned().collect()
     }
 
     fn filter(&mut self, name: String, found: &BTreeMap<String, Value>) {
@@ -96,10 +103,9 @@ impl Reload {
     }
 }
 
-/// Every value of the file by its key, such as `service.listen` and `patch[0].period_ms`.
-fn keys(path: &Path) -> Result<BTreeMap<String, Value>, String> {
-    let text = std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
-    let table: toml::Table = toml::from_str(&text).map_err(|error| error.to_string())?;
+/// Every value of a text by its key, such as `service.listen` and `patch[0].period_ms`.
+fn keys(text: &str) -> Result<BTreeMap<String, Value>, String> {
+    let table: toml::Table = toml::from_str(text).map_err(|error| error.to_string())?;
     let mut found = BTreeMap::new();
     let mut waiting: Vec<(String, Value)> = table.into_iter().collect();
     while let Some((name, value)) = waiting.pop() {
@@ -115,4 +121,64 @@ fn keys(path: &Path) -> Result<BTreeMap<String, Value>, String> {
         }
     }
     Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use taxel_rpc::{Grant, Role, Subject};
+
+    const SCENE: &str = "[store]\npath = \"t.db\"\n[[bus]]\nname = \"b\"\ninterface = \"can0\"\n[[patch]]\nname = \"p\"\n\
+                         bus = \"b\"\n[[patch.board]]\naddress = 13\nmodules = \"0-3\"\n";
+
+    fn granting(users: &[&str]) -> String {
+        let grant = |user: &&str| format!("[[access.grant]]\nrole = \"operator\"\nuser = \"{user}\"\n");
+        format!("{SCENE}[access]\n{}", users.iter().map(grant).collect::<String>())
+    }
+
+    fn grants(users: &[&str]) -> Vec<Grant> {
+        let grant = |user: &&str| Grant { subject: Subject::User((*user).to_owned()), role: Role::Operator };
+        users.iter().map(grant).collect()
+    }
+
+    /// The daemon reads its configuration, then its store, for seconds: a grant may go meanwhile.
+    #[test]
+    fn what_the_file_says_since_the_start_is_applied_by_the_first_reload_and_told_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("taxeld.toml");
+        std::fs::write(&path, granting(&["ann"])).unwrap();
+        let mut reload = Reload::new(&path, &granting(&["ann", "bob"]), true);
+        let now = keys(&granting(&["ann"])).unwrap();
+        assert_eq!(reload.changed(&now), ["access.grant[1].role", "access.grant[1].user"]);
+        assert_eq!(reload.again().unwrap().grants, grants(&["ann"]));
+        assert_eq!(reload.changed(&now), Vec::<String>::new());
+    }
+
+    #[test]
+    fn the_rules_of_the_file_are_given_whatever_has_changed_and_not_where_they_need_a_restart() {
+        let path = Path::new("taxeld.toml");
+        let text = granting(&["ann"]);
+        let mut reload = Reload::new(path, &text, true);
+        assert_eq!(reload.apply(&text).unwrap().unwrap().grants, grants(&["ann"]));
+        let other = format!("{text}[service]\nsubscribers_max = 3\n");
+        assert_eq!(reload.apply(&other).unwrap().unwrap().grants, grants(&["ann"]));
+        assert_eq!(reload.changed(&keys(&other).unwrap()), ["service.subscribers_max"], "it waits for a restart");
+        assert_eq!(reload.apply(SCENE), Ok(None), "without [access] there are no rules");
+        assert_eq!(Reload::new(path, SCENE, false).apply(&text), Ok(None), "there were none before");
+        assert_eq!(Reload::new(path, SCENE, false).apply(SCENE), Ok(Some(Rules::open())));
+    }
+
+    /// There is no file at all: were a part of a reload read from it a second time, another text could come.
+    #[test]
+    fn keys_and_rules_of_a_reload_are_of_one_text() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut reload = Reload::new(&folder.path().join("taxeld.toml"), &granting(&["ann"]), true);
+        let text = granting(&["bob"]);
+        assert_eq!(reload.apply(&text).unwrap().unwrap().grants, grants(&["bob"]));
+        assert_eq!(reload.applied, keys(&text).unwrap());
+        assert_eq!(reload.again(), None, "a file that cannot be read changes nothing");
+        assert_eq!(reload.applied, keys(&text).unwrap());
+        assert!(reload.apply(&text.replace("operator", "none")).unwrap_err().contains("grants nothing"));
+        assert_eq!(reload.applied, keys(&text).unwrap());
+    }
 }

@@ -1,7 +1,6 @@
 //! `taxeld run`: buses, engine, store and service, wired together until a signal ends them.
 
 use std::future::pending;
-use std::path::Path;
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
@@ -354,11 +353,11 @@ fn on_a_thread(service: impl Future<Output = ()> + Send + 'static) -> anyhow::Re
     })
 }
 
-/// The daemon on the buses of its configuration.
+/// The daemon on the buses of its configuration, of which `reload` knows the text.
 ///
 /// # Errors
 /// Whatever keeps it from starting.
-pub async fn run(config: Config, scene: Scene, path: &Path) -> anyhow::Result<()> {
+pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result<()> {
     logs::filter(config.log.filter.as_deref()).map_err(anyhow::Error::msg)?;
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
     let store = &config.store;
@@ -368,9 +367,8 @@ pub async fn run(config: Config, scene: Scene, path: &Path) -> anyhow::Result<()
         samples: store.keep_samples,
         bytes: store.keep_mb.map(|mb| mb.saturating_mul(1_000_000)),
     };
-    let ruled = scene.doors.ruled;
     let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, retention), RunClock::Live).await?;
-    daemon.reload = Some((hangup, Reload::new(path, ruled)));
+    daemon.reload = Some((hangup, reload));
     let routes = daemon.routes();
     for (position, section) in config.bus.iter().enumerate() {
         let bus = BusIndex(position as u8);

@@ -3,6 +3,7 @@
 #![cfg(all(feature = "sim", feature = "tls"))]
 #![allow(clippy::unwrap_used, clippy::panic)] // clippy exempts only functions that are tests themselves
 
+use std::io::Write;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -67,6 +68,13 @@ address = 12
 modules = "0-6"
 "#;
 
+/// What the certificate of the documented lines may do.
+const GRANT: &str = r#"
+[[access.grant]]
+role = "operator"
+certificate = "spiffe://robot/skin/operator"
+"#;
+
 impl Daemon {
     fn start(folder: &Path) -> Self {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
@@ -80,10 +88,7 @@ impl Daemon {
             tls = {{ certificate = "server.pem", key = "server.key", client_ca = "ca.pem" }}
             [access]
             tokens = "tokens"
-            [[access.grant]]
-            role = "operator"
-            certificate = "spiffe://robot/skin/operator"
-            {SCENE}"#,
+            {GRANT}{SCENE}"#,
             folder.display()
         );
         std::fs::write(folder.join("taxeld.toml"), config).unwrap();
@@ -262,6 +267,45 @@ async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on
     // A file that cannot be used changes nothing.
     hang_up_with(&other.replace("role = \"operator\"", "role = \"none\""));
     tare(&unix, None, "Ann").await.unwrap();
+}
+
+/// The daemon reads its configuration, and its certificate some time later: a pipe in the place of this one holds it there
+/// while the grant is deleted.
+#[tokio::test]
+async fn a_grant_that_was_deleted_while_the_daemon_started_counts_no_more_after_a_signal() {
+    if !openssl() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    make_certificates(folder.path());
+    let [certificate, kept, config] = ["server.pem", "kept.pem", "taxeld.toml"].map(|name| folder.path().join(name));
+    std::fs::rename(&certificate, &kept).unwrap();
+    assert!(Command::new("mkfifo").arg(&certificate).status().unwrap().success());
+    let daemon = Daemon::start(folder.path());
+    let (tell, opened) = std::sync::mpsc::channel();
+    let pipe = certificate.clone();
+    std::thread::spawn(move || tell.send(std::fs::File::options().write(true).open(pipe))); // waits for the reader
+    let mut pipe = opened.recv_timeout(PATIENCE).unwrap().unwrap();
+
+    let text = std::fs::read_to_string(&config).unwrap();
+    assert!(text.contains(GRANT));
+    std::fs::write(&config, text.replace(GRANT, "")).unwrap();
+    let content = std::fs::read(&kept).unwrap();
+    std::fs::rename(&kept, &certificate).unwrap(); // for the reload, which would wait at the pipe
+    pipe.write_all(&content).unwrap();
+    drop(pipe);
+    daemon.unix().await;
+    let operator = daemon.with_certificates(folder.path());
+    tare(&operator, None, "Ann").await.unwrap(); // it started with the grant
+
+    assert!(Command::new("kill").args(["-HUP", &daemon.child.id().to_string()]).status().unwrap().success());
+    let begun = Instant::now();
+    let mut skin = SkinServiceClient::new(operator);
+    while skin.get_health(v1::GetHealthRequest {}).await.is_ok() {
+        assert!(begun.elapsed() < PATIENCE, "the grant counts for ever");
+    }
+    let refused = skin.get_health(v1::GetHealthRequest {}).await.unwrap_err();
+    assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
 }
 
 #[cfg(feature = "client")]

@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
 use taxel_page::{Limits, Options, Services, Shows, bind, serve};
@@ -16,6 +17,9 @@ use tokio::sync::{mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
 
 pub const TAXELS: usize = 20;
+/// So long is the text of any exported model set: far longer than what the kernel takes of it for a peer that reads
+/// nothing.
+pub const EXPORTED_BYTES: usize = 4 << 20;
 
 /// A running page and all its ends.
 pub struct Daemon {
@@ -51,7 +55,10 @@ pub async fn start_as(limits: Limits, rules: Rules) -> Daemon {
     let patch = PatchPlan::new(Patch::new("left_forearm", vec![board]).unwrap());
     let plan = Arc::new(Plan { buses: 1, patches: vec![patch] });
     let clocks = Clocks { run: Arc::new(Time::default), process: Arc::new(Time::default) };
-    let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json: |text| Err(format!("{} bytes", text.len())) };
+    let codec = ModelCodec {
+        to_json: |_| Ok("x".repeat(EXPORTED_BYTES)),
+        from_json: |text| Err(format!("{} bytes", text.len())),
+    };
     let shutdown = CancellationToken::new();
     let (handle, engine, requests) = channel(plan, clocks, codec, shutdown.clone());
     let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
@@ -80,6 +87,25 @@ pub fn snapshot(sequence: u64) -> Arc<PatchSnapshot> {
     let force = ForceSample { state: ForceState::Ok, total: Some(Newton(sequence as f64)), ..ForceSample::default() };
     let taxels = vec![taxel; TAXELS].into();
     Arc::new(PatchSnapshot { sequence, seen: true, force, taxels, ..PatchSnapshot::default() })
+}
+
+/// A model set without models, for its export.
+pub fn model_set(id: &str) -> Arc<ModelSet> {
+    Arc::new(ModelSet {
+        id: id.to_owned(),
+        patch: "left_forearm".to_owned(),
+        created_wall_ns: 0,
+        session: None,
+        method: String::new(),
+        board_settings: Vec::new(),
+        baseline: Vec::new(),
+        pressure_max_kpa: 70.0,
+        gauge_gain_rel: 0.0,
+        gauge_offset_kpa: 0.0,
+        taxels: Vec::new(),
+        recorded: None,
+        recalibrated: None,
+    })
 }
 
 /// What came back.

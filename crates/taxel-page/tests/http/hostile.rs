@@ -1,16 +1,25 @@
 //! Requests that mean no good: each is refused, costs little and harms nobody else.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_engine::snapshot::Catalogue;
 use taxel_page::Limits;
 use taxel_rpc::{Role, Rules};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpSocket, TcpStream};
 
-use crate::fixture::{Daemon, patient, snapshot, start, start_as, start_with};
+use crate::fixture::{Daemon, EXPORTED_BYTES, model_set, patient, snapshot, start, start_as, start_with};
+
+/// Nothing that is waited for takes longer, on the slowest machine.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 const GET_FORCE: &str = "/taxel.v1.ForceService/GetForce";
 const STREAM: &str = "/taxel.v1.ForceService/StreamForce";
 const IMPORT: &str = "/taxel.v1.ModelService/ImportModelSet";
+const EXPORT: &str = "/taxel.v1.ModelService/ExportModelSet";
+/// What is asked of it.
+const ASKED: &str = r#"{"modelSet": "m-a"}"#;
 
 async fn still_serves(daemon: &Daemon) {
     assert_eq!(daemon.post(GET_FORCE, "{}").await.status, 200);
@@ -64,6 +73,50 @@ async fn a_model_set_may_be_large_but_one_at_a_time() {
     assert_eq!(answer.status, 429, "{answer:?}");
     let small = daemon.post(IMPORT, r#"{"json": "x"}"#).await;
     assert!(small.body.contains("1 bytes"), "{small:?}");
+}
+
+/// The services count an answer until the page has it whole. What the page itself holds of it for a slow reader is bounded,
+/// too, from the first byte that is sent to the last.
+#[tokio::test]
+async fn a_large_answer_has_a_place_until_it_is_read_and_without_one_it_is_refused() {
+    let daemon = start_with(Limits { large_answers: 1, ..patient() }).await;
+    daemon.engine.patch(0, snapshot(1));
+    let model_sets = vec![model_set("m-a").into()];
+    daemon.engine.catalogue(Arc::new(Catalogue { model_sets, ..Catalogue::default() }));
+    let whole = format!("{{\"modelSet\":\"m-a\",\"json\":\"{}\"}}", "x".repeat(EXPORTED_BYTES));
+
+    let mut slow = begin_export(&daemon).await;
+    let answer = daemon.post(EXPORT, ASKED).await;
+    assert_eq!(answer.status, 429, "{}", answer.head);
+    let refusal: serde_json::Value = serde_json::from_str(&answer.body).unwrap();
+    assert_eq!((&refusal["code"], &refusal["reason"]), (&"RESOURCE_EXHAUSTED".into(), &"NO_PLACE".into()));
+    let words = refusal["message"].as_str().unwrap();
+    assert!(words.contains("1 answers of more than 262144 bytes are on their way over HTTP"), "{words}");
+    still_serves(&daemon).await; // a small answer needs no place
+    let mut rest = String::new();
+    slow.read_to_string(&mut rest).await.unwrap();
+    assert!(rest.ends_with(&whole), "it came whole");
+    assert_eq!(daemon.post(EXPORT, ASKED).await.body, whole, "the place is free again");
+
+    // Whoever goes in the middle gives the place back, as soon as the server learns of it.
+    drop(begin_export(&daemon).await);
+    let free = async { while daemon.post(EXPORT, ASKED).await.status != 200 {} };
+    tokio::time::timeout(PATIENCE, free).await.unwrap();
+}
+
+/// Asks for a model set and reads no more of the answer than that there is one.
+async fn begin_export(daemon: &Daemon) -> TcpStream {
+    let socket = TcpSocket::new_v4().unwrap();
+    socket.set_recv_buffer_size(4096).unwrap();
+    let mut peer = socket.connect(daemon.address).await.unwrap();
+    let length = ASKED.len();
+    let head = format!("POST {EXPORT} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Length: {length}");
+    let request = format!("{head}\r\nContent-Type: application/json\r\n\r\n{ASKED}");
+    peer.write_all(request.as_bytes()).await.unwrap();
+    let mut begun = [0; 12];
+    peer.read_exact(&mut begun).await.unwrap();
+    assert_eq!(&begun, b"HTTP/1.1 200");
+    peer
 }
 
 /// Nothing of what an observer sends to a command is read, so that it takes no place from those who may.

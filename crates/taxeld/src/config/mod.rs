@@ -26,7 +26,7 @@ mod signals;
 
 #[cfg(feature = "certificate")]
 pub use certificate_section::CertificateSection;
-pub use examine::{Problems, examine};
+pub use examine::{Problems, examine, examine_text, read_text};
 pub use file::Config;
 pub use listen::{Door, Doors};
 pub use load::load;

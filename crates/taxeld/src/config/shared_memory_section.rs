@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-use super::listen_sections::{AccessSection, RoleWord};
+use super::listen_sections::{AccessSection, GrantSection, RoleWord};
 
 /// The pages' owner writes and their group reads.
 const MODE: u32 = 0o640;
@@ -52,14 +52,22 @@ pub fn problem(section: &SharedMemorySection, access: Option<&AccessSection>) ->
              expected 0o640 or 0o600"
         ));
     }
-    let grants = |name: &String| {
-        access.grant.iter().any(|grant| grant.group.as_ref() == Some(name) && grant.role > RoleWord::None)
+    if mode & 0o040 == 0 {
+        return None;
+    }
+    // The configuration does not say which group is the daemon's own, so no grant can be found for it.
+    let Some(group) = group else {
+        return Some(format!(
+            "shared_memory.mode = 0o{mode:o}: the daemon's own group could read the force, which access.unix = \"none\" \
+             forbids: write `group` and give it a role with an [[access.grant]], or mode = 0o600"
+        ));
     };
-    let group = group.as_ref().filter(|name| mode & 0o040 != 0 && !grants(name))?;
-    Some(format!(
+    let granted = |grant: &GrantSection| grant.group.as_ref() == Some(group) && grant.role > RoleWord::None;
+    let problem = format!(
         "shared_memory.group = \"{group}\": it could read the force, which access.unix = \"none\" forbids: give it a role \
          with an [[access.grant]]"
-    ))
+    );
+    (!access.grant.iter().any(granted)).then_some(problem)
 }
 
 /// The section as a line of `taxeld check`.
@@ -90,12 +98,18 @@ mod tests {
         assert_eq!(told("mode = 0o644", ""), None);
         assert_eq!(told("group = \"skin\"", closed), None);
         assert_eq!(told("mode = 0o600\ngroup = \"other\"", closed), None);
+        assert_eq!(told("mode = 0o600", closed), None);
         for (section, access, expected) in [
             ("path = \"here\"", "", "expected an absolute path"),
             ("mode = 0o660", "", "only the daemon writes"),
             ("mode = 0o1640", "", "only the daemon writes"),
             ("mode = 0o644", closed, "every account could read"),
+            ("group = \"other\"", closed, "group = \"other\": it could read the force"),
             ("group = \"other\"", closed, "give it a role"),
+            // The group of the pages is the daemon's own then, whose name no grant can be seen to have.
+            ("", closed, "mode = 0o640: the daemon's own group could read the force"),
+            ("", closed, "write `group` and give it a role with an [[access.grant]], or mode = 0o600"),
+            ("mode = 0o640", "unix = \"none\"", "the daemon's own group could read"),
         ] {
             let said = told(section, access).unwrap();
             assert!(said.contains(expected), "{section}: {said}");

@@ -28,19 +28,25 @@ const ANY_STORE: &str = "[store]\npath = \"taxeld.db\"\n";
 /// # Errors
 /// Everything that is wrong with it.
 pub fn examine(path: &Path) -> Result<(Config, Scene), Problems> {
-    let file = path.display().to_string();
-    match std::fs::read_to_string(path) {
-        Ok(text) => examine_text(path, &text),
-        Err(error) => Err(Problems::new(vec![Problem {
+    examine_text(path, &read_text(path)?)
+}
+
+/// Reads the text of a configuration, for whoever needs it later as it was then.
+///
+/// # Errors
+/// If it cannot be read.
+pub fn read_text(path: &Path) -> Result<String, Problems> {
+    std::fs::read_to_string(path).map_err(|error| {
+        Problems::new(vec![Problem {
             code: Code::Unreadable,
-            file,
+            file: path.display().to_string(),
             line: 0,
             key: String::new(),
             value: None,
             expected: "a text in UTF-8 that can be read".to_owned(),
             message: error.to_string(),
-        }])),
-    }
+        }])
+    })
 }
 
 /// The same of a text; `path` is for messages and for files beside it.
