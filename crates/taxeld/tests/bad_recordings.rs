@@ -188,3 +188,41 @@ fn counts_of_more_than_eight_bits_are_fitted_as_a_table_and_the_reason_is_told()
     wide.time_s.reverse();
     assert!(fit(folder.path(), &wide).unwrap_err().contains("in reverse"));
 }
+
+/// A table obeys the options that it can, and refuses those that only a recording of a skin has.
+#[test]
+fn of_a_table_the_rising_pressure_alone_is_fitted_where_that_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, models) = (folder.path().join("wide.csv"), folder.path().join("models.json"));
+    // 400 counts lower while the pressure falls.
+    let mut text = "t_s,pressure_kpa,c0,c1\n".to_owned();
+    for row in 0..800_i32 {
+        let kpa = 0.1 * f64::from(400 - (row - 400).abs());
+        let count = 40_000.0 - 300.0 * kpa - if row > 400 { 400.0 } else { 0.0 };
+        writeln!(text, "{},{kpa:.2},{count:.0},{count:.0}", 0.05 * f64::from(row)).unwrap();
+    }
+    std::fs::write(&data, text).unwrap();
+    let fit = |options: &[&str]| {
+        let files = ["fit", data.to_str().unwrap(), "--out", models.to_str().unwrap()];
+        let output = taxeld(&[&files, options].concat());
+        let said = String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap();
+        (output.status.success(), said)
+    };
+    let rmse = |said: &str| -> f64 {
+        let line = said.lines().find(|line| line.contains("RMSE of the static fit")).unwrap();
+        line.split_whitespace().nth(6).unwrap().parse().unwrap()
+    };
+    let (both, rising) = (fit(&[]), fit(&["--branch", "rising"]));
+    assert!(both.0 && rising.0, "{both:?} {rising:?}");
+    assert!(rmse(&both.1) > 0.4 && rmse(&rising.1) < 0.05, "{both:?} {rising:?}");
+    let set = std::fs::read_to_string(&models).unwrap();
+    assert!(set.contains("pressure-binned, rising\""), "{}", &set[..300]);
+    for option in [["--plays", "on"].as_slice(), &["--gauge-zero"], &["--max-lag", "1"]] {
+        let (succeeds, said) = fit(option);
+        assert!(
+            !succeeds
+                && said.contains(&format!("{} needs a recording of a skin", option.join(" ").trim_end_matches(" 1"))),
+            "{said}"
+        );
+    }
+}

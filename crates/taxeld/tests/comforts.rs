@@ -78,6 +78,32 @@ fn an_output_that_is_an_input_is_refused_and_nothing_is_written() {
 }
 
 #[test]
+fn two_outputs_that_are_one_are_refused_and_nothing_is_written() {
+    let (_folder, [data, models, pressure]) = scratch();
+    succeeds(&taxeld(&["fit", &data, "--out", &models]));
+    for (out, sigma) in [(&pressure, &pressure), (&"-".to_owned(), &"-".to_owned())] {
+        let said = fails(&taxeld(&["apply", &models, &data, "--out", out, "--sigma", sigma]));
+        assert!(said.contains("two outputs go to "), "{said}");
+    }
+    assert!(!std::path::Path::new(&pressure).exists());
+}
+
+/// Models of a table know no count at rest, and a zero that is asked for by the second has nothing to be compared with.
+#[test]
+fn an_apply_that_reads_no_taxel_says_why_and_writes_nothing() {
+    let (folder, [_, models, pressure]) = scratch();
+    let wide = folder.path().join("wide.csv");
+    std::fs::write(&wide, recording(16.0)).unwrap();
+    let wide = wide.to_str().unwrap();
+    succeeds(&taxeld(&["fit", wide, "--out", &models]));
+    let output = taxeld(&["apply", &models, wide, "--tare", "2", "--out", &pressure]);
+    let said = fails(&output) + &text(&output.stdout);
+    assert!(said.contains("not one of 3 taxels could be read: nothing is written"), "{said}");
+    assert!(said.contains("3 no zero: the models have no count of it at rest"), "{said}");
+    assert!(!std::path::Path::new(&pressure).exists());
+}
+
+#[test]
 fn a_dash_is_standard_input_and_output() {
     let (_folder, [data, models, pressure]) = scratch();
     succeeds(&taxeld(&["fit", &data, "--patch", "palm", "--out", &models]));

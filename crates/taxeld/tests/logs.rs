@@ -125,6 +125,63 @@ fn a_calibration_goes_on_where_the_clock_was_set_back_and_says_where() {
     assert!(printed.contains("(32.0 s of log)"), "{printed}");
 }
 
+/// A robot without a clock of its own learns what time it is while it records: nobody waits for the years between.
+#[test]
+fn a_clock_that_is_set_forward_is_told_and_nothing_waits_for_it() {
+    let set = |line: usize| if line < 200 * SCAN_LINES { 12 } else { 1_760_000_000 };
+    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log(&frames(), set))]);
+    let [log, config] = ["t.log", "t.toml"].map(|name| path(folder.path(), name));
+    let told = "the clock stepped forward by 1759999988.0 s at line 1001: times go on from there";
+    let (_, said) = succeeds(&["replay", &log, "--config", &config, "--speed", "1000"]);
+    assert!(said.contains(told), "{said}");
+    let (printed, said) = succeeds(&["scan", &log]);
+    assert!(said.contains(told) && printed.contains("board 13: modules 0-1"), "{said}{printed}");
+}
+
+/// What the controller reported when the log was recorded is told to the engine as it was then.
+#[test]
+fn a_bus_off_in_a_log_takes_the_zero_at_full_speed_as_well() {
+    let [config, models] = ["t.toml", "m.json"];
+    let at = 400 * SCAN_LINES;
+    let frames = frames();
+    let rest: Vec<(u64, String)> = frames[..30 * SCAN_LINES].to_vec();
+    let again = |n: u64| rest.iter().map(move |(us, frame)| (us + n * 1_500_000, frame.clone()));
+    // Twenty times one and a half seconds at rest; a bus-off amid them.
+    let still: Vec<(u64, String)> = (0..20).flat_map(again).collect();
+    let mut off = still.clone();
+    off.insert(at, (still[at].0, "20000040#0000000000000000".to_owned()));
+    let folder = scratch(&[
+        (config, CONFIG),
+        ("ramp.log", &log(&frames, |_| 1_600_000_000)),
+        ("still.log", &log(&still, |_| 1_600_000_000)),
+        ("off.log", &log(&off, |_| 1_600_000_000)),
+    ]);
+    let [config, models, ramp, force] = [config, models, "ramp.log", "f.csv"].map(|name| path(folder.path(), name));
+    succeeds(&["replay", &ramp, "--config", &config, "--calibrate", "70", "--out", &models]);
+    let without = |log: &str| {
+        let log = path(folder.path(), log);
+        succeeds(&["replay", &log, "--config", &config, "--models", &models, "--force", &force]);
+        let rows = std::fs::read_to_string(&force).unwrap();
+        rows.lines().filter(|row| row.contains("bus-off")).count()
+    };
+    assert_eq!(without("still.log"), 0);
+    assert!(without("off.log") > 5);
+}
+
+/// A replay that comes to nothing leaves the file that was there.
+#[test]
+fn the_force_of_a_replay_that_fails_replaces_nothing() {
+    let other = CONFIG.replace("address = 13", "address = 9").replace("0x3A1", "0x3A9");
+    let folder = scratch(&[("t.toml", &other), ("t.log", &log(&frames(), |_| 0)), ("f.csv", "of an earlier replay\n")]);
+    let [log, config, force] = ["t.log", "t.toml", "f.csv"].map(|name| path(folder.path(), name));
+    let said = fails(&["replay", &log, "--config", &config, "--force", &force]);
+    assert!(said.contains("not one of 3200 frames was understood"), "{said}");
+    assert_eq!(std::fs::read_to_string(&force).unwrap(), "of an earlier replay\n");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "nothing is left beside it");
+    let said = fails(&["replay", &log, "--config", &config, "--speed", "50"]);
+    assert!(said.contains("was understood: do the identifiers"), "{said}");
+}
+
 #[test]
 fn two_runs_that_both_begin_at_0_give_the_force_of_both() {
     let run = log(&frames()[..400 * SCAN_LINES], |_| 0);

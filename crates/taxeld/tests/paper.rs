@@ -96,6 +96,18 @@ fn fit_with_paper_is_the_plain_equation_over_the_rising_samples() {
     assert!(said.contains("--plays") && said.contains("cannot be used"), "{said}");
 }
 
+/// What `fit --paper` refuses, the figures refuse as well.
+#[test]
+fn a_recording_in_pascals_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("pascal.csv"), folder.path().join("figures"));
+    let pascal: Vec<(f64, Vec<f64>)> = rows().into_iter().map(|(kpa, counts)| (1000.0 * kpa, counts)).collect();
+    write(&data, &pascal);
+    let said = fails(&["paper", text(&data), "--out", text(&out)]);
+    assert!(said.contains("pressure_kpa"), "{said}");
+    assert!(!out.exists());
+}
+
 #[test]
 fn a_recording_without_loads_gives_the_other_figures_and_says_what_is_missing() {
     let folder = tempfile::tempdir().unwrap();

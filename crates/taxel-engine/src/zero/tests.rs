@@ -186,6 +186,25 @@ fn a_skin_that_becomes_lighter_than_its_zero_has_none() {
     }
 }
 
+/// Another patch of the same board proves some scans later that it has a new zero. A load that vanished here with it lies
+/// there still, as far as anybody knows.
+#[test]
+fn a_new_zero_that_another_patch_proves_is_one_here_and_hides_what_lay_here() {
+    for (scans_after, distrusted) in [(4, true), (30, true), (40, false)] {
+        let mut skin = Skin::new();
+        skin.models = Some(models(240.0));
+        skin.zero.on_models(skin.models.as_ref());
+        let mut skin = skin.zeroed(|_| 0);
+        skin.scan(20, |taxel| if taxel < 30 { 20 } else { 0 });
+        skin.scan(scans_after, |_| 0);
+        assert!(skin.zero.holds(), "nothing here shows it: {:?}", skin.events);
+        let why = "board 12 has taken a new zero";
+        skin.zero.lose_by_another(0, why, &mut skin.events);
+        assert_eq!((skin.lost(), skin.zero.zero()), (Some(why), None));
+        assert_eq!(skin.zero.distrusted(), distrusted.then_some(why), "{scans_after} scans after");
+    }
+}
+
 /// A window is two seconds, forty scans.
 #[test]
 fn what_all_taxels_read_beside_their_zero_is_an_uncertainty_of_it() {
