@@ -13,6 +13,7 @@ mod watch;
 
 mod activation;
 mod alarms;
+mod board_settings;
 mod branches;
 mod bring_up;
 mod bus_errors;
