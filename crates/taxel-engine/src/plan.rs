@@ -204,8 +204,7 @@ impl PatchPlan {
     }
 
     /// How each board is set, as far as its counts depend on it.
-    #[must_use]
-    pub(crate) fn settings(&self) -> Vec<(BoardAddress, BoardSettings)> {
+    fn settings(&self) -> Vec<(BoardAddress, BoardSettings)> {
         let boards = self.patch.boards().iter().enumerate();
         let settings = |at: usize| match (self.devices.get(at), self.bring_up.get(at)) {
             (Some(device), _) => BoardSettings::of_device(device, self.patch.counts()),
@@ -216,14 +215,19 @@ impl PatchPlan {
     }
 
     /// The same in words, a line each board.
-    fn board_settings(&self) -> Vec<String> {
+    pub(crate) fn board_settings(&self) -> Vec<String> {
         self.settings().iter().map(|(address, settings)| settings.line(*address)).collect()
     }
 
-    /// Why a model set says nothing of boards that are set as in this plan, in words; `None` where they are set as they were
-    /// when it was gathered, as far as both is known.
+    /// How boards of these lines were set otherwise than in this plan, in words that go on from what was gathered with them;
+    /// `None` where they are the same, as far as both is known.
+    pub(crate) fn differs_from(&self, lines: &[String]) -> Option<String> {
+        difference(lines, &self.settings())
+    }
+
+    /// Why a model set says nothing of boards that are set as in this plan, in words.
     pub(crate) fn unfit_for_settings(&self, set: &ModelSet) -> Option<String> {
-        let found = difference(&set.board_settings, &self.settings())?;
+        let found = self.differs_from(&set.board_settings)?;
         Some(format!(
             "`{}` {found}: set it as it was, activate a set that was gathered as it is now, or calibrate again",
             set.id

@@ -64,6 +64,13 @@ pub struct Refit {
     sessions: Vec<StoredSession>,
 }
 
+impl StoredSession {
+    /// How the boards were set, where that is known.
+    fn settings(&self) -> Option<&[String]> {
+        self.board_settings.as_deref().or_else(|| self.view.known_settings())
+    }
+}
+
 impl Refit {
     /// What is to be fitted, and how. `counts` is the range of the patch's converters.
     ///
@@ -198,8 +205,8 @@ fn check_size(plan: &CalibrationPlan, samples: u64) -> Result<(), Rejection> {
 
 /// Counts depend on the settings of the boards, so these must be the same. The lines that tell most are those of the fit.
 fn board_settings(plan: &CalibrationPlan, sessions: &[StoredSession]) -> Result<Vec<String>, Rejection> {
-    let known = sessions.iter().filter_map(|session| Some((session.view.number, session.board_settings.as_ref()?)));
-    let known: Vec<(u64, &Vec<String>)> = known.collect();
+    let known = sessions.iter().filter_map(|session| Some((session.view.number, session.settings()?)));
+    let known: Vec<(u64, &[String])> = known.collect();
     for (n, (first, settings)) in known.iter().enumerate() {
         let differs = known[n + 1..].iter().find_map(|(other, theirs)| Some((other, differ_in(settings, theirs)?)));
         if let Some((other, (a, b))) = differs {
@@ -210,7 +217,7 @@ fn board_settings(plan: &CalibrationPlan, sessions: &[StoredSession]) -> Result<
         }
     }
     let tells_most = known.iter().max_by_key(|(_, settings)| settings.iter().map(String::len).sum::<usize>());
-    Ok(tells_most.map_or_else(|| plan.board_settings.clone(), |(_, settings)| (*settings).clone()))
+    Ok(tells_most.map_or_else(|| plan.board_settings.clone(), |(_, settings)| settings.to_vec()))
 }
 
 /// The branches that are fitted: those asked for, else those that were gathered.

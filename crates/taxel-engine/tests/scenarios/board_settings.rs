@@ -26,7 +26,7 @@ fn with_boards(change: impl FnOnce(&mut Vec<BoardSetup>)) -> Arc<Plan> {
     plan(patch)
 }
 
-fn with_shift(shift: u8) -> Arc<Plan> {
+pub fn with_shift(shift: u8) -> Arc<Plan> {
     with_boards(|boards| set_shift(boards, shift))
 }
 

@@ -35,6 +35,7 @@ mod pushed;
 mod ramps;
 mod recalibrations;
 mod refits;
+mod session_settings;
 mod sessions;
 mod several_patches;
 mod shared_boards;
