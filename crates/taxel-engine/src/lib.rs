@@ -27,6 +27,7 @@
 //! to, and whether it holds. *Tare*: to take a zero. *Offset*: what is added to a value, such as the hysteresis offset.
 
 pub mod baseline;
+mod board_settings;
 pub mod boundary;
 pub mod calibration;
 pub mod comparison;

@@ -3,8 +3,7 @@
 use std::time::Duration;
 
 use taxel_model::{FitOptions, Rails};
-use taxel_skin::{Board, CountRange, Geometry, Patch, SquareMillimetre};
-use taxel_wire::icub::TriangleConfig;
+use taxel_skin::{BoardAddress, CountRange, Geometry, Patch, SquareMillimetre};
 
 pub use crate::calibration::limits::SessionLimits;
 pub use crate::force::measure::Outputs;
@@ -15,12 +14,14 @@ pub use crate::zero::drift::plan::DriftPlan;
 pub use crate::zero::plan::TarePlan;
 
 use crate::baseline::Activation;
+use crate::board_settings::{BoardSettings, difference};
 use crate::calibration::calibration_plan::CalibrationPlan;
 use crate::force::measure::Layout;
 use crate::force::owner::ForcePlan;
 use crate::intake::faults::limits::FaultLimits;
 use crate::intake::receive::IntakePlan;
 use crate::loads::owner::LoadsPlan;
+use crate::model_set::ModelSet;
 use crate::regions::Regions;
 use crate::zero::drift::site::drift_sites;
 use crate::zero::plan::ZeroPlan;
@@ -202,26 +203,35 @@ impl PatchPlan {
         }
     }
 
-    /// What the counts depend on, a line each board.
-    fn board_settings(&self) -> Vec<String> {
-        if !self.devices.is_empty() {
-            let counts = self.patch.counts();
-            let range = format!("counts from 0 to {}, {} to a unit", counts.top(), counts.per_unit());
-            return self.patch.boards().iter().map(|b| format!("device {}: {range}", b.address)).collect();
-        }
-        if self.bring_up.is_empty() {
-            return self.patch.boards().iter().map(|b| format!("board {}: settings unknown", b.address)).collect();
-        }
-        let line = |(board, setup): (&Board, &BoardSetup)| {
-            let b = setup.board;
-            let triangle = |t: &TriangleConfig| {
-                format!("{}-{}: shift {} cdc_offset {:#06x}", t.first, t.last, t.shift, t.cdc_offset)
-            };
-            let triangles = setup.triangles.iter().map(triangle).collect::<Vec<_>>().join(", ");
-            let (address, kind, period, no_load) = (board.address, b.kind, b.period_ms, b.no_load);
-            format!("board {address}: type {kind} period {period} ms no_load {no_load}; {triangles}")
+    /// How each board is set, as far as its counts depend on it.
+    fn settings(&self) -> Vec<(BoardAddress, BoardSettings)> {
+        let boards = self.patch.boards().iter().enumerate();
+        let settings = |at: usize| match (self.devices.get(at), self.bring_up.get(at)) {
+            (Some(device), _) => BoardSettings::of_device(device, self.patch.counts()),
+            (None, Some(setup)) => BoardSettings::Configured(setup.clone()),
+            (None, None) => BoardSettings::Listened,
         };
-        self.patch.boards().iter().zip(&self.bring_up).map(line).collect()
+        boards.map(|(at, board)| (board.address, settings(at))).collect()
+    }
+
+    /// The same in words, a line each board.
+    pub(crate) fn board_settings(&self) -> Vec<String> {
+        self.settings().iter().map(|(address, settings)| settings.line(*address)).collect()
+    }
+
+    /// How boards of these lines were set otherwise than in this plan, in words that go on from what was gathered with them;
+    /// `None` where they are the same, as far as both is known.
+    pub(crate) fn differs_from(&self, lines: &[String]) -> Option<String> {
+        difference(lines, &self.settings())
+    }
+
+    /// Why a model set says nothing of boards that are set as in this plan, in words.
+    pub(crate) fn unfit_for_settings(&self, set: &ModelSet) -> Option<String> {
+        let found = self.differs_from(&set.board_settings)?;
+        Some(format!(
+            "`{}` {found}: set it as it was, activate a set that was gathered as it is now, or calibrate again",
+            set.id
+        ))
     }
 }
 

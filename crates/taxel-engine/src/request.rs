@@ -115,7 +115,7 @@ pub enum ErrorReason {
     ActiveSetChanged,
     /// A model set of the patch is being activated.
     ActivationUnderWay,
-    /// What was asked for is of another layout of the patch.
+    /// What was asked for is of another layout of the patch, or was gathered with other settings of its boards.
     LayoutChanged,
     /// Sessions cannot be fitted together.
     SessionsDiffer,

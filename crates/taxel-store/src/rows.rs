@@ -183,6 +183,9 @@ struct StoredView {
     /// Absent in views of earlier versions, and of a session that goes on from none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     predecessor: Option<u64>,
+    /// Absent in views of earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    board_settings: Vec<String>,
 }
 
 /// The view as JSON.
@@ -206,6 +209,7 @@ pub(crate) fn view_to_text(view: &SessionView) -> Result<String, serde_json::Err
         model_set: view.model_set.as_deref().map(str::to_owned),
         left_out: view.left_out.clone(),
         predecessor: view.predecessor,
+        board_settings: view.board_settings.to_vec(),
     })
 }
 
@@ -241,6 +245,7 @@ pub(crate) fn view_from_text(text: &str) -> Result<SessionView, String> {
         model_set: stored.model_set.map(Into::into),
         left_out: stored.left_out,
         predecessor: stored.predecessor,
+        board_settings: stored.board_settings.into(),
         ..SessionView::default()
     })
 }
@@ -281,6 +286,11 @@ mod tests {
                 responding,
                 model_set: model_set.map(Into::into),
                 predecessor: numbers.6.0.then_some(numbers.5),
+                board_settings: if numbers.6.1 {
+                    vec![format!("board {}", numbers.4)].into()
+                } else {
+                    Default::default()
+                },
                 ..SessionView::default()
             })
     }

@@ -268,7 +268,7 @@ impl Calibration {
             fit: self.fits,
             patch: plan.patch.clone(),
             wall_ns: now.wall_ns,
-            board_settings: plan.board_settings.clone(),
+            board_settings: view.known_settings().unwrap_or(&plan.board_settings).to_vec(),
             samples: Arc::clone(session.samples()),
             modules: plan.modules.clone(),
             left_out: view.left_out.clone(),

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use taxel_model::{Estimator, MAX_ORDER, Order};
 use taxel_skin::CountRange;
 
+use crate::board_settings::differ_in;
 use crate::calibration::branch::{Branch, PlaysChoice};
 use crate::calibration::calibration_plan::CalibrationPlan;
 use crate::calibration::fit::recipe_options::FitRecipe;
@@ -61,6 +62,13 @@ pub struct Refit {
     board_settings: Vec<String>,
     /// Ascending by number, at least one.
     sessions: Vec<StoredSession>,
+}
+
+impl StoredSession {
+    /// How the boards were set, where that is known.
+    fn settings(&self) -> Option<&[String]> {
+        self.board_settings.as_deref().or_else(|| self.view.known_settings())
+    }
 }
 
 impl Refit {
@@ -195,17 +203,21 @@ fn check_size(plan: &CalibrationPlan, samples: u64) -> Result<(), Rejection> {
     )
 }
 
-/// Counts depend on the settings of the boards, so these must be the same.
+/// Counts depend on the settings of the boards, so these must be the same. The lines that tell most are those of the fit.
 fn board_settings(plan: &CalibrationPlan, sessions: &[StoredSession]) -> Result<Vec<String>, Rejection> {
-    let mut known = sessions.iter().filter_map(|session| Some((session.view.number, session.board_settings.as_ref()?)));
-    let Some((first, settings)) = known.next() else { return Ok(plan.board_settings.clone()) };
-    let Some((other, theirs)) = known.find(|(_, theirs)| *theirs != settings) else { return Ok(settings.clone()) };
-    let differs = settings.iter().zip(theirs).find(|(a, b)| a != b);
-    let (a, b) = differs.map_or((settings.join("; "), theirs.join("; ")), |(a, b)| (a.clone(), b.clone()));
-    refuse(
-        ErrorReason::SessionsDiffer,
-        format!("the boards had other settings in session {first} ({a}) than in session {other} ({b})"),
-    )
+    let known = sessions.iter().filter_map(|session| Some((session.view.number, session.settings()?)));
+    let known: Vec<(u64, &[String])> = known.collect();
+    for (n, (first, settings)) in known.iter().enumerate() {
+        let differs = known[n + 1..].iter().find_map(|(other, theirs)| Some((other, differ_in(settings, theirs)?)));
+        if let Some((other, (a, b))) = differs {
+            return refuse(
+                ErrorReason::SessionsDiffer,
+                format!("the boards had other settings in session {first} ({a}) than in session {other} ({b})"),
+            );
+        }
+    }
+    let tells_most = known.iter().max_by_key(|(_, settings)| settings.iter().map(String::len).sum::<usize>());
+    Ok(tells_most.map_or_else(|| plan.board_settings.clone(), |(_, settings)| settings.to_vec()))
 }
 
 /// The branches that are fitted: those asked for, else those that were gathered.

@@ -168,6 +168,9 @@ pub struct SessionView {
     pub predecessor: Option<u64>,
     /// Modules that the operator left out: positions in the patch, ascending. Their taxels get no model.
     pub left_out: Vec<u16>,
+    /// How the boards were set when it began, in words, a line a board: all its samples were gathered so. Empty in sessions of
+    /// before this was kept.
+    pub board_settings: Arc<[String]>,
     /// Where the rise of a ramp ends by itself, in kPa.
     pub target_kpa: f64,
     /// Which branches of the pressure it gathers and fits.
@@ -201,4 +204,12 @@ pub struct SessionView {
     pub look: Arc<[String]>,
     /// The model set it produced.
     pub model_set: Option<Arc<str>>,
+}
+
+impl SessionView {
+    /// How the boards were set, where that was kept.
+    #[must_use]
+    pub fn known_settings(&self) -> Option<&[String]> {
+        Some(&*self.board_settings).filter(|lines| !lines.is_empty())
+    }
 }

@@ -16,6 +16,28 @@ use crate::now::Now;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
 impl Engine {
+    /// Installs the model set that was active when the store was last written, unless it is of another skin than the one that
+    /// is configured now.
+    pub(super) fn install(&mut self, patch: &str, id: &str) {
+        let known = self.model_sets.get(id).filter(|set| set.patch == patch);
+        let set = known.and_then(|known| known.at_hand.clone());
+        let Some(found) = self.patches.iter_mut().find(|p| p.name() == patch) else {
+            return; // the patch is not configured any more
+        };
+        let why = match set {
+            None => format!("the active model set `{id}` of patch `{patch}` is lost"),
+            Some(set) if set.taxels.len() != found.taxels() => {
+                format!("model set `{id}` is of another layout of patch `{patch}`: it is not used; calibrate again")
+            }
+            Some(set) => match found.unfit(&set) {
+                Some(why) => format!("model set `{id}` of patch `{patch}` is not used: {why}"),
+                None => return found.set_models(set),
+            },
+        };
+        found.refuse_models(&why);
+        self.problems.push(why);
+    }
+
     pub(super) fn activate(
         &mut self,
         now: Now,
@@ -27,7 +49,7 @@ impl Engine {
         let loading = LoadingSet { request, patch, model_set, expected };
         match self.check_activation(&loading)?.at_hand {
             Some(set) => {
-                self.check_areas(patch, &set)?;
+                self.check_fit(patch, &set)?;
                 self.commit_activation(now, request, patch, set, out);
             }
             None => {
@@ -72,11 +94,12 @@ impl Engine {
             let why = format!("the store gave another model set than `{id}`, which is a fault of this program");
             return Err(Rejection::FailedPrecondition(ErrorReason::ProgramFault, why));
         }
-        self.check_areas(loading.patch, &set)?;
+        self.check_fit(loading.patch, &set)?;
         Ok(set)
     }
 
-    fn check_areas(&self, patch: usize, set: &ModelSet) -> Result<(), Rejection> {
+    /// Refuses a set that was gathered with other settings of the boards, or corrected with other areas.
+    fn check_fit(&self, patch: usize, set: &ModelSet) -> Result<(), Rejection> {
         self.patches[patch]
             .unfit(set)
             .map_or(Ok(()), |why| Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)))

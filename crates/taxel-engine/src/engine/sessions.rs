@@ -66,6 +66,7 @@ impl Engine {
             confirmed_by: asked.confirmed_by,
             look: patch.look(now, &left_out).into(),
             left_out,
+            board_settings: patch.plan().board_settings().into(),
             target_kpa: target,
             branches: asked.branches.unwrap_or(patch.plan().session.branches),
             ..SessionView::default()
@@ -90,6 +91,7 @@ impl Engine {
         self.refuse_if_session_ends(number)?;
         if command == Trigger::StartRamp {
             self.room_for_model_set()?;
+            self.check_settings(number)?;
         }
         if self.is_succeeded(number, command) {
             self.check_successor(now, number)?;
@@ -108,6 +110,16 @@ impl Engine {
         let ticket = self.pending.load(Loading { request, session: number, command });
         out.push(Output::Load { ticket, session: number });
         Ok(Answer::Later)
+    }
+
+    /// Refuses another ramp of boards that are set otherwise than in the ramps before: no fit could tell them apart. What is
+    /// there may still be fitted, with models of the boards as they were.
+    fn check_settings(&self, number: u64) -> Result<(), Rejection> {
+        let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
+        let plan = self.patches[self.patch_named(&view.patch)?].plan();
+        let Some(found) = plan.differs_from(&view.board_settings) else { return Ok(()) };
+        let why = format!("session {number} cannot go on: it {found}: set it as it was, or start a new session");
+        Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why))
     }
 
     fn command_held(&mut self, now: Now, index: usize, command: Trigger, out: &mut Vec<Output>) -> Reply {

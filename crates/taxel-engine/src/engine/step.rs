@@ -48,7 +48,7 @@ pub struct Engine {
     pub(super) pending: Pending,
     pub(super) store_problem: Option<String>,
     /// What was found wrong at start.
-    problems: Vec<String>,
+    pub(super) problems: Vec<String>,
     /// What the store found damaged.
     pub(super) damage: Vec<String>,
     pub(super) catalogue_dirty: bool,
@@ -95,26 +95,6 @@ impl Engine {
             engine.install(&patch, &id);
         }
         engine
-    }
-
-    /// Installs the model set that was active when the store was last written.
-    fn install(&mut self, patch: &str, id: &str) {
-        let known = self.model_sets.get(id).filter(|set| set.patch == patch);
-        let set = known.and_then(|known| known.at_hand.clone());
-        let found = self.patches.iter_mut().find(|p| p.name() == patch);
-        match (found, set) {
-            (Some(patch), Some(set)) if set.taxels.len() == patch.taxels() => match patch.unfit(&set) {
-                Some(why) => {
-                    self.problems.push(format!("model set `{id}` of patch `{}` is not used: {why}", set.patch))
-                }
-                None => patch.set_models(set),
-            },
-            (Some(_), Some(_)) => self.problems.push(format!(
-                "model set `{id}` is of another layout of patch `{patch}`: it is not used; calibrate again"
-            )),
-            (Some(_), None) => self.problems.push(format!("the active model set `{id}` of patch `{patch}` is lost")),
-            (None, _) => {} // the patch is not configured any more
-        }
     }
 
     /// Which identifiers of a bus the kernel has to let through.

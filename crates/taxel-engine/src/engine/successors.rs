@@ -60,6 +60,7 @@ impl Engine {
             confirmed_by: of.confirmed_by.clone(),
             predecessor: Some(number),
             left_out: of.left_out.clone(),
+            board_settings: Arc::clone(&of.board_settings),
             target_kpa: of.target_kpa,
             branches: of.branches,
             ..SessionView::default()

@@ -19,6 +19,9 @@ use crate::force::tables::Tables;
 use crate::model_set::ModelSet;
 use crate::scan::Scan;
 
+/// Why there is no force without models.
+const NO_MODELS: &str = "no model set is active";
+
 /// What the force needs to know of a patch.
 #[derive(Clone, Debug)]
 pub struct ForcePlan {
@@ -79,6 +82,8 @@ pub struct Force {
     set: Option<Arc<ModelSet>>,
     /// The id of `set`, as samples carry it.
     id: Option<Arc<str>>,
+    /// Why there is none, if there is none.
+    lacks_models: Reason,
     /// The zero that the tables are for, if one holds.
     zero: Option<Vec<TaxelBaseline>>,
     /// The same without what it has followed of the temperature since it was taken; empty without a zero.
@@ -120,6 +125,7 @@ impl Force {
             plan,
             set: None,
             id: None,
+            lacks_models: Reason::new(ReasonCode::NoModelSet, NO_MODELS),
             zero: None,
             taken: Vec::new(),
             before: Vec::new(),
@@ -157,6 +163,11 @@ impl Force {
         self.id = Some(Arc::from(set.id.as_str()));
         self.set = Some(set);
         self.begin();
+    }
+
+    /// There is a set, and it is not used; why.
+    pub fn refuse_models(&mut self, why: &str) {
+        self.lacks_models = Reason::new(ReasonCode::NoModelSet, format!("{NO_MODELS}: {why}"));
     }
 
     /// Another zero was taken, or it was lost: histories begin anew. `residue_counts` as [`Tables::with_residue`] has it.
@@ -265,8 +276,7 @@ impl Force {
         self.select(scan);
         let taxels = scan.counts.len();
         if self.set.is_none() {
-            let why = Reason::new(ReasonCode::NoModelSet, "no model set is active");
-            return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
+            return self.nothing(ForceState::Uncalibrated, self.lacks_models.clone(), silent, taxels);
         }
         if silent as f64 > self.plan.stale_share_max * taxels as f64 {
             let text = format!("{silent} of {taxels} taxels are silent");

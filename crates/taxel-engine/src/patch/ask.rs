@@ -249,6 +249,13 @@ impl Patch {
         self.dirty = true;
     }
 
+    /// The set that was in use before the start is not used; why is told with every force that is missing, until another
+    /// one is.
+    pub fn refuse_models(&mut self, why: &str) {
+        self.force.refuse_models(why);
+        self.dirty = true;
+    }
+
     /// Begins to read a known load.
     ///
     /// # Errors

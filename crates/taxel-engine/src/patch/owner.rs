@@ -154,10 +154,10 @@ impl Patch {
         self.force.models()
     }
 
-    /// Why this set says nothing of the areas that are configured, in words.
+    /// Why this set says nothing of the boards or the areas that are configured, in words.
     #[must_use]
     pub fn unfit(&self, set: &ModelSet) -> Option<String> {
-        set.unfit_for_area(self.loads.area_mm2())
+        self.plan.unfit_for_settings(set).or_else(|| set.unfit_for_area(self.loads.area_mm2()))
     }
 
     /// How many known loads are kept.

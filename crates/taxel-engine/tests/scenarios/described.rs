@@ -258,3 +258,39 @@ fn a_described_device_that_needs_commands_gets_them_after_a_start_with_models_to
     assert!(scene.host.sent.iter().any(|(_, frame)| *frame == start), "{}", scene.host.reasons());
     assert_eq!(scene.host.state(), ForceState::Ok, "{}", scene.host.reasons());
 }
+
+/// Sixteen bits of a number that are left out or not, and where it begins: the range of the counts is the same.
+#[test]
+fn numbers_that_become_counts_in_another_way_than_at_the_calibration_have_no_force() {
+    let set = Scene::in_use().newest_set();
+    let with = |low: i64, shift: u8, lines: Option<&str>| {
+        let mut plan = plan();
+        let specs = plan.patches[0].devices[0].frames.iter_mut();
+        for (_, field) in specs.flat_map(|spec| &mut spec.counts) {
+            (field.low, field.shift) = (low, shift);
+        }
+        let mut set = ModelSet::clone(&set);
+        set.board_settings = lines.map_or(set.board_settings, |line| vec![line.to_owned()]);
+        let active = vec![("array".to_owned(), set.id.clone())];
+        let model_sets = vec![Arc::new(set).into()];
+        let mut scene = Scene::new(plan, Restored { model_sets, active, ..Restored::default() });
+        scene.seconds(4.0);
+        (scene.host.state(), scene.host.reasons())
+    };
+    assert_eq!(with(0, 0, None), (ForceState::Ok, String::new()));
+    let (state, why) = with(0, 1, None);
+    assert_eq!(state, ForceState::Uncalibrated);
+    let said =
+        "numbers from 0, lowest 0 bits left out on device 1, where the configuration has numbers from 0, lowest 1 bits";
+    assert!(why.contains(said), "{why}");
+    assert!(with(-100, 0, None).1.contains("where the configuration has numbers from -100, lowest 0 bits left out"));
+    // Of an earlier version, which told the range alone.
+    let range = "device 1: counts from 0 to 65535, 256 to a unit";
+    assert_eq!(with(0, 0, Some(range)).0, ForceState::Ok);
+    let (state, why) = with(0, 0, Some("device 1: counts from 0 to 4095, 16 to a unit"));
+    assert_eq!(state, ForceState::Uncalibrated);
+    assert!(
+        why.contains("4095, 16 to a unit on device 1, where the configuration has counts from 0 to 65535"),
+        "{why}"
+    );
+}

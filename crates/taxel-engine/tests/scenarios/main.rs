@@ -13,6 +13,7 @@ mod watch;
 
 mod activation;
 mod alarms;
+mod board_settings;
 mod branches;
 mod bring_up;
 mod bus_errors;
@@ -34,6 +35,7 @@ mod pushed;
 mod ramps;
 mod recalibrations;
 mod refits;
+mod session_settings;
 mod sessions;
 mod several_patches;
 mod shared_boards;

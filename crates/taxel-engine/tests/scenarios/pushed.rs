@@ -224,6 +224,26 @@ fn a_pushed_scan_that_is_none_of_the_patch_is_counted_and_changes_nothing() {
 }
 
 #[test]
+fn a_pushed_skin_of_another_range_than_at_the_calibration_has_no_force() {
+    let calibrated = Scene::in_use(true);
+    let mut sets = calibrated.host.records.iter().rev().filter_map(|record| match record {
+        Record::ModelSet(set) => Some(Arc::clone(set)),
+        _ => None,
+    });
+    let set = sets.next().expect("a model set");
+    let mut plan = plan(true);
+    let patch = plan.patches[0].patch.clone();
+    plan.patches[0].patch = patch.with_counts(CountRange::to(TOP / 2).unwrap());
+    let active = vec![("glove".to_owned(), set.id.clone())];
+    let restored = Restored { model_sets: vec![set.into()], active, ..Restored::default() };
+    let mut host = Host::new(Arc::new(plan), restored, Time::default());
+    host.tick(host.now + Duration::from_millis(1_100));
+    let said = "counts from 0 to 4095, 16 to a unit on device 1, where the configuration has counts from 0 to 2047, 8 to a unit";
+    assert!(host.health().problems[0].contains(said), "{:?}", host.health().problems);
+    assert_eq!(host.state(), ForceState::Uncalibrated);
+}
+
+#[test]
 fn nobody_pushes_the_scans_of_boards() {
     let mut scene = Scene::new(true);
     let mut plan = plan(true);

@@ -138,6 +138,13 @@ fn sessions_that_do_not_go_together_are_refused_and_named() {
     let why =
         shelf().refused(&none, |session| session.board_settings.as_mut().unwrap()[0] = "board 13: shift 3".into());
     assert!(why.contains("session 1 (board 13: ") && why.ends_with("session 2 (board 13: shift 3)"), "{why}");
+    // The sets are deleted, and the sessions themselves know it.
+    let mut alone = shelf().sessions.clone();
+    alone.iter_mut().for_each(|session| session.board_settings = None);
+    let other = vec!["board 13: shift 3".to_owned(), "board 12: shift 3".to_owned()];
+    with_view(&mut alone[1], |view| view.board_settings = other.into());
+    let why = shelf().plan(alone, &none).unwrap_err().to_string();
+    assert!(why.contains("session 1 (board 13: type 0 ") && why.ends_with("session 2 (board 13: shift 3)"), "{why}");
     let why = shelf().plan(Vec::new(), &none).unwrap_err().to_string();
     assert_eq!(why, "sessions: 0 are named, expected 1 to 32");
 }

@@ -1,0 +1,158 @@
+use proptest::prelude::*;
+
+use super::*;
+
+const LINE: &str =
+    "board 13: type 7 period 50 ms no_load 240; 0-15: shift 2 cdc_offset 0x2200, 3-4: shift 0 cdc_offset 0x2000";
+const BOARD: BoardAddress = match BoardAddress::new(13) {
+    Ok(address) => address,
+    Err(_) => panic!("no address"),
+};
+
+fn known(line: &str) -> BoardSettings {
+    BoardSettings::read(line).unwrap()
+}
+
+/// What is said of a set with the one line on a board that is set as the other one says.
+fn says(then: &str, now: &str) -> Option<String> {
+    difference(&[then.to_owned()], &[(BOARD, known(now))])
+}
+
+#[test]
+fn every_line_that_is_written_is_read_as_what_it_was_written_of() {
+    let device = |numbers| BoardSettings::Device { range: CountRange::to(4095).unwrap().into(), numbers };
+    let numbers = Numbers { low: -8_388_608, shift: 8 };
+    let BoardSettings::Configured(setup) = known(LINE) else { panic!("{LINE}") };
+    let without_modules = BoardSetup { triangles: Vec::new(), ..setup.clone() };
+    for settings in [
+        BoardSettings::Configured(setup),
+        BoardSettings::Configured(without_modules),
+        BoardSettings::Listened,
+        device(None),
+        device(Some(numbers)),
+    ] {
+        assert_eq!(known(&settings.line(BOARD)), settings);
+    }
+    assert_eq!(known(LINE).line(BOARD), LINE);
+    let told = device(Some(numbers)).line(BOARD);
+    assert_eq!(told, "device 13: counts from 0 to 4095, 16 to a unit; numbers from -8388608, lowest 8 bits left out");
+}
+
+#[test]
+fn what_no_version_has_written_is_not_known_and_nothing_follows_from_it() {
+    let mut odd: Vec<String> =
+        ["", "board 13", "board 13: ", "board 13: shift 3", "as they are"].map(String::from).into();
+    let broken = [("type 7", "type 700"), ("ms ", ""), ("0-15", "0-16"), ("0-15", "0"), ("0x", ""), ("; ", ", ")];
+    odd.extend(broken.map(|(is, becomes)| LINE.replacen(is, becomes, 1)));
+    odd.push("device 1: counts from 0 to 4095".to_owned());
+    odd.push("device 1: counts from 0 to 4095, 16 to a unit; numbers of some kind".to_owned());
+    for line in odd {
+        assert_eq!(BoardSettings::read(&line), None, "{line}");
+        assert_eq!(difference(&[line], &[(BOARD, known(LINE))]), None);
+    }
+    assert_eq!(difference(&[], &[(BOARD, known(LINE))]), None);
+}
+
+#[test]
+fn all_that_counts_depend_on_is_compared_and_nothing_else() {
+    for (is, becomes, then, now) in [
+        ("type 7", "type 0", "type 0 on board 13", "type 7"),
+        ("no_load 240", "no_load 245", "no_load 245 on board 13", "no_load 240"),
+        ("shift 0", "shift 1", "shift 1 on module 3 of board 13", "shift 0 (and 1 more)"),
+        ("0x2000", "0x0000", "cdc_offset 0x0000 on module 3 of board 13", "cdc_offset 0x2000 (and 1 more)"),
+        ("shift 2", "shift 1", "shift 1 on module 0 of board 13", "shift 2 (and 13 more)"),
+        ("period 50", "period 20", "", ""),
+        ("board 13", "board 5", "", ""), // its electronics were replaced: the pads and their converters are the same
+    ] {
+        let expected = format!("was gathered with {then}, where the configuration has {now}");
+        let expected = (!then.is_empty()).then_some(expected);
+        assert_eq!(says(&LINE.replacen(is, becomes, 1), LINE), expected, "{is} was {becomes}");
+    }
+}
+
+#[test]
+fn a_module_is_compared_by_the_last_command_that_counts_for_it_where_both_have_one() {
+    let whole = "board 13: type 7 period 50 ms no_load 240; 0-2: shift 2 cdc_offset 0x2200, 3-4: shift 0 cdc_offset \
+                 0x2000, 5-15: shift 2 cdc_offset 0x2200";
+    assert_eq!((says(LINE, whole), says(whole, LINE)), (None, None), "in other words");
+    let part = "board 13: type 7 period 50 ms no_load 240; 3-9: shift 2 cdc_offset 0x2200";
+    let why = says(LINE, part).unwrap();
+    assert!(why.contains("shift 0 on module 3 of board 13") && why.contains("(and 3 more)"), "{why}");
+    assert_eq!(says(LINE, &part.replace("3-9", "5-9")), None);
+}
+
+#[test]
+fn a_range_is_compared_wherever_it_is_known() {
+    let device = |told: &str| format!("device 13: {told}");
+    let (byte, wide) = (device("counts from 0 to 255, 1 to a unit"), device("counts from 0 to 4095, 16 to a unit"));
+    let why = says(&wide, &byte).unwrap();
+    assert!(why.contains("counts from 0 to 4095, 16 to a unit on device 13, where"), "{why}");
+    for board in [LINE, "board 13: settings unknown"] {
+        assert_eq!((says(board, &byte), says(&byte, board)), (None, None), "who knows how those behind it are set");
+        assert!(says(board, &wide).is_some() && says(&wide, board).is_some());
+    }
+    assert_eq!(says(LINE, "board 13: settings unknown"), None);
+    let other_unit = says(&device("counts from 0 to 4095, 8 to a unit"), &wide).unwrap();
+    assert!(other_unit.contains("8 to a unit on device 13"), "{other_unit}");
+    let numbers = |low: i64, shift: u8| format!("{wide}; numbers from {low}, lowest {shift} bits left out");
+    assert_eq!((says(&wide, &numbers(0, 0)), says(&numbers(0, 4), &wide)), (None, None));
+    assert_eq!(says(&numbers(-9, 4), &numbers(-9, 4)), None);
+    let why = says(&numbers(0, 4), &numbers(0, 3)).unwrap();
+    assert!(
+        why.contains("lowest 4 bits left out on device 13, where the configuration has numbers from 0, lowest 3"),
+        "{why}"
+    );
+    assert!(says(&numbers(0, 4), &numbers(5, 4)).is_some());
+}
+
+#[test]
+fn boards_are_compared_by_their_place_and_the_first_difference_is_told() {
+    let other = LINE.replace("board 13", "board 12").replace("type 7", "type 8");
+    let twelve = BoardAddress::new(12).unwrap();
+    let now = [(BOARD, known(LINE)), (twelve, known(&other))];
+    let lines = |all: [&String; 2]| all.map(Clone::clone);
+    let line = LINE.to_owned();
+    assert_eq!(difference(&lines([&line, &other]), &now), None);
+    let why = difference(&lines([&other, &line]), &now).unwrap();
+    assert!(why.contains("type 8 on board 13") && why.ends_with("type 7 (and 1 more)"), "{why}");
+    let why = difference(&lines([&"?".to_owned(), &line]), &now).unwrap();
+    assert!(why.contains("type 7 on board 12"), "{why}");
+}
+
+#[test]
+fn lines_of_one_fit_are_equal_but_for_what_an_earlier_version_did_not_tell() {
+    let short = "device 1: counts from 0 to 65535, 256 to a unit";
+    let long = format!("{short}; numbers from 0, lowest 8 bits left out");
+    let differ = |a: &str, b: &str| differ_in(&[a.to_owned()], &[b.to_owned()]);
+    for (a, b) in [(short, long.as_str()), (&long, short), (&long, &long), (LINE, LINE), ("as they are", "as they are")]
+    {
+        assert_eq!(differ(a, b), None);
+    }
+    let seven = long.replace("lowest 8", "lowest 7");
+    let less = short.replace("65535", "65534");
+    let other_period = LINE.replace("period 50", "period 20");
+    for (a, b) in [
+        (long.as_str(), seven.as_str()),
+        (short, less.as_str()),
+        (LINE, other_period.as_str()),
+        (LINE, "board 13: shift 3"),
+        (LINE, short),
+    ] {
+        assert_eq!(differ(a, b), Some((a.to_owned(), b.to_owned())));
+    }
+    let two = [LINE.to_owned(), short.to_owned()];
+    assert_eq!(differ_in(&two, &two[..1]), Some((format!("{LINE}; {short}"), LINE.to_owned())));
+    let told = [LINE.to_owned(), long];
+    assert_eq!(differ_in(&two, &told), None);
+    let other = [other_period, told[1].clone()];
+    assert_eq!(differ_in(&two, &other).unwrap().1, other[0], "and not the line that only tells more");
+}
+
+proptest! {
+    #[test]
+    fn any_text_is_read_or_not(text in "(board|device) 1: .{0,60}", other in ".*") {
+        for line in [text, other] {
+            let _ = BoardSettings::read(&line);
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The samples of a session are of boards that are set in one way, however often the daemon starts meanwhile.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use taxel_engine::Restored;
+use taxel_engine::calibration::SessionState;
+use taxel_engine::command::{Command, ErrorReason, Rejection};
+use taxel_engine::plan::Plan;
+use taxel_sim::PumpCommand;
+
+use crate::bench::{Bench, Disk, session_of};
+use crate::board_settings::with_shift;
+use crate::rig::small_world;
+
+const RAMP: Command = Command::StartRamp { session: 1 };
+const FIT: Command = Command::FinishRamp { session: 1 };
+
+/// A session with shift 1, up to 30 kPa.
+fn ramped() -> Bench {
+    let mut bench = Bench::new(small_world(), with_shift(1), Restored::default());
+    bench.brought_up();
+    bench.start_session(None);
+    bench.ramp(74.0, 4.0);
+    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|kpa| kpa >= 30.0));
+    bench
+}
+
+/// The daemon ends and starts anew, after the bag was vented and the skin has settled.
+fn restarted(bench: &Bench, plan: Arc<Plan>, change: impl FnOnce(&mut Disk)) -> Bench {
+    let mut world = bench.world.clone();
+    world.pump(PumpCommand::Vent);
+    world.advance(bench.now() + Duration::from_secs(20), &mut Vec::new());
+    let mut disk = Disk::after_a_crash(&bench.host);
+    disk.restored.model_sets = bench.host.catalogue.model_sets.clone();
+    change(&mut disk);
+    let mut bench = Bench::after(world, plan, disk);
+    bench.brought_up();
+    bench
+}
+
+fn is_refused(bench: &mut Bench, command: Command) {
+    let answer = bench.ask(command);
+    let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = answer else { panic!("{answer:?}") };
+    assert_eq!(
+        why,
+        "session 1 cannot go on: it was gathered with shift 1 on module 0 of board 13, where the configuration has shift 2 \
+         (and 7 more): set it as it was, or start a new session"
+    );
+}
+
+#[test]
+fn a_session_takes_no_ramp_of_boards_that_are_set_in_another_way() {
+    // Interrupted.
+    let first = ramped();
+    let mut bench = restarted(&first, with_shift(2), |_| ());
+    is_refused(&mut bench, RAMP);
+    assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Interrupted, "what is refused has no effect");
+    session_of(restarted(&first, with_shift(1), |_| ()).ask(RAMP));
+    // In review, and in use until the restart: its set is not used after it, so that it would go on itself.
+    let mut first = first;
+    first.ask(FIT).unwrap();
+    first.until_state(1.0, SessionState::Review);
+    is_refused(&mut restarted(&first, with_shift(2), |_| ()), RAMP);
+    first.world.pump(PumpCommand::Vent);
+    first.seconds(20.0);
+    let set = first.host.newest_set().id.clone();
+    first.activate(&set).unwrap();
+    let active = |disk: &mut Disk| disk.restored.active = vec![("small".to_owned(), set.clone())];
+    let mut bench = restarted(&first, with_shift(2), active);
+    is_refused(&mut bench, RAMP);
+    assert_eq!(bench.host.catalogue.sessions.len(), 1, "no session succeeds it");
+    let view = session_of(restarted(&first, with_shift(1), active).ask(RAMP));
+    assert_eq!((view.number, view.predecessor), (2, Some(1)));
+    assert_eq!(view.board_settings, first.host.catalogue.sessions[0].board_settings);
+}
+
+/// The models are of the boards as they were, whatever the configuration says when they are computed.
+#[test]
+fn what_an_interrupted_session_gathered_is_fitted_with_the_settings_that_it_was_gathered_with() {
+    let mut bench = restarted(&ramped(), with_shift(2), |_| ());
+    bench.ask(FIT).unwrap();
+    bench.until_state(1.0, SessionState::Review);
+    let set = bench.host.newest_set();
+    assert!(set.board_settings[0].ends_with("shift 1 cdc_offset 0x2200"), "{:?}", set.board_settings);
+    let why = bench.refused(Command::Activate { patch: String::new(), model_set: set.id.clone(), expected: None });
+    assert!(why.contains("shift 1 on module 0 of board 13, where the configuration has shift 2"), "{why}");
+    is_refused(&mut bench, RAMP);
+    // With the boards as they were all of it goes on.
+    let mut later = restarted(&bench, with_shift(1), |_| ());
+    later.activate(&set.id).unwrap();
+    session_of(later.ask(RAMP));
+}
+
+#[test]
+fn a_session_of_an_earlier_version_goes_on_as_before() {
+    let forgets = |disk: &mut Disk| {
+        for view in &mut disk.restored.sessions {
+            Arc::make_mut(view).board_settings = Arc::default();
+        }
+    };
+    let mut bench = restarted(&ramped(), with_shift(2), forgets);
+    session_of(bench.ask(RAMP));
+    bench.until_state(30.0, SessionState::Ramping);
+}
