@@ -26,9 +26,8 @@ use crate::model_set::ModelSet;
 
 /// A count that is farther from its mean, in multiples of the noise, has moved: by chance it is once in 16,000 scans.
 const AHEAD_SIGMAS: f64 = 4.0;
-/// Two histories whose offsets differ by less than twice this share of the most are one: what is neglected is far less
-/// than what plays leave of the hysteresis in the best case, and a skin that creeps back to its rest for minutes would
-/// keep them apart for as long.
+/// Two histories whose offsets differ by less than twice this share of half the loop's width are taken for one, and up to
+/// a tenth of that half is neglected: a skin that creeps back to its rest for minutes would keep them apart for as long.
 const SAME_SHARE: f64 = 0.05;
 /// So long a taxel may go unheard with its history still known, seconds, or for the time constant of the mean if that is
 /// longer: what comes and goes within that hardly moves a mean that sees it.
