@@ -8,6 +8,7 @@ use taxel_skin::SquareMillimetre;
 
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::counts::Counts;
+use crate::force::offsets::Offsets;
 use crate::force::tables::{Tables, TaxelReading, WideThreshold};
 use crate::model_set::ModelSet;
 
@@ -26,8 +27,8 @@ pub struct Evaluator {
     threshold: Vec<u8>,
     /// The same of counts of more than eight bits; empty for bytes.
     wide: Vec<WideThreshold>,
-    /// What the history of each taxel adds to its pressure, kPa; `None` where hysteresis is not compensated.
-    offset_kpa: Option<Arc<[f32]>>,
+    /// What the history of each taxel adds to its pressure; `None` where hysteresis is not compensated.
+    offsets: Option<Offsets>,
 }
 
 impl Evaluator {
@@ -44,7 +45,7 @@ impl Evaluator {
     pub fn of(tables: Tables) -> Self {
         let tables = Arc::new(tables);
         let mut evaluator =
-            Self { tables, selected: vec![], all_selected: vec![], threshold: vec![], wide: vec![], offset_kpa: None };
+            Self { tables, selected: vec![], all_selected: vec![], threshold: vec![], wide: vec![], offsets: None };
         evaluator.select(|_| true);
         evaluator
     }
@@ -66,15 +67,15 @@ impl Evaluator {
         self.wide = wide.map(|(selected, wide)| if *selected { *wide } else { WideThreshold::NEVER }).collect();
     }
 
-    /// From now on the history of each taxel adds this to its pressure, in kPa.
-    pub fn set_hysteresis(&mut self, offset_kpa: Option<Arc<[f32]>>) {
-        self.offset_kpa = offset_kpa.filter(|offset| offset.len() == self.tables.taxels());
+    /// From now on the history of each taxel adds this to its pressure.
+    pub fn set_hysteresis(&mut self, offsets: Option<Offsets>) {
+        self.offsets = offsets.filter(|offsets| offsets.taxels() == self.tables.taxels());
     }
 
     /// What the history of each taxel adds, if hysteresis is compensated.
     #[must_use]
-    pub const fn hysteresis(&self) -> Option<&Arc<[f32]>> {
-        self.offset_kpa.as_ref()
+    pub const fn hysteresis(&self) -> Option<&Offsets> {
+        self.offsets.as_ref()
     }
 
     /// Whether each taxel counts in the sum now.
@@ -100,7 +101,7 @@ impl Evaluator {
     /// Not generic, so that it is compiled here, with what it calls in each step.
     fn total_of(&self, counts: Counts<'_>) -> f64 {
         let Counts::Bytes(counts) = counts else { return self.sum_n(&self.active(counts)) };
-        if self.offset_kpa.is_some() {
+        if self.offsets.is_some() {
             return self.active(counts).iter().fold(0.0, |sum, (_, newton)| sum + newton);
         }
         let (forces, forces_rest) = self.tables.force_n().as_chunks::<BLOCK>();
@@ -138,7 +139,7 @@ impl Evaluator {
     /// these, without a second walk over all taxels.
     #[must_use]
     pub fn sum_n(&self, active: &[(usize, f64)]) -> f64 {
-        if self.offset_kpa.is_some() {
+        if self.offsets.is_some() {
             return active.iter().fold(0.0, |sum, (_, newton)| sum + newton);
         }
         let in_blocks = self.threshold.len() / BLOCK * BLOCK;
@@ -199,9 +200,9 @@ impl Evaluator {
 
     /// A force of the mid curve with what its history adds; no touch stays none.
     fn with_hysteresis_n(&self, taxel: usize, newton: f32) -> f64 {
-        match &self.offset_kpa {
-            Some(offset) if newton > 0.0 => {
-                f64::from((newton + offset[taxel] * self.tables.newton_per_kpa(taxel)).max(0.0))
+        match &self.offsets {
+            Some(offsets) if newton > 0.0 => {
+                f64::from((newton + offsets.kpa(taxel) * self.tables.newton_per_kpa(taxel)).max(0.0))
             }
             _ => f64::from(newton),
         }
@@ -217,7 +218,8 @@ impl Evaluator {
     /// What `count` means for `taxel`; `None` without a usable model.
     #[must_use]
     pub fn reading(&self, taxel: usize, count: impl Into<u16>) -> Option<TaxelReading> {
-        self.tables.reading(taxel, count, self.offset_kpa.as_ref().map_or(0.0, |offset| offset[taxel]))
+        let Some(offsets) = &self.offsets else { return self.tables.reading(taxel, count, 0.0) };
+        self.tables.reading(taxel, count, offsets.kpa(taxel)).map(|reading| offsets.widened(taxel, reading))
     }
 }
 

@@ -1,5 +1,7 @@
 //! From the pressures of one scan to a force: total, its uncertainty, and the parts that the scene asks for.
 
+mod uncertainty;
+
 use nalgebra::Vector3;
 use std::ops::Range;
 use std::sync::Arc;
@@ -94,21 +96,6 @@ impl Touch {
     pub fn mostly_blind(&self) -> Option<usize> {
         self.rim.is_mostly_blind().then_some(self.rim.without)
     }
-}
-
-/// Sums over the taxels of a total that its uncertainty follows from.
-#[derive(Clone, Copy, Debug, Default)]
-struct Shares {
-    /// Variance that each taxel has for itself, N squared.
-    own_n2: f64,
-    /// Hysteresis that all have in common, N.
-    hysteresis_n: f64,
-    /// Change of the force if all counts change by one, N.
-    per_count_n: f64,
-    /// N per kPa.
-    area: f64,
-    /// Taxels beyond the calibrated range.
-    above: f64,
 }
 
 impl ForceModel {
@@ -273,64 +260,6 @@ impl ForceModel {
     /// 1 kPa on 1 mm2 is 1e-3 N.
     fn newton_per_kpa(&self, taxel: usize) -> f64 {
         self.areas_mm2[taxel] * 1e-3
-    }
-
-    /// What the taxels of a total bring to its uncertainty, in one walk.
-    fn shares(&self, evaluator: &Evaluator, counts: Counts<'_>, active: &[(usize, f64)], filled: &[Filled]) -> Shares {
-        let (tables, mut sums) = (evaluator.tables(), Shares::default());
-        for &(taxel, _) in active {
-            let Some(share) = counts.raw(taxel).and_then(|count| tables.share(taxel, count)) else { continue };
-            sums.own_n2 += f64::from(share.own_n2);
-            sums.per_count_n += f64::from(share.per_count_n);
-            sums.above += f64::from(share.above);
-            sums.hysteresis_n += f64::from(tables.hysteresis_n(taxel));
-            sums.area += self.newton_per_kpa(taxel);
-        }
-        for taxel in filled {
-            let newton_per_kpa = self.newton_per_kpa(taxel.taxel);
-            sums.own_n2 += (newton_per_kpa * taxel.sigma_kpa).powi(2);
-            sums.area += newton_per_kpa;
-            let [per_count_kpa, hysteresis_kpa] = self.common_beside(evaluator, counts, taxel.taxel);
-            sums.per_count_n += newton_per_kpa * per_count_kpa;
-            sums.hysteresis_n += newton_per_kpa * hysteresis_kpa;
-        }
-        sums
-    }
-
-    /// What a filled taxel takes over from those it is filled from, in the mean: kPa per count, and hysteresis in kPa. A
-    /// zero or a hysteresis that is wrong for all of them is wrong for it, too.
-    fn common_beside(&self, evaluator: &Evaluator, counts: Counts<'_>, taxel: usize) -> [f64; 2] {
-        let (tables, selected) = (evaluator.tables(), evaluator.selection());
-        let (mut sums, mut known) = ([0.0; 2], 0.0);
-        for other in self.neighbours.iter().flat_map(|neighbours| neighbours.of(taxel)).filter(|&other| selected[other])
-        {
-            let Some(share) = counts.raw(other).and_then(|count| tables.share(other, count)) else { continue };
-            let newton_per_kpa = self.newton_per_kpa(other);
-            sums[0] += f64::from(share.per_count_n) / newton_per_kpa;
-            sums[1] += f64::from(tables.hysteresis_n(other)) / newton_per_kpa;
-            known += 1.0;
-        }
-        if known > 0.0 { sums.map(|sum| sum / known) } else { sums }
-    }
-
-    /// Variance of the total, N squared: taxels are independent, while hysteresis, drift, gauge gain, gauge offset and
-    /// area are common to all of them and so add up before they are squared.
-    ///
-    /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2 + (o sum A_i)^2 + (a F)^2`,
-    /// where s is the uncertainty of a taxel, h what of it is hysteresis, z the zero's in counts with what the skin may
-    /// remember of earlier loads, and the s of a filled taxel is the scatter of its neighbours. What the pads' places add
-    /// is in [`Contact::sigma_n`] and [`Contact::rim_sigma_n`].
-    fn variance_n2(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
-        let set = evaluator.tables().set();
-        let shared = [
-            sums.hysteresis_n,
-            zero_sigma_counts * sums.per_count_n,
-            evaluator.tables().residue_sigma_counts() * sums.per_count_n,
-            set.gauge_gain_rel * total_n,
-            set.gauge_offset_kpa * sums.area,
-            self.area_uncertainty * total_n,
-        ];
-        shared.iter().fold(sums.own_n2, |variance, sigma| variance + sigma * sigma)
     }
 
     fn add_geometry(&self, sample: &mut ForceSample, geometry: &Geometry, active: &[(usize, f64)]) {

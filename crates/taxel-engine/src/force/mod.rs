@@ -2,10 +2,13 @@
 
 pub mod contacts;
 pub mod evaluator;
+#[cfg(test)]
+mod history_tests;
 pub mod hysteresis;
 mod light_end;
 pub mod measure;
 pub mod neighbours;
+pub mod offsets;
 pub mod owner;
 pub mod reason;
 pub mod remainder;

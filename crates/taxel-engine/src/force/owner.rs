@@ -12,6 +12,7 @@ use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
 use crate::force::hysteresis::Hysteresis;
 use crate::force::measure::{Coverage, ForceModel, Layout, Present, Touch};
+use crate::force::offsets::Offsets;
 use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::force::remainder::{Remainder, Rest, newton_per_count};
 use crate::force::sample::{ForceSample, ForceState};
@@ -50,8 +51,8 @@ pub struct ZeroState {
     pub load_vanished: Option<Reason>,
 }
 
-/// The tables of the models at the present zero, and what hysteresis adds to each taxel, kPa, where it is compensated.
-pub type SharedTables = (Arc<Tables>, Option<Arc<[f32]>>);
+/// The tables of the models at the present zero, and what hysteresis adds to each taxel, where it is compensated.
+pub type SharedTables = (Arc<Tables>, Option<Offsets>);
 
 /// A sample, and the taxels whose force is in its total, ascending.
 #[derive(Clone, Debug, Default)]
@@ -95,6 +96,8 @@ pub struct Force {
     evaluator: Option<Evaluator>,
     /// Hysteresis of the active model set at the present zero, where it is compensated.
     hysteresis: Option<Hysteresis>,
+    /// Soundness of the scan that it followed last.
+    followed: Option<u64>,
     remainder: Remainder,
     coverage: Coverage,
     /// Soundness of the scan that the selection was last made for.
@@ -132,6 +135,7 @@ impl Force {
             residue_counts: 0.0,
             evaluator: None,
             hysteresis: None,
+            followed: None,
             remainder: Remainder::default(),
             coverage: Coverage { uncovered_share: 1.0, blind: 0 },
             selected_for: None,
@@ -158,11 +162,11 @@ impl Force {
         self.evaluator.is_some()
     }
 
-    /// Another model set is in use from now on.
+    /// Another model set is in use from now on. How the load came that lies on the skin, its plays have not seen.
     pub fn set_models(&mut self, set: Arc<ModelSet>) {
         self.id = Some(Arc::from(set.id.as_str()));
         self.set = Some(set);
-        self.begin();
+        self.begin(Hysteresis::unknown);
     }
 
     /// There is a set, and it is not used; why.
@@ -170,11 +174,11 @@ impl Force {
         self.lacks_models = Reason::new(ReasonCode::NoModelSet, format!("{NO_MODELS}: {why}"));
     }
 
-    /// Another zero was taken, or it was lost: histories begin anew. `residue_counts` as [`Tables::with_residue`] has it.
+    /// Another zero was taken, or it was lost: histories begin anew, at rest. `residue_counts` as [`Tables::with_residue`] has it.
     pub fn set_zero(&mut self, zero: Option<&[TaxelBaseline]>, residue_counts: f64) {
         (self.zero, self.residue_counts) = (zero.map(<[TaxelBaseline]>::to_vec), residue_counts);
         self.taken = self.zero.clone().unwrap_or_default();
-        self.begin();
+        self.begin(Hysteresis::new);
     }
 
     /// What the boards sent when they were looked at before they were configured, one per taxel, if anybody looked: the zeros
@@ -189,8 +193,12 @@ impl Force {
     pub fn move_zero(&mut self, zero: Option<&[TaxelBaseline]>, taken: Option<Vec<TaxelBaseline>>) {
         self.zero = zero.map(<[TaxelBaseline]>::to_vec);
         self.taken = taken.unwrap_or_default();
-        if let (Some(hysteresis), Some(zero)) = (&mut self.hysteresis, &self.zero) {
-            hysteresis.shift_zero(zero);
+        if let Some(zero) = &self.zero {
+            match &mut self.hysteresis {
+                Some(hysteresis) => hysteresis.shift_zero(zero),
+                // The models came while there was no zero.
+                None => self.hysteresis = self.set.as_ref().and_then(|set| Hysteresis::unknown(set, zero)),
+            }
         }
         self.tabulate();
     }
@@ -204,12 +212,9 @@ impl Force {
         self.tabulate();
     }
 
-    fn begin(&mut self) {
-        self.unread = None;
-        self.hysteresis = match (&self.set, &self.zero) {
-            (Some(set), Some(zero)) => Hysteresis::new(set, zero),
-            _ => None,
-        };
+    fn begin(&mut self, plays: fn(&Arc<ModelSet>, &[TaxelBaseline]) -> Option<Hysteresis>) {
+        (self.unread, self.followed) = (None, None);
+        self.hysteresis = self.set.as_ref().zip(self.zero.as_ref()).and_then(|(set, zero)| plays(set, zero));
         self.tabulate();
     }
 
@@ -224,16 +229,22 @@ impl Force {
             _ => None,
         };
         if let (Some(hysteresis), Some(evaluator)) = (&self.hysteresis, &mut self.evaluator) {
-            evaluator.set_hysteresis(Some(hysteresis.offset_kpa()));
+            evaluator.set_hysteresis(Some(hysteresis.offsets()));
         }
         self.selected_for = None;
     }
 
-    /// The play operators of sound taxels follow the scan.
+    /// The play operators of sound taxels follow the scan. While the zero is in doubt they follow by the one that held
+    /// before: if it holds again they have missed nothing, and another one begins them anew.
     pub fn follow(&mut self, scan: &Scan<'_>) {
-        let (Some(hysteresis), Some(evaluator)) = (&mut self.hysteresis, &mut self.evaluator) else { return };
+        let Some(hysteresis) = &mut self.hysteresis else { return };
+        if self.followed.replace(scan.soundness).is_some_and(|before| before != scan.soundness) {
+            hysteresis.on_soundness(scan.time, |taxel| scan.sound[taxel]);
+        }
         hysteresis.follow(scan.time, scan.counts, |taxel| scan.sound[taxel]);
-        evaluator.set_hysteresis(Some(hysteresis.offset_kpa()));
+        if let Some(evaluator) = &mut self.evaluator {
+            evaluator.set_hysteresis(Some(hysteresis.offsets()));
+        }
     }
 
     /// Keeps taxels that are not sound out of the sum; done anew only when that changed.

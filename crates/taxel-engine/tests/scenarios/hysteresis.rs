@@ -8,7 +8,7 @@ use taxel_engine::calibration::{Direction, SessionState};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::snapshot::ForceState;
-use taxel_sim::{Config, DielectricConfig, PumpCommand, World};
+use taxel_sim::{BagConfig, Config, DielectricConfig, PumpCommand, World};
 
 use crate::bench::Bench;
 use crate::rig::{patch_plan, plan, small_skin};
@@ -31,6 +31,10 @@ fn error(readings: &[(f64, f64)]) -> f64 {
 /// A skin with much friction and no creep, off the rails, calibrated over both branches up to 60 kPa: twice, so that
 /// the plays are tried on the second cycle, which they have not seen.
 fn calibrated() -> (Bench, Arc<ModelSet>) {
+    calibrated_in(BagConfig::default())
+}
+
+pub fn calibrated_in(bag: BagConfig) -> (Bench, Arc<ModelSet>) {
     let dielectric = DielectricConfig {
         tare_bias_counts: 1.0,
         tare_residue_counts: 0.5,
@@ -38,7 +42,7 @@ fn calibrated() -> (Bench, Arc<ModelSet>) {
         creep_share: 0.0,
         ..DielectricConfig::default()
     };
-    let world = World::new(small_skin(), Config { dielectric, ..Config::seeded(5) }).unwrap();
+    let world = World::new(small_skin(), Config { dielectric, bag, ..Config::seeded(5) }).unwrap();
     let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
     bench.brought_up();
     bench.start_session_over(Branch::Both, Some(60.0));

@@ -27,6 +27,7 @@ mod durability;
 mod events;
 mod frames;
 mod gauge_faults;
+mod histories;
 mod house;
 mod hysteresis;
 mod imports;

@@ -1,0 +1,104 @@
+//! What the taxels of a total bring to its uncertainty.
+
+use super::ForceModel;
+use crate::counts::Counts;
+use crate::force::evaluator::Evaluator;
+use crate::force::neighbours::Filled;
+use crate::force::offsets::Offsets;
+
+/// Sums over the taxels of a total that its uncertainty follows from.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Shares {
+    /// Variance that each taxel has for itself, N squared.
+    own_n2: f64,
+    /// Hysteresis that all have in common, N.
+    hysteresis_n: f64,
+    /// The same of histories that are not known, N.
+    history_n: f64,
+    /// Change of the force if all counts change by one, N.
+    per_count_n: f64,
+    /// N per kPa.
+    area: f64,
+    /// Taxels beyond the calibrated range.
+    pub(super) above: f64,
+}
+
+impl ForceModel {
+    /// What the taxels of a total bring to its uncertainty, in one walk.
+    pub(super) fn shares(
+        &self,
+        evaluator: &Evaluator,
+        counts: Counts<'_>,
+        active: &[(usize, f64)],
+        filled: &[Filled],
+    ) -> Shares {
+        let (tables, mut sums) = (evaluator.tables(), Shares::default());
+        for &(taxel, _) in active {
+            let Some(share) = counts.raw(taxel).and_then(|count| tables.share(taxel, count)) else { continue };
+            sums.own_n2 += f64::from(share.own_n2);
+            sums.per_count_n += f64::from(share.per_count_n);
+            sums.above += f64::from(share.above);
+            sums.hysteresis_n += f64::from(tables.hysteresis_n(taxel));
+            sums.area += self.newton_per_kpa(taxel);
+        }
+        for taxel in filled {
+            let newton_per_kpa = self.newton_per_kpa(taxel.taxel);
+            sums.own_n2 += (newton_per_kpa * taxel.sigma_kpa).powi(2);
+            sums.area += newton_per_kpa;
+            let [per_count_kpa, hysteresis_kpa, history_kpa] = self.common_beside(evaluator, counts, taxel.taxel);
+            sums.per_count_n += newton_per_kpa * per_count_kpa;
+            sums.hysteresis_n += newton_per_kpa * hysteresis_kpa;
+            sums.history_n += newton_per_kpa * history_kpa;
+        }
+        if let Some(offsets) = unknown_histories(evaluator) {
+            let of_one = |&(taxel, _): &(usize, f64)| self.newton_per_kpa(taxel) * offsets.sigma_kpa(taxel);
+            sums.history_n += active.iter().map(of_one).sum::<f64>();
+        }
+        sums
+    }
+
+    /// What a filled taxel takes over from those it is filled from, in the mean: kPa per count, and hysteresis and unknown
+    /// history in kPa. A zero or a hysteresis that is wrong for all of them is wrong for it, too.
+    fn common_beside(&self, evaluator: &Evaluator, counts: Counts<'_>, taxel: usize) -> [f64; 3] {
+        let (tables, selected) = (evaluator.tables(), evaluator.selection());
+        let (mut sums, mut known) = ([0.0; 3], 0.0);
+        let histories = unknown_histories(evaluator);
+        for other in self.neighbours.iter().flat_map(|neighbours| neighbours.of(taxel)).filter(|&other| selected[other])
+        {
+            let Some(share) = counts.raw(other).and_then(|count| tables.share(other, count)) else { continue };
+            let newton_per_kpa = self.newton_per_kpa(other);
+            sums[0] += f64::from(share.per_count_n) / newton_per_kpa;
+            sums[1] += f64::from(tables.hysteresis_n(other)) / newton_per_kpa;
+            sums[2] += histories.map_or(0.0, |offsets| offsets.sigma_kpa(other));
+            known += 1.0;
+        }
+        if known > 0.0 { sums.map(|sum| sum / known) } else { sums }
+    }
+
+    /// Variance of the total, N squared: taxels are independent, while hysteresis, drift, gauge gain, gauge offset and
+    /// area are common to all of them and so add up before they are squared.
+    ///
+    /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (sum A_i u_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2
+    /// + (o sum A_i)^2 + (a F)^2`, where s is the uncertainty of a taxel, h what of it is hysteresis, u that of a history
+    /// which is not known or lags behind ([`Offsets::sigma_kpa`]), z the zero's in counts with what the skin may remember of
+    /// earlier loads, and the s of a filled taxel is the scatter of its neighbours. What the pads' places add is in
+    /// [`crate::force::sampling`].
+    pub(super) fn variance_n2(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
+        let set = evaluator.tables().set();
+        let shared = [
+            sums.hysteresis_n,
+            sums.history_n,
+            zero_sigma_counts * sums.per_count_n,
+            evaluator.tables().residue_sigma_counts() * sums.per_count_n,
+            set.gauge_gain_rel * total_n,
+            set.gauge_offset_kpa * sums.area,
+            self.area_uncertainty * total_n,
+        ];
+        shared.iter().fold(sums.own_n2, |variance, sigma| variance + sigma * sigma)
+    }
+}
+
+/// What the histories add, if some of them are not known.
+fn unknown_histories(evaluator: &Evaluator) -> Option<&Offsets> {
+    evaluator.hysteresis().filter(|offsets| !offsets.are_known())
+}
