@@ -72,7 +72,7 @@ impl Skin {
     /// With the models in use since it was at rest.
     fn known() -> Self {
         let mut skin = Self::bare();
-        skin.force.set_models(with_plays());
+        skin.force.set_models(with_plays(), 0.0);
         skin.force.set_zero(Some(&rest(TAXELS)), 0.0);
         skin
     }
@@ -145,7 +145,7 @@ impl Skin {
 #[test]
 fn a_set_that_comes_into_use_while_the_zero_is_in_doubt_has_a_history_from_then_on() {
     let mut skin = Skin::bare();
-    skin.go(50).doubt().force.set_models(with_plays());
+    skin.go(50).doubt().force.set_models(with_plays(), 0.0);
     skin.clear();
     let first = skin.scan(50);
     skin.holds(&first, "of the past nothing is known");
@@ -166,7 +166,7 @@ fn a_set_that_comes_into_use_under_a_load_does_not_know_how_it_came_there() {
     for (most, present) in [(60, 20), (20, 20), (40, 40), (30, 8)] {
         let what = format!("{most} counts, then {present}");
         let mut skin = Skin::bare();
-        skin.go(most).go(present).force.set_models(with_plays());
+        skin.go(most).go(present).force.set_models(with_plays(), 0.0);
         let at_once = skin.at_present(|force, scan| force.sample(scan, 0, &ZeroState::default()).sample);
         skin.holds(&at_once, &format!("{what}, before a scan"));
         let next = skin.scan(present);
@@ -182,7 +182,7 @@ fn a_set_that_comes_into_use_under_a_load_does_not_know_how_it_came_there() {
 #[test]
 fn a_set_that_comes_into_use_at_rest_knows_that_nothing_presses() {
     let mut skin = Skin::bare();
-    skin.go(0).force.set_models(with_plays());
+    skin.go(0).force.set_models(with_plays(), 0.0);
     skin.go(1).go(0);
     let little = skin.go(5).scan(5).total_sigma.unwrap().0;
     let usual = Skin::known().go(5).scan(5).total_sigma.unwrap().0;

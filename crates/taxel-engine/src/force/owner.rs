@@ -163,7 +163,9 @@ impl Force {
     }
 
     /// Another model set is in use from now on. How the load came that lies on the skin, its plays have not seen.
-    pub fn set_models(&mut self, set: Arc<ModelSet>) {
+    /// `residue_counts` as [`Tables::with_residue`] has it, of the zero that holds.
+    pub fn set_models(&mut self, set: Arc<ModelSet>, residue_counts: f64) {
+        self.residue_counts = residue_counts;
         self.id = Some(Arc::from(set.id.as_str()));
         self.set = Some(set);
         self.begin(Hysteresis::unknown);

@@ -108,7 +108,7 @@ impl Skin {
 
     fn with_models(geometry: Option<Geometry>, set: Arc<ModelSet>) -> Self {
         let mut force = Force::new(plan(TAXELS, geometry));
-        force.set_models(set);
+        force.set_models(set, 0.0);
         force.set_zero(Some(&rest(TAXELS)), 0.0);
         Self {
             force,

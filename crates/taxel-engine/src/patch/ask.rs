@@ -244,7 +244,7 @@ impl Patch {
     pub fn set_models(&mut self, set: Arc<ModelSet>) {
         self.intake.expect_noise(&set.baseline);
         self.zero.on_models(Some(&set));
-        self.force.set_models(set);
+        self.force.set_models(set, self.zero.residue_counts());
         self.zero.weigh(|| self.force.newton_per_count());
         self.dirty = true;
     }
