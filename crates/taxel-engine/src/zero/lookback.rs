@@ -103,9 +103,8 @@ impl Lookback {
         let median = Moves::between(zero, &seen, scans, signs).median();
         self.median_counts = median.is_finite().then_some(median);
         self.later.restart();
-        if self.median_counts.is_none() {
-            return None; // too little was sound: what was seen before holds, and what has warmed the skin since
-        }
+        // Where too little was sound, what was seen before holds, and what has warmed the skin since.
+        let median = self.median_counts?;
         self.offset_counts = median.abs().min(OFFSET_MAX_COUNTS);
         self.sudden.looked();
         let towards_load = f64::from(signs.iter().map(|&sign| i32::from(sign)).sum::<i32>().signum());

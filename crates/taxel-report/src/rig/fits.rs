@@ -211,7 +211,7 @@ impl Live {
     pub fn new(set: Arc<ModelSet>, plan: &PatchPlan, rest: &[TaxelBaseline]) -> Self {
         let (taxels, modules) = (plan.areas.len(), plan.patch.modules().len());
         let mut force = Force::new(plan.force());
-        force.set_models(set);
+        force.set_models(set, 0.0);
         force.set_zero(Some(rest), 0.0);
         let (now, period) = (Time::default(), plan.period);
         Self {
