@@ -7,7 +7,7 @@
 //! An offset may be off in two ways, both told as [`Offsets::sigma_kpa`]:
 //! - **A history that is not known**, of a set that comes into use or of a taxel that was not heard for a while: whatever
 //!   lies on the skin may have risen to it or fallen to it. Two runs of the plays enclose all that may have been
-//!   ([`bracket`]); the middle of both is served until they meet.
+//!   (`hysteresis/bracket.rs`); the middle of both is served until they meet.
 //! - **A count that has run ahead of its mean.** A load that lands within a scan leaves the offset behind for about three time
 //!   constants of the mean, by up to the width of the loop. How much it will move yet is worked out for those taxels
 //!   alone. A mean that is behind by less than `AHEAD_SIGMAS` of the noise counts as caught up: it may be off by so many
