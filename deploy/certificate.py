@@ -98,7 +98,8 @@ class Session:
 
     def smoothed(self, counts, seconds):
         steps = np.sort(np.diff(self.time)[np.diff(self.ramp) == 0])
-        half = int(0.5 * seconds / steps[len(steps) // 2]) if len(steps) and seconds > 0 else 0
+        # A thousandth of a scan short is a whole one: the file's times are rounded to a microsecond.
+        half = int(0.5 * seconds / steps[len(steps) // 2] + 1e-3) if len(steps) and seconds > 0 else 0
         parts = []
         for ramp in range(self.ramps):
             own = counts[self.ramp == ramp]

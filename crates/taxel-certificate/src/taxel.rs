@@ -2,6 +2,7 @@
 
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::SessionSamples;
+use taxel_engine::statistics::half_window;
 use taxel_model::{Curve, PlayState, Plays, TaxelModel};
 
 use crate::course::Course;
@@ -157,6 +158,5 @@ fn half_width(course: &Course, seconds: f64) -> usize {
     let mut steps: Vec<f64> = within.map(|scan| course.time_s[scan] - course.time_s[scan - 1]).collect();
     steps.sort_by(f64::total_cmp);
     let median = steps.get(steps.len() / 2).copied().unwrap_or(f64::INFINITY);
-    let half = 0.5 * seconds / median;
-    if half.is_finite() && half > 0.0 { half as usize } else { 0 }
+    half_window(seconds, median)
 }

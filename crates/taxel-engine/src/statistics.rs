@@ -52,6 +52,16 @@ pub fn root_mean_square(values: impl Iterator<Item = f64>) -> f64 {
     mean(values.map(|v| v * v)).0.sqrt()
 }
 
+/// Scans on each side of a centred mean over `seconds`, of scans that come every `period_s`; 0 without a period.
+///
+/// A thousandth of a scan short is a whole one: a median of times in nanoseconds or microseconds is a period of 50 ms but for
+/// rounding, and whether four or five of them are a quarter of a second must not hang on that.
+#[must_use]
+pub fn half_window(seconds: f64, period_s: f64) -> usize {
+    let half = 0.5 * seconds / period_s + 1e-3;
+    if half.is_finite() && half > 0.0 { half as usize } else { 0 }
+}
+
 /// The median of an estimate from `n` values with standard deviation `sigma` has this standard error: 1.2533 times that
 /// of a mean (normal errors; Kendall and Stuart, The Advanced Theory of Statistics, vol. 1).
 #[must_use]
@@ -63,6 +73,15 @@ pub fn median_error(sigma: f64, n: usize) -> f64 {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn a_window_does_not_hang_on_how_a_period_was_rounded() {
+        for period_s in [0.049_999_999_999_999_99, 0.05, 0.050_000_000_000_000_1, 0.049_999, 0.050_001] {
+            assert_eq!(half_window(0.5, period_s), 5, "{period_s}");
+        }
+        assert_eq!([half_window(0.5, 0.051), half_window(0.0, 0.05), half_window(0.5, f64::INFINITY)], [4, 0, 0]);
+        assert_eq!([half_window(0.5, 0.0), half_window(0.5, f64::NAN)], [0, 0]);
+    }
 
     proptest! {
         #[test]

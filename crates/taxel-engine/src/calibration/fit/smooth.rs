@@ -1,6 +1,7 @@
 //! Filters that look both ways.
 
 use crate::calibration::fit::scans::Scans;
+use crate::statistics::half_window;
 
 /// Running median over `width` (odd) values about each one, fewer at the ends; NaN stays NaN and is not counted.
 ///
@@ -54,6 +55,5 @@ pub fn smooth(values: &[f64], masked: &[bool], half: usize) -> Vec<f64> {
 
 /// Scans on each side of a centred mean over `seconds`.
 pub(super) fn half_width(scans: &Scans<'_>, seconds: f64) -> usize {
-    let half = 0.5 * seconds / scans.period_s();
-    if half.is_finite() && half > 0.0 { half as usize } else { 0 }
+    half_window(seconds, scans.period_s())
 }
