@@ -33,6 +33,9 @@ LIES_MINUTES, LIES_FIRST_SEEDS = 40, [1, 1001, 2001, 3001]
 ENVIRONMENT = dict(os.environ, PROPTEST_CASES="100", PROPTEST_RNG_SEED="1")
 # A test that takes so many times its time, and ten seconds more, never ends.
 PATIENCE = 10
+# A test may wait for what never comes, which takes no processor time. So many times the limit on that is longer than any
+# test waits beside other work.
+WAITING = 6
 
 
 class Test:
@@ -48,18 +51,21 @@ class Test:
         """How it ends (passed, failed, endless), and its processor time."""
         limit = int(PATIENCE * self.seconds) + 10
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        done = subprocess.run(
-            [self.binary, self.name.split(" ")[0], *self.arguments],
-            env=ENVIRONMENT | self.environment | environment,
-            cwd=os.path.dirname(self.binary),
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit)),
-        )
+        try:
+            done = subprocess.run(
+                [self.binary, self.name.split(" ")[0], *self.arguments],
+                env=ENVIRONMENT | self.environment | environment,
+                cwd=os.path.dirname(self.binary),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit)),
+                timeout=WAITING * limit,
+            )
+            how = "passed" if done.returncode == 0 else "endless" if done.returncode in (-24, -9) else "failed"
+        except subprocess.TimeoutExpired:
+            how = "endless"
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        took = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        how = "passed" if done.returncode == 0 else "endless" if done.returncode in (-24, -9) else "failed"
-        return how, took
+        return how, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def crate_of(files):
@@ -97,7 +103,7 @@ def build(copy, crate, changes):
         (source / "mutant.rs").write_text(RUNTIME.replace("SITES", sites))
         with open(source / "lib.rs", "a") as lib:
             lib.write("\n#[doc(hidden)]\npub mod mutant;\n")
-        binaries, found = compiled(copy, crate)
+        binaries, found = compiled(copy, crate, {c.number for c in changes if "match arm" in c.name} - bad)
         if found is None:
             return binaries, bad, {c.number for c in left}
         if not found - bad:
@@ -117,8 +123,8 @@ def copied(copy, crate):
             shutil.copy2(ROOT / file, copy / file)
 
 
-def compiled(copy, crate):
-    """The test binaries, or the numbers of the changes that do not compile."""
+def compiled(copy, crate, arms):
+    """The test binaries, or the numbers of the changes that do not compile; `arms` are those that take an arm out of a match."""
     command = ["cargo", "test", "--no-run", "--message-format", "json", "-p", crate, *BINARIES[crate]]
     done = subprocess.run(command, cwd=copy, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     binaries, bad, failed = [], set(), False
@@ -135,11 +141,23 @@ def compiled(copy, crate):
                 lines = (copy / span["file_name"]).read_text().split("\n")
                 at = "\n".join(lines[span["line_start"] - 1 : span["line_end"]])
                 bad |= {int(number) for number in re.findall(r"/\*m(\d+)\*/", at)}
+            if not bad and (message["message"]["code"] or {}).get("code") == "E0004":
+                bad |= arms_of_match(copy, message["message"]) & arms
             if not bad:
                 print(rendered)
     if done.returncode and not failed:
         sys.exit(done.stderr)
     return binaries, bad if failed else None
+
+
+def arms_of_match(copy, message):
+    """Changes between a match that does not cover all cases and where the compiler would have the missing arm."""
+    [place] = [span for span in message["spans"] if span["is_primary"]]
+    hints = [span for child in message["children"] for span in child["spans"] if span["file_name"] == place["file_name"]]
+    last = max((span["line_end"] for span in hints if span["line_start"] >= place["line_start"]), default=place["line_end"])
+    lines = (copy / place["file_name"]).read_text().split("\n")
+    between = "\n".join(lines[place["line_start"] - 1 : last])
+    return {int(number) for number in re.findall(r"/\*m(\d+)\*/", between)}
 
 
 def tests_of(binaries, scratch):

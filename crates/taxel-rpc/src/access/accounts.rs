@@ -61,3 +61,33 @@ fn look_up(uid: u32, gid: u32) -> Account {
 pub fn group_id(name: &str) -> Option<u32> {
     Group::from_name(name).ok().flatten().map(|group| group.gid.as_raw())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn an_account_is_asked_for_once_until_it_is_forgotten() {
+        let accounts = Accounts::default();
+        let root = accounts.of(0, 0).await;
+        assert_eq!((root.uid, root.user.as_deref()), (0, Some("root")));
+        assert!(Arc::ptr_eq(&root, &accounts.of(0, 0).await));
+        accounts.forget();
+        assert!(!Arc::ptr_eq(&root, &accounts.of(0, 0).await));
+    }
+
+    #[tokio::test]
+    async fn no_more_accounts_are_known_than_a_robot_has() {
+        let accounts = Accounts::default();
+        for (before, uid) in (4_000_000_000..).enumerate().take(ACCOUNTS_MAX + 1) {
+            assert_eq!(accounts.0.lock().unwrap().len(), before);
+            accounts.of(uid, 0).await;
+        }
+        assert_eq!(accounts.0.lock().unwrap().len(), 1);
+    }
+
+    #[test]
+    fn groups_are_found_by_name() {
+        assert_eq!([group_id("root"), group_id("no-such-group-here")], [Some(0), None]);
+    }
+}

@@ -37,3 +37,24 @@ impl Caller {
         self.origin.key()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_caller_is_told_by_the_proven_name_short_and_without_control_characters() {
+        let address = ([127, 0, 0, 1], 4000).into();
+        let caller = |name: Option<&str>, by_token| Caller {
+            origin: Arc::new(Origin::of_tcp(address)),
+            name: name.map(Arc::from),
+            by_token,
+            role: None,
+        };
+        assert_eq!(caller(None, false).who(), "nobody in particular");
+        assert_eq!(caller(Some("ada"), false).who(), "ada");
+        assert_eq!(caller(Some("bench"), true).who(), "token bench");
+        assert_eq!(caller(Some("a\u{1b}[2Jb\n"), false).who(), "a\\u{1b}[2Jb\\n");
+        assert_eq!(caller(Some(&"x".repeat(500)), false).who().len(), NAME_CHARS_MAX);
+    }
+}

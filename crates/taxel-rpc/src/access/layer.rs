@@ -222,3 +222,42 @@ where
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::access::role::Role;
+
+    #[test]
+    fn a_path_in_a_refusal_is_short_and_has_no_control_characters() {
+        assert_eq!(shown("/taxel.v1.SkinService/Tare"), "taxel.v1.SkinService/Tare");
+        assert_eq!(shown("/a\u{1b}[2J\n"), "a\\u{1b}[2J\\n");
+        assert_eq!(shown(&format!("/{}", "x".repeat(10_000))).len(), NAME_CHARS_MAX);
+    }
+
+    #[test]
+    fn who_is_denied_is_told_what_would_give_the_role() {
+        let tare = method("/taxel.v1.SkinService/Tare").unwrap();
+        let origin = Arc::new(Origin::of_tcp(([127, 0, 0, 1], 4000).into()));
+        let denied_as = |name: Option<&str>, by_token| {
+            let (origin, name, role) = (Arc::clone(&origin), name.map(Arc::from), Some(Role::Observer));
+            denied(&Caller { origin, name, by_token, role }, tare)
+        };
+        let by_token = denied_as(Some("bench"), true);
+        assert_eq!(by_token.code(), Code::PermissionDenied);
+        assert!(by_token.message().contains("the token file gives each token its role"), "{by_token:?}");
+        assert!(by_token.message().contains("needs the role operator; token bench over"), "{by_token:?}");
+        let nobody = denied_as(None, false);
+        assert_eq!(nobody.code(), Code::Unauthenticated);
+        assert!(nobody.message().contains("show a token"), "{nobody:?}");
+    }
+
+    /// A robot's gateway may push nothing for minutes and go on.
+    #[test]
+    fn streams_of_requests_may_pause() {
+        let may_pause = |path: &str| !method(path).unwrap().kind.has_one_request();
+        assert!(may_pause("/taxel.v1.IngestService/PushScans"));
+        assert!(may_pause("/grpc.reflection.v1.ServerReflection/ServerReflectionInfo"));
+        assert!(!may_pause("/taxel.v1.SkinService/Tare") && !may_pause("/taxel.v1.ForceService/StreamForce"));
+    }
+}

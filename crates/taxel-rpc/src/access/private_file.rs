@@ -92,4 +92,24 @@ mod tests {
         assert!(read_private(folder.path()).unwrap_err().contains("is not a regular file"));
         assert!(read_private(&folder.path().join("absent")).unwrap_err().contains("No such file"));
     }
+
+    #[test]
+    fn a_file_that_is_too_long_or_a_strangers_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tokens");
+        for (bytes, good) in [(BYTES_MAX, true), (BYTES_MAX + 1, false)] {
+            std::fs::write(&path, vec![b'x'; usize::try_from(bytes).unwrap()]).unwrap();
+            std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600)).unwrap();
+            let read = read_private(&path);
+            assert_eq!(read.as_ref().is_ok_and(|read| read.len() as u64 == bytes), good, "{bytes} bytes");
+            assert!(good || read.unwrap_err().contains("bytes, expected at most 1048576"));
+        }
+        // Only root can give a file away.
+        if geteuid().is_root() {
+            std::fs::write(&path, "x").unwrap();
+            assert!(read_private(&path).is_ok());
+            std::os::unix::fs::chown(&path, Some(12345), None).unwrap();
+            assert!(read_private(&path).unwrap_err().contains("belongs to user 12345, expected root"));
+        }
+    }
 }

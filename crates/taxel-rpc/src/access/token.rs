@@ -152,4 +152,26 @@ mod tests {
             assert!(!problem.contains(&OF_ABC[8..40]), "{problem}");
         }
     }
+
+    #[test]
+    fn names_have_at_most_64_letters_and_all_tokens_count() {
+        let line = |letters: usize| format!("observer {} {OF_ABC}", "n".repeat(letters));
+        assert_eq!(Tokens::parse(&line(64)).map(|tokens| tokens.len()), Ok(1));
+        assert!(Tokens::parse(&line(65)).unwrap_err().contains("1 to 64 letters"));
+        let two = Tokens::parse(&format!("{}\nadmin b {}", line(1), OF_ABC.replace('b', "c"))).unwrap();
+        assert_eq!((two.len(), two.is_empty(), Tokens::default().is_empty()), (2, false, true));
+    }
+
+    #[test]
+    fn a_file_is_read_and_its_path_is_in_what_is_wrong_with_it() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tokens");
+        std::fs::write(&path, format!("admin ann {OF_ABC}\n")).unwrap();
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600)).unwrap();
+        assert_eq!(Tokens::load(&path).unwrap().holder(b"abc").map(|holder| holder.role), Some(Role::Admin));
+        std::fs::write(&path, "admin ann").unwrap();
+        let problem = Tokens::load(&path).unwrap_err();
+        assert!(problem.contains("tokens: line 1: 2 words"), "{problem}");
+    }
 }
