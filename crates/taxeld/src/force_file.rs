@@ -1,6 +1,8 @@
 //! The force of each scan of a replay, as a table that any other program reads.
 
-use std::io::Write;
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -33,7 +35,7 @@ impl ForceFile {
     /// A file that cannot be written.
     pub fn create(path: &Path, plan: &Plan) -> anyhow::Result<Self> {
         let beside = Beside::of(path);
-        let mut csv = csv::Writer::from_writer(files::writer(beside.0.as_deref().unwrap_or(path))?);
+        let mut csv = csv::Writer::from_writer(beside.writer()?);
         csv.write_record([
             "time_s",
             "patch",
@@ -87,37 +89,49 @@ impl ForceFile {
     /// A file that cannot be written.
     pub fn finish(mut self) -> anyhow::Result<String> {
         self.csv.flush().with_context(|| self.path.display().to_string())?;
-        self.beside.put(&self.path).with_context(|| self.path.display().to_string())?;
+        self.beside.put().with_context(|| self.path.display().to_string())?;
         Ok(format!("force: {} rows, {} with a force: {}", self.rows, self.with_force, self.path.display()))
     }
 }
 
-/// Where a file is written until it is whole; nowhere else for what is no ordinary file, such as a pipe. It goes with this.
-struct Beside(Option<PathBuf>);
+/// Where a file is written until it is whole, under a name that no other file has; what is no ordinary file, such as a pipe,
+/// is written at its place. A part that was not put there goes with this.
+struct Beside {
+    place: PathBuf,
+    part: Option<PathBuf>,
+}
 
 impl Beside {
     fn of(path: &Path) -> Self {
         let ordinary = !files::is_standard(path) && std::fs::metadata(path).map_or(true, |found| found.is_file());
         // Through a link its target is replaced.
-        let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        let name = path.file_name().filter(|_| ordinary).map(|name| {
-            let mut name = name.to_owned();
-            name.push(".new");
-            name
+        let place = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+        let name = place.file_name().filter(|_| ordinary).map(|name| {
+            let mut part = OsString::from(".");
+            part.push(name);
+            part.push(format!(".{}.part", std::process::id()));
+            part
         });
-        Self(name.map(|name| path.with_file_name(name)))
+        let part = name.map(|name| place.with_file_name(name));
+        Self { place, part }
     }
 
-    fn put(&mut self, path: &Path) -> std::io::Result<()> {
-        let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        self.0.take().map_or(Ok(()), |written| std::fs::rename(written, path))
+    /// The file to write; none that is there already is touched.
+    fn writer(&self) -> anyhow::Result<Box<dyn Write>> {
+        let Some(part) = &self.part else { return files::writer(&self.place) };
+        let file = File::create_new(part).with_context(|| part.display().to_string())?;
+        Ok(Box::new(BufWriter::new(file)))
+    }
+
+    fn put(&mut self) -> std::io::Result<()> {
+        self.part.take().map_or(Ok(()), |part| std::fs::rename(part, &self.place))
     }
 }
 
 impl Drop for Beside {
     fn drop(&mut self) {
-        if let Some(written) = &self.0 {
-            let _ = std::fs::remove_file(written); // it is not whole, and nobody waits for it
+        if let Some(part) = &self.part {
+            let _ = std::fs::remove_file(part); // it is not whole, and nobody waits for it
         }
     }
 }
@@ -129,5 +143,38 @@ const fn state_name(state: ForceState) -> &'static str {
         ForceState::Stale => "STALE",
         ForceState::TareInvalid => "TARE_INVALID",
         ForceState::Uncalibrated => "UNCALIBRATED",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_whole_leaves_the_folder_as_it_was_and_what_is_takes_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::os::unix::fs::symlink(at("force.csv"), at("link.csv")).unwrap();
+        for name in ["force.csv", "force.csv.new", "force.csv.part"] {
+            std::fs::write(at(name), name).unwrap();
+        }
+        let names = || {
+            let entries = std::fs::read_dir(folder.path()).unwrap();
+            let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name()).collect();
+            names.sort();
+            names
+        };
+        let before = names();
+        let begun = |path: &str| {
+            let beside = Beside::of(&at(path));
+            beside.writer().unwrap().write_all(b"new").unwrap();
+            beside
+        };
+        drop(begun("force.csv"));
+        assert_eq!((names(), std::fs::read(at("force.csv")).unwrap()), (before.clone(), b"force.csv".to_vec()));
+        begun("link.csv").put().unwrap();
+        assert_eq!((names(), std::fs::read(at("force.csv")).unwrap()), (before, b"new".to_vec()));
+        assert_eq!(std::fs::read(at("force.csv.new")).unwrap(), b"force.csv.new");
+        assert!(std::fs::symlink_metadata(at("link.csv")).unwrap().is_symlink());
     }
 }

@@ -8,7 +8,7 @@ use taxel_skin::SquareMillimetre;
 
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::counts::Counts;
-use crate::force::offsets::Offsets;
+use crate::force::offsets::{self, Offsets};
 use crate::force::tables::{Tables, TaxelReading, WideThreshold};
 use crate::model_set::ModelSet;
 
@@ -218,8 +218,7 @@ impl Evaluator {
     /// What `count` means for `taxel`; `None` without a usable model.
     #[must_use]
     pub fn reading(&self, taxel: usize, count: impl Into<u16>) -> Option<TaxelReading> {
-        let Some(offsets) = &self.offsets else { return self.tables.reading(taxel, count, 0.0) };
-        self.tables.reading(taxel, count, offsets.kpa(taxel)).map(|reading| offsets.widened(taxel, reading))
+        offsets::reading(&self.tables, self.offsets.as_ref(), taxel, count)
     }
 }
 

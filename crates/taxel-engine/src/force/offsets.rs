@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::force::tables::TaxelReading;
+use crate::force::tables::{Tables, TaxelReading};
 
 /// One entry per taxel. Cheap to clone, so that snapshots can share it.
 #[derive(Clone, Debug)]
@@ -50,9 +50,7 @@ impl Offsets {
         self.unsure_kpa.as_ref().map_or(0.0, |unsure| f64::from(unsure[taxel]) / 3.0_f64.sqrt())
     }
 
-    /// A reading that has this offset in it, with what is uncertain of it.
-    #[must_use]
-    pub fn widened(&self, taxel: usize, reading: TaxelReading) -> TaxelReading {
+    fn widened(&self, taxel: usize, reading: TaxelReading) -> TaxelReading {
         if self.are_known() {
             return reading;
         }
@@ -63,4 +61,17 @@ impl Offsets {
             ..reading
         }
     }
+}
+
+/// What `count` means for `taxel` with its history, where hysteresis is compensated, and with what is uncertain of that;
+/// `None` without a usable model.
+#[must_use]
+pub fn reading(
+    tables: &Tables,
+    offsets: Option<&Offsets>,
+    taxel: usize,
+    count: impl Into<u16>,
+) -> Option<TaxelReading> {
+    let Some(offsets) = offsets else { return tables.reading(taxel, count, 0.0) };
+    tables.reading(taxel, count, offsets.kpa(taxel)).map(|reading| offsets.widened(taxel, reading))
 }

@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 use taxel_skin::Time;
 
 use crate::counts::CountBuffer;
-use crate::force::offsets::Offsets;
+use crate::force::offsets::{self, Offsets};
 use crate::force::sample::TaxelState;
 use crate::force::tables::Tables;
 use crate::intake::faults::fault::FaultSet;
@@ -36,7 +36,7 @@ pub struct Basis {
     /// Tables of the active model set at the present zero, if both are there.
     pub tables: Option<Arc<Tables>>,
     /// What each taxel's history adds to its pressure, where hysteresis is compensated.
-    pub offset_kpa: Option<Offsets>,
+    pub offsets: Option<Offsets>,
     /// The taxels whose force is in the total, ascending.
     pub active: Box<[u16]>,
     /// The active model set.
@@ -94,11 +94,8 @@ impl Basis {
     fn state(&self, taxel: usize) -> TaxelState {
         let (count, module) =
             (self.counts.counts().raw(taxel).unwrap_or_default(), self.modules[usize::from(self.module_of[taxel])]);
-        let offsets = self.offset_kpa.as_ref();
         let tables = self.tables.as_ref().filter(|_| !module.stale);
-        let reading = tables
-            .and_then(|tables| tables.reading(taxel, count, offsets.map_or(0.0, |offsets| offsets.kpa(taxel))))
-            .map(|reading| offsets.map_or(reading, |offsets| offsets.widened(taxel, reading)));
+        let reading = tables.and_then(|tables| offsets::reading(tables, self.offsets.as_ref(), taxel, count));
         TaxelState {
             count,
             time: module.last.unwrap_or_default(),

@@ -396,14 +396,14 @@ proptest! {
         skin.counts.iter_mut().zip(&pressed).for_each(|(count, pressed)| *count -= pressed);
         let Measured { sample, active, .. } = skin.measured();
         prop_assert_eq!(sample.active as usize, active.len());
-        let (tables, offset_kpa) = skin.force.tables().unwrap();
+        let (tables, offsets) = skin.force.tables().unwrap();
         let taxels = Taxels::of(Basis {
             counts: skin.counts.clone().into(),
             modules: vec![ModuleAge { last: Some(Time::default()), stale: false }; TAXELS / 10].into(),
             module_of: (0..TAXELS).map(|taxel| (taxel / 10) as u16).collect(),
             faults: vec![FaultSet::default(); TAXELS].into(),
             tables: Some(tables),
-            offset_kpa,
+            offsets,
             active,
             model_set: skin.force.models().cloned(),
         });

@@ -52,14 +52,14 @@ impl Patch {
     fn taxel_states(&self, active: Box<[u16]>) -> Taxels {
         let scan = self.intake.scan();
         let ages = self.intake.last_heard().zip(scan.silent).map(|(last, &stale)| ModuleAge { last, stale });
-        let (tables, offset_kpa) = self.force.tables().unzip();
+        let (tables, offsets) = self.force.tables().unzip();
         Taxels::of(Basis {
             counts: scan.counts.into(),
             modules: ages.collect(),
             module_of: Arc::clone(self.intake.regions().module_of()),
             faults: Arc::clone(&self.faults.1),
             tables,
-            offset_kpa: offset_kpa.flatten(),
+            offsets: offsets.flatten(),
             active,
             model_set: self.force.models().cloned(),
         })

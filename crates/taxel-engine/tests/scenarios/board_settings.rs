@@ -55,9 +55,8 @@ fn at_shift_1() -> &'static Calibrated {
     CALIBRATED.get_or_init(|| calibrated(with_shift(1)))
 }
 
-fn calibrated(plan: Arc<Plan>) -> Calibrated {
-    let mut bench = Bench::new(small_world(), plan, Restored::default());
-    bench.brought_up();
+/// A session up to 30 kPa, whose set is in use then. The bag is vented.
+fn calibrate(bench: &mut Bench) -> Arc<ModelSet> {
     bench.start_session(Some(30.0));
     bench.ramp(74.0, 4.0);
     bench.until_state(30.0, SessionState::Review);
@@ -65,6 +64,13 @@ fn calibrated(plan: Arc<Plan>) -> Calibrated {
     bench.seconds(20.0);
     let set = bench.host.newest_set();
     bench.activate(&set.id).unwrap();
+    set
+}
+
+fn calibrated(plan: Arc<Plan>) -> Calibrated {
+    let mut bench = Bench::new(small_world(), plan, Restored::default());
+    bench.brought_up();
+    let set = calibrate(&mut bench);
     Calibrated { world: bench.world.clone(), set, session: Arc::new(bench.host.session().clone()) }
 }
 
@@ -300,13 +306,7 @@ fn boards_of_another_type_are_told_from_those_of_the_calibration() {
 fn a_skin_whose_set_is_of_other_settings_is_calibrated_again() {
     let mut bench = at_shift_1().restarted(with_shift(2));
     unused(&mut bench);
-    bench.start_session(Some(30.0));
-    bench.ramp(74.0, 4.0);
-    bench.until_state(30.0, SessionState::Review);
-    bench.world.pump(PumpCommand::Vent);
-    bench.seconds(20.0);
-    let set = bench.host.newest_set();
-    bench.activate(&set.id).unwrap();
+    calibrate(&mut bench);
     bench.tare(None).unwrap();
     weighs(&mut bench, "calibrated again");
 }

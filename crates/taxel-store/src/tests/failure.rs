@@ -1,7 +1,7 @@
 //! The disk fails, the queue fills, the engine errs.
 
 use std::sync::Arc;
-use std::sync::mpsc::channel;
+use std::sync::mpsc::{Sender, channel};
 
 use taxel_engine::calibration::SessionState;
 use taxel_engine::record::Record;
@@ -36,8 +36,8 @@ fn a_full_disk_ends_all_writing_and_loses_nothing_acknowledged() {
     assert!(acknowledged > 0);
 }
 
-#[test]
-fn a_full_queue_is_told_and_never_waits() {
+/// A store with a session whose writer waits for a word.
+fn held_store() -> (Store, Sender<()>) {
     let (release, hold) = channel::<()>();
     let store = Store::in_memory(Box::new(|_| ())).unwrap();
     let (tell, told) = channel();
@@ -47,6 +47,12 @@ fn a_full_queue_is_told_and_never_waits() {
     });
     store.submit(Batch { records: vec![session(1, SessionState::Ramping)], on_durable: Some(blocker) }).unwrap();
     told.recv().unwrap(); // the writer is in the callback now
+    (store, release)
+}
+
+#[test]
+fn a_full_queue_is_told_and_never_waits() {
+    let (store, release) = held_store();
     for index in 0..QUEUE_BATCHES as u64 {
         store.submit(quiet(vec![sample_record(1, index)])).unwrap();
     }
@@ -60,15 +66,7 @@ fn a_full_queue_is_told_and_never_waits() {
 /// What people ask for never takes the room of what happens by itself.
 #[test]
 fn of_what_is_asked_for_a_quarter_of_the_queue_may_wait() {
-    let (release, hold) = channel::<()>();
-    let store = Store::in_memory(Box::new(|_| ())).unwrap();
-    let (tell, told) = channel();
-    let blocker = Box::new(move |_| {
-        tell.send(()).unwrap();
-        hold.recv().unwrap();
-    });
-    store.submit(Batch { records: vec![session(1, SessionState::Ramping)], on_durable: Some(blocker) }).unwrap();
-    told.recv().unwrap(); // the writer is in the callback now
+    let (store, release) = held_store();
     let taken = (0..).take_while(|&index| store.submit_asked(quiet(vec![sample_record(1, index)])).is_ok()).count();
     assert_eq!(taken, QUEUE_BATCHES_ASKED);
     let QueueFull { batch, most } = store.submit_asked(quiet(vec![sample_record(1, 9999)])).unwrap_err();
