@@ -35,18 +35,23 @@ impl Activation {
     }
 }
 
-/// A zero's noise is no more than this times what the models know: a threshold in multiples of the noise must not grow
-/// because something moved while the zero was taken.
+/// A zero's noise is taken for no more than this times what the models know: a threshold in multiples of the noise must not
+/// grow because something moved while the zero was taken.
 const NOISE_GROWTH_MAX: f64 = 1.5;
 
-/// A zero with a noise that is no more than `NOISE_GROWTH_MAX` times what is `known` of each taxel. A taxel that gave no
-/// value at rest stays unknown.
+/// A zero with the noise that it and the models know of each taxel together: the root of the mean of both squares, where the
+/// zero's is no more than `NOISE_GROWTH_MAX` times the models'. A taxel that gave no value at rest stays unknown.
+///
+/// A zero of a second sees twenty readings: their scatter is off by 16 %, and of 230 taxels that of fourteen by more than 30 %. A
+/// threshold of four such deviations would be reached by noise every second.
 #[must_use]
-pub fn with_noise_capped(mut baseline: Vec<TaxelBaseline>, known: &[TaxelBaseline]) -> Vec<TaxelBaseline> {
+pub fn with_noise_known(mut baseline: Vec<TaxelBaseline>, known: &[TaxelBaseline]) -> Vec<TaxelBaseline> {
     for (taxel, known) in baseline.iter_mut().zip(known) {
         // `min` would take the cap for a noise that is not a number.
         if taxel.noise.is_finite() && known.noise.is_finite() && known.noise > 0.0 {
-            taxel.noise = taxel.noise.min(NOISE_GROWTH_MAX * known.noise.max(NOISE_FLOOR_COUNTS));
+            let known = known.noise.max(NOISE_FLOOR_COUNTS);
+            let seen = taxel.noise.min(NOISE_GROWTH_MAX * known);
+            taxel.noise = (0.5 * (seen * seen + known * known)).sqrt();
         }
     }
     baseline
@@ -57,13 +62,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_noise_is_capped_by_what_is_known_and_an_unknown_taxel_stays_unknown() {
+    fn a_noise_is_what_both_know_and_an_unknown_taxel_stays_unknown() {
         let rest = |mean, noise| TaxelBaseline { mean, noise };
         let zero = vec![rest(240.0, 9.0), TaxelBaseline::UNKNOWN, rest(240.0, 9.0), rest(240.0, 0.5)];
         let known = [rest(239.0, 1.0), rest(239.0, 1.0), TaxelBaseline::UNKNOWN, rest(239.0, 1.0)];
-        let capped = with_noise_capped(zero, &known);
-        let noises: Vec<f64> = capped.iter().map(|taxel| taxel.noise).collect();
-        assert_eq!((noises[0], noises[2], noises[3]), (1.5, 9.0, 0.5));
-        assert!(capped[1].mean.is_nan() && capped[1].noise.is_nan(), "{:?}", capped[1]);
+        let both = with_noise_known(zero, &known);
+        let noises: Vec<f64> = both.iter().map(|taxel| taxel.noise).collect();
+        assert_eq!((noises[0], noises[2], noises[3]), (1.625_f64.sqrt(), 9.0, 0.625_f64.sqrt()));
+        assert!(both[1].mean.is_nan() && both[1].noise.is_nan(), "{:?}", both[1]);
     }
 }

@@ -73,6 +73,8 @@ struct Missing<'a> {
     faulty: Vec<u16>,
     /// Those without a zero that may bear a load.
     loaded: Vec<u16>,
+    /// How many that cannot be read lie beside a contact of which they may bear most.
+    beside: Option<usize>,
 }
 
 /// The force of one patch.
@@ -315,7 +317,11 @@ impl Force {
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts };
-        let faulty = self.faulty_beside(&touch);
+        // What noise alone activated is no contact that others may bear.
+        let (faulty, beside) = match unseen.has_contact {
+            true => (self.faulty_beside(&touch), touch.mostly_blind()),
+            false => (Vec::new(), None),
+        };
         // Told of all, for a tip may press on one taxel alone; it degrades the force beside a contact.
         self.unread = self.last_unread(scan);
         let loaded = self.loaded_without_zero(scan);
@@ -325,13 +331,13 @@ impl Force {
         sample.stale = silent as u32;
         sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
         sample.lower_bound = self.coverage.blind > 0
-            || self.touch.mostly_blind().is_some()
+            || beside.is_some()
             || !loaded.is_empty()
             || self.unread.is_some()
             || sample.stale > 0
             || sample.out_of_range > 0
             || zero.load_vanished.is_some();
-        sample.reasons = self.shortcomings(scan, &sample, Missing { active: &in_total, faulty, loaded }, zero);
+        sample.reasons = self.shortcomings(scan, &sample, Missing { active: &in_total, faulty, loaded, beside }, zero);
         sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
         Measured { sample, active: in_total, told: unseen.told }
     }

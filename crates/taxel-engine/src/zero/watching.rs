@@ -1,6 +1,6 @@
 //! The zero while somebody watches the skin for one: what a watch takes in, and what follows from it.
 
-use crate::baseline::with_noise_capped;
+use crate::baseline::with_noise_known;
 use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::request::ErrorReason;
@@ -76,7 +76,7 @@ impl Zero {
             Some(who) => format!("{who} confirms that nothing touches the skin; {verdict}"),
             None => verdict.to_string(),
         };
-        let baseline = with_noise_capped(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
+        let baseline = with_noise_known(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
         let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, rest, &baseline);
         if let Purpose::Operator { request, .. } = purpose {
             self.proven = Some(Proven::new(request, view.clone(), baseline.clone()));

@@ -82,7 +82,7 @@ impl Force {
         &self,
         scan: &Scan<'_>,
         sample: &ForceSample,
-        Missing { active, faulty, loaded }: Missing<'_>,
+        Missing { active, faulty, loaded, beside }: Missing<'_>,
         zero: &ZeroState,
     ) -> Vec<Reason> {
         use ReasonCode::{TaxelsBlind, TaxelsFaulty, TaxelsOutOfRange, TaxelsSilent, TaxelsWithoutZero};
@@ -108,7 +108,7 @@ impl Force {
                 let text = format!("{n} taxels with a model {why}");
                 reasons.push(Reason::about(Arc::clone(&self.without_zero), TaxelsWithoutZero, text));
             }
-        } else if let Some(n) = self.touch.mostly_blind() {
+        } else if let Some(n) = beside {
             let text = format!("more of a contact may lie on {n} taxels that cannot be read than on those that can");
             reasons.push(Reason::new(TaxelsBlind, format!("{text}: the total is a lower bound")));
         }
