@@ -1,22 +1,38 @@
-//! How the boards of a patch are set, as far as their counts depend on it. Boards that are set in another way rest at the
-//! same count and pass for sound, while every count is worth more or less than the models say.
+//! How the boards of a patch are set, as far as their counts depend on it, and which of their modules belong to it. Boards
+//! that are set in another way rest at the same count and pass for sound, while every count is worth more or less than the
+//! models say; and with other modules, or boards in another order, the models are those of other taxels.
 //!
 //! Model sets keep it in words, a line a board, and the words are read here, where they are written. What a line does not
 //! tell is not known, and nothing follows from it.
 
+mod modules;
+
 use std::fmt;
 
-use taxel_skin::{BoardAddress, CountRange, Module};
+use taxel_skin::{Board, CountRange, Module};
 use taxel_wire::icub::{BoardConfig, TriangleConfig};
 
+pub use self::modules::Modules;
 use crate::intake::bring_up::BoardSetup;
 use crate::intake::cells::DevicePlan;
+
+/// What stands in a line before the modules.
+const MODULES_OF: &str = "; modules ";
 
 /// What is written of a board that is only listened to.
 const UNKNOWN: &str = "settings unknown";
 
 /// Modules of a skin board.
 const MODULES: u8 = 16;
+
+/// What is known of a board.
+#[derive(Clone, Debug, PartialEq)]
+pub struct KnownBoard {
+    address: u8,
+    settings: BoardSettings,
+    /// `None` where an earlier version did not tell.
+    modules: Option<Modules>,
+}
 
 /// How a board is set.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,39 +82,6 @@ impl BoardSettings {
         Self::Device { range: counts.into(), numbers }
     }
 
-    /// The line of the board of this address.
-    #[must_use]
-    pub fn line(&self, address: BoardAddress) -> String {
-        match self {
-            Self::Configured(setup) => {
-                let BoardConfig { kind, period_ms, no_load } = setup.board;
-                let triangle = |t: &TriangleConfig| {
-                    format!("{}-{}: shift {} cdc_offset {:#06x}", t.first, t.last, t.shift, t.cdc_offset)
-                };
-                let triangles = setup.triangles.iter().map(triangle).collect::<Vec<_>>().join(", ");
-                format!("board {address}: type {kind} period {period_ms} ms no_load {no_load}; {triangles}")
-            }
-            Self::Listened => format!("board {address}: {UNKNOWN}"),
-            Self::Device { range, numbers: None } => format!("device {address}: {range}"),
-            Self::Device { range, numbers: Some(numbers) } => format!("device {address}: {range}; {numbers}"),
-        }
-    }
-
-    /// What a line tells; `None` if it is none of [`BoardSettings::line`].
-    fn read(line: &str) -> Option<Self> {
-        let (name, told) = line.split_once(": ")?;
-        match name.split_once(' ')?.0 {
-            "board" if told == UNKNOWN => Some(Self::Listened),
-            "board" => read_setup(told).map(Self::Configured),
-            "device" => {
-                let (range, numbers) = told.split_once("; ").map_or((told, None), |(r, n)| (r, Some(n)));
-                let numbers = numbers.map(|text| read_numbers(text).ok_or(())).transpose().ok()?;
-                Some(Self::Device { range: read_range(range)?, numbers })
-            }
-            _ => None,
-        }
-    }
-
     /// A skin board sends bytes, however it is set.
     fn range(&self) -> Range {
         match self {
@@ -108,14 +91,9 @@ impl BoardSettings {
     }
 
     /// What has changed since `self`, as far as both are known; `now` is the board of this address.
-    fn differences(&self, now: &Self, address: BoardAddress) -> Vec<Difference> {
-        let place = || match now {
-            Self::Device { .. } => format!("device {address}"),
-            _ => format!("board {address}"),
-        };
-        let changed = |then: &dyn fmt::Display, now: &dyn fmt::Display| {
-            vec![Difference { place: place(), then: then.to_string(), now: now.to_string() }]
-        };
+    fn differences(&self, now: &Self, address: u8) -> Vec<Difference> {
+        let changed =
+            |then: &dyn fmt::Display, is: &dyn fmt::Display| vec![difference_of(now.named(address), then, is)];
         match (self, now) {
             _ if self.range() != now.range() => changed(&self.range(), &now.range()),
             (Self::Configured(then), Self::Configured(now)) => of_setups(then, now, address),
@@ -125,19 +103,112 @@ impl BoardSettings {
             _ => Vec::new(),
         }
     }
+
+    fn named(&self, address: u8) -> String {
+        match self {
+            Self::Device { .. } => format!("device {address}"),
+            Self::Configured(_) | Self::Listened => format!("board {address}"),
+        }
+    }
 }
 
-/// Why what was gathered with boards of these lines says nothing of boards that are set as they are `now`, in words that go
+impl KnownBoard {
+    /// The board of a configuration, which is set so.
+    #[must_use]
+    pub fn of(board: &Board, settings: BoardSettings) -> Self {
+        Self { address: board.address.get(), settings, modules: Some(Modules::of(&board.modules)) }
+    }
+
+    /// The line that tells it.
+    #[must_use]
+    pub fn line(&self) -> String {
+        let settings = match &self.settings {
+            BoardSettings::Configured(setup) => {
+                let BoardConfig { kind, period_ms, no_load } = setup.board;
+                let triangle = |t: &TriangleConfig| {
+                    format!("{}-{}: shift {} cdc_offset {:#06x}", t.first, t.last, t.shift, t.cdc_offset)
+                };
+                let triangles = setup.triangles.iter().map(triangle).collect::<Vec<_>>().join(", ");
+                format!("type {kind} period {period_ms} ms no_load {no_load}; {triangles}")
+            }
+            BoardSettings::Listened => UNKNOWN.to_owned(),
+            BoardSettings::Device { range, numbers: None } => range.to_string(),
+            BoardSettings::Device { range, numbers: Some(numbers) } => format!("{range}; {numbers}"),
+        };
+        let modules = self.modules.as_ref().map_or_else(String::new, |modules| format!("{MODULES_OF}{modules}"));
+        format!("{}: {settings}{modules}", self.settings.named(self.address))
+    }
+
+    /// What a line tells; `None` if it is none of [`KnownBoard::line`].
+    fn read(line: &str) -> Option<Self> {
+        let (line, modules) = line.split_once(MODULES_OF).map_or((line, None), |(line, m)| (line, Some(m)));
+        let modules = modules.map(|text| Modules::read(text).ok_or(())).transpose().ok()?;
+        let (name, told) = line.split_once(": ")?;
+        let (of, address) = name.split_once(' ')?;
+        let settings = match of {
+            "board" if told == UNKNOWN => BoardSettings::Listened,
+            "board" => BoardSettings::Configured(read_setup(told)?),
+            "device" => {
+                let (range, numbers) = told.split_once("; ").map_or((told, None), |(r, n)| (r, Some(n)));
+                let numbers = numbers.map(|text| read_numbers(text).ok_or(())).transpose().ok()?;
+                BoardSettings::Device { range: read_range(range)?, numbers }
+            }
+            _ => return None,
+        };
+        Some(Self { address: address.parse().ok()?, settings, modules })
+    }
+
+    /// What has changed since `self`, as far as both are known.
+    fn differences(&self, now: &Self) -> Vec<Difference> {
+        let mut all = self.settings.differences(&now.settings, now.address);
+        if let (Some(then), Some(is)) = (&self.modules, &now.modules)
+            && then != is
+        {
+            let named = now.settings.named(now.address);
+            all.push(difference_of(named, &format!("modules {then}"), &format!("modules {is}")));
+        }
+        all
+    }
+}
+
+fn difference_of(place: String, then: &dyn fmt::Display, now: &dyn fmt::Display) -> Difference {
+    Difference { place, then: then.to_string(), now: now.to_string() }
+}
+
+/// Why what was gathered with boards of these lines says nothing of boards that are as they are `now`, in words that go
 /// on from what was gathered; `None` where they are the same as far as is known. Boards are compared by their place: in
-/// the order of the boards taxels have their numbers.
+/// the order of the boards taxels have their numbers. One whose
+/// address no board had before has new electronics, on the same pads.
 #[must_use]
-pub fn difference(lines: &[String], now: &[(BoardAddress, BoardSettings)]) -> Option<String> {
-    let known = lines.iter().zip(now).filter_map(|(line, now)| Some((BoardSettings::read(line)?, now)));
-    let mut all = known.flat_map(|(then, (address, now))| then.differences(now, *address));
+pub fn difference(lines: &[String], now: &[KnownBoard]) -> Option<String> {
+    let then: Vec<Option<KnownBoard>> = lines.iter().map(|line| KnownBoard::read(line)).collect();
+    if let Some(why) = other_order(&then, now) {
+        return Some(why);
+    }
+    let known = then.iter().zip(now).filter_map(|(then, now)| Some((then.as_ref()?, now)));
+    let mut all = known.flat_map(|(then, now)| then.differences(now));
     let Difference { place, then, now } = all.next()?;
     let more = all.count();
     let more = if more == 0 { String::new() } else { format!(" (and {more} more)") };
     Some(format!("was gathered with {then} on {place}, where the configuration has {now}{more}"))
+}
+
+/// Why the boards are not in the order in which they were; `None` where they are, as far as all of them are known.
+fn other_order(then: &[Option<KnownBoard>], now: &[KnownBoard]) -> Option<String> {
+    let then: Vec<&KnownBoard> = then.iter().map(Option::as_ref).collect::<Option<_>>()?;
+    let moved = |(place, board): (usize, &KnownBoard)| {
+        let had = |at: usize| then.get(at).is_some_and(|then| then.address == board.address);
+        !had(place) && (0..then.len()).any(had)
+    };
+    let moved = now.iter().enumerate().any(moved);
+    if then.is_empty() || (then.len() == now.len() && !moved) {
+        return None;
+    }
+    let list = |boards: &mut dyn Iterator<Item = &KnownBoard>| {
+        boards.map(|board| board.settings.named(board.address)).collect::<Vec<_>>().join(", ")
+    };
+    let (then, now) = (list(&mut then.into_iter()), list(&mut now.iter()));
+    Some(format!("was gathered with {then} in this order, where the configuration has {now}"))
 }
 
 /// What two sets of lines differ in, of each its own, so that the counts of both are not to be fitted together. Lines of skin
@@ -153,17 +224,20 @@ pub fn differ_in(lines: &[String], others: &[String]) -> Option<(String, String)
 
 fn mean_the_same(a: &str, b: &str) -> bool {
     use BoardSettings::Device;
-    match (BoardSettings::read(a), BoardSettings::read(b)) {
-        (Some(Device { range, numbers }), Some(Device { range: other, numbers: others })) => {
+    let (Some(one), Some(other)) = (KnownBoard::read(a), KnownBoard::read(b)) else { return a == b };
+    let same_modules = one.modules.is_none() || other.modules.is_none() || one.modules == other.modules;
+    let same_settings = match (&one.settings, &other.settings) {
+        (Device { range, numbers }, Device { range: other, numbers: others }) => {
             range == other && (numbers == others || numbers.is_none() || others.is_none())
         }
-        _ => a == b,
-    }
+        (one, other) => one == other,
+    };
+    one.address == other.address && same_modules && same_settings
 }
 
 /// The period is left out: no count depends on it. A no-load value alone moves all counts by as much, and a force is made of
 /// differences; but rest is told from a load by where the counts lie, so that a load that makes up for it passes for rest.
-fn of_setups(then: &BoardSetup, now: &BoardSetup, address: BoardAddress) -> Vec<Difference> {
+fn of_setups(then: &BoardSetup, now: &BoardSetup, address: u8) -> Vec<Difference> {
     let board = || format!("board {address}");
     let (was, is) = (then.board, now.board);
     let of_board = [("type", was.kind, is.kind), ("no_load", was.no_load, is.no_load)].into_iter();

@@ -18,7 +18,7 @@ pub struct ModelSet {
     pub session: Option<u64>,
     /// `order 5, pressure-binned` and the like: how it was fitted.
     pub method: String,
-    /// Board settings that the counts depend on, in words: one line a board.
+    /// Board settings that the counts depend on, and the modules of the patch, in words: one line a board.
     pub board_settings: Vec<String>,
     /// Count and noise at rest that the models refer to, one per taxel.
     pub baseline: Vec<TaxelBaseline>,

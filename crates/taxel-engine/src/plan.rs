@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use taxel_model::{FitOptions, Rails};
-use taxel_skin::{BoardAddress, CountRange, Geometry, Patch, SquareMillimetre};
+use taxel_skin::{CountRange, Geometry, Patch, SquareMillimetre};
 
 pub use crate::calibration::limits::SessionLimits;
 pub use crate::force::measure::Outputs;
@@ -14,7 +14,7 @@ pub use crate::zero::drift::plan::DriftPlan;
 pub use crate::zero::plan::TarePlan;
 
 use crate::baseline::Activation;
-use crate::board_settings::{BoardSettings, difference};
+use crate::board_settings::{BoardSettings, KnownBoard, difference};
 use crate::calibration::calibration_plan::CalibrationPlan;
 use crate::force::measure::Layout;
 use crate::force::owner::ForcePlan;
@@ -203,26 +203,26 @@ impl PatchPlan {
         }
     }
 
-    /// How each board is set, as far as its counts depend on it.
-    fn settings(&self) -> Vec<(BoardAddress, BoardSettings)> {
+    /// How each board is set, as far as its counts depend on it, and which of its modules belong to the patch.
+    fn known_boards(&self) -> Vec<KnownBoard> {
         let boards = self.patch.boards().iter().enumerate();
         let settings = |at: usize| match (self.devices.get(at), self.bring_up.get(at)) {
             (Some(device), _) => BoardSettings::of_device(device, self.patch.counts()),
             (None, Some(setup)) => BoardSettings::Configured(setup.clone()),
             (None, None) => BoardSettings::Listened,
         };
-        boards.map(|(at, board)| (board.address, settings(at))).collect()
+        boards.map(|(at, board)| KnownBoard::of(board, settings(at))).collect()
     }
 
     /// The same in words, a line each board.
     pub(crate) fn board_settings(&self) -> Vec<String> {
-        self.settings().iter().map(|(address, settings)| settings.line(*address)).collect()
+        self.known_boards().iter().map(KnownBoard::line).collect()
     }
 
     /// How boards of these lines were set otherwise than in this plan, in words that go on from what was gathered with them;
     /// `None` where they are the same, as far as both is known.
     pub(crate) fn differs_from(&self, lines: &[String]) -> Option<String> {
-        difference(lines, &self.settings())
+        difference(lines, &self.known_boards())
     }
 
     /// Why a model set says nothing of boards that are set as in this plan, in words.

@@ -1,28 +1,27 @@
 use proptest::prelude::*;
+use taxel_skin::ModuleKind;
 
 use super::*;
 
 const LINE: &str =
     "board 13: type 7 period 50 ms no_load 240; 0-15: shift 2 cdc_offset 0x2200, 3-4: shift 0 cdc_offset 0x2000";
-const BOARD: BoardAddress = match BoardAddress::new(13) {
-    Ok(address) => address,
-    Err(_) => panic!("no address"),
-};
 
-fn known(line: &str) -> BoardSettings {
-    BoardSettings::read(line).unwrap()
+fn known(line: &str) -> KnownBoard {
+    KnownBoard::read(line).unwrap()
 }
 
 /// What is said of a set with the one line on a board that is set as the other one says.
 fn says(then: &str, now: &str) -> Option<String> {
-    difference(&[then.to_owned()], &[(BOARD, known(now))])
+    difference(&[then.to_owned()], &[known(now)])
 }
 
 #[test]
 fn every_line_that_is_written_is_read_as_what_it_was_written_of() {
     let device = |numbers| BoardSettings::Device { range: CountRange::to(4095).unwrap().into(), numbers };
     let numbers = Numbers { low: -8_388_608, shift: 8 };
-    let BoardSettings::Configured(setup) = known(LINE) else { panic!("{LINE}") };
+    let BoardSettings::Configured(setup) = known(LINE).settings else { panic!("{LINE}") };
+    let all: Vec<_> = (0..MODULES).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
+    let board = |settings, modules| KnownBoard { address: 13, settings, modules };
     let without_modules = BoardSetup { triangles: Vec::new(), ..setup.clone() };
     for settings in [
         BoardSettings::Configured(setup),
@@ -31,11 +30,16 @@ fn every_line_that_is_written_is_read_as_what_it_was_written_of() {
         device(None),
         device(Some(numbers)),
     ] {
-        assert_eq!(known(&settings.line(BOARD)), settings);
+        for modules in [None, Some(Modules::of(&all[..1])), Some(Modules::of(&all[2..7]))] {
+            let board = board(settings.clone(), modules);
+            assert_eq!(known(&board.line()), board);
+        }
     }
-    assert_eq!(known(LINE).line(BOARD), LINE);
-    let told = device(Some(numbers)).line(BOARD);
+    assert_eq!(known(LINE).line(), LINE);
+    let told = board(device(Some(numbers)), None).line();
     assert_eq!(told, "device 13: counts from 0 to 4095, 16 to a unit; numbers from -8388608, lowest 8 bits left out");
+    let told = board(BoardSettings::Listened, Some(Modules::of(&all))).line();
+    assert_eq!(told, "board 13: settings unknown; modules 0-15");
 }
 
 #[test]
@@ -45,12 +49,13 @@ fn what_no_version_has_written_is_not_known_and_nothing_follows_from_it() {
     let broken = [("type 7", "type 700"), ("ms ", ""), ("0-15", "0-16"), ("0-15", "0"), ("0x", ""), ("; ", ", ")];
     odd.extend(broken.map(|(is, becomes)| LINE.replacen(is, becomes, 1)));
     odd.push("device 1: counts from 0 to 4095".to_owned());
+    odd.push(format!("{LINE}; modules 3 to 4"));
     odd.push("device 1: counts from 0 to 4095, 16 to a unit; numbers of some kind".to_owned());
     for line in odd {
-        assert_eq!(BoardSettings::read(&line), None, "{line}");
-        assert_eq!(difference(&[line], &[(BOARD, known(LINE))]), None);
+        assert_eq!(KnownBoard::read(&line), None, "{line}");
+        assert_eq!(difference(&[line], &[known(LINE)]), None);
     }
-    assert_eq!(difference(&[], &[(BOARD, known(LINE))]), None);
+    assert_eq!(difference(&[], &[known(LINE)]), None);
 }
 
 #[test]
@@ -107,16 +112,52 @@ fn a_range_is_compared_wherever_it_is_known() {
 
 #[test]
 fn boards_are_compared_by_their_place_and_the_first_difference_is_told() {
+    let lines = |all: [&str; 2]| all.map(str::to_owned);
     let other = LINE.replace("board 13", "board 12").replace("type 7", "type 8");
-    let twelve = BoardAddress::new(12).unwrap();
-    let now = [(BOARD, known(LINE)), (twelve, known(&other))];
-    let lines = |all: [&String; 2]| all.map(Clone::clone);
-    let line = LINE.to_owned();
-    assert_eq!(difference(&lines([&line, &other]), &now), None);
-    let why = difference(&lines([&other, &line]), &now).unwrap();
+    let now = [known(LINE), known(&other)];
+    assert_eq!(difference(&lines([LINE, &other]), &now), None);
+    // New electronics have new addresses.
+    let (first, second) = (LINE.replace("board 13", "board 3"), other.replace("board 12", "board 4"));
+    assert_eq!(difference(&lines([&first, &second]), &now), None);
+    let (first, second) = (first.replace("type 7", "type 8"), second.replace("type 8", "type 7"));
+    let why = difference(&lines([&first, &second]), &now).unwrap();
     assert!(why.contains("type 8 on board 13") && why.ends_with("type 7 (and 1 more)"), "{why}");
-    let why = difference(&lines([&"?".to_owned(), &line]), &now).unwrap();
+    let why = difference(&lines(["?", &second]), &now).unwrap();
     assert!(why.contains("type 7 on board 12"), "{why}");
+}
+
+/// The taxels of one board would get the models of another's.
+#[test]
+fn boards_in_another_order_or_number_are_told() {
+    let lines = |all: &[&str]| all.iter().map(|line| (*line).to_owned()).collect::<Vec<_>>();
+    let (twelve, eleven) = (LINE.replace("board 13", "board 12"), LINE.replace("board 13", "board 11"));
+    let now = [known(LINE), known(&twelve)];
+    let why = difference(&lines(&[&twelve, LINE]), &now).unwrap();
+    assert_eq!(
+        why,
+        "was gathered with board 12, board 13 in this order, where the configuration has board 13, board 12"
+    );
+    assert!(difference(&lines(&[&eleven, LINE]), &now).is_some(), "board 13 was another one");
+    assert_eq!(difference(&lines(&[LINE, &eleven]), &now), None, "new electronics");
+    for other in [lines(&[LINE]), lines(&[LINE, &twelve, &eleven])] {
+        assert!(difference(&other, &now).unwrap().contains("in this order"), "{other:?}");
+    }
+    assert_eq!(difference(&lines(&[LINE, "?", &twelve]), &now), None, "who knows what they were");
+}
+
+#[test]
+fn modules_are_compared_where_both_are_known() {
+    let with = |modules: &str| format!("{LINE}; modules {modules}");
+    let why = says(&with("0-3"), &with("1-4")).unwrap();
+    assert_eq!(why, "was gathered with modules 0-3 on board 13, where the configuration has modules 1-4");
+    assert!(says(&with("0-3 fingertip"), &with("0-3")).is_some(), "of other values");
+    for (then, now) in [(with("0-3"), with("0-3")), (LINE.to_owned(), with("0-3")), (with("0-3"), LINE.to_owned())] {
+        assert_eq!(says(&then, &now), None);
+        assert_eq!(differ_in(&[then], &[now]), None);
+    }
+    assert!(differ_in(&[with("0-3")], &[with("1-4")]).is_some());
+    let device = |taxels: u8| format!("device 1: counts from 0 to 255, 1 to a unit; modules 0 of {taxels} taxels");
+    assert!(says(&device(16), &device(16)).is_none() && says(&device(16), &device(8)).is_some());
 }
 
 #[test]
@@ -150,9 +191,9 @@ fn lines_of_one_fit_are_equal_but_for_what_an_earlier_version_did_not_tell() {
 
 proptest! {
     #[test]
-    fn any_text_is_read_or_not(text in "(board|device) 1: .{0,60}", other in ".*") {
+    fn any_text_is_read_or_not(text in "(board|device) 1: .{0,60}(; modules .{0,20})?", other in ".*") {
         for line in [text, other] {
-            let _ = BoardSettings::read(&line);
+            let _ = KnownBoard::read(&line);
         }
     }
 }

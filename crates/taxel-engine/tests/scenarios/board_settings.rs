@@ -184,6 +184,29 @@ fn a_set_of_boards_with_another_shift_is_imported_and_not_activated() {
     weighs(&mut later, "a set of boards with the same settings");
 }
 
+/// As many taxels, and each with the model of another one.
+#[test]
+fn a_set_of_other_modules_or_of_boards_in_another_order_is_not_used() {
+    let calibrated = at_shift_1();
+    let lines = calibrated.set.board_settings.clone();
+    assert!(lines[0].ends_with("; modules 0-5") && lines[1].ends_with("; modules 0-1"), "{lines:?}");
+    let other_modules = vec![lines[0].replace("modules 0-5", "modules 1-6"), lines[1].clone()];
+    let other_order = vec![lines[1].clone(), lines[0].clone()];
+    for (lines, said) in [
+        (other_modules, "with modules 1-6 on board 13, where the configuration has modules 0-5: "),
+        (other_order, "with board 12, board 13 in this order, where the configuration has board 13, board 12: "),
+    ] {
+        let set = other("m-other", |set| set.board_settings = lines);
+        let why = unused(&mut calibrated.restarted_with(with_shift(1), Arc::clone(&set)));
+        assert!(why.contains(said), "{why}");
+        let mut bench = calibrated.restarted(with_shift(1));
+        import(&mut bench, set);
+        let why =
+            bench.refused(Command::Activate { patch: String::new(), model_set: "m-other".to_owned(), expected: None });
+        assert!(why.contains(said), "{why}");
+    }
+}
+
 #[test]
 fn a_set_that_is_read_from_the_disk_first_is_refused_all_the_same() {
     let stored = other("m-stored", |_| {});
