@@ -55,7 +55,7 @@ impl Refusals {
     }
 
     /// The lines that are due. A kind of which nothing came since the last time is new when it comes again.
-    fn take(&self) -> Vec<String> {
+    pub(crate) fn take(&self) -> Vec<String> {
         let mut kinds = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         kinds.retain(|_, kind| kind.untold > 0);
         let seconds = COUNTED_FOR.as_secs();

@@ -59,7 +59,9 @@ impl Reload {
         let found = keys(text)?;
         let regrants = doors.ruled == self.ruled;
         let changed = self.changed(&found);
-        if changed.is_empty() {
+        if !regrants && !changed.iter().any(|name| name.starts_with(ACCESS)) {
+            refuse("access"); // a section without keys has come or gone
+        } else if changed.is_empty() {
             tracing::info!("reloaded: nothing has changed");
         }
         for name in changed {
@@ -69,9 +71,7 @@ impl Reload {
                 tracing::info!("{name} is reloaded");
                 self.note(name, &found);
             } else {
-                let section = name.split(['.', '[']).next().unwrap_or_default();
-                let reason = REASONS.iter().find(|(first, _)| *first == section).map_or("it is in use", |(_, why)| why);
-                tracing::warn!("{name} is not reloaded: {reason}; it needs a restart");
+                refuse(&name);
             }
         }
         // Also if no key has changed: who may do what is what the file says, not what a comparison says of it.
@@ -101,6 +101,13 @@ impl Reload {
             None => self.applied.remove(&name),
         };
     }
+}
+
+/// Tells that a key waits for a restart, and why.
+fn refuse(name: &str) {
+    let section = name.split(['.', '[']).next().unwrap_or_default();
+    let reason = REASONS.iter().find(|(first, _)| *first == section).map_or("it is in use", |(_, why)| why);
+    tracing::warn!("{name} is not reloaded: {reason}; it needs a restart");
 }
 
 /// Every value of a text by its key, such as `service.listen` and `patch[0].period_ms`.

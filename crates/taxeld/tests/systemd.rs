@@ -160,6 +160,14 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
     assert!(log.contains("log.filter is reloaded: `debug`"), "{log}");
     let refused = "service.subscribers_max is not reloaded: clients are connected to it as it is; it needs a restart";
     assert!(log.contains(refused), "{log}");
+    // Rules that grant nothing to anybody are rules, too.
+    write_config(&service.folder, service.address, &format!("{more}[access]\n"));
+    service.signal("-HUP");
+    service.until_told("RELOADING=1");
+    service.until_told("READY=1");
+    let refused =
+        "access is not reloaded: where the tokens are, and whether there are rules at all, is settled at the start";
+    assert!(service.log().contains(refused), "{}", service.log());
     // A file that cannot be used changes nothing.
     std::fs::write(service.path("taxeld.toml"), "[store]\npath = 5\n").unwrap();
     service.signal("-HUP");

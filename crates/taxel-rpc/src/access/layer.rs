@@ -227,6 +227,7 @@ where
 mod tests {
     use super::*;
     use crate::access::role::Role;
+    use crate::access::rules::Rules;
 
     #[test]
     fn a_path_in_a_refusal_is_short_and_has_no_control_characters() {
@@ -250,6 +251,29 @@ mod tests {
         let nobody = denied_as(None, false);
         assert_eq!(nobody.code(), Code::Unauthenticated);
         assert!(nobody.message().contains("show a token"), "{nobody:?}");
+    }
+
+    /// Twice, because the first is a line at once and those that follow are counted.
+    #[tokio::test]
+    async fn the_log_is_told_what_was_refused_to_whom() {
+        let (limits, refusals) = (Limits::default(), Arc::new(Refusals::default()));
+        let access = Access::new(Rules::default());
+        let ledgers = (Shares::new(&limits), Arc::clone(&refusals));
+        let gate = Gate::new(access, ledgers, Answers::new(limits.unread, Arc::clone(&refusals)), &limits);
+        let peer = Peer { origin: Arc::new(Origin::of_tcp(([127, 0, 0, 1], 4000).into())), ward: None };
+        let (tare, nothing) = ("/taxel.v1.SkinService/Tare", http::HeaderMap::new());
+        for _ in 0..2 {
+            gate.permits(&peer, tare, &nothing).unwrap_err();
+        }
+        let mut request = http::Request::builder().uri(tare).body(Body::empty()).unwrap();
+        request.extensions_mut().insert(peer);
+        assert!(gate.admit(&request).is_err());
+        let lines = refusals.take();
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert!(
+            lines[0].starts_with("2 more like the last") && lines[0].contains("SkinService/Tare from "),
+            "{lines:?}"
+        );
     }
 
     /// A robot's gateway may push nothing for minutes and go on.
