@@ -86,3 +86,58 @@ const fn sent_as(reason: ErrorReason) -> v1::ErrorReason {
         ErrorReason::ProgramFault => Sent::ProgramFault,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_reason_is_sent_under_its_own_name() {
+        let all = {
+            use ErrorReason::*;
+            [
+                FieldInvalid,
+                PatchUnknown,
+                SessionUnknown,
+                ModelSetUnknown,
+                LoadUnknown,
+                SessionOpen,
+                SessionWrongState,
+                BeingDeleted,
+                LimitReached,
+                NoPressureSensor,
+                BoardsNotConfigured,
+                ListenOnly,
+                BagPresses,
+                GaugeOffset,
+                SkinLoaded,
+                SkinSilent,
+                TareLoaded,
+                TareUnsteady,
+                TareUnproven,
+                TareSuperseded,
+                ZeroLost,
+                NoModelSet,
+                NoForce,
+                LoadBeingRead,
+                LoadNotFelt,
+                LoadUnsteady,
+                LoadInterrupted,
+                ModelSetInUse,
+                ModelSetDiscarded,
+                ActiveSetChanged,
+                ActivationUnderWay,
+                LayoutChanged,
+                SessionsDiffer,
+                SessionsTooLarge,
+                DataDamaged,
+                NotPushed,
+                StoreUnavailable,
+                ProgramFault,
+            ]
+        };
+        for reason in all {
+            assert_eq!(format!("{:?}", sent_as(reason)), format!("{reason:?}"));
+        }
+    }
+}

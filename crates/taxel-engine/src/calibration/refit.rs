@@ -318,3 +318,7 @@ fn joined(all: Vec<SessionSamples>) -> Result<SessionSamples, Rejection> {
     }
     Ok(joined)
 }
+
+#[cfg(test)]
+#[path = "refit_tests.rs"]
+mod tests;

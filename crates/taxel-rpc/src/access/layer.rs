@@ -253,14 +253,23 @@ mod tests {
         assert!(nobody.message().contains("show a token"), "{nobody:?}");
     }
 
+    /// Lets nobody do anything.
+    fn gate(refusals: &Arc<Refusals>) -> Gate {
+        let limits = Limits::default();
+        let ledgers = (Shares::new(&limits), Arc::clone(refusals));
+        let answers = Answers::new(limits.unread, Arc::clone(refusals));
+        Gate::new(Access::new(Rules::default()), ledgers, answers, &limits)
+    }
+
+    fn peer() -> Peer {
+        Peer { origin: Arc::new(Origin::of_tcp(([127, 0, 0, 1], 4000).into())), ward: None }
+    }
+
     /// Twice, because the first is a line at once and those that follow are counted.
     #[tokio::test]
     async fn the_log_is_told_what_was_refused_to_whom() {
-        let (limits, refusals) = (Limits::default(), Arc::new(Refusals::default()));
-        let access = Access::new(Rules::default());
-        let ledgers = (Shares::new(&limits), Arc::clone(&refusals));
-        let gate = Gate::new(access, ledgers, Answers::new(limits.unread, Arc::clone(&refusals)), &limits);
-        let peer = Peer { origin: Arc::new(Origin::of_tcp(([127, 0, 0, 1], 4000).into())), ward: None };
+        let refusals = Arc::new(Refusals::default());
+        let (gate, peer) = (gate(&refusals), peer());
         let (tare, nothing) = ("/taxel.v1.SkinService/Tare", http::HeaderMap::new());
         for _ in 0..2 {
             gate.permits(&peer, tare, &nothing).unwrap_err();
@@ -274,6 +283,18 @@ mod tests {
             lines[0].starts_with("2 more like the last") && lines[0].contains("SkinService/Tare from "),
             "{lines:?}"
         );
+    }
+
+    #[test]
+    fn a_credential_that_is_there_twice_is_none() {
+        let gate = gate(&Arc::default());
+        let mut headers = http::HeaderMap::new();
+        for token in ["Bearer a", "Bearer b"] {
+            headers.append(http::header::AUTHORIZATION, token.parse().unwrap());
+        }
+        let refused = gate.permits(&peer(), "/taxel.v1.SkinService/GetSkin", &headers).unwrap_err();
+        assert_eq!(refused.code(), Code::Unauthenticated);
+        assert!(refused.message().contains("`authorization` is there twice"), "{refused:?}");
     }
 
     /// A robot's gateway may push nothing for minutes and go on.

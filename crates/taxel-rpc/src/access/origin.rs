@@ -132,5 +132,18 @@ mod tests {
         assert_ne!(key("192.0.2.1:1"), key("192.0.2.2:1"));
         assert_eq!(key("[::ffff:192.0.2.1]:1"), key("192.0.2.1:1"));
         assert_eq!(key("[2001:db8::5]:1").to_string(), "2001:db8::/64");
+        assert_eq!(key("192.0.2.1:1").to_string(), "192.0.2.1");
+        assert_eq!(key("127.0.0.1:1").to_string(), "loopback TCP");
+    }
+
+    /// Where the kernel does not say which process it is.
+    #[test]
+    fn an_account_without_a_process_or_a_name_is_its_number() {
+        let account = Account { uid: 1004, user: None, groups: Vec::new() };
+        let origin = Origin::Unix(Arc::new(account), None);
+        assert_eq!((origin.place().as_str(), origin.name().as_deref()), ("uid 1004", Some("uid 1004")));
+        assert_eq!((origin.transport(), origin.key().to_string().as_str()), ("unix", "user id 1004"));
+        let remote = Origin::of_tcp("192.0.2.1:5".parse().unwrap());
+        assert_eq!((remote.transport(), remote.name(), remote.place().as_str()), ("insecure", None, "192.0.2.1:5"));
     }
 }

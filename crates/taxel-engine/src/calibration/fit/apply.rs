@@ -241,3 +241,7 @@ impl Reader<'_> {
         column
     }
 }
+
+#[cfg(test)]
+#[path = "apply_tests.rs"]
+mod tests;

@@ -3,7 +3,7 @@
 use super::course::{Course, session_clock};
 use super::dropouts::dropouts;
 use super::hysteresis::{error_on, range, swing, width_kpa};
-use super::lag::{mean_counts, shifted};
+use super::lag::{estimate, mean_counts, shifted};
 use super::legs::{legs, rising};
 use super::scans::modules;
 use super::smooth::half_width;
@@ -99,9 +99,33 @@ fn the_swing_of_a_count_leaves_its_outermost_scans_out_and_is_of_scans_with_a_pr
     assert!((error_on(&[1.0, 5.0, 8.0], &[1.0, 2.0, 4.0], &(1..3)) - 12.5_f64.sqrt()).abs() < 1e-12);
 }
 
+/// Gauge and counts have one course; the gauge's times are late.
+#[test]
+fn a_lag_is_told_to_a_fortieth_of_its_limit_and_judged_by_the_same_scans() {
+    let time_s = every(0.05, 400);
+    let pressure = |t: f64| 20.0 + 15.0 * (t / 1.1).sin();
+    let counts: Vec<f64> = time_s.iter().map(|t| 240.0 - pressure(*t)).collect();
+    let whole = stretch(400);
+    let found = |counts: &[f64], late_s: f64| {
+        let kpa: Vec<f64> = time_s.iter().map(|t| pressure(t - late_s)).collect();
+        let recording = scans(&time_s, &[counts]);
+        estimate(&recording, &kpa, &Masks::missing(&recording), &whole, 1.0)
+    };
+    for late_s in [0.4, -0.4, 0.0, 0.525, 0.975, 1.0, -1.0] {
+        let found = found(&counts, late_s);
+        assert!((found - late_s).abs() < 1e-9, "{found} is not {late_s}");
+    }
+    // The first scans, which have no pressure at some of the lags, are no argument for these.
+    let mut odd = counts.clone();
+    odd[..18].fill(100.0);
+    assert!((found(&odd, 0.4) - 0.4).abs() < 1e-9, "{}", found(&odd, 0.4));
+    assert_eq!(shifted(&[0.0, 0.5, 1.0], &[0.0, 1.0, 4.0], 0.25, &stretch(3))[..2], [0.5, 2.5]);
+}
+
 #[test]
 fn a_recording_tells_its_pace_by_its_middle_step() {
     let at = |time_s: &[f64]| scans(time_s, &[]).period_s();
+    assert_eq!(at(&[0.0, 0.0, 0.0, 0.0, 1.0]), 1.0, "scans at one time have no pace");
     assert_eq!([at(&[0.0, 0.25, 0.5, 7.0, 7.0, 6.0]), at(&[3.0]), at(&[])], [0.25, 0.0, 0.0]);
     let time_s = every(0.25, 40);
     let recording = scans(&time_s, &[]);

@@ -303,3 +303,7 @@ fn faulty(fault: Option<Fault>, share: f64, first: Option<f64>) -> Status {
         (None, Some(_)) => Status::Missing { share },
     }
 }
+
+#[cfg(test)]
+#[path = "skin_fit_tests.rs"]
+mod tests;

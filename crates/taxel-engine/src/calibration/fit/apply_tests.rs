@@ -1,0 +1,142 @@
+//! What a reading of a recording is uncertain by, on numbers that can be worked out by hand.
+
+use super::*;
+use crate::force::tests::{REST, set};
+use crate::model_set::{Recalibrated, Recorded, RecordedTaxel};
+
+fn near(is: f64, expected: f64) {
+    assert!((is - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{is} is not {expected}");
+}
+
+/// Two taxels that a recording of both branches told of.
+fn recorded() -> ModelSet {
+    let taxel = RecordedTaxel { rmse_kpa: 0.5, sensitivity: 2.0, hysteresis_kpa: Some(1.2), plays: None };
+    let recorded = Recorded {
+        smooth_s: 0.0,
+        module_size: 10,
+        lag_s: 0.0,
+        clock: None,
+        zero_return_counts: 1.2,
+        zero_return_common_counts: Some(0.9),
+        plays_error_ratio: None,
+        taxels: vec![Some(taxel); 2],
+    };
+    ModelSet { recorded: Some(recorded), ..ModelSet::clone(&set(2)) }
+}
+
+fn reader(set: &ModelSet, skin: bool, tared: bool) -> Reader<'_> {
+    Reader { set, extensions: set.extensions(), half: 0, skin, tared }
+}
+
+#[test]
+fn a_taxel_has_in_common_with_others_its_hysteresis_and_what_of_the_zero_is_common() {
+    let set = recorded();
+    for (tared, day) in [(true, 0.0_f64), (false, 3.0)] {
+        let base = reader(&set, true, tared).base(0).unwrap();
+        let all = 0.5_f64.hypot(1.2_f64.hypot(day) / 2.0);
+        let shared = (1.2 / 12.0_f64.sqrt()).hypot(0.9_f64.hypot(day) / 2.0);
+        near(base.shared_kpa, shared.min(all));
+        near(base.own_kpa, (all * all - base.shared_kpa * base.shared_kpa).sqrt());
+        assert!(!tared || base.own_kpa > 0.1, "{tared}: {}", base.own_kpa);
+    }
+    assert!(reader(&set, true, true).base(2).is_none(), "of no such taxel");
+    let mut old = set;
+    old.recorded.as_mut().unwrap().zero_return_common_counts = None;
+    let base = reader(&old, true, true).base(0).unwrap();
+    near(base.shared_kpa, (1.2 / 12.0_f64.sqrt()).hypot(0.6).min(0.5_f64.hypot(0.6)));
+    assert!(reader(&set_without_recording(), true, true).base(0).is_none());
+}
+
+fn set_without_recording() -> ModelSet {
+    ModelSet { recorded: None, ..recorded() }
+}
+
+#[test]
+fn the_gain_of_the_day_grows_with_the_pressure_and_is_a_skins_alone() {
+    let mut set = recorded();
+    let rest = f64::from(REST);
+    let counts = [rest - 10.0, rest - 60.0, f64::NAN];
+    let masked = [false, false, true];
+    let read = |set: &ModelSet, skin: bool| reader(set, skin, true).column(0, &counts, &masked, 0.0);
+    let shared = reader(&set, true, true).base(0).unwrap().shared_kpa;
+    let skin = read(&set, true);
+    for (i, kpa) in [10.0, 60.0].into_iter().enumerate() {
+        assert!((skin.kpa[i] - kpa).abs() < 0.2, "{}", skin.kpa[i]);
+        near(skin.shared_kpa[i], shared.hypot(GAIN_OF_DAY_REL * skin.kpa[i]));
+        near(read(&set, false).shared_kpa[i], shared);
+    }
+    assert!(skin.kpa[2].is_nan() && skin.own_kpa[2].is_nan() && skin.shared_kpa[2].is_nan() && !skin.beyond[2]);
+    set.recalibrated = Some(Recalibrated { relative_sigma: 0.04, ..corrected() });
+    let skin = read(&set, true);
+    near(skin.shared_kpa[1], shared.hypot(GAIN_OF_DAY_REL.hypot(0.04) * skin.kpa[1]));
+    // A zero that has moved is taken off the counts.
+    let moved = reader(&set, true, true).column(0, &counts.map(|count| count + 7.0), &masked, 7.0);
+    near(moved.kpa[0], skin.kpa[0]);
+}
+
+fn corrected() -> Recalibrated {
+    Recalibrated {
+        derived_from: "m-before".to_owned(),
+        earlier: Vec::new(),
+        area_mm2: None,
+        gain: 1.0,
+        gain_sigma: 0.0,
+        offset_kpa: 0.0,
+        offset_sigma_kpa: 0.0,
+        place_rel: 0.0,
+        relative_sigma: 0.0,
+        gain_in_all: 1.0,
+        points: Vec::new(),
+    }
+}
+
+#[test]
+fn at_the_rail_and_beyond_the_range_a_reading_says_so() {
+    let set = recorded();
+    let rest = f64::from(REST);
+    let counts = [rest - 70.0, rest - 90.0, 0.0, 255.0];
+    let column = |skin: bool| reader(&set, skin, true).column(0, &counts, &[false; 4], 0.0);
+    let skin = column(true);
+    assert_eq!(skin.beyond, [false, true, true, false]);
+    assert!(skin.kpa[1] > 80.0 && skin.shared_kpa[1].is_finite() && skin.shared_kpa[1] > skin.shared_kpa[0]);
+    assert!(skin.own_kpa[1] > skin.own_kpa[0], "{:?}", skin.own_kpa);
+    assert_eq!(skin.shared_kpa[2], f64::INFINITY, "nobody knows how much more");
+    assert!(skin.shared_kpa[3].is_finite(), "that rail is away from pressure");
+    // Of a table of numbers no value is a rail.
+    assert!(column(false).shared_kpa[2].is_finite());
+}
+
+#[test]
+fn of_a_mean_own_parts_average_out_and_common_ones_do_not() {
+    let column = |own: [f64; 3], shared: [f64; 3]| Column {
+        kpa: vec![0.0; 3],
+        own_kpa: own.to_vec(),
+        shared_kpa: shared.to_vec(),
+        beyond: vec![false; 3],
+    };
+    let mut area = AreaSums::default();
+    area.add(&column([3.0, 3.0, f64::NAN], [1.0, 1.0, 1.0]));
+    area.add(&column([4.0, f64::NAN, 1.0], [2.0, 2.0, f64::NAN]));
+    let sigma = area.sigma_kpa();
+    near(sigma[0], 5.0_f64.hypot(3.0) / 2.0);
+    near(sigma[1], 3.0_f64.hypot(1.0));
+    assert!(sigma[2].is_nan(), "no taxel is read: {}", sigma[2]);
+}
+
+#[test]
+fn what_is_left_out_is_counted_and_one_column_or_other_numbers_are_no_skin() {
+    let set = recorded();
+    let (time, rest) = ([0.0, 0.05, 0.10], f64::from(REST));
+    let (a, b) = ([rest, f64::NAN, 0.0], [rest - 20.0, rest - 20.5, 0.0]);
+    let recipe = ApplyRecipe { tare: Tare::None, sigma: true, ..ApplyRecipe::default() };
+    let two = Scans { time_s: &time, pressure_kpa: None, counts: vec![&a, &b] };
+    let applied = apply(&two, &set, &recipe).unwrap();
+    assert_eq!(applied.masked, (1, 6));
+    assert!(applied.sigma_kpa[0][2].is_finite(), "half a count is none of a skin's");
+    assert_eq!(applied.area_sigma_kpa.len(), 3);
+    let one = ModelSet { taxels: set.taxels[..1].to_vec(), baseline: set.baseline[..1].to_vec(), ..set };
+    let alone = Scans { time_s: &time, pressure_kpa: None, counts: vec![&a] };
+    let applied = apply(&alone, &one, &recipe).unwrap();
+    assert_eq!(applied.masked, (1, 3));
+    assert!(applied.sigma_kpa[0][2].is_finite(), "nor is one column a skin");
+}

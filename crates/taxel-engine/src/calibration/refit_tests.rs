@@ -1,0 +1,43 @@
+//! What several sessions have in common when they are fitted together.
+
+use super::*;
+use crate::calibration::samples::Sample;
+
+fn session(number: u64, branches: Branch) -> StoredSession {
+    let view = SessionView { number, branches, ..SessionView::default() };
+    StoredSession { view: Arc::new(view), board_settings: None }
+}
+
+#[test]
+fn the_branches_that_were_gathered_are_fitted_where_none_are_asked_for() {
+    use Branch::{Both, Rising};
+    let of = |gathered: &[Branch], asked: Option<Branch>| {
+        let sessions: Vec<StoredSession> = (1..).zip(gathered).map(|(n, of)| session(n, *of)).collect();
+        branch(&sessions, &RefitOptions { branch: asked, ..RefitOptions::default() })
+    };
+    for (gathered, asked, fitted) in [
+        (&[Both, Both], None, Some(Both)),
+        (&[Both, Both], Some(Both), Some(Both)),
+        (&[Both, Rising], Some(Rising), Some(Rising)),
+        (&[Rising, Rising], None, Some(Rising)),
+        (&[Rising, Both], Some(Both), None),
+        (&[Rising, Both], None, None),
+    ] {
+        let found = of(gathered, asked);
+        assert_eq!(found.as_ref().ok(), fitted.as_ref(), "{gathered:?} {asked:?}: {found:?}");
+        assert!(fitted.is_some() || found.unwrap_err().to_string().contains("session 1"), "{gathered:?} {asked:?}");
+    }
+}
+
+#[test]
+fn ramps_of_sessions_that_are_joined_are_numbered_on() {
+    let samples = |ramps: u16| SessionSamples {
+        ramps: (0..ramps).map(|ramp| RampBaseline { ramp, taxels: Vec::new(), gauge_kpa: None }).collect(),
+        samples: (0..ramps)
+            .map(|ramp| Sample { ramp, time_ns: 0, pressure_kpa: 1.0, counts: [0_u8].as_slice().into() })
+            .collect(),
+    };
+    let joined = joined(vec![samples(2), samples(3)]).unwrap();
+    assert_eq!(joined.ramps.iter().map(|ramp| ramp.ramp).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+    assert_eq!(joined.samples.iter().map(|sample| sample.ramp).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
+}
