@@ -238,6 +238,51 @@ mod tests {
         assert_eq!(Course::of_session(&one, Branch::Rising).held_out(&kpa(&one)), None);
     }
 
+    /// Scans that follow each other without a gap, every 40 ms.
+    #[test]
+    fn a_stretch_ends_with_its_ramp_its_branch_and_at_a_gap() {
+        let of = |samples: &[Sample], branches| Course::of_session(samples, branches).stretches;
+        let ramps: Vec<Sample> = (0..20).map(|k| sample((k / 10) as u16, 40 * k, k as f64)).collect();
+        assert_eq!(of(&ramps, Branch::Rising), [0..10, 10..20]);
+        let top: Vec<Sample> = (0..20).map(|k| sample(0, 40 * k, (k.min(18 - k)) as f64)).collect();
+        assert_eq!(of(&top, Branch::Both), [0..10, 10..20]);
+        assert_eq!(of(&top, Branch::Rising), std::slice::from_ref(&(0..20)));
+        // Two and a half periods are none, more are.
+        let gap = |ms: i64| -> Vec<Sample> {
+            (0..20).map(|k| sample(0, 40 * k + if k < 5 { 0 } else { ms - 40 }, k as f64)).collect()
+        };
+        assert_eq!(of(&gap(100), Branch::Rising), std::slice::from_ref(&(0..20)));
+        assert_eq!(of(&gap(101), Branch::Rising), [0..5, 5..20]);
+        // Scans at one time have no pace.
+        let mut twice: Vec<Sample> = ramps.iter().flat_map(|sample| vec![sample.clone(); 3]).collect();
+        assert!((period_s(&twice) - 0.04).abs() < 1e-12, "{}", period_s(&twice));
+        twice.truncate(3);
+        assert_eq!(period_s(&twice), 0.0);
+    }
+
+    #[test]
+    fn the_clock_of_a_session_tells_pauses_from_silences() {
+        let step = |ms: i64, ramp: u16| {
+            let mut samples: Vec<Sample> = (0..20).map(|k| sample(0, 40 * k, 0.0)).collect();
+            samples.push(sample(ramp, 40 * 19 + ms, 0.0));
+            let clock = session_clock(&samples, 0.5);
+            clock[20] - clock[19]
+        };
+        for (ms, ramp, expected) in [
+            (40, 0, 0.04),
+            (100, 0, 0.1),  // no pause yet
+            (101, 0, 0.04), // scans that were refused
+            (500, 0, 0.04),
+            (501, 0, 1.04), // a silence
+            (3_000, 0, 3.0),
+            (40, 1, 1.04),
+            (-900, 1, 1.04), // the run's clock began anew
+        ] {
+            let step = step(ms, ramp);
+            assert!((step - expected).abs() < 1e-9, "{ms} ms, ramp {ramp}: {step} is not {expected}");
+        }
+    }
+
     #[test]
     fn pauses_of_the_intake_are_no_silence_and_ramps_are_apart() {
         let mut samples: Vec<Sample> = (0..100).map(|k| sample(0, 50 * k, k as f64)).collect();

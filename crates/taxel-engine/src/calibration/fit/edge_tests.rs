@@ -187,15 +187,53 @@ fn the_return_to_zero_is_that_of_the_last_five_seconds_if_these_are_at_rest() {
     let unknown = of(&kpa(2.1), &[0, 1]);
     assert_eq!((unknown.rms, unknown.common), (1.2, 0.9), "what the recorded skin does");
     assert_eq!([of(&kpa(f64::NAN), &[0, 1]), of(&kpa(1.9), &[])], [unknown; 2]);
+    // A range does not begin at nothing.
+    let high = |end: f64| kpa(end).iter().map(|p| p + 50.0).collect::<Vec<f64>>();
+    assert_eq!([of(&high(1.9), &[0, 1]), of(&high(2.1), &[0, 1])], [returned, unknown]);
+}
+
+/// Twenty falling taxels that move by up to a count, six seconds from the seventh on, and what `spoil` does to them.
+fn rest_of(tare: Tare, spoil: impl Fn(usize, usize, f64) -> f64) -> Zero {
+    let set = crate::force::tests::set(20);
+    let time_s: Vec<f64> = every(0.0625, 96).iter().map(|t| 7.0 + t).collect();
+    let rest = f64::from(crate::force::tests::REST);
+    let noise = |taxel: usize, i: usize| f64::from(u8::from((i * 7 + taxel * 13) % 11 < 5));
+    let column = |taxel: usize| (0..96).map(|i| spoil(taxel, i, rest + noise(taxel, i))).collect();
+    let columns: Vec<Vec<f64>> = (0..20).map(column).collect();
+    let recording = Scans { time_s: &time_s, pressure_kpa: None, counts: columns.iter().map(Vec::as_slice).collect() };
+    Zero::find(tare, &recording, &Masks::missing(&recording), &set, 10)
+}
+
+#[test]
+fn a_recording_is_tared_from_two_seconds_that_are_at_rest_throughout() {
+    let zero = rest_of(Tare::Auto, |_, _, count| count);
+    assert!(matches!(zero, Zero::Tared { window_s: 2.0, proof: Some(_), .. }), "{zero:?}");
+    assert!((0..20).all(|taxel| zero.moved(taxel).is_some_and(|moved| (moved - 0.45).abs() < 0.1)), "{zero:?}");
+    // All taxels of a module move within the window.
+    let moves = rest_of(Tare::Auto, |taxel, i, count| if taxel < 10 && i >= 16 { count - 3.0 } else { count });
+    assert!(matches!(moves, Zero::NotAtRest(_)), "{moves:?}");
+    // Of 32 scans 29 are enough.
+    let missing =
+        |scans: usize| rest_of(Tare::Seconds(2.0), move |t, i, c| if t == 3 && i < scans { f64::NAN } else { c });
+    assert_eq!([1, 3, 4].map(|scans| missing(scans).moved(3).is_some()), [true, true, false]);
+}
+
+#[test]
+fn what_is_lighter_later_takes_a_tare_back_and_is_told_with_its_time() {
+    for (from, after) in [(32, 2.0), (64, 4.0)] {
+        let lighter = rest_of(Tare::Auto, |t, i, count| if t < 3 && i >= from { count + 12.0 } else { count });
+        let Zero::Lifted { after_s, .. } = lighter else { panic!("{lighter:?}") };
+        assert!((after_s - after).abs() < 1e-9, "{after_s} is not {after}");
+    }
 }
 
 #[test]
 fn what_was_done_about_a_zero_is_told() {
-    let moved = vec![2.0, f64::NAN];
+    let moved = vec![2.0, f64::NAN, f64::NAN];
     let by_word = Zero::Tared { window_s: 3.0, proof: None, moved };
-    assert_eq!([0, 1, 2].map(|taxel| by_word.moved(taxel)), [Some(2.0), None, None]);
+    assert_eq!([0, 1, 3].map(|taxel| by_word.moved(taxel)), [Some(2.0), None, None]);
     assert!(by_word.is_tared() && !Zero::Calibration.is_tared());
-    let text = "tared from the first 3 s on the operator's word; 1 of 2 taxels have no zero of their own there";
+    let text = "tared from the first 3 s on the operator's word; 2 of 3 taxels have no zero of their own there";
     assert_eq!(by_word.to_string(), text);
     assert_eq!(Zero::Calibration.moved(7), Some(0.0));
     assert_eq!(Zero::Calibration.to_string(), "not tared, as asked: the zero is that of the calibration");

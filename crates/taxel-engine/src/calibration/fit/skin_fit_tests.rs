@@ -4,6 +4,7 @@ use std::sync::Mutex;
 
 use super::*;
 use crate::calibration::fit::course::Course;
+use crate::calibration::fit::workers::OneByOne;
 use crate::force::tests::model;
 
 /// A taxel whose curve leaves this error and whose loop has this width.
@@ -36,7 +37,7 @@ fn a_curve_with_a_wide_interval_may_be_used_if_its_loop_is_what_makes_it_wide() 
         (WIDE, 0.5, false, true),
         (Status::NoData, 2.0, false, false),
     ] {
-        let taxel = taxel(status.clone(), 1.0, width);
+        let taxel = taxel(status, 1.0, width);
         assert_eq!((taxel.may_be_used(), taxel.has_wide_interval()), (may, wide), "{status:?} {width}");
     }
     let mut without = taxel(WIDE, 1.0, 2.0);
@@ -134,4 +135,40 @@ fn the_static_curves_are_half_of_the_progress_and_what_is_in_use_the_other() {
     let fitted = SkinFit::new(&scans, Masks::missing(&scans), kpa.clone(), course, &recipe).run(&watched);
     assert_eq!(fitted.usable(), [0, 1]);
     assert_eq!(*watched.0.lock().unwrap(), [0.25, 0.5, 0.75, 1.0]);
+}
+
+fn fitted(kpa: &[f64], counts: &[f64], recipe: &FitRecipe) -> FittedSkin {
+    let time_s: Vec<f64> = (0..kpa.len()).map(|i| 0.05 * i as f64).collect();
+    let scans = Scans { time_s: &time_s, pressure_kpa: None, counts: vec![counts; 2] };
+    let course = Course::of_recording(kpa);
+    SkinFit::new(&scans, Masks::missing(&scans), kpa.to_vec(), course, recipe).run(&OneByOne)
+}
+
+#[test]
+fn plays_are_used_where_they_are_asked_for_and_there_is_a_falling_branch() {
+    use PlaysChoice::{Auto, Off, On};
+    let (kpa, counts) = (loop_of_kpa(), loop_of_counts());
+    let of = |plays, branch, scans: usize| {
+        let fitted = fitted(&kpa[..scans], &counts[..scans], &FitRecipe { plays, branch, ..FitRecipe::default() });
+        (fitted.plays_on, fitted.plays_error_ratio.is_some())
+    };
+    assert_eq!(of(On, Branch::Both, 800), (true, true));
+    assert_eq!(of(Auto, Branch::Both, 800), (true, true), "they take the loop out");
+    assert_eq!(of(Off, Branch::Both, 800), (false, false));
+    assert_eq!(of(On, Branch::Rising, 800), (false, false));
+    assert_eq!([of(On, Branch::Both, 400), of(Auto, Branch::Both, 400)], [(true, false), (false, false)]);
+}
+
+#[test]
+fn what_a_taxel_is_in_use_follows_from_its_loop() {
+    let (kpa, counts) = (loop_of_kpa(), loop_of_counts());
+    let recipe = FitRecipe { plays: PlaysChoice::Off, smooth_s: 0.0, ..FitRecipe::default() };
+    let fitted = fitted(&kpa, &counts, &recipe);
+    assert!(fitted.models[0].flags.iter().all(|flag| !matches!(flag, Flag::Dropouts { .. })));
+    let in_use = fitted.in_use[0].as_ref().unwrap();
+    // Two counts of two a kPa: the branches lie a kilopascal apart, and a curve goes between them.
+    assert!((in_use.rmse_kpa - 0.5).abs() < 0.05, "{}", in_use.rmse_kpa);
+    assert!((in_use.hysteresis_kpa.unwrap().abs() - 1.0).abs() < 0.05, "{:?}", in_use.hysteresis_kpa);
+    // 82 counts but for the outermost, of 39.9 kPa.
+    assert!((in_use.sensitivity - 2.04).abs() < 0.04, "{}", in_use.sensitivity);
 }
