@@ -238,6 +238,12 @@ mod tests {
         assert_eq!(Course::of_session(&one, Branch::Rising).held_out(&kpa(&one)), None);
     }
 
+    #[test]
+    fn the_highest_scan_of_a_recording_is_the_last_of_its_rise() {
+        let course = Course::of_recording(&[0.0, 1.0, 2.0, 3.0, 2.0, f64::NAN]);
+        assert_eq!(course.falling, [false, false, false, false, true, true]);
+    }
+
     /// Scans that follow each other without a gap, every 40 ms.
     #[test]
     fn a_stretch_ends_with_its_ramp_its_branch_and_at_a_gap() {

@@ -53,14 +53,15 @@ fn with_plays_the_interval_is_judged_by_what_they_leave() {
         hysteresis_kpa: Some(2.0),
         plays: Some(hysteresis::identify(&loop_of_counts(), &loop_of_kpa(), taxel_model::Order::Fixed(5)).unwrap()),
     };
-    let judged = |limit: f64, left: f64, in_use: Option<RecordedTaxel>| {
+    let judged_at = |width: f64, limit: f64, left: f64, in_use: Option<RecordedTaxel>| {
         let mut taxel = taxel(Status::IntervalTooWide { share: 0.10, limit }, 2.0, 2.0);
         let quality = &mut taxel.model.quality;
-        (quality.dof, quality.interval_kpa, quality.interval_share) = (30.0, Some(5.0), Some(0.10));
+        (quality.dof, quality.interval_kpa, quality.interval_share) = (30.0, Some(width), Some(0.10));
         let in_use = in_use.map(|in_use| RecordedTaxel { rmse_kpa: left, ..in_use });
         taxel.judge_in_use(in_use.as_ref());
         (taxel.model.status, taxel.rmse_kpa)
     };
+    let judged = |limit, left, in_use| judged_at(5.0, limit, left, in_use);
     // 97.5 % of Student's distribution with 30 degrees of freedom: 2.0423.
     let share = 0.10 * (25.0 - 2.0423_f64.powi(2) * 3.0).sqrt() / 5.0;
     assert_eq!(judged(share + 0.001, 1.0, Some(plays(1.0))), (Status::Ok, 1.0));
@@ -68,22 +69,26 @@ fn with_plays_the_interval_is_judged_by_what_they_leave() {
     let Status::IntervalTooWide { share: told, .. } = status else { panic!("{status:?}") };
     assert!((told - share).abs() < 1e-5, "{told} is not {share}");
     // No interval is narrower than what the plays themselves leave.
-    let (status, _) = judged(0.01, 1.9, Some(plays(1.9)));
+    let (status, _) = judged_at(3.0, 0.01, 1.0, Some(plays(1.0)));
     let Status::IntervalTooWide { share: told, .. } = status else { panic!("{status:?}") };
-    let left = (25.0 - 2.0423_f64.powi(2) * (4.0 - 1.9 * 1.9)).sqrt().max(2.0423 * 1.9);
-    assert!((told - 0.02 * left).abs() < 1e-5, "{told}");
+    assert!((told - 0.10 * 2.0423 / 3.0).abs() < 1e-5, "{told}");
     let (status, rmse) = judged(0.08, 0.1, Some(RecordedTaxel { plays: None, ..plays(0.1) }));
     assert_eq!((status, rmse), (Status::IntervalTooWide { share: 0.10, limit: 0.08 }, 2.0), "without plays");
     assert_eq!(judged(0.08, 0.1, None).1, 2.0);
 }
 
-/// Up to 40 kPa and back, a count each half kPa, two counts lower on the way back.
+/// Up to 40 kPa and back.
 fn loop_of_kpa() -> Vec<f64> {
     (0..400).chain((0..400).rev()).map(|k| 0.1 * f64::from(k)).collect()
 }
 
+/// Two counts a kPa, two counts lower on the way back.
 fn loop_of_counts() -> Vec<f64> {
-    let back = |i: usize| if i < 400 { 0.0 } else { 2.0 };
+    counts_with_loop(2.0)
+}
+
+fn counts_with_loop(width: f64) -> Vec<f64> {
+    let back = |i: usize| if i < 400 { 0.0 } else { width };
     loop_of_kpa().iter().enumerate().map(|(i, kpa)| 200.0 - 2.0 * kpa - back(i)).collect()
 }
 
@@ -161,7 +166,7 @@ fn plays_are_used_where_they_are_asked_for_and_there_is_a_falling_branch() {
 
 #[test]
 fn what_a_taxel_is_in_use_follows_from_its_loop() {
-    let (kpa, counts) = (loop_of_kpa(), loop_of_counts());
+    let (kpa, counts) = (loop_of_kpa().iter().map(|p| p + 20.0).collect::<Vec<f64>>(), loop_of_counts());
     let recipe = FitRecipe { plays: PlaysChoice::Off, smooth_s: 0.0, ..FitRecipe::default() };
     let fitted = fitted(&kpa, &counts, &recipe);
     assert!(fitted.models[0].flags.iter().all(|flag| !matches!(flag, Flag::Dropouts { .. })));
@@ -171,4 +176,14 @@ fn what_a_taxel_is_in_use_follows_from_its_loop() {
     assert!((in_use.hysteresis_kpa.unwrap().abs() - 1.0).abs() < 0.05, "{:?}", in_use.hysteresis_kpa);
     // 82 counts but for the outermost, of 39.9 kPa.
     assert!((in_use.sensitivity - 2.04).abs() < 0.04, "{}", in_use.sensitivity);
+}
+
+/// A loop of 9 kPa makes the interval of a static curve wider than is allowed; plays take it out.
+#[test]
+fn a_taxel_with_a_wide_loop_is_usable_with_plays_alone() {
+    let (kpa, counts) = (loop_of_kpa(), counts_with_loop(18.0));
+    let of = |plays| fitted(&kpa, &counts, &FitRecipe { plays, smooth_s: 0.0, ..FitRecipe::default() });
+    let (with, without) = (of(PlaysChoice::On), of(PlaysChoice::Off));
+    assert!(matches!(without.models[0].status, Status::IntervalTooWide { .. }), "{:?}", without.models[0].status);
+    assert_eq!((with.usable(), without.usable()), (vec![0, 1], Vec::new()), "{:?}", with.models[0].status);
 }
