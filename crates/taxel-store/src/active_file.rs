@@ -112,3 +112,78 @@ fn read_from(file: File) -> Result<ActiveFile, String> {
     }
     Ok(ActiveFile { activation: head.activation, sets })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::MetadataExt;
+    use std::path::PathBuf;
+
+    use super::*;
+
+    fn sets() -> Vec<IdAndText> {
+        vec![("m-1".to_owned(), b"{\"first\": 1}".to_vec()), ("m-2".to_owned(), b"{\"second\": 2}".to_vec())]
+    }
+
+    fn database() -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.db");
+        (folder, path)
+    }
+
+    fn why(database: &Path, content: &[u8]) -> String {
+        keep(database, content).unwrap();
+        read(database).unwrap().unwrap_err()
+    }
+
+    #[test]
+    fn what_was_written_is_read_and_what_was_changed_is_not_believed() {
+        let (_folder, database) = database();
+        assert!(read(&database).is_none(), "there is none");
+        let whole = content(7, &sets()).unwrap();
+        keep(&database, &whole).unwrap();
+        let found = read(&database).unwrap().unwrap();
+        let texts = ["{\"first\": 1}", "{\"second\": 2}"];
+        assert_eq!(found.activation, 7);
+        assert_eq!(found.sets, [("m-1".to_owned(), texts[0].to_owned()), ("m-2".to_owned(), texts[1].to_owned())]);
+        let changed = |from: &str, to: &str| {
+            let text = String::from_utf8(whole.clone()).unwrap();
+            assert!(text.contains(from));
+            text.replacen(from, to, 1).into_bytes()
+        };
+        assert!(why(&database, &changed("{\"second\": 2}", "{\"second\": 3}")).contains("model set m-2 in it is not"));
+        assert!(
+            why(&database, &changed("\"activation\":7", "\"activation\":8")).contains("model set m-1 in it is not")
+        );
+        assert!(why(&database, &whole[..whole.len() - 1]).contains("ends too early"));
+        assert!(why(&database, &changed(FORMAT, "taxeld-passive")).contains("`taxeld-passive`"));
+        assert!(why(&database, b"no line").contains("no first line"));
+    }
+
+    #[test]
+    fn a_file_that_is_the_same_already_is_left_and_another_one_of_its_length_is_not() {
+        let (_folder, database) = database();
+        let inode = || fs::metadata(beside::active(&database)).unwrap().ino();
+        let (seven, eight) = (content(7, &sets()).unwrap(), content(8, &sets()).unwrap());
+        assert_eq!(seven.len(), eight.len());
+        keep(&database, &seven).unwrap();
+        let first = inode();
+        keep(&database, &seven).unwrap();
+        assert_eq!(inode(), first);
+        keep(&database, &eight).unwrap();
+        assert_eq!(read(&database).unwrap().unwrap().activation, 8);
+    }
+
+    #[test]
+    fn what_cannot_be_opened_or_is_far_too_long_is_told() {
+        let (folder, database) = database();
+        let file = folder.path().join("file");
+        fs::write(&file, b"").unwrap();
+        assert!(read(&file.join("t.db")).unwrap().unwrap_err().contains("ot a directory"));
+        let long = File::create(beside::active(&database)).unwrap();
+        let most = (PATCHES_MAX * TEXT_BYTES_MAX) as u64;
+        long.set_len(most + 1).unwrap();
+        assert_eq!(read(&database).unwrap().unwrap_err(), format!("it has {} bytes", most + 1));
+        long.set_len(2 * TEXT_BYTES_MAX as u64).unwrap();
+        assert_eq!(read(&database).unwrap().unwrap_err(), "it has no first line");
+    }
+}

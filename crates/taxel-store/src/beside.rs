@@ -138,3 +138,24 @@ pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     File::open(folder)?.sync_all()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_there_is_removed_and_what_cannot_be_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        fs::write(&file, b"").unwrap();
+        remove(&file).unwrap();
+        remove(&file).unwrap();
+        assert!(remove(folder.path()).is_err(), "a folder is none of the files");
+    }
+
+    #[test]
+    fn the_folder_of_a_name_alone_is_the_present_one() {
+        sync_folder(Path::new("name")).unwrap();
+        assert_eq!(sync_folder(Path::new("no/such/folder/name")).unwrap_err().kind(), io::ErrorKind::NotFound);
+    }
+}

@@ -197,10 +197,14 @@ impl Remainder {
             (self.walk_n(counts) - self.zeros_n, self.noise_n2, self.per_count_n);
         let (mut chosen_n, mut has_contact) = (0.0, false);
         for taxel in active {
-            let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { continue };
+            let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else {
+                has_contact = true; // who knows
+                continue;
+            };
             let pressed_n = f64::from(share.newton_per_count) * (count - f64::from(share.zero));
             rest_n -= pressed_n;
-            has_contact |= pressed_n > TELLING_DISTANCE * f64::from(share.threshold_n);
+            // Of a taxel of which nothing is known both are 0.
+            has_contact |= pressed_n >= TELLING_DISTANCE * f64::from(share.threshold_n);
             if pressed_n < f64::from(share.threshold_n) {
                 chosen_n += f64::from(share.noise_n);
             }

@@ -69,9 +69,9 @@ fn with_plays_the_interval_is_judged_by_what_they_leave() {
     let Status::IntervalTooWide { share: told, .. } = status else { panic!("{status:?}") };
     assert!((told - share).abs() < 1e-5, "{told} is not {share}");
     // No interval is narrower than what the plays themselves leave.
-    let (status, _) = judged_at(3.0, 0.01, 1.0, Some(plays(1.0)));
+    let (status, _) = judged_at(3.0, 0.01, 0.8, Some(plays(0.8)));
     let Status::IntervalTooWide { share: told, .. } = status else { panic!("{status:?}") };
-    assert!((told - 0.10 * 2.0423 / 3.0).abs() < 1e-5, "{told}");
+    assert!((told - 0.10 * 2.0423 * 0.8 / 3.0).abs() < 1e-5, "{told}");
     let (status, rmse) = judged(0.08, 0.1, Some(RecordedTaxel { plays: None, ..plays(0.1) }));
     assert_eq!((status, rmse), (Status::IntervalTooWide { share: 0.10, limit: 0.08 }, 2.0), "without plays");
     assert_eq!(judged(0.08, 0.1, None).1, 2.0);
