@@ -98,3 +98,15 @@ fn proven(is_right: bool) -> Result<(), String> {
 fn text(error: rusqlite::Error) -> String {
     error.to_string()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_newest_of_deleted_sessions_is_the_highest_number() {
+        assert_eq!(Deletions::default().newest_session(), 0);
+        let some = Deletions { sessions: [9, 2].into(), ..Deletions::default() };
+        assert_eq!((some.newest_session(), some.sessions()), (9, 2));
+    }
+}

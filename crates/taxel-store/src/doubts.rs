@@ -106,3 +106,15 @@ fn doubt(row: &Row<'_>, seq: u64) -> Result<(String, String), String> {
         false => Err("its checksum is wrong".to_owned()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn where_nothing_is_known_every_patch_is_told_that() {
+        let (arm, hand) = ("arm".to_owned(), "hand".to_owned());
+        let all = of_all(["arm", "hand"].into_iter());
+        assert_eq!(all, [(arm, UNREADABLE.to_owned()), (hand, UNREADABLE.to_owned())]);
+    }
+}

@@ -209,3 +209,78 @@ impl fmt::Display for Quarantined {
         write!(f, "{} is damaged on disk and not used: {}", self.what, self.reason)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rusqlite::ffi;
+
+    use super::*;
+
+    fn sqlite(code: i32) -> rusqlite::Error {
+        rusqlite::Error::SqliteFailure(ffi::Error::new(code), None)
+    }
+
+    #[test]
+    fn what_is_said_of_a_file_that_is_opened_follows_from_the_code() {
+        let said = |code: i32| match StoreError::opening(Path::new("t.db"), &sqlite(code)) {
+            StoreError::InUse { .. } => "in use",
+            StoreError::Foreign { .. } => "foreign",
+            StoreError::Full(_) => "full",
+            StoreError::Io(_) => "io",
+            StoreError::Open { .. } => "open",
+            StoreError::Damaged { .. } => "damaged",
+            other => panic!("{code}: {other:?}"),
+        };
+        for (code, expected) in [
+            (ffi::SQLITE_BUSY, "in use"),
+            (ffi::SQLITE_LOCKED, "in use"),
+            (ffi::SQLITE_NOTADB, "foreign"),
+            (ffi::SQLITE_FULL, "full"),
+            (ffi::SQLITE_READONLY, "io"),
+            (ffi::SQLITE_IOERR_WRITE, "io"),
+            (ffi::SQLITE_IOERR_FSYNC, "io"),
+            (ffi::SQLITE_IOERR_READ, "damaged"),
+            (ffi::SQLITE_IOERR_SHORT_READ, "damaged"),
+            (ffi::SQLITE_IOERR_DATA, "damaged"),
+            (ffi::SQLITE_IOERR_CORRUPTFS, "damaged"),
+            (ffi::SQLITE_PERM, "open"),
+            (ffi::SQLITE_CANTOPEN, "open"),
+            (ffi::SQLITE_NOMEM, "open"),
+            (ffi::SQLITE_NOLFS, "open"),
+            (ffi::SQLITE_PROTOCOL, "open"),
+            (ffi::SQLITE_CORRUPT, "damaged"),
+            (ffi::SQLITE_MISMATCH, "damaged"),
+        ] {
+            assert_eq!(said(code), expected, "{code}");
+        }
+    }
+
+    #[test]
+    fn what_a_disk_does_not_give_back_is_damage_and_what_it_does_not_take_is_none() {
+        for (code, expected) in [
+            (ffi::SQLITE_FULL, [true, false]),
+            (ffi::SQLITE_IOERR_WRITE, [true, false]),
+            (ffi::SQLITE_READONLY, [true, false]),
+            (ffi::SQLITE_IOERR_READ, [false, true]),
+            (ffi::SQLITE_CORRUPT, [false, true]),
+            (ffi::SQLITE_NOTADB, [false, true]),
+        ] {
+            let error = StoreError::from(sqlite(code));
+            assert_eq!(
+                [error.is_of_changing(), matches!(error, StoreError::Corrupt(_))],
+                expected,
+                "{code}: {error:?}"
+            );
+        }
+        let changing = |kind: io::ErrorKind| StoreError::changing(Path::new("t.db"), &kind.into());
+        for (kind, full) in [
+            (io::ErrorKind::StorageFull, true),
+            (io::ErrorKind::QuotaExceeded, true),
+            (io::ErrorKind::PermissionDenied, false),
+        ] {
+            assert_eq!(matches!(changing(kind), StoreError::Full(_)), full, "{kind:?}");
+            assert!(changing(kind).is_of_changing() && changing(kind).to_string().contains("t.db"));
+        }
+        assert!(StoreError::Replaced { path: "t.db".into() }.is_of_changing() && !StoreError::Closed.is_of_changing());
+    }
+}

@@ -43,3 +43,34 @@ impl Group {
         Some(if self.urgent || is_worth_it { Duration::ZERO } else { GROUP_WAIT.saturating_sub(since.elapsed()) })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use taxel_engine::calibration::Sample;
+
+    use super::*;
+    use crate::work::Waiting;
+
+    fn batch(samples: usize, waits: bool) -> Entry {
+        let sample = || Sample { ramp: 0, time_ns: 0, pressure_kpa: 1.0, counts: [0_u8].as_slice().into() };
+        let records = (0..samples).map(|index| Record::Sample { session: 1, index: index as u64, sample: sample() });
+        Entry {
+            records: records.collect(),
+            waiting: Waiting(waits.then(|| -> crate::work::Tell<_> { Box::new(|_| ()) })),
+        }
+    }
+
+    #[test]
+    fn a_group_waits_until_someone_does_or_it_is_worth_a_flush() {
+        let after = |batches: Vec<Entry>| {
+            let mut group = Group::default();
+            batches.into_iter().for_each(|batch| group.push(batch));
+            group.wait()
+        };
+        assert_eq!(after(Vec::new()), None);
+        assert!(after(vec![batch(GROUP_SAMPLES - 1, false)]).is_some_and(|wait| wait <= GROUP_WAIT));
+        assert_eq!(after(vec![batch(1, false), batch(0, true)]), Some(Duration::ZERO), "someone waits");
+        assert_eq!(after(vec![batch(GROUP_SAMPLES - 1, false), batch(1, false)]), Some(Duration::ZERO));
+        assert_eq!(after((0..GROUP_SAMPLES).map(|_| batch(0, false)).collect()), Some(Duration::ZERO));
+    }
+}
