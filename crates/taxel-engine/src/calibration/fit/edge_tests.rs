@@ -237,7 +237,7 @@ fn a_recording_is_tared_from_two_seconds_that_are_at_rest_throughout() {
     assert!(matches!(zero, Zero::Tared { window_s: 2.0, proof: Some(_), .. }), "{zero:?}");
     assert!((0..40).all(|taxel| zero.moved(taxel).is_some_and(|moved| (moved - 0.45).abs() < 0.1)), "{zero:?}");
     // All taxels of a module move within the window.
-    let moves = rest_of(Tare::Auto, |taxel, i, count| if taxel < 10 && i >= 16 { count + 3.0 } else { count });
+    let moves = rest_of(Tare::Auto, |taxel, i, count| if taxel < 10 && i >= 16 { count + 1.0 } else { count });
     assert!(matches!(moves, Zero::NotAtRest(RestVerdict::Unsteady { .. })), "{moves:?}");
     // Of 32 scans 29 are enough.
     let missing =
