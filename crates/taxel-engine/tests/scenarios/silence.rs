@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use taxel_engine::Input;
 use taxel_engine::snapshot::{ForceState, TaxelState};
 use taxel_sim::Fault;
 use taxel_skin::Time;
@@ -95,4 +96,23 @@ fn a_skin_that_was_never_heard_is_stale_and_not_silently_fine() {
     let mut host = crate::host::Host::new(bench.host.plan.clone(), small().restored(), bench.now());
     host.play(&[], bench.now() + Duration::from_secs(1), |n| n);
     assert_eq!((host.state(), host.snapshot().force.stale), (ForceState::Stale, 80), "{}", host.reasons());
+}
+
+/// A host that was suspended has heard nothing for that time, which says nothing of the boards' power.
+#[test]
+fn a_pause_of_the_host_is_no_silence_of_the_boards() {
+    let after_a_pause = |told: bool| {
+        let mut bench = small().in_use();
+        bench.passes = Box::new(|_| false);
+        bench.seconds(3.0);
+        bench.passes = Box::new(|_| true);
+        if told {
+            let now = bench.now();
+            bench.host.input(now, Input::Resumed(Duration::from_secs(3)));
+        }
+        bench.seconds(0.2);
+        bench.host.reasons()
+    };
+    assert!(after_a_pause(false).contains("may have lost its power"), "{}", after_a_pause(false));
+    assert!(!after_a_pause(true).contains("may have lost its power"), "{}", after_a_pause(true));
 }

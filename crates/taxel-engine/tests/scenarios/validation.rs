@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use taxel_engine::Restored;
 use taxel_engine::command::{Command, Done, Rejection, Reply};
-use taxel_engine::loads::{KnownLoad, Load, Validation, Weight};
+use taxel_engine::loads::{KnownLoad, LOADS_MAX, Load, Validation, Weight};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
@@ -124,6 +124,26 @@ fn three_masses_at_one_place_say_nothing_of_the_rest_of_the_skin() {
     let force = &bench.host.snapshots.last().unwrap().force;
     let (total, sigma) = (force.total.unwrap().0, force.total_sigma.unwrap().0);
     assert!(sigma > 0.03 * total && (total - weight).abs() < 2.0 * sigma, "{total} +- {sigma}, {weight} lie there");
+}
+
+#[test]
+fn at_the_limit_of_loads_no_further_one_is_read() {
+    let mut bench = small().in_use();
+    let load = weigh_known(&mut bench, 0.5, 33);
+    let loads = |count: usize| -> Vec<Arc<Load>> {
+        (1..=count as u64).map(|number| Arc::new(Load { number, ..Load::clone(&load) })).collect()
+    };
+    for (count, taken) in [(LOADS_MAX - 1, true), (LOADS_MAX, false)] {
+        let restored = Restored { loads: loads(count), next_load: count as u64 + 1, ..small().restored() };
+        let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), restored);
+        bench.until_force(10.0, ForceState::Ok);
+        bench.lay(0.5, 33);
+        bench.seconds(1.5);
+        let reply = bench.ask(record(Weight::Kilogram(0.5)));
+        assert_eq!(reply.is_ok(), taken, "{count}: {reply:?}");
+        let told = "there are 10000 loads, and 10000 is the limit: none can be added";
+        assert!(taken || reply.unwrap_err().to_string().contains(told));
+    }
 }
 
 #[test]
