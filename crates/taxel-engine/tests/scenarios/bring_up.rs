@@ -162,3 +162,18 @@ fn boards_without_a_zero_are_not_configured_under_a_load_unless_somebody_confirm
     bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
     bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
 }
+
+/// There is nothing left to look at, so that they would wait for ever.
+#[test]
+fn boards_that_fall_silent_while_they_are_looked_at_are_configured() {
+    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    bench.brought_up();
+    bench.until_force(5.0, ForceState::Ok);
+    bench.host.notice(BusNotice::BusOff);
+    let sent = bench.host.sent.len();
+    bench.ask(bring_up_again()).unwrap();
+    bench.seconds(0.5);
+    assert_eq!(bench.host.sent.len(), sent, "they are looked at");
+    bench.passes = Box::new(|_| false);
+    bench.until(5.0, "what configures them", |host| host.sent.len() > sent);
+}
