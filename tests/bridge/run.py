@@ -339,6 +339,14 @@ def killed_bridge(scene, view):
     print("the bridge was killed: the fleet saw it, the daemon did not", flush=True)
 
 
+def ended_bridge(scene):
+    """A service manager asks it to end, and it does, without a word of an error."""
+    scene.process.terminate()
+    assert scene.process.wait(20) == 0, scene.process.log.read_text()
+    assert "as it was asked to" in scene.process.log.read_text()
+    scene.start_bridge()
+
+
 def play(scene, scratch):
     # The bridge comes first: neither router nor daemon is there yet.
     scene.start_bridge()
@@ -355,6 +363,7 @@ def play(scene, scratch):
     killed_router(scene)
     nothing_else(scene)
     killed_bridge(scene, view)
+    ended_bridge(scene)
     acl(scene.stage, scratch)
     print("the bridge holds", flush=True)
 

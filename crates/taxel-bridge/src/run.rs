@@ -1,6 +1,7 @@
 //! Wires a bridge as its configuration says.
 
 use taxel_proto::v1::TaxelSample;
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
@@ -35,8 +36,19 @@ pub async fn run(config: Config) -> anyhow::Result<()> {
     };
     tokio::select! {
         ended = running => ended.map(|_| ()),
-        _ = tokio::signal::ctrl_c() => Ok(()),
+        asked = asked_to_end() => asked,
     }
+}
+
+/// Waits until somebody at a terminal, or the service manager, asks the program to end.
+async fn asked_to_end() -> anyhow::Result<()> {
+    let mut terminated = signal(SignalKind::terminate())?;
+    tokio::select! {
+        interrupted = tokio::signal::ctrl_c() => interrupted?,
+        _ = terminated.recv() => {}
+    }
+    tracing::info!("the bridge ends, as it was asked to");
+    Ok(())
 }
 
 /// Waits for the first task to end, which none does without an error.
