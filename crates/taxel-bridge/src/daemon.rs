@@ -1,16 +1,21 @@
 //! The way to the daemon: an ordinary client of its service.
 
+use std::time::Duration;
+
 use anyhow::Context;
 use taxel_client::{Address, Line, Options, TlsOptions};
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
-use tonic::Status;
+use tonic::{Response, Status};
 
 use crate::config::{DaemonSection, TlsSection};
 
 /// Largest answer that is taken: certificates of large patches are beyond tonic's 4 MiB.
 const ANSWER_BYTES_MAX: usize = 64 << 20;
+
+/// A daemon that has not answered by then does not, and the next question has its turn. It gives up a command itself then.
+const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 
 /// The daemon. The connection is made when the first call needs it, and made anew after it broke.
 #[derive(Clone)]
@@ -70,6 +75,15 @@ pub fn words(status: &Status) -> String {
         cause = source.source();
     }
     if words.is_empty() { format!("{:?}", status.code()) } else { words }
+}
+
+/// What the daemon answers in time, or why it does not, in words.
+pub async fn answered<A>(call: impl Future<Output = Result<Response<A>, Status>>) -> Result<A, String> {
+    match tokio::time::timeout(ANSWER_WITHIN, call).await {
+        Ok(Ok(answer)) => Ok(answer.into_inner()),
+        Ok(Err(status)) => Err(words(&status)),
+        Err(_) => Err(format!("the daemon has not answered within {} s", ANSWER_WITHIN.as_secs())),
+    }
 }
 
 #[cfg(test)]

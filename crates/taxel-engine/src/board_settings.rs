@@ -12,7 +12,7 @@ use std::fmt;
 use taxel_skin::{Board, CountRange, Module};
 use taxel_wire::icub::{BoardConfig, TriangleConfig};
 
-pub use self::modules::Modules;
+use self::modules::Modules;
 use crate::intake::bring_up::BoardSetup;
 use crate::intake::cells::DevicePlan;
 
@@ -177,8 +177,8 @@ fn difference_of(place: String, then: &dyn fmt::Display, now: &dyn fmt::Display)
 
 /// Why what was gathered with boards of these lines says nothing of boards that are as they are `now`, in words that go
 /// on from what was gathered; `None` where they are the same as far as is known. Boards are compared by their place: in
-/// the order of the boards taxels have their numbers. One whose
-/// address no board had before has new electronics, on the same pads.
+/// the order of the boards taxels have their numbers. One whose address no board had before has new electronics, on the same
+/// pads.
 #[must_use]
 pub fn difference(lines: &[String], now: &[KnownBoard]) -> Option<String> {
     let then: Vec<Option<KnownBoard>> = lines.iter().map(|line| KnownBoard::read(line)).collect();
@@ -211,8 +211,8 @@ fn other_order(then: &[Option<KnownBoard>], now: &[KnownBoard]) -> Option<String
     Some(format!("was gathered with {then} in this order, where the configuration has {now}"))
 }
 
-/// What two sets of lines differ in, of each its own, so that the counts of both are not to be fitted together. Lines of skin
-/// boards are to be equal; one of a device may tell less, as in earlier versions.
+/// What two sets of lines differ in, of each its own, so that the counts of both are not to be fitted together. Either may
+/// tell less of the modules, or of the numbers of a device, as in earlier versions.
 #[must_use]
 pub fn differ_in(lines: &[String], others: &[String]) -> Option<(String, String)> {
     if lines.len() != others.len() {

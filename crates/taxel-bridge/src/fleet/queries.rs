@@ -1,25 +1,20 @@
 //! What a robot is asked for: each key takes the request of one call of the service and replies with that call's answer.
 
-use std::time::Duration;
-
 use prost::Message;
 use taxel_proto::v1::{
     GetCertificateRequest, ImportModelSetRequest, ListEventsRequest, ListModelSetsRequest, ListModelSetsResponse,
 };
-use tonic::{Response, Status};
 use zenoh::Session;
 use zenoh::handlers::{RingChannel, RingChannelHandler};
 use zenoh::query::{Query, Queryable};
 
-use crate::daemon::{Daemon, words};
+use crate::daemon::{Daemon, answered};
 use crate::fleet::keys;
 use crate::fleet::robot::protobuf;
 use crate::link::tried;
 
 /// Most model sets that a daemon has; all fit on one page.
 const SETS_MAX: u32 = 1000;
-/// A daemon that has not answered by then does not, and the next question has its turn.
-const ANSWER_WITHIN: Duration = Duration::from_secs(60);
 /// Questions that may wait at a key. Beyond that the oldest is given up: a full queue must not hold up Zenoh, which
 /// receives everything else on the same thread.
 const WAITING_MAX: usize = 8;
@@ -134,14 +129,5 @@ impl Asked {
         if let Err(error) = sent {
             tracing::warn!(self.key, "the answer did not go out: {error}");
         }
-    }
-}
-
-/// What the daemon answers in time, or why it does not, in words.
-async fn answered<A>(call: impl Future<Output = Result<Response<A>, Status>>) -> Result<A, String> {
-    match tokio::time::timeout(ANSWER_WITHIN, call).await {
-        Ok(Ok(answer)) => Ok(answer.into_inner()),
-        Ok(Err(status)) => Err(words(&status)),
-        Err(_) => Err(format!("the daemon has not answered within {} s", ANSWER_WITHIN.as_secs())),
     }
 }

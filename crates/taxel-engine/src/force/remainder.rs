@@ -45,8 +45,8 @@ const DEVIATIONS: f64 = 1.4826;
 /// A contact touches so many modules at the most that a fingertip or a known mass does.
 const CONTACT_MODULES: usize = 3;
 
-/// Noise alone takes no taxel so many times as far as its activation threshold: at the default one that is six standard
-/// deviations, which 250 taxels reach once in a day at 50 scans a second.
+/// Noise alone seldom takes a taxel so many times as far as its activation threshold: at the default one that is six standard
+/// deviations, which of 250 taxels with normal noise one reaches once in 23 hours at 50 scans a second.
 const TELLING_DISTANCE: f64 = 1.5;
 
 /// One taxel's share in the remainder, by its raw count.
