@@ -5,6 +5,7 @@ pub mod evaluator;
 #[cfg(test)]
 mod history_tests;
 pub mod hysteresis;
+mod lately;
 mod light_end;
 pub mod measure;
 pub mod neighbours;

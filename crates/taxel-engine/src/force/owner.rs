@@ -11,6 +11,7 @@ use taxel_skin::{CountRange, Newton, SquareMillimetre, Time};
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
 use crate::force::hysteresis::Hysteresis;
+use crate::force::lately::Lately;
 use crate::force::measure::{Coverage, ForceModel, Layout, Present, Touch};
 use crate::force::offsets::Offsets;
 use crate::force::reason::{Reason, ReasonCode, positions};
@@ -101,6 +102,8 @@ pub struct Force {
     /// Soundness of the scan that it followed last.
     followed: Option<u64>,
     remainder: Remainder,
+    /// What it read in the scans before.
+    lately: Lately,
     coverage: Coverage,
     /// Soundness of the scan that the selection was last made for.
     selected_for: Option<u64>,
@@ -139,6 +142,7 @@ impl Force {
             hysteresis: None,
             followed: None,
             remainder: Remainder::default(),
+            lately: Lately::default(),
             coverage: Coverage { uncovered_share: 1.0, blind: 0 },
             selected_for: None,
             faulty: Vec::new(),
@@ -218,6 +222,7 @@ impl Force {
 
     fn begin(&mut self, plays: fn(&Arc<ModelSet>, &[TaxelBaseline]) -> Option<Hysteresis>) {
         (self.unread, self.followed) = (None, None);
+        self.lately = Lately::default();
         self.hysteresis = self.set.as_ref().zip(self.zero.as_ref()).and_then(|(set, zero)| plays(set, zero));
         self.tabulate();
     }
@@ -282,7 +287,9 @@ impl Force {
         if let Some(zero) = &self.zero {
             let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
             let zero = Rest { zero, taken: &self.taken, before: &self.before };
-            self.remainder = Remainder::new(tables, zero, activation, evaluator.selection(), modules);
+            let relative_sigma = tables.set().gauge_gain_rel.hypot(self.plan.layout.area_uncertainty);
+            let selected = evaluator.selection();
+            self.remainder = Remainder::new(tables, zero, activation, selected, modules, relative_sigma);
         }
     }
 
@@ -313,7 +320,8 @@ impl Force {
         self.model.touch(evaluator, scan.counts, self.coverage, &mut touch);
         let active = touch.active.iter().map(|&(taxel, _)| taxel);
         let mut unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
-        unseen.floor = Newton(unseen.floor.0 + zero.absorbed.0);
+        let taken_by_noise = self.lately.at_least(scan.time, unseen.read_n) - unseen.read_n;
+        unseen.floor = Newton(unseen.floor.0 + taken_by_noise + zero.absorbed.0);
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts };

@@ -22,7 +22,9 @@
 //! whose temperature has changed since the zero, a contact that activates none hides by as much: `C = max(o, 0) sum w` over
 //! the modules of a contact.
 //!
-//! The floor is `max(R, 0) + C + max(H, 0)` and two standard uncertainties.
+//! The floor is `max(R, 0) + C + max(H, 0)` and two standard uncertainties, to which comes what all forces have: that of the
+//! areas and of the gauge's gain, relative to the sum of the three. The owner counts of the first two no less than their
+//! mean over the last half second (`lately.rs`).
 //!
 //! Which taxels are in a total hangs on their noise, too. That of a contact on the modules that have most of it,
 //! `sqrt(sum (w s)^2)`, is in every total, as is that of taxels below the threshold that are in it because they touch an
@@ -80,6 +82,8 @@ pub struct Remainder {
     contact_per_count_n: f64,
     /// What the zero may hide.
     hidden: Hidden,
+    /// Standard uncertainty that all forces share, relative to them.
+    relative_sigma: f64,
 }
 
 /// Force that the zero would hide if everything by which it lies towards load from that of the models were load.
@@ -110,6 +114,8 @@ pub struct Unseen {
     pub floor: Newton,
     /// The same without what the zero may hide: a total above it is there.
     pub told: Newton,
+    /// What this scan reads of it, noise included, N.
+    pub read_n: f64,
     /// How far the taxels that are not active lie from their zero in the mean, counts towards pressure: by so much the
     /// zero may be off under the active ones, too.
     pub offset_counts: f64,
@@ -137,7 +143,8 @@ pub fn newton_per_count(tables: &Tables, zero: &[TaxelBaseline], activation: Act
 }
 
 impl Remainder {
-    /// For the taxels that are `selected` at the zero `rest`; all slices by taxel.
+    /// For the taxels that are `selected` at the zero `rest`; all slices by taxel. `relative_sigma` is the standard
+    /// uncertainty that all forces share, relative to them.
     #[must_use]
     pub fn new(
         tables: &Tables,
@@ -145,6 +152,7 @@ impl Remainder {
         activation: Activation,
         selected: &[bool],
         modules: &[Range<usize>],
+        relative_sigma: f64,
     ) -> Self {
         let share = |taxel: usize| {
             let rest = rest.zero[taxel];
@@ -172,6 +180,7 @@ impl Remainder {
             contact_noise_n2: contact(&|s| f64::from(s.noise_n).powi(2)),
             per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
             contact_per_count_n: contact(&|s| f64::from(s.newton_per_count).abs()),
+            relative_sigma,
             shares,
         }
     }
@@ -215,10 +224,13 @@ impl Remainder {
         let offset_counts = if per_count_n > 0.0 { rest_n / per_count_n } else { 0.0 };
         let beside_n = (-offset_counts).max(0.0) * self.contact_per_count_n;
         let (unseen, hidden) = (rest_n.max(0.0) + beside_n, self.hidden);
+        let shared = self.relative_sigma * (unseen + hidden.newton);
+        let floor_sigma = (unseen_n2 + hidden.sigma_n.powi(2) + shared.powi(2)).sqrt();
         Unseen {
             choice_n: (chosen_n.powi(2) + self.contact_noise_n2).sqrt(),
-            floor: Newton(unseen + hidden.newton + FLOOR_SIGMAS * (unseen_n2 + hidden.sigma_n.powi(2)).sqrt()),
+            floor: Newton(unseen + hidden.newton + FLOOR_SIGMAS * floor_sigma),
             told: Newton(unseen + FLOOR_SIGMAS * unseen_n2.sqrt()),
+            read_n: unseen,
             offset_counts,
             has_contact,
         }
@@ -307,17 +319,24 @@ mod tests {
     }
 
     fn unseen(tables: &Tables, taxels: &[(u8, bool, bool)], zero_sigma: f64) -> Unseen {
+        unseen_of(tables, taxels, zero_sigma, 0.0)
+    }
+
+    fn unseen_of(tables: &Tables, taxels: &[(u8, bool, bool)], zero_sigma: f64, relative_sigma: f64) -> Unseen {
         let counts: Vec<u8> = taxels.iter().map(|t| t.0).collect();
         let selected: Vec<bool> = taxels.iter().map(|t| t.1).collect();
         let active = (0..TAXELS).filter(|&t| taxels[t].1 && taxels[t].2);
         let zero = rest(TAXELS);
         let rest = Rest { zero: &zero, taken: &zero, before: &[] };
-        Remainder::new(tables, rest, ACTIVATION, &selected, &MODULES).unseen(&counts, active, zero_sigma)
+        Remainder::new(tables, rest, ACTIVATION, &selected, &MODULES, relative_sigma)
+            .unseen(&counts, active, zero_sigma)
     }
 
     proptest! {
         #[test]
-        fn it_is_what_a_plain_loop_over_the_taxels_gives(taxels in taxels(0..=255), zero_sigma in 0.0..0.5_f64) {
+        fn it_is_what_a_plain_loop_over_the_taxels_gives(
+            taxels in taxels(0..=255), zero_sigma in 0.0..0.5_f64, relative_sigma in 0.0..0.2_f64
+        ) {
             let tables = tables();
             let (mut remainder, mut noise, mut per_count, mut chosen) = (0.0, 0.0, 0.0, 0.0);
             let (mut of_modules, mut counts_of_modules) = ([0.0; 4], [0.0; 4]);
@@ -338,14 +357,15 @@ mod tests {
                 }
             }
             let sigma = (noise + (zero_sigma * per_count).powi(2)).sqrt();
-            let found = unseen(&tables, &taxels, zero_sigma);
+            let found = unseen_of(&tables, &taxels, zero_sigma, relative_sigma);
             of_modules.sort_by(f64::total_cmp);
             let choice = of_modules[1..].iter().sum::<f64>().sqrt().hypot(chosen);
             prop_assert!((found.choice_n - choice).abs() < 1e-4 * (1.0 + choice), "{found:?} {choice}");
             counts_of_modules.sort_by(f64::total_cmp);
             let away = if per_count > 0.0 { (-remainder / per_count).max(0.0) } else { 0.0 };
             let beside = away * counts_of_modules[1..].iter().sum::<f64>();
-            let floor = remainder.max(0.0) + beside + FLOOR_SIGMAS * sigma;
+            let pressing = remainder.max(0.0) + beside;
+            let floor = pressing + FLOOR_SIGMAS * sigma.hypot(relative_sigma * pressing);
             prop_assert!((found.floor.0 - floor).abs() < 1e-3 * (1.0 + floor), "{found:?} {floor}");
         }
 
@@ -396,7 +416,7 @@ mod tests {
         unknown[4].noise = f64::NAN;
         let tables = Tables::new(set(TAXELS), &unknown, &[AREA; TAXELS], ACTIVATION);
         let rest = Rest { zero: &unknown, taken: &unknown, before: &[] };
-        let remainder = Remainder::new(&tables, rest, ACTIVATION, &[true; TAXELS], &MODULES);
+        let remainder = Remainder::new(&tables, rest, ACTIVATION, &[true; TAXELS], &MODULES, 0.1);
         let found = remainder.unseen(&[REST; TAXELS], std::iter::once(4), 0.1);
         assert!(found.floor.0 > 0.0 && found.floor.0.is_finite(), "{found:?}");
         assert!(found.choice_n > 0.0 && found.choice_n.is_finite(), "{found:?}");

@@ -1,10 +1,13 @@
 //! The zero follows the temperature of the skin, and nothing else.
 
+use std::time::Duration;
+
 use taxel_engine::Restored;
 use taxel_engine::plan::{DriftPlan, PatchPlan};
 use taxel_engine::snapshot::ForceState;
 use taxel_engine::zero::drift::{DriftState, DriftView};
-use taxel_sim::{BoardsConfig, Config, DielectricConfig, ThermalConfig, World};
+use taxel_sim::{BoardsConfig, Config, DielectricConfig, Fault, Mass, ThermalConfig, World};
+use taxel_skin::TaxelIndex;
 
 use crate::bench::Bench;
 use crate::rig::{patch_plan, plan, small_skin};
@@ -90,7 +93,7 @@ fn a_hand_that_lies_still_for_half_an_hour_keeps_its_force() {
 fn a_load_that_creeps_in_on_a_module_is_not_eaten() {
     let mut bench = warming(0.0, true);
     for _ in 0..10 {
-        bench.world.lay(taxel_sim::Mass::on_disc(0.004, taxel_skin::TaxelIndex(33), 330.0)).unwrap();
+        bench.world.lay(Mass::on_disc(0.004, TaxelIndex(33), 330.0)).unwrap();
         minutes(&mut bench, 1.0);
         let view = drift(&bench);
         assert!(view.max_counts.abs() < 0.15, "{view:?}");
@@ -134,7 +137,7 @@ fn a_slow_load_on_everything_while_the_skin_cools_does_not_vanish_in_the_zero() 
     minutes(&mut bench, 15.0);
     let mut most = 0.0_f64;
     for minute in 0..15 {
-        let mass = taxel_sim::Mass::on_disc(0.04, taxel_skin::TaxelIndex(35), 20_000.0);
+        let mass = Mass::on_disc(0.04, TaxelIndex(35), 20_000.0);
         bench.world.lay(mass).unwrap();
         minutes(&mut bench, 1.0);
         let (force, truth) = (&bench.host.snapshot().force, bench.world.true_force().0);
@@ -146,4 +149,24 @@ fn a_slow_load_on_everything_while_the_skin_cools_does_not_vanish_in_the_zero() 
         most = most.max(drift(&bench).absorbed.0);
     }
     assert!(most <= 1.0, "{most} N");
+}
+
+/// Where a load comes on everything while the skin cools, the counts may stand still all the while. A zero that is too young
+/// to follow, or may not follow so fast, knows the cold by the pads alone; one that follows learns from it that boards leave
+/// nothing of the warmth, which they seldom do.
+#[test]
+fn a_load_that_comes_on_everything_as_the_skin_cools_is_in_the_uncertainty() {
+    for (over_s, kelvin, waits_s, kilogram) in [(15, -3.0, 1.0, 0.2), (30, -3.0, 90.0, 0.3), (60, -6.0, 1.0, 0.3)] {
+        let mut bench = warming(0.0, true);
+        bench.seconds(waits_s);
+        let mark = bench.mark();
+        bench.inject(Fault::Warming { kelvin, over: Duration::from_secs(over_s) });
+        for _ in 0..10 {
+            bench.world.lay(Mass::on_disc(kilogram / 10.0, TaxelIndex(35), 20_000.0)).unwrap();
+            bench.seconds(over_s as f64 / 10.0);
+        }
+        bench.seconds(20.0);
+        assert!(bench.has_force_since(mark));
+        bench.is_truthful_since(mark, &format!("{kilogram} kg and {kelvin} K within {over_s} s"));
+    }
 }

@@ -4,7 +4,9 @@ use super::limits::COEFFICIENT_MAX;
 
 /// Least coefficient: boards that compensate too much turn the drift round.
 const COEFFICIENT_MIN: f64 = -0.5;
-/// Before anything is seen: the boards leave a quarter to all of the drift ...
+/// What boards leave of the drift, as a rule: a quarter to all.
+const LEFT_BY_BOARDS: [f64; 2] = [0.25, 1.0];
+/// Before anything is seen: the middle of that ...
 const GUESS: f64 = 0.625;
 /// ... with this standard uncertainty.
 const GUESS_SIGMA: f64 = 0.25;
@@ -68,7 +70,9 @@ impl Coefficient {
         let by_itself = (residual - NOISE_COUNTS.powi(2)).max(0.0) / self.pads_pads;
         let noise = NOISE_COUNTS.powi(2) / self.pads_pads.max(self.pads_moved_max.powi(2));
         let (seen, guessed) = ((by_itself + noise).recip(), GUESS_SIGMA.powi(-2));
-        let coefficient = (seen * free + guessed * GUESS) / (seen + guessed);
-        (coefficient.clamp(COEFFICIENT_MIN, COEFFICIENT_MAX), (seen + guessed).sqrt().recip())
+        let coefficient = ((seen * free + guessed * GUESS) / (seen + guessed)).clamp(COEFFICIENT_MIN, COEFFICIENT_MAX);
+        // A load on everything that comes as slowly as the warmth and against it looks like a board that leaves less of it.
+        let unusual = (LEFT_BY_BOARDS[0] - coefficient).max(coefficient - LEFT_BY_BOARDS[1]).max(0.0);
+        (coefficient, (seen + guessed).sqrt().recip().hypot(unusual))
     }
 }

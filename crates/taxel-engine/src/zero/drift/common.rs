@@ -14,8 +14,10 @@ use super::limits::{ABSORBED_MAX, UNEXPLAINED_COUNTS};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Common {
     coefficient: Coefficient,
-    /// How far the pads have moved since the zero, counts.
+    /// How far the pads have moved since the zero by what is followed, counts ...
     pads: f64,
+    /// ... and by now, under whatever lies on the skin.
+    pads_now: f64,
     /// Least and greatest that the pads have left unexplained since the zero, counts.
     left: [f64; 2],
     /// Force per count of each module as a whole, N, negative where counts fall with load; empty while nobody knows.
@@ -50,6 +52,11 @@ impl Common {
         self.left = [self.left[0].min(left), self.left[1].max(left)];
     }
 
+    /// The pads of all modules, counts from their zero.
+    pub(super) fn feel(&mut self, pads: f64) {
+        self.pads_now = pads;
+    }
+
     /// What of `common` a module may follow whose others' pads have moved by `pads`.
     pub(super) fn allowed(&self, common: f64, pads: f64) -> Allowed {
         let explained = self.explained(pads);
@@ -74,11 +81,15 @@ impl Common {
     }
 
     /// Standard uncertainty of what is followed, counts, if `absorbed` may have gone into it: it may as well be anything
-    /// up to that.
-    pub(super) fn sigma_counts(&self, absorbed: Newton) -> f64 {
+    /// up to that. `followed` is how much of what the pads explain was followed so far. What is not, because it is too
+    /// young, too fast or beyond the bound, is uncertain as a whole: where all of the skin is touched nothing but the pads
+    /// tells of it.
+    pub(super) fn sigma_counts(&self, absorbed: Newton, followed: f64) -> f64 {
         let per_count = self.per_count_n().abs();
         let absorbed = if per_count > 0.0 { absorbed.0 / per_count / 3.0_f64.sqrt() } else { 0.0 };
-        absorbed.hypot(self.coefficient.estimate().1 * self.pads)
+        let by_coefficient = self.coefficient.estimate().1 * self.pads.abs().max(self.pads_now.abs());
+        let behind = self.explained(self.pads_now) - followed;
+        absorbed.hypot(by_coefficient).hypot(behind)
     }
 
     fn explained(&self, pads: f64) -> f64 {

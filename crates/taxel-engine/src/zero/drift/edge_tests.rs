@@ -26,7 +26,7 @@ fn learned(places: &[[f64; 2]]) -> Coefficient {
 
 #[test]
 fn a_coefficient_in_figures() {
-    let table: [(&[[f64; 2]], f64, f64); 11] = [
+    let table: [(&[[f64; 2]], f64, f64); 12] = [
         (&[], 0.625, 0.25),
         // Half a count of the pads is a step.
         (&[[0.49, 0.3]], 0.625, 0.25),
@@ -39,8 +39,9 @@ fn a_coefficient_in_figures() {
         (&[[2.0, 1.0], [1.0, 0.2]], 0.500_795, 0.019_936),
         // What two steps do not agree on is their noise.
         (&[[1.0, 0.4], [2.0, 1.0]], 0.508_569, 0.065_458),
-        // It is no more than 1.25.
-        (&[[1.0, 1.27]], 1.25, 0.039_498),
+        // It is no more than 1.25, and what boards seldom leave is uncertain by how far it is from what they do.
+        (&[[1.0, 1.27]], 1.25, 0.253_101),
+        (&[[1.0, 0.05]], 0.064_352_6, 0.189_802_6),
         // The first step may be 0.15 counts and twice 0.25 of the pads away from the guess.
         (&[[1.0, 1.28]], 0.625, 0.25),
     ];
@@ -114,13 +115,27 @@ fn how_much_of_a_load_may_have_been_absorbed() {
 fn the_uncertainty_of_what_is_followed_is_that_of_the_absorbed_force_and_of_the_coefficient() {
     for newton_per_count in [-2.0, 2.0] {
         let mut common = common(newton_per_count, &[]);
-        assert!(is_near(common.sigma_counts(Newton(0.8)), 0.1 / 3.0_f64.sqrt()));
+        assert!(is_near(common.sigma_counts(Newton(0.8), 0.0), 0.1 / 3.0_f64.sqrt()));
         common.look(0.0, 0.4);
-        assert!(is_near(common.sigma_counts(Newton(0.8)), (0.01_f64 / 3.0 + 0.01).sqrt()));
+        assert!(is_near(common.sigma_counts(Newton(0.8), 0.0), (0.01_f64 / 3.0 + 0.01).sqrt()));
     }
     let mut unknown = common(0.0, &[]);
     unknown.look(0.0, -0.4);
-    assert!(is_near(unknown.sigma_counts(Newton(0.8)), 0.1));
+    assert!(is_near(unknown.sigma_counts(Newton(0.8), 0.0), 0.1));
+}
+
+/// Pads that have moved by 2 counts explain 1.25 with an uncertainty of 0.5, and what is not followed of that is uncertain, too.
+#[test]
+fn what_the_pads_say_has_come_and_is_not_followed_yet_is_uncertain() {
+    for sign in [1.0, -1.0] {
+        let mut common = common(0.0, &[]);
+        common.feel(2.0 * sign);
+        for (followed, behind) in [(0.0, 1.25), (0.25, 1.0), (1.25, 0.0), (1.5, 0.25)] {
+            assert!(is_near(common.sigma_counts(Newton(0.0), sign * followed), 0.5_f64.hypot(behind)), "{followed}");
+        }
+        common.begin();
+        assert_eq!(common.sigma_counts(Newton(0.0), 0.0), 0.0, "a new zero");
+    }
 }
 
 #[test]

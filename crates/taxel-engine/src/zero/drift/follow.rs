@@ -201,6 +201,9 @@ impl Drift {
     /// Moves every module towards where it belongs.
     fn follow(&mut self, elapsed_s: f64, wall_ns: i64) {
         let step_max = self.plan.rate_max_counts_per_min / 60.0 * elapsed_s;
+        if let Some(pads) = median(self.modules.iter().filter_map(ModuleDrift::pads_now)) {
+            self.common.feel(pads);
+        }
         let quiet: Vec<(usize, f64)> = self.offsets();
         let moved = |&(module, _): &(usize, f64)| Some((module, self.modules[module].pads_moved()?));
         let pads = Others::new(quiet.iter().filter_map(moved).collect());
@@ -236,13 +239,15 @@ impl Drift {
 
     /// Standard uncertainty of the drift, counts: how well it fits the modules that follow (1.4826 times the median
     /// deviation, which for normal errors is their standard deviation), what the pads cannot say of those that are
-    /// held, as root mean square over all, and what all have in common that may be no drift.
+    /// held, as root mean square over all, and what all have in common that may be no drift or is not followed yet.
     fn sigma_counts(&self) -> f64 {
         let deviation = |module: &ModuleDrift| Some((module.offset(&self.taxels)? - module.drift()).abs());
         let fit = 1.4826 * median(self.modules.iter().filter_map(deviation)).unwrap_or(0.0);
         let held: f64 = self.modules.iter().map(|module| module.held_variance()).sum();
         let held = held / self.modules.len().max(1) as f64;
-        (fit.max(SIGMA_MIN_COUNTS).powi(2) + held).sqrt().hypot(self.common.sigma_counts(self.view.absorbed))
+        let explained = median(self.modules.iter().map(|m| m.drift() - m.unexplained())).unwrap_or(0.0);
+        let common = self.common.sigma_counts(self.view.absorbed, explained);
+        (fit.max(SIGMA_MIN_COUNTS).powi(2) + held).sqrt().hypot(common)
     }
 
     fn enter(&mut self, state: DriftState, wall_ns: i64) {

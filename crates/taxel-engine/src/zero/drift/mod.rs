@@ -36,8 +36,11 @@
 //! detection floor of every force, and with the uncertainty of the coefficient in the drift's. Before, half a count was
 //! taken in, 4 N on the forearm, and 1.25 counts per count of the pads beside, and nothing said so.
 //!
+//! What the pads say has come is uncertain until it is followed, and a coefficient that boards seldom have, below 1/4 or above
+//! 1, is uncertain by as much as it lies outside: a load on everything that came as slowly as the warmth may be in it.
+//!
 //! What it cannot do: a load that comes and goes in step with the temperature from the zero on is what warmth does, as far
-//! as it stays within 1.25 counts per count of the pads. It knows a module's coefficient only while the pads have moved by
+//! as both together stay within 1/4 and 1 count per count of the pads. It knows a module's coefficient only while the pads have moved by
 //! more than a count and a half since the zero; taxels of a module differ from each other in their drift, and nothing is
 //! done about that; a thermal gradient that pads do not see is followed by half a count away from load and by 1 N towards it.
 

@@ -72,9 +72,24 @@ impl TaxelDrift {
 /// A thermal pad.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pad {
+    /// Where it is now.
+    fast: Smooth,
+    /// What the drift is worked out from.
     slow: Smooth,
     sum: f64,
     n: f64,
+}
+
+impl Pad {
+    fn restart(&mut self) {
+        self.fast.restart();
+        self.slow.restart();
+    }
+
+    /// How far the mean of some readings lies from the zero, counts.
+    fn moved(&self, mean: Option<f64>) -> Option<f64> {
+        mean.map(|mean| mean - self.sum / self.n).filter(|moved| moved.is_finite())
+    }
 }
 
 /// Where a module was when it was held.
@@ -137,7 +152,7 @@ impl ModuleDrift {
 
     pub(super) fn restart(&mut self, taxels: &mut [TaxelDrift]) {
         taxels.iter_mut().for_each(TaxelDrift::restart);
-        self.pads.iter_mut().for_each(|pad| pad.slow.restart());
+        self.pads.iter_mut().for_each(Pad::restart);
         self.untouched_s = 0.0;
         self.begin_hold();
     }
@@ -169,9 +184,10 @@ impl ModuleDrift {
         self.zero_s += shares.dt_s;
         for (pad, count) in self.pads.iter_mut().zip(pads).take(self.site.kind.thermal_slots().len()) {
             if matches!(count, u8::MIN | u8::MAX) {
-                pad.slow.restart(); // at an end of the converter's range
+                pad.restart(); // at an end of the converter's range
                 continue;
             }
+            pad.fast.push(f64::from(count), shares.fast);
             pad.slow.push(f64::from(count), shares.slow);
             if self.zero_s <= PADS_ZERO_S {
                 (pad.sum, pad.n) = (pad.sum + f64::from(count), pad.n + 1.0);
@@ -214,9 +230,18 @@ impl ModuleDrift {
         if offsets.len() < TAXELS_MIN { None } else { median(offsets) }
     }
 
-    /// How far its pads have moved since the zero, counts; `None` without pads that are known and agree.
+    /// How far its pads have moved since the zero, in the mean over tens of seconds, counts; `None` without pads that are
+    /// known and agree.
     pub(super) fn pads_moved(&self) -> Option<f64> {
-        let moved = |pad: &Pad| Some(pad.slow.mean(SLOW_WEIGHT)? - pad.sum / pad.n).filter(|moved| moved.is_finite());
+        self.pads_at(|pad| pad.moved(pad.slow.mean(SLOW_WEIGHT)))
+    }
+
+    /// The same in the mean over half a second, which is known before the other is, whether something touches it or not.
+    pub(super) fn pads_now(&self) -> Option<f64> {
+        self.pads_at(|pad| pad.moved(pad.fast.mean(FAST_WEIGHT)))
+    }
+
+    fn pads_at(&self, moved: impl Fn(&Pad) -> Option<f64>) -> Option<f64> {
         match (moved(&self.pads[0]), moved(&self.pads[1])) {
             (Some(a), Some(b)) => {
                 let agree = (a - b).abs() <= PADS_APART_COUNTS + PADS_APART_SHARE * a.abs().max(b.abs());
