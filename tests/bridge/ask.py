@@ -38,6 +38,12 @@ def asked(scene, model_set):
     assert page.read_text() == stated.html if code == "OK" else stated in done.stderr, (code, stated, done)
     [reply] = list(scene.session.get("taxel/icub01/events", payload=b"\xff\xff", timeout=PATIENCE_S))
     assert reply.err and b"request" in bytes(reply.err.payload), reply
+    [reply] = list(scene.session.get("taxel/*/events", timeout=PATIENCE_S))
+    assert reply.err and b"expected taxel/icub01/events itself" in bytes(reply.err.payload), reply
+    [reply] = list(scene.session.get("taxel/icub01/import", payload=bytes(18 << 20), timeout=PATIENCE_S))
+    assert reply.err and b"18874368 bytes, at most 17825792 are taken" in bytes(reply.err.payload), reply
+    told = command("events", "icub01", "--count", "3").stdout
+    assert len(told.splitlines()) == 3 and all(" s ago  left_forearm  " in line for line in told.splitlines()), told
     none = command("events", "icub99", allowed=1).stderr
     assert "icub99" in none, none
     print(f"asked: {len(events)} events, models taken, certificate {code}", flush=True)

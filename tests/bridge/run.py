@@ -339,8 +339,22 @@ def killed_bridge(scene, view):
     print("the bridge was killed: the fleet saw it, the daemon did not", flush=True)
 
 
-def ended_bridge(scene):
-    """A service manager asks it to end, and it does, without a word of an error."""
+def fleet_table(scene):
+    """What an operator sees who does not ask for JSON, and what arguments are refused."""
+    command = [scene.bridge, "fleet", "--router", scene.endpoint, "--every"]
+    seen = subprocess.run([*command, "0.5", "--tables", "8"], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert seen.returncode == 0 and "icub01 appeared" in seen.stdout, seen
+    table = seen.stdout.split("1 robots, 0 vanished")[-1]
+    assert "left_forearm" in table and "icub01" in table, seen.stdout
+    refused = subprocess.run([*command, "0"], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert refused.returncode != 0 and "--every 0: expected 0.05 to 3600" in refused.stderr, refused
+    print(table.rstrip(), flush=True)
+
+
+def ended(scene, view):
+    """A service manager asks bridge and view to end, and they do, without a word of an error."""
+    view.process.terminate()
+    assert view.process.wait(20) == 0, view.process.log.read_text()
     scene.process.terminate()
     assert scene.process.wait(20) == 0, scene.process.log.read_text()
     assert "as it was asked to" in scene.process.log.read_text()
@@ -363,7 +377,8 @@ def play(scene, scratch):
     killed_router(scene)
     nothing_else(scene)
     killed_bridge(scene, view)
-    ended_bridge(scene)
+    fleet_table(scene)
+    ended(scene, view)
     acl(scene.stage, scratch)
     print("the bridge holds", flush=True)
 

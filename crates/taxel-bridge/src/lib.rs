@@ -14,3 +14,4 @@ pub mod follow;
 pub mod link;
 pub mod ros;
 pub mod run;
+mod signals;

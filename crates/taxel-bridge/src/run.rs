@@ -1,7 +1,6 @@
 //! Wires a bridge as its configuration says.
 
 use taxel_proto::v1::TaxelSample;
-use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
@@ -15,6 +14,7 @@ use crate::ros::keys::{Graph, KeepLast, name_of};
 use crate::ros::node::RosNode;
 use crate::ros::publish::{self, ForceTopics};
 use crate::ros::tare;
+use crate::signals::asked_to_end;
 
 type Tasks = JoinSet<anyhow::Result<()>>;
 
@@ -36,19 +36,12 @@ pub async fn run(config: Config) -> anyhow::Result<()> {
     };
     tokio::select! {
         ended = running => ended.map(|_| ()),
-        asked = asked_to_end() => asked,
+        asked = asked_to_end() => {
+            asked?;
+            tracing::info!("the bridge ends, as it was asked to");
+            Ok(())
+        }
     }
-}
-
-/// Waits until somebody at a terminal, or the service manager, asks the program to end.
-async fn asked_to_end() -> anyhow::Result<()> {
-    let mut terminated = signal(SignalKind::terminate())?;
-    tokio::select! {
-        interrupted = tokio::signal::ctrl_c() => interrupted?,
-        _ = terminated.recv() => {}
-    }
-    tracing::info!("the bridge ends, as it was asked to");
-    Ok(())
 }
 
 /// Waits for the first task to end, which none does without an error.

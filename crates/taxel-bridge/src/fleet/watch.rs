@@ -18,6 +18,7 @@ use crate::fleet::book::Book;
 use crate::fleet::{keys, table};
 use crate::link::{self, tried};
 use crate::ros::node::wall_ns;
+use crate::signals::asked_to_end;
 
 /// Messages that may wait here: a hundred from each of a hundred robots. Beyond that Zenoh waits, and the router drops.
 const QUEUE: usize = 10_000;
@@ -80,6 +81,8 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
     let (mut shown, mut ask) = (0, tokio::time::interval(MODELS_EVERY));
     let mut show = tokio::time::interval_at(Instant::now() + every, every);
     let (models, mut answers) = mpsc::channel::<Models>(64);
+    let ended = asked_to_end();
+    tokio::pin!(ended);
     loop {
         tokio::select! {
             sample = next(&alive) => view.alive(&sample?)?,
@@ -97,7 +100,7 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
                     return Ok(());
                 }
             }
-            _ = tokio::signal::ctrl_c() => return Ok(()),
+            asked = &mut ended => return asked,
         }
     }
 }
