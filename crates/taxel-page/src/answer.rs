@@ -11,8 +11,9 @@ use serde_json::json;
 use std::convert::Infallible;
 use taxel_proto::refusal::{Refusal, info_of};
 use taxel_proto::v1::ErrorReason;
-use tokio::sync::OwnedSemaphorePermit;
 use tonic::{Code, Status};
+
+use crate::large_answers::LargeAnswer;
 
 /// The body of every answer.
 pub(crate) type Body = UnsyncBoxBody<Bytes, Infallible>;
@@ -65,13 +66,13 @@ pub(crate) fn json_bytes(value: &impl Serialize) -> Result<Vec<u8>, Status> {
 
 /// Bytes that hold a place for as long as anybody has them. The body of an answer does not last so long: the server takes
 /// all of it at once and then writes what the peer has room for.
-pub(crate) fn with_place(bytes: Vec<u8>, place: OwnedSemaphorePermit) -> Bytes {
+pub(crate) fn with_place(bytes: Vec<u8>, place: LargeAnswer) -> Bytes {
     Bytes::from_owner(Placed { bytes, _place: place })
 }
 
 struct Placed {
     bytes: Vec<u8>,
-    _place: OwnedSemaphorePermit,
+    _place: LargeAnswer,
 }
 
 impl AsRef<[u8]> for Placed {

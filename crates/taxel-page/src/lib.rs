@@ -14,6 +14,7 @@ mod call;
 mod connection;
 mod events;
 mod frames;
+mod large_answers;
 mod limits;
 mod methods;
 mod metrics;

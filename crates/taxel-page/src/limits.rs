@@ -30,10 +30,13 @@ pub struct Limits {
     /// An answer of more bytes than this is large and takes a place until it is out. The layout of a forearm, which the page
     /// asks for when it opens, takes 60 KB and so needs none; all connections together hold 16 MiB of smaller ones.
     pub large_answer_bytes: usize,
-    /// Large answers at once that are on their way; a further one is refused. The services count one until it is made and no
-    /// longer, but its reader may take hours over it. A forearm's exported set takes 1 MB. Only loopback is served, which is
-    /// one peer: there is no share of each.
+    /// Large answers at once that are on their way. A further one takes the place of the oldest that has had
+    /// [`Limits::large_answer`], whose connection is cut, and is refused while none has. The services count one until it is
+    /// made and no longer, but its reader may take hours over it. Only loopback is served, which is one peer: there is no
+    /// share of each.
     pub large_answers: usize,
+    /// A large answer keeps its place for so long whoever else asks. A forearm's exported set takes 1 MB, the largest 16.
+    pub large_answer: Duration,
     /// A connection whose peer takes nothing of what is to be written for so long is closed.
     pub unread: Duration,
     /// A stream that has nothing to tell sends an empty comment this often, so that a peer that is gone is found.
@@ -60,6 +63,7 @@ impl Default for Limits {
             large_bodies: 1,
             large_answer_bytes: 256 << 10,
             large_answers: 8,
+            large_answer: Duration::from_secs(20),
             unread: Duration::from_secs(5),
             comment: Duration::from_secs(5),
             send_buffer_bytes: 128 << 10,

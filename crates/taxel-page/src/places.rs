@@ -93,6 +93,11 @@ impl Place {
         self.evict.cancelled().await;
     }
 
+    /// What makes the connection go.
+    pub(crate) fn cut(&self) -> CancellationToken {
+        self.evict.clone()
+    }
+
     /// A request is there, whole; the connection stays until the answer is out.
     pub(crate) fn serve(&self) {
         self.set_waits(false);

@@ -122,7 +122,7 @@ impl Server {
             let ended = tokio::select! {
                 ended = &mut served => ended,
                 () = place.evicted() => {
-                    tracing::debug!(%address, "page: an idle connection made room for a new one");
+                    tracing::debug!(%address, "page: a connection made room for another one");
                     return;
                 }
                 () = shutdown.cancelled() => {

@@ -19,6 +19,7 @@ use crate::answer::{whole, with_place, wrong_method};
 use crate::assets;
 use crate::call::{Caller, Permits, Services, begin};
 use crate::events::{Source, events};
+use crate::large_answers::LargeAnswers;
 use crate::limits::Limits;
 use crate::methods::{Method, Methods};
 use crate::metrics::{Metrics, OPEN_METRICS};
@@ -48,8 +49,7 @@ pub(crate) struct Site {
     limits: Limits,
     streams: Arc<Semaphore>,
     large_bodies: Arc<Semaphore>,
-    /// Of those that are on their way; each has its permit.
-    large_answers: Arc<Semaphore>,
+    large_answers: LargeAnswers,
 }
 
 impl Site {
@@ -62,7 +62,7 @@ impl Site {
     ) -> Result<Self, prost_reflect::DescriptorError> {
         let streams = Arc::new(Semaphore::new(limits.streams));
         let large_bodies = Arc::new(Semaphore::new(limits.large_bodies));
-        let large_answers = Arc::new(Semaphore::new(limits.large_answers));
+        let large_answers = LargeAnswers::new(limits.large_answers, limits.large_answer);
         let (metrics, methods) = (Metrics::new(), Methods::new()?);
         Ok(Self { services, permits, shows, metrics, methods, names, limits, streams, large_bodies, large_answers })
     }
@@ -77,9 +77,8 @@ impl Site {
         let head = *request.method() == Verb::HEAD;
         if request.body().is_end_stream() {
             place.serve();
-        } else {
-            request.extensions_mut().insert(Arc::clone(&place)); // whoever reads the body knows when it is there
         }
+        request.extensions_mut().insert(Arc::clone(&place)); // whoever reads the body knows when it is there
         let mut response = hardened(self.route(request, address).await.unwrap_or_else(|status| refusal(&status)));
         if head {
             *response.body_mut() = http_body_util::Empty::new().boxed_unsync();
@@ -170,12 +169,12 @@ impl Site {
                 return Ok(closing(refusal_as(StatusCode::REQUEST_TIMEOUT, &slow)));
             }
         };
-        connection.inspect(|place| place.serve());
+        connection.iter().for_each(|place| place.serve());
         let message = method.request(&body)?;
         drop(body);
         let begun = Instant::now();
         let answer = match begin(self.services.clone(), method, &message, caller).await {
-            Ok(answer) => answer.only().await.and_then(|message| self.answered(&message)),
+            Ok(answer) => answer.only().await.and_then(|message| self.answered(&message, connection.as_deref())),
             Err(status) => Err(status),
         };
         let code = answer.as_ref().map_or_else(tonic::Status::code, |_| Code::Ok);
@@ -183,16 +182,17 @@ impl Site {
         answer
     }
 
-    /// The answer with this message. A large one needs a place until it is out: what the services held for it they have
-    /// given back, and a reader takes as long over it as it likes. Only calls that read have large answers, so that none is
-    /// refused whose work is done.
-    fn answered(&self, message: &DynamicMessage) -> Result<Response<Body>, Status> {
+    /// The answer with this message over this connection. A large one needs a place until it is out: what the services held
+    /// for it they have given back, and a reader takes as long over it as it likes, until another one needs its place. Only
+    /// calls that read have large answers, so that none is refused whose work is done.
+    fn answered(&self, message: &DynamicMessage, connection: Option<&Place>) -> Result<Response<Body>, Status> {
         let json = json_bytes(message)?;
         let Limits { large_answer_bytes: small, large_answers: most, .. } = self.limits;
         if json.len() <= small {
             return Ok(whole(StatusCode::OK, JSON, json));
         }
-        let place = Arc::clone(&self.large_answers).try_acquire_owned().map_err(|_| {
+        let cut = connection.map(Place::cut).unwrap_or_default();
+        let place = self.large_answers.begin(Instant::now(), cut).ok_or_else(|| {
             let why =
                 format!("{most} answers of more than {small} bytes are on their way over HTTP, which is the limit");
             Refusal::exhausted(ErrorReason::NoPlace, why + ": read them to their ends, or try again later")

@@ -86,6 +86,7 @@ async fn a_large_answer_has_a_place_until_it_is_read_and_without_one_it_is_refus
     let whole = format!("{{\"modelSet\":\"m-a\",\"json\":\"{}\"}}", "x".repeat(EXPORTED_BYTES));
 
     let mut slow = begin_export(&daemon).await;
+    // Its time, which is far from over, is its own.
     let answer = daemon.post(EXPORT, ASKED).await;
     assert_eq!(answer.status, 429, "{}", answer.head);
     let refusal: serde_json::Value = serde_json::from_str(&answer.body).unwrap();
@@ -102,6 +103,23 @@ async fn a_large_answer_has_a_place_until_it_is_read_and_without_one_it_is_refus
     drop(begin_export(&daemon).await);
     let free = async { while daemon.post(EXPORT, ASKED).await.status != 200 {} };
     tokio::time::timeout(PATIENCE, free).await.unwrap();
+}
+
+/// Readers that take a little now and then are never done, and no number of them keeps anybody out.
+#[tokio::test]
+async fn a_large_answer_that_has_had_its_time_goes_when_another_one_is_asked_for() {
+    let daemon = start_with(Limits { large_answers: 2, large_answer: Duration::ZERO, ..patient() }).await;
+    daemon.engine.patch(0, snapshot(1));
+    let model_sets = vec![model_set("m-a").into()];
+    daemon.engine.catalogue(Arc::new(Catalogue { model_sets, ..Catalogue::default() }));
+    let (mut oldest, mut newer) = (begin_export(&daemon).await, begin_export(&daemon).await);
+    assert!(daemon.post(EXPORT, ASKED).await.body.len() > EXPORTED_BYTES);
+    let mut rest = Vec::new();
+    let _ = oldest.read_to_end(&mut rest).await; // cut, and maybe with a reset
+    assert!(rest.len() < EXPORTED_BYTES, "the oldest was cut");
+    rest.clear();
+    newer.read_to_end(&mut rest).await.unwrap();
+    assert!(rest.len() > EXPORTED_BYTES, "the newer one was left alone");
 }
 
 /// Asks for a model set and reads no more of the answer than that there is one.
