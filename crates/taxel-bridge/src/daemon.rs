@@ -15,7 +15,7 @@ use crate::config::{DaemonSection, TlsSection};
 const ANSWER_BYTES_MAX: usize = 64 << 20;
 
 /// A daemon that has not answered by then does not, and the next question has its turn. It gives up a command itself then.
-const ANSWER_WITHIN: Duration = Duration::from_secs(60);
+const ANSWER_WITHIN: Duration = Duration::from_secs(100);
 
 /// The daemon. The connection is made when the first call needs it, and made anew after it broke.
 #[derive(Clone)]

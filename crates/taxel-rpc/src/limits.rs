@@ -83,7 +83,7 @@ pub struct Limits {
     pub untaken: usize,
     /// A stream that pushes no scan for so long ends, and another may begin.
     pub push_pause: Duration,
-    /// How long a command may take. A tare watches the skin for seconds.
+    /// How long a command may take. A tare watches the skin for up to a minute, as it is configured.
     pub command: Duration,
     /// Largest request, in bytes; a request is a few names and numbers.
     pub request_bytes: usize,
@@ -133,7 +133,7 @@ impl Default for Limits {
             unread: Duration::from_secs(5),
             untaken: 8,
             push_pause: Duration::from_secs(10),
-            command: Duration::from_secs(60),
+            command: Duration::from_secs(90),
             request_bytes: 64 << 10,
             models_bytes: 16 << 20,
             ahead_bytes: [64 << 10, 256 << 10],
