@@ -391,6 +391,30 @@ fn a_curve_that_turns_is_served_as_it_is() {
     }
 }
 
+/// Two counts on all taxels are below the threshold. The scan after it reads nothing, by its noise.
+#[test]
+fn the_floor_of_a_scan_that_reads_less_keeps_most_of_what_those_before_it_read() {
+    fn floor(skin: &mut Skin, counts: u8, at_ms: i64) -> f64 {
+        skin.counts.fill(REST - counts);
+        skin.time = Time::from_nanos(at_ms * 1_000_000);
+        let sample = skin.measured().sample;
+        assert_eq!(sample.total.map(|total| total.0), Some(0.0));
+        sample.detection_floor.unwrap().0
+    }
+    let alone = |counts: u8| floor(&mut Skin::new(None), counts, 0);
+    let (pressed, nothing) = (alone(2), alone(0));
+    assert!(pressed > nothing + 1.0, "{pressed} N, {nothing} N");
+    let mut skin = Skin::new(None);
+    assert_eq!(floor(&mut skin, 2, 0), pressed);
+    let next = floor(&mut skin, 0, 50);
+    // What is read relative to the areas' uncertainty of 5 % is not read again.
+    let kept = (next - nothing) / (pressed - nothing);
+    assert!((kept - (-0.1_f64).exp()).abs() < 0.05, "{kept} of {pressed} N");
+    assert_eq!(floor(&mut skin, 2, 100), pressed, "what comes is told at once");
+    skin.force.set_zero(Some(&rest(TAXELS)), 0.0);
+    assert_eq!(floor(&mut skin, 0, 150), nothing, "a new zero");
+}
+
 proptest! {
     /// The total of a sample is the one of `total_n`, where no weak touch is added.
     #[test]
