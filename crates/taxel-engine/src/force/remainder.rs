@@ -5,15 +5,8 @@
 //! the zero towards pressure, the remainder is `R = sum w c`. Its standard uncertainty is the noise of single readings, `sum (w s)^2`, and what all
 //! taxels share, the zero's: `(z sum w)^2`.
 //!
-//! A zero is taken where nothing seems to lie on the skin, which the counts can tell from a light load only as far as
-//! they return from day to day. So what the zero itself may hide counts, too: with `h = sum w (zero - zero of the models)`
-//! over a module (beyond the threshold what the taxel's curve says instead), `H` is the sum of all `h`, a load on
-//! everything, or that of the three greatest, a contact, whichever is more. A skin that lies away from load as a whole, as a
-//! colder one does, hides a contact by as much, so a contact is told from the median taxel then. Boards that took a zero
-//! of their own since the models were gathered leave a residue on every taxel, which may hide a load as well: how far the
-//! taxels lie apart is how large these are, `H` has the standard uncertainty `sqrt(sum (w d)^2)` of its taxels, `d` from the
-//! median deviation. And where the daemon configured the boards, their zero holds whatever its look before had let pass:
-//! that is added to every `h`.
+//! A zero is taken where nothing seems to lie on the skin, so what the zero itself may hide counts, too: `H`, with an
+//! uncertainty of its own (`hidden.rs`).
 //!
 //! What the zero has followed of the temperature since it was taken is no part of `H`: what a load may have had in that
 //! is known to the zero, and the caller adds it to the floor.
@@ -30,39 +23,24 @@
 //! `sqrt(sum (w s)^2)`, is in every total, as is that of taxels below the threshold that are in it because they touch an
 //! active one: these were chosen by their reading, so that their noise does not average out but adds up, `sum w s`.
 
+mod hidden;
+mod share;
+
 use std::ops::Range;
 use taxel_skin::Newton;
 
-use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
+pub use self::hidden::Rest;
+pub use self::share::newton_per_count;
+
+use self::hidden::Hidden;
+use self::share::{CONTACT_MODULES, FLOOR_SIGMAS, Share};
+use crate::baseline::Activation;
 use crate::counts::Counts;
 use crate::force::tables::Tables;
-use crate::statistics::median;
-
-/// Standard uncertainties that the detection floor lies above the remainder: 95 %.
-const FLOOR_SIGMAS: f64 = 2.0;
-
-/// The standard deviation of normal errors over their median absolute deviation.
-const DEVIATIONS: f64 = 1.4826;
-
-/// A contact touches so many modules at the most that a fingertip or a known mass does.
-const CONTACT_MODULES: usize = 3;
 
 /// Noise alone seldom takes a taxel so many times as far as its activation threshold: at the default one that is six standard
 /// deviations, which of 250 taxels with normal noise one reaches once in 23 hours at 50 scans a second.
 const TELLING_DISTANCE: f64 = 1.5;
-
-/// One taxel's share in the remainder, by its raw count.
-#[derive(Clone, Copy, Debug, Default)]
-struct Share {
-    /// Force per raw count, N; negative where counts fall with pressure. 0 for a taxel that is not selected.
-    newton_per_count: f32,
-    /// Its zero, counts.
-    zero: f32,
-    /// Noise of a single reading, N.
-    noise_n: f32,
-    /// Its force at the activation threshold, N.
-    threshold_n: f32,
-}
 
 /// The remainder of a patch at one zero and one selection.
 #[derive(Clone, Debug, Default)]
@@ -86,25 +64,6 @@ pub struct Remainder {
     relative_sigma: f64,
 }
 
-/// Force that the zero would hide if everything by which it lies towards load from that of the models were load.
-#[derive(Clone, Copy, Debug, Default)]
-struct Hidden {
-    newton: f64,
-    /// Its standard uncertainty, N.
-    sigma_n: f64,
-}
-
-/// The zero that holds, and what it took for rest.
-#[derive(Clone, Copy, Debug)]
-pub struct Rest<'a> {
-    /// One per taxel.
-    pub zero: &'a [TaxelBaseline],
-    /// The same without what it has followed of the temperature since it was taken.
-    pub taken: &'a [TaxelBaseline],
-    /// What the boards sent before they were configured and took zeros of their own; empty where nobody looked.
-    pub before: &'a [TaxelBaseline],
-}
-
 /// What may press unseen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Unseen {
@@ -123,25 +82,6 @@ pub struct Unseen {
     pub has_contact: bool,
 }
 
-/// Force at the activation threshold of a taxel with the zero `rest`, and per count on the way there, N. `None` without a
-/// usable model.
-fn at_threshold(tables: &Tables, rest: TaxelBaseline, activation: Activation, taxel: usize) -> Option<(f64, f64)> {
-    let distance = activation.distance_counts(rest.noise);
-    let newton = tables.threshold_n(taxel, distance)?;
-    Some((newton, newton / distance))
-}
-
-/// How much a count more of each taxel weighs below its threshold, N, negative where counts fall with load; 0 where nothing
-/// is known.
-#[must_use]
-pub fn newton_per_count(tables: &Tables, zero: &[TaxelBaseline], activation: Activation) -> Vec<f64> {
-    let of = |(taxel, &rest): (usize, &TaxelBaseline)| {
-        let per_count = at_threshold(tables, rest, activation, taxel).map_or(0.0, |(_, per_count)| per_count);
-        if per_count.is_finite() { per_count * tables.sign(taxel) } else { 0.0 }
-    };
-    zero.iter().enumerate().map(of).collect()
-}
-
 impl Remainder {
     /// For the taxels that are `selected` at the zero `rest`; all slices by taxel. `relative_sigma` is the standard
     /// uncertainty that all forces share, relative to them.
@@ -154,15 +94,7 @@ impl Remainder {
         modules: &[Range<usize>],
         relative_sigma: f64,
     ) -> Self {
-        let share = |taxel: usize| {
-            let rest = rest.zero[taxel];
-            let (threshold_n, per_count) = at_threshold(tables, rest, activation, taxel)?;
-            let noise_n = (per_count * rest.noise.max(NOISE_FLOOR_COUNTS)) as f32;
-            let newton_per_count = (per_count * tables.sign(taxel)) as f32;
-            let usable = rest.mean.is_finite() && newton_per_count.is_finite() && noise_n.is_finite();
-            let threshold_n = threshold_n as f32;
-            usable.then_some(Share { newton_per_count, zero: rest.mean as f32, noise_n, threshold_n })
-        };
+        let share = |taxel: usize| Share::of(tables, rest.zero[taxel], activation, taxel);
         let shares: Vec<Share> =
             (0..selected.len()).map(|t| selected[t].then(|| share(t)).flatten().unwrap_or_default()).collect();
         let sum = |of: &dyn Fn(&Share) -> f64| shares.iter().map(of).sum::<f64>();
@@ -237,49 +169,6 @@ impl Remainder {
     }
 }
 
-impl Hidden {
-    fn of(tables: &Tables, shares: &[Share], rest: Rest<'_>, modules: &[Range<usize>]) -> Self {
-        let models = &tables.set().baseline;
-        let moved = |taxel: usize| {
-            let then = models.get(taxel).filter(|_| shares.get(taxel).is_some_and(|share| share.noise_n > 0.0))?;
-            let looked = rest.before.get(taxel).map_or(0.0, |before| before.mean - then.mean);
-            let counts = rest.taken.get(taxel)?.mean - then.mean + if looked.is_finite() { looked } else { 0.0 };
-            counts.is_finite().then_some(counts * tables.sign(taxel))
-        };
-        let all: Vec<Option<f64>> = (0..shares.len()).map(moved).collect();
-        let middle = median(all.iter().copied().flatten()).unwrap_or(0.0);
-        let apart = DEVIATIONS * median(all.iter().flatten().map(|moved| (moved - middle).abs())).unwrap_or(0.0);
-        let newton = |taxel: usize, moved: f64| {
-            let share = &shares[taxel];
-            let linear = f64::from(share.newton_per_count).abs() * moved;
-            // Beyond the threshold skin becomes stiffer: the curve says more than its beginning.
-            let curve = || tables.threshold_n(taxel, moved).unwrap_or(linear).max(linear);
-            if linear > f64::from(share.threshold_n) { curve() } else { linear }
-        };
-        // Of each module its force, that beside what moved the whole skin away from load, and its squared uncertainty.
-        let of_module = |range: &Range<usize>| {
-            let moved = range.clone().filter_map(|taxel| Some((taxel, all.get(taxel).copied()??)));
-            moved.fold([0.0; 3], |[force, contact, squared], (taxel, moved)| {
-                let sigma = f64::from(shares[taxel].newton_per_count) * apart;
-                let beside = newton(taxel, moved - middle.min(0.0));
-                [force + newton(taxel, moved), contact + beside, squared + sigma * sigma]
-            })
-        };
-        let mut by_module: Vec<[f64; 3]> = modules.iter().map(of_module).collect();
-        let sum = |modules: &[[f64; 3]], of: usize| modules.iter().map(|module| module[of].max(0.0)).sum::<f64>();
-        let everything: f64 = by_module.iter().map(|module| module[0]).sum();
-        let everything = Self { newton: everything.max(0.0), sigma_n: sum(&by_module, 2).sqrt() };
-        by_module.sort_by(|a, b| b[1].total_cmp(&a[1]));
-        by_module.truncate(CONTACT_MODULES);
-        let contact = Self { newton: sum(&by_module, 1), sigma_n: sum(&by_module, 2).sqrt() };
-        if everything.upper_n() > contact.upper_n() { everything } else { contact }
-    }
-
-    fn upper_n(self) -> f64 {
-        self.newton + FLOOR_SIGMAS * self.sigma_n
-    }
-}
-
 /// Sum of the products, in a fixed order, sixteen chains at a time.
 fn dot<C: Copy + Into<f32> + Into<f64>>(weights: &[f32], counts: &[C]) -> f64 {
     const LANES: usize = 16;
@@ -303,6 +192,7 @@ fn dot<C: Copy + Into<f32> + Into<f64>>(weights: &[f32], counts: &[C]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::baseline::TaxelBaseline;
     use crate::force::tests::{ACTIVATION, AREA, REST, rest, set};
     use proptest::prelude::*;
 

@@ -1,0 +1,83 @@
+//! What a zero may hide: a load that lay on the skin while it was taken.
+//!
+//! A zero is taken where nothing seems to lie on the skin, which the counts can tell from a light load only as far as
+//! they return from day to day. So what the zero itself may hide counts, too: with `h = sum w (zero - zero of the models)`
+//! over a module (beyond the threshold what the taxel's curve says instead), `H` is the sum of all `h`, a load on
+//! everything, or that of the three greatest, a contact, whichever is more. A skin that lies away from load as a whole, as a
+//! colder one does, hides a contact by as much, so a contact is told from the median taxel then. Boards that took a zero
+//! of their own since the models were gathered leave a residue on every taxel, which may hide a load as well: how far the
+//! taxels lie apart is how large these are, `H` has the standard uncertainty `sqrt(sum (w d)^2)` of its taxels, `d` from the
+//! median deviation. And where the daemon configured the boards, their zero holds whatever its look before had let pass:
+//! that is added to every `h`.
+
+use std::ops::Range;
+
+use super::share::{CONTACT_MODULES, FLOOR_SIGMAS, Share};
+use crate::baseline::TaxelBaseline;
+use crate::force::tables::Tables;
+use crate::statistics::median;
+
+/// The standard deviation of normal errors over their median absolute deviation.
+const DEVIATIONS: f64 = 1.4826;
+
+/// The zero that holds, and what it took for rest.
+#[derive(Clone, Copy, Debug)]
+pub struct Rest<'a> {
+    /// One per taxel.
+    pub zero: &'a [TaxelBaseline],
+    /// The same without what it has followed of the temperature since it was taken.
+    pub taken: &'a [TaxelBaseline],
+    /// What the boards sent before they were configured and took zeros of their own; empty where nobody looked.
+    pub before: &'a [TaxelBaseline],
+}
+
+/// Force that the zero would hide if everything by which it lies towards load from that of the models were load.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Hidden {
+    pub(super) newton: f64,
+    /// Its standard uncertainty, N.
+    pub(super) sigma_n: f64,
+}
+
+impl Hidden {
+    pub(super) fn of(tables: &Tables, shares: &[Share], rest: Rest<'_>, modules: &[Range<usize>]) -> Self {
+        let models = &tables.set().baseline;
+        let moved = |taxel: usize| {
+            let then = models.get(taxel).filter(|_| shares.get(taxel).is_some_and(|share| share.noise_n > 0.0))?;
+            let looked = rest.before.get(taxel).map_or(0.0, |before| before.mean - then.mean);
+            let counts = rest.taken.get(taxel)?.mean - then.mean + if looked.is_finite() { looked } else { 0.0 };
+            counts.is_finite().then_some(counts * tables.sign(taxel))
+        };
+        let all: Vec<Option<f64>> = (0..shares.len()).map(moved).collect();
+        let middle = median(all.iter().copied().flatten()).unwrap_or(0.0);
+        let apart = DEVIATIONS * median(all.iter().flatten().map(|moved| (moved - middle).abs())).unwrap_or(0.0);
+        let newton = |taxel: usize, moved: f64| {
+            let share = &shares[taxel];
+            let linear = f64::from(share.newton_per_count).abs() * moved;
+            // Beyond the threshold skin becomes stiffer: the curve says more than its beginning.
+            let curve = || tables.threshold_n(taxel, moved).unwrap_or(linear).max(linear);
+            if linear > f64::from(share.threshold_n) { curve() } else { linear }
+        };
+        // Of each module its force, that beside what moved the whole skin away from load, and its squared uncertainty.
+        let of_module = |range: &Range<usize>| {
+            let moved = range.clone().filter_map(|taxel| Some((taxel, all.get(taxel).copied()??)));
+            moved.fold([0.0; 3], |[force, contact, squared], (taxel, moved)| {
+                let sigma = f64::from(shares[taxel].newton_per_count) * apart;
+                let beside = newton(taxel, moved - middle.min(0.0));
+                [force + newton(taxel, moved), contact + beside, squared + sigma * sigma]
+            })
+        };
+        let mut by_module: Vec<[f64; 3]> = modules.iter().map(of_module).collect();
+        let sum = |modules: &[[f64; 3]], of: usize| modules.iter().map(|module| module[of].max(0.0)).sum::<f64>();
+        let everything: f64 = by_module.iter().map(|module| module[0]).sum();
+        let everything = Self { newton: everything.max(0.0), sigma_n: sum(&by_module, 2).sqrt() };
+        by_module.sort_by(|a, b| b[1].total_cmp(&a[1]));
+        by_module.truncate(CONTACT_MODULES);
+        let contact = Self { newton: sum(&by_module, 1), sigma_n: sum(&by_module, 2).sqrt() };
+        if everything.upper_n() > contact.upper_n() { everything } else { contact }
+    }
+
+    fn upper_n(self) -> f64 {
+        self.newton + FLOOR_SIGMAS * self.sigma_n
+    }
+}
