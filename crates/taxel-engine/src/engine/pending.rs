@@ -216,6 +216,9 @@ mod tests {
         assert!(pending.take_load(tickets[1]).is_none());
         assert_eq!(pending.take_set(tickets[2]).map(|loading| loading.patch), Some(2));
         assert!(pending.take_set(tickets[2]).is_none());
+        let view = Arc::new(SessionView { number: 3, ..SessionView::default() });
+        pending.keep(Effect::End { request, command: Trigger::Discard, view });
+        assert_eq!([3, 4].map(|number| pending.ends(number)), [Some(Trigger::Discard), None]);
         assert!(!pending.activates(1) && !pending.activates_set("m-1") && pending.imports() == 0);
     }
 }

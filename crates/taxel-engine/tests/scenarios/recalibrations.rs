@@ -190,6 +190,27 @@ fn the_set_that_a_correction_came_from_stays_while_the_corrected_one_is_in_use()
     bench.ask(delete("m-corrected")).unwrap();
 }
 
+/// Of the two sessions that are known the set came from the one that was not laid aside.
+#[test]
+fn a_correction_of_a_calibration_is_used_although_another_one_was_discarded() {
+    let mut bench = small().in_use_with(too_small);
+    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let set = named(&proposal(&bench, &small().set, &Chosen::default()), "m-corrected");
+    let known = |number: u64, state: SessionState, set: &str| {
+        let session = small().session.clone();
+        Arc::new(SessionView { number, state, model_set: Some(set.into()), ..session })
+    };
+    let sessions =
+        vec![known(1, SessionState::Review, &small().set.id), known(2, SessionState::Discarded, "m-laid-aside")];
+    let model_sets = vec![set.into(), Arc::clone(&small().set).into()];
+    let restored = Restored { model_sets, sessions, next_session: 3, ..Restored::default() };
+    let mut patch = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+    too_small(&mut patch);
+    let mut bench = Bench::new(small().world.clone(), plan(patch), restored);
+    bench.seconds(2.0);
+    bench.activate("m-corrected").unwrap();
+}
+
 #[test]
 fn a_correction_of_a_discarded_calibration_is_not_used() {
     let mut bench = small().in_use_with(too_small);

@@ -75,6 +75,33 @@ fn a_session_takes_no_ramp_of_boards_that_are_set_in_another_way() {
     assert_eq!(view.board_settings, first.host.catalogue.sessions[0].board_settings);
 }
 
+/// Which modules were left out is kept as positions, which say nothing of a layout that has fewer.
+#[test]
+fn a_session_of_another_layout_is_succeeded_by_none() {
+    let mut first = ramped();
+    first.ask(FIT).unwrap();
+    first.until_state(1.0, SessionState::Review);
+    first.world.pump(PumpCommand::Vent);
+    first.seconds(20.0);
+    let set = first.host.newest_set().id.clone();
+    first.activate(&set).unwrap();
+    for (left_out, is_known) in [(7, true), (8, false)] {
+        let mut bench = restarted(&first, with_shift(1), |disk| {
+            disk.restored.active = vec![("small".to_owned(), set.clone())];
+            let [session] = &mut disk.restored.sessions[..] else { panic!("one session") };
+            Arc::make_mut(session).left_out = vec![left_out];
+        });
+        match bench.ask(RAMP) {
+            Ok(_) => assert!(is_known, "module {left_out} of 8"),
+            Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) => {
+                assert_eq!(why, "session 1 is of another layout of patch `small` and cannot go on");
+                assert!(!is_known);
+            }
+            Err(other) => panic!("{other:?}"),
+        }
+    }
+}
+
 /// The models are of the boards as they were, whatever the configuration says when they are computed.
 #[test]
 fn what_an_interrupted_session_gathered_is_fitted_with_the_settings_that_it_was_gathered_with() {
