@@ -7,8 +7,10 @@ use taxel_engine::command::{Command, Done, Rejection, RequestId};
 use taxel_engine::loads::{KnownLoad, Weight};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
+use taxel_engine::snapshot::ForceState;
 
 use crate::bench::{Bench, Disk};
+use crate::rig::{patch_plan, plan};
 use crate::sessions::{in_review, ramping};
 use crate::shared::small;
 
@@ -65,6 +67,21 @@ fn an_import_that_the_disk_refuses_has_no_effect() {
     is_refused_and_has_no_effect(&mut bench, request, &before, "an import");
     let reply = bench.ask(activate("m-other"));
     assert!(matches!(reply, Err(Rejection::NotFound(..))), "{reply:?}");
+}
+
+/// Before there is any zero one is taken by itself, but none beside one that waits for the disk.
+#[test]
+fn a_tare_that_the_disk_refuses_does_not_keep_the_first_zero_away() {
+    let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    bench.brought_up();
+    assert_ne!(bench.host.state(), ForceState::Ok, "no zero yet");
+    bench.host.disk_is_slow = true;
+    let request = bench.host.command(Command::Tare { patch: String::new(), confirmed_by: None });
+    bench.seconds(4.0);
+    assert!(!bench.host.replied(request));
+    assert_eq!(bench.host.state(), ForceState::TareInvalid, "it waits for the disk, and nothing else is taken");
+    bench.host.commit(Err("no space left on device".to_owned()));
+    bench.until_force(3.0, ForceState::Ok);
 }
 
 #[test]
