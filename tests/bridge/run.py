@@ -344,8 +344,8 @@ def fleet_table(scene):
     command = [scene.bridge, "fleet", "--router", scene.endpoint, "--every"]
     seen = subprocess.run([*command, "0.5", "--tables", "8"], capture_output=True, text=True, timeout=PATIENCE_S)
     assert seen.returncode == 0 and "icub01 appeared" in seen.stdout, seen
-    table = seen.stdout.split("1 robots, 0 vanished")[-1]
-    assert "left_forearm" in table and "icub01" in table, seen.stdout
+    head, _, table = seen.stdout.rpartition("1 robots, 0 vanished")
+    assert head and "left_forearm" in table and "icub01" in table, seen.stdout
     refused = subprocess.run([*command, "0"], capture_output=True, text=True, timeout=PATIENCE_S)
     assert refused.returncode != 0 and "--every 0: expected 0.05 to 3600" in refused.stderr, refused
     print(table.rstrip(), flush=True)

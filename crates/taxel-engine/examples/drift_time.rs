@@ -28,7 +28,7 @@ fn scan_us(modules: usize) -> f64 {
     };
     let plan = DriftPlan { follow: true, ..DriftPlan::default() };
     let mut drift = Drift::new(plan, ACTIVATION, (0..modules).map(site).collect());
-    drift.begin(Now::default(), &vec![ZERO; 10 * modules]);
+    drift.begin(Now::default(), &vec![ZERO; 10 * modules], &[]);
     let scans = [vec![240; 10 * modules], vec![241; 10 * modules]];
     let begun = Instant::now();
     for scan in 0..SCANS {

@@ -1,5 +1,5 @@
-//! Places of large answers: one that has been on its way for long gives its place to a new one, so that no number of slow
-//! readers keeps anybody from reading.
+//! Places of large answers: one that has been on its way for long gives its place to a new one, so that slow readers hold none
+//! for ever.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};

@@ -19,7 +19,7 @@ use crate::link::{self, tried};
 use crate::ros::node::wall_ns;
 
 /// A robot that has not answered by then is not there.
-const ANSWER_WITHIN: Duration = Duration::from_secs(70);
+const ANSWER_WITHIN: Duration = Duration::from_secs(110);
 
 /// Which router, and what is asked for.
 #[derive(Debug, clap::Args)]

@@ -60,7 +60,7 @@ fn followed() -> Drift {
     let plan = DriftPlan { follow: true, ..DriftPlan::default() };
     let activation = Activation { sigmas: 4.0, floor_counts: 2.0 };
     let mut drift = Drift::new(plan, activation, (0..MODULES).map(site).collect());
-    drift.begin(now(0), &[REST; TAXELS]);
+    drift.begin(now(0), &[REST; TAXELS], &[]);
     drift
 }
 

@@ -42,12 +42,12 @@ impl Zero {
     /// The zero follows the temperature, where that is asked for and no session holds the patch.
     pub(super) fn follow_drift(&mut self, now: Now, scan: &Scan<'_>, session_open: bool, events: &mut Vec<ZeroEvent>) {
         let Some(drift) = self.drift.as_mut().filter(|_| self.view.valid) else { return };
+        let pads = |module: usize| (!scan.silent[module]).then_some(scan.pads[module]);
+        let now = Now { time: scan.time, ..now };
         let moved = if session_open || self.doubted {
-            drift.hold(now);
+            drift.hold(now, pads);
             false
         } else {
-            let pads = |module: usize| (!scan.silent[module]).then_some(scan.pads[module]);
-            let now = Now { time: scan.time, ..now };
             drift.on_scan(now, scan.counts, pads, |taxel| scan.sound[taxel])
         };
         self.view.drift = *drift.view();

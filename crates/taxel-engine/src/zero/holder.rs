@@ -321,7 +321,7 @@ impl Zero {
         self.ground.take(&baseline);
         self.memory.begin(&baseline, self.ground.signs());
         if let Some(drift) = &mut self.drift {
-            drift.begin(Now { time: now, wall_ns }, &baseline);
+            drift.begin(Now { time: now, wall_ns }, &baseline, &self.lookback.pads());
             self.view.drift = *drift.view();
         }
         self.baseline = Some(baseline);

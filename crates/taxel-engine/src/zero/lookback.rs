@@ -80,6 +80,12 @@ impl Lookback {
         by_pads.max(self.offset_counts) + self.sudden.sigma_counts()
     }
 
+    /// Where each pad was in the last second, counts, `None` without one.
+    #[must_use]
+    pub fn pads(&self) -> Vec<[Option<f64>; 2]> {
+        self.sudden.pads_before()
+    }
+
     /// The pads of a scan, whether there is a zero or not.
     pub fn feel(&mut self, scan: &Scan<'_>) {
         self.sudden.on_scan(scan);

@@ -91,6 +91,11 @@ impl SuddenWarmth {
         self.modules.iter().map(|pads| mean(pads, |pad| pad.before).unwrap_or(0.0)).collect()
     }
 
+    /// The same of each pad, `None` without one.
+    pub(super) fn pads_before(&self) -> Vec<[Option<f64>; 2]> {
+        self.modules.iter().map(|pads| pads.map(|pad| pad.map(|pad| pad.before))).collect()
+    }
+
     /// Standard uncertainty, in counts, of a zero that all taxels share, for the warmth since it was last looked at.
     pub(super) const fn sigma_counts(&self) -> f64 {
         self.sigma_counts

@@ -4,9 +4,11 @@ use super::limits::COEFFICIENT_MAX;
 
 /// Least coefficient: boards that compensate too much turn the drift round.
 const COEFFICIENT_MIN: f64 = -0.5;
-/// What boards leave of the drift, as a rule: a quarter to all.
-const LEFT_BY_BOARDS: [f64; 2] = [0.25, 1.0];
-/// Before anything is seen: the middle of that ...
+/// What boards leave of the drift, as a rule: a quarter to all, and a twentieth of a count that it is not known to.
+const LEFT_BY_BOARDS: [f64; 2] = [0.2, 1.05];
+/// How uncertain a coefficient is beyond that, per count outside, up to half of how far it may be off.
+const UNUSUAL: f64 = 4.0;
+/// Before anything is seen: the boards leave a quarter to all of the drift ...
 const GUESS: f64 = 0.625;
 /// ... with this standard uncertainty.
 const GUESS_SIGMA: f64 = 0.25;
@@ -42,7 +44,7 @@ impl Coefficient {
             return;
         }
         self.at = [pads, taxels];
-        let (coefficient, sigma) = self.estimate();
+        let (coefficient, sigma) = self.fitted();
         let apart = (taxels_step - coefficient * pads_step).abs();
         if apart > STEP_APART_COUNTS + 2.0 * sigma * pads_step.abs() {
             return;
@@ -59,8 +61,18 @@ impl Coefficient {
         (self.pads_moved_max >= PADS_MOVED_MIN).then(|| self.estimate())
     }
 
-    /// The same from the first moment on, when it is a guess.
+    /// The same from the first moment on, when it is a guess. A load on everything that comes as slowly as the warmth looks
+    /// like boards that leave less or more of it than they do as a rule. Then it may be anything that they do leave.
     pub(super) fn estimate(&self) -> (f64, f64) {
+        let (coefficient, sigma) = self.fitted();
+        let [least, most] = LEFT_BY_BOARDS;
+        let outside = (least - coefficient).max(coefficient - most).max(0.0);
+        let furthest = (coefficient - least).abs().max((most - coefficient).abs());
+        (coefficient, sigma.hypot((UNUSUAL * outside).min(0.5 * furthest)))
+    }
+
+    /// What was learned, as if nothing had pressed.
+    fn fitted(&self) -> (f64, f64) {
         if self.n == 0.0 {
             return (GUESS, GUESS_SIGMA);
         }
@@ -70,9 +82,7 @@ impl Coefficient {
         let by_itself = (residual - NOISE_COUNTS.powi(2)).max(0.0) / self.pads_pads;
         let noise = NOISE_COUNTS.powi(2) / self.pads_pads.max(self.pads_moved_max.powi(2));
         let (seen, guessed) = ((by_itself + noise).recip(), GUESS_SIGMA.powi(-2));
-        let coefficient = ((seen * free + guessed * GUESS) / (seen + guessed)).clamp(COEFFICIENT_MIN, COEFFICIENT_MAX);
-        // A load on everything that comes as slowly as the warmth and against it looks like a board that leaves less of it.
-        let unusual = (LEFT_BY_BOARDS[0] - coefficient).max(coefficient - LEFT_BY_BOARDS[1]).max(0.0);
-        (coefficient, (seen + guessed).sqrt().recip().hypot(unusual))
+        let coefficient = (seen * free + guessed * GUESS) / (seen + guessed);
+        (coefficient.clamp(COEFFICIENT_MIN, COEFFICIENT_MAX), (seen + guessed).sqrt().recip())
     }
 }

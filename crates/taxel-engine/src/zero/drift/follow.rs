@@ -38,6 +38,8 @@ pub struct Drift {
     common: Common,
     /// Whether there is a zero to follow from.
     zeroed: bool,
+    /// Whether the counts do not count for now.
+    held: bool,
     last: Option<Time>,
     /// Scan time since the last look.
     due_s: f64,
@@ -58,6 +60,7 @@ impl Drift {
             modules: sites.into_iter().map(ModuleDrift::new).collect(),
             common: Common::default(),
             zeroed: false,
+            held: false,
             last: None,
             due_s: 0.0,
             tables_s: 0.0,
@@ -65,15 +68,18 @@ impl Drift {
         }
     }
 
-    /// A zero was taken: no drift from here, and nothing learned. A taxel whose zero is NaN takes no part.
-    pub fn begin(&mut self, now: Now, zero: &[TaxelBaseline]) {
+    /// A zero was taken: no drift from here, and nothing learned. A taxel whose zero is NaN takes no part. `pads` are the means
+    /// of each module's pads while it was taken, counts; empty where nobody knows.
+    pub fn begin(&mut self, now: Now, zero: &[TaxelBaseline], pads: &[[Option<f64>; 2]]) {
         for (taxel, zero) in self.taxels.iter_mut().zip(zero) {
             let distance = self.activation.distance_counts(zero.noise);
             *taxel = TaxelDrift::new(zero.mean, distance);
         }
-        self.modules.iter_mut().for_each(ModuleDrift::begin);
+        for (index, module) in self.modules.iter_mut().enumerate() {
+            module.begin(pads.get(index).copied().unwrap_or_default());
+        }
         self.common.begin();
-        self.zeroed = true;
+        (self.zeroed, self.held) = (true, false);
         self.last = None;
         (self.due_s, self.tables_s) = (0.0, 0.0);
         self.enter(DriftState::Held, now.wall_ns);
@@ -100,15 +106,55 @@ impl Drift {
         self.view = DriftView::default();
     }
 
-    /// The scans do not count for now: a session is open.
-    pub fn hold(&mut self, now: Now) {
-        if self.zeroed && self.last.is_some() {
-            self.last = None;
+    /// Takes one scan whose counts do not count: a session is open, or the zero is in doubt. What the pads say meanwhile is
+    /// in the uncertainty. Time and pads are those of [`Drift::on_scan`].
+    pub fn hold(&mut self, now: Now, pads: impl Fn(usize) -> Option<[u8; 2]>) {
+        let first = self.last.is_none();
+        let Some(dt) = self.passed_s(now.time) else { return };
+        if !std::mem::replace(&mut self.held, true) && !first {
             self.restart();
             self.view.following.0 = 0;
             if self.view.state == DriftState::Following {
                 self.enter(DriftState::Held, now.wall_ns);
             }
+        }
+        let shares = Shares::of(dt);
+        for (index, module) in self.modules.iter_mut().enumerate() {
+            match pads(index) {
+                Some(pads) => module.feel(pads, &shares),
+                None => module.lose_pads(),
+            }
+        }
+        self.due_s += dt;
+        if self.due_s >= UPDATE_S {
+            self.due_s = 0.0;
+            self.feel();
+            self.describe(self.sigma_counts());
+        }
+    }
+
+    /// The time since the last scan, s, 0 for the first; `None` without a zero and for a scan that is not later than the
+    /// last. After a gap every average begins anew, and nothing of the scan counts.
+    fn passed_s(&mut self, time: Time) -> Option<f64> {
+        if !self.zeroed {
+            return None;
+        }
+        let dt = self.last.map_or(0.0, |last| time.seconds_since(last));
+        if dt < 0.0 || (dt == 0.0 && self.last.is_some()) {
+            return None;
+        }
+        self.last = Some(time);
+        if dt > GAP_S {
+            self.restart();
+            return None;
+        }
+        Some(dt)
+    }
+
+    /// What the pads of all modules say now.
+    fn feel(&mut self) {
+        if let Some(pads) = median(self.modules.iter().filter_map(ModuleDrift::pads_now)) {
+            self.common.feel(pads);
         }
     }
 
@@ -124,18 +170,8 @@ impl Drift {
         pads: impl Fn(usize) -> Option<[u8; 2]>,
         sound: impl Fn(usize) -> bool,
     ) -> bool {
-        if !self.zeroed {
-            return false;
-        }
-        let dt = self.last.map_or(0.0, |last| now.time.seconds_since(last));
-        if dt < 0.0 || (dt == 0.0 && self.last.is_some()) {
-            return false;
-        }
-        self.last = Some(now.time);
-        if dt > GAP_S {
-            self.restart();
-            return false;
-        }
+        let Some(dt) = self.passed_s(now.time) else { return false };
+        self.held = false;
         let (shares, counts) = (Shares::of(dt), counts.into());
         for (index, module) in self.modules.iter_mut().enumerate() {
             let taxels = &mut self.taxels[module.range()];
@@ -201,9 +237,7 @@ impl Drift {
     /// Moves every module towards where it belongs.
     fn follow(&mut self, elapsed_s: f64, wall_ns: i64) {
         let step_max = self.plan.rate_max_counts_per_min / 60.0 * elapsed_s;
-        if let Some(pads) = median(self.modules.iter().filter_map(ModuleDrift::pads_now)) {
-            self.common.feel(pads);
-        }
+        self.feel();
         let quiet: Vec<(usize, f64)> = self.offsets();
         let moved = |&(module, _): &(usize, f64)| Some((module, self.modules[module].pads_moved()?));
         let pads = Others::new(quiet.iter().filter_map(moved).collect());
@@ -238,8 +272,9 @@ impl Drift {
     }
 
     /// Standard uncertainty of the drift, counts: how well it fits the modules that follow (1.4826 times the median
-    /// deviation, which for normal errors is their standard deviation), what the pads cannot say of those that are
-    /// held, as root mean square over all, and what all have in common that may be no drift or is not followed yet.
+    /// deviation, which for normal errors is their standard deviation), and what the pads cannot say of those that are held,
+    /// as root mean square over all, or what all have in common that may be no drift or is not followed yet, whichever is
+    /// more: it is the same warmth.
     fn sigma_counts(&self) -> f64 {
         let deviation = |module: &ModuleDrift| Some((module.offset(&self.taxels)? - module.drift()).abs());
         let fit = 1.4826 * median(self.modules.iter().filter_map(deviation)).unwrap_or(0.0);
@@ -247,7 +282,7 @@ impl Drift {
         let held = held / self.modules.len().max(1) as f64;
         let explained = median(self.modules.iter().map(|m| m.drift() - m.unexplained())).unwrap_or(0.0);
         let common = self.common.sigma_counts(self.view.absorbed, explained);
-        (fit.max(SIGMA_MIN_COUNTS).powi(2) + held).sqrt().hypot(common)
+        fit.max(SIGMA_MIN_COUNTS).hypot(common.max(held.sqrt()))
     }
 
     fn enter(&mut self, state: DriftState, wall_ns: i64) {

@@ -36,8 +36,9 @@
 //! detection floor of every force, and with the uncertainty of the coefficient in the drift's. Before, half a count was
 //! taken in, 4 N on the forearm, and 1.25 counts per count of the pads beside, and nothing said so.
 //!
-//! What the pads say has come is uncertain until it is followed, and a coefficient that boards seldom have, below 1/4 or above
-//! 1, is uncertain by as much as it lies outside: a load on everything that came as slowly as the warmth may be in it.
+//! What the pads say has come is uncertain until it is followed, while a session is open, too. Boards leave 1/4 to all of the
+//! warmth. A coefficient outside of that may come of a load on everything that came as slowly, and is uncertain by more the
+//! further it lies outside, up to all that boards may leave.
 //!
 //! What it cannot do: a load that comes and goes in step with the temperature from the zero on is what warmth does, as far
 //! as both together stay within 1/4 and 1 count per count of the pads. It knows a module's coefficient only while the pads have moved by

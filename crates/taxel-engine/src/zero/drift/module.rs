@@ -18,7 +18,7 @@ const FAST_WEIGHT: f64 = 0.6;
 const SLOW_WEIGHT: f64 = 0.9;
 /// A taxel that moves by this share of its activation threshold is touched.
 const TOUCH_SHARE: f64 = 0.5;
-/// The pads' zero is their mean over so many seconds after the taxels' zero.
+/// Where nobody knows where the pads were at the taxels' zero, it is their mean over so many seconds after it.
 const PADS_ZERO_S: f64 = 5.0;
 /// The two pads of a module are believed while they agree within this, counts ...
 const PADS_APART_COUNTS: f64 = 2.0;
@@ -76,6 +76,7 @@ struct Pad {
     fast: Smooth,
     /// What the drift is worked out from.
     slow: Smooth,
+    /// Sum and number of the counts that its zero is the mean of.
     sum: f64,
     n: f64,
 }
@@ -143,16 +144,23 @@ impl ModuleDrift {
         }
     }
 
-    /// A new zero: rest has just been proven. Pads that have not moved are where the hold is.
-    pub(super) fn begin(&mut self) {
+    /// A new zero: rest has just been proven, with its pads at `pads`, where that is known. Pads that have not moved are where
+    /// the hold is.
+    pub(super) fn begin(&mut self, pads: [Option<f64>; 2]) {
         *self = Self::new(self.site.clone());
+        for (pad, counts) in self.pads.iter_mut().zip(pads) {
+            (pad.sum, pad.n) = counts.map_or((0.0, 0.0), |counts| (counts, 1.0));
+        }
+        if pads != [None; 2] {
+            self.zero_s = f64::INFINITY; // what they say from here on is of the warmth
+        }
         self.untouched_s = HOLD_OFF_S;
         self.hold.pads = Some(0.0);
     }
 
     pub(super) fn restart(&mut self, taxels: &mut [TaxelDrift]) {
         taxels.iter_mut().for_each(TaxelDrift::restart);
-        self.pads.iter_mut().for_each(Pad::restart);
+        self.lose_pads();
         self.untouched_s = 0.0;
         self.begin_hold();
     }
@@ -181,6 +189,11 @@ impl ModuleDrift {
             taxel.fast.push(count, shares.fast);
             self.touched |= taxel.is_touched(self.drift, self.rested_at);
         }
+        self.feel(pads, shares);
+    }
+
+    /// Takes the pads of a scan.
+    pub(super) fn feel(&mut self, pads: [u8; 2], shares: &Shares) {
         self.zero_s += shares.dt_s;
         for (pad, count) in self.pads.iter_mut().zip(pads).take(self.site.kind.thermal_slots().len()) {
             if matches!(count, u8::MIN | u8::MAX) {
@@ -193,6 +206,11 @@ impl ModuleDrift {
                 (pad.sum, pad.n) = (pad.sum + f64::from(count), pad.n + 1.0);
             }
         }
+    }
+
+    /// It is silent, or was for a while.
+    pub(super) fn lose_pads(&mut self) {
+        self.pads.iter_mut().for_each(Pad::restart);
     }
 
     /// Lets the taxels rest, unless something touches the module or is `near` it.

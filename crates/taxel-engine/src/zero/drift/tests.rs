@@ -45,7 +45,7 @@ impl Skin {
         let zero: Vec<_> = (0..MODULES * kind.taxel_slots().len()).map(zero).collect();
         let mut drift = Drift::new(plan, activation, sites(kind));
         let now = Now { time: Time::from_nanos(1_000), wall_ns: 1_000_000_000 };
-        drift.begin(now, &zero);
+        drift.begin(now, &zero, &[]);
         Self { drift, noise: Noise(7), now, zero, kind, moved: 0 }
     }
 
@@ -211,7 +211,7 @@ fn at_its_bound_it_stays_and_says_so_and_a_new_zero_clears_it() {
     let reason = skin.drift.shortcoming().expect("a reason");
     let why = reason.text();
     assert!(why.starts_with("drift of -3.") && why.ends_with(" counts reached its bound of 3 counts: tare"), "{why}");
-    skin.drift.begin(skin.now, &skin.zero.clone());
+    skin.drift.begin(skin.now, &skin.zero.clone(), &[]);
     assert_eq!((skin.drift.shortcoming(), skin.furthest_from(0.0)), (None, 0.0));
     assert_eq!(skin.drift.view().state, DriftState::Held);
 }
@@ -241,7 +241,8 @@ fn a_gap_and_a_session_go_on_from_where_it_was() {
     assert_eq!(skin.drift.view().state, DriftState::Held);
     let moved = skin.drifts().iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(moved < 1e-9, "{moved}");
-    skin.drift.hold(skin.now);
+    skin.now.time = Time::from_nanos(skin.now.time.as_nanos() + SCAN_NS);
+    skin.drift.hold(skin.now, |_| Some([226; 2]));
     skin.run(20.0, |_, _| -1.0, |_, _| -4.0);
     assert_eq!(skin.drift.view().state, DriftState::Held);
     skin.run(2.0 * MINUTE, |_, _| -1.0, |_, _| -4.0);
