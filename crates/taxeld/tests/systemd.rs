@@ -153,7 +153,13 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
     service.until_told("READY=1");
     for _ in 0..20 {
         let sample = next(&mut stream).await;
-        assert_eq!(sample.sequence, before + 1 + sample.skipped, "no sample is missing that is not told");
+        // A value that has become too old meanwhile is told once more, as what it is then.
+        let missing = sample.sequence.checked_sub(before + 1).unwrap_or(before - sample.sequence);
+        assert_eq!(
+            missing, sample.skipped,
+            "from {before} to {}: no sample is missing that is not told",
+            sample.sequence
+        );
         before = sample.sequence;
     }
     let log = service.log();
