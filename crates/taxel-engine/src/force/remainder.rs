@@ -15,8 +15,12 @@
 //! whose temperature has changed since the zero, a contact that activates none hides by as much: `C = max(o, 0) sum w` over
 //! the modules of a contact.
 //!
-//! The floor is `max(R, 0) + C + max(H, 0)` and two standard uncertainties, to which comes what all forces have: that of the
-//! areas and of the gauge's gain, relative to the sum of the three. The owner counts of the first two no less than their
+//! Taxels that are not active were chosen, too: where a load lies about the threshold of many, noise keeps those below that read
+//! too little. Of one that lies at its threshold what is left reads `sqrt(2 / pi) s` less than it should, of one that lies at
+//! its zero nothing: `B = sqrt(2 / pi) sum w s R / sum w t`, at most for all of them, with `t` the threshold distance.
+//!
+//! The floor is `max(R, 0) + B + C + max(H, 0)` and two standard uncertainties, to which comes what all forces have: that of the
+//! areas and of the gauge's gain, relative to the sum of the four. The owner counts of the first three no less than their
 //! mean over the last half second (`lately.rs`).
 //!
 //! Which taxels are in a total hangs on their noise, too. That of a contact on the modules that have most of it,
@@ -52,6 +56,9 @@ pub struct Remainder {
     zeros_n: f64,
     /// Sum of the squared noises, N squared.
     noise_n2: f64,
+    /// Sums of the noises and of the forces at the thresholds, N.
+    noise_n: f64,
+    threshold_n: f64,
     /// Squared noise of a contact on the modules that have most of it, N squared.
     contact_noise_n2: f64,
     /// Sum of the forces per count, N.
@@ -63,6 +70,9 @@ pub struct Remainder {
     /// Standard uncertainty that all forces share, relative to them.
     relative_sigma: f64,
 }
+
+/// How far below its mean what is left of normal noise lies that is cut off there, standard deviations: `sqrt(2 / pi)`.
+const KEPT_BELOW: f64 = 0.797_884_560_802_865_4;
 
 /// What may press unseen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -109,6 +119,8 @@ impl Remainder {
             zeros_n: sum(&|s| f64::from(s.newton_per_count) * f64::from(s.zero)),
             hidden: Hidden::of(tables, &shares, rest, modules),
             noise_n2: sum(&|s| f64::from(s.noise_n).powi(2)),
+            noise_n: sum(&|s| f64::from(s.noise_n)),
+            threshold_n: sum(&|s| f64::from(s.threshold_n)),
             contact_noise_n2: contact(&|s| f64::from(s.noise_n).powi(2)),
             per_count_n: sum(&|s| f64::from(s.newton_per_count).abs()),
             contact_per_count_n: contact(&|s| f64::from(s.newton_per_count).abs()),
@@ -136,6 +148,7 @@ impl Remainder {
         let counts = counts.into();
         let (mut rest_n, mut noise_n2, mut per_count_n) =
             (self.walk_n(counts) - self.zeros_n, self.noise_n2, self.per_count_n);
+        let (mut noise_n, mut threshold_n) = (self.noise_n, self.threshold_n);
         let (mut chosen_n, mut has_contact) = (0.0, false);
         for taxel in active {
             let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else {
@@ -150,18 +163,22 @@ impl Remainder {
                 chosen_n += f64::from(share.noise_n);
             }
             noise_n2 -= f64::from(share.noise_n).powi(2);
+            (noise_n, threshold_n) = (noise_n - f64::from(share.noise_n), threshold_n - f64::from(share.threshold_n));
             per_count_n -= f64::from(share.newton_per_count).abs();
         }
         let unseen_n2 = noise_n2.max(0.0) + (zero_sigma_counts * per_count_n).powi(2);
         let offset_counts = if per_count_n > 0.0 { rest_n / per_count_n } else { 0.0 };
         let beside_n = (-offset_counts).max(0.0) * self.contact_per_count_n;
-        let (unseen, hidden) = (rest_n.max(0.0) + beside_n, self.hidden);
+        // Where all taxels are active nothing but rounding is left of these sums.
+        let at_threshold = if threshold_n > 0.0 { (rest_n / threshold_n).clamp(0.0, 1.0) } else { 0.0 };
+        let kept_below_n = KEPT_BELOW * noise_n.max(0.0) * at_threshold;
+        let (unseen, hidden) = (rest_n.max(0.0) + kept_below_n + beside_n, self.hidden);
         let shared = self.relative_sigma * (unseen + hidden.newton);
         let floor_sigma = (unseen_n2 + hidden.sigma_n.powi(2) + shared.powi(2)).sqrt();
         Unseen {
             choice_n: (chosen_n.powi(2) + self.contact_noise_n2).sqrt(),
             floor: Newton(unseen + hidden.newton + FLOOR_SIGMAS * floor_sigma),
-            told: Newton(unseen + FLOOR_SIGMAS * unseen_n2.sqrt()),
+            told: Newton(unseen - kept_below_n + FLOOR_SIGMAS * unseen_n2.sqrt()),
             read_n: unseen,
             offset_counts,
             has_contact,
@@ -230,6 +247,7 @@ mod tests {
             let tables = tables();
             let (mut remainder, mut noise, mut per_count, mut chosen) = (0.0, 0.0, 0.0, 0.0);
             let (mut of_modules, mut counts_of_modules) = ([0.0; 4], [0.0; 4]);
+            let (mut noises, mut thresholds) = (0.0, 0.0);
             for (taxel, &(count, selected, active)) in taxels.iter().enumerate() {
                 let distance = ACTIVATION.distance_counts(0.5);
                 let newton_per_count = tables.threshold_n(taxel, distance).unwrap() / distance;
@@ -244,6 +262,8 @@ mod tests {
                     remainder += newton_per_count * (f64::from(REST) - f64::from(count));
                     noise += (newton_per_count * 0.5).powi(2);
                     per_count += newton_per_count;
+                    noises += newton_per_count * 0.5;
+                    thresholds += newton_per_count * distance;
                 }
             }
             let sigma = (noise + (zero_sigma * per_count).powi(2)).sqrt();
@@ -254,7 +274,8 @@ mod tests {
             counts_of_modules.sort_by(f64::total_cmp);
             let away = if per_count > 0.0 { (-remainder / per_count).max(0.0) } else { 0.0 };
             let beside = away * counts_of_modules[1..].iter().sum::<f64>();
-            let pressing = remainder.max(0.0) + beside;
+            let kept = if thresholds > 0.0 { noises * (remainder / thresholds).clamp(0.0, 1.0) } else { 0.0 };
+            let pressing = remainder.max(0.0) + (2.0 / std::f64::consts::PI).sqrt() * kept + beside;
             let floor = pressing + FLOOR_SIGMAS * sigma.hypot(relative_sigma * pressing);
             prop_assert!((found.floor.0 - floor).abs() < 1e-3 * (1.0 + floor), "{found:?} {floor}");
         }
