@@ -321,6 +321,22 @@ mod tests {
     }
 
     #[test]
+    fn counts_of_more_than_eight_bits_leave_as_much_room() {
+        let (zero, range) = (rest(TAXELS), taxel_skin::CountRange::to(65_535).unwrap());
+        let bytes: Vec<u8> = (0..TAXELS as u8).map(|taxel| REST - taxel % 4).collect();
+        let words: Vec<u16> = bytes.iter().map(|&count| range.nearest(f64::from(count))).collect();
+        let held = Rest { zero: &zero, taken: &zero, before: &[] };
+        let remainder = Remainder::new(&tables(), held, ACTIVATION, &[true; TAXELS], &MODULES, 0.1);
+        let active = || [3, 7].into_iter();
+        let (narrow, wide) =
+            (remainder.unseen(&bytes, active(), 0.1), remainder.unseen(Counts::Words(&words, range), active(), 0.1));
+        assert!(narrow.read_n > 0.1, "{narrow:?}");
+        for (narrow, wide) in [(narrow.read_n, wide.read_n), (narrow.floor.0, wide.floor.0)] {
+            assert!((narrow - wide).abs() < 1e-3, "{narrow} N of bytes, {wide} N of words");
+        }
+    }
+
+    #[test]
     fn a_zero_that_is_not_known_makes_no_number_that_is_none() {
         let mut unknown = rest(TAXELS);
         unknown[3] = TaxelBaseline::UNKNOWN;

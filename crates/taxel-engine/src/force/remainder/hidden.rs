@@ -81,3 +81,93 @@ impl Hidden {
         self.newton + FLOOR_SIGMAS * self.sigma_n
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::force::tests::{ACTIVATION, AREA, REST, rest, set};
+
+    /// Of modules of ten; a count of a taxel weighs `w`, up to its threshold of three counts.
+    const TAXELS: usize = 50;
+
+    struct Zero {
+        tables: Tables,
+        zero: Vec<TaxelBaseline>,
+        before: Vec<TaxelBaseline>,
+    }
+
+    impl Zero {
+        /// Taxels that have moved so many counts towards load since the models' zero, and had done so before the boards took
+        /// zeros of their own.
+        fn new(moved: impl Fn(usize) -> f64, before: impl Fn(usize) -> f64) -> Self {
+            let at = |moved: f64| TaxelBaseline { mean: f64::from(REST) - moved, noise: 0.5 };
+            let zero: Vec<TaxelBaseline> = (0..TAXELS).map(|taxel| at(moved(taxel))).collect();
+            // Curves are read from the models' zero on, as the figures below are.
+            let tables = Tables::new(set(TAXELS), &rest(TAXELS), &[AREA; TAXELS], ACTIVATION);
+            Self { tables, zero, before: (0..TAXELS).map(|taxel| at(before(taxel))).collect() }
+        }
+
+        fn force_n(&self, counts: f64) -> f64 {
+            self.tables.threshold_n(0, counts).unwrap()
+        }
+
+        fn hidden(&self) -> Hidden {
+            let shares: Vec<Share> = (0..TAXELS)
+                .map(|taxel| Share::of(&self.tables, self.zero[taxel], ACTIVATION, taxel).unwrap_or_default())
+                .collect();
+            let modules: Vec<Range<usize>> = (0..TAXELS / 10).map(|module| 10 * module..10 * module + 10).collect();
+            let rest = Rest { zero: &self.zero, taken: &self.zero, before: &self.before };
+            Hidden::of(&self.tables, &shares, rest, &modules)
+        }
+    }
+
+    #[test]
+    fn what_a_zero_may_hide_in_figures() {
+        type Moved = fn(usize) -> f64;
+        // How far each taxel has moved, what may lie there in counts of a taxel, and its uncertainty in median deviations of one.
+        let all = 50.0_f64.sqrt();
+        let table: [(&str, Moved, f64, f64); 7] = [
+            ("a load on everything", |_| 1.0, 50.0, 0.0),
+            ("on one module, which is as much as everything", |t| if t / 10 == 2 { 2.0 } else { 0.0 }, 20.0, 0.0),
+            // The median is 1, and half of the taxels lie 0.5 or less from it.
+            (
+                "the three greatest of four, where the fifth is lighter",
+                |t| [1.0, 2.0, 1.5, 0.5, -3.0][t / 10],
+                45.0,
+                30.0_f64.sqrt() * 0.5,
+            ),
+            ("a colder skin, of which one module is not", |t| if t / 10 == 4 { 0.0 } else { -1.0 }, 10.0, 0.0),
+            ("a warmer one, of which one is not", |t| if t / 10 == 4 { 0.0 } else { 1.0 }, 40.0, 0.0),
+            ("residues", |t| if t % 2 == 0 { 1.0 } else { -1.0 }, 0.0, all),
+            ("residues under a load", |t| if t % 2 == 0 { 2.0 } else { 0.0 }, 50.0, all),
+        ];
+        for (what, moved, counts, deviations) in table {
+            let zero = Zero::new(moved, |_| 0.0);
+            let (weight, found) = (zero.force_n(3.0) / 3.0, zero.hidden());
+            let (is, sigma) = (found.newton / weight, found.sigma_n / weight);
+            let fits = (is - counts).abs() < 1e-4 && (sigma - 1.4826 * deviations).abs() < 1e-4;
+            assert!(fits, "{what}: {is} +- {sigma} counts");
+        }
+    }
+
+    #[test]
+    fn beyond_the_threshold_skin_is_stiffer_and_the_curve_says_how_much() {
+        let zero = Zero::new(|taxel| if taxel == 7 { 20.0 } else { 0.0 }, |_| 0.0);
+        let linear = 20.0 * zero.force_n(3.0) / 3.0;
+        let curve = zero.force_n(20.0);
+        assert!((zero.hidden().newton - curve.max(linear)).abs() < 1e-6, "{:?} {curve} {linear}", zero.hidden());
+    }
+
+    #[test]
+    fn what_a_look_had_let_pass_before_boards_took_zeros_of_their_own_is_hidden_too() {
+        let weight = |zero: &Zero| zero.force_n(3.0) / 3.0;
+        let both = Zero::new(|_| 0.5, |_| 0.25);
+        assert!((both.hidden().newton - 37.5 * weight(&both)).abs() < 1e-6, "{:?}", both.hidden());
+        // Of a taxel that was not read then nothing is known beside.
+        let unread = Zero::new(|_| 0.5, |taxel| if taxel == 0 { f64::NAN } else { 0.25 });
+        assert!((unread.hidden().newton - 37.25 * weight(&unread)).abs() < 1e-6, "{:?}", unread.hidden());
+        // Of one without a zero nothing is.
+        let unknown = Zero::new(|taxel| if taxel == 0 { f64::NAN } else { 0.5 }, |_| 0.25);
+        assert!((unknown.hidden().newton - 36.75 * weight(&unknown)).abs() < 1e-6, "{:?}", unknown.hidden());
+    }
+}
