@@ -341,6 +341,7 @@ mod tests {
         let mut unknown = rest(TAXELS);
         unknown[3] = TaxelBaseline::UNKNOWN;
         unknown[4].noise = f64::NAN;
+        unknown[5].mean = f64::NAN;
         let tables = Tables::new(set(TAXELS), &unknown, &[AREA; TAXELS], ACTIVATION);
         let rest = Rest { zero: &unknown, taken: &unknown, before: &[] };
         let remainder = Remainder::new(&tables, rest, ACTIVATION, &[true; TAXELS], &MODULES, 0.1);

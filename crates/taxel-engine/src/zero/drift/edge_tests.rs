@@ -350,6 +350,24 @@ fn a_scan_counts_if_it_is_later_and_no_more_than_two_seconds() {
     assert_eq!(skin.drift.view().since_wall_ns, before + 1);
 }
 
+/// Three counts of the pads explain 1.875, of which nothing is followed, with an uncertainty of 0.75.
+#[test]
+fn while_a_session_is_open_what_the_pads_say_is_looked_at_once_a_second() {
+    let mut skin = Still::new(4, Still::plan(60.0));
+    let at = |half_seconds: i64| Now { time: Time::from_nanos(500_000_000 * half_seconds), wall_ns: 0 };
+    skin.drift.begin(at(0), &skin.zero.clone(), &[[Some(230.0); 2]; 4]);
+    let cold = 0.05_f64.hypot(0.75).hypot(1.875);
+    for (half_seconds, sigma) in [(1, 0.05), (2, 0.05), (3, cold), (4, cold)] {
+        skin.drift.hold(at(half_seconds), |_| Some([227; 2]));
+        assert!(is_near(skin.drift.view().sigma_counts, sigma), "{half_seconds}: {:?}", skin.drift.view());
+    }
+    assert_eq!(skin.drift.view().state, DriftState::Held);
+    skin.drift.hold(at(5), |_| None);
+    skin.drift.hold(at(7), |_| None);
+    assert!(is_near(skin.drift.view().sigma_counts, cold), "what was last heard: {:?}", skin.drift.view());
+    assert!(skin.all_at(0.0), "nothing is followed");
+}
+
 /// The target of the module that is furthest from its zero is told, of those at the bound.
 #[test]
 fn what_is_said_at_the_bound_is_the_furthest_target() {
