@@ -326,6 +326,23 @@ mod tests {
         }
     }
 
+    /// All taxels rest a count nearer to load than the models' zero.
+    #[test]
+    fn what_all_forces_have_in_common_is_uncertain_of_what_the_zero_hides_too() {
+        let mut zero = rest(TAXELS);
+        zero.iter_mut().for_each(|taxel| taxel.mean -= 1.0);
+        let found = |relative_sigma: f64| {
+            let rest = Rest { zero: &zero, taken: &zero, before: &[] };
+            let remainder = Remainder::new(&tables(), rest, ACTIVATION, &[true; TAXELS], &MODULES, relative_sigma);
+            remainder.unseen(&[REST - 1; TAXELS], std::iter::empty(), 0.0)
+        };
+        let (alone, shared) = (found(0.0), found(0.2));
+        let (hidden, noise) = (alone.floor.0 - alone.told.0, alone.told.0 / FLOOR_SIGMAS);
+        assert!(hidden > 1.0 && alone.read_n.abs() < 1e-5, "{alone:?}");
+        let expected = hidden + FLOOR_SIGMAS * noise.hypot(0.2 * hidden);
+        assert!((shared.floor.0 - expected).abs() < 1e-4, "{shared:?} {expected}");
+    }
+
     #[test]
     fn counts_of_more_than_eight_bits_leave_as_much_room() {
         let (zero, range) = (rest(TAXELS), taxel_skin::CountRange::to(65_535).unwrap());
