@@ -338,9 +338,9 @@ mod tests {
         };
         let (alone, shared) = (found(0.0), found(0.2));
         let (hidden, noise) = (alone.floor.0 - alone.told.0, alone.told.0 / FLOOR_SIGMAS);
-        assert!(hidden > 1.0 && alone.read_n.abs() < 1e-5, "{alone:?}");
+        assert!(hidden > 1.0 && alone.read_n.abs() < 1e-4, "{alone:?}");
         let expected = hidden + FLOOR_SIGMAS * noise.hypot(0.2 * hidden);
-        assert!((shared.floor.0 - expected).abs() < 1e-4, "{shared:?} {expected}");
+        assert!((shared.floor.0 - expected).abs() < 1e-3, "{shared:?} {expected}");
     }
 
     #[test]
