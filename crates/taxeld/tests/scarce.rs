@@ -66,6 +66,15 @@ impl Daemon {
         std::fs::read_to_string(self.folder.path().join("log")).unwrap()
     }
 
+    /// Waits until the log says so: a thread of its own writes it, some time after what it tells of.
+    fn until_logged(&self, text: &str) {
+        let begun = Instant::now();
+        while !self.log().contains(text) {
+            assert!(begun.elapsed() < PATIENCE, "no `{text}` in {}", self.log());
+            std::thread::yield_now();
+        }
+    }
+
     async fn stream(&self) -> Streaming<v1::ForceSample> {
         let begun = Instant::now();
         loop {
@@ -222,7 +231,7 @@ async fn without_room_for_pages_the_daemon_serves_all_the_same_and_its_health_sa
         problem.starts_with("no force of forearm in shared memory: ") && problem.contains("No space left on device")
     };
     assert_eq!(problems.iter().filter(|problem| said(problem)).count(), 1, "{problems:?}");
-    assert!(daemon.log().contains("No space left on device"), "{}", daemon.log());
+    daemon.until_logged("No space left on device");
 }
 
 /// Whoever cleans up in /dev/shm takes the name along, and readers that come later find nothing.
@@ -238,7 +247,7 @@ async fn a_page_that_somebody_removed_is_made_again() {
         stream.message().await.unwrap().unwrap();
         assert!(begun.elapsed() < PATIENCE, "{:?}\n{}", reader.force(), daemon.log());
     }
-    assert!(daemon.log().contains("its page in shared memory was removed: made again"), "{}", daemon.log());
+    daemon.until_logged("its page in shared memory was removed: made again");
     assert!(!daemon.problems().await.iter().any(|problem| problem.contains("shared memory")));
 }
 

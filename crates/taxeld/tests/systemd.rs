@@ -8,7 +8,7 @@ use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::os::unix::net::UnixDatagram;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
@@ -57,6 +57,19 @@ impl Service {
 
     fn log(&self) -> String {
         std::fs::read_to_string(self.path("log")).unwrap()
+    }
+
+    /// Waits until the log says so: a thread of its own writes it, some time after what it tells of. Gives its whole lines.
+    fn until_logged(&self, text: &str) -> String {
+        let begun = Instant::now();
+        loop {
+            let log = self.log();
+            match log.rsplit_once('\n') {
+                Some((lines, _)) if lines.contains(text) => return lines.to_owned(),
+                _ => assert!(begun.elapsed() < PATIENCE, "no `{text}` in {log}"),
+            }
+            std::thread::yield_now();
+        }
     }
 
     /// What the manager is told next.
@@ -159,35 +172,36 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
         assert!(adds_up, "{sequence} after {before}, {skipped} skipped: no sample is missing that is not told");
         before = sample.sequence;
     }
-    let log = service.log();
-    assert!(log.contains("log.filter is reloaded: `debug`"), "{log}");
-    let refused = "service.subscribers_max is not reloaded: clients are connected to it as it is; it needs a restart";
-    assert!(log.contains(refused), "{log}");
+    service.until_logged("log.filter is reloaded: `debug`");
+    service.until_logged(
+        "service.subscribers_max is not reloaded: clients are connected to it as it is; it needs a restart",
+    );
     // Rules that grant nothing to anybody are rules, too.
     write_config(&service.folder, service.address, &format!("{more}[access]\n"));
     service.signal("-HUP");
     service.until_told("RELOADING=1");
     service.until_told("READY=1");
-    let refused =
-        "access is not reloaded: where the tokens are, and whether there are rules at all, is settled at the start";
-    assert!(service.log().contains(refused), "{}", service.log());
+    service.until_logged(
+        "access is not reloaded: where the tokens are, and whether there are rules at all, is settled at the start",
+    );
     // A file that cannot be used changes nothing.
     std::fs::write(service.path("taxeld.toml"), "[store]\npath = 5\n").unwrap();
     service.signal("-HUP");
     service.until_told("RELOADING=1");
     service.until_told("READY=1");
     next(&mut stream).await;
-    assert!(service.log().contains("nothing is reloaded: "), "{}", service.log());
+    service.until_logged("nothing is reloaded: ");
 }
 
 #[tokio::test]
 async fn the_log_has_no_colours_in_a_file_and_one_object_a_line_where_that_is_asked_for() {
     let text = Service::start(None, &[]);
     text.until_told("READY=1");
-    assert!(text.log().contains("taxeld is up") && !text.log().contains('\u{1b}'), "{}", text.log());
+    let log = text.until_logged("taxeld is up");
+    assert!(!log.contains('\u{1b}'), "{log}");
     let json = Service::start(None, &["--log-format", "json"]);
     json.until_told("READY=1");
-    let log = json.log();
+    let log = json.until_logged("taxeld is up");
     let objects: Vec<serde_json::Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     assert!(objects.iter().any(|object| object["fields"]["message"] == "taxeld is up"), "{log}");
     assert!(objects.iter().all(|object| object["timestamp"].is_string()), "{log}");
@@ -195,7 +209,7 @@ async fn the_log_has_no_colours_in_a_file_and_one_object_a_line_where_that_is_as
 
 #[tokio::test]
 async fn with_low_latency_it_serves_on_the_engines_thread_and_tells_whether_processors_are_kept_awake() {
-    let service = Service::start_with(None, &[], "low_latency = true");
+    let mut service = Service::start_with(None, &[], "low_latency = true");
     service.until_told("READY=1");
     next(&mut service.stream().await).await;
     let threads = std::fs::read_dir(format!("/proc/{}/task", service.child.id())).unwrap();
@@ -206,7 +220,8 @@ async fn with_low_latency_it_serves_on_the_engines_thread_and_tells_whether_proc
     assert_eq!(health.streams_max, 32);
     // Whether the device can be had is the machine's business. The daemon serves without it, too.
     let lacks = health.problems.iter().any(|problem| problem.contains("/dev/cpu_dma_latency cannot be held"));
-    assert_ne!(service.log().contains("processors of this machine are kept awake"), lacks, "{}", service.log());
     service.signal("-TERM");
     service.until_told("STOPPING=1");
+    service.child.wait().unwrap(); // its log is whole
+    assert_ne!(service.log().contains("processors of this machine are kept awake"), lacks, "{}", service.log());
 }
