@@ -4,9 +4,9 @@ use super::limits::COEFFICIENT_MAX;
 
 /// Least coefficient: boards that compensate too much turn the drift round.
 const COEFFICIENT_MIN: f64 = -0.5;
-/// What boards leave of the drift, as a rule: a quarter to all, and a twentieth of a count that it is not known to.
+/// What boards leave of the drift, as a rule: a quarter to all, give or take a twentieth.
 const LEFT_BY_BOARDS: [f64; 2] = [0.2, 1.05];
-/// How uncertain a coefficient is beyond that, per count outside, up to half of how far it may be off.
+/// Standard uncertainty of a coefficient outside of that, per unit of how far outside, up to half of the way to the other end.
 const UNUSUAL: f64 = 4.0;
 /// Before anything is seen: the boards leave a quarter to all of the drift ...
 const GUESS: f64 = 0.625;
@@ -62,7 +62,7 @@ impl Coefficient {
     }
 
     /// The same from the first moment on, when it is a guess. A load on everything that comes as slowly as the warmth looks
-    /// like boards that leave less or more of it than they do as a rule. Then it may be anything that they do leave.
+    /// like boards that leave less or more of it than they do as a rule: what they do leave may then be anything.
     pub(super) fn estimate(&self) -> (f64, f64) {
         let (coefficient, sigma) = self.fitted();
         let [least, most] = LEFT_BY_BOARDS;

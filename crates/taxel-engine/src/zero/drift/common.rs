@@ -14,9 +14,9 @@ use super::limits::{ABSORBED_MAX, UNEXPLAINED_COUNTS};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Common {
     coefficient: Coefficient,
-    /// How far the pads have moved since the zero by what is followed, counts ...
+    /// How far the pads of the untouched modules have moved since the zero, in the slow mean that is followed, counts ...
     pads: f64,
-    /// ... and by now, under whatever lies on the skin.
+    /// ... and those of all modules by now.
     pads_now: f64,
     /// Least and greatest that the pads have left unexplained since the zero, counts.
     left: [f64; 2],
