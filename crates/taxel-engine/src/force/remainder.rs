@@ -247,7 +247,6 @@ mod tests {
             relative_sigma in 0.0..0.2_f64,
         ) {
             let tables = tables();
-            let is_near = |is: f64, expected: f64| (is - expected).abs() < 1e-5 * (1.0 + expected.abs());
             let (mut remainder, mut noise, mut per_count, mut chosen) = (0.0, 0.0, 0.0, 0.0);
             let (mut of_modules, mut counts_of_modules) = ([0.0; 4], [0.0; 4]);
             let (mut noises, mut thresholds) = (0.0, 0.0);
@@ -273,11 +272,18 @@ mod tests {
             let found = unseen_of(&tables, &taxels, zero_sigma, relative_sigma);
             of_modules.sort_by(f64::total_cmp);
             let choice = of_modules[1..].iter().sum::<f64>().sqrt().hypot(chosen);
-            prop_assert!(is_near(found.choice_n, choice), "{found:?} {choice}");
+            prop_assert!((found.choice_n - choice).abs() < 1e-4 * (1.0 + choice), "{found:?} {choice}");
             counts_of_modules.sort_by(f64::total_cmp);
             let offset = if per_count > 0.0 { remainder / per_count } else { 0.0 };
-            prop_assert!(per_count == 0.0 || is_near(found.offset_counts, offset), "{found:?} {offset}");
-            let beside = (-offset).max(0.0) * counts_of_modules[1..].iter().sum::<f64>();
+            // The walk is one of single precision over raw counts: 37 products of up to 255 counts that weigh 0.1 N each.
+            let slack = 1e-3;
+            let off = (found.offset_counts - offset).abs() * per_count;
+            prop_assert!(off < slack, "{found:?} {offset}");
+            let contact = counts_of_modules[1..].iter().sum::<f64>();
+            let beside = (-offset).max(0.0) * contact;
+            // What is off in the mean of a few taxels is off by as much in all of a contact.
+            let slack = 2.0 * slack * (1.0 + if per_count > 0.0 { contact / per_count } else { 0.0 });
+            let is_near = |is: f64, expected: f64| (is - expected).abs() < slack;
             let kept = if thresholds > 0.0 { noises * (remainder / thresholds).clamp(0.0, 1.0) } else { 0.0 };
             let pressing = remainder.max(0.0) + (2.0 / std::f64::consts::PI).sqrt() * kept + beside;
             let floor = pressing + FLOOR_SIGMAS * sigma.hypot(relative_sigma * pressing);
