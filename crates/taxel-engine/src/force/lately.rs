@@ -1,4 +1,4 @@
-//! What pressed unseen within the last second.
+//! What pressed unseen in the last half second.
 //!
 //! The remainder of one scan has the noise of that scan. A light load that lies on many taxels is taken away by it now and
 //! then, and a floor worked out from that scan alone would sink with it below what lies there. The mean over half a second

@@ -37,11 +37,11 @@
 //! taken in, 4 N on the forearm, and 1.25 counts per count of the pads beside, and nothing said so.
 //!
 //! What the pads say has come is uncertain until it is followed, while a session is open, too. Boards leave 1/4 to all of the
-//! warmth. A coefficient outside of that may come of a load on everything that came as slowly, and is uncertain by more the
+//! warmth. A coefficient outside of that, by more than a twentieth, may come of a load on everything that came as slowly, and is uncertain by more the
 //! further it lies outside, up to all that boards may leave.
 //!
 //! What it cannot do: a load that comes and goes in step with the temperature from the zero on is what warmth does, as far
-//! as both together stay within 1/4 and 1 count per count of the pads. It knows a module's coefficient only while the pads have moved by
+//! as both together stay within 0.2 and 1.05 counts per count of the pads. It knows a module's coefficient only while the pads have moved by
 //! more than a count and a half since the zero; taxels of a module differ from each other in their drift, and nothing is
 //! done about that; a thermal gradient that pads do not see is followed by half a count away from load and by 1 N towards it.
 
