@@ -13,12 +13,14 @@ use super::step::Engine;
 use crate::boundary::catalogue::Restored;
 use crate::boundary::input::Input;
 use crate::boundary::output::Output;
+use crate::boundary::pushed::PushedScan;
 use crate::boundary::snapshot::Health;
 use crate::force;
 use crate::intake::health::BusNotice;
 use crate::now::Now;
 use crate::patch::edge_tests::configuring;
-use crate::plan::{DevicePlan, Gauge, PatchPlan, Plan, ScanBegin};
+use crate::patch::owner::Effects;
+use crate::plan::{DevicePlan, Gauge, PatchPlan, Plan, PushPlan, ScanBegin};
 
 const BUS: BusIndex = BusIndex(0);
 
@@ -247,4 +249,52 @@ fn a_set_that_was_in_use_is_used_again_if_it_is_there_and_of_the_layout() {
     let why = "model set `m-test` is of another layout of patch `p`: it is not used; calibrate again";
     assert_eq!(problems(Some(20)), (false, why.to_owned()));
     assert_eq!(problems(None), (false, "the active model set `m-test` of patch `p` is lost".to_owned()));
+}
+
+/// Four taxels that a program pushes.
+fn pushed() -> Engine {
+    let modules = vec![(Module::new(0).unwrap(), ModuleKind::Cells(4))];
+    let board = Board { bus: BUS, address: BoardAddress::new(1).unwrap(), modules };
+    let patch = PatchPlan {
+        devices: vec![DevicePlan::without_frames()],
+        pushed: Some(PushPlan { pressure: false }),
+        ..PatchPlan::new(Patch::new("glove", vec![board]).unwrap())
+    };
+    Engine::new(Arc::new(Plan { buses: 1, patches: vec![patch] }), Restored::default())
+}
+
+#[test]
+fn the_first_scan_that_is_pushed_is_news_and_what_comes_after_it_takes_nothing_back() {
+    let mut engine = pushed();
+    let mut health_at = |at_ms: i64, refused: &[i64]| {
+        let mut out = Vec::new();
+        for &scan in refused {
+            let scan = PushedScan { patch: 0, time: ms(scan), counts: vec![200; 3], pressure: None };
+            engine.step(now(scan.time.as_nanos() / 1_000_000), Input::Pushed(&scan), &mut out);
+        }
+        engine.step(now(at_ms), Input::Tick, &mut out);
+        out.into_iter().rev().find_map(|output| match output {
+            Output::Health(health) => Some((health.buses[0].up, health.buses[0].malformed)),
+            _ => None,
+        })
+    };
+    assert_eq!(health_at(1_000, &[]), None);
+    assert_eq!(health_at(1_250, &[]), Some((false, 0)));
+    assert_eq!(health_at(1_500, &[1_300, 1_320, 1_340]), Some((true, 3)));
+}
+
+/// Two patches with a module each of one board.
+#[test]
+fn a_board_is_not_configured_while_one_of_its_patches_is_looked_at_again() {
+    let plan = Plan { buses: 1, patches: vec![configuring(), configuring()] };
+    let mut engine = Engine::new(Arc::new(plan), Restored::default());
+    let mut out = Vec::new();
+    let is_ready = |engine: &Engine| [0, 1].map(|patch: usize| engine.patches[patch].is_ready_for_bring_up());
+    engine.patches[0].start(now(1_000), &mut Effects { out: &mut out, intents: &mut Vec::new() });
+    engine.on_boards_ready(now(1_000), 0, &mut out);
+    assert_eq!(is_ready(&engine), [true, false], "one waits for the other");
+    engine.patches[1].start(now(12_000), &mut Effects { out: &mut out, intents: &mut Vec::new() });
+    engine.on_boards_ready(now(12_000), 1, &mut out);
+    assert_eq!(is_ready(&engine), [false, true], "what was seen eleven seconds ago is seen anew");
+    assert!(engine.patches.iter().all(|patch| patch.check_looked_at().is_err()), "neither is configured");
 }

@@ -106,6 +106,7 @@ fn boards_that_were_not_heard_for_three_periods_are_configured_without_a_look() 
     assert!(!scene.sends(1_000) && !scene.sends(1_299));
     assert_eq!(scene.patch.deadline(), Some(now(1_300).time), "it wants to be woken for that");
     assert!(scene.sends(1_300));
+    assert_ne!(scene.patch.deadline(), Some(now(1_300).time), "it waits for that no longer");
     assert!(scene.patch.check_looked_at().is_ok());
     assert!(scene.patch.check_set_up().is_err(), "they are not verified yet");
 }
@@ -140,6 +141,7 @@ fn a_board_that_is_shared_waits_for_the_others_and_what_was_seen_holds_for_ten_s
     assert!(scene.patch.is_ready_for_bring_up() && !scene.sends(1_500));
     scene.act(|patch, effects| patch.on_looked(now(1_500), Ok(()), effects));
     assert!(scene.intents.is_empty(), "it has said so: {:?}", scene.intents);
+    assert_eq!(scene.patch.deadline(), None, "nothing of its own is to be done");
     assert!(!scene.act(|patch, effects| patch.looks_again(now(11_000), effects)));
     assert!(scene.patch.is_ready_for_bring_up());
     assert!(scene.act(|patch, effects| patch.looks_again(now(11_001), effects)));

@@ -4,11 +4,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::Restored;
-use taxel_engine::calibration::{SessionState, SessionView};
+use taxel_engine::calibration::{SampleRefusal, SessionState, SessionView};
 use taxel_engine::command::{Command, Done};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{Fault, PumpCommand};
+use taxel_wire::CanId;
 
 use crate::bench::{Bench, Disk, session_of};
 use crate::rig::{board, module, patch_plan, plan, small_world};
@@ -197,7 +198,14 @@ fn a_module_that_is_silent_all_the_time_can_be_left_out() {
     bench.until_state(10.0, SessionState::Ramping);
     assert_eq!(bench.host.session().left_out, [3]);
     bench.ramp(42.0, 4.0);
-    bench.seconds(11.0);
+    bench.seconds(2.0);
+    let stale = |bench: &Bench| bench.host.session().refused.get(SampleRefusal::StaleModule);
+    assert_eq!(stale(&bench), 0, "what is left out is missed by no sample");
+    let silent = bench.now()..bench.now() + Duration::from_millis(100);
+    bench.passes = Box::new(move |frame| frame.frame.id != CanId::Standard(0x4D2) || !silent.contains(&frame.time));
+    bench.seconds(0.3);
+    assert_eq!(stale(&bench), 2, "two missed scans");
+    bench.seconds(8.7);
     bench.ask(Command::FinishRamp { session }).unwrap();
     bench.until_state(1.0, SessionState::Review);
     let set = bench.host.set(0);

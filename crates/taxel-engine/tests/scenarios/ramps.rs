@@ -1,5 +1,6 @@
 //! What enters a session and what does not: only scans of the whole skin, while the pressure rises and is known.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::Restored;
@@ -9,11 +10,11 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_model::{Status, TaxelModel};
-use taxel_sim::{Fault, PumpCommand};
-use taxel_skin::TaxelIndex;
+use taxel_sim::{Config, Fault, PumpCommand, Skin, World};
+use taxel_skin::{Board, ModuleKind, Patch, TaxelIndex};
 
 use crate::bench::{Bench, session_of};
-use crate::rig::{board, module, patch_plan, plan, small_world};
+use crate::rig::{BUS, board, module, patch_plan, plan, small_world};
 use crate::shared::small;
 
 /// Boards brought up, no session yet.
@@ -439,4 +440,37 @@ fn a_pause_of_the_intake_is_no_fault_of_the_taxels() {
     let faulty = set.taxels.iter().filter(|m| matches!(m.status, Status::Frozen { .. } | Status::Dead { .. })).count();
     assert_eq!(faulty, 0);
     assert!(set.taxels.iter().filter(|m| m.is_usable()).count() >= 70);
+}
+
+/// Every board sends when it likes: between the first and the last of three may lie two thirds of a period.
+#[test]
+fn a_sample_has_all_boards_of_one_scan_and_none_of_the_next() {
+    let boards = [(13, 3), (12, 2), (11, 2)].map(|(address, modules)| Board {
+        bus: BUS,
+        address: board(address),
+        modules: (0..modules).map(|m| (module(m), ModuleKind::Triangle)).collect(),
+    });
+    let skin = Skin::sleeve(Patch::new("small", boards.into()).unwrap());
+    let plan = plan(patch_plan(&skin));
+    let mut mixed = 0;
+    for seed in 1..=8 {
+        let world = World::new(skin.clone(), Config::seeded(seed)).unwrap();
+        let mut bench = Bench::new(world, Arc::clone(&plan), Restored::default());
+        bench.brought_up();
+        bench.start_session(None);
+        bench.ramp(74.0, 4.0);
+        bench.seconds(3.0);
+        let stale = |bench: &Bench| bench.host.session().refused.get(SampleRefusal::StaleModule);
+        assert!(stale(&bench) == 0 && bench.host.session().accepted > 0, "seed {seed}: {:?}", bench.host.session());
+        // Every board misses one scan, of the same number or of two.
+        for offset_ms in (0..50).step_by(5) {
+            let from = bench.now() + Duration::from_millis(offset_ms);
+            let missed = from..from + bench.host.plan.patches[0].period;
+            bench.passes = Box::new(move |frame| !missed.contains(&frame.time));
+            bench.seconds(0.5);
+        }
+        mixed += stale(&bench);
+    }
+    // 26, and 2 if whatever has every module once were one scan.
+    assert!(mixed > 20, "the first boards of a scan and the last ones of the next were taken for one: {mixed} refused");
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use taxel_engine::Restored;
 use taxel_engine::calibration::SessionState;
 use taxel_engine::snapshot::ForceState;
-use taxel_sim::{Config, Fault, World};
+use taxel_sim::{Config, Fault, PumpCommand, World};
 
 use crate::bench::Bench;
 use crate::rig::{board, module, patch_plan, plan, small_skin, small_world};
@@ -196,5 +196,24 @@ fn a_board_that_is_out_in_a_ramp_and_comes_with_a_new_zero_fails_the_ramp() {
         bench.is_truthful_since(mark, "a new zero of a board in a ramp");
         let view = bench.host.session();
         assert_eq!(view.state, SessionState::Failed, "{view:?}");
+    }
+}
+
+/// Its load is gone when it comes back because the bag has let go, as the gauge shows.
+#[test]
+fn a_board_that_is_out_while_the_bag_is_vented_keeps_its_zero() {
+    for skin in [small(), ordinary()] {
+        let mut bench = skin.in_use();
+        bench.ramp(40.0, 10.0);
+        bench.seconds(6.0);
+        let mark = bench.mark();
+        bench.world.pump(PumpCommand::Vent);
+        bench.seconds(0.6);
+        bench.inject(Fault::BoardSilent(board(13)));
+        bench.seconds(0.8);
+        bench.repair(Fault::BoardSilent(board(13)));
+        bench.until(3.0, "a force", |host| host.snapshot().force.total.is_some());
+        bench.is_truthful_since(mark, "a board that is out while the bag is vented");
+        assert!(bench.host.snapshot().tare.as_ref().unwrap().valid, "{}", bench.host.reasons());
     }
 }

@@ -204,6 +204,34 @@ fn a_light_load_that_is_configured_into_the_zero_is_within_the_interval() {
     }
 }
 
+/// Boards that are configured once more while a light load lies in their zeros take it for nothing once more, and what is known
+/// of that stays known: only somebody who vouches for the skin may say that nothing lies there.
+#[test]
+fn a_light_load_stays_within_the_interval_through_another_bring_up_until_somebody_vouches_for_the_skin() {
+    for skin in [small(), ordinary()] {
+        let mut bench = Bench::new(skin.world.clone(), plan(patch_plan(&skin.skin)), skin.restored());
+        bench.world.lay(Mass::on_disc(0.2, TaxelIndex(70), 3000.0)).unwrap();
+        bench.brought_up();
+        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
+        let floor = |bench: &Bench| bench.host.snapshot().force.detection_floor.unwrap().0;
+        for (confirmed_by, knows) in [(None, true), (Some("Ada".to_owned()), false)] {
+            let before = floor(&bench);
+            let mark = bench.mark();
+            bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
+            if !knows {
+                bench.world.clear();
+            }
+            bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+            bench.brought_up();
+            bench.tare(None).unwrap();
+            bench.until(3.0, "a force", |host| host.snapshot().force.total.is_some());
+            bench.is_truthful_since(mark, "0.2 kg while the boards are configured once more");
+            let after = floor(&bench);
+            assert_eq!(after > 0.8 * before, knows, "the floor was {before} N and is {after} N");
+        }
+    }
+}
+
 /// A skin that became colder lies away from load everywhere, and so hides a light load.
 #[test]
 fn a_light_load_on_a_colder_skin_that_is_taken_for_rest_is_within_the_interval() {

@@ -447,5 +447,7 @@ fn the_fault_of_a_taxel_is_the_one_that_holds_longer_than_it_is_missing() {
     let masks = Masks::find(&recording, &modules(10, 10), &FaultLimits::default());
     let faults = [0, 1, 2].map(|taxel| masks.main_fault(taxel));
     assert_eq!(faults, [None, Some(Fault::Rail), None]);
+    let first = [0, 1, 2].map(|taxel| masks.of(taxel).iter().position(|masked| *masked));
+    assert_eq!(first, [Some(100), Some(100), None], "from the very scan at which the fault began");
     assert!(masks.share(0) >= 0.65 && (0.07..0.4).contains(&masks.share(1)) && masks.share(2) == 0.0);
 }
