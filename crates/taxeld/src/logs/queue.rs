@@ -108,14 +108,17 @@ mod tests {
 
     use super::*;
 
-    /// A reader that reads when it is told to: a write waits for the word and then hands over what it was given.
+    /// A reader that reads when it is told to: a write says that it waits, waits for the word, and then hands over what it
+    /// was given.
     struct Reader {
+        waits: Sender<()>,
         read: Receiver<()>,
         got: Sender<Vec<u8>>,
     }
 
     impl Write for Reader {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let _ = self.waits.send(());
             let _ = self.read.recv(); // without a test that reads, all is taken
             let _ = self.got.send(bytes.to_vec());
             Ok(bytes.len())
@@ -126,52 +129,59 @@ mod tests {
         }
     }
 
-    fn reader() -> (Reader, Sender<()>, Receiver<Vec<u8>>) {
-        let ((may, read), (got, lines)) = (channel(), channel());
-        (Reader { read, got }, may, lines)
+    /// The test's ends of a reader: whether it waits, the word to read, and what it has read.
+    struct Ends {
+        waits: Receiver<()>,
+        may_read: Sender<()>,
+        lines: Receiver<Vec<u8>>,
+    }
+
+    fn reader() -> (Reader, Ends) {
+        let ((told, waits), (may_read, read), (got, lines)) = (channel(), channel(), channel());
+        (Reader { waits: told, read, got }, Ends { waits, may_read, lines })
     }
 
     #[test]
     fn whoever_logs_does_not_wait_and_what_did_not_fit_is_told_in_its_place() {
         static QUEUE: OnceLock<LogQueue> = OnceLock::new();
-        let (reader, may_read, lines) = reader();
+        let (reader, ends) = reader();
         let tell = |dropped| QUEUE.get().unwrap().put(format!("{dropped} dropped\n").as_bytes());
         let queue = QUEUE.get_or_init(|| LogQueue::start(reader, tell).unwrap());
         let line = vec![b'.'; 1024];
-        // More than waits, and than the thread may have taken already: nobody reads.
-        let put = 3 * WAITING_BYTES_MAX / line.len();
-        (0..put).for_each(|_| queue.put(&line));
+        queue.put(&line);
+        ends.waits.recv().unwrap(); // the thread has taken that one, and takes no other before it is read
+        let fit = WAITING_BYTES_MAX / line.len();
+        (0..fit + 257).for_each(|_| queue.put(&line));
         assert!(!queue.flush(Duration::ZERO));
-        drop(may_read);
+        drop(ends.may_read);
         assert!(queue.flush(Duration::MAX));
-        let text = String::from_utf8(lines.try_iter().flatten().collect()).unwrap();
-        let kept = text.matches('.').count() / line.len();
-        assert!(kept < put && kept >= WAITING_BYTES_MAX / line.len(), "{kept} of {put}");
-        assert_eq!(text.trim_start_matches('.'), format!("{} dropped\n", put - kept));
+        let text = String::from_utf8(ends.lines.try_iter().flatten().collect()).unwrap();
+        let (kept, told) = text.split_at(text.rfind('.').unwrap() + 1);
+        assert_eq!((kept.len(), told), ((1 + fit) * line.len(), "257 dropped\n"));
     }
 
     #[test]
     fn a_line_that_is_too_long_is_told_and_the_next_ones_are_written() {
         static QUEUE: OnceLock<LogQueue> = OnceLock::new();
-        let (reader, may_read, lines) = reader();
-        drop(may_read);
+        let (reader, ends) = reader();
+        drop(ends.may_read);
         let tell = |dropped| QUEUE.get().unwrap().put(format!("{dropped} dropped\n").as_bytes());
         let queue = QUEUE.get_or_init(|| LogQueue::start(reader, tell).unwrap());
         queue.put(&vec![b'.'; WAITING_BYTES_MAX + 1]);
         assert!(queue.flush(Duration::MAX));
         queue.put(b"and on\n");
         assert!(queue.flush(Duration::MAX));
-        assert_eq!(lines.try_iter().flatten().collect::<Vec<_>>(), b"1 dropped\nand on\n");
+        assert_eq!(ends.lines.try_iter().flatten().collect::<Vec<_>>(), b"1 dropped\nand on\n");
     }
 
     #[test]
     fn what_was_put_in_is_written_whole_and_in_order_before_the_end() {
-        let (reader, may_read, lines) = reader();
+        let (reader, ends) = reader();
         let queue = LogQueue::start(reader, |_| {}).unwrap();
-        drop(may_read);
+        drop(ends.may_read);
         (0..1_000).for_each(|number| queue.put(format!("{number}\n").as_bytes()));
         assert!(queue.flush(Duration::MAX));
-        let text = String::from_utf8(lines.try_iter().flatten().collect()).unwrap();
+        let text = String::from_utf8(ends.lines.try_iter().flatten().collect()).unwrap();
         assert_eq!(text.lines().map(|line| line.parse::<u32>().unwrap()).collect::<Vec<_>>(), Vec::from_iter(0..1_000));
     }
 }
