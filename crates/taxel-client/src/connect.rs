@@ -198,6 +198,9 @@ impl Credential {
         let wrong = |cause: String| ConnectError::Token { file: file.to_owned(), cause };
         let text = std::fs::read_to_string(file).map_err(|error| wrong(error.to_string()))?;
         let token = text.lines().next().unwrap_or_default().trim();
+        if token.is_empty() {
+            return Err(wrong("its first line is empty, expected the token".to_owned()));
+        }
         let value = format!("Bearer {token}").parse();
         Ok(Self(Some(value.map_err(|_| wrong("expected one line of ASCII".to_owned()))?)))
     }

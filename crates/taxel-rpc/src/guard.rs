@@ -20,6 +20,7 @@ use crate::access::origin::Origin;
 use crate::access::role::Role;
 use crate::access::rules::Access;
 use crate::limits::Limits;
+use crate::paced::Paced;
 use crate::refusals::Refusals;
 use crate::shares::{NoPlace, Place, Shares, What};
 use crate::stall::Stalling;
@@ -83,7 +84,10 @@ impl Guard {
         Connection {
             cut: Box::pin(ward.cut.clone().cancelled_owned()),
             ward,
-            io: BufWriter::with_capacity(WRITE_BUFFER_BYTES, Stalling::new(io, self.limits.socket_stall)),
+            io: BufWriter::with_capacity(
+                WRITE_BUFFER_BYTES,
+                Stalling::new(Paced::new(io, self.limits.frames_of_no_call), self.limits.socket_stall),
+            ),
             origin: Arc::new(origin),
             proof: Proof::Awaited { missing: PREFACE_BYTES, deadline, ticket },
             expires,
@@ -154,7 +158,7 @@ enum Proof {
 /// One connection under guard.
 pub(crate) struct Connection {
     /// Buffered, so that a large frame's head and payload are one write.
-    io: BufWriter<Stalling<Box<dyn Io>>>,
+    io: BufWriter<Stalling<Paced<Box<dyn Io>>>>,
     origin: Arc<Origin>,
     proof: Proof,
     ward: Arc<Ward>,

@@ -30,6 +30,7 @@ mod heartbeat;
 pub mod limits;
 mod listener;
 mod model;
+mod paced;
 mod page;
 mod push;
 pub mod push_line;

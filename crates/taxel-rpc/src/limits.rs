@@ -68,6 +68,9 @@ pub struct Limits {
     pub imports: usize,
     /// The body of a request that is one message has to come on within this time.
     pub body_pause: Duration,
+    /// Frames of a connection that are of no call, such as pings. Beyond, it is read no faster. A subscriber at 1 kHz gives
+    /// a window back some ten times a second.
+    pub frames_of_no_call: Rate,
     /// Calls of one peer that change something. Each costs two rows of the audit log, about 1 KiB.
     pub commands: Rate,
     /// Sessions that one peer may start. An aborted one is kept, about 2 KiB.
@@ -127,6 +130,7 @@ impl Default for Limits {
             exports_reserved: 1,
             imports: 1,
             body_pause: Duration::from_secs(5),
+            frames_of_no_call: Rate { burst: 20_000, every: Duration::from_micros(100) },
             commands: Rate { burst: 100, every: Duration::from_millis(200) },
             session_starts: Rate { burst: 20, every: Duration::from_secs(6) },
             socket_stall: Duration::from_secs(10),

@@ -119,6 +119,7 @@ impl ModelService for Service {
         let (set, turn) = aside(turn, move || from_json(&json)).await?;
         drop(turn);
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
+        printable(&model_set)?;
         match self.command(&caller, "ImportModelSet", Command::Import { model_set, insist }).await? {
             Done::Imported { model_set } => Ok(Response::new(v1::ImportModelSetResponse { model_set })),
             other => Err(strange_answer(&other)),
@@ -146,6 +147,20 @@ impl ModelService for Service {
             other => Err(strange_answer(&other)),
         }
     }
+}
+
+/// Texts of a set from elsewhere are shown on terminals.
+fn printable(set: &ModelSet) -> Result<(), Status> {
+    let settings = set.board_settings.iter().map(|line| ("board_settings", line));
+    let texts = [("id", &set.id), ("method", &set.method), ("patch", &set.patch)].into_iter().chain(settings);
+    let odd = |(name, text): (&str, &String)| Some((name.to_owned(), taxel_skin::unprintable(text)?));
+    texts.into_iter().find_map(odd).map_or(Ok(()), |(name, odd)| {
+        let code = u32::from(odd);
+        Err(invalid(
+            "json",
+            format_args!("`{name}` has the unprintable character U+{code:04X}, expected one line of text"),
+        ))
+    })
 }
 
 impl Service {

@@ -227,9 +227,9 @@ pub(crate) fn name(field: &'static str, text: &str) -> Result<String, Status> {
     if length > NAME_BYTES_MAX {
         return Err(invalid(field, format_args!("{length} bytes, at most {NAME_BYTES_MAX} are kept")));
     }
-    match text.chars().find(|c| c.is_control()) {
-        Some(control) => {
-            Err(invalid(field, format_args!("has the control character U+{:04X}, expected a name", u32::from(control))))
+    match taxel_skin::unprintable(text) {
+        Some(odd) => {
+            Err(invalid(field, format_args!("has the unprintable character U+{:04X}, expected a name", u32::from(odd))))
         }
         None => Ok(text.trim().to_owned()),
     }

@@ -1,6 +1,7 @@
 //! How much of the service one peer may take, and what is kept for operators.
 //!
-//! A peer is an account on the Unix socket, a certificate, or an address: all who come over loopback TCP are one.
+//! A peer is an account on the Unix socket, a certificate, the holder of a token, or an address: all who come over loopback
+//! TCP without a token are one.
 
 use std::collections::HashMap;
 use std::fmt;

@@ -42,9 +42,12 @@ impl Folder {
             return Err(wrong("is there and is not a folder"));
         }
         if about.uid() != geteuid().as_raw() || about.mode() & 0o022 != 0 {
-            return Err(wrong(
-                "others could put pages of their own there: expected a folder of this account in which nobody else writes",
-            ));
+            let (owner, mode) = (about.uid(), about.mode() & 0o7777);
+            return Err(wrong(&format!(
+                "others could put pages of their own there (it belongs to user {owner}, its mode is {mode:04o}): expected a \
+                 folder of this account in which nobody else writes; remove it, or name another in a folder where not \
+                 everybody may make one, as in /run/taxeld"
+            )));
         }
         let system = statfs(path).map_err(|error| PageError::of(path, "looking at the file system")(error.into()))?;
         if system.filesystem_type() != TMPFS_MAGIC {

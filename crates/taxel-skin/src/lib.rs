@@ -11,6 +11,7 @@ mod polygon;
 mod positions;
 mod time;
 mod units;
+mod words;
 
 pub use count_range::CountRange;
 pub use geometry::{Geometry, NormalsVerdict};
@@ -19,3 +20,4 @@ pub use layout::{Board, LayoutError, ModuleKind, ModuleSite, Patch, TaxelSite, V
 pub use positions::{GeometryError, PositionFile, TaxelPose};
 pub use time::Time;
 pub use units::{Kilopascal, Newton, SquareMillimetre};
+pub use words::unprintable;

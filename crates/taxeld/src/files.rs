@@ -27,14 +27,26 @@ pub fn reader(path: &Path) -> anyhow::Result<Box<dyn Read>> {
     Ok(Box::new(File::open(path).with_context(|| path.display().to_string())?))
 }
 
+/// Longest text that is read whole: configurations, positions, models and messages are a thousandth of it.
+const TEXT_BYTES_MAX: u64 = 64 << 20;
+
+/// Reads what there is, which must be no more than a text may have: what has no end would fill the memory.
+fn read_to_limit(from: impl Read, bytes: &mut Vec<u8>) -> io::Result<()> {
+    from.take(TEXT_BYTES_MAX + 1).read_to_end(bytes)?;
+    match bytes.len() as u64 {
+        0..=TEXT_BYTES_MAX => Ok(()),
+        _ => Err(io::Error::new(io::ErrorKind::FileTooLarge, format!("it has more than {TEXT_BYTES_MAX} bytes"))),
+    }
+}
+
 /// The text of a file, or of standard input.
 ///
 /// # Errors
 /// The system's reason, or bytes that are not UTF-8.
 pub fn read_text(path: &Path) -> anyhow::Result<String> {
-    let mut text = String::new();
-    reader(path)?.read_to_string(&mut text)?;
-    Ok(text)
+    let mut bytes = Vec::new();
+    read_to_limit(reader(path)?, &mut bytes)?;
+    String::from_utf8(bytes).map_err(|_| anyhow::anyhow!("it is no text in UTF-8"))
 }
 
 /// The text of a file of which nobody says in which encoding it is: bytes that are no UTF-8 are replaced, since nothing that
@@ -43,7 +55,8 @@ pub fn read_text(path: &Path) -> anyhow::Result<String> {
 /// # Errors
 /// The system's reason.
 pub fn read_any_text(path: &Path) -> io::Result<String> {
-    let bytes = std::fs::read(path)?;
+    let mut bytes = Vec::new();
+    read_to_limit(File::open(path)?, &mut bytes)?;
     let text = String::from_utf8_lossy(&bytes);
     Ok(text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned())
 }
@@ -138,6 +151,13 @@ mod tests {
         refuse_overwriting(&other, &[&data]).unwrap();
         refuse_overwriting(Path::new("-"), &[Path::new("-"), &data]).unwrap();
         refuse_overwriting(Path::new("/dev/null"), &[Path::new("/dev/null")]).unwrap();
+    }
+
+    #[test]
+    fn what_has_no_end_is_not_read_as_a_text() {
+        let endless = read_any_text(Path::new("/dev/zero")).unwrap_err();
+        assert_eq!(endless.to_string(), format!("it has more than {TEXT_BYTES_MAX} bytes"));
+        assert!(read_text(Path::new("/dev/zero")).is_err());
     }
 
     #[test]

@@ -170,8 +170,8 @@ impl Engine {
             let problem = format!("the set has {given} taxels, patch `{}` has {taxels}", set.patch);
             return Err(Rejection::InvalidArgument { field: "json", problem });
         }
-        let target = self.patches[index].plan().session.target;
-        if let Some(problem) = implausible(&set, target).filter(|_| !insist) {
+        let plan = self.patches[index].plan();
+        if let Some(problem) = implausible(&set, plan.session.target, plan.patch.counts().top()).filter(|_| !insist) {
             let problem = format!("{problem}; if the set is right all the same, set `insist`");
             return Err(Rejection::InvalidArgument { field: "json", problem });
         }

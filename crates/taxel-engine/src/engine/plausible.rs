@@ -1,9 +1,10 @@
 //! Whether the curves of a model set from elsewhere can be those of a patch. A set that was scaled, turned over or damaged
 //! on its way reads as a force that nobody would doubt.
 
-use taxel_model::{Curve, Plays, Sign};
+use taxel_model::{Curve, Plays, Sign, TaxelModel};
 use taxel_skin::Kilopascal;
 
+use crate::baseline::TaxelBaseline;
 use crate::model_set::ModelSet;
 
 /// A calibration that went further than this many times the pressure that the patch is calibrated to is not its own.
@@ -16,8 +17,48 @@ const SHARES: [f64; 2] = [-0.5, 1.5];
 /// Places of the range that are looked at. A curve has at most ten turns.
 const PLACES: u32 = 64;
 
-/// What cannot be so about a set, if anything: `target` is the pressure that the patch is calibrated to.
-pub(super) fn implausible(set: &ModelSet, target: Kilopascal) -> Option<String> {
+/// Readings of a taxel at rest scatter by less than this share of all counts.
+const NOISE_SHARE_MAX: f64 = 1.0 / 16.0;
+
+/// What cannot be so about a set, if anything: `target` is the pressure that the patch is calibrated to, `top` the highest
+/// count.
+pub(super) fn implausible(set: &ModelSet, target: Kilopascal, top: u16) -> Option<String> {
+    odd_curves(set, target).or_else(|| odd_gauge(set)).or_else(|| odd_rest(set, f64::from(top)))
+}
+
+/// What cannot be so about the uncertainty of the gauge, of a set that has curves.
+fn odd_gauge(set: &ModelSet) -> Option<String> {
+    if !set.taxels.iter().any(TaxelModel::is_usable) {
+        return None;
+    }
+    let offset = (set.gauge_offset_kpa, set.pressure_max_kpa, "gauge_offset_kpa");
+    [(set.gauge_gain_rel, 1.0, "gauge_gain_rel"), offset].into_iter().find_map(|(value, most, name)| {
+        (!(0.0..=most).contains(&value)).then(|| format!("`{name}` is {value}, expected 0 to {most}"))
+    })
+}
+
+/// What cannot be so about the zeros, and about how well the curves are known.
+fn odd_rest(set: &ModelSet, top: f64) -> Option<String> {
+    let (most, noise_max) = (set.pressure_max_kpa, NOISE_SHARE_MAX * top);
+    let of = |(taxel, (rest, model)): (usize, (&TaxelBaseline, &TaxelModel))| {
+        if !rest.mean.is_nan() && !(0.0..=top).contains(&rest.mean) {
+            return Some(format!("taxel {taxel}: its `baseline` is {} counts, expected 0 to {top}", rest.mean));
+        }
+        if !rest.noise.is_nan() && !(0.0..=noise_max).contains(&rest.noise) {
+            let noise = rest.noise;
+            return Some(format!(
+                "taxel {taxel}: its `baseline` has a noise of {noise} counts, expected 0 to {noise_max}"
+            ));
+        }
+        let sigmas = model.sigma.iter().filter(|_| model.is_usable()).flat_map(|profile| &profile.sigma_kpa);
+        let odd = sigmas.into_iter().find(|sigma| !(0.0..=most).contains(*sigma))?;
+        Some(format!("taxel {taxel}: its `sigma_kpa` has {odd}, expected 0 to {most} kPa"))
+    };
+    set.baseline.iter().zip(&set.taxels).enumerate().find_map(of)
+}
+
+/// What cannot be so about the curves.
+fn odd_curves(set: &ModelSet, target: Kilopascal) -> Option<String> {
     let (most, limit) = (set.pressure_max_kpa, TARGETS_MAX * target.0);
     let mut usable = set.taxels.iter().enumerate().filter(|(_, model)| model.is_usable()).peekable();
     if usable.peek().is_some() && !(most > 0.0 && most <= limit) {
@@ -59,7 +100,7 @@ fn odd(curve: &Curve, [low, high]: [f64; 2], sign: Sign, most: f64) -> Option<St
 
 #[cfg(test)]
 mod tests {
-    use taxel_model::{GaugeUncertainty, PLAYS, Status, TaxelModel};
+    use taxel_model::{GaugeUncertainty, PLAYS, SigmaProfile, Status};
 
     use super::*;
     use crate::model_set::{Recorded, RecordedTaxel};
@@ -107,7 +148,7 @@ mod tests {
 
     /// What is said of a set for a patch that is calibrated to 70 kPa.
     fn says(set: &ModelSet) -> Option<String> {
-        implausible(set, Kilopascal(70.0))
+        implausible(set, Kilopascal(70.0), 255)
     }
 
     #[test]
@@ -173,5 +214,27 @@ mod tests {
         }
         let found = says(&set(70.0, model(&[35.0, -5.0], SIGN), Some(plays(1.0, &[35.0, 5.0]))));
         assert!(found.is_some_and(|why| why.contains("against its `sign`")), "the curve under its hysteresis");
+    }
+
+    #[test]
+    fn uncertainties_and_zeros_are_those_of_a_skin() {
+        let with = |change: &dyn Fn(&mut ModelSet)| {
+            let mut set = set(70.0, model(&[35.0, -5.0], SIGN), None);
+            set.baseline = vec![TaxelBaseline { mean: 250.0, noise: 0.5 }];
+            let profile = SigmaProfile { first_count: 150.0, step_counts: 50.0, sigma_kpa: vec![0.5, 70.0, 2.0] };
+            set.taxels[0].sigma = Some(profile);
+            change(&mut set);
+            says(&set)
+        };
+        assert_eq!(with(&|_| ()), None);
+        assert_eq!(with(&|set| set.baseline = vec![TaxelBaseline::UNKNOWN]), None);
+        let is = |found: Option<String>, expected: &str| assert_eq!(found.as_deref(), Some(expected));
+        is(with(&|set| set.gauge_gain_rel = 1.5), "`gauge_gain_rel` is 1.5, expected 0 to 1");
+        is(with(&|set| set.gauge_offset_kpa = 70.5), "`gauge_offset_kpa` is 70.5, expected 0 to 70");
+        is(with(&|set| set.baseline[0].mean = 255.5), "taxel 0: its `baseline` is 255.5 counts, expected 0 to 255");
+        let noise = "taxel 0: its `baseline` has a noise of 16 counts, expected 0 to 15.9375";
+        is(with(&|set| set.baseline[0].noise = 16.0), noise);
+        let sigma = "taxel 0: its `sigma_kpa` has 70.5, expected 0 to 70 kPa";
+        is(with(&|set| set.taxels[0].sigma.as_mut().unwrap().sigma_kpa[1] = 70.5), sigma);
     }
 }

@@ -336,6 +336,11 @@ impl Force {
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, unseen, present);
         self.touch = touch;
+        if !is_number(&sample) {
+            let text = "the models give a force or an uncertainty that is no finite number: calibrate again";
+            let why = Reason::new(ReasonCode::NoUsableTaxel, text);
+            return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
+        }
         sample.stale = silent as u32;
         sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
         sample.lower_bound = self.coverage.blind > 0
@@ -376,6 +381,11 @@ impl Force {
     pub fn tables(&self) -> Option<SharedTables> {
         self.evaluator.as_ref().map(|e| (Arc::clone(e.tables()), e.hysteresis().cloned()))
     }
+}
+
+/// Whether a force says how much it is, and how far it may be off.
+fn is_number(sample: &ForceSample) -> bool {
+    [sample.total, sample.total_sigma, sample.detection_floor].iter().all(|n| n.is_some_and(|n| n.0.is_finite()))
 }
 
 fn in_order(touch: &Touch) -> Box<[u16]> {

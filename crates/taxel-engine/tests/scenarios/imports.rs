@@ -74,3 +74,34 @@ fn what_this_skin_was_calibrated_to_is_taken_as_it_is() {
     let taken = bench.ask(Command::Import { model_set: changed(|_| ()), insist: false });
     assert!(matches!(taken, Ok(Done::Imported { .. })), "{taken:?}");
 }
+
+/// Whoever insists gets no force that nobody would doubt: what says that it may be off by more than a number holds is none.
+#[test]
+fn a_set_whose_uncertainty_is_no_number_has_no_force() {
+    let cases: [(fn(&mut ModelSet), &str); 4] = [
+        (|set| set.baseline.iter_mut().for_each(|rest| rest.noise = 1e30), "its `baseline` has a noise of"),
+        (|set| set.gauge_gain_rel = 1e300, "`gauge_gain_rel` is"),
+        (|set| set.gauge_offset_kpa = 1e300, "`gauge_offset_kpa` is"),
+        (|set| set.baseline[0].mean = 1e308, "its `baseline` is"),
+    ];
+    for (change, why) in cases {
+        let mut set = ModelSet { id: "m-changed".to_owned(), session: None, ..ModelSet::clone(&small().set) };
+        change(&mut set);
+        let set = Arc::new(set);
+        let mut bench = small().in_use();
+        let refused = refused(&mut bench, Command::Import { model_set: Arc::clone(&set), insist: false });
+        assert!(refused.contains(why), "{refused}");
+        bench.ask(Command::Import { model_set: set, insist: true }).unwrap();
+        bench.activate("m-changed").unwrap();
+        let mark = bench.mark();
+        bench.host.command(Command::Tare { patch: String::new(), confirmed_by: Some("Ada".to_owned()) });
+        bench.seconds(2.0);
+        bench.lay(0.5, 33);
+        bench.seconds(3.0);
+        bench.is_truthful_since(mark, why);
+        let force = &bench.host.snapshot().force;
+        let numbers = [force.total, force.total_sigma, force.detection_floor];
+        let all = numbers.iter().all(|n| n.is_some_and(|n| n.0.is_finite()));
+        assert!(all || numbers.iter().all(Option::is_none), "{why}: {force:?}");
+    }
+}

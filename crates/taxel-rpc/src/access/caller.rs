@@ -32,9 +32,12 @@ impl Caller {
         self.role >= Some(Role::Operator)
     }
 
-    /// Whose share the call takes.
+    /// Whose share the call takes: the holder of a token has one beside that of others from the same place.
     pub(crate) fn key(&self) -> PeerKey {
-        self.origin.key()
+        match &self.name {
+            Some(name) if self.by_token => PeerKey::Token(Arc::clone(name)),
+            _ => self.origin.key(),
+        }
     }
 }
 
@@ -56,5 +59,7 @@ mod tests {
         assert_eq!(caller(Some("bench"), true).who(), "token bench");
         assert_eq!(caller(Some("a\u{1b}[2Jb\n"), false).who(), "a\\u{1b}[2Jb\\n");
         assert_eq!(caller(Some(&"x".repeat(500)), false).who().len(), NAME_CHARS_MAX);
+        assert_eq!(caller(Some("ada"), false).key(), PeerKey::Loopback);
+        assert_eq!(caller(Some("bench"), true).key().to_string(), "token bench");
     }
 }

@@ -47,6 +47,8 @@ pub(crate) enum PeerKey {
     /// An address elsewhere; of IPv6 the network of 64 bits, all of whose addresses one host may have.
     Address(IpAddr),
     Certificate(String),
+    /// The holder of a token, from wherever a call comes. Connections are never so: a token comes with a call.
+    Token(Arc<str>),
 }
 
 impl PeerKey {
@@ -67,6 +69,7 @@ impl fmt::Display for PeerKey {
             Self::Address(IpAddr::V6(network)) => write!(f, "{network}/64"),
             Self::Address(address) => write!(f, "{address}"),
             Self::Certificate(name) => write!(f, "certificate {name}"),
+            Self::Token(name) => write!(f, "token {}", name.escape_debug()),
         }
     }
 }

@@ -1,8 +1,10 @@
 //! Files on which it hangs who may do what: read only if nobody else can have changed them, or read secrets in them.
 
+use nix::fcntl::OFlag;
 use nix::unistd::geteuid;
+use std::fs::OpenOptions;
 use std::io::Read;
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
 
 /// No key, no authorities and no list of tokens are as long.
@@ -41,7 +43,9 @@ pub fn read_private(path: &Path) -> Result<Vec<u8>, String> {
 /// # Errors
 /// What is wrong with the file and what was expected, without its path.
 pub(crate) fn read_guarded(path: &Path, others: Others) -> Result<Vec<u8>, String> {
-    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
+    // A pipe that nobody writes to is opened at once so, and then refused; without it the daemon would wait for a writer.
+    let nonblocking = OFlag::O_NONBLOCK.bits();
+    let file = OpenOptions::new().read(true).custom_flags(nonblocking).open(path).map_err(|error| error.to_string())?;
     // Of the open file and not of the path, which may be another file's by now.
     let about = file.metadata().map_err(|error| error.to_string())?;
     if !about.is_file() {
@@ -91,6 +95,14 @@ mod tests {
         }
         assert!(read_private(folder.path()).unwrap_err().contains("is not a regular file"));
         assert!(read_private(&folder.path().join("absent")).unwrap_err().contains("No such file"));
+    }
+
+    #[test]
+    fn a_pipe_is_refused_and_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tokens");
+        nix::unistd::mkfifo(&path, nix::sys::stat::Mode::from_bits_truncate(0o600)).unwrap();
+        assert!(read_private(&path).unwrap_err().contains("is not a regular file"));
     }
 
     #[test]

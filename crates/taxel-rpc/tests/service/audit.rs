@@ -67,9 +67,10 @@ async fn names_that_are_too_long_or_hold_control_characters_are_refused() {
     let channel = daemon.connect().await;
     for (name, expected) in [
         ("x".repeat(257), "confirmed_by: 257 bytes, at most 256 are kept"),
-        ("Ann\u{1b}[2J".to_owned(), "confirmed_by: has the control character U+001B, expected a name"),
-        ("Ann\nBob".to_owned(), "confirmed_by: has the control character U+000A, expected a name"),
-        ("Ann\u{85}".to_owned(), "confirmed_by: has the control character U+0085, expected a name"),
+        ("Ann\u{1b}[2J".to_owned(), "confirmed_by: has the unprintable character U+001B, expected a name"),
+        ("Ann\nBob".to_owned(), "confirmed_by: has the unprintable character U+000A, expected a name"),
+        ("Ann\u{85}".to_owned(), "confirmed_by: has the unprintable character U+0085, expected a name"),
+        ("Ann\u{202e}".to_owned(), "confirmed_by: has the unprintable character U+202E, expected a name"),
     ] {
         let request = v1::TareRequest { confirmed_by: name, ..Default::default() };
         let status = SkinServiceClient::new(channel.clone()).tare(request).await.unwrap_err();
@@ -78,7 +79,7 @@ async fn names_that_are_too_long_or_hold_control_characters_are_refused() {
     let load = Some(v1::record_load_request::Load::MassKg(0.5));
     let request = v1::RecordLoadRequest { load, by: "\u{7f}".to_owned(), ..Default::default() };
     let status = ValidationServiceClient::new(channel).record_load(request).await.unwrap_err();
-    assert!(status.message().starts_with("by: has the control character U+007F"), "{status:?}");
+    assert!(status.message().starts_with("by: has the unprintable character U+007F"), "{status:?}");
 }
 
 /// A log of 25 entries, of which the 7th was never answered.

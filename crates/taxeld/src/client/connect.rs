@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 #[cfg(feature = "tls")]
 use taxel_client::TlsOptions;
-use taxel_client::{Address, Line, Options};
+use taxel_client::{Address, ConnectError, Line, Options};
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
@@ -81,7 +81,10 @@ impl Server {
             ..Options::new(address)
         };
         let channel = options.connect().await;
-        let channel = channel.map_err(|error| anyhow::anyhow!("{error}; `--server` names another"))?;
+        let channel = channel.map_err(|error| match error {
+            ConnectError::Unreached { .. } => anyhow::anyhow!("{error}; `--server` names another"),
+            of_a_file => of_a_file.into(),
+        })?;
         Ok(Daemon { channel, patch: self.patch.clone() })
     }
 }

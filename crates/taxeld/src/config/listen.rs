@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use taxel_rpc::{Grant, Rules, Subject};
 
+use super::fault::Fault;
 use super::file::Config;
 use super::listen_sections::{AccessSection, GrantSection, ListenSection, RoleWord};
 
@@ -14,6 +15,9 @@ const SOCKET_MODE: u32 = 0o660;
 
 /// Where the service listens if the configuration says nothing.
 const LISTEN_DEFAULT: SocketAddr = SocketAddr::new(std::net::IpAddr::V4(std::net::Ipv4Addr::LOCALHOST), 50_051);
+
+/// Longest path of a Unix socket, unix(7): its field has 108 bytes, the last of which is zero.
+const UNIX_PATH_BYTES_MAX: usize = 107;
 
 /// Name of the Unix socket in the folder that systemd gives.
 const SOCKET_NAME: &str = "taxeld.sock";
@@ -69,15 +73,16 @@ pub struct Doors {
 ///
 /// # Errors
 /// The key, its value and what was expected.
-pub fn doors(config: &Config, path: &Path) -> Result<Doors, String> {
+pub fn doors(config: &Config, path: &Path) -> Result<Doors, Fault> {
     let beside = |file: &Path| path.parent().unwrap_or(Path::new("")).join(file);
     let mut doors = Vec::new();
     if let Some(listen) = config.service.listen.or(config.listen.is_empty().then_some(LISTEN_DEFAULT)) {
         if !listen.ip().is_loopback() {
-            return Err(format!(
+            let words = format!(
                 "service.listen = {listen}: only loopback addresses are served without more; for another one write a \
                  [[listen]] with `tls`"
-            ));
+            );
+            return Err(Fault::of("service.listen", words));
         }
         doors.push(Door::Tcp(listen));
     }
@@ -87,23 +92,76 @@ pub fn doors(config: &Config, path: &Path) -> Result<Doors, String> {
         doors.push(Door::Unix { path: Path::new(&folder).join(SOCKET_NAME), mode: SOCKET_MODE, group: None });
     }
     for (position, section) in config.listen.iter().enumerate() {
-        let door = door(section, &beside).map_err(|problem| format!("[[listen]] {}: {problem}", position + 1))?;
-        if doors.contains(&door) {
-            return Err(format!("[[listen]] {}: it is there twice", position + 1));
+        let wrong = |problem: String| {
+            Fault::of(format!("listen[{position}]"), format!("[[listen]] {}: {problem}", position + 1))
+        };
+        let door = door(section, &beside).map_err(wrong)?;
+        if let Some(other) = doors.iter().find(|other| is_same_place(other, &door)) {
+            return Err(wrong(format!("{other} is there already, and two cannot listen at one place")));
         }
         doors.push(door);
+    }
+    if let Some((key, address)) = listens_beside(config, &doors) {
+        return Err(Fault::of(key, format!("{key} = {address}: the service listens there already: give another port")));
     }
     let Some(access) = &config.access else {
         let far = doors.iter().find(|door| !is_near(door));
         return match far {
             Some(_) => {
-                Err("a [[listen]] for other machines needs an [access] section that says who may do what".to_owned())
+                let words = "a [[listen]] for other machines needs an [access] section that says who may do what";
+                Err(Fault::of("listen", words))
             }
             None => Ok(Doors { doors, rules: Rules::open(), tokens: None, ruled: false }),
         };
     };
+    if access.tokens.as_deref().is_some_and(|file| file.as_os_str().is_empty()) {
+        return Err(Fault::of("access.tokens", "access.tokens = \"\": expected the path of a file"));
+    }
     let tokens = access.tokens.as_deref().map(beside);
     Ok(Doors { doors, rules: rules(access)?, tokens, ruled: true })
+}
+
+/// Whether one that listens at the one leaves no room for the other.
+fn is_same_place(one: &Door, other: &Door) -> bool {
+    match (one, other) {
+        (Door::Unix { path: one, .. }, Door::Unix { path: other, .. }) => one == other,
+        _ => address_of(one).zip(address_of(other)).is_some_and(|(one, other)| overlap(one, other)),
+    }
+}
+
+fn address_of(door: &Door) -> Option<SocketAddr> {
+    match door {
+        Door::Unix { .. } => None,
+        Door::Tcp(address) | Door::Tls { address, .. } => Some(*address),
+    }
+}
+
+/// Whether two addresses cannot both be listened at. Port 0 is any that is free.
+fn overlap(one: SocketAddr, other: SocketAddr) -> bool {
+    let same_host = one.ip() == other.ip() || one.ip().is_unspecified() || other.ip().is_unspecified();
+    one.port() == other.port() && one.port() != 0 && same_host
+}
+
+/// Page or metrics where the service listens, too: which key it is, and the address.
+fn listens_beside(config: &Config, doors: &[Door]) -> Option<(&'static str, SocketAddr)> {
+    let page = config.page.as_ref().filter(|page| page.bound.is_none()).map(|page| page.listen);
+    let metrics = config.metrics.as_ref().and_then(|metrics| metrics.listen);
+    let listens = [("page.listen", page), ("metrics.listen", metrics)];
+    listens.into_iter().find_map(|(key, address)| {
+        let address = address?;
+        doors.iter().filter_map(address_of).any(|door| overlap(door, address)).then_some((key, address))
+    })
+}
+
+/// Why no socket can have this path, if so.
+fn no_socket(path: &Path) -> Option<String> {
+    let bytes = path.as_os_str().as_encoded_bytes();
+    match bytes.len() {
+        0 => Some("unix = \"\": expected a path".to_owned()),
+        _ if bytes.contains(&0) => Some(format!("unix = {path:?}: a path has no zero byte")),
+        1..=UNIX_PATH_BYTES_MAX => None,
+        long => Some(format!("unix = {path:?}: has {long} bytes, a socket's path at most {UNIX_PATH_BYTES_MAX}")),
+    }
 }
 
 /// Whether only this machine reaches it.
@@ -126,7 +184,14 @@ fn door(section: &ListenSection, beside: &impl Fn(&Path) -> PathBuf) -> Result<D
             if mode > 0o777 {
                 return Err(format!("mode = 0o{mode:o}: expected at most 0o777"));
             }
-            Ok(Door::Unix { path: beside(path), mode, group: section.group.clone() })
+            if section.group.as_deref() == Some("") {
+                return Err("group = \"\": expected the name of a group".to_owned());
+            }
+            let whole = beside(path);
+            match no_socket(path).or_else(|| no_socket(&whole)) {
+                Some(problem) => Err(problem),
+                None => Ok(Door::Unix { path: whole, mode, group: section.group.clone() }),
+            }
         }
         (None, Some(_)) if of_unix => Err("`mode` and `group` are for `unix`, not for `tcp`".to_owned()),
         (None, Some(address)) => match &section.tls {
@@ -145,9 +210,11 @@ fn door(section: &ListenSection, beside: &impl Fn(&Path) -> PathBuf) -> Result<D
     }
 }
 
-fn rules(access: &AccessSection) -> Result<Rules, String> {
+fn rules(access: &AccessSection) -> Result<Rules, Fault> {
     let grant = |(position, section): (usize, &GrantSection)| {
-        let told = |problem: &str| format!("[[access.grant]] {}: {problem}", position + 1);
+        let told = |problem: &str| {
+            Fault::of(format!("access.grant[{position}]"), format!("[[access.grant]] {}: {problem}", position + 1))
+        };
         let role = section.role.role().ok_or_else(|| told("role = \"none\" grants nothing"))?;
         let subject = match (&section.user, &section.group, &section.certificate) {
             (Some(user), None, None) => Subject::User(user.clone()),
@@ -165,9 +232,9 @@ fn rules(access: &AccessSection) -> Result<Rules, String> {
         Ok(Grant { subject, role })
     };
     if access.insecure > RoleWord::Observer {
-        return Err("access.insecure: whoever is on the net could do it, and nobody would know who did: expected \
-                    \"none\" or \"observer\""
-            .to_owned());
+        let words = "access.insecure: whoever is on the net could do it, and nobody would know who did: expected \
+                     \"none\" or \"observer\"";
+        return Err(Fault::of("access.insecure", words));
     }
     Ok(Rules {
         grants: access.grant.iter().enumerate().map(grant).collect::<Result<_, _>>()?,
@@ -190,7 +257,7 @@ mod tests {
         let path = Path::new("/etc/taxeld/t.toml");
         let text = format!("{EXAMPLE}\n{more}");
         let config = super::super::load::parse(path, &text).map_err(|error| error.to_string())?;
-        doors(&config, path)
+        doors(&config, path).map_err(|fault| fault.words().to_owned())
     }
 
     #[test]
@@ -228,6 +295,9 @@ mod tests {
         assert_eq!(found.unwrap().doors, [unix, Door::Tls { address: "0.0.0.0:50052".parse().unwrap(), files }]);
     }
 
+    /// A path of 108 bytes.
+    const LONG: &str = "[[listen]]\nunix = \"/aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa\"";
+
     #[test]
     fn what_would_let_strangers_in_is_refused_with_what_to_write() {
         let cases = [
@@ -237,7 +307,29 @@ mod tests {
             ("[[listen]]\nmode = 1", "expected one of `unix` and `tcp`"),
             ("[[listen]]\nunix = \"/a\"\ntcp = \"127.0.0.1:1\"", "expected one of `unix` and `tcp`"),
             ("[[listen]]\nunix = \"/a\"\nmode = 0o1777", "expected at most 0o777"),
-            ("[[listen]]\nunix = \"/a\"\n[[listen]]\nunix = \"/a\"", "[[listen]] 2: it is there twice"),
+            (
+                "[[listen]]\nunix = \"/a\"\n[[listen]]\nunix = \"/a\"",
+                "[[listen]] 2: unix:/a (mode 660) is there already",
+            ),
+            ("[[listen]]\nunix = \"/a/./b\"\n[[listen]]\nunix = \"/a//b\"", "is there already"),
+            ("[[listen]]\nunix = \"\"", "expected a path"),
+            ("[[listen]]\nunix = \"/a\\u0000b\"", "no zero byte"),
+            (LONG, "a socket's path at most 107"),
+            ("[[listen]]\nunix = \"/a\"\ngroup = \"\"", "expected the name of a group"),
+            ("[access]\ntokens = \"\"", "expected the path of a file"),
+            ("[service]\nlisten = \"127.0.0.1:9\"\n[[listen]]\ntcp = \"127.0.0.1:9\"", "is there already"),
+            (
+                "[[listen]]\ntcp = \"0.0.0.0:9\"\nallow_insecure = true\n[[listen]]\ntcp = \"127.0.0.1:9\"",
+                "is there already",
+            ),
+            (
+                "[page]\nlisten = \"127.0.0.1:50051\"",
+                "page.listen = 127.0.0.1:50051: the service listens there already",
+            ),
+            (
+                "[page]\n[metrics]\nlisten = \"127.0.0.1:50051\"",
+                "metrics.listen = 127.0.0.1:50051: the service listens",
+            ),
             ("[access]\ninsecure = \"operator\"", "access.insecure"),
             ("[access]\n[[access.grant]]\nrole = \"admin\"", "[[access.grant]] 1: expected one of"),
             ("[access]\n[[access.grant]]\nrole = \"admin\"\ncertificate = \"ann\"", "expected a URI"),

@@ -4,6 +4,8 @@ use serde::Deserialize;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 
+use super::fault::Fault;
+
 /// Longest name of a host, in bytes.
 const NAME_BYTES_MAX: usize = 253;
 
@@ -35,35 +37,42 @@ pub struct MetricsSection {
 }
 
 /// What is wrong with the sections, if anything is.
-pub fn problem(page: Option<&PageSection>, metrics: Option<&MetricsSection>) -> Option<String> {
+pub fn problem(page: Option<&PageSection>, metrics: Option<&MetricsSection>) -> Option<Fault> {
     if cfg!(not(feature = "page")) && (page.is_some() || metrics.is_some()) {
-        return Some("[page], [metrics]: this build has neither (cargo feature `page`)".to_owned());
+        let key = if page.is_some() { "page" } else { "metrics" };
+        return Some(Fault::of(key, "[page], [metrics]: this build has neither (cargo feature `page`)"));
     }
     if metrics.is_some_and(|metrics| metrics.listen.is_none()) && page.is_none() {
-        return Some("[metrics]: without a [page] beside which to serve them, listen is needed".to_owned());
+        return Some(Fault::of("metrics", "[metrics]: without a [page] beside which to serve them, listen is needed"));
     }
     if let (Some(page), Some(listen)) = (page, metrics.and_then(|metrics| metrics.listen))
         && page.listen == listen
         && listen.port() != 0
     {
-        return Some(format!("metrics.listen = {listen} is page.listen: leave it out to serve both there"));
+        let words = format!("metrics.listen = {listen} is page.listen: leave it out to serve both there");
+        return Some(Fault::of("metrics.listen", words));
     }
-    let listens = [("page", page.map(|page| page.listen)), ("metrics", metrics.and_then(|metrics| metrics.listen))];
-    let foreign = listens.iter().find_map(|(name, listen)| Some((name, listen.filter(|at| !at.ip().is_loopback())?)));
-    foreign.map(|(name, listen)| {
-        format!(
-            "{name}.listen = {listen}: only loopback addresses are served, nothing there is secured; from elsewhere come through ssh -L or a proxy with TLS"
-        )
-    }).or_else(|| strange_host(page?))
+    let listens =
+        [("page.listen", page.map(|page| page.listen)), ("metrics.listen", metrics.and_then(|metrics| metrics.listen))];
+    let foreign = listens.iter().find_map(|(key, listen)| Some((*key, listen.filter(|at| !at.ip().is_loopback())?)));
+    let foreign = foreign.map(|(key, listen)| {
+        let words = format!(
+            "{key} = {listen}: only loopback addresses are served, nothing there is secured; from elsewhere come through \
+             ssh -L or a proxy with TLS"
+        );
+        Fault::of(key, words)
+    });
+    foreign.or_else(|| strange_host(page?))
 }
 
-fn strange_host(section: &PageSection) -> Option<String> {
+fn strange_host(section: &PageSection) -> Option<Fault> {
     let is_name = |host: &&String| {
         let known = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
         !host.is_empty() && host.len() <= NAME_BYTES_MAX && host.chars().all(known)
     };
     let strange = section.hosts.iter().find(|host| !is_name(host))?;
-    Some(format!("page.hosts: {strange:?}: expected a name without scheme or port, as in \"robot.lab\""))
+    let words = format!("page.hosts: {strange:?}: expected a name without scheme or port, as in \"robot.lab\"");
+    Some(Fault::of("page.hosts", words))
 }
 
 #[cfg(all(test, feature = "page"))]

@@ -59,8 +59,9 @@ pub fn scene_of(config: &Config, path: &Path) -> Result<Scene, Fault> {
     let nowhere = Doors { doors: vec![], rules: Rules::open(), tokens: None, ruled: false };
     let mut scene = Scene { plan, doors: nowhere, left_out: vec![], remarks: vec![] };
     check_buses(config)?;
-    let too_many = config.service.problem();
-    too_many.map_or(Ok(()), |words| Err(Fault::of("service.subscribers_max", words)))?;
+    config.service.problem().map_or(Ok(()), Err)?;
+    let unreadable = config.log.filter.as_deref().and_then(|filter| crate::logs::check(filter).err());
+    unreadable.map_or(Ok(()), |words| Err(Fault::of("log.filter", words)))?;
     certificate(config.certificate.as_ref())?;
     for (number, section) in config.patch.iter().enumerate() {
         let named = |fault: Fault| fault.within(&format!("patch[{number}]"), &format!("patch `{}`", section.name));
@@ -75,9 +76,7 @@ pub fn scene_of(config: &Config, path: &Path) -> Result<Scene, Fault> {
     if scene.plan.patches.is_empty() {
         return Err("there is no [[patch]]: at least one is needed".to_owned().into());
     }
-    if let Some(problem) = super::page_section::problem(config.page.as_ref(), config.metrics.as_ref()) {
-        return Err(Fault::of(if config.metrics.is_some() { "metrics" } else { "page" }, problem));
-    }
+    super::page_section::problem(config.page.as_ref(), config.metrics.as_ref()).map_or(Ok(()), Err)?;
     shared_memory(config)?;
     let unrecordable = config.record.as_ref().and_then(super::record_section::problem);
     unrecordable.map_or(Ok(()), |(key, words)| Err(Fault::of(key, words)))?;

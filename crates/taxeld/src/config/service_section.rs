@@ -4,9 +4,14 @@ use std::net::SocketAddr;
 
 use serde::Deserialize;
 
+use super::fault::Fault;
+
 /// With `low_latency` a message to one subscriber, 3 to 5 us, is time in which no frame is taken: all of them at 1 kHz take a
 /// sixth of the thread, and delay a frame by 0.16 ms at most.
 const LOW_LATENCY_STREAMS_MAX: usize = 32;
+
+/// More connections or streams than any machine serves.
+const COUNT_MAX: usize = 100_000;
 
 /// `[service]`
 #[derive(Clone, Debug, Deserialize)]
@@ -39,12 +44,21 @@ impl ServiceSection {
     }
 
     /// What is wrong with the section, if anything is.
-    pub fn problem(&self) -> Option<String> {
+    pub fn problem(&self) -> Option<Fault> {
+        let counts = [
+            ("service.subscribers_max", self.streams()),
+            ("service.subscribers_per_peer_max", self.subscribers_per_peer_max),
+            ("service.connections_max", self.connections_max),
+        ];
+        if let Some((key, count)) = counts.into_iter().find(|(_, count)| !(1..=COUNT_MAX).contains(count)) {
+            return Some(Fault::of(key, format!("{key} = {count}: expected 1 to {COUNT_MAX}")));
+        }
         let streams = self.subscribers_max.filter(|most| self.low_latency && *most > LOW_LATENCY_STREAMS_MAX)?;
-        Some(format!(
+        let words = format!(
             "service.subscribers_max = {streams}: expected at most {LOW_LATENCY_STREAMS_MAX} with low_latency = true, where \
              subscribers share a thread with the engine"
-        ))
+        );
+        Some(Fault::of("service.subscribers_max", words))
     }
 }
 
@@ -61,6 +75,11 @@ mod tests {
         let few = read("low_latency = true\nsubscribers_max = 4");
         assert_eq!((few.streams(), few.problem()), (4, None));
         let said = read("low_latency = true\nsubscribers_max = 33").problem().unwrap();
-        assert!(said.contains("subscribers_max = 33: expected at most 32"), "{said}");
+        assert!(said.words().contains("subscribers_max = 33: expected at most 32"), "{said:?}");
+        for key in ["subscribers_max", "subscribers_per_peer_max", "connections_max"] {
+            let fault = read(&format!("{key} = 0")).problem().unwrap();
+            let expected = format!("service.{key} = 0: expected 1 to 100000");
+            assert_eq!((fault.key(), fault.words()), (format!("service.{key}").as_str(), expected.as_str()));
+        }
     }
 }

@@ -28,6 +28,8 @@ struct Parts {
 
 /// A thread parses so much of a file at a time, bytes.
 const PART_BYTES: usize = 1 << 20;
+/// A line that is as long is none of a recording: a row of 6,500 taxels has 60 kB.
+const LINE_BYTES_MAX: usize = PART_BYTES;
 const PARTS: Parts = Parts { block_bytes: PART_BYTES, least_bytes: 1 << 16 };
 
 /// Most bad rows that are told one by one.
@@ -107,6 +109,7 @@ impl Recording {
     fn parse_in(cut: Parts, input: impl Read) -> anyhow::Result<Self> {
         let mut blocks = Blocks::new(input, cut.block_bytes);
         let first = blocks.next()?.unwrap_or_default();
+        check_line(&first, 1)?;
         let recording = if in_one_piece(&first) {
             let mut reader = reader(blocks.from(first), true);
             let mut recording = Self::under(reader.byte_headers()?)?;
@@ -152,6 +155,7 @@ impl Recording {
     ) -> anyhow::Result<()> {
         let (mut block, mut lines) = (Some(first), lines_before);
         while let Some(text) = block {
+            check_line(&text, lines + 1)?;
             if in_one_piece(&text) {
                 return self.take_rows(reader(blocks.from(text), false), lines, &[]);
             }
@@ -267,6 +271,14 @@ fn keep<T>(values: &mut Vec<T>, kept: &[bool]) {
     values.retain(|_| marks.next().is_none_or(|mark| *mark));
 }
 
+/// Refuses a block in which no line ends: the rest of the file could be one.
+fn check_line(block: &[u8], line: u64) -> anyhow::Result<()> {
+    if block.len() >= LINE_BYTES_MAX && !block.contains(&b'\n') {
+        bail!("line {line} has {LINE_BYTES_MAX} bytes or more, which no row of a recording has");
+    }
+    Ok(())
+}
+
 /// Rows, or a header and rows, as a table. A quote is a sign like any other, so that a stray one spoils its cell and not
 /// all rows up to the next one.
 fn reader<R: Read>(input: R, headed: bool) -> csv::Reader<R> {
@@ -275,9 +287,10 @@ fn reader<R: Read>(input: R, headed: bool) -> csv::Reader<R> {
 }
 
 /// Whether what follows can only be read in one piece: a byte order mark (its first byte is EF) is one at the very
-/// beginning alone, and without the end of a line there are no parts.
+/// beginning alone, and without the end of a line there are no parts. Nothing at all is no piece: the first block may end
+/// with the header.
 fn in_one_piece(text: &[u8]) -> bool {
-    text.contains(&0xEF) || !text.contains(&b'\n')
+    text.contains(&0xEF) || !(text.is_empty() || text.contains(&b'\n'))
 }
 
 /// A cell without the quotes around it.

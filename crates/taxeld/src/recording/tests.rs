@@ -70,6 +70,22 @@ fn rows() -> impl Strategy<Value = String> {
     })
 }
 
+/// Found by the property below.
+#[test]
+fn a_first_block_that_ends_with_the_header_leaves_the_numbers_of_lines_right() {
+    let text = "t_s,pressure_kpa,c0\r\n5,1,7\r5,1,7\r0.5,0.1,0\r\n0.5,0.1,0";
+    let recording = Recording::parse_in(Parts { block_bytes: 40, least_bytes: 1 }, text.as_bytes()).unwrap();
+    assert_eq!(recording.lines, [2, 2, 2, 3]);
+}
+
+#[test]
+fn a_line_without_an_end_is_refused() {
+    let endless = std::io::Read::chain(&b"t_s,c0\n1,2\n"[..], std::io::repeat(b'1'));
+    let refused = Recording::parse(endless).unwrap_err().to_string();
+    assert_eq!(refused, "line 3 has 1048576 bytes or more, which no row of a recording has");
+    assert!(Recording::parse(std::io::repeat(b'1')).unwrap_err().to_string().starts_with("line 1 has"));
+}
+
 proptest! {
     #[test]
     fn in_parts_a_file_is_what_it_is_in_one_piece(text in rows(), block in 40..200_usize, least in 1..50_usize) {

@@ -28,9 +28,9 @@ impl Share {
         let (threshold_n, per_count) = at_threshold(tables, rest, activation, taxel)?;
         let noise_n = (per_count * rest.noise.max(NOISE_FLOOR_COUNTS)) as f32;
         let newton_per_count = (per_count * tables.sign(taxel)) as f32;
-        let usable = rest.mean.is_finite() && newton_per_count.is_finite() && noise_n.is_finite();
-        let threshold_n = threshold_n as f32;
-        usable.then_some(Self { newton_per_count, zero: rest.mean as f32, noise_n, threshold_n })
+        // What single precision does not hold stays in the sum, which is no number then: such a taxel is not one without weight.
+        let share = Self { newton_per_count, zero: rest.mean as f32, noise_n, threshold_n: threshold_n as f32 };
+        rest.mean.is_finite().then_some(share)
     }
 }
 

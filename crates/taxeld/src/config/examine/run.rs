@@ -36,7 +36,7 @@ pub fn examine(path: &Path) -> Result<(Config, Scene), Problems> {
 /// # Errors
 /// If it cannot be read.
 pub fn read_text(path: &Path) -> Result<String, Problems> {
-    std::fs::read_to_string(path).map_err(|error| {
+    crate::files::read_text(path).map_err(|error| {
         Problems::new(vec![Problem {
             code: Code::Unreadable,
             file: path.display().to_string(),
@@ -44,7 +44,7 @@ pub fn read_text(path: &Path) -> Result<String, Problems> {
             key: String::new(),
             value: None,
             expected: "a text in UTF-8 that can be read".to_owned(),
-            message: error.to_string(),
+            message: error.root_cause().to_string(),
         }])
     })
 }

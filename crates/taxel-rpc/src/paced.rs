@@ -1,0 +1,191 @@
+//! How fast a connection may send HTTP/2 frames that are of no call: pings and their answers, settings, windows, priorities,
+//! and what no version knows.
+//!
+//! They cost the service's thread time and its reader nothing, and neither tonic nor h2 bounds them: one connection that
+//! sent nothing else delayed the force of all others by tens of milliseconds. Whoever sends more is read more slowly, as
+//! the kernel holds back a sender whose bytes are not taken. Nothing is lost by that, and an honest client never comes there:
+//! it gives a window back after many messages and answers a ping in half a minute.
+
+use std::future::Future;
+use std::io;
+use std::pin::Pin;
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::time::{Instant, Sleep};
+
+use crate::limits::Rate;
+
+/// Length of the client's preface, RFC 9113 section 3.4.
+const PREFACE_BYTES: usize = 24;
+/// Length of the head of a frame, RFC 9113 section 4.1: three bytes of length, one of type, and what is not needed here.
+const HEAD_BYTES: usize = 9;
+/// Types of frames that are of calls, RFC 9113 section 6: DATA, HEADERS, RST_STREAM, CONTINUATION. Calls have limits of their
+/// own.
+const OF_CALLS: [u8; 4] = [0, 1, 3, 9];
+
+/// Where frames begin in what comes.
+#[derive(Debug)]
+struct Frames {
+    /// Bytes until the next head.
+    skip: usize,
+    head: [u8; HEAD_BYTES],
+    /// Of the head that has begun.
+    have: usize,
+}
+
+impl Frames {
+    const fn new() -> Self {
+        Self { skip: PREFACE_BYTES, head: [0; HEAD_BYTES], have: 0 }
+    }
+
+    /// How many frames of no call begin in these bytes, which follow those before.
+    fn of_no_call(&mut self, mut bytes: &[u8]) -> u32 {
+        let mut frames = 0;
+        loop {
+            let skipped = self.skip.min(bytes.len());
+            (self.skip, bytes) = (self.skip - skipped, &bytes[skipped..]);
+            if bytes.is_empty() {
+                return frames;
+            }
+            let taken = (HEAD_BYTES - self.have).min(bytes.len());
+            self.head[self.have..self.have + taken].copy_from_slice(&bytes[..taken]);
+            (self.have, bytes) = (self.have + taken, &bytes[taken..]);
+            if self.have == HEAD_BYTES {
+                let [high, middle, low, kind, ..] = self.head;
+                (self.skip, self.have) = (u32::from_be_bytes([0, high, middle, low]) as usize, 0);
+                frames += u32::from(!OF_CALLS.contains(&kind));
+            }
+        }
+    }
+}
+
+/// A socket that is read no faster than at the rate of such frames.
+pub(crate) struct Paced<T> {
+    io: T,
+    rate: Rate,
+    frames: Frames,
+    /// How many may come at once, as of `at`.
+    left: f64,
+    at: Instant,
+    /// Until there is one again.
+    pause: Option<Pin<Box<Sleep>>>,
+}
+
+impl<T> Paced<T> {
+    pub(crate) fn new(io: T, rate: Rate) -> Self {
+        Self { io, rate, frames: Frames::new(), left: rate.burst.into(), at: Instant::now(), pause: None }
+    }
+
+    /// So many frames have come; how long to wait with the next ones.
+    fn take(&mut self, frames: u32, now: Instant) -> Option<Duration> {
+        let (burst, every_s) = (f64::from(self.rate.burst), self.rate.every.as_secs_f64());
+        let since = now.saturating_duration_since(self.at).as_secs_f64();
+        self.left = (self.left + since / every_s).min(burst) - f64::from(frames);
+        self.at = now;
+        (self.left < 0.0).then(|| Duration::from_secs_f64(-self.left * every_s))
+    }
+}
+
+impl<T: AsyncRead + Unpin> AsyncRead for Paced<T> {
+    fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        if let Some(pause) = &mut self.pause {
+            ready!(pause.as_mut().poll(cx));
+            self.pause = None;
+        }
+        let before = buf.filled().len();
+        ready!(Pin::new(&mut self.io).poll_read(cx, buf))?;
+        let frames = self.frames.of_no_call(&buf.filled()[before..]);
+        if frames > 0 {
+            self.pause = self.take(frames, Instant::now()).map(|wait| Box::pin(tokio::time::sleep(wait)));
+        }
+        Poll::Ready(Ok(()))
+    }
+}
+
+impl<T: AsyncWrite + Unpin> AsyncWrite for Paced<T> {
+    fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &[u8]) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.io).poll_write(cx, buf)
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.io).poll_flush(cx)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.io).poll_shutdown(cx)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+
+    use super::*;
+
+    const PREFACE: &[u8; PREFACE_BYTES] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
+    const PING: u8 = 6;
+
+    fn frame(kind: u8, payload: usize) -> Vec<u8> {
+        let [_, high, middle, low] = u32::try_from(payload).unwrap().to_be_bytes();
+        let mut frame = vec![high, middle, low, kind, 0, 0, 0, 0, 0];
+        frame.resize(HEAD_BYTES + payload, kind);
+        frame
+    }
+
+    #[test]
+    fn frames_of_no_call_are_counted_however_their_bytes_come() {
+        let kinds =
+            [(4, 18), (1, 300), (0, 70_000), (PING, 8), (8, 4), (9, 10), (3, 4), (2, 5), (99, 0), (0, 0), (PING, 8)];
+        let bytes: Vec<u8> =
+            PREFACE.iter().copied().chain(kinds.iter().flat_map(|&(kind, payload)| frame(kind, payload))).collect();
+        for piece in [1, 2, 9, 10, 1000, bytes.len()] {
+            let mut frames = Frames::new();
+            let found: u32 = bytes.chunks(piece).map(|piece| frames.of_no_call(piece)).sum();
+            assert_eq!(found, 6, "in pieces of {piece} bytes");
+        }
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn whoever_sends_pings_alone_is_read_at_the_rate_and_loses_nothing() {
+        let (near, mut far) = tokio::io::duplex(1 << 20);
+        let rate = Rate { burst: 100, every: Duration::from_millis(10) };
+        let mut paced = Paced::new(near, rate);
+        let begun = Instant::now();
+        far.write_all(PREFACE).await.unwrap();
+        let mut sent = PREFACE.to_vec();
+        for _ in 0..1_100 {
+            let ping = frame(PING, 8);
+            far.write_all(&ping).await.unwrap();
+            sent.extend(ping);
+        }
+        drop(far);
+        let (mut got, mut piece) = (Vec::new(), [0; 170]);
+        loop {
+            let bytes = paced.read(&mut piece).await.unwrap();
+            if bytes == 0 {
+                break;
+            }
+            got.extend_from_slice(&piece[..bytes]);
+        }
+        assert!(got == sent, "{} bytes of {}", got.len(), sent.len());
+        let took = begun.elapsed().as_secs_f64();
+        assert!((9.8..=10.2).contains(&took), "a thousand beyond the burst took {took} s, each 10 ms");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn calls_are_read_as_fast_as_they_come() {
+        let (near, mut far) = tokio::io::duplex(1 << 20);
+        let mut paced = Paced::new(near, Rate { burst: 1, every: Duration::from_secs(60) });
+        let begun = Instant::now();
+        far.write_all(PREFACE).await.unwrap();
+        for _ in 0..100 {
+            far.write_all(&frame(1, 20)).await.unwrap();
+            far.write_all(&frame(0, 1_000)).await.unwrap();
+        }
+        drop(far);
+        paced.read_to_end(&mut Vec::new()).await.unwrap();
+        assert_eq!(begun.elapsed(), Duration::ZERO);
+    }
+}

@@ -1,0 +1,29 @@
+//! Text from elsewhere that is shown on terminals and written into logs.
+
+/// The first character of a text that is not shown as itself: a control character, which a terminal acts upon, a break of
+/// the line, or one that is invisible or turns the direction of what follows, so that a text reads as another.
+#[must_use]
+pub fn unprintable(text: &str) -> Option<char> {
+    let is_odd = |c: &char| {
+        c.is_control()
+            || matches!(u32::from(*c), 0xAD | 0x061C | 0x180E | 0x200B..=0x200F | 0x2028..=0x202E | 0x2060..=0x206F)
+            || matches!(u32::from(*c), 0xFEFF | 0xFFF9..=0xFFFB | 0xE0000..=0xE0FFF)
+    };
+    text.chars().find(is_odd)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_terminal_acts_upon_or_nobody_sees_is_found() {
+        for text in ["Ada", "Zoë Müller-Łoś", "山田 太郎", "order 5, rising; 12 % (k = 2)", ""] {
+            assert_eq!(unprintable(text), None, "{text}");
+        }
+        for odd in "\u{0}\n\t\u{1b}\u{7f}\u{9b}\u{ad}\u{200b}\u{200f}\u{2028}\u{202e}\u{2066}\u{feff}\u{e0041}".chars()
+        {
+            assert_eq!(unprintable(&format!("ann{odd}x")), Some(odd), "U+{:04X}", u32::from(odd));
+        }
+    }
+}
