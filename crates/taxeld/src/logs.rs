@@ -16,19 +16,10 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, Registry, fmt, reload};
 
+use crate::config::log_filter;
+
 /// What is logged unless somebody says otherwise.
 const FILTER: &str = "info";
-
-/// Before whatever filter there is: these libraries warn of each frame and connection that a client spoils, as often as it
-/// likes. What the service itself says of that is bounded (`taxel-rpc/src/refusals.rs`). A filter that names them decides.
-const LIBRARIES: &str = "h2=error,hyper=error,hyper_util=error,rustls=error,tonic=error,tower=error,";
-
-/// The filter that a text is.
-fn filter_of(text: &str) -> Result<EnvFilter, String> {
-    // What is wrong is wrong with what was written.
-    EnvFilter::try_new(text).map_err(|error| error.to_string())?;
-    EnvFilter::try_new(format!("{LIBRARIES}{text}")).map_err(|error| error.to_string())
-}
 
 /// The variable that decides over the configuration.
 const VARIABLE: &str = "RUST_LOG";
@@ -85,8 +76,8 @@ pub fn start(format: LogFormat, writes: Writes) -> Log {
             Err(error) => crate::say::failure(&format!("no thread for the log, which may hold the daemon up: {error}")),
         }
     }
-    let decided = std::env::var(VARIABLE).ok().and_then(|decided| filter_of(&decided).ok());
-    let filter = decided.unwrap_or_else(|| EnvFilter::new(format!("{LIBRARIES}{FILTER}")));
+    let decided = std::env::var(VARIABLE).ok().and_then(|decided| log_filter(&decided).ok());
+    let filter = decided.or_else(|| log_filter(FILTER).ok()).unwrap_or_default();
     let (filter, handle) = reload::Layer::new(filter);
     let writer = match QUEUE.get() {
         Some(queue) => BoxMakeWriter::new(|| queue.clone()),
@@ -122,14 +113,6 @@ fn tell_panic(panic: &PanicHookInfo<'_>) {
     queued(format_args!("thread '{name}' {panic}{trace}"));
 }
 
-/// The filter that `log.filter` is.
-///
-/// # Errors
-/// The key, its value and what is wrong with it.
-pub fn check(wanted: &str) -> Result<EnvFilter, String> {
-    filter_of(wanted).map_err(|error| format!("log.filter = \"{wanted}\": {error}"))
-}
-
 /// Logs what this filter lets through from now on, unless `RUST_LOG` decides. Gives what applies now.
 ///
 /// # Errors
@@ -139,7 +122,7 @@ pub fn filter(wanted: Option<&str>) -> Result<String, String> {
         return Ok(format!("`{decided}`, which {VARIABLE} decides"));
     }
     let wanted = wanted.unwrap_or(FILTER);
-    let filter = check(wanted)?;
+    let filter = log_filter(wanted).map_err(|error| format!("log.filter = \"{wanted}\": {error}"))?;
     if let Some(handle) = FILTERING.get() {
         handle.reload(filter).map_err(|error| error.to_string())?;
     }

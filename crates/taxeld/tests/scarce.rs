@@ -205,7 +205,7 @@ async fn a_daemon_without_a_descriptor_left_goes_on_and_takes_connections_again_
 #[tokio::test]
 async fn a_log_that_nobody_reads_holds_nothing_up_and_says_later_how_much_it_lacks() {
     let (unread, log) = std::io::pipe().unwrap();
-    let daemon = Daemon::start(|command, _| _ = command.stderr(log).env("RUST_LOG", "trace"));
+    let daemon = Daemon::start(|command, _| _ = command.stderr(log).env("RUST_LOG", "trace,h2=trace"));
     let mut stream = daemon.stream().await;
     for _ in 0..100 {
         let sample = tokio::time::timeout(PATIENCE, stream.message()).await.expect("the force goes on");

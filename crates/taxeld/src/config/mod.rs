@@ -12,6 +12,7 @@ mod fit_section;
 mod listen;
 mod listen_sections;
 mod load;
+mod log_filter;
 mod modules;
 mod number_words;
 mod page_section;
@@ -31,6 +32,7 @@ pub use file::Config;
 pub use listen::{Door, Doors};
 pub use load::load;
 pub use load::parse;
+pub use log_filter::log_filter;
 pub use modules::KindWord;
 pub use modules::written as modules_written;
 #[cfg(all(feature = "sim", feature = "page"))]

@@ -16,8 +16,9 @@ use super::fault::{Fault, within};
 use super::file::Config;
 use super::listen::{Doors, doors};
 use super::load::ConfigError;
+use super::log_filter::log_filter;
 use super::number_words::{OrderOfBytes, UnitWord};
-use super::parts::{BoardSection, BusSource, GaugeSection, OutputWord, PatchSection};
+use super::parts::{BoardSection, BusSource, GaugeSection, LogSection, OutputWord, PatchSection};
 use super::patch_limits::{drift, fit_options, live, session};
 use super::signals::{Described, describe, pushed};
 use crate::files::read_any_text;
@@ -60,8 +61,7 @@ pub fn scene_of(config: &Config, path: &Path) -> Result<Scene, Fault> {
     let mut scene = Scene { plan, doors: nowhere, left_out: vec![], remarks: vec![] };
     check_buses(config)?;
     config.service.problem().map_or(Ok(()), Err)?;
-    let unreadable = config.log.filter.as_deref().and_then(|filter| crate::logs::check(filter).err());
-    unreadable.map_or(Ok(()), |words| Err(Fault::of("log.filter", words)))?;
+    log(&config.log)?;
     certificate(config.certificate.as_ref())?;
     for (number, section) in config.patch.iter().enumerate() {
         let named = |fault: Fault| fault.within(&format!("patch[{number}]"), &format!("patch `{}`", section.name));
@@ -99,6 +99,12 @@ pub fn clashes(config: &Config, plan: &Plan) -> Vec<Fault> {
 
 fn certificate(section: Option<&CertificateSection>) -> Result<(), Fault> {
     section.and_then(CertificateSection::problem).map_or(Ok(()), Err)
+}
+
+fn log(section: &LogSection) -> Result<(), Fault> {
+    let Some(wanted) = &section.filter else { return Ok(()) };
+    let wrong = |error: String| Fault::of("log.filter", format!("log.filter = \"{wanted}\": {error}"));
+    log_filter(wanted).map(|_| ()).map_err(wrong)
 }
 
 fn check_buses(config: &Config) -> Result<(), Fault> {
