@@ -13,6 +13,9 @@ use crate::shared::small;
 /// The set of the small skin with one thing changed in the first taxel in use, and what a refusal names.
 type Case = (fn(&mut TaxelModel), &'static str);
 
+/// The same of a whole set.
+type CaseOfSet = (fn(&mut ModelSet), &'static str);
+
 fn scaled(model: &mut TaxelModel, by: f64) {
     let curve = model.curve.as_mut().unwrap();
     curve.chebyshev.iter_mut().chain(&mut model.raw_coefficients).for_each(|c| *c *= by);
@@ -78,7 +81,7 @@ fn what_this_skin_was_calibrated_to_is_taken_as_it_is() {
 /// Whoever insists gets no force that nobody would doubt: what says that it may be off by more than a number holds is none.
 #[test]
 fn a_set_whose_uncertainty_is_no_number_has_no_force() {
-    let cases: [(fn(&mut ModelSet), &str); 4] = [
+    let cases: [CaseOfSet; 4] = [
         (|set| set.baseline.iter_mut().for_each(|rest| rest.noise = 1e30), "its `baseline` has a noise of"),
         (|set| set.gauge_gain_rel = 1e300, "`gauge_gain_rel` is"),
         (|set| set.gauge_offset_kpa = 1e300, "`gauge_offset_kpa` is"),
