@@ -17,6 +17,9 @@ const SHARES: [f64; 2] = [-0.5, 1.5];
 /// Places of the range that are looked at. A curve has at most ten turns.
 const PLACES: u32 = 64;
 
+/// A pressure that is uncertain by more than so many times the greatest of the calibration is none.
+const SIGMAS_MAX: f64 = 10.0;
+
 /// Readings of a taxel at rest scatter by less than this share of all counts.
 const NOISE_SHARE_MAX: f64 = 1.0 / 16.0;
 
@@ -37,9 +40,10 @@ fn odd_gauge(set: &ModelSet) -> Option<String> {
     })
 }
 
-/// What cannot be so about the zeros, and about how well the curves are known.
+/// What cannot be so about the zeros of taxels that have a curve, and about how well that is known. Others are left out for
+/// what is odd about them.
 fn odd_rest(set: &ModelSet, top: f64) -> Option<String> {
-    let (most, noise_max) = (set.pressure_max_kpa, NOISE_SHARE_MAX * top);
+    let (most, noise_max) = (SIGMAS_MAX * set.pressure_max_kpa, NOISE_SHARE_MAX * top);
     let of = |(taxel, (rest, model)): (usize, (&TaxelBaseline, &TaxelModel))| {
         if !rest.mean.is_nan() && !(0.0..=top).contains(&rest.mean) {
             return Some(format!("taxel {taxel}: its `baseline` is {} counts, expected 0 to {top}", rest.mean));
@@ -50,11 +54,11 @@ fn odd_rest(set: &ModelSet, top: f64) -> Option<String> {
                 "taxel {taxel}: its `baseline` has a noise of {noise} counts, expected 0 to {noise_max}"
             ));
         }
-        let sigmas = model.sigma.iter().filter(|_| model.is_usable()).flat_map(|profile| &profile.sigma_kpa);
+        let sigmas = model.sigma.iter().flat_map(|profile| &profile.sigma_kpa);
         let odd = sigmas.into_iter().find(|sigma| !(0.0..=most).contains(*sigma))?;
         Some(format!("taxel {taxel}: its `sigma_kpa` has {odd}, expected 0 to {most} kPa"))
     };
-    set.baseline.iter().zip(&set.taxels).enumerate().find_map(of)
+    set.baseline.iter().zip(&set.taxels).enumerate().filter(|(_, (_, model))| model.is_usable()).find_map(of)
 }
 
 /// What cannot be so about the curves.
@@ -221,7 +225,7 @@ mod tests {
         let with = |change: &dyn Fn(&mut ModelSet)| {
             let mut set = set(70.0, model(&[35.0, -5.0], SIGN), None);
             set.baseline = vec![TaxelBaseline { mean: 250.0, noise: 0.5 }];
-            let profile = SigmaProfile { first_count: 150.0, step_counts: 50.0, sigma_kpa: vec![0.5, 70.0, 2.0] };
+            let profile = SigmaProfile { first_count: 150.0, step_counts: 50.0, sigma_kpa: vec![0.5, 700.0, 2.0] };
             set.taxels[0].sigma = Some(profile);
             change(&mut set);
             says(&set)
@@ -234,7 +238,12 @@ mod tests {
         is(with(&|set| set.baseline[0].mean = 255.5), "taxel 0: its `baseline` is 255.5 counts, expected 0 to 255");
         let noise = "taxel 0: its `baseline` has a noise of 16 counts, expected 0 to 15.9375";
         is(with(&|set| set.baseline[0].noise = 16.0), noise);
-        let sigma = "taxel 0: its `sigma_kpa` has 70.5, expected 0 to 70 kPa";
-        is(with(&|set| set.taxels[0].sigma.as_mut().unwrap().sigma_kpa[1] = 70.5), sigma);
+        let left_out = |set: &mut ModelSet| {
+            set.taxels.push(TaxelModel::without_curve(Status::Clipped, GaugeUncertainty::default()));
+            set.baseline.push(TaxelBaseline { mean: 200.0, noise: 60.0 });
+        };
+        assert_eq!(with(&left_out), None, "a taxel that is left out for its noise");
+        let sigma = "taxel 0: its `sigma_kpa` has 700.5, expected 0 to 700 kPa";
+        is(with(&|set| set.taxels[0].sigma.as_mut().unwrap().sigma_kpa[1] = 700.5), sigma);
     }
 }
