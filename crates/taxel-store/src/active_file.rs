@@ -81,6 +81,10 @@ pub(crate) fn keep(database: &Path, content: &[u8]) -> io::Result<()> {
 /// Reads the file: nothing if there is none, or why it is not believed.
 pub(crate) fn read(database: &Path) -> Option<Result<ActiveFile, String>> {
     let path = beside::active(database);
+    // Opening a pipe would wait for somebody who writes into it.
+    if fs::metadata(&path).is_ok_and(|about| !about.is_file()) {
+        return Some(Err("it is no regular file".to_owned()));
+    }
     match File::open(&path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
         Err(error) => Some(Err(error.to_string())),
@@ -119,6 +123,15 @@ mod tests {
     use std::path::PathBuf;
 
     use super::*;
+
+    #[test]
+    fn a_pipe_in_its_place_is_told_and_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = folder.path().join("t.db");
+        let made = std::process::Command::new("mkfifo").arg(beside::active(&database)).status().unwrap();
+        assert!(made.success());
+        assert_eq!(read(&database).unwrap().err().as_deref(), Some("it is no regular file"));
+    }
 
     fn sets() -> Vec<IdAndText> {
         vec![("m-1".to_owned(), b"{\"first\": 1}".to_vec()), ("m-2".to_owned(), b"{\"second\": 2}".to_vec())]
