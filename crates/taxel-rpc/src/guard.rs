@@ -20,14 +20,11 @@ use crate::access::origin::Origin;
 use crate::access::role::Role;
 use crate::access::rules::Access;
 use crate::limits::Limits;
-use crate::paced::Paced;
+use crate::paced::{PREFACE_BYTES, Paced};
 use crate::refusals::Refusals;
 use crate::shares::{NoPlace, Place, Shares, What};
 use crate::stall::Stalling;
 use crate::unproven::{Ticket, Unproven};
-
-/// Length of the HTTP/2 client preface, RFC 9113 section 3.4.
-const PREFACE_BYTES: usize = 24;
 
 /// Frames gather here until HTTP/2 flushes. A sample of 230 taxels fits; what is larger passes by.
 const WRITE_BUFFER_BYTES: usize = 8 << 10;
@@ -274,6 +271,7 @@ impl Connected for Connection {
 mod tests {
     use super::*;
     use crate::access::rules::Rules;
+    use crate::limits::Rate;
     use std::net::{Ipv4Addr, SocketAddr};
     use std::time::Duration;
     use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -319,6 +317,24 @@ mod tests {
         let error = send(&mut stuck, 40 * 1024).await.unwrap_err();
         assert_eq!((error.kind(), begun.elapsed().as_secs()), (ErrorKind::TimedOut, limits.socket_stall.as_secs()));
         assert_eq!(error.to_string(), "nothing of what was sent was taken for 10 s");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_connection_is_read_no_faster_than_frames_of_no_call_may_come() {
+        let rate = Rate { burst: 10, every: Duration::from_secs(1) };
+        let guard = guard(Limits { frames_of_no_call: rate, ..Limits::default() });
+        let (mut connection, mut far) = connection(&guard, 1024);
+        far.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n").await.unwrap();
+        for _ in 0..30 {
+            far.write_all(b"\0\0\x08\x06\x01\0\0\0\0 a ping ").await.unwrap();
+        }
+        drop(far);
+        let begun = tokio::time::Instant::now();
+        let (mut read, mut piece) = (0, [0; 17]);
+        while let bytes @ 1.. = connection.read(&mut piece).await.unwrap() {
+            read += bytes;
+        }
+        assert_eq!((read, begun.elapsed().as_secs()), (PREFACE_BYTES + 30 * 17, 20));
     }
 
     #[tokio::test(start_paused = true)]

@@ -18,7 +18,7 @@ use tokio::time::{Instant, Sleep};
 use crate::limits::Rate;
 
 /// Length of the client's preface, RFC 9113 section 3.4.
-const PREFACE_BYTES: usize = 24;
+pub(crate) const PREFACE_BYTES: usize = 24;
 /// Length of the head of a frame, RFC 9113 section 4.1: three bytes of length, one of type, and what is not needed here.
 const HEAD_BYTES: usize = 9;
 /// Types of frames that are of calls, RFC 9113 section 6: DATA, HEADERS, RST_STREAM, CONTINUATION. Calls have limits of their

@@ -122,7 +122,7 @@ pub fn filter(wanted: Option<&str>) -> Result<String, String> {
         return Ok(format!("`{decided}`, which {VARIABLE} decides"));
     }
     let wanted = wanted.unwrap_or(FILTER);
-    let filter = log_filter(wanted).map_err(|error| format!("log.filter = \"{wanted}\": {error}"))?;
+    let filter = log_filter(wanted)?; // of a configuration that was checked
     if let Some(handle) = FILTERING.get() {
         handle.reload(filter).map_err(|error| error.to_string())?;
     }

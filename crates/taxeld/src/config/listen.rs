@@ -9,6 +9,7 @@ use taxel_rpc::{Grant, Rules, Subject};
 use super::fault::Fault;
 use super::file::Config;
 use super::listen_sections::{AccessSection, GrantSection, ListenSection, RoleWord};
+use super::page_section::listens;
 
 /// The mode of a Unix socket, unless another is given: its owner and its group may connect.
 const SOCKET_MODE: u32 = 0o660;
@@ -136,21 +137,18 @@ fn address_of(door: &Door) -> Option<SocketAddr> {
     }
 }
 
-/// Whether two addresses cannot both be listened at. Port 0 is any that is free.
+/// Whether two addresses cannot both be listened at. Port 0 is any that is free; `[::]` has those of IPv4, too, ipv6(7).
 fn overlap(one: SocketAddr, other: SocketAddr) -> bool {
-    let same_host = one.ip() == other.ip() || one.ip().is_unspecified() || other.ip().is_unspecified();
+    let has = |all: SocketAddr, other: SocketAddr| all.ip().is_unspecified() && (all.is_ipv6() || other.is_ipv4());
+    let same_host = one.ip() == other.ip() || has(one, other) || has(other, one);
     one.port() == other.port() && one.port() != 0 && same_host
 }
 
 /// Page or metrics where the service listens, too: which key it is, and the address.
 fn listens_beside(config: &Config, doors: &[Door]) -> Option<(&'static str, SocketAddr)> {
-    let page = config.page.as_ref().filter(|page| page.bound.is_none()).map(|page| page.listen);
-    let metrics = config.metrics.as_ref().and_then(|metrics| metrics.listen);
-    let listens = [("page.listen", page), ("metrics.listen", metrics)];
-    listens.into_iter().find_map(|(key, address)| {
-        let address = address?;
-        doors.iter().filter_map(address_of).any(|door| overlap(door, address)).then_some((key, address))
-    })
+    let page = config.page.as_ref().filter(|page| page.bound.is_none());
+    let is_taken = |address: SocketAddr| doors.iter().filter_map(address_of).any(|door| overlap(door, address));
+    listens(page, config.metrics.as_ref()).find(|(_, address)| is_taken(*address))
 }
 
 /// Why no socket can have this path, if so.
@@ -293,6 +291,27 @@ mod tests {
         let files = ["/etc/taxeld/s.pem", "/run/k.pem", "/etc/taxeld/ca.pem"].map(PathBuf::from);
         let unix = Door::Unix { path: "/run/taxeld/s".into(), mode: 0o600, group: None };
         assert_eq!(found.unwrap().doors, [unix, Door::Tls { address: "0.0.0.0:50052".parse().unwrap(), files }]);
+    }
+
+    #[test]
+    fn addresses_overlap_as_the_kernel_has_it() {
+        let overlap = |one: &str, other: &str| {
+            let (one, other) = (one.parse().unwrap(), other.parse().unwrap());
+            assert_eq!(overlap(one, other), overlap(other, one));
+            overlap(one, other)
+        };
+        for (one, other, expected) in [
+            ("127.0.0.1:9", "127.0.0.1:9", true),
+            ("127.0.0.1:9", "127.0.0.2:9", false),
+            ("127.0.0.1:9", "127.0.0.1:8", false),
+            ("0.0.0.0:9", "127.0.0.1:9", true),
+            ("[::]:9", "127.0.0.1:9", true),
+            ("[::]:9", "0.0.0.0:9", true),
+            ("0.0.0.0:9", "[::1]:9", false),
+            ("127.0.0.1:0", "127.0.0.1:0", false),
+        ] {
+            assert_eq!(overlap(one, other), expected, "{one} and {other}");
+        }
     }
 
     /// A path of 108 bytes.

@@ -52,10 +52,7 @@ pub fn problem(page: Option<&PageSection>, metrics: Option<&MetricsSection>) -> 
         let words = format!("metrics.listen = {listen} is page.listen: leave it out to serve both there");
         return Some(Fault::of("metrics.listen", words));
     }
-    let listens =
-        [("page.listen", page.map(|page| page.listen)), ("metrics.listen", metrics.and_then(|metrics| metrics.listen))];
-    let foreign = listens.iter().find_map(|(key, listen)| Some((*key, listen.filter(|at| !at.ip().is_loopback())?)));
-    let foreign = foreign.map(|(key, listen)| {
+    let foreign = listens(page, metrics).find(|(_, listen)| !listen.ip().is_loopback()).map(|(key, listen)| {
         let words = format!(
             "{key} = {listen}: only loopback addresses are served, nothing there is secured; from elsewhere come through \
              ssh -L or a proxy with TLS"
@@ -63,6 +60,16 @@ pub fn problem(page: Option<&PageSection>, metrics: Option<&MetricsSection>) -> 
         Fault::of(key, words)
     });
     foreign.or_else(|| strange_host(page?))
+}
+
+/// The addresses of page and metrics, each with its key.
+pub fn listens(
+    page: Option<&PageSection>,
+    metrics: Option<&MetricsSection>,
+) -> impl Iterator<Item = (&'static str, SocketAddr)> {
+    let page = page.map(|page| ("page.listen", page.listen));
+    let metrics = metrics.and_then(|metrics| Some(("metrics.listen", metrics.listen?)));
+    page.into_iter().chain(metrics)
 }
 
 fn strange_host(section: &PageSection) -> Option<Fault> {
