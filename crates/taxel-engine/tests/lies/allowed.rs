@@ -61,7 +61,8 @@ const ALLOWED: &[(&str, &str, &str)] = &[
     (
         "zero taken while a load changed",
         " by a little",
-        "As a zero under a load, where the load changes by less than the noise of the watch.",
+        "As a zero under a load, where the load changes by less than the noise of the watch, which grows with the root of the \
+         taxels: 0.5 N on 50 of them, 1.07 N on the forearm.",
     ),
     (
         "models gathered under a load",

@@ -14,7 +14,7 @@ use crate::daemon::Daemon;
 use crate::house::{House, SLOT};
 use crate::kinds::{Kind, Kinds};
 use crate::suspects::Suspects;
-use crate::tally::LITTLE_N;
+use crate::tally::unseen_in_watch_n;
 use crate::truth::Truth;
 
 /// A zero is watched for a second, over scans as old as a sample can be.
@@ -221,11 +221,12 @@ impl Stage {
             return;
         }
         let (least, greatest) = self.truth.range(snapshot.time - WATCH, snapshot.time);
-        // What changed by a little beside a greater load that lay there throughout is not what makes the zero wrong.
+        // What changed within the watch's noise beside a greater load that lay there throughout is not what makes the zero wrong.
         let changed = greatest - least;
+        let unseen = unseen_in_watch_n(snapshot.taxels.len());
         let under = match greatest {
             newton if newton <= LOAD_N => None,
-            _ if changed > LOAD_N && (changed >= LITTLE_N || changed >= least) => Some(Kind::ZeroWhileChanging),
+            _ if changed > LOAD_N && (changed >= unseen || changed >= least) => Some(Kind::ZeroWhileChanging),
             _ => Some(Kind::ZeroUnderLoad),
         };
         let now = self.now();

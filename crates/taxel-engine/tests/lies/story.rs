@@ -19,7 +19,7 @@ use crate::rig::plan;
 use crate::stage::Stage;
 use crate::store::Store;
 use crate::suspects::{AFTERMATH, RETARES, Wrong};
-use crate::tally::{LITTLE_N, Tally};
+use crate::tally::{LITTLE_N, Tally, unseen_in_watch_n};
 use crate::truth::{AGE_MAX, HEARD_MAX};
 
 /// A skin without so large a share of its taxels has names of its own, too: insensitive ones are a twentieth.
@@ -263,7 +263,11 @@ fn name(
         true => "too little",
         false => "too much",
     };
-    let size = if lie.excess_n < LITTLE_N { " by a little" } else { "" };
+    let little_n = match from {
+        Some(Kind::ZeroWhileChanging) => unseen_in_watch_n(snapshot.taxels.len()),
+        _ => LITTLE_N,
+    };
+    let size = if lie.excess_n < little_n { " by a little" } else { "" };
     let forgotten = if forgotten && RETARES.iter().any(|kind| kind.name() == root) { FORGOTTEN } else { "" };
     (from, format!("{root}; {load}; {way}{size}{apart}{forgotten}"))
 }

@@ -17,6 +17,15 @@ pub const NAMES_SHOWN: usize = 20;
 /// Lies by less than this have names of their own, in newton.
 pub const LITTLE_N: f64 = 0.5;
 
+/// What a load may change by within the noise of a watch, in newton: of a small skin as much as is a little. The noise of a sum
+/// grows with the root of how many it is of.
+pub fn unseen_in_watch_n(taxels: usize) -> f64 {
+    LITTLE_N * (taxels as f64 / SMALL_SKIN_TAXELS).sqrt()
+}
+
+/// Taxels of the small skins.
+const SMALL_SKIN_TAXELS: f64 = 50.0;
+
 /// Figures of one kind of thing that happens.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct Row {

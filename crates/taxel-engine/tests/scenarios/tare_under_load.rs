@@ -1,7 +1,10 @@
 //! A tare while a load arrives or leaves: what was moving while it was watched is no zero.
 
+use std::time::Duration;
+
 use taxel_engine::command::{Command, Rejection};
-use taxel_sim::Fault;
+use taxel_sim::{Fault, Mass};
+use taxel_skin::TaxelIndex;
 
 use crate::bench::Bench;
 use crate::rig::board;
@@ -103,4 +106,24 @@ fn a_load_that_lands_while_a_board_is_silent_is_not_in_the_zero() {
     bench.repair(Fault::BoardSilent(board(13)));
     bench.seconds(5.0);
     bench.is_truthful_since(mark, "a tare beside a silent board on which a load lands");
+}
+
+/// Laid over a second on many modules, each of which moves by less than its own noise explains.
+#[test]
+fn a_load_that_comes_slowly_over_many_modules_is_no_rest() {
+    for (kilogram, area_mm2) in [(0.2, 3000.0), (0.4, 4000.0)] {
+        let mut bench = forearm().in_use();
+        bench.seconds(1.0);
+        let mark = bench.mark();
+        let mass = Mass::on_disc(kilogram, TaxelIndex(105), area_mm2);
+        bench.world.place(mass, Duration::from_millis(1200)).unwrap();
+        bench.seconds(0.1);
+        let said = bench.refused(tare());
+        assert!(said.contains("more unlike each other"), "{kilogram} kg on {area_mm2} mm2: {said}");
+        bench.seconds(3.0);
+        bench.is_truthful_since(
+            mark,
+            &format!("{kilogram} kg that came over {area_mm2} mm2 while a tare watched: {said}"),
+        );
+    }
 }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::limits::RestLimits;
 use super::moves::{Moves, third};
 use super::statistics::{INDEPENDENT_SHARE, NOISE_FLOOR_COUNTS, RestWindow, STEADY_COUNTS_MAX, STEADY_ERRORS_MAX};
+use super::unlike::{UNLIKENESS_MAX, unlikeness};
 use super::verdict::{RestFigures, RestVerdict, Unsteadiness};
 use crate::baseline::TaxelBaseline;
 use crate::statistics::{median, median_error};
@@ -73,6 +74,9 @@ pub fn judge(window: &RestWindow, reference: Reference<'_>, limits: &RestLimits)
     if let Some((module, what)) = unsteady(window, reference.models, &moves, limits) {
         return RestVerdict::Unsteady { module, what };
     }
+    if let Some(unlikeness) = unlikeness(window, reference.models, &moves).filter(|unlike| *unlike > UNLIKENESS_MAX) {
+        return RestVerdict::Unlike { unlikeness, unlikeness_max: UNLIKENESS_MAX };
+    }
     let Some(models) = reference.models else {
         return RestVerdict::Unproven { taxels: moves.counts().0, drift: drift_median, noise };
     };
@@ -124,8 +128,7 @@ fn unsteady(
 ) -> Option<(usize, Unsteadiness)> {
     let [early, late] = window.halves();
     let (all, before, after) = (window.all().baseline(), early.baseline(), late.baseline());
-    let independent = |scans: u64| (INDEPENDENT_SHARE * scans as f64).max(1.0);
-    let share = (1.0 / independent(early.count()) + 1.0 / independent(late.count())).sqrt();
+    let share = window.halves_error();
     let takes_part: Vec<bool> = {
         let mut part = vec![false; all.len()];
         moves.taxels().for_each(|taxel| part[taxel] = true);
@@ -136,7 +139,7 @@ fn unsteady(
         let noise = models.map_or_else(|| before[t].noise.min(after[t].noise), |models| models[t].noise);
         if noise.is_finite() { noise.max(NOISE_FLOOR_COUNTS) } else { f64::NAN }
     };
-    let both_halves = early.count() > 1 && late.count() > 1;
+    let both_halves = window.has_both_halves();
     let moved = |t: usize| after[t].mean - before[t].mean;
     let jumps = |t: usize| {
         let least = (STEADY_ERRORS_MAX * known(t) * share).max(STEADY_COUNTS_MAX);

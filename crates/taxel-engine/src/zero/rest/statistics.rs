@@ -71,8 +71,7 @@ impl RestWindow {
     #[must_use]
     pub fn steady_baseline(&self) -> Vec<TaxelBaseline> {
         let [early, late] = self.halves.each_ref().map(RestStatistics::baseline);
-        let independent = |half: &RestStatistics| (INDEPENDENT_SHARE * half.scans as f64).max(1.0);
-        let share = self.halves.iter().map(|half| 1.0 / independent(half)).sum::<f64>().sqrt();
+        let share = self.halves_error();
         // Ten readings tell little of a taxel's noise, but those of all taxels together do.
         let pooled = |(early, late): (&TaxelBaseline, &TaxelBaseline)| early.noise.hypot(late.noise) * FRAC_1_SQRT_2;
         let typical = median(early.iter().zip(&late).map(pooled).filter(|noise| noise.is_finite())).unwrap_or(0.0);
@@ -85,6 +84,17 @@ impl RestWindow {
             if moves { TaxelBaseline::UNKNOWN } else { all }
         };
         self.all.baseline().into_iter().zip(early.into_iter().zip(late)).map(steady).collect()
+    }
+
+    /// Standard error of how far a taxel moved from half to half, as a factor of its noise.
+    pub(super) fn halves_error(&self) -> f64 {
+        let independent = |half: &RestStatistics| (INDEPENDENT_SHARE * half.scans as f64).max(1.0);
+        self.halves.iter().map(|half| 1.0 / independent(half)).sum::<f64>().sqrt()
+    }
+
+    /// Whether each half has scans enough to be compared with the other.
+    pub(super) fn has_both_halves(&self) -> bool {
+        self.halves.iter().all(|half| half.scans > 1)
     }
 
     /// The earlier and the later half.

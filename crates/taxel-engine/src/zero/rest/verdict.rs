@@ -82,6 +82,13 @@ pub enum RestVerdict {
         /// What moved: its median or its third taxel from the first half to the second, or its third taxel's noise.
         what: Unsteadiness,
     },
+    /// Something came or went that may be spread over many modules: each moved within its noise, all together by more.
+    Unlike {
+        /// How unlike each other the modules moved, as a standard normal deviate.
+        unlikeness: f64,
+        /// Its limit.
+        unlikeness_max: f64,
+    },
     /// The counts move within the window.
     Restless {
         /// Drift of the median taxel over the window, counts.
@@ -126,7 +133,7 @@ impl RestVerdict {
             | Self::Standing { .. }
             | Self::OtherZero { .. }
             | Self::Unproven { .. } => true,
-            Self::Restless { .. } | Self::Unsteady { .. } | Self::NotEnough { .. } => false,
+            Self::Restless { .. } | Self::Unsteady { .. } | Self::Unlike { .. } | Self::NotEnough { .. } => false,
         }
     }
 }
@@ -143,7 +150,7 @@ impl RestVerdict {
     pub const fn refusal(&self) -> ErrorReason {
         match self {
             Self::Loaded { .. } | Self::LoadedInPart { .. } | Self::Standing { .. } => ErrorReason::TareLoaded,
-            Self::Restless { .. } | Self::Unsteady { .. } => ErrorReason::TareUnsteady,
+            Self::Restless { .. } | Self::Unsteady { .. } | Self::Unlike { .. } => ErrorReason::TareUnsteady,
             Self::Rest { .. } | Self::OtherZero { .. } | Self::Unproven { .. } => ErrorReason::TareUnproven,
             Self::NotEnough { .. } => ErrorReason::SkinSilent,
         }
@@ -229,6 +236,11 @@ impl fmt::Display for RestVerdict {
                  broken, or beyond their range under a load"
             ),
             Self::Unsteady { module, what } => write!(f, "restless: something moved on module {module}: {what}"),
+            Self::Unlike { unlikeness, unlikeness_max } => write!(
+                f,
+                "restless: something came or went, perhaps spread over many modules: they moved more unlike each other than their \
+                 noise explains, by {unlikeness:.1} standard deviations, at rest by at most {unlikeness_max}"
+            ),
             Self::Restless { drift, drift_max, noise_ratio, .. } if noise_ratio.is_nan() => {
                 write!(f, "restless: the median taxel drifts by {drift:+.2} counts, at rest by at most {drift_max:.2}")
             }
