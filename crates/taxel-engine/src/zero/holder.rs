@@ -24,7 +24,7 @@ use crate::zero::lookback::{Lookback, Present};
 use crate::zero::plan::ZeroPlan;
 use crate::zero::proven::Proven;
 use crate::zero::residue::Memory;
-use crate::zero::rest::statistics::RestWindow;
+use crate::zero::rest::window::RestWindow;
 use crate::zero::view::TareView;
 use crate::zero::watch::{Purpose, Watch};
 

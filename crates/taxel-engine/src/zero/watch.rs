@@ -4,7 +4,7 @@ use std::time::Duration;
 use taxel_skin::Time;
 
 use crate::request::RequestId;
-use crate::zero::rest::statistics::RestWindow;
+use crate::zero::rest::window::RestWindow;
 
 /// How much longer than planned a watch may take before it is given up.
 const GRACE: Duration = Duration::from_secs(2);

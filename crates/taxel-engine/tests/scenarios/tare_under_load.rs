@@ -111,7 +111,7 @@ fn a_load_that_lands_while_a_board_is_silent_is_not_in_the_zero() {
 /// Laid over a second on many modules, each of which moves by less than its own noise explains.
 #[test]
 fn a_load_that_comes_slowly_over_many_modules_is_no_rest() {
-    for (kilogram, area_mm2) in [(0.2, 3000.0), (0.4, 4000.0)] {
+    for (kilogram, area_mm2) in [(0.3, 3000.0), (0.4, 4000.0)] {
         let mut bench = forearm().in_use();
         bench.seconds(1.0);
         let mark = bench.mark();

@@ -10,8 +10,8 @@ use crate::model_set::ModelSet;
 use crate::statistics::{mean, root_mean_square};
 use crate::zero::rest::judge::{Reference, judge};
 use crate::zero::rest::limits::RestLimits;
-use crate::zero::rest::statistics::RestWindow;
 use crate::zero::rest::verdict::RestVerdict;
+use crate::zero::rest::window::RestWindow;
 use crate::zero::unloading::{Unloading, unloading};
 
 /// Within this share of the range above the least pressure the rig is at rest.

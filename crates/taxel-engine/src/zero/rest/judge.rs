@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use super::limits::RestLimits;
 use super::moves::{Moves, third};
-use super::statistics::{INDEPENDENT_SHARE, NOISE_FLOOR_COUNTS, RestWindow, STEADY_COUNTS_MAX, STEADY_ERRORS_MAX};
-use super::unlike::{UNLIKENESS_MAX, unlikeness};
+use super::statistics::{INDEPENDENT_SHARE, NOISE_FLOOR_COUNTS, STEADY_COUNTS_MAX, STEADY_ERRORS_MAX};
+use super::unlike::UNLIKENESS_MAX;
 use super::verdict::{RestFigures, RestVerdict, Unsteadiness};
+use super::window::RestWindow;
 use crate::baseline::TaxelBaseline;
 use crate::statistics::{median, median_error};
 
@@ -74,7 +75,7 @@ pub fn judge(window: &RestWindow, reference: Reference<'_>, limits: &RestLimits)
     if let Some((module, what)) = unsteady(window, reference.models, &moves, limits) {
         return RestVerdict::Unsteady { module, what };
     }
-    if let Some(unlikeness) = unlikeness(window, reference.models, &moves).filter(|unlike| *unlike > UNLIKENESS_MAX) {
+    if let Some(unlikeness) = window.unlikeness().filter(|unlike| *unlike > UNLIKENESS_MAX) {
         return RestVerdict::Unlike { unlikeness, unlikeness_max: UNLIKENESS_MAX };
     }
     let Some(models) = reference.models else {

@@ -22,6 +22,8 @@
 
 #[cfg(test)]
 mod edge_tests;
+#[cfg(test)]
+mod insole_tests;
 pub mod judge;
 pub mod limits;
 pub mod moves;
@@ -30,8 +32,10 @@ pub mod statistics;
 pub(crate) mod tests;
 mod unlike;
 pub mod verdict;
+pub mod window;
 
 pub use judge::{Reference, judge};
 pub use limits::RestLimits;
-pub use statistics::{RestStatistics, RestWindow};
+pub use statistics::RestStatistics;
 pub use verdict::{RestFigures, RestVerdict};
+pub use window::RestWindow;

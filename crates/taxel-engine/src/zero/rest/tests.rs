@@ -207,8 +207,8 @@ fn error_rates_of_a_second() {
         ("in the middle", called_rest(|t, s| mass(t, if s > 9 { 12.0 } else { 0.0 })), 0..=0),
         ("that leaves after the second", called_rest(|t, s| mass(t, if s < 2 { 12.0 } else { 0.0 })), 0..=0),
         (
-            "a mass of 0.8 counts on five modules that lands in the middle",
-            called_rest(|t, s| if s > 9 && t < 50 { 0.8 } else { 0.0 }),
+            "a mass of one count on five modules that lands in the middle",
+            called_rest(|t, s| if s > 9 && t < 50 { 1.0 } else { 0.0 }),
             0..=30,
         ),
         ("of 5 counts that lands in the middle", called_rest(|t, s| mass(t, if s > 9 { 5.0 } else { 0.0 })), 0..=0),

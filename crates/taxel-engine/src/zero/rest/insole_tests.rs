@@ -1,0 +1,60 @@
+//! Seconds of a recorded skin at rest: the noise of a real converter is not that of a simulated one.
+
+use std::fs::File;
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+
+use super::RestWindow;
+use super::unlike::UNLIKENESS_MAX;
+
+const RECORDINGS: [&str; 3] = ["left_calibration", "left_validation", "left_steps"];
+const SCANS_PER_SECOND: usize = 49;
+/// What the chamber holds when nothing is asked of it, kPa.
+const REST_KPA_MAX: f64 = 8.0;
+/// Counts beyond are those of a dead or of a hanging taxel.
+const SOUND_COUNTS: std::ops::Range<f64> = 5.0..252.0;
+
+/// Pressure and counts, scan by scan; `None` where the recordings are absent.
+fn scans(recording: &str) -> Option<Vec<(f64, Vec<f64>)>> {
+    let data = std::env::var_os("TAXELD_DATA")
+        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")), PathBuf::from);
+    let path = data.join("insole").join(format!("{recording}.csv.gz"));
+    let file = match File::open(&path) {
+        Ok(file) => file,
+        Err(error) => {
+            eprintln!("SKIPPED: cannot open {}: {error}; set TAXELD_DATA to the data folder", path.display());
+            return None;
+        }
+    };
+    let lines = BufReader::new(flate2::read::GzDecoder::new(file)).lines().skip(1);
+    let numbers = lines.map(|line| line.unwrap().split(',').map(|n| n.parse().unwrap()).collect::<Vec<f64>>());
+    Some(numbers.map(|numbers| (numbers[1], numbers[2..].to_vec())).collect())
+}
+
+fn unlikeness(second: &[(f64, Vec<f64>)]) -> f64 {
+    let modules: Vec<_> = (0..28).map(|module| 10 * module..10 * module + 10).collect();
+    let mut window = RestWindow::new(280, &modules);
+    for (scan, (_, counts)) in second.iter().enumerate() {
+        let late = 2 * scan >= second.len();
+        window.push(late, counts.iter().map(|&count| SOUND_COUNTS.contains(&count).then_some(count)));
+    }
+    window.unlikeness().unwrap()
+}
+
+#[test]
+fn the_modules_of_a_recorded_skin_at_rest_move_alike() {
+    let mut seconds = Vec::new();
+    for recording in RECORDINGS {
+        let Some(scans) = scans(recording) else { return };
+        let at_rest = |second: &&[(f64, Vec<f64>)]| {
+            let (first, last) = (second[0].0, second[second.len() - 1].0);
+            second.iter().all(|scan| scan.0 < REST_KPA_MAX) && (last - first).abs() < 1.0
+        };
+        seconds.extend(scans.chunks_exact(SCANS_PER_SECOND).filter(at_rest).map(unlikeness));
+    }
+    seconds.sort_by(f64::total_cmp);
+    let greatest = seconds[seconds.len() - 1];
+    let median = seconds[seconds.len() / 2];
+    eprintln!("{} seconds at rest: {median:.1} in the median, at most {greatest:.1}", seconds.len());
+    assert!(seconds.len() > 50 && greatest < UNLIKENESS_MAX, "{seconds:?}");
+}
