@@ -30,6 +30,8 @@ AGE_MAX_S = 0.120  # an older force is none: two periods of the boards, and a li
 GOOD = ("FORCE_STATE_OK", "FORCE_STATE_DEGRADED")
 # What is not read yet shall wait at the daemon, which replaces it by newer samples; not in this process.
 OPTIONS = [("grpc.http2.lookahead_bytes", 4096), ("grpc.http2.bdp_probe", 0), ("grpc.keepalive_time_ms", 5000)]
+# gRPC would take a socket's path for the authority of each call, which HTTP/2 does not allow and the daemon refuses.
+UNIX_OPTIONS = [*OPTIONS, ("grpc.default_authority", "localhost")]
 
 
 class NewestForce:
@@ -43,7 +45,8 @@ class NewestForce:
     def _follow(self):
         while True:
             try:
-                with grpc.insecure_channel(self.address, OPTIONS) as channel:
+                options = UNIX_OPTIONS if self.address.startswith("unix:") else OPTIONS
+                with grpc.insecure_channel(self.address, options) as channel:
                     self._read(channel)
             except grpc.RpcError as error:
                 print(f"stream: {error.code().name}: {error.details()}", file=sys.stderr)

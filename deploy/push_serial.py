@@ -164,7 +164,9 @@ def main():
 
     while True:
         try:
-            with grpc.insecure_channel(asked.address) as channel:
+            # gRPC would take a socket's path for the authority of each call, which HTTP/2 does not allow and the daemon refuses.
+            options = [("grpc.default_authority", "localhost")] if asked.address.startswith("unix:") else []
+            with grpc.insecure_channel(asked.address, options) as channel:
                 if not push(channel, newest_of, asked.patch):
                     return
         except grpc.RpcError as error:

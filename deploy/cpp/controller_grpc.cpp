@@ -43,6 +43,8 @@ public:
         arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 4096);  // what is not read waits at the daemon
         arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
         arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 5000);
+        // gRPC would take a socket's path for the authority of each call, which HTTP/2 does not allow and the daemon refuses.
+        if (address.rfind("unix:", 0) == 0) arguments.SetString(GRPC_ARG_DEFAULT_AUTHORITY, "localhost");
         auto channel = grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
         stub_ = taxel::v1::ForceService::NewStub(channel);
         thread_ = std::thread([this] { follow(); });

@@ -94,6 +94,37 @@ def same_figures(taxel, memory, service):
         assert isinstance(first, taxel.Force) and 0.0 <= first.age_s < 1.0 and first.sigma_n > 0.0
 
 
+def over_a_socket(taxel, taxeld, cpp, scratch):
+    """Both gRPC controllers hear over a Unix socket what the daemon says, which is that there is no model yet."""
+    socket, config = scratch / "taxeld.sock", scratch / "taxeld.toml"
+    config.write_text(f"""
+        [store]
+        path = "{scratch / "store.db"}"
+        [[bus]]
+        name = "skin"
+        source = "sim"
+        [[listen]]
+        unix = "{socket}"
+        [[patch]]
+        name = "palm"
+        bus = "skin"
+        [[patch.board]]
+        address = 13
+        modules = "0-1"
+    """)
+    daemon = subprocess.Popen([taxeld, "run", "--config", config], stderr=subprocess.DEVNULL)
+    try:
+        with taxel.connect(f"unix:{socket}", age_max_s=1.0) as service:
+            until("Python over a Unix socket", lambda: "no model set is active" in str(service.force()))
+        for command in controllers(cpp, "", f"unix:{socket}")[2:]:
+            code, said = run(command)
+            assert code == 3 and "no model set is active" in said, (command, code, said)
+    finally:
+        daemon.terminate()
+        daemon.wait()
+    print("Python and C++ over gRPC hear the daemon over a Unix socket, too")
+
+
 def sessions(taxel, scratch):
     """A recording is read, and a row that is none is refused with its line."""
     text = "t_s,pressure_kpa,c0,c1\n0.0,0.5,240,239\n0.05,,239.5,239\n"
@@ -123,6 +154,7 @@ def main(taxeld, scratch):
     assert pathlib.Path(taxel.__file__).is_relative_to(scratch), taxel.__file__
     sessions(taxel, scratch)
     cpp = build(scratch)
+    over_a_socket(taxel, taxeld, cpp, scratch)
     with tempfile.TemporaryDirectory(prefix="taxeld-readers-", dir="/dev/shm") as folder:
         page = os.path.join(folder, "left_forearm")
         memory = taxel.Reader(page)

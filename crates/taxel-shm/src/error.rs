@@ -18,6 +18,14 @@ pub enum PageError {
         /// Why not.
         source: io::Error,
     },
+    /// What has the folder's name is somebody else's, or others may write in it.
+    #[error("{path}: {problem}")]
+    Occupied {
+        /// The folder.
+        path: PathBuf,
+        /// What was found and what was expected.
+        problem: String,
+    },
     /// The folder is not one to publish in.
     #[error("{path}: {problem}")]
     Folder {
@@ -37,13 +45,19 @@ pub enum PageError {
 }
 
 impl PageError {
-    /// Whether the machine is short of something at present: memory of the file system or the group's share of it,
-    /// descriptors. Another time it may work, and nobody has to change a configuration for it.
+    /// Whether another time it may work, and nobody has to change a configuration for it: the machine is short of something
+    /// (memory of the file system or the group's share of it, descriptors), or somebody has put something of his own in the
+    /// place, as any account can in `/dev/shm`.
     #[must_use]
-    pub fn is_shortage(&self) -> bool {
+    pub fn may_pass(&self) -> bool {
         use nix::libc::{EDQUOT, EMFILE, ENFILE, ENOMEM, ENOSPC};
-        let Self::System { source, .. } = self else { return false };
-        matches!(source.raw_os_error(), Some(ENOSPC | EDQUOT | ENOMEM | EMFILE | ENFILE))
+        match self {
+            Self::System { source, .. } => {
+                matches!(source.raw_os_error(), Some(ENOSPC | EDQUOT | ENOMEM | EMFILE | ENFILE))
+            }
+            Self::Occupied { .. } => true,
+            Self::Folder { .. } | Self::NotAPage { .. } => false,
+        }
     }
 
     /// For `map_err`: the system's refusal of what was being done.
@@ -59,10 +73,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_want_of_memory_is_a_shortage_and_what_somebody_has_to_change_is_none() {
+    fn a_want_of_memory_may_pass_and_what_somebody_has_to_configure_does_not() {
         let refused = |errno| PageError::of(Path::new("/p"), "making the page")(io::Error::from_raw_os_error(errno));
-        assert!(refused(ENOSPC).is_shortage() && refused(EMFILE).is_shortage());
-        assert!(!refused(EACCES).is_shortage() && !refused(ENOENT).is_shortage());
-        assert!(!PageError::Folder { path: "/p".into(), problem: "is there and is not a folder".into() }.is_shortage());
+        assert!(refused(ENOSPC).may_pass() && refused(EMFILE).may_pass());
+        assert!(!refused(EACCES).may_pass() && !refused(ENOENT).may_pass());
+        let (path, problem) = (|| "/p".into(), || "is there".to_owned());
+        assert!(PageError::Occupied { path: path(), problem: problem() }.may_pass());
+        assert!(!PageError::Folder { path: path(), problem: problem() }.may_pass());
     }
 }

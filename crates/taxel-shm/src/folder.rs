@@ -34,16 +34,17 @@ impl Folder {
     /// [`PageError`]: it is not on a tmpfs, not this account's alone to write in, or another daemon publishes there.
     pub fn open(path: &Path, permissions: Permissions) -> Result<Self, PageError> {
         let wrong = |problem: &str| PageError::Folder { path: path.to_owned(), problem: problem.to_owned() };
-        if !path.is_dir() {
+        let occupied = |problem: &str| PageError::Occupied { path: path.to_owned(), problem: problem.to_owned() };
+        if std::fs::symlink_metadata(path).is_err() {
             make(path, permissions)?;
         }
         let about = std::fs::symlink_metadata(path).map_err(PageError::of(path, "looking at the folder"))?;
         if !about.is_dir() {
-            return Err(wrong("is there and is not a folder"));
+            return Err(occupied("is there and is not a folder"));
         }
         if about.uid() != geteuid().as_raw() || about.mode() & 0o022 != 0 {
             let (owner, mode) = (about.uid(), about.mode() & 0o7777);
-            return Err(wrong(&format!(
+            return Err(occupied(&format!(
                 "others could put pages of their own there (it belongs to user {owner}, its mode is {mode:04o}): expected a \
                  folder of this account in which nobody else writes; remove it, or name another in a folder where not \
                  everybody may make one, as in /run/taxeld"

@@ -93,7 +93,7 @@ fn a_page_that_cannot_be_made_leaves_nothing_behind() {
     let folder = folder(&place);
     std::fs::create_dir(place.path().join("palm")).unwrap();
     let refused = folder.page("palm", LIMITS).unwrap_err();
-    assert!(refused.to_string().contains("naming the page") && !refused.is_shortage(), "{refused}");
+    assert!(refused.to_string().contains("naming the page") && !refused.may_pass(), "{refused}");
     let left: Vec<_> = std::fs::read_dir(place.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert!(!left.contains(&".palm.new".into()), "{left:?}");
 }

@@ -69,6 +69,18 @@ pub(crate) fn keep_log(path: &Path) -> io::Result<Option<PathBuf>> {
     Ok(Some(name))
 }
 
+/// Gives what has the log's name and is no file, which would end a start or hold it up, a name that nothing has yet. Gives that;
+/// nothing if a file or nothing has the log's name.
+pub(crate) fn put_aside_if_no_file(path: &Path) -> io::Result<Option<PathBuf>> {
+    if fs::metadata(wal(path)).map_or(true, |found| found.is_file()) {
+        return Ok(None);
+    }
+    let name = wal(&free_name(path));
+    fs::rename(wal(path), &name)?;
+    sync_folder(path)?;
+    Ok(Some(name))
+}
+
 /// A name for what is damaged. Where another takes it meanwhile, whoever uses it fails rather than overwrite that.
 fn free_name(path: &Path) -> PathBuf {
     let names = (1_u32..).map(|number| beside(path, &format!(".damaged-{number}")));

@@ -10,6 +10,7 @@ use taxel_skin::{BusIndex, SquareMillimetre};
 use crate::config::{
     BusSource, Config, Doors, Problems, Scene, examine, modules_written, record_written, shared_memory_written,
 };
+use crate::missing::missing;
 
 /// One socket takes so many kernel filters (`CAN_RAW_FILTER_MAX`); beyond, `taxel-can` merges them.
 const FILTERS_MAX: usize = 512;
@@ -25,7 +26,8 @@ pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
     let examined = examine(path);
     if json {
         let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
-        say!("{}", serde_json::json!({ "problems": problems }));
+        let missing = examined.as_ref().map(|(config, scene)| missing(config, &scene.doors)).unwrap_or_default();
+        say!("{}", serde_json::json!({ "problems": problems, "missing": missing }));
     }
     let (config, scene) = examined?;
     if !json {
@@ -67,6 +69,11 @@ fn print(config: &Config, scene: &Scene) {
     if !scene.remarks.is_empty() {
         say!("remarks:");
         scene.remarks.iter().for_each(|line| say!("  {line}"));
+    }
+    let missing = missing(config, &scene.doors);
+    if !missing.is_empty() {
+        say!("this machine does not have:");
+        missing.iter().for_each(|line| say!("  {line}"));
     }
 }
 

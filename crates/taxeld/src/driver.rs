@@ -40,14 +40,28 @@ const CATCH_UP_BATCHES_MAX: usize = BATCHES_WAITING_MAX + 4 * 71;
 /// kernel has something, one lets them hand it over.
 const QUIET_LOOKS: usize = 2;
 
-/// What the newest session is at.
-#[derive(Clone, Copy, Debug)]
+/// What a session is at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
 pub struct Stage {
     /// Where it stands.
     pub state: SessionState,
     /// Which branch a ramp gathers.
     pub direction: Direction,
+}
+
+impl Stage {
+    /// The one of several sessions in one bag that whoever holds the pump goes by: nothing is pumped before each has its zero, and
+    /// the pressure falls once none wants it to rise.
+    fn first(stages: impl Iterator<Item = Self>) -> Option<Self> {
+        stages.max_by_key(|stage| match (stage.state, stage.direction) {
+            (SessionState::Taring, _) => 4,
+            (SessionState::Ramping, Direction::Rising) => 3,
+            (SessionState::Ramping, Direction::Falling) => 2,
+            (SessionState::Fitting, _) => 1,
+            _ => 0,
+        })
+    }
 }
 
 /// Somebody who waits for the answer to a command.
@@ -66,6 +80,8 @@ pub struct Driver {
     pages: Pages,
     /// The state of each patch's session as it was last logged.
     logged: Vec<Option<(u64, SessionState)>>,
+    /// What each patch's session is at.
+    stages: Vec<Option<Stage>>,
     store: Store,
     set_loads: SetLoads,
     /// One queue of frames to send per bus; a full one loses the frame, which the bring-up's proof then shows.
@@ -78,7 +94,7 @@ pub struct Driver {
     last_tick: Option<Time>,
     events: EventWatch,
     out: Vec<Output>,
-    /// What the newest session is at, for whoever plays the operator's hand.
+    /// What the sessions are at, for whoever plays the operator's hand.
     session_state: Option<watch::Sender<Option<Stage>>>,
 }
 
@@ -98,6 +114,7 @@ impl Driver {
         Self {
             events: EventWatch::new(patches, &active),
             logged: vec![None; plan.patches.len()],
+            stages: vec![None; plan.patches.len()],
             engine: Engine::new(plan, restored),
             sleep: if matches!(clock, RunClock::Live) { SleepWatch::of_machine() } else { SleepWatch::never() },
             clock,

@@ -27,6 +27,7 @@ mod judge;
 mod log_words;
 mod logs;
 mod low_latency;
+mod missing;
 mod offline;
 mod open_log;
 #[cfg(feature = "page")]
@@ -105,7 +106,7 @@ enum Subcommands {
         /// Configuration.
         #[arg(long, default_value = CONFIG_FILE)]
         config: PathBuf,
-        /// Print what is wrong with it as JSON: code, file, line, key, value, what was expected.
+        /// Print what is wrong with it as JSON: code, file, line, key, value, what was expected; and what this machine lacks.
         #[arg(long)]
         json: bool,
     },

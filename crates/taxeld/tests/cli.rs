@@ -264,7 +264,30 @@ fn check_lists_every_error_and_run_lists_the_same_and_begins_nothing() {
     assert!(!output.status.success() && codes.contains(&"unknown-key"), "{found:?}");
     assert!(found.iter().all(|problem| problem["line"].as_u64() > Some(0) && problem["file"] == *config), "{found:?}");
     let good = scratch(&[("t.toml", CONFIG)]);
-    assert_eq!(succeeds(&["check", "--json", "--config", &path(good.path(), "t.toml")]).trim(), "{\"problems\":[]}");
+    let found = succeeds(&["check", "--json", "--config", &path(good.path(), "t.toml")]);
+    let found: serde_json::Value = serde_json::from_str(&found).unwrap();
+    assert_eq!(found["problems"], serde_json::json!([]));
+}
+
+#[test]
+fn check_says_what_a_machine_lacks_that_the_configuration_needs() {
+    let more = "[[listen]]\nunix = \"/nowhere/taxeld.sock\"\ngroup = \"no-such-group\"\n[access]\ntokens = \"no-such-tokens\"\n\
+                [[access.grant]]\nuser = \"no-such-user\"\nrole = \"admin\"\n";
+    let folder = scratch(&[("t.toml", &format!("{CONFIG}\n{more}"))]);
+    let config = path(folder.path(), "t.toml");
+    let expected = [
+        "listen.unix: /nowhere: No such file or directory (os error 2)".to_owned(),
+        "listen.group: there is no group `no-such-group`".to_owned(),
+        format!("access.tokens: {}: No such file or directory (os error 2)", path(folder.path(), "no-such-tokens")),
+        "access.grant: there is no user `no-such-user`".to_owned(),
+    ];
+    let printed = succeeds(&["check", "--config", &config]);
+    let (_, printed) = printed.split_once("\nthis machine does not have:\n").unwrap();
+    let found: serde_json::Value = serde_json::from_str(&succeeds(&["check", "--json", "--config", &config])).unwrap();
+    let found: Vec<&str> = found["missing"].as_array().unwrap().iter().map(|line| line.as_str().unwrap()).collect();
+    for line in &expected {
+        assert!(printed.contains(line) && found.contains(&line.as_str()), "`{line}` is not in: {printed}{found:?}");
+    }
 }
 
 /// A second patch beside the one of `CONFIG`.

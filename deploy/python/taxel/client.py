@@ -27,6 +27,8 @@ _ANSWER_WITHIN_S = 2.0
 _DRIFT = 6e-4  # two clocks part by so many seconds a second at most
 # What is not read yet shall wait at the daemon, which replaces it by newer samples; not in this process.
 _OPTIONS = [("grpc.http2.lookahead_bytes", 4096), ("grpc.http2.bdp_probe", 0), ("grpc.keepalive_time_ms", 5000)]
+# gRPC would take the socket's path for the authority of each call, which HTTP/2 does not allow and the daemon refuses.
+_UNIX_OPTIONS = [*_OPTIONS, ("grpc.default_authority", "localhost")]
 
 
 def connect(
@@ -127,7 +129,8 @@ class Forces:
 
         self._pause_s = _PAUSE_FIRST_S
         while not self._closed.is_set():
-            secure, options = self._credentials, _OPTIONS
+            secure = self._credentials
+            options = _UNIX_OPTIONS if self._address.startswith("unix:") else _OPTIONS
             make = grpc.secure_channel if secure else grpc.insecure_channel
             channel = make(self._address, secure, options) if secure else make(self._address, options)
             self._channel = channel

@@ -56,6 +56,12 @@ fn look_up(uid: u32, gid: u32) -> Account {
     Account { uid, user: user.map(|user| user.name), groups: ids.iter().filter_map(name).collect() }
 }
 
+/// The number of an account of this machine.
+#[must_use]
+pub fn user_id(name: &str) -> Option<u32> {
+    User::from_name(name).ok().flatten().map(|user| user.uid.as_raw())
+}
+
 /// The number of a group of this machine.
 #[must_use]
 pub fn group_id(name: &str) -> Option<u32> {

@@ -206,6 +206,10 @@ fn look_at_log(
     quarantined: &mut Vec<Quarantined>,
 ) -> Result<Option<StoreError>, StoreError> {
     let reading = |error: io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
+    if let Some(aside) = beside::put_aside_if_no_file(path).map_err(reading)? {
+        let reason = format!("what had its name is no file: it is kept as {}", aside.display());
+        quarantined.push(Quarantined::new(LOG, reason));
+    }
     let Some(reason) = wal_check::problem(path).map_err(reading)? else { return Ok(None) };
     *lost = true;
     let aside = loss::note(path, &Quarantined::new(LOG, &reason)).and_then(|()| beside::keep_log(path));

@@ -5,6 +5,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
 
 use taxel_engine::model_set::ModelSet;
@@ -82,6 +83,17 @@ fn a_log_that_is_lost_leaves_every_zero_doubted_until_somebody_vouches_for_it() 
     let (_dir, path) = killed();
     flip_page(&path, 0);
     is_doubted_until_vouched_for(&path, "a page of the log");
+}
+
+#[test]
+fn what_is_no_file_and_has_the_log_s_name_is_put_aside_and_the_log_is_lost() {
+    for make in ["mkdir", "mkfifo"] {
+        let (_dir, path) = killed();
+        fs::remove_file(beside::wal(&path)).unwrap();
+        assert!(Command::new(make).arg(beside::wal(&path)).status().unwrap().success());
+        is_doubted_until_vouched_for(&path, make);
+        assert!(beside::wal(&beside::beside(&path, ".damaged-1")).exists(), "{make}: it is kept");
+    }
 }
 
 #[test]

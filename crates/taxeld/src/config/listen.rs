@@ -179,8 +179,8 @@ fn door(section: &ListenSection, beside: &impl Fn(&Path) -> PathBuf) -> Result<D
         }
         (Some(path), None) => {
             let mode = section.mode.unwrap_or(SOCKET_MODE);
-            if mode > 0o777 {
-                return Err(format!("mode = 0o{mode:o}: expected at most 0o777"));
+            if !(0o600..=0o777).contains(&mode) {
+                return Err(format!("mode = 0o{mode:o}: expected 0o600 to 0o777: its owner may connect"));
             }
             if section.group.as_deref() == Some("") {
                 return Err("group = \"\": expected the name of a group".to_owned());
@@ -325,7 +325,8 @@ mod tests {
             ("[[listen]]\ntcp = \"10.0.0.1:1\"\nallow_insecure = true", "needs an [access] section"),
             ("[[listen]]\nmode = 1", "expected one of `unix` and `tcp`"),
             ("[[listen]]\nunix = \"/a\"\ntcp = \"127.0.0.1:1\"", "expected one of `unix` and `tcp`"),
-            ("[[listen]]\nunix = \"/a\"\nmode = 0o1777", "expected at most 0o777"),
+            ("[[listen]]\nunix = \"/a\"\nmode = 0o1777", "expected 0o600 to 0o777"),
+            ("[[listen]]\nunix = \"/a\"\nmode = 0", "mode = 0o0: expected 0o600 to 0o777: its owner may connect"),
             (
                 "[[listen]]\nunix = \"/a\"\n[[listen]]\nunix = \"/a\"",
                 "[[listen]] 2: unix:/a (mode 660) is there already",

@@ -150,6 +150,7 @@ impl Driver {
     }
 
     fn hide_session(&mut self, index: usize) {
+        self.stages[index] = None;
         if let Some((session, _)) = self.logged[index].take() {
             tracing::info!(session, "calibration session deleted");
         }
@@ -162,8 +163,9 @@ impl Driver {
             let (session, state) = (view.number, view.state.name());
             tracing::info!(session, patch = %view.patch, state, reason = %view.reason, "calibration session");
         }
+        self.stages[index] = Some(Stage { state: view.state, direction: view.direction });
         if let Some(told) = &self.session_state {
-            told.send_replace(Some(Stage { state: view.state, direction: view.direction }));
+            told.send_replace(Stage::first(self.stages.iter().copied().flatten()));
         }
         self.publisher.session(index, view);
     }

@@ -435,3 +435,20 @@ async fn nothing_is_done_that_the_audit_log_cannot_have() {
     );
     assert_eq!(bench.audit_log(), Vec::<[String; 4]>::new());
 }
+
+#[test]
+fn of_two_sessions_in_one_bag_nothing_is_pumped_before_both_have_their_zero_and_the_one_that_still_rises_goes_first() {
+    let stage = |state, direction| Stage { state, direction };
+    let (rising, falling) = (Direction::Rising, Direction::Falling);
+    let taring = stage(SessionState::Taring, rising);
+    let ramping = stage(SessionState::Ramping, rising);
+    let venting = stage(SessionState::Ramping, falling);
+    let fitting = stage(SessionState::Fitting, rising);
+    let review = stage(SessionState::Review, rising);
+    for pair in [[taring, ramping], [ramping, venting], [ramping, fitting], [ramping, review], [fitting, review]] {
+        let [first, second] = pair;
+        assert_eq!(Stage::first(pair.into_iter()), Some(first));
+        assert_eq!(Stage::first([second, first].into_iter()), Some(first));
+    }
+    assert_eq!(Stage::first(std::iter::empty()), None);
+}

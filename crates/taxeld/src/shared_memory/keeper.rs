@@ -25,7 +25,7 @@ pub type Problems = Arc<Mutex<Vec<String>>>;
 pub struct Keeper {
     path: PathBuf,
     permissions: Permissions,
-    /// Not yet, where the machine had no room for it.
+    /// Not yet, where the machine had no room for it, or somebody else had something in its place.
     folder: Option<Folder>,
     pages: Vec<Kept>,
     made: mpsc::Sender<(usize, PageWriter)>,
@@ -47,7 +47,7 @@ impl Keeper {
     /// Makes the pages that can be made now. They come at the receiver, as do those that are made later.
     ///
     /// # Errors
-    /// What is wrong with the folder or the group, but for what the machine is only short of.
+    /// What is wrong with the folder or the group, but for what may pass: no controller has to do without the service for it.
     pub fn begin(
         section: &SharedMemorySection,
         plan: &Plan,
@@ -68,7 +68,7 @@ impl Keeper {
         let problems = Problems::default();
         let mut keeper = Self { path: path.clone(), permissions, folder: None, pages, made, problems };
         let (problems, first) = keeper.look();
-        if let Some(error) = first.filter(|error| !error.is_shortage()) {
+        if let Some(error) = first.filter(|error| !error.may_pass()) {
             return Err(error).context("shared_memory.path");
         }
         keeper.tell(problems);
@@ -166,6 +166,7 @@ impl Kept {
 mod tests {
     #![allow(clippy::unwrap_used)] // clippy exempts only functions that are tests themselves
 
+    use std::os::unix::fs::PermissionsExt;
     use std::path::Path;
 
     use super::*;
@@ -208,5 +209,23 @@ mod tests {
         assert!(made.try_recv().is_err(), "nothing of others is replaced");
         std::fs::remove_file(&path).unwrap();
         assert_eq!((look(), made.try_recv().is_ok()), (Vec::new(), true));
+    }
+
+    #[test]
+    fn what_somebody_else_has_put_in_the_folder_s_place_ends_no_daemon() {
+        let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
+        let section = SharedMemorySection { path: memory.path().join("pages"), ..SharedMemorySection::default() };
+        let name = &plan().patches[0].patch.name().to_owned();
+        let (put, others) = (|| std::fs::create_dir(&section.path).unwrap(), std::fs::Permissions::from_mode(0o777));
+        put();
+        std::fs::set_permissions(&section.path, others).unwrap();
+        let (mut keeper, mut made) = Keeper::begin(&section, &plan()).unwrap();
+        let said = keeper.problems().lock().unwrap().join("");
+        assert!(said.contains(name) && said.contains("others could put pages of their own there"), "{said}");
+        assert!(made.try_recv().is_err());
+
+        std::fs::remove_dir(&section.path).unwrap();
+        assert_eq!(keeper.look().0, [None]);
+        assert!(made.try_recv().is_ok(), "its page is made once the place is free");
     }
 }

@@ -20,6 +20,10 @@ pub fn impossible(config: &Config, scene: &Scene) -> Vec<Fault> {
         found.extend(interface(bus).map(within));
     }
     found.extend(store(&config.store.path));
+    if config.store.budget_mb == 0 {
+        let words = "store.budget_mb = 0: expected 1 or more, or no session can be started";
+        found.push(Fault::of("store.budget_mb", words));
+    }
     if let Some(keep) = config.store.keep_mb.filter(|keep| *keep > config.store.budget_mb) {
         let budget = config.store.budget_mb;
         found.push(Fault::of(

@@ -352,6 +352,8 @@ mod tests {
         let found = problems(&text);
         let codes: Vec<Code> = found.iter().map(|problem| problem.code).collect();
         assert_eq!(codes, [Code::CannotWork; 2], "{found:#?}");
+        let found = problems(&SMALL.replace("path = \"t.db\"", "path = \"t.db\"\nbudget_mb = 0"));
+        assert_eq!(found.iter().map(|problem| problem.key.as_str()).collect::<Vec<_>>(), ["store.budget_mb"]);
     }
 
     #[test]

@@ -1,0 +1,59 @@
+//! What a configuration needs and this machine does not have. It may be checked on another machine than the robot's, so that
+//! none of this is an error of the configuration.
+
+use std::path::{Path, PathBuf};
+
+use taxel_rpc::{Subject, group_id, user_id};
+
+use crate::config::{BusSource, Config, Door, Doors};
+
+/// Where the kernel lists the interfaces of this machine.
+const INTERFACES: &str = "/sys/class/net";
+
+/// A line for each thing that is missing: the key that names it, and what is not there.
+pub fn missing(config: &Config, doors: &Doors) -> Vec<String> {
+    let interfaces = config.bus.iter().filter(|bus| bus.source == BusSource::SocketCan);
+    let mut missing: Vec<String> = interfaces.filter_map(|bus| interface(bus.interface.as_deref()?)).collect();
+    missing.extend(doors.doors.iter().flat_map(door));
+    missing.extend(doors.tokens.iter().filter_map(|path| file("access.tokens", path)));
+    missing.extend(doors.rules.grants.iter().filter_map(|grant| account(&grant.subject)));
+    let pages = config.shared_memory.as_ref().and_then(|section| section.group.as_deref());
+    missing.extend(pages.and_then(|name| group("shared_memory.group", name)));
+    missing
+}
+
+fn interface(name: &str) -> Option<String> {
+    let there = Path::new(INTERFACES).join(name).exists();
+    (!there).then(|| format!("bus.interface: there is no interface `{name}`"))
+}
+
+fn door(door: &Door) -> Vec<String> {
+    match door {
+        Door::Unix { path, group: name, .. } => {
+            let folder = path.parent().and_then(|folder| file("listen.unix", folder));
+            folder.into_iter().chain(name.as_deref().and_then(|name| group("listen.group", name))).collect()
+        }
+        Door::Tls { files, .. } => {
+            let keys = ["certificate", "key", "client_ca"];
+            let of = |(key, path): (&str, &PathBuf)| file(&format!("listen.tls.{key}"), path);
+            keys.into_iter().zip(files).filter_map(of).collect()
+        }
+        Door::Tcp(_) => Vec::new(),
+    }
+}
+
+fn account(subject: &Subject) -> Option<String> {
+    match subject {
+        Subject::User(name) if user_id(name).is_none() => Some(format!("access.grant: there is no user `{name}`")),
+        Subject::Group(name) => group("access.grant", name),
+        Subject::User(_) | Subject::Certificate(_) => None,
+    }
+}
+
+fn group(key: &str, name: &str) -> Option<String> {
+    group_id(name).is_none().then(|| format!("{key}: there is no group `{name}`"))
+}
+
+fn file(key: &str, path: &Path) -> Option<String> {
+    std::fs::metadata(path).err().map(|error| format!("{key}: {}: {error}", path.display()))
+}
