@@ -10,11 +10,12 @@ Policy:
 1. A thread of its own takes samples off the stream at once and keeps the newest. The control loop never waits and
    never works through a queue of old samples.
 2. Only OK and DEGRADED are forces. STALE, TARE_INVALID and UNCALIBRATED carry none: the loop does without.
-3. The age is the sample's age when it was sent, plus how much longer than the quickest sample it was on its way, plus
-   the time that passed here since it came.
+3. The age is the sample's age when it was sent, plus the time that it was on its way, plus the time that passed here since
+   it came. How long the way takes shows a question beside the stream: the daemon answered not before the question left.
 4. A stream that ends is opened again; until then the force grows old and is refused.
 """
 
+import math
 import sys
 import threading
 import time
@@ -26,6 +27,9 @@ from grpc_reflection.v1alpha.proto_reflection_descriptor_database import ProtoRe
 
 RATE_HZ = 200.0  # samples per second that the daemon is asked for
 LOOP_S = 0.010  # the control loop's own period
+ASK_EVERY_S = 10.0  # how often the daemon's clock is looked at
+ANSWER_WITHIN_S = 2.0
+DRIFT = 6e-4  # two clocks part by so many seconds a second at most
 AGE_MAX_S = 0.120  # an older force is none: two periods of the boards, and a little
 GOOD = ("FORCE_STATE_OK", "FORCE_STATE_DEGRADED")
 # What is not read yet shall wait at the daemon, which replaces it by newer samples; not in this process.
@@ -40,6 +44,7 @@ class NewestForce:
     def __init__(self, address, patch=""):
         self.address, self.patch = address, patch
         self.newest = None  # (sample, state, when it came, delay); replaced as a whole, never changed
+        self.broken = None  # what is wrong with the stream
         threading.Thread(target=self._follow, daemon=True).start()
 
     def _follow(self):
@@ -48,38 +53,58 @@ class NewestForce:
                 options = UNIX_OPTIONS if self.address.startswith("unix:") else OPTIONS
                 with grpc.insecure_channel(self.address, options) as channel:
                     self._read(channel)
+                self.broken = "the daemon ended the stream"
             except grpc.RpcError as error:
-                print(f"stream: {error.code().name}: {error.details()}", file=sys.stderr)
+                self.broken = f"{error.code().name}: {error.details()}"
             time.sleep(0.5)
 
     def _read(self, channel):
         pool = DescriptorPool(ProtoReflectionDescriptorDatabase(channel))
-        method = pool.FindServiceByName("taxel.v1.ForceService").FindMethodByName("StreamForce")
-        request, sample_class = GetMessageClass(method.input_type), GetMessageClass(method.output_type)
+        service = pool.FindServiceByName("taxel.v1.ForceService")
+        get, method = service.FindMethodByName("GetForce"), service.FindMethodByName("StreamForce")
+        question, request = GetMessageClass(get.input_type), GetMessageClass(method.input_type)
+        sample_class = GetMessageClass(method.output_type)
+        ask = channel.unary_unary("/taxel.v1.ForceService/GetForce", question.SerializeToString, sample_class.FromString)
         states = pool.FindEnumTypeByName("taxel.v1.ForceState").values_by_number
         stream = channel.unary_stream(
             "/taxel.v1.ForceService/StreamForce", request.SerializeToString, sample_class.FromString
         )
-        offset = float("inf")  # the daemon's clock against ours, as the quickest sample shows it
+        least, found = -math.inf, 0.0  # the least that our clock less the daemon's can be, and when that was found
+
+        def look_at_the_clock():
+            nonlocal least, found
+            left = time.monotonic()
+            answered = sent_s(ask(question(patch=self.patch), timeout=ANSWER_WITHIN_S))
+            if answered is not None and left - answered > least - DRIFT * (left - found):
+                least, found = left - answered, left
+            return left
+
+        asked = look_at_the_clock()
         for sample in stream(request(patch=self.patch, rate_hz=RATE_HZ)):
-            now, delay = time.monotonic(), 0.0
-            if sample.HasField("monotonic_ns") and sample.HasField("age_s"):
-                on_the_way = now - (sample.monotonic_ns * 1e-9 + sample.age_s)
-                offset = min(offset, on_the_way)
-                delay = on_the_way - offset
-            self.newest = (sample, states[sample.state].name, now, delay)
+            now, sent = time.monotonic(), sent_s(sample)
+            if now - asked > ASK_EVERY_S or (sent is not None and least == -math.inf):
+                asked = look_at_the_clock()
+            delay = max(0.0, now - sent - least + DRIFT * max(0.0, now - found)) if sent is not None else math.inf
+            self.newest, self.broken = (sample, states[sample.state].name, now, delay), None
 
     def usable(self):
         """(newton, age in s, "") or (None, None, why there is no force to act on)."""
         if self.newest is None:
-            return None, None, "no sample yet"
+            return None, None, self.broken or "no sample yet"
         sample, state, came, delay = self.newest
         if state not in GOOD or not sample.HasField("total_n") or not sample.HasField("age_s"):
-            return None, None, f"{state}: {'; '.join(sample.reasons)}"
+            return None, None, self.broken or f"{state}: {'; '.join(sample.reasons)}"
         age = sample.age_s + delay + time.monotonic() - came
         if not age <= AGE_MAX_S:  # also if it is no number
-            return None, None, f"{1e3 * age:.0f} ms old, more than {1e3 * AGE_MAX_S:.0f} ms"
+            return None, None, self.broken or f"{1e3 * age:.0f} ms old, more than {1e3 * AGE_MAX_S:.0f} ms"
         return sample.total_n, age, ""
+
+
+def sent_s(sample):
+    """When the daemon sent this, in seconds of its own clock; None if no frame has come to it yet."""
+    if not (sample.HasField("monotonic_ns") and sample.HasField("age_s")):
+        return None
+    return sample.monotonic_ns * 1e-9 + sample.age_s
 
 
 def main():

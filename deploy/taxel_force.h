@@ -273,7 +273,8 @@ static inline taxel_force_status taxel_force_follow(taxel_force_reader *reader, 
 static inline const char *taxel_force_words(taxel_force_status status) {
     switch (status) {
     case TAXEL_FORCE_GOOD: return "good";
-    case TAXEL_FORCE_NO_PAGE: return "there is no page: the daemon does not run, or does not publish this patch there";
+    case TAXEL_FORCE_NO_PAGE:
+        return "there is no page to be read: no daemon runs, it has another patch, or this account is not in the page's group";
     case TAXEL_FORCE_NOTHING_YET: return "no sample yet";
     case TAXEL_FORCE_CLOSED: return "the daemon has ended";
     case TAXEL_FORCE_WRITER_GONE: return "the daemon's engine does not run";

@@ -27,7 +27,8 @@ int main(int argc, char **argv) {
             if (status == TAXEL_FORCE_GOOD)
                 printf("%6.2f N +- %.2f, %3.0f ms old\n", force.total_n, 2.0 * force.sigma_n, (double)force.age_ns * 1e-6);
             else
-                printf("no force: %s %s\n", taxel_force_words(status), force.reasons);
+                printf("no force: %s%s%s\n", taxel_force_words(status), status == TAXEL_FORCE_STATE ? ": " : "",
+                       status == TAXEL_FORCE_STATE ? force.reasons : "");
             fflush(stdout);
         }
         nanosleep(&period, NULL);

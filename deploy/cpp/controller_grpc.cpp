@@ -1,4 +1,5 @@
-// A controller in C++17 that reads the force over the service, also of another machine.
+// A controller in C++17 that reads the force over the service. It has neither TLS nor a token: of another machine only where that
+// daemon allows it (`allow_insecure`), else give the channel `grpc::SslCredentials`.
 //
 // usage: controller_grpc [ADDRESS [PATCH [SECONDS]]]      (127.0.0.1:50051, the only patch, for ever)
 // It shows what it has twice a second. Exit code 3 if the last reading was no force.
@@ -43,6 +44,10 @@ public:
         arguments.SetInt(GRPC_ARG_HTTP2_STREAM_LOOKAHEAD_BYTES, 4096);  // what is not read waits at the daemon
         arguments.SetInt(GRPC_ARG_HTTP2_BDP_PROBE, 0);
         arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 5000);
+        // Left alone, gRPC waits up to two minutes before it tries a daemon again that was away.
+        arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 100);
+        arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 100);
+        arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 2000);
         // gRPC would take a socket's path for the authority of each call, which HTTP/2 does not allow and the daemon refuses.
         if (address.rfind("unix:", 0) == 0) arguments.SetString(GRPC_ARG_DEFAULT_AUTHORITY, "localhost");
         auto channel = grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments);
@@ -69,7 +74,9 @@ public:
         const auto& sample = newest_->sample;
         const bool good = sample.state() == taxel::v1::FORCE_STATE_OK || sample.state() == taxel::v1::FORCE_STATE_DEGRADED;
         if (!good || !sample.has_total_n() || !sample.has_age_s() || !std::isfinite(sample.total_n()))
+            // What the daemon said last is no reason any more once it cannot be heard.
             return {std::nullopt, 0.0,
+                    !broken_.empty() ? "the stream was lost: " + broken_ :
                     taxel::v1::ForceState_Name(sample.state()) + (sample.reasons_size() ? ": " + sample.reasons(0) : "")};
         const double age_s = sample.age_s() + newest_->on_the_way_s + now_s() - newest_->came_s;
         if (!(age_s >= 0.0 && age_s <= age_max_s))

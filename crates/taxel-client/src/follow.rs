@@ -3,22 +3,18 @@
 use std::time::{Duration, Instant};
 
 use taxel_proto::v1::force_service_client::ForceServiceClient;
-use taxel_proto::v1::{ForceSample, GetForceRequest, StreamForceRequest};
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tonic::Status;
 
-use crate::connect::{ConnectError, Line, Options};
-use crate::freshness::{Force, NoForce, Reader, Received};
+use crate::connect::{ConnectError, Options};
+use crate::freshness::{Force, NoForce, Received};
+use crate::stream::Samples;
 
 /// The first pause before another connection; each is twice the one before.
 const PAUSE_FIRST: Duration = Duration::from_millis(50);
 /// The longest.
 const PAUSE_MOST: Duration = Duration::from_secs(2);
-/// How often the daemon's clock is looked at. In between the clocks part by 6 ms at the very most.
-const ASK_EVERY: Duration = Duration::from_secs(10);
-/// An answer that takes longer says little of the clock.
-const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
 /// What is known now.
 #[derive(Clone, Debug, Default)]
@@ -64,8 +60,9 @@ impl Forces {
         let Some(received) = &newest.received else { return Err(NoForce::NothingYet(newest.broken.clone())) };
         match (received.usable(Instant::now(), self.age_max), &newest.broken) {
             (Ok((total_n, age)), _) => Ok(Force { total_n, age, sample: received.sample().clone() }),
-            (Err(NoForce::TooOld(..)), Some(why)) => Err(NoForce::Lost(why.clone())),
-            (Err(why), _) => Err(why),
+            // What the daemon said last is no reason any more once it cannot be heard.
+            (Err(_), Some(why)) => Err(NoForce::Lost(why.clone())),
+            (Err(why), None) => Err(why),
         }
     }
 
@@ -124,37 +121,11 @@ impl From<Status> for Ended {
 }
 
 async fn stream(options: &Options, newest: &watch::Sender<Newest>, pause: &mut Duration) -> Result<(), Ended> {
-    let mut client = ForceServiceClient::new(options.connect().await.map_err(Ended::Connect)?);
-    let mut reader = Reader::new(Instant::now());
-    ask(&mut client, options, &mut reader).await?;
-    let request = StreamForceRequest { patch: options.patch.clone(), rate_hz: options.rate_hz };
-    let mut samples = client.stream_force(request).await?.into_inner();
-    let mut asked = Instant::now();
-    while let Some(sample) = samples.message().await? {
-        let at = Instant::now();
-        // The first frame that the daemon ever received shows its clock only now.
-        let unknown = !reader.knows_the_clock() && has_a_time(&sample);
-        if unknown || asked.elapsed() > ASK_EVERY {
-            ask(&mut client, options, &mut reader).await?;
-            asked = Instant::now();
-        }
-        let received = reader.take(sample, at);
+    let client = ForceServiceClient::new(options.connect().await.map_err(Ended::Connect)?);
+    let mut samples = Samples::open(client, options.patch.clone(), options.rate_hz).await?;
+    while let Some(received) = samples.next().await? {
         newest.send_replace(Newest { received: Some(received), broken: None });
         *pause = PAUSE_FIRST;
     }
-    Ok(())
-}
-
-fn has_a_time(sample: &ForceSample) -> bool {
-    sample.monotonic_ns.is_some() && sample.age_s.is_some()
-}
-
-/// Looks at the daemon's clock. That nobody answers ends the stream: a daemon that streams answers, too.
-async fn ask(client: &mut ForceServiceClient<Line>, options: &Options, reader: &mut Reader) -> Result<(), Status> {
-    let left = Instant::now();
-    let question = client.get_force(GetForceRequest { patch: options.patch.clone() });
-    let late = |_| Status::deadline_exceeded(format!("no answer within {} s", ANSWER_WITHIN.as_secs()));
-    let answer = tokio::time::timeout(ANSWER_WITHIN, question).await.map_err(late)??;
-    reader.asked(left, answer.get_ref());
     Ok(())
 }

@@ -44,7 +44,7 @@ pub enum NoForce {
     State(ForceState, Vec<String>, Vec<ReasonCode>),
     /// It is so old, and the limit is the second.
     TooOld(Duration, Duration),
-    /// It is too old because the stream was lost.
+    /// There is none, or it is too old, and the stream was lost.
     Lost(String),
 }
 

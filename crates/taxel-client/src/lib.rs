@@ -30,6 +30,7 @@ mod clock;
 mod connect;
 mod follow;
 mod freshness;
+mod stream;
 
 pub use clock::DaemonClock;
 #[cfg(feature = "tls")]
@@ -37,3 +38,4 @@ pub use connect::TlsOptions;
 pub use connect::{Address, BadAddress, ConnectError, Credential, Line, Options};
 pub use follow::{Forces, follow};
 pub use freshness::{Force, NoForce, Reader, Received, word};
+pub use stream::Samples;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use taxel_engine::calibration::fit::PlaysChoice;
-use taxel_engine::calibration::{Refit, RefitOptions, SessionView, StoredSession, TOGETHER_MAX};
+use taxel_engine::calibration::{Refit, RefitOptions, SessionState, SessionView, StoredSession, TOGETHER_MAX};
 use taxel_engine::command::{Command, Done};
 use taxel_model::{Estimator, Order};
 use taxel_proto::refusal::Refusal;
@@ -33,6 +33,13 @@ impl Service {
             return Err(invalid("sessions", format_args!("{} are named, expected 1 to {TOGETHER_MAX}", numbers.len())));
         }
         let views = numbers.iter().map(|number| self.session(*number)).collect::<Result<Vec<_>, _>>()?;
+        if let Some(view) = views.iter().find(|view| view.state == SessionState::Discarded) {
+            let words = format!(
+                "session {} was laid aside: no models are made of its samples; export them to look at them",
+                view.number
+            );
+            return Err(Refusal::failed_precondition(ErrorReason::SessionWrongState, words).into());
+        }
         let refit = self.plan_refit(views, &options).await?;
         let (source, id_of) = self.handle.samples.clone().zip(self.handle.id_of).ok_or_else(samples_not_kept)?;
         // One at a time, so that memory for one is enough. Whoever is refused has lost nothing.

@@ -50,7 +50,11 @@ impl fmt::Display for NoForce {
         let ms = |span: &Duration| span.as_secs_f64() * 1e3;
         match self {
             Self::NoPage => {
-                write!(f, "there is no page: the daemon does not run, or does not publish this patch there")
+                write!(
+                    f,
+                    "there is no page to be read: no daemon runs, it has another patch, or this account is not in the \
+                     page's group"
+                )
             }
             Self::NothingYet => write!(f, "no sample yet"),
             Self::Closed => write!(f, "the daemon has ended"),

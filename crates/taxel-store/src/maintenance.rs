@@ -35,6 +35,7 @@ pub struct Checked {
 pub fn check(path: &Path) -> Result<Checked, StoreError> {
     let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
     fs::metadata(path).map_err(io)?;
+    refuse_no_file(path)?;
     refuse_in_use(path)?;
     let mut damage = Vec::new();
     if let Some(reason) = wal_check::problem(path).map_err(io)? {
@@ -52,6 +53,11 @@ pub fn check(path: &Path) -> Result<Checked, StoreError> {
             let (model_sets, sessions) = (restored.model_sets.len(), restored.sessions.len());
             Checked { model_sets, sessions, samples: size.samples, bytes: size.bytes, damage }
         }),
+        Err(StoreError::Damaged { findings, .. }) => {
+            let way = "a start of the daemon, or `taxeld store compact`, puts what can be read of it into a new file and keeps this one";
+            damage.push(Quarantined::new("the store", format!("{findings}; {way}")));
+            Ok(Checked { damage, ..Checked::default() })
+        }
         Err(error) if is_damage(&error, path) => {
             damage.push(Quarantined::new("the store", error));
             Ok(Checked { damage, ..Checked::default() })
@@ -81,11 +87,19 @@ pub fn compact(path: &Path) -> Result<Compacted, StoreError> {
     let bytes = || fs::metadata(path).map(|file| file.len());
     let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
     let before = bytes().map_err(io)?;
+    refuse_no_file(path)?;
     let (db, _, damage) = Db::open_proving(path, &Retention::default(), u64::MAX)?;
     let db = db.writable()?;
     db.compact()?;
     db.close()?;
     Ok(Compacted { before, after: bytes().map_err(io)?, damage })
+}
+
+/// A device or a pipe would be written to, or be waited for.
+fn refuse_no_file(path: &Path) -> Result<(), StoreError> {
+    let is_file = fs::metadata(path).is_ok_and(|found| found.is_file());
+    let open = || StoreError::Open { path: path.to_path_buf(), reason: "is no file".to_owned() };
+    is_file.then_some(()).ok_or_else(open)
 }
 
 /// Whether another process has the store. What else is wrong with it shows later.

@@ -26,7 +26,7 @@ pub struct AuditArgs {
     #[arg(long, value_name = "STORE.db", conflicts_with_all = ["at", "token"])]
     store: Option<PathBuf>,
     /// At most so many entries, the newest.
-    #[arg(long, default_value_t = 50)]
+    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
     last: u32,
 }
 

@@ -39,7 +39,8 @@ pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
 /// Prints the resolved scene.
 fn print(config: &Config, scene: &Scene) {
     let service = &config.service;
-    say!("store: {}, one SQLite file", config.store.path.display());
+    let store = std::path::absolute(&config.store.path).unwrap_or_else(|_| config.store.path.clone());
+    say!("store: {}, one SQLite file", store.display());
     say!("service: gRPC, at most {} streams on {} connections", service.streams(), service.connections_max);
     scene.doors.doors.iter().for_each(|door| say!("  on {door}"));
     access(&scene.doors).iter().for_each(|line| say!("  {line}"));

@@ -247,7 +247,11 @@ async fn serve_live(
     if let Some(folder) = memory {
         say!("In shared memory: {}", folder.join("left_forearm").display());
     }
-    say!("In another terminal:");
+    if args.listen.is_some() && listen != usual {
+        say!("In another terminal, after export TAXELD_SERVER=http://{listen}:");
+    } else {
+        say!("In another terminal:");
+    }
     for (command, what) in [
         ("taxeld watch", "its force; half a kilogram (4.90 N) lies on it for five seconds out of ten"),
         ("taxeld load 0.5", "compares the force with that mass while it lies there"),

@@ -230,12 +230,18 @@ fn a_configuration_that_cannot_be_is_refused_with_its_place() {
         (CONFIG.replace("bus = \"skin\"", "bus = \"leg\""), "bus `leg` is not among the buses: skin"),
         (CONFIG.replace("length_bits = 32", "length_bits = 65"), "gauge: length is 65 bits"),
         (format!("{CONFIG}\n[service]\nlisten = \"0.0.0.0:1\""), "only loopback"),
+        (
+            format!("{CONFIG}\n[patch.live]\nactivation_sigmas = 0.0\nactivation_floor_counts = 0.0"),
+            "expected one of them above 0",
+        ),
     ] {
         let folder = scratch(&[("t.toml", &broken)]);
         let said = fails(&["check", "--config", &path(folder.path(), "t.toml")]);
         assert!(said.contains(says), "expected `{says}` in: {said}");
     }
     assert!(fails(&["check", "--config", "/nowhere.toml"]).contains("/nowhere.toml"));
+    assert!(fails(&["store", "compact", "--store", "/dev/null"]).contains("is no file"));
+    assert!(fails(&["audit", "--last", "0"]).contains("0 is not in 1.."));
 }
 
 #[test]

@@ -112,6 +112,12 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     assert!(demo.succeeds(&["fit", &data, "--patch", "left_forearm", "--out", &models]).contains("of 230 usable"));
     assert!(demo.succeeds(&["models", "import", &models]).contains("is in the store"));
     assert!(demo.succeeds(&["models", "show", &id[..6], "--taxel", "13"]).contains("taxel 13: "));
+    for beginning in ["", "m-", &id[..3]] {
+        assert!(demo.refused(&["activate", beginning]).contains("give at least its first 4 characters"), "{beginning}");
+    }
+    assert!(
+        demo.refused(&["sessions", "export", number, "--out", &data, "--zeros", &data]).contains("expected two files")
+    );
 
     stored_samples_are_fitted_once_more(&demo, number, id);
 

@@ -86,7 +86,8 @@ class Forces:
 
         self._address, self._patch, self._rate_hz = address, patch, rate_hz
         self._age_max_s, self._credentials = age_max_s, credentials
-        self._metadata = [("authorization", f"Bearer {token}")] if token else []
+        # A file that holds a token ends with a line feed, which no header may have.
+        self._metadata = [("authorization", f"Bearer {token.strip()}")] if token else []
         self._newest: Optional[tuple] = None  # (sample, when it came, time on the way); replaced as a whole
         self._broken: Optional[str] = None
         self._refused: Tuple[str, ...] = ()  # why the daemon did, for programs
@@ -103,6 +104,8 @@ class Forces:
         state = state_name(sample.state)
         figures = sample.HasField("total_n") and sample.HasField("age_s") and math.isfinite(sample.total_n)
         if state not in ("OK", "DEGRADED") or not figures:
+            if broken:  # what the daemon said last is no reason any more once it cannot be heard
+                return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}", codes=self._refused)
             return NoForce(Why.STATE, f"{state}: {'; '.join(sample.reasons)}", codes=_codes(sample))
         age_s = sample.age_s + on_the_way + time.monotonic() - came
         if not 0.0 <= age_s <= self._age_max_s:  # also if it is no number

@@ -47,6 +47,7 @@ async fn daemon() -> (Daemon, Client) {
         view(2, SessionState::Review),
         view(3, SessionState::Aborted),
         view(4, SessionState::Ramping),
+        view(5, SessionState::Discarded),
     ];
     daemon.engine().catalogue(Arc::new(Catalogue { sessions, ..Catalogue::default() }));
     let client = CalibrationServiceClient::new(daemon.connect().await);
@@ -102,6 +103,8 @@ async fn what_cannot_be_fitted_is_refused_and_never_reaches_the_engine() {
         "session 4 is RAMPING",
     );
     says(client.refit_session(refit(3, default())).await.unwrap_err(), Code::FailedPrecondition, "session 3: row 7");
+    let laid_aside = client.merge_sessions(merge(&[1, 5])).await.unwrap_err();
+    says(laid_aside, Code::FailedPrecondition, "session 5 was laid aside");
     says(client.merge_sessions(merge(&[])).await.unwrap_err(), Code::InvalidArgument, "sessions: none is named");
     // As many as a request holds, and refused before one of them is looked up.
     let many = merge(&[9; 60_000]);

@@ -42,6 +42,9 @@ pub async fn activate(args: ActivateArgs) -> Outcome {
     Ok(())
 }
 
+/// Fewer characters name no set: a script's variable that is empty would name the only one there is.
+const BEGINNING_MIN: usize = 4;
+
 /// The id that these characters begin; `newest` is the newest set of the patch.
 ///
 /// # Errors
@@ -52,6 +55,14 @@ pub async fn full_id(daemon: &Daemon, beginning: &str) -> Outcome<String> {
     if beginning == "newest" {
         let newest = sets.into_iter().next().map(|set| set.model_set);
         return newest.ok_or_else(|| Failure::refused("there is no model set"));
+    }
+    if sets.iter().any(|set| set.model_set == beginning) {
+        return Ok(beginning.to_owned());
+    }
+    if beginning.chars().count() < BEGINNING_MIN {
+        let words =
+            format!("`{beginning}` names no model set: give at least its first {BEGINNING_MIN} characters, as in m-1e");
+        return Err(Failure::refused(words));
     }
     let found: Vec<String> = sets.into_iter().map(|set| set.model_set).filter(|id| id.starts_with(beginning)).collect();
     match found.as_slice() {

@@ -57,6 +57,10 @@ impl ExportArgs {
 /// # Errors
 /// No such session, one without samples, a file that cannot be written, or no daemon.
 pub async fn export(args: &ExportArgs) -> Outcome {
+    if args.zeros.as_ref() == Some(&args.out) {
+        let words = format!("--out and --zeros are both {}: expected two files", args.out.display());
+        return Err(Failure::refused(words));
+    }
     let daemon = args.server.connect().await?;
     let request = ExportSamplesRequest { session: args.session };
     let blocks = daemon.calibration().export_samples(request).await?.into_inner();

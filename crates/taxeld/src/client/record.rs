@@ -9,6 +9,7 @@ use prost::Message;
 use taxel_mcap::{Folder, Limits, Queue, Recorder, Topic, open_file};
 use taxel_proto::Timestamp;
 use taxel_proto::v1::{GetSkinRequest, StreamForceRequest, StreamTaxelsRequest, WatchEventsRequest};
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::task::JoinSet;
 
 use super::connect::{Daemon, Server};
@@ -76,7 +77,9 @@ pub async fn record(args: RecordArgs) -> Outcome {
             None => std::future::pending().await,
         }
     };
+    let mut terminate = signal(SignalKind::terminate()).context("the signal that ends it")?;
     let ended = tokio::select! {
+        _ = terminate.recv() => Ok(()),
         interrupted = tokio::signal::ctrl_c() => interrupted.map_err(Failure::from),
         () = over => Ok(()),
         Some(ended) = tasks.join_next() => match ended {

@@ -4,8 +4,8 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use taxel_client::{NoForce, Reader, Received, word};
-use taxel_proto::v1::{ForceSample, StreamForceRequest};
+use taxel_client::{NoForce, Received, Samples, word};
+use taxel_proto::v1::ForceSample;
 
 use super::connect::Server;
 use super::failure::{Failure, Outcome};
@@ -68,9 +68,7 @@ impl WatchArgs {
 /// No good force, a lost stream, or no daemon.
 pub async fn watch(args: WatchArgs) -> Outcome {
     let daemon = args.server.connect().await?;
-    let request = StreamForceRequest { patch: daemon.patch(), rate_hz: args.rate_hz() };
-    let mut stream = daemon.force().stream_force(request).await?.into_inner();
-    let mut reader = Reader::new(Instant::now());
+    let mut samples = Samples::open(daemon.force(), daemon.patch(), args.rate_hz()).await?;
     let mut screen = Screen::new(&args);
     let (mut newest, mut seen): (Option<Judged>, u64) = (None, 0);
     let mut look = tokio::time::interval(LOOK_EVERY);
@@ -79,12 +77,11 @@ pub async fn watch(args: WatchArgs) -> Outcome {
     loop {
         tokio::select! {
             interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
-            sample = stream.message() => {
-                let Some(sample) = sample? else {
+            received = samples.next() => {
+                let Some(received) = received? else {
                     return Err(Failure::Broken(anyhow::anyhow!("the daemon ended the stream")));
                 };
-                let now = Instant::now();
-                let judged = Judged::new(reader.take(sample, now), now, args.age_max());
+                let judged = Judged::new(received, Instant::now(), args.age_max());
                 seen += 1;
                 let good = judged.force.is_ok();
                 if !args.once || good {
@@ -257,6 +254,7 @@ fn csv(judged: &Judged) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use taxel_client::Reader;
     use taxel_proto::v1::ForceState;
 
     const AGE_MAX: Duration = Duration::from_millis(120);

@@ -22,6 +22,11 @@ pub fn live(section: &LiveSection, period: Duration) -> Result<LiveLimits, Fault
     };
     let periods = section.stale_periods.unwrap_or(3);
     within("live.stale_periods", f64::from(periods), 2.0, 100.0)?;
+    if section.activation_sigmas == Some(0.0) && section.activation_floor_counts == Some(0.0) {
+        let words = "live.activation_sigmas = 0 and live.activation_floor_counts = 0: expected one of them above 0, or every taxel \
+                     would always count as touched";
+        return Err(Fault::of("live.activation_sigmas", words));
+    }
     Ok(LiveLimits {
         activation_sigmas: or("activation_sigmas", section.activation_sigmas, defaults.activation_sigmas, 0.0, 100.0)?,
         activation_floor_counts: or(
