@@ -157,6 +157,7 @@ impl PatchPlan {
             activation: self.live.activation(),
             period: self.period,
             board_names: self.patch.boards().iter().map(|board| board.address.to_string()).collect(),
+            module_names: (0..self.patch.modules().len()).map(|module| self.patch.module_name(module)).collect(),
         }
     }
 

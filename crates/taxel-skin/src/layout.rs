@@ -193,6 +193,17 @@ impl Patch {
         &self.modules
     }
 
+    /// What the module at this position is called: `board 13 module 10`, as its board numbers it. Beyond the last, its position.
+    #[must_use]
+    pub fn module_name(&self, module: usize) -> String {
+        let site =
+            self.modules().get(module).and_then(|site| Some((self.boards().get(usize::from(site.board))?, site)));
+        match site {
+            Some((board, site)) => format!("board {} module {}", board.address, site.module),
+            None => format!("module {module}"),
+        }
+    }
+
     /// Pressure taxels; the position is the [`crate::TaxelIndex`].
     #[must_use]
     pub fn taxels(&self) -> &[TaxelSite] {
@@ -227,6 +238,13 @@ mod tests {
         assert_eq!(patch.port_index(6), Some(7), "value 6 is a thermal pad");
         assert_eq!(patch.port_index(160), Some(192));
         assert_eq!(patch.port_index(230), None);
+    }
+
+    #[test]
+    fn a_module_is_called_by_its_board_and_its_number_there() {
+        let patch = Patch::new("p", vec![board(13, triangles(4..6)), board(12, triangles(0..7))]).unwrap();
+        let names = [0, 1, 2, 9].map(|module| patch.module_name(module));
+        assert_eq!(names, ["board 13 module 4", "board 13 module 5", "board 12 module 0", "module 9"]);
     }
 
     #[test]

@@ -39,4 +39,14 @@ pub struct ZeroPlan {
     pub period: Duration,
     /// What each board is called.
     pub board_names: Vec<String>,
+    /// What each module is called.
+    pub module_names: Vec<String>,
+}
+
+impl ZeroPlan {
+    /// What the module at this position is called; its position where it has no name.
+    #[must_use]
+    pub fn module_name(&self, module: usize) -> String {
+        self.module_names.get(module).cloned().unwrap_or_else(|| format!("module {module}"))
+    }
 }

@@ -74,6 +74,7 @@ impl Skin {
             activation: Activation { sigmas: 4.0, floor_counts: 2.0 },
             period: Duration::from_millis(50),
             board_names: vec!["12".to_owned()],
+            module_names: Vec::new(),
         };
         Self {
             zero: Zero::new(plan, Regions::new(&patch)),

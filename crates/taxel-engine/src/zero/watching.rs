@@ -50,9 +50,10 @@ impl Zero {
             sign: self.ground.signs(),
         };
         let verdict = judge(&window, reference, &self.plan.tare.rest);
+        let told = || verdict.told(|module| self.plan.module_name(module));
         if purpose == Purpose::BeforeBringUp {
             // What is far from the models' zero in another way is what a configuration mends.
-            let pressed = (verdict.is_loaded() || !verdict.is_still()).then(|| verdict.to_string());
+            let pressed = (verdict.is_loaded() || !verdict.is_still()).then(told);
             let pressed = pressed.or_else(|| self.continuity.unproven().map(str::to_owned));
             self.looked = pressed.is_none().then(|| window.all().baseline());
             events.push(ZeroEvent::Looked(pressed.map_or(Ok(()), Err)));
@@ -67,14 +68,14 @@ impl Zero {
         if vouched.is_none() && (!rest || self.continuity.unproven().is_some()) {
             let (reason, why) = match self.continuity.unproven() {
                 Some(why) => (ErrorReason::TareUnproven, why.to_owned()),
-                None => (verdict.refusal(), verdict.to_string()),
+                None => (verdict.refusal(), told()),
             };
             events.push(ZeroEvent::Refused(purpose, reason, why));
             return;
         }
         let reason = match vouched {
-            Some(who) => format!("{who} confirms that nothing touches the skin; {verdict}"),
-            None => verdict.to_string(),
+            Some(who) => format!("{who} confirms that nothing touches the skin; {}", told()),
+            None => told(),
         };
         let baseline = with_noise_known(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
         let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, rest, &baseline);

@@ -160,7 +160,7 @@ fn no_tare_is_taken_beside_taxels_that_stand_at_their_rail_unless_somebody_vouch
         Err(Rejection::FailedPrecondition(ErrorReason::TareLoaded, why)) => why,
         other => panic!("{other:?}"),
     };
-    assert!(why.contains("2 taxels of module 4 stand still more than 16 counts towards load"), "{why}");
+    assert!(why.contains("2 taxels of board 13 module 4 stand still more than 16 counts towards load"), "{why}");
     assert_eq!(bench.host.snapshot().tare, before, "the earlier zero still holds");
     assert!(bench.tare(Some("Ada")).is_ok());
 }

@@ -45,7 +45,7 @@ fn a_load_on_two_taxels_of_a_module_is_no_rest() {
     bench.seconds(2.0);
     let mark = bench.mark();
     let why = bench.refused(tare());
-    assert!(why.contains("two taxels of module"), "{why}");
+    assert!(why.contains("two taxels of board 13 module"), "{why}");
     bench.seconds(2.0);
     bench.is_truthful_since(mark, "a tare under a load on two taxels of a module");
 }
@@ -73,7 +73,7 @@ fn a_start_under_a_load_on_two_taxels_of_a_module_takes_no_zero_by_itself() {
     lay_an_edge(&mut bench);
     bench.seconds(5.0);
     assert_eq!(bench.host.state(), ForceState::TareInvalid);
-    assert!(bench.host.reasons().contains("two taxels of module"), "{}", bench.host.reasons());
+    assert!(bench.host.reasons().contains("two taxels of board 13 module"), "{}", bench.host.reasons());
     bench.world.clear();
     bench.until_force(3.0, ForceState::Ok);
 }

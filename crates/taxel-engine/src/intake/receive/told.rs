@@ -12,14 +12,13 @@ impl Intake {
     /// Which modules keep a scan from being whole, in words.
     #[must_use]
     pub fn silence(&self, now: Time) -> String {
-        let sites = self.assembler.modules().iter().zip(self.plan.patch.modules());
-        let words = sites.filter(|(module, _)| module.stale).map(|(module, site)| {
-            let address = self.plan.patch.boards()[usize::from(site.board)].address;
+        let modules = self.assembler.modules().iter().enumerate();
+        let words = modules.filter(|(_, module)| module.stale).map(|(position, module)| {
             let since = module.last.map_or_else(
                 || "never heard".to_owned(),
                 |last| format!("silent for {:.1} s", now.since(last).as_secs_f64()),
             );
-            format!("board {address} module {} ({since})", site.module)
+            format!("{} ({since})", self.plan.patch.module_name(position))
         });
         let silent: Vec<String> = words.collect();
         match silent.len() {

@@ -203,39 +203,69 @@ impl fmt::Display for Unsteadiness {
     }
 }
 
+/// What a module is called, by its position in the patch.
+type Name<'a> = &'a dyn Fn(usize) -> String;
+
+/// A verdict whose modules have names.
+struct Told<'a>(&'a RestVerdict, Name<'a>);
+
+impl fmt::Display for Told<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.write(f, self.1)
+    }
+}
+
 impl fmt::Display for RestVerdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write(f, &|module| format!("module {module}"))
+    }
+}
+
+impl RestVerdict {
+    /// In words, with the modules by the names that they have for whoever looks for them.
+    #[must_use]
+    pub fn told(&self, name: impl Fn(usize) -> String) -> String {
+        Told(self, &name).to_string()
+    }
+
+    fn write(&self, f: &mut fmt::Formatter<'_>, name: Name<'_>) -> fmt::Result {
+        let figures = |figures: &RestFigures| figures.told(name);
         match self {
-            Self::Rest { figures } if figures.moved_median >= RECOVERING_COUNTS => write!(
+            Self::Rest { figures: of } if of.moved_median >= RECOVERING_COUNTS => write!(
                 f,
-                "at rest: {figures}; the skin may still be recovering from what pressed on it: a zero that is taken some \
-                 minutes later sees lighter loads"
+                "at rest: {}; the skin may still be recovering from what pressed on it: a zero that is taken some minutes \
+                 later sees lighter loads",
+                figures(of)
             ),
-            Self::Rest { figures } => write!(f, "at rest: {figures}"),
-            Self::Loaded { figures, moved_median_max, moved_module_max } => write!(
+            Self::Rest { figures: of } => write!(f, "at rest: {}", figures(of)),
+            Self::Loaded { figures: of, moved_median_max, moved_module_max } => write!(
                 f,
-                "loaded: {figures}; at rest the median moves by at most {moved_median_max} counts towards load and a \
-                 module by at most {moved_module_max} more"
+                "loaded: {}; at rest the median moves by at most {moved_median_max} counts towards load and a module by at \
+                 most {moved_module_max} more",
+                figures(of)
             ),
-            Self::OtherZero { figures, moved_away_max } => write!(
+            Self::OtherZero { figures: of, moved_away_max } => write!(
                 f,
-                "another zero: {figures}; at rest the median moves by at most {moved_away_max} counts away from load"
+                "another zero: {}; at rest the median moves by at most {moved_away_max} counts away from load",
+                figures(of)
             ),
             Self::LoadedInPart { module, taxels, moved, moved_max, from_zero } => {
                 let since = if *from_zero { "the present zero" } else { "the calibration" };
                 let taxels = if *taxels == 2 { "two" } else { "three" };
                 write!(
                     f,
-                    "loaded: {taxels} taxels of module {module} moved {moved:.2} counts and more towards load since \
-                     {since}, at rest by at most {moved_max}"
+                    "loaded: {taxels} taxels of {} moved {moved:.2} counts and more towards load since {since}, at rest by \
+                     at most {moved_max}",
+                    name(*module)
                 )
             }
             Self::Standing { module, taxels, moved_max } => write!(
                 f,
-                "loaded: {taxels} taxels of module {module} stand still more than {moved_max} counts towards load: they are \
-                 broken, or beyond their range under a load"
+                "loaded: {taxels} taxels of {} stand still more than {moved_max} counts towards load: they are broken, or \
+                 beyond their range under a load",
+                name(*module)
             ),
-            Self::Unsteady { module, what } => write!(f, "restless: something moved on module {module}: {what}"),
+            Self::Unsteady { module, what } => write!(f, "restless: something moved on {}: {what}", name(*module)),
             Self::Unlike { unlikeness, unlikeness_max } => write!(
                 f,
                 "restless: something came or went, perhaps spread over many modules: they moved more unlike each other than their \
@@ -266,12 +296,20 @@ impl fmt::Display for RestVerdict {
 
 impl fmt::Display for RestFigures {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.told(&|module| format!("module {module}")))
+    }
+}
+
+impl RestFigures {
+    fn told(&self, name: Name<'_>) -> String {
         let share = 100.0 * self.share_one_sided;
-        write!(f, "{} taxels moved {:+.2} counts towards load in the median, ", self.taxels, self.moved_median)?;
-        write!(f, "{share:.0} % of them that way")?;
-        match self.worst_module {
-            Some(module) => write!(f, ", module {module} by {:.2} more", self.worst_module_moved),
-            None => Ok(()),
-        }
+        let worst =
+            self.worst_module.map(|module| format!(", {} by {:.2} more", name(module), self.worst_module_moved));
+        format!(
+            "{} taxels moved {:+.2} counts towards load in the median, {share:.0} % of them that way{}",
+            self.taxels,
+            self.moved_median,
+            worst.unwrap_or_default()
+        )
     }
 }
