@@ -142,8 +142,8 @@ impl<M> Subscription<M> {
         let snapshot = Arc::clone(&self.snapshots.borrow_and_update());
         let skipped = self.last.map_or(0, |last| snapshot.sequence.saturating_sub(last.sequence + 1));
         let unread = due_for.unwrap_or_else(|| self.unread(skipped));
-        let unread = unread.saturating_sub(self.service.handle.heartbeat.stalled_within(unread));
-        if unread > self.unread_limit {
+        let waited = |unread: Duration| unread - self.service.handle.heartbeat.stalled_within(unread);
+        if unread > self.unread_limit && waited(unread) > self.unread_limit {
             let (unread, limit) = (unread.as_secs_f64(), self.unread_limit.as_secs_f64());
             let text = format!("a value was left unread for {unread:.1} s, the limit is {limit} s; subscribe again");
             tracing::warn!(patch = self.service.plan(self.patch).patch.name(), "subscriber cut off: {text}");

@@ -3,8 +3,10 @@
 #![cfg(all(feature = "sim", feature = "client"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 /// A demo that ends with its test.
 struct Demo {
@@ -263,6 +265,51 @@ fn a_force_sensor_recalibrates_the_skin_and_only_an_activation_uses_it() {
         demo.refused(&["recalibrate"]).contains("0 load points"),
         "loads of the set before say nothing of this one"
     );
+}
+
+/// Hands each way's bytes on, so long after they came; the address.
+fn slow_line(to: String, delay: Duration) -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap().to_string();
+    std::thread::spawn(move || {
+        for near in listener.incoming().map_while(Result::ok) {
+            let Ok(far) = TcpStream::connect(&to) else { return };
+            let (back, forth) = (near.try_clone().unwrap(), far.try_clone().unwrap());
+            for (mut from, mut onto) in [(near, far), (forth, back)] {
+                let (came, due) = std::sync::mpsc::channel::<(Instant, Vec<u8>)>();
+                std::thread::spawn(move || {
+                    for (at, bytes) in due {
+                        std::thread::sleep((at + delay).saturating_duration_since(Instant::now()));
+                        if onto.write_all(&bytes).is_err() {
+                            return;
+                        }
+                    }
+                });
+                std::thread::spawn(move || {
+                    let mut bytes = [0; 65_536];
+                    while let Ok(length @ 1..) = from.read(&mut bytes) {
+                        if came.send((Instant::now(), bytes[..length].to_vec())).is_err() {
+                            return;
+                        }
+                    }
+                });
+            }
+        }
+    });
+    address
+}
+
+#[test]
+fn a_force_that_is_long_on_its_way_is_told_as_old_as_it_is() {
+    let demo = Demo::start(&[]);
+    demo.until_good(&["watch", "--once", "--max-age", "2000"]);
+    let slow = slow_line(demo.server.clone(), Duration::from_millis(300));
+    demo.refused(&["watch", "--once", "--max-age", "120", "--server", &slow]);
+    let printed = demo.until_good(&["watch", "--csv", "--count", "1", "--max-age", "5000", "--server", &slow]);
+    let mut lines = printed.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let at = lines.next().unwrap().iter().position(|column| *column == "age_s").unwrap();
+    let age_s: f64 = lines.next().unwrap()[at].parse().unwrap();
+    assert!(age_s >= 0.3, "{printed}");
 }
 
 #[test]

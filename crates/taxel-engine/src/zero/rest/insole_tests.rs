@@ -41,17 +41,42 @@ fn unlikeness(second: &[(f64, Vec<f64>)]) -> f64 {
     window.unlikeness().unwrap()
 }
 
+/// Variance of the mean of each module's taxels over what it would be if they were independent, for modules that are all
+/// sound.
+fn variances(second: &[(f64, Vec<f64>)]) -> Vec<f64> {
+    let of = |values: &dyn Fn(&[f64]) -> f64| {
+        let mut moments = crate::zero::rest::RestStatistics::new(1);
+        second.iter().for_each(|(_, counts)| moments.push([Some(values(counts))]));
+        moments.baseline()[0].noise.powi(2)
+    };
+    let ratio = |module: usize| {
+        let taxels = 10 * module..10 * module + 10;
+        let sound = second.iter().all(|(_, counts)| counts[taxels.clone()].iter().all(|c| SOUND_COUNTS.contains(c)));
+        let of_mean = of(&|counts: &[f64]| counts[taxels.clone()].iter().sum::<f64>() / 10.0);
+        let independent = taxels.clone().map(|taxel| of(&|counts: &[f64]| counts[taxel])).sum::<f64>() / 100.0;
+        sound.then_some(of_mean / independent).filter(|ratio| ratio.is_finite())
+    };
+    (0..28).filter_map(ratio).collect()
+}
+
 #[test]
 fn the_modules_of_a_recorded_skin_at_rest_move_alike() {
-    let mut seconds = Vec::new();
+    let (mut seconds, mut ratios) = (Vec::new(), Vec::new());
     for recording in RECORDINGS {
         let Some(scans) = scans(recording) else { return };
         let at_rest = |second: &&[(f64, Vec<f64>)]| {
             let (first, last) = (second[0].0, second[second.len() - 1].0);
             second.iter().all(|scan| scan.0 < REST_KPA_MAX) && (last - first).abs() < 1.0
         };
-        seconds.extend(scans.chunks_exact(SCANS_PER_SECOND).filter(at_rest).map(unlikeness));
+        for second in scans.chunks_exact(SCANS_PER_SECOND).filter(at_rest) {
+            seconds.push(unlikeness(second));
+            ratios.extend(variances(second));
+        }
     }
+    ratios.sort_by(f64::total_cmp);
+    let ratio = ratios[ratios.len() / 2];
+    eprintln!("the mean of ten taxels has {ratio:.2} times the variance of ten that are independent, in the median");
+    assert!(ratio > 1.2, "a module's noise is its own");
     seconds.sort_by(f64::total_cmp);
     let greatest = seconds[seconds.len() - 1];
     let median = seconds[seconds.len() / 2];

@@ -5,8 +5,8 @@
 //! say, and the sum of the squares has a chi-square distribution.
 //!
 //! How noisy a module's mean is, is measured on the mean itself. The converter of a real module moves all of its taxels at
-//! once: on the recorded insole at rest the mean of ten has 1.8 times the variance that their own noises would give it, so
-//! that at a limit of once in 1,000 every second true rest would be refused if these were taken for independent.
+//! once: on the recorded insole at rest the mean of ten has twice the variance of ten that are independent
+//! (`insole_tests.rs`), which would refuse true rests.
 
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
