@@ -179,6 +179,9 @@ fn patches(sheet: &mut Sheet, patches: &[v1::PatchHealth]) {
     gauge("zero_drift_counts", "How far the zero has followed the temperature, median", |patch| {
         Some(patch.tare.as_ref()?.drift.as_ref()?.median_counts)
     });
+    gauge("zero_worn", "What may press unseen has doubled since the zero was taken", |patch| {
+        Some(flag(patch.tare.as_ref()?.wear.as_ref()?.worn))
+    });
     gauge("faulty_taxels", "Taxels with a fault now", |patch| Some(patch.faulty.len() as f64));
     let epoch = |patch: &v1::PatchHealth| Some((labels(patch), patch.tare.as_ref()?.epoch));
     sheet.counter("zero_changes", "Zeros taken or lost", patches.iter().filter_map(epoch));

@@ -42,6 +42,12 @@ function shown(now) {
   ];
 }
 
+/** What may press unseen now, and what to do where that has become much. */
+function unseen(wear) {
+  const grown = `up to ${num(wear.presentN ?? 0, 1)} N, ${num(wear.atFirstN ?? 0, 1)} N when the zero was taken`;
+  return wear.worn ? `${grown}: worn, unload the skin and tare` : grown;
+}
+
 function patch(one) {
   const tare = one.tare ?? {};
   const drift = tare.drift;
@@ -53,6 +59,7 @@ function patch(one) {
       ["because", tare.reason],
       ["count at rest", `${num(tare.baselineMedianCounts, 1)}, noise ${num(tare.noiseMedianCounts)}`],
       drift && ["drift", `${word(drift.state, "DRIFT_STATE_")}, ${num(drift.medianCounts ?? 0)} counts, at most ${num(drift.maxCounts ?? 0)}`],
+      tare.wear && ["may press unseen", unseen(tare.wear)],
     ]),
     el("h3", "Faulty taxels"),
     table(["#taxel", "faults"], faulty.map((f) => [f.taxel ?? 0, f.faults.map((fault) => word(fault, "TAXEL_FAULT_")).join(", ")]), "none"));

@@ -2,7 +2,7 @@
 
 use taxel_engine::intake::faults::{Fault, FaultSet};
 use taxel_engine::plan::PatchPlan;
-use taxel_engine::snapshot::{ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState};
+use taxel_engine::snapshot::{ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState, Wear};
 use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_proto::{Timestamp, v1};
 use taxel_skin::Time;
@@ -177,8 +177,13 @@ pub(crate) fn tare(patch: &str, tare: Option<&TareView>) -> v1::TareStatus {
         baseline_median_counts: known(tare.baseline_median).unwrap_or_default(),
         noise_median_counts: known(tare.noise_median).unwrap_or_default(),
         drift: Some(drift(&tare.drift)),
+        wear: tare.wear.map(wear),
         ..v1::TareStatus::default()
     }
+}
+
+fn wear(wear: Wear) -> v1::Wear {
+    v1::Wear { at_first_n: wear.at_first.0, present_n: wear.present.0, worn: wear.is_worn() }
 }
 
 fn drift(drift: &DriftView) -> v1::Drift {

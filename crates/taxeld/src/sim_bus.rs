@@ -2,7 +2,8 @@
 //! patch has boards that the forearm does not have, that patch is simulated in its place, as a sleeve of triangles.
 //!
 //! The hand does what an operator would: it pumps up and down as a session's ramp wants it and vents otherwise. While no session is open
-//! it lays half a kilogram on the skin for five seconds out of ten, so that there is a force to look at.
+//! it lays half a kilogram on the skin for five seconds out of ten, each time at the next of three places, so that there is
+//! a force to look at, and loads say something of more than one place.
 //!
 //! The simulation has a thread of its own, as a bus has hardware of its own: each frame is handed over at its own time
 //! and stamped then, as a kernel does it, which a timer of whole milliseconds could not do; and what the simulation
@@ -37,7 +38,9 @@ const RISE: PumpCommand = PumpCommand::Ramp { target: Kilopascal(74.0), kpa_per_
 const FALL: PumpCommand = PumpCommand::Ramp { target: Kilopascal(0.0), kpa_per_s: 2.0 };
 const MASS_KG: f64 = 0.5;
 const FOOTPRINT_MM2: f64 = 600.0;
-const UNDER_THE_MASS: TaxelIndex = TaxelIndex(100);
+/// The taxels of the forearm that are under the mass one after the other; of other patches those at the same share of them.
+const UNDER_THE_MASS: [usize; 3] = [100, 40, 170];
+const FOREARM_TAXELS: usize = 230;
 const MASS_PERIOD_S: u64 = 10;
 
 /// A simulated skin on a bus.
@@ -67,12 +70,12 @@ impl SimBus {
             Some(patch) => Skin::sleeve(patch.clone()),
             None => forearm,
         };
-        let under_the_mass = UNDER_THE_MASS.min(TaxelIndex(skin.poses().len() as u16 / 2));
+        let places = UNDER_THE_MASS.map(|taxel| TaxelIndex((taxel * skin.poses().len() / FOREARM_TAXELS) as u16));
         let world = World::new(skin, Config { start: begun, boards, ..config })?;
         let (to_bus, frames) = mpsc::channel(FRAMES_WAITING_MAX);
         let (commands, received) = std::sync::mpsc::channel();
         let (pumping, loaded) = (None, false);
-        let simulation = Simulation { world, begun, session, received, to_bus, pumping, under_the_mass, loaded };
+        let simulation = Simulation { world, begun, session, received, to_bus, pumping, places, loaded };
         std::thread::Builder::new().name("sim-bus".to_owned()).spawn(move || simulation.run())?;
         Ok(Self { frames, commands, told_up: false })
     }
@@ -101,7 +104,7 @@ struct Simulation {
     to_bus: mpsc::Sender<TimedFrame>,
     /// The branch that the pump follows.
     pumping: Option<Direction>,
-    under_the_mass: TaxelIndex,
+    places: [TaxelIndex; UNDER_THE_MASS.len()],
     loaded: bool,
 }
 
@@ -139,13 +142,15 @@ impl Simulation {
             });
         }
         let open = stage.is_some_and(|stage| stage.state.is_open());
-        let in_second_half = now.since(self.begun).as_secs() % MASS_PERIOD_S >= MASS_PERIOD_S / 2;
+        let seconds = now.since(self.begun).as_secs();
+        let in_second_half = seconds % MASS_PERIOD_S >= MASS_PERIOD_S / 2;
+        let place = self.places[(seconds / MASS_PERIOD_S) as usize % UNDER_THE_MASS.len()];
         let loaded = in_second_half && !open;
         if loaded != self.loaded {
             self.loaded = loaded;
             if !loaded {
                 self.world.clear();
-            } else if let Err(error) = self.world.lay(Mass::on_disc(MASS_KG, self.under_the_mass, FOOTPRINT_MM2)) {
+            } else if let Err(error) = self.world.lay(Mass::on_disc(MASS_KG, place, FOOTPRINT_MM2)) {
                 tracing::warn!(%error, "the simulated mass");
             }
         }

@@ -94,9 +94,7 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     assert!(demo.refused(&["activate", "newest"]).contains("there is no model set"));
 
     let printed = demo.until_good(&["calibrate", "--target", "30", "--yes"]);
-    for part in
-        ["TARING", "RAMPING", "go on", "FITTING", "vent the bag", "the bag is vented", "taxels usable", "is in use"]
-    {
+    for part in ["TARING", "RAMPING", "go on", "FITTING", "the bag is vented", "taxels usable", "is in use"] {
         assert!(printed.contains(part), "`{part}` is not in: {printed}");
     }
     let sessions = demo.json(&["sessions", "list", "--json"]);

@@ -26,9 +26,9 @@
 use std::ops::RangeInclusive;
 
 use crate::loads::load::Load;
-use crate::loads::places::places;
+use crate::loads::places::{LaidAt, too_few};
 
-/// Fewer loads, or loads at fewer places, tell nothing of their scatter.
+/// Fewer loads tell nothing of their scatter.
 pub const LOADS_MIN: usize = 3;
 
 /// A factor beyond this is no property of skin but a mistake, for example a mass in grams.
@@ -79,10 +79,10 @@ impl AreaFactor {
         let value = sum(&|p| p.weight * p.read * p.laid) / xx;
         let chi2 = sum(&|p| p.weight * (p.laid - value * p.read).powi(2)) / (n - 1) as f64;
         let sigma = (chi2.max(1.0) / xx).sqrt();
-        let felt: Vec<&[u16]> = loads.iter().map(|load| load.read.taxels.as_slice()).collect();
-        let unplaced = felt.iter().filter(|taxels| taxels.is_empty()).count();
-        let (places, area_uncertainty) = elsewhere(&points, value, &places(&felt), unplaced > 0);
+        let laid = LaidAt::of(&loads);
+        let area_uncertainty = elsewhere(&points, value, &laid);
         let finite = [value, sigma, area_uncertainty].into_iter().all(f64::is_finite);
+        let LaidAt { known: places, unplaced, .. } = laid;
         finite.then_some(Self { value, sigma, loads: n, places, unplaced, area_uncertainty })
     }
 
@@ -96,26 +96,13 @@ impl AreaFactor {
             Some(format!("{value:.3} is not in 0.5 to 2; look through the loads, {hint}"))
         } else if percent > 100.0 * RELATIVE_SIGMA_MAX {
             Some(format!("the loads disagree: it is known to {percent:.0} % only; {hint}"))
-        } else if self.places < LOADS_MIN {
-            Some(self.lacks_places())
+        } else if let Some(why) = too_few(self.loads, self.places, self.unplaced) {
+            Some(why)
         } else if elsewhere > 100.0 * RELATIVE_SIGMA_MAX {
             Some(format!("the loads disagree: another place is known to {elsewhere:.0} % only; {hint}, or lay more"))
         } else {
             None
         }
-    }
-
-    fn lacks_places(&self) -> String {
-        let (loads, places, unplaced) = (self.loads, self.places, self.unplaced);
-        let old = if unplaced > 0 {
-            format!(" ({unplaced} are of an earlier version, which did not note where they lay: lay them again)")
-        } else {
-            String::new()
-        };
-        format!(
-            "the {loads} loads lie at {places} of at least {LOADS_MIN} places{old}, and another place may differ: lay loads \
-             where other taxels feel them"
-        )
     }
 
     /// Its own relative standard uncertainty.
@@ -125,12 +112,11 @@ impl AreaFactor {
     }
 }
 
-/// How many places there are, and the relative standard uncertainty of the areas at another one. Loads whose place is not
-/// known may lie at one of the others, and make no place more.
-fn elsewhere(points: &[Point], value: f64, places: &[usize], some_unknown: bool) -> (usize, f64) {
-    let count = places.iter().max().map_or(0, |last| last + 1);
+/// The relative standard uncertainty of the areas at another place.
+fn elsewhere(points: &[Point], value: f64, laid: &LaidAt) -> f64 {
+    let count = laid.place.iter().max().map_or(0, |last| last + 1);
     let mut of_place = vec![(0.0, 0.0); count];
-    for (point, place) in points.iter().zip(places) {
+    for (point, place) in points.iter().zip(&laid.place) {
         let a = point.weight * (value * point.read).powi(2);
         let (weight, weighted) = &mut of_place[*place];
         *weight += a;
@@ -139,13 +125,12 @@ fn elsewhere(points: &[Point], value: f64, places: &[usize], some_unknown: bool)
     let total: f64 = of_place.iter().map(|(a, _)| a).sum();
     let squares: f64 = of_place.iter().map(|(a, _)| a * a).sum();
     let deviations: f64 = of_place.iter().map(|(a, weighted)| a * (weighted / a - 1.0).powi(2)).sum();
-    let known = count - usize::from(some_unknown);
-    let degrees = known.saturating_sub(1);
+    let degrees = laid.known.saturating_sub(1);
     let room = total - squares / total;
     let scatter = if count > 1 { ((deviations - degrees as f64).max(0.0) / room).sqrt() } else { 0.0 };
     let half_t = half_student(degrees);
     let mean = half_t * (1.0 / total + (scatter.max(PLACE_REL) / total).powi(2) * squares).sqrt();
-    (known, mean.hypot((half_t * scatter).max(PLACE_REL)))
+    mean.hypot((half_t * scatter).max(PLACE_REL))
 }
 
 /// Half of Student's t, and not less than 1; without any degree of freedom that of one.

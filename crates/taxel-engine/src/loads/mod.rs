@@ -8,7 +8,7 @@
 pub mod factor;
 pub mod load;
 pub mod owner;
-mod places;
+pub mod places;
 pub mod validation;
 pub mod watch;
 

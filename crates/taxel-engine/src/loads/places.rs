@@ -1,11 +1,68 @@
 //! At how many places of a skin loads were laid.
 
+use crate::loads::load::Load;
+
+/// Loads at fewer places tell nothing of how much the skin differs from place to place.
+pub const PLACES_MIN: usize = 3;
+
+/// Where loads were laid.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LaidAt {
+    /// The place of each load, counted from 0.
+    pub place: Vec<usize>,
+    /// How many places they are known to have lain at.
+    pub known: usize,
+    /// Of how many loads it is not known where they lay. They may lie at one of the others, and make no place more.
+    pub unplaced: usize,
+}
+
+impl LaidAt {
+    /// Of these loads.
+    #[must_use]
+    pub fn of(loads: &[&Load]) -> Self {
+        let felt: Vec<&[u16]> = loads.iter().map(|load| load.read.taxels.as_slice()).collect();
+        let unplaced = felt.iter().filter(|taxels| taxels.is_empty()).count();
+        let place = places(&felt);
+        let known = place.iter().max().map_or(0, |last| last + 1) - usize::from(unplaced > 0);
+        Self { place, known, unplaced }
+    }
+
+    /// So many loads, each at a place of its own.
+    #[must_use]
+    pub fn apart(loads: usize) -> Self {
+        Self { place: (0..loads).collect(), known: loads, unplaced: 0 }
+    }
+
+    /// Why they say nothing of the whole skin, in words.
+    #[must_use]
+    pub fn too_few(&self) -> Option<String> {
+        too_few(self.place.len(), self.known, self.unplaced)
+    }
+}
+
+/// Why so many loads at so many known places say nothing of the whole skin, in words; of how many of them it is not known
+/// where they lay.
+#[must_use]
+pub fn too_few(loads: usize, known: usize, unplaced: usize) -> Option<String> {
+    let old = if unplaced > 0 {
+        format!(" ({unplaced} are of an earlier version, which did not note where they lay: lay them again)")
+    } else {
+        String::new()
+    };
+    (known < PLACES_MIN).then(|| {
+        format!(
+            "the {loads} loads lie at {known} of at least {PLACES_MIN} places{old}, and another place may differ: lay loads \
+             where other taxels feel them"
+        )
+    })
+}
+
 /// The place of each load, counted from 0, by the taxels that felt it, ascending.
 ///
 /// Two loads lie at one place if they share more than half of the taxels of the smaller one. Those of which it is not known
 /// which taxels felt them (of an earlier version) lie at one place together.
 #[must_use]
-pub fn places(loads: &[&[u16]]) -> Vec<usize> {
+fn places(loads: &[&[u16]]) -> Vec<usize> {
     let mut first: Vec<&[u16]> = Vec::new();
     let mut found = Vec::with_capacity(loads.len());
     for &felt in loads {
@@ -26,6 +83,7 @@ fn same(a: &[u16], b: &[u16]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::loads::load::Reading;
     use proptest::prelude::*;
 
     fn disc(centre: u16) -> Vec<u16> {
@@ -48,6 +106,25 @@ mod tests {
     #[test]
     fn loads_whose_place_is_not_known_are_one_place() {
         assert_eq!(of(&[vec![], disc(20), vec![], vec![]]), [0, 1, 0, 0]);
+    }
+
+    #[test]
+    fn loads_at_fewer_than_three_places_say_nothing_of_the_skin() {
+        let load = |taxels: Vec<u16>| Load { read: Reading { taxels, ..Reading::default() }, ..Load::default() };
+        let laid = |at: &[Vec<u16>]| {
+            let loads: Vec<Load> = at.iter().cloned().map(load).collect();
+            LaidAt::of(&loads.iter().collect::<Vec<_>>())
+        };
+        let same = laid(&[disc(20), disc(20), disc(60), disc(60), disc(61)]);
+        assert_eq!((same.known, same.unplaced), (2, 0));
+        let why = same.too_few().unwrap();
+        assert!(why.starts_with("the 5 loads lie at 2 of at least 3 places, and another"), "{why}");
+        let old = laid(&[disc(20), vec![], disc(60), vec![]]);
+        assert_eq!((old.known, old.unplaced, old.place.clone()), (2, 2, vec![0, 1, 2, 1]));
+        assert!(old.too_few().unwrap().contains("(2 are of an earlier version"));
+        assert_eq!(laid(&vec![vec![]; 5]).known, 0);
+        assert_eq!(laid(&[disc(20), disc(40), disc(60)]).too_few(), None);
+        assert_eq!((LaidAt::apart(3).too_few(), laid(&[]).known), (None, 0));
     }
 
     proptest! {

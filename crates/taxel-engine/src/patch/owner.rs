@@ -16,6 +16,7 @@ use crate::boundary::record::Record;
 use crate::calibration::calibrate::Calibration;
 use crate::force::owner::Force;
 use crate::force::reason::ReasonCode;
+use crate::force::wear::WearMeter;
 use crate::intake::boards::BoardNews;
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::health::BoardHealth;
@@ -76,6 +77,7 @@ pub struct Patch {
     pub(super) force: Force,
     pub(super) calibration: Calibration,
     pub(super) loads: Loads,
+    pub(super) wear: WearMeter,
     pub(super) sequence: u64,
     /// The faults of each taxel as last published, and the soundness that they belong to.
     pub(super) faults: (Option<u64>, Arc<[FaultSet]>),
@@ -110,6 +112,7 @@ impl Patch {
             force: Force::new(plan.force()),
             calibration: Calibration::new(plan.calibration()),
             loads: Loads::new(plan.loads(), loads),
+            wear: WearMeter::default(),
             sequence: 0,
             faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
             dirty: true,

@@ -28,7 +28,8 @@ impl Patch {
         let felt = |total: Newton| (total, if total > measured.told { measured.active.len() } else { 0 });
         self.felt = measured.sample.total.map(felt);
         let time = self.intake.newest().unwrap_or_default();
-        let tare = self.zero.view();
+        let mut tare = self.zero.view();
+        tare.wear = self.wear.on_sample(time, tare.epoch, measured.sample.detection_floor);
         if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured) {
             effects.intents.push(Intent::Load(read));
         }

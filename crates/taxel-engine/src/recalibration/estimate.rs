@@ -10,6 +10,9 @@
 //! 2. The sum of all squared deviations is compared with chi-square, beyond which it lies with probability
 //!    [`FALSE_DISAGREEMENTS`]: several wrong loads may hide each other.
 //!
+//! Loads at one place are off together by what that place differs from the others, so their share of the variance of the
+//! line does not fall with their number; and loads at fewer than three places say nothing of the rest of the skin.
+//!
 //! A single load that is wrong by seven times its own scatter is found in 99 % of all cases: with five loads the limit is
 //! 3.1 standard deviations, 2.33 more make it sure, the distance from four others scatters by `sqrt(1 + 1/4)`, and loads of
 //! several sizes do not weigh the same. Loads
@@ -17,9 +20,10 @@
 
 use std::ops::RangeInclusive;
 
+use crate::loads::places::LaidAt;
 use crate::recalibration::assumptions::Assumptions;
 use crate::recalibration::evidence::LoadPoint;
-use crate::recalibration::line::{Line, LinePoint, chi2_quantile, normal_quantile};
+use crate::recalibration::line::{Line, LinePoint, chi2_quantile, normal_quantile, of_reading, plus};
 use crate::statistics::median;
 
 /// Fewer points do not show a wrong one among them with certainty.
@@ -63,8 +67,12 @@ pub struct JudgedPoint {
 pub struct Recalibration {
     /// What readings are to be multiplied by, and added to them, with the covariance.
     pub line: Line,
+    /// By how much its covariance is more because loads at one place are off together.
+    shared: [f64; 3],
     /// The points, as they were given.
     pub points: Vec<JudgedPoint>,
+    /// At how many places they are known to lie.
+    pub places: usize,
     /// A deviation beyond this contradicts.
     pub deviation_max: f64,
     /// Number of the point that contradicts the others.
@@ -76,11 +84,19 @@ pub struct Recalibration {
 }
 
 impl Recalibration {
-    /// What these points say.
+    /// What these points say, where each says something of its own of the whole skin.
+    ///
+    /// # Errors
+    /// As of [`Recalibration::at`].
+    pub fn of(points: &[LoadPoint], assumptions: Assumptions) -> Result<Self, String> {
+        Self::at(points, &LaidAt::apart(points.len()), assumptions)
+    }
+
+    /// What these points say that lie at these places.
     ///
     /// # Errors
     /// In words: too few or too many points, figures that are none, or points that do not determine what is asked for.
-    pub fn of(points: &[LoadPoint], assumptions: Assumptions) -> Result<Self, String> {
+    pub fn at(points: &[LoadPoint], laid: &LaidAt, assumptions: Assumptions) -> Result<Self, String> {
         let count = points.len();
         if !(POINTS_MIN..=POINTS_MAX).contains(&count) {
             return Err(format!(
@@ -90,7 +106,7 @@ impl Recalibration {
         if let Some(problem) = assumptions.problem().or_else(|| points.iter().find_map(LoadPoint::problem)) {
             return Err(problem);
         }
-        let weighed = weighed(points, &assumptions);
+        let weighed = weighed(points, &laid.place, &assumptions);
         let line = Line::through(&weighed, assumptions.offset)
             .ok_or("the loads are too much alike to tell an offset from a gain: take some much smaller than others")?;
         let judged: Vec<(JudgedPoint, f64)> =
@@ -98,6 +114,8 @@ impl Recalibration {
         let deviation_max = normal_quantile(0.5 * FALSE_ALARMS / count as f64);
         let mut of = Self {
             line,
+            shared: line.shared(&weighed, assumptions.offset),
+            places: laid.known,
             points: judged.iter().map(|(point, _)| *point).collect(),
             deviation_max,
             contradicts: None,
@@ -111,6 +129,7 @@ impl Recalibration {
                  loads like it"
             ));
         }
+        of.refused_because.extend(laid.too_few());
         of.find_contradiction(&weighed);
         of.find_implausible();
         Ok(of)
@@ -125,15 +144,20 @@ impl Recalibration {
     /// Whether the skin is off by more than the loads can tell.
     #[must_use]
     pub fn is_needed(&self) -> bool {
-        let [gain, _, offset] = self.line.covariance;
+        let [gain, _, offset] = self.covariance();
         let beyond = |value: f64, variance: f64| value.abs() > NEEDED_SIGMAS * (self.widening() * variance).sqrt();
         beyond(self.line.gain - 1.0, gain) || (self.assumptions.offset && beyond(self.line.offset, offset))
+    }
+
+    /// The covariance of the line, with what loads at one place have in common.
+    fn covariance(&self) -> [f64; 3] {
+        plus(self.line.covariance, self.shared)
     }
 
     /// Standard uncertainty of the gain.
     #[must_use]
     pub fn gain_sigma(&self) -> f64 {
-        (self.widening() * self.line.covariance[0]).sqrt().hypot(self.line.gain * self.common_rel())
+        (self.widening() * self.covariance()[0]).sqrt().hypot(self.line.gain * self.common_rel())
     }
 
     /// What all known loads may be off by together, as one balance is or one force sensor: the least of their relative
@@ -146,7 +170,7 @@ impl Recalibration {
     /// Standard uncertainty of the offset; 0 if it was not looked for.
     #[must_use]
     pub fn offset_sigma(&self) -> f64 {
-        (self.widening() * self.line.covariance[2]).sqrt()
+        (self.widening() * self.covariance()[2]).sqrt()
     }
 
     /// Standard uncertainty of the corrected reading under a load at a new place, where the skin reads `read` before the
@@ -156,7 +180,7 @@ impl Recalibration {
         let Assumptions { place_rel, floor, .. } = self.assumptions;
         let place = (place_rel * self.line.gain * read).powi(2) + floor * floor;
         let common = self.common_rel() * self.line.at(read);
-        (self.widening() * (self.line.variance_at(read) + place)).sqrt().hypot(common)
+        (self.widening() * (of_reading(self.covariance(), read) + place)).sqrt().hypot(common)
     }
 
     /// Relative standard uncertainty that a corrected set has by its gain, for any load: that of the gain, and the scatter
@@ -236,14 +260,14 @@ impl Recalibration {
 }
 
 /// The points with the standard deviation that each has beforehand.
-fn weighed(points: &[LoadPoint], assumptions: &Assumptions) -> Vec<LinePoint> {
+fn weighed(points: &[LoadPoint], places: &[usize], assumptions: &Assumptions) -> Vec<LinePoint> {
     let ratio = median(points.iter().map(|p| p.known / p.read)).unwrap_or(1.0);
-    let weigh = |p: &LoadPoint| {
-        let place = assumptions.place_rel * ratio * p.read;
-        let sigma = p.known_sigma.hypot(ratio * p.read_sigma).hypot(place).hypot(assumptions.floor);
-        LinePoint { read: p.read, known: p.known, sigma }
+    let weigh = |(p, &place): (&LoadPoint, &usize)| {
+        let place_sigma = assumptions.place_rel * ratio * p.read;
+        let sigma = p.known_sigma.hypot(ratio * p.read_sigma).hypot(place_sigma).hypot(assumptions.floor);
+        LinePoint { read: p.read, known: p.known, sigma, place, place_sigma }
     };
-    points.iter().map(weigh).collect()
+    points.iter().zip(places).map(weigh).collect()
 }
 
 /// A point beside the line, and how much of the line at its place it decides itself.

@@ -1,6 +1,7 @@
 //! What the known loads of a patch propose for its active model set.
 
 use crate::loads::load::Load;
+use crate::loads::places::LaidAt;
 use crate::loads::validation::Validation;
 use crate::model_set::ModelSet;
 use crate::recalibration::assumptions::Assumptions;
@@ -61,9 +62,10 @@ pub fn propose(
             && load.model_set == source.id
     };
     let counted = view.loads.iter().filter(|judged| judged.in_factor()).map(|judged| judged.load.as_ref());
-    let mut points: Vec<LoadPoint> = counted.filter(|load| taken(load)).take(POINTS_MAX).map(LoadPoint::of).collect();
-    points.sort_by_key(|point| point.number);
-    let found = Recalibration::of(&points, assumptions)?;
+    let mut loads: Vec<&Load> = counted.filter(|load| taken(load)).take(POINTS_MAX).collect();
+    loads.sort_by_key(|load| load.number);
+    let points: Vec<LoadPoint> = loads.iter().copied().map(LoadPoint::of).collect();
+    let found = Recalibration::at(&points, &LaidAt::of(&loads), assumptions)?;
     let area_mm2 = view.loads.iter().find(|judged| judged.in_factor()).map(|judged| judged.load.mean_area_mm2);
     let set = corrected(source, &found, area_mm2, now_wall_ns);
     Ok(Proposal { found, set })

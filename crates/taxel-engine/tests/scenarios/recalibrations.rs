@@ -10,7 +10,7 @@ use taxel_engine::loads::validation::{Patch, judge};
 use taxel_engine::loads::{KnownLoad, Validation, Weight};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
-use taxel_engine::recalibration::{Assumptions, Chosen, Proposal, propose};
+use taxel_engine::recalibration::{Assumptions, Chosen, Proposal, Recalibration, propose};
 use taxel_engine::record::Record;
 use taxel_skin::SquareMillimetre;
 
@@ -109,6 +109,27 @@ fn five_masses_correct_a_gain_that_is_a_tenth_off_and_only_activation_uses_it() 
     bench.activate(&small().set.id).unwrap();
     let back = ratio(&mut bench);
     assert!((back / before - 1.0).abs() < 0.02, "{back}");
+}
+
+/// They agree with each other whatever the rest of the skin does, and the correction would be stated as good everywhere.
+#[test]
+fn masses_at_fewer_than_three_places_correct_nothing() {
+    let mut bench = small().in_use_with(too_small);
+    weigh(&mut bench, &[(0.4, 33), (0.5, 33), (0.6, 33), (0.7, 33), (0.8, 33)], |_, kilogram| kilogram);
+    for (places, more) in [(1, (0.6, 55)), (2, (0.5, 14))] {
+        let found = proposal(&bench, &small().set, &Chosen::default());
+        let why = found.set.unwrap_err();
+        assert!(why.contains(&format!("lie at {places} of at least 3 places")), "{why}");
+        assert_eq!(found.found.places, places);
+        weigh(&mut bench, &[more], |_, kilogram| kilogram);
+    }
+    let found = proposal(&bench, &small().set, &Chosen::default());
+    assert!(found.found.is_sound() && found.found.places == 3, "{:?}", found.found);
+    // Five of the seven are off together, so the gain is less certain than that of seven places.
+    let points: Vec<_> = found.found.points.iter().map(|judged| judged.point).collect();
+    let apart = Recalibration::of(&points, Assumptions::MASSES).unwrap();
+    assert!(found.found.gain_sigma() > 1.3 * apart.gain_sigma(), "{:?}, {:?} apart", found.found, apart);
+    assert_eq!(found.found.line, apart.line, "the gain itself is the same");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use taxel_engine::command::{Command, Done};
 use taxel_engine::snapshot::{
     BoardHealth, BusHealth, Catalogue, Contact, ForceSample, ForceState, Health, PatchSnapshot, RangeFlag, Reason,
-    ReasonCode, StoreHealth, TareView, TaxelState,
+    ReasonCode, StoreHealth, TareView, TaxelState, Wear,
 };
 use taxel_engine::zero::drift::{DriftState, DriftView};
 use taxel_proto::v1;
@@ -178,8 +178,9 @@ async fn health_names_buses_boards_zeros_and_faults() {
     let mut published = PatchSnapshot::clone(&snapshot(1, Time::default()));
     let reason = "rest shown".to_owned();
     let drift = DriftView { state: DriftState::Bounded, max_counts: -3.0, following: (5, 8), ..DriftView::default() };
-    published.tare =
-        Some(TareView { epoch: 2, valid: true, reason, noise_median: f64::NAN, drift, ..TareView::default() });
+    let wear = Some(Wear { at_first: Newton(2.0), present: Newton(9.9) });
+    let noise_median = f64::NAN;
+    published.tare = Some(TareView { epoch: 2, valid: true, reason, noise_median, drift, wear, ..TareView::default() });
     daemon.engine().patch(0, Arc::new(published));
     let mut client = SkinServiceClient::new(daemon.connect().await);
     let health = client.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner();
@@ -196,6 +197,7 @@ async fn health_names_buses_boards_zeros_and_faults() {
     let drift = tare.drift.as_ref().unwrap();
     assert_eq!((drift.state(), drift.max_counts), (v1::DriftState::Bounded, -3.0));
     assert_eq!((drift.modules_following, drift.modules), (5, 8));
+    assert_eq!(tare.wear, Some(v1::Wear { at_first_n: 2.0, present_n: 9.9, worn: true }));
     assert_eq!((health.streams, health.streams_max), (0, 64));
     let (code, reason) = (Some(ReasonCode::ZeroDoubted), "board 13 was silent".to_owned());
     let doubted =

@@ -17,7 +17,8 @@ type Client = ValidationServiceClient<tonic::transport::Channel>;
 /// A load under which a skin reads a tenth too little, read while the areas were multiplied by 1.05.
 fn load(number: u64, noted_times: f64) -> JudgedLoad {
     let laid_n = number as f64 + 2.0;
-    let read = Reading { scans: 20, mean_n: 1.05 * laid_n / 1.1, sigma_n: 0.2, ..Reading::default() };
+    let taxels = vec![number as u16]; // each at another place
+    let read = Reading { scans: 20, mean_n: 1.05 * laid_n / 1.1, sigma_n: 0.2, taxels, ..Reading::default() };
     let load = Load {
         number,
         patch: FOREARM.to_owned(),

@@ -1,6 +1,8 @@
 //! `taxeld health`: buses, boards, zeros and faulty taxels, and by its exit code whether all is well.
 
-use taxel_proto::v1::{BoardHealth, BusHealth, GetHealthRequest, GetSkinRequest, Health, PatchHealth, TaxelFault};
+use taxel_proto::v1::{
+    BoardHealth, BusHealth, GetHealthRequest, GetSkinRequest, Health, PatchHealth, TaxelFault, Wear,
+};
 
 use super::connect::{Daemon, Server};
 use super::failure::{Failure, Outcome};
@@ -99,6 +101,7 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
     if let Some(tare) = &patch.tare {
         let holds = if tare.valid { "holds" } else { "DOES NOT HOLD" };
         lines.push(format!("patch {}: zero {} {holds}: {}", patch.patch, tare.epoch, tare.reason));
+        lines.extend(tare.wear.as_ref().map(of_wear));
     }
     let mut by_fault: std::collections::BTreeMap<&str, Vec<u32>> = std::collections::BTreeMap::new();
     for faulty in &patch.faulty {
@@ -110,6 +113,13 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
         lines.push(format!("  {} taxels {fault}: {}", taxels.len(), places.name(taxels.iter().copied())));
     }
     lines
+}
+
+/// What may press unseen now, and what to do where that has become much.
+fn of_wear(wear: &Wear) -> String {
+    let (at_first_n, present_n) = (wear.at_first_n, wear.present_n);
+    let advice = if wear.worn { "; the zero is worn: unload the skin and tare" } else { "" };
+    format!("  up to {present_n:.1} N may press unseen, {at_first_n:.1} N when the zero was taken{advice}")
 }
 
 fn fault_word(fault: TaxelFault) -> &'static str {
@@ -143,5 +153,24 @@ mod tests {
         for part in ["store: full", "bus 0 is down", "2 of 3 modules are silent", "the zero does not hold"] {
             assert!(said.contains(part), "{part}: {said}");
         }
+    }
+
+    #[test]
+    fn a_worn_zero_is_told_with_what_to_do_and_is_no_trouble() {
+        let of = |wear: Wear| {
+            let tare = Some(TareStatus { valid: true, wear: Some(wear), ..Default::default() });
+            let patches = vec![PatchHealth { tare, ..Default::default() }];
+            assert!(troubles(&Health { patches: patches.clone(), ..Health::default() }).is_empty());
+            of_patch(&patches[0], &Places::default()).join("\n")
+        };
+        let fresh = of(Wear { at_first_n: 2.0, present_n: 2.1, worn: false });
+        assert!(fresh.ends_with("up to 2.1 N may press unseen, 2.0 N when the zero was taken"), "{fresh}");
+        let worn = of(Wear { at_first_n: 2.0, present_n: 9.9, worn: true });
+        assert!(
+            worn.ends_with(
+                "9.9 N may press unseen, 2.0 N when the zero was taken; the zero is worn: unload the skin and tare"
+            ),
+            "{worn}"
+        );
     }
 }

@@ -125,17 +125,22 @@ async fn interrupt(course: &Course, all: &[Followed]) -> Outcome {
     }
 }
 
+const VENTED: &str = "the bag is vented";
+
 /// Whether the bag is vented as far as the session asks for; a pressure that is not known says nothing against it.
 fn is_vented(session: &Session) -> bool {
     session.pressure_kpa.is_none_or(|kpa| kpa < session.vented_below_kpa)
 }
 
-/// Waits until the bag of a session in review is vented.
+/// Waits until the bag of a session in review is vented, and says when it is. It may be so already: the models take their time.
 ///
 /// # Errors
 /// A lost connection.
 pub async fn until_vented(course: &mut Course, followed: &mut Followed) -> Outcome {
     if is_vented(&followed.session) {
+        if followed.session.pressure_kpa.is_some() {
+            course.screen.tell(VENTED);
+        }
         return Ok(());
     }
     course.screen.tell("the target is reached: vent the bag (Ctrl-C goes on without)");
@@ -155,6 +160,6 @@ pub async fn until_vented(course: &mut Course, followed: &mut Followed) -> Outco
         }
     }
     bell();
-    course.screen.tell("the bag is vented");
+    course.screen.tell(VENTED);
     Ok(())
 }
