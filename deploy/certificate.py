@@ -298,9 +298,12 @@ def disagreements(stated, computed):
 def main():
     if len(sys.argv) != 5:
         sys.exit(__doc__)
-    text, samples, zeros, models = (pathlib.Path(name).read_bytes().decode() for name in sys.argv[1:])
-    stated = json.loads(text)
-    if (stated.get("format"), stated.get("version")) != ("taxeld-certificate", 1):
+    try:
+        text, samples, zeros, models = (pathlib.Path(name).read_bytes().decode() for name in sys.argv[1:])
+        stated = json.loads(text)
+    except (OSError, ValueError) as error:
+        sys.exit(f"cannot read what is to be compared: {error}")
+    if not isinstance(stated, dict) or (stated.get("format"), stated.get("version")) != ("taxeld-certificate", 1):
         sys.exit(f"{sys.argv[1]}: expected a taxeld-certificate of version 1")
     computed = recompute(stated, samples, zeros, models, text)
     found = list(disagreements(stated, computed))

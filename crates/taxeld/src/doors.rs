@@ -48,7 +48,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
                 if !address.ip().is_loopback() {
                     tracing::warn!(
                         "INSECURE: {address} is served without encryption and without knowing who calls, as \
-                         allow_insecure = true wants it: everybody on that net can read along and connect"
+                         allow_insecure = true, or the demo's --listen, wants it: everybody on that net can read along and connect"
                     );
                 }
                 Listener::Tcp(TcpListener::bind(address).with_context(|| format!("listening on {address}"))?)

@@ -226,3 +226,18 @@ fn of_a_table_the_rising_pressure_alone_is_fitted_where_that_is_asked_for() {
         );
     }
 }
+
+#[test]
+fn a_zero_from_more_than_was_recorded_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    fit(folder.path(), &Table::new()).unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let apply =
+        |tare| taxeld(&["apply", &path("models.json"), &path("data.csv"), "--tare", tare, "--out", &path("p.csv")]);
+    let refused = apply("1e9");
+    let errors = String::from_utf8(refused.stderr).unwrap();
+    assert!(!refused.status.success() && !Path::new(&path("p.csv")).exists(), "{errors}");
+    assert!(errors.contains("first 1000000000 s is asked for, and the recording is 12.0 s long"), "{errors}");
+    let within = String::from_utf8(apply("11.9").stderr).unwrap();
+    assert!(!within.contains("is asked for"), "{within}");
+}

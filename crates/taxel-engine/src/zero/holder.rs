@@ -283,6 +283,7 @@ impl Zero {
         let present = Present { zero: self.ground.zero(), signs: self.ground.signs(), modules, limits };
         if let Some(found) = self.lookback.on_scan(scan, present) {
             let why = "the zero was taken under a load, or is another; unload the skin and tare";
+            let found = found.told(|module| self.plan.module_name(module));
             self.lose(ReasonCode::ZeroLost, format!("{found}: {why}"), events);
             return;
         }

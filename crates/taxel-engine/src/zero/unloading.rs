@@ -21,13 +21,22 @@ pub struct Unloading {
     pub third: f64,
 }
 
+impl Unloading {
+    /// In words, with the modules by the names that they have for whoever looks for them.
+    #[must_use]
+    pub fn told(&self, name: impl Fn(usize) -> String) -> String {
+        let by_module = |module| format!(", {} by {:.2}", name(module), self.module_median);
+        let module = self.module.map(by_module).unwrap_or_default();
+        format!(
+            "the skin is {:.2} counts lighter than its zero in the median{module}, three taxels of a module by {:.2} and more",
+            self.median, self.third
+        )
+    }
+}
+
 impl fmt::Display for Unloading {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "the skin is {:.2} counts lighter than its zero in the median", self.median)?;
-        if let Some(module) = self.module {
-            write!(f, ", module {module} by {:.2}", self.module_median)?;
-        }
-        write!(f, ", three taxels of a module by {:.2} and more", self.third)
+        f.write_str(&self.told(|module| format!("module {module}")))
     }
 }
 

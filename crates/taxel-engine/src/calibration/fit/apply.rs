@@ -85,11 +85,18 @@ pub struct Applied {
 /// Applies a model set. Faulty stretches are left out.
 ///
 /// # Errors
-/// [`RecordingError::Taxels`] if set and recording do not have the same number.
+/// [`RecordingError::Taxels`] if set and recording do not have the same number, [`RecordingError::TareTooLong`] if the zero
+/// is to be taken from more than is recorded.
 pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<Applied, RecordingError> {
     let (recorded, models) = (scans.counts.len(), set.taxels.len());
     if recorded != models {
         return Err(RecordingError::Taxels { recorded, models });
+    }
+    let span_s = scans.time_s.last().zip(scans.time_s.first()).map_or(0.0, |(last, first)| last - first);
+    if let Tare::Seconds(tare_s) = recipe.tare
+        && tare_s > span_s
+    {
+        return Err(RecordingError::TareTooLong { tare_s, span_s });
     }
     let module_size = recipe.module_size.or(set.recorded.as_ref().map(|r| r.module_size)).unwrap_or(10);
     // Anything but several 8-bit taxels is a table of numbers: nothing is known of its faults or its rest.

@@ -82,4 +82,12 @@ pub enum RecordingError {
         /// Taxels of the set.
         models: usize,
     },
+    /// A zero is asked for from more than there is.
+    #[error("a zero from the first {tare_s} s is asked for, and the recording is {span_s:.1} s long")]
+    TareTooLong {
+        /// Seconds that the zero is to be taken from.
+        tare_s: f64,
+        /// Seconds from the first scan to the last.
+        span_s: f64,
+    },
 }
