@@ -16,7 +16,7 @@ use crate::known_set::SetSummary;
 use crate::loads::load::KnownLoad;
 use crate::model_set::ModelSet;
 use crate::now::Now;
-use crate::patch::owner::{Effects, Patch};
+use crate::patch::owner::Patch;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
 impl Engine {
@@ -98,13 +98,9 @@ impl Engine {
     }
 
     /// Nothing presses on the boards of a patch: they are configured once that holds of all that share one of them.
-    pub(super) fn on_boards_ready(&mut self, now: Now, index: usize, out: &mut Vec<Output>) {
+    pub(super) fn on_boards_ready(&mut self, now: Now, index: usize) {
         let group = self.shared.group(index).to_vec();
         if !group.iter().all(|&member| self.patches[member].is_ready_for_bring_up()) {
-            return;
-        }
-        let look = |patch: &mut Patch, effects: &mut Effects<'_>| patch.looks_again(now, effects);
-        if group.iter().filter(|&&member| self.with_patch(now, member, out, look)).count() > 0 {
             return;
         }
         for member in group {

@@ -42,16 +42,28 @@ impl SharedBoards {
 }
 
 fn others_of(patches: &[PatchPlan], patch: usize) -> Vec<Vec<(usize, usize)>> {
-    let boards = patches[patch].patch.boards().iter();
-    let others = boards.map(|board| {
+    let own = &patches[patch];
+    let others = (0..own.patch.boards().len()).map(|board| {
         let with = |(other, plan): (usize, &PatchPlan)| {
-            let mut boards = plan.patch.boards().iter();
-            let there = boards.position(|there| (there.bus, there.address) == (board.bus, board.address))?;
+            let there = (0..plan.patch.boards().len()).find(|&there| are_one((own, board), (plan, there)))?;
             (other != patch).then_some((other, there))
         };
         patches.iter().enumerate().filter_map(with).collect()
     });
     others.collect()
+}
+
+/// Whether a board of one patch and one of another are the same thing. Skin boards are by their address. The number of a
+/// described device only divides its patch: two of them are the same if they send a frame in common.
+fn are_one(a: (&PatchPlan, usize), b: (&PatchPlan, usize)) -> bool {
+    let board = |(plan, at): (&PatchPlan, usize)| plan.patch.boards()[at].clone();
+    let (here, there) = (board(a), board(b));
+    let same = match (a.0.devices.get(a.1), b.0.devices.get(b.1)) {
+        (None, None) => here.address == there.address,
+        (Some(one), Some(other)) => one.ids().any(|id| other.ids().any(|of_other| of_other == id)),
+        _ => false,
+    };
+    here.bus == there.bus && same
 }
 
 fn group_of(others: &[Vec<Vec<(usize, usize)>>], patch: usize) -> Vec<usize> {
@@ -72,6 +84,11 @@ fn group_of(others: &[Vec<Vec<(usize, usize)>>], patch: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
+    use taxel_wire::CanId;
+    use taxel_wire::array::FrameSpec;
+    use taxel_wire::bits::FrameMatch;
+
+    use crate::intake::cells::DevicePlan;
 
     use super::*;
 
@@ -83,6 +100,24 @@ mod tests {
             modules: vec![(Module::new(module as u8).unwrap(), ModuleKind::Triangle)],
         };
         PatchPlan::new(Patch::new(name, boards.iter().enumerate().map(board).collect()).unwrap())
+    }
+
+    /// Their numbers only divide a patch: each of two arrays on a bus is the first device of its own.
+    #[test]
+    fn described_devices_are_shared_by_their_frames_and_by_nothing_else() {
+        let with = |name: &str, ids: &[u32]| {
+            let frame = |&id: &u32| FrameSpec {
+                frames: FrameMatch { id: CanId::Extended(id), selectors: Vec::new() },
+                counts: Vec::new(),
+            };
+            let device = DevicePlan { frames: ids.iter().map(frame).collect(), ..DevicePlan::without_frames() };
+            PatchPlan { devices: vec![device], ..patch(name, &[(0, 1)]) }
+        };
+        let patches =
+            vec![with("palm", &[10, 11]), with("finger", &[12]), with("half", &[11]), patch("arm", &[(0, 1)])];
+        let shared = SharedBoards::new(&Plan { buses: 1, patches });
+        let others = (0..4).map(|patch| shared.others(patch, 0).to_vec());
+        assert!(others.eq([vec![(2, 0)], Vec::new(), vec![(0, 0)], Vec::new()]));
     }
 
     #[test]

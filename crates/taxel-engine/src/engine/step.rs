@@ -18,7 +18,6 @@ use crate::engine::known_sets::KnownSets;
 use crate::engine::pending::{Effect, Pending};
 use crate::engine::routes::{Route, Routes};
 use crate::engine::shared::SharedBoards;
-use crate::force::reason::ReasonCode;
 use crate::intake::health::{BusNotice, BusState};
 use crate::loads::load::Load;
 use crate::now::Now;
@@ -127,7 +126,9 @@ impl Engine {
             Input::Pushed(scan) => self.on_pushed(now, scan, out),
             Input::Bus(bus, notice) => self.on_bus(now, bus, notice, out),
             Input::Tick => self.tick(now, out),
-            Input::Resumed(gap) => self.patches.iter_mut().for_each(|patch| patch.on_frames_lost(gap)),
+            Input::Resumed(gap) => {
+                self.patches.iter_mut().for_each(|patch| patch.on_frames_lost(now.time, None, gap));
+            }
             Input::Command(request, command) => self.on_command(now, request, command, out),
             Input::Fitted(outcome) => self.on_fitted(now, outcome, out),
             Input::Committed { ticket, result } => self.on_committed(now, ticket, result, out),
@@ -175,7 +176,7 @@ impl Engine {
     /// Has written down what a patch intends, before it takes effect, and tells others what concerns them, too.
     fn intend(&mut self, now: Now, index: usize, intent: Intent, out: &mut Vec<Output>) {
         let (request, planned) = match intent {
-            Intent::BoardsReady => return self.on_boards_ready(now, index, out),
+            Intent::BoardsReady => return self.on_boards_ready(now, index),
             Intent::News { board, news } => {
                 for (other, board) in self.shared.others(index, board).to_vec() {
                     self.with_patch(now, other, out, |patch, effects| patch.on_news(now, board, &news, effects));
@@ -302,13 +303,11 @@ impl Engine {
                 continue;
             }
             if dropped {
-                self.patches[index].on_frames_lost(BUFFERED);
+                self.patches[index].on_frames_lost(now.time, Some(bus), BUFFERED);
             }
             if let Some(why) = &lost {
                 let why = format!("bus {}: {why}", bus.0);
-                self.with_patch(now, index, out, |patch, effects| {
-                    patch.lose_zero(now, ReasonCode::ZeroLost, why, effects)
-                });
+                self.with_patch(now, index, out, |patch, effects| patch.on_bus_lost(now, bus, &why, effects));
             }
         }
     }

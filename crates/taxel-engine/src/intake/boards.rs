@@ -47,11 +47,29 @@ pub struct BoardState {
     /// Of so long a time since the board was last heard the host may have lost frames: so much of a silence need not be the
     /// board's.
     unheard: Duration,
+    /// Until when that is counted: the same time is not lost twice.
+    unheard_until: Option<Time>,
+    /// Since when a described device has said that it is not well.
+    unwell_since: Option<Time>,
     celsius: Option<f64>,
     firmware: Option<FirmwareVersion>,
 }
 
 impl BoardState {
+    /// A described device sent counts, and `is_well` or not by its own status. While it is not it may take a new zero, as one
+    /// does that starts or calibrates itself, and its counts show nothing: as with a silence, what lay on it before is
+    /// compared with what it reads afterwards.
+    pub fn on_device(&mut self, time: Time, is_well: bool, limits: SilenceLimits) -> Option<BoardDoubt> {
+        let begun = self.unwell_since;
+        self.unwell_since = (!is_well).then(|| begun.unwrap_or(time));
+        let seconds = time.since(begun.or(self.unwell_since)?);
+        let why = format!(
+            "has not been well by its own status for {:.2} s and may have taken a new zero",
+            seconds.as_secs_f64()
+        );
+        Some(BoardDoubt { why, certain: seconds > limits.power_cycle_after })
+    }
+
     /// A module of the board came whole. Returns why the board's zero is in doubt, if it is.
     pub fn on_module(&mut self, time: Time, status: StatusWord, limits: SilenceLimits) -> Option<BoardDoubt> {
         let silence = self.last.map(|last| time.since(last));
@@ -91,9 +109,11 @@ impl BoardState {
         self.no_acks = 0;
     }
 
-    /// The host may have lost frames of so long a time.
-    pub fn on_frames_lost(&mut self, gap: Duration) {
-        self.unheard = self.unheard.saturating_add(gap);
+    /// The host may have lost frames of so long a time before `now`.
+    pub fn on_frames_lost(&mut self, now: Time, gap: Duration) {
+        let counted = self.unheard_until.replace(now);
+        let since = counted.map_or(gap, |until| gap.min(now.since(until)));
+        self.unheard = self.unheard.saturating_add(since);
     }
 
     /// It discarded its send queue.
@@ -160,7 +180,10 @@ mod tests {
         let mut board = BoardState::default();
         let doubt = board.on_module(Time::from_seconds(1.0), StatusWord(0), LIMITS);
         assert_eq!(doubt, None);
-        gaps_s.iter().for_each(|gap| board.on_frames_lost(Duration::from_secs_f64(*gap)));
+        let gaps = gaps_s.iter().enumerate();
+        gaps.for_each(|(n, gap)| {
+            board.on_frames_lost(Time::from_seconds(1.5 + n as f64), Duration::from_secs_f64(*gap));
+        });
         let doubt = board.on_module(Time::from_seconds(1.0 + silence_s), StatusWord(0), LIMITS);
         let again = board.on_module(Time::from_seconds(3.0 + silence_s), StatusWord(0), LIMITS);
         assert!(again.is_some_and(|doubt| doubt.certain), "a gap excuses one silence");
@@ -175,5 +198,31 @@ mod tests {
         assert_eq!(after(5.0, &[0.11]), Some(true), "the host stood still for a moment");
         assert_eq!(after(5.0, &[4.5]), Some(false));
         assert_eq!(after(1.4, &[0.25, 0.25]), Some(false));
+    }
+
+    #[test]
+    fn a_device_that_is_not_well_is_doubted_until_it_is_and_once_more_then() {
+        let mut board = BoardState::default();
+        let mut certain = |ms: i64, is_well| {
+            board.on_device(Time::from_nanos(ms * 1_000_000), is_well, LIMITS).map(|doubt| doubt.certain)
+        };
+        assert_eq!([certain(0, true), certain(20, true)], [None, None]);
+        assert_eq!([certain(40, false), certain(60, false), certain(840, true)], [Some(false); 3]);
+        assert_eq!(certain(860, true), None);
+        assert_eq!([certain(1_000, false), certain(2_000, false)], [Some(false); 2]);
+        assert_eq!([certain(2_001, false), certain(3_000, true), certain(3_020, true)], [Some(true), Some(true), None]);
+    }
+
+    #[test]
+    fn the_same_time_excuses_no_silence_twice() {
+        let mut board = BoardState::default();
+        board.on_module(Time::from_seconds(1.0), StatusWord(0), LIMITS);
+        // A buffer that hovers at its end tells of it many times a second, and the host stood still besides.
+        for n in 0..8 {
+            board.on_frames_lost(Time::from_seconds(1.1 + 0.05 * f64::from(n)), Duration::from_millis(500));
+        }
+        board.on_frames_lost(Time::from_seconds(1.5), Duration::from_millis(400));
+        let doubt = board.on_module(Time::from_seconds(3.0), StatusWord(0), LIMITS).unwrap();
+        assert!(doubt.certain, "{doubt:?}");
     }
 }

@@ -7,7 +7,9 @@
 //! many takes the module out for two periods, a second one within `MEMORY` for a whole second.
 //!
 //! A board that steadily sends faster than configured is no such case: after `STEADY` of even intervals its own period
-//! is believed, and the health says that the configuration has another.
+//! is believed, and the health says that the configuration has another. But a board changes its pace only where it starts
+//! anew. One that has kept the period that is believed for `STEADY` and then seems to send twice as often is two nodes, half
+//! a period apart: the module stays out for as long as both send, until it has been silent for `BREAK`.
 
 use std::time::Duration;
 use taxel_skin::Time;
@@ -22,6 +24,8 @@ const MEMORY: Duration = Duration::from_secs(1);
 const HOLD: Duration = Duration::from_secs(1);
 /// Even intervals over so long a time are the board's own period.
 const STEADY: Duration = Duration::from_secs(2);
+/// After so long a silence a board may have started anew, at another pace.
+const BREAK: Duration = Duration::from_secs(1);
 /// No board scans its modules faster.
 const PERIOD_MIN: Duration = Duration::from_millis(5);
 /// Intervals within this share of their mean are even.
@@ -60,6 +64,10 @@ pub struct Pace {
     even_since: Option<Time>,
     /// When the last scan too many came, and how many did in all.
     excess: (Option<Time>, u64),
+    /// Since when, from its start on, no scan was too many.
+    kept_since: Option<Time>,
+    /// It has kept the believed period for [`STEADY`] since its start: from now on it is no faster.
+    is_proven: bool,
 }
 
 impl Pace {
@@ -76,6 +84,8 @@ impl Pace {
             mean_s: 0.0,
             even_since: None,
             excess: (None, 0),
+            kept_since: None,
+            is_proven: false,
         }
     }
 
@@ -87,15 +97,21 @@ impl Pace {
 
     /// A scan of the module came.
     pub fn on_scan(&mut self, time: Time) -> Arrival {
+        let begins = self.last.is_none_or(|last| time.since(last) >= BREAK);
+        if begins {
+            (self.kept_since, self.is_proven) = (Some(time), false);
+        }
         self.learn(time);
         if let Some(due) = self.due
             && time < due - self.tolerance
         {
             let again = self.excess.0.is_some_and(|before| time.since(before) <= MEMORY);
             self.excess = (Some(time), self.excess.1 + 1);
+            self.kept_since = Some(time);
             return Arrival::TooFast { until: time + if again { HOLD } else { 2 * self.period } };
         }
         self.due = Some(self.due.map_or(time, |due| due.max(time)) + self.least);
+        self.is_proven |= self.kept_since.is_some_and(|since| time.since(since) >= STEADY);
         Arrival::InTime
     }
 
@@ -112,7 +128,7 @@ impl Pace {
         self.mean_s += MEAN_SHARE * (interval_s - self.mean_s);
         let steady = self.even_since.is_some_and(|since| time.since(since) >= STEADY);
         let faster = self.mean_s < (1.0 - WORD_SHARE) * self.period.as_secs_f64();
-        if steady && faster && self.mean_s >= PERIOD_MIN.as_secs_f64() {
+        if steady && faster && !self.is_proven && self.mean_s >= PERIOD_MIN.as_secs_f64() {
             self.believe(Duration::from_secs_f64(self.mean_s));
         }
     }
@@ -187,6 +203,35 @@ mod tests {
         assert_eq!(pace.on_scan(ms(10.0)), Arrival::TooFast { until: ms(110.0) });
         assert_eq!(pace.on_scan(ms(50.0)), Arrival::InTime);
         assert_eq!(pace.on_scan(ms(60.0)), Arrival::TooFast { until: ms(1_060.0) });
+    }
+
+    /// Its scans come as evenly as those of a board with half the period.
+    #[test]
+    fn a_second_node_half_a_period_away_is_never_taken_for_the_board_s_own_pace() {
+        for phase in [12.5, 20.0, 25.0, 30.0, 37.5] {
+            let mut pace = Pace::new(PERIOD);
+            assert!(refused(&mut pace, (0..60).map(|i| f64::from(i) * 50.0)).is_empty());
+            let both = (60..1_200).flat_map(|i| [f64::from(i) * 50.0, f64::from(i) * 50.0 + phase]);
+            let (mut out_until, mut believed) = (ms(0.0), 0);
+            for time in both.map(ms) {
+                match pace.on_scan(time) {
+                    Arrival::TooFast { until } => out_until = out_until.max(until),
+                    Arrival::InTime => believed += u32::from(time > ms(3_200.0) && time >= out_until),
+                }
+            }
+            assert_eq!(believed, 0, "scans of one of two nodes while the module is in use, {phase} ms apart");
+            // The second node goes, and what is left is the board as it was.
+            assert!(refused(&mut pace, (1_240..1_300).map(|i| f64::from(i) * 50.0)).is_empty());
+        }
+    }
+
+    #[test]
+    fn a_board_that_starts_anew_may_have_another_pace() {
+        let mut pace = Pace::new(PERIOD);
+        assert!(refused(&mut pace, (0..100).map(|i| f64::from(i) * 50.0)).is_empty());
+        let late = refused(&mut pace, (0..300).map(|i| 5_950.0 + f64::from(i) * 20.0));
+        assert!(late.last().is_some_and(|last| *last < 8_100.0), "{:?}", late.last());
+        assert_eq!(pace.unlike_configured().map(|d| d.as_millis()), Some(20));
     }
 
     #[test]

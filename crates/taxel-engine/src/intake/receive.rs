@@ -6,14 +6,14 @@
 mod told;
 
 use std::time::Duration;
-use taxel_skin::{Patch, Time};
+use taxel_skin::{BusIndex, Patch, Time};
 use taxel_wire::array::TooShort;
 use taxel_wire::icub::{Message, ModuleScan, Refusal, StatusWord, decode};
 use taxel_wire::{Frame, TimedFrame};
 
 use crate::baseline::TaxelBaseline;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
-use crate::intake::boards::{BoardNews, BoardState, SilenceLimits};
+use crate::intake::boards::{BoardDoubt, BoardNews, BoardState, SilenceLimits};
 use crate::intake::bring_up::{BoardSetup, BringUp};
 use crate::intake::cells::{Device, DevicePlan};
 use crate::intake::faults::detector::FaultDetector;
@@ -177,6 +177,11 @@ impl Intake {
             if let Some(celsius) = brought.celsius {
                 self.boards[position].on_temperature((10.0 * celsius).round() as i16);
             }
+            if !brought.modules.is_empty() {
+                let (is_well, limits) = (self.devices[position].is_well(), self.silence_limits());
+                let doubt = self.boards[position].on_device(frame.time, is_well, limits);
+                self.tell_doubt(position, doubt, events); // before its counts are taken, which may be of another zero
+            }
             for module in brought.modules {
                 let device = &self.devices[position];
                 let status = if device.is_well() { StatusWord(0) } else { StatusWord(NOT_WELL) };
@@ -283,9 +288,17 @@ impl Intake {
 
     /// Looks for signs that the board has lost its zero.
     fn watch_board(&mut self, board: usize, time: Time, status: StatusWord, events: &mut Vec<IntakeEvent>) {
-        let limits =
-            SilenceLimits { doubt_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after };
+        let limits = self.silence_limits();
         let doubt = self.boards[board].on_module(time, status, limits);
+        self.tell_doubt(board, doubt, events);
+    }
+
+    const fn silence_limits(&self) -> SilenceLimits {
+        SilenceLimits { doubt_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after }
+    }
+
+    /// Tells that the zero of a board is in doubt, unless it is being taken anew.
+    fn tell_doubt(&self, board: usize, doubt: Option<BoardDoubt>, events: &mut Vec<IntakeEvent>) {
         if self.bring_up.is_busy() {
             return; // silence and new zeros are what it is for
         }
@@ -301,9 +314,11 @@ impl Intake {
         self.gauge.push(time, pressure);
     }
 
-    /// The host may have lost frames of the bus that this patch's boards sit on, of so long a time at the most.
-    pub fn on_frames_lost(&mut self, gap: Duration) {
-        self.boards.iter_mut().for_each(|board| board.on_frames_lost(gap));
+    /// The host may have lost frames of a bus, of all without one, of so long a time before `now` at the most.
+    pub fn on_frames_lost(&mut self, now: Time, bus: Option<BusIndex>, gap: Duration) {
+        let states = self.boards.iter_mut().zip(self.plan.patch.boards());
+        let there = states.filter(|(_, board)| bus.is_none_or(|bus| board.bus == bus));
+        there.for_each(|(state, _)| state.on_frames_lost(now, gap));
     }
 
     /// Time passed. Frames to send come with the position of their board.

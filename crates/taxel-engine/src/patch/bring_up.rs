@@ -8,11 +8,8 @@ use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::force::reason::ReasonCode;
 use crate::now::Now;
-use crate::patch::owner::{BEING_CONFIGURED, Effects, Intent, Patch};
+use crate::patch::owner::{BEING_CONFIGURED, Effects, Intent, Patch, Ready};
 use crate::zero::watch::Purpose;
-
-/// What was seen of a skin before its boards are configured holds for so long.
-const READY_FOR: Duration = Duration::from_secs(10);
 
 /// Boards that were not heard for so long after the start do not stream: three of the longest periods.
 const SILENT_BOARDS_AFTER: Duration = Duration::from_millis(300);
@@ -28,27 +25,33 @@ impl Patch {
         if self.bring_up_waits {
             self.silent_until = now.time + SILENT_BOARDS_AFTER;
         } else {
-            self.on_boards_ready(now.time, effects);
+            self.on_boards_ready(now.time, Ready::Unseen, effects);
         }
     }
 
-    /// Boards that do not stream are configured at once; the others are looked at first.
+    /// Boards that do not stream are configured at once; the others are looked at first, and for as long as those of other
+    /// patches are not ready: a load may come meanwhile.
     pub(super) fn begin_bring_up(&mut self, now: Now, effects: &mut Effects<'_>) {
-        if !self.bring_up_waits || self.ready_since.is_some() || self.zero.watching().is_some() {
+        if !self.bring_up_waits || self.zero.watching().is_some() {
             return;
         }
-        if self.intake.newest().is_some() {
+        if self.shows_loads() || (self.ready.is_none() && self.intake.newest().is_some()) {
             self.look_before_bring_up(now, effects);
-        } else if now.time >= self.silent_until {
-            self.on_boards_ready(now.time, effects);
+        } else if self.ready.is_none() && now.time >= self.silent_until {
+            self.on_boards_ready(now.time, Ready::Unseen, effects);
         }
+    }
+
+    /// Whether its counts show what presses on it.
+    pub(super) fn shows_loads(&self) -> bool {
+        self.force.models().is_some() && self.intake.silent_taxels() < self.taxels()
     }
 
     /// The boards may be configured: now, or once that holds of all patches that share one of them.
-    pub(super) fn on_boards_ready(&mut self, now: Time, effects: &mut Effects<'_>) {
+    pub(super) fn on_boards_ready(&mut self, now: Time, ready: Ready, effects: &mut Effects<'_>) {
         if self.shares_boards && self.plan.configures() {
             self.bring_up_waits = true;
-            self.ready_since = Some(now);
+            self.ready = Some(ready);
             effects.intents.push(Intent::BoardsReady);
         } else {
             self.configure_boards(now);
@@ -58,23 +61,21 @@ impl Patch {
     /// Whether the boards may be configured as far as this patch knows.
     #[must_use]
     pub fn is_ready_for_bring_up(&self) -> bool {
-        !self.plan.configures() || self.ready_since.is_some()
-    }
-
-    /// It was too long ago that nothing pressed on the boards: looks again. Returns whether it does.
-    pub fn looks_again(&mut self, now: Now, effects: &mut Effects<'_>) -> bool {
-        let stale = self.ready_since.is_some_and(|since| now.time.since(since) > READY_FOR);
-        if stale {
-            self.ready_since = None;
-            self.look_before_bring_up(now, effects);
-        }
-        stale
+        let ready = match self.ready {
+            Some(Ready::Seen) => true,
+            Some(Ready::Unseen) => !self.shows_loads(), // where they have begun to send it is looked first
+            None => false,
+        };
+        !self.plan.configures() || ready
     }
 
     /// Configures the boards; nothing presses on them.
     pub fn configure_boards(&mut self, now: Time) {
         self.bring_up_waits = false;
-        self.ready_since = None;
+        self.ready = None;
+        if matches!(self.zero.watching(), Some(Purpose::BeforeBringUp)) {
+            self.zero.stop_watching(); // the look that went on while others were not ready
+        }
         if self.plan.configures() {
             let models = self.force.models().map(|set| set.baseline.as_slice());
             self.zero.on_bring_up(models);
@@ -85,10 +86,9 @@ impl Patch {
     /// Configures the boards again: the zero is lost. Where there is no force that would show a load, boards that stream
     /// are looked at first, unless it is confirmed that nothing touches the skin.
     pub fn bring_up_again(&mut self, now: Now, confirmed: bool, effects: &mut Effects<'_>) {
-        let streams = self.intake.silent_taxels() < self.taxels();
-        self.ready_since = None;
+        self.ready = None;
         let feels = self.zero.holds() && self.felt.is_some();
-        self.bring_up_waits = !confirmed && !feels && self.force.models().is_some() && streams;
+        self.bring_up_waits = !confirmed && !feels && self.shows_loads();
         if feels && !confirmed {
             self.zero.look_by_zero();
         }
@@ -97,23 +97,26 @@ impl Patch {
         if self.bring_up_waits {
             self.look_before_bring_up(now, effects);
         } else {
-            self.on_boards_ready(now.time, effects);
+            self.on_boards_ready(now.time, Ready::Seen, effects);
         }
     }
 
     /// The boards were looked at before they are configured. Silent ones are configured, too; those that something
     /// presses on wait until it is gone, or until an operator asks for it.
-    pub(super) fn on_looked(&mut self, now: Now, found: Result<(), String>, effects: &mut Effects<'_>) {
-        if !self.bring_up_waits || self.is_ready_for_bring_up() {
+    pub(super) fn on_looked(&mut self, now: Now, found: Result<Ready, String>, effects: &mut Effects<'_>) {
+        if !self.bring_up_waits {
             return;
         }
         match found {
-            Ok(()) => {
-                self.zero.explain(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED.to_owned());
-                self.dirty = true;
-                self.on_boards_ready(now.time, effects);
+            Ok(ready) => {
+                if self.ready.is_none() {
+                    self.zero.explain(ReasonCode::BoardsNotConfigured, BEING_CONFIGURED.to_owned());
+                    self.dirty = true;
+                }
+                self.on_boards_ready(now.time, ready, effects);
             }
             Err(why) => {
+                self.ready = None;
                 let hint = "if nothing touches the skin, ask for BringUp and say so with confirmed_by";
                 let why = format!("the boards are not configured while something presses on them: {why}; {hint}");
                 self.zero.explain(ReasonCode::BoardsNotConfigured, why);

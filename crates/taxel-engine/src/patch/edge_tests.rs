@@ -5,7 +5,7 @@ use taxel_sim::HOST_BOARD_CONFIG;
 use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Time};
 use taxel_wire::icub::TriangleConfig;
 
-use super::owner::{Effects, Intent, Patch};
+use super::owner::{Effects, Intent, Patch, Ready};
 use crate::boundary::output::Output;
 use crate::force;
 use crate::now::Now;
@@ -133,20 +133,18 @@ fn boards_whose_load_no_model_would_show_are_configured_at_once_and_those_of_a_l
 }
 
 #[test]
-fn a_board_that_is_shared_waits_for_the_others_and_what_was_seen_holds_for_ten_seconds() {
+fn a_board_that_is_shared_waits_for_the_others_and_is_looked_at_meanwhile() {
     let mut scene = Scene::new(configuring(), false, true);
     assert!(!scene.patch.is_ready_for_bring_up());
     scene.act(|patch, effects| patch.start(now(1_000), effects));
     assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);
     assert!(scene.patch.is_ready_for_bring_up() && !scene.sends(1_500));
-    scene.act(|patch, effects| patch.on_looked(now(1_500), Ok(()), effects));
-    assert!(scene.intents.is_empty(), "it has said so: {:?}", scene.intents);
     assert_eq!(scene.patch.deadline(), None, "nothing of its own is to be done");
-    assert!(!scene.act(|patch, effects| patch.looks_again(now(11_000), effects)));
+    scene.act(|patch, effects| patch.on_looked(now(1_500), Err("loaded".to_owned()), effects));
+    assert!(!scene.patch.is_ready_for_bring_up(), "a load has come meanwhile");
+    scene.act(|patch, effects| patch.on_looked(now(2_500), Ok(Ready::Seen), effects));
+    assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);
     assert!(scene.patch.is_ready_for_bring_up());
-    assert!(scene.act(|patch, effects| patch.looks_again(now(11_001), effects)));
-    assert!(!scene.patch.is_ready_for_bring_up(), "until it has looked");
-    let mut scene = Scene::new(listening(), false, true);
+    let scene = Scene::new(listening(), false, true);
     assert!(scene.patch.is_ready_for_bring_up(), "a patch that configures nothing keeps nobody waiting");
-    assert!(!scene.act(|patch, effects| patch.looks_again(now(99_000), effects)));
 }

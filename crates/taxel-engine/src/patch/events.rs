@@ -9,7 +9,7 @@ use crate::calibration::session::SessionRecord;
 use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
 use crate::now::Now;
-use crate::patch::owner::{Effects, Intent, Patch};
+use crate::patch::owner::{Effects, Intent, Patch, Ready};
 use crate::request::Rejection;
 use crate::zero::events::ZeroEvent;
 use crate::zero::watch::Purpose;
@@ -36,11 +36,11 @@ impl Patch {
                         self.calibration.on_zero_taken(now, baseline, self.intake.gauge(), &mut follows);
                     }
                 }
-                ZeroEvent::Looked(found) => self.on_looked(now, found, effects),
+                ZeroEvent::Looked(found) => self.on_looked(now, found.map(|()| Ready::Seen), effects),
                 // Boards that are all silent show nothing; else they are looked at again.
                 ZeroEvent::Refused(Purpose::BeforeBringUp, ..) => {
                     if self.intake.silent_taxels() == self.taxels() {
-                        self.on_looked(now, Ok(()), effects);
+                        self.on_looked(now, Ok(Ready::Unseen), effects);
                     }
                 }
                 ZeroEvent::Refused(Purpose::AtStart, _, why) => {

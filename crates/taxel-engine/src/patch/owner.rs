@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 use std::time::Duration;
-use taxel_skin::{Kilopascal, Newton, Time};
+use taxel_skin::{BusIndex, Kilopascal, Newton, Time};
 use taxel_wire::array::TooShort;
 use taxel_wire::icub::Refusal;
 use taxel_wire::{Frame, TimedFrame};
@@ -59,6 +59,15 @@ pub enum Intent {
     },
 }
 
+/// Why the boards of a patch may be configured, as far as it knows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ready {
+    /// Nothing shows what presses on them: they are silent, or there are no models.
+    Unseen,
+    /// Nothing presses on them, as was seen, or somebody said so.
+    Seen,
+}
+
 /// What a patch puts out in a step.
 pub struct Effects<'a> {
     /// To be done by the shell.
@@ -86,8 +95,8 @@ pub struct Patch {
     /// The boards are to be configured once it is known that nothing presses on them, or that they are silent.
     pub(super) bring_up_waits: bool,
     pub(super) silent_until: Time,
-    /// Since when they may be configured, as far as this patch knows, and wait for patches that share one of them.
-    pub(super) ready_since: Option<Time>,
+    /// They may be configured, as far as this patch knows, and wait for patches that share one of them.
+    pub(super) ready: Option<Ready>,
     pub(super) shares_boards: bool,
     /// The force that was published last, and from how many taxels; none of them if it is below what can be told from
     /// nothing.
@@ -118,7 +127,7 @@ impl Patch {
             dirty: true,
             bring_up_waits: false,
             silent_until: Time::default(),
-            ready_since: None,
+            ready: None,
             shares_boards,
             felt: None,
             doubt,
@@ -176,9 +185,21 @@ impl Patch {
         self.on_zero_events(now, events, effects);
     }
 
-    /// The host may have lost frames of a bus that boards of this patch sit on, of so long a time.
-    pub fn on_frames_lost(&mut self, gap: Duration) {
-        self.intake.on_frames_lost(gap);
+    /// The host may have lost frames of a bus, of all without one, of so long a time before `now`.
+    pub fn on_frames_lost(&mut self, now: Time, bus: Option<BusIndex>, gap: Duration) {
+        self.intake.on_frames_lost(now, bus, gap);
+    }
+
+    /// A bus was lost for a time, and with it what its boards did meanwhile: they may have taken new zeros under what lies
+    /// on them.
+    pub fn on_bus_lost(&mut self, now: Now, bus: BusIndex, why: &str, effects: &mut Effects<'_>) {
+        let boards = self.plan.patch.boards().iter().enumerate().filter(|(_, board)| board.bus == bus);
+        let boards: Vec<usize> = boards.map(|(board, _)| board).collect();
+        let mut events = Vec::new();
+        for board in boards {
+            self.zero.lose_by_board(board, why, &mut events);
+        }
+        self.on_zero_events(now, events, effects);
     }
 
     /// A frame with an identifier of one of this patch's modules.
@@ -383,11 +404,15 @@ impl Patch {
     /// When [`Patch::tick`] has something to do at the latest, if nothing comes before.
     #[must_use]
     pub fn deadline(&self) -> Option<Time> {
+        let now = Time::from_nanos(i64::MIN);
         if self.dirty {
-            return Some(Time::from_nanos(i64::MIN)); // now
+            return Some(now);
         }
-        let waits = self.bring_up_waits && self.ready_since.is_none() && self.zero.watching().is_none();
-        let bring_up = waits.then_some(self.silent_until);
+        let waits = self.bring_up_waits && self.zero.watching().is_none();
+        let bring_up = match self.ready {
+            None => waits.then_some(self.silent_until),
+            Some(_) => (waits && self.shows_loads()).then_some(now),
+        };
         let organs = [self.intake.deadline(), self.zero.deadline(), self.loads.deadline(), self.calibration.deadline()];
         organs.into_iter().chain([bring_up]).flatten().min()
     }

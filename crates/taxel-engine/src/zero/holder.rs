@@ -28,6 +28,10 @@ use crate::zero::rest::window::RestWindow;
 use crate::zero::view::TareView;
 use crate::zero::watch::{Purpose, Watch};
 
+/// What is said while it is not known whether a board took a new zero under its load.
+const VANISHED: &str =
+    "a load vanished from a whole board at once, and whether the board took a new zero is being looked at";
+
 /// The zero of one patch.
 #[derive(Debug)]
 pub struct Zero {
@@ -146,8 +150,7 @@ impl Zero {
     pub fn load_vanished(&self) -> Option<Reason> {
         let mut boards = self.continuity.unloaded().peekable();
         boards.peek()?;
-        let text = "a load vanished from a whole board at once, and whether the board took a new zero is being looked at: \
-                    the total is a lower bound";
+        let text = format!("{VANISHED}: the total is a lower bound");
         let taxels = boards.flat_map(|board| self.regions.boards()[board].clone());
         Some(Reason::about(positions(taxels), ReasonCode::LoadVanished, text))
     }
@@ -193,6 +196,7 @@ impl Zero {
     fn check_continuity(&mut self, scan: &Scan<'_>, around: &Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
         if !self.view.valid {
             self.continuity.without_zero(scan, around.bag);
+            self.spoil_proven();
             if std::mem::replace(&mut self.configuring, around.configuring) {
                 self.continuity.begin(true); // boards that were configured have taken zeros of their own
             }
@@ -203,7 +207,21 @@ impl Zero {
                 self.lose(ReasonCode::ZeroLost, why.clone(), events);
                 events.push(ZeroEvent::BoardMoved { board, why });
             }
-            Some((_, Finding::Doubt(_))) | None => self.tell_doubt(events),
+            Some((_, Finding::Doubt(_))) | None => {
+                self.spoil_proven();
+                self.tell_doubt(events);
+            }
+        }
+    }
+
+    /// A zero that is being written down is of before: what is found since would be forgotten with it.
+    fn spoil_proven(&mut self) {
+        let Some(proven) = &mut self.proven else { return };
+        let found = self.continuity.doubted().map(str::to_owned);
+        let vanished = self.continuity.unloaded().next().is_some().then(|| VANISHED.to_owned());
+        let unproven = self.continuity.unproven().filter(|why| !proven.knew(why)).map(str::to_owned);
+        if let Some(why) = found.or(vanished).or(unproven) {
+            proven.spoil(&why);
         }
     }
 

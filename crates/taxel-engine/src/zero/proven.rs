@@ -8,14 +8,27 @@ use crate::zero::view::TareView;
 #[derive(Clone, Debug)]
 pub struct Proven {
     request: RequestId,
+    /// Why the counts could not show rest when it was taken, if somebody vouched for it.
+    unproven: Option<String>,
     zero: Result<(TareView, Vec<TaxelBaseline>), String>,
 }
 
 impl Proven {
-    /// A zero for `request`, one baseline per taxel.
+    /// A zero for `request`, one baseline per taxel, taken although the counts could not show rest for the reason `unproven`.
     #[must_use]
-    pub const fn new(request: RequestId, view: TareView, baseline: Vec<TaxelBaseline>) -> Self {
-        Self { request, zero: Ok((view, baseline)) }
+    pub const fn new(
+        request: RequestId,
+        view: TareView,
+        baseline: Vec<TaxelBaseline>,
+        unproven: Option<String>,
+    ) -> Self {
+        Self { request, unproven, zero: Ok((view, baseline)) }
+    }
+
+    /// Whether this was known when it was taken.
+    #[must_use]
+    pub fn knew(&self, unproven: &str) -> bool {
+        self.unproven.as_deref() == Some(unproven)
     }
 
     /// Whether it was taken for `request`.

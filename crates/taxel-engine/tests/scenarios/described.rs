@@ -8,7 +8,7 @@ use taxel_engine::calibration::SessionState;
 use taxel_engine::command::Command;
 use taxel_engine::intake::faults::Fault;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{DevicePlan, Gauge, PatchPlan, Plan, ScanBegin};
+use taxel_engine::plan::{DevicePlan, DeviceSignal, Gauge, PatchPlan, Plan, ScanBegin};
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
 use taxel_skin::{Board, BoardAddress, CountRange, Module, ModuleKind, Patch, SquareMillimetre, Time};
@@ -24,10 +24,16 @@ const TAXELS: usize = 48;
 const PERIOD: Duration = Duration::from_millis(20);
 const REST: f64 = 230.0;
 const AREA_MM2: f64 = 16.0;
+const STATUS_ID: u32 = 0x18FD_0002;
 
 fn plan() -> Plan {
+    Plan { buses: 1, patches: vec![patch_plan("array", 0x18FE_0000)] }
+}
+
+/// An array whose frames have identifiers from this one on.
+fn patch_plan(name: &str, first_id: u32) -> PatchPlan {
     let of_frame = |frame: u16| FrameSpec {
-        frames: FrameMatch { id: CanId::Extended(0x18FE_0000 + u32::from(frame)), selectors: vec![] },
+        frames: FrameMatch { id: CanId::Extended(first_id + u32::from(frame)), selectors: vec![] },
         counts: (0..24)
             .map(|n| {
                 let field = BitField::new(16 * n, 16, ByteOrder::Little, false).unwrap();
@@ -44,7 +50,7 @@ fn plan() -> Plan {
     };
     let modules = (0..4).map(|module| (Module::from_nibble(module), ModuleKind::Cells(12))).collect();
     let board = Board { bus: BUS, address: BoardAddress::new(1).unwrap(), modules };
-    let patch = Patch::new("array", vec![board]).unwrap().with_counts(CountRange::to(u16::MAX).unwrap());
+    let patch = Patch::new(name, vec![board]).unwrap().with_counts(CountRange::to(u16::MAX).unwrap());
     let signal = SignalSpec {
         id: CanId::Extended(0x18FF_0010),
         start_bit: 0,
@@ -56,14 +62,13 @@ fn plan() -> Plan {
         unit: PressureUnit::Kilopascal,
         meaning: PressureMeaning::Differential,
     };
-    let plan = PatchPlan {
+    PatchPlan {
         devices: vec![device],
         period: PERIOD,
         areas: vec![SquareMillimetre(AREA_MM2); TAXELS],
         gauge: Some(Gauge { bus: BUS, signal }),
         ..PatchPlan::new(patch)
-    };
-    Plan { buses: 1, patches: vec![plan] }
+    }
 }
 
 /// The array in front of an engine.
@@ -80,6 +85,12 @@ struct Scene {
     mute: Option<usize>,
     /// A taxel at the end of its range.
     railed: Option<usize>,
+    /// It has no power.
+    off: bool,
+    /// What it says of itself, where it does.
+    status: Option<u8>,
+    /// Another array on the bus, at rest: the identifier of its first frame.
+    beside: Option<u32>,
 }
 
 impl Scene {
@@ -95,6 +106,9 @@ impl Scene {
             taken,
             mute: None,
             railed: None,
+            off: false,
+            status: None,
+            beside: None,
         }
     }
 
@@ -127,8 +141,15 @@ impl Scene {
             let raw = if self.railed == Some(taxel) { u16::MAX } else { (256.0 * units) as u16 };
             counts.extend(raw.to_le_bytes());
         }
-        for (frame, bytes) in counts.chunks(48).enumerate().filter(|(frame, _)| self.mute != Some(*frame)) {
+        frames.extend(self.status.map(|status| Frame::of(CanId::Extended(STATUS_ID), [status])));
+        for (frame, bytes) in counts.chunks(48).enumerate().filter(|(frame, _)| self.mute != Some(*frame) && !self.off)
+        {
             frames.push(Frame::fd(CanId::Extended(0x18FE_0000 + frame as u32), bytes).unwrap());
+        }
+        if let Some(first_id) = self.beside {
+            let rest: Vec<u8> = (0..24).flat_map(|_| ((256.0 * (REST + self.chance())) as u16).to_le_bytes()).collect();
+            let of_frame = |frame| Frame::fd(CanId::Extended(first_id + frame), &rest).unwrap();
+            frames.extend((0..2).map(of_frame));
         }
         let timed =
             (1..).zip(frames).map(|(n, frame)| TimedFrame { time: begin + Duration::from_micros(300) * n, frame });
@@ -155,9 +176,13 @@ impl Scene {
 
     /// An array that was calibrated and weighs.
     fn in_use() -> Self {
-        let mut scene = Self::new(plan(), Restored::default());
+        Self::new(plan(), Restored::default()).calibrated()
+    }
+
+    fn calibrated(mut self) -> Self {
+        let scene = &mut self;
         scene.seconds(1.0);
-        let (patch, target, branches, confirmed_by) = (String::new(), None, None, None);
+        let (patch, target, branches, confirmed_by) = ("array".to_owned(), None, None, None);
         scene.ask(Command::StartSession { patch, target, branches, confirmed_by, leave_out: vec![] });
         scene.seconds(2.0);
         assert_eq!(scene.host.session().state, SessionState::Ramping, "{}", scene.host.session().reason);
@@ -173,8 +198,74 @@ impl Scene {
         scene.ask(Command::Activate { patch: "array".to_owned(), model_set: set.id.clone(), expected: None });
         scene.seconds(3.0);
         assert_eq!(scene.host.state(), ForceState::Ok, "{}", scene.host.reasons());
-        scene
+        self
     }
+
+    /// The array takes what lies on it for nothing, and leaves no residue that would show it.
+    fn take_zero(&mut self) {
+        self.taken = (0..TAXELS).map(|taxel| self.moved(taxel)).collect();
+    }
+}
+
+/// Two arrays on one bus. Each is the first device of its patch, and one of them is heard while the other has no power.
+#[test]
+fn a_described_device_that_was_without_power_has_no_force_whatever_else_is_on_the_bus() {
+    for beside in [None, Some(0x18FC_0000)] {
+        let mut plan = plan();
+        plan.patches.extend(beside.map(|first_id| patch_plan("palm", first_id)));
+        let mut scene = Scene { beside, ..Scene::new(plan, Restored::default()) }.calibrated();
+        scene.off = true;
+        scene.seconds(3.0);
+        assert_eq!(scene.host.state(), ForceState::Stale);
+        scene.load = (16, 25.0);
+        scene.seconds(2.0);
+        scene.take_zero();
+        scene.off = false;
+        for _ in 0..250 {
+            scene.scan();
+            let force = &scene.host.snapshot().force;
+            assert_eq!(force.total, None, "6.4 N lie there, beside {beside:?}: {force:?}");
+        }
+        assert!(scene.host.reasons().contains("was silent for 5.0 s"), "{}", scene.host.reasons());
+    }
+}
+
+/// It goes on sending while it calibrates itself, and says so.
+#[test]
+fn a_described_device_that_was_not_well_by_its_own_status_may_have_taken_a_new_zero() {
+    let signal = DeviceSignal {
+        frames: FrameMatch { id: CanId::Extended(STATUS_ID), selectors: vec![] },
+        field: BitField::new(0, 8, ByteOrder::Little, false).unwrap(),
+    };
+    let mut plan = plan();
+    plan.patches[0].devices[0].status = Some((signal, 0));
+    let new = || Scene { status: Some(0), ..Scene::new(plan.clone(), Restored::default()) }.calibrated();
+    for not_well_s in [0.3, 0.8, 1.5] {
+        let mut scene = new();
+        scene.load = (16, 25.0);
+        scene.seconds(1.0);
+        assert!(scene.host.snapshot().force.total.unwrap().0 > 5.0);
+        scene.status = Some(1);
+        scene.seconds(0.5 * not_well_s);
+        scene.take_zero();
+        scene.seconds(0.5 * not_well_s);
+        scene.status = Some(0);
+        for _ in 0..500 {
+            scene.scan();
+            let force = &scene.host.snapshot().force;
+            assert_eq!(force.total, None, "6.4 N lie there, after {not_well_s} s: {force:?}");
+        }
+        assert_eq!(scene.host.state(), ForceState::TareInvalid, "{}", scene.host.reasons());
+        assert!(scene.host.reasons().contains("board 1 "), "{}", scene.host.reasons());
+    }
+    // For a moment, and nothing happened: the force comes back by itself.
+    let mut scene = new();
+    scene.load = (16, 25.0);
+    scene.status = Some(1);
+    scene.seconds(0.3);
+    scene.status = Some(0);
+    scene.seconds(4.0);
+    assert!(scene.host.snapshot().force.total.is_some_and(|total| total.0 > 5.0), "{}", scene.host.reasons());
 }
 
 #[test]

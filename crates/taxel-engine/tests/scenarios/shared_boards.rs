@@ -58,19 +58,21 @@ fn lower_in_use() -> Bench {
     let mut bench = Bench::new(small_world(), Arc::new(plan_of(halves().into())), Restored::default());
     bench.brought_up();
     bench.seconds(1.5);
-    let (patch, target) = ("lower".to_owned(), Some(taxel_skin::Kilopascal(20.0)));
+    calibrate(&mut bench, "lower");
+    bench
+}
+
+fn calibrate(bench: &mut Bench, name: &str) {
+    let (patch, target) = (name.to_owned(), Some(taxel_skin::Kilopascal(20.0)));
     let start = Command::StartSession { patch, target, branches: None, confirmed_by: None, leave_out: Vec::new() };
     bench.ask(start).unwrap();
     bench.until_state(10.0, taxel_engine::calibration::SessionState::Ramping);
     bench.ramp(25.0, 4.0);
     bench.until(20.0, "a model set", |host| host.session().model_set.is_some());
     let model_set = bench.host.session().model_set.clone().unwrap();
-    bench
-        .ask(Command::Activate { patch: "lower".to_owned(), model_set: model_set.to_string(), expected: None })
-        .unwrap();
+    bench.ask(Command::Activate { patch: name.to_owned(), model_set: model_set.to_string(), expected: None }).unwrap();
     bench.world.pump(PumpCommand::Vent);
     bench.seconds(20.0);
-    bench
 }
 
 /// The upper half has no models that would show a load, and so nothing to wait for. But its commands would make the board
@@ -91,6 +93,29 @@ fn a_shared_board_is_configured_once_nothing_presses_on_either_patch() {
     for board in &bench.host.health().boards {
         assert_eq!(board.modules.0, board.modules.1, "{board:?}");
     }
+}
+
+/// One patch is ready and waits for the other: what comes to lie on it meanwhile must not be taken for nothing.
+#[test]
+fn a_load_that_comes_while_the_boards_wait_for_another_patch_keeps_them_waiting() {
+    let mut before = lower_in_use();
+    calibrate(&mut before, "upper");
+    let model_sets = before.host.catalogue.model_sets.clone();
+    let active = before.host.catalogue.active.iter().filter_map(|(patch, set)| Some((patch.clone(), set.clone()?)));
+    let restored = Restored { active: active.collect(), model_sets, next_session: 3, ..Restored::default() };
+    assert_eq!(restored.active.len(), 2);
+    let mut bench = Bench::new(before.world, Arc::new(plan_of(halves().into())), restored);
+    bench.lay(0.5, 45); // on the lower half
+    bench.seconds(6.0);
+    bench.world.clear();
+    bench.lay(0.5, 14); // on the upper half, which was at rest until now
+    bench.seconds(6.0);
+    assert_eq!(bench.host.sent, [], "nothing is sent to boards that bear a load");
+    let why = |name: &str| bench.host.others.get(&usize::from(name == "lower")).map(|s| s.force.why());
+    assert!(bench.host.reasons().contains("something presses") || why("lower").is_some(), "{}", bench.host.reasons());
+    bench.world.clear();
+    bench.brought_up();
+    bench.until_force(5.0, ForceState::Ok);
 }
 
 #[test]
