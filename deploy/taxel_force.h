@@ -14,6 +14,9 @@
  * taxel_force_read looks at the page that is open: no system call but clock_gettime, which Linux answers in user space.
  * taxel_force_follow does the same, and looks for a new page, at most every 50 ms, while the daemon does not live.
  * A reader belongs to one thread at a time.
+ *
+ * A page that another account can have put there is none: from / on, what lies where others write has to belong to root or
+ * to this account, or to the one that taxel_force_trust names. The program needs POSIX.1-2008 and /proc.
  */
 #ifndef TAXEL_FORCE_H
 #define TAXEL_FORCE_H
@@ -21,6 +24,7 @@
 #include <fcntl.h>
 #include <math.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -37,7 +41,7 @@ extern "C" {
 /* Why there is no force; TAXEL_FORCE_GOOD: there is one. */
 typedef enum taxel_force_status {
     TAXEL_FORCE_GOOD = 0,
-    TAXEL_FORCE_NO_PAGE = 1,     /* no daemon, another patch, or a page that may not be read */
+    TAXEL_FORCE_NO_PAGE = 1,     /* no daemon, another patch, or a page that may not be read or believed */
     TAXEL_FORCE_NOTHING_YET = 2, /* no sample was written yet */
     TAXEL_FORCE_CLOSED = 3,      /* the daemon has ended */
     TAXEL_FORCE_WRITER_GONE = 4, /* the daemon hangs or was killed */
@@ -81,6 +85,7 @@ typedef struct taxel_force {
 /* Fields are the header's own. */
 typedef struct taxel_force_reader {
     char path[512];
+    uid_t owner; /* 0: root, who may anyway */
     const uint64_t *page; /* NULL: none */
     dev_t device;
     ino_t inode;
@@ -125,6 +130,33 @@ static inline int taxel_force_init(taxel_force_reader *reader, const char *path)
     return 0;
 }
 
+/* Believes pages of this account, too. */
+static inline void taxel_force_trust(taxel_force_reader *reader, uid_t owner) { reader->owner = owner; }
+
+/* Whether nobody but root, this account and `owner` can have put the open file in its place. */
+static inline int taxel_trusted_(int file, const struct stat *opened, uid_t owner) {
+    char link[32], real[1024];
+    struct stat about;
+    int others_write = 0;
+    size_t at;
+    ssize_t length;
+    snprintf(link, sizeof link, "/proc/self/fd/%d", file);
+    length = readlink(link, real, sizeof real - 1);
+    if (length <= 0 || real[0] != '/') return 0;
+    real[length] = '\0';
+    for (at = 1; at <= (size_t)length; at++) {
+        /* "/", then what ends before each further '/', then all of it. */
+        const char kept = real[at];
+        if (at != 1 && kept != '/' && kept != '\0') continue;
+        real[at] = '\0';
+        if (lstat(real, &about) != 0) return 0;
+        if (others_write && about.st_uid != 0 && about.st_uid != geteuid() && about.st_uid != owner) return 0;
+        others_write = (about.st_mode & (S_IWGRP | S_IWOTH)) != 0;
+        real[at] = kept;
+    }
+    return !others_write && about.st_dev == opened->st_dev && about.st_ino == opened->st_ino;
+}
+
 /* Lets the page go. */
 static inline void taxel_force_close(taxel_force_reader *reader) {
     if (reader->page != NULL) munmap((void *)(uintptr_t)reader->page, TAXEL_FORCE_BYTES);
@@ -137,7 +169,8 @@ static inline int taxel_force_open(taxel_force_reader *reader) {
     int file = open(reader->path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (file < 0) return 0;
     if (fstat(file, &about) == 0 && S_ISREG(about.st_mode) && about.st_size >= (off_t)TAXEL_FORCE_BYTES &&
-        !(reader->page != NULL && about.st_dev == reader->device && about.st_ino == reader->inode)) {
+        !(reader->page != NULL && about.st_dev == reader->device && about.st_ino == reader->inode) &&
+        taxel_trusted_(file, &about, reader->owner)) {
         void *mapped = mmap(NULL, TAXEL_FORCE_BYTES, PROT_READ, MAP_SHARED, file, 0);
         if (mapped != MAP_FAILED) {
             const uint64_t *page = (const uint64_t *)mapped;
@@ -274,7 +307,8 @@ static inline const char *taxel_force_words(taxel_force_status status) {
     switch (status) {
     case TAXEL_FORCE_GOOD: return "good";
     case TAXEL_FORCE_NO_PAGE:
-        return "there is no page to be read: no daemon runs, it has another patch, or this account is not in the page's group";
+        return "there is no page to be read: no daemon runs, it has another patch, this account is not in the page's group, "
+               "or another account can have put it there";
     case TAXEL_FORCE_NOTHING_YET: return "no sample yet";
     case TAXEL_FORCE_CLOSED: return "the daemon has ended";
     case TAXEL_FORCE_WRITER_GONE: return "the daemon's engine does not run";

@@ -34,6 +34,14 @@ pub enum PageError {
         /// What is wrong and what was expected.
         problem: String,
     },
+    /// Another account can have put it there.
+    #[error("{path}: {problem}")]
+    Untrusted {
+        /// The file, or the folder on the way to it.
+        path: PathBuf,
+        /// What was found and what was expected.
+        problem: String,
+    },
     /// The file is no page, or one of another version.
     #[error("{path}: {problem}")]
     NotAPage {
@@ -56,7 +64,7 @@ impl PageError {
                 matches!(source.raw_os_error(), Some(ENOSPC | EDQUOT | ENOMEM | EMFILE | ENFILE))
             }
             Self::Occupied { .. } => true,
-            Self::Folder { .. } | Self::NotAPage { .. } => false,
+            Self::Folder { .. } | Self::Untrusted { .. } | Self::NotAPage { .. } => false,
         }
     }
 

@@ -6,7 +6,8 @@
 //!    nothing any more, so what it wrote grows old and is refused ([`Page::force`]).
 //! 2. A sample is whole or refused. The page holds two samples; the writer never touches the newest one (`latch`).
 //! 3. Readers map the page read-only. Nothing that they do, or leave undone, reaches the writer, which never waits.
-//! 4. A page is complete before it has its name, and no page is used again: a new daemon makes new ones.
+//! 4. A page that another account can have put there is none ([`Page::open`], [`Reader::trusting`]).
+//! 5. A page is complete before it has its name, and no page is used again: a new daemon makes new ones.
 //!
 //! Every byte of a page is described in `deploy/shared-memory.md` of the repository; `deploy/taxel_force.h` reads the same
 //! pages in C and C++, `deploy/python` in Python.
@@ -24,6 +25,7 @@ mod permissions;
 mod reader;
 mod sample;
 mod text;
+mod trust;
 mod writer;
 
 pub use clock::monotonic_ns;

@@ -18,6 +18,7 @@ use crate::layout::{
 use crate::map::Map;
 use crate::sample::Sample;
 use crate::text::Text;
+use crate::trust::way_to;
 
 /// How often a [`Reader`] without a living page looks for a new one.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
@@ -32,13 +33,26 @@ pub struct Page {
 }
 
 impl Page {
-    /// Maps the page of this file, read-only.
+    /// Maps the page of this file, read-only, if nobody but root and this account can have put it there.
     ///
     /// # Errors
-    /// [`PageError`], if there is none, it may not be read, or its layout is another one.
+    /// [`PageError`], if there is none, it may not be read, another account can have made it, or its layout is another one.
     pub fn open(path: &Path) -> Result<Self, PageError> {
-        let file = File::open(path).map_err(PageError::of(path, "opening the page"))?;
+        Self::open_of(path, None)
+    }
+
+    /// The same, where the account with the number `owner` may have put it there, too.
+    ///
+    /// # Errors
+    /// As of [`Page::open`].
+    pub fn open_of(path: &Path, owner: Option<u32>) -> Result<Self, PageError> {
+        let (real, expected) = way_to(path, owner)?;
+        let file = File::open(&real).map_err(PageError::of(path, "opening the page"))?;
         let about = file.metadata().map_err(PageError::of(path, "looking at the page"))?;
+        if (about.dev(), about.ino()) != (expected.dev(), expected.ino()) {
+            let problem = "it was replaced while it was being opened".to_owned();
+            return Err(PageError::Untrusted { path: path.to_owned(), problem });
+        }
         let wrong = |problem: String| PageError::NotAPage { path: path.to_owned(), problem };
         if !about.is_file() || about.len() < PAGE_BYTES as u64 {
             return Err(wrong(format!("{} bytes, expected a file of {PAGE_BYTES}", about.len())));
@@ -108,6 +122,7 @@ impl Page {
 #[derive(Debug)]
 pub struct Reader {
     path: PathBuf,
+    owner: Option<u32>,
     age_max: Option<Duration>,
     page: Option<Page>,
     look_at_ns: i64,
@@ -118,7 +133,15 @@ impl Reader {
     /// stricter one than the daemon.
     #[must_use]
     pub fn new(path: impl Into<PathBuf>, age_max: Option<Duration>) -> Self {
-        Self { path: path.into(), age_max, page: None, look_at_ns: i64::MIN }
+        Self { path: path.into(), owner: None, age_max, page: None, look_at_ns: i64::MIN }
+    }
+
+    /// Believes pages of the account with this number, too. Without it only those that nobody but root and this account can
+    /// have put there, which is so where the daemon runs under the same account, or has its pages in a folder like
+    /// `/run/taxeld`, where nobody else can make any.
+    #[must_use]
+    pub fn trusting(self, owner: u32) -> Self {
+        Self { owner: Some(owner), ..self }
     }
 
     /// The newest force, if it may be acted on now. While there is no living page it looks for a new one, at most every
@@ -161,7 +184,7 @@ impl Reader {
         if !other {
             return false;
         }
-        let opened = Page::open(&self.path).ok();
+        let opened = Page::open_of(&self.path, self.owner).ok();
         let found = opened.is_some();
         self.page = opened.or(self.page.take());
         found

@@ -217,13 +217,11 @@ fn what_is_no_page_is_told_with_what_was_expected() {
     }
 }
 
-#[test]
-fn the_header_for_c_and_the_module_for_python_read_what_rust_reads() {
-    let place = in_memory();
-    let mut writer = folder(&place).page("palm", LIMITS).unwrap();
+/// Programs that print what the readers of other languages make of a page, and their first arguments.
+fn readers(place: &std::path::Path) -> Vec<(std::path::PathBuf, Vec<String>)> {
     let mut readers = Vec::new();
     for (compiler, flags) in [("gcc", ["-std=c11", "-xc"]), ("g++", ["-std=c++17", "-xc++"])] {
-        let program = place.path().join(compiler);
+        let program = place.join(compiler);
         let source = common::repository().join("crates/taxel-shm/tests/print.c");
         let include = format!("-I{}", common::repository().join("deploy").display());
         let strict = ["-O2", "-Wall", "-Wextra", "-Werror", "-pedantic"];
@@ -234,6 +232,56 @@ fn the_header_for_c_and_the_module_for_python_read_what_rust_reads() {
     }
     let python = common::repository().join("deploy/python/tests/print_page.py");
     readers.push(("python3".into(), vec![python.to_str().unwrap().to_owned()]));
+    readers
+}
+
+/// In `/dev/shm` every account can make a folder and in it a page that says whatever it likes, with limits of its own.
+#[test]
+fn a_page_that_another_account_can_have_made_is_none() {
+    const NOBODY: u32 = 65_534;
+    let (place, programs) = (in_memory(), tempfile::tempdir().unwrap());
+    let mut writer = folder(&place).page("palm", LIMITS).unwrap();
+    writer.write(&good(1));
+    let page = writer.path().to_owned();
+    assert_eq!(wait_for(&mut Reader::new(&page, None)), 1.0);
+    // A folder or a page in which others may write holds what they like, whoever made it.
+    for (at, open, closed) in [(place.path(), 0o777, 0o755), (page.as_path(), 0o666, 0o640)] {
+        let mode = |mode| std::fs::set_permissions(at, std::fs::Permissions::from_mode(mode)).unwrap();
+        mode(open);
+        let opened = Page::open(&page);
+        mode(closed);
+        if at == page.as_path() {
+            assert!(opened.unwrap_err().to_string().contains("others may write in it"), "{}", at.display());
+        } else {
+            assert!(opened.is_ok(), "in a folder of others this account's own page is its own");
+        }
+    }
+    if std::os::unix::fs::chown(place.path(), Some(NOBODY), None).is_err() {
+        eprintln!("SKIPPED in part: only root can make a page of another account");
+        return;
+    }
+    std::os::unix::fs::chown(&page, Some(NOBODY), None).unwrap();
+    let refused = Page::open(&page).unwrap_err().to_string();
+    assert!(refused.contains("it belongs to user 65534, who can have made it to deceive"), "{refused}");
+    assert_eq!(Reader::new(&page, None).force(), Err(NoForce::NoPage));
+    assert_eq!(wait_for(&mut Reader::new(&page, None).trusting(NOBODY)), 1.0);
+    for (program, arguments) in readers(programs.path()) {
+        let said = |owner: &[&str]| {
+            let output = Command::new(&program).args(&arguments).arg(&page).args(owner).output().unwrap();
+            String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+        };
+        writer.beat();
+        let (alone, told) = (said(&[]), said(&["65534"]));
+        assert!(alone.starts_with("status 1\n"), "{}: {alone}", program.display());
+        assert!(told.starts_with("status 0\n") && told.contains("total 1.000"), "{}: {told}", program.display());
+    }
+}
+
+#[test]
+fn the_header_for_c_and_the_module_for_python_read_what_rust_reads() {
+    let place = in_memory();
+    let mut writer = folder(&place).page("palm", LIMITS).unwrap();
+    let readers = readers(place.path());
     for sample in common::cases() {
         writer.write(&sample);
         let expected = common::printed(&Page::open(writer.path()).unwrap());

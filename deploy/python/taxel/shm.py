@@ -7,6 +7,9 @@
     else:
         do_without(force.why)
 
+A page that another account can have put there is none: from / on, what lies where others write has to belong to root, to
+this account, or to `owner`.
+
 The layout of a page is in deploy/shared-memory.md. Python has no memory barriers, so a sample is also checked by its CRC.
 """
 
@@ -43,13 +46,31 @@ def _text(raw: bytes) -> str:
     return raw.split(b"\0", 1)[0].decode("utf-8", "ignore")
 
 
+def _way_to(path: str, owner: Optional[int]) -> Tuple[str, os.stat_result]:
+    """Where a page really is, and what is known of it, if nobody but root, this account and `owner` can have put it there."""
+    real, others_write = os.path.realpath(path), False
+    steps = [part for part in real.split("/") if part]
+    for count in range(len(steps) + 1):
+        step = "/" + "/".join(steps[:count])
+        about = os.lstat(step)
+        if others_write and about.st_uid not in (0, os.geteuid(), owner):
+            raise ValueError(f"{step}: it belongs to user {about.st_uid}, who can have made it to deceive")
+        others_write = bool(about.st_mode & 0o022)
+    if others_write:
+        raise ValueError(f"{real}: others may write in it")
+    return real, about
+
+
 class _Page:
     """One page of one run of a daemon."""
 
-    def __init__(self, path: str):
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    def __init__(self, path: str, owner: Optional[int] = None):
+        real, expected = _way_to(path, owner)
+        descriptor = os.open(real, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
         try:
             about = os.fstat(descriptor)
+            if (about.st_dev, about.st_ino) != (expected.st_dev, expected.st_ino):
+                raise ValueError(f"{path}: it was replaced while it was being opened")
             if about.st_size < PAGE_BYTES:
                 raise ValueError(f"{path}: {about.st_size} bytes, expected {PAGE_BYTES}")
             self._memory = mmap.mmap(descriptor, PAGE_BYTES, mmap.MAP_SHARED, mmap.PROT_READ)
@@ -140,8 +161,12 @@ def _decode(fields: tuple) -> Tuple[dict, Optional[int]]:
 class Reader:
     """Follows a patch over restarts of its daemon, each of which makes a new page under the same name."""
 
-    def __init__(self, path: Union[str, "os.PathLike[str]"], age_max_s: Optional[float] = None):
-        """`age_max_s`: the caller's own limit, if it has a stricter one than the daemon."""
+    def __init__(
+        self, path: Union[str, "os.PathLike[str]"], age_max_s: Optional[float] = None, owner: Optional[int] = None
+    ):
+        """`age_max_s`: the caller's own limit, if it has a stricter one than the daemon. `owner`: the number of an account
+        whose pages are believed beside those that nobody but root and this account can have put there."""
+        self._owner = owner
         self._path = os.fspath(path)
         self._age_max_s = age_max_s
         self._page: Optional[_Page] = None
@@ -166,7 +191,7 @@ class Reader:
             about = os.stat(self._path)
             if self._page and self._page.file == (about.st_dev, about.st_ino):
                 return False
-            self._page = _Page(self._path)
+            self._page = _Page(self._path, self._owner)
         except (OSError, ValueError):
             return False
         return True
