@@ -73,6 +73,8 @@ impl ModelService for Service {
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
+        is_an_id("model_set", &model_set)?;
+        expected.as_deref().map_or(Ok(()), |expected| is_an_id("expected", expected))?;
         let patch = self.plan(self.patch(&patch)?).patch.name().to_owned();
         match self.command(&caller, "ActivateModelSet", Command::Activate { patch, model_set, expected }).await? {
             Done::Activated { model_set, previous } => {
@@ -142,6 +144,7 @@ impl ModelService for Service {
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
+        is_an_id("model_set", &model_set)?;
         match self.command(&caller, "DeleteModelSet", Command::DeleteModelSet { model_set }).await? {
             Done::Deleted => Ok(Response::new(v1::DeleteModelSetResponse {})),
             other => Err(strange_answer(&other)),
@@ -149,10 +152,27 @@ impl ModelService for Service {
     }
 }
 
+/// Longer is no id of a model set.
+const ID_BYTES_MAX: usize = 256;
+
+/// What a command names is written into logs.
+fn is_an_id(field: &'static str, id: &str) -> Result<(), Status> {
+    if id.len() > ID_BYTES_MAX {
+        return Err(invalid(field, format_args!("{} bytes, an id has at most {ID_BYTES_MAX}", id.len())));
+    }
+    match taxel_skin::unprintable(id) {
+        Some(odd) => Err(invalid(field, format_args!("no id has the character U+{:04X}", u32::from(odd)))),
+        None => Ok(()),
+    }
+}
+
 /// Texts of a set from elsewhere are shown on terminals.
 fn printable(set: &ModelSet) -> Result<(), Status> {
     let settings = set.board_settings.iter().map(|line| ("board_settings", line));
-    let texts = [("id", &set.id), ("method", &set.method), ("patch", &set.patch)].into_iter().chain(settings);
+    let origins = set.recalibrated.iter().flat_map(|of| of.earlier.iter().chain([&of.derived_from]));
+    let origins = origins.map(|id| ("recalibrated", id));
+    let texts =
+        [("id", &set.id), ("method", &set.method), ("patch", &set.patch)].into_iter().chain(settings).chain(origins);
     let odd = |(name, text): (&str, &String)| Some((name.to_owned(), taxel_skin::unprintable(text)?));
     texts.into_iter().find_map(odd).map_or(Ok(()), |(name, odd)| {
         let code = u32::from(odd);

@@ -15,7 +15,9 @@ use taxel_proto::v1::ErrorReason;
 use tonic::Status;
 
 use crate::access::caller::Caller;
+use crate::aside::aside;
 use crate::service::{Service, strange_answer};
+use crate::shares::What;
 use crate::status::invalid;
 
 /// A proposal as it is told, and the set with its id.
@@ -27,7 +29,11 @@ pub(crate) struct Proposed {
 
 impl Service {
     /// What the known loads of a patch propose for its active set.
-    pub(crate) async fn recalibration(&self, request: &v1::ProposeRecalibrationRequest) -> Result<Proposed, Status> {
+    pub(crate) async fn recalibration(
+        &self,
+        caller: &Caller,
+        request: &v1::ProposeRecalibrationRequest,
+    ) -> Result<Proposed, Status> {
         let patch = self.patch(&request.patch)?;
         let name = self.plan(patch).patch.name();
         let (chosen, assumptions) = asked(request)?;
@@ -37,18 +43,15 @@ impl Service {
         let catalogue = Arc::clone(&self.handle.catalogue.borrow());
         let view =
             catalogue.validations.get(patch).filter(|view| view.model_set.as_deref() == Some(source.id.as_str()));
-        let view =
-            view.ok_or_else(|| refuse(ErrorReason::NotFitted, format!("no loads of patch `{name}` are known")))?;
+        let no_loads = || refuse(ErrorReason::NotFitted, format!("no loads of patch `{name}` are known"));
+        let view = Arc::clone(view.ok_or_else(no_loads)?);
         let id_of =
             self.handle.id_of.ok_or_else(|| refuse(ErrorReason::NotOffered, "model sets are not kept".to_owned()))?;
-        let proposal = propose(view, &source, &chosen, assumptions, wall_ns());
-        let proposal = proposal.map_err(|why| refuse(ErrorReason::NotFitted, why))?;
-        let set = proposal.set.clone().map(|set| {
-            let id = id_of(&set);
-            Arc::new(ModelSet { id, ..set })
-        });
-        let id = set.as_ref().map(|set| set.id.clone()).unwrap_or_default();
-        Ok(Proposed { message: message(&proposal, &source, id, view), set })
+        // Every model of the set is made anew and hashed, for which no stream should wait.
+        let place = self.place(What::LargeAnswer, caller)?;
+        let work = move || proposed(&view, &source, &chosen, assumptions, id_of);
+        let (proposed, _place) = aside(place, work).await?;
+        proposed.map_err(|why| refuse(ErrorReason::NotFitted, why).into())
     }
 
     /// Keeps the set of a proposal.
@@ -62,7 +65,7 @@ impl Service {
             return Err(invalid("model_set", "must name the one that ProposeRecalibration told"));
         }
         let asked = request.proposal.clone().unwrap_or_default();
-        let proposed = self.recalibration(&asked).await?;
+        let proposed = self.recalibration(caller, &asked).await?;
         let model_set = proposed.set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
         if model_set.id != wanted {
             let (is, points) = (&model_set.id, proposed.message.points.len());
@@ -82,6 +85,23 @@ impl Service {
             other => Err(strange_answer(&other)),
         }
     }
+}
+
+/// What the loads propose for a set, named by `id_of`; or why nothing.
+fn proposed(
+    view: &Validation,
+    source: &ModelSet,
+    chosen: &Chosen,
+    assumptions: Assumptions,
+    id_of: fn(&ModelSet) -> String,
+) -> Result<Proposed, String> {
+    let proposal = propose(view, source, chosen, assumptions, wall_ns())?;
+    let set = proposal.set.clone().map(|set| {
+        let id = id_of(&set);
+        Arc::new(ModelSet { id, ..set })
+    });
+    let id = set.as_ref().map(|set| set.id.clone()).unwrap_or_default();
+    Ok(Proposed { message: message(&proposal, source, id, view), set })
 }
 
 /// What a request asks for.

@@ -57,7 +57,8 @@ impl ValidationService for Service {
         &self,
         request: Request<v1::ProposeRecalibrationRequest>,
     ) -> Result<Response<v1::RecalibrationProposal>, Status> {
-        Ok(Response::new(self.recalibration(request.get_ref()).await?.message))
+        let caller = caller(&request)?;
+        Ok(Response::new(self.recalibration(&caller, request.get_ref()).await?.message))
     }
 
     async fn accept_recalibration(
@@ -84,7 +85,16 @@ fn text(field: &'static str, text: String) -> Result<String, Status> {
         length if length > NOTE_BYTES_MAX => {
             Err(invalid(field, format_args!("{length} bytes, at most {NOTE_BYTES_MAX} are kept")))
         }
-        _ => Ok(text.trim().to_owned()),
+        _ => match taxel_skin::unprintable(text.trim()) {
+            Some(odd) => {
+                let code = u32::from(odd);
+                Err(invalid(
+                    field,
+                    format_args!("has the unprintable character U+{code:04X}, expected one line of text"),
+                ))
+            }
+            None => Ok(text.trim().to_owned()),
+        },
     }
 }
 

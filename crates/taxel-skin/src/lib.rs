@@ -20,4 +20,4 @@ pub use layout::{Board, LayoutError, ModuleKind, ModuleSite, Patch, TaxelSite, V
 pub use positions::{GeometryError, PositionFile, TaxelPose};
 pub use time::Time;
 pub use units::{Kilopascal, Newton, SquareMillimetre};
-pub use words::unprintable;
+pub use words::{printable, unprintable};

@@ -4,17 +4,35 @@
 /// the line, or one that is invisible or turns the direction of what follows, so that a text reads as another.
 #[must_use]
 pub fn unprintable(text: &str) -> Option<char> {
-    let is_odd = |c: &char| {
-        c.is_control()
-            || matches!(u32::from(*c), 0xAD | 0x061C | 0x180E | 0x200B..=0x200F | 0x2028..=0x202E | 0x2060..=0x206F)
-            || matches!(u32::from(*c), 0xFEFF | 0xFFF9..=0xFFFB | 0xE0000..=0xE0FFF)
-    };
-    text.chars().find(is_odd)
+    text.chars().find(|&c| is_odd(c))
+}
+
+/// A text in which those characters are written as escapes (`\n`, `\u{202e}`), so that it is one line and reads as what it is.
+#[must_use]
+pub fn printable(text: &str) -> String {
+    let mut shown = String::with_capacity(text.len());
+    for c in text.chars() {
+        if is_odd(c) { shown.extend(c.escape_default()) } else { shown.push(c) }
+    }
+    shown
+}
+
+fn is_odd(c: char) -> bool {
+    c.is_control()
+        || matches!(u32::from(c), 0xAD | 0x061C | 0x180E | 0x200B..=0x200F | 0x2028..=0x202E | 0x2060..=0x206F)
+        || matches!(u32::from(c), 0xFEFF | 0xFFF9..=0xFFFB | 0xE0000..=0xE0FFF)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_not_shown_as_itself_is_written_out() {
+        assert_eq!(printable("a b\u{e9}\\n 1 N"), "a b\u{e9}\\n 1 N");
+        assert_eq!(printable("a\nb\u{1b}[8m\u{202e}"), "a\\nb\\u{1b}[8m\\u{202e}");
+        assert_eq!(unprintable(&printable("\u{0}\r\n\t\u{feff}\u{e0041}")), None);
+    }
 
     #[test]
     fn what_a_terminal_acts_upon_or_nobody_sees_is_found() {

@@ -49,7 +49,11 @@ impl Auditor {
     pub fn answered(&self, request: RequestId, wall_ns: i64, patch: &str, reply: &Reply) -> Record {
         let result = match reply {
             Ok(_) => "done".to_owned(),
-            Err(rejection) => format!("refused: {rejection}").chars().take(RESULT_CHARS_MAX).collect(),
+            // Part of it is what the client sent.
+            Err(rejection) => {
+                let said = format!("refused: {rejection}").chars().take(RESULT_CHARS_MAX).collect::<String>();
+                taxel_skin::printable(&said)
+            }
         };
         Record::Answered(Box::new(Answered { request: request.0, wall_ns, result, after: self.active_of(patch) }))
     }

@@ -118,7 +118,7 @@ impl Line<'_> {
         if !self.damage.is_empty() {
             text += &format!("; DAMAGED ON DISK: {}", self.damage);
         }
-        text
+        taxel_skin::printable(&text) // an entry is one line, whatever was written into it
     }
 }
 
@@ -168,6 +168,28 @@ fn utc(seconds: i64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What a client sent is part of a refusal, and older rows have it as it came.
+    #[test]
+    fn an_entry_is_one_line_whatever_was_written_into_it() {
+        let result =
+            "refused: no model set `m-x`; done\n2 2026-11-25T09:00:00Z ann (admin): DeleteSession; done\n\u{1b}[8m";
+        let line = Line {
+            number: 7,
+            seconds: Some(0),
+            who: ["eve", "operator", "unix", "uid 7"],
+            what: ["ActivateModelSet", "", "", ""],
+            sets: ["", ""],
+            result,
+            damage: "",
+        };
+        let text = line.text();
+        assert_eq!(taxel_skin::unprintable(&text), None, "{text}");
+        assert!(
+            text.starts_with("7 1970-01-01T00:00:00Z eve (operator") && text.ends_with("done\\n\\u{1b}[8m"),
+            "{text}"
+        );
+    }
 
     #[test]
     fn seconds_are_dates() {

@@ -12,14 +12,14 @@ use std::time::Duration;
 
 use taxel_engine::audit::Asked;
 use taxel_engine::calibration::{Direction, SessionState};
-use taxel_engine::command::{ErrorReason, Rejection, Reply, RequestId};
+use taxel_engine::command::{Command, ErrorReason, Rejection, Reply, RequestId};
 use taxel_engine::events::EventWatch;
 use taxel_engine::plan::Plan;
 use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
 use taxel_rpc::push_line::{PushEvent, Pushed};
 use taxel_rpc::{BEAT_EVERY, Publisher, Request};
 use taxel_skin::{BusIndex, Time};
-use taxel_store::{Batch, Store, StoreEvent};
+use taxel_store::{Batch, OnDurable, Store, StoreEvent};
 use taxel_wire::Frame;
 use tokio::sync::{mpsc, oneshot, watch};
 use tokio_util::sync::CancellationToken;
@@ -69,6 +69,11 @@ struct Waiting {
     reply: oneshot::Sender<Reply>,
     /// The patch that it is about, if the audit log has it.
     patch: Option<String>,
+}
+
+/// Nothing is done that nobody could find out about later.
+fn unwritten(why: &str) -> Rejection {
+    Rejection::Unavailable(ErrorReason::StoreUnavailable, format!("the audit log cannot be written: {why}"))
 }
 
 /// Everything that the engine's task holds.
@@ -275,37 +280,64 @@ impl Driver {
     fn take_command(&mut self, Request { command, reply, asked }: Request) {
         self.requests += 1;
         let request = RequestId(self.requests);
-        let patch = match asked {
-            None => None,
-            Some(asked) => match self.note(request, *asked) {
-                Ok(patch) => Some(patch),
-                Err(why) => {
-                    // Nothing is done that nobody could find out about later.
-                    let _ = reply.send(Err(Rejection::Unavailable(
-                        ErrorReason::StoreUnavailable,
-                        format!("the audit log cannot be written: {why}"),
-                    )));
-                    return;
-                }
-            },
+        let Some(asked) = asked else {
+            self.waiting.insert(request, Waiting { reply, patch: None });
+            return self.step(Input::Command(request, command));
         };
-        self.waiting.insert(request, Waiting { reply, patch });
-        self.step(Input::Command(request, command));
+        // What takes effect at once waits until it is on disk that somebody asked for it. All else waits for the disk itself
+        // before it takes effect, and its rows come in order.
+        let at_once = matches!(command, Command::BringUp { .. } | Command::BeginPush { .. });
+        let after = at_once.then(|| (request, Box::new(command.clone())));
+        match self.note(request, *asked, after) {
+            Ok(patch) => {
+                self.waiting.insert(request, Waiting { reply, patch: Some(patch) });
+                if !at_once {
+                    self.step(Input::Command(request, command));
+                }
+            }
+            Err(why) => {
+                let _ = reply.send(Err(unwritten(&why))); // the client may have gone
+            }
+        }
     }
 
     /// Writes down who asks for what, before the engine hears of it: what the engine writes because of it comes after.
-    /// Gives the patch that it is about.
-    fn note(&self, request: RequestId, asked: Asked) -> Result<String, String> {
+    /// Gives the patch that it is about. The command in `after` comes back as [`Done::Asked`].
+    fn note(
+        &self,
+        request: RequestId,
+        asked: Asked,
+        after: Option<(RequestId, Box<Command>)>,
+    ) -> Result<String, String> {
         let (patch, row) = self.audit.asked(request, self.clock.now().wall_ns, asked)?;
-        let batch = Batch { records: vec![row], on_durable: None };
-        self.store.submit_asked(batch).map_err(|full| full.to_string())?;
+        let on_durable = after.map(|(request, command)| -> OnDurable {
+            let done = self.tell_done.clone();
+            Box::new(move |outcome| {
+                let result = outcome.map(|_| ()).map_err(|error| error.to_string());
+                done.tell(Done::Asked(request, command, result));
+            })
+        });
+        self.store.submit_asked(Batch { records: vec![row], on_durable }).map_err(|full| full.to_string())?;
         Ok(patch)
+    }
+
+    /// That somebody asked for this is on disk, or cannot be.
+    fn take_asked(&mut self, request: RequestId, command: Command, written: Result<(), String>) {
+        match written {
+            Ok(()) => self.step(Input::Command(request, command)),
+            Err(why) => {
+                if let Some(waiting) = self.waiting.remove(&request) {
+                    let _ = waiting.reply.send(Err(unwritten(&why))); // the client may have gone
+                }
+            }
+        }
     }
 
     fn take_done(&mut self, done: Done) {
         match done {
             Done::Fitted(outcome) => self.step(Input::Fitted(outcome)),
             Done::Committed(ticket, result) => self.step(Input::Committed { ticket, result }),
+            Done::Asked(request, command, written) => self.take_asked(request, *command, written),
             Done::Loaded(ticket, result) => self.step(Input::Loaded { ticket, result }),
             Done::SetLoaded(ticket, result) => self.step(Input::SetLoaded { ticket, result }),
             Done::Store(StoreEvent::Damaged(damage)) => self.step(Input::StoreDamaged(damage)),

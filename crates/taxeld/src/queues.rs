@@ -7,6 +7,7 @@ use std::task::{Context, Poll};
 
 use taxel_engine::BusNotice;
 use taxel_engine::calibration::{FitOutcome, NotLoaded, SessionSamples};
+use taxel_engine::command::{Command, RequestId};
 use taxel_engine::model_set::ModelSet;
 use taxel_rpc::Request;
 use taxel_rpc::push_line::Pushed;
@@ -37,6 +38,8 @@ pub enum Done {
     SetLoaded(u64, Result<Arc<ModelSet>, NotLoaded>),
     /// The records of a commit, by its ticket, are on disk, or why not.
     Committed(u64, Result<(), String>),
+    /// That somebody asked for this is on disk, or why not: now it may be done.
+    Asked(RequestId, Box<Command>, Result<(), String>),
 }
 
 /// Where work that the driver gave away tells that it is done.

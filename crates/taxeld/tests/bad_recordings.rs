@@ -241,3 +241,19 @@ fn a_zero_from_more_than_was_recorded_is_refused() {
     let within = String::from_utf8(apply("11.9").stderr).unwrap();
     assert!(!within.contains("is asked for"), "{within}");
 }
+
+/// Beside the byte of a byte order mark, which is read in one piece, a line is no longer than elsewhere.
+#[test]
+fn a_line_that_never_ends_is_refused_wherever_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data.csv");
+    for before in ["", "\u{feff}", "0,1,2,3,4\n\u{ef}\n", "0,1,2,3,4\n\u{feff}0.1,1,2,3,4\n"] {
+        let header =
+            if before == "\u{feff}" { "\u{feff}t_s,pressure_kpa,c0,c1,c2\n" } else { "t_s,pressure_kpa,c0,c1,c2\n" };
+        let rows = if before == "\u{feff}" { "" } else { before };
+        std::fs::write(&data, format!("{header}{rows}{}", "a".repeat(40 << 20))).unwrap();
+        let ended = taxeld(&["fit", data.to_str().unwrap(), "--out", "-"]);
+        let errors = String::from_utf8(ended.stderr).unwrap();
+        assert!(!ended.status.success() && errors.contains("bytes or more, which no row"), "{before:?}: {errors}");
+    }
+}

@@ -3,7 +3,7 @@
 use nix::unistd::{Gid, Group, Uid, User, getgrouplist};
 use std::collections::HashMap;
 use std::ffi::CString;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::access::origin::Account;
@@ -46,14 +46,39 @@ impl Accounts {
 }
 
 fn look_up(uid: u32, gid: u32) -> Account {
+    if hidden().is_some_and(|[user, _]| user == uid) {
+        return Account { uid, user: None, groups: Vec::new() };
+    }
     let user = User::from_uid(Uid::from_raw(uid)).ok().flatten();
     let listed = user.as_ref().and_then(|user| {
         let name = CString::new(user.name.clone()).ok()?;
         getgrouplist(&name, user.gid).ok()
     });
     let ids = listed.unwrap_or_else(|| vec![Gid::from_raw(gid)]);
+    let ids = ids.into_iter().filter(|id| hidden().is_none_or(|[_, group]| group != id.as_raw()));
     let name = |id: &Gid| Group::from_gid(*id).ok().flatten().map(|group| group.name);
-    Account { uid, user: user.map(|user| user.name), groups: ids.iter().filter_map(name).collect() }
+    Account { uid, user: user.map(|user| user.name), groups: ids.filter_map(|id| name(&id)).collect() }
+}
+
+/// The numbers of the user and the group that the kernel gives for all that this process's user namespace does not have; none
+/// where it has all.
+fn hidden() -> Option<[u32; 2]> {
+    static HIDDEN: OnceLock<Option<[u32; 2]>> = OnceLock::new();
+    let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
+    *HIDDEN.get_or_init(|| {
+        let whole = ["/proc/self/uid_map", "/proc/self/gid_map"].iter().all(|map| has_all(&read(map)));
+        let number = |path: &str| read(path).trim().parse().unwrap_or(OVERFLOW);
+        (!whole).then(|| [number("/proc/sys/kernel/overflowuid"), number("/proc/sys/kernel/overflowgid")])
+    })
+}
+
+/// What the kernel gives where nobody has set another number.
+const OVERFLOW: u32 = 65_534;
+
+/// Whether a map of a user namespace, lines of inside, outside and count, has every number there is.
+fn has_all(map: &str) -> bool {
+    let counts = map.lines().filter_map(|line| line.split_ascii_whitespace().nth(2)?.parse::<u64>().ok());
+    counts.sum::<u64>() >= u64::from(u32::MAX)
 }
 
 /// The number of an account of this machine.
@@ -71,6 +96,13 @@ pub fn group_id(name: &str) -> Option<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_namespace_that_has_not_all_accounts_is_told_from_one_that_has() {
+        assert!(has_all("         0          0 4294967295\n"));
+        assert!(has_all("0 0 65536\n65536 65536 4294901759\n"));
+        assert!(!has_all("0 0 65536\n") && !has_all("0 1000 1\n1 100000 65536\n") && !has_all(""));
+    }
 
     #[tokio::test]
     async fn an_account_is_asked_for_once_until_it_is_forgotten() {

@@ -436,6 +436,30 @@ async fn nothing_is_done_that_the_audit_log_cannot_have() {
     assert_eq!(bench.audit_log(), Vec::<[String; 4]>::new());
 }
 
+/// A bring-up sends to the boards at once, with nothing of it to be written first but who asked.
+#[tokio::test]
+async fn a_bring_up_waits_until_it_is_on_disk_who_asked_for_it() {
+    let mut bench = Bench::new();
+    let release = bench.hold_writer();
+    let (reply, mut answer) = oneshot::channel();
+    let asked = Some(Box::new(Asked { who: "ann".to_owned(), patch: "left_forearm".to_owned(), ..Asked::default() }));
+    let command = || Command::BringUp { patch: String::new(), confirmed_by: None };
+    bench.commands.try_send(Request { command: command(), reply, asked }).unwrap();
+    bench.turn().await;
+    let request = *bench.driver.waiting.keys().next().expect("it waits, and the engine has not heard of it");
+    assert!(matches!(answer.try_recv(), Err(oneshot::error::TryRecvError::Empty)));
+    // The disk turns out to be full: it is not done.
+    bench.driver.take_done(Done::Asked(request, Box::new(command()), Err("the disk is full".to_owned())));
+    let why = "the audit log cannot be written: the disk is full".to_owned();
+    assert_eq!(answer.await.unwrap().unwrap_err(), Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
+    assert!(bench.driver.waiting.is_empty());
+    release.send(()).unwrap();
+    let Err(Rejection::FailedPrecondition(reason, _)) = bench.audited("bob", command()).await else {
+        panic!("this one only listens")
+    };
+    assert_eq!(reason, ErrorReason::ListenOnly);
+}
+
 #[test]
 fn of_two_sessions_in_one_bag_nothing_is_pumped_before_both_have_their_zero_and_the_one_that_still_rises_goes_first() {
     let stage = |state, direction| Stage { state, direction };

@@ -3,7 +3,7 @@
 mod blocks;
 mod column;
 
-use std::io::{BufReader, Read};
+use std::io::{self, BufReader, Read};
 use std::path::Path;
 use std::sync::OnceLock;
 
@@ -111,7 +111,7 @@ impl Recording {
         let first = blocks.next()?.unwrap_or_default();
         check_line(&first, 1)?;
         let recording = if in_one_piece(&first) {
-            let mut reader = reader(blocks.from(first), true);
+            let mut reader = reader(Lines::after(0, blocks.from(first)), true);
             let mut recording = Self::under(reader.byte_headers()?)?;
             recording.take_rows(reader, 0, &[])?;
             recording
@@ -157,7 +157,7 @@ impl Recording {
         while let Some(text) = block {
             check_line(&text, lines + 1)?;
             if in_one_piece(&text) {
-                return self.take_rows(reader(blocks.from(text), false), lines, &[]);
+                return self.take_rows(reader(Lines::after(lines, blocks.from(text)), false), lines, &[]);
             }
             self.take_block(cut, &text, lines)?;
             lines += lines_in(&text);
@@ -271,10 +271,44 @@ fn keep<T>(values: &mut Vec<T>, kept: &[bool]) {
     values.retain(|_| marks.next().is_none_or(|mark| *mark));
 }
 
+/// What is read in one piece, up to a line that no row of a recording has.
+struct Lines<R> {
+    input: R,
+    line: u64,
+    begun: usize,
+}
+
+impl<R: Read> Lines<R> {
+    /// Of which so many lines were read before.
+    const fn after(lines: u64, input: R) -> Self {
+        Self { input, line: lines + 1, begun: 0 }
+    }
+}
+
+impl<R: Read> Read for Lines<R> {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let read = self.input.read(into)?;
+        for part in into[..read].split_inclusive(|byte| *byte == b'\n') {
+            self.begun += part.len();
+            if self.begun > LINE_BYTES_MAX {
+                return Err(io::Error::other(too_long(self.line)));
+            }
+            if part.ends_with(b"\n") {
+                (self.line, self.begun) = (self.line + 1, 0);
+            }
+        }
+        Ok(read)
+    }
+}
+
+fn too_long(line: u64) -> String {
+    format!("line {line} has {LINE_BYTES_MAX} bytes or more, which no row of a recording has")
+}
+
 /// Refuses a block in which no line ends: the rest of the file could be one.
 fn check_line(block: &[u8], line: u64) -> anyhow::Result<()> {
     if block.len() >= LINE_BYTES_MAX && !block.contains(&b'\n') {
-        bail!("line {line} has {LINE_BYTES_MAX} bytes or more, which no row of a recording has");
+        bail!(too_long(line));
     }
     Ok(())
 }
