@@ -52,6 +52,9 @@ pub struct Recalibrated {
     /// Mean area of the taxels that the loads were read with, in mm2: with other areas the gain says nothing. `None` if
     /// pressures were compared.
     pub area_mm2: Option<f64>,
+    /// Whether the loads were read with taxels filled by their neighbours: without that, what lacks is in the gain. `None` if
+    /// pressures were compared, or that was not noted yet.
+    pub filled: Option<bool>,
     /// What its pressures were multiplied by.
     pub gain: f64,
     /// Standard uncertainty of the gain.
@@ -88,11 +91,19 @@ impl ModelSet {
         self.recalibrated.iter().flat_map(|of| std::iter::once(&of.derived_from).chain(&of.earlier)).map(String::as_str)
     }
 
-    /// Why the set says nothing of a patch whose taxels have this mean area, in words: the loads that corrected it were
-    /// read with other areas, and what was in those may be in the gain.
+    /// Why the set says nothing of a patch whose taxels have this mean area and are `filled` by their neighbours or not, in
+    /// words: the loads that corrected it were read with other areas, or without that, and what was in these is in the gain.
     #[must_use]
-    pub fn unfit_for_area(&self, area_mm2: f64) -> Option<String> {
+    pub fn unfit_for_sum(&self, area_mm2: f64, filled: bool) -> Option<String> {
         let recalibrated = self.recalibrated.as_ref()?;
+        if recalibrated.filled.is_some_and(|then| then != filled) {
+            let (then, now) = if filled { ("without", "with") } else { ("with", "without") };
+            return Some(format!(
+                "the loads that corrected `{}` were read {then} faulty taxels filled by their neighbours, now they would be \
+                 read {now}: activate `{}`, which it was made of, or set `outputs` as it was",
+                self.id, recalibrated.derived_from
+            ));
+        }
         let read_with = recalibrated.area_mm2.filter(|with| (with / area_mm2 - 1.0).abs() > SAME_AREA_SHARE)?;
         Some(format!(
             "the loads that corrected `{}` were read with areas of {read_with:.3} mm2 in the mean, now they are \

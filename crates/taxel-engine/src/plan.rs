@@ -200,6 +200,7 @@ impl PatchPlan {
             patch: self.patch.name().to_owned(),
             areas: self.areas.clone(),
             area_uncertainty: self.area_uncertainty,
+            fills: self.outputs.fill && self.geometry.is_some(),
             area_from_loads: self.area_from_loads,
         }
     }

@@ -29,6 +29,8 @@ struct StoredLoad {
     filled_share: f64,
     model_set: String,
     mean_area_mm2: f64,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    filled: Option<bool>,
     area_factor: f64,
     area_uncertainty: f64,
 }
@@ -57,6 +59,7 @@ pub(crate) fn load_to_text(load: &Load) -> Result<String, serde_json::Error> {
         filled_share: read.filled_share,
         model_set: load.model_set.clone(),
         mean_area_mm2: load.mean_area_mm2,
+        filled: load.filled,
         area_factor: load.area_factor,
         area_uncertainty: load.area_uncertainty,
     })
@@ -88,6 +91,7 @@ pub(crate) fn load_from_text(text: &str) -> Result<Load, serde_json::Error> {
         },
         model_set: stored.model_set,
         mean_area_mm2: stored.mean_area_mm2,
+        filled: stored.filled,
         area_factor: stored.area_factor,
         area_uncertainty: stored.area_uncertainty,
     })
@@ -114,6 +118,7 @@ mod tests {
             let load = Load {
                 number, patch, wall_ns, by, note, mass_kg, force_n, force_sigma_n, replaces, read,
                 model_set: "m-1".to_owned(), mean_area_mm2, area_factor, area_uncertainty: share,
+                filled: [None, Some(false), Some(true)][scans as usize % 3],
             };
             prop_assert_eq!(load_from_text(&load_to_text(&load).unwrap()).unwrap(), load);
         }

@@ -113,6 +113,8 @@ pub struct Load {
     pub model_set: String,
     /// Mean area of the patch's taxels in mm2, as configured.
     pub mean_area_mm2: f64,
+    /// Whether faulty taxels were filled by their neighbours; not known of earlier versions.
+    pub filled: Option<bool>,
     /// What these areas were multiplied by when it was read.
     pub area_factor: f64,
     /// The relative standard uncertainty of the areas that the samples stated.

@@ -23,6 +23,8 @@ pub struct LoadsPlan {
     pub areas: Vec<SquareMillimetre>,
     /// Its relative standard uncertainty that all taxels share.
     pub area_uncertainty: f64,
+    /// Whether faulty taxels are filled by their neighbours.
+    pub fills: bool,
     /// Whether the areas are multiplied by the factor that loads give, once it is known.
     pub area_from_loads: bool,
 }
@@ -64,6 +66,12 @@ impl Loads {
     #[must_use]
     pub fn area_mm2(&self) -> f64 {
         mean_area_mm2(&self.plan.areas)
+    }
+
+    /// Whether faulty taxels are filled by their neighbours.
+    #[must_use]
+    pub const fn fills(&self) -> bool {
+        self.plan.fills
     }
 
     /// Begins to read a known load.
@@ -137,6 +145,7 @@ impl Loads {
             read,
             model_set: model_set.to_owned(),
             mean_area_mm2: self.area_mm2(),
+            filled: Some(self.plan.fills),
             area_factor: self.applied.map_or(1.0, |factor| factor.value),
             area_uncertainty: self.applied.map_or(self.plan.area_uncertainty, |factor| factor.area_uncertainty),
         })
@@ -150,7 +159,7 @@ impl Loads {
     /// All loads, judged for the model set in use.
     #[must_use]
     pub fn validation(&self, model_set: Option<String>) -> Validation {
-        let patch = Patch { name: &self.plan.patch, mean_area_mm2: self.area_mm2() };
+        let patch = Patch { name: &self.plan.patch, mean_area_mm2: self.area_mm2(), fills: self.plan.fills };
         let mut view = judge(patch, &self.all, model_set);
         view.not_applied_because = match view.factor {
             _ if !self.plan.area_from_loads => "the configuration says area_factor = \"off\"".to_owned(),

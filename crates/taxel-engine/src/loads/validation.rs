@@ -83,6 +83,8 @@ pub struct Patch<'a> {
     pub name: &'a str,
     /// Mean of the configured areas, in mm2.
     pub mean_area_mm2: f64,
+    /// Whether faulty taxels are filled by their neighbours.
+    pub fills: bool,
 }
 
 /// The loads of a patch, oldest first, judged by its active model set and the mean of its configured areas.
@@ -97,6 +99,9 @@ pub fn judge(patch: Patch<'_>, all: &[Arc<Load>], model_set: Option<String>) -> 
             "another model set is active now".to_owned()
         } else if (load.mean_area_mm2 / area_mm2 - 1.0).abs() > SAME_AREA_SHARE {
             format!("the configured areas were {:.3} mm2 in the mean, now {area_mm2:.3}", load.mean_area_mm2)
+        } else if load.filled.is_some_and(|then| then != patch.fills) {
+            let [then, now] = if patch.fills { ["not ", ""] } else { ["", "not "] };
+            format!("faulty taxels were {then}filled by their neighbours, and are {now}now")
         } else {
             String::new()
         }

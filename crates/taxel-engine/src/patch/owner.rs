@@ -169,7 +169,7 @@ impl Patch {
     /// Why this set says nothing of the boards or the areas that are configured, in words.
     #[must_use]
     pub fn unfit(&self, set: &ModelSet) -> Option<String> {
-        self.plan.unfit_for_settings(set).or_else(|| set.unfit_for_area(self.loads.area_mm2()))
+        self.plan.unfit_for_settings(set).or_else(|| set.unfit_for_sum(self.loads.area_mm2(), self.loads.fills()))
     }
 
     /// How many known loads are kept.

@@ -5,15 +5,15 @@ use crate::recalibration::estimate::{GAINS, Recalibration};
 
 /// The corrected set, without an id: which taxels are usable, the counts at rest and the settings of the boards are those
 /// of `source`; every pressure is corrected, and the uncertainty of the correction is in `gauge_gain_rel` and
-/// `gauge_offset_kpa`, which the whole skin shares. `area_mm2`: the mean area that the loads were read with, if the points
-/// are forces.
+/// `gauge_offset_kpa`, which the whole skin shares. `read_with`: the mean area that the loads were read with, and whether
+/// faulty taxels were filled then, as far as that is known; if the points are forces.
 ///
 /// # Errors
 /// In words: the recalibration is refused, or the gains of all corrections so far go beyond what a skin ages by.
 pub fn corrected(
     source: &ModelSet,
     found: &Recalibration,
-    area_mm2: Option<f64>,
+    read_with: Option<(f64, Option<bool>)>,
     created_wall_ns: i64,
 ) -> Result<ModelSet, String> {
     if let Some(why) = found.refused_because.first() {
@@ -48,7 +48,8 @@ pub fn corrected(
     let recalibrated = Recalibrated {
         derived_from: source.id.clone(),
         earlier,
-        area_mm2,
+        area_mm2: read_with.map(|(area_mm2, _)| area_mm2),
+        filled: read_with.and_then(|(_, filled)| filled),
         gain,
         gain_sigma: found.gain_sigma(),
         offset_kpa: offset,

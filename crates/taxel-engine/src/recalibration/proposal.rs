@@ -66,7 +66,9 @@ pub fn propose(
     loads.sort_by_key(|load| load.number);
     let points: Vec<LoadPoint> = loads.iter().copied().map(LoadPoint::of).collect();
     let found = Recalibration::at(&points, &LaidAt::of(&loads), assumptions)?;
-    let area_mm2 = view.loads.iter().find(|judged| judged.in_factor()).map(|judged| judged.load.mean_area_mm2);
-    let set = corrected(source, &found, area_mm2, now_wall_ns);
+    let first = view.loads.iter().find(|judged| judged.in_factor()).map(|judged| &judged.load);
+    // Of an earlier version that is not known, and one that is known says it of all: the others are outdated.
+    let filled = loads.iter().find_map(|load| load.filled);
+    let set = corrected(source, &found, first.map(|load| (load.mean_area_mm2, filled)), now_wall_ns);
     Ok(Proposal { found, set })
 }

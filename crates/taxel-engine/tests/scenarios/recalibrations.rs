@@ -7,7 +7,7 @@ use taxel_engine::Restored;
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::{Command, Done, Rejection};
 use taxel_engine::loads::validation::{Patch, judge};
-use taxel_engine::loads::{KnownLoad, Validation, Weight};
+use taxel_engine::loads::{KnownLoad, Load, Validation, Weight};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::recalibration::{Assumptions, Chosen, Proposal, Recalibration, propose};
@@ -296,11 +296,39 @@ fn a_load_that_lay_under_a_degraded_force_counts_for_nothing() {
     loads[0].read.reasons = vec!["module 3 is silent: the total is a lower bound".to_owned()];
     let (area_mm2, of) = (loads[0].mean_area_mm2, view.model_set.clone());
     let loads: Vec<_> = loads.into_iter().map(Arc::new).collect();
-    let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2 };
+    let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2, fills: true };
     view = judge(patch, &loads, of);
     let counted = view.loads.iter().filter(|judged| judged.in_factor()).count();
     assert_eq!(counted, MASSES.len() - 1);
     let chosen = Chosen { loads: numbers, ..Chosen::default() };
     let why = propose(&view, &small().set, &chosen, Assumptions::MASSES, 1).unwrap_err();
     assert!(why.contains("DEGRADED") && why.contains("module 3 is silent"), "{why}");
+}
+
+/// What lacks where nothing is filled goes into the gain, and would count twice once it is filled.
+#[test]
+fn loads_and_their_correction_say_nothing_of_a_sum_that_is_made_in_another_way() {
+    let mut bench = small().in_use_with(too_small);
+    weigh(&mut bench, &MASSES, |_, kilogram| kilogram);
+    let view = validation(&bench);
+    let set = proposal(&bench, &small().set, &Chosen::default()).set.unwrap();
+    let area_mm2 = view.loads[0].load.mean_area_mm2;
+    assert_eq!(set.unfit_for_sum(area_mm2, true), None);
+    let why = set.unfit_for_sum(area_mm2, false).unwrap();
+    assert!(
+        why.contains("read with faulty taxels filled by their neighbours, now they would be read without"),
+        "{why}"
+    );
+    let loads: Vec<Arc<Load>> = view.loads.iter().rev().map(|judged| Arc::clone(&judged.load)).collect();
+    let counted = |loads: &[Arc<Load>], fills| {
+        let patch = Patch { name: &view.patch, mean_area_mm2: area_mm2, fills };
+        let judged = judge(patch, loads, view.model_set.clone());
+        (judged.loads.iter().filter(|load| load.in_factor()).count(), judged.loads[0].outdated_because.clone())
+    };
+    let said = "faulty taxels were filled by their neighbours, and are not now".to_owned();
+    assert_eq!([counted(&loads, true), counted(&loads, false)], [(MASSES.len(), String::new()), (0, said)]);
+    // Of an earlier version that is not known.
+    let old = |load: &Arc<Load>| Arc::new(Load { filled: None, ..Load::clone(load) });
+    let old: Vec<Arc<Load>> = loads.iter().map(old).collect();
+    assert_eq!(counted(&old, false).0, MASSES.len());
 }

@@ -15,6 +15,8 @@ pub(super) struct Part {
     earlier: List<Text<WORDS_BYTES_MAX>, EARLIER_MAX>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     area_mm2: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    filled: Option<bool>,
     gain: f64,
     gain_sigma: f64,
     offset_kpa: f64,
@@ -48,6 +50,7 @@ impl Part {
             derived_from: Text(of.derived_from.clone()),
             earlier: List(of.earlier.iter().cloned().map(Text).collect()),
             area_mm2: of.area_mm2,
+            filled: of.filled,
             gain: of.gain,
             gain_sigma: of.gain_sigma,
             offset_kpa: of.offset_kpa,
@@ -71,6 +74,7 @@ impl Part {
             derived_from: self.derived_from.0,
             earlier: self.earlier.0.into_iter().map(|id| id.0).collect(),
             area_mm2: self.area_mm2,
+            filled: self.filled,
             gain: self.gain,
             gain_sigma: self.gain_sigma,
             offset_kpa: self.offset_kpa,

@@ -314,6 +314,7 @@ fn what_known_loads_corrected_comes_back_and_is_checked() {
         derived_from: model_set(1).id,
         earlier: vec!["m-0".to_owned()],
         area_mm2: Some(42.1),
+        filled: Some(true),
         gain: 1.1,
         gain_sigma: 0.012,
         offset_kpa: -0.3,

@@ -63,6 +63,7 @@ fn a_set_stays_while_one_that_known_loads_made_of_it_is_in_use() {
             derived_from: from.id.clone(),
             earlier: from.origins().map(str::to_owned).collect(),
             area_mm2: None,
+            filled: None,
             gain: 1.1,
             gain_sigma: 0.01,
             offset_kpa: 0.0,

@@ -79,6 +79,7 @@ fn corrected() -> Recalibrated {
         derived_from: "m-before".to_owned(),
         earlier: Vec::new(),
         area_mm2: None,
+        filled: None,
         gain: 1.0,
         gain_sigma: 0.0,
         offset_kpa: 0.0,
