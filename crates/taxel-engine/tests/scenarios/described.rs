@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_engine::Restored;
 use taxel_engine::calibration::SessionState;
 use taxel_engine::command::Command;
 use taxel_engine::intake::faults::Fault;
@@ -11,6 +10,7 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{DevicePlan, DeviceSignal, Gauge, PatchPlan, Plan, ScanBegin};
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
+use taxel_engine::{BusNotice, Restored};
 use taxel_skin::{Board, BoardAddress, CountRange, Module, ModuleKind, Patch, SquareMillimetre, Time};
 use taxel_wire::array::{CountField, FrameSpec};
 use taxel_wire::bits::{BitField, ByteOrder, FrameMatch};
@@ -281,6 +281,43 @@ fn a_described_array_is_calibrated_by_the_same_session_and_weighs() {
     scene.load = (0, 0.0);
     scene.seconds(1.0);
     assert!(scene.host.snapshot().force.total.unwrap().0 < 0.02);
+}
+
+/// What the machine's sleep or a bus that was off may have hidden is held against the next zero, as a silence is.
+#[test]
+fn a_load_that_was_gone_after_a_loss_of_the_bus_keeps_a_zero_from_being_proven() {
+    for lost in [BusNotice::Slept(Duration::from_secs(60)), BusNotice::BusOff] {
+        let mut scene = Scene::in_use();
+        scene.load = (16, 25.0);
+        scene.seconds(1.0);
+        scene.host.notice(lost.clone());
+        scene.take_zero();
+        scene.host.notice(BusNotice::Up);
+        scene.seconds(2.0);
+        let request = scene.host.command(Command::Tare { patch: "array".to_owned(), confirmed_by: None });
+        scene.seconds(3.0);
+        let refused = scene.host.reply(request).expect("answered").unwrap_err().to_string();
+        assert!(refused.contains("lost its load while it was silent or reported a fault"), "{lost:?}: {refused}");
+        assert_eq!(scene.host.snapshot().force.total, None, "6.4 N lie there");
+    }
+}
+
+/// A zero is of the second before it goes to disk. What is found while it waits there is of afterwards.
+#[test]
+fn what_is_found_while_a_zero_goes_to_disk_is_not_forgotten_with_it() {
+    let mut scene = Scene::in_use();
+    scene.host.disk_is_slow = true;
+    let request = scene.host.command(Command::Tare { patch: "array".to_owned(), confirmed_by: None });
+    scene.seconds(1.5);
+    assert_eq!(scene.host.commits.len(), 1, "it is proven, and waits");
+    scene.load = (16, 25.0);
+    scene.seconds(0.3);
+    scene.take_zero();
+    scene.seconds(0.1);
+    scene.host.commit(Ok(()));
+    scene.seconds(0.1);
+    let refused = scene.host.reply(request).expect("answered").unwrap_err().to_string();
+    assert!(refused.contains("a load vanished from a whole board at once"), "{refused}");
 }
 
 #[test]
