@@ -36,6 +36,7 @@ fn load(number: u64, error: f64) -> Arc<Load> {
         read,
         model_set: "m-1".to_owned(),
         mean_area_mm2: 32.4,
+        filled: None,
         area_factor: 1.0,
         area_uncertainty: 0.05,
     })
