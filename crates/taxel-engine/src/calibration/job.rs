@@ -67,6 +67,10 @@ pub struct FitOutcome {
     pub result: Result<Arc<ModelSet>, String>,
 }
 
+/// Below the first samples a reading is a straight line from the zero, and skin is softest there: of a curve that begins at
+/// 27 kPa a touch of 5 kPa reads half as much again.
+const BEGINS_MAX_KPA: f64 = 5.0;
+
 impl FitJob {
     /// Fits every taxel. `id_of` makes the id of the finished set from its content.
     #[must_use]
@@ -90,6 +94,14 @@ impl FitJob {
         let (Some(first), Some(ramp)) = (samples.first(), self.samples.ramps.first()) else {
             return Err("no sample was gathered: the pressure never rose while every module was heard".to_owned());
         };
+        let kpa = self.samples.pressures_kpa();
+        let begins_kpa = kpa.iter().copied().fold(f64::INFINITY, f64::min);
+        if begins_kpa > BEGINS_MAX_KPA {
+            return Err(format!(
+                "nothing was gathered below {begins_kpa:.1} kPa, and of lighter touches nothing would be known: pump more slowly \
+                 from the beginning, so that there are samples below {BEGINS_MAX_KPA} kPa"
+            ));
+        }
         let taxels = first.counts.counts().len();
         let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
         let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
@@ -104,7 +116,7 @@ impl FitJob {
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
         let scans = scans(&time_s, &columns);
         let course = Course::of_session(samples, self.recipe.branch);
-        let fit = SkinFit::new(&scans, masks, self.samples.pressures_kpa(), course, &recipe);
+        let fit = SkinFit::new(&scans, masks, kpa, course, &recipe);
         let mut fitted = fit.run(&OneByOne);
         if fitted.usable().is_empty() {
             let why = fitted.models.first().map_or_else(String::new, |model| format!("; taxel 0: {}", model.status));

@@ -11,6 +11,7 @@ use taxel_skin::CountRange;
 use crate::board_settings::differ_in;
 use crate::calibration::branch::{Branch, PlaysChoice};
 use crate::calibration::calibration_plan::CalibrationPlan;
+use crate::calibration::fit::course::Course;
 use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::job::FitJob;
 use crate::calibration::samples::{RampBaseline, SessionSamples};
@@ -108,6 +109,13 @@ impl Refit {
         for (session, samples) in self.sessions.iter().zip(&samples) {
             self.check_layout(session.view.number, samples)?;
         }
+        // What fell belongs to another curve: fitted together they would give the one between them as that of rising pressure.
+        let both = self.sessions.iter().map(|session| session.view.branches == Branch::Both);
+        let samples = samples.into_iter().zip(both).map(|(samples, both)| match self.recipe.branch {
+            Branch::Rising if both => rising_part(samples),
+            _ => samples,
+        });
+        let samples: Vec<SessionSamples> = samples.collect();
         let numbers = self.numbers();
         let mut left_out: Vec<u16> = self.sessions.iter().flat_map(|s| s.view.left_out.iter().copied()).collect();
         left_out.sort_unstable();
@@ -291,6 +299,13 @@ fn check_options(options: &RefitOptions) -> Result<(), Rejection> {
         return invalid("estimator", problem.to_owned());
     }
     Ok(())
+}
+
+/// Of samples over both branches those that were taken up to the top of each ramp.
+fn rising_part(samples: SessionSamples) -> SessionSamples {
+    let falling = Course::of_session(&samples.samples, Branch::Both).falling().to_vec();
+    let rose = samples.samples.into_iter().zip(falling).filter(|(_, falls)| !falls);
+    SessionSamples { samples: rose.map(|(sample, _)| sample).collect(), ..samples }
 }
 
 /// All samples, with the ramps numbered on.

@@ -41,3 +41,17 @@ fn ramps_of_sessions_that_are_joined_are_numbered_on() {
     assert_eq!(joined.ramps.iter().map(|ramp| ramp.ramp).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
     assert_eq!(joined.samples.iter().map(|sample| sample.ramp).collect::<Vec<_>>(), [0, 1, 2, 3, 4]);
 }
+
+#[test]
+fn of_sessions_over_both_branches_the_rising_fit_has_the_samples_up_to_the_top_of_each_ramp() {
+    let sample = |(n, &(ramp, pressure_kpa)): (usize, &(u16, f64))| Sample {
+        ramp,
+        time_ns: n as i64,
+        pressure_kpa,
+        counts: [n as u8].as_slice().into(),
+    };
+    let course = [(0, 1.0), (0, 30.0), (0, 70.0), (0, 40.0), (0, 2.0), (1, 1.0), (1, 60.0), (1, 5.0)];
+    let samples = SessionSamples { ramps: Vec::new(), samples: course.iter().enumerate().map(sample).collect() };
+    let rose: Vec<i64> = rising_part(samples).samples.iter().map(|sample| sample.time_ns).collect();
+    assert_eq!(rose, [0, 1, 2, 5, 6]);
+}
