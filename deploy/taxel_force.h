@@ -16,7 +16,7 @@
  * A reader belongs to one thread at a time.
  *
  * A page that another account can have put there is none: from / on, what lies where others write has to belong to root or
- * to this account, or to the one that taxel_force_trust names. The program needs POSIX.1-2008 and /proc.
+ * to this account, or to the one that taxel_force_trust names. Names need POSIX.1-2008.
  */
 #ifndef TAXEL_FORCE_H
 #define TAXEL_FORCE_H
@@ -24,7 +24,6 @@
 #include <fcntl.h>
 #include <math.h>
 #include <stdint.h>
-#include <stdio.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -133,28 +132,60 @@ static inline int taxel_force_init(taxel_force_reader *reader, const char *path)
 /* Believes pages of this account, too. */
 static inline void taxel_force_trust(taxel_force_reader *reader, uid_t owner) { reader->owner = owner; }
 
-/* Whether nobody but root, this account and `owner` can have put the open file in its place. */
-static inline int taxel_trusted_(int file, const struct stat *opened, uid_t owner) {
-    char link[32], real[1024];
-    struct stat about;
-    int others_write = 0;
-    size_t at;
-    ssize_t length;
-    snprintf(link, sizeof link, "/proc/self/fd/%d", file);
-    length = readlink(link, real, sizeof real - 1);
-    if (length <= 0 || real[0] != '/') return 0;
-    real[length] = '\0';
-    for (at = 1; at <= (size_t)length; at++) {
-        /* "/", then what ends before each further '/', then all of it. */
-        const char kept = real[at];
-        if (at != 1 && kept != '/' && kept != '\0') continue;
-        real[at] = '\0';
-        if (lstat(real, &about) != 0) return 0;
-        if (others_write && about.st_uid != 0 && about.st_uid != geteuid() && about.st_uid != owner) return 0;
-        others_write = (about.st_mode & (S_IWGRP | S_IWOTH)) != 0;
-        real[at] = kept;
+/* Whether nobody but root, this account and `owner` can have put the open file under this path: from / on, along all
+   symbolic links, what lies where others write has to belong to one of them. */
+static inline int taxel_trusted_(const char *path, const struct stat *opened, uid_t owner) {
+    char left[2048], at[1024] = "/", target[1024];
+    struct stat about, found;
+    size_t used = 1;
+    int links = 0;
+    if (path[0] == '/') left[0] = '\0';
+    else if (getcwd(left, 1024) == NULL) return 0;
+    if (strlen(left) + strlen(path) + 2 > sizeof left) return 0;
+    strcat(strcat(left, "/"), path);
+    if (lstat(at, &about) != 0) return 0;
+    while (left[0] != '\0') {
+        char *step = left + strspn(left, "/");
+        size_t length = strcspn(step, "/");
+        const size_t before = used;
+        if (length == 0) break;
+        if (length == 1 && step[0] == '.') {
+            memmove(left, step + length, strlen(step + length) + 1);
+            continue;
+        }
+        if (length == 2 && step[0] == '.' && step[1] == '.') {
+            while (used > 1 && at[used - 1] != '/') used--;
+            if (used > 1) used--;
+            at[used] = '\0';
+            memmove(left, step + length, strlen(step + length) + 1);
+            if (lstat(at, &about) != 0) return 0;
+            continue;
+        }
+        if (used + length + 2 > sizeof at) return 0;
+        if (used > 1) at[used++] = '/';
+        memcpy(at + used, step, length);
+        used += length;
+        at[used] = '\0';
+        memmove(left, step + length, strlen(step + length) + 1);
+        if (lstat(at, &found) != 0) return 0;
+        if ((about.st_mode & (S_IWGRP | S_IWOTH)) != 0 && found.st_uid != 0 && found.st_uid != geteuid() &&
+            found.st_uid != owner)
+            return 0;
+        if (S_ISLNK(found.st_mode)) {
+            const ssize_t got = readlink(at, target, sizeof target - 1);
+            if (got <= 0 || ++links > 40 || (size_t)got + strlen(left) + 2 > sizeof left) return 0;
+            target[got] = '\0';
+            memmove(left + got + 1, left, strlen(left) + 1);
+            memcpy(left, target, (size_t)got);
+            left[got] = '/';
+            used = target[0] == '/' ? 1 : before;
+            at[used] = '\0';
+            if (lstat(at, &about) != 0) return 0;
+        } else {
+            about = found;
+        }
     }
-    return !others_write && about.st_dev == opened->st_dev && about.st_ino == opened->st_ino;
+    return (about.st_mode & (S_IWGRP | S_IWOTH)) == 0 && about.st_dev == opened->st_dev && about.st_ino == opened->st_ino;
 }
 
 /* Lets the page go. */
@@ -170,7 +201,7 @@ static inline int taxel_force_open(taxel_force_reader *reader) {
     if (file < 0) return 0;
     if (fstat(file, &about) == 0 && S_ISREG(about.st_mode) && about.st_size >= (off_t)TAXEL_FORCE_BYTES &&
         !(reader->page != NULL && about.st_dev == reader->device && about.st_ino == reader->inode) &&
-        taxel_trusted_(file, &about, reader->owner)) {
+        taxel_trusted_(reader->path, &about, reader->owner)) {
         void *mapped = mmap(NULL, TAXEL_FORCE_BYTES, PROT_READ, MAP_SHARED, file, 0);
         if (mapped != MAP_FAILED) {
             const uint64_t *page = (const uint64_t *)mapped;

@@ -217,6 +217,15 @@ fn what_is_no_page_is_told_with_what_was_expected() {
     }
 }
 
+/// A file that goes with the test.
+struct Removed(std::path::PathBuf);
+
+impl Drop for Removed {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
 /// Programs that print what the readers of other languages make of a page, and their first arguments.
 fn readers(place: &std::path::Path) -> Vec<(std::path::PathBuf, Vec<String>)> {
     let mut readers = Vec::new();
@@ -261,6 +270,14 @@ fn a_page_that_another_account_can_have_made_is_none() {
         return;
     }
     std::os::unix::fs::chown(&page, Some(NOBODY), None).unwrap();
+    // A folder of theirs in which nobody else writes is theirs alone; but who made the link that leads there?
+    let link = std::path::Path::new("/dev/shm").join(format!("taxel-shm-link-{}", std::process::id()));
+    let _gone = Removed(link.clone());
+    std::os::unix::fs::symlink(place.path(), &link).unwrap();
+    std::os::unix::fs::lchown(&link, Some(NOBODY), None).unwrap();
+    let by_link = link.join("palm");
+    let refused = Page::open(&by_link).unwrap_err().to_string();
+    assert!(refused.contains("taxel-shm-link") && refused.contains("it belongs to user 65534"), "{refused}");
     let refused = Page::open(&page).unwrap_err().to_string();
     assert!(refused.contains("it belongs to user 65534, who can have made it to deceive"), "{refused}");
     assert_eq!(Reader::new(&page, None).force(), Err(NoForce::NoPage));
@@ -272,6 +289,9 @@ fn a_page_that_another_account_can_have_made_is_none() {
         };
         writer.beat();
         let (alone, told) = (said(&[]), said(&["65534"]));
+        let led = Command::new(&program).args(&arguments).arg(&by_link).output().unwrap();
+        let led = String::from_utf8_lossy(&led.stdout).into_owned() + &String::from_utf8_lossy(&led.stderr);
+        assert!(led.starts_with("status 1\n"), "{}: {led}", program.display());
         assert!(alone.starts_with("status 1\n"), "{}: {alone}", program.display());
         assert!(told.starts_with("status 0\n") && told.contains("total 1.000"), "{}: {told}", program.display());
     }

@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 import mmap
 import os
+import stat
 import struct
 import time
 import zlib
@@ -48,17 +49,32 @@ def _text(raw: bytes) -> str:
 
 def _way_to(path: str, owner: Optional[int]) -> Tuple[str, os.stat_result]:
     """Where a page really is, and what is known of it, if nobody but root, this account and `owner` can have put it there."""
-    real, others_write = os.path.realpath(path), False
-    steps = [part for part in real.split("/") if part]
-    for count in range(len(steps) + 1):
-        step = "/" + "/".join(steps[:count])
-        about = os.lstat(step)
-        if others_write and about.st_uid not in (0, os.geteuid(), owner):
-            raise ValueError(f"{step}: it belongs to user {about.st_uid}, who can have made it to deceive")
-        others_write = bool(about.st_mode & 0o022)
-    if others_write:
-        raise ValueError(f"{real}: others may write in it")
-    return real, about
+    left, at, about, links = os.path.abspath(path).split("/"), "/", os.lstat("/"), 0
+    while left:
+        step = left.pop(0)
+        if step in ("", "."):
+            continue
+        if step == "..":
+            at = os.path.dirname(at)
+            about = os.lstat(at)
+            continue
+        following = os.path.join(at, step)
+        found = os.lstat(following)
+        if about.st_mode & 0o022 and found.st_uid not in (0, os.geteuid(), owner):
+            raise ValueError(f"{following}: it belongs to user {found.st_uid}, who can have made it to deceive")
+        if not stat.S_ISLNK(found.st_mode):
+            at, about = following, found
+            continue
+        links += 1
+        if links > 40:
+            raise ValueError(f"{path}: too many symbolic links lead to it")
+        target = os.readlink(following)
+        if target.startswith("/"):
+            at, about = "/", os.lstat("/")
+        left = target.split("/") + left
+    if about.st_mode & 0o022:
+        raise ValueError(f"{at}: others may write in it")
+    return at, about
 
 
 class _Page:
