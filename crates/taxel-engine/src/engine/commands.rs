@@ -123,6 +123,8 @@ impl Engine {
                 patch.check_unloaded()?;
             }
         }
+        // Whichever was ready by itself is asked anew, or it would be configured with the first that becomes ready here.
+        group.iter().for_each(|&member| self.patches[member].is_asked_anew());
         for member in group {
             self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, confirmed, effects));
         }

@@ -1,5 +1,8 @@
 //! Boards that serve several patches: what one of these learns of such a board, the others must know.
 
+use taxel_wire::array::FrameSpec;
+use taxel_wire::bits::{FrameMatch, Selector};
+
 use crate::plan::{PatchPlan, Plan};
 
 /// Which boards several patches have.
@@ -54,16 +57,29 @@ fn others_of(patches: &[PatchPlan], patch: usize) -> Vec<Vec<(usize, usize)>> {
 }
 
 /// Whether a board of one patch and one of another are the same thing. Skin boards are by their address. The number of a
-/// described device only divides its patch: two of them are the same if they send a frame in common.
+/// described device only divides its patch: two of them are the same if counts of both come in one frame. A frame that
+/// begins the scans of several, or one that a number in it gives to one of them, is none.
 fn are_one(a: (&PatchPlan, usize), b: (&PatchPlan, usize)) -> bool {
     let board = |(plan, at): (&PatchPlan, usize)| plan.patch.boards()[at].clone();
     let (here, there) = (board(a), board(b));
     let same = match (a.0.devices.get(a.1), b.0.devices.get(b.1)) {
         (None, None) => here.address == there.address,
-        (Some(one), Some(other)) => one.ids().any(|id| other.ids().any(|of_other| of_other == id)),
+        (Some(one), Some(other)) => {
+            let of_other = |spec: &FrameSpec| other.frames.iter().any(|its| overlap(&spec.frames, &its.frames));
+            one.frames.iter().any(of_other)
+        }
         _ => false,
     };
     here.bus == there.bus && same
+}
+
+/// Whether one frame can be meant by both.
+fn overlap(a: &FrameMatch, b: &FrameMatch) -> bool {
+    let apart = |one: &Selector, other: &Selector| {
+        let meet = |x: &(i128, i128), y: &(i128, i128)| x.0 <= y.1 && y.0 <= x.1;
+        one.field == other.field && !one.values.iter().any(|x| other.values.iter().any(|y| meet(x, y)))
+    };
+    a.id == b.id && !a.selectors.iter().any(|one| b.selectors.iter().any(|other| apart(one, other)))
 }
 
 fn group_of(others: &[Vec<Vec<(usize, usize)>>], patch: usize) -> Vec<usize> {
@@ -85,10 +101,9 @@ fn group_of(others: &[Vec<Vec<(usize, usize)>>], patch: usize) -> Vec<usize> {
 mod tests {
     use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
     use taxel_wire::CanId;
-    use taxel_wire::array::FrameSpec;
-    use taxel_wire::bits::FrameMatch;
+    use taxel_wire::bits::{BitField, ByteOrder};
 
-    use crate::intake::cells::DevicePlan;
+    use crate::intake::cells::{DevicePlan, ScanBegin};
 
     use super::*;
 
@@ -105,16 +120,22 @@ mod tests {
     /// Their numbers only divide a patch: each of two arrays on a bus is the first device of its own.
     #[test]
     fn described_devices_are_shared_by_their_frames_and_by_nothing_else() {
+        let of = |id, selectors| FrameMatch { id: CanId::Extended(id), selectors };
         let with = |name: &str, ids: &[u32]| {
-            let frame = |&id: &u32| FrameSpec {
-                frames: FrameMatch { id: CanId::Extended(id), selectors: Vec::new() },
-                counts: Vec::new(),
+            // One frame may be of several devices, told apart by its first byte: the hundreds here.
+            let selected = |id: u32| Selector {
+                field: BitField::new(0, 8, ByteOrder::Little, false).unwrap(),
+                values: vec![(i128::from(id / 100), i128::from(id / 100))],
             };
-            let device = DevicePlan { frames: ids.iter().map(frame).collect(), ..DevicePlan::without_frames() };
+            let frame = |&id: &u32| FrameSpec { frames: of(id % 100, vec![selected(id)]), counts: Vec::new() };
+            // A master's frame begins the scans of all.
+            let scans = ScanBegin::Frame(of(80, Vec::new()));
+            let frames = ids.iter().map(frame).collect();
+            let device = DevicePlan { frames, scans, ..DevicePlan::without_frames() };
             PatchPlan { devices: vec![device], ..patch(name, &[(0, 1)]) }
         };
         let patches =
-            vec![with("palm", &[10, 11]), with("finger", &[12]), with("half", &[11]), patch("arm", &[(0, 1)])];
+            vec![with("palm", &[10, 11]), with("finger", &[12, 110]), with("half", &[11]), patch("arm", &[(0, 1)])];
         let shared = SharedBoards::new(&Plan { buses: 1, patches });
         let others = (0..4).map(|patch| shared.others(patch, 0).to_vec());
         assert!(others.eq([vec![(2, 0)], Vec::new(), vec![(0, 0)], Vec::new()]));

@@ -36,6 +36,15 @@ pub struct SilenceLimits {
     pub power_cycle_after: Duration,
 }
 
+/// What a described device tells of itself.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum DeviceNews {
+    /// It is not well from now on.
+    Unwell,
+    /// It is well again, and why its zero is in doubt.
+    Well(BoardDoubt),
+}
+
 /// One board.
 #[derive(Clone, Debug, Default)]
 pub struct BoardState {
@@ -44,11 +53,8 @@ pub struct BoardState {
     /// Since the board was last known to begin its own count anew.
     no_acks: u32,
     overflows: u64,
-    /// Of so long a time since the board was last heard the host may have lost frames: so much of a silence need not be the
-    /// board's.
-    unheard: Duration,
-    /// Until when that is counted: the same time is not lost twice.
-    unheard_until: Option<Time>,
+    /// From when to when the host may have lost frames, as told last: so much of a silence need not be the board's.
+    lost: Option<[Time; 2]>,
     /// Since when a described device has said that it is not well.
     unwell_since: Option<Time>,
     celsius: Option<f64>,
@@ -57,23 +63,28 @@ pub struct BoardState {
 
 impl BoardState {
     /// A described device sent counts, and `is_well` or not by its own status. While it is not it may take a new zero, as one
-    /// does that starts or calibrates itself, and its counts show nothing: as with a silence, what lay on it before is
-    /// compared with what it reads afterwards.
-    pub fn on_device(&mut self, time: Time, is_well: bool, limits: SilenceLimits) -> Option<BoardDoubt> {
-        let begun = self.unwell_since;
-        self.unwell_since = (!is_well).then(|| begun.unwrap_or(time));
-        let seconds = time.since(begun.or(self.unwell_since)?);
-        let why = format!(
-            "has not been well by its own status for {:.2} s and may have taken a new zero",
-            seconds.as_secs_f64()
-        );
-        Some(BoardDoubt { why, certain: seconds > limits.power_cycle_after })
+    /// does that starts or calibrates itself, and its counts show nothing. Returns what is new.
+    pub fn on_device(&mut self, time: Time, is_well: bool, limits: SilenceLimits) -> Option<DeviceNews> {
+        match (is_well, self.unwell_since) {
+            (false, None) => {
+                self.unwell_since = Some(time);
+                Some(DeviceNews::Unwell)
+            }
+            (true, Some(since)) => {
+                self.unwell_since = None;
+                let unwell = time.since(since);
+                let seconds = unwell.as_secs_f64();
+                let why = format!("was not well by its own status for {seconds:.2} s and may have taken a new zero");
+                Some(DeviceNews::Well(BoardDoubt { why, certain: unwell > limits.power_cycle_after }))
+            }
+            _ => None,
+        }
     }
 
     /// A module of the board came whole. Returns why the board's zero is in doubt, if it is.
     pub fn on_module(&mut self, time: Time, status: StatusWord, limits: SilenceLimits) -> Option<BoardDoubt> {
         let silence = self.last.map(|last| time.since(last));
-        let unheard = std::mem::take(&mut self.unheard);
+        let unheard = self.last.map_or(Duration::ZERO, |last| self.lost_between(last, time));
         self.last = Some(time);
         self.status_errors += u64::from(!status.is_ok());
         let no_ack = status.no_ack().then(|| self.on_no_ack()); // counted whatever else is found
@@ -109,11 +120,17 @@ impl BoardState {
         self.no_acks = 0;
     }
 
-    /// The host may have lost frames of so long a time before `now`.
+    /// The host may have lost frames of so long a time before `now`. Times that overlap are one: none is lost twice.
     pub fn on_frames_lost(&mut self, now: Time, gap: Duration) {
-        let counted = self.unheard_until.replace(now);
-        let since = counted.map_or(gap, |until| gap.min(now.since(until)));
-        self.unheard = self.unheard.saturating_add(since);
+        let begin = now - gap;
+        self.lost = match self.lost {
+            Some([from, to]) if begin <= to => Some([from.min(begin), to.max(now)]),
+            _ => Some([begin, now]),
+        };
+    }
+
+    fn lost_between(&self, from: Time, to: Time) -> Duration {
+        self.lost.map_or(Duration::ZERO, |[begin, end]| end.min(to).since(begin.max(from)))
     }
 
     /// It discarded its send queue.
@@ -175,17 +192,17 @@ mod tests {
     const LIMITS: SilenceLimits =
         SilenceLimits { doubt_after: Duration::from_millis(150), power_cycle_after: Duration::from_secs(1) };
 
-    /// What is held against a board that was silent for so long, of which the host heard nothing in these gaps, seconds.
-    fn after(silence_s: f64, gaps_s: &[f64]) -> Option<bool> {
+    /// What is held against a board that was silent from 1 s on for so long, of which the host may have heard nothing in these
+    /// gaps, from and to, seconds.
+    fn after(silence_s: f64, gaps_s: &[[f64; 2]]) -> Option<bool> {
         let mut board = BoardState::default();
         let doubt = board.on_module(Time::from_seconds(1.0), StatusWord(0), LIMITS);
         assert_eq!(doubt, None);
-        let gaps = gaps_s.iter().enumerate();
-        gaps.for_each(|(n, gap)| {
-            board.on_frames_lost(Time::from_seconds(1.5 + n as f64), Duration::from_secs_f64(*gap));
-        });
+        for [from_s, to_s] in gaps_s {
+            board.on_frames_lost(Time::from_seconds(*to_s), Duration::from_secs_f64(to_s - from_s));
+        }
         let doubt = board.on_module(Time::from_seconds(1.0 + silence_s), StatusWord(0), LIMITS);
-        let again = board.on_module(Time::from_seconds(3.0 + silence_s), StatusWord(0), LIMITS);
+        let again = board.on_module(Time::from_seconds(8.0 + silence_s), StatusWord(0), LIMITS);
         assert!(again.is_some_and(|doubt| doubt.certain), "a gap excuses one silence");
         doubt.map(|doubt| doubt.certain)
     }
@@ -195,34 +212,44 @@ mod tests {
         assert_eq!(after(0.1, &[]), None);
         assert_eq!(after(0.9, &[]), Some(false));
         assert_eq!(after(5.0, &[]), Some(true));
-        assert_eq!(after(5.0, &[0.11]), Some(true), "the host stood still for a moment");
-        assert_eq!(after(5.0, &[4.5]), Some(false));
-        assert_eq!(after(1.4, &[0.25, 0.25]), Some(false));
-    }
-
-    #[test]
-    fn a_device_that_is_not_well_is_doubted_until_it_is_and_once_more_then() {
-        let mut board = BoardState::default();
-        let mut certain = |ms: i64, is_well| {
-            board.on_device(Time::from_nanos(ms * 1_000_000), is_well, LIMITS).map(|doubt| doubt.certain)
-        };
-        assert_eq!([certain(0, true), certain(20, true)], [None, None]);
-        assert_eq!([certain(40, false), certain(60, false), certain(840, true)], [Some(false); 3]);
-        assert_eq!(certain(860, true), None);
-        assert_eq!([certain(1_000, false), certain(2_000, false)], [Some(false); 2]);
-        assert_eq!([certain(2_001, false), certain(3_000, true), certain(3_020, true)], [Some(true), Some(true), None]);
+        assert_eq!(after(5.0, &[[2.0, 2.11]]), Some(true), "the host stood still for a moment");
+        assert_eq!(after(5.0, &[[1.2, 5.7]]), Some(false));
+        assert_eq!(after(1.4, &[[1.5, 2.0]]), Some(false));
+        assert_eq!(after(1.4, &[[0.0, 0.9]]), Some(true), "before the silence");
     }
 
     #[test]
     fn the_same_time_excuses_no_silence_twice() {
+        // A buffer that hovers at its end tells of it many times a second, and the host stood still besides.
+        let hovering: Vec<[f64; 2]> =
+            (0..8).map(|n| 1.1 + 0.05 * f64::from(n)).map(|to_s| [to_s - 0.5, to_s]).collect();
+        assert_eq!(after(3.0, &[hovering, vec![[1.1, 1.5]]].concat()), Some(true));
+    }
+
+    /// The host stood still for 1.8 s, and its buffer held the first half second of that.
+    #[test]
+    fn frames_of_the_beginning_of_a_gap_use_up_none_of_it() {
         let mut board = BoardState::default();
         board.on_module(Time::from_seconds(1.0), StatusWord(0), LIMITS);
-        // A buffer that hovers at its end tells of it many times a second, and the host stood still besides.
-        for n in 0..8 {
-            board.on_frames_lost(Time::from_seconds(1.1 + 0.05 * f64::from(n)), Duration::from_millis(500));
-        }
-        board.on_frames_lost(Time::from_seconds(1.5), Duration::from_millis(400));
-        let doubt = board.on_module(Time::from_seconds(3.0), StatusWord(0), LIMITS).unwrap();
-        assert!(doubt.certain, "{doubt:?}");
+        board.on_frames_lost(Time::from_seconds(2.8), Duration::from_secs_f64(1.8));
+        assert_eq!(board.on_module(Time::from_seconds(1.05), StatusWord(0), LIMITS), None);
+        board.on_frames_lost(Time::from_seconds(2.81), Duration::from_millis(500));
+        assert_eq!(board.on_module(Time::from_seconds(1.15), StatusWord(0), LIMITS), None);
+        let doubt = board.on_module(Time::from_seconds(2.85), StatusWord(0), LIMITS).unwrap();
+        assert!(!doubt.certain, "{doubt:?}");
+    }
+
+    #[test]
+    fn a_device_that_was_not_well_is_doubted_when_it_is_again() {
+        let mut board = BoardState::default();
+        let mut news = |ms: i64, is_well| {
+            board.on_device(Time::from_nanos(ms * 1_000_000), is_well, LIMITS).map(|news| match news {
+                DeviceNews::Unwell => None,
+                DeviceNews::Well(doubt) => Some(doubt.certain),
+            })
+        };
+        assert_eq!([news(0, true), news(20, true), news(40, false), news(60, false)], [None, None, Some(None), None]);
+        assert_eq!([news(840, true), news(860, true)], [Some(Some(false)), None]);
+        assert_eq!([news(1_000, false), news(2_000, false), news(2_020, true)], [Some(None), None, Some(Some(true))]);
     }
 }

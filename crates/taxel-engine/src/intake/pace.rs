@@ -9,7 +9,7 @@
 //! A board that steadily sends faster than configured is no such case: after `STEADY` of even intervals its own period
 //! is believed, and the health says that the configuration has another. But a board changes its pace only where it starts
 //! anew. One that has kept the period that is believed for `STEADY` and then seems to send twice as often is two nodes, half
-//! a period apart: the module stays out for as long as both send, until it has been silent for `BREAK`.
+//! a period apart: the module stays out for as long as both send. After a silence of `BREAK` it may have started anew.
 
 use std::time::Duration;
 use taxel_skin::Time;
@@ -95,10 +95,17 @@ impl Pace {
         self.due = None;
     }
 
+    /// Its board is configured, and sends at the configured period from now on.
+    pub fn on_bring_up(&mut self) {
+        *self = Self { excess: self.excess, ..Self::new(self.configured) };
+    }
+
     /// A scan of the module came.
     pub fn on_scan(&mut self, time: Time) -> Arrival {
         let begins = self.last.is_none_or(|last| time.since(last) >= BREAK);
-        if begins {
+        // Where two nodes sent before the break, two may come back from it.
+        let crowded = self.excess.0.zip(self.last).is_some_and(|(excess, last)| last.since(excess) <= MEMORY);
+        if begins && !(self.is_proven && crowded) {
             (self.kept_since, self.is_proven) = (Some(time), false);
         }
         self.learn(time);
@@ -220,9 +227,22 @@ mod tests {
                 }
             }
             assert_eq!(believed, 0, "scans of one of two nodes while the module is in use, {phase} ms apart");
+            // Neither does a second without frames make one board of them.
+            let both = (1_224..1_400).flat_map(|i| [f64::from(i) * 50.0, f64::from(i) * 50.0 + phase]);
+            assert!(refused(&mut pace, both).len() > 80);
             // The second node goes, and what is left is the board as it was.
-            assert!(refused(&mut pace, (1_240..1_300).map(|i| f64::from(i) * 50.0)).is_empty());
+            assert!(refused(&mut pace, (1_440..1_500).map(|i| f64::from(i) * 50.0)).is_empty());
         }
+    }
+
+    #[test]
+    fn a_board_that_is_configured_sends_at_the_configured_period_from_then_on() {
+        let mut pace = Pace::new(PERIOD);
+        refused(&mut pace, (0..200).map(|i| f64::from(i) * 25.0));
+        assert!(refused(&mut pace, (200..240).map(|i| f64::from(i) * 25.0)).is_empty(), "it is believed");
+        pace.on_bring_up();
+        let found = refused(&mut pace, (120..160).flat_map(|i| [f64::from(i) * 50.0, f64::from(i) * 50.0 + 25.0]));
+        assert!(found.len() > 10, "{found:?}");
     }
 
     #[test]

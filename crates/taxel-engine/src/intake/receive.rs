@@ -13,7 +13,7 @@ use taxel_wire::{Frame, TimedFrame};
 
 use crate::baseline::TaxelBaseline;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
-use crate::intake::boards::{BoardDoubt, BoardNews, BoardState, SilenceLimits};
+use crate::intake::boards::{BoardDoubt, BoardNews, BoardState, DeviceNews, SilenceLimits};
 use crate::intake::bring_up::{BoardSetup, BringUp};
 use crate::intake::cells::{Device, DevicePlan};
 use crate::intake::faults::detector::FaultDetector;
@@ -60,6 +60,20 @@ pub enum IntakeEvent {
         /// Why, in words that name the board.
         why: String,
         /// Whether it surely has, or the counts have to show it.
+        certain: bool,
+    },
+    /// A described device is not well by its own status.
+    BoardUnwell {
+        /// Its position in the patch.
+        board: usize,
+    },
+    /// It is well again.
+    BoardWell {
+        /// Its position in the patch.
+        board: usize,
+        /// Why its zero is in doubt.
+        why: String,
+        /// Whether it is so long that it counts as lost.
         certain: bool,
     },
     /// A board has a new zero: the counts of another patch that has modules of it have shown that.
@@ -131,6 +145,7 @@ impl Intake {
     /// Configures the boards, if the plan has settings for them: their zeros are lost.
     pub fn start_bring_up(&mut self, now: Time) {
         self.boards.iter_mut().for_each(BoardState::on_bring_up);
+        self.paces.iter_mut().for_each(Pace::on_bring_up);
         if self.plan.devices.is_empty() {
             self.bring_up.start(now, &self.plan.patch, &self.plan.bring_up);
         } else {
@@ -179,8 +194,8 @@ impl Intake {
             }
             if !brought.modules.is_empty() {
                 let (is_well, limits) = (self.devices[position].is_well(), self.silence_limits());
-                let doubt = self.boards[position].on_device(frame.time, is_well, limits);
-                self.tell_doubt(position, doubt, events); // before its counts are taken, which may be of another zero
+                let news = self.boards[position].on_device(frame.time, is_well, limits);
+                self.tell_of_device(position, news, events); // before its counts are taken, which may be of another zero
             }
             for module in brought.modules {
                 let device = &self.devices[position];
@@ -295,6 +310,17 @@ impl Intake {
 
     const fn silence_limits(&self) -> SilenceLimits {
         SilenceLimits { doubt_after: self.plan.stale_after, power_cycle_after: self.plan.power_cycle_after }
+    }
+
+    fn tell_of_device(&self, board: usize, news: Option<DeviceNews>, events: &mut Vec<IntakeEvent>) {
+        match news {
+            None => {}
+            Some(DeviceNews::Unwell) => events.push(IntakeEvent::BoardUnwell { board }),
+            Some(DeviceNews::Well(doubt)) => {
+                let why = format!("board {} {}", self.plan.patch.boards()[board].address, doubt.why);
+                events.push(IntakeEvent::BoardWell { board, why, certain: doubt.certain });
+            }
+        }
     }
 
     /// Tells that the zero of a board is in doubt, unless it is being taken anew.

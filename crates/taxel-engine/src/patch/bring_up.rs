@@ -69,6 +69,11 @@ impl Patch {
         !self.plan.configures() || ready
     }
 
+    /// Whether its boards may be configured is asked once more.
+    pub const fn is_asked_anew(&mut self) {
+        self.ready = None;
+    }
+
     /// Configures the boards; nothing presses on them.
     pub fn configure_boards(&mut self, now: Time) {
         self.bring_up_waits = false;
@@ -86,7 +91,6 @@ impl Patch {
     /// Configures the boards again: the zero is lost. Where there is no force that would show a load, boards that stream
     /// are looked at first, unless it is confirmed that nothing touches the skin.
     pub fn bring_up_again(&mut self, now: Now, confirmed: bool, effects: &mut Effects<'_>) {
-        self.ready = None;
         let feels = self.zero.holds() && self.felt.is_some();
         self.bring_up_waits = !confirmed && !feels && self.shows_loads();
         if feels && !confirmed {

@@ -302,6 +302,12 @@ impl Patch {
                     self.zero.doubt(board, &why, &mut events);
                     self.on_zero_events(now, events, effects);
                 }
+                IntakeEvent::BoardUnwell { board } => self.zero.on_unwell(board),
+                IntakeEvent::BoardWell { board, why, certain } => {
+                    let mut events = Vec::new();
+                    self.zero.on_well(board, &why, certain, &mut events);
+                    self.on_zero_events(now, events, effects);
+                }
                 IntakeEvent::BoardMoved { board, why } => {
                     let mut events = Vec::new();
                     self.zero.lose_by_another(board, &why, &mut events);

@@ -146,6 +146,21 @@ impl Continuity {
         }
     }
 
+    /// A board says that it is not well: what it read before is kept, and it is judged no further until it is.
+    pub fn on_unwell(&mut self, board: usize) {
+        let read = (self.taxels.scans() > 0).then(|| self.taxels.newest());
+        if let Some(board) = self.boards.get_mut(board) {
+            board.on_unwell(read);
+        }
+    }
+
+    /// It is well again: the next scans have to show that it has taken no new zero.
+    pub fn on_well(&mut self, board: usize, why: String) {
+        if let Some(board) = self.boards.get_mut(board) {
+            board.on_well(why);
+        }
+    }
+
     /// The board has taken a new zero within the last scans: if its load has vanished with that, nothing shows it any more.
     pub fn moved(&mut self, board: usize, why: &str) {
         let lately = self.boards.get(board).is_some_and(BoardWatch::load_vanished_lately);

@@ -22,7 +22,7 @@ use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::ground::Ground;
 use crate::zero::lookback::{Lookback, Present};
 use crate::zero::plan::ZeroPlan;
-use crate::zero::proven::Proven;
+use crate::zero::proven::{Known, Proven};
 use crate::zero::residue::Memory;
 use crate::zero::rest::window::RestWindow;
 use crate::zero::view::TareView;
@@ -216,12 +216,17 @@ impl Zero {
 
     /// A zero that is being written down is of before: what is found since would be forgotten with it.
     fn spoil_proven(&mut self) {
-        let Some(proven) = &mut self.proven else { return };
-        let found = self.continuity.doubted().map(str::to_owned);
-        let vanished = self.continuity.unloaded().next().is_some().then(|| VANISHED.to_owned());
-        let unproven = self.continuity.unproven().filter(|why| !proven.knew(why)).map(str::to_owned);
-        if let Some(why) = found.or(vanished).or(unproven) {
-            proven.spoil(&why);
+        if self.proven.is_some() {
+            let found = self.held_against();
+            self.proven.iter_mut().for_each(|proven| proven.spoil_by(&found));
+        }
+    }
+
+    pub(super) fn held_against(&self) -> Known {
+        Known {
+            doubted: self.continuity.doubted().map(str::to_owned),
+            vanished: self.continuity.unloaded().next().map(|_| VANISHED.to_owned()),
+            unproven: self.continuity.unproven().map(str::to_owned),
         }
     }
 
@@ -237,6 +242,25 @@ impl Zero {
     pub fn doubt(&mut self, board: usize, why: &str, events: &mut Vec<ZeroEvent>) {
         self.refuse_watch(why, events);
         self.continuity.doubt(board, why.to_owned());
+        if self.view.valid {
+            self.tell_doubt(events);
+        }
+    }
+
+    /// A board says that it is not well: what it sends says nothing until it is, and what it read before is kept, as of a
+    /// silent one.
+    pub fn on_unwell(&mut self, board: usize) {
+        self.continuity.on_unwell(board);
+    }
+
+    /// It is well again, and may have taken a new zero; `certain`: after so long a time that its zero counts as lost.
+    pub fn on_well(&mut self, board: usize, why: &str, certain: bool, events: &mut Vec<ZeroEvent>) {
+        self.continuity.on_well(board, why.to_owned());
+        if certain {
+            self.lose(ReasonCode::ZeroLost, why, events);
+            return;
+        }
+        self.refuse_watch(why, events);
         if self.view.valid {
             self.tell_doubt(events);
         }

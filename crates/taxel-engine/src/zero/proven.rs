@@ -4,31 +4,42 @@ use crate::baseline::TaxelBaseline;
 use crate::request::RequestId;
 use crate::zero::view::TareView;
 
+/// What is held against the boards, in words.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Known {
+    /// The zero of a board is in doubt.
+    pub doubted: Option<String>,
+    /// A load has just vanished from a board at once.
+    pub vanished: Option<String>,
+    /// The counts cannot show rest.
+    pub unproven: Option<String>,
+}
+
 /// The zero, for whom it was taken, and what has moved it meanwhile.
 #[derive(Clone, Debug)]
 pub struct Proven {
     request: RequestId,
-    /// Why the counts could not show rest when it was taken, if somebody vouched for it.
-    unproven: Option<String>,
+    /// What was held against the boards when it was taken.
+    known: Known,
     zero: Result<(TareView, Vec<TaxelBaseline>), String>,
 }
 
 impl Proven {
-    /// A zero for `request`, one baseline per taxel, taken although the counts could not show rest for the reason `unproven`.
+    /// A zero for `request`, one baseline per taxel, and what was held against the boards when it was taken.
     #[must_use]
-    pub const fn new(
-        request: RequestId,
-        view: TareView,
-        baseline: Vec<TaxelBaseline>,
-        unproven: Option<String>,
-    ) -> Self {
-        Self { request, unproven, zero: Ok((view, baseline)) }
+    pub const fn new(request: RequestId, view: TareView, baseline: Vec<TaxelBaseline>, known: Known) -> Self {
+        Self { request, known, zero: Ok((view, baseline)) }
     }
 
-    /// Whether this was known when it was taken.
-    #[must_use]
-    pub fn knew(&self, unproven: &str) -> bool {
-        self.unproven.as_deref() == Some(unproven)
+    /// This is held against the boards now: what is new of it spoils the zero.
+    pub fn spoil_by(&mut self, now: &Known) {
+        let new = |now: &Option<String>, then: &Option<String>| now.clone().filter(|_| now != then);
+        let why = new(&now.doubted, &self.known.doubted)
+            .or_else(|| new(&now.vanished, &self.known.vanished))
+            .or_else(|| new(&now.unproven, &self.known.unproven));
+        if let Some(why) = why {
+            self.spoil(&why);
+        }
     }
 
     /// Whether it was taken for `request`.

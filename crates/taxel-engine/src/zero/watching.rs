@@ -80,8 +80,7 @@ impl Zero {
         let baseline = with_noise_known(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
         let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, rest, &baseline);
         if let Purpose::Operator { request, .. } = purpose {
-            let unproven = self.continuity.unproven().map(str::to_owned);
-            self.proven = Some(Proven::new(request, view.clone(), baseline.clone(), unproven));
+            self.proven = Some(Proven::new(request, view.clone(), baseline.clone(), self.held_against()));
             events.push(ZeroEvent::Proven { request, view, baseline });
         } else {
             self.proven = None; // of an earlier moment

@@ -94,7 +94,7 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
     }
     let span_s = scans.time_s.last().zip(scans.time_s.first()).map_or(0.0, |(last, first)| last - first);
     if let Tare::Seconds(tare_s) = recipe.tare
-        && tare_s > span_s
+        && tare_s > span_s + scans.period_s()
     {
         return Err(RecordingError::TareTooLong { tare_s, span_s });
     }

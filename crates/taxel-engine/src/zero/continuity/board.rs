@@ -86,8 +86,10 @@ pub struct BoardWatch {
     vanished_lately: u8,
     /// For how many scans longer than that the counts have left it unclear.
     unclear: u8,
-    /// All its modules are silent.
+    /// All its modules are silent, or it is not well.
     silent: bool,
+    /// It says that it is not well: what it sends says nothing.
+    unwell: bool,
     /// What presses on it is the bag, as far as known when it was heard last.
     bag: Bag,
     /// What it read when it fell silent or was doubted, and for how many scans yet this is compared with.
@@ -101,10 +103,28 @@ impl BoardWatch {
         Self { name, taxels, modules, ..Self::default() }
     }
 
-    /// A zero was taken: nothing is held against the board.
+    /// A zero was taken: nothing is held against the board, but what lay on one that is not well.
     pub fn begin(&mut self) {
-        (self.doubt, self.blind, self.vanished, self.unclear, self.before) = (None, 0, 0, 0, None);
+        (self.doubt, self.blind, self.vanished, self.unclear) = (None, 0, 0, 0);
         self.vanished_lately = 0;
+        if !self.unwell {
+            self.before = None;
+        }
+    }
+
+    /// It says that it is not well; `read` are the counts of the patch before, if there are.
+    pub fn on_unwell(&mut self, read: Option<Counts<'_>>) {
+        if let Some(counts) = read.filter(|_| !self.unwell) {
+            self.keep(counts);
+        }
+        self.unwell = true;
+    }
+
+    /// It says that it is well again, and may have taken a new zero meanwhile.
+    pub fn on_well(&mut self, why: String) {
+        self.unwell = false;
+        self.silent = false;
+        self.doubt = Some((why, PROBATION_SCANS));
     }
 
     /// Something that it sent says that it may have taken a new zero; `read` are the counts of the patch before, if there
@@ -137,9 +157,13 @@ impl BoardWatch {
 
     /// Whether all its modules are silent. What it read is kept, and what it was doubted for waits.
     pub fn is_silent(&mut self, scan: &Scan<'_>, bag: Bag) -> bool {
-        self.silent = self.modules.clone().all(|module| scan.silent[module]);
+        self.silent = self.unwell || self.modules.clone().all(|module| scan.silent[module]);
         if self.silent {
-            self.keep(scan.counts);
+            if self.unwell {
+                self.before.iter_mut().for_each(|(_, scans)| *scans = RETURN_SCANS);
+            } else {
+                self.keep(scan.counts);
+            }
             if let Some((_, left)) = &mut self.doubt {
                 *left = PROBATION_SCANS;
             }
