@@ -69,7 +69,12 @@ struct Waiting {
     reply: oneshot::Sender<Reply>,
     /// The patch that it is about, if the audit log has it.
     patch: Option<String>,
+    /// When it was asked for.
+    since: Time,
 }
+
+/// What takes effect at once is not done if it could not be written down within so long a time.
+const LATE_AFTER: Duration = Duration::from_secs(5);
 
 /// Nothing is done that nobody could find out about later.
 fn unwritten(why: &str) -> Rejection {
@@ -281,7 +286,7 @@ impl Driver {
         self.requests += 1;
         let request = RequestId(self.requests);
         let Some(asked) = asked else {
-            self.waiting.insert(request, Waiting { reply, patch: None });
+            self.waiting.insert(request, Waiting { reply, patch: None, since: self.clock.now().time });
             return self.step(Input::Command(request, command));
         };
         // What takes effect at once waits until it is on disk that somebody asked for it. All else waits for the disk itself
@@ -290,7 +295,7 @@ impl Driver {
         let after = at_once.then(|| (request, Box::new(command.clone())));
         match self.note(request, *asked, after) {
             Ok(patch) => {
-                self.waiting.insert(request, Waiting { reply, patch: Some(patch) });
+                self.waiting.insert(request, Waiting { reply, patch: Some(patch), since: self.clock.now().time });
                 if !at_once {
                     self.step(Input::Command(request, command));
                 }
@@ -321,16 +326,40 @@ impl Driver {
         Ok(patch)
     }
 
-    /// That somebody asked for this is on disk, or cannot be.
+    /// That somebody asked for this is on disk, or cannot be. What was true when they asked ("nothing touches the skin") may not
+    /// be any more where the disk took its time.
     fn take_asked(&mut self, request: RequestId, command: Command, written: Result<(), String>) {
         match written {
-            Ok(()) => self.step(Input::Command(request, command)),
+            Ok(()) => match self.waiting.get(&request).map(|waiting| self.too_late(waiting)) {
+                Some(None) => self.step(Input::Command(request, command)),
+                Some(Some(why)) => self.refuse_late(request, why),
+                None => {}
+            },
             Err(why) => {
                 if let Some(waiting) = self.waiting.remove(&request) {
                     let _ = waiting.reply.send(Err(unwritten(&why))); // the client may have gone
                 }
             }
         }
+    }
+
+    /// Why something that takes effect at once is not done any more, if it was asked for too long ago.
+    fn too_late(&self, waiting: &Waiting) -> Option<String> {
+        let waited = self.clock.now().time.since(waiting.since);
+        let seconds = waited.as_secs_f64();
+        let late = waiting.reply.is_closed() || waited > LATE_AFTER;
+        late.then(|| {
+            format!("it took {seconds:.1} s to write down who asked for it, and nothing is done so late: ask again")
+        })
+    }
+
+    fn refuse_late(&mut self, request: RequestId, why: String) {
+        let Some(Waiting { reply, patch, .. }) = self.waiting.remove(&request) else { return };
+        tracing::warn!(%why, "a command was not done");
+        let refused = Err(Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
+        let patch = patch.unwrap_or_default();
+        let row = self.audit.answered(request, self.clock.now().wall_ns, &patch, &refused);
+        self.note_refusals(vec![row], vec![(reply, refused)]);
     }
 
     fn take_done(&mut self, done: Done) {

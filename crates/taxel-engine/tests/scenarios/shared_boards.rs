@@ -95,16 +95,21 @@ fn a_shared_board_is_configured_once_nothing_presses_on_either_patch() {
     }
 }
 
-/// One patch is ready and waits for the other: what comes to lie on it meanwhile must not be taken for nothing.
-#[test]
-fn a_load_that_comes_while_the_boards_wait_for_another_patch_keeps_them_waiting() {
+/// Both halves are calibrated, and the daemon starts once more.
+fn restarted_with_both_in_use() -> Bench {
     let mut before = lower_in_use();
     calibrate(&mut before, "upper");
     let model_sets = before.host.catalogue.model_sets.clone();
     let active = before.host.catalogue.active.iter().filter_map(|(patch, set)| Some((patch.clone(), set.clone()?)));
     let restored = Restored { active: active.collect(), model_sets, next_session: 3, ..Restored::default() };
     assert_eq!(restored.active.len(), 2);
-    let mut bench = Bench::new(before.world, Arc::new(plan_of(halves().into())), restored);
+    Bench::new(before.world, Arc::new(plan_of(halves().into())), restored)
+}
+
+/// One patch is ready and waits for the other: what comes to lie on it meanwhile must not be taken for nothing.
+#[test]
+fn a_load_that_comes_while_the_boards_wait_for_another_patch_keeps_them_waiting() {
+    let mut bench = restarted_with_both_in_use();
     bench.lay(0.5, 45); // on the lower half
     bench.seconds(6.0);
     bench.world.clear();
@@ -115,6 +120,26 @@ fn a_load_that_comes_while_the_boards_wait_for_another_patch_keeps_them_waiting(
     bench.world.clear();
     bench.brought_up();
     bench.until_force(5.0, ForceState::Ok);
+}
+
+/// As the refusal of the loaded one says. The other, which was ready and waited, must not be left behind.
+#[test]
+fn a_bring_up_that_somebody_vouches_for_configures_all_patches_of_a_board_that_waited() {
+    for name in ["upper", "lower"] {
+        for loaded in [45, 14] {
+            let mut bench = restarted_with_both_in_use();
+            bench.lay(0.5, loaded);
+            bench.seconds(4.0);
+            assert_eq!(bench.host.sent, [], "{name}: nothing is sent to boards that bear a load");
+            bench.ask(Command::BringUp { patch: name.to_owned(), confirmed_by: Some("Ada".to_owned()) }).unwrap();
+            bench.world.clear();
+            bench.brought_up();
+            bench.until(8.0, "both have a force", |host| {
+                let lower = host.others.get(&1).is_some_and(|snapshot| snapshot.force.total.is_some());
+                lower && host.snapshots.last().is_some_and(|snapshot| snapshot.force.total.is_some())
+            });
+        }
+    }
 }
 
 #[test]

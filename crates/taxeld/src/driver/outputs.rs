@@ -75,7 +75,7 @@ impl Driver {
     fn answer(&mut self, mut records: Vec<Record>, answers: Vec<(RequestId, Waiting, Reply)>, is_done: bool) {
         let wall_ns = self.clock.now().wall_ns;
         let (mut replies, mut refusals, mut refused) = (Vec::new(), Vec::new(), Vec::new());
-        for (request, Waiting { reply: to, patch }, reply) in answers {
+        for (request, Waiting { reply: to, patch, .. }, reply) in answers {
             let row = patch.map(|patch| self.audit.answered(request, wall_ns, &patch, &reply));
             let (rows, replies) =
                 if reply.is_ok() { (&mut records, &mut replies) } else { (&mut refusals, &mut refused) };
@@ -113,7 +113,7 @@ impl Driver {
     }
 
     /// Nothing has changed by what was refused: the store does without its row where its queue has no room.
-    fn note_refusals(&self, records: Vec<Record>, replies: Vec<(oneshot::Sender<Reply>, Reply)>) {
+    pub(super) fn note_refusals(&self, records: Vec<Record>, replies: Vec<(oneshot::Sender<Reply>, Reply)>) {
         let told: OnDurable = Box::new(move |_| answer(replies, Ok(Durability::OnDisk)));
         if records.is_empty() {
             told(Ok(Durability::OnDisk));

@@ -453,7 +453,18 @@ async fn a_bring_up_waits_until_it_is_on_disk_who_asked_for_it() {
     let why = "the audit log cannot be written: the disk is full".to_owned();
     assert_eq!(answer.await.unwrap().unwrap_err(), Rejection::Unavailable(ErrorReason::StoreUnavailable, why));
     assert!(bench.driver.waiting.is_empty());
+    // Somebody who does not wait any more is not obeyed when the disk comes back.
+    let (reply, gone) = oneshot::channel();
+    drop(gone);
+    let asked = Some(Box::new(Asked { who: "eve".to_owned(), patch: "left_forearm".to_owned(), ..Asked::default() }));
+    bench.commands.try_send(Request { command: command(), reply, asked }).unwrap();
+    bench.turn().await;
     release.send(()).unwrap();
+    while !bench.driver.waiting.is_empty() {
+        bench.turn().await;
+    }
+    let said = bench.audit_log().into_iter().find(|[who, ..]| who == "eve").unwrap();
+    assert!(said[3].contains("nothing is done so late"), "{said:?}");
     let Err(Rejection::FailedPrecondition(reason, _)) = bench.audited("bob", command()).await else {
         panic!("this one only listens")
     };
