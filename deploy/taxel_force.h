@@ -16,7 +16,8 @@
  * A reader belongs to one thread at a time.
  *
  * A page that another account can have put there is none: from / on, what lies where others write has to belong to root or
- * to this account, or to the one that taxel_force_trust names. Names need POSIX.1-2008.
+ * to this account, or to the one that taxel_force_trust names. A program in C11 defines
+ * _POSIX_C_SOURCE as 200809L before it includes anything.
  */
 #ifndef TAXEL_FORCE_H
 #define TAXEL_FORCE_H

@@ -62,6 +62,12 @@ pub fn half_window(seconds: f64, period_s: f64) -> usize {
     if half.is_finite() && half > 0.0 { half as usize } else { 0 }
 }
 
+/// The share of a new value in an exponential mean with this time constant, above 0, a step after the last; exact in the step.
+#[must_use]
+pub fn exponential_share(step_s: f64, time_constant_s: f64) -> f64 {
+    -(-step_s / time_constant_s).exp_m1()
+}
+
 /// The median of an estimate from `n` values with standard deviation `sigma` has this standard error: 1.2533 times that
 /// of a mean (normal errors; Kendall and Stuart, The Advanced Theory of Statistics, vol. 1).
 #[must_use]

@@ -15,7 +15,7 @@ use crate::answers::with_place;
 use crate::aside::aside;
 use crate::convert::{known, timestamp};
 use crate::page::page;
-use crate::service::{Service, caller, strange_answer};
+use crate::service::{Service, caller, line, strange_answer};
 use crate::shares::What;
 use crate::status::invalid;
 
@@ -73,8 +73,8 @@ impl ModelService for Service {
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
-        is_an_id("model_set", &model_set)?;
-        expected.as_deref().map_or(Ok(()), |expected| is_an_id("expected", expected))?;
+        line("model_set", &model_set, ID_BYTES_MAX, "an id")?;
+        line("expected", expected.as_deref().unwrap_or_default(), ID_BYTES_MAX, "an id")?;
         let patch = self.plan(self.patch(&patch)?).patch.name().to_owned();
         match self.command(&caller, "ActivateModelSet", Command::Activate { patch, model_set, expected }).await? {
             Done::Activated { model_set, previous } => {
@@ -144,7 +144,7 @@ impl ModelService for Service {
         if model_set.is_empty() {
             return Err(invalid("model_set", "must name one; ListModelSets gives their ids"));
         }
-        is_an_id("model_set", &model_set)?;
+        line("model_set", &model_set, ID_BYTES_MAX, "an id")?;
         match self.command(&caller, "DeleteModelSet", Command::DeleteModelSet { model_set }).await? {
             Done::Deleted => Ok(Response::new(v1::DeleteModelSetResponse {})),
             other => Err(strange_answer(&other)),
@@ -154,17 +154,6 @@ impl ModelService for Service {
 
 /// Longer is no id of a model set.
 const ID_BYTES_MAX: usize = 256;
-
-/// What a command names is written into logs.
-fn is_an_id(field: &'static str, id: &str) -> Result<(), Status> {
-    if id.len() > ID_BYTES_MAX {
-        return Err(invalid(field, format_args!("{} bytes, an id has at most {ID_BYTES_MAX}", id.len())));
-    }
-    match taxel_skin::unprintable(id) {
-        Some(odd) => Err(invalid(field, format_args!("no id has the character U+{:04X}", u32::from(odd)))),
-        None => Ok(()),
-    }
-}
 
 /// Texts of a set from elsewhere are shown on terminals.
 fn printable(set: &ModelSet) -> Result<(), Status> {

@@ -223,15 +223,25 @@ pub(crate) fn confirmed_by(text: &str) -> Result<Option<String>, Status> {
 
 /// A person's name in a request, trimmed. It is written down and shown, so it is short and nothing but text.
 pub(crate) fn name(field: &'static str, text: &str) -> Result<String, Status> {
+    line(field, text, NAME_BYTES_MAX, "a name").map(|name| name.trim().to_owned())
+}
+
+/// Checks a text that is kept in logs: short, and nothing that a terminal acts upon. `expected` says what it should be.
+pub(crate) fn line<'a>(
+    field: &'static str,
+    text: &'a str,
+    bytes_max: usize,
+    expected: &str,
+) -> Result<&'a str, Status> {
     let length = text.len();
-    if length > NAME_BYTES_MAX {
-        return Err(invalid(field, format_args!("{length} bytes, at most {NAME_BYTES_MAX} are kept")));
+    if length > bytes_max {
+        return Err(invalid(field, format_args!("{length} bytes, at most {bytes_max} are kept")));
     }
-    match taxel_skin::unprintable(text) {
+    match taxel_skin::unprintable(text).map(u32::from) {
         Some(odd) => {
-            Err(invalid(field, format_args!("has the unprintable character U+{:04X}, expected a name", u32::from(odd))))
+            Err(invalid(field, format_args!("has the unprintable character U+{odd:04X}, expected {expected}")))
         }
-        None => Ok(text.trim().to_owned()),
+        None => Ok(text),
     }
 }
 

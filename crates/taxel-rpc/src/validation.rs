@@ -9,7 +9,7 @@ use taxel_skin::Newton;
 use tonic::{Request, Response, Status};
 
 use crate::convert::{known, timestamp};
-use crate::service::{Service, caller, name, strange_answer};
+use crate::service::{Service, caller, line, name, strange_answer};
 use crate::status::invalid;
 
 /// A load whose uncertainty is not given: a kitchen scale, or a mass that stands 8 degrees off the vertical.
@@ -32,7 +32,7 @@ impl ValidationService for Service {
                 None => return Err(invalid("load", "neither mass_kg nor force_n is given")),
             },
             relative_sigma: request.relative_uncertainty.unwrap_or(RELATIVE_UNCERTAINTY),
-            note: text("note", request.note)?,
+            note: line("note", request.note.trim(), NOTE_BYTES_MAX, "one line of text")?.to_owned(),
             by: name("by", &request.by)?,
             replaces: (request.replaces != 0).then_some(request.replaces),
         };
@@ -76,25 +76,6 @@ impl Service {
         let catalogue = self.handle.catalogue.borrow();
         let mut judged = catalogue.validations.iter().flat_map(|view| &view.loads);
         judged.find(|judged| judged.load.number == recorded.number).map_or_else(|| load(recorded), of_judged)
-    }
-}
-
-/// A text of an operator, trimmed.
-fn text(field: &'static str, text: String) -> Result<String, Status> {
-    match text.len() {
-        length if length > NOTE_BYTES_MAX => {
-            Err(invalid(field, format_args!("{length} bytes, at most {NOTE_BYTES_MAX} are kept")))
-        }
-        _ => match taxel_skin::unprintable(text.trim()) {
-            Some(odd) => {
-                let code = u32::from(odd);
-                Err(invalid(
-                    field,
-                    format_args!("has the unprintable character U+{code:04X}, expected one line of text"),
-                ))
-            }
-            None => Ok(text.trim().to_owned()),
-        },
     }
 }
 

@@ -52,8 +52,8 @@ impl fmt::Display for NoForce {
             Self::NoPage => {
                 write!(
                     f,
-                    "there is no page to be read: no daemon runs, it has another patch, or this account is not in the \
-                     page's group"
+                    "there is no page to be read: no daemon runs, it has another patch, this account is not in the \
+                     page's group, or another account can have put it there"
                 )
             }
             Self::NothingYet => write!(f, "no sample yet"),

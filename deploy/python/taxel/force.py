@@ -30,7 +30,8 @@ class Why(enum.Enum):
 
 
 _WORDS = {
-    Why.NO_PAGE: "there is no page to be read: no daemon runs, it has another patch, or this account is not in the page's group",
+    Why.NO_PAGE: "there is no page to be read: no daemon runs, it has another patch, "
+    "this account is not in the page's group, or another account can have put it there",
     Why.NOTHING_YET: "no sample yet",
     Why.CLOSED: "the daemon has ended",
     Why.WRITER_GONE: "the daemon's engine does not run",

@@ -67,8 +67,8 @@ pub struct FitOutcome {
     pub result: Result<Arc<ModelSet>, String>,
 }
 
-/// Below the first samples a reading is a straight line from the zero, and skin is softest there: of a curve that begins at
-/// 27 kPa a touch of 5 kPa reads half as much again.
+/// Below the first samples a reading is a straight line from the zero, and skin is softest there: it reads too much, on all
+/// taxels alike.
 const BEGINS_MAX_KPA: f64 = 5.0;
 
 impl FitJob {
@@ -98,8 +98,9 @@ impl FitJob {
         let begins_kpa = kpa.iter().copied().fold(f64::INFINITY, f64::min);
         if begins_kpa > BEGINS_MAX_KPA {
             return Err(format!(
-                "nothing was gathered below {begins_kpa:.1} kPa, and of lighter touches nothing would be known: pump more slowly \
-                 from the beginning, so that there are samples below {BEGINS_MAX_KPA} kPa"
+                "nothing was gathered below {begins_kpa:.1} kPa, because the pressure rose too fast or a module was not heard, and \
+                 of lighter touches nothing would be known: pump slowly from the beginning, so that there are samples below \
+                 {BEGINS_MAX_KPA} kPa"
             ));
         }
         let taxels = first.counts.counts().len();

@@ -60,8 +60,7 @@ fn others_of(patches: &[PatchPlan], patch: usize) -> Vec<Vec<(usize, usize)>> {
 /// described device only divides its patch: two of them are the same if counts of both come in one frame. A frame that
 /// begins the scans of several, or one that a number in it gives to one of them, is none.
 fn are_one(a: (&PatchPlan, usize), b: (&PatchPlan, usize)) -> bool {
-    let board = |(plan, at): (&PatchPlan, usize)| plan.patch.boards()[at].clone();
-    let (here, there) = (board(a), board(b));
+    let (here, there) = (&a.0.patch.boards()[a.1], &b.0.patch.boards()[b.1]);
     let same = match (a.0.devices.get(a.1), b.0.devices.get(b.1)) {
         (None, None) => here.address == there.address,
         (Some(one), Some(other)) => {

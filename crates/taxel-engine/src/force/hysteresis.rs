@@ -23,6 +23,7 @@ use crate::baseline::{NOISE_FLOOR_COUNTS, TaxelBaseline};
 use crate::counts::Counts;
 use crate::force::offsets::Offsets;
 use crate::model_set::ModelSet;
+use crate::statistics::exponential_share;
 
 /// A count that is farther from its mean, in multiples of the noise, has moved: by chance it is once in 16,000 scans.
 const AHEAD_SIGMAS: f64 = 4.0;
@@ -249,7 +250,7 @@ fn gain(step_s: f64, tau_s: f64) -> f64 {
     } else if tau_s <= 0.0 {
         1.0
     } else {
-        -(-step_s / tau_s).exp_m1()
+        exponential_share(step_s, tau_s)
     }
 }
 

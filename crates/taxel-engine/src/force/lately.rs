@@ -7,6 +7,8 @@
 
 use taxel_skin::Time;
 
+use crate::statistics::exponential_share;
+
 /// Time constant of the mean, seconds.
 const LATELY_S: f64 = 0.5;
 
@@ -20,7 +22,7 @@ pub struct Lately {
 impl Lately {
     /// The force of a scan at `time`, N, or the mean with it, whichever is more. A scan that is read again changes nothing.
     pub fn at_least(&mut self, time: Time, newton: f64) -> f64 {
-        let share = self.last.map_or(1.0, |last| -(-time.seconds_since(last).max(0.0) / LATELY_S).exp_m1());
+        let share = self.last.map_or(1.0, |last| exponential_share(time.seconds_since(last).max(0.0), LATELY_S));
         self.last = Some(time);
         self.mean_n += share * (newton - self.mean_n);
         self.mean_n.max(newton)

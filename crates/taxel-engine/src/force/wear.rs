@@ -6,6 +6,8 @@
 
 use taxel_skin::{Newton, Time};
 
+use crate::statistics::exponential_share;
+
 /// How long the first value is averaged, seconds.
 const FIRST_S: f64 = 10.0;
 /// Time constant of the present value, seconds: a contact that comes and goes is no wear.
@@ -66,7 +68,7 @@ impl WearMeter {
             self.sum_n += floor.0;
             self.samples += 1;
         }
-        let share = -(-time.seconds_since(self.last) / PRESENT_S).exp_m1();
+        let share = exponential_share(time.seconds_since(self.last), PRESENT_S);
         self.present_n += share * (floor.0 - self.present_n);
         self.last = time;
     }

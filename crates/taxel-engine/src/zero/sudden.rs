@@ -9,6 +9,7 @@ use std::time::Duration;
 use taxel_skin::Time;
 
 use crate::scan::Scan;
+use crate::statistics::exponential_share;
 use crate::statistics::median;
 use crate::zero::warmth::COEFFICIENT_RMS;
 
@@ -47,8 +48,7 @@ pub(super) struct SuddenWarmth {
 impl SuddenWarmth {
     /// For pads that are read once in each `period`.
     pub(super) fn new(period: Duration) -> Self {
-        let share = |time_s: f64| -(-period.as_secs_f64() / time_s).exp_m1();
-        let shares = [NOW_S, BEFORE_S].map(share);
+        let shares = [NOW_S, BEFORE_S].map(|time_s| exponential_share(period.as_secs_f64(), time_s));
         Self { modules: Vec::new(), shares, last: None, scans: 0, sigma_counts: 0.0 }
     }
 

@@ -135,6 +135,21 @@ fn too_fast_a_rise_is_refused_and_counted() {
     assert!(session.accepted < 20, "only while the pump gets going: {session:?}");
 }
 
+/// Of what is lighter than the first sample nothing is known, and skin is softest there.
+#[test]
+fn a_ramp_whose_beginning_was_lost_gives_no_models() {
+    let mut bench = fresh(|_| {});
+    bench.start_session(Some(40.0));
+    bench.ramp(12.0, 400.0);
+    bench.seconds(3.0);
+    bench.ramp(50.0, 4.0);
+    bench.until_state(40.0, SessionState::Failed);
+    let session = bench.host.session();
+    assert!(session.reason.contains("nothing was gathered below 1"), "{session:?}");
+    assert!(session.reason.ends_with("so that there are samples below 5 kPa"), "{session:?}");
+    assert!(session.accepted > 50 && session.model_set.is_none(), "{session:?}");
+}
+
 #[test]
 fn nothing_enters_while_the_pressure_falls() {
     let (mut bench, number) = ramping(30.0);

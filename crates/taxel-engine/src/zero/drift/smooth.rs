@@ -1,5 +1,7 @@
 //! Exponential means of unevenly spaced values.
 
+use crate::statistics::exponential_share;
+
 /// Time constant of the mean in which a touch shows, seconds.
 const FAST_S: f64 = 0.5;
 /// Time constant of the mean that is followed, seconds: half a minute of quiet gives a tenth of a count of a taxel with
@@ -17,8 +19,7 @@ pub(super) struct Shares {
 impl Shares {
     /// For a step of `dt_s` seconds, 0 or more.
     pub(super) fn of(dt_s: f64) -> Self {
-        let share = |tau: f64| -(-dt_s / tau).exp_m1();
-        Self { dt_s, fast: share(FAST_S), slow: share(SLOW_S) }
+        Self { dt_s, fast: exponential_share(dt_s, FAST_S), slow: exponential_share(dt_s, SLOW_S) }
     }
 }
 
