@@ -1,5 +1,7 @@
 //! A model set: what a session produced for a patch, with all it depends on.
 
+mod doubt;
+
 use taxel_model::{End, Extension, Plays, Sign, SkinSlope, TaxelModel};
 
 use crate::baseline::TaxelBaseline;

@@ -20,7 +20,7 @@ use crate::calibration::fit::zero::ZeroReturn;
 use crate::calibration::fit::{lag, zero};
 use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
 use crate::calibration::method::{method, plays_in_words};
-use crate::calibration::samples::{RampBaseline, SessionSamples};
+use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
 use crate::model_set::{ModelSet, Recorded};
 use crate::statistics::root_mean_square;
 
@@ -71,6 +71,9 @@ pub struct FitOutcome {
 /// taxels alike.
 const BEGINS_MAX_KPA: f64 = 5.0;
 
+/// A curve over a wider gap between two pressures, as a share of the highest, is not that of the skin but of its polynomial.
+const GAP_MAX_SHARE: f64 = 0.3;
+
 impl FitJob {
     /// Fits every taxel. `id_of` makes the id of the finished set from its content.
     #[must_use]
@@ -95,14 +98,9 @@ impl FitJob {
             return Err("no sample was gathered: the pressure never rose while every module was heard".to_owned());
         };
         let kpa = self.samples.pressures_kpa();
-        let begins_kpa = kpa.iter().copied().fold(f64::INFINITY, f64::min);
-        if begins_kpa > BEGINS_MAX_KPA {
-            return Err(format!(
-                "nothing was gathered below {begins_kpa:.1} kPa, because the pressure rose too fast or a module was not heard, and \
-                 of lighter touches nothing would be known: pump slowly from the beginning, so that there are samples below \
-                 {BEGINS_MAX_KPA} kPa"
-            ));
-        }
+        let course = Course::of_session(samples, self.recipe.branch);
+        refuse_gaps(&kpa)?;
+        refuse_rise_alone(self.recipe.settled().branch, &course)?;
         let taxels = first.counts.counts().len();
         let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
         let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
@@ -116,7 +114,6 @@ impl FitJob {
         };
         columns.iter_mut().enumerate().for_each(|(taxel, column)| self.shift_to_first_zero(taxel, column));
         let scans = scans(&time_s, &columns);
-        let course = Course::of_session(samples, self.recipe.branch);
         let fit = SkinFit::new(&scans, masks, kpa, course, &recipe);
         let mut fitted = fit.run(&OneByOne);
         if fitted.usable().is_empty() {
@@ -173,30 +170,34 @@ impl FitJob {
         (!pairs.is_empty()).then(|| ZeroReturn { rms: over(|p| p.rms), common: over(|p| p.common) })
     }
 
-    /// One taxel's counts in units; NaN where a sample has none.
+    /// One taxel's counts in units; NaN where a sample has none, or a ramp began without a zero of the taxel.
     fn column(&self, taxel: usize) -> Vec<f64> {
         let left_out = |module: &u16| self.modules.get(usize::from(*module)).is_some_and(|m| m.contains(&taxel));
         if self.left_out.iter().any(left_out) {
             return vec![f64::NAN; self.samples.samples.len()];
         }
-        self.samples.samples.iter().map(|s| s.counts.counts().units(taxel).unwrap_or(f64::NAN)).collect()
+        let of_ramp = |ramp: &[Sample]| {
+            let known = self.to_first_zero(taxel, ramp[0].ramp).is_finite();
+            let units = |sample: &Sample| sample.counts.counts().units(taxel).filter(|_| known).unwrap_or(f64::NAN);
+            ramp.iter().map(units).collect::<Vec<f64>>()
+        };
+        self.samples.samples.chunk_by(|a, b| a.ramp == b.ramp).flat_map(of_ramp).collect()
     }
 
     /// Each ramp has its own zero: counts are brought to that of the first.
     fn shift_to_first_zero(&self, taxel: usize, column: &mut [f64]) {
-        let rest = |ramp: &RampBaseline| ramp.taxels.get(taxel).map_or(f64::NAN, |t| t.mean);
-        let Some(first) = self.samples.ramps.first().map(rest) else { return };
-        let shift = |ramp: u16| {
-            let shift = first - self.samples.ramps.iter().find(|r| r.ramp == ramp).map_or(first, rest);
-            if shift.is_finite() { shift } else { 0.0 }
-        };
-        let mut known = (0, shift(0));
-        for (count, sample) in column.iter_mut().zip(&self.samples.samples) {
-            if sample.ramp != known.0 {
-                known = (sample.ramp, shift(sample.ramp));
-            }
-            *count += known.1;
+        let mut counts = column.iter_mut();
+        for ramp in self.samples.samples.chunk_by(|a, b| a.ramp == b.ramp) {
+            let shift = self.to_first_zero(taxel, ramp[0].ramp);
+            counts.by_ref().take(ramp.len()).for_each(|count| *count += shift);
         }
+    }
+
+    /// What brings a taxel's counts from its zero of a ramp to that of the first; NaN where either is not known.
+    fn to_first_zero(&self, taxel: usize, ramp: u16) -> f64 {
+        let rest = |ramp: &RampBaseline| ramp.taxels.get(taxel).map_or(f64::NAN, |t| t.mean);
+        let first = self.samples.ramps.first().map_or(0.0, rest);
+        first - self.samples.ramps.iter().find(|r| r.ramp == ramp).map_or(first, rest)
     }
 
     fn method(&self, plays_on: bool) -> String {
@@ -210,6 +211,40 @@ impl FitJob {
             if numbers.is_empty() { String::new() } else { format!(", of sessions {} together", numbers.join(", ")) };
         format!("{}{branches}{plays}{together}", method(&self.recipe.options))
     }
+}
+
+/// Whether the pressures that were gathered lie close enough to draw a curve through.
+fn refuse_gaps(kpa: &[f64]) -> Result<(), String> {
+    let mut sorted = kpa.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let (Some(begins_kpa), Some(top_kpa)) = (sorted.first(), sorted.last()) else { return Ok(()) };
+    if *begins_kpa > BEGINS_MAX_KPA {
+        return Err(format!(
+            "nothing was gathered below {begins_kpa:.1} kPa, because the pressure rose too fast or a module was not heard, and \
+             of lighter touches nothing would be known: pump slowly from the beginning, so that there are samples below \
+             {BEGINS_MAX_KPA} kPa"
+        ));
+    }
+    match sorted.windows(2).find(|pair| pair[1] - pair[0] > GAP_MAX_SHARE * top_kpa) {
+        Some(gap) => Err(format!(
+            "nothing was gathered between {:.1} and {:.1} kPa, because the pressure rose too fast or a module was not heard: \
+             pump slowly all the way, so that no gap is wider than {:.0} % of the {top_kpa:.1} kPa that were reached",
+            gap[0],
+            gap[1],
+            100.0 * GAP_MAX_SHARE
+        )),
+        None => Ok(()),
+    }
+}
+
+/// Whether a fit over both branches has both.
+fn refuse_rise_alone(branch: Branch, course: &Course) -> Result<(), String> {
+    if branch == Branch::Rising || course.falling().contains(&true) {
+        return Ok(());
+    }
+    let why = "nothing was gathered while the pressure fell, so nothing is known of the hysteresis: let it fall slowly after another \
+               ramp, or fit the rising branch alone";
+    Err(why.to_owned())
 }
 
 fn scans<'a>(time_s: &'a [f64], columns: &'a [Vec<f64>]) -> Scans<'a> {

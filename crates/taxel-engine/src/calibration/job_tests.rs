@@ -8,9 +8,11 @@ use super::job::FitJob;
 use super::limits::SessionLimits;
 use super::samples::{RampBaseline, Sample, SessionSamples};
 use super::view::{SampleRefusal, SessionState};
-use crate::baseline::TaxelBaseline;
+use crate::baseline::{Activation, TaxelBaseline};
+use crate::force::Tables;
 use crate::intake::faults::limits::FaultLimits;
 use crate::model_set::ModelSet;
+use taxel_skin::SquareMillimetre;
 
 const TAXELS: usize = 4;
 
@@ -119,10 +121,77 @@ fn why_there_is_no_set_is_told() {
     let why = |samples: SessionSamples| job(samples, Branch::Rising).run(|_| String::new()).result.unwrap_err();
     let nothing = "no sample was gathered: the pressure never rose while every module was heard";
     assert_eq!(why(SessionSamples::default()), nothing);
+    let never_fell = job(gathered(&[240], false), Branch::Both).run(|_| String::new()).result.unwrap_err();
+    assert!(never_fell.starts_with("nothing was gathered while the pressure fell"), "{never_fell}");
     let mut still = gathered(&[240], false);
     still.samples.iter_mut().for_each(|sample| sample.counts = vec![240; TAXELS].into());
     let why = why(still);
     assert!(why.starts_with("none of the 4 taxels gives a usable model from 401 samples; taxel 0: "), "{why}");
+}
+
+#[test]
+fn a_ramp_without_a_zero_of_a_taxel_says_nothing_of_it() {
+    let mut samples = gathered(&[240, 220], false);
+    samples.ramps[1].taxels[2].mean = f64::NAN;
+    let set = set(&job(samples, Branch::Rising));
+    let usable: Vec<bool> = set.taxels.iter().map(taxel_model::TaxelModel::is_usable).collect();
+    assert_eq!(usable, [true, true, false, true], "half of its scans are missing");
+}
+
+#[test]
+fn a_gap_between_the_pressures_gives_no_set() {
+    let without = |from: f64, to: f64| {
+        let mut samples = gathered(&[240], false);
+        samples.samples.retain(|sample| !(from..to).contains(&sample.pressure_kpa));
+        job(samples, Branch::Rising).run(|_| String::new()).result.map(|set| set.pressure_max_kpa)
+    };
+    let why = without(3.0, 40.0).unwrap_err();
+    let expected = "nothing was gathered between 2.9 and 40.0 kPa, because the pressure rose too fast or a module was not heard: \
+                    pump slowly all the way, so that no gap is wider than 30 % of the 60.0 kPa that were reached";
+    assert_eq!(why, expected);
+    assert_eq!(without(20.0, 37.0), Ok(60.0));
+    assert!(without(0.0, 5.1).unwrap_err().starts_with("nothing was gathered below 5.1 kPa"));
+}
+
+/// By how much the skin reads too much at the counts of each tenth of a ramp, over what all taxels have in common in their
+/// uncertainty; the greatest. `truth` is what lies on a taxel while the gauge reads so much.
+fn worst(samples: SessionSamples, truth: impl Fn(usize, f64) -> f64) -> f64 {
+    let set = set(&job(samples, Branch::Rising));
+    let areas = [SquareMillimetre(100.0); TAXELS];
+    let activation = Activation { sigmas: 3.0, floor_counts: 2.0 };
+    let tables = Tables::new(Arc::clone(&set), &set.baseline, &areas, activation);
+    let of = |taxel: usize, kpa: f64| {
+        let count = (240.0 - (2.0 + 0.1 * taxel as f64) * truth(taxel, kpa)).round() as u16;
+        let reading = tables.reading(taxel, count, 0.0).unwrap();
+        let off_kpa = (f64::from(reading.pressure_kpa) - truth(taxel, kpa)).abs() - 0.5; // less the rounding of counts
+        if reading.active { off_kpa / f64::from(reading.shared_kpa) } else { 0.0 }
+    };
+    (0..TAXELS).flat_map(|taxel| (1..10).map(move |step| of(taxel, 6.0 * f64::from(step)))).fold(0.0, f64::max)
+}
+
+#[test]
+fn what_two_ramps_lie_apart_is_in_the_uncertainty_of_a_sum() {
+    let mut samples = gathered(&[240, 240], false);
+    samples.samples.iter_mut().filter(|sample| sample.ramp == 1).for_each(|sample| sample.pressure_kpa += 6.0);
+    let worst = worst(samples, |_, kpa| kpa);
+    assert!(worst < 2.0, "{worst} standard uncertainties");
+}
+
+/// A bag that does not lie on everything at once: up to 6 kPa nothing presses on two taxels of four.
+#[test]
+fn what_a_curve_reads_at_its_own_zero_is_in_the_uncertainty_of_a_sum() {
+    let snaps = |taxel: usize, kpa: f64| if taxel < 2 && kpa < 6.0 { 0.0 } else { kpa };
+    let bridges = |taxel: usize, kpa: f64| if taxel < 2 { (kpa - 6.0).max(0.0) } else { kpa };
+    let truths: [&dyn Fn(usize, f64) -> f64; 2] = [&snaps, &bridges];
+    for truth in truths {
+        let mut samples = gathered(&[240], false);
+        for sample in &mut samples.samples {
+            let count = |taxel: usize| 240.0 - (2.0 + 0.1 * taxel as f64) * truth(taxel, sample.pressure_kpa);
+            sample.counts = (0..TAXELS).map(|taxel| count(taxel).round() as u8).collect::<Vec<u8>>().into();
+        }
+        let worst = worst(samples, truth);
+        assert!(worst < 3.0, "{worst} standard uncertainties");
+    }
 }
 
 #[test]

@@ -22,10 +22,12 @@ const SCANS_A_COUNT: usize = 10;
 /// The offset has come to rest after so many.
 const SETTLED_SCANS: usize = 100;
 
+/// Plays that read nothing at rest.
 fn plays() -> Plays {
     let model = model();
     let (curve, range) = (model.curve.clone().unwrap(), model.range.unwrap());
-    Plays { curve, range, sign: model.sign, radii_counts: [4.0, 10.0], weights_kpa: [0.8, 0.4] }
+    let plays = Plays { curve, range, sign: model.sign, radii_counts: [4.0, 10.0], weights_kpa: [0.8, 0.4] };
+    plays.scaled(1.0, -plays.evaluate(&mut PlayState::default(), f64::from(REST)))
 }
 
 /// Models whose counts are averaged over half a second.

@@ -65,6 +65,8 @@ pub(super) struct Place {
     pub(super) extension: Option<Extension>,
     /// What lies between its zero and its range; `None` where hysteresis is compensated.
     light: Option<LightEnd>,
+    /// What its calibration leaves open and neighbouring taxels share, kPa.
+    doubt_kpa: f64,
     /// The present zero.
     pub(super) now: TaxelBaseline,
     /// What is added to a count to get the count that the models refer to.
@@ -98,7 +100,7 @@ impl Place {
     pub(super) fn new(
         set: &ModelSet,
         taxel: usize,
-        extension: Option<Extension>,
+        (extension, doubt_kpa): (Option<Extension>, f64),
         zeros: (TaxelBaseline, TaxelBaseline),
         more_counts: f64,
     ) -> Self {
@@ -106,7 +108,8 @@ impl Place {
         let plays = set.plays(taxel);
         let sign = plays.map_or(set.taxels[taxel].sign, |plays| plays.sign);
         let light = plays.is_none().then(|| LightEnd::new(&set.taxels[taxel], then.mean)).flatten();
-        Self { extension, light, now, shift: then.mean - now.mean + sign.as_f64() * more_counts, sign }
+        let shift = then.mean - now.mean + sign.as_f64() * more_counts;
+        Self { extension, light, doubt_kpa, now, shift, sign }
     }
 }
 
@@ -133,12 +136,11 @@ impl<'a> Source<'a> {
             _ => self.range_at(units),
         };
         let (before, after) = ((units - 1.0).max(0.0), (units + 1.0).min(top));
-        let light_sigma_kpa = self.light(units).map_or(0.0, |(_, sigma_kpa)| sigma_kpa);
-        let sigma_kpa = sigma_kpa.hypot(light_sigma_kpa);
+        let sigma_kpa = (sigma_kpa as f32).hypot(self.place.doubt_kpa as f32);
         let rise = self.pressure_kpa(after) - self.pressure_kpa(before);
         Meaning {
             pressure_kpa: self.pressure_kpa(units),
-            sigma_kpa: (sigma_kpa as f32).hypot(beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa) as f32),
+            sigma_kpa: sigma_kpa.hypot(beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa) as f32),
             kpa_per_count: rise.abs() / (after - before) as f32,
             range,
             pressed: self.pressed(units),
@@ -146,7 +148,7 @@ impl<'a> Source<'a> {
     }
 
     fn pressure_kpa(&self, units: f64) -> f32 {
-        if let Some((kpa, _)) = self.light(units) {
+        if let Some(kpa) = self.light(units) {
             return kpa as f32;
         }
         let count = units + self.place.shift;
@@ -168,6 +170,11 @@ impl<'a> Source<'a> {
 
     /// What of the uncertainty of a reading all taxels have in common, kPa.
     pub(super) fn shared_kpa(&self) -> f64 {
+        self.hysteresis_kpa().hypot(self.place.doubt_kpa)
+    }
+
+    /// What of it both branches of pressure have shown.
+    fn hysteresis_kpa(&self) -> f64 {
         let (Some(in_use), Some(recorded)) = (self.in_use, self.set.recorded.as_ref()) else { return 0.0 };
         // How far the zero stays away from where it was does not average out either.
         let common = recorded.zero_return_common_counts.unwrap_or(recorded.zero_return_counts);
@@ -227,9 +234,9 @@ impl<'a> Source<'a> {
         for code in 0..=u8::MAX {
             let (beyond, light) = (self.beyond(f64::from(code)), self.light(f64::from(code)));
             let code = usize::from(code);
-            if let Some((kpa, sigma_kpa)) = light {
+            table.sigma_kpa[code] = table.sigma_kpa[code].hypot(self.place.doubt_kpa as f32);
+            if let Some(kpa) = light {
                 table.pressure_kpa[code] = kpa as f32;
-                table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
             }
             if beyond != Beyond::default() {
                 table.pressure_kpa[code] += beyond.kpa as f32;
@@ -276,8 +283,8 @@ impl<'a> Source<'a> {
         self.place.extension.map_or(Beyond::default(), |extension| extension.at(units + self.place.shift))
     }
 
-    /// Pressure before the calibrated range, and what adds to its uncertainty.
-    fn light(&self, units: f64) -> Option<(f64, f64)> {
+    /// Pressure before the calibrated range.
+    fn light(&self, units: f64) -> Option<f64> {
         self.place.light?.at(units + self.place.shift)
     }
 

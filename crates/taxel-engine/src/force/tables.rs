@@ -140,15 +140,15 @@ impl Tables {
             newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
             set,
         };
-        let extensions = tables.set.extensions();
-        for (taxel, extension) in extensions.into_iter().enumerate() {
+        let of_set = tables.set.extensions().into_iter().zip(tables.set.doubts_kpa());
+        for (taxel, of_set) in of_set.enumerate() {
             let then = tables.set.baseline.get(taxel);
             if let (Some(now), Some(then), Some(area)) = (rest.get(taxel), then, areas.get(taxel))
                 // A zero or a reference that was never measured proves nothing about the taxel.
                 && (tables.set.taxels[taxel].is_usable() && now.mean.is_finite() && then.mean.is_finite())
             {
                 let more_counts = RESIDUE_SHARE * residue_counts;
-                let place = Place::new(&tables.set, taxel, extension, (*now, *then), more_counts);
+                let place = Place::new(&tables.set, taxel, of_set, (*now, *then), more_counts);
                 let source = Source::new(&tables.set, taxel, place);
                 let falls = place.sign == Sign::Falling;
                 tables.polarity[taxel] = if falls { u8::MAX } else { 0 };

@@ -115,8 +115,9 @@ pub fn apply(scans: &Scans<'_>, set: &ModelSet, recipe: &ApplyRecipe) -> Result<
         masked: (0, 0),
     };
     let extensions = if skin { set.extensions() } else { vec![None; models] };
+    let doubts_kpa = if skin { set.doubts_kpa() } else { vec![0.0; models] };
     let tared = applied.zero.is_tared();
-    let reader = Reader { set, extensions, half: half_width(scans, smooth_s), skin, tared };
+    let reader = Reader { set, extensions, doubts_kpa, half: half_width(scans, smooth_s), skin, tared };
     let mut area = AreaSums::default();
     for (taxel, counts) in scans.counts.iter().enumerate() {
         match reader.readable(taxel, &applied.zero, &masks) {
@@ -188,6 +189,8 @@ struct Base {
 struct Reader<'a> {
     set: &'a ModelSet,
     extensions: Vec<Option<Extension>>,
+    /// What the calibration leaves open, kPa, by taxel.
+    doubts_kpa: Vec<f64>,
     half: usize,
     skin: bool,
     tared: bool,
@@ -241,8 +244,8 @@ impl Reader<'_> {
             let railed = self.skin && counts[i] == rail;
             column.kpa[i] = kpa;
             column.own_kpa[i] = own.hypot(beyond.own_kpa);
-            column.shared_kpa[i] =
-                if railed { f64::INFINITY } else { shared.hypot(beyond.shared_kpa).hypot(gain * kpa) };
+            let shared = shared.hypot(self.doubts_kpa[taxel]).hypot(beyond.shared_kpa).hypot(gain * kpa);
+            column.shared_kpa[i] = if railed { f64::INFINITY } else { shared };
             column.beyond[i] = beyond.sigma_kpa() > 0.0 || railed;
         }
         column

@@ -25,7 +25,8 @@ fn recorded() -> ModelSet {
 }
 
 fn reader(set: &ModelSet, skin: bool, tared: bool) -> Reader<'_> {
-    Reader { set, extensions: set.extensions(), half: 0, skin, tared }
+    let doubts_kpa = vec![0.0; set.taxels.len()];
+    Reader { set, extensions: set.extensions(), doubts_kpa, half: 0, skin, tared }
 }
 
 #[test]

@@ -11,7 +11,7 @@ use crate::force::offsets::Offsets;
 pub(super) struct Shares {
     /// Variance that each taxel has for itself, N squared.
     own_n2: f64,
-    /// Hysteresis that all have in common, N.
+    /// Hysteresis, and what the calibration leaves open, that all have in common, N.
     hysteresis_n: f64,
     /// The same of histories that are not known, N.
     history_n: f64,
@@ -79,10 +79,10 @@ impl ForceModel {
     /// area are common to all of them and so add up before they are squared.
     ///
     /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (sum A_i u_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2
-    /// + (o sum A_i)^2 + (a F)^2`, where s is the uncertainty of a taxel, h what of it is hysteresis, u that of a history
-    /// which is not known or lags behind ([`Offsets::sigma_kpa`]), z the zero's in counts with what the skin may remember of
-    /// earlier loads, and the s of a filled taxel is the scatter of its neighbours. What the pads' places add is in
-    /// [`crate::force::sampling`].
+    /// + (o sum A_i)^2 + (a F)^2`, where s is the uncertainty of a taxel, h what of it is hysteresis and what its
+    /// calibration leaves open ([`crate::model_set::ModelSet`], `doubts_kpa`), u that of a history which is not known or lags
+    /// behind ([`Offsets::sigma_kpa`]), z the zero's in counts with what the skin may remember of earlier loads, and the s
+    /// of a filled taxel is the scatter of its neighbours. What the pads' places add is in [`crate::force::sampling`].
     pub(super) fn variance_n2(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
         let set = evaluator.tables().set();
         let shared = [

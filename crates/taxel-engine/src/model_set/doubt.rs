@@ -1,0 +1,45 @@
+//! What a calibration leaves open of its own pressures, in all of a contact alike.
+//!
+//! Two things tell how far the pressures of a session were off that no scatter of a single taxel shows. Ramps that were run one
+//! after the other should give one curve: what they differ by is in no curve. And at the zero nothing presses: what a curve
+//! reads there was either not on the taxel (a bag that bridged it, a gauge ahead of the skin) or is the form of the curve.
+//! Neighbouring taxels share both, so neither averages out over a contact.
+
+use taxel_model::{PlayState, Sign};
+
+use super::ModelSet;
+use crate::statistics::median;
+
+/// Between the zero and the least calibrated pressure P a reading is a straight line. Skin is softer or stiffer there: a
+/// parabola through both ends is up to P / 4 away from it, when all that is known is that pressure never falls.
+const LIGHT_END_SHARE: f64 = 0.25;
+
+impl ModelSet {
+    /// What every reading of a taxel is in doubt by and shares with those beside it, standard uncertainty in kPa; one per
+    /// taxel, 0 without a usable model.
+    pub(crate) fn doubts_kpa(&self) -> Vec<f64> {
+        let usable = || (0..self.taxels.len()).filter(|&taxel| self.taxels[taxel].is_usable());
+        // How far two ramps lie apart is known of each taxel, with the noise of one in it.
+        let known =
+            usable().filter_map(|taxel| self.taxels[taxel].quality.repeatability_kpa.filter(|kpa| kpa.is_finite()));
+        let repeatability_kpa = median(known).unwrap_or(0.0);
+        let mut doubts_kpa = vec![0.0; self.taxels.len()];
+        usable().for_each(|taxel| doubts_kpa[taxel] = repeatability_kpa.hypot(self.at_rest_kpa(taxel)));
+        doubts_kpa
+    }
+
+    /// What a taxel reads too much or too little at its own zero, kPa, not negative; 0 where that was never measured.
+    fn at_rest_kpa(&self, taxel: usize) -> f64 {
+        let Some(zero) = self.baseline.get(taxel).map(|rest| rest.mean).filter(|zero| zero.is_finite()) else {
+            return 0.0;
+        };
+        if let Some(plays) = self.plays(taxel) {
+            // Where nothing was read before, plays stand as the last load has left them.
+            return plays.evaluate(&mut PlayState::default(), zero).abs();
+        }
+        let model = &self.taxels[taxel];
+        let (Some([low, high]), Some(kpa)) = (model.range, model.kpa(zero)) else { return 0.0 };
+        let before = if model.sign == Sign::Rising { zero < low } else { zero > high };
+        if before && kpa > 0.0 { LIGHT_END_SHARE * kpa } else { kpa.abs() }
+    }
+}
