@@ -50,7 +50,11 @@ impl Address {
             Some((_, rest)) if rest.starts_with("//") => return Err(bad()),
             Some(_) => format!("http://{text}"),
         };
-        Endpoint::from_shared(address.clone()).map_err(|_| bad())?;
+        let endpoint = Endpoint::from_shared(address.clone()).map_err(|_| bad())?;
+        // A port that is none, 70000 say, is not read as one.
+        if !address.starts_with("unix:") && endpoint.uri().port_u16().is_none() {
+            return Err(bad());
+        }
         Ok(Self(address))
     }
 
@@ -265,7 +269,7 @@ mod tests {
         assert_eq!(parsed("robot:50051"), "http://robot:50051");
         assert_eq!(parsed("[::1]:50051"), "http://[::1]:50051");
         assert_eq!(parsed("unix:/run/taxeld/taxeld.sock"), "unix:/run/taxeld/taxeld.sock");
-        for text in ["", "robot", "unix:", "http:robot", "ftp://robot:1", "a b:1"] {
+        for text in ["", "robot", "unix:", "http:robot", "ftp://robot:1", "a b:1", "robot:70000", "http://robot"] {
             let error = Address::parse(text).unwrap_err().to_string();
             assert!(error.contains("expected http://HOST:PORT"), "{text}: {error}");
         }

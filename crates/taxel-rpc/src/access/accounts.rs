@@ -3,7 +3,7 @@
 use nix::unistd::{Gid, Group, Uid, User, getgrouplist};
 use std::collections::HashMap;
 use std::ffi::CString;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::access::origin::Account;
@@ -19,29 +19,49 @@ type Known = (Instant, Arc<Account>);
 
 /// The accounts that were asked for.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Accounts(Arc<Mutex<HashMap<u32, Known>>>);
+pub(crate) struct Accounts(Arc<Mutex<Asked>>);
+
+/// What the system has answered.
+#[derive(Debug, Default)]
+struct Asked {
+    /// By user and group: of a user whom the system does not list the group of the process is all that is known.
+    known: HashMap<(u32, u32), Known>,
+    /// So often everything was forgotten: an answer to an earlier question is not kept.
+    forgotten: u64,
+}
 
 impl Accounts {
     /// The account of a user. `gid` is the group of the process that asks, which the system's list may lack.
     pub(crate) async fn of(&self, uid: u32, gid: u32) -> Arc<Account> {
-        let known = self.0.lock().unwrap_or_else(PoisonError::into_inner).get(&uid).cloned();
+        let (known, before) = {
+            let asked = self.asked();
+            (asked.known.get(&(uid, gid)).cloned(), asked.forgotten)
+        };
         if let Some((_, account)) = known.filter(|(asked, _)| asked.elapsed() < KNOWN_FOR) {
             return account;
         }
-        let asked = tokio::task::spawn_blocking(move || look_up(uid, gid)).await;
+        let looked_up = tokio::task::spawn_blocking(move || look_up(uid, gid)).await;
         let nobody = |_| Account { uid, user: None, groups: Vec::new() };
-        let account = Arc::new(asked.unwrap_or_else(nobody));
-        let mut accounts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if accounts.len() >= ACCOUNTS_MAX {
-            accounts.clear();
+        let account = Arc::new(looked_up.unwrap_or_else(nobody));
+        let mut asked = self.asked();
+        if asked.known.len() >= ACCOUNTS_MAX {
+            asked.known.clear();
         }
-        accounts.insert(uid, (Instant::now(), Arc::clone(&account)));
+        if asked.forgotten == before {
+            asked.known.insert((uid, gid), (Instant::now(), Arc::clone(&account)));
+        }
         account
     }
 
     /// Forgets what is known, so that a change of groups counts at once for new connections.
     pub(crate) fn forget(&self) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clear();
+        let mut asked = self.asked();
+        asked.known.clear();
+        asked.forgotten += 1;
+    }
+
+    fn asked(&self) -> MutexGuard<'_, Asked> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -114,14 +134,22 @@ mod tests {
         assert!(!Arc::ptr_eq(&root, &accounts.of(0, 0).await));
     }
 
+    /// A program that has taken a group (setgid) says nothing of the other processes of its user.
+    #[tokio::test]
+    async fn a_user_whom_nobody_lists_has_the_group_of_each_process_alone() {
+        let accounts = Accounts::default();
+        let groups = async |gid| accounts.of(4_000_000_000, gid).await.groups.clone();
+        assert_eq!((groups(0).await, groups(4_000_000_000).await), (vec!["root".to_owned()], vec![]));
+    }
+
     #[tokio::test]
     async fn no_more_accounts_are_known_than_a_robot_has() {
         let accounts = Accounts::default();
         for (before, uid) in (4_000_000_000..).enumerate().take(ACCOUNTS_MAX + 1) {
-            assert_eq!(accounts.0.lock().unwrap().len(), before);
+            assert_eq!(accounts.asked().known.len(), before);
             accounts.of(uid, 0).await;
         }
-        assert_eq!(accounts.0.lock().unwrap().len(), 1);
+        assert_eq!(accounts.asked().known.len(), 1);
     }
 
     #[test]
