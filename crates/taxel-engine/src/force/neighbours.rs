@@ -24,8 +24,11 @@ const FILL_NEIGHBOURS_MIN: usize = 2;
 /// Of a straight rim it is 0.43, of a corner 0.87, and 0 where neighbours lie all around.
 const ONE_SIDED: f64 = 0.4;
 
-/// A taxel with so much of what all taxels read is one of the three that a contact touches at most.
+/// A taxel with so much of what all taxels about it read is one of the three that a contact touches at most.
 const LARGE_SHARE: f64 = 0.3;
+/// Of a contact that reads less than this share of all that is touched, what lies unseen beside it is little, too; and one
+/// taxel that noise has touched is no contact.
+const SMALL_SHARE: f64 = 0.05;
 /// Where the taxels beside one read so many times as much as the next ones together, a contact's tip lies between them.
 const TIP_RATIO: f64 = 2.0;
 /// Beside one taxel another is well touched if it reads more than this share of its pressure.
@@ -58,7 +61,7 @@ pub struct Rim {
     /// Touched taxels.
     pub touched: usize,
     /// Of those without one, how many lie at the rim of the skin and may bear most of a contact: beside one taxel with much
-    /// of what is touched and nothing else that is well touched, or amid what is touched most of its surroundings.
+    /// of what is touched there and nothing else that is well touched, or amid what is touched most of its surroundings.
     pub beyond: usize,
 }
 
@@ -176,11 +179,9 @@ impl Neighbours {
         filled[first..].sort_unstable_by_key(|f| f.taxel);
         if filled[first..].iter().any(|f| self.at_rim[f.taxel]) {
             let runs = filled[first..].chunk_by(|a, b| a.taxel == b.taxel);
-            let sum_kpa = touched.iter().map(|&(taxel, _)| pressure_kpa(taxel)).sum();
-            let bears_most = |run: &[Filled]| {
-                let own = |taxel: usize| if has_pressure(taxel) { pressure_kpa(taxel) } else { 0.0 };
-                is_beside_most(run, sum_kpa) || self.is_amid_most(run[0].taxel, sum_kpa, own)
-            };
+            let sum_kpa: f64 = touched.iter().map(|&(taxel, _)| pressure_kpa(taxel)).sum();
+            let own = |taxel: usize| if has_pressure(taxel) { pressure_kpa(taxel) } else { 0.0 };
+            let bears_most = |run: &[Filled]| self.bears_most(run, sum_kpa, own);
             rim.beyond = runs.filter(|run| self.at_rim[run[0].taxel] && bears_most(run)).count();
         }
         filled.dedup_by_key(|f| f.taxel);
@@ -194,23 +195,25 @@ impl Neighbours {
         rim
     }
 
-    /// Whether the neighbours of a taxel read a large share of the sum over all that is touched, and far more than the ones
-    /// beside these: nobody has seen the tip of the contact.
-    fn is_amid_most(&self, taxel: usize, sum_kpa: f64, kpa: impl Fn(usize) -> f64) -> bool {
-        let beside_kpa: f64 = self.of(taxel).map(&kpa).sum();
-        if beside_kpa < LARGE_SHARE * sum_kpa {
-            return false;
-        }
-        let is_next = |other: &usize| *other != taxel && !self.of[taxel].contains(&(*other as u16));
-        let mut next: Vec<usize> = self.of(taxel).flat_map(|other| self.of(other)).filter(is_next).collect();
+    /// Whether most of a contact may lie on the taxel without a pressure that these touched ones are beside, of `sum_kpa` over
+    /// all that is touched. Other contacts have no say in it, so it is held against what its own surroundings read.
+    fn bears_most(&self, run: &[Filled], sum_kpa: f64, kpa: impl Fn(usize) -> f64) -> bool {
+        let missing = run[0].taxel;
+        let is_next = |other: &usize| *other != missing && !self.of[missing].contains(&(*other as u16));
+        let mut next: Vec<usize> = self.of(missing).flat_map(|other| self.of(other)).filter(is_next).collect();
         next.sort_unstable();
         next.dedup();
-        beside_kpa >= TIP_RATIO * next.into_iter().map(&kpa).sum::<f64>()
+        let (beside_kpa, next_kpa): (f64, f64) = (self.of(missing).map(&kpa).sum(), next.into_iter().map(&kpa).sum());
+        if beside_kpa < SMALL_SHARE * sum_kpa {
+            return false;
+        }
+        // Nobody has seen the tip of the contact, or one taxel has all of it.
+        beside_kpa >= TIP_RATIO * next_kpa || is_beside_most(run, beside_kpa + next_kpa)
     }
 }
 
-/// Whether one of these, by far the greatest of them, has a large share of the sum over all that is touched: then most of a
-/// contact may lie beyond it.
+/// Whether one of these, by far the greatest of them, has a large share of the sum over what is touched about it: then most
+/// of a contact may lie beyond it.
 fn is_beside_most(touched: &[Filled], sum_kpa: f64) -> bool {
     let (first, second) = touched
         .iter()
@@ -354,5 +357,22 @@ mod tests {
         assert_eq!(rim(&about(corner)), Rim { without: 1, touched: 18, beyond: 1 });
         let within = |taxel: usize| if taxel == amid { 100.0 } else { about(amid)(taxel) };
         assert!(!rim(&within).is_mostly_blind(), "its tip is seen");
+    }
+
+    #[test]
+    fn what_lies_elsewhere_has_no_say_in_what_a_taxel_without_a_pressure_may_bear() {
+        let (neighbours, corner) = (grid(8, 0.0065), 0);
+        let rim = |at_corner: f64| {
+            let kpa = |taxel: usize| match taxel {
+                1 | 8 => at_corner,
+                40.. => 50.0,
+                _ => 0.0,
+            };
+            let touched: Vec<_> = (1..64).filter(|&taxel| kpa(taxel) > 0.0).map(|taxel| (taxel, kpa(taxel))).collect();
+            neighbours.fill(&touched, |taxel| taxel != corner, kpa, &mut Vec::new())
+        };
+        assert_eq!(rim(0.0).beyond, 0);
+        assert_eq!(rim(50.0), Rim { without: 1, touched: 26, beyond: 1 }, "a contact whose tip nobody has seen");
+        assert_eq!(rim(2.0).beyond, 0, "noise");
     }
 }
