@@ -195,6 +195,9 @@ fn forces(sheet: &mut Sheet, samples: &[v1::ForceSample]) {
     gauge("force_newtons", "Total normal force; absent while there is none", |sample| sample.total_n);
     gauge("force_sigma_newtons", "Its standard uncertainty", |sample| sample.total_sigma_n);
     gauge("force_detection_floor_newtons", "What may press unfelt", |sample| sample.detection_floor_n);
+    gauge("force_lower_bound", "1 where the truth may be more than the force tells", |sample| {
+        Some(flag(sample.lower_bound))
+    });
     gauge("force_age_seconds", "Age of the newest frame in the force", |sample| sample.age_s);
     gauge("uncovered_ratio", "Share of the area that no usable taxel covers", |sample| Some(sample.uncovered_share));
     let samples_sent = samples.iter().map(|sample| (labels(sample), sample.sequence));

@@ -1,5 +1,8 @@
 // The service: calls by POST, streams as server-sent events. README.md beside this crate describes both.
 
+/** Streams that the daemon ended with a reason are opened again after so long. */
+const REOPEN_MS = 1000;
+
 /** A refusal, with the service's own words. */
 export class Refusal extends Error {
   constructor(code, message) {
@@ -35,17 +38,24 @@ export function streams(calls, ended = () => {}) {
   const query = calls
     .map(({ method, fields = {} }) => new URLSearchParams([["call", `taxel.v1.${method}`], ...Object.entries(fields)]))
     .join("&");
-  const source = new EventSource(`/streams?${query}`);
-  for (const { method, message } of calls) {
-    const name = calls.length > 1 ? `taxel.v1.${method}` : "message";
-    source.addEventListener(name, (event) => message(JSON.parse(event.data)));
-  }
-  source.addEventListener("end", (event) => {
-    const end = JSON.parse(event.data);
-    if (end.code === "OK" || end.code === "NOT_FOUND") {
-      source.close();
+  let source;
+  let again;
+  const open = () => {
+    source = new EventSource(`/streams?${query}`);
+    for (const { method, message } of calls) {
+      const name = calls.length > 1 ? `taxel.v1.${method}` : "message";
+      source.addEventListener(name, (event) => message(JSON.parse(event.data)));
     }
-    ended(end);
-  });
-  return () => source.close();
+    source.addEventListener("end", (event) => {
+      const end = JSON.parse(event.data);
+      source.close(); // with one of several gone the others go on, and what it showed last would stand
+      if (end.code !== "OK" && end.code !== "NOT_FOUND") again = setTimeout(open, REOPEN_MS);
+      ended(end);
+    });
+  };
+  open();
+  return () => {
+    clearTimeout(again);
+    source.close();
+  };
 }

@@ -70,6 +70,7 @@ export function verdict() {
 }
 
 function takeForce(force) {
+  if (force.patch !== state.patch) return; // of the one that was shown before
   const now = performance.now();
   if (force.monotonicNs !== undefined && force.ageS !== undefined) {
     const way = now - (Number(force.monotonicNs) / 1e6 + force.ageS * 1000);
@@ -87,6 +88,7 @@ function takeForce(force) {
 }
 
 function takeTaxels(sample) {
+  if (sample.patch !== state.patch) return;
   state.taxels = sample;
   state.frames += 1;
   keepOfRamp(sample);
@@ -107,9 +109,11 @@ function keepOfRamp(sample) {
 
 /** Layout and models of the patch. */
 export async function loadSkin() {
-  state.skin = await call("SkinService/GetSkin", { patch: state.patch });
-  state.layout = unroll(state.skin);
-  state.modelSet = state.skin.modelSet ? await call("ModelService/GetModelSet", { modelSet: state.skin.modelSet }) : null;
+  const { patch } = state;
+  const skin = await call("SkinService/GetSkin", { patch });
+  const modelSet = skin.modelSet ? await call("ModelService/GetModelSet", { modelSet: skin.modelSet }) : null;
+  if (patch !== state.patch) return; // another one was chosen meanwhile
+  Object.assign(state, { skin, layout: unroll(skin), modelSet });
   emit("skin");
 }
 
@@ -171,6 +175,7 @@ export async function begin(patch) {
     if (!names.length) throw refused;
     return { patches: names, patch: names[0] };
   })).patches ?? [];
+  close();
   state.patch = state.patches.includes(patch) ? patch : state.patches[0];
   Object.assign(state, { force: null, taxels: null, session: null, course: [], selected: null, ramp: null });
   await loadSkin();

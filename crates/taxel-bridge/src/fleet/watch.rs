@@ -7,7 +7,7 @@ use std::time::Duration;
 use prost::Message;
 use taxel_proto::v1::{ForceSample, Health, ListModelSetsResponse, ModelSetSummary};
 use tokio::sync::mpsc;
-use tokio::time::Instant;
+use tokio::time::{Instant, MissedTickBehavior};
 use zenoh::Session;
 use zenoh::handlers::{FifoChannel, FifoChannelHandler};
 use zenoh::pubsub::Subscriber;
@@ -80,11 +80,15 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
     let mut view = View { session, book: Book::new(age_max), begun: Instant::now(), json: args.json };
     let (mut shown, mut ask) = (0, tokio::time::interval(MODELS_EVERY));
     let mut show = tokio::time::interval_at(Instant::now() + every, every);
+    // Whoever has not taken the last tables gets no table of then, but the next one of now, and with all that came meanwhile.
+    show.set_missed_tick_behavior(MissedTickBehavior::Skip);
     let (models, mut answers) = mpsc::channel::<Models>(64);
     let ended = asked_to_end();
     tokio::pin!(ended);
     loop {
         tokio::select! {
+            biased;
+            asked = &mut ended => return asked,
             sample = next(&alive) => view.alive(&sample?)?,
             sample = next(&forces) => view.force(&sample?),
             sample = next(&health) => view.health(&sample?),
@@ -100,7 +104,6 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
                     return Ok(());
                 }
             }
-            asked = &mut ended => return asked,
         }
     }
 }

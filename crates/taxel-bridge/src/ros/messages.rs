@@ -64,8 +64,8 @@ pub fn centre_of_pressure(sample: &ForceSample, frame: &str) -> Option<PointStam
     Some(PointStamped { header: header(sample.time.as_ref(), frame)?, point })
 }
 
-/// The taxels that have a position and, at this moment, a pressure that is not older than `limit`; the sample has waited
-/// here for `waited`.
+/// The taxels that have a position, no fault and, at this moment, a pressure that is not older than `limit`; the sample has
+/// waited here for `waited`.
 pub fn taxels(
     sample: &TaxelSample,
     skin: &Skin,
@@ -77,7 +77,9 @@ pub fn taxels(
     let (mut data, mut width) = (Vec::new(), 0);
     for (reading, layout) in sample.taxels.iter().zip(&skin.taxels) {
         let fresh = reading.age_s.is_some_and(|age_s| belief::age(age_s.into(), waited) <= limit);
-        let (Some(kpa), Some(at), true) = (reading.pressure_kpa, &layout.position_m, fresh && !reading.stale) else {
+        // A taxel that hangs or stands at a rail reads some pressure, too; no force has it in.
+        let sound = fresh && !reading.stale && reading.faults.is_empty();
+        let (Some(kpa), Some(at), true) = (reading.pressure_kpa, &layout.position_m, sound) else {
             continue;
         };
         let numbers = [at.x as f32, at.y as f32, at.z as f32, kpa * PASCAL_PER_KPA];
@@ -111,7 +113,7 @@ pub fn taxels(
 mod tests {
     use super::*;
     use crate::belief::tests::good;
-    use taxel_proto::v1::{TaxelLayout, TaxelReading};
+    use taxel_proto::v1::{TaxelFault, TaxelLayout, TaxelReading};
 
     #[test]
     fn a_wrench_is_the_samples_vector_at_the_samples_time_in_the_patchs_frame() {
@@ -156,7 +158,11 @@ mod tests {
         };
         let reading = |kpa, age_s, stale| TaxelReading { pressure_kpa: kpa, age_s, stale, ..TaxelReading::default() };
         let skin = Skin {
-            taxels: vec![layout(0, true), layout(1, false), layout(2, true), layout(3, true), layout(4, true)],
+            taxels: [true, false, true, true, true, true]
+                .into_iter()
+                .zip(0..)
+                .map(|(placed, n)| layout(n, placed))
+                .collect(),
             ..Skin::default()
         };
         let sample = TaxelSample {
@@ -167,6 +173,7 @@ mod tests {
                 reading(None, Some(0.01), false),
                 reading(Some(2.0), Some(0.01), true),
                 reading(Some(f32::NAN), Some(0.01), false),
+                TaxelReading { faults: vec![TaxelFault::Frozen.into()], ..reading(Some(2.0), Some(0.01), false) },
             ],
             ..TaxelSample::default()
         };

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
 use taxel_client::{NoForce, Received, Samples, word};
-use taxel_proto::v1::ForceSample;
+use taxel_proto::v1::{ForceReason, ForceSample, ForceState, ReasonCode};
 
 use super::connect::Server;
 use super::failure::{Failure, Outcome};
@@ -129,6 +129,27 @@ impl Judged {
         Self { age: received.age(at), force: received.usable(at, age_max), received, age_max }
     }
 
+    /// The sample with its age by now, and without a force where that is too old to be one.
+    fn told(&self) -> ForceSample {
+        let sample = ForceSample { age_s: self.age.map(|age| age.as_secs_f64()), ..self.received.sample().clone() };
+        let Err(why @ NoForce::TooOld(..)) = &self.force else { return sample };
+        let cause = ForceReason { code: ReasonCode::FrameOld.into(), ..ForceReason::default() };
+        ForceSample {
+            sequence: sample.sequence,
+            patch: sample.patch,
+            state: ForceState::Stale.into(),
+            reasons: vec![why.to_string()],
+            causes: vec![cause],
+            monotonic_ns: sample.monotonic_ns,
+            time: sample.time,
+            age_s: sample.age_s,
+            model_set: sample.model_set,
+            excluded: sample.excluded,
+            uncovered_share: 1.0,
+            ..ForceSample::default()
+        }
+    }
+
     /// The same sample at a later moment.
     fn again(&self, at: Instant) -> Self {
         Self::new(self.received.clone(), at, self.age_max)
@@ -156,7 +177,7 @@ impl<'a> Screen<'a> {
     fn sample(&mut self, judged: &Judged) -> Outcome {
         let sample = judged.received.sample();
         if self.args.json {
-            return json::print("ForceSample", sample);
+            return json::print("ForceSample", &judged.told());
         }
         if self.args.csv {
             if std::mem::take(&mut self.header_due) {
@@ -255,7 +276,6 @@ fn csv(judged: &Judged) -> Vec<String> {
 mod tests {
     use super::*;
     use taxel_client::Reader;
-    use taxel_proto::v1::ForceState;
 
     const AGE_MAX: Duration = Duration::from_millis(120);
 
@@ -274,6 +294,16 @@ mod tests {
         };
         let now = Instant::now();
         Judged::new(Reader::new(now).take(sample, now), now, AGE_MAX)
+    }
+
+    #[test]
+    fn a_force_that_waited_too_long_goes_on_as_none() {
+        let fresh = judged(ForceState::Ok, Some(4.9));
+        assert_eq!((fresh.told().state(), fresh.told().total_n), (ForceState::Ok, Some(4.9)));
+        let told = fresh.again(Instant::now() + Duration::from_secs(2)).told();
+        assert_eq!((told.state(), told.total_n, told.total_sigma_n, told.active), (ForceState::Stale, None, None, 0));
+        assert!(told.age_s.unwrap() >= 2.0 && told.reasons[0].ends_with(" ms old, more than 120 ms"), "{told:?}");
+        assert_eq!(told.causes[0].code(), ReasonCode::FrameOld);
     }
 
     #[test]
