@@ -3,7 +3,8 @@
 use std::fmt;
 use std::time::Duration;
 
-use taxel_proto::v1::{ForceReason, ForceSample, ForceState, ReasonCode, Vector3};
+use taxel_client::{withheld, without_force};
+use taxel_proto::v1::{ForceSample, ForceState, ReasonCode, Vector3};
 
 /// Why there is no force to send.
 #[derive(Clone, Debug, PartialEq)]
@@ -109,30 +110,9 @@ pub fn passed_on(sample: &ForceSample, waited: Duration, limit: Duration) -> For
         Ok(_) => ForceSample { age_s, ..sample.clone() },
         Err(NoForce::State { state, reasons }) => {
             let causes = sample.causes.clone();
-            ForceSample { age_s, state: state.into(), stale: sample.stale, reasons, causes, ..bare(sample) }
+            ForceSample { age_s, state: state.into(), stale: sample.stale, reasons, causes, ..without_force(sample) }
         }
         Err(why) => ForceSample { age_s, ..withheld(sample, why.code(), why.to_string()) },
-    }
-}
-
-/// What is left of a sample that must not be believed, and why that is so.
-pub fn withheld(sample: &ForceSample, code: ReasonCode, reason: String) -> ForceSample {
-    let cause = ForceReason { code: code.into(), ..ForceReason::default() };
-    ForceSample { reasons: vec![reason], causes: vec![cause], ..bare(sample) }
-}
-
-/// A sample without its force.
-fn bare(sample: &ForceSample) -> ForceSample {
-    ForceSample {
-        sequence: sample.sequence,
-        state: ForceState::Stale.into(),
-        monotonic_ns: sample.monotonic_ns,
-        time: sample.time,
-        excluded: sample.excluded,
-        uncovered_share: 1.0,
-        model_set: sample.model_set.clone(),
-        patch: sample.patch.clone(),
-        ..ForceSample::default()
     }
 }
 
@@ -140,6 +120,7 @@ fn bare(sample: &ForceSample) -> ForceSample {
 pub(crate) mod tests {
     use super::*;
     use taxel_proto::Timestamp;
+    use taxel_proto::v1::ForceReason;
 
     const LIMIT: Duration = Duration::from_millis(150);
 

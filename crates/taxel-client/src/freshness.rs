@@ -130,6 +130,29 @@ impl Received {
     }
 }
 
+/// What is left of a sample that must not be believed, and why that is so.
+#[must_use]
+pub fn withheld(sample: &ForceSample, code: ReasonCode, reason: String) -> ForceSample {
+    let cause = ForceReason { code: code.into(), ..ForceReason::default() };
+    ForceSample { reasons: vec![reason], causes: vec![cause], ..without_force(sample) }
+}
+
+/// A sample without its force: its time, what it is of, and STALE.
+#[must_use]
+pub fn without_force(sample: &ForceSample) -> ForceSample {
+    ForceSample {
+        sequence: sample.sequence,
+        state: ForceState::Stale.into(),
+        monotonic_ns: sample.monotonic_ns,
+        time: sample.time,
+        excluded: sample.excluded,
+        uncovered_share: 1.0,
+        model_set: sample.model_set.clone(),
+        patch: sample.patch.clone(),
+        ..ForceSample::default()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -37,5 +37,5 @@ pub use clock::DaemonClock;
 pub use connect::TlsOptions;
 pub use connect::{Address, BadAddress, ConnectError, Credential, Line, Options};
 pub use follow::{Forces, follow};
-pub use freshness::{Force, NoForce, Reader, Received, word};
+pub use freshness::{Force, NoForce, Reader, Received, withheld, without_force, word};
 pub use stream::Samples;

@@ -6,6 +6,7 @@
 use std::time::Duration;
 
 use prost::Message;
+use taxel_client::withheld;
 use taxel_proto::v1::{ForceSample, ReasonCode};
 use taxel_ticks::Ticks;
 use zenoh::Session;
@@ -14,7 +15,7 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::CongestionControl;
 
-use crate::belief::{passed_on, withheld};
+use crate::belief::passed_on;
 use crate::feed::{Feed, HealthFeed};
 use crate::fleet::keys;
 use crate::link::tried;

@@ -98,15 +98,14 @@ impl FitJob {
             return Err("no sample was gathered: the pressure never rose while every module was heard".to_owned());
         };
         let kpa = self.samples.pressures_kpa();
-        let course = Course::of_session(samples, self.recipe.branch);
+        let (course, recipe) = (Course::of_session(samples, self.recipe.branch), self.recipe.settled());
         refuse_gaps(&kpa)?;
-        refuse_rise_alone(self.recipe.settled().branch, &course)?;
+        refuse_rise_alone(recipe.branch, &course)?;
         let taxels = first.counts.counts().len();
         let mut columns: Vec<Vec<f64>> = (0..taxels).map(|taxel| self.column(taxel)).collect();
         let time_s = session_clock(samples, f64::from(self.recipe.faults.stale_after_s));
         let raw = scans(&time_s, &columns);
         let gauge_zero = GaugeZero::of(&self.samples.ramps);
-        let recipe = self.recipe.settled();
         let masks = if recipe.is_paper() {
             Masks::missing(&raw)
         } else {

@@ -26,23 +26,27 @@ impl LightEnd {
         (sign.as_f64() * (end - zero) > 0.0 && kpa > 0.0).then_some(Self { zero, end, sign, kpa })
     }
 
-    /// Pressure at a count on this stretch or before the zero, kPa, on a straight line; nothing for a count in the range or
-    /// beyond. How uncertain that is, `ModelSet::doubts_kpa` says.
-    pub(super) fn at(&self, count: f64) -> Option<f64> {
+    /// Pressure at a count on this stretch or before the zero, and what its standard uncertainty is beside that at the end,
+    /// both in kPa; nothing for a count in the range or beyond.
+    ///
+    /// On a straight line; the uncertainty is how far a parabola through both ends is away from it. Skin bends the same way
+    /// everywhere, so a contact has it in common.
+    pub(super) fn at(&self, count: f64) -> Option<(f64, f64)> {
         let part = (count - self.zero) / (self.end - self.zero);
         let before = self.sign.as_f64() * (self.end - count) > 0.0;
-        before.then_some(part.max(0.0) * self.kpa)
+        let part = part.max(0.0);
+        before.then_some((part * self.kpa, part * (1.0 - part) * self.kpa))
     }
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::force::tests::REST;
     use taxel_model::{FitOptions, Samples, fit};
 
     /// A taxel that was calibrated from 10 kPa on, a count for each kPa.
-    fn begun_late() -> TaxelModel {
+    pub(in crate::force) fn begun_late() -> TaxelModel {
         let kpa: Vec<f64> = (0..600).map(|k| 10.0 + f64::from(k) / 10.0).collect();
         let counts: Vec<f64> = kpa.iter().map(|kpa| (f64::from(REST) - kpa).round()).collect();
         fit(&Samples::new(&counts, &kpa), &FitOptions::default())
@@ -54,10 +58,11 @@ mod tests {
         let zero = f64::from(REST);
         let light = LightEnd::new(&model, zero).unwrap();
         for kpa in 0..10 {
-            let read = light.at(zero - f64::from(kpa)).unwrap();
+            let (read, sigma) = light.at(zero - f64::from(kpa)).unwrap();
             assert!((read - f64::from(kpa)).abs() < 0.3, "{kpa} kPa: {read}");
+            assert!(sigma >= 0.0 && (kpa == 0 || sigma > 0.05 * f64::from(kpa)), "{kpa} kPa: {sigma}");
         }
-        assert_eq!(light.at(zero + 5.0), Some(0.0), "lighter than nothing");
+        assert_eq!(light.at(zero + 5.0), Some((0.0, 0.0)), "lighter than nothing");
         assert_eq!(light.at(zero - 30.0), None, "the curve has it");
     }
 

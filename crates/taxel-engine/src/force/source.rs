@@ -38,8 +38,6 @@ pub(super) struct TaxelTable {
     pub(super) sigma_kpa: [f32; 256],
     pub(super) range: [RangeFlag; 256],
     pub(super) shares: [Share; 256],
-    /// What of `sigma_kpa` all taxels have in common.
-    pub(super) shared_kpa: f32,
     /// The count at the present zero.
     pub(super) zero: f64,
 }
@@ -52,6 +50,8 @@ pub(crate) struct Share {
     pub(crate) low_n: f32,
     /// Variance of the force that this taxel does not share with the others, N squared.
     pub(crate) own_n2: f32,
+    /// Standard uncertainty of the force that it does share with them, N.
+    pub(crate) shared_n: f32,
     /// How much the force changes with the count here, N per count, not negative.
     pub(crate) per_count_n: f32,
     /// 1 where the count is beyond the calibrated range, on the side of pressure, and 0 elsewhere.
@@ -87,6 +87,8 @@ pub(super) struct Source<'a> {
 /// What one count means.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Meaning {
+    /// The count, in units.
+    units: f64,
     pub(super) pressure_kpa: f32,
     pub(super) sigma_kpa: f32,
     pub(super) kpa_per_count: f32,
@@ -100,7 +102,8 @@ impl Place {
     pub(super) fn new(
         set: &ModelSet,
         taxel: usize,
-        (extension, doubt_kpa): (Option<Extension>, f64),
+        extension: Option<Extension>,
+        doubt_kpa: f64,
         zeros: (TaxelBaseline, TaxelBaseline),
         more_counts: f64,
     ) -> Self {
@@ -136,9 +139,10 @@ impl<'a> Source<'a> {
             _ => self.range_at(units),
         };
         let (before, after) = ((units - 1.0).max(0.0), (units + 1.0).min(top));
-        let sigma_kpa = (sigma_kpa as f32).hypot(self.place.doubt_kpa as f32);
+        let sigma_kpa = (sigma_kpa as f32).hypot(self.doubt_kpa(units) as f32);
         let rise = self.pressure_kpa(after) - self.pressure_kpa(before);
         Meaning {
+            units,
             pressure_kpa: self.pressure_kpa(units),
             sigma_kpa: sigma_kpa.hypot(beyond.sigma_kpa().max(UNVOUCHED_SHARE * beyond.kpa) as f32),
             kpa_per_count: rise.abs() / (after - before) as f32,
@@ -148,7 +152,7 @@ impl<'a> Source<'a> {
     }
 
     fn pressure_kpa(&self, units: f64) -> f32 {
-        if let Some(kpa) = self.light(units) {
+        if let Some((kpa, _)) = self.light(units) {
             return kpa as f32;
         }
         let count = units + self.place.shift;
@@ -168,12 +172,12 @@ impl<'a> Source<'a> {
         in_pressure(state, self.sign())
     }
 
-    /// What of the uncertainty of a reading all taxels have in common, kPa.
-    pub(super) fn shared_kpa(&self) -> f64 {
-        self.hysteresis_kpa().hypot(self.place.doubt_kpa)
+    /// What the calibration leaves open at a count, kPa.
+    fn doubt_kpa(&self, units: f64) -> f64 {
+        self.place.doubt_kpa.hypot(self.light(units).map_or(0.0, |(_, sigma_kpa)| sigma_kpa))
     }
 
-    /// What of it both branches of pressure have shown.
+    /// What of the uncertainty of a reading all taxels have in common, and both branches of pressure have shown, kPa.
     fn hysteresis_kpa(&self) -> f64 {
         let (Some(in_use), Some(recorded)) = (self.in_use, self.set.recorded.as_ref()) else { return 0.0 };
         // How far the zero stays away from where it was does not average out either.
@@ -186,10 +190,12 @@ impl<'a> Source<'a> {
     pub(super) fn share(&self, meaning: &Meaning, area: SquareMillimetre, activation: Activation) -> Share {
         let newton_per_kpa = area.0 * 1e-3;
         let low = LOW_SHARE * activation.distance_counts(self.place.now.noise);
-        let own_kpa2 = (f64::from(meaning.sigma_kpa).powi(2) - self.shared_kpa().powi(2)).max(0.0);
+        let shared_kpa = self.hysteresis_kpa().hypot(self.doubt_kpa(meaning.units));
+        let own_kpa2 = (f64::from(meaning.sigma_kpa).powi(2) - shared_kpa.powi(2)).max(0.0);
         Share {
             low_n: if meaning.pressed > low { meaning.newton(area) } else { 0.0 },
             own_n2: (newton_per_kpa.powi(2) * own_kpa2) as f32,
+            shared_n: (newton_per_kpa * shared_kpa) as f32,
             per_count_n: (newton_per_kpa * f64::from(meaning.kpa_per_count)) as f32,
             above: if meaning.range == RangeFlag::Above { 1.0 } else { 0.0 },
         }
@@ -231,11 +237,12 @@ impl<'a> Source<'a> {
         if let Some(sigma_kpa) = self.sigma_in_use_kpa() {
             table.sigma_kpa = [sigma_kpa as f32; 256];
         }
+        let doubts_kpa: [f64; 256] = std::array::from_fn(|code| self.doubt_kpa(code as f64));
         for code in 0..=u8::MAX {
             let (beyond, light) = (self.beyond(f64::from(code)), self.light(f64::from(code)));
             let code = usize::from(code);
-            table.sigma_kpa[code] = table.sigma_kpa[code].hypot(self.place.doubt_kpa as f32);
-            if let Some(kpa) = light {
+            table.sigma_kpa[code] = table.sigma_kpa[code].hypot(doubts_kpa[code] as f32);
+            if let Some((kpa, _)) = light {
                 table.pressure_kpa[code] = kpa as f32;
             }
             if beyond != Beyond::default() {
@@ -244,7 +251,7 @@ impl<'a> Source<'a> {
                 table.sigma_kpa[code] = table.sigma_kpa[code].hypot(sigma_kpa as f32);
             }
         }
-        let shared_kpa = self.shared_kpa();
+        let hysteresis_kpa = self.hysteresis_kpa();
         let beyond = |distance: f64| -> [f32; 256] {
             std::array::from_fn(|code| {
                 let newton = f64::from(table.pressure_kpa[code]) * area.0 * 1e-3;
@@ -254,10 +261,12 @@ impl<'a> Source<'a> {
         let distance = activation.distance_counts(self.place.now.noise);
         let (low_n, newton_per_kpa) = (beyond(LOW_SHARE * distance), area.0 * 1e-3);
         let shares = std::array::from_fn(|code| {
+            let shared_kpa = hysteresis_kpa.hypot(doubts_kpa[code]);
             let own_kpa2 = (f64::from(table.sigma_kpa[code]).powi(2) - shared_kpa.powi(2)).max(0.0);
             Share {
                 low_n: low_n[code],
                 own_n2: (newton_per_kpa.powi(2) * own_kpa2) as f32,
+                shared_n: (newton_per_kpa * shared_kpa) as f32,
                 per_count_n: (newton_per_kpa * f64::from(kpa_per_count(&table.pressure_kpa, code as u8))) as f32,
                 above: if range[code] == RangeFlag::Above { 1.0 } else { 0.0 },
             }
@@ -265,17 +274,7 @@ impl<'a> Source<'a> {
         let mut force_n = [0.0; FORCE_STRIDE];
         force_n[..256].copy_from_slice(&beyond(distance));
         let (pressure_kpa, sigma_kpa) = (table.pressure_kpa, table.sigma_kpa);
-        (
-            TaxelTable {
-                pressure_kpa,
-                sigma_kpa,
-                range,
-                shares,
-                shared_kpa: shared_kpa as f32,
-                zero: self.place.now.mean,
-            },
-            force_n,
-        )
+        (TaxelTable { pressure_kpa, sigma_kpa, range, shares, zero: self.place.now.mean }, force_n)
     }
 
     /// What a code beyond the calibrated range adds to the pressure at the range's end, and how uncertain that is.
@@ -283,8 +282,8 @@ impl<'a> Source<'a> {
         self.place.extension.map_or(Beyond::default(), |extension| extension.at(units + self.place.shift))
     }
 
-    /// Pressure before the calibrated range.
-    fn light(&self, units: f64) -> Option<f64> {
+    /// Pressure before the calibrated range, and what adds to its uncertainty.
+    fn light(&self, units: f64) -> Option<(f64, f64)> {
         self.place.light?.at(units + self.place.shift)
     }
 

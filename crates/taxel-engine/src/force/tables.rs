@@ -82,7 +82,6 @@ pub struct Tables {
     activation: Activation,
     areas: Vec<SquareMillimetre>,
     newton_per_kpa: Vec<f32>,
-    hysteresis_n: Vec<f32>,
     residue_counts: f64,
 }
 
@@ -135,24 +134,22 @@ impl Tables {
             counts,
             activation,
             areas: areas.to_vec(),
-            hysteresis_n: vec![0.0; taxels],
             residue_counts,
             newton_per_kpa: areas.iter().map(|area| (area.0 * 1e-3) as f32).collect(), // 1 kPa on 1 mm2 is 1e-3 N
             set,
         };
         let of_set = tables.set.extensions().into_iter().zip(tables.set.doubts_kpa());
-        for (taxel, of_set) in of_set.enumerate() {
+        for (taxel, (extension, doubt_kpa)) in of_set.enumerate() {
             let then = tables.set.baseline.get(taxel);
             if let (Some(now), Some(then), Some(area)) = (rest.get(taxel), then, areas.get(taxel))
                 // A zero or a reference that was never measured proves nothing about the taxel.
                 && (tables.set.taxels[taxel].is_usable() && now.mean.is_finite() && then.mean.is_finite())
             {
                 let more_counts = RESIDUE_SHARE * residue_counts;
-                let place = Place::new(&tables.set, taxel, of_set, (*now, *then), more_counts);
+                let place = Place::new(&tables.set, taxel, extension, doubt_kpa, (*now, *then), more_counts);
                 let source = Source::new(&tables.set, taxel, place);
                 let falls = place.sign == Sign::Falling;
                 tables.polarity[taxel] = if falls { u8::MAX } else { 0 };
-                tables.hysteresis_n[taxel] = source.shared_kpa() as f32 * tables.newton_per_kpa[taxel];
                 tables.taxels[taxel] = Some(if counts.is_byte() {
                     let (table, force_n) = source.tabulate(*area, activation);
                     tables.threshold[taxel] = source.threshold(activation);
@@ -217,7 +214,7 @@ impl Tables {
                     pressure_kpa: (meaning.pressure_kpa + offset_kpa).max(0.0),
                     kpa_per_count: meaning.kpa_per_count,
                     sigma_kpa: meaning.sigma_kpa,
-                    shared_kpa: Source::new(&self.set, taxel, place).shared_kpa() as f32,
+                    shared_kpa: self.wide_share(taxel, place, count).shared_n / self.newton_per_kpa[taxel],
                     range: meaning.range,
                     active: self.wide[taxel].is_touched(count) && meaning.newton(self.areas[taxel]) > 0.0,
                 });
@@ -229,7 +226,7 @@ impl Tables {
             pressure_kpa: (table.pressure_kpa[code] + offset_kpa).max(0.0),
             kpa_per_count: kpa_per_count(&table.pressure_kpa, count),
             sigma_kpa: table.sigma_kpa[code],
-            shared_kpa: table.shared_kpa,
+            shared_kpa: table.shares[code].shared_n / self.newton_per_kpa[taxel],
             range: table.range[code],
             active: self.force_n[taxel][code] > 0.0,
         })
@@ -274,11 +271,6 @@ impl Tables {
     /// When a count of more than eight bits is a touch, one per taxel; empty for bytes.
     pub(crate) fn wide(&self) -> &[WideThreshold] {
         &self.wide
-    }
-
-    /// Hysteresis that is not compensated, as a force that all taxels have in common, N; 0 without a usable model.
-    pub(crate) fn hysteresis_n(&self, taxel: usize) -> f32 {
-        self.hysteresis_n[taxel]
     }
 
     pub(crate) fn force_n(&self) -> &[ForceTable] {
@@ -338,7 +330,8 @@ const fn byte(count: u16) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::force::tests::{ACTIVATION, AREA, rest, set};
+    use crate::force::light_end::tests::begun_late;
+    use crate::force::tests::{ACTIVATION, AREA, REST, rest, set};
     use proptest::prelude::*;
 
     proptest! {
@@ -380,6 +373,17 @@ mod tests {
             assert_eq!(share.above > 0.0, reading.range == RangeFlag::Above, "{count}");
             assert!(!reading.active || near(share.low_n, 0.1 * reading.pressure_kpa), "{count}: {share:?} {reading:?}");
         }
+    }
+
+    #[test]
+    fn how_skin_bends_below_the_least_calibrated_pressure_is_common_to_a_contact() {
+        let mut late = ModelSet::clone(&set(1));
+        late.taxels[0] = begun_late();
+        let tables = Tables::new(Arc::new(late), &rest(1), &[AREA], ACTIVATION);
+        let shared_kpa = |kpa: u8| tables.reading(0, REST - kpa, 0.0).unwrap().shared_kpa;
+        assert!((2.0..3.0).contains(&shared_kpa(5)), "a quarter of 10 kPa: {}", shared_kpa(5));
+        assert!(shared_kpa(0) < 0.1 && shared_kpa(2) < shared_kpa(5), "{} {}", shared_kpa(0), shared_kpa(2));
+        assert_eq!(shared_kpa(30), 0.0, "the curve has it");
     }
 
     /// The same skin with a converter of sixteen bits: what a whole unit means does not depend on how it is divided.

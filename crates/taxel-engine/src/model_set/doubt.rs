@@ -10,10 +10,6 @@ use taxel_model::{PlayState, Sign};
 use super::ModelSet;
 use crate::statistics::median;
 
-/// Between the zero and the least calibrated pressure P a reading is a straight line. Skin is softer or stiffer there: a
-/// parabola through both ends is up to P / 4 away from it, when all that is known is that pressure never falls.
-const LIGHT_END_SHARE: f64 = 0.25;
-
 impl ModelSet {
     /// What every reading of a taxel is in doubt by and shares with those beside it, standard uncertainty in kPa; one per
     /// taxel, 0 without a usable model.
@@ -28,7 +24,8 @@ impl ModelSet {
         doubts_kpa
     }
 
-    /// What a taxel reads too much or too little at its own zero, kPa, not negative; 0 where that was never measured.
+    /// What a taxel reads too much or too little at its own zero, kPa, not negative; 0 where that was never measured, or where
+    /// the live force reads a straight line from the zero to the curve (`force/light_end.rs`).
     fn at_rest_kpa(&self, taxel: usize) -> f64 {
         let Some(zero) = self.baseline.get(taxel).map(|rest| rest.mean).filter(|zero| zero.is_finite()) else {
             return 0.0;
@@ -40,6 +37,6 @@ impl ModelSet {
         let model = &self.taxels[taxel];
         let (Some([low, high]), Some(kpa)) = (model.range, model.kpa(zero)) else { return 0.0 };
         let before = if model.sign == Sign::Rising { zero < low } else { zero > high };
-        if before && kpa > 0.0 { LIGHT_END_SHARE * kpa } else { kpa.abs() }
+        if before && kpa > 0.0 { 0.0 } else { kpa.abs() }
     }
 }

@@ -9,8 +9,7 @@ use std::time::Duration;
 use taxel_skin::Time;
 
 use crate::scan::Scan;
-use crate::statistics::exponential_share;
-use crate::statistics::median;
+use crate::statistics::{exponential_share, median};
 use crate::zero::warmth::COEFFICIENT_RMS;
 
 /// Time constant of where the pads are now, seconds ...

@@ -4,8 +4,8 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use taxel_client::{NoForce, Received, Samples, word};
-use taxel_proto::v1::{ForceReason, ForceSample, ForceState, ReasonCode};
+use taxel_client::{NoForce, Received, Samples, withheld, word};
+use taxel_proto::v1::{ForceSample, ReasonCode};
 
 use super::connect::Server;
 use super::failure::{Failure, Outcome};
@@ -132,21 +132,11 @@ impl Judged {
     /// The sample with its age by now, and without a force where that is too old to be one.
     fn told(&self) -> ForceSample {
         let sample = ForceSample { age_s: self.age.map(|age| age.as_secs_f64()), ..self.received.sample().clone() };
-        let Err(why @ NoForce::TooOld(..)) = &self.force else { return sample };
-        let cause = ForceReason { code: ReasonCode::FrameOld.into(), ..ForceReason::default() };
-        ForceSample {
-            sequence: sample.sequence,
-            patch: sample.patch,
-            state: ForceState::Stale.into(),
-            reasons: vec![why.to_string()],
-            causes: vec![cause],
-            monotonic_ns: sample.monotonic_ns,
-            time: sample.time,
-            age_s: sample.age_s,
-            model_set: sample.model_set,
-            excluded: sample.excluded,
-            uncovered_share: 1.0,
-            ..ForceSample::default()
+        match &self.force {
+            Err(why @ NoForce::TooOld(..)) => {
+                ForceSample { age_s: sample.age_s, ..withheld(&sample, ReasonCode::FrameOld, why.to_string()) }
+            }
+            _ => sample,
         }
     }
 
@@ -276,6 +266,7 @@ fn csv(judged: &Judged) -> Vec<String> {
 mod tests {
     use super::*;
     use taxel_client::Reader;
+    use taxel_proto::v1::ForceState;
 
     const AGE_MAX: Duration = Duration::from_millis(120);
 

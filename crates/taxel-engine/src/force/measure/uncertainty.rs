@@ -11,8 +11,8 @@ use crate::force::offsets::Offsets;
 pub(super) struct Shares {
     /// Variance that each taxel has for itself, N squared.
     own_n2: f64,
-    /// Hysteresis, and what the calibration leaves open, that all have in common, N.
-    hysteresis_n: f64,
+    /// What all have in common: hysteresis that is not compensated, and what the calibration leaves open, N.
+    common_n: f64,
     /// The same of histories that are not known, N.
     history_n: f64,
     /// Change of the force if all counts change by one, N.
@@ -38,16 +38,16 @@ impl ForceModel {
             sums.own_n2 += f64::from(share.own_n2);
             sums.per_count_n += f64::from(share.per_count_n);
             sums.above += f64::from(share.above);
-            sums.hysteresis_n += f64::from(tables.hysteresis_n(taxel));
+            sums.common_n += f64::from(share.shared_n);
             sums.area += self.newton_per_kpa(taxel);
         }
         for taxel in filled {
             let newton_per_kpa = self.newton_per_kpa(taxel.taxel);
             sums.own_n2 += (newton_per_kpa * taxel.sigma_kpa).powi(2);
             sums.area += newton_per_kpa;
-            let [per_count_kpa, hysteresis_kpa, history_kpa] = self.common_beside(evaluator, counts, taxel.taxel);
+            let [per_count_kpa, shared_kpa, history_kpa] = self.common_beside(evaluator, counts, taxel.taxel);
             sums.per_count_n += newton_per_kpa * per_count_kpa;
-            sums.hysteresis_n += newton_per_kpa * hysteresis_kpa;
+            sums.common_n += newton_per_kpa * shared_kpa;
             sums.history_n += newton_per_kpa * history_kpa;
         }
         if let Some(offsets) = unknown_histories(evaluator) {
@@ -68,7 +68,7 @@ impl ForceModel {
             let Some(share) = counts.raw(other).and_then(|count| tables.share(other, count)) else { continue };
             let newton_per_kpa = self.newton_per_kpa(other);
             sums[0] += f64::from(share.per_count_n) / newton_per_kpa;
-            sums[1] += f64::from(tables.hysteresis_n(other)) / newton_per_kpa;
+            sums[1] += f64::from(share.shared_n) / newton_per_kpa;
             sums[2] += histories.map_or(0.0, |offsets| offsets.sigma_kpa(other));
             known += 1.0;
         }
@@ -86,7 +86,7 @@ impl ForceModel {
     pub(super) fn variance_n2(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
         let set = evaluator.tables().set();
         let shared = [
-            sums.hysteresis_n,
+            sums.common_n,
             sums.history_n,
             zero_sigma_counts * sums.per_count_n,
             evaluator.tables().residue_sigma_counts() * sums.per_count_n,
