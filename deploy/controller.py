@@ -73,7 +73,7 @@ class NewestForce:
 
         def look_at_the_clock():
             nonlocal least, found
-            left = time.monotonic()
+            left = now_s()
             answered = sent_s(ask(question(patch=self.patch), timeout=ANSWER_WITHIN_S))
             if answered is not None and left - answered > least - DRIFT * (left - found):
                 least, found = left - answered, left
@@ -81,7 +81,7 @@ class NewestForce:
 
         asked = look_at_the_clock()
         for sample in stream(request(patch=self.patch, rate_hz=RATE_HZ)):
-            now, sent = time.monotonic(), sent_s(sample)
+            now, sent = now_s(), sent_s(sample)
             if now - asked > ASK_EVERY_S or (sent is not None and least == -math.inf):
                 asked = look_at_the_clock()
             delay = max(0.0, now - sent - least + DRIFT * max(0.0, now - found)) if sent is not None else math.inf
@@ -94,10 +94,15 @@ class NewestForce:
         sample, state, came, delay = self.newest
         if state not in GOOD or not sample.HasField("total_n") or not sample.HasField("age_s"):
             return None, None, self.broken or f"{state}: {'; '.join(sample.reasons)}"
-        age = sample.age_s + delay + time.monotonic() - came
+        age = sample.age_s + delay + now_s() - came
         if not age <= AGE_MAX_S:  # also if it is no number
             return None, None, self.broken or f"{1e3 * age:.0f} ms old, more than {1e3 * AGE_MAX_S:.0f} ms"
         return sample.total_n, age, ""
+
+
+def now_s():
+    """By a clock that goes on while this machine sleeps: a force from before is old then."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def sent_s(sample):

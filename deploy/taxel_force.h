@@ -95,7 +95,7 @@ typedef struct taxel_force_reader {
 /* Where things are in the page, in words of eight bytes. */
 enum {
     TAXEL_AT_VERSION = 1, TAXEL_AT_AGE_LIMIT = 4, TAXEL_AT_BEAT_LIMIT = 5, TAXEL_AT_WRITES = 16, TAXEL_AT_BEAT = 17,
-    TAXEL_AT_CLOSED = 18, TAXEL_AT_SAMPLES = 32, TAXEL_SAMPLE_WORDS = 64
+    TAXEL_AT_CLOSED = 18, TAXEL_AT_SLEPT = 19, TAXEL_AT_SAMPLES = 32, TAXEL_SAMPLE_WORDS = 64
 };
 
 /* A relaxed load, ordered by taxel_fence_: all that is defined for atomics in memory that is mapped read-only. */
@@ -112,6 +112,16 @@ static inline uint32_t taxel_half_(uint64_t word, int second) {
     uint32_t halves[2];
     memcpy(halves, &word, sizeof halves);
     return halves[second];
+}
+
+/* For how many ns the machine has slept since its start, or a little less: what CLOCK_BOOTTIME is ahead of CLOCK_MONOTONIC. */
+#define TAXEL_SLEEP_MIN_NS 100000000u /* shorter ones count as none: writer and reader do not read their clocks at once */
+static inline uint64_t taxel_force_slept_ns(void) {
+    struct timespec with_sleep, awake;
+    int64_t slept;
+    if (clock_gettime(CLOCK_BOOTTIME, &with_sleep) != 0 || clock_gettime(CLOCK_MONOTONIC, &awake) != 0) return 0;
+    slept = ((int64_t)with_sleep.tv_sec - (int64_t)awake.tv_sec) * 1000000000 + with_sleep.tv_nsec - awake.tv_nsec;
+    return slept > 0 ? (uint64_t)slept : 0;
 }
 
 /* CLOCK_MONOTONIC, ns. */
@@ -288,7 +298,7 @@ static inline taxel_force_status taxel_force_read(const taxel_force_reader *read
     uint64_t words[TAXEL_SAMPLE_WORDS];
     taxel_force_status status = TAXEL_FORCE_GOOD;
     const uint64_t *page = reader->page;
-    uint64_t limit, beat_limit, closed;
+    uint64_t limit, beat_limit, closed, known, slept;
     int64_t beat, now;
     int taken;
 
@@ -299,10 +309,12 @@ static inline taxel_force_status taxel_force_read(const taxel_force_reader *read
     taken = taxel_take_(page, words);
     beat = (int64_t)taxel_load_(page + TAXEL_AT_BEAT);
     closed = taxel_load_(page + TAXEL_AT_CLOSED);
+    known = taxel_load_(page + TAXEL_AT_SLEPT); /* and 1; 0: not said */
     limit = taxel_load_(page + TAXEL_AT_AGE_LIMIT);
     beat_limit = taxel_load_(page + TAXEL_AT_BEAT_LIMIT);
     if (age_limit_ns > 0 && (uint64_t)age_limit_ns < limit) limit = (uint64_t)age_limit_ns;
     taxel_fence_();
+    slept = known != 0 ? taxel_force_slept_ns() : 0;
     now = taxel_force_now_ns(); /* last: nothing that was found can be of a later moment on the same clock */
 
     if (taken) {
@@ -313,6 +325,7 @@ static inline taxel_force_status taxel_force_read(const taxel_force_reader *read
     else if (!taken) status = TAXEL_FORCE_NOTHING_YET;
     else if (now < beat) status = TAXEL_FORCE_OTHER_CLOCK;
     else if ((uint64_t)now - (uint64_t)beat > beat_limit) status = TAXEL_FORCE_WRITER_GONE;
+    else if (known != 0 && slept > known - 1 && slept - (known - 1) > TAXEL_SLEEP_MIN_NS) status = TAXEL_FORCE_WRITER_GONE;
     else if ((force->state != TAXEL_STATE_OK && force->state != TAXEL_STATE_DEGRADED) || !isfinite(force->total_n) ||
              force->monotonic_ns == 0) status = TAXEL_FORCE_STATE;
     else if (now < force->monotonic_ns) status = TAXEL_FORCE_OTHER_CLOCK;

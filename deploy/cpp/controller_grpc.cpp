@@ -8,6 +8,7 @@
 // age is the sample's age when it was sent, plus the time since it came, plus the time that it can have been on its way:
 // the daemon is asked once in a while, and answered not before the question left.
 #include <grpcpp/grpcpp.h>
+#include <time.h>
 
 #include <algorithm>
 #include <chrono>
@@ -22,13 +23,17 @@
 
 #include "taxel/v1/force.grpc.pb.h"
 
-using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 
 constexpr double age_max_s = 0.120;  // an older force is none
 constexpr double drift = 6e-4;       // two clocks part by so many seconds a second at most
 
-static double now_s() { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); }
+/// By a clock that goes on while this machine sleeps, as that of another machine does: a force from before is old then.
+static double now_s() {
+    timespec now{};
+    clock_gettime(CLOCK_BOOTTIME, &now);
+    return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
+}
 
 /// A force, or why there is none.
 struct Reading {

@@ -8,6 +8,7 @@ usage: run.py TAXELD SCRATCH          needs grpcio, grpcio-reflection, cmake, a 
 import gzip
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -125,6 +126,40 @@ def over_a_socket(taxel, taxeld, cpp, scratch):
     print("Python and C++ over gRPC hear the daemon over a Unix socket, too")
 
 
+# Says each second whether there is a force of at most a minute, or why there is none.
+SLEEPER = '''
+import sys, time, taxel
+with taxel.connect(sys.argv[1], age_max_s=60.0) as service:
+    while True:
+        force = service.force()
+        print("force" if force else force, flush=True)
+        time.sleep(0.02)
+'''
+
+
+def over_a_sleep(site, demo, scratch):
+    """The machine of a Python reader sleeps for an hour, by the clocks of its process: the force from before is an hour old, and
+    one that comes then is none."""
+    library, slept = scratch / "sleep.so", scratch / "slept"
+    source = REPOSITORY / "crates/taxeld/tests/sleep_faults.c"
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", str(library), str(source)], check=True)
+    environment = {**os.environ, "LD_PRELOAD": str(library), "SLEPT_AN_HOUR": str(slept), "PYTHONPATH": str(site)}
+    reader = subprocess.Popen(
+        [sys.executable, "-c", SLEEPER, demo.address], stdout=subprocess.PIPE, text=True, env=environment
+    )
+    try:
+        until("a force", lambda: reader.stdout.readline() == "force\n")
+        demo.signal(signal.SIGSTOP)
+        slept.touch()
+        said = until("a sleep is told", lambda: (reader.stdout.readline().strip() + "force").split("force")[0])
+        assert re.search(r"36\d{5} ms old", said), said
+        demo.signal(signal.SIGCONT)
+        until("a force after the sleep", lambda: reader.stdout.readline() == "force\n")
+    finally:
+        reader.kill()
+    print("a reader whose machine slept takes no force from before for a new one, and the next one for what it is")
+
+
 def sessions(taxel, scratch):
     """A recording is read, and a row that is none is refused with its line."""
     text = "t_s,pressure_kpa,c0,c1\n0.0,0.5,240,239\n0.05,,239.5,239\n"
@@ -148,7 +183,8 @@ def sessions(taxel, scratch):
 
 def main(taxeld, scratch):
     scratch.mkdir(parents=True)
-    sys.path.insert(0, str(install(scratch)))
+    site = install(scratch)
+    sys.path.insert(0, str(site))
     import taxel
 
     assert pathlib.Path(taxel.__file__).is_relative_to(scratch), taxel.__file__
@@ -176,6 +212,8 @@ def main(taxeld, scratch):
         demo.signal(signal.SIGCONT)
         # Whether its zero outlived that is the daemon's to say; that it lives, the page's.
         until("it goes on", lambda: memory.force() or memory.force().why is taxel.Why.STATE)
+        until("its zero holds or is proven anew", memory.force)
+        over_a_sleep(site, demo, scratch)
 
         demo.signal(signal.SIGKILL)
         gone = taxel.Why.WRITER_GONE

@@ -6,10 +6,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_client::DaemonClock;
+use taxel_client::{DaemonClock, Moment};
 use taxel_proto::v1::{ForceSample, GetForceRequest, StreamForceRequest, StreamTaxelsRequest, TaxelSample};
 use tokio::sync::watch;
-use tokio::time::Instant;
 use tonic::{Status, Streaming};
 
 use crate::daemon::{Daemon, words};
@@ -47,7 +46,7 @@ pub struct Received<T> {
     pub sample: T,
     /// One more with each message, from 1.
     pub number: u64,
-    at: Instant,
+    at: Moment,
     delayed: Duration,
 }
 
@@ -99,36 +98,35 @@ struct Asked<'a> {
     daemon: &'a Daemon,
     patch: &'a str,
     clock: DaemonClock,
-    last: Instant,
+    last: Moment,
 }
 
 impl<'a> Asked<'a> {
     /// Before a stream begins, so that a first message which waited on its way is known as old. A daemon that does not
     /// answer will not stream either, which tells more.
     async fn first(daemon: &'a Daemon, patch: &'a str) -> Self {
-        let now = Instant::now();
-        let mut asked = Self { daemon, patch, clock: DaemonClock::new(now.into_std()), last: now };
+        let mut asked = Self { daemon, patch, clock: DaemonClock::default(), last: Moment::now() };
         let _ = asked.ask().await;
         asked
     }
 
     /// How long a message was on its way that came at `at`; asks the daemon first if that is due.
-    async fn delay(&mut self, at: Instant, sent_s: Option<f64>) -> Result<Duration, Status> {
+    async fn delay(&mut self, at: Moment, sent_s: Option<f64>) -> Result<Duration, Status> {
         // The first frame that the daemon ever received shows its clock only now.
         let unknown = !self.clock.is_known() && sent_s.is_some();
         if unknown || self.last.elapsed() > ASK_EVERY {
             self.ask().await?;
         }
-        Ok(self.clock.delay(at.into_std(), sent_s))
+        Ok(self.clock.delay(at, sent_s))
     }
 
     async fn ask(&mut self) -> Result<(), Status> {
-        self.last = Instant::now();
+        self.last = Moment::now();
         let mut force = self.daemon.force();
         let question = force.get_force(GetForceRequest { patch: self.patch.to_owned() });
         let late = |_| Status::deadline_exceeded(format!("no answer within {} s", ANSWER_WITHIN.as_secs()));
         let answer = tokio::time::timeout(ANSWER_WITHIN, question).await.map_err(late)??;
-        self.clock.asked(self.last.into_std(), answer.get_ref().sent_s());
+        self.clock.asked(self.last, answer.get_ref().sent_s());
         Ok(())
     }
 }
@@ -154,7 +152,7 @@ async fn read<T: Sample>(mut stream: Streaming<T>, mut asked: Asked<'_>, newest:
             Ok(None) => return "the daemon ended the stream".to_owned(),
             Err(status) => return words(&status),
         };
-        let at = Instant::now();
+        let at = Moment::now();
         let delayed = match asked.delay(at, sample.sent_s()).await {
             Ok(delayed) => delayed,
             Err(status) => return words(&status),

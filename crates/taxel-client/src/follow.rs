@@ -1,6 +1,6 @@
 //! Follows the force of a patch: over one connection after the other, with the newest sample in hand.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use tokio::sync::watch;
@@ -9,6 +9,7 @@ use tonic::Status;
 
 use crate::connect::{ConnectError, Options};
 use crate::freshness::{Force, NoForce, Received};
+use crate::moment::Moment;
 use crate::stream::Samples;
 
 /// The first pause before another connection; each is twice the one before.
@@ -58,7 +59,7 @@ impl Forces {
     pub fn force(&self) -> Result<Force, NoForce> {
         let newest = self.newest.borrow();
         let Some(received) = &newest.received else { return Err(NoForce::NothingYet(newest.broken.clone())) };
-        match (received.usable(Instant::now(), self.age_max), &newest.broken) {
+        match (received.usable(Moment::now(), self.age_max), &newest.broken) {
             (Ok((total_n, age)), _) => Ok(Force { total_n, age, sample: received.sample().clone() }),
             // What the daemon said last is no reason any more once it cannot be heard.
             (Err(_), Some(why)) => Err(NoForce::Lost(why.clone())),

@@ -30,6 +30,7 @@ mod clock;
 mod connect;
 mod follow;
 mod freshness;
+mod moment;
 mod stream;
 
 pub use clock::DaemonClock;
@@ -38,4 +39,5 @@ pub use connect::TlsOptions;
 pub use connect::{Address, BadAddress, ConnectError, Credential, Line, Options};
 pub use follow::{Forces, follow};
 pub use freshness::{Force, NoForce, Reader, Received, withheld, without_force, word};
+pub use moment::Moment;
 pub use stream::Samples;

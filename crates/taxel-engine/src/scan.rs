@@ -21,6 +21,9 @@ pub struct Scan<'a> {
     pub sound: &'a [bool],
     /// One more each time `sound` or `silent` changed.
     pub soundness: u64,
+    /// One per module: by how many counts its taxels have jumped together lately, there and back within a scan or two;
+    /// nearly always 0. Empty where nobody looked.
+    pub jumps: &'a [f32],
 }
 
 impl Scan<'_> {

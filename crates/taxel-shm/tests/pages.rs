@@ -9,7 +9,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use common::{Child, LIMITS, folder, good, in_memory, plain};
-use taxel_shm::{Folder, Named, NoForce, Page, Reader, Sample, State, monotonic_ns};
+use taxel_shm::{Folder, Named, NoForce, Page, PageWriter, Reader, Sample, State, monotonic_ns};
 
 #[test]
 fn what_was_written_is_read_and_nothing_before_it() {
@@ -287,7 +287,7 @@ fn a_page_that_another_account_can_have_made_is_none() {
             let output = Command::new(&program).args(&arguments).arg(&page).args(owner).output().unwrap();
             String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
         };
-        writer.beat();
+        writer.beat(None);
         let (alone, told) = (said(&[]), said(&["65534"]));
         let led = Command::new(&program).args(&arguments).arg(&by_link).output().unwrap();
         let led = String::from_utf8_lossy(&led.stdout).into_owned() + &String::from_utf8_lossy(&led.stderr);
@@ -307,12 +307,43 @@ fn the_header_for_c_and_the_module_for_python_read_what_rust_reads() {
         let expected = common::printed(&Page::open(writer.path()).unwrap());
         for (program, arguments) in &readers {
             // What can be told only now would differ by the time that the programs take.
-            writer.beat();
+            writer.beat(None);
             let output = Command::new(program).args(arguments).arg(writer.path()).output().unwrap();
             let said = String::from_utf8_lossy(&output.stdout).into_owned();
             let errors = String::from_utf8_lossy(&output.stderr);
             assert_eq!(said.trim(), expected.trim(), "{}: {errors}", program.display());
         }
+    }
+}
+
+/// The clocks of a machine that has slept for an hour, for the readers alone: the engine has not had its turn yet.
+#[test]
+fn readers_that_wake_up_before_the_engine_have_no_force() {
+    let place = in_memory();
+    let mut writer = folder(&place).page("palm", LIMITS).unwrap();
+    let library = place.path().join("sleep.so");
+    let source = common::repository().join("crates/taxeld/tests/sleep_faults.c");
+    let made = Command::new("cc").args(["-shared", "-fPIC", "-o"]).arg(&library).arg(source).status().unwrap();
+    assert!(made.success());
+    let clock = |clock| Duration::from(nix::time::clock_gettime(clock).unwrap());
+    let awake = clock(nix::time::ClockId::CLOCK_MONOTONIC);
+    let slept = clock(nix::time::ClockId::CLOCK_BOOTTIME) - awake;
+    let hour = Duration::from_secs(3_600);
+    for (program, arguments) in readers(place.path()) {
+        let said = |known: Option<Duration>, writer: &PageWriter| {
+            writer.beat(known);
+            let mut command = Command::new(&program);
+            command.args(&arguments).arg(writer.path());
+            command.env("LD_PRELOAD", &library).env("SLEPT_AN_HOUR", writer.path());
+            let output = command.output().unwrap();
+            String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
+        };
+        writer.write(&good(1));
+        let (asleep, awake, of_old) =
+            (said(Some(slept), &writer), said(Some(slept + hour), &writer), said(None, &writer));
+        assert!(asleep.starts_with("status 4\n") && asleep.contains("total -\n"), "{}: {asleep}", program.display());
+        assert!(awake.starts_with("status 0\n") && awake.contains("total 1.000\n"), "{}: {awake}", program.display());
+        assert!(of_old.starts_with("status 0\n"), "{}: a daemon that does not say: {of_old}", program.display());
     }
 }
 

@@ -174,7 +174,7 @@ impl Driver {
         if let Some(slept) = self.sleep.look() {
             self.woke_up(slept);
         }
-        self.pages.beat();
+        self.pages.beat(self.sleep.known());
         if let Some(gap) = self.publisher.beat() {
             self.resumed(gap);
             self.catch_up(queues).await;

@@ -5,6 +5,7 @@ mod keeper;
 
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 pub use keeper::Keeper;
 use taxel_engine::plan::Plan;
@@ -42,10 +43,11 @@ impl Pages {
         self.pages.iter().flatten().map(PageWriter::path)
     }
 
-    /// The engine's task has its turn now: readers judge by this whether the engine runs.
-    pub fn beat(&mut self) {
+    /// The engine's task has its turn now: readers judge by this whether the engine runs, and whether it knows for how long
+    /// the machine has `slept`.
+    pub fn beat(&mut self, slept: Option<Duration>) {
         self.take_made();
-        self.pages.iter().flatten().for_each(PageWriter::beat);
+        self.pages.iter().flatten().for_each(|page| page.beat(slept));
     }
 
     /// A page that takes the place of another has a force with the next scan. The other one says that it is over.

@@ -8,7 +8,7 @@ const SLEEP_MIN: Duration = Duration::from_millis(100);
 /// Looks for sleep.
 pub struct SleepWatch {
     /// For how long the machine has slept since it was started, at most a little less.
-    slept: fn() -> Duration,
+    slept: Option<fn() -> Duration>,
     known: Duration,
 }
 
@@ -20,19 +20,24 @@ impl SleepWatch {
 
     /// A run that has a clock of its own.
     pub fn never() -> Self {
-        Self::by(Duration::default)
+        Self { slept: None, known: Duration::ZERO }
     }
 
     fn by(slept: fn() -> Duration) -> Self {
-        Self { slept, known: slept() }
+        Self { slept: Some(slept), known: slept() }
     }
 
     /// For how long the machine has slept since the last look, if it has.
     pub fn look(&mut self) -> Option<Duration> {
-        let slept = (self.slept)();
+        let slept = (self.slept?)();
         let since = slept.saturating_sub(self.known);
         self.known = self.known.max(slept);
         (since >= SLEEP_MIN).then_some(since)
+    }
+
+    /// For how long the machine had slept in all at the last look; `None` of a run with a clock of its own.
+    pub fn known(&self) -> Option<Duration> {
+        self.slept.map(|_| self.known)
     }
 }
 
@@ -55,5 +60,6 @@ mod tests {
         assert_eq!(look_at(3_605_000), None);
         // Read a little too early, and in time again.
         assert_eq!((look_at(3_604_700), look_at(3_605_000)), (None, None));
+        assert_eq!((watch.known(), SleepWatch::never().known()), (Some(Duration::from_secs(3_605)), None));
     }
 }

@@ -255,7 +255,9 @@ async fn a_page_that_somebody_removed_is_made_again() {
 /// first, before the engine has a turn, and then for all.
 #[tokio::test]
 async fn a_sleep_of_the_machine_is_noticed_when_it_wakes_up() {
+    let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
     let daemon = Daemon::start(|command, folder| {
+        publishing(folder, memory.path());
         let library = compiled(folder, include_str!("sleep_faults.c"));
         command.env("LD_PRELOAD", library);
         command.env("SERVICE_WOKE", folder.join("service")).env("SLEPT_AN_HOUR", folder.join("slept"));
@@ -277,4 +279,8 @@ async fn a_sleep_of_the_machine_is_noticed_when_it_wakes_up() {
         stream.message().await.unwrap().unwrap();
     }
     assert_eq!(daemon.log().matches("the machine slept").count(), 1, "{}", daemon.log());
+    // Readers of the page are told that the engine knows of it: a nanosecond more than it has slept, in the word at byte 152.
+    let page = std::fs::read(memory.path().join("forearm")).unwrap();
+    let slept_ns = u64::from_ne_bytes(page[152..160].try_into().unwrap());
+    assert!(slept_ns > 3_599_000_000_000, "{slept_ns} ns");
 }

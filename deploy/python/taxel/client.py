@@ -31,6 +31,13 @@ _OPTIONS = [("grpc.http2.lookahead_bytes", 4096), ("grpc.http2.bdp_probe", 0), (
 _UNIX_OPTIONS = [*_OPTIONS, ("grpc.default_authority", "localhost")]
 
 
+def _now() -> float:
+    """By a clock that goes on while this machine sleeps, as that of another machine does: a force from before is old then."""
+    if hasattr(time, "CLOCK_BOOTTIME"):
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    return time.monotonic()  # a system without that clock
+
+
 def connect(
     address: Optional[str] = None,
     patch: str = "",
@@ -107,7 +114,7 @@ class Forces:
             if broken:  # what the daemon said last is no reason any more once it cannot be heard
                 return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}", codes=self._refused)
             return NoForce(Why.STATE, f"{state}: {'; '.join(sample.reasons)}", codes=_codes(sample))
-        age_s = sample.age_s + on_the_way + time.monotonic() - came
+        age_s = sample.age_s + on_the_way + _now() - came
         if not 0.0 <= age_s <= self._age_max_s:  # also if it is no number
             if broken:
                 return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}", codes=self._refused)
@@ -168,7 +175,7 @@ class Forces:
         clock, asked = _Clock(), -math.inf
 
         def look_at_the_clock() -> None:
-            left = time.monotonic()
+            left = _now()
             answer = ask(question(patch=self._patch), timeout=_ANSWER_WITHIN_S, metadata=self._metadata)
             sent = _sent(answer)
             if sent is not None:
@@ -178,12 +185,12 @@ class Forces:
         if self._rate_hz is not None:
             wanted.rate_hz = self._rate_hz
         look_at_the_clock()
-        asked = time.monotonic()
+        asked = _now()
         for sample in follow(wanted, metadata=self._metadata):
-            came, sent = time.monotonic(), _sent(sample)
+            came, sent = _now(), _sent(sample)
             if came - asked > _ASK_EVERY_S or (sent is not None and not clock.known()):
                 look_at_the_clock()
-                asked = time.monotonic()
+                asked = _now()
             on_the_way = max(0.0, came - sent - clock.least(came)) if sent is not None else math.inf
             self._newest, self._broken = (sample, came, on_the_way), None
             self._pause_s = _PAUSE_FIRST_S

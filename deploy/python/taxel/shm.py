@@ -32,7 +32,8 @@ LOOK_EVERY_S = 0.05  # how often a reader without a living page looks for a new 
 
 _MAGIC = b"TAXELFRC"
 _SAMPLE_BYTES, _FIRST_SAMPLE = 512, 256
-_VERSION, _AGE_LIMIT, _BEAT_LIMIT, _WRITES, _BEAT, _CLOSED = 1, 4, 5, 16, 17, 18  # by word of eight bytes
+_VERSION, _AGE_LIMIT, _BEAT_LIMIT, _WRITES, _BEAT, _CLOSED, _SLEPT = 1, 4, 5, 16, 17, 18, 19  # by word of eight bytes
+_SLEEP_MIN_S = 0.1  # shorter ones count as none: writer and reader do not read their clocks at once
 _SAMPLE = struct.Struct("=Qqqq2I3d9d6I2d64s256s8xQ")
 assert _SAMPLE.size == _SAMPLE_BYTES
 _TRIES = 16
@@ -117,6 +118,8 @@ class _Page:
     def force(self, age_max_s: Optional[float]) -> Union[Force, NoForce]:
         fields = self._newest()
         beat_ns, closed = _signed(self._words[_BEAT]), self._words[_CLOSED]
+        known = self._words[_SLEPT]
+        with_sleep_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
         now_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC)  # last: all that was found is earlier on the same clock
         if fields is None:
             return NoForce(Why.CLOSED) if closed else NoForce(Why.NOTHING_YET)
@@ -130,6 +133,9 @@ class _Page:
             return NoForce(Why.OTHER_CLOCK, sample=sample)
         if silence_s > self.beat_limit_s:
             return NoForce(Why.WRITER_GONE, f"the daemon's engine has not run for {1e3 * silence_s:.0f} ms", sample)
+        unknown_s = (with_sleep_ns - now_ns - (known - 1)) * 1e-9 if known else 0.0
+        if unknown_s > _SLEEP_MIN_S:
+            return NoForce(Why.WRITER_GONE, f"the daemon's engine has not run for {1e3 * unknown_s:.0f} ms", sample)
         if sample["state"] not in ("OK", "DEGRADED") or sample["total_n"] is None or age_s is None:
             return NoForce(Why.STATE, f"{sample['state']}: {sample['reasons']}", sample)
         if age_s < 0:

@@ -4,20 +4,26 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use serde::Serialize;
+use taxel_client::{DaemonClock, Moment};
 use taxel_proto::v1::{Drift, DriftState, ForceSample, Health, ModelSetSummary};
 
 use crate::belief::{self, NoForce};
+use crate::follow::Sample;
 
 /// Robots in one view; what more come is counted and not kept.
 const ROBOTS_MAX: usize = 10_000;
 /// Patches of one robot.
 const PATCHES_MAX: usize = 64;
 
+/// Samples of one robot are at most so much out of order, s; else it has begun to count anew.
+const ANOTHER_CLOCK_S: f64 = 10.0;
+
 /// All robots.
 #[derive(Debug)]
 pub struct Book {
     robots: BTreeMap<String, Robot>,
     age_max: Duration,
+    begun: Moment,
     refused: u64,
 }
 
@@ -25,9 +31,20 @@ pub struct Book {
 struct Robot {
     here: bool,
     since: Duration,
-    forces: BTreeMap<String, (ForceSample, Duration)>,
+    forces: BTreeMap<String, Told>,
+    clock: DaemonClock,
+    /// When the newest sample was sent by the robot's own clock, s.
+    sent_s: f64,
     health: Option<Health>,
     models: Vec<ModelSetSummary>,
+}
+
+/// A sample, when it came, and how much longer it was on its way than the quickest of its robot.
+#[derive(Debug)]
+struct Told {
+    sample: ForceSample,
+    came: Duration,
+    delayed: Duration,
 }
 
 /// A patch of a robot.
@@ -68,9 +85,9 @@ pub struct Row {
 }
 
 impl Book {
-    /// Knows nobody yet; an older force than `age_max` is none.
-    pub fn new(age_max: Duration) -> Self {
-        Self { robots: BTreeMap::new(), age_max, refused: 0 }
+    /// Knows nobody yet; an older force than `age_max` is none. The view began at `begun`.
+    pub fn new(age_max: Duration, begun: Moment) -> Self {
+        Self { robots: BTreeMap::new(), age_max, begun, refused: 0 }
     }
 
     /// How many messages were of robots or patches beyond the limits.
@@ -91,16 +108,18 @@ impl Book {
         let Some(robot) = self.robot(robot, now) else { return false };
         let news = robot.here != here;
         if news {
-            (robot.here, robot.since) = (here, now);
+            (robot.here, robot.since, robot.clock) = (here, now, DaemonClock::default());
         }
         news
     }
 
     /// A sample came.
     pub fn force(&mut self, robot: &str, patch: &str, sample: ForceSample, now: Duration) {
+        let at = self.begun + now;
         let Some(robot) = self.robot(robot, now) else { return };
         if robot.forces.contains_key(patch) || robot.forces.len() < PATCHES_MAX {
-            robot.forces.insert(patch.to_owned(), (sample, now));
+            let delayed = robot.delay(at, sample.sent_s());
+            robot.forces.insert(patch.to_owned(), Told { sample, came: now, delayed });
         } else {
             self.refused += 1;
         }
@@ -124,7 +143,7 @@ impl Book {
     pub fn unknown_models(&self) -> Vec<String> {
         let unknown = |robot: &Robot| {
             let known = |id: &str| id.is_empty() || robot.models.iter().any(|set| set.model_set == id);
-            robot.here && robot.forces.values().any(|(sample, _)| !known(&sample.model_set))
+            robot.here && robot.forces.values().any(|told| !known(&told.sample.model_set))
         };
         self.robots.iter().filter(|(_, robot)| unknown(robot)).map(|(name, _)| name.clone()).collect()
     }
@@ -161,16 +180,19 @@ fn followed(drift: &Drift) -> bool {
 }
 
 impl Robot {
-    fn row(
-        &self,
-        robot: &str,
-        patch: &str,
-        force: Option<&(ForceSample, Duration)>,
-        now: Duration,
-        age_max: Duration,
-    ) -> Row {
-        let waited = force.map_or(Duration::ZERO, |(_, at)| now.saturating_sub(*at));
-        let sample = force.map(|(sample, _)| sample);
+    /// How long a sample was on its way that came at `at`, beyond what the quickest took. A robot that was switched off and on
+    /// has another clock.
+    fn delay(&mut self, at: Moment, sent_s: Option<f64>) -> Duration {
+        if sent_s.is_some_and(|sent_s| sent_s < self.sent_s - ANOTHER_CLOCK_S) {
+            self.clock = DaemonClock::default();
+        }
+        self.sent_s = sent_s.unwrap_or(self.sent_s);
+        self.clock.delay(at, sent_s)
+    }
+
+    fn row(&self, robot: &str, patch: &str, force: Option<&Told>, now: Duration, age_max: Duration) -> Row {
+        let waited = force.map_or(Duration::ZERO, |told| now.saturating_sub(told.came) + told.delayed);
+        let sample = force.map(|told| &told.sample);
         let (state, reasons) = self.state(sample, waited, age_max);
         let good = sample.filter(|_| state == "OK" || state == "DEGRADED");
         let zero = self.health.iter().flat_map(|health| &health.patches).find(|health| health.patch == patch);
@@ -228,10 +250,17 @@ mod tests {
         Duration::from_secs_f64(seconds)
     }
 
+    /// A good force that was sent so many seconds after the robot was switched on.
+    fn sent(seconds: f64) -> ForceSample {
+        let sample = good();
+        let monotonic_ns = Some(((seconds - sample.age_s.unwrap()) * 1e9).round() as i64);
+        ForceSample { monotonic_ns, ..sample }
+    }
+
     fn book() -> Book {
-        let mut book = Book::new(s(1.0));
+        let mut book = Book::new(s(1.0), Moment::now());
         assert!(book.alive("icub", true, s(1.0)));
-        book.force("icub", "arm", good(), s(2.0));
+        book.force("icub", "arm", sent(102.0), s(2.0));
         book
     }
 
@@ -258,7 +287,7 @@ mod tests {
         assert_eq!((row.zero_valid, row.zero_taken), (Some(true), Some(1_700_000_000)));
         assert_eq!((row.calibrated, row.model_set.as_str()), (Some(1_600_000_000), "m-1"));
         assert_eq!((row.drift_counts, row.lost), (Some(-1.5), Some(0)));
-        book.force("icub", "arm", ForceSample { excluded: 3, stale: 20, ..good() }, s(2.0));
+        book.force("icub", "arm", ForceSample { excluded: 3, stale: 20, ..sent(102.0) }, s(2.0));
         assert_eq!(book.rows(s(2.5))[0].lost, Some(22), "one had no model from the beginning");
     }
 
@@ -268,20 +297,40 @@ mod tests {
         let row = book.rows(s(3.1)).remove(0);
         assert_eq!((row.state.as_str(), row.force_n, row.sigma_n), ("SILENT", None, None));
         assert_eq!(row.reasons, ["nothing new for 1.1 s"]);
-        book.force("icub", "arm", good(), s(3.2));
+        book.force("icub", "arm", sent(103.2), s(3.2));
         assert!(book.alive("icub", false, s(3.3)));
         assert!(!book.alive("icub", false, s(3.4)), "told once");
         let row = book.rows(s(3.5)).remove(0);
         assert_eq!((row.state.as_str(), row.here, row.force_n), ("GONE", false, None));
         assert_eq!(book.count(), (0, 1));
         assert!(book.alive("icub", true, s(4.0)));
-        book.force("icub", "arm", good(), s(4.0));
+        book.force("icub", "arm", sent(104.0), s(4.0));
         assert_eq!(book.rows(s(4.0))[0].force_n, Some(4.9));
+    }
+
+    /// What waited at a router, in a queue, or while this machine slept.
+    #[test]
+    fn a_force_that_was_long_on_its_way_is_as_old_as_it_is() {
+        let mut book = book();
+        let told = |book: &Book, now: f64| (book.rows(s(now))[0].state.clone(), book.rows(s(now))[0].age_s.unwrap());
+        book.force("icub", "arm", sent(102.5), s(3.1));
+        let (state, age_s) = told(&book, 3.2);
+        assert!(state == "OK" && (0.715..0.725).contains(&age_s), "{state}, {age_s} s");
+        book.force("icub", "arm", sent(103.0), s(3_600.0));
+        assert_eq!(told(&book, 3_600.0).0, "SILENT");
+        book.force("icub", "arm", sent(3_700.1), s(3_600.1));
+        assert_eq!(told(&book, 3_600.1).0, "OK");
+        // Its clock loses a third of a second in an hour.
+        book.force("icub", "arm", sent(7_299.8), s(7_200.1));
+        assert_eq!(told(&book, 7_200.1), ("OK".to_owned(), 0.02));
+        // It was switched off and on.
+        book.force("icub", "arm", sent(30.0), s(7_300.0));
+        assert_eq!(told(&book, 7_300.0).0, "OK");
     }
 
     #[test]
     fn a_robot_that_has_told_nothing_is_listed_all_the_same() {
-        let mut book = Book::new(s(1.0));
+        let mut book = Book::new(s(1.0), Moment::now());
         book.alive("icub", true, s(0.0));
         let row = book.rows(s(0.5)).remove(0);
         assert_eq!((row.patch.as_str(), row.state.as_str(), row.force_n), ("", "SILENT", None));
@@ -289,7 +338,7 @@ mod tests {
 
     #[test]
     fn more_robots_and_patches_than_a_view_holds_are_counted_and_take_no_memory() {
-        let mut book = Book::new(s(1.0));
+        let mut book = Book::new(s(1.0), Moment::now());
         for n in 0..PATCHES_MAX + 3 {
             book.force("icub", &n.to_string(), good(), s(0.0));
         }

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use prost::Message;
+use taxel_client::Moment;
 use taxel_proto::v1::{ForceSample, Health, ListModelSetsResponse, ModelSetSummary};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, MissedTickBehavior};
@@ -55,7 +56,7 @@ pub struct FleetArgs {
 struct View {
     session: Session,
     book: Book,
-    begun: Instant,
+    begun: Moment,
     json: bool,
 }
 
@@ -77,7 +78,8 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
     let alive = tried("listening for robots", alive)?;
     let forces = tried("listening for forces", session.declare_subscriber(keys::ALL_FORCES).with(queue()).await)?;
     let health = tried("listening for health", session.declare_subscriber(keys::ALL_HEALTH).with(queue()).await)?;
-    let mut view = View { session, book: Book::new(age_max), begun: Instant::now(), json: args.json };
+    let begun = Moment::now();
+    let mut view = View { session, book: Book::new(age_max, begun), begun, json: args.json };
     let (mut shown, mut ask) = (0, tokio::time::interval(MODELS_EVERY));
     let mut show = tokio::time::interval_at(Instant::now() + every, every);
     // Whoever has not taken the last tables gets no table of then, but the next one of now, and with all that came meanwhile.

@@ -93,7 +93,10 @@ impl Skin {
         let counts = [REST - self.pressed; TAXELS];
         let (time, soundness) = (self.time, self.soundness);
         let (sound, silent) = (&self.sound, &self.silent);
-        on(&mut self.force, &Scan { time, whole: true, counts: (&counts).into(), pads: &[], silent, sound, soundness })
+        on(
+            &mut self.force,
+            &Scan { time, whole: true, counts: (&counts).into(), pads: &[], silent, sound, soundness, jumps: &[] },
+        )
     }
 
     /// Slowly to so many counts, and stays there.

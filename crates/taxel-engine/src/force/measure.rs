@@ -15,6 +15,8 @@ use crate::force::reason::positions;
 use crate::force::remainder::Unseen;
 use crate::force::sample::ForceSample;
 use crate::force::sampling::{Contact, rim_sigma_n};
+#[cfg(doc)]
+use crate::scan::Scan;
 
 /// Which parts of a force sample are computed beside the total.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -69,11 +71,13 @@ pub struct Coverage {
 
 /// What the force of a scan depends on beside its counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Present {
+pub struct Present<'a> {
     /// What [`ForceModel::coverage`] says of the taxels selected now.
     pub coverage: Coverage,
     /// Standard uncertainty of the zero that all taxels share, counts.
     pub zero_sigma_counts: f64,
+    /// By how many counts the taxels of each module jump together, see [`Scan::jumps`].
+    pub jumps: &'a [f32],
 }
 
 /// The active taxels of a scan with their force in N, and what was taken from neighbours. Its owner keeps it from scan
@@ -188,7 +192,7 @@ impl ForceModel {
         counts: Counts<'_>,
         touch: &mut Touch,
         unseen: Unseen,
-        present: Present,
+        present: Present<'_>,
     ) -> ForceSample {
         let Touch { active, beside, contacts, .. } = touch;
         let uncovered_share = present.coverage.uncovered_share;
@@ -208,7 +212,9 @@ impl ForceModel {
         let total_n = measured_n + filled_n;
         let shares = self.shares(evaluator, counts, active, filled);
         let sampling_n2: f64 = contacts.iter().map(|contact| contact.sigma_n().powi(2)).sum();
-        let variance_n2 = self.variance_n2(evaluator, shares, total_n, present.zero_sigma_counts) + sampling_n2;
+        let jumps_n2 = self.jumps_n2(evaluator, counts, (active, filled), present.jumps);
+        let variance_n2 =
+            self.variance_n2(evaluator, shares, total_n, present.zero_sigma_counts) + sampling_n2 + jumps_n2;
         // What is not there and what the rim loses are both too little, and most of both where a contact lies about a taxel
         // at the rim that cannot be read: they add up.
         let at_rim = |of: &&Filled| self.neighbours.as_ref().is_some_and(|neighbours| neighbours.is_at_rim(of.taxel));

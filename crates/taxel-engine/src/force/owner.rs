@@ -324,7 +324,7 @@ impl Force {
         unseen.floor = Newton(unseen.floor.0 + taken_by_noise + zero.absorbed.0);
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
-        let present = Present { coverage: self.coverage, zero_sigma_counts };
+        let present = Present { coverage: self.coverage, zero_sigma_counts, jumps: scan.jumps };
         // What noise alone activated is no contact that others may bear.
         let (faulty, beside) = match unseen.has_contact {
             true => (self.faulty_beside(&touch), touch.mostly_blind()),

@@ -98,6 +98,7 @@ struct Skin {
     silent: Vec<bool>,
     zero: ZeroState,
     soundness: u64,
+    jumps: Vec<f32>,
     time: Time,
 }
 
@@ -117,6 +118,7 @@ impl Skin {
             silent: vec![false; TAXELS / 10],
             zero: ZeroState { sigma_counts: 0.1, ..ZeroState::default() },
             soundness: 0,
+            jumps: vec![0.0; TAXELS / 10],
             time: Time::default(),
         }
     }
@@ -153,6 +155,7 @@ impl Skin {
             silent: &self.silent,
             sound: &self.sound,
             soundness: self.soundness,
+            jumps: &self.jumps,
         };
         self.force.sample(&scan, silent_taxels, &self.zero)
     }
@@ -456,4 +459,33 @@ proptest! {
         prop_assert!((newton - total).abs() <= 1e-5 * total.max(1.0), "{newton} N against {total} N");
         prop_assert!(!taxels[33].active, "its fault keeps it out");
     }
+}
+
+/// Half of the way that a module jumps is in the uncertainty of a force on it, and of no other.
+#[test]
+fn what_jumps_together_is_uncertain_by_half_of_the_jump() {
+    let sigma = |jumps: &[(usize, f32)], faulty: Option<usize>| {
+        let mut skin = Skin::new(Some(row(TAXELS))).press(28..36, 20);
+        let mut plan = plan(TAXELS, Some(row(TAXELS)));
+        plan.layout.outputs.fill = true;
+        skin.force = Force::new(plan);
+        skin.force.set_models(set(TAXELS), 0.0);
+        skin.force.set_zero(Some(&rest(TAXELS)), 0.0);
+        if let Some(taxel) = faulty {
+            skin = skin.fault(taxel);
+        }
+        jumps.iter().for_each(|&(module, counts)| skin.jumps[module] = counts);
+        let sample = skin.measured().sample;
+        assert_eq!(sample.filled, u32::from(faulty.is_some()));
+        sample.total_sigma.unwrap().0
+    };
+    let beyond = |jumps: &[(usize, f32)], faulty| (sigma(jumps, faulty).powi(2) - sigma(&[], faulty).powi(2)).sqrt();
+    assert!(beyond(&[(0, 6.0), (5, 6.0)], None).abs() < 1e-9, "nothing touches those");
+    // Taxels 28 and 29 are touched of one, 30 to 35 of the other, and one beside each contact may be in it.
+    let [one, other] = [2, 3].map(|module| beyond(&[(module, 6.0)], None));
+    assert!(one > 0.1 && (2.0..=4.5).contains(&(other / one)), "{one} {other}");
+    assert!((beyond(&[(3, 12.0)], None) - 2.0 * other).abs() < 1e-6);
+    assert!((beyond(&[(2, 6.0), (3, 6.0)], None) - one.hypot(other)).abs() < 1e-6);
+    // A taxel that is filled from its neighbours jumps as they do.
+    assert!((beyond(&[(3, 6.0)], Some(33)) / other - 1.0).abs() < 0.1);
 }

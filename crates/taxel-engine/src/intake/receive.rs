@@ -112,6 +112,8 @@ pub struct Intake {
     silent: Vec<bool>,
     sound: Vec<bool>,
     soundness: u64,
+    /// One per module, counts.
+    jumps: Vec<f32>,
 }
 
 impl Intake {
@@ -137,6 +139,7 @@ impl Intake {
             silent: vec![true; modules],
             sound: vec![false; regions.taxels()],
             soundness: 0,
+            jumps: vec![0.0; modules],
             regions,
             plan,
         }
@@ -289,6 +292,7 @@ impl Intake {
         self.bring_up.heard(module);
         let counts = self.assembler.counts().slice(taxels);
         let faults_changed = self.faults.push_module(time, module, counts, status.0);
+        self.jumps[module] = self.faults.jump_counts(time, module);
         let board = usize::from(self.plan.patch.modules()[module].board);
         self.watch_board(board, time, status, events);
         self.tell_others(board, BoardNews::Heard(time, status), events);
@@ -398,6 +402,7 @@ impl Intake {
             silent: &self.silent,
             sound: &self.sound,
             soundness: self.soundness,
+            jumps: &self.jumps,
         }
     }
 

@@ -118,7 +118,7 @@ mod tests {
 
     fn scan<'a>(counts: impl Into<Counts<'a>>, sound: &'a [bool]) -> Scan<'a> {
         let (time, whole, soundness) = (Time::default(), true, 0);
-        Scan { time, whole, counts: counts.into(), pads: &[], silent: &[], sound, soundness }
+        Scan { time, whole, counts: counts.into(), pads: &[], silent: &[], sound, soundness, jumps: &[] }
     }
 
     proptest! {

@@ -146,6 +146,7 @@ mod tests {
                 silent: &[false; 2],
                 sound: &sound,
                 soundness: 0,
+                jumps: &[],
             };
             lookback.feel(&scan);
             lookback.on_scan(&scan, present);

@@ -129,7 +129,8 @@ mod tests {
         fn after(&mut self, scans: usize, pads: &[[u8; 2]; 5]) -> f64 {
             for _ in 0..scans {
                 let (counts, silent) = (Counts::Bytes(&[]), &self.silent);
-                let scan = Scan { time: self.time, whole: true, counts, pads, silent, sound: &[], soundness: 0 };
+                let scan =
+                    Scan { time: self.time, whole: true, counts, pads, silent, sound: &[], soundness: 0, jumps: &[] };
                 self.warmth.on_scan(&scan);
                 self.time = self.time + PERIOD;
             }

@@ -106,6 +106,7 @@ impl Skin {
                 silent: &[false; MODULES],
                 sound: &[true; TAXELS],
                 soundness: 0,
+                jumps: &[],
             };
             let around = Surroundings {
                 models: self.models.as_ref(),

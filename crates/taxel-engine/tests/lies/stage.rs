@@ -42,6 +42,8 @@ pub struct Stage {
     epoch: Option<u64>,
     /// What lay on the skin all the while its zero was taken and since, N.
     in_zero_n: f64,
+    /// By how much a greater load changed while the zero was watched; infinite where no greater one lay there throughout.
+    changed_n: f64,
     active: Option<String>,
     /// What went on while the last session gathered.
     session: Kinds,
@@ -64,6 +66,7 @@ impl Stage {
             told: Vec::new(),
             epoch: None,
             in_zero_n: 0.0,
+            changed_n: f64::INFINITY,
             active: Some(house.set.id.clone()),
             session: Kinds::default(),
         }
@@ -76,6 +79,11 @@ impl Stage {
     /// How much of a load the zero may hide, because it has lain there all the while that was taken and since, in newton.
     pub const fn in_zero_n(&self) -> f64 {
         self.in_zero_n
+    }
+
+    /// Whether what lay on the skin throughout the watch of the zero makes it wrong, too: by more than what changed meanwhile.
+    pub fn is_by_more_than_changed(&self, excess_n: f64) -> bool {
+        excess_n > self.changed_n
     }
 
     /// Seconds since the story began.
@@ -232,6 +240,7 @@ impl Stage {
         let now = self.now();
         self.suspects.zero_taken(now, under);
         self.in_zero_n = if under.is_some() { least } else { 0.0 };
+        self.changed_n = if changed < least { changed } else { f64::INFINITY };
         self.tell(format!("zero {} under {least:.3} to {greatest:.3} N: {}", tare.epoch, tare.reason));
     }
 }

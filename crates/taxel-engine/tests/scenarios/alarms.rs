@@ -1,9 +1,11 @@
 //! An alarm that is always on is ignored: only what touches the total degrades it.
 
 use taxel_engine::snapshot::ForceState;
+use taxel_sim::Fault;
 use taxel_wire::{CanId, Frame, TimedFrame};
 
 use crate::bench::Bench;
+use crate::rig::{board, module};
 use crate::shared::small;
 use crate::unseen_force::without;
 
@@ -53,5 +55,21 @@ fn a_taxel_of_the_sum_that_flickers_under_a_load_degrades_it_and_far_from_it_doe
         let degraded = bench.host.snapshots[mark..].iter().filter(|s| s.force.state == ForceState::Degraded).count();
         assert_eq!(degraded > 0, degrades, "{degraded} snapshots, a load at {centre}: {}", bench.host.reasons());
         bench.is_truthful_since(mark, "a taxel that flickers");
+    }
+}
+
+/// Found by the simulation, seed 1280006: a converter that flickers by less than would be told for its taxels, for as long as it
+/// likes, and a force of one newton where nothing lies.
+#[test]
+fn a_module_that_flickers_by_a_little_makes_the_force_on_it_uncertain() {
+    for (probability, depth_counts) in [(0.15, 6.4), (0.05, 7.0), (0.4, 5.0)] {
+        let mut bench = small().in_use();
+        bench.inject(Fault::ModuleFlicker { board: board(13), module: module(1), probability, depth_counts });
+        bench.seconds(5.0);
+        let mark = bench.mark();
+        bench.seconds(20.0);
+        let touched = bench.host.snapshots[mark..].iter().filter(|s| s.force.active > 5).count();
+        assert!(touched > 10, "it reads as touched now and then, by {depth_counts} counts: {touched} snapshots");
+        bench.is_truthful_since(mark, &format!("{probability} {depth_counts}"));
     }
 }

@@ -234,6 +234,7 @@ impl Live {
             silent: &self.silent,
             sound: &self.sound,
             soundness: 0,
+            jumps: &[],
         };
         self.now = self.now + self.period;
         self.force.follow(&scan);

@@ -1,8 +1,6 @@
 //! `taxeld list`: the patches of a daemon at a glance.
 
-use std::time::Instant;
-
-use taxel_client::{Reader, word};
+use taxel_client::{Moment, Reader, word};
 use taxel_proto::v1::{ForceSample, GetForceRequest, GetSkinRequest, ListSessionsRequest, SessionState, Skin};
 
 use super::connect::{Daemon, Server};
@@ -71,9 +69,8 @@ pub fn session_word(state: SessionState) -> &'static str {
 }
 
 fn row(skin: &Skin, force: ForceSample, session: &str) -> Vec<String> {
-    let now = Instant::now();
     let state = force.state();
-    let received = Reader::new(now).take(force, now);
+    let received = Reader::default().take(force, Moment::now());
     let newton = received.sample().total_n.map_or_else(|| "-".to_owned(), |newton| format!("{newton:.2} N"));
     let set = if skin.model_set.is_empty() { "-" } else { &skin.model_set };
     let calibrated = skin.taxels.iter().filter(|taxel| taxel.calibrated).count();

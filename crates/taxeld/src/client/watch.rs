@@ -4,7 +4,7 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use taxel_client::{NoForce, Received, Samples, withheld, word};
+use taxel_client::{Moment, NoForce, Received, Samples, withheld, word};
 use taxel_proto::v1::{ForceSample, ReasonCode};
 
 use super::connect::Server;
@@ -81,7 +81,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
                 let Some(received) = received? else {
                     return Err(Failure::Broken(anyhow::anyhow!("the daemon ended the stream")));
                 };
-                let judged = Judged::new(received, Instant::now(), args.age_max());
+                let judged = Judged::new(received, Moment::now(), args.age_max());
                 seen += 1;
                 let good = judged.force.is_ok();
                 if !args.once || good {
@@ -104,7 +104,7 @@ pub async fn watch(args: WatchArgs) -> Outcome {
         }
     }
     screen.end();
-    verdict(newest.map(|newest| newest.again(Instant::now())))
+    verdict(newest.map(|newest| newest.again(Moment::now())))
 }
 
 /// What the exit code tells.
@@ -125,7 +125,7 @@ struct Judged {
 }
 
 impl Judged {
-    fn new(received: Received, at: Instant, age_max: Duration) -> Self {
+    fn new(received: Received, at: Moment, age_max: Duration) -> Self {
         Self { age: received.age(at), force: received.usable(at, age_max), received, age_max }
     }
 
@@ -141,7 +141,7 @@ impl Judged {
     }
 
     /// The same sample at a later moment.
-    fn again(&self, at: Instant) -> Self {
+    fn again(&self, at: Moment) -> Self {
         Self::new(self.received.clone(), at, self.age_max)
     }
 }
@@ -184,7 +184,7 @@ impl<'a> Screen<'a> {
 
     fn look(&self, newest: Option<&Judged>) {
         if let Some(line) = &self.line {
-            let now = |newest: &Judged| describe(&newest.again(Instant::now()));
+            let now = |newest: &Judged| describe(&newest.again(Moment::now()));
             line.set_message(newest.map_or_else(|| "no sample yet".to_owned(), now));
             line.tick();
         }
@@ -283,15 +283,15 @@ mod tests {
             reasons,
             ..ForceSample::default()
         };
-        let now = Instant::now();
-        Judged::new(Reader::new(now).take(sample, now), now, AGE_MAX)
+        let now = Moment::now();
+        Judged::new(Reader::default().take(sample, now), now, AGE_MAX)
     }
 
     #[test]
     fn a_force_that_waited_too_long_goes_on_as_none() {
         let fresh = judged(ForceState::Ok, Some(4.9));
         assert_eq!((fresh.told().state(), fresh.told().total_n), (ForceState::Ok, Some(4.9)));
-        let told = fresh.again(Instant::now() + Duration::from_secs(2)).told();
+        let told = fresh.again(Moment::now() + Duration::from_secs(2)).told();
         assert_eq!((told.state(), told.total_n, told.total_sigma_n, told.active), (ForceState::Stale, None, None, 0));
         assert!(told.age_s.unwrap() >= 2.0 && told.reasons[0].ends_with(" ms old, more than 120 ms"), "{told:?}");
         assert_eq!(told.causes[0].code(), ReasonCode::FrameOld);
@@ -316,7 +316,7 @@ mod tests {
         let row = csv(&good);
         assert_eq!(row.len(), CSV_HEADER.len());
         assert_eq!((row[4].as_str(), row[5].as_str()), ("1", "4.900000"));
-        let row = csv(&good.again(Instant::now() + Duration::from_secs(3600)));
+        let row = csv(&good.again(Moment::now() + Duration::from_secs(3600)));
         assert_eq!(row[4], "0");
         assert!(row[13].ends_with(" ms old, more than 120 ms"), "{}", row[13]);
     }
@@ -324,7 +324,7 @@ mod tests {
     #[test]
     fn a_force_that_was_shown_as_good_ends_well_however_long_that_took() {
         let shown = judged(ForceState::Degraded, Some(4.9));
-        let later = shown.again(Instant::now() + Duration::from_secs(3600));
+        let later = shown.again(Moment::now() + Duration::from_secs(3600));
         assert!(verdict(Some(shown)).is_ok() && verdict(Some(later)).is_err() && verdict(None).is_err());
     }
 }

@@ -1,5 +1,7 @@
 //! What the taxels of a total bring to its uncertainty.
 
+use std::ops::Range;
+
 use super::ForceModel;
 use crate::counts::Counts;
 use crate::force::evaluator::Evaluator;
@@ -57,6 +59,28 @@ impl ForceModel {
         sums
     }
 
+    /// Variance because the taxels of modules jump together, N squared: a reading is on one end of a jump or on the other,
+    /// of which the standard deviation is half of the jump at the most.
+    pub(super) fn jumps_n2(
+        &self,
+        evaluator: &Evaluator,
+        counts: Counts<'_>,
+        (active, filled): (&[(usize, f64)], &[Filled]),
+        jumps: &[f32],
+    ) -> f64 {
+        let tables = evaluator.tables();
+        let of_module = |(range, jump): (&Range<usize>, &f32)| {
+            let touched = active.iter().filter(|(taxel, _)| range.contains(taxel));
+            let shares = touched.filter_map(|&(taxel, _)| tables.share(taxel, counts.raw(taxel)?));
+            let touched_n = shares.map(|share| f64::from(share.per_count_n)).sum::<f64>();
+            let beside = filled.iter().map(|filled| filled.taxel).filter(|taxel| range.contains(taxel));
+            let beside_n =
+                beside.map(|taxel| self.newton_per_kpa(taxel) * self.common_beside(evaluator, counts, taxel)[0]);
+            (0.5 * f64::from(*jump) * (touched_n + beside_n.sum::<f64>())).powi(2)
+        };
+        self.modules.iter().zip(jumps).filter(|(_, jump)| **jump > 0.0).map(of_module).sum()
+    }
+
     /// What a filled taxel takes over from those it is filled from, in the mean: kPa per count, and hysteresis and unknown
     /// history in kPa. A zero or a hysteresis that is wrong for all of them is wrong for it, too.
     fn common_beside(&self, evaluator: &Evaluator, counts: Counts<'_>, taxel: usize) -> [f64; 3] {
@@ -82,7 +106,8 @@ impl ForceModel {
     /// + (o sum A_i)^2 + (a F)^2`, where s is the uncertainty of a taxel, h what of it is hysteresis and what its
     /// calibration leaves open ([`crate::model_set::ModelSet`], `doubts_kpa`), u that of a history which is not known or lags
     /// behind ([`Offsets::sigma_kpa`]), z the zero's in counts with what the skin may remember of earlier loads, and the s
-    /// of a filled taxel is the scatter of its neighbours. What the pads' places add is in [`crate::force::sampling`].
+    /// of a filled taxel is the scatter of its neighbours. What the pads' places add is in [`crate::force::sampling`], and what
+    /// modules that jump add in [`ForceModel::jumps_n2`].
     pub(super) fn variance_n2(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
         let set = evaluator.tables().set();
         let shared = [

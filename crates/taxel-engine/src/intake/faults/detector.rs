@@ -11,6 +11,7 @@ use taxel_skin::{ModuleKind, Time, VALUES_PER_MODULE};
 use crate::counts::Counts;
 
 use super::fault::{Fault, FaultSet};
+use super::jumps::ModuleJumps;
 use super::limits::FaultLimits;
 use super::taxel::TaxelWatch;
 
@@ -28,6 +29,7 @@ struct ModuleWatch {
     status_until: Time,
     /// Its taxels carry faults that they share.
     marked: bool,
+    jumps: ModuleJumps,
 }
 
 /// Watches every taxel of a patch.
@@ -61,6 +63,7 @@ impl FaultDetector {
             out_of_range_until: [Time::from_nanos(i64::MIN); VALUES_PER_MODULE],
             status_until: Time::from_nanos(i64::MIN),
             marked: false,
+            jumps: ModuleJumps::default(),
         };
         Self {
             limits,
@@ -88,6 +91,11 @@ impl FaultDetector {
     pub fn expect_noise(&mut self, noise_counts: impl IntoIterator<Item = f64>, steps_per_count: f64) {
         for (taxel, noise) in self.taxels.iter_mut().zip(noise_counts) {
             taxel.expect_noise(noise as f32, steps_per_count as f32);
+        }
+        for module in &mut self.modules {
+            let taxels = &self.taxels[module.taxels.clone()];
+            let squared: f32 = taxels.iter().map(|taxel| taxel.noise().powi(2)).sum();
+            module.jumps.expect_noise(squared.sqrt() / taxels.len().max(1) as f32);
         }
     }
 
@@ -119,14 +127,18 @@ impl FaultDetector {
         watch.take_status(now + self.hold, status);
         let others_change = 4 * self.lively >= self.taxels.len();
         let (mut broken, mut changed) = (0, false);
+        // How far the taxels that are sound moved, and how many these are.
+        let mut together = (0.0, 0.0);
         let range = watch.taxels.clone();
         for (taxel, &count) in self.taxels[range.clone()].iter_mut().zip(counts) {
             let before = (taxel.faults, taxel.is_lively);
             if silent {
                 taxel.forget_trend();
             }
+            let newest = taxel.before().unwrap_or(count);
             if count.is_finite() && taxel.push(now, count, others_change, self.hold, &self.limits) {
                 self.lively += usize::from(!before.1);
+                together = (together.0 + count - newest, together.1 + 1.0);
                 continue; // nearly always
             }
             match (before.1, taxel.is_lively) {
@@ -139,6 +151,12 @@ impl FaultDetector {
         }
         let flicker = !range.is_empty() && broken as f32 >= self.limits.module_share * range.len() as f32;
         let watch = &mut self.modules[module];
+        if silent {
+            watch.jumps.forget();
+        }
+        if together.1 > 0.0 {
+            watch.jumps.on_change(now, together.0 / together.1);
+        }
         let shares = flicker || now < watch.status_until || now < watch.too_fast_until;
         if shares || watch.marked {
             watch.marked = shares;
@@ -216,6 +234,13 @@ impl FaultDetector {
     #[must_use]
     pub fn faults(&self, taxel: usize) -> FaultSet {
         self.taxels.get(taxel).map(|t| t.faults).unwrap_or_default()
+    }
+
+    /// By how many counts the taxels of a module jump together, there and back within a scan or two; 0 nearly always, and of
+    /// a module that there is not.
+    #[must_use]
+    pub fn jump_counts(&self, now: Time, module: usize) -> f32 {
+        self.modules.get(module).map_or(0.0, |watch| watch.jumps.counts(now))
     }
 
     /// Since when the taxel's values are wrong: a freeze is known only seconds after it began. `None` if it has no

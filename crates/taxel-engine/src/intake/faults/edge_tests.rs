@@ -378,3 +378,24 @@ fn a_set_of_faults_has_each_once_and_in_order() {
     ];
     assert_eq!(Fault::ALL.map(Fault::name), names);
 }
+
+/// The mean of the sound taxels counts: one that is known to hang has no say, nor has what came before a silence.
+#[test]
+fn a_module_jumps_by_what_its_sound_taxels_move_together() {
+    let mut detector = detector();
+    let mut scans = 0;
+    let mut push = |detector: &mut FaultDetector, module: usize, count: u8, hanging: u8| {
+        let mut counts = [count; 10];
+        counts[3] = hanging;
+        scans += 1;
+        let now = at(0.02 * f64::from(scans));
+        detector.push_module(now, module, &counts, 0);
+        detector.jump_counts(now, module)
+    };
+    for (count, jumps) in [(240, 0.0), (234, 0.0), (240, 0.0), (240, 0.0), (235, 5.0), (240, 5.0)] {
+        // The other module stands still, but for a taxel that flickers on its rail.
+        assert_eq!(push(&mut detector, 0, count, 240), jumps, "{count}");
+        assert_eq!(push(&mut detector, 1, 240, if count == 240 { 255 } else { 0 }), 0.0);
+    }
+    assert_eq!(detector.jump_counts(at(1.0), 40), 0.0);
+}

@@ -4,6 +4,7 @@ pub mod detector;
 #[cfg(test)]
 mod edge_tests;
 pub mod fault;
+mod jumps;
 pub mod limits;
 mod taxel;
 #[cfg(test)]

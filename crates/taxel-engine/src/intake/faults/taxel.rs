@@ -81,6 +81,16 @@ impl TaxelWatch {
         self.must_change = self.expected_noise * steps_per_count >= NOISE_SHOWS;
     }
 
+    /// What it is known to have, counts; 0 if that is not known.
+    pub(super) const fn noise(&self) -> f32 {
+        self.expected_noise
+    }
+
+    /// The count of the scan before, if there is one.
+    pub(super) fn before(&self) -> Option<f32> {
+        self.begun.then_some(self.newest)
+    }
+
     /// The scans before a silence say nothing about those after it.
     pub(super) fn forget_trend(&mut self) {
         self.begun = false;

@@ -52,6 +52,7 @@ impl Watched {
                 silent: &self.silent,
                 sound: &sound,
                 soundness: self.silent.iter().filter(|silent| **silent).count() as u64,
+                jumps: &[],
             };
             let finding = self.continuity.on_scan(&scan, self.bag);
             found = found.or(finding.map(|(_, finding)| finding));

@@ -1,0 +1,157 @@
+//! How far the taxels of a module jump together, there and back, faster than anything that is pressed and let go.
+//!
+//! A converter that flickers moves all taxels of its module at once, by less than any of them alone would be told for. What
+//! comes and goes within one conversion is no known load: half of the way is what each reading may be off by, for nothing
+//! that stays within a range has a standard deviation of more than half of that (Popoviciu's inequality). One such jump is a
+//! blow; two of them within seconds count, by the lesser.
+
+use std::time::Duration;
+use taxel_skin::Time;
+
+/// So long a jump counts.
+const KEPT: Duration = Duration::from_secs(5);
+
+/// So many of the newest are kept.
+const NEWEST: usize = 8;
+
+/// Least jump, in counts, and in standard deviations of the mean of the module's taxels. Normal noise makes two so great ones of
+/// a module within five seconds once in 500 hours, at 27 conversions a second.
+const LEAST_COUNTS: f32 = 1.5;
+const LEAST_DEVIATIONS: f32 = 5.0;
+
+/// The jumps of one module.
+#[derive(Clone, Debug)]
+pub(super) struct ModuleJumps {
+    least: f32,
+    last_change: f32,
+    /// When, and by how much; the oldest is at `oldest`.
+    kept: [(Time, f32); NEWEST],
+    oldest: usize,
+}
+
+impl Default for ModuleJumps {
+    fn default() -> Self {
+        Self { least: LEAST_COUNTS, last_change: 0.0, kept: [(Time::from_nanos(0), 0.0); NEWEST], oldest: 0 }
+    }
+}
+
+impl ModuleJumps {
+    /// So much noise has the mean of the module's taxels at rest, counts.
+    pub(super) fn expect_noise(&mut self, noise: f32) {
+        self.least = LEAST_COUNTS.max(LEAST_DEVIATIONS * if noise.is_finite() { noise } else { 0.0 });
+    }
+
+    /// What was before says nothing of what comes.
+    pub(super) fn forget(&mut self) {
+        self.last_change = 0.0;
+    }
+
+    /// The mean of the taxels has changed by so many counts since the last scan; 0 is a conversion that was sent twice.
+    pub(super) fn on_change(&mut self, now: Time, change: f32) {
+        if change == 0.0 {
+            return;
+        }
+        let before = std::mem::replace(&mut self.last_change, change);
+        let jump = if before * change < 0.0 { before.abs().min(change.abs()) } else { 0.0 };
+        if jump >= self.least {
+            self.kept[self.oldest] = (now, jump);
+            self.oldest = (self.oldest + 1) % NEWEST;
+        }
+    }
+
+    /// By how much it jumps now, counts; 0 nearly always.
+    pub(super) fn counts(&self, now: Time) -> f32 {
+        let newest = self.kept[(self.oldest + NEWEST - 1) % NEWEST];
+        if newest.1 == 0.0 || now >= newest.0 + KEPT {
+            return 0.0;
+        }
+        let lasting = self.kept.iter().filter(|kept| now < kept.0 + KEPT).map(|kept| kept.1);
+        let two = |[first, second]: [f32; 2], jump: f32| [first.max(jump), second.max(first.min(jump))];
+        lasting.fold([0.0; 2], two)[1]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(conversion: u32) -> Time {
+        Time::from_nanos(37_000_000 * i64::from(conversion))
+    }
+
+    /// Feeds changes, one in each conversion, and says by how much it jumps after the last of them.
+    fn after(jumps: &mut ModuleJumps, changes: &[f32]) -> f32 {
+        for (conversion, change) in (0..).zip(changes) {
+            jumps.on_change(at(conversion), *change);
+        }
+        jumps.counts(at(changes.len() as u32))
+    }
+
+    #[test]
+    fn there_and_back_twice_is_a_jump_by_the_lesser_of_them() {
+        for (changes, counts) in [
+            (&[6.0, -6.0][..], 0.0),
+            (&[6.0, -6.0, 0.2, 4.0, -5.0], 4.0),
+            (&[6.0, 0.0, -6.0, 6.0], 6.0),
+            (&[-3.0, 3.0, -8.0, 8.0, -2.0], 3.0),
+            (&[1.4, -1.4, 1.4, -1.4, 1.4], 0.0),
+            (&[20.0, -0.3, 0.2, 0.3, -20.0, 0.3, 20.0, -0.4, -20.0], 0.0),
+            (&[5.0, 5.0, 5.0, -5.0, -5.0, 5.0], 5.0),
+        ] {
+            assert_eq!(after(&mut ModuleJumps::default(), changes), counts, "{changes:?}");
+        }
+    }
+
+    #[test]
+    fn a_noisy_module_has_to_jump_further() {
+        let mut jumps = ModuleJumps::default();
+        jumps.expect_noise(0.6);
+        assert_eq!(after(&mut jumps.clone(), &[2.9, -2.9, 2.9, -2.9]), 0.0);
+        assert_eq!(after(&mut jumps, &[3.1, -3.1, 3.1, -3.1]), 3.1);
+        jumps.expect_noise(f32::NAN);
+        assert_eq!(jumps.least, LEAST_COUNTS);
+    }
+
+    #[test]
+    fn a_jump_counts_for_five_seconds() {
+        let mut jumps = ModuleJumps::default();
+        let at = |ms: i64| Time::from_nanos(ms * 1_000_000);
+        for (ms, change) in [(0, 9.0), (40, -9.0), (1_000, 4.0), (1_040, -4.0), (2_000, 6.0), (2_040, -6.0)] {
+            jumps.on_change(at(ms), change);
+        }
+        // From -9 to 4 and from -4 to 6 are jumps, too, by 4 counts both.
+        assert_eq!(jumps.counts(at(2_100)), 6.0);
+        assert_eq!(jumps.counts(at(5_039)), 6.0);
+        assert_eq!(jumps.counts(at(5_040)), 4.0);
+        assert_eq!(jumps.counts(at(7_039)), 0.0, "one is left");
+        assert_eq!(jumps.counts(at(7_040)), 0.0);
+    }
+
+    #[test]
+    fn smaller_ones_count_when_the_greatest_do_not_any_more() {
+        let mut jumps = ModuleJumps::default();
+        let mut by = |second: u32, counts: f32| {
+            let at = |conversion: u32| {
+                Time::from_nanos(1_000_000_000 * i64::from(second) + 37_000_000 * i64::from(conversion))
+            };
+            [counts, -counts, 0.1]
+                .into_iter()
+                .zip(0..)
+                .for_each(|(change, conversion)| jumps.on_change(at(conversion), change));
+            jumps.counts(at(3))
+        };
+        let felt: Vec<f32> =
+            (0..8).map(|second| by(second, if second < 2 { 9.0 } else { 5.0 + second as f32 * 0.1 })).collect();
+        assert_eq!(felt, [0.0, 9.0, 9.0, 9.0, 9.0, 5.5, 5.5, 5.6]);
+        assert_eq!((8..30).map(|second| by(second, 3.0)).last(), Some(3.0));
+    }
+
+    #[test]
+    fn what_was_before_a_silence_is_no_way_back() {
+        let mut jumps = ModuleJumps::default();
+        jumps.on_change(at(0), 6.0);
+        jumps.forget();
+        jumps.on_change(at(1), -6.0);
+        assert_eq!(jumps.oldest, 0, "none is kept");
+    }
+}
