@@ -177,17 +177,19 @@ def values(scene):
 def clouds(scene):
     layout, compared = scene.truth.client.call("SkinService/GetSkin").taxels, 0
     for _, _, cloud in scene.topics["taxels"].since(0):
-        assert [field.name for field in cloud.fields] == ["x", "y", "z", "pressure", "taxel"]
+        assert [field.name for field in cloud.fields] == ["x", "y", "z", "pressure", "taxel", "sigma", "range"]
         assert len(cloud.data) == cloud.width * cloud.point_step == cloud.row_step
         samples = scene.truth.taxels.get(stamp(cloud), [])
-        points = list(struct.iter_unpack("<4fI", bytes(cloud.data)))
+        points = list(struct.iter_unpack("<4fIfI", bytes(cloud.data)))
         assert all(math.isfinite(number) for point in points for number in point)
-        for x, y, z, pressure, taxel in points:
+        for x, y, z, pressure, taxel, sigma, in_range in points:
             at = layout[taxel].position_m
             assert (x, y, z) == tuple(struct.unpack("<3f", struct.pack("<3f", at.x, at.y, at.z)))
             if samples:
                 assert any(math.isclose(pressure, sample.taxels[taxel].pressure_kpa * 1000, rel_tol=1e-6, abs_tol=1e-6)
-                           for sample in samples), (taxel, pressure)
+                           and math.isclose(sigma, sample.taxels[taxel].sigma_kpa * 1000, rel_tol=1e-6)
+                           and in_range == sample.taxels[taxel].range
+                           for sample in samples), (taxel, pressure, sigma, in_range)
                 compared += 1
     assert compared > 500, f"{compared} taxels compared"
     print(f"{compared} taxels of the clouds are the daemon's own", flush=True)

@@ -23,7 +23,13 @@ DASHBOARD = HOME / "deploy/grafana.json"
 SOURCE = HOME / "crates/taxel-page/src/metrics.rs"
 
 # What is absent in a demo that nobody has calibrated yet.
-ABSENT = {"taxeld_force_newtons", "taxeld_force_sigma_newtons", "taxeld_model_set_info", "taxeld_session_state"}
+ABSENT = {
+    "taxeld_force_newtons",
+    "taxeld_force_sigma_newtons",
+    "taxeld_force_detection_floor_newtons",
+    "taxeld_model_set_info",
+    "taxeld_session_state",
+}
 
 
 def until(what, condition):

@@ -16,8 +16,15 @@ use crate::ros::types::{
 const UINT32: u8 = 6;
 const FLOAT32: u8 = 7;
 /// Fields of a point: name and type, four bytes each.
-const FIELDS: [(&str, u8); 5] =
-    [("x", FLOAT32), ("y", FLOAT32), ("z", FLOAT32), ("pressure", FLOAT32), ("taxel", UINT32)];
+const FIELDS: [(&str, u8); 7] = [
+    ("x", FLOAT32),
+    ("y", FLOAT32),
+    ("z", FLOAT32),
+    ("pressure", FLOAT32),
+    ("taxel", UINT32),
+    ("sigma", FLOAT32),
+    ("range", UINT32),
+];
 /// ROS has pressures in pascal.
 const PASCAL_PER_KPA: f32 = 1000.0;
 
@@ -74,7 +81,7 @@ pub fn taxels(
     limit: Duration,
 ) -> Option<PointCloud2> {
     let header = header(sample.time.as_ref(), frame)?;
-    let (mut data, mut width) = (Vec::new(), 0);
+    let (mut data, mut width, mut is_dense) = (Vec::new(), 0, true);
     for (reading, layout) in sample.taxels.iter().zip(&skin.taxels) {
         let fresh = reading.age_s.is_some_and(|age_s| belief::age(age_s.into(), waited) <= limit);
         // A taxel that hangs or stands at a rail reads some pressure, too; no force has it in.
@@ -86,6 +93,10 @@ pub fn taxels(
         if numbers.into_iter().all(f32::is_finite) {
             data.extend(numbers.into_iter().flat_map(f32::to_le_bytes));
             data.extend(layout.taxel.to_le_bytes());
+            let sigma_kpa = reading.sigma_kpa.filter(|sigma_kpa| sigma_kpa.is_finite());
+            is_dense &= sigma_kpa.is_some();
+            data.extend(sigma_kpa.map_or(f32::NAN, |sigma_kpa| sigma_kpa * PASCAL_PER_KPA).to_le_bytes());
+            data.extend((reading.range() as u32).to_le_bytes());
             width += 1;
         }
     }
@@ -105,7 +116,7 @@ pub fn taxels(
         point_step,
         row_step: point_step * width,
         data,
-        is_dense: true,
+        is_dense,
     })
 }
 
@@ -113,7 +124,7 @@ pub fn taxels(
 mod tests {
     use super::*;
     use crate::belief::tests::good;
-    use taxel_proto::v1::{TaxelFault, TaxelLayout, TaxelReading};
+    use taxel_proto::v1::{Range, TaxelFault, TaxelLayout, TaxelReading};
 
     #[test]
     fn a_wrench_is_the_samples_vector_at_the_samples_time_in_the_patchs_frame() {
@@ -156,7 +167,15 @@ mod tests {
             position_m: placed.then_some(ProtoVector { x: 0.5, y: 0.0, z: -1.0 }),
             ..TaxelLayout::default()
         };
-        let reading = |kpa, age_s, stale| TaxelReading { pressure_kpa: kpa, age_s, stale, ..TaxelReading::default() };
+        let (sigma_kpa, range) = (Some(0.25), Range::Above.into());
+        let reading = |kpa, age_s, stale| TaxelReading {
+            pressure_kpa: kpa,
+            sigma_kpa,
+            range,
+            age_s,
+            stale,
+            ..TaxelReading::default()
+        };
         let skin = Skin {
             taxels: [true, false, true, true, true, true]
                 .into_iter()
@@ -179,9 +198,15 @@ mod tests {
         };
         let limit = Duration::from_millis(150);
         let cloud = taxels(&sample, &skin, "f", Duration::ZERO, limit).unwrap();
-        assert_eq!((cloud.width, cloud.point_step, cloud.row_step, cloud.data.len()), (1, 20, 20, 20));
+        assert_eq!((cloud.width, cloud.point_step, cloud.row_step, cloud.data.len()), (1, 28, 28, 28));
         assert_eq!(cloud.data[12..16], 2000_f32.to_le_bytes());
+        assert_eq!((&cloud.data[20..24], &cloud.data[24..28]), (&250_f32.to_le_bytes()[..], &3_u32.to_le_bytes()[..]));
+        assert!(cloud.is_dense);
         let old = taxels(&sample, &skin, "f", Duration::from_millis(141), limit).unwrap();
         assert_eq!((old.width, old.data.len()), (0, 0));
+        let unknown = TaxelReading { sigma_kpa: None, ..reading(Some(2.0), Some(0.01), false) };
+        let cloud =
+            taxels(&TaxelSample { taxels: vec![unknown], ..sample }, &skin, "f", Duration::ZERO, limit).unwrap();
+        assert!(cloud.data[20..24] == f32::NAN.to_le_bytes() && !cloud.is_dense, "no uncertainty is no small one");
     }
 }
