@@ -175,12 +175,9 @@ impl FitJob {
         if self.left_out.iter().any(left_out) {
             return vec![f64::NAN; self.samples.samples.len()];
         }
-        let of_ramp = |ramp: &[Sample]| {
-            let known = self.to_first_zero(taxel, ramp[0].ramp).is_finite();
-            let units = |sample: &Sample| sample.counts.counts().units(taxel).filter(|_| known).unwrap_or(f64::NAN);
-            ramp.iter().map(units).collect::<Vec<f64>>()
-        };
-        self.samples.samples.chunk_by(|a, b| a.ramp == b.ramp).flat_map(of_ramp).collect()
+        let known = |sample: &Sample| self.to_first_zero(taxel, sample.ramp).is_finite();
+        let units = |sample: &Sample| sample.counts.counts().units(taxel).filter(|_| known(sample)).unwrap_or(f64::NAN);
+        self.samples.samples.iter().map(units).collect()
     }
 
     /// Each ramp has its own zero: counts are brought to that of the first.
@@ -213,7 +210,7 @@ impl FitJob {
 }
 
 /// Whether the pressures that were gathered lie close enough to draw a curve through.
-fn refuse_gaps(kpa: &[f64]) -> Result<(), String> {
+pub(super) fn refuse_gaps(kpa: &[f64]) -> Result<(), String> {
     let mut sorted = kpa.to_vec();
     sorted.sort_by(f64::total_cmp);
     let (Some(begins_kpa), Some(top_kpa)) = (sorted.first(), sorted.last()) else { return Ok(()) };

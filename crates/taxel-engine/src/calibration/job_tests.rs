@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::branch::Branch;
 use super::calibration_plan::CalibrationPlan;
-use super::job::FitJob;
+use super::job::{FitJob, refuse_gaps};
 use super::limits::SessionLimits;
 use super::samples::{RampBaseline, Sample, SessionSamples};
 use super::view::{SampleRefusal, SessionState};
@@ -76,6 +76,42 @@ fn ramps_from_different_zeros_are_one_curve_about_the_zero_of_the_first() {
         assert_eq!(set.baseline[0].mean, f64::from(zeros[0]));
         assert_eq!((set.session, set.pressure_max_kpa, set.recorded.is_none()), (Some(7), 60.0, true));
     }
+}
+
+/// From the first sample of a ramp on.
+#[test]
+fn another_zero_of_a_ramp_changes_no_curve() {
+    let curves = |zeros: &[u8]| set(&job(gathered(zeros, false), Branch::Rising)).taxels.clone();
+    assert_eq!(curves(&[240, 240, 240]), curves(&[240, 216, 225]));
+    // What a ramp without a zero of a taxel reads changes nothing, its first sample neither.
+    let with = |first: u8| {
+        let mut samples = gathered(&[240; 8], false);
+        samples.ramps[1].taxels[2].mean = f64::NAN;
+        let of_ramp = samples.samples.iter_mut().find(|sample| sample.ramp == 1).unwrap();
+        of_ramp.counts = vec![240, 240, first, 240].into();
+        set(&job(samples, Branch::Rising)).taxels.clone()
+    };
+    assert!(with(200)[2].is_usable());
+    assert_eq!(with(200), with(240));
+}
+
+/// A skin that bends nine times as much at rest as at the upper end: by ([`steeper_at_rest`](super::gauge_zero)) 8 over the root
+/// of 3 what is in doubt of the zero.
+#[test]
+fn a_zero_of_the_gauge_is_in_more_doubt_on_a_skin_that_bends_more_at_rest() {
+    let offset_kpa = |count: fn(f64) -> f64| {
+        let mut samples = gathered(&[240], false);
+        samples.ramps[0].gauge_kpa = Some(0.06);
+        for sample in &mut samples.samples {
+            sample.counts = vec![count(sample.pressure_kpa).round() as u8; TAXELS].into();
+            sample.pressure_kpa += 0.06;
+        }
+        set(&job(samples, Branch::Rising)).gauge_offset_kpa
+    };
+    let (straight, bent) = (offset_kpa(|kpa| 240.0 - 2.0 * kpa), offset_kpa(|kpa| 240.0 - 20.0 * kpa.sqrt()));
+    let own = straight.powi(2) - (0.06_f64.powi(2)) / 3.0;
+    let raised = ((bent.powi(2) - own) / (straight.powi(2) - own)).sqrt();
+    assert!((2.0..7.0).contains(&raised), "{straight} {bent} {raised}");
 }
 
 #[test]
@@ -151,6 +187,10 @@ fn a_gap_between_the_pressures_gives_no_set() {
     assert_eq!(why, expected);
     assert_eq!(without(20.0, 37.0), Ok(60.0));
     assert!(without(0.0, 5.1).unwrap_err().starts_with("nothing was gathered below 5.1 kPa"));
+    // Up to both limits, and not beyond.
+    assert_eq!(refuse_gaps(&[5.0, 20.0, 38.0, 55.0, 60.0]), Ok(()));
+    assert!(refuse_gaps(&[5.001, 20.0, 38.0, 55.0, 60.0]).is_err());
+    assert!(refuse_gaps(&[5.0, 20.0, 38.001, 55.0, 60.0]).is_err());
 }
 
 /// By how much the skin reads too much at the counts of each tenth of a ramp, over what all taxels have in common in their

@@ -97,6 +97,7 @@ mod tests {
         let wear = meter.on_sample(at(15.0), 1, Some(Newton(3.0))).unwrap();
         assert_eq!(wear.at_first, Newton(3.0));
         assert!(!wear.is_worn());
+        assert!(!Wear { at_first: Newton(2.0), present: Newton(4.0) }.is_worn(), "twice as much is the limit");
     }
 
     #[test]
@@ -122,5 +123,6 @@ mod tests {
         assert!(!after.is_worn(), "{after:?}");
         assert_eq!(meter.on_sample(at(15.0), 1, None), Some(after));
         assert_eq!(meter.on_sample(at(13.0), 1, Some(Newton(50.0))), Some(after), "the same scan once more");
+        assert_eq!(meter.on_sample(at(14.0), 1, Some(Newton(50.0))), Some(after), "the newest once more");
     }
 }

@@ -240,6 +240,44 @@ mod tests {
     }
 
     #[test]
+    fn gaps_that_do_not_meet_are_not_one() {
+        assert_eq!(after(3.0, &[[1.2, 1.3], [3.5, 3.9]]), Some(true), "the host may have heard in between");
+        assert_eq!(after(3.0, &[[1.2, 2.0], [2.0, 3.2]]), Some(false));
+    }
+
+    #[test]
+    fn up_to_a_limit_nothing_is_doubted_and_nothing_is_certain() {
+        assert_eq!((after(0.15, &[]), after(0.16, &[])), (None, Some(false)));
+        assert_eq!((after(1.0, &[]), after(1.01, &[])), (Some(false), Some(true)));
+        let mut board = BoardState::default();
+        let mut unwell_for = |seconds: f64| {
+            board.on_device(Time::from_seconds(5.0), false, LIMITS);
+            match board.on_device(Time::from_seconds(5.0 + seconds), true, LIMITS) {
+                Some(DeviceNews::Well(doubt)) => doubt.certain,
+                news => panic!("{news:?}"),
+            }
+        };
+        assert!(!unwell_for(1.0) && unwell_for(1.01));
+    }
+
+    #[test]
+    fn what_a_board_says_of_itself_is_told_in_words() {
+        let mut board = BoardState::default();
+        assert_eq!((board.firmware(), board.celsius(), board.warnings()), (None, None, Vec::new()));
+        board.on_temperature(-15);
+        let firmware = |app| FirmwareVersion { board_type: 11, app, protocol: (1, 2), compatible: true };
+        board.on_firmware(firmware((1, 24, 3)));
+        (0..2).for_each(|_| board.on_overflow());
+        assert_eq!(board.firmware().unwrap(), "type 11, 1.24.3, protocol 1.2");
+        assert_eq!(board.celsius(), Some(-1.5));
+        let warnings = board.warnings();
+        assert!(warnings[0].starts_with("firmware 1.24 does not retransmit"), "{warnings:?}");
+        assert_eq!(warnings[1..], ["discarded its send queue 2 times"]);
+        board.on_firmware(firmware((1, 25, 0)));
+        assert_eq!(board.warnings().len(), 1);
+    }
+
+    #[test]
     fn a_device_that_was_not_well_is_doubted_when_it_is_again() {
         let mut board = BoardState::default();
         let mut news = |ms: i64, is_well| {

@@ -263,6 +263,12 @@ mod tests {
         let mut slow = Pace::new(PERIOD);
         assert!(refused(&mut slow, (0..100).map(|i| f64::from(i) * 100.0)).is_empty());
         assert_eq!(slow.unlike_configured().map(|d| d.as_millis()), Some(100));
+        // Every interval is a tenth longer or shorter than the mean, and the first one is far from it.
+        let mut uneven = Pace::new(PERIOD);
+        let times = (0..400).map(|i| f64::from(i) * 20.0 + if i % 2 == 1 { 1.0 } else { 0.0 });
+        refused(&mut uneven, std::iter::once(-23.0).chain(times));
+        let found_ms = uneven.unlike_configured().unwrap().as_secs_f64() * 1e3;
+        assert!((found_ms - 20.0).abs() < 0.2, "{found_ms} ms");
         let mut right = Pace::new(PERIOD);
         assert!(refused(&mut right, (0..100).map(|i| f64::from(i) * 50.0)).is_empty());
         assert_eq!(right.unlike_configured(), None);
