@@ -399,3 +399,22 @@ fn a_module_jumps_by_what_its_sound_taxels_move_together() {
     }
     assert_eq!(detector.jump_counts(at(1.0), 40), 0.0);
 }
+
+#[test]
+fn a_module_that_is_known_to_be_noisy_has_to_jump_further_and_a_scan_without_values_changes_nothing() {
+    let jumps = |noise: f64, counts: &[f32]| {
+        let mut detector = detector();
+        detector.expect_noise([noise; 40], 1.0);
+        for (scan, &count) in (1..).zip(counts) {
+            detector.push_reals(at(0.02 * f64::from(scan)), 1, &[count; 10], 0);
+        }
+        detector.jump_counts(at(0.02 * counts.len() as f64), 1)
+    };
+    // The mean of ten has 0.63 of 2 counts, and five times as much is 3.2.
+    assert_eq!(jumps(2.0, &[240.0, 237.0, 240.0, 237.0, 240.0]), 0.0);
+    assert_eq!(jumps(2.0, &[240.0, 236.5, 240.0, 236.5, 240.0]), 3.5);
+    assert_eq!(jumps(f64::NAN, &[240.0, 237.0, 240.0, 237.0, 240.0]), 3.0);
+    let none = f32::NAN;
+    assert_eq!(jumps(0.5, &[none, 240.0, none, 230.0, 220.0, none, 210.0, 200.0]), 0.0, "it is pressed");
+    assert_eq!(jumps(0.5, &[none, 240.0, 236.0, none, 240.0, none, 236.0, 240.0]), 4.0);
+}

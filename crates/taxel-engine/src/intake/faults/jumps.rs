@@ -52,7 +52,7 @@ impl ModuleJumps {
             return;
         }
         let before = std::mem::replace(&mut self.last_change, change);
-        let jump = if before * change < 0.0 { before.abs().min(change.abs()) } else { 0.0 };
+        let jump = (-before * change.signum()).min(change.abs()); // below 0 where it goes on the same way
         if jump >= self.least {
             self.kept[self.oldest] = (now, jump);
             self.oldest = (self.oldest + 1) % NEWEST;
@@ -62,7 +62,7 @@ impl ModuleJumps {
     /// By how much it jumps now, counts; 0 nearly always.
     pub(super) fn counts(&self, now: Time) -> f32 {
         let newest = self.kept[(self.oldest + NEWEST - 1) % NEWEST];
-        if newest.1 == 0.0 || now >= newest.0 + KEPT {
+        if now >= newest.0 + KEPT {
             return 0.0;
         }
         let lasting = self.kept.iter().filter(|kept| now < kept.0 + KEPT).map(|kept| kept.1);
