@@ -11,6 +11,9 @@ use taxel_skin::Time;
 /// So long a jump counts.
 const KEPT: Duration = Duration::from_secs(5);
 
+/// What never was.
+const NEVER: Time = Time::from_nanos(i64::MIN);
+
 /// So many of the newest are kept.
 const NEWEST: usize = 8;
 
@@ -23,6 +26,9 @@ const LEAST_DEVIATIONS: f32 = 5.0;
 #[derive(Clone, Debug)]
 pub(super) struct ModuleJumps {
     least: f32,
+    /// Of the last scan: the sum of the counts, over how many taxels, and how far their mean has moved last.
+    sum: f32,
+    taxels: u32,
     last_change: f32,
     /// When, and by how much; the oldest is at `oldest`.
     kept: [(Time, f32); NEWEST],
@@ -31,7 +37,7 @@ pub(super) struct ModuleJumps {
 
 impl Default for ModuleJumps {
     fn default() -> Self {
-        Self { least: LEAST_COUNTS, last_change: 0.0, kept: [(Time::from_nanos(0), 0.0); NEWEST], oldest: 0 }
+        Self { least: LEAST_COUNTS, sum: 0.0, taxels: 0, last_change: 0.0, kept: [(NEVER, 0.0); NEWEST], oldest: 0 }
     }
 }
 
@@ -43,14 +49,24 @@ impl ModuleJumps {
 
     /// What was before says nothing of what comes.
     pub(super) fn forget(&mut self) {
-        self.last_change = 0.0;
+        (self.taxels, self.last_change) = (0, 0.0);
     }
 
-    /// The mean of the taxels has changed by so many counts since the last scan; 0 is a conversion that was sent twice.
-    pub(super) fn on_change(&mut self, now: Time, change: f32) {
-        if change == 0.0 {
+    /// The sum of the counts of the taxels that are sound, and how many these are. Others than before say nothing of a change.
+    pub(super) fn on_scan(&mut self, now: Time, sum: f32, taxels: u32) {
+        if taxels == 0 {
             return;
         }
+        if taxels != self.taxels {
+            self.forget();
+        } else if sum != self.sum {
+            self.on_change(now, (sum - self.sum) / taxels as f32);
+        }
+        (self.sum, self.taxels) = (sum, taxels);
+    }
+
+    /// The mean of the taxels has changed by so many counts since the last conversion.
+    fn on_change(&mut self, now: Time, change: f32) {
         let before = std::mem::replace(&mut self.last_change, change);
         let jump = (-before * change.signum()).min(change.abs()); // below 0 where it goes on the same way
         if jump >= self.least {
@@ -92,7 +108,7 @@ mod tests {
         for (changes, counts) in [
             (&[6.0, -6.0][..], 0.0),
             (&[6.0, -6.0, 0.2, 4.0, -5.0], 4.0),
-            (&[6.0, 0.0, -6.0, 6.0], 6.0),
+            (&[6.0, -6.0, 6.0], 6.0),
             (&[-3.0, 3.0, -8.0, 8.0, -2.0], 3.0),
             (&[1.4, -1.4, 1.4, -1.4, 1.4], 0.0),
             (&[20.0, -0.3, 0.2, 0.3, -20.0, 0.3, 20.0, -0.4, -20.0], 0.0),
@@ -144,6 +160,18 @@ mod tests {
             (0..8).map(|second| by(second, if second < 2 { 9.0 } else { 5.0 + second as f32 * 0.1 })).collect();
         assert_eq!(felt, [0.0, 9.0, 9.0, 9.0, 9.0, 5.5, 5.5, 5.6]);
         assert_eq!((8..30).map(|second| by(second, 3.0)).last(), Some(3.0));
+    }
+
+    #[test]
+    fn other_taxels_than_before_show_no_jump_and_none_at_all_change_nothing() {
+        let after = |scans: &[(f32, u32)]| {
+            let mut jumps = ModuleJumps::default();
+            (0..).zip(scans).for_each(|(conversion, &(sum, taxels))| jumps.on_scan(at(conversion), sum, taxels));
+            jumps.counts(at(scans.len() as u32))
+        };
+        assert_eq!(after(&[(2400.0, 10), (2340.0, 10), (2400.0, 10), (2400.0, 10), (2340.0, 10)]), 6.0);
+        assert_eq!(after(&[(2400.0, 10), (2340.0, 10), (0.0, 0), (2400.0, 10), (2340.0, 10)]), 6.0);
+        assert_eq!(after(&[(2400.0, 10), (2100.0, 9), (2400.0, 10), (2100.0, 9), (2400.0, 10)]), 0.0);
     }
 
     #[test]

@@ -86,11 +86,6 @@ impl TaxelWatch {
         self.expected_noise
     }
 
-    /// The count of the scan before, if there is one.
-    pub(super) fn before(&self) -> Option<f32> {
-        self.begun.then_some(self.newest)
-    }
-
     /// The scans before a silence say nothing about those after it.
     pub(super) fn forget_trend(&mut self) {
         self.begun = false;
