@@ -234,6 +234,26 @@ fn what_a_curve_reads_at_its_own_zero_is_in_the_uncertainty_of_a_sum() {
     }
 }
 
+/// Of the same skin, whose bag bridges two taxels up to 6 kPa, with counts that fall and with counts that rise.
+#[test]
+fn what_a_curve_reads_at_its_own_zero_is_as_much_where_counts_rise() {
+    let doubts_kpa = |mirrored: bool| {
+        let mirror = |count: f64| if mirrored { 255.0 - count } else { count };
+        let mut samples = gathered(&[240], false);
+        samples.ramps[0].taxels.iter_mut().for_each(|rest| rest.mean = mirror(rest.mean));
+        for sample in &mut samples.samples {
+            let pressed =
+                |taxel: usize| if taxel < 2 { (sample.pressure_kpa - 6.0).max(0.0) } else { sample.pressure_kpa };
+            let count = |taxel: usize| mirror((240.0 - (2.0 + 0.1 * taxel as f64) * pressed(taxel)).round());
+            sample.counts = (0..TAXELS).map(|taxel| count(taxel) as u8).collect::<Vec<u8>>().into();
+        }
+        set(&job(samples, Branch::Rising)).doubts_kpa()
+    };
+    let (falling, rising) = (doubts_kpa(false), doubts_kpa(true));
+    assert!(falling[0] > 1.0 && falling[3] < 0.5, "{falling:?}");
+    assert!(falling.iter().zip(&rising).all(|(a, b)| (a - b).abs() < 1e-6), "{falling:?} {rising:?}");
+}
+
 #[test]
 fn states_and_refusals_have_the_words_of_the_service() {
     for state in SessionState::ALL {
