@@ -31,8 +31,11 @@ impl SleepWatch {
     pub fn look(&mut self) -> Option<Duration> {
         let slept = (self.slept?)();
         let since = slept.saturating_sub(self.known);
-        self.known = self.known.max(slept);
-        (since >= SLEEP_MIN).then_some(since)
+        let tells = since >= SLEEP_MIN;
+        if tells {
+            self.known = slept; // short ones add up
+        }
+        tells.then_some(since)
     }
 
     /// For how long the machine had slept in all at the last look; `None` of a run with a clock of its own.

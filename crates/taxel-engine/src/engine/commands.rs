@@ -119,14 +119,16 @@ impl Engine {
             let patch = &self.patches[member];
             patch.calibration().refuse_if_open("abort it first")?;
             patch.check_vented(now)?; // a board that takes its zero under vacuum takes the load for rest
-            if !confirmed {
+            // Who vouches that nothing touches one skin knows nothing of another that shares a board with it.
+            if !confirmed || member != index {
                 patch.check_unloaded()?;
             }
         }
         // Whichever was ready by itself is asked anew, or it would be configured with the first that becomes ready here.
         group.iter().for_each(|&member| self.patches[member].is_asked_anew());
         for member in group {
-            self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, confirmed, effects));
+            let asked = (member == index).then_some(confirmed);
+            self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, asked, effects));
         }
         self.health_dirty.0 = true; // boards that were verified are not any more
         Ok(Done::BringUpStarted)

@@ -28,7 +28,7 @@ impl Engine {
         let patch = &self.patches[index];
         self.room_for_session()?;
         self.room_for_model_set()?;
-        if patch.plan().gauge.is_none() {
+        if !patch.plan().has_gauge() {
             let why = "this patch has no pressure sensor in the configuration: it cannot be calibrated".to_owned();
             return Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why));
         }

@@ -129,6 +129,17 @@ impl Remainder {
         }
     }
 
+    /// What may press unseen because the taxels of modules jump together, N: away from load they hide a touch by as much. `jumps`
+    /// is by module, counts.
+    #[must_use]
+    pub fn jumped_n(&self, modules: &[Range<usize>], jumps: &[f32]) -> f64 {
+        let of_module = |(range, jump): (&Range<usize>, &f32)| {
+            let shares = range.clone().filter_map(|taxel| self.shares.get(taxel));
+            f64::from(*jump) * shares.map(|share| f64::from(share.newton_per_count).abs()).sum::<f64>()
+        };
+        modules.iter().zip(jumps).filter(|(_, jump)| **jump > 0.0).map(of_module).sum()
+    }
+
     /// The force of all raw counts, N.
     fn walk_n(&self, counts: Counts<'_>) -> f64 {
         match counts {

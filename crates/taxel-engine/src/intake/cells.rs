@@ -82,6 +82,8 @@ pub struct Brought {
     pub modules: Vec<usize>,
     /// A temperature in Celsius.
     pub celsius: Option<f64>,
+    /// It says how the device is.
+    pub status: bool,
 }
 
 /// A device, live.
@@ -154,7 +156,7 @@ impl Device {
         };
         if let Some((number, (_, good))) = self.plan.status.as_ref().and_then(|s| Some((number(&s.0)?, s))) {
             self.well = number == *good;
-            brought.get_or_insert_with(Brought::default);
+            brought.get_or_insert_with(Brought::default).status = true;
         }
         if let Some((signal, scale, offset)) = &self.plan.temperature
             && let Some(number) = number(signal)

@@ -195,7 +195,7 @@ impl Intake {
             if let Some(celsius) = brought.celsius {
                 self.boards[position].on_temperature((10.0 * celsius).round() as i16);
             }
-            if !brought.modules.is_empty() {
+            if brought.status {
                 let (is_well, limits) = (self.devices[position].is_well(), self.silence_limits());
                 let news = self.boards[position].on_device(frame.time, is_well, limits);
                 self.tell_of_device(position, news, events); // before its counts are taken, which may be of another zero

@@ -80,7 +80,7 @@ impl AreaFactor {
         let chi2 = sum(&|p| p.weight * (p.laid - value * p.read).powi(2)) / (n - 1) as f64;
         let sigma = (chi2.max(1.0) / xx).sqrt();
         let laid = LaidAt::of(&loads);
-        let area_uncertainty = elsewhere(&points, value, &laid);
+        let area_uncertainty = elsewhere(&points, value, &laid).hypot(common_rel(&loads));
         let finite = [value, sigma, area_uncertainty].into_iter().all(f64::is_finite);
         let LaidAt { known: places, unplaced, .. } = laid;
         finite.then_some(Self { value, sigma, loads: n, places, unplaced, area_uncertainty })
@@ -110,6 +110,12 @@ impl AreaFactor {
     pub fn relative_sigma(&self) -> f64 {
         self.sigma / self.value
     }
+}
+
+/// What all known loads may be off by together, as one balance is or one force sensor: the least of their relative uncertainties.
+/// No number of loads takes it away.
+fn common_rel(loads: &[&Load]) -> f64 {
+    loads.iter().map(|load| load.force_sigma_n / load.force_n).fold(f64::INFINITY, f64::min)
 }
 
 /// The relative standard uncertainty of the areas at another place.

@@ -89,15 +89,19 @@ impl Patch {
     }
 
     /// Configures the boards again: the zero is lost. Where there is no force that would show a load, boards that stream
-    /// are looked at first, unless it is confirmed that nothing touches the skin.
-    pub fn bring_up_again(&mut self, now: Now, confirmed: bool, effects: &mut Effects<'_>) {
+    /// are looked at first, unless it is confirmed that nothing touches the skin. `asked` is whether it is, or `None` where it
+    /// was asked for another patch that shares a board: what is held against this one's zero still holds then.
+    pub fn bring_up_again(&mut self, now: Now, asked: Option<bool>, effects: &mut Effects<'_>) {
+        let confirmed = asked == Some(true);
         let feels = self.zero.holds() && self.felt.is_some();
         self.bring_up_waits = !confirmed && !feels && self.shows_loads();
         if feels && !confirmed {
             self.zero.look_by_zero();
         }
         self.lose_zero(now, ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, effects);
-        self.zero.on_bring_up_asked();
+        if asked.is_some() {
+            self.zero.on_bring_up_asked();
+        }
         if self.bring_up_waits {
             self.look_before_bring_up(now, effects);
         } else {

@@ -117,7 +117,7 @@ fn silent_boards_are_configured_again_at_once() {
     let mut scene = Scene::new(configuring(), true, false);
     scene.act(|patch, effects| patch.start(now(1_000), effects));
     assert!(scene.sends(1_300));
-    scene.act(|patch, effects| patch.bring_up_again(now(60_000), false, effects));
+    scene.act(|patch, effects| patch.bring_up_again(now(60_000), Some(false), effects));
     assert!(scene.patch.check_looked_at().is_ok() && scene.sends(60_000));
 }
 

@@ -244,7 +244,9 @@ impl Patch {
     pub fn begin_push(&mut self, now: Now, effects: &mut Effects<'_>) {
         if self.intake.newest().is_some() {
             let why = "another stream of scans has begun: what pushes them may have taken a new zero";
-            self.lose_zero(now, ReasonCode::ZeroLost, why, effects);
+            let mut events = Vec::new();
+            (0..self.plan.patch.boards().len()).for_each(|board| self.zero.lose_by_board(board, why, &mut events));
+            self.on_zero_events(now, events, effects);
         }
     }
 

@@ -240,7 +240,8 @@ impl Stage {
         let now = self.now();
         self.suspects.zero_taken(now, under);
         self.in_zero_n = if under.is_some() { least } else { 0.0 };
-        self.changed_n = if changed < least { changed } else { f64::INFINITY };
+        // A zero over a great change is to blame on that, whatever rested there.
+        self.changed_n = if changed < least.min(1.2 * unseen) { changed } else { f64::INFINITY };
         self.tell(format!("zero {} under {least:.3} to {greatest:.3} N: {}", tare.epoch, tare.reason));
     }
 }

@@ -93,9 +93,9 @@ impl FaultDetector {
             taxel.expect_noise(noise as f32, steps_per_count as f32);
         }
         for module in &mut self.modules {
-            let taxels = &self.taxels[module.taxels.clone()];
-            let squared: f32 = taxels.iter().map(|taxel| taxel.noise().powi(2)).sum();
-            module.jumps.expect_noise(squared.sqrt() / taxels.len().max(1) as f32);
+            let known = self.taxels[module.taxels.clone()].iter().map(TaxelWatch::noise).filter(|noise| *noise > 0.0);
+            let (squares, taxels) = known.fold((0.0, 0), |(sum, n), noise| (sum + noise * noise, n + 1));
+            module.jumps.expect_noise((squares / taxels.max(1) as f32).sqrt());
         }
     }
 
@@ -127,7 +127,7 @@ impl FaultDetector {
         watch.take_status(now + self.hold, status);
         let others_change = 4 * self.lively >= self.taxels.len();
         let (mut broken, mut changed) = (0, false);
-        // Of the taxels that are sound: of all, less those that are not.
+        // Of the taxels without a fault: of all, less those that have one.
         let range = watch.taxels.clone();
         let counts = &counts[..counts.len().min(range.len())];
         let (mut sum, mut sound) = (sum_of(counts), counts.len() as u32);
@@ -140,7 +140,9 @@ impl FaultDetector {
                 self.lively += usize::from(!before.1);
                 continue; // nearly always
             }
-            (sum, sound) = (sum - count, sound - 1);
+            if !taxel.faults.is_empty() {
+                (sum, sound) = (sum - count, sound - 1);
+            }
             match (before.1, taxel.is_lively) {
                 (false, true) => self.lively += 1,
                 (true, false) => self.lively -= 1,

@@ -3,13 +3,13 @@
 //! A converter that flickers moves all taxels of its module at once, by less than any of them alone would be told for. What
 //! comes and goes within one conversion is no known load: half of the way is what each reading may be off by, for nothing
 //! that stays within a range has a standard deviation of more than half of that (Popoviciu's inequality). One such jump is a
-//! blow; two of them within seconds count, by the lesser.
+//! blow; two of them within seconds count, by the lesser. What stays for two conversions looks like a touch, and is none of these.
 
 use std::time::Duration;
 use taxel_skin::Time;
 
 /// So long a jump counts.
-const KEPT: Duration = Duration::from_secs(5);
+const KEPT: Duration = Duration::from_secs(20);
 
 /// What never was.
 const NEVER: Time = Time::from_nanos(i64::MIN);
@@ -18,14 +18,15 @@ const NEVER: Time = Time::from_nanos(i64::MIN);
 const NEWEST: usize = 8;
 
 /// Least jump, in counts, and in standard deviations of the mean of the module's taxels. Normal noise makes two so great ones of
-/// a module within five seconds once in 500 hours, at 27 conversions a second.
+/// a module within twenty seconds once in 120 hours, at 27 conversions a second.
 const LEAST_COUNTS: f32 = 1.5;
 const LEAST_DEVIATIONS: f32 = 5.0;
 
 /// The jumps of one module.
 #[derive(Clone, Debug)]
 pub(super) struct ModuleJumps {
-    least: f32,
+    /// Standard deviation of one taxel at rest, counts.
+    noise: f32,
     /// Of the last scan: the sum of the counts, over how many taxels, and how far their mean has moved last.
     sum: f32,
     taxels: u32,
@@ -37,14 +38,14 @@ pub(super) struct ModuleJumps {
 
 impl Default for ModuleJumps {
     fn default() -> Self {
-        Self { least: LEAST_COUNTS, sum: 0.0, taxels: 0, last_change: 0.0, kept: [(NEVER, 0.0); NEWEST], oldest: 0 }
+        Self { noise: 0.0, sum: 0.0, taxels: 0, last_change: 0.0, kept: [(NEVER, 0.0); NEWEST], oldest: 0 }
     }
 }
 
 impl ModuleJumps {
-    /// So much noise has the mean of the module's taxels at rest, counts.
+    /// So much noise has each of the module's taxels at rest, counts; what is no number is not known.
     pub(super) fn expect_noise(&mut self, noise: f32) {
-        self.least = LEAST_COUNTS.max(LEAST_DEVIATIONS * if noise.is_finite() { noise } else { 0.0 });
+        self.noise = if noise.is_finite() { noise } else { 0.0 };
     }
 
     /// What was before says nothing of what comes.
@@ -69,7 +70,7 @@ impl ModuleJumps {
     fn on_change(&mut self, now: Time, change: f32) {
         let before = std::mem::replace(&mut self.last_change, change);
         let jump = (-before * change.signum()).min(change.abs()); // below 0 where it goes on the same way
-        if jump >= self.least {
+        if jump >= LEAST_COUNTS.max(LEAST_DEVIATIONS * self.noise / (self.taxels.max(1) as f32).sqrt()) {
             self.kept[self.oldest] = (now, jump);
             self.oldest = (self.oldest + 1) % NEWEST;
         }
@@ -125,11 +126,11 @@ mod tests {
         assert_eq!(after(&mut jumps.clone(), &[2.9, -2.9, 2.9, -2.9]), 0.0);
         assert_eq!(after(&mut jumps, &[3.1, -3.1, 3.1, -3.1]), 3.1);
         jumps.expect_noise(f32::NAN);
-        assert_eq!(jumps.least, LEAST_COUNTS);
+        assert_eq!(jumps.noise, 0.0);
     }
 
     #[test]
-    fn a_jump_counts_for_five_seconds() {
+    fn a_jump_counts_for_twenty_seconds() {
         let mut jumps = ModuleJumps::default();
         let at = |ms: i64| Time::from_nanos(ms * 1_000_000);
         for (ms, change) in [(0, 9.0), (40, -9.0), (1_000, 4.0), (1_040, -4.0), (2_000, 6.0), (2_040, -6.0)] {
@@ -137,10 +138,10 @@ mod tests {
         }
         // From -9 to 4 and from -4 to 6 are jumps, too, by 4 counts both.
         assert_eq!(jumps.counts(at(2_100)), 6.0);
-        assert_eq!(jumps.counts(at(5_039)), 6.0);
-        assert_eq!(jumps.counts(at(5_040)), 4.0);
-        assert_eq!(jumps.counts(at(7_039)), 0.0, "one is left");
-        assert_eq!(jumps.counts(at(7_040)), 0.0);
+        assert_eq!(jumps.counts(at(20_039)), 6.0);
+        assert_eq!(jumps.counts(at(20_040)), 4.0);
+        assert_eq!(jumps.counts(at(22_039)), 0.0, "one is left");
+        assert_eq!(jumps.counts(at(22_040)), 0.0);
     }
 
     #[test]
@@ -148,7 +149,7 @@ mod tests {
         let mut jumps = ModuleJumps::default();
         let mut by = |second: u32, counts: f32| {
             let at = |conversion: u32| {
-                Time::from_nanos(1_000_000_000 * i64::from(second) + 37_000_000 * i64::from(conversion))
+                Time::from_nanos(4_000_000_000 * i64::from(second) + 37_000_000 * i64::from(conversion))
             };
             [counts, -counts, 0.1]
                 .into_iter()
