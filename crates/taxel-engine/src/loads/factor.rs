@@ -226,6 +226,17 @@ mod tests {
         assert!((0.04..0.06).contains(&agree), "of three places: {agree}");
     }
 
+    /// A spring scale that is known to a tenth: sixty loads know no better.
+    #[test]
+    fn what_all_loads_may_be_off_by_together_is_in_the_areas_however_many_they_are() {
+        let many: Vec<_> = (0..60_u16)
+            .map(|n| 4.0 + f64::from(n))
+            .map(|n| Load { force_sigma_n: 0.1 * n, ..load(n, n, 0.01 * n) })
+            .collect();
+        let known = estimate(&many).unwrap().area_uncertainty;
+        assert!((0.1..0.12).contains(&known), "{known}");
+    }
+
     /// Ratios 1.11, 1 and 0.91 with equal weights: the standard deviation from place to place is 0.1, the mean has that of
     /// a third, and Student's t is 4.3.
     #[test]

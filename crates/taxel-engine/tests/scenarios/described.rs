@@ -258,6 +258,17 @@ fn a_described_device_that_was_not_well_by_its_own_status_may_have_taken_a_new_z
         assert_eq!(scene.host.state(), ForceState::TareInvalid, "{}", scene.host.reasons());
         assert!(scene.host.reasons().contains("board 1 "), "{}", scene.host.reasons());
     }
+    // Between two scans.
+    let mut scene = new();
+    scene.load = (16, 25.0);
+    scene.seconds(1.0);
+    for status in [1_u8, 0] {
+        let time = scene.host.now + Duration::from_millis(3);
+        scene.host.frames(&[TimedFrame { time, frame: Frame::of(CanId::Extended(STATUS_ID), [status]) }]);
+        scene.take_zero();
+    }
+    scene.seconds(5.0);
+    assert_eq!(scene.host.snapshot().force.total, None, "{}", scene.host.reasons());
     // For a moment, and nothing happened: the force comes back by itself.
     let mut scene = new();
     scene.load = (16, 25.0);

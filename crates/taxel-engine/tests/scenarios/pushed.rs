@@ -192,6 +192,22 @@ fn another_stream_of_scans_has_no_force_by_the_zero_of_the_one_before() {
     assert!(scene.host.reasons().contains("another stream of scans"), "{}", scene.host.reasons());
 }
 
+/// The program that pushed was exchanged for another one, which takes a zero by software under what lies there.
+#[test]
+fn a_load_that_another_stream_has_taken_for_its_zero_keeps_a_zero_from_being_proven() {
+    let mut scene = Scene::in_use(true);
+    scene.load = (16, 25.0);
+    scene.seconds(1.0);
+    scene.begin();
+    scene.load = (0, 0.0);
+    scene.seconds(5.0);
+    let request = scene.host.command(Command::Tare { patch: String::new(), confirmed_by: None });
+    scene.seconds(3.0);
+    let why = scene.host.reply(request).expect("answered").expect_err("what lay there may lie there still");
+    assert!(why.to_string().contains("it has taken a new zero under it, or the load was lifted"), "{why}");
+    assert_eq!(scene.host.snapshot().force.total, None);
+}
+
 #[test]
 fn scans_that_are_pushed_too_fast_are_refused_as_those_of_a_board() {
     let mut scene = Scene::in_use(true);

@@ -143,6 +143,24 @@ fn a_bring_up_that_somebody_vouches_for_configures_all_patches_of_a_board_that_w
 }
 
 #[test]
+fn who_vouches_for_one_patch_vouches_for_no_other_that_feels_a_force() {
+    let mut bench = restarted_with_both_in_use();
+    bench.brought_up();
+    bench.until(8.0, "a force of the other", |host| {
+        host.others.get(&1).is_some_and(|snapshot| snapshot.force.total.is_some())
+    });
+    bench.lay(1.0, 65); // on the lower half
+    bench.seconds(2.0);
+    let sent = bench.host.sent.len();
+    let vouched = |name: &str| Command::BringUp { patch: name.to_owned(), confirmed_by: Some("Ada".to_owned()) };
+    let why = bench.refused(vouched("upper"));
+    assert!(why.contains("lower"), "{why}");
+    bench.seconds(1.0);
+    assert_eq!(bench.host.sent.len(), sent, "nothing is sent to boards that bear a load");
+    bench.ask(vouched("lower")).unwrap();
+}
+
+#[test]
 fn acknowledgements_that_modules_of_one_patch_lose_invalidate_the_zero_of_the_other() {
     let mut bench = lower_in_use();
     bench.ask(Command::Tare { patch: "lower".to_owned(), confirmed_by: None }).unwrap();
