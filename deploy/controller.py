@@ -30,6 +30,7 @@ LOOP_S = 0.010  # the control loop's own period
 ASK_EVERY_S = 10.0  # how often the daemon's clock is looked at
 ANSWER_WITHIN_S = 2.0
 DRIFT = 6e-4  # two clocks part by so many seconds a second at most
+ASTRAY_S = 0.05  # on clocks that run no sample comes so long before it was sent
 AGE_MAX_S = 0.120  # an older force is none: two periods of the boards, and a little
 GOOD = ("FORCE_STATE_OK", "FORCE_STATE_DEGRADED")
 # What is not read yet shall wait at the daemon, which replaces it by newer samples; not in this process.
@@ -70,12 +71,15 @@ class NewestForce:
             "/taxel.v1.ForceService/StreamForce", request.SerializeToString, sample_class.FromString
         )
         least, found = -math.inf, 0.0  # the least that our clock less the daemon's can be, and when that was found
+        before = (-math.inf, 0.0, -math.inf)  # the same before the last answer that raised it, and when that was sent
 
         def look_at_the_clock():
-            nonlocal least, found
+            nonlocal least, found, before
             left = now_s()
             answered = sent_s(ask(question(patch=self.patch), timeout=ANSWER_WITHIN_S))
             if answered is not None and left - answered > least - DRIFT * (left - found):
+                if least > -math.inf:
+                    before = (least, found, answered)
                 least, found = left - answered, left
             return left
 
@@ -84,7 +88,14 @@ class NewestForce:
             now, sent = now_s(), sent_s(sample)
             if now - asked > ASK_EVERY_S or (sent is not None and least == -math.inf):
                 asked = look_at_the_clock()
-            delay = max(0.0, now - sent - least + DRIFT * max(0.0, now - found)) if sent is not None else math.inf
+            delay = math.inf
+            if sent is not None:
+                # Where the daemon's clock stood still, as in a sleep of its machine, the last answer says nothing of samples from before.
+                known, at = before[:2] if sent < before[2] else (least, found)
+                delay = now - sent - known + DRIFT * max(0.0, now - at)
+                if delay < -ASTRAY_S:  # our clock has stood still: nothing is known of the daemon's any more
+                    delay, least, before = math.inf, -math.inf, (-math.inf, 0.0, -math.inf)
+                delay = max(0.0, delay)
             self.newest, self.broken = (sample, states[sample.state].name, now, delay), None
 
     def usable(self):

@@ -306,10 +306,11 @@ static inline taxel_force_status taxel_force_read(const taxel_force_reader *read
     taxel_no_figures_(force);
     force->age_ns = -1;
     if (page == NULL) return TAXEL_FORCE_NO_PAGE;
+    known = taxel_load_(page + TAXEL_AT_SLEPT); /* and 1; 0: not said. Before the sample: who learns of a sleep takes the force first */
+    taxel_fence_();
     taken = taxel_take_(page, words);
     beat = (int64_t)taxel_load_(page + TAXEL_AT_BEAT);
     closed = taxel_load_(page + TAXEL_AT_CLOSED);
-    known = taxel_load_(page + TAXEL_AT_SLEPT); /* and 1; 0: not said */
     limit = taxel_load_(page + TAXEL_AT_AGE_LIMIT);
     beat_limit = taxel_load_(page + TAXEL_AT_BEAT_LIMIT);
     if (age_limit_ns > 0 && (uint64_t)age_limit_ns < limit) limit = (uint64_t)age_limit_ns;

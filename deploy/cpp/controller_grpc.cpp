@@ -27,6 +27,7 @@ using namespace std::chrono_literals;
 
 constexpr double age_max_s = 0.120;  // an older force is none
 constexpr double drift = 6e-4;       // two clocks part by so many seconds a second at most
+constexpr double astray_s = 0.05;    // on clocks that run no sample comes so long before it was sent
 
 /// By a clock that goes on while this machine sleeps, as that of another machine does: a force from before is old then.
 static double now_s() {
@@ -96,6 +97,13 @@ private:
         double on_the_way_s;
     };
 
+    /// The least that our clock less the daemon's can be, and when that was found.
+    struct Known {
+        double value_s = -std::numeric_limits<double>::infinity();
+        double found_s = 0.0;
+        double least_s(double at_s) const { return value_s - drift * std::max(0.0, at_s - found_s); }
+    };
+
     static bool sent_s(const taxel::v1::ForceSample& sample, double& sent) {
         if (!sample.has_monotonic_ns() || !sample.has_age_s()) return false;
         sent = static_cast<double>(sample.monotonic_ns()) * 1e-9 + sample.age_s();
@@ -112,18 +120,36 @@ private:
         const double left_s = now_s();
         const auto status = stub_->GetForce(&context, request, &answer);
         double sent;
-        if (status.ok() && sent_s(answer, sent) && left_s - sent > least(left_s)) {
-            least_s_ = left_s - sent;
-            found_s_ = left_s;
+        if (status.ok() && sent_s(answer, sent) && left_s - sent > now_known_.least_s(left_s)) {
+            if (!std::isinf(now_known_.value_s)) {
+                before_ = now_known_;
+                before_until_s_ = sent;
+            }
+            now_known_ = {left_s - sent, left_s};
         }
         asked_s_ = now_s();
         return status;
     }
 
-    double least(double at_s) const { return least_s_ - drift * std::max(0.0, at_s - found_s_); }
+    /// How long a sample was on its way at most. Where the daemon's clock stood still, as in a sleep of its machine, the last
+    /// answer says nothing of samples that were sent before.
+    double on_the_way_s(double came_s, double sent_s) {
+        const auto& known = sent_s < before_until_s_ ? before_ : now_known_;
+        const double took_s = came_s - sent_s - known.least_s(came_s);
+        if (took_s < -astray_s) {  // our clock has stood still: nothing is known of the daemon's any more
+            forget_the_clock();
+            return std::numeric_limits<double>::infinity();
+        }
+        return std::max(0.0, took_s);
+    }
+
+    void forget_the_clock() {
+        now_known_ = before_ = Known{};
+        before_until_s_ = -std::numeric_limits<double>::infinity();
+    }
 
     grpc::Status read(grpc::ClientContext& context) {
-        least_s_ = -std::numeric_limits<double>::infinity();
+        forget_the_clock();
         if (const auto status = look_at_the_clock(); !status.ok()) return status;
         taxel::v1::StreamForceRequest request;
         request.set_patch(patch_);
@@ -132,17 +158,17 @@ private:
         taxel::v1::ForceSample sample;
         while (stream->Read(&sample)) {
             const double came_s = now_s();
-            double sent = 0.0, on_the_way_s = std::numeric_limits<double>::infinity();
+            double sent = 0.0, way_s = std::numeric_limits<double>::infinity();
             const bool timed = sent_s(sample, sent);
-            if (came_s - asked_s_ > 10.0 || (timed && std::isinf(least_s_)))
+            if (came_s - asked_s_ > 10.0 || (timed && std::isinf(now_known_.value_s)))
                 if (const auto status = look_at_the_clock(); !status.ok()) {
                     context.TryCancel();
                     stream->Finish();
                     return status;
                 }
-            if (timed) on_the_way_s = std::max(0.0, came_s - sent - least(came_s));
+            if (timed) way_s = on_the_way_s(came_s, sent);
             const std::lock_guard<std::mutex> lock(mutex_);
-            newest_ = Newest{sample, came_s, on_the_way_s};
+            newest_ = Newest{sample, came_s, way_s};
             broken_.clear();
         }
         return stream->Finish();
@@ -175,7 +201,8 @@ private:
     grpc::ClientContext* context_ = nullptr;
     bool ended_ = false;
     // The thread's own.
-    double least_s_ = -std::numeric_limits<double>::infinity(), found_s_ = 0.0, asked_s_ = 0.0;
+    Known now_known_, before_;  // before_: until the last answer that raised it, which was sent at before_until_s_
+    double before_until_s_ = -std::numeric_limits<double>::infinity(), asked_s_ = 0.0;
     std::thread thread_;
 };
 

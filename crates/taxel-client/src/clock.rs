@@ -13,6 +13,9 @@ use crate::moment::Moment;
 /// off by less than 100 ppm.
 const DRIFT: f64 = 6e-4;
 
+/// A message does not come so long before it was sent, s, on clocks that run.
+const ASTRAY_S: f64 = 0.05;
+
 /// The daemon's clock against ours, as far as a stream and questions beside it have shown it.
 #[derive(Clone, Debug, Default)]
 pub struct DaemonClock {
@@ -20,6 +23,9 @@ pub struct DaemonClock {
     quickest: Option<(f64, Moment)>,
     /// The least that our clock less the daemon's can be, and when that was found.
     least: Option<(f64, Moment)>,
+    /// The same before the last answer that raised it, and when that answer was sent by the daemon's clock: where that stood still
+    /// meanwhile, as in a sleep of its machine, the answer says nothing of messages that were sent before.
+    before: Option<((f64, Moment), f64)>,
 }
 
 impl DaemonClock {
@@ -29,6 +35,7 @@ impl DaemonClock {
         let Some(sent_s) = sent_s.filter(|sent_s| sent_s.is_finite()) else { return };
         let least_s = left.seconds() - sent_s;
         if known_at(self.least, left, -DRIFT).is_none_or(|known| least_s > known) {
+            self.before = self.least.map(|known| (known, sent_s));
             self.least = Some((least_s, left));
         }
     }
@@ -47,7 +54,13 @@ impl DaemonClock {
         // Of two clocks that part, none of the messages would be as quick any more as one of long ago.
         let quickest_s = known_at(self.quickest, at, DRIFT).map_or(on_the_way_s, |known| known.min(on_the_way_s));
         self.quickest = Some((quickest_s, at));
-        let least_s = known_at(self.least, at, -DRIFT).unwrap_or(quickest_s);
+        let of_before = self.before.filter(|(_, until_s)| sent_s < *until_s).map(|(known, _)| known);
+        let least_s = known_at(of_before.or(self.least), at, -DRIFT).unwrap_or(quickest_s);
+        if on_the_way_s - least_s < -ASTRAY_S {
+            // It came before it was sent: our clock has stood still, and nothing is known of the daemon's any more.
+            *self = Self::default();
+            return Duration::MAX;
+        }
         Duration::try_from_secs_f64(on_the_way_s - least_s).unwrap_or_default()
     }
 }

@@ -220,6 +220,38 @@ mod tests {
         }
     }
 
+    /// The daemon's machine sleeps for an hour, and its clock with it. What was sent before waits in a buffer; the next question is
+    /// asked, and answered, before it is looked at.
+    #[test]
+    fn what_was_sent_before_a_sleep_of_the_daemon_is_old_after_it() {
+        let begun = Moment::now();
+        let mut reader = Reader::default();
+        reader.asked(begun, &sample(ForceState::Ok, 5_000, 20));
+        let woke = begun + Duration::from_secs(3_600);
+        reader.asked(woke, &sample(ForceState::Ok, 5_400, 20));
+        for sent_ms in [5_100, 5_150, 5_399] {
+            let age = reader.take(sample(ForceState::Ok, sent_ms, 20), woke).age(woke).unwrap();
+            assert!(age > Duration::from_secs(3_500), "sent at {sent_ms} ms: {age:?}");
+        }
+        let at = woke + ms(30);
+        let age = reader.take(sample(ForceState::Ok, 5_425, 20), at).age(at).unwrap();
+        assert!(age < ms(50), "{age:?}");
+    }
+
+    /// Ours stood still for a minute, as that of a machine does that another one holds up, and theirs did not.
+    #[test]
+    fn a_clock_of_ours_that_stood_still_makes_no_old_force_a_fresh_one() {
+        let begun = Moment::now();
+        let mut reader = Reader::default();
+        reader.asked(begun, &sample(ForceState::Ok, 5_000, 20));
+        let at = begun + ms(50);
+        let late = reader.take(sample(ForceState::Ok, 35_000, 20), at);
+        assert!(late.usable(at, LIMIT).is_err() && !reader.knows_the_clock());
+        reader.asked(at, &sample(ForceState::Ok, 65_001, 20));
+        let late = reader.take(sample(ForceState::Ok, 35_050, 20), at);
+        assert!(late.age(at).unwrap() > Duration::from_secs(29));
+    }
+
     /// Of a fleet nobody can ask for the clock.
     #[test]
     fn without_a_question_clocks_that_part_make_no_force_old_for_ever() {

@@ -105,10 +105,11 @@ impl Page {
     /// # Errors
     /// [`NoForce`]: why it may not.
     pub fn force(&self, age_max: Option<Duration>) -> Result<Force, NoForce> {
-        let sample = self.newest();
         let word = |at: usize| self.map.words()[at].load(Ordering::Relaxed);
+        // Before the sample: a writer that learns of a sleep takes the force away first, and then says that it knows.
+        let known_ns = self.map.words()[AT_SLEPT].load(Ordering::Acquire).checked_sub(1);
+        let sample = self.newest();
         let (beat_ns, closed) = (word(AT_BEAT).cast_signed(), word(AT_CLOSED) != 0);
-        let known_ns = word(AT_SLEPT).checked_sub(1);
         // Read last: nothing that was found can be of a later moment, unless it has another clock.
         let (slept_ns, now_ns) = slept_and_monotonic_ns();
         let Some(sample) = sample else {

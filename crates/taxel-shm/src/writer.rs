@@ -114,7 +114,7 @@ impl PageWriter {
     pub fn beat(&self, slept: Option<Duration>) {
         let slept =
             slept.map_or(0, |slept| u64::try_from(slept.as_nanos()).map_or(u64::MAX, |ns| ns.saturating_add(1)));
-        self.map.words()[AT_SLEPT].store(slept, Ordering::Relaxed);
+        self.map.words()[AT_SLEPT].store(slept, Ordering::Release);
         self.map.words()[AT_BEAT].store(monotonic_ns().cast_unsigned(), Ordering::Relaxed);
     }
 }

@@ -25,6 +25,7 @@ _PAUSE_FIRST_S, _PAUSE_MOST_S = 0.05, 2.0  # between connections
 _ASK_EVERY_S = 10.0  # how often the daemon's clock is looked at
 _ANSWER_WITHIN_S = 2.0
 _DRIFT = 6e-4  # two clocks part by so many seconds a second at most
+_ASTRAY_S = 0.05  # on clocks that run no sample comes so long before it was sent
 # What is not read yet shall wait at the daemon, which replaces it by newer samples; not in this process.
 _OPTIONS = [("grpc.http2.lookahead_bytes", 4096), ("grpc.http2.bdp_probe", 0), ("grpc.keepalive_time_ms", 5000)]
 # gRPC would take the socket's path for the authority of each call, which HTTP/2 does not allow and the daemon refuses.
@@ -62,19 +63,37 @@ class _Clock:
     """What is known of the daemon's clock against ours."""
 
     def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """Nothing is known."""
         self._least = -math.inf  # the least that our clock less the daemon's can be
         self._found = 0.0
+        # The same before the last answer that raised it, and when that was sent: where the daemon's clock stood still meanwhile, as
+        # in a sleep of its machine, the answer says nothing of samples that were sent before.
+        self._before = (-math.inf, 0.0, -math.inf)
 
     def known(self) -> bool:
         return self._least > -math.inf
 
     def asked(self, left: float, sent: float) -> None:
         """A question left at `left`, and the daemon answered at `sent` of its own clock."""
-        if left - sent > self.least(left):
+        least, found = self._least, self._found
+        if left - sent > least - _DRIFT * max(0.0, left - found):
+            if self.known():
+                self._before = (least, found, sent)
             self._least, self._found = left - sent, left
 
-    def least(self, now: float) -> float:
-        return self._least - _DRIFT * max(0.0, now - self._found)
+    def on_the_way(self, came: float, sent: float) -> float:
+        """How long a sample was on its way at most."""
+        least, found, until = self._before
+        if sent >= until:
+            least, found = self._least, self._found
+        took = came - sent - least + _DRIFT * max(0.0, came - found)
+        if took < -_ASTRAY_S:  # our clock has stood still: nothing is known of the daemon's any more
+            self.forget()
+            return math.inf
+        return max(0.0, took)
 
 
 def _sent(sample: Any) -> Optional[float]:
@@ -191,7 +210,7 @@ class Forces:
             if came - asked > _ASK_EVERY_S or (sent is not None and not clock.known()):
                 look_at_the_clock()
                 asked = _now()
-            on_the_way = max(0.0, came - sent - clock.least(came)) if sent is not None else math.inf
+            on_the_way = clock.on_the_way(came, sent) if sent is not None else math.inf
             self._newest, self._broken = (sample, came, on_the_way), None
             self._pause_s = _PAUSE_FIRST_S
 

@@ -116,9 +116,9 @@ class _Page:
         return None
 
     def force(self, age_max_s: Optional[float]) -> Union[Force, NoForce]:
+        known = self._words[_SLEPT]  # before the sample: a writer that learns of a sleep takes the force away first
         fields = self._newest()
         beat_ns, closed = _signed(self._words[_BEAT]), self._words[_CLOSED]
-        known = self._words[_SLEPT]
         with_sleep_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
         now_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC)  # last: all that was found is earlier on the same clock
         if fields is None:
