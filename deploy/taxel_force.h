@@ -44,7 +44,7 @@ typedef enum taxel_force_status {
     TAXEL_FORCE_NO_PAGE = 1,     /* no daemon, another patch, or a page that may not be read or believed */
     TAXEL_FORCE_NOTHING_YET = 2, /* no sample was written yet */
     TAXEL_FORCE_CLOSED = 3,      /* the daemon has ended */
-    TAXEL_FORCE_WRITER_GONE = 4, /* the daemon hangs or was killed */
+    TAXEL_FORCE_WRITER_GONE = 4, /* the daemon hangs, was killed, or has not run since a sleep */
     TAXEL_FORCE_STATE = 5,       /* the state carries no force: see `state` and `reasons` */
     TAXEL_FORCE_TOO_OLD = 6,     /* the newest frame is older than the limit: see `age_ns` */
     TAXEL_FORCE_OTHER_CLOCK = 7  /* stamps of the future: a container with a clock of its own */

@@ -126,7 +126,7 @@ def over_a_socket(taxel, taxeld, cpp, scratch):
     print("Python and C++ over gRPC hear the daemon over a Unix socket, too")
 
 
-# Says each second whether there is a force of at most a minute, or why there is none.
+# Says again and again whether there is a force of at most a minute, or why there is none.
 SLEEPER = '''
 import sys, time, taxel
 with taxel.connect(sys.argv[1], age_max_s=60.0) as service:
