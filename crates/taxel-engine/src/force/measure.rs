@@ -42,7 +42,7 @@ pub struct Layout {
     pub outputs: Outputs,
     /// Positions and normals, where the scene has them.
     pub geometry: Option<Geometry>,
-    /// Which taxels form each module.
+    /// Which taxels form each module, ascending.
     pub modules: Vec<Range<usize>>,
     /// Two active taxels closer than this belong to one contact, in metres.
     pub contact_reach_m: f64,

@@ -323,7 +323,6 @@ impl Force {
         let taken_by_noise = self.lately.at_least(scan.time, unseen.read_n) - unseen.read_n;
         let jumped_n = self.remainder.jumped_n(&self.plan.layout.modules, scan.jumps);
         unseen.floor = Newton(unseen.floor.0 + taken_by_noise + zero.absorbed.0 + jumped_n);
-        unseen.told = Newton(unseen.told.0 + jumped_n);
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts, jumps: scan.jumps };

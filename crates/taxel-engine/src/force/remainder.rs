@@ -23,6 +23,9 @@
 //! areas and of the gauge's gain, relative to the sum of the four. The owner counts of the first three no less than their
 //! mean over the last half second (`lately.rs`).
 //!
+//! Where the taxels of a module jump together, one that jumps away from load hides a touch by as much: the owner adds the jump
+//! times the sum of `w` over the module ([`Remainder::jumped_n`]).
+//!
 //! Which taxels are in a total hangs on their noise, too. That of a contact on the modules that have most of it,
 //! `sqrt(sum (w s)^2)`, is in every total, as is that of taxels below the threshold that are in it because they touch an
 //! active one: these were chosen by their reading, so that their noise does not average out but adds up, `sum w s`.
@@ -129,8 +132,7 @@ impl Remainder {
         }
     }
 
-    /// What may press unseen because the taxels of modules jump together, N: away from load they hide a touch by as much. `jumps`
-    /// is by module, counts.
+    /// What may press unseen because the taxels of modules jump together, N; `jumps` by module, counts.
     #[must_use]
     pub fn jumped_n(&self, modules: &[Range<usize>], jumps: &[f32]) -> f64 {
         let of_module = |(range, jump): (&Range<usize>, &f32)| {

@@ -489,3 +489,19 @@ fn what_jumps_together_is_uncertain_by_half_of_the_jump() {
     // A taxel that is filled from its neighbours jumps as they do.
     assert!((beyond(&[(3, 6.0)], Some(33)) / other - 1.0).abs() < 0.1);
 }
+
+/// A jump away from load hides as much of a touch; but what was touched is told by the counts as before.
+#[test]
+fn what_jumps_together_may_hide_a_touch_by_as_much() {
+    let measured = |jumps: &[f32]| {
+        let mut skin = Skin::new(Some(row(TAXELS))).press(28..36, 20);
+        skin.jumps[..jumps.len()].copy_from_slice(jumps);
+        skin.measured()
+    };
+    let (calm, one, two) = (measured(&[]), measured(&[6.0]), measured(&[6.0, 6.0]));
+    let floor = |measured: &Measured| measured.sample.detection_floor.unwrap().0;
+    let per_count_n: f64 = Skin::new(None).force.newton_per_count().iter().take(10).map(|newton| newton.abs()).sum();
+    assert!((floor(&one) - floor(&calm) - 6.0 * per_count_n).abs() < 1e-4, "{} {per_count_n}", floor(&one));
+    assert!((floor(&two) - floor(&calm) - 12.0 * per_count_n).abs() < 1e-4);
+    assert_eq!(one.told, calm.told);
+}

@@ -21,7 +21,7 @@
 //! `u_area^2 = (t / 2)^2 (1 / S + max(s, q)^2 sum(a^2) / S^2) + max(t / 2 s, q)^2`,
 //!
 //! so that twice this holds for 95 % of new places. Loads that happen to agree do not show that a skin scatters by less than
-//! q.
+//! q. What all loads may be off by together, as one balance is, comes to it in squares.
 
 use std::ops::RangeInclusive;
 

@@ -29,7 +29,10 @@ impl Patch {
         self.felt = measured.sample.total.map(felt);
         let time = self.intake.newest().unwrap_or_default();
         let mut tare = self.zero.view();
-        tare.wear = self.wear.on_sample(time, tare.epoch, measured.sample.detection_floor);
+        // What a module that jumps may hide is no wear of the zero.
+        let jumps = scan.jumps.iter().any(|jump| *jump > 0.0);
+        let floor = measured.sample.detection_floor.filter(|_| !jumps);
+        tare.wear = self.wear.on_sample(time, tare.epoch, floor);
         if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured) {
             effects.intents.push(Intent::Load(read));
         }

@@ -42,8 +42,8 @@ pub struct Stage {
     epoch: Option<u64>,
     /// What lay on the skin all the while its zero was taken and since, N.
     in_zero_n: f64,
-    /// By how much a greater load changed while the zero was watched; infinite where no greater one lay there throughout.
-    changed_n: f64,
+    /// By how little a greater load changed while the zero was watched, N; `None` where it changed by much, or none lay there.
+    changed_n: Option<f64>,
     active: Option<String>,
     /// What went on while the last session gathered.
     session: Kinds,
@@ -66,7 +66,7 @@ impl Stage {
             told: Vec::new(),
             epoch: None,
             in_zero_n: 0.0,
-            changed_n: f64::INFINITY,
+            changed_n: None,
             active: Some(house.set.id.clone()),
             session: Kinds::default(),
         }
@@ -81,9 +81,9 @@ impl Stage {
         self.in_zero_n
     }
 
-    /// Whether what lay on the skin throughout the watch of the zero makes it wrong, too: by more than what changed meanwhile.
-    pub fn is_by_more_than_changed(&self, excess_n: f64) -> bool {
-        excess_n > self.changed_n
+    /// Whether a lie is by more than the little that changed while the zero was watched: what rested there makes it one.
+    pub fn is_of_what_rested(&self, excess_n: f64) -> bool {
+        self.changed_n.is_some_and(|changed_n| excess_n > changed_n)
     }
 
     /// Seconds since the story began.
@@ -241,7 +241,7 @@ impl Stage {
         self.suspects.zero_taken(now, under);
         self.in_zero_n = if under.is_some() { least } else { 0.0 };
         // A zero over a great change is to blame on that, whatever rested there.
-        self.changed_n = if changed < least.min(1.2 * unseen) { changed } else { f64::INFINITY };
+        self.changed_n = (changed < least.min(1.2 * unseen)).then_some(changed);
         self.tell(format!("zero {} under {least:.3} to {greatest:.3} N: {}", tare.epoch, tare.reason));
     }
 }

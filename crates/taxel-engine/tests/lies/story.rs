@@ -189,7 +189,7 @@ impl Story {
         self.spell = spell.or(self.spell);
         let without_load_in_zero = (stated.0, stated.1 + stage.in_zero_n());
         let by_zero = stage.in_zero_n() > 0.0 && judge(without_load_in_zero, truth).is_none();
-        let rested = by_zero && lie.is_some_and(|lie| stage.is_by_more_than_changed(lie.excess_n));
+        let rested = by_zero && lie.is_some_and(|lie| stage.is_of_what_rested(lie.excess_n));
         let wrong = |spell: Spell| Wrong {
             time: snapshot.time,
             too_little: spell.too_little,

@@ -51,7 +51,7 @@ pub struct Wrong {
     pub of_zero: bool,
     /// It would not, had the zero not taken in what lay there.
     pub by_zero: bool,
-    /// It would be told if the load had rested while the zero was watched: what lay there throughout is to blame.
+    /// It is by more than what came while the zero was watched, and that was little: what rested there is to blame.
     pub rested: bool,
     /// Since when it has been told, by as much at some moment as it is now.
     pub since: Time,
@@ -219,10 +219,8 @@ impl Suspects {
         // A board's own zero leaves residues on its taxels, either way.
         let own = || RETARES.into_iter().find(|kind| self.since_zero.has(*kind) && !self.cleared.has(*kind));
         let adding = || (!too_little).then(|| lasting().or_else(own)).flatten();
-        let root = || ROOTS.into_iter().find(|kind| kinds.has(*kind));
-        let root = || {
-            root().map(|kind| if wrong.rested && kind == Kind::ZeroWhileChanging { Kind::ZeroUnderLoad } else { kind })
-        };
+        let rests = |kind| if wrong.rested && kind == Kind::ZeroWhileChanging { Kind::ZeroUnderLoad } else { kind };
+        let root = || ROOTS.into_iter().find(|kind| kinds.has(*kind)).map(rests);
         let begun =
             faults().filter(|kind| adds(kind) && !is_harmless(*kind)).filter_map(|kind| Some((began(&kind)?, kind)));
         let begun = begun.max().map(|(_, kind)| kind).filter(|_| !of_zero);

@@ -1,7 +1,5 @@
 //! What the taxels of a total bring to its uncertainty.
 
-use std::ops::Range;
-
 use super::ForceModel;
 use crate::counts::Counts;
 use crate::force::evaluator::Evaluator;
@@ -68,27 +66,45 @@ impl ForceModel {
         (active, filled): (&[(usize, f64)], &[Filled]),
         jumps: &[f32],
     ) -> f64 {
-        let tables = evaluator.tables();
-        let of_module = |(range, jump): (&Range<usize>, &f32)| {
-            let touched = active.iter().filter(|(taxel, _)| range.contains(taxel));
-            let shares = touched.filter_map(|&(taxel, _)| tables.share(taxel, counts.raw(taxel)?));
-            let touched_n = shares.map(|share| f64::from(share.per_count_n)).sum::<f64>();
-            let beside = filled.iter().map(|filled| filled.taxel).filter(|taxel| range.contains(taxel));
-            let beside_n =
-                beside.map(|taxel| self.newton_per_kpa(taxel) * self.common_beside(evaluator, counts, taxel)[0]);
-            (0.5 * f64::from(*jump) * (touched_n + beside_n.sum::<f64>())).powi(2)
+        if jumps.iter().all(|jump| *jump <= 0.0) {
+            return 0.0; // nearly always
+        }
+        let mut by_module = vec![0.0; self.modules.len()];
+        let mut add = |taxel: usize, newton: f64| {
+            let module = self.modules.partition_point(|range| range.end <= taxel);
+            if let (Some(jump), Some(sum)) = (jumps.get(module), by_module.get_mut(module)) {
+                *sum += 0.5 * f64::from(*jump) * newton;
+            }
         };
-        self.modules.iter().zip(jumps).filter(|(_, jump)| **jump > 0.0).map(of_module).sum()
+        let per_count_n = |taxel: usize| {
+            counts.raw(taxel).and_then(|count| evaluator.tables().share(taxel, count)).map(|share| share.per_count_n)
+        };
+        for &(taxel, _) in active {
+            add(taxel, per_count_n(taxel).map_or(0.0, f64::from));
+        }
+        for filled in filled {
+            // As the mean of those that it is filled from, of whatever module they are.
+            let beside: Vec<(usize, f64)> =
+                self.beside(evaluator, filled.taxel).filter_map(|t| Some((t, f64::from(per_count_n(t)?)))).collect();
+            let newton_per_kpa = self.newton_per_kpa(filled.taxel);
+            let known = beside.len() as f64;
+            beside.iter().for_each(|&(t, newton)| add(t, newton_per_kpa * newton / self.newton_per_kpa(t) / known));
+        }
+        by_module.iter().map(|newton| newton * newton).sum()
+    }
+
+    /// The taxels that one without a pressure is filled from.
+    fn beside(&self, evaluator: &Evaluator, taxel: usize) -> impl Iterator<Item = usize> {
+        let selected = evaluator.selection();
+        self.neighbours.iter().flat_map(move |all| all.of(taxel)).filter(move |&other| selected[other])
     }
 
     /// What a filled taxel takes over from those it is filled from, in the mean: kPa per count, and hysteresis and unknown
     /// history in kPa. A zero or a hysteresis that is wrong for all of them is wrong for it, too.
     fn common_beside(&self, evaluator: &Evaluator, counts: Counts<'_>, taxel: usize) -> [f64; 3] {
-        let (tables, selected) = (evaluator.tables(), evaluator.selection());
-        let (mut sums, mut known) = ([0.0; 3], 0.0);
+        let (tables, mut sums, mut known) = (evaluator.tables(), [0.0; 3], 0.0);
         let histories = unknown_histories(evaluator);
-        for other in self.neighbours.iter().flat_map(|neighbours| neighbours.of(taxel)).filter(|&other| selected[other])
-        {
+        for other in self.beside(evaluator, taxel) {
             let Some(share) = counts.raw(other).and_then(|count| tables.share(other, count)) else { continue };
             let newton_per_kpa = self.newton_per_kpa(other);
             sums[0] += f64::from(share.per_count_n) / newton_per_kpa;
