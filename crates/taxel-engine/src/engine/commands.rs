@@ -1,6 +1,7 @@
 //! What each command does, and why it is refused where it is.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use crate::boundary::command::{Command, Done, Reply};
 use crate::boundary::output::Output;
@@ -18,6 +19,9 @@ use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::patch::owner::Patch;
 use crate::request::{ErrorReason, Rejection, RequestId};
+
+/// Looks that began together end within this, where they take as long: a scan of the slowest boards.
+const LOOKS_TOGETHER: Duration = Duration::from_millis(150);
 
 impl Engine {
     pub(super) fn on_command(&mut self, now: Now, request: RequestId, command: Command, out: &mut Vec<Output>) {
@@ -97,14 +101,21 @@ impl Engine {
         Ok(Answer::Later)
     }
 
-    /// Nothing presses on the boards of a patch: they are configured once that holds of all that share one of them.
+    /// Nothing presses on the boards of a patch: they are configured once that holds of all that share one of them, by looks
+    /// that ended together. A load may have come since an earlier one.
     pub(super) fn on_boards_ready(&mut self, now: Now, index: usize) {
         let group = self.shared.group(index).to_vec();
         if !group.iter().all(|&member| self.patches[member].is_ready_for_bring_up()) {
             return;
         }
+        let looked: Vec<_> = group.iter().filter_map(|&member| self.patches[member].looked()).collect();
+        let oldest = looked.iter().map(|(ended, _)| *ended).min();
+        let (longest, shortest) = (looked.iter().map(|look| look.1).max(), looked.iter().map(|look| look.1).min());
+        let apart = longest.zip(shortest).map_or(Duration::ZERO, |(longest, shortest)| longest - shortest);
+        let are_old = oldest.is_some_and(|ended| now.time.since(ended) > LOOKS_TOGETHER + apart);
         for member in group {
-            self.patches[member].configure_boards(now.time);
+            let patch = &mut self.patches[member];
+            if are_old { patch.look_again() } else { patch.configure_boards(now.time) }
         }
     }
 

@@ -1,5 +1,7 @@
 //! Boards that serve several patches: what one of these learns of such a board, the others must know.
 
+use std::sync::Arc;
+
 use taxel_wire::array::FrameSpec;
 use taxel_wire::bits::{FrameMatch, Selector};
 
@@ -34,6 +36,23 @@ impl SharedBoards {
     #[must_use]
     pub fn of_patch(&self, patch: usize) -> Vec<bool> {
         self.others.get(patch).map_or_else(Vec::new, |boards| boards.iter().map(|others| !others.is_empty()).collect())
+    }
+
+    /// The plan in which every patch of a described device knows how the device tells that it is well, if one of them does:
+    /// while it is not, its counts are nobody's force.
+    #[must_use]
+    pub fn with_status_of_all(&self, plan: &Arc<Plan>) -> Arc<Plan> {
+        let mut told = Arc::clone(plan);
+        for (patch, own) in plan.patches.iter().enumerate() {
+            for (board, _) in own.devices.iter().enumerate().filter(|(_, device)| device.status.is_none()) {
+                let mut others = self.others(patch, board).iter();
+                let status = others.find_map(|&(other, there)| plan.patches[other].devices.get(there)?.status.clone());
+                if status.is_some() {
+                    Arc::make_mut(&mut told).patches[patch].devices[board].status = status;
+                }
+            }
+        }
+        told
     }
 
     /// A patch and those that share a board with it, directly or through others: their boards are configured together,
@@ -102,7 +121,7 @@ mod tests {
     use taxel_wire::CanId;
     use taxel_wire::bits::{BitField, ByteOrder};
 
-    use crate::intake::cells::{DevicePlan, ScanBegin};
+    use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin};
 
     use super::*;
 
@@ -135,9 +154,15 @@ mod tests {
         };
         let patches =
             vec![with("palm", &[10, 11]), with("finger", &[12, 110]), with("half", &[11]), patch("arm", &[(0, 1)])];
-        let shared = SharedBoards::new(&Plan { buses: 1, patches });
+        let mut plan = Plan { buses: 1, patches };
+        let shared = SharedBoards::new(&plan);
         let others = (0..4).map(|patch| shared.others(patch, 0).to_vec());
         assert!(others.eq([vec![(2, 0)], Vec::new(), vec![(0, 0)], Vec::new()]));
+        let field = BitField::new(0, 8, ByteOrder::Little, false).unwrap();
+        plan.patches[2].devices[0].status = Some((DeviceSignal { frames: of(90, Vec::new()), field }, 0));
+        let told = shared.with_status_of_all(&Arc::new(plan));
+        let knows = told.patches.iter().map(|patch| patch.devices.first().is_some_and(|d| d.status.is_some()));
+        assert!(knows.eq([true, false, true, false]), "the palm is of the same device as the half");
     }
 
     #[test]

@@ -66,6 +66,7 @@ impl Engine {
         };
         let doubt_of = |name: &str| restored.doubts.iter().find(|(patch, _)| patch == name).map(|(_, why)| why.clone());
         let shared = SharedBoards::new(&plan);
+        let plan = shared.with_status_of_all(&plan);
         let patch = |(i, p): (usize, &crate::plan::PatchPlan)| {
             let name = p.patch.name();
             Patch::new(i, p.clone(), of_patch(name), doubt_of(name), shared.of_patch(i))

@@ -84,7 +84,8 @@ impl Patch {
     /// # Errors
     /// [`Rejection::FailedPrecondition`] with what they wait for.
     pub fn check_looked_at(&self) -> Result<(), Rejection> {
-        if !self.bring_up_waits {
+        // Without models they wait for no look, unless another patch has them, too.
+        if !self.bring_up_waits || (self.without_look && self.ready.is_none()) {
             return Ok(());
         }
         let why = format!("the boards are not configured yet: {}", self.zero.reason());

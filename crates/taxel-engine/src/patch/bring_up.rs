@@ -8,11 +8,15 @@ use crate::boundary::output::Output;
 use crate::boundary::record::Record;
 use crate::force::reason::ReasonCode;
 use crate::now::Now;
-use crate::patch::owner::{BEING_CONFIGURED, Effects, Intent, Patch, Ready};
+use crate::patch::owner::{BEING_CONFIGURED, Effects, Intent, Patch, Ready, VOUCH_LASTS};
 use crate::zero::watch::Purpose;
 
 /// Boards that were not heard for so long after the start do not stream: three of the longest periods.
 const SILENT_BOARDS_AFTER: Duration = Duration::from_millis(300);
+
+/// What is held against the zeros of boards that were configured while nothing could show what lay on them.
+const CONFIGURED_UNSEEN: &str =
+    "the boards were configured while no model set was active: what lay on them then reads as nothing";
 
 impl Patch {
     /// Starts the boards and waits for rest.
@@ -20,8 +24,9 @@ impl Patch {
         let mut events = Vec::new();
         self.zero.lose(ReasonCode::ZeroNotTaken, "no zero has been taken since start", &mut events);
         self.on_zero_events(now, events, effects);
-        // Boards that stream already show whether something lies on them.
-        self.bring_up_waits = self.plan.configures() && self.force.models().is_some();
+        // Boards that stream already show whether something lies on them, if there are models.
+        self.bring_up_waits = self.plan.configures();
+        self.without_look = self.force.models().is_none();
         if self.bring_up_waits {
             self.silent_until = now.time + SILENT_BOARDS_AFTER;
         } else {
@@ -32,12 +37,31 @@ impl Patch {
     /// Boards that do not stream are configured at once; the others are looked at first, and for as long as those of other
     /// patches are not ready: a load may come meanwhile.
     pub(super) fn begin_bring_up(&mut self, now: Now, effects: &mut Effects<'_>) {
-        if !self.bring_up_waits || self.zero.watching().is_some() {
+        if !self.bring_up_waits {
             return;
+        }
+        if self.without_look {
+            return self.configure_unseen(now, effects); // whoever watches for a zero waits until that is done
+        }
+        if self.zero.watching().is_some() {
+            return;
+        }
+        match self.ready {
+            Some((Ready::Vouched, said)) if now.time < said + VOUCH_LASTS => return,
+            Some((Ready::Vouched, _)) => self.ready = None,
+            _ => {}
         }
         if self.shows_loads() || (self.ready.is_none() && self.intake.newest().is_some()) {
             self.look_before_bring_up(now, effects);
         } else if self.ready.is_none() && now.time >= self.silent_until {
+            self.on_boards_ready(now.time, Ready::Unseen, effects);
+        }
+    }
+
+    /// Without models there is nothing to be seen but whether they stream.
+    fn configure_unseen(&mut self, now: Now, effects: &mut Effects<'_>) {
+        let heard = self.intake.newest().is_some() || now.time >= self.silent_until;
+        if self.ready.is_none() && heard {
             self.on_boards_ready(now.time, Ready::Unseen, effects);
         }
     }
@@ -49,9 +73,9 @@ impl Patch {
 
     /// The boards may be configured: now, or once that holds of all patches that share one of them.
     pub(super) fn on_boards_ready(&mut self, now: Time, ready: Ready, effects: &mut Effects<'_>) {
+        self.ready = Some((ready, now));
         if self.shares_boards && self.plan.configures() {
             self.bring_up_waits = true;
-            self.ready = Some(ready);
             effects.intents.push(Intent::BoardsReady);
         } else {
             self.configure_boards(now);
@@ -62,11 +86,28 @@ impl Patch {
     #[must_use]
     pub fn is_ready_for_bring_up(&self) -> bool {
         let ready = match self.ready {
-            Some(Ready::Seen) => true,
-            Some(Ready::Unseen) => !self.shows_loads(), // where they have begun to send it is looked first
+            Some((Ready::Seen | Ready::Vouched, _)) => true,
+            Some((Ready::Unseen, _)) => !self.shows_loads(), // where they have begun to send it is looked first
             None => false,
         };
         !self.plan.configures() || ready
+    }
+
+    /// When the look ended that found nothing on the boards, if one did, and how long a look takes.
+    #[must_use]
+    pub fn looked(&self) -> Option<(Time, Duration)> {
+        let tare = &self.plan.tare;
+        let scans = u32::try_from(tare.rest.scans_min).unwrap_or(u32::MAX);
+        let lasts = tare.duration.max(self.plan.period.saturating_mul(scans));
+        self.ready.filter(|(ready, _)| *ready == Ready::Seen && self.plan.configures()).map(|(_, ended)| (ended, lasts))
+    }
+
+    /// What a look found is too old: it is looked again, with the patches that share a board.
+    pub fn look_again(&mut self) {
+        self.ready.take_if(|(ready, _)| *ready == Ready::Seen);
+        if self.ready.is_none() && matches!(self.zero.watching(), Some(Purpose::BeforeBringUp)) {
+            self.zero.stop_watching();
+        }
     }
 
     /// Whether its boards may be configured is asked once more.
@@ -74,16 +115,20 @@ impl Patch {
         self.ready = None;
     }
 
-    /// Configures the boards; nothing presses on them.
+    /// Configures the boards; nothing presses on them, or nothing can show it. Boards that stream may have borne a load then,
+    /// as those of a robot do that is in use.
     pub fn configure_boards(&mut self, now: Time) {
         self.bring_up_waits = false;
+        let without_look = std::mem::take(&mut self.without_look) || self.force.models().is_none();
+        let unseen = without_look && matches!(self.ready.take(), None | Some((Ready::Unseen, _)));
         self.ready = None;
         if matches!(self.zero.watching(), Some(Purpose::BeforeBringUp)) {
             self.zero.stop_watching(); // the look that went on while others were not ready
         }
         if self.plan.configures() {
             let models = self.force.models().map(|set| set.baseline.as_slice());
-            self.zero.on_bring_up(models);
+            let held = (unseen && self.intake.newest().is_some()).then_some(CONFIGURED_UNSEEN);
+            self.zero.on_bring_up(models, held);
         }
         self.intake.start_bring_up(now);
     }
@@ -94,7 +139,8 @@ impl Patch {
     pub fn bring_up_again(&mut self, now: Now, asked: Option<bool>, effects: &mut Effects<'_>) {
         let confirmed = asked == Some(true);
         let feels = self.zero.holds() && self.felt.is_some();
-        self.bring_up_waits = !confirmed && !feels && self.shows_loads();
+        let may_show = self.shows_loads() || now.time < self.silent_until; // just after the start it is still listened
+        self.bring_up_waits = !confirmed && !feels && may_show;
         if feels && !confirmed {
             self.zero.look_by_zero();
         }
@@ -103,9 +149,14 @@ impl Patch {
             self.zero.on_bring_up_asked();
         }
         if self.bring_up_waits {
-            self.look_before_bring_up(now, effects);
+            self.begin_bring_up(now, effects);
         } else {
-            self.on_boards_ready(now.time, Ready::Seen, effects);
+            let ready = match (confirmed, feels) {
+                (true, _) => Ready::Vouched,
+                (false, true) => Ready::Seen,
+                (false, false) => Ready::Unseen,
+            };
+            self.on_boards_ready(now.time, ready, effects);
         }
     }
 

@@ -122,10 +122,11 @@ fn silent_boards_are_configured_again_at_once() {
 }
 
 #[test]
-fn boards_whose_load_no_model_would_show_are_configured_at_once_and_those_of_a_listener_never() {
+fn boards_whose_load_no_model_would_show_are_configured_without_a_look_and_those_of_a_listener_never() {
     let mut scene = Scene::new(configuring(), false, false);
     scene.act(|patch, effects| patch.start(now(1_000), effects));
-    assert!(scene.patch.check_looked_at().is_ok() && scene.sends(1_000));
+    assert!(!scene.sends(1_299) && scene.sends(1_300), "whether they stream is heard first");
+    assert!(scene.patch.check_looked_at().is_ok());
     let mut scene = Scene::new(listening(), true, false);
     scene.act(|patch, effects| patch.start(now(1_000), effects));
     assert!(scene.patch.check_looked_at().is_ok() && scene.patch.check_set_up().is_ok());
@@ -137,6 +138,7 @@ fn a_board_that_is_shared_waits_for_the_others_and_is_looked_at_meanwhile() {
     let mut scene = Scene::new(configuring(), false, true);
     assert!(!scene.patch.is_ready_for_bring_up());
     scene.act(|patch, effects| patch.start(now(1_000), effects));
+    assert!(!scene.sends(1_300));
     assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);
     assert!(scene.patch.is_ready_for_bring_up() && !scene.sends(1_500));
     assert_eq!(scene.patch.deadline(), None, "nothing of its own is to be done");

@@ -35,6 +35,10 @@ use crate::zero::watch::Purpose;
 /// Why a patch has no zero while its boards are configured.
 pub(super) const BEING_CONFIGURED: &str = "the boards are being configured, which takes their zero anew";
 
+/// So long after somebody has said that nothing touches the skin the boards are configured without a look, where they wait for
+/// another patch's.
+pub(super) const VOUCH_LASTS: Duration = Duration::from_secs(10);
+
 /// What a patch cannot do alone: what must be on disk before it takes effect, and what concerns a board that other patches
 /// have, too.
 #[derive(Clone, Debug)]
@@ -64,8 +68,10 @@ pub enum Intent {
 pub enum Ready {
     /// Nothing shows what presses on them: they are silent, or there are no models.
     Unseen,
-    /// Nothing presses on them, as was seen, or somebody said so.
+    /// Nothing presses on them, as was seen.
     Seen,
+    /// Somebody said that nothing does.
+    Vouched,
 }
 
 /// What a patch puts out in a step.
@@ -95,8 +101,10 @@ pub struct Patch {
     /// The boards are to be configured once it is known that nothing presses on them, or that they are silent.
     pub(super) bring_up_waits: bool,
     pub(super) silent_until: Time,
-    /// They may be configured, as far as this patch knows, and wait for patches that share one of them.
-    pub(super) ready: Option<Ready>,
+    /// There were no models at the start: nothing shows what presses on the boards until they are configured.
+    pub(super) without_look: bool,
+    /// They may be configured, as far as this patch knows and since when, and wait for patches that share one of them.
+    pub(super) ready: Option<(Ready, Time)>,
     pub(super) shares_boards: bool,
     /// The force that was published last, and from how many taxels; none of them if it is below what can be told from
     /// nothing.
@@ -127,6 +135,7 @@ impl Patch {
             dirty: true,
             bring_up_waits: false,
             silent_until: Time::default(),
+            without_look: false,
             ready: None,
             shares_boards,
             felt: None,
@@ -419,6 +428,7 @@ impl Patch {
         let waits = self.bring_up_waits && self.zero.watching().is_none();
         let bring_up = match self.ready {
             None => waits.then_some(self.silent_until),
+            Some((Ready::Vouched, said)) => waits.then_some(said + VOUCH_LASTS),
             Some(_) => (waits && self.shows_loads()).then_some(now),
         };
         let organs = [self.intake.deadline(), self.zero.deadline(), self.loads.deadline(), self.calibration.deadline()];

@@ -28,9 +28,12 @@ impl Zero {
 
     /// The boards are being configured, and take zeros of their own on a skin that was looked at, or that somebody vouches
     /// for. What was let pass when they were configured before still lies there as far as this look knows: the boards' zeros
-    /// hide it from the look. `models` is the zero of the models in use.
-    pub fn on_bring_up(&mut self, models: Option<&[TaxelBaseline]>) {
+    /// hide it from the look. `models` is the zero of the models in use, `unseen` why nobody knows what lay on the skin, if
+    /// that is so: it is held against the zeros of the boards until there is another.
+    pub fn on_bring_up(&mut self, models: Option<&[TaxelBaseline]>, unseen: Option<&'static str>) {
         self.configuring = true;
+        self.unseen = unseen;
+        self.hold_unseen();
         let earlier = self.configured_at.take();
         self.configured_at = self.looked.take().map(|mut looked| {
             if let (Some(earlier), Some(models)) = (earlier, models) {
@@ -41,6 +44,10 @@ impl Zero {
             }
             looked
         });
+    }
+
+    pub(super) fn hold_unseen(&mut self) {
+        self.unseen.iter().for_each(|why| self.continuity.distrust((*why).to_owned()));
     }
 
     /// What the boards sent before they were configured and took zeros of their own, one per taxel, if that was looked at.

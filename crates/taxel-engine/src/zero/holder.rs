@@ -53,6 +53,8 @@ pub struct Zero {
     /// What was seen when the boards were last found ready to be configured, and what they were configured at.
     pub(super) looked: Option<Vec<TaxelBaseline>>,
     pub(super) configured_at: Option<Vec<TaxelBaseline>>,
+    /// Why nobody knows what lay on the skin then.
+    pub(super) unseen: Option<&'static str>,
     /// The last zero with its drift, or that of the models.
     pub(super) ground: Ground,
     /// What the skin remembers of earlier loads.
@@ -77,6 +79,7 @@ impl Zero {
             configuring: false,
             looked: None,
             configured_at: None,
+            unseen: None,
             ground: Ground::new(&regions, plan.activation),
             memory: Memory::default(),
             plan,
@@ -199,6 +202,7 @@ impl Zero {
             self.spoil_proven();
             if std::mem::replace(&mut self.configuring, around.configuring) {
                 self.continuity.begin(true); // boards that were configured have taken zeros of their own
+                self.hold_unseen();
             }
             return;
         }
@@ -368,6 +372,7 @@ impl Zero {
             self.view.drift = *drift.view();
         }
         self.baseline = Some(baseline);
+        self.unseen = None;
         self.continuity.begin(self.view.at_rest);
         self.continuity.compare_with(&self.ground);
         self.doubted = false;

@@ -33,17 +33,17 @@ fn what_lay_there_at_one_configuration_still_counts_at_the_next() {
     let models = at(240.0);
     // One and a half counts of load were let pass; the boards hide them from the next look, which sees half a count more.
     zero.looked = Some(at(238.5));
-    zero.on_bring_up(Some(&models));
+    zero.on_bring_up(Some(&models), None);
     assert_eq!(before(&zero), Some(238.5));
     zero.looked = Some(at(239.5));
-    zero.on_bring_up(Some(&models));
+    zero.on_bring_up(Some(&models), None);
     assert_eq!(before(&zero), Some(238.0));
     // The load has gone: the boards read as much less.
     zero.looked = Some(at(242.0));
-    zero.on_bring_up(Some(&models));
+    zero.on_bring_up(Some(&models), None);
     assert_eq!(before(&zero), Some(240.0));
     // Somebody vouches that nothing touches the skin.
-    zero.on_bring_up(Some(&models));
+    zero.on_bring_up(Some(&models), None);
     assert_eq!(before(&zero), None);
 }
 

@@ -60,13 +60,14 @@ impl Zero {
             return;
         }
         // In its first session a skin has nothing to be compared with: its zero is what the models refer to, and the
-        // gauge shows that the bag does not press.
+        // gauge shows that the bag does not press. Whatever is held against the boards, the models are of them as they are.
         let first = matches!((&verdict, &purpose), (RestVerdict::Unproven { .. }, Purpose::Session { .. }));
         let rest = first || matches!(verdict, RestVerdict::Rest { .. });
         // Nobody can vouch for a skin that moved while it was watched: a mean over that is no zero.
         let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
-        if vouched.is_none() && (!rest || self.continuity.unproven().is_some()) {
-            let (reason, why) = match self.continuity.unproven() {
+        let held = self.continuity.unproven().filter(|_| !first);
+        if vouched.is_none() && (!rest || held.is_some()) {
+            let (reason, why) = match held {
                 Some(why) => (ErrorReason::TareUnproven, why.to_owned()),
                 None => (verdict.refusal(), told()),
             };

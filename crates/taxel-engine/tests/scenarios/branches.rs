@@ -185,8 +185,9 @@ fn the_operator_ends_first_the_rise_and_then_the_fall() {
 }
 
 #[test]
-fn a_fall_that_never_comes_leaves_the_rise_to_be_fitted_and_says_so() {
+fn a_fall_that_comes_to_a_stand_leaves_the_rise_to_be_fitted_and_says_so() {
     let (mut bench, _) = risen_with(STRONG, |plan| plan.session.patience = Duration::from_secs(3));
+    bench.ramp(60.2, 4.0);
     bench.until_state(10.0, SessionState::Review);
     let view = bench.host.session();
     let why = "the falling branch ended early: the pressure did not fall for 3 s: it is 6";

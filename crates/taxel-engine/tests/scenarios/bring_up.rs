@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::rc::Rc;
+use std::sync::Arc;
 
 use taxel_engine::command::{Command, Done, Rejection};
 use taxel_engine::snapshot::ForceState;
@@ -9,7 +10,7 @@ use taxel_engine::{BusNotice, ErrorReason, Restored, plan::PatchPlan};
 use taxel_sim::Fault;
 use taxel_wire::{CanId, Frame, icub};
 
-use crate::bench::Bench;
+use crate::bench::{Bench, Disk};
 use crate::rig::{board, module, patch_plan, plan, small_world};
 use crate::shared::small;
 
@@ -176,4 +177,47 @@ fn boards_that_fall_silent_while_they_are_looked_at_are_configured() {
     assert_eq!(bench.host.sent.len(), sent, "they are looked at");
     bench.passes = Box::new(|_| false);
     bench.until(5.0, "what configures them", |host| host.sent.len() > sent);
+}
+
+/// Without a model set nothing shows what lies on boards that stream, and what lies on them when they are configured reads as
+/// nothing to the set that is activated later.
+#[test]
+fn a_set_that_comes_after_the_boards_were_configured_unseen_takes_no_zero_unless_somebody_vouches_for_the_skin() {
+    let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    earlier.brought_up();
+    earlier.lay(0.5, 33);
+    let Bench { world, .. } = earlier; // its boards stream
+    let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
+    bench.brought_up();
+    let mark = bench.mark();
+    bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
+    bench.activate(&small().set.id).unwrap();
+    bench.seconds(5.0);
+    bench.is_truthful_since(mark, "a load that was configured into the zero of the boards");
+    assert_eq!(bench.host.state(), ForceState::TareInvalid);
+    let refused = bench.tare(None);
+    let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
+    assert!(why.contains("configured while no model set was active") && why.contains("confirmed_by"), "{why}");
+    let restored = Restored { doubts: Disk::after_a_crash(&bench.host).restored.doubts, ..small().restored() };
+    let mut bench = Bench::new(bench.world, plan(patch_plan(&small().skin)), restored);
+    bench.seconds(5.0);
+    assert_ne!(bench.host.state(), ForceState::Ok, "a restart knows it, too");
+    bench.world.clear();
+    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) }).unwrap();
+    bench.brought_up();
+    bench.tare(None).unwrap();
+    bench.until_force(1.0, ForceState::Ok);
+}
+
+/// A skin has nothing to be compared with before its first calibration, which rests on the gauge.
+#[test]
+fn a_first_session_needs_nobody_to_vouch_for_boards_that_were_configured_unseen() {
+    let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    earlier.brought_up();
+    let Bench { world, .. } = earlier;
+    let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
+    bench.brought_up();
+    bench.start_session(Some(20.0));
+    bench.ramp(25.0, 4.0);
+    bench.until(10.0, "a model set", |host| host.session().model_set.is_some());
 }

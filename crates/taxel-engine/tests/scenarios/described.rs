@@ -279,6 +279,30 @@ fn a_described_device_that_was_not_well_by_its_own_status_may_have_taken_a_new_z
     assert!(scene.host.snapshot().force.total.is_some_and(|total| total.0 > 5.0), "{}", scene.host.reasons());
 }
 
+/// Of modules of three taxels two speak for each.
+#[test]
+fn a_load_on_one_of_many_small_modules_is_no_rest() {
+    let small = || {
+        let mut plan = plan();
+        let modules = (0..16).map(|module| (Module::from_nibble(module), ModuleKind::Cells(3))).collect();
+        let board = Board { bus: BUS, address: BoardAddress::new(1).unwrap(), modules };
+        let patch = Patch::new("array", vec![board]).unwrap().with_counts(CountRange::to(u16::MAX).unwrap());
+        plan.patches[0].patch = patch;
+        plan
+    };
+    let before = Scene::new(small(), Restored::default()).calibrated();
+    let set = before.newest_set();
+    let active = vec![("array".to_owned(), set.id.clone())];
+    let mut scene = Scene::new(small(), Restored { model_sets: vec![set.into()], active, ..Restored::default() });
+    scene.load = (3, 10.0);
+    scene.seconds(4.0);
+    assert_eq!(scene.host.state(), ForceState::TareInvalid, "0.5 N lie there");
+    assert!(scene.host.reasons().contains("module"), "{}", scene.host.reasons());
+    scene.load = (0, 0.0);
+    scene.seconds(4.0);
+    assert_eq!(scene.host.state(), ForceState::Ok, "{}", scene.host.reasons());
+}
+
 #[test]
 fn a_described_array_is_calibrated_by_the_same_session_and_weighs() {
     let mut scene = Scene::in_use();

@@ -86,7 +86,7 @@ fn a_warm_up_moves_the_force_unless_it_is_followed() {
 #[test]
 fn a_zero_under_which_the_skin_drifted_is_worn_until_the_next() {
     let wear = |bench: &Bench| bench.host.snapshot().tare.as_ref().unwrap().wear.unwrap();
-    let mut bench = warming(5.0, false);
+    let mut bench = warming(3.0, false);
     minutes(&mut bench, 0.2);
     let fresh = wear(&bench);
     assert!(!fresh.is_worn(), "{fresh:?}");

@@ -97,11 +97,16 @@ fn a_shared_board_is_configured_once_nothing_presses_on_either_patch() {
 
 /// Both halves are calibrated, and the daemon starts once more.
 fn restarted_with_both_in_use() -> Bench {
+    restarted_with_doubts(Vec::new())
+}
+
+/// With what was held against the zeros of each patch's boards.
+fn restarted_with_doubts(doubts: Vec<(String, String)>) -> Bench {
     let mut before = lower_in_use();
     calibrate(&mut before, "upper");
     let model_sets = before.host.catalogue.model_sets.clone();
     let active = before.host.catalogue.active.iter().filter_map(|(patch, set)| Some((patch.clone(), set.clone()?)));
-    let restored = Restored { active: active.collect(), model_sets, next_session: 3, ..Restored::default() };
+    let restored = Restored { active: active.collect(), model_sets, next_session: 3, doubts, ..Restored::default() };
     assert_eq!(restored.active.len(), 2);
     Bench::new(before.world, Arc::new(plan_of(halves().into())), restored)
 }
@@ -120,6 +125,25 @@ fn a_load_that_comes_while_the_boards_wait_for_another_patch_keeps_them_waiting(
     bench.world.clear();
     bench.brought_up();
     bench.until_force(5.0, ForceState::Ok);
+}
+
+/// The one that waits is looked at again and again, and what came within the look that still runs is in none that has ended.
+#[test]
+fn a_load_that_comes_just_before_the_boards_of_both_are_ready_keeps_them_waiting() {
+    for tenths in 8..24 {
+        let mut bench = restarted_with_both_in_use();
+        bench.lay(0.5, 14); // on the upper half
+        bench.seconds(4.3);
+        bench.world.clear();
+        bench.seconds(0.1 * f64::from(tenths));
+        let sent = bench.host.sent.len();
+        bench.lay(0.5, 45); // on the lower half, which was at rest until now
+        bench.seconds(4.0);
+        assert!(
+            sent > 0 || bench.host.sent.is_empty(),
+            "configured under a load that came {tenths} tenths after the other"
+        );
+    }
 }
 
 /// As the refusal of the loaded one says. The other, which was ready and waited, must not be left behind.
@@ -158,6 +182,17 @@ fn who_vouches_for_one_patch_vouches_for_no_other_that_feels_a_force() {
     bench.seconds(1.0);
     assert_eq!(bench.host.sent.len(), sent, "nothing is sent to boards that bear a load");
     bench.ask(vouched("lower")).unwrap();
+}
+
+#[test]
+fn who_vouches_for_one_patch_takes_nothing_back_that_is_held_against_another() {
+    let vouched = |name: &str| Command::BringUp { patch: name.to_owned(), confirmed_by: Some("Ada".to_owned()) };
+    let mut bench = restarted_with_doubts(vec![("lower".to_owned(), "its load vanished".to_owned())]);
+    bench.ask(vouched("upper")).unwrap();
+    bench.seconds(4.0);
+    assert_eq!(bench.host.sent, [], "what lies on the lower half is not known");
+    bench.ask(vouched("lower")).unwrap();
+    bench.brought_up();
 }
 
 #[test]

@@ -6,7 +6,8 @@ use super::statistics::RestStatistics;
 use crate::baseline::TaxelBaseline;
 use crate::statistics::median;
 
-/// Fewest taxels of a module that may speak for it.
+/// Fewest taxels of a module that may speak for it; of one that has fewer in all, half of them. A module of one taxel has
+/// nobody else to speak for it.
 const MODULE_TAXELS_MIN: usize = 5;
 
 /// A taxel with so much noise at rest, in counts, that reads one value for the whole window is broken, not at rest.
@@ -84,7 +85,8 @@ impl Moves {
     /// Whether enough taxels of a module take part to speak for it.
     pub(super) fn are_enough_of(&self, module: &Range<usize>) -> bool {
         let taxels = self.moved.get(module.clone()).unwrap_or_default();
-        taxels.iter().filter(|m| m.is_finite()).count() >= MODULE_TAXELS_MIN
+        let least = if taxels.len() < MODULE_TAXELS_MIN { taxels.len().div_ceil(2) } else { MODULE_TAXELS_MIN };
+        taxels.iter().filter(|m| m.is_finite()).count() >= least.max(1)
     }
 
     /// Whether a taxel takes part.

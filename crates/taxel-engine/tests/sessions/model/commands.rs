@@ -67,7 +67,7 @@ impl Model {
                     return Answer::Refused;
                 }
                 self.lose_zero();
-                (self.boards_ready, self.boards_wait) = (false, false);
+                (self.boards_ready, self.boards_wait, self.unseen) = (false, false, false);
                 Answer::Done
             }
         }

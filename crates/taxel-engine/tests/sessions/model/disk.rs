@@ -32,7 +32,10 @@ impl Model {
                     self.settle(request, true);
                     self.live.known.insert(set);
                 }
-                Pending::Zero { request, good } => self.settle(request, good),
+                Pending::Zero { request, good } => {
+                    self.unseen &= !good;
+                    self.settle(request, good);
+                }
                 Pending::End { request, number, state } => {
                     self.settle(request, true);
                     self.enter(number, state);
@@ -105,5 +108,6 @@ impl Model {
         self.settled.clear();
         // Without models nobody can tell what a load would look like.
         (self.gauge_fresh, self.boards_ready, self.boards_wait) = (false, false, self.live.active.is_some());
+        self.unseen = !self.boards_wait; // the store of these tests keeps no doubts
     }
 }

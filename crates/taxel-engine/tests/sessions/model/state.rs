@@ -49,6 +49,8 @@ pub struct Model {
     pub(super) boards_ready: bool,
     /// The boards wait to be configured until it is known that nothing presses on them.
     pub(super) boards_wait: bool,
+    /// They were configured while no set was active that would have shown a load, and no zero has been taken since.
+    pub(super) unseen: bool,
     /// A zero that an operator waits for: request, and whether it was vouched for.
     pub(super) tare: Option<(u64, bool)>,
     /// How long the open session has come no further, at least and at most.
@@ -82,6 +84,7 @@ impl Model {
             gauge_fresh: false,
             boards_ready: false,
             boards_wait: false,
+            unseen: true,
             tare: None,
             idle_s: (0.0, 0.0),
             reached_kpa: 0,

@@ -84,7 +84,7 @@ impl Model {
         self.boards_ready = !self.boards_wait;
         let still = before == self.kpa;
         if let Some((request, confirmed)) = self.tare.take() {
-            let proven = self.live.active.is_some() && self.kpa == 0;
+            let proven = self.live.active.is_some() && self.kpa == 0 && !self.unseen;
             if still && (confirmed || proven) && self.disk != Disk::Failed {
                 self.void_zeros();
                 self.pending.push(Pending::Zero { request, good: true });
@@ -100,9 +100,12 @@ impl Model {
     }
 
     fn pass_taring(&mut self, number: u64, how: Passing) {
-        // A ramp begins at the zero of skin and gauge.
-        if self.kpa == 0 && !matches!(how, Passing::ModuleSilent | Passing::GaugeSilent) {
+        // A ramp begins at the zero of skin and gauge, which nobody can prove for boards that were configured unseen. But
+        // the first session of a skin need not.
+        let provable = !self.unseen || self.live.active.is_none();
+        if provable && self.kpa == 0 && !matches!(how, Passing::ModuleSilent | Passing::GaugeSilent) {
             self.void_zeros();
+            self.unseen = false;
             self.enter(number, S::Ramping);
             (self.idle_s, self.reached_kpa) = ((0.6, 3.0), 0);
             return;
