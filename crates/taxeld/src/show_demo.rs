@@ -229,10 +229,13 @@ async fn serve_live(
     // Whoever plays with a simulated skin may do everything with it.
     scene.doors = Doors { doors: vec![Door::Tcp(listen)], rules: Rules::open(), tokens: None, ruled: false };
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, RunClock::Live).await?;
-    daemon.add_sim_bus(BusIndex(0), args.seed)?;
     let calibrated = models.is_some();
     if let Some(models) = models {
-        daemon.use_models(Arc::new(models)).await?;
+        daemon.use_models(Arc::new(models)).await?; // in time for the look at the boards, which stream
+    }
+    daemon.add_sim_bus(BusIndex(0), args.seed)?;
+    if calibrated {
+        daemon.vouch_for_boards("taxeld demo").await?; // its mass is not there yet
     }
     say!();
     if listen.port() != usual.port() && args.listen.is_none() {

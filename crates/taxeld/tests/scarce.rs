@@ -169,9 +169,11 @@ async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
             }
         }
     };
-    // It is taken, or its time is over, which is an answer, too: nobody waits for the disk for ever.
+    // It is taken, or its time is over, or the mass left the skin meanwhile. These are answers, too: nobody waits for the disk
+    // for ever.
     let code = answer.as_ref().map_or_else(Status::code, |()| Code::Ok);
-    assert!(matches!(code, Code::Ok | Code::DeadlineExceeded), "{answer:?}");
+    let lost = answer.as_ref().is_err_and(|status| status.message().contains("the zero was lost while it was written"));
+    assert!(matches!(code, Code::Ok | Code::DeadlineExceeded) || lost, "{answer:?}");
     println!("{samples} samples until the answer {answer:?}, {stale} of them stale");
     assert!(samples >= 10, "only {samples} samples came while the disk was slow");
     assert_eq!(stale, 0);

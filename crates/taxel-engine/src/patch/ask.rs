@@ -245,6 +245,8 @@ impl Patch {
     pub fn set_models(&mut self, set: Arc<ModelSet>) {
         self.intake.expect_noise(&set.baseline);
         self.zero.on_models(Some(&set));
+        // In time for a look at the boards, unless a session watches them already.
+        self.without_look &= self.intake.newest().is_some() || self.zero.watching().is_some();
         self.force.set_models(set, self.zero.residue_counts());
         self.zero.weigh(|| self.force.newton_per_count());
         self.dirty = true;

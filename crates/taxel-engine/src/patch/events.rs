@@ -44,7 +44,11 @@ impl Patch {
                     }
                 }
                 ZeroEvent::Refused(Purpose::AtStart, _, why) => {
-                    self.zero.explain(ReasonCode::RestNotProven, format!("rest is not proven: {why}"));
+                    // What is held against the boards does not pass by itself.
+                    let lasts = self.zero.distrusted().is_some();
+                    let hint =
+                        if lasts { "; tare, and if nothing touches the skin, say so with confirmed_by" } else { "" };
+                    self.zero.explain(ReasonCode::RestNotProven, format!("rest is not proven: {why}{hint}"));
                 }
                 ZeroEvent::Refused(Purpose::Operator { request, .. }, reason, why) => {
                     let hint = "if nothing touches the skin, say so with confirmed_by";

@@ -74,5 +74,7 @@ fn a_module_that_flickers_by_a_little_makes_the_force_on_it_uncertain() {
         bench.is_truthful_since(mark, &format!("{probability} {depth_counts}"));
         let wear = bench.host.snapshots.last().unwrap().tare.as_ref().unwrap().wear;
         assert!(wear.is_none_or(|wear| !wear.is_worn()), "what a module hides is no wear of the zero: {wear:?}");
+        let told = bench.host.health().boards[0].warnings.join("; ");
+        assert!(told.contains("module 1 jumps by"), "{told}");
     }
 }

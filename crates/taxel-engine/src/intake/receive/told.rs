@@ -40,7 +40,8 @@ impl Intake {
         let modules = &self.assembler.modules()[range.clone()];
         let names = range.clone().map(|m| (m, self.plan.patch.modules()[m].module.to_string()));
         let mut warnings = state.warnings();
-        warnings.extend(self.pace_warnings(range));
+        warnings.extend(self.pace_warnings(range.clone()));
+        warnings.extend(self.jump_warnings(range));
         BoardHealth {
             patch: self.plan.patch.name().to_owned(),
             bus: board.bus.0,
@@ -55,6 +56,18 @@ impl Intake {
             firmware: state.firmware(),
             warnings,
         }
+    }
+
+    /// Which modules jump.
+    fn jump_warnings(&self, modules: Range<usize>) -> impl Iterator<Item = String> {
+        let jumping = modules.map(|module| (module, self.jumps[module])).filter(|(_, counts)| *counts > 0.0);
+        jumping.map(|(module, counts)| {
+            format!(
+                "module {} jumps by {counts:.1} counts there and back, all its taxels at once, which is in the uncertainty: \
+                 look at its plug and its supply",
+                self.plan.patch.modules()[module].module
+            )
+        })
     }
 
     /// What is strange about how often the modules of a board send.

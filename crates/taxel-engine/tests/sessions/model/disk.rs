@@ -54,6 +54,10 @@ impl Model {
 
     fn put_to_use(&mut self, set: Set) {
         let before = self.live.active.replace(set);
+        let taring = matches!(self.open(), Some((_, S::Taring)));
+        if before.is_none() && self.unseen && !self.heard && !taring {
+            (self.boards_wait, self.unseen) = (true, false); // in time for a look at the boards
+        }
         let (old, new) = (before.and_then(|old| self.owner(old)), self.owner(set));
         if let Some(old) = old.filter(|old| Some(*old) != new && self.state(*old) == Some(S::Active)) {
             self.enter(old, S::Review);
@@ -108,6 +112,6 @@ impl Model {
         self.settled.clear();
         // Without models nobody can tell what a load would look like.
         (self.gauge_fresh, self.boards_ready, self.boards_wait) = (false, false, self.live.active.is_some());
-        self.unseen = !self.boards_wait; // the store of these tests keeps no doubts
+        (self.heard, self.unseen) = (false, !self.boards_wait); // the store of these tests keeps no doubts
     }
 }

@@ -49,6 +49,8 @@ pub struct Model {
     pub(super) boards_ready: bool,
     /// The boards wait to be configured until it is known that nothing presses on them.
     pub(super) boards_wait: bool,
+    /// Whether a frame has come since the start.
+    pub(super) heard: bool,
     /// They were configured while no set was active that would have shown a load, and no zero has been taken since.
     pub(super) unseen: bool,
     /// A zero that an operator waits for: request, and whether it was vouched for.
@@ -84,6 +86,7 @@ impl Model {
             gauge_fresh: false,
             boards_ready: false,
             boards_wait: false,
+            heard: false,
             unseen: true,
             tare: None,
             idle_s: (0.0, 0.0),

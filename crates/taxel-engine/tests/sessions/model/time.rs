@@ -79,6 +79,7 @@ impl Model {
             Passing::Vent => self.kpa = 0,
             _ => {}
         }
+        self.heard = true;
         self.gauge_fresh = how != Passing::GaugeSilent;
         self.boards_wait &= before > 0;
         self.boards_ready = !self.boards_wait;
