@@ -6,6 +6,7 @@
 //! tell is not known, and nothing follows from it.
 
 mod modules;
+mod signals;
 
 use std::fmt;
 
@@ -13,6 +14,7 @@ use taxel_skin::{Board, CountRange, Module};
 use taxel_wire::icub::{BoardConfig, TriangleConfig};
 
 use self::modules::Modules;
+use self::signals::Signals;
 use crate::intake::bring_up::BoardSetup;
 use crate::intake::cells::DevicePlan;
 
@@ -47,6 +49,8 @@ pub enum BoardSettings {
         range: Range,
         /// How they are made of the numbers in its frames; `None` where that is not known, or there are no frames.
         numbers: Option<Numbers>,
+        /// Which of these is which taxel; `None` where an earlier version did not tell, or there are no frames.
+        signals: Option<Signals>,
     },
 }
 
@@ -79,7 +83,7 @@ impl BoardSettings {
         let numbers = fields().next().map(|field| Numbers { low: field.low, shift: field.shift });
         // One line tells of all its taxels.
         let numbers = numbers.filter(|all| fields().all(|field| (field.low, field.shift) == (all.low, all.shift)));
-        Self::Device { range: counts.into(), numbers }
+        Self::Device { range: counts.into(), numbers, signals: Signals::of(&device.frames) }
     }
 
     /// A skin board sends bytes, however it is set.
@@ -99,6 +103,9 @@ impl BoardSettings {
             (Self::Configured(then), Self::Configured(now)) => of_setups(then, now, address),
             (Self::Device { numbers: Some(then), .. }, Self::Device { numbers: Some(now), .. }) if then != now => {
                 changed(then, now)
+            }
+            (Self::Device { signals: Some(then), .. }, Self::Device { signals: Some(now), .. }) if then != now => {
+                changed(&format!("{then} as its taxels"), now)
             }
             _ => Vec::new(),
         }
@@ -132,8 +139,11 @@ impl KnownBoard {
                 format!("type {kind} period {period_ms} ms no_load {no_load}; {triangles}")
             }
             BoardSettings::Listened => UNKNOWN.to_owned(),
-            BoardSettings::Device { range, numbers: None } => range.to_string(),
-            BoardSettings::Device { range, numbers: Some(numbers) } => format!("{range}; {numbers}"),
+            BoardSettings::Device { range, numbers, signals } => {
+                let numbers = numbers.map(|numbers| format!("; {numbers}")).unwrap_or_default();
+                let signals = signals.map(|signals| format!("; {signals}")).unwrap_or_default();
+                format!("{range}{numbers}{signals}")
+            }
         };
         let modules = self.modules.as_ref().map_or_else(String::new, |modules| format!("{MODULES_OF}{modules}"));
         format!("{}: {settings}{modules}", self.settings.named(self.address))
@@ -149,9 +159,15 @@ impl KnownBoard {
             "board" if told == UNKNOWN => BoardSettings::Listened,
             "board" => BoardSettings::Configured(read_setup(told)?),
             "device" => {
-                let (range, numbers) = told.split_once("; ").map_or((told, None), |(r, n)| (r, Some(n)));
-                let numbers = numbers.map(|text| read_numbers(text).ok_or(())).transpose().ok()?;
-                BoardSettings::Device { range: read_range(range)?, numbers }
+                let mut parts = told.split("; ").peekable();
+                let range = read_range(parts.next()?)?;
+                let numbers = parts.peek().and_then(|text| read_numbers(text));
+                let signals = parts.nth(usize::from(numbers.is_some()));
+                let signals = signals.map(|text| Signals::read(text).ok_or(())).transpose().ok()?;
+                if parts.next().is_some() {
+                    return None;
+                }
+                BoardSettings::Device { range, numbers, signals }
             }
             _ => return None,
         };
@@ -227,12 +243,18 @@ fn mean_the_same(a: &str, b: &str) -> bool {
     let (Some(one), Some(other)) = (KnownBoard::read(a), KnownBoard::read(b)) else { return a == b };
     let same_modules = one.modules.is_none() || other.modules.is_none() || one.modules == other.modules;
     let same_settings = match (&one.settings, &other.settings) {
-        (Device { range, numbers }, Device { range: other, numbers: others }) => {
-            range == other && (numbers == others || numbers.is_none() || others.is_none())
-        }
+        (
+            Device { range, numbers, signals },
+            Device { range: other_range, numbers: other_numbers, signals: other_signals },
+        ) => range == other_range && are_one(*numbers, *other_numbers) && are_one(*signals, *other_signals),
         (one, other) => one == other,
     };
     one.address == other.address && same_modules && same_settings
+}
+
+/// As far as both are known.
+fn are_one<T: PartialEq>(one: Option<T>, other: Option<T>) -> bool {
+    one.zip(other).is_none_or(|(one, other)| one == other)
 }
 
 /// The period is left out: no count depends on it. A no-load value alone moves all counts by as much, and a force is made of

@@ -17,7 +17,10 @@ fn says(then: &str, now: &str) -> Option<String> {
 
 #[test]
 fn every_line_that_is_written_is_read_as_what_it_was_written_of() {
-    let device = |numbers| BoardSettings::Device { range: CountRange::to(4095).unwrap().into(), numbers };
+    let range = || CountRange::to(4095).unwrap().into();
+    let device = |numbers, signals| BoardSettings::Device { range: range(), numbers, signals };
+    let signals = Signals::read("signals 5f3a9c12");
+    assert!(signals.is_some());
     let numbers = Numbers { low: -8_388_608, shift: 8 };
     let BoardSettings::Configured(setup) = known(LINE).settings else { panic!("{LINE}") };
     let all: Vec<_> = (0..MODULES).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
@@ -27,8 +30,10 @@ fn every_line_that_is_written_is_read_as_what_it_was_written_of() {
         BoardSettings::Configured(setup),
         BoardSettings::Configured(without_modules),
         BoardSettings::Listened,
-        device(None),
-        device(Some(numbers)),
+        device(None, None),
+        device(Some(numbers), None),
+        device(None, signals),
+        device(Some(numbers), signals),
     ] {
         for modules in [None, Some(Modules::of(&all[..1])), Some(Modules::of(&all[2..7]))] {
             let board = board(settings.clone(), modules);
@@ -36,8 +41,9 @@ fn every_line_that_is_written_is_read_as_what_it_was_written_of() {
         }
     }
     assert_eq!(known(LINE).line(), LINE);
-    let told = board(device(Some(numbers)), None).line();
-    assert_eq!(told, "device 13: counts from 0 to 4095, 16 to a unit; numbers from -8388608, lowest 8 bits left out");
+    let told = board(device(Some(numbers), signals), None).line();
+    let numbers = "numbers from -8388608, lowest 8 bits left out";
+    assert_eq!(told, format!("device 13: counts from 0 to 4095, 16 to a unit; {numbers}; signals 5f3a9c12"));
     let told = board(BoardSettings::Listened, Some(Modules::of(&all))).line();
     assert_eq!(told, "board 13: settings unknown; modules 0-15");
 }
@@ -51,6 +57,7 @@ fn what_no_version_has_written_is_not_known_and_nothing_follows_from_it() {
     odd.push("device 1: counts from 0 to 4095".to_owned());
     odd.push(format!("{LINE}; modules 3 to 4"));
     odd.push("device 1: counts from 0 to 4095, 16 to a unit; numbers of some kind".to_owned());
+    odd.push("device 1: counts from 0 to 4095, 16 to a unit; signals 5f3a9c12; signals 5f3a9c12".to_owned());
     for line in odd {
         assert_eq!(KnownBoard::read(&line), None, "{line}");
         assert_eq!(difference(&[line], &[known(LINE)]), None);
@@ -108,6 +115,14 @@ fn a_range_is_compared_wherever_it_is_known() {
         "{why}"
     );
     assert!(says(&numbers(0, 4), &numbers(5, 4)).is_some());
+    let signals = |line: &str, which: &str| format!("{line}; signals {which}");
+    let (one, other) = (signals(&numbers(0, 4), "00000001"), signals(&numbers(0, 4), "00000002"));
+    let why = says(&one, &other).unwrap();
+    let then = "signals 00000001 as its taxels on device 13, where the configuration has signals 00000002";
+    assert!(why.contains(then), "{why}");
+    assert_eq!((says(&numbers(0, 4), &one), says(&one, &numbers(0, 4)), says(&one, &one)), (None, None, None));
+    assert!(says(&signals(&wide, "00000001"), &other).is_some(), "whatever is known of the numbers");
+    assert!(differ_in(std::slice::from_ref(&one), &[other]).is_some() && differ_in(&[one], &[numbers(0, 4)]).is_none());
 }
 
 #[test]

@@ -296,6 +296,7 @@ impl Patch {
         let view = self.loads.validation(self.force.models().map(|set| set.id.clone()));
         if let Some((areas, uncertainty)) = self.loads.apply(&view) {
             self.force.set_areas(areas, uncertainty);
+            self.zero.weigh(|| self.force.newton_per_count());
             self.dirty = true;
         }
         view

@@ -422,6 +422,20 @@ fn a_described_device_that_needs_commands_gets_them_after_a_start_with_models_to
     assert_eq!(scene.host.state(), ForceState::Ok, "{}", scene.host.reasons());
 }
 
+/// Each of the two models would be used for the other's taxel, and nothing at rest would tell.
+#[test]
+fn a_set_of_taxels_that_lie_elsewhere_in_the_frames_now_has_no_force() {
+    let set = Scene::in_use().newest_set();
+    let mut plan = plan();
+    let counts = &mut plan.patches[0].devices[0].frames[0].counts;
+    (counts[0].1, counts[1].1) = (counts[1].1, counts[0].1);
+    let active = vec![("array".to_owned(), set.id.clone())];
+    let mut scene = Scene::new(plan, Restored { model_sets: vec![set.into()], active, ..Restored::default() });
+    scene.seconds(4.0);
+    assert_eq!(scene.host.state(), ForceState::Uncalibrated);
+    assert!(scene.host.reasons().contains("as its taxels on device 1"), "{}", scene.host.reasons());
+}
+
 /// Sixteen bits of a number that are left out or not, and where it begins: the range of the counts is the same.
 #[test]
 fn numbers_that_become_counts_in_another_way_than_at_the_calibration_have_no_force() {

@@ -8,6 +8,9 @@ use crate::intake::cells::Device;
 use crate::intake::health::BoardHealth;
 use crate::intake::pace::Pace;
 
+/// Smaller jumps are in the uncertainty, and nothing that anybody could mend: noise makes one now and then.
+const JUMP_TOLD_COUNTS: f32 = 3.0;
+
 impl Intake {
     /// Which modules keep a scan from being whole, in words.
     #[must_use]
@@ -58,9 +61,9 @@ impl Intake {
         }
     }
 
-    /// Which modules jump.
+    /// Which modules jump so far that somebody should look at them.
     fn jump_warnings(&self, modules: Range<usize>) -> impl Iterator<Item = String> {
-        let jumping = modules.map(|module| (module, self.jumps[module])).filter(|(_, counts)| *counts > 0.0);
+        let jumping = modules.map(|module| (module, self.jumps[module])).filter(|(_, counts)| *counts >= JUMP_TOLD_COUNTS);
         jumping.map(|(module, counts)| {
             format!(
                 "module {} jumps by {counts:.1} counts there and back, all its taxels at once, which is in the uncertainty: \
