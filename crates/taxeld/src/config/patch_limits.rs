@@ -10,6 +10,7 @@ use taxel_skin::Kilopascal;
 use super::fault::{Fault, within};
 use super::fit_section::{AutoWord, EstimatorWord, FitSection, OrderWord, PlaysWord};
 use super::parts::{BranchesWord, DriftSection, GaugeSection, LiveSection, SessionSection};
+use super::signal_parts::PushSection;
 
 /// When a taxel counts as touched or stale.
 ///
@@ -113,7 +114,7 @@ pub fn session(section: &SessionSection, plays: PlaysWord) -> Result<SessionLimi
 ///
 /// # Errors
 /// The key, its value and what was expected.
-pub fn fit_options(section: &FitSection, gauge: Option<&GaugeSection>) -> Result<FitOptions, Fault> {
+pub fn fit_options(section: &FitSection, gauge: GaugeUncertainty) -> Result<FitOptions, Fault> {
     let defaults = FitOptions::default();
     if let OrderWord::Fixed(order) = section.order {
         within("fit.order", f64::from(order), 1.0, 10.0)?;
@@ -145,13 +146,35 @@ pub fn fit_options(section: &FitSection, gauge: Option<&GaugeSection>) -> Result
             },
             ..defaults.exclusion
         },
-        gauge: gauge.map_or(Ok::<_, Fault>(defaults.gauge), |g| {
-            Ok(GaugeUncertainty {
-                gain_rel: within("gauge.gain_uncertainty", g.gain_uncertainty, 0.0, 1.0)?,
-                offset_kpa: within("gauge.offset_uncertainty_kpa", g.offset_uncertainty_kpa, 0.0, 100.0)?,
-                noise_kpa: within("gauge.noise_kpa", g.noise_kpa, 0.0, 100.0)?,
-            })
-        })?,
+        gauge,
         ..defaults
     })
+}
+
+/// What is stated of the bag's gauge, or of what measures the pressure that is pushed with the scans.
+///
+/// # Errors
+/// The key that is out of its range, or stated of no pressure.
+pub fn gauge_uncertainty(gauge: Option<&GaugeSection>, push: Option<&PushSection>) -> Result<GaugeUncertainty, Fault> {
+    if let Some(g) = gauge {
+        return Ok(GaugeUncertainty {
+            gain_rel: within("gauge.gain_uncertainty", g.gain_uncertainty, 0.0, 1.0)?,
+            offset_kpa: within("gauge.offset_uncertainty_kpa", g.offset_uncertainty_kpa, 0.0, 100.0)?,
+            noise_kpa: within("gauge.noise_kpa", g.noise_kpa, 0.0, 100.0)?,
+        });
+    }
+    let Some(p) = push else { return Ok(GaugeUncertainty::default()) };
+    let stated = [
+        ("push.pressure_gain_uncertainty", p.pressure_gain_uncertainty, 1.0),
+        ("push.pressure_offset_uncertainty_kpa", p.pressure_offset_uncertainty_kpa, 100.0),
+        ("push.pressure_noise_kpa", p.pressure_noise_kpa, 100.0),
+    ];
+    if let Some((key, ..)) = stated.iter().find(|(_, value, _)| *value != 0.0 && !p.pressure) {
+        return Err(Fault::of(
+            *key,
+            format!("{key} is stated, but push.pressure = false: no pressure comes with the scans"),
+        ));
+    }
+    let [gain_rel, offset_kpa, noise_kpa] = stated.map(|(key, value, most)| within(key, value, 0.0, most));
+    Ok(GaugeUncertainty { gain_rel: gain_rel?, offset_kpa: offset_kpa?, noise_kpa: noise_kpa? })
 }

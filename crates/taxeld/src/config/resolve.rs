@@ -19,7 +19,7 @@ use super::load::ConfigError;
 use super::log_filter::log_filter;
 use super::number_words::{OrderOfBytes, UnitWord};
 use super::parts::{BoardSection, BusSource, GaugeSection, LogSection, OutputWord, PatchSection};
-use super::patch_limits::{drift, fit_options, live, session};
+use super::patch_limits::{drift, fit_options, gauge_uncertainty, live, session};
 use super::signals::{Described, describe, pushed};
 use crate::files::read_any_text;
 
@@ -146,7 +146,7 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
     let period = Duration::from_millis(u64::from(section.period_ms));
     let (drift, live) = (drift(&section.drift)?, live(&section.live, period)?);
     let session = session(&section.session, section.fit.plays)?;
-    let fit = fit_options(&section.fit, section.gauge.as_ref())?;
+    let fit = fit_options(&section.fit, gauge_uncertainty(section.gauge.as_ref(), section.push.as_ref())?)?;
     let gauge = section.gauge.as_ref().map(|g| gauge(config, g, bus)).transpose()?;
     let Skin { patch, devices, geometry, areas } = skin(section, bus, path, scene)?;
     let outputs = outputs(section, geometry.as_ref(), scene);

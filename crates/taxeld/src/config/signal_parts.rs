@@ -128,6 +128,15 @@ pub struct PushSection {
     /// Whether the pressure in the bag comes with the scans.
     #[serde(default)]
     pub pressure: bool,
+    /// Relative standard uncertainty of the gain of what measures it.
+    #[serde(default)]
+    pub pressure_gain_uncertainty: f64,
+    /// Standard uncertainty of its zero in kPa.
+    #[serde(default)]
+    pub pressure_offset_uncertainty_kpa: f64,
+    /// Standard deviation of one reading in kPa.
+    #[serde(default)]
+    pub pressure_noise_kpa: f64,
 }
 
 const fn byte() -> u16 {

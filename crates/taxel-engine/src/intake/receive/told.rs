@@ -63,7 +63,8 @@ impl Intake {
 
     /// Which modules jump so far that somebody should look at them.
     fn jump_warnings(&self, modules: Range<usize>) -> impl Iterator<Item = String> {
-        let jumping = modules.map(|module| (module, self.jumps[module])).filter(|(_, counts)| *counts >= JUMP_TOLD_COUNTS);
+        let jumping =
+            modules.map(|module| (module, self.jumps[module])).filter(|(_, counts)| *counts >= JUMP_TOLD_COUNTS);
         jumping.map(|(module, counts)| {
             format!(
                 "module {} jumps by {counts:.1} counts there and back, all its taxels at once, which is in the uncertainty: \

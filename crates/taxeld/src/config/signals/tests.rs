@@ -178,6 +178,9 @@ fn a_pushed_patch_has_modules_a_grid_and_no_frames() {
     assert!(plan.has_gauge() && plan.gauge.is_none() && !plan.configures() && plan.geometry.is_some());
     let without = pushed_plan(&PUSHED.replace("pressure = true", "")).unwrap();
     assert!(!without.has_gauge());
+    let stated = "pressure = true\npressure_gain_uncertainty = 0.01\npressure_offset_uncertainty_kpa = 0.2\npressure_noise_kpa = 0.03";
+    let stated = pushed_plan(&PUSHED.replace("pressure = true", stated)).unwrap().fit.gauge;
+    assert_eq!([stated.gain_rel, stated.offset_kpa, stated.noise_kpa], [0.01, 0.2, 0.03]);
     let gauge = "[patch.gauge]\nbus = \"c\"\nid = 0x200\nlength_bits = 32\nunit = \"Pa\"\n";
     assert!(pushed_plan(&format!("{}{gauge}", PUSHED.replace("pressure = true", ""))).unwrap().gauge.is_some());
 }
@@ -190,6 +193,14 @@ fn what_cannot_be_pushed_is_refused_with_key_and_value() {
         (PUSHED.replace("taxels = 64", "taxels = 5000"), "push.taxels = 5000: expected 1 to 4080"),
         (PUSHED.replace("taxels = 64", "taxels = 63"), "8 rows of 8 columns for 63 taxels"),
         (PUSHED.replace("4095", "0"), "push.count_max = 0"),
+        (
+            PUSHED.replace("= true", "= true\npressure_noise_kpa = -1"),
+            "push.pressure_noise_kpa = -1: expected 0 to 100",
+        ),
+        (
+            PUSHED.replace("= true", "= false\npressure_noise_kpa = 1"),
+            "pressure_noise_kpa is stated, but push.pressure",
+        ),
         (format!("{PUSHED}scan = \"counter\"\n"), "and no other key"),
         (format!("{PUSHED}[[patch.board]]\naddress = 1\nmodules = \"0\"\n"), "expected it alone"),
         (format!("{PUSHED}{gauge}"), "gauge.bus: a gauge sends over a CAN bus"),
