@@ -20,8 +20,8 @@ use crate::now::Now;
 use crate::patch::owner::Patch;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
-/// Looks that began together end within this, where they take as long: a scan of the slowest boards.
-const LOOKS_TOGETHER: Duration = Duration::from_millis(150);
+/// Looks that began together end within this, beside what one may take longer than another.
+const LOOKS_TOGETHER: Duration = Duration::from_millis(100);
 
 impl Engine {
     pub(super) fn on_command(&mut self, now: Now, request: RequestId, command: Command, out: &mut Vec<Output>) {
@@ -108,11 +108,11 @@ impl Engine {
         if !group.iter().all(|&member| self.patches[member].is_ready_for_bring_up()) {
             return;
         }
-        let looked: Vec<_> = group.iter().filter_map(|&member| self.patches[member].looked()).collect();
-        let oldest = looked.iter().map(|(ended, _)| *ended).min();
-        let (longest, shortest) = (looked.iter().map(|look| look.1).max(), looked.iter().map(|look| look.1).min());
-        let apart = longest.zip(shortest).map_or(Duration::ZERO, |(longest, shortest)| longest - shortest);
-        let are_old = oldest.is_some_and(|ended| now.time.since(ended) > LOOKS_TOGETHER + apart);
+        let looked = || group.iter().map(|&member| &self.patches[member]).filter(|patch| patch.looked().is_some());
+        let shortest = looked().map(|patch| patch.look_lasts()[0]).min().unwrap_or_default();
+        let longest = looked().map(|patch| patch.look_lasts()[1]).max().unwrap_or_default();
+        let apart = longest - shortest;
+        let are_old = looked().filter_map(Patch::looked).any(|ended| now.time.since(ended) > LOOKS_TOGETHER + apart);
         for member in group {
             let patch = &mut self.patches[member];
             if are_old { patch.look_again() } else { patch.configure_boards(now.time) }

@@ -40,10 +40,11 @@ impl Patch {
         if !self.bring_up_waits {
             return;
         }
-        if self.without_look {
+        let watching = self.zero.watching().is_some();
+        if self.without_look && (watching || !self.shows_loads()) {
             return self.configure_unseen(now, effects); // whoever watches for a zero waits until that is done
         }
-        if self.zero.watching().is_some() {
+        if watching {
             return;
         }
         match self.ready {
@@ -93,13 +94,18 @@ impl Patch {
         !self.plan.configures() || ready
     }
 
-    /// When the look ended that found nothing on the boards, if one did, and how long a look takes.
+    /// When the look ended that found nothing on the boards, if one did.
     #[must_use]
-    pub fn looked(&self) -> Option<(Time, Duration)> {
-        let tare = &self.plan.tare;
-        let scans = u32::try_from(tare.rest.scans_min).unwrap_or(u32::MAX);
-        let lasts = tare.duration.max(self.plan.period.saturating_mul(scans));
-        self.ready.filter(|(ready, _)| *ready == Ready::Seen && self.plan.configures()).map(|(_, ended)| (ended, lasts))
+    pub fn looked(&self) -> Option<Time> {
+        self.ready.filter(|(ready, _)| *ready == Ready::Seen && self.plan.configures()).map(|(_, ended)| ended)
+    }
+
+    /// How long a look takes at least and at the most, of boards that send: it ends with a scan.
+    #[must_use]
+    pub fn look_lasts(&self) -> [Duration; 2] {
+        let scans = u32::try_from(self.plan.tare.rest.scans_min).unwrap_or(u32::MAX);
+        let least = self.plan.tare.duration.max(self.plan.period.saturating_mul(scans));
+        [least, least + self.plan.period]
     }
 
     /// What a look found is too old: it is looked again, with the patches that share a board.

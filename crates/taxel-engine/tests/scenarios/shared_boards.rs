@@ -127,6 +127,27 @@ fn a_load_that_comes_while_the_boards_wait_for_another_patch_keeps_them_waiting(
     bench.until_force(5.0, ForceState::Ok);
 }
 
+/// Its models show what lies on it from then on, so that it is looked at like the other.
+#[test]
+fn a_set_that_is_activated_while_its_boards_wait_for_another_patch_keeps_nobody_waiting() {
+    let mut before = lower_in_use();
+    calibrate(&mut before, "upper");
+    let model_sets = before.host.catalogue.model_sets.clone();
+    let upper = model_sets.iter().find(|set| set.patch == "upper").unwrap().id.clone();
+    let lower = model_sets.iter().find(|set| set.patch == "lower").unwrap().id.clone();
+    let active = vec![("lower".to_owned(), lower)];
+    let restored = Restored { model_sets, active, next_session: 3, ..Restored::default() };
+    let mut bench = Bench::new(before.world, Arc::new(plan_of(halves().into())), restored);
+    bench.lay(0.5, 45); // on the lower half
+    bench.seconds(3.0);
+    bench.ask(Command::Activate { patch: "upper".to_owned(), model_set: upper, expected: None }).unwrap();
+    bench.seconds(2.0);
+    assert_eq!(bench.host.sent, [], "nothing is sent to boards that bear a load");
+    bench.world.clear();
+    bench.brought_up();
+    bench.until_force(5.0, ForceState::Ok);
+}
+
 /// The one that waits is looked at again and again, and what came within the look that still runs is in none that has ended.
 #[test]
 fn a_load_that_comes_just_before_the_boards_of_both_are_ready_keeps_them_waiting() {
