@@ -113,7 +113,9 @@ class NewestForce:
 
 def now_s():
     """By a clock that goes on while this machine sleeps: a force from before is old then."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME)
+    if hasattr(time, "CLOCK_BOOTTIME"):
+        return time.clock_gettime(time.CLOCK_BOOTTIME)
+    return time.monotonic()  # a system without that clock
 
 
 def sent_s(sample):

@@ -31,8 +31,13 @@ constexpr double astray_s = 0.05;    // on clocks that run no sample comes so lo
 
 /// By a clock that goes on while this machine sleeps, as that of another machine does: a force from before is old then.
 static double now_s() {
+#ifdef CLOCK_BOOTTIME
+    constexpr clockid_t with_sleep = CLOCK_BOOTTIME;
+#else
+    constexpr clockid_t with_sleep = CLOCK_MONOTONIC;  // of a system without that clock
+#endif
     timespec now{};
-    clock_gettime(CLOCK_BOOTTIME, &now);
+    clock_gettime(with_sleep, &now);
     return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
 }
 
