@@ -10,6 +10,7 @@ use prost::Message;
 use taxel_can::ClockReading;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_proto::v1::{self, ForceSample, ForceState};
 use tonic::Streaming;
 use tonic::transport::{Channel, Endpoint};
@@ -103,7 +104,8 @@ pub async fn connect(daemon: &mut Daemon) -> anyhow::Result<Channel> {
     }
 }
 
-/// Imports and activates a model set of this patch, whose name is empty if there is only one.
+/// Imports and activates a model set of this patch, whose name is empty if there is only one, and vouches for its boards, which
+/// nothing touches: they were configured before there was a set that would show it.
 ///
 /// # Errors
 /// If the daemon refuses.
@@ -111,9 +113,13 @@ pub async fn give_models(channel: &Channel, json: String, patch: &str) -> anyhow
     let mut models = ModelServiceClient::new(channel.clone()).max_decoding_message_size(16 << 20);
     let imported = models.import_model_set(v1::ImportModelSetRequest { json, insist: false }).await?.into_inner();
     let (patch, model_set) = (patch.to_owned(), imported.model_set);
-    let activate = v1::ActivateModelSetRequest { patch, model_set, expected: None };
+    let activate = v1::ActivateModelSetRequest { patch: patch.clone(), model_set, expected: None };
     models.activate_model_set(activate).await?;
-    Ok(())
+    let vouched = v1::BringUpRequest { patch, confirmed_by: "taxel-report".to_owned() };
+    match SkinServiceClient::new(channel.clone()).bring_up(vouched).await {
+        Err(status) if !status.message().contains("listen_only") => Err(status.into()),
+        _ => Ok(()), // a daemon that only listens configures nothing
+    }
 }
 
 /// Starts a daemon and, where there are any, gives it models for its only patch. With how long its first force took.
