@@ -1,7 +1,6 @@
 //! What each command does, and why it is refused where it is.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use crate::boundary::command::{Command, Done, Reply};
 use crate::boundary::output::Output;
@@ -12,6 +11,7 @@ use crate::engine::answer::Answer;
 use crate::engine::pending::Effect;
 use crate::engine::plausible::implausible;
 use crate::engine::sessions::SessionRequest;
+use crate::engine::shared::ended_together;
 use crate::engine::step::Engine;
 use crate::known_set::SetSummary;
 use crate::loads::load::KnownLoad;
@@ -19,9 +19,6 @@ use crate::model_set::ModelSet;
 use crate::now::Now;
 use crate::patch::owner::Patch;
 use crate::request::{ErrorReason, Rejection, RequestId};
-
-/// Looks that began together end within this, beside what one may take longer than another.
-const LOOKS_TOGETHER: Duration = Duration::from_millis(100);
 
 impl Engine {
     pub(super) fn on_command(&mut self, now: Now, request: RequestId, command: Command, out: &mut Vec<Output>) {
@@ -108,14 +105,12 @@ impl Engine {
         if !group.iter().all(|&member| self.patches[member].is_ready_for_bring_up()) {
             return;
         }
-        let looked = || group.iter().map(|&member| &self.patches[member]).filter(|patch| patch.looked().is_some());
-        let shortest = looked().map(|patch| patch.look_lasts()[0]).min().unwrap_or_default();
-        let longest = looked().map(|patch| patch.look_lasts()[1]).max().unwrap_or_default();
-        let apart = longest - shortest;
-        let are_old = looked().filter_map(Patch::looked).any(|ended| now.time.since(ended) > LOOKS_TOGETHER + apart);
+        let looks = group.iter().map(|&member| &self.patches[member]);
+        let looks: Vec<_> = looks.filter_map(|patch| Some((patch.looked()?, patch.look_lasts()))).collect();
+        let together = ended_together(now.time, &looks);
         for member in group {
             let patch = &mut self.patches[member];
-            if are_old { patch.look_again() } else { patch.configure_boards(now.time) }
+            if together { patch.configure_boards(now.time) } else { patch.look_again() }
         }
     }
 
@@ -135,9 +130,9 @@ impl Engine {
                 patch.check_unloaded()?;
             }
         }
-        // Whichever was ready by itself is asked anew, or it would be configured with the first that becomes ready here.
-        group.iter().for_each(|&member| self.patches[member].is_asked_anew());
-        for member in group {
+        // That which it was asked for comes last: with it all may be configured.
+        let others = group.into_iter().filter(|&member| member != index);
+        for member in others.chain([index]).collect::<Vec<_>>() {
             let asked = (member == index).then_some(confirmed);
             self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, asked, effects));
         }

@@ -1,6 +1,8 @@
 //! Boards that serve several patches: what one of these learns of such a board, the others must know.
 
 use std::sync::Arc;
+use std::time::Duration;
+use taxel_skin::Time;
 
 use taxel_wire::array::FrameSpec;
 use taxel_wire::bits::{FrameMatch, Selector};
@@ -61,6 +63,17 @@ impl SharedBoards {
     pub fn group(&self, patch: usize) -> &[usize] {
         self.groups.get(patch).map_or(&[], Vec::as_slice)
     }
+}
+
+/// Looks that began together end within this, beside what one may take longer than another.
+const LOOKS_TOGETHER: Duration = Duration::from_millis(100);
+
+/// Whether looks at the skins of several patches, given by when each ended and how long such a one takes at least and at the
+/// most, may have begun together.
+pub(super) fn ended_together(now: Time, looks: &[(Time, [Duration; 2])]) -> bool {
+    let shortest = looks.iter().map(|(_, [least, _])| *least).min().unwrap_or_default();
+    let longest = looks.iter().map(|(_, [_, most])| *most).max().unwrap_or_default();
+    looks.iter().all(|(ended, _)| now.since(*ended) <= LOOKS_TOGETHER + (longest - shortest))
 }
 
 fn others_of(patches: &[PatchPlan], patch: usize) -> Vec<Vec<(usize, usize)>> {
@@ -133,6 +146,17 @@ mod tests {
             modules: vec![(Module::new(module as u8).unwrap(), ModuleKind::Triangle)],
         };
         PatchPlan::new(Patch::new(name, boards.iter().enumerate().map(board).collect()).unwrap())
+    }
+
+    #[test]
+    fn looks_that_began_together_end_within_a_scan_and_what_one_of_them_takes_longer() {
+        let ms = |ms: u64| Duration::from_millis(ms);
+        let now = Time::default() + ms(60_000);
+        let look = |before: u64, least: u64| (now - ms(before), [ms(least), ms(least + 50)]);
+        assert!(ended_together(now, &[]) && ended_together(now, &[look(0, 1_000), look(150, 1_000)]));
+        assert!(!ended_together(now, &[look(0, 1_000), look(151, 1_000)]));
+        assert!(ended_together(now, &[look(1_150, 1_000), look(0, 2_000)]));
+        assert!(!ended_together(now, &[look(0, 2_000), look(1_151, 1_000)]));
     }
 
     /// Their numbers only divide a patch: each of two arrays on a bus is the first device of its own.

@@ -111,14 +111,9 @@ impl Patch {
     /// What a look found is too old: it is looked again, with the patches that share a board.
     pub fn look_again(&mut self) {
         self.ready.take_if(|(ready, _)| *ready == Ready::Seen);
-        if self.ready.is_none() && matches!(self.zero.watching(), Some(Purpose::BeforeBringUp)) {
+        if matches!(self.zero.watching(), Some(Purpose::BeforeBringUp)) {
             self.zero.stop_watching();
         }
-    }
-
-    /// Whether its boards may be configured is asked once more.
-    pub const fn is_asked_anew(&mut self) {
-        self.ready = None;
     }
 
     /// Configures the boards; nothing presses on them, or nothing can show it. Boards that stream may have borne a load then,

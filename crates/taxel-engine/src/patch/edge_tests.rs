@@ -1,5 +1,7 @@
 //! Where each limit of what is asked of a patch lies, and when its boards are configured.
 
+use std::time::Duration;
+
 use taxel_model::{FitOptions, GaugeUncertainty};
 use taxel_sim::HOST_BOARD_CONFIG;
 use taxel_skin::{Board, BoardAddress, BusIndex, Kilopascal, Module, ModuleKind, Time};
@@ -147,6 +149,32 @@ fn a_board_that_is_shared_waits_for_the_others_and_is_looked_at_meanwhile() {
     scene.act(|patch, effects| patch.on_looked(now(2_500), Ok(Ready::Seen), effects));
     assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);
     assert!(scene.patch.is_ready_for_bring_up());
+    assert_eq!(scene.patch.looked(), Some(now(2_500).time));
+    scene.patch.look_again();
+    assert!(!scene.patch.is_ready_for_bring_up() && scene.patch.looked().is_none(), "what it saw is too old");
     let scene = Scene::new(listening(), false, true);
     assert!(scene.patch.is_ready_for_bring_up(), "a patch that configures nothing keeps nobody waiting");
+}
+
+#[test]
+fn who_vouches_for_a_patch_that_waits_for_another_is_believed_for_ten_seconds() {
+    let mut scene = Scene::new(configuring(), true, true);
+    scene.act(|patch, effects| patch.start(now(1_000), effects));
+    scene.act(|patch, effects| patch.bring_up_again(now(2_000), Some(true), effects));
+    assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);
+    scene.patch.look_again();
+    assert!(scene.patch.is_ready_for_bring_up() && scene.patch.looked().is_none(), "nobody has to look");
+    scene.act(|patch, effects| patch.tick(now(11_999), effects));
+    assert!(scene.intents.is_empty() && scene.patch.deadline() == Some(now(12_000).time), "{:?}", scene.intents);
+    scene.act(|patch, effects| patch.tick(now(12_000), effects));
+    assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "silent boards need no word: {:?}", scene.intents);
+}
+
+#[test]
+fn a_look_takes_the_time_of_a_tare_or_of_ten_scans_and_ends_with_a_scan() {
+    let of = |period: u64| {
+        let plan = PatchPlan { period: Duration::from_millis(period), ..configuring() };
+        Scene::new(plan, true, true).patch.look_lasts().map(|lasts| lasts.as_millis())
+    };
+    assert_eq!((of(50), of(200)), ([1_000, 1_050], [2_000, 2_200]));
 }

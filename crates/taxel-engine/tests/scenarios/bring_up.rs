@@ -189,6 +189,12 @@ fn a_set_that_comes_after_the_boards_were_configured_unseen_takes_no_zero_unless
     let Bench { world, .. } = earlier; // its boards stream
     let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
     bench.brought_up();
+    for confirmed_by in [Some("Ada".to_owned()), None] {
+        // The newest of them counts, for which nobody vouches.
+        bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
+        bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+        bench.brought_up();
+    }
     let mark = bench.mark();
     bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
     bench.activate(&small().set.id).unwrap();
