@@ -121,6 +121,7 @@ mod tests {
         turned.reverse();
         assert_eq!(Signals::of(&turned), Some(known), "in whichever order they are written");
         assert_eq!(Signals::of(&[]), None);
+        assert_eq!(known.to_string(), "signals 8c440209", "sets on disk have it");
         let mut signed = frames([10, 11], [0, 0], 8);
         signed[0].counts[0].1.field = BitField::new(8, 16, ByteOrder::Little, true).unwrap();
         assert_ne!(Signals::of(&signed), Some(known), "a number with a sign is another");

@@ -183,14 +183,20 @@ fn boards_that_fall_silent_while_they_are_looked_at_are_configured() {
 /// nothing to the set that is activated later.
 #[test]
 fn a_set_that_comes_after_the_boards_were_configured_unseen_takes_no_zero_unless_somebody_vouches_for_the_skin() {
+    // At the start, and by whoever vouched once and asked again without a word: the newest counts.
+    configured_unseen(&[]);
+    configured_unseen(&[Some("Ada"), None]);
+}
+
+fn configured_unseen(again: &[Option<&str>]) {
     let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
     earlier.brought_up();
     earlier.lay(0.5, 33);
     let Bench { world, .. } = earlier; // its boards stream
     let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
     bench.brought_up();
-    for confirmed_by in [Some("Ada".to_owned()), None] {
-        // The newest of them counts, for which nobody vouches.
+    for who in again {
+        let confirmed_by = who.map(str::to_owned);
         bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
         bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
         bench.brought_up();
