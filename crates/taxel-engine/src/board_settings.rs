@@ -246,14 +246,14 @@ fn mean_the_same(a: &str, b: &str) -> bool {
         (
             Device { range, numbers, signals },
             Device { range: other_range, numbers: other_numbers, signals: other_signals },
-        ) => range == other_range && are_one(*numbers, *other_numbers) && are_one(*signals, *other_signals),
+        ) => range == other_range && agree(*numbers, *other_numbers) && agree(*signals, *other_signals),
         (one, other) => one == other,
     };
     one.address == other.address && same_modules && same_settings
 }
 
 /// As far as both are known.
-fn are_one<T: PartialEq>(one: Option<T>, other: Option<T>) -> bool {
+fn agree<T: PartialEq>(one: Option<T>, other: Option<T>) -> bool {
     one.zip(other).is_none_or(|(one, other)| one == other)
 }
 

@@ -169,11 +169,8 @@ impl Daemon {
     pub async fn use_models(&self, model_set: Arc<ModelSet>) -> anyhow::Result<()> {
         let (patch, id) = (model_set.patch.clone(), model_set.id.clone());
         let activate = Command::Activate { patch, model_set: id, expected: None };
-        for command in [Command::Import { model_set, insist: false }, activate] {
-            let reply = self.handle.ask(command).await.context("the engine has stopped")?;
-            reply.map_err(|rejection| anyhow::anyhow!("{rejection}"))?;
-        }
-        Ok(())
+        self.ask(Command::Import { model_set, insist: false }).await?;
+        self.ask(activate).await
     }
 
     /// Has the boards configured by the word of `who` that nothing touches the skin.
@@ -182,7 +179,11 @@ impl Daemon {
     /// What the engine has against it.
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
     pub async fn vouch_for_boards(&self, who: &str) -> anyhow::Result<()> {
-        let command = Command::BringUp { patch: String::new(), confirmed_by: Some(who.to_owned()) };
+        self.ask(Command::BringUp { patch: String::new(), confirmed_by: Some(who.to_owned()) }).await
+    }
+
+    #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
+    async fn ask(&self, command: Command) -> anyhow::Result<()> {
         let reply = self.handle.ask(command).await.context("the engine has stopped")?;
         reply.map(drop).map_err(|rejection| anyhow::anyhow!("{rejection}"))
     }

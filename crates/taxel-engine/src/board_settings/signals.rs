@@ -19,6 +19,7 @@ impl Signals {
     pub fn of(frames: &[FrameSpec]) -> Option<Self> {
         let mut order: Vec<Vec<u8>> = frames.iter().map(|spec| key(&spec.frames)).collect();
         order.sort_unstable();
+        order.dedup(); // the counts of one frame may be written in several places
         let place = |spec: &FrameSpec| order.binary_search(&key(&spec.frames)).unwrap_or(usize::MAX);
         let taxels = frames.iter().flat_map(|spec| spec.counts.iter().map(move |(taxel, count)| (*taxel, spec, count)));
         let mut taxels: Vec<_> = taxels.collect();
@@ -120,6 +121,10 @@ mod tests {
         let mut turned = frames([10, 11], [0, 0], 8);
         turned.reverse();
         assert_eq!(Signals::of(&turned), Some(known), "in whichever order they are written");
+        let (mut split, first) = (frames([10, 11], [0, 0], 8), frames([10, 11], [0, 0], 8).remove(0));
+        split[0].counts.truncate(1);
+        split.push(FrameSpec { counts: first.counts[1..].to_vec(), ..first });
+        assert_eq!(Signals::of(&split), Some(known), "one frame, written in two places");
         assert_eq!(Signals::of(&[]), None);
         assert_eq!(known.to_string(), "signals 8c440209", "sets on disk have it");
         let mut signed = frames([10, 11], [0, 0], 8);

@@ -13,6 +13,7 @@ use crate::force;
 use crate::now::Now;
 use crate::plan::{BoardSetup, PatchPlan};
 use crate::request::{ErrorReason, Rejection};
+use crate::zero::watch::Purpose;
 
 /// Ten taxels on one board.
 const TAXELS: usize = 10;
@@ -127,6 +128,10 @@ fn silent_boards_are_configured_again_at_once() {
 fn boards_whose_load_no_model_would_show_are_configured_without_a_look_and_those_of_a_listener_never() {
     let mut scene = Scene::new(configuring(), false, false);
     scene.act(|patch, effects| patch.start(now(1_000), effects));
+    assert!(!scene.sends(1_000));
+    assert_eq!(scene.patch.deadline(), Some(now(1_300).time), "it wants to be woken, whoever watches meanwhile");
+    scene.act(|patch, _| patch.zero.watch(now(1_000).time, Purpose::Session { confirmed_by: None }, &mut Vec::new()));
+    assert_eq!(scene.patch.deadline(), Some(now(1_300).time));
     assert!(!scene.sends(1_299) && scene.sends(1_300), "whether they stream is heard first");
     assert!(scene.patch.check_looked_at().is_ok());
     let mut scene = Scene::new(listening(), true, false);

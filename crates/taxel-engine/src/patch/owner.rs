@@ -425,7 +425,7 @@ impl Patch {
         if self.dirty {
             return Some(now);
         }
-        let waits = self.bring_up_waits && self.zero.watching().is_none();
+        let waits = self.bring_up_waits && (self.without_look || self.zero.watching().is_none());
         let bring_up = match self.ready {
             None => waits.then_some(self.silent_until),
             Some((Ready::Vouched, said)) => waits.then_some(said + VOUCH_LASTS),

@@ -187,7 +187,7 @@ impl Continuity {
         self.unproven.as_deref()
     }
 
-    /// As if that had been found here: it was, before the daemon started.
+    /// As if that had been found here: it was, before the daemon started, or nobody saw what the boards were configured under.
     pub fn distrust(&mut self, why: String) {
         self.unproven = Some(why);
     }
