@@ -9,11 +9,11 @@ use taxel_engine::calibration::SessionView;
 use taxel_engine::known_set::SetSummary;
 use taxel_engine::loads::Load;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::{RampBaseline, Record, Sample};
+use taxel_engine::record::{BoardZeros, RampBaseline, Record, Sample};
 use taxel_engine::snapshot::TareView;
 
 use crate::audit_rows;
-use crate::doubts;
+use crate::board_zeros;
 use crate::error::StoreError;
 use crate::load_row::{load_from_text, load_to_text};
 use crate::models_json;
@@ -79,7 +79,7 @@ impl Appender {
             Record::Load(load) => self.load(transaction, load),
             Record::Asked(asked) => self.asked(transaction, asked),
             Record::Answered(answered) => self.answered(transaction, answered),
-            Record::ZeroDoubt { patch, why, wall_ns } => self.doubt(transaction, patch, why.as_deref(), *wall_ns),
+            Record::BoardZeros { patch, zeros, wall_ns } => self.board_zeros(transaction, patch, zeros, *wall_ns),
             Record::Tared { patch, tare, baseline } => tared(transaction, patch, tare, baseline),
         }
     }
@@ -257,16 +257,16 @@ impl Appender {
         Ok(())
     }
 
-    fn doubt(
+    fn board_zeros(
         &mut self,
         connection: &Connection,
         patch: &str,
-        why: Option<&str>,
+        zeros: &BoardZeros,
         wall_ns: i64,
     ) -> Result<(), StoreError> {
-        let seq = next_seq(connection, self.tally.get(connection, Stream::ZeroDoubts)?, "zero_doubts")?;
-        doubts::insert(connection, seq, patch, why, wall_ns)?;
-        self.tally.set(Stream::ZeroDoubts, seq);
+        let seq = next_seq(connection, self.tally.get(connection, Stream::BoardZeros)?, "zero_doubts")?;
+        board_zeros::insert(connection, seq, patch, zeros, wall_ns)?;
+        self.tally.set(Stream::BoardZeros, seq);
         Ok(())
     }
 

@@ -11,9 +11,9 @@ mod active_file;
 mod append;
 mod audit_rows;
 mod beside;
+mod board_zeros;
 mod db;
 mod deletions;
-mod doubts;
 mod error;
 #[cfg(feature = "fuzzing")]
 #[doc(hidden)]

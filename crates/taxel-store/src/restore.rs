@@ -9,8 +9,8 @@ use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::loads::Load;
 
 use crate::audit_rows;
+use crate::board_zeros;
 use crate::deletions::Deletions;
-use crate::doubts;
 use crate::error::Quarantined;
 use crate::load_row::load_from_text;
 use crate::pass::Unproven;
@@ -57,15 +57,15 @@ pub(crate) fn read(
     }
     let (loads, next_load) = loads(connection, quarantined)?;
     let patches: BTreeSet<&str> = list.sets.iter().map(|set| set.known.patch.as_str()).collect();
-    let doubts = doubts::read(connection, &patches, false, quarantined)?;
-    let doubts = doubts.into_iter().map(|doubt| (doubt.patch, doubt.why)).collect();
+    let known = board_zeros::read(connection, &patches, false, quarantined)?;
+    let board_zeros = known.into_iter().map(|known| (known.patch, known.zeros)).collect();
     audit_rows::count(connection, quarantined)?;
     let texts_read = list.texts_read + active.len();
     let rows_of_sets = list.sets.iter().map(|set| (set.known.id.clone(), set.seq)).collect();
     let model_sets = list.sets.into_iter().map(|set| set.known).collect();
     let sessions = sessions.into_iter().map(Arc::new).collect();
     let problems = Vec::new();
-    let restored = Restored { model_sets, active, sessions, next_session, loads, next_load, doubts, problems };
+    let restored = Restored { model_sets, active, sessions, next_session, loads, next_load, board_zeros, problems };
     Ok(Found { restored, rows_of_sets, unproven, texts_read, to_index: list.to_index })
 }
 

@@ -111,9 +111,30 @@ pub(crate) fn deleted_set_checksum(seq: u64, id: &str, activation: u64, wall_ns:
     checksum(&[b"deleted model set", numbers.as_flattened(), id.as_bytes()])
 }
 
-/// Checksum of a row of what is held against the zeros of a patch's boards.
-pub(crate) fn doubt_checksum(seq: u64, patch: &str, why: &str, wall_ns: i64) -> Vec<u8> {
-    checksum(&[b"zero doubt", &seq.to_le_bytes(), patch.as_bytes(), why.as_bytes(), &wall_ns.to_le_bytes()])
+/// Checksum of a row of what is known of the zeros of a patch's boards, `blobs` being the counts that they hide and those that
+/// the taxels read then.
+pub(crate) fn board_zeros_checksum(
+    seq: u64,
+    patch: &str,
+    why: &str,
+    wall_ns: i64,
+    blobs: Option<&[Vec<u8>; 2]>,
+) -> Vec<u8> {
+    let (seq, wall_ns) = (seq.to_le_bytes(), wall_ns.to_le_bytes());
+    let before_version_8: [&[u8]; 5] = [b"zero doubt", &seq, patch.as_bytes(), why.as_bytes(), &wall_ns];
+    let blobs = blobs.into_iter().flatten().map(Vec::as_slice);
+    checksum(&before_version_8.into_iter().chain(blobs).collect::<Vec<_>>())
+}
+
+/// Little-endian f32, 4 bytes a taxel; NaN is kept.
+pub(crate) fn f32_to_blob(counts: &[f32]) -> Vec<u8> {
+    counts.iter().flat_map(|counts| counts.to_le_bytes()).collect()
+}
+
+/// The inverse of [`f32_to_blob`]; `None` if the length is not a multiple of 4.
+pub(crate) fn f32_from_blob(blob: &[u8]) -> Option<Vec<f32>> {
+    let (counts, odd) = blob.as_chunks::<4>();
+    odd.is_empty().then(|| counts.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect())
 }
 
 /// Checksum of a row of the audit log, `table` being that of requests or that of results.

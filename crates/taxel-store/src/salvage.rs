@@ -12,6 +12,7 @@ use rusqlite::{Connection, ErrorCode, Row, params_from_iter};
 use taxel_engine::record::Sample;
 
 use crate::beside;
+use crate::board_zeros;
 use crate::error::is_of_reading;
 use crate::in_place;
 use crate::prepare::use_log;
@@ -263,9 +264,10 @@ const TABLES: [Table; 13] = [
         let expected = rows::deleted_set_checksum(row.get(0)?, &id, row.get(2)?, row.get(3)?);
         Ok(row.get::<_, Vec<u8>>(4)? == expected)
     }),
-    table("zero_doubts", "seq", "seq, patch, why, wall_ns, checksum", |row| {
+    table("zero_doubts", "seq", "seq, patch, why, wall_ns, checksum, hidden, reads", |row| {
         let (patch, why): (String, String) = (row.get(1)?, row.get(2)?);
-        Ok(row.get::<_, Vec<u8>>(4)? == rows::doubt_checksum(row.get(0)?, &patch, &why, row.get(3)?))
+        let (found, blobs): (Vec<u8>, _) = (row.get(4)?, board_zeros::blobs(row)?);
+        Ok(found == rows::board_zeros_checksum(row.get(0)?, &patch, &why, row.get(3)?, blobs.as_ref()))
     }),
     table("audit", "seq", "seq, entry, checksum", |row| {
         Ok(row.get::<_, Vec<u8>>(2)? == rows::audit_checksum("audit", row.get(0)?, &row.get::<_, String>(1)?))

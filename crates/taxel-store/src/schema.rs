@@ -13,12 +13,19 @@ pub(crate) const VERSION: i64 = STEPS.len() as i64;
 /// `checksum` columns hold the first bytes of a SHA-256 over the row's content: SQLite itself notices a flipped bit
 /// only in its own structure. Numbers that may be NaN are blobs of little-endian f64, because SQLite stores NaN as NULL.
 /// Counts of a sample: see `rows::counts_to_blob`.
-pub(crate) const STEPS: [&str; 7] =
-    [SESSIONS_AND_MODELS, KNOWN_LOADS, DELETIONS, AUDIT, SET_INDEX, ZERO_DOUBTS, GAUGE_ZEROS];
+pub(crate) const STEPS: [&str; 8] =
+    [SESSIONS_AND_MODELS, KNOWN_LOADS, DELETIONS, AUDIT, SET_INDEX, ZERO_DOUBTS, GAUGE_ZEROS, HIDDEN];
 
 /// `ramps.baseline` may have the gauge's zero behind it, see `rows::ramp_to_blob`: an earlier program must not take that for
 /// damage.
 const GAUGE_ZEROS: &str = "";
+
+/// By how many counts each taxel lay from rest when the boards of the patch took their zeros, and what it read then, both as
+/// little-endian f32; NULL if nothing is known.
+const HIDDEN: &str = "
+ALTER TABLE zero_doubts ADD COLUMN hidden BLOB;
+ALTER TABLE zero_doubts ADD COLUMN reads BLOB;
+";
 
 const SESSIONS_AND_MODELS: &str = "
 CREATE TABLE sessions (

@@ -26,8 +26,8 @@ pub(crate) enum Stream {
     Audit,
     /// Their results.
     AuditResults,
-    /// What is held against the zeros of boards.
-    ZeroDoubts,
+    /// What is known of the zeros of boards.
+    BoardZeros,
     /// Rows that stand for deleted sessions.
     DeletedSessions,
     /// Rows that stand for deleted model sets.
@@ -45,7 +45,7 @@ impl fmt::Display for Stream {
             Self::Loads => f.write_str("loads"),
             Self::Audit => f.write_str("audit"),
             Self::AuditResults => f.write_str("audit results"),
-            Self::ZeroDoubts => f.write_str("zero doubts"),
+            Self::BoardZeros => f.write_str("zero doubts"),
             Self::DeletedSessions => f.write_str("deleted sessions"),
             Self::DeletedModelSets => f.write_str("deleted model sets"),
         }

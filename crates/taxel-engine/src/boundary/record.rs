@@ -8,6 +8,7 @@ pub use crate::calibration::samples::{RampBaseline, Sample};
 use crate::calibration::view::SessionView;
 use crate::loads::load::Load;
 use crate::model_set::ModelSet;
+pub use crate::zero::boards::{BoardZeros, HiddenCounts};
 use crate::zero::view::TareView;
 
 /// One durable fact. The store appends them; none is ever changed, and what is deleted leaves a row that says so.
@@ -62,13 +63,12 @@ pub enum Record {
     Asked(Box<Asked>),
     /// What came of it; the engine itself never records this.
     Answered(Box<Answered>),
-    /// Whether the counts of a patch can show that its skin is at rest; the newest of a patch counts.
-    ZeroDoubt {
+    /// What is known of the zeros of a patch's boards; the newest of a patch counts.
+    BoardZeros {
         /// The patch.
         patch: String,
-        /// Why they cannot: a board has taken a zero of its own under a load. `None` once somebody has vouched for another zero,
-        /// or the boards were configured.
-        why: Option<String>,
+        /// What.
+        zeros: BoardZeros,
         /// When, nanoseconds since 1970.
         wall_ns: i64,
     },

@@ -100,7 +100,7 @@ impl Engine {
 
     /// Nothing presses on the boards of a patch: they are configured once that holds of all that share one of them, by looks
     /// that ended together. A load may have come since an earlier one.
-    pub(super) fn on_boards_ready(&mut self, now: Now, index: usize) {
+    pub(super) fn on_boards_ready(&mut self, now: Now, index: usize, out: &mut Vec<Output>) {
         let group = self.shared.group(index).to_vec();
         if !group.iter().all(|&member| self.patches[member].is_ready_for_bring_up()) {
             return;
@@ -109,8 +109,9 @@ impl Engine {
         let looks: Vec<_> = looks.filter_map(|patch| Some((patch.looked()?, patch.look_lasts()))).collect();
         let together = ended_together(now.time, &looks);
         for member in group {
-            let patch = &mut self.patches[member];
-            if together { patch.configure_boards(now.time) } else { patch.look_again() }
+            self.with_patch(now, member, out, |patch, _| {
+                if together { patch.configure_boards(now.time) } else { patch.look_again() }
+            });
         }
     }
 

@@ -57,7 +57,8 @@ impl Engine {
                 out.push(Output::Reply(request, Ok(Done::RefitKept { model_set, known })));
             }
             Effect::Zero { request, patch } => {
-                let reply = self.patches[patch].adopt_zero(now, request).map(Done::Tared);
+                let adopted = self.with_patch(now, patch, out, |patch, _| patch.adopt_zero(now, request));
+                let reply = adopted.map(Done::Tared);
                 out.push(Output::Reply(request, reply));
             }
             Effect::Load { request, patch, load } => {
@@ -112,7 +113,7 @@ impl Engine {
     /// A model set comes into use, and the sessions that the sets came from say so.
     fn put_to_use(&mut self, now: Now, request: RequestId, patch: usize, set: &Arc<ModelSet>, out: &mut Vec<Output>) {
         let before = self.patches[patch].models().cloned();
-        self.patches[patch].set_models(Arc::clone(set));
+        self.with_patch(now, patch, out, |patch, _| patch.set_models(Arc::clone(set)));
         let Self { model_sets, patches, .. } = self;
         for set in [Some(set), before.as_ref()].into_iter().flatten() {
             model_sets.keep_at_hand(set, |id| is_used(patches, id));

@@ -64,12 +64,15 @@ impl Engine {
         let of_patch = |name: &str| -> Vec<Arc<Load>> {
             restored.loads.iter().filter(|load| load.patch == name).cloned().collect()
         };
-        let doubt_of = |name: &str| restored.doubts.iter().find(|(patch, _)| patch == name).map(|(_, why)| why.clone());
+        let zeros_of = |name: &str| {
+            let known = restored.board_zeros.iter().find(|(patch, _)| patch == name);
+            known.map(|(_, zeros)| zeros.clone()).unwrap_or_default()
+        };
         let shared = SharedBoards::new(&plan);
         let plan = shared.with_status_of_all(&plan);
         let patch = |(i, p): (usize, &crate::plan::PatchPlan)| {
             let name = p.patch.name();
-            Patch::new(i, p.clone(), of_patch(name), doubt_of(name), shared.of_patch(i))
+            Patch::new(i, p.clone(), of_patch(name), zeros_of(name), shared.of_patch(i))
         };
         let newest_load = restored.loads.iter().map(|load| load.number).max().unwrap_or(0);
         let mut engine = Self {
@@ -167,7 +170,7 @@ impl Engine {
     ) -> T {
         let mut intents = Vec::new();
         let result = act(&mut self.patches[index], &mut Effects { out, intents: &mut intents });
-        self.patches[index].note_doubt(now, out);
+        self.patches[index].note_board_zeros(now, out);
         for intent in intents {
             self.intend(now, index, intent, out);
         }
@@ -177,7 +180,7 @@ impl Engine {
     /// Has written down what a patch intends, before it takes effect, and tells others what concerns them, too.
     fn intend(&mut self, now: Now, index: usize, intent: Intent, out: &mut Vec<Output>) {
         let (request, planned) = match intent {
-            Intent::BoardsReady => return self.on_boards_ready(now, index),
+            Intent::BoardsReady => return self.on_boards_ready(now, index, out),
             Intent::News { board, news } => {
                 for (other, board) in self.shared.others(index, board).to_vec() {
                     self.with_patch(now, other, out, |patch, effects| patch.on_news(now, board, &news, effects));

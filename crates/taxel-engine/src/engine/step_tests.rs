@@ -293,12 +293,12 @@ fn a_board_is_configured_once_all_its_patches_are_ready() {
     let mut effects = Effects { out: &mut out, intents: &mut Vec::new() };
     engine.patches[0].start(now(1_000), &mut effects);
     engine.patches[0].tick(now(1_300), &mut effects);
-    engine.on_boards_ready(now(1_300), 0);
+    engine.on_boards_ready(now(1_300), 0, &mut out);
     assert_eq!(is_ready(&engine), [true, false], "one waits for the other");
     assert!(engine.patches[0].check_looked_at().is_err(), "it is not configured");
     let mut effects = Effects { out: &mut out, intents: &mut Vec::new() };
     engine.patches[1].start(now(12_000), &mut effects);
     engine.patches[1].tick(now(12_300), &mut effects);
-    engine.on_boards_ready(now(12_300), 1);
+    engine.on_boards_ready(now(12_300), 1, &mut out);
     assert!(engine.patches.iter().all(|patch| patch.check_looked_at().is_ok()), "both are");
 }

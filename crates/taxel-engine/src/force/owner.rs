@@ -20,6 +20,7 @@ use crate::force::sample::{ForceSample, ForceState};
 use crate::force::tables::Tables;
 use crate::model_set::ModelSet;
 use crate::scan::Scan;
+use crate::zero::boards::HiddenCounts;
 
 /// Why there is no force without models.
 const NO_MODELS: &str = "no model set is active";
@@ -92,8 +93,8 @@ pub struct Force {
     zero: Option<Vec<TaxelBaseline>>,
     /// The same without what it has followed of the temperature since it was taken; empty without a zero.
     taken: Vec<TaxelBaseline>,
-    /// What the boards sent before they were configured; empty where nobody looked.
-    before: Vec<TaxelBaseline>,
+    /// What the zeros of the boards hide; `None` where nobody looked.
+    hidden: Option<Arc<HiddenCounts>>,
     /// How far it lies towards load from that of the models, as far as that may be what the skin remembers, counts.
     residue_counts: f64,
     evaluator: Option<Evaluator>,
@@ -136,7 +137,7 @@ impl Force {
             lacks_models: Reason::new(ReasonCode::NoModelSet, NO_MODELS),
             zero: None,
             taken: Vec::new(),
-            before: Vec::new(),
+            hidden: None,
             residue_counts: 0.0,
             evaluator: None,
             hysteresis: None,
@@ -189,10 +190,9 @@ impl Force {
         self.begin(Hysteresis::new);
     }
 
-    /// What the boards sent when they were looked at before they were configured, one per taxel, if anybody looked: the zeros
-    /// that they took then hold whatever that look let pass.
-    pub fn set_before(&mut self, before: Option<&[TaxelBaseline]>) {
-        self.before = before.unwrap_or_default().to_vec();
+    /// What the zeros of the boards hide, if anybody looked before they took them.
+    pub fn set_hidden(&mut self, hidden: Option<&Arc<HiddenCounts>>) {
+        self.hidden = hidden.cloned();
         self.selected_for = None;
     }
 
@@ -286,7 +286,8 @@ impl Force {
             compared.partition(|&(taxel, ..)| scan.sound[usize::from(taxel)]);
         if let Some(zero) = &self.zero {
             let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
-            let zero = Rest { zero, taken: &self.taken, before: &self.before };
+            let zero =
+                Rest { zero, taken: &self.taken, hidden: self.hidden.as_ref().map_or(&[], |hidden| &hidden.counts) };
             let relative_sigma = tables.set().gauge_gain_rel.hypot(self.plan.layout.area_uncertainty);
             let selected = evaluator.selection();
             self.remainder = Remainder::new(tables, zero, activation, selected, modules, relative_sigma);

@@ -185,14 +185,13 @@ impl Patch {
         }
     }
 
-    /// What is held against the zeros of the boards outlives the daemon, as these zeros do.
-    pub fn note_doubt(&mut self, now: Now, out: &mut Vec<Output>) {
-        if self.zero.distrusted() == self.doubt.as_deref() {
-            return;
+    /// What is known of the zeros of the boards outlives the daemon, as these zeros do.
+    pub fn note_board_zeros(&mut self, now: Now, out: &mut Vec<Output>) {
+        if let Some(zeros) = self.zero.news_of_boards(&self.noted) {
+            self.noted = zeros.clone();
+            let patch = self.name().to_owned();
+            out.push(Output::Record(Record::BoardZeros { patch, zeros, wall_ns: now.wall_ns }));
         }
-        self.doubt = self.zero.distrusted().map(str::to_owned);
-        let (patch, why) = (self.name().to_owned(), self.doubt.clone());
-        out.push(Output::Record(Record::ZeroDoubt { patch, why, wall_ns: now.wall_ns }));
     }
 
     /// Watches the skin before its boards are configured.

@@ -13,6 +13,7 @@ use crate::force;
 use crate::now::Now;
 use crate::plan::{BoardSetup, PatchPlan};
 use crate::request::{ErrorReason, Rejection};
+use crate::zero::boards::BoardZeros;
 use crate::zero::watch::Purpose;
 
 /// Ten taxels on one board.
@@ -48,7 +49,7 @@ struct Scene {
 
 impl Scene {
     fn new(plan: PatchPlan, with_models: bool, shares_its_board: bool) -> Self {
-        let mut patch = Patch::new(0, plan, Vec::new(), None, vec![shares_its_board]);
+        let mut patch = Patch::new(0, plan, Vec::new(), BoardZeros::default(), vec![shares_its_board]);
         if with_models {
             patch.set_models(force::tests::set(TAXELS));
         }

@@ -28,6 +28,7 @@ use crate::now::Now;
 use crate::plan::PatchPlan;
 use crate::request::RequestId;
 use crate::zero::bag::Bag;
+use crate::zero::boards::BoardZeros;
 use crate::zero::events::Surroundings;
 use crate::zero::holder::Zero;
 use crate::zero::watch::Purpose;
@@ -109,20 +110,20 @@ pub struct Patch {
     /// The force that was published last, and from how many taxels; none of them if it is below what can be told from
     /// nothing.
     pub(super) felt: Option<(Newton, usize)>,
-    /// Why the counts cannot show whether the skin is at rest, as last written down.
-    pub(super) doubt: Option<String>,
+    /// What is known of the boards' zeros, as last written down.
+    pub(super) noted: BoardZeros,
 }
 
 impl Patch {
-    /// Nothing heard, nothing sent; `loads` are those of earlier runs, `doubt` what was found then and is not settled, `shared`
-    /// says which boards other patches have, too.
+    /// Nothing heard, nothing sent; `loads` are those of earlier runs, `known` what was known then of the boards' zeros,
+    /// `shared` says which boards other patches have, too.
     #[must_use]
-    pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, doubt: Option<String>, shared: Vec<bool>) -> Self {
+    pub fn new(index: usize, plan: PatchPlan, loads: Vec<Arc<Load>>, known: BoardZeros, shared: Vec<bool>) -> Self {
         let shares_boards = shared.contains(&true);
         let intake = Intake::new(IntakePlan { shared, ..plan.intake() });
         let regions = intake.regions().clone();
         let mut zero = Zero::new(plan.zero(), regions.clone());
-        doubt.iter().for_each(|why| zero.distrust(why.clone()));
+        zero.go_on(&known);
         Self {
             index,
             zero,
@@ -139,7 +140,7 @@ impl Patch {
             ready: None,
             shares_boards,
             felt: None,
-            doubt,
+            noted: known,
             intake,
             plan,
         }

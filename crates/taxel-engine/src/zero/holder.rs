@@ -4,6 +4,7 @@
 //! passed, [`Zero::lose`] and [`Zero::doubt`] when something else says that it does not hold. [`Zero::zero`] is `None`
 //! unless it holds.
 
+use std::sync::Arc;
 use std::time::Duration;
 use taxel_skin::Time;
 
@@ -15,9 +16,9 @@ use crate::regions::Regions;
 use crate::request::{ErrorReason, RequestId};
 use crate::scan::Scan;
 use crate::zero::bag::Bag;
+use crate::zero::boards::HiddenCounts;
 use crate::zero::continuity::{Continuity, Finding, UNSEEN_COUNTS};
 use crate::zero::drift::follow::Drift;
-use crate::zero::drift::view::DriftView;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::ground::Ground;
 use crate::zero::lookback::{Lookback, Present};
@@ -36,7 +37,7 @@ const VANISHED: &str =
 #[derive(Debug)]
 pub struct Zero {
     pub(super) plan: ZeroPlan,
-    regions: Regions,
+    pub(super) regions: Regions,
     pub(super) view: TareView,
     pub(super) baseline: Option<Vec<TaxelBaseline>>,
     pub(super) taken: Time,
@@ -50,9 +51,14 @@ pub struct Zero {
     lookback: Lookback,
     /// Whether the boards were being configured when the last scan came, or are since.
     pub(super) configuring: bool,
-    /// What was seen when the boards were last found ready to be configured, and what they were configured at.
+    /// What was seen when the boards were last found ready to be configured.
     pub(super) looked: Option<Vec<TaxelBaseline>>,
-    pub(super) configured_at: Option<Vec<TaxelBaseline>>,
+    /// What the boards' zeros hide as far as it is known now, and as it counts: what came between these and the zero is in
+    /// the zero.
+    pub(super) hidden: Option<Arc<HiddenCounts>>,
+    pub(super) counted: Option<Arc<HiddenCounts>>,
+    /// The session that has taken a zero since then.
+    pub(super) session: Option<u64>,
     /// Why nobody knows what lay on the skin then.
     pub(super) unseen: Option<&'static str>,
     /// The last zero with its drift, or that of the models.
@@ -78,7 +84,9 @@ impl Zero {
             lookback: Lookback::new(regions.taxels(), plan.period, plan.drift.follow),
             configuring: false,
             looked: None,
-            configured_at: None,
+            hidden: None,
+            counted: None,
+            session: None,
             unseen: None,
             ground: Ground::new(&regions, plan.activation),
             memory: Memory::default(),
@@ -183,6 +191,7 @@ impl Zero {
                 self.ground.take(&set.baseline); // without a zero, loads are told from the models'
             }
             self.continuity.compare_with(&self.ground);
+            self.on_models_of(set.session);
         }
         self.lookback.restart();
     }
@@ -234,88 +243,11 @@ impl Zero {
         }
     }
 
-    fn tell_doubt(&mut self, events: &mut Vec<ZeroEvent>) {
+    pub(super) fn tell_doubt(&mut self, events: &mut Vec<ZeroEvent>) {
         let doubted = self.continuity.doubted().is_some();
         if doubted != self.doubted {
             self.doubted = doubted;
             events.push(if doubted { ZeroEvent::Doubted } else { ZeroEvent::Cleared });
-        }
-    }
-
-    /// Something may have moved the zero of a board: the counts have to show that it did not.
-    pub fn doubt(&mut self, board: usize, why: &str, events: &mut Vec<ZeroEvent>) {
-        self.refuse_watch(why, events);
-        self.continuity.doubt(board, why.to_owned());
-        if self.view.valid {
-            self.tell_doubt(events);
-        }
-    }
-
-    /// A board says that it is not well: what it sends says nothing until it is, and what it read before is kept, as of a
-    /// silent one.
-    pub fn on_unwell(&mut self, board: usize) {
-        self.continuity.on_unwell(board);
-    }
-
-    /// It is well again, and may have taken a new zero; `certain`: after so long a time that its zero counts as lost.
-    pub fn on_well(&mut self, board: usize, why: &str, certain: bool, events: &mut Vec<ZeroEvent>) {
-        self.continuity.on_well(board, why.to_owned());
-        if certain {
-            self.lose(ReasonCode::ZeroLost, why, events);
-            return;
-        }
-        self.refuse_watch(why, events);
-        if self.view.valid {
-            self.tell_doubt(events);
-        }
-    }
-
-    /// Something has moved the zero: there is none until rest is proven again.
-    ///
-    /// Whoever watches has seen what was before, so every watch ends, too, and a zero that is being written down.
-    pub fn lose(&mut self, code: ReasonCode, reason: impl Into<String>, events: &mut Vec<ZeroEvent>) {
-        let reason = reason.into();
-        self.refuse_watch(&reason, events);
-        if self.view.valid || self.view.reason.is_empty() {
-            self.view.epoch += 1;
-            self.view.valid = false;
-            self.view.reason.clone_from(&reason);
-            self.view.code = Some(code);
-            self.view.drift = DriftView::default();
-            if let Some(drift) = &mut self.drift {
-                drift.end();
-            }
-            self.doubted = false;
-            events.push(ZeroEvent::Lost(reason));
-        }
-    }
-
-    /// As [`Zero::lose`], by what a board has sent, which takes a new zero now: whatever lies on it reads as nothing then.
-    pub fn lose_by_board(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
-        self.continuity.doubt(board, reason.to_owned());
-        self.lose(ReasonCode::ZeroLost, reason, events);
-    }
-
-    /// As [`Zero::lose_by_board`], by what another patch has seen of the board some scans later: its load has vanished here,
-    /// too, if one lay here.
-    pub fn lose_by_another(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
-        self.continuity.moved(board, reason);
-        self.lose(ReasonCode::ZeroLost, reason, events);
-    }
-
-    /// Ends a watch because of what has happened meanwhile. A zero that is being written down is none any more; who
-    /// asked for it is told when that has ended, by [`Zero::adopt`].
-    fn refuse_watch(&mut self, why: &str, events: &mut Vec<ZeroEvent>) {
-        if let Some(proven) = &mut self.proven {
-            proven.spoil(why);
-        }
-        self.end_watch(ErrorReason::ZeroLost, format!("meanwhile {why}"), events);
-    }
-
-    /// Ends a watch of a skin that cannot be at rest; whoever wanted it is told why.
-    pub fn end_watch(&mut self, reason: ErrorReason, why: String, events: &mut Vec<ZeroEvent>) {
-        if let Some(purpose) = self.stop_watching() {
-            events.push(ZeroEvent::Refused(purpose, reason, why));
         }
     }
 

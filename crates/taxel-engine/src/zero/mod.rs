@@ -1,6 +1,7 @@
 //! What is zero, and does it hold: watched at rest, proven, followed with the temperature, and lost.
 
 pub mod bag;
+pub mod boards;
 mod bring_up;
 pub mod continuity;
 pub mod count_sums;
@@ -12,6 +13,7 @@ pub mod holder;
 pub mod inputs;
 pub mod lanes;
 pub mod lookback;
+mod losing;
 pub mod plan;
 mod proven;
 mod residue;

@@ -1,5 +1,6 @@
 //! The owner of the zero, on a board of eight triangles that are scanned every 50 ms.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_model::{Estimator, FitOptions, Order, Samples, TaxelModel};
@@ -13,6 +14,7 @@ use crate::regions::Regions;
 use crate::request::{ErrorReason, RequestId};
 use crate::scan::Scan;
 use crate::zero::bag::Bag;
+use crate::zero::boards::{BoardZeros, HiddenCounts};
 use crate::zero::drift::plan::DriftPlan;
 use crate::zero::drift::site::drift_sites;
 use crate::zero::drift::view::DriftState;
@@ -29,22 +31,65 @@ const PERIOD_NS: i64 = 50_000_000;
 fn what_lay_there_at_one_configuration_still_counts_at_the_next() {
     let at = |mean: f64| vec![TaxelBaseline { mean, noise: 0.5 }; TAXELS];
     let mut zero = Skin::new().zero;
-    let before = |zero: &Zero| zero.before_bring_up().map(|before| before[0].mean);
+    let hidden = |zero: &Zero| zero.hidden().map(|hidden| hidden.counts[0]);
     let models = at(240.0);
     // One and a half counts of load were let pass; the boards hide them from the next look, which sees half a count more.
     zero.looked = Some(at(238.5));
     zero.on_bring_up(Some(&models), None);
-    assert_eq!(before(&zero), Some(238.5));
+    assert_eq!(hidden(&zero), Some(-1.5));
     zero.looked = Some(at(239.5));
     zero.on_bring_up(Some(&models), None);
-    assert_eq!(before(&zero), Some(238.0));
+    assert_eq!(hidden(&zero), Some(-2.0));
+    // Nor does a restart forget it.
+    let noted = zero.news_of_boards(&BoardZeros::default()).unwrap();
+    let mut zero = Skin::new().zero;
+    zero.go_on(&noted);
+    assert!(zero.news_of_boards(&noted).is_none() && hidden(&zero) == Some(-2.0));
     // The load has gone: the boards read as much less.
     zero.looked = Some(at(242.0));
     zero.on_bring_up(Some(&models), None);
-    assert_eq!(before(&zero), Some(240.0));
+    assert_eq!(hidden(&zero), Some(0.0));
     // Somebody vouches that nothing touches the skin.
     zero.on_bring_up(Some(&models), None);
-    assert_eq!(before(&zero), None);
+    assert_eq!(hidden(&zero), None);
+}
+
+#[test]
+fn models_of_a_session_that_came_after_the_boards_were_configured_know_what_their_zeros_hide() {
+    let at = |mean: f64| vec![TaxelBaseline { mean, noise: 0.5 }; TAXELS];
+    let configured = || {
+        let mut zero = Skin::new().zero;
+        zero.looked = Some(at(238.5));
+        zero.on_bring_up(Some(&at(240.0)), None);
+        zero
+    };
+    let of = |session| ModelSet { session, ..models(240.0) };
+    for (of_zero, before, of_models, forgotten) in [
+        (Some(3), None, Some(3), true),
+        (Some(3), None, Some(2), false),
+        (None, None, None, false),
+        (None, Some(3), Some(3), false),
+    ] {
+        let mut zero = configured();
+        before.into_iter().for_each(|session| {
+            zero.on_session_zero(session);
+            zero.looked = Some(at(240.0));
+            zero.on_bring_up(Some(&at(240.0)), None);
+        });
+        of_zero.into_iter().for_each(|session| zero.on_session_zero(session));
+        zero.on_models(Some(&of(of_models)));
+        assert_eq!(zero.hidden().is_none(), forgotten, "{of_zero:?} {before:?} {of_models:?}");
+    }
+}
+
+#[test]
+fn what_was_noted_of_other_taxels_is_held_against_the_boards() {
+    let mut zero = Skin::new().zero;
+    let hidden = HiddenCounts { counts: vec![-1.5; TAXELS - 10], reads: Vec::new() };
+    let noted = BoardZeros { unproven: None, hidden: Some(Arc::new(hidden)) };
+    zero.go_on(&noted);
+    let news = zero.news_of_boards(&noted).unwrap();
+    assert!(news.unproven.unwrap().contains("is of 70 taxels, not 80") && news.hidden.is_none());
 }
 
 /// A skin, and what its zero told.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use taxel_engine::Restored;
 use taxel_engine::calibration::{NotLoaded, SessionSamples, SessionState, SessionView};
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::record::Record;
+use taxel_engine::record::{BoardZeros, Record};
 use taxel_skin::Time;
 
 /// Records on disk, and records that wait for it in order.
@@ -15,7 +15,7 @@ pub struct Store {
     model_sets: Vec<Arc<ModelSet>>,
     active: BTreeMap<String, String>,
     sessions: BTreeMap<u64, (Option<Arc<SessionView>>, SessionSamples)>,
-    doubts: BTreeMap<String, Option<String>>,
+    board_zeros: BTreeMap<String, BoardZeros>,
     waiting: VecDeque<(Time, Record)>,
     /// It takes nothing any more.
     pub failed: bool,
@@ -37,7 +37,7 @@ impl Store {
     /// Will be on disk at `due`, after all that came before; when that is, if the store takes it.
     pub fn take(&mut self, due: Time, record: Record) -> Option<Time> {
         if self.failed {
-            self.unwritten |= matches!(record, Record::ZeroDoubt { why: Some(_), .. });
+            self.unwritten |= finds_a_load(&record);
             return None;
         }
         let due = self.waiting.back().map_or(due, |(last, _)| due.max(*last));
@@ -95,14 +95,14 @@ impl Store {
             }
             Record::ModelSetDeleted { model_set, .. } => self.model_sets.retain(|set| set.id != model_set),
             Record::SessionDeleted { session, .. } => drop(self.sessions.remove(&session)),
-            Record::ZeroDoubt { patch, why, .. } => drop(self.doubts.insert(patch, why)),
+            Record::BoardZeros { patch, zeros, .. } => drop(self.board_zeros.insert(patch, zeros)),
             Record::Load(_) | Record::Asked(_) | Record::Answered(_) | Record::Tared { .. } => {}
         }
     }
 
     /// The daemon stopped: what had not reached the disk is lost.
     pub fn lose_waiting(&mut self) {
-        let doubts = self.waiting.iter().any(|(_, record)| matches!(record, Record::ZeroDoubt { why: Some(_), .. }));
+        let doubts = self.waiting.iter().any(|(_, record)| finds_a_load(record));
         self.forgotten |= doubts || std::mem::take(&mut self.unwritten);
         self.waiting.clear();
     }
@@ -127,8 +127,13 @@ impl Store {
             active: self.active.clone().into_iter().collect(),
             sessions: sessions.collect(),
             next_session: newest.map_or(1, |number| number + 1),
-            doubts: self.doubts.iter().filter_map(|(patch, why)| Some((patch.clone(), why.clone()?))).collect(),
+            board_zeros: self.board_zeros.clone().into_iter().collect(),
             ..Restored::default()
         }
     }
+}
+
+/// Whether it was found that a board's zero may hold a load.
+fn finds_a_load(record: &Record) -> bool {
+    matches!(record, Record::BoardZeros { zeros, .. } if zeros.unproven.is_some())
 }

@@ -238,9 +238,9 @@ impl Disk {
                     restored.next_session = restored.next_session.max(view.number + 1);
                 }
                 Record::SessionDeleted { session, .. } => drop(sessions.remove(session)),
-                Record::ZeroDoubt { patch, why, .. } => {
-                    restored.doubts.retain(|(doubted, _)| doubted != patch);
-                    restored.doubts.extend(why.iter().map(|why| (patch.clone(), why.clone())));
+                Record::BoardZeros { patch, zeros, .. } => {
+                    restored.board_zeros.retain(|(known, _)| known != patch);
+                    restored.board_zeros.push((patch.clone(), zeros.clone()));
                 }
                 _ => {}
             }

@@ -210,7 +210,8 @@ fn configured_unseen(again: &[Option<&str>]) {
     let refused = bench.tare(None);
     let Err(Rejection::FailedPrecondition(ErrorReason::TareUnproven, why)) = refused else { panic!("{refused:?}") };
     assert!(why.contains("configured while no model set was active") && why.contains("confirmed_by"), "{why}");
-    let restored = Restored { doubts: Disk::after_a_crash(&bench.host).restored.doubts, ..small().restored() };
+    let restored =
+        Restored { board_zeros: Disk::after_a_crash(&bench.host).restored.board_zeros, ..small().restored() };
     let mut bench = Bench::new(bench.world, plan(patch_plan(&small().skin)), restored);
     bench.seconds(5.0);
     assert_ne!(bench.host.state(), ForceState::Ok, "a restart knows it, too");

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use taxel_engine::Restored;
 use taxel_engine::command::Command;
+use taxel_engine::record::BoardZeros;
 use taxel_engine::snapshot::{ForceSample, ForceState};
 use taxel_sim::PumpCommand;
 use taxel_wire::{CanId, Frame};
@@ -106,7 +107,10 @@ fn restarted_with_doubts(doubts: Vec<(String, String)>) -> Bench {
     calibrate(&mut before, "upper");
     let model_sets = before.host.catalogue.model_sets.clone();
     let active = before.host.catalogue.active.iter().filter_map(|(patch, set)| Some((patch.clone(), set.clone()?)));
-    let restored = Restored { active: active.collect(), model_sets, next_session: 3, doubts, ..Restored::default() };
+    let known = |(patch, why)| (patch, BoardZeros { unproven: Some(why), ..BoardZeros::default() });
+    let board_zeros = doubts.into_iter().map(known).collect();
+    let active = active.collect();
+    let restored = Restored { active, model_sets, next_session: 3, board_zeros, ..Restored::default() };
     assert_eq!(restored.active.len(), 2);
     Bench::new(before.world, Arc::new(plan_of(halves().into())), restored)
 }

@@ -12,7 +12,7 @@ use taxel_skin::{Kilopascal, TaxelIndex};
 
 use crate::bench::{Bench, Disk};
 use crate::rig::{board, module, patch_plan, plan};
-use crate::shared::{ordinary, small};
+use crate::shared::{Calibrated, ordinary, small};
 
 fn tare() -> Command {
     Command::Tare { patch: String::new(), confirmed_by: None }
@@ -113,12 +113,13 @@ fn a_restart_does_not_forget_that_a_board_took_a_zero_under_a_load() {
         bench.inject(Fault::SilentRetare(board(13)));
         bench.until(3.0, "the finding", |host| host.snapshot().tare.as_ref().is_some_and(|tare| !tare.valid));
         bench.seconds(1.0);
-        let doubts = Disk::after_a_crash(&bench.host).restored.doubts;
-        assert_eq!(doubts.len(), 1, "{doubts:?}");
+        let board_zeros = Disk::after_a_crash(&bench.host).restored.board_zeros;
+        assert!(board_zeros.iter().all(|(_, zeros)| zeros.unproven.is_some()), "{board_zeros:?}");
+        assert_eq!(board_zeros.len(), 1);
         for _ in 0..2 {
             let patch = patch_plan(&ordinary().skin);
             let bring_up = if configures { patch.bring_up.clone() } else { Vec::new() };
-            let restored = Restored { doubts: doubts.clone(), ..ordinary().restored() };
+            let restored = Restored { board_zeros: board_zeros.clone(), ..ordinary().restored() };
             bench = Bench::new(bench.world, plan(PatchPlan { bring_up, ..patch }), restored);
             bench.seconds(4.0);
             assert_eq!(bench.host.state(), ForceState::TareInvalid, "{configures}: {}", bench.host.reasons());
@@ -147,7 +148,7 @@ fn a_restart_does_not_forget_that_a_board_took_a_zero_under_a_load() {
 /// What was last written down of the boards' zeros.
 fn noted(bench: &Bench) -> Option<Option<String>> {
     bench.host.records.iter().rev().find_map(|record| match record {
-        Record::ZeroDoubt { why, .. } => Some(why.clone()),
+        Record::BoardZeros { zeros, .. } => Some(zeros.unproven.clone()),
         _ => None,
     })
 }
@@ -213,7 +214,6 @@ fn a_light_load_stays_within_the_interval_through_another_bring_up_until_somebod
         bench.world.lay(Mass::on_disc(0.2, TaxelIndex(70), 3000.0)).unwrap();
         bench.brought_up();
         bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
-        let floor = |bench: &Bench| bench.host.snapshot().force.detection_floor.unwrap().0;
         for (confirmed_by, knows) in [(None, true), (Some("Ada".to_owned()), false)] {
             let before = floor(&bench);
             let mark = bench.mark();
@@ -230,6 +230,57 @@ fn a_light_load_stays_within_the_interval_through_another_bring_up_until_somebod
             assert_eq!(after > 0.8 * before, knows, "the floor was {before} N and is {after} N");
         }
     }
+}
+
+/// The boards keep their zeros while the daemon is away, and so does what its look had let pass when it configured them.
+#[test]
+fn a_light_load_stays_within_the_interval_through_restarts_until_somebody_vouches_for_the_skin() {
+    for skin in [small(), ordinary()] {
+        let mut bench = Bench::new(skin.world.clone(), plan(patch_plan(&skin.skin)), skin.restored());
+        let mass = Mass::on_disc(0.3, TaxelIndex(33), 3000.0);
+        bench.world.lay(mass).unwrap();
+        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
+        let before = floor(&bench);
+        for restart in 0..4 {
+            bench = restarted(bench, skin);
+            bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
+            bench.is_truthful_since(0, &format!("0.3 kg that was there before the daemon started, restart {restart}"));
+            let after = floor(&bench);
+            assert!(after > 9.81 * mass.kilogram, "the floor was {before} N and is {after} N");
+        }
+        bench.world.clear();
+        bench.ask(Command::BringUp { patch: String::new(), confirmed_by: Some("Ada".to_owned()) }).unwrap();
+        bench.brought_up();
+        bench = restarted(bench, skin);
+        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
+        let after = floor(&bench);
+        assert!(after < 0.8 * before, "the floor was {before} N and is {after} N");
+    }
+}
+
+/// What the boards draw whenever they take a zero does not add up over the days.
+#[test]
+fn the_interval_of_a_skin_that_nothing_touches_does_not_grow_with_each_restart() {
+    let mut bench = Bench::new(ordinary().world.clone(), plan(patch_plan(&ordinary().skin)), ordinary().restored());
+    let mut floors = Vec::new();
+    for _ in 0..60 {
+        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
+        floors.push(floor(&bench));
+        bench = restarted(bench, ordinary());
+    }
+    let mean = |floors: &[f64]| floors.iter().sum::<f64>() / floors.len() as f64;
+    let [first, last] = [mean(&floors[..20]), mean(&floors[40..])];
+    assert!(last < 1.2 * first, "{first} N in the mean, after forty restarts {last} N: {floors:.2?}");
+}
+
+fn floor(bench: &Bench) -> f64 {
+    bench.host.snapshot().force.detection_floor.unwrap().0
+}
+
+/// The daemon starts anew beside the same skin, with what the store has.
+fn restarted(bench: Bench, skin: &Calibrated) -> Bench {
+    let board_zeros = Disk::after_a_crash(&bench.host).restored.board_zeros;
+    Bench::new(bench.world, plan(patch_plan(&skin.skin)), Restored { board_zeros, ..skin.restored() })
 }
 
 /// A skin that became colder lies away from load everywhere, and so hides a light load.

@@ -11,7 +11,7 @@ use taxel_engine::record::Record;
 use crate::db::Db;
 use crate::error::{Quarantined, StoreError};
 use crate::retention::wall_ns;
-use crate::{active_file, doubts, models_json, restore};
+use crate::{active_file, board_zeros, models_json, restore};
 
 /// How findings name the plain file.
 const FILE: &str = "the file of the active model sets";
@@ -79,20 +79,20 @@ impl Db {
         self.attempt(|db| if records.is_empty() { Ok(()) } else { db.write(records.iter()).map(drop) })
     }
 
-    /// Finds what is held against the boards' zeros, now that all patches are known. What follows from a loss alone is written
+    /// Finds what is known of the boards' zeros, now that all patches are known. What follows from a loss alone is written
     /// down, so that it is held until somebody vouches for the zero.
     ///
     /// `lost` tells that the newest rows may be missing.
-    pub(super) fn restore_doubts(&mut self, restored: &mut Restored, lost: bool) -> Result<(), StoreError> {
+    pub(super) fn restore_board_zeros(&mut self, restored: &mut Restored, lost: bool) -> Result<(), StoreError> {
         let patches: BTreeSet<&str> = patches_of(restored).collect();
-        let found = doubts::read(&self.connection, &patches, lost, &mut Vec::new())?; // what is damaged was told
-        let (wall_ns, unnoted) = (wall_ns(), found.iter().filter(|doubt| !doubt.is_noted));
-        let record = |doubt: &doubts::Doubt| {
-            tracing::error!(patch = doubt.patch, "{}", doubt.why);
-            Record::ZeroDoubt { patch: doubt.patch.clone(), why: Some(doubt.why.clone()), wall_ns }
+        let found = board_zeros::read(&self.connection, &patches, lost, &mut Vec::new())?; // what is damaged was told
+        let (wall_ns, unnoted) = (wall_ns(), found.iter().filter(|known| !known.is_noted));
+        let record = |known: &board_zeros::Known| {
+            tracing::error!(patch = known.patch, "{}", known.zeros.unproven.as_deref().unwrap_or_default());
+            Record::BoardZeros { patch: known.patch.clone(), zeros: known.zeros.clone(), wall_ns }
         };
         let records: Vec<_> = unnoted.map(record).collect();
-        restored.doubts = found.into_iter().map(|doubt| (doubt.patch, doubt.why)).collect();
+        restored.board_zeros = found.into_iter().map(|known| (known.patch, known.zeros)).collect();
         self.attempt(|db| if records.is_empty() { Ok(()) } else { db.write(records.iter()).map(drop) })
     }
 
@@ -111,7 +111,7 @@ impl Db {
         if restored.active.is_empty() {
             return Err(why);
         }
-        restored.doubts = doubts::of_all(restored.active.iter().map(|(patch, _)| patch.as_str()));
+        restored.board_zeros = board_zeros::of_all(restored.active.iter().map(|(patch, _)| patch.as_str()));
         tracing::error!(error = %why, "the active model sets are served from the plain file, and nothing is stored");
         quarantined.push(Quarantined::new("the store", &why));
         let mut db = Self::in_memory()?;

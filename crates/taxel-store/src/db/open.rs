@@ -113,7 +113,7 @@ impl Db {
             Err(error) if is_damage(&error, path) => {
                 quarantined.push(put_right(path, &error, failure)?);
                 let (db, restored) = Self::open_file(path, true, None, quarantined)?;
-                *lost |= !tally::is_recorded(&db.connection, Stream::ZeroDoubts)?;
+                *lost |= !tally::is_recorded(&db.connection, Stream::BoardZeros)?;
                 (db, restored)
             }
             opened => opened?,
@@ -147,7 +147,7 @@ impl Db {
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(), StoreError> {
         self.restore_active(path, restored, lost, quarantined)?;
-        self.restore_doubts(restored, *lost)?;
+        self.restore_board_zeros(restored, *lost)?;
         let mark = beside::open_mark(path);
         self.attempt(|_| beside::replace(&mark, &[]).map_err(|error| StoreError::changing(&mark, &error)))?;
         self.attempt(|db| {

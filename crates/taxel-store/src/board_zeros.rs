@@ -1,0 +1,142 @@
+//! What is known of the zeros of a patch's boards, which they keep while the daemon is away: what was found against them, and
+//! what they hide.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use rusqlite::{Connection, Row, params};
+use taxel_engine::record::{BoardZeros, HiddenCounts};
+
+use crate::error::Quarantined;
+use crate::rows;
+use crate::tally::{Stream, written};
+
+/// What is held against the boards of a patch whose row cannot be read any more.
+const UNREADABLE: &str =
+    "what was noted of the zeros of its boards is damaged on disk: one may have taken a zero under a load";
+
+pub(crate) fn insert(
+    connection: &Connection,
+    seq: u64,
+    patch: &str,
+    zeros: &BoardZeros,
+    wall_ns: i64,
+) -> rusqlite::Result<()> {
+    let why = zeros.unproven.as_deref().unwrap_or_default();
+    let blobs = zeros.hidden.as_deref().map(|hidden| [&hidden.counts, &hidden.reads].map(|c| rows::f32_to_blob(c)));
+    let checksum = rows::board_zeros_checksum(seq, patch, why, wall_ns, blobs.as_ref());
+    let [hidden, reads] = blobs.map_or([None, None], |blobs| blobs.map(Some));
+    connection.execute(
+        "INSERT INTO zero_doubts (seq, patch, why, wall_ns, checksum, hidden, reads)
+         VALUES (?1, ?2, ?3, ?4, ?5, ?6, ?7)",
+        params![seq, patch, why, wall_ns, checksum, hidden, reads],
+    )?;
+    Ok(())
+}
+
+/// What is known of the boards of a patch.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Known {
+    pub(crate) patch: String,
+    pub(crate) zeros: BoardZeros,
+    /// Whether a row says so, and not only that a row is lost.
+    pub(crate) is_noted: bool,
+}
+
+/// By patch: what its newest row says, and whether a newer one may be lost.
+type Newest = BTreeMap<String, (BoardZeros, bool)>;
+
+/// Per patch: what the newest row of it says, if that is anything.
+///
+/// A damaged or missing row may have been any patch's: each of `patches` that has no newer one is doubted, rather than that a
+/// zero under a load is believed. `end_is_lost` tells that the newest rows may be missing without that the others show it.
+pub(crate) fn read(
+    connection: &Connection,
+    patches: &BTreeSet<&str>,
+    end_is_lost: bool,
+    quarantined: &mut Vec<Quarantined>,
+) -> rusqlite::Result<Vec<Known>> {
+    let columns = "seq, patch, why, wall_ns, checksum, hidden, reads";
+    let mut statement = connection.prepare(&format!("SELECT {columns} FROM zero_doubts ORDER BY seq"))?;
+    let mut rows = statement.query([])?;
+    let (mut newest, mut next) = (Newest::new(), 1);
+    let mut lost = |newest: &mut Newest, reason: String| {
+        quarantined.push(Quarantined::new("what was noted of the boards' zeros", reason));
+        lose(newest, patches);
+    };
+    while let Some(row) = rows.next()? {
+        let seq: u64 = row.get(0)?;
+        if seq != next {
+            lost(&mut newest, format!("row {next} is missing"));
+        }
+        next = seq + 1;
+        match proven(row, seq) {
+            Ok((patch, zeros)) => drop(newest.insert(patch, (zeros, false))),
+            Err(reason) => lost(&mut newest, format!("row {seq}: {reason}")),
+        }
+    }
+    match written(connection, Stream::BoardZeros)? {
+        Some(written) if written < next => {}
+        Some(written) => lost(&mut newest, format!("{written} rows were written, the last ones are missing")),
+        None => lost(&mut newest, "the record of how many rows there were is damaged".to_owned()),
+    }
+    if end_is_lost {
+        lose(&mut newest, patches);
+    }
+    let known = newest.into_iter().map(|(patch, (zeros, lost))| Known {
+        patch,
+        is_noted: zeros.unproven.is_some() || !lost,
+        zeros: BoardZeros { unproven: zeros.unproven.or_else(|| lost.then(|| UNREADABLE.to_owned())), ..zeros },
+    });
+    Ok(known.filter(|known| !known.zeros.is_empty()).collect())
+}
+
+/// A row may be lost that is newer than all of these. What is known of a patch's boards already goes on being held.
+fn lose(newest: &mut Newest, patches: &BTreeSet<&str>) {
+    for &patch in patches {
+        newest.entry(patch.to_owned()).or_default().1 = true;
+    }
+}
+
+/// All patches, of which nothing is known.
+pub(crate) fn of_all<'a>(patches: impl Iterator<Item = &'a str>) -> Vec<(String, BoardZeros)> {
+    let unreadable = || BoardZeros { unproven: Some(UNREADABLE.to_owned()), ..BoardZeros::default() };
+    patches.map(|patch| (patch.to_owned(), unreadable())).collect()
+}
+
+fn proven(row: &Row<'_>, seq: u64) -> Result<(String, BoardZeros), String> {
+    let text = |error: rusqlite::Error| error.to_string();
+    let (patch, why): (String, String) = (row.get(1).map_err(text)?, row.get(2).map_err(text)?);
+    let (wall_ns, checksum): (i64, Vec<u8>) = (row.get(3).map_err(text)?, row.get(4).map_err(text)?);
+    let blobs = blobs(row).map_err(text)?;
+    if checksum != rows::board_zeros_checksum(seq, &patch, &why, wall_ns, blobs.as_ref()) {
+        return Err("its checksum is wrong".to_owned());
+    }
+    let hidden = blobs.map(|[counts, reads]| {
+        let [counts, reads] = [rows::f32_from_blob(&counts), rows::f32_from_blob(&reads)];
+        Some(Arc::new(HiddenCounts { counts: counts?, reads: reads? }))
+    });
+    let hidden = hidden.map(|hidden| hidden.ok_or("its counts are of no whole number")).transpose()?;
+    Ok((patch, BoardZeros { unproven: Some(why).filter(|why| !why.is_empty()), hidden }))
+}
+
+/// The counts in a row: what is hidden, and what the taxels read then. Both or none.
+pub(crate) fn blobs(row: &Row<'_>) -> rusqlite::Result<Option<[Vec<u8>; 2]>> {
+    let [hidden, reads]: [Option<Vec<u8>>; 2] = [row.get(5)?, row.get(6)?];
+    Ok(match (hidden, reads) {
+        (None, None) => None,
+        (hidden, reads) => Some([hidden, reads].map(Option::unwrap_or_default)),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn where_nothing_is_known_every_patch_is_told_that() {
+        let all = of_all(["arm", "hand"].into_iter());
+        let doubted = BoardZeros { unproven: Some(UNREADABLE.to_owned()), ..BoardZeros::default() };
+        assert_eq!(all, [("arm".to_owned(), doubted.clone()), ("hand".to_owned(), doubted)]);
+    }
+}
