@@ -55,7 +55,7 @@ impl Model {
     fn put_to_use(&mut self, set: Set) {
         let before = self.live.active.replace(set);
         let taring = matches!(self.open(), Some((_, S::Taring)));
-        if before.is_none() && self.unseen && !self.heard && !taring {
+        if self.unseen && !self.heard && !taring {
             (self.boards_wait, self.unseen) = (true, false); // in time for a look at the boards
         }
         let (old, new) = (before.and_then(|old| self.owner(old)), self.owner(set));
