@@ -75,6 +75,7 @@ typedef struct taxel_force {
     uint64_t sequence;           /* one more for each sample that was published */
     uint32_t state;              /* taxel_force_state */
     uint32_t lower_bound;        /* 1: the true force may be higher by any amount */
+    uint32_t simulated;          /* 1: a simulator makes it, as in `taxeld demo`: no skin is touched */
     uint32_t active, excluded, stale, out_of_range, filled; /* taxels */
     double filled_share;         /* of the total, 0 to 1 */
     double uncovered_share;      /* of the patch's area, 0 to 1 */
@@ -257,6 +258,7 @@ static inline void taxel_decode_(const uint64_t *words, taxel_force *force) {
     force->written_ns = (int64_t)words[3];
     force->state = taxel_half_(words[4], 0);
     force->lower_bound = (flags >> 7) & 1u;
+    force->simulated = (flags >> 8) & 1u;
     taxel_figures_(words + 5, 1, (flags >> 1) & 1u, &force->total_n);
     taxel_figures_(words + 6, 1, (flags >> 2) & 1u, &force->sigma_n);
     taxel_figures_(words + 7, 1, (flags >> 3) & 1u, &force->detection_floor_n);

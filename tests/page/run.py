@@ -158,6 +158,7 @@ def watch(page):
     page.shot("live-phone-dark", 390, 1800, dark=True)
     force = newtons(page.until("a force", lambda: good() and page.text("#force")))
     print(f"live: {page.text('#verdict')}, {force} N", flush=True)
+    assert page.text("#simulated") == "simulated"
     keyboard(page)
 
 

@@ -47,6 +47,8 @@ pub struct PatchPlan {
     pub devices: Vec<DevicePlan>,
     /// Where the scans are handed over whole by a program, and come in no frames; then `devices` has one without any.
     pub pushed: Option<PushPlan>,
+    /// Whether a simulator makes its frames: no force of it is one of a real skin.
+    pub simulated: bool,
     /// The period at which the boards send.
     pub period: Duration,
     /// Positions and normals, where the scene has them.
@@ -83,6 +85,7 @@ impl PatchPlan {
             bring_up: Vec::new(),
             devices: Vec::new(),
             pushed: None,
+            simulated: false,
             period: Duration::from_millis(50),
             geometry: None,
             areas: vec![SquareMillimetre::ICUB_TAXEL; patch.taxels().len()],

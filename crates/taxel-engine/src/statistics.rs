@@ -1,5 +1,8 @@
 //! Medians and the like of values some of which may be missing, once for everybody.
 
+/// The standard deviation of normal errors over their median absolute deviation.
+pub const MEDIAN_DEVIATIONS: f64 = 1.4826;
+
 /// The value at `share` (0 to 1) of the finite values in ascending order; `None` without any.
 #[must_use]
 pub fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {

@@ -198,6 +198,9 @@ fn forces(sheet: &mut Sheet, samples: &[v1::ForceSample]) {
     gauge("force_lower_bound", "1 where the truth may be more than the force tells", |sample| {
         Some(flag(sample.lower_bound))
     });
+    gauge("force_simulated", "1 where a simulator makes the force, and no skin is touched", |sample| {
+        Some(flag(sample.simulated))
+    });
     gauge("force_age_seconds", "Age of the newest frame in the force", |sample| sample.age_s);
     gauge("uncovered_ratio", "Share of the area that no usable taxel covers", |sample| Some(sample.uncovered_share));
     let samples_sent = samples.iter().map(|sample| (labels(sample), sample.sequence));

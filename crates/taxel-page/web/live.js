@@ -16,15 +16,17 @@ const xyz = (v, k, unit, places) => (v ? `${num((v.x ?? 0) * k, places)}, ${num(
 export function forceCard(signal) {
   const value = el("div.big", { id: "force" }, "–");
   const told = el("span.verdict", { id: "verdict" });
+  const simulated = el("span.pill.warn", { id: "simulated", title: "no skin is touched" }, "simulated");
   const reasons = el("ul.reasons", { id: "reasons" });
   const more = el("div");
   const chart = new Chart(signal, "Force over the last minute", lastMinute);
   const card = el("section.card", { id: "force-card" },
-    el("div.row.between", el("h2", "Normal force"), told), value, reasons, chart.node, more);
+    el("div.row.between", el("h2", "Normal force"), simulated, told), value, reasons, chart.node, more);
   const update = () => {
     const now = verdict();
     const force = state.force ?? {};
     card.classList.toggle("noforce", !now.shown);
+    simulated.hidden = !force.simulated;
     told.className = `verdict ${now.kind}`;
     told.textContent = now.word;
     if (now.shown) {

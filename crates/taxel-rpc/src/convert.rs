@@ -93,6 +93,7 @@ fn sample(
         filled_share: force.filled_share,
         detection_floor_n: force.detection_floor.and_then(|floor| known(floor.0)),
         lower_bound: force.lower_bound,
+        simulated: snapshot.simulated,
     }
 }
 

@@ -73,6 +73,7 @@ const HAS_RESULTANT: u32 = 1 << 4;
 const HAS_MOMENT: u32 = 1 << 5;
 const HAS_CENTRE: u32 = 1 << 6;
 const LOWER_BOUND: u32 = 1 << 7;
+const SIMULATED: u32 = 1 << 8;
 
 // Every part is inside of the page, and no two overlap.
 const _: () = {
@@ -140,6 +141,7 @@ pub(crate) fn encode(sample: &Sample) -> SampleWords {
     let flags = [
         if sample.monotonic_ns.is_some() { SEEN } else { 0 },
         if sample.lower_bound { LOWER_BOUND } else { 0 },
+        if sample.simulated { SIMULATED } else { 0 },
         put(&mut words, TOTAL, HAS_TOTAL, one(sample.total_n)),
         put(&mut words, SIGMA, HAS_SIGMA, one(sample.sigma_n)),
         put(&mut words, FLOOR, HAS_FLOOR, one(sample.detection_floor_n)),
@@ -172,6 +174,7 @@ pub(crate) fn decode(words: &SampleWords) -> Sample {
         written_ns: words[WRITTEN].cast_signed(),
         state: State::of_number(state),
         lower_bound: flags & LOWER_BOUND != 0,
+        simulated: flags & SIMULATED != 0,
         total_n: one(TOTAL, HAS_TOTAL),
         sigma_n: one(SIGMA, HAS_SIGMA),
         detection_floor_n: one(FLOOR, HAS_FLOOR),
@@ -209,6 +212,7 @@ mod tests {
             written_ns: 4,
             state: State::Degraded,
             lower_bound: true,
+            simulated: true,
             total_n: Some(5.0),
             sigma_n: Some(6.0),
             detection_floor_n: Some(7.0),

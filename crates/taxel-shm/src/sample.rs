@@ -74,6 +74,8 @@ pub struct Sample {
     pub state: State,
     /// The true force may be higher by any amount, and is not lower.
     pub lower_bound: bool,
+    /// A simulator makes the counts behind it: no skin is touched.
+    pub simulated: bool,
     /// Total normal force in N.
     pub total_n: Option<f64>,
     /// Its standard uncertainty in N.

@@ -26,7 +26,7 @@ int main(int argc, char **argv) {
     printf("status %d\n", (int)status);
     printf("sequence %" PRIu64 " stamps %" PRId64 " %" PRId64 " %" PRId64 "\n", force.sequence, force.monotonic_ns,
            force.wall_ns, force.written_ns);
-    printf("state %u lower_bound %u\n", force.state, force.lower_bound);
+    printf("state %u lower_bound %u simulated %u\n", force.state, force.lower_bound, force.simulated);
     figures("total", &force.total_n, 1);
     figures("sigma", &force.sigma_n, 1);
     figures("floor", &force.detection_floor_n, 1);

@@ -88,7 +88,7 @@ pub(crate) fn read(
         is_noted: zeros.unproven.is_some() || !lost,
         zeros: BoardZeros { unproven: zeros.unproven.or_else(|| lost.then(|| UNREADABLE.to_owned())), ..zeros },
     });
-    Ok(known.filter(|known| !known.zeros.is_empty()).collect())
+    Ok(known.filter(|known| known.zeros != BoardZeros::default()).collect())
 }
 
 /// A row may be lost that is newer than all of these. What is known of a patch's boards already goes on being held.

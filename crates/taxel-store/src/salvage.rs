@@ -227,6 +227,9 @@ const fn table(name: &'static str, key: &'static str, columns: &'static str, pro
     Table { name, columns, key, proof }
 }
 
+/// The columns of zero_doubts that files of earlier versions lack.
+const SINCE_VERSION_8: &str = ", hidden, reads";
+
 /// All tables, with the columns in the order in which the proof takes them.
 const TABLES: [Table; 13] = [
     table("sessions", "number", "number, view, checksum", |row| {
@@ -294,9 +297,10 @@ fn is_of_the_machine(error: &rusqlite::Error) -> bool {
 fn take(table: &Table, direction: &str, old: &Connection, new: &Connection) -> rusqlite::Result<(u64, bool)> {
     let Table { name, columns, key, proof } = table;
     let key = key.replace("{}", direction);
-    let query = format!("SELECT {columns} FROM {name} ORDER BY {key} {direction}");
+    let query = |columns: &str| format!("SELECT {columns} FROM {name} ORDER BY {key} {direction}");
     let not_read = |error, taken| if is_of_the_machine(&error) { Err(error) } else { Ok((taken, false)) };
-    let mut statement = match old.prepare(&query) {
+    let of_earlier = columns.replace(SINCE_VERSION_8, ", NULL, NULL");
+    let mut statement = match old.prepare(&query(columns)).or_else(|_| old.prepare(&query(&of_earlier))) {
         Ok(statement) => statement,
         Err(error) => return not_read(error, 0),
     };

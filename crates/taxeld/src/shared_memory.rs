@@ -76,6 +76,7 @@ fn sample(snapshot: &PatchSnapshot) -> Sample {
         written_ns: 0, // the page's own to say
         state: state(force.state),
         lower_bound: force.lower_bound,
+        simulated: snapshot.simulated,
         total_n: force.total.map(|total| total.0),
         sigma_n: force.total_sigma.map(|sigma| sigma.0),
         detection_floor_n: force.detection_floor.map(|floor| floor.0),

@@ -142,7 +142,13 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     assert!(csv.starts_with("time_s,patch,sequence,state,usable,total_n,"), "{csv}");
     let json = demo.until_good(&["watch", "--json", "--count", "3", "--rate", "20"]);
     assert!(json.lines().all(|line| line.starts_with("{\"sequence\":")) && json.lines().count() == 3, "{json}");
-    assert!(demo.succeeds(&["list"]).contains("left_forearm"));
+    // Nobody takes the demo's force for one of a skin.
+    assert!(json.lines().all(|line| line.contains("\"simulated\":true")), "{json}");
+    assert!(csv.lines().skip(1).all(|line| line.ends_with(",1")), "{csv}");
+    let line = demo.until_good(&["watch", "--count", "1"]);
+    assert!(line.contains(", simulated"), "{line}");
+    let list = demo.succeeds(&["list"]);
+    assert!(list.contains("left_forearm") && (list.contains(" N, simulated") || list.contains(" - ")), "{list}");
     demo.until_good(&["health"]);
 }
 

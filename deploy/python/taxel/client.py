@@ -256,6 +256,7 @@ def _force(sample: Any, state: str, age_s: float) -> Force:
         sigma_n=known("total_sigma_n"),
         detection_floor_n=known("detection_floor_n"),
         lower_bound=sample.lower_bound,
+        simulated=sample.simulated,
         resultant_n=vector("resultant_n"),
         moment_nm=vector("moment_nm"),
         centre_of_pressure_m=vector("centre_of_pressure_m"),

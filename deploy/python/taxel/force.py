@@ -47,7 +47,8 @@ class Force:
     """A force that may be acted on now, as `taxel.v1.ForceSample` has it. What is not known is None.
 
     `reasons` says in words why the state is not OK, `codes` says the same for programs: names of `taxel.v1.ReasonCode`
-    without their prefix, such as `TAXELS_SILENT`; empty over shared memory, which has the words alone.
+    without their prefix, such as `TAXELS_SILENT`; empty over shared memory, which has the words alone. `simulated`: a simulator
+    makes it, as in `taxeld demo`, and no skin is touched.
     """
 
     total_n: float
@@ -73,6 +74,7 @@ class Force:
     monotonic_ns: Optional[int] = None
     wall_ns: int = 0
     written_ns: int = 0
+    simulated: bool = False
 
     def __bool__(self) -> bool:
         return True  # also a force of 0 N is one

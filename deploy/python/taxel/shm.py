@@ -164,6 +164,7 @@ def _decode(fields: tuple) -> Tuple[dict, Optional[int]]:
         "moment_nm": known(5, *vectors[3:6]),
         "centre_of_pressure_m": known(6, *vectors[6:9]),
         "lower_bound": bool(flags >> 7 & 1),
+        "simulated": bool(flags >> 8 & 1),
         "active": active,
         "excluded": excluded,
         "stale": stale,

@@ -23,7 +23,8 @@ def figures(name, key):
 STATES = ("UNSPECIFIED", "OK", "DEGRADED", "STALE", "TARE_INVALID", "UNCALIBRATED")
 print("status", 0 if force else force.why.value)
 print("sequence", sample["sequence"], "stamps", sample["monotonic_ns"] or 0, sample["wall_ns"], sample["written_ns"])
-print("state", STATES.index(sample["state"]), "lower_bound", int(sample["lower_bound"]))
+flags = ("lower_bound", "simulated")
+print("state", STATES.index(sample["state"]), *(f"{flag} {int(sample[flag])}" for flag in flags))
 for name, key in (
     ("total", "total_n"),
     ("sigma", "sigma_n"),

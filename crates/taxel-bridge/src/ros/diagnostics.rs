@@ -82,6 +82,7 @@ pub fn patch(robot: &str, view: &PatchView<'_>) -> DiagnosticStatus {
             value("taxels out of range", sample.out_of_range),
             value("area not covered", format!("{:.1} %", 100.0 * sample.uncovered_share)),
             value("model set", &sample.model_set),
+            value("simulated", sample.simulated),
         ]);
         let short = |code: ReasonCode| code.as_str_name().trim_start_matches("REASON_CODE_");
         let codes: Vec<&str> = sample.causes.iter().map(|cause| short(cause.code())).collect();

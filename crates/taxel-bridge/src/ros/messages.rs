@@ -56,6 +56,7 @@ pub fn force(sample: &ForceSample, frame: &str) -> Option<JointState> {
         ("detection_floor_N", sample.detection_floor_n),
         ("lower_bound", Some(flag(sample.lower_bound))),
         ("degraded", Some(flag(sample.state() == ForceState::Degraded))),
+        ("simulated", sample.simulated.then_some(1.0)),
     ] {
         if let Some(value) = value.filter(|value| value.is_finite()) {
             state.name.push(name.to_owned());

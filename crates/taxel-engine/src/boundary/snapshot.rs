@@ -21,6 +21,8 @@ pub struct PatchSnapshot {
     pub wall_ns: i64,
     /// Whether any frame of the patch has come.
     pub seen: bool,
+    /// Whether a simulator makes its frames: the force is none of a real skin.
+    pub simulated: bool,
     /// The force on the patch.
     pub force: ForceSample,
     /// One entry per taxel, worked out when somebody looks.

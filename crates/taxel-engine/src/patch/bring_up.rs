@@ -121,15 +121,15 @@ impl Patch {
     pub fn configure_boards(&mut self, now: Time) {
         self.bring_up_waits = false;
         let without_look = std::mem::take(&mut self.without_look) || self.force.models().is_none();
-        let unseen = without_look && matches!(self.ready.take(), None | Some((Ready::Unseen, _)));
-        self.ready = None;
+        let ready = self.ready.take().map(|(ready, _)| ready);
+        let unseen = without_look && matches!(ready, None | Some(Ready::Unseen));
         if matches!(self.zero.watching(), Some(Purpose::BeforeBringUp)) {
             self.zero.stop_watching(); // the look that went on while others were not ready
         }
         if self.plan.configures() {
             let models = self.force.models().map(|set| set.baseline.as_slice());
             let held = (unseen && self.intake.newest().is_some()).then_some(CONFIGURED_UNSEEN);
-            self.zero.on_bring_up(models, held);
+            self.zero.on_bring_up(models, ready == Some(Ready::Vouched), held);
         }
         self.intake.start_bring_up(now);
     }

@@ -33,8 +33,6 @@ impl Patch {
                     let (patch, tare) = (self.name().to_owned(), self.zero.view());
                     effects.out.push(Output::Record(Record::Tared { patch, tare, baseline: baseline.clone() }));
                     if matches!(purpose, Purpose::Session { .. }) {
-                        let session = self.calibration.session().map(|view| view.number);
-                        session.into_iter().for_each(|session| self.zero.on_session_zero(session));
                         self.calibration.on_zero_taken(now, baseline, self.intake.gauge(), &mut follows);
                     }
                 }
@@ -82,7 +80,6 @@ impl Patch {
     pub(super) fn use_zero(&mut self) {
         self.force.set_zero(self.zero.zero(), self.zero.residue_counts());
         self.force.set_hidden(self.zero.hidden());
-        self.zero.settle_boards(self.force.models().map(|set| set.baseline.as_slice()));
         self.zero.weigh(|| self.force.newton_per_count());
         if let Some(baseline) = self.zero.baseline() {
             self.intake.expect_noise(baseline);

@@ -45,6 +45,7 @@ impl Patch {
             time,
             wall_ns: now.wall_ns.saturating_sub(age_ns),
             seen: self.intake.newest().is_some(),
+            simulated: self.plan.simulated,
             taxels: self.taxel_states(measured.active),
             force: measured.sample,
             tare: Some(tare),

@@ -4,14 +4,14 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::baseline::TaxelBaseline;
-use crate::statistics::{mean, median};
-
-/// The standard deviation of normal errors over their median absolute deviation.
-const DEVIATIONS: f64 = 1.4826;
+use crate::statistics::{MEDIAN_DEVIATIONS, mean, median};
 
 /// A mean lies this many of its standard deviations from zero before it counts as more than chance: so far one of 23 modules
 /// comes by chance in one of 700 starts.
 const CHANCE_SIGMAS: f64 = 4.0;
+
+/// The taxels of a skin lie at least so far apart, counts: what a mean of twenty readings is rounded to.
+const APART_MIN_COUNTS: f64 = 0.1;
 
 /// What is known of the zeros of the boards of a patch.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -19,24 +19,17 @@ pub struct BoardZeros {
     /// Why the counts cannot show whether the skin is at rest, if that is so: a board took a zero of its own under a load, or
     /// nobody saw what lay on it.
     pub unproven: Option<String>,
-    /// What they hide. `None` where nobody looked, or somebody vouched for the skin.
+    /// What they hide. `None` where nobody looked yet, or somebody vouched for the skin when they were configured.
     pub hidden: Option<Arc<HiddenCounts>>,
-}
-
-impl BoardZeros {
-    /// Whether nothing is known.
-    #[must_use]
-    pub const fn is_empty(&self) -> bool {
-        self.unproven.is_none() && self.hidden.is_none()
-    }
 }
 
 /// What the zeros of the boards hide: a load that a look let pass, and where the temperature was.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct HiddenCounts {
-    /// By how many counts each taxel lay from the rest of the models when the boards took their zeros; 0 where nothing is known.
+    /// By how many counts each taxel lay from the rest of the models when the boards took their zeros, one per taxel; 0 where
+    /// nothing is known.
     pub counts: Vec<f32>,
-    /// What each taxel read then, with these zeros: NaN where nothing is known, empty until a zero was taken.
+    /// What each taxel read right then, with these zeros, as far as it is known.
     pub reads: Vec<f32>,
 }
 
@@ -44,39 +37,58 @@ impl HiddenCounts {
     /// Boards are configured on a skin that reads `looked` before, under zeros that hide `earlier`. `models` is the rest of the
     /// models.
     ///
-    /// Where it is known what the taxels read under these, only what has changed beyond chance since counts. Where not, what
-    /// the boards drew when they took them counts, too: nobody can tell it from a load.
+    /// The first time all counts by which it lies from that, also what the boards drew when they took the zeros that they
+    /// had: nobody can tell it from a load. Later what has changed beyond chance since they took them.
     pub(super) fn of(
         looked: &[TaxelBaseline],
         models: &[TaxelBaseline],
         earlier: Option<&Self>,
         modules: &[Range<usize>],
     ) -> Self {
-        let reads = earlier.map_or(&[][..], |earlier| &earlier.reads);
-        let seen = if reads.is_empty() {
-            away(looked, models.iter().map(|taxel| taxel.mean as f32))
-        } else {
-            beyond_chance(&away(looked, reads.iter().copied()), modules)
+        let Some(earlier) = earlier else {
+            let reads: Vec<f32> = models.iter().map(|taxel| taxel.mean as f32).collect();
+            return Self { counts: away(looked, &reads), reads };
         };
-        let before = |taxel: usize| earlier.and_then(|earlier| earlier.counts.get(taxel)).copied().unwrap_or(0.0);
-        let counts = seen.into_iter().enumerate().map(|(taxel, seen)| seen + before(taxel)).collect();
-        Self { counts, reads: Vec::new() }
+        let changed = beyond_chance(&away(looked, &earlier.reads), modules, true);
+        let counts = earlier.counts.iter().zip(changed).map(|(before, changed)| before + changed).collect();
+        Self { counts, reads: earlier.reads.clone() }
     }
 
-    /// The first zero since then is taken. What lies beyond chance from the rest of the models came after the boards took
-    /// their zeros; all else is what these drew.
-    pub(super) fn at(&self, zero: &[TaxelBaseline], models: &[TaxelBaseline], modules: &[Range<usize>]) -> Self {
-        let came = beyond_chance(&away(zero, models.iter().map(|taxel| taxel.mean as f32)), modules);
-        let came = came.into_iter().chain(std::iter::repeat(0.0));
-        Self {
-            counts: self.counts.iter().zip(came).map(|(before, came)| before + came).collect(),
-            reads: zero.iter().map(|taxel| taxel.mean as f32).collect(),
-        }
+    /// The first zero since then is taken, and tells what the boards read with their zeros. What lies beyond chance from what
+    /// they read with the ones before, on a module more than on all, came to lie there meanwhile; all else is what they drew.
+    pub(super) fn at(&self, zero: &[TaxelBaseline], modules: &[Range<usize>]) -> Self {
+        let came = beyond_chance(&away(zero, &self.reads), modules, false);
+        let reads = self.reads.iter().zip(zero).zip(came).map(|((before, zero), came)| {
+            let now = zero.mean as f32 - came;
+            if now.is_finite() { now } else { *before }
+        });
+        Self { counts: self.counts.clone(), reads: reads.collect() }
+    }
+
+    /// Somebody vouches that nothing touches the skin, which reads `zero`.
+    pub(super) fn none_at(&self, zero: &[TaxelBaseline]) -> Self {
+        let reads = zero.iter().zip(&self.reads).map(
+            |(zero, before)| {
+                if zero.mean.is_finite() { zero.mean as f32 } else { *before }
+            },
+        );
+        Self { counts: vec![0.0; self.counts.len()], reads: reads.collect() }
+    }
+
+    /// The skin is at rest for other models, too, while it reads `rest`: of each taxel what is more towards load counts, that
+    /// for the earlier ones or that for these. `signs` say which way that is.
+    pub(super) fn for_models_at(&self, rest: &[TaxelBaseline], signs: &[i8]) -> Self {
+        let for_these = away(rest, &self.reads).into_iter().map(|away| -away);
+        let counts = self.counts.iter().zip(for_these).enumerate().map(|(taxel, (&before, these))| {
+            let sign = f32::from(signs.get(taxel).copied().unwrap_or(0));
+            if these * sign > before * sign { these } else { before }
+        });
+        Self { counts: counts.collect(), reads: self.reads.clone() }
     }
 }
 
 /// How far each taxel is from what it reads otherwise, counts; 0 if one of these is not known.
-fn away(now: &[TaxelBaseline], otherwise: impl Iterator<Item = f32>) -> Vec<f32> {
+fn away(now: &[TaxelBaseline], otherwise: &[f32]) -> Vec<f32> {
     let away = now.iter().zip(otherwise).map(|(now, otherwise)| now.mean as f32 - otherwise);
     away.map(|counts| if counts.is_finite() { counts } else { 0.0 }).collect()
 }
@@ -84,20 +96,22 @@ fn away(now: &[TaxelBaseline], otherwise: impl Iterator<Item = f32>) -> Vec<f32>
 /// What of this a load or the temperature may be, and not only noise or what boards draw when they take a zero, which have no
 /// direction and would add up with each start. A load moves all of a module, the temperature all of the skin.
 ///
-/// With `d` the standard deviation of the taxels, from their median deviation: the median of the skin counts if it lies by
-/// [`CHANCE_SIGMAS`] times `d / sqrt(n)` from 0, a module if its mean lies so far from that.
-fn beyond_chance(counts: &[f32], modules: &[Range<usize>]) -> Vec<f32> {
+/// With `d` the standard deviation of the taxels, from their median deviation: a module counts if its mean lies by
+/// [`CHANCE_SIGMAS`] times `d / sqrt(n)` from the median of the skin, and that itself, if it is `of_all`, where it lies so far
+/// from 0.
+fn beyond_chance(counts: &[f32], modules: &[Range<usize>], of_all: bool) -> Vec<f32> {
     let middle = median(counts.iter().map(|counts| f64::from(*counts))).unwrap_or(0.0);
     let apart = counts.iter().map(|counts| (f64::from(*counts) - middle).abs());
-    let deviation = DEVIATIONS * median(apart).unwrap_or(0.0);
+    let deviation = (MEDIAN_DEVIATIONS * median(apart).unwrap_or(0.0)).max(APART_MIN_COUNTS);
     let is_more = |mean: f64, taxels: usize| mean.abs() > CHANCE_SIGMAS * deviation / (taxels as f64).sqrt();
-    let of_all = if is_more(middle, counts.len()) { middle } else { 0.0 };
-    let mut kept = vec![of_all as f32; counts.len()];
+    let common = if of_all && is_more(middle, counts.len()) { middle } else { 0.0 };
+    let beside = if of_all { 0.0 } else { middle as f32 };
+    let mut kept = vec![common as f32; counts.len()];
     for module in modules {
         let Some(own) = counts.get(module.clone()) else { continue };
         let (mean, taxels) = mean(own.iter().map(|counts| f64::from(*counts)));
         if is_more(mean - middle, taxels) {
-            kept[module.clone()].copy_from_slice(own);
+            kept[module.clone()].iter_mut().zip(own).for_each(|(kept, own)| *kept = own - beside);
         }
     }
     kept
@@ -124,9 +138,9 @@ mod tests {
 
     #[test]
     fn what_boards_draw_is_chance_and_what_lies_on_a_module_or_on_all_is_not() {
-        let kept = |counts: fn(usize) -> f32| {
-            beyond_chance(&(0..TAXELS).map(|taxel| counts(taxel) + drawn(taxel)).collect::<Vec<f32>>(), &modules())
-        };
+        let with_drawn =
+            |counts: fn(usize) -> f32| -> Vec<f32> { (0..TAXELS).map(|taxel| counts(taxel) + drawn(taxel)).collect() };
+        let kept = |counts| beyond_chance(&with_drawn(counts), &modules(), true);
         assert_eq!(kept(|_| 0.0), [0.0; TAXELS]);
         // A module is kept as it is; the mean of ten is chance up to 0.47.
         let on_one = kept(|taxel| if taxel / 10 == 2 { -0.5 } else { 0.0 });
@@ -136,40 +150,77 @@ mod tests {
         // Of all what they have in common: the median of a hundred is chance up to 0.15.
         assert_eq!(kept(|_| 0.1875), [0.1875; TAXELS]);
         assert_eq!(kept(|_| 0.125), [0.0; TAXELS]);
-        let warm_and_one_beside = kept(|taxel| if taxel / 10 == 2 { 3.0 } else { 1.0 });
-        assert_eq!((warm_and_one_beside[20], warm_and_one_beside[24], warm_and_one_beside[30]), (2.5, 3.5, 1.0));
+        let warm_and_one_beside = |taxel| if taxel / 10 == 2 { 3.0 } else { 1.0 };
+        let kept = kept(warm_and_one_beside);
+        assert_eq!((kept[20], kept[24], kept[30]), (2.5, 3.5, 1.0));
+        // Without what they have in common.
+        let kept = beyond_chance(&with_drawn(warm_and_one_beside), &modules(), false);
+        assert_eq!((kept[20], kept[24], kept[30]), (1.5, 2.5, 0.0));
+        // Taxels that agree to the last bit are no closer than a tenth of a count: a module is chance up to 0.126.
+        let on_one = |counts: f32| (0..TAXELS).map(|taxel| if taxel < 10 { counts } else { 0.0 }).collect::<Vec<f32>>();
+        assert_eq!(beyond_chance(&on_one(0.125), &modules(), true), [0.0; TAXELS]);
+        assert_eq!(beyond_chance(&on_one(0.1275), &modules(), true)[0], 0.1275);
     }
 
     #[test]
     fn what_boards_draw_does_not_add_up_and_a_load_that_comes_between_does() {
-        let models = at(|_| 0.0);
+        // The models' rest is a count beside what boards read that were just configured.
+        let models = at(|_| 1.0);
         let first = HiddenCounts::of(&at(|taxel| drawn(taxel) - 1.0), &models, None, &modules());
-        assert_eq!(first.counts[..5], [-1.5, -1.25, -1.0, -0.75, -0.5]);
-        // The boards draw anew, nothing has come, and the next look finds the same.
-        let known = first.at(&at(|taxel| -drawn(taxel)), &models, &modules());
+        assert_eq!(first.counts[..5], [-2.5, -2.25, -2.0, -1.75, -1.5]);
+        // The boards draw anew, nothing has come, and the next looks find the same, however often.
+        let mut known = first.at(&at(|taxel| -drawn(taxel)), &modules());
         assert_eq!((&known.counts, known.reads[0]), (&first.counts, 240.5));
-        let second =
-            HiddenCounts::of(&at(|taxel| 0.001 * drawn(taxel + 1) - drawn(taxel)), &models, Some(&known), &modules());
-        assert_eq!(second, first);
+        for start in 0..5 {
+            let draw = |taxel: usize| if start % 2 == 0 { drawn(taxel) } else { -drawn(taxel) };
+            let noise = |taxel: usize| 0.001 * drawn(taxel + 1);
+            let looked: Vec<_> = known
+                .reads
+                .iter()
+                .enumerate()
+                .map(|(taxel, reads)| TaxelBaseline { mean: f64::from(reads + noise(taxel)), noise: 0.5 })
+                .collect();
+            let next = HiddenCounts::of(&looked, &models, Some(&known), &modules());
+            assert_eq!(next, known, "start {start}");
+            known = next.at(&at(draw), &modules());
+            assert_eq!((&known.counts, known.reads[0]), (&first.counts, 240.0 + draw(0)));
+        }
         // Something comes to lie on a module after the boards took their zeros, and before the zero.
         let came = |taxel: usize| if taxel / 10 == 3 { -1.0 } else { 0.0 };
-        let known = first.at(&at(|taxel| came(taxel) - drawn(taxel)), &models, &modules());
-        assert_eq!((known.counts[0], known.counts[30], known.counts[32]), (-1.5, -2.0, -2.0));
-        // It is taken away, and the next look sees that.
-        let third = HiddenCounts::of(&at(|taxel| -drawn(taxel)), &models, Some(&known), &modules());
-        assert_eq!((third.counts[0], third.counts[32]), (-1.5, -1.0));
+        known = known.at(&at(|taxel| came(taxel) - drawn(taxel)), &modules());
+        assert_eq!((&known.counts, known.reads[30], known.reads[0]), (&first.counts, 239.5, 240.5));
+        // The next look sees it, as it would if it were taken away.
+        let looked = at(|taxel| came(taxel) - drawn(taxel));
+        let next = HiddenCounts::of(&looked, &models, Some(&known), &modules());
+        assert_eq!((next.counts[0], next.counts[29]), (first.counts[0], first.counts[29]));
+        assert!(next.counts[30..40].iter().sum::<f32>() < first.counts[30..40].iter().sum::<f32>() - 9.0);
     }
 
     #[test]
     fn of_a_taxel_that_was_not_read_what_was_known_stays() {
-        let models = at(|_| 0.0);
         let unread = at(|taxel| if taxel == 0 { f32::NAN } else { -2.0 });
-        let earlier = HiddenCounts { counts: vec![-1.5; TAXELS], reads: Vec::new() };
-        let found = HiddenCounts::of(&unread, &models, Some(&earlier), &modules());
-        assert_eq!(found.counts[..2], [-1.5, -3.5]);
-        let known = found.at(&unread, &models, &modules());
-        assert!(known.reads[0].is_nan() && known.reads[1] == 238.0);
-        assert_eq!(known.counts[1], -5.5, "all of the skin has moved");
-        assert_eq!(HiddenCounts::of(&at(|_| -2.0), &models, Some(&known), &modules()).counts, known.counts);
+        let first = HiddenCounts::of(&unread, &at(|_| 0.0), None, &modules());
+        assert_eq!((&first.counts[..2], &first.reads[..2]), (&[0.0, -2.0][..], &[240.0; 2][..]));
+        let known = first.at(&unread, &modules());
+        assert_eq!((known.reads[0], known.reads[1]), (240.0, 238.0));
+        // It is compared with the models until it is read.
+        let next =
+            HiddenCounts::of(&at(|taxel| if taxel < 10 { -4.0 } else { -2.0 }), &at(|_| 0.0), Some(&known), &modules());
+        assert_eq!((next.counts[0], next.counts[1], next.counts[10]), (-4.0, -4.0, -2.0));
+        let unknown =
+            HiddenCounts::of(&at(|_| -2.0), &at(|taxel| if taxel == 0 { f32::NAN } else { 0.0 }), None, &modules());
+        assert_eq!(unknown.counts[..2], [0.0, -2.0]);
+    }
+
+    #[test]
+    fn a_vouched_zero_is_rest_and_models_of_the_skin_as_it_is_hide_no_less_than_others() {
+        let known = HiddenCounts { counts: vec![-1.5, 2.0, -0.25, 1.0], reads: vec![240.0; 4] };
+        let zero: Vec<_> = [241.0, 241.0, f64::NAN, 239.0].map(|mean| TaxelBaseline { mean, noise: 0.5 }).into();
+        let vouched = known.none_at(&zero);
+        assert_eq!(vouched, HiddenCounts { counts: vec![0.0; 4], reads: vec![241.0, 241.0, 240.0, 239.0] });
+        // Models whose rest the skin reads at 241 lie a count towards load at 240, where pressure lowers the counts.
+        let for_both = known.for_models_at(&zero, &[-1, -1, -1, 1]);
+        assert_eq!(for_both.counts, [-1.5, -1.0, -0.25, 1.0]);
+        assert_eq!(for_both.reads, known.reads);
     }
 }

@@ -7,6 +7,9 @@ use crate::baseline::TaxelBaseline;
 use crate::zero::boards::{BoardZeros, HiddenCounts};
 use crate::zero::holder::Zero;
 
+/// So many zeros of sessions are remembered, those of the newest ramps.
+pub(super) const SESSION_RESTS: usize = 8;
+
 impl Zero {
     /// Goes on from what was known of the boards' zeros before the daemon started.
     pub fn go_on(&mut self, known: &BoardZeros) {
@@ -16,7 +19,6 @@ impl Zero {
             other.map(|noted| format!("what was noted of the boards' zeros is of {noted} taxels, not {taxels}"));
         self.hidden = known.hidden.clone().filter(|_| other.is_none());
         known.unproven.clone().or(other).into_iter().for_each(|why| self.continuity.distrust(why));
-        self.counted = self.hidden.clone();
     }
 
     /// Why the counts cannot show whether the skin is at rest; also after a restart.
@@ -28,8 +30,9 @@ impl Zero {
     /// What is known of the boards' zeros, if that is no more what was `noted`.
     #[must_use]
     pub fn news_of_boards(&self, noted: &BoardZeros) -> Option<BoardZeros> {
+        let is_one = |hidden: &Arc<HiddenCounts>| noted.hidden.as_ref().is_some_and(|noted| Arc::ptr_eq(hidden, noted));
         let same = self.distrusted() == noted.unproven.as_deref()
-            && self.hidden.as_ref().map(Arc::as_ptr) == noted.hidden.as_ref().map(Arc::as_ptr);
+            && (self.hidden.as_ref().is_some_and(is_one) || self.hidden == noted.hidden);
         let zeros = || BoardZeros { unproven: self.distrusted().map(str::to_owned), hidden: self.hidden.clone() };
         (!same).then(zeros)
     }
@@ -39,44 +42,58 @@ impl Zero {
         self.continuity.forget();
     }
 
-    /// A force is felt at the zero that holds, and there is none: so that is what the boards are configured at.
+    /// A force is felt at the zero that holds, and there is none: what the taxels read lately is what the boards are configured
+    /// at.
     pub fn look_by_zero(&mut self) {
-        self.looked = self.zero().map(<[TaxelBaseline]>::to_vec);
+        let lately = self.lookback.lately();
+        let at = |(lately, zero): (TaxelBaseline, &TaxelBaseline)| if lately.mean.is_finite() { lately } else { *zero };
+        self.looked = self.zero().map(|zero| lately.into_iter().zip(zero).map(at).collect());
     }
 
-    /// The boards are being configured, and take zeros of their own on a skin that was looked at, or that somebody vouches
-    /// for. What was let pass when they were configured before still lies there as far as this look knows: the boards' zeros
-    /// hide it from the look. `models` is the zero of the models in use, `unseen` why nobody knows what lay on the skin, if
-    /// that is so: it is held against the zeros of the boards until there is another.
-    pub fn on_bring_up(&mut self, models: Option<&[TaxelBaseline]>, unseen: Option<&'static str>) {
+    /// The boards are being configured, and take zeros of their own on a skin that was looked at, that somebody has `vouched`
+    /// for, or neither. What was let pass when they were configured before still lies there as far as this look knows: the
+    /// boards' zeros hide it from the look. `models` is the zero of the models in use, `unseen` why nobody knows what lay on the
+    /// skin, if that is so: it is held against the zeros of the boards until there is another.
+    pub fn on_bring_up(&mut self, models: Option<&[TaxelBaseline]>, vouched: bool, unseen: Option<&'static str>) {
         self.configuring = true;
         self.unseen = unseen;
         self.hold_unseen();
-        self.session = None;
-        let earlier = self.hidden.take();
-        self.hidden = self.looked.take().zip(models).map(|(looked, models)| {
-            Arc::new(HiddenCounts::of(&looked, models, earlier.as_deref(), self.regions.modules()))
-        });
-        self.counted = self.hidden.clone();
+        self.session_rests.clear();
+        self.unsettled = true;
+        let looked = self.looked.take().zip(models);
+        let earlier = self.hidden.take().filter(|_| !vouched);
+        self.hidden = match looked.filter(|_| !vouched) {
+            Some((looked, models)) => {
+                Some(Arc::new(HiddenCounts::of(&looked, models, earlier.as_deref(), self.regions.modules())))
+            }
+            None => earlier, // boards that nobody hears may not be reached either
+        };
     }
 
-    /// A zero is used: the first one since the boards were configured tells what their zeros drew.
-    pub fn settle_boards(&mut self, models: Option<&[TaxelBaseline]>) {
-        let unsettled = self.hidden.as_ref().filter(|hidden| hidden.reads.is_empty());
-        if let (Some(hidden), Some(models), Some(zero)) = (unsettled, models, self.baseline()) {
-            self.hidden = Some(Arc::new(hidden.at(zero, models, self.regions.modules())));
+    /// A zero is taken: the first one since the boards were configured tells what they read with their zeros, and one that
+    /// somebody `vouched` for that they hide nothing more.
+    pub(super) fn settle_boards(&mut self, zero: &[TaxelBaseline], vouched: bool) {
+        let unsettled = std::mem::take(&mut self.unsettled);
+        if let Some(hidden) = self.hidden.as_mut().filter(|_| unsettled || vouched) {
+            let modules = self.regions.modules();
+            *hidden = Arc::new(if vouched { hidden.none_at(zero) } else { hidden.at(zero, modules) });
         }
     }
 
     /// A session has taken its zero: what it makes is of the skin as the boards see it now.
-    pub fn on_session_zero(&mut self, session: u64) {
-        self.session = Some(session);
+    pub(super) fn note_session_rest(&mut self, zero: &[TaxelBaseline]) {
+        if self.session_rests.len() == SESSION_RESTS {
+            self.session_rests.pop_front();
+        }
+        self.session_rests.push_back(zero.to_vec());
     }
 
-    /// Models of a session are in use, if they came of one.
-    pub(super) fn on_models_of(&mut self, session: Option<u64>) {
-        if session.is_some() && session == self.session {
-            (self.hidden, self.counted) = (None, None);
+    /// Models are in use whose rest is this; it may be that of a session since the boards were configured.
+    pub(super) fn on_rest_of_models(&mut self, rest: &[TaxelBaseline]) {
+        let bits = |rest: &[TaxelBaseline]| rest.iter().map(|taxel| taxel.mean.to_bits()).collect::<Vec<_>>();
+        let is_of_session = self.session_rests.iter().any(|of_session| bits(of_session) == bits(rest));
+        if let Some(hidden) = self.hidden.as_mut().filter(|_| is_of_session) {
+            *hidden = Arc::new(hidden.for_models_at(rest, self.ground.signs()));
         }
     }
 
@@ -87,6 +104,6 @@ impl Zero {
     /// What the zeros of the boards hide beside what the present zero does.
     #[must_use]
     pub const fn hidden(&self) -> Option<&Arc<HiddenCounts>> {
-        self.counted.as_ref()
+        self.hidden.as_ref()
     }
 }

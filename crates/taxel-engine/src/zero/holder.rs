@@ -4,6 +4,7 @@
 //! passed, [`Zero::lose`] and [`Zero::doubt`] when something else says that it does not hold. [`Zero::zero`] is `None`
 //! unless it holds.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 use taxel_skin::Time;
@@ -48,17 +49,16 @@ pub struct Zero {
     pub(super) continuity: Continuity,
     /// Whether the continuity is in doubt, as last told.
     pub(super) doubted: bool,
-    lookback: Lookback,
+    pub(super) lookback: Lookback,
     /// Whether the boards were being configured when the last scan came, or are since.
     pub(super) configuring: bool,
     /// What was seen when the boards were last found ready to be configured.
     pub(super) looked: Option<Vec<TaxelBaseline>>,
-    /// What the boards' zeros hide as far as it is known now, and as it counts: what came between these and the zero is in
-    /// the zero.
+    /// What the boards' zeros hide, and whether a zero has to tell yet what the taxels read with them.
     pub(super) hidden: Option<Arc<HiddenCounts>>,
-    pub(super) counted: Option<Arc<HiddenCounts>>,
-    /// The session that has taken a zero since then.
-    pub(super) session: Option<u64>,
+    pub(super) unsettled: bool,
+    /// The zeros that sessions have taken since then, the newest last.
+    pub(super) session_rests: VecDeque<Vec<TaxelBaseline>>,
     /// Why nobody knows what lay on the skin then.
     pub(super) unseen: Option<&'static str>,
     /// The last zero with its drift, or that of the models.
@@ -85,8 +85,8 @@ impl Zero {
             configuring: false,
             looked: None,
             hidden: None,
-            counted: None,
-            session: None,
+            unsettled: false,
+            session_rests: VecDeque::new(),
             unseen: None,
             ground: Ground::new(&regions, plan.activation),
             memory: Memory::default(),
@@ -191,7 +191,7 @@ impl Zero {
                 self.ground.take(&set.baseline); // without a zero, loads are told from the models'
             }
             self.continuity.compare_with(&self.ground);
-            self.on_models_of(set.session);
+            self.on_rest_of_models(&set.baseline);
         }
         self.lookback.restart();
     }
@@ -282,9 +282,9 @@ impl Zero {
     /// What has moved the zero meanwhile, in words.
     pub fn adopt(&mut self, now: Now, request: RequestId) -> Result<TareView, String> {
         let proven = self.proven.take_if(|proven| proven.is_for(request));
-        let (mut view, baseline) = proven.ok_or("a newer zero was taken")?.zero()?;
+        let (mut view, baseline, vouched) = proven.ok_or("a newer zero was taken")?.zero()?;
         view.epoch = self.view.epoch + 1;
-        self.take(now.time, view.clone(), baseline);
+        self.take(now.time, view.clone(), baseline, vouched);
         Ok(view)
     }
 
@@ -293,7 +293,8 @@ impl Zero {
         self.proven.take_if(|proven| proven.is_for(request));
     }
 
-    pub(super) fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>) {
+    pub(super) fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>, vouched: bool) {
+        self.settle_boards(&baseline, vouched);
         let wall_ns = view.wall_ns;
         self.view = view;
         self.taken = now;

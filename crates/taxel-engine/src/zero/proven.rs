@@ -21,14 +21,23 @@ pub struct Proven {
     request: RequestId,
     /// What was held against the boards when it was taken.
     known: Known,
+    /// Whether somebody vouches for it.
+    vouched: bool,
     zero: Result<(TareView, Vec<TaxelBaseline>), String>,
 }
 
 impl Proven {
-    /// A zero for `request`, one baseline per taxel, and what was held against the boards when it was taken.
+    /// A zero for `request`, one baseline per taxel, whether somebody vouches for it, and what was held against the boards when it
+    /// was taken.
     #[must_use]
-    pub const fn new(request: RequestId, view: TareView, baseline: Vec<TaxelBaseline>, known: Known) -> Self {
-        Self { request, known, zero: Ok((view, baseline)) }
+    pub const fn new(
+        request: RequestId,
+        view: TareView,
+        baseline: Vec<TaxelBaseline>,
+        vouched: bool,
+        known: Known,
+    ) -> Self {
+        Self { request, known, vouched, zero: Ok((view, baseline)) }
     }
 
     /// This is held against the boards now: what is new of it spoils the zero.
@@ -55,11 +64,11 @@ impl Proven {
         }
     }
 
-    /// The zero.
+    /// The zero, and whether somebody vouches for it.
     ///
     /// # Errors
     /// What has moved it, in words.
-    pub fn zero(self) -> Result<(TareView, Vec<TaxelBaseline>), String> {
-        self.zero
+    pub fn zero(self) -> Result<(TareView, Vec<TaxelBaseline>, bool), String> {
+        self.zero.map(|(view, baseline)| (view, baseline, self.vouched))
     }
 }

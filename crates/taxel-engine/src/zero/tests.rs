@@ -15,12 +15,14 @@ use crate::request::{ErrorReason, RequestId};
 use crate::scan::Scan;
 use crate::zero::bag::Bag;
 use crate::zero::boards::{BoardZeros, HiddenCounts};
+use crate::zero::bring_up::SESSION_RESTS;
 use crate::zero::drift::plan::DriftPlan;
 use crate::zero::drift::site::drift_sites;
 use crate::zero::drift::view::DriftState;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::holder::Zero;
 use crate::zero::plan::{TarePlan, ZeroPlan};
+use crate::zero::view::TareView;
 use crate::zero::watch::Purpose;
 
 const MODULES: usize = 8;
@@ -31,54 +33,78 @@ const PERIOD_NS: i64 = 50_000_000;
 fn what_lay_there_at_one_configuration_still_counts_at_the_next() {
     let at = |mean: f64| vec![TaxelBaseline { mean, noise: 0.5 }; TAXELS];
     let mut zero = Skin::new().zero;
-    let hidden = |zero: &Zero| zero.hidden().map(|hidden| hidden.counts[0]);
+    let hidden = |zero: &Zero| zero.hidden().map(|hidden| (hidden.counts[0], hidden.reads[0]));
     let models = at(240.0);
     // One and a half counts of load were let pass; the boards hide them from the next look, which sees half a count more.
     zero.looked = Some(at(238.5));
-    zero.on_bring_up(Some(&models), None);
-    assert_eq!(hidden(&zero), Some(-1.5));
+    zero.on_bring_up(Some(&models), false, None);
+    assert_eq!(hidden(&zero), Some((-1.5, 240.0)));
     zero.looked = Some(at(239.5));
-    zero.on_bring_up(Some(&models), None);
-    assert_eq!(hidden(&zero), Some(-2.0));
+    zero.on_bring_up(Some(&models), false, None);
+    assert_eq!(hidden(&zero), Some((-2.0, 240.0)));
     // Nor does a restart forget it.
     let noted = zero.news_of_boards(&BoardZeros::default()).unwrap();
     let mut zero = Skin::new().zero;
     zero.go_on(&noted);
-    assert!(zero.news_of_boards(&noted).is_none() && hidden(&zero) == Some(-2.0));
+    assert!(zero.news_of_boards(&noted).is_none() && hidden(&zero) == Some((-2.0, 240.0)));
     // The load has gone: the boards read as much less.
     zero.looked = Some(at(242.0));
-    zero.on_bring_up(Some(&models), None);
-    assert_eq!(hidden(&zero), Some(0.0));
-    // Somebody vouches that nothing touches the skin.
-    zero.on_bring_up(Some(&models), None);
-    assert_eq!(hidden(&zero), None);
+    zero.on_bring_up(Some(&models), false, None);
+    assert_eq!(hidden(&zero), Some((0.0, 240.0)));
+    // Nobody hears the boards, which may not hear anybody: what is known stays.
+    zero.looked = Some(at(239.0));
+    zero.on_bring_up(Some(&models), false, None);
+    zero.on_bring_up(Some(&models), false, None);
+    assert_eq!(hidden(&zero), Some((-1.0, 240.0)));
+    // Somebody vouches that nothing touches the skin, whatever was looked at.
+    zero.looked = Some(at(239.0));
+    zero.on_bring_up(Some(&models), true, None);
+    assert_eq!((hidden(&zero), zero.looked.is_none()), (None, true));
 }
 
 #[test]
-fn models_of_a_session_that_came_after_the_boards_were_configured_know_what_their_zeros_hide() {
+fn the_first_zero_after_a_configuration_tells_what_the_boards_read_and_a_vouched_one_that_they_hide_nothing() {
     let at = |mean: f64| vec![TaxelBaseline { mean, noise: 0.5 }; TAXELS];
-    let configured = || {
-        let mut zero = Skin::new().zero;
-        zero.looked = Some(at(238.5));
-        zero.on_bring_up(Some(&at(240.0)), None);
-        zero
+    let mut zero = Skin::new().zero;
+    let hidden = |zero: &Zero| zero.hidden().map(|hidden| (hidden.counts[0], hidden.reads[0]));
+    let take = |zero: &mut Zero, mean: f64, vouched: bool| {
+        zero.take(Time::default(), TareView::default(), at(mean), vouched);
     };
-    let of = |session| ModelSet { session, ..models(240.0) };
-    for (of_zero, before, of_models, forgotten) in [
-        (Some(3), None, Some(3), true),
-        (Some(3), None, Some(2), false),
-        (None, None, None, false),
-        (None, Some(3), Some(3), false),
+    zero.looked = Some(at(238.5));
+    zero.on_bring_up(Some(&at(240.0)), false, None);
+    take(&mut zero, 239.0, false);
+    assert_eq!(hidden(&zero), Some((-1.5, 239.0)), "the boards drew a count");
+    take(&mut zero, 237.0, false);
+    assert_eq!(hidden(&zero), Some((-1.5, 239.0)), "later zeros say nothing of that");
+    take(&mut zero, 237.0, true);
+    assert_eq!(hidden(&zero), Some((0.0, 237.0)));
+}
+
+/// The models are of the skin as it was then, whatever lay on it; others may come into use again.
+#[test]
+fn models_of_a_session_since_the_boards_were_configured_count_beside_the_earlier_ones() {
+    let at = |mean: f64| vec![TaxelBaseline { mean, noise: 0.5 }; TAXELS];
+    let rest_of = |mean: f64| ModelSet { baseline: at(mean), ..models(240.0) };
+    // By how much the skin lay from the rest of the earlier models, what the session's zero reads, and what counts then, where
+    // pressure lowers the counts.
+    for (looked, session, of_models, counts) in [
+        (242.0, 240.5, 240.5, -0.5), // it was colder, and is not for the new models
+        (238.5, 240.5, 240.5, -1.5), // a load was let pass: it lies there yet for the earlier ones
+        (242.0, 240.5, 240.25, 2.0), // models of another session
     ] {
-        let mut zero = configured();
-        before.into_iter().for_each(|session| {
-            zero.on_session_zero(session);
-            zero.looked = Some(at(240.0));
-            zero.on_bring_up(Some(&at(240.0)), None);
-        });
-        of_zero.into_iter().for_each(|session| zero.on_session_zero(session));
-        zero.on_models(Some(&of(of_models)));
-        assert_eq!(zero.hidden().is_none(), forgotten, "{of_zero:?} {before:?} {of_models:?}");
+        let mut zero = Skin::new().zero;
+        zero.looked = Some(at(looked));
+        zero.on_bring_up(Some(&at(240.0)), false, None);
+        zero.note_session_rest(&at(session));
+        (0..SESSION_RESTS - 1).for_each(|ramp| zero.note_session_rest(&at(200.0 + ramp as f64)));
+        zero.on_models(Some(&rest_of(of_models)));
+        assert_eq!(zero.hidden().map(|hidden| hidden.counts[0]), Some(counts), "{looked} {session} {of_models}");
+        // One more zero of a session, or another configuration, and it is forgotten which they were.
+        zero.note_session_rest(&at(100.0));
+        zero.on_models(Some(&rest_of(session - 7.0)));
+        zero.on_bring_up(Some(&at(240.0)), false, None);
+        zero.on_models(Some(&rest_of(100.0)));
+        assert_eq!(zero.hidden().map(|hidden| hidden.counts[0]), Some(counts), "{looked} {session} {of_models}");
     }
 }
 

@@ -81,11 +81,16 @@ impl Zero {
         let baseline = with_noise_known(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
         let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, rest, &baseline);
         if let Purpose::Operator { request, .. } = purpose {
-            self.proven = Some(Proven::new(request, view.clone(), baseline.clone(), self.held_against()));
+            let (vouched, known) = (vouched.is_some(), self.held_against());
+            self.proven = Some(Proven::new(request, view.clone(), baseline.clone(), vouched, known));
             events.push(ZeroEvent::Proven { request, view, baseline });
         } else {
             self.proven = None; // of an earlier moment
-            self.take(now.time, view, baseline);
+            let vouched = vouched.is_some();
+            if matches!(purpose, Purpose::Session { .. }) {
+                self.note_session_rest(&baseline);
+            }
+            self.take(now.time, view, baseline, vouched);
             events.push(ZeroEvent::Taken(purpose));
         }
     }

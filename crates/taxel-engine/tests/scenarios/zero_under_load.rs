@@ -1,8 +1,10 @@
 //! What lies on the skin is no zero, however few taxels it lies on, and whatever its boards do meanwhile.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::command::Command;
+use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
@@ -271,6 +273,48 @@ fn the_interval_of_a_skin_that_nothing_touches_does_not_grow_with_each_restart()
     let mean = |floors: &[f64]| floors.iter().sum::<f64>() / floors.len() as f64;
     let [first, last] = [mean(&floors[..20]), mean(&floors[40..])];
     assert!(last < 1.2 * first, "{first} N in the mean, after forty restarts {last} N: {floors:.2?}");
+}
+
+/// Nor does what the models' rest lies beside what boards read that were just configured, as it does after a calibration of a
+/// skin that has warmed since they were.
+#[test]
+fn the_interval_does_not_grow_with_each_restart_where_the_models_were_gathered_at_another_warmth() {
+    for counts in [-1.0, 1.0] {
+        let mut set = ModelSet::clone(&ordinary().set);
+        set.baseline.iter_mut().for_each(|taxel| taxel.mean += counts);
+        let restored = || Restored { model_sets: vec![Arc::new(set.clone()).into()], ..ordinary().restored() };
+        let mut bench = Bench::new(ordinary().world.clone(), plan(patch_plan(&ordinary().skin)), restored());
+        let mut floors = Vec::new();
+        for _ in 0..20 {
+            bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
+            floors.push(floor(&bench));
+            let board_zeros = Disk::after_a_crash(&bench.host).restored.board_zeros;
+            let known = board_zeros[0].1.hidden.as_ref().unwrap();
+            let mean = known.counts.iter().sum::<f32>() / known.counts.len() as f32;
+            assert!(mean.abs() < 2.0, "{mean} counts are hidden at {counts}: {floors:.2?}");
+            bench = Bench::new(bench.world, plan(patch_plan(&ordinary().skin)), Restored { board_zeros, ..restored() });
+        }
+        let mean = |floors: &[f64]| floors.iter().sum::<f64>() / floors.len() as f64;
+        assert!(mean(&floors[10..]) < 1.2 * mean(&floors[..10]), "{counts}: {floors:.2?} N");
+    }
+}
+
+/// What presses on all of the skin and activates no taxel is part of the boards' zeros after a bring-up that nobody vouched for.
+#[test]
+fn what_presses_too_lightly_to_be_felt_stays_within_the_interval_through_a_bring_up() {
+    for kilogram in [0.05, 0.1, 0.15, 0.2] {
+        let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+        bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
+        bench.world.lay(Mass::on_disc(kilogram, TaxelIndex(45), 4000.0)).unwrap();
+        bench.seconds(3.0);
+        let mark = bench.mark();
+        bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
+        bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+        bench.brought_up();
+        bench.tare(None).unwrap();
+        bench.until(3.0, "a force", |host| host.snapshot().force.total.is_some());
+        bench.is_truthful_since(mark, &format!("{kilogram} kg on most of the skin"));
+    }
 }
 
 fn floor(bench: &Bench) -> f64 {

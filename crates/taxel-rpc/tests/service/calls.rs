@@ -38,7 +38,8 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         uncovered_share: 0.125,
         model_set: Some("m-1".into()),
     };
-    let published = PatchSnapshot { force: sample, ..PatchSnapshot::clone(&snapshot(9, Time::from_nanos(1_000))) };
+    let published =
+        PatchSnapshot { force: sample, simulated: true, ..PatchSnapshot::clone(&snapshot(9, Time::from_nanos(1_000))) };
     daemon.engine().patch(0, Arc::new(published));
     daemon.set_clock(Time::from_nanos(2_000_001_000));
     let mut client = ForceServiceClient::new(daemon.connect().await);
@@ -53,6 +54,7 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         monotonic_ns: Some(1_000),
         time: Some(taxel_proto::Timestamp { seconds: 1_700_000_000, nanos: 500_000_000 }),
         skipped: 0,
+        simulated: true,
         active: 5,
         excluded: 2,
         stale: 3,

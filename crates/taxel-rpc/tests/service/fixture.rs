@@ -202,7 +202,7 @@ pub fn snapshot(sequence: u64, time: Time) -> Arc<PatchSnapshot> {
     let force = ForceSample { state: ForceState::Ok, total: Some(Newton(sequence as f64)), ..ForceSample::default() };
     let taxels = vec![taxel; TAXELS].into();
     let wall_ns = 1_700_000_000_500_000_000;
-    Arc::new(PatchSnapshot { sequence, time, wall_ns, seen: true, force, taxels, tare: None })
+    Arc::new(PatchSnapshot { sequence, time, wall_ns, seen: true, simulated: false, force, taxels, tare: None })
 }
 
 /// A set of one true model and otherwise excluded taxels.

@@ -61,7 +61,14 @@ pub fn cases() -> Vec<Sample> {
     vec![
         good(4),
         Sample { state: State::Degraded, lower_bound: true, resultant_n: None, reasons, ..good(5) },
-        Sample { sigma_n: None, detection_floor_n: None, moment_nm: None, centre_of_pressure_m: None, ..good(6) },
+        Sample {
+            simulated: true,
+            sigma_n: None,
+            detection_floor_n: None,
+            moment_nm: None,
+            centre_of_pressure_m: None,
+            ..good(6)
+        },
         Sample { state: State::TareInvalid, total_n: None, ..good(7) },
         Sample { state: State::Ok, total_n: Some(f64::NAN), ..good(8) },
         Sample { monotonic_ns: None, ..good(9) },
@@ -91,7 +98,7 @@ pub fn printed(page: &Page) -> String {
     let one = |figure: &Option<f64>| figures(figure.as_ref().map(std::slice::from_ref), 1);
     let three = |vector: &Option<[f64; 3]>| figures(vector.as_ref().map(<[f64; 3]>::as_slice), 3);
     format!(
-        "status {status}\nsequence {} stamps {} {} {}\nstate {} lower_bound {}\ntotal{}\nsigma{}\nfloor{}\nresultant{}\n\
+        "status {status}\nsequence {} stamps {} {} {}\nstate {} lower_bound {} simulated {}\ntotal{}\nsigma{}\nfloor{}\nresultant{}\n\
          moment{}\ncentre{}\ntaxels {} {} {} {} {}\nshares {:.3} {:.3}\nmodels {}\nreasons {}\n",
         s.sequence,
         s.monotonic_ns.unwrap_or_default(),
@@ -99,6 +106,7 @@ pub fn printed(page: &Page) -> String {
         s.written_ns,
         s.state as u32,
         u8::from(s.lower_bound),
+        u8::from(s.simulated),
         one(&s.total_n),
         one(&s.sigma_n),
         one(&s.detection_floor_n),

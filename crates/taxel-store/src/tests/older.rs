@@ -11,6 +11,7 @@ use super::board_zeros::{WHY, doubt, doubts};
 use super::fixture::*;
 use crate::db::Db;
 use crate::rows;
+use crate::salvage::salvage;
 use crate::schema;
 
 /// The version from which on the store knows what is held against the boards' zeros.
@@ -104,5 +105,18 @@ fn a_file_of_every_earlier_version_keeps_all_it_has_and_takes_what_is_new() {
         let (_, restored, quarantined) = Db::open(&path).unwrap();
         assert_eq!(quarantined, [], "version {version}");
         assert_eq!((restored.loads.len(), restored.sessions.len(), restored.next_session), (1, 1, 3));
+    }
+}
+
+#[test]
+fn a_damaged_file_of_an_earlier_version_keeps_what_is_held_against_the_boards() {
+    for version in WITH_DOUBTS..=schema::STEPS.len() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        written_by(version, &path);
+        salvage(&path).unwrap();
+        let (_, restored, _) = Db::open(&path).unwrap();
+        assert_eq!(doubts(&restored), [(PATCH.to_owned(), WHY.to_owned())], "version {version}");
+        assert_eq!((restored.sessions.len(), restored.model_sets.len()), (2, 2), "version {version}");
     }
 }

@@ -71,7 +71,8 @@ pub fn session_word(state: SessionState) -> &'static str {
 fn row(skin: &Skin, force: ForceSample, session: &str) -> Vec<String> {
     let state = force.state();
     let received = Reader::default().take(force, Moment::now());
-    let newton = received.sample().total_n.map_or_else(|| "-".to_owned(), |newton| format!("{newton:.2} N"));
+    let simulated = if received.sample().simulated { ", simulated" } else { "" };
+    let newton = received.sample().total_n.map_or_else(|| "-".to_owned(), |newton| format!("{newton:.2} N{simulated}"));
     let set = if skin.model_set.is_empty() { "-" } else { &skin.model_set };
     let calibrated = skin.taxels.iter().filter(|taxel| taxel.calibrated).count();
     let taxels = format!("{calibrated} of {}", skin.taxels.len());

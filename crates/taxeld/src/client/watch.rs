@@ -207,9 +207,10 @@ fn describe(judged: &Judged) -> String {
     let least = if sample.lower_bound { "at least " } else { "" };
     let spread = sample.total_sigma_n.map_or_else(String::new, |sigma| format!(" +- {:.2} (k = 2)", 2.0 * sigma));
     let unseen = sample.detection_floor_n.map_or_else(String::new, |floor| format!(", unseen up to {floor:.2} N"));
+    let simulated = if sample.simulated { ", simulated" } else { "" };
     let reasons = if sample.reasons.is_empty() { String::new() } else { format!(": {}", sample.reasons.join("; ")) };
     format!(
-        "{}: {least}{newton:.2} N{spread}, {:.0} ms old, {} taxels active{unseen}, {}{reasons}",
+        "{}: {least}{newton:.2} N{spread}, {:.0} ms old, {} taxels active{unseen}, {}{simulated}{reasons}",
         sample.patch,
         age.as_secs_f64() * 1e3,
         sample.active,
@@ -217,7 +218,7 @@ fn describe(judged: &Judged) -> String {
     )
 }
 
-const CSV_HEADER: [&str; 14] = [
+const CSV_HEADER: [&str; 15] = [
     "time_s",
     "patch",
     "sequence",
@@ -232,6 +233,7 @@ const CSV_HEADER: [&str; 14] = [
     "out_of_range",
     "excluded",
     "reasons",
+    "simulated",
 ];
 
 fn csv(judged: &Judged) -> Vec<String> {
@@ -259,6 +261,7 @@ fn csv(judged: &Judged) -> Vec<String> {
             .chain(sample.reasons.iter().cloned())
             .collect::<Vec<_>>()
             .join("; "),
+        u8::from(sample.simulated).to_string(),
     ]
 }
 

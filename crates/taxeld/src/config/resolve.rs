@@ -182,6 +182,7 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
         bring_up: if section.listen_only { Vec::new() } else { setups },
         devices,
         pushed: push,
+        simulated: patch.boards().iter().any(|board| config.bus[usize::from(board.bus.0)].source == BusSource::Sim),
         period,
         geometry,
         gauge,
@@ -364,4 +365,22 @@ fn gauge(config: &Config, section: &GaugeSection, patch_bus: BusIndex) -> Result
     };
     signal.validate().map_err(|e| Fault::of("gauge", format!("gauge: {e}")))?;
     Ok(Gauge { bus, signal })
+}
+
+#[cfg(all(test, feature = "sim"))]
+mod tests {
+    use super::super::parse;
+    use super::*;
+
+    #[test]
+    fn a_force_says_whether_a_simulator_makes_it() {
+        let path = Path::new("t.toml");
+        let demo = include_str!("../demo_config.toml");
+        let on_a_bus = demo.replace("source = \"sim\"", "source = \"socketcan\"\ninterface = \"can0\"");
+        assert_ne!(demo, on_a_bus);
+        for (text, simulated) in [(demo, true), (&on_a_bus, false)] {
+            let scene = resolve(&parse(path, text).unwrap(), path).unwrap();
+            assert_eq!(scene.plan.patches[0].simulated, simulated, "{text}");
+        }
+    }
 }

@@ -3,7 +3,7 @@
 //! The live faults leave them, because a single blow is no flicker and a touch may come between two scans. A fit knows
 //! what came after, and one such reading can bend a curve by kilopascals.
 
-use crate::statistics::quantile;
+use crate::statistics::{MEDIAN_DEVIATIONS, quantile};
 
 /// Scans on each side that a reading is compared with (Hampel identifier; Pearson 2002).
 const REACH: usize = 7;
@@ -13,9 +13,6 @@ const DEVIATIONS: f64 = 5.0;
 
 /// ... and than so many counts stands alone.
 const FLOOR_COUNTS: f64 = 3.0;
-
-/// Median deviation to standard deviation of a normal distribution.
-const NORMAL: f64 = 1.4826;
 
 /// Where readings stand alone, among those that are finite and not masked; ascending.
 #[must_use]
@@ -28,7 +25,7 @@ pub(super) fn dropouts(counts: &[f64], masked: &[bool]) -> Vec<usize> {
         let around = &sound[at.saturating_sub(REACH)..sound.len().min(at + REACH + 1)];
         let Some(middle) = quantile(around.iter().map(|&i| counts[i]).collect(), 0.5) else { return false };
         let deviation = quantile(around.iter().map(|&i| (counts[i] - middle).abs()).collect(), 0.5).unwrap_or(0.0);
-        (counts[sound[at]] - middle).abs() > (DEVIATIONS * NORMAL * deviation).max(FLOOR_COUNTS)
+        (counts[sound[at]] - middle).abs() > (DEVIATIONS * MEDIAN_DEVIATIONS * deviation).max(FLOOR_COUNTS)
     });
     alone.map(|at| sound[at]).collect()
 }

@@ -15,10 +15,7 @@ use std::ops::Range;
 use super::share::{CONTACT_MODULES, FLOOR_SIGMAS, Share};
 use crate::baseline::TaxelBaseline;
 use crate::force::tables::Tables;
-use crate::statistics::median;
-
-/// The standard deviation of normal errors over their median absolute deviation.
-const DEVIATIONS: f64 = 1.4826;
+use crate::statistics::{MEDIAN_DEVIATIONS, median};
 
 /// The zero that holds, and what it took for rest.
 #[derive(Clone, Copy, Debug)]
@@ -51,7 +48,7 @@ impl Hidden {
         };
         let all: Vec<Option<f64>> = (0..shares.len()).map(moved).collect();
         let middle = median(all.iter().copied().flatten()).unwrap_or(0.0);
-        let apart = DEVIATIONS * median(all.iter().flatten().map(|moved| (moved - middle).abs())).unwrap_or(0.0);
+        let apart = MEDIAN_DEVIATIONS * median(all.iter().flatten().map(|moved| (moved - middle).abs())).unwrap_or(0.0);
         let newton = |taxel: usize, moved: f64| {
             let share = &shares[taxel];
             let linear = f64::from(share.newton_per_count).abs() * moved;

@@ -13,7 +13,7 @@ use crate::baseline::{Activation, TaxelBaseline};
 use crate::counts::Counts;
 use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::now::Now;
-use crate::statistics::median;
+use crate::statistics::{MEDIAN_DEVIATIONS, median};
 
 /// Other untouched modules that a common mode needs.
 const OTHERS_MIN: usize = 3;
@@ -277,7 +277,7 @@ impl Drift {
     /// more: it is the same warmth.
     fn sigma_counts(&self) -> f64 {
         let deviation = |module: &ModuleDrift| Some((module.offset(&self.taxels)? - module.drift()).abs());
-        let fit = 1.4826 * median(self.modules.iter().filter_map(deviation)).unwrap_or(0.0);
+        let fit = MEDIAN_DEVIATIONS * median(self.modules.iter().filter_map(deviation)).unwrap_or(0.0);
         let held: f64 = self.modules.iter().map(|module| module.held_variance()).sum();
         let held = held / self.modules.len().max(1) as f64;
         let explained = median(self.modules.iter().map(|m| m.drift() - m.unexplained())).unwrap_or(0.0);
