@@ -50,7 +50,8 @@ impl Patch {
                 format!("the zero was lost while it was written down: {why}"),
             )
         };
-        let view = self.zero.adopt(now, request).map_err(lost)?;
+        let models = self.force.models().map(|set| set.baseline.as_slice());
+        let view = self.zero.adopt(now, request, models).map_err(lost)?;
         self.use_zero();
         self.dirty = true;
         Ok(view)

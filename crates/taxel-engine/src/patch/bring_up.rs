@@ -139,12 +139,8 @@ impl Patch {
     /// was asked for another patch that shares a board: what is held against this one's zero still holds then.
     pub fn bring_up_again(&mut self, now: Now, asked: Option<bool>, effects: &mut Effects<'_>) {
         let confirmed = asked == Some(true);
-        let feels = self.zero.holds() && self.felt.is_some();
         let may_show = self.shows_loads() || now.time < self.silent_until; // just after the start it is still listened
-        self.bring_up_waits = !confirmed && !feels && may_show;
-        if feels && !confirmed {
-            self.zero.look_by_zero();
-        }
+        self.bring_up_waits = !confirmed && may_show;
         self.lose_zero(now, ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, effects);
         if asked.is_some() {
             self.zero.on_bring_up_asked();
@@ -152,12 +148,7 @@ impl Patch {
         if self.bring_up_waits {
             self.begin_bring_up(now, effects);
         } else {
-            let ready = match (confirmed, feels) {
-                (true, _) => Ready::Vouched,
-                (false, true) => Ready::Seen,
-                (false, false) => Ready::Unseen,
-            };
-            self.on_boards_ready(now.time, ready, effects);
+            self.on_boards_ready(now.time, if confirmed { Ready::Vouched } else { Ready::Unseen }, effects);
         }
     }
 

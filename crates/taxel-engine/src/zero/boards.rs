@@ -29,7 +29,7 @@ pub struct HiddenCounts {
     /// By how many counts each taxel lay from the rest of the models when the boards took their zeros, one per taxel; 0 where
     /// nothing is known.
     pub counts: Vec<f32>,
-    /// What each taxel read right then, with these zeros, as far as it is known.
+    /// What each taxel read right then, with these zeros; NaN where it was not read, empty until that is known.
     pub reads: Vec<f32>,
 }
 
@@ -45,46 +45,58 @@ impl HiddenCounts {
         earlier: Option<&Self>,
         modules: &[Range<usize>],
     ) -> Self {
-        let Some(earlier) = earlier else {
-            let reads: Vec<f32> = models.iter().map(|taxel| taxel.mean as f32).collect();
-            return Self { counts: away(looked, &reads), reads };
+        let counts = match earlier {
+            None => away(looked, &means(models)),
+            Some(earlier) => {
+                let changed = earlier.changed(looked, models, modules);
+                earlier.counts.iter().zip(changed).map(|(before, changed)| before + changed).collect()
+            }
         };
-        let changed = beyond_chance(&away(looked, &earlier.reads), modules, true);
-        let counts = earlier.counts.iter().zip(changed).map(|(before, changed)| before + changed).collect();
-        Self { counts, reads: earlier.reads.clone() }
+        Self { counts, reads: Vec::new() }
     }
 
-    /// The first zero since then is taken, and tells what the boards read with their zeros. What lies beyond chance from what
-    /// they read with the ones before, on a module more than on all, came to lie there meanwhile; all else is what they drew.
-    pub(super) fn at(&self, zero: &[TaxelBaseline], modules: &[Range<usize>]) -> Self {
-        let came = beyond_chance(&away(zero, &self.reads), modules, false);
-        let reads = self.reads.iter().zip(zero).zip(came).map(|((before, zero), came)| {
-            let now = zero.mean as f32 - came;
-            if now.is_finite() { now } else { *before }
-        });
+    /// How far the skin has moved beyond chance since the boards took their zeros. As long as nobody knows what they read then,
+    /// a module is compared with the others: what boards that were just configured read is not the models' rest.
+    fn changed(&self, looked: &[TaxelBaseline], models: &[TaxelBaseline], modules: &[Range<usize>]) -> Vec<f32> {
+        if self.reads.is_empty() {
+            return beyond_chance(&away(looked, &means(models)), modules, false);
+        }
+        let known = |(reads, models): (&f32, &TaxelBaseline)| if reads.is_nan() { models.mean as f32 } else { *reads };
+        let reads: Vec<f32> = self.reads.iter().zip(models).map(known).collect();
+        beyond_chance(&away(looked, &reads), modules, true)
+    }
+
+    /// The boards have been configured, and the taxels read `first`. What lies beyond chance from the models' rest, on a module
+    /// more than on all, came to lie there meanwhile; all else is what they drew.
+    pub(super) fn settled(&self, first: &[TaxelBaseline], models: &[TaxelBaseline], modules: &[Range<usize>]) -> Self {
+        let came = beyond_chance(&away(first, &means(models)), modules, false);
+        let reads = first.iter().zip(came).map(|(first, came)| first.mean as f32 - came);
         Self { counts: self.counts.clone(), reads: reads.collect() }
     }
 
-    /// Somebody vouches that nothing touches the skin, which reads `zero`.
-    pub(super) fn none_at(&self, zero: &[TaxelBaseline]) -> Self {
-        let reads = zero.iter().zip(&self.reads).map(
-            |(zero, before)| {
-                if zero.mean.is_finite() { zero.mean as f32 } else { *before }
-            },
-        );
-        Self { counts: vec![0.0; self.counts.len()], reads: reads.collect() }
+    /// Somebody vouches that nothing touches the skin, which reads `zero`: that is its rest from then on, where the models' lies
+    /// more towards load. `signs` say which way that is.
+    pub(super) fn vouched(&self, zero: &[TaxelBaseline], models: &[TaxelBaseline], signs: &[i8]) -> Self {
+        let more = away(models, &means(zero)).into_iter().zip(signs);
+        let counts = more.map(|(more, sign)| if more * f32::from(*sign) > 0.0 { more } else { 0.0 });
+        Self { counts: counts.collect(), reads: means(zero) }
     }
 
     /// The skin is at rest for other models, too, while it reads `rest`: of each taxel what is more towards load counts, that
-    /// for the earlier ones or that for these. `signs` say which way that is.
+    /// for the earlier ones or that for these.
     pub(super) fn for_models_at(&self, rest: &[TaxelBaseline], signs: &[i8]) -> Self {
         let for_these = away(rest, &self.reads).into_iter().map(|away| -away);
         let counts = self.counts.iter().zip(for_these).enumerate().map(|(taxel, (&before, these))| {
             let sign = f32::from(signs.get(taxel).copied().unwrap_or(0));
             if these * sign > before * sign { these } else { before }
         });
-        Self { counts: counts.collect(), reads: self.reads.clone() }
+        let counts: Vec<f32> = counts.collect();
+        Self { counts: if self.reads.is_empty() { self.counts.clone() } else { counts }, reads: self.reads.clone() }
     }
+}
+
+fn means(taxels: &[TaxelBaseline]) -> Vec<f32> {
+    taxels.iter().map(|taxel| taxel.mean as f32).collect()
 }
 
 /// How far each taxel is from what it reads otherwise, counts; 0 if one of these is not known.
@@ -167,60 +179,60 @@ mod tests {
         // The models' rest is a count beside what boards read that were just configured.
         let models = at(|_| 1.0);
         let first = HiddenCounts::of(&at(|taxel| drawn(taxel) - 1.0), &models, None, &modules());
-        assert_eq!(first.counts[..5], [-2.5, -2.25, -2.0, -1.75, -1.5]);
-        // The boards draw anew, nothing has come, and the next looks find the same, however often.
-        let mut known = first.at(&at(|taxel| -drawn(taxel)), &modules());
+        assert_eq!((&first.counts[..5], first.reads.len()), (&[-2.5, -2.25, -2.0, -1.75, -1.5][..], 0));
+        // Nothing has come, and the next looks find what the boards drew last, however often, known or not.
+        let mut known = first.settled(&at(|taxel| -drawn(taxel)), &models, &modules());
         assert_eq!((&known.counts, known.reads[0]), (&first.counts, 240.5));
-        for start in 0..5 {
+        for start in 0..6 {
             let draw = |taxel: usize| if start % 2 == 0 { drawn(taxel) } else { -drawn(taxel) };
-            let noise = |taxel: usize| 0.001 * drawn(taxel + 1);
-            let looked: Vec<_> = known
-                .reads
-                .iter()
-                .enumerate()
-                .map(|(taxel, reads)| TaxelBaseline { mean: f64::from(reads + noise(taxel)), noise: 0.5 })
-                .collect();
-            let next = HiddenCounts::of(&looked, &models, Some(&known), &modules());
-            assert_eq!(next, known, "start {start}");
-            known = next.at(&at(draw), &modules());
-            assert_eq!((&known.counts, known.reads[0]), (&first.counts, 240.0 + draw(0)));
+            let before = if start % 2 == 0 { -1.0 } else { 1.0 };
+            let looked = at(|taxel| before * drawn(taxel) + 0.001 * drawn(taxel + 1));
+            known = HiddenCounts::of(&looked, &models, Some(&known), &modules());
+            assert_eq!(known, first, "start {start}");
+            if start > 2 {
+                known = known.settled(&at(draw), &models, &modules());
+                assert_eq!((&known.counts, known.reads[0]), (&first.counts, 240.0 + draw(0)));
+            }
         }
-        // Something comes to lie on a module after the boards took their zeros, and before the zero.
+        // Something comes to lie on a module after the boards took their zeros, and before anybody knows what they read.
         let came = |taxel: usize| if taxel / 10 == 3 { -1.0 } else { 0.0 };
-        known = known.at(&at(|taxel| came(taxel) - drawn(taxel)), &modules());
-        assert_eq!((&known.counts, known.reads[30], known.reads[0]), (&first.counts, 239.5, 240.5));
-        // The next look sees it, as it would if it were taken away.
-        let looked = at(|taxel| came(taxel) - drawn(taxel));
-        let next = HiddenCounts::of(&looked, &models, Some(&known), &modules());
-        assert_eq!((next.counts[0], next.counts[29]), (first.counts[0], first.counts[29]));
-        assert!(next.counts[30..40].iter().sum::<f32>() < first.counts[30..40].iter().sum::<f32>() - 9.0);
+        let loaded = at(|taxel| came(taxel) - drawn(taxel));
+        for known in [first.settled(&loaded, &models, &modules()), first.clone()] {
+            let next = HiddenCounts::of(&loaded, &models, Some(&known), &modules());
+            assert_eq!((next.counts[0], next.counts[29]), (first.counts[0], first.counts[29]));
+            assert!(next.counts[30..40].iter().sum::<f32>() < first.counts[30..40].iter().sum::<f32>() - 9.0);
+        }
     }
 
     #[test]
     fn of_a_taxel_that_was_not_read_what_was_known_stays() {
+        let models = at(|_| 0.0);
         let unread = at(|taxel| if taxel == 0 { f32::NAN } else { -2.0 });
-        let first = HiddenCounts::of(&unread, &at(|_| 0.0), None, &modules());
-        assert_eq!((&first.counts[..2], &first.reads[..2]), (&[0.0, -2.0][..], &[240.0; 2][..]));
-        let known = first.at(&unread, &modules());
-        assert_eq!((known.reads[0], known.reads[1]), (240.0, 238.0));
+        let first = HiddenCounts::of(&unread, &models, None, &modules());
+        assert_eq!(first.counts[..2], [0.0, -2.0]);
+        let known = first.settled(&unread, &models, &modules());
+        assert!(known.reads[0].is_nan() && known.reads[1] == 238.0);
         // It is compared with the models until it is read.
-        let next =
-            HiddenCounts::of(&at(|taxel| if taxel < 10 { -4.0 } else { -2.0 }), &at(|_| 0.0), Some(&known), &modules());
+        let looked = at(|taxel| if taxel < 10 { -4.0 } else { -2.0 });
+        let next = HiddenCounts::of(&looked, &models, Some(&known), &modules());
         assert_eq!((next.counts[0], next.counts[1], next.counts[10]), (-4.0, -4.0, -2.0));
-        let unknown =
-            HiddenCounts::of(&at(|_| -2.0), &at(|taxel| if taxel == 0 { f32::NAN } else { 0.0 }), None, &modules());
-        assert_eq!(unknown.counts[..2], [0.0, -2.0]);
+        let unknown = at(|taxel| if taxel == 0 { f32::NAN } else { 0.0 });
+        assert_eq!(HiddenCounts::of(&at(|_| -2.0), &unknown, None, &modules()).counts[..2], [0.0, -2.0]);
     }
 
     #[test]
     fn a_vouched_zero_is_rest_and_models_of_the_skin_as_it_is_hide_no_less_than_others() {
         let known = HiddenCounts { counts: vec![-1.5, 2.0, -0.25, 1.0], reads: vec![240.0; 4] };
-        let zero: Vec<_> = [241.0, 241.0, f64::NAN, 239.0].map(|mean| TaxelBaseline { mean, noise: 0.5 }).into();
-        let vouched = known.none_at(&zero);
-        assert_eq!(vouched, HiddenCounts { counts: vec![0.0; 4], reads: vec![241.0, 241.0, 240.0, 239.0] });
-        // Models whose rest the skin reads at 241 lie a count towards load at 240, where pressure lowers the counts.
-        let for_both = known.for_models_at(&zero, &[-1, -1, -1, 1]);
-        assert_eq!(for_both.counts, [-1.5, -1.0, -0.25, 1.0]);
-        assert_eq!(for_both.reads, known.reads);
+        let read = |means: [f64; 4]| means.map(|mean| TaxelBaseline { mean, noise: 0.5 });
+        let signs = [-1, -1, -1, 1];
+        // Pressure lowers the counts but of the last one: the models' rest lies towards load from the zero on the first two.
+        let vouched = known.vouched(&read([241.0, 241.5, f64::NAN, 241.0]), &read([240.0; 4]), &signs);
+        assert_eq!((vouched.counts, &vouched.reads[..2]), (vec![-1.0, -1.5, 0.0, 0.0], &[241.0, 241.5][..]));
+        // Models whose rest the skin reads at 241 lie a count towards load at 240, and the last one a count away from it.
+        let rest = read([241.0, 241.0, f64::NAN, 239.0]);
+        let for_both = known.for_models_at(&rest, &signs);
+        assert_eq!(for_both, HiddenCounts { counts: vec![-1.5, -1.0, -0.25, 1.0], reads: known.reads.clone() });
+        let unsettled = HiddenCounts { reads: Vec::new(), ..known };
+        assert_eq!(unsettled.for_models_at(&rest, &signs), unsettled);
     }
 }

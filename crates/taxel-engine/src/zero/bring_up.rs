@@ -4,11 +4,17 @@
 use std::sync::Arc;
 
 use crate::baseline::TaxelBaseline;
+use crate::scan::Scan;
 use crate::zero::boards::{BoardZeros, HiddenCounts};
+use crate::zero::count_sums::CountSums;
+use crate::zero::events::Surroundings;
 use crate::zero::holder::Zero;
 
+/// So many scans tell what boards read that were just configured: a mean of these is known to a fifth of a count.
+const FIRST_SCANS: u64 = 16;
+
 /// So many zeros of sessions are remembered, those of the newest ramps.
-pub(super) const SESSION_RESTS: usize = 8;
+pub(super) const SESSION_RESTS: usize = 64;
 
 impl Zero {
     /// Goes on from what was known of the boards' zeros before the daemon started.
@@ -42,14 +48,6 @@ impl Zero {
         self.continuity.forget();
     }
 
-    /// A force is felt at the zero that holds, and there is none: what the taxels read lately is what the boards are configured
-    /// at.
-    pub fn look_by_zero(&mut self) {
-        let lately = self.lookback.lately();
-        let at = |(lately, zero): (TaxelBaseline, &TaxelBaseline)| if lately.mean.is_finite() { lately } else { *zero };
-        self.looked = self.zero().map(|zero| lately.into_iter().zip(zero).map(at).collect());
-    }
-
     /// The boards are being configured, and take zeros of their own on a skin that was looked at, that somebody has `vouched`
     /// for, or neither. What was let pass when they were configured before still lies there as far as this look knows: the
     /// boards' zeros hide it from the look. `models` is the zero of the models in use, `unseen` why nobody knows what lay on the
@@ -59,7 +57,7 @@ impl Zero {
         self.unseen = unseen;
         self.hold_unseen();
         self.session_rests.clear();
-        self.unsettled = true;
+        self.first_scans = Some(CountSums::new(self.regions.taxels()));
         let looked = self.looked.take().zip(models);
         let earlier = self.hidden.take().filter(|_| !vouched);
         self.hidden = match looked.filter(|_| !vouched) {
@@ -70,13 +68,29 @@ impl Zero {
         };
     }
 
-    /// A zero is taken: the first one since the boards were configured tells what they read with their zeros, and one that
-    /// somebody `vouched` for that they hide nothing more.
-    pub(super) fn settle_boards(&mut self, zero: &[TaxelBaseline], vouched: bool) {
-        let unsettled = std::mem::take(&mut self.unsettled);
-        if let Some(hidden) = self.hidden.as_mut().filter(|_| unsettled || vouched) {
+    /// The scans after the boards were configured tell what the taxels read with the zeros that they took.
+    pub(super) fn settle_boards(&mut self, scan: &Scan<'_>, around: &Surroundings<'_>) {
+        let Some(first) = &mut self.first_scans else { return };
+        if around.configuring {
+            first.restart();
+            return;
+        }
+        first.push(scan);
+        if first.scans() < FIRST_SCANS {
+            return;
+        }
+        if let (Some(hidden), Some(models)) = (&mut self.hidden, around.models) {
             let modules = self.regions.modules();
-            *hidden = Arc::new(if vouched { hidden.none_at(zero) } else { hidden.at(zero, modules) });
+            *hidden = Arc::new(hidden.settled(&first.baseline(), &models.baseline, modules));
+        }
+        self.first_scans = None;
+    }
+
+    /// Somebody vouches for a zero: the boards' zeros hide nothing more than the models know.
+    pub(super) fn on_vouched(&mut self, zero: &[TaxelBaseline], models: Option<&[TaxelBaseline]>) {
+        if let (Some(hidden), Some(models)) = (&mut self.hidden, models) {
+            *hidden = Arc::new(hidden.vouched(zero, models, self.ground.signs()));
+            self.first_scans = None;
         }
     }
 

@@ -19,6 +19,7 @@ use crate::scan::Scan;
 use crate::zero::bag::Bag;
 use crate::zero::boards::HiddenCounts;
 use crate::zero::continuity::{Continuity, Finding, UNSEEN_COUNTS};
+use crate::zero::count_sums::CountSums;
 use crate::zero::drift::follow::Drift;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::ground::Ground;
@@ -49,14 +50,14 @@ pub struct Zero {
     pub(super) continuity: Continuity,
     /// Whether the continuity is in doubt, as last told.
     pub(super) doubted: bool,
-    pub(super) lookback: Lookback,
+    lookback: Lookback,
     /// Whether the boards were being configured when the last scan came, or are since.
     pub(super) configuring: bool,
     /// What was seen when the boards were last found ready to be configured.
     pub(super) looked: Option<Vec<TaxelBaseline>>,
-    /// What the boards' zeros hide, and whether a zero has to tell yet what the taxels read with them.
+    /// What the boards' zeros hide, and the scans that tell what the taxels read with them, until these are enough.
     pub(super) hidden: Option<Arc<HiddenCounts>>,
-    pub(super) unsettled: bool,
+    pub(super) first_scans: Option<CountSums>,
     /// The zeros that sessions have taken since then, the newest last.
     pub(super) session_rests: VecDeque<Vec<TaxelBaseline>>,
     /// Why nobody knows what lay on the skin then.
@@ -85,7 +86,7 @@ impl Zero {
             configuring: false,
             looked: None,
             hidden: None,
-            unsettled: false,
+            first_scans: None,
             session_rests: VecDeque::new(),
             unseen: None,
             ground: Ground::new(&regions, plan.activation),
@@ -199,6 +200,7 @@ impl Zero {
     /// Takes a scan.
     pub fn on_scan(&mut self, now: Now, scan: &Scan<'_>, around: Surroundings<'_>, events: &mut Vec<ZeroEvent>) {
         self.lookback.feel(scan);
+        self.settle_boards(scan, &around);
         self.check_continuity(scan, &around, events);
         self.check_unloading(scan, around.bag, events);
         self.watch_rest(now, scan, around, events);
@@ -276,15 +278,23 @@ impl Zero {
         }
     }
 
-    /// The zero that was proven for `request` is on disk: it holds from now on.
+    /// The zero that was proven for `request` is on disk: it holds from now on. `models` is the rest of the models in use.
     ///
     /// # Errors
     /// What has moved the zero meanwhile, in words.
-    pub fn adopt(&mut self, now: Now, request: RequestId) -> Result<TareView, String> {
+    pub fn adopt(
+        &mut self,
+        now: Now,
+        request: RequestId,
+        models: Option<&[TaxelBaseline]>,
+    ) -> Result<TareView, String> {
         let proven = self.proven.take_if(|proven| proven.is_for(request));
         let (mut view, baseline, vouched) = proven.ok_or("a newer zero was taken")?.zero()?;
         view.epoch = self.view.epoch + 1;
-        self.take(now.time, view.clone(), baseline, vouched);
+        if vouched {
+            self.on_vouched(&baseline, models);
+        }
+        self.take(now.time, view.clone(), baseline);
         Ok(view)
     }
 
@@ -293,8 +303,7 @@ impl Zero {
         self.proven.take_if(|proven| proven.is_for(request));
     }
 
-    pub(super) fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>, vouched: bool) {
-        self.settle_boards(&baseline, vouched);
+    pub(super) fn take(&mut self, now: Time, view: TareView, baseline: Vec<TaxelBaseline>) {
         let wall_ns = view.wall_ns;
         self.view = view;
         self.taken = now;

@@ -56,12 +56,6 @@ impl Lookback {
         Self { later, warmth, sudden, scans, offset_counts: 0.0, median_counts: None }
     }
 
-    /// What each taxel read in the present window, noise not known well; NaN where nothing is known yet.
-    #[must_use]
-    pub fn lately(&self) -> Vec<TaxelBaseline> {
-        self.later.baseline()
-    }
-
     /// A zero was taken.
     pub fn begin(&mut self) {
         self.offset_counts = 0.0;

@@ -22,7 +22,6 @@ use crate::zero::drift::view::DriftState;
 use crate::zero::events::{Surroundings, ZeroEvent};
 use crate::zero::holder::Zero;
 use crate::zero::plan::{TarePlan, ZeroPlan};
-use crate::zero::view::TareView;
 use crate::zero::watch::Purpose;
 
 const MODULES: usize = 8;
@@ -32,52 +31,69 @@ const PERIOD_NS: i64 = 50_000_000;
 #[test]
 fn what_lay_there_at_one_configuration_still_counts_at_the_next() {
     let at = |mean: f64| vec![TaxelBaseline { mean, noise: 0.5 }; TAXELS];
-    let mut zero = Skin::new().zero;
-    let hidden = |zero: &Zero| zero.hidden().map(|hidden| (hidden.counts[0], hidden.reads[0]));
-    let models = at(240.0);
+    let mut skin = Skin::new();
+    skin.models = Some(models(240.0));
+    let rest = at(240.0);
+    let configured = |skin: &mut Skin, looked: Option<f64>, vouched: bool| {
+        skin.zero.looked = looked.map(at);
+        skin.zero.on_bring_up(Some(&rest), vouched, None);
+    };
+    let counts = |skin: &Skin| skin.zero.hidden().map(|hidden| hidden.counts[0]);
     // One and a half counts of load were let pass; the boards hide them from the next look, which sees half a count more.
-    zero.looked = Some(at(238.5));
-    zero.on_bring_up(Some(&models), false, None);
-    assert_eq!(hidden(&zero), Some((-1.5, 240.0)));
-    zero.looked = Some(at(239.5));
-    zero.on_bring_up(Some(&models), false, None);
-    assert_eq!(hidden(&zero), Some((-2.0, 240.0)));
+    configured(&mut skin, Some(238.5), false);
+    skin.scan(15, |_| 0);
+    assert_eq!(counts(&skin), Some(-1.5));
+    assert!(skin.zero.hidden().unwrap().reads.is_empty());
+    skin.scan(1, |_| 0);
+    assert_eq!(skin.zero.hidden().unwrap().reads[0], 240.0);
+    configured(&mut skin, Some(239.5), false);
+    skin.scan(16, |_| 0);
+    assert_eq!(counts(&skin), Some(-2.0));
     // Nor does a restart forget it.
-    let noted = zero.news_of_boards(&BoardZeros::default()).unwrap();
-    let mut zero = Skin::new().zero;
-    zero.go_on(&noted);
-    assert!(zero.news_of_boards(&noted).is_none() && hidden(&zero) == Some((-2.0, 240.0)));
+    let noted = skin.zero.news_of_boards(&BoardZeros::default()).unwrap();
+    skin.zero = Skin::new().zero;
+    skin.zero.go_on(&noted);
+    assert!(skin.zero.news_of_boards(&noted).is_none() && counts(&skin) == Some(-2.0));
     // The load has gone: the boards read as much less.
-    zero.looked = Some(at(242.0));
-    zero.on_bring_up(Some(&models), false, None);
-    assert_eq!(hidden(&zero), Some((0.0, 240.0)));
+    configured(&mut skin, Some(242.0), false);
+    assert_eq!(counts(&skin), Some(0.0));
+    // Nobody knows yet what they read since, and what all have in common may be that.
+    configured(&mut skin, Some(241.0), false);
+    assert_eq!(counts(&skin), Some(0.0));
+    skin.scan(16, |_| 1);
+    assert_eq!(skin.zero.hidden().unwrap().reads[0], 239.0);
     // Nobody hears the boards, which may not hear anybody: what is known stays.
-    zero.looked = Some(at(239.0));
-    zero.on_bring_up(Some(&models), false, None);
-    zero.on_bring_up(Some(&models), false, None);
-    assert_eq!(hidden(&zero), Some((-1.0, 240.0)));
+    configured(&mut skin, Some(238.0), false);
+    configured(&mut skin, None, false);
+    assert_eq!(counts(&skin), Some(-1.0));
     // Somebody vouches that nothing touches the skin, whatever was looked at.
-    zero.looked = Some(at(239.0));
-    zero.on_bring_up(Some(&models), true, None);
-    assert_eq!((hidden(&zero), zero.looked.is_none()), (None, true));
+    configured(&mut skin, Some(239.0), true);
+    assert_eq!((counts(&skin), skin.zero.looked.is_none()), (None, true));
 }
 
 #[test]
-fn the_first_zero_after_a_configuration_tells_what_the_boards_read_and_a_vouched_one_that_they_hide_nothing() {
-    let at = |mean: f64| vec![TaxelBaseline { mean, noise: 0.5 }; TAXELS];
-    let mut zero = Skin::new().zero;
-    let hidden = |zero: &Zero| zero.hidden().map(|hidden| (hidden.counts[0], hidden.reads[0]));
-    let take = |zero: &mut Zero, mean: f64, vouched: bool| {
-        zero.take(Time::default(), TareView::default(), at(mean), vouched);
-    };
-    zero.looked = Some(at(238.5));
-    zero.on_bring_up(Some(&at(240.0)), false, None);
-    take(&mut zero, 239.0, false);
-    assert_eq!(hidden(&zero), Some((-1.5, 239.0)), "the boards drew a count");
-    take(&mut zero, 237.0, false);
-    assert_eq!(hidden(&zero), Some((-1.5, 239.0)), "later zeros say nothing of that");
-    take(&mut zero, 237.0, true);
-    assert_eq!(hidden(&zero), Some((0.0, 237.0)));
+fn a_vouched_zero_tells_what_the_boards_hide_also_one_that_waits_for_the_disk() {
+    for for_operator in [false, true] {
+        let mut skin = Skin::new();
+        skin.zero.looked = Some(vec![TaxelBaseline { mean: 238.5, noise: 0.5 }; TAXELS]);
+        skin.zero.on_bring_up(Some(&[TaxelBaseline { mean: 240.0, noise: 0.5 }; TAXELS]), false, None);
+        let counts = |skin: &Skin| skin.zero.hidden().unwrap().counts[0];
+        assert_eq!(counts(&skin), -1.5);
+        skin.models = Some(models(240.0));
+        let confirmed_by = Some("Ada".to_owned());
+        let request = RequestId(1);
+        let purpose =
+            if for_operator { Purpose::Operator { request, confirmed_by } } else { Purpose::Session { confirmed_by } };
+        skin.zero.watch(skin.now().time, purpose, &mut skin.events);
+        skin.scan(30, |_| 0);
+        if for_operator {
+            assert_eq!(counts(&skin), -1.5, "it does not hold before it is on disk");
+            let models = skin.models.clone().unwrap().baseline;
+            skin.zero.adopt(skin.now(), request, Some(&models)).unwrap();
+        }
+        assert!(skin.zero.holds());
+        assert_eq!(counts(&skin), 0.0);
+    }
 }
 
 /// The models are of the skin as it was then, whatever lay on it; others may come into use again.
@@ -93,8 +109,8 @@ fn models_of_a_session_since_the_boards_were_configured_count_beside_the_earlier
         (242.0, 240.5, 240.25, 2.0), // models of another session
     ] {
         let mut zero = Skin::new().zero;
-        zero.looked = Some(at(looked));
-        zero.on_bring_up(Some(&at(240.0)), false, None);
+        let hidden = HiddenCounts { counts: vec![looked as f32 - 240.0; TAXELS], reads: vec![240.0; TAXELS] };
+        zero.go_on(&BoardZeros { unproven: None, hidden: Some(Arc::new(hidden)) });
         zero.note_session_rest(&at(session));
         (0..SESSION_RESTS - 1).for_each(|ramp| zero.note_session_rest(&at(200.0 + ramp as f64)));
         zero.on_models(Some(&rest_of(of_models)));
@@ -356,7 +372,7 @@ fn a_zero_that_could_not_be_written_down_is_not_taken_later() {
         assert!(matches!(skin.events[..], [ZeroEvent::Proven { .. }]), "{:?}", skin.events);
         assert!(skin.zero.zero().is_none(), "it is not on disk yet");
         skin.zero.reject(rejected);
-        assert_eq!((skin.zero.adopt(skin.now(), request).is_ok(), skin.zero.zero().is_some()), (holds, holds));
+        assert_eq!((skin.zero.adopt(skin.now(), request, None).is_ok(), skin.zero.zero().is_some()), (holds, holds));
     }
 }
 

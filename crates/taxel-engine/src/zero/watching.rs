@@ -86,11 +86,13 @@ impl Zero {
             events.push(ZeroEvent::Proven { request, view, baseline });
         } else {
             self.proven = None; // of an earlier moment
-            let vouched = vouched.is_some();
+            if vouched.is_some() {
+                self.on_vouched(&baseline, models.map(|set| set.baseline.as_slice()));
+            }
             if matches!(purpose, Purpose::Session { .. }) {
                 self.note_session_rest(&baseline);
             }
-            self.take(now.time, view, baseline, vouched);
+            self.take(now.time, view, baseline);
             events.push(ZeroEvent::Taken(purpose));
         }
     }

@@ -27,7 +27,7 @@ fn a_bring_up_loses_the_zero_and_is_verified_again() {
     bench.ask(bring_up_again()).unwrap();
     bench.until_force(0.1, ForceState::TareInvalid);
     assert!(bench.host.reasons().contains("boards are being configured"), "{}", bench.host.reasons());
-    bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+    bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
     bench.brought_up();
     let commands = bench.host.sent[sent..].iter().map(|(_, f)| icub::Command::decode(f).unwrap().1);
     assert_eq!(commands.filter(|c| matches!(c, icub::Command::Start)).count(), 2, "both boards were started");
@@ -76,7 +76,7 @@ fn lost_acknowledgements_are_counted_anew_after_a_bring_up() {
         bench.seconds(4.0);
         assert_eq!((left.get(), bench.host.state()), (0, ForceState::Ok), "{}", bench.host.reasons());
         bench.ask(bring_up_again()).unwrap();
-        bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+        bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
         bench.brought_up();
         bench.tare(None).unwrap();
         bench.until_force(1.0, ForceState::Ok);
@@ -198,7 +198,7 @@ fn configured_unseen(again: &[Option<&str>]) {
     for who in again {
         let confirmed_by = who.map(str::to_owned);
         bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
-        bench.until(1.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
+        bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
         bench.brought_up();
     }
     let mark = bench.mark();

@@ -148,6 +148,7 @@ fn a_tare_while_boards_are_configured_is_refused() {
         assert!(why.contains("being configured"), "{why}");
         bench.seconds(0.1);
     }
+    bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
     bench.brought_up();
     bench.tare(None).unwrap();
 }

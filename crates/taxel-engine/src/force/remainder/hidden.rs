@@ -40,11 +40,14 @@ pub(super) struct Hidden {
 impl Hidden {
     pub(super) fn of(tables: &Tables, shares: &[Share], rest: Rest<'_>, modules: &[Range<usize>]) -> Self {
         let models = &tables.set().baseline;
+        // What lay away from load as a whole is warmth, and hides no less of a load.
+        let hidden =
+            |taxel: usize| rest.hidden.get(taxel).map_or(0.0, |counts| f64::from(*counts) * tables.sign(taxel));
+        let away = median((0..rest.hidden.len()).map(hidden)).unwrap_or(0.0).min(0.0);
         let moved = |taxel: usize| {
             let then = models.get(taxel).filter(|_| shares.get(taxel).is_some_and(|share| share.noise_n > 0.0))?;
-            let hidden = rest.hidden.get(taxel).copied().map_or(0.0, f64::from);
-            let counts = rest.taken.get(taxel)?.mean - then.mean + hidden;
-            counts.is_finite().then_some(counts * tables.sign(taxel))
+            let counts = (rest.taken.get(taxel)?.mean - then.mean) * tables.sign(taxel);
+            counts.is_finite().then_some(counts + hidden(taxel) - away)
         };
         let all: Vec<Option<f64>> = (0..shares.len()).map(moved).collect();
         let middle = median(all.iter().copied().flatten()).unwrap_or(0.0);
