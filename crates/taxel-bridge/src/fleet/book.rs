@@ -62,6 +62,8 @@ pub struct Row {
     pub state: String,
     /// The force in N; absent unless it may be believed.
     pub force_n: Option<f64>,
+    /// Whether a simulator makes it, and no skin is touched.
+    pub simulated: bool,
     /// Its standard uncertainty in N.
     pub sigma_n: Option<f64>,
     /// Its age in s.
@@ -206,6 +208,7 @@ impl Robot {
             patch: patch.to_owned(),
             state,
             force_n: good.and_then(|sample| sample.total_n),
+            simulated: sample.is_some_and(|sample| sample.simulated),
             sigma_n: good.and_then(|sample| sample.total_sigma_n),
             age_s: sample.and_then(|sample| sample.age_s).map(|age_s| belief::age(age_s, waited).as_secs_f64()),
             excluded: sample.map(|sample| sample.excluded),

@@ -38,7 +38,7 @@ fn cells(row: &Row, now_s: i64) -> [String; HEAD.len()] {
     [
         row.robot.clone(),
         row.patch.clone(),
-        row.state.clone(),
+        if row.simulated { format!("{}, simulated", row.state) } else { row.state.clone() },
         force.unwrap_or_else(none),
         row.age_s.filter(|age| age.is_finite() && row.here).map_or_else(none, span),
         row.excluded.map_or_else(none, |excluded| excluded.to_string()),
@@ -85,6 +85,7 @@ mod tests {
             patch: "arm".into(),
             state: "OK".into(),
             force_n: Some(4.904),
+            simulated: false,
             sigma_n: Some(0.21),
             age_s: Some(0.02),
             excluded: Some(11),
@@ -97,6 +98,8 @@ mod tests {
             reasons: Vec::new(),
         };
         let gone = Row { robot: "r1".into(), here: false, force_n: None, state: "GONE".into(), ..row.clone() };
+        let demo = text(&[Row { simulated: true, ..row.clone() }], 8_300);
+        assert!(demo.lines().nth(1).unwrap().contains("OK, simulated  4.90 +- 0.21"), "{demo}");
         let text = text(&[row, gone], 8_300);
         let lines: Vec<_> = text.lines().collect();
         assert_eq!(

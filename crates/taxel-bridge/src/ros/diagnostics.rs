@@ -61,7 +61,11 @@ pub fn level(view: &PatchView<'_>) -> (u8, String) {
                     "no wrench: the daemon's scene has no outputs resultant and moment, or no normals".to_owned(),
                 );
             }
-            if words.is_empty() { (OK, "OK".to_owned()) } else { (WARN, words.join("; ")) }
+            match (words.is_empty(), sample.simulated) {
+                (true, false) => (OK, "OK".to_owned()),
+                (true, true) => (OK, "OK, simulated: no skin is touched".to_owned()),
+                (false, _) => (WARN, words.join("; ")),
+            }
         }
         (Ok(_), None) => (ERROR, none(&NoForce::Nothing)),
     }
@@ -186,6 +190,9 @@ mod tests {
     #[test]
     fn a_patch_without_a_force_says_why() {
         assert_eq!(level(&view(&good())), (OK, "OK".to_owned()));
+        let demo = ForceSample { simulated: true, ..good() };
+        assert_eq!(level(&view(&demo)), (OK, "OK, simulated: no skin is touched".to_owned()));
+        assert!(patch("icub", &view(&demo)).values.contains(&value("simulated", true)));
         let sample = ForceSample {
             state: ForceState::TareInvalid.into(),
             reasons: vec!["a board took a new zero".into()],

@@ -158,6 +158,9 @@ mod tests {
         let message = force(&degraded, "f").unwrap();
         assert_eq!(message.name, ["force_N", "detection_floor_N", "lower_bound", "degraded"]);
         assert_eq!(message.effort, [4.9, 0.3, 1.0, 1.0]);
+        let message = force(&ForceSample { simulated: true, ..good() }, "f").unwrap();
+        assert_eq!(message.name, ["force_N", "variance_N2", "lower_bound", "degraded", "simulated"]);
+        assert_eq!(message.effort[4], 1.0);
         assert_eq!(force(&ForceSample { total_n: None, ..good() }, "f"), None);
     }
 

@@ -86,7 +86,7 @@ pub fn snapshot(sequence: u64) -> Arc<PatchSnapshot> {
     let taxel = TaxelState { count: 200, seen: true, calibrated: true, ..TaxelState::default() };
     let force = ForceSample { state: ForceState::Ok, total: Some(Newton(sequence as f64)), ..ForceSample::default() };
     let taxels = vec![taxel; TAXELS].into();
-    Arc::new(PatchSnapshot { sequence, seen: true, force, taxels, ..PatchSnapshot::default() })
+    Arc::new(PatchSnapshot { sequence, seen: true, simulated: true, force, taxels, ..PatchSnapshot::default() })
 }
 
 /// A model set without models, for its export.

@@ -21,6 +21,7 @@ async fn metrics_say_what_the_service_says() {
         "taxeld_bus_frames_total{bus=\"0\"} 4321",
         "taxeld_bus_dropped_frames_total{bus=\"0\"} 5",
         "taxeld_force_newtons{patch=\"left_forearm\"} 7.0",
+        "taxeld_force_simulated{patch=\"left_forearm\"} 1.0",
         "taxeld_force_state{patch=\"left_forearm\",state=\"ok\"} 1.0",
         "taxeld_force_state{patch=\"left_forearm\",state=\"stale\"} 0.0",
         "taxeld_http_call_duration_seconds_count{call=\"taxel.v1.ForceService/GetForce\",code=\"NOT_FOUND\"} 1",
