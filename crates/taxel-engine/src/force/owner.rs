@@ -95,6 +95,8 @@ pub struct Force {
     taken: Vec<TaxelBaseline>,
     /// What the zeros of the boards hide; `None` where nobody looked.
     hidden: Option<Arc<HiddenCounts>>,
+    /// The zero that somebody vouched for, if there is one with the zeros that the boards have.
+    vouched: Option<Arc<[TaxelBaseline]>>,
     /// How far it lies towards load from that of the models, as far as that may be what the skin remembers, counts.
     residue_counts: f64,
     evaluator: Option<Evaluator>,
@@ -138,6 +140,7 @@ impl Force {
             zero: None,
             taken: Vec::new(),
             hidden: None,
+            vouched: None,
             residue_counts: 0.0,
             evaluator: None,
             hysteresis: None,
@@ -190,9 +193,9 @@ impl Force {
         self.begin(Hysteresis::new);
     }
 
-    /// What the zeros of the boards hide, if anybody looked before they took them.
-    pub fn set_hidden(&mut self, hidden: Option<&Arc<HiddenCounts>>) {
-        self.hidden = hidden.cloned();
+    /// What the zeros of the boards hide, if anybody looked before they took them, and a zero that somebody vouched for since.
+    pub fn set_hidden(&mut self, hidden: Option<&Arc<HiddenCounts>>, vouched: Option<&Arc<[TaxelBaseline]>>) {
+        (self.hidden, self.vouched) = (hidden.cloned(), vouched.cloned());
         self.selected_for = None;
     }
 
@@ -286,8 +289,8 @@ impl Force {
             compared.partition(|&(taxel, ..)| scan.sound[usize::from(taxel)]);
         if let Some(zero) = &self.zero {
             let (activation, modules) = (self.plan.activation, &self.plan.layout.modules);
-            let zero =
-                Rest { zero, taken: &self.taken, hidden: self.hidden.as_ref().map_or(&[], |hidden| &hidden.counts) };
+            let hidden = self.hidden.as_ref().map_or(&[][..], |hidden| &hidden.counts);
+            let zero = Rest { zero, taken: &self.taken, hidden, vouched: self.vouched.as_deref().unwrap_or_default() };
             let relative_sigma = tables.set().gauge_gain_rel.hypot(self.plan.layout.area_uncertainty);
             let selected = evaluator.selection();
             self.remainder = Remainder::new(tables, zero, activation, selected, modules, relative_sigma);

@@ -50,8 +50,7 @@ impl Patch {
                 format!("the zero was lost while it was written down: {why}"),
             )
         };
-        let models = self.force.models().map(|set| set.baseline.as_slice());
-        let view = self.zero.adopt(now, request, models).map_err(lost)?;
+        let view = self.zero.adopt(now, request).map_err(lost)?;
         self.use_zero();
         self.dirty = true;
         Ok(view)
@@ -249,7 +248,7 @@ impl Patch {
         // In time for a look at the boards, unless a session watches them already.
         self.without_look &= self.intake.newest().is_some() || self.zero.watching().is_some();
         self.force.set_models(set, self.zero.residue_counts());
-        self.force.set_hidden(self.zero.hidden());
+        self.force.set_hidden(self.zero.hidden(), self.zero.vouched());
         self.zero.weigh(|| self.force.newton_per_count());
         self.dirty = true;
     }

@@ -40,17 +40,13 @@ impl Patch {
         if !self.bring_up_waits {
             return;
         }
+        self.ready.take_if(|(ready, said)| *ready == Ready::Vouched && now.time >= *said + VOUCH_LASTS);
         let watching = self.zero.watching().is_some();
         if self.without_look && (watching || !self.shows_loads()) {
             return self.configure_unseen(now, effects); // whoever watches for a zero waits until that is done
         }
-        if watching {
+        if watching || matches!(self.ready, Some((Ready::Vouched, _))) {
             return;
-        }
-        match self.ready {
-            Some((Ready::Vouched, said)) if now.time < said + VOUCH_LASTS => return,
-            Some((Ready::Vouched, _)) => self.ready = None,
-            _ => {}
         }
         if self.shows_loads() || (self.ready.is_none() && self.intake.newest().is_some()) {
             self.look_before_bring_up(now, effects);

@@ -164,7 +164,12 @@ fn a_board_that_is_shared_waits_for_the_others_and_is_looked_at_meanwhile() {
 
 #[test]
 fn who_vouches_for_a_patch_that_waits_for_another_is_believed_for_ten_seconds() {
-    let mut scene = Scene::new(configuring(), true, true);
+    for with_models in [true, false] {
+        believed_for_ten_seconds(Scene::new(configuring(), with_models, true));
+    }
+}
+
+fn believed_for_ten_seconds(mut scene: Scene) {
     scene.act(|patch, effects| patch.start(now(1_000), effects));
     scene.act(|patch, effects| patch.bring_up_again(now(2_000), Some(true), effects));
     assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);

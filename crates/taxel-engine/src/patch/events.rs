@@ -79,7 +79,7 @@ impl Patch {
 
     pub(super) fn use_zero(&mut self) {
         self.force.set_zero(self.zero.zero(), self.zero.residue_counts());
-        self.force.set_hidden(self.zero.hidden());
+        self.force.set_hidden(self.zero.hidden(), self.zero.vouched());
         self.zero.weigh(|| self.force.newton_per_count());
         if let Some(baseline) = self.zero.baseline() {
             self.intake.expect_noise(baseline);

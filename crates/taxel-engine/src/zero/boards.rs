@@ -29,7 +29,8 @@ pub struct HiddenCounts {
     /// By how many counts each taxel lay from the rest of the models when the boards took their zeros, one per taxel; 0 where
     /// nothing is known.
     pub counts: Vec<f32>,
-    /// What each taxel read right then, with these zeros; NaN where it was not read, empty until that is known.
+    /// What each taxel read right then, with these zeros, or with those before as long as nobody knows; NaN where it was not
+    /// read, empty before anybody knew.
     pub reads: Vec<f32>,
 }
 
@@ -45,53 +46,40 @@ impl HiddenCounts {
         earlier: Option<&Self>,
         modules: &[Range<usize>],
     ) -> Self {
-        let counts = match earlier {
-            None => away(looked, &means(models)),
-            Some(earlier) => {
-                let changed = earlier.changed(looked, models, modules);
-                earlier.counts.iter().zip(changed).map(|(before, changed)| before + changed).collect()
-            }
+        let Some(earlier) = earlier else {
+            return Self { counts: away(looked, &means(models)), reads: Vec::new() };
         };
-        Self { counts, reads: Vec::new() }
+        let mut counts = earlier.counts.clone();
+        let changed = beyond_chance(&away(looked, &earlier.reads), modules, true);
+        counts.iter_mut().zip(changed).for_each(|(counts, changed)| *counts += changed);
+        Self { counts, reads: earlier.reads.clone() }
     }
 
-    /// How far the skin has moved beyond chance since the boards took their zeros. As long as nobody knows what they read then,
-    /// a module is compared with the others: what boards that were just configured read is not the models' rest.
-    fn changed(&self, looked: &[TaxelBaseline], models: &[TaxelBaseline], modules: &[Range<usize>]) -> Vec<f32> {
-        if self.reads.is_empty() {
-            return beyond_chance(&away(looked, &means(models)), modules, false);
-        }
-        let known = |(reads, models): (&f32, &TaxelBaseline)| if reads.is_nan() { models.mean as f32 } else { *reads };
-        let reads: Vec<f32> = self.reads.iter().zip(models).map(known).collect();
-        beyond_chance(&away(looked, &reads), modules, true)
+    /// The boards have been configured, and the taxels read `first`. What lies beyond chance from what they read with the zeros
+    /// before, on a module more than on all, came to lie there meanwhile; all else is what the boards drew.
+    pub(super) fn settled(&self, first: &[TaxelBaseline], modules: &[Range<usize>]) -> Self {
+        let mut reads = means(first);
+        let came = beyond_chance(&away(first, &self.reads), modules, false);
+        reads.iter_mut().zip(came).for_each(|(reads, came)| *reads -= came);
+        Self { counts: self.counts.clone(), reads }
     }
 
-    /// The boards have been configured, and the taxels read `first`. What lies beyond chance from the models' rest, on a module
-    /// more than on all, came to lie there meanwhile; all else is what they drew.
-    pub(super) fn settled(&self, first: &[TaxelBaseline], models: &[TaxelBaseline], modules: &[Range<usize>]) -> Self {
-        let came = beyond_chance(&away(first, &means(models)), modules, false);
-        let reads = first.iter().zip(came).map(|(first, came)| first.mean as f32 - came);
-        Self { counts: self.counts.clone(), reads: reads.collect() }
-    }
-
-    /// Somebody vouches that nothing touches the skin, which reads `zero`: that is its rest from then on, where the models' lies
-    /// more towards load. `signs` say which way that is.
-    pub(super) fn vouched(&self, zero: &[TaxelBaseline], models: &[TaxelBaseline], signs: &[i8]) -> Self {
-        let more = away(models, &means(zero)).into_iter().zip(signs);
-        let counts = more.map(|(more, sign)| if more * f32::from(*sign) > 0.0 { more } else { 0.0 });
-        Self { counts: counts.collect(), reads: means(zero) }
+    /// Somebody vouches that nothing touches the skin, which reads `zero`.
+    pub(super) fn vouched(zero: &[TaxelBaseline]) -> Self {
+        Self { counts: vec![0.0; zero.len()], reads: means(zero) }
     }
 
     /// The skin is at rest for other models, too, while it reads `rest`: of each taxel what is more towards load counts, that
     /// for the earlier ones or that for these.
     pub(super) fn for_models_at(&self, rest: &[TaxelBaseline], signs: &[i8]) -> Self {
+        let mut counts = self.counts.clone();
         let for_these = away(rest, &self.reads).into_iter().map(|away| -away);
-        let counts = self.counts.iter().zip(for_these).enumerate().map(|(taxel, (&before, these))| {
-            let sign = f32::from(signs.get(taxel).copied().unwrap_or(0));
-            if these * sign > before * sign { these } else { before }
-        });
-        let counts: Vec<f32> = counts.collect();
-        Self { counts: if self.reads.is_empty() { self.counts.clone() } else { counts }, reads: self.reads.clone() }
+        for ((counts, these), sign) in counts.iter_mut().zip(for_these).zip(signs) {
+            if (these - *counts) * f32::from(*sign) > 0.0 {
+                *counts = these;
+            }
+        }
+        Self { counts, reads: self.reads.clone() }
     }
 }
 
@@ -176,32 +164,29 @@ mod tests {
 
     #[test]
     fn what_boards_draw_does_not_add_up_and_a_load_that_comes_between_does() {
-        // The models' rest is a count beside what boards read that were just configured.
-        let models = at(|_| 1.0);
+        // The models' rest is beside what boards read that were just configured: on all taxels, and on one module more.
+        let models = at(|taxel| if taxel / 10 == 7 { 3.0 } else { 1.0 });
         let first = HiddenCounts::of(&at(|taxel| drawn(taxel) - 1.0), &models, None, &modules());
-        assert_eq!((&first.counts[..5], first.reads.len()), (&[-2.5, -2.25, -2.0, -1.75, -1.5][..], 0));
-        // Nothing has come, and the next looks find what the boards drew last, however often, known or not.
-        let mut known = first.settled(&at(|taxel| -drawn(taxel)), &models, &modules());
+        assert_eq!(first.counts[..5], [-2.5, -2.25, -2.0, -1.75, -1.5]);
+        assert_eq!((first.counts[70], first.reads.len()), (-4.5, 0));
+        // Nobody knows what they read, so nothing has changed.
+        assert_eq!(HiddenCounts::of(&at(drawn), &models, Some(&first), &modules()), first);
+        // The boards draw anew, nothing comes, and the next looks find what they drew, however often.
+        let mut known = first.settled(&at(|taxel| -drawn(taxel)), &modules());
         assert_eq!((&known.counts, known.reads[0]), (&first.counts, 240.5));
         for start in 0..6 {
-            let draw = |taxel: usize| if start % 2 == 0 { drawn(taxel) } else { -drawn(taxel) };
-            let before = if start % 2 == 0 { -1.0 } else { 1.0 };
+            let (before, now) = if start % 2 == 0 { (-1.0, 1.0) } else { (1.0, -1.0) };
             let looked = at(|taxel| before * drawn(taxel) + 0.001 * drawn(taxel + 1));
-            known = HiddenCounts::of(&looked, &models, Some(&known), &modules());
-            assert_eq!(known, first, "start {start}");
-            if start > 2 {
-                known = known.settled(&at(draw), &models, &modules());
-                assert_eq!((&known.counts, known.reads[0]), (&first.counts, 240.0 + draw(0)));
-            }
+            assert_eq!(HiddenCounts::of(&looked, &models, Some(&known), &modules()), known, "start {start}");
+            known = known.settled(&at(|taxel| now * drawn(taxel)), &modules());
+            assert_eq!((&known.counts, known.reads[0]), (&first.counts, 240.0 + now * drawn(0)));
         }
-        // Something comes to lie on a module after the boards took their zeros, and before anybody knows what they read.
-        let came = |taxel: usize| if taxel / 10 == 3 { -1.0 } else { 0.0 };
-        let loaded = at(|taxel| came(taxel) - drawn(taxel));
-        for known in [first.settled(&loaded, &models, &modules()), first.clone()] {
-            let next = HiddenCounts::of(&loaded, &models, Some(&known), &modules());
-            assert_eq!((next.counts[0], next.counts[29]), (first.counts[0], first.counts[29]));
-            assert!(next.counts[30..40].iter().sum::<f32>() < first.counts[30..40].iter().sum::<f32>() - 9.0);
-        }
+        // A module takes a load, the boards are configured, it takes another, and both are known at the next look.
+        let on_one = |counts: f32| at(move |taxel| if taxel / 10 == 3 { counts } else { 0.0 } - drawn(taxel));
+        let next = HiddenCounts::of(&on_one(-1.0), &models, Some(&known), &modules());
+        assert_eq!((next.counts[29], next.counts[30]), (first.counts[29], first.counts[30] - 1.0));
+        let next = HiddenCounts::of(&on_one(-2.0), &models, Some(&next.settled(&on_one(-2.0), &modules())), &modules());
+        assert_eq!((next.counts[29], next.counts[30]), (first.counts[29], first.counts[30] - 3.0));
     }
 
     #[test]
@@ -210,29 +195,25 @@ mod tests {
         let unread = at(|taxel| if taxel == 0 { f32::NAN } else { -2.0 });
         let first = HiddenCounts::of(&unread, &models, None, &modules());
         assert_eq!(first.counts[..2], [0.0, -2.0]);
-        let known = first.settled(&unread, &models, &modules());
+        let known = first.settled(&unread, &modules());
         assert!(known.reads[0].is_nan() && known.reads[1] == 238.0);
-        // It is compared with the models until it is read.
-        let looked = at(|taxel| if taxel < 10 { -4.0 } else { -2.0 });
-        let next = HiddenCounts::of(&looked, &models, Some(&known), &modules());
-        assert_eq!((next.counts[0], next.counts[1], next.counts[10]), (-4.0, -4.0, -2.0));
+        let next = HiddenCounts::of(&at(|_| -3.0), &models, Some(&known), &modules());
+        assert_eq!((next.counts[1], next.counts[99]), (-3.0, -3.0));
         let unknown = at(|taxel| if taxel == 0 { f32::NAN } else { 0.0 });
         assert_eq!(HiddenCounts::of(&at(|_| -2.0), &unknown, None, &modules()).counts[..2], [0.0, -2.0]);
     }
 
     #[test]
     fn a_vouched_zero_is_rest_and_models_of_the_skin_as_it_is_hide_no_less_than_others() {
-        let known = HiddenCounts { counts: vec![-1.5, 2.0, -0.25, 1.0], reads: vec![240.0; 4] };
         let read = |means: [f64; 4]| means.map(|mean| TaxelBaseline { mean, noise: 0.5 });
-        let signs = [-1, -1, -1, 1];
-        // Pressure lowers the counts but of the last one: the models' rest lies towards load from the zero on the first two.
-        let vouched = known.vouched(&read([241.0, 241.5, f64::NAN, 241.0]), &read([240.0; 4]), &signs);
-        assert_eq!((vouched.counts, &vouched.reads[..2]), (vec![-1.0, -1.5, 0.0, 0.0], &[241.0, 241.5][..]));
-        // Models whose rest the skin reads at 241 lie a count towards load at 240, and the last one a count away from it.
+        let vouched = HiddenCounts::vouched(&read([241.0, 241.5, 240.0, 239.0]));
+        assert_eq!((vouched.counts, vouched.reads), (vec![0.0; 4], vec![241.0, 241.5, 240.0, 239.0]));
+        let known = HiddenCounts { counts: vec![-1.5, 2.0, -0.25, 1.0], reads: vec![240.0; 4] };
+        // Models whose rest the skin reads at 241 lie a count towards load at 240, where pressure lowers the counts.
         let rest = read([241.0, 241.0, f64::NAN, 239.0]);
-        let for_both = known.for_models_at(&rest, &signs);
+        let for_both = known.for_models_at(&rest, &[-1, -1, -1, 1]);
         assert_eq!(for_both, HiddenCounts { counts: vec![-1.5, -1.0, -0.25, 1.0], reads: known.reads.clone() });
         let unsettled = HiddenCounts { reads: Vec::new(), ..known };
-        assert_eq!(unsettled.for_models_at(&rest, &signs), unsettled);
+        assert_eq!(unsettled.for_models_at(&rest, &[-1; 4]), unsettled);
     }
 }

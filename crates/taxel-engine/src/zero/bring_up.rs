@@ -57,6 +57,7 @@ impl Zero {
         self.unseen = unseen;
         self.hold_unseen();
         self.session_rests.clear();
+        self.vouched = None;
         self.first_scans = Some(CountSums::new(self.regions.taxels()));
         let looked = self.looked.take().zip(models);
         let earlier = self.hidden.take().filter(|_| !vouched);
@@ -79,19 +80,23 @@ impl Zero {
         if first.scans() < FIRST_SCANS {
             return;
         }
-        if let (Some(hidden), Some(models)) = (&mut self.hidden, around.models) {
-            let modules = self.regions.modules();
-            *hidden = Arc::new(hidden.settled(&first.baseline(), &models.baseline, modules));
+        if let Some(hidden) = &mut self.hidden {
+            *hidden = Arc::new(hidden.settled(&first.baseline(), self.regions.modules()));
         }
         self.first_scans = None;
     }
 
-    /// Somebody vouches for a zero: the boards' zeros hide nothing more than the models know.
-    pub(super) fn on_vouched(&mut self, zero: &[TaxelBaseline], models: Option<&[TaxelBaseline]>) {
-        if let (Some(hidden), Some(models)) = (&mut self.hidden, models) {
-            *hidden = Arc::new(hidden.vouched(zero, models, self.ground.signs()));
-            self.first_scans = None;
-        }
+    /// Somebody vouches for a zero: from then on, and until a board takes another, what a zero may hide is told from this one.
+    pub(super) fn on_vouched(&mut self, zero: &[TaxelBaseline]) {
+        self.vouched = Some(zero.into());
+        self.hidden = Some(Arc::new(HiddenCounts::vouched(zero)));
+        self.first_scans = None;
+    }
+
+    /// The zero that somebody vouched for, one per taxel, if there is one with the zeros that the boards have.
+    #[must_use]
+    pub const fn vouched(&self) -> Option<&Arc<[TaxelBaseline]>> {
+        self.vouched.as_ref()
     }
 
     /// A session has taken its zero: what it makes is of the skin as the boards see it now.

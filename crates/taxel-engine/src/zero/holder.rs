@@ -58,6 +58,8 @@ pub struct Zero {
     /// What the boards' zeros hide, and the scans that tell what the taxels read with them, until these are enough.
     pub(super) hidden: Option<Arc<HiddenCounts>>,
     pub(super) first_scans: Option<CountSums>,
+    /// The zero that somebody vouched for since the boards took theirs.
+    pub(super) vouched: Option<Arc<[TaxelBaseline]>>,
     /// The zeros that sessions have taken since then, the newest last.
     pub(super) session_rests: VecDeque<Vec<TaxelBaseline>>,
     /// Why nobody knows what lay on the skin then.
@@ -87,6 +89,7 @@ impl Zero {
             looked: None,
             hidden: None,
             first_scans: None,
+            vouched: None,
             session_rests: VecDeque::new(),
             unseen: None,
             ground: Ground::new(&regions, plan.activation),
@@ -219,6 +222,7 @@ impl Zero {
         }
         match self.continuity.on_scan(scan, around.bag) {
             Some((board, Finding::NewZero(why))) => {
+                self.vouched = None;
                 self.lose(ReasonCode::ZeroLost, why.clone(), events);
                 events.push(ZeroEvent::BoardMoved { board, why });
             }
@@ -278,21 +282,16 @@ impl Zero {
         }
     }
 
-    /// The zero that was proven for `request` is on disk: it holds from now on. `models` is the rest of the models in use.
+    /// The zero that was proven for `request` is on disk: it holds from now on.
     ///
     /// # Errors
     /// What has moved the zero meanwhile, in words.
-    pub fn adopt(
-        &mut self,
-        now: Now,
-        request: RequestId,
-        models: Option<&[TaxelBaseline]>,
-    ) -> Result<TareView, String> {
+    pub fn adopt(&mut self, now: Now, request: RequestId) -> Result<TareView, String> {
         let proven = self.proven.take_if(|proven| proven.is_for(request));
         let (mut view, baseline, vouched) = proven.ok_or("a newer zero was taken")?.zero()?;
         view.epoch = self.view.epoch + 1;
         if vouched {
-            self.on_vouched(&baseline, models);
+            self.on_vouched(&baseline);
         }
         self.take(now.time, view.clone(), baseline);
         Ok(view)

@@ -26,6 +26,7 @@ impl Zero {
     pub fn on_well(&mut self, board: usize, why: &str, certain: bool, events: &mut Vec<ZeroEvent>) {
         self.continuity.on_well(board, why.to_owned());
         if certain {
+            self.vouched = None;
             self.lose(ReasonCode::ZeroLost, why, events);
             return;
         }
@@ -58,6 +59,7 @@ impl Zero {
     /// As [`Zero::lose`], by what a board has sent, which takes a new zero now: whatever lies on it reads as nothing then.
     pub fn lose_by_board(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
         self.continuity.doubt(board, reason.to_owned());
+        self.vouched = None;
         self.lose(ReasonCode::ZeroLost, reason, events);
     }
 
@@ -65,6 +67,7 @@ impl Zero {
     /// too, if one lay here.
     pub fn lose_by_another(&mut self, board: usize, reason: &str, events: &mut Vec<ZeroEvent>) {
         self.continuity.moved(board, reason);
+        self.vouched = None;
         self.lose(ReasonCode::ZeroLost, reason, events);
     }
 

@@ -57,15 +57,17 @@ fn what_lay_there_at_one_configuration_still_counts_at_the_next() {
     // The load has gone: the boards read as much less.
     configured(&mut skin, Some(242.0), false);
     assert_eq!(counts(&skin), Some(0.0));
-    // Nobody knows yet what they read since, and what all have in common may be that.
-    configured(&mut skin, Some(241.0), false);
-    assert_eq!(counts(&skin), Some(0.0));
+    // Nobody knows yet what they read since.
+    configured(&mut skin, None, true);
+    configured(&mut skin, Some(239.0), false);
+    configured(&mut skin, Some(237.0), false);
+    assert_eq!(counts(&skin), Some(-1.0));
     skin.scan(16, |_| 1);
     assert_eq!(skin.zero.hidden().unwrap().reads[0], 239.0);
     // Nobody hears the boards, which may not hear anybody: what is known stays.
     configured(&mut skin, Some(238.0), false);
     configured(&mut skin, None, false);
-    assert_eq!(counts(&skin), Some(-1.0));
+    assert_eq!(counts(&skin), Some(-2.0));
     // Somebody vouches that nothing touches the skin, whatever was looked at.
     configured(&mut skin, Some(239.0), true);
     assert_eq!((counts(&skin), skin.zero.looked.is_none()), (None, true));
@@ -88,11 +90,15 @@ fn a_vouched_zero_tells_what_the_boards_hide_also_one_that_waits_for_the_disk() 
         skin.scan(30, |_| 0);
         if for_operator {
             assert_eq!(counts(&skin), -1.5, "it does not hold before it is on disk");
-            let models = skin.models.clone().unwrap().baseline;
-            skin.zero.adopt(skin.now(), request, Some(&models)).unwrap();
+            skin.zero.adopt(skin.now(), request).unwrap();
         }
         assert!(skin.zero.holds());
-        assert_eq!(counts(&skin), 0.0);
+        assert_eq!((counts(&skin), skin.zero.vouched().map(|zero| zero[0].mean)), (0.0, Some(240.0)));
+        // Another that nobody vouches for is told from that one, until a board takes another zero.
+        skin.zero.lose(ReasonCode::ZeroLost, "bus-off", &mut skin.events);
+        assert!(skin.zero.vouched().is_some());
+        skin.zero.lose_by_board(0, "a power cycle", &mut skin.events);
+        assert!(skin.zero.vouched().is_none());
     }
 }
 
@@ -372,7 +378,7 @@ fn a_zero_that_could_not_be_written_down_is_not_taken_later() {
         assert!(matches!(skin.events[..], [ZeroEvent::Proven { .. }]), "{:?}", skin.events);
         assert!(skin.zero.zero().is_none(), "it is not on disk yet");
         skin.zero.reject(rejected);
-        assert_eq!((skin.zero.adopt(skin.now(), request, None).is_ok(), skin.zero.zero().is_some()), (holds, holds));
+        assert_eq!((skin.zero.adopt(skin.now(), request).is_ok(), skin.zero.zero().is_some()), (holds, holds));
     }
 }
 

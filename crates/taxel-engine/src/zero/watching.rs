@@ -87,7 +87,7 @@ impl Zero {
         } else {
             self.proven = None; // of an earlier moment
             if vouched.is_some() {
-                self.on_vouched(&baseline, models.map(|set| set.baseline.as_slice()));
+                self.on_vouched(&baseline);
             }
             if matches!(purpose, Purpose::Session { .. }) {
                 self.note_session_rest(&baseline);

@@ -283,7 +283,9 @@ fn the_interval_of_a_skin_that_nothing_touches_does_not_grow_with_each_restart()
 fn the_interval_does_not_grow_with_each_restart_where_the_models_were_gathered_at_another_warmth() {
     for (counts, lasts_s) in [(-1.0, None), (1.0, None), (-1.0, Some(2.6)), (1.0, Some(2.6))] {
         let mut set = ModelSet::clone(&ordinary().set);
-        set.baseline.iter_mut().for_each(|taxel| taxel.mean += counts);
+        // On one module more than on all.
+        let module = |taxel: usize| if taxel / 10 == 3 { 3.0 } else { 1.0 };
+        set.baseline.iter_mut().enumerate().for_each(|(taxel, rest)| rest.mean += counts * module(taxel));
         let of_set = || Restored { model_sets: vec![Arc::new(set.clone()).into()], ..ordinary().restored() };
         let mut bench = Bench::new(ordinary().world.clone(), plan(patch_plan(&ordinary().skin)), of_set());
         let (mut floors, mut configured) = (Vec::new(), 0);

@@ -27,6 +27,9 @@ pub struct Rest<'a> {
     /// How far each taxel lay from the rest of the models when the boards took zeros of their own, counts; empty where nobody
     /// looked.
     pub hidden: &'a [f32],
+    /// The zero that somebody vouched for since they took these, one per taxel: rest rather than that of the models. Empty without
+    /// one.
+    pub vouched: &'a [TaxelBaseline],
 }
 
 /// Force that the zero would hide if everything by which it lies towards load from that of the models were load.
@@ -46,6 +49,7 @@ impl Hidden {
         let away = median((0..rest.hidden.len()).map(hidden)).unwrap_or(0.0).min(0.0);
         let moved = |taxel: usize| {
             let then = models.get(taxel).filter(|_| shares.get(taxel).is_some_and(|share| share.noise_n > 0.0))?;
+            let then = rest.vouched.get(taxel).filter(|vouched| vouched.mean.is_finite()).unwrap_or(then);
             let counts = (rest.taken.get(taxel)?.mean - then.mean) * tables.sign(taxel);
             counts.is_finite().then_some(counts + hidden(taxel) - away)
         };
@@ -95,6 +99,7 @@ mod tests {
         tables: Tables,
         zero: Vec<TaxelBaseline>,
         hidden: Vec<f32>,
+        vouched: Vec<TaxelBaseline>,
     }
 
     impl Zero {
@@ -105,7 +110,7 @@ mod tests {
             let zero: Vec<TaxelBaseline> = (0..TAXELS).map(|taxel| at(moved(taxel))).collect();
             // Curves are read from the models' zero on, as the figures below are.
             let tables = Tables::new(set(TAXELS), &rest(TAXELS), &[AREA; TAXELS], ACTIVATION);
-            Self { tables, zero, hidden: (0..TAXELS).map(|taxel| -before(taxel)).collect() }
+            Self { tables, zero, hidden: (0..TAXELS).map(|taxel| -before(taxel)).collect(), vouched: Vec::new() }
         }
 
         fn force_n(&self, counts: f64) -> f64 {
@@ -117,7 +122,7 @@ mod tests {
                 .map(|taxel| Share::of(&self.tables, self.zero[taxel], ACTIVATION, taxel).unwrap_or_default())
                 .collect();
             let modules: Vec<Range<usize>> = (0..TAXELS / 10).map(|module| 10 * module..10 * module + 10).collect();
-            let rest = Rest { zero: &self.zero, taken: &self.zero, hidden: &self.hidden };
+            let rest = Rest { zero: &self.zero, taken: &self.zero, hidden: &self.hidden, vouched: &self.vouched };
             Hidden::of(&self.tables, &shares, rest, &modules)
         }
     }
@@ -171,6 +176,14 @@ mod tests {
         let weight = |zero: &Zero| zero.force_n(3.0) / 3.0;
         let both = Zero::new(|_| 0.5, |_| 0.25);
         assert!((both.hidden().newton - 37.5 * weight(&both)).abs() < 1e-6, "{:?}", both.hidden());
+        // What lay away from load as a whole is warmth, and takes nothing off.
+        let colder = Zero::new(|_| 0.5, |taxel| if taxel < 10 { 1.0 } else { -2.0 });
+        assert!((colder.hidden().newton - (25.0 + 30.0) * weight(&colder)).abs() < 1e-6, "{:?}", colder.hidden());
+        // From a zero that somebody vouched for.
+        let mut vouched = Zero::new(|_| 0.5, |_| 0.25);
+        vouched.vouched = vouched.zero.clone();
+        vouched.vouched[0].mean = f64::NAN;
+        assert!((vouched.hidden().newton - 13.0 * weight(&vouched)).abs() < 1e-6, "{:?}", vouched.hidden());
         // Of one without a zero nothing is.
         let unknown = Zero::new(|taxel| if taxel == 0 { f64::NAN } else { 0.5 }, |_| 0.25);
         assert!((unknown.hidden().newton - 36.75 * weight(&unknown)).abs() < 1e-6, "{:?}", unknown.hidden());
