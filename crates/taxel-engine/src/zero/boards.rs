@@ -64,11 +64,6 @@ impl HiddenCounts {
         Self { counts: self.counts.clone(), reads }
     }
 
-    /// Somebody vouches that nothing touches the skin, which reads `zero`.
-    pub(super) fn vouched(zero: &[TaxelBaseline]) -> Self {
-        Self { counts: vec![0.0; zero.len()], reads: means(zero) }
-    }
-
     /// The skin is at rest for other models, too, while it reads `rest`: of each taxel what is more towards load counts, that
     /// for the earlier ones or that for these.
     pub(super) fn for_models_at(&self, rest: &[TaxelBaseline], signs: &[i8]) -> Self {
@@ -204,10 +199,8 @@ mod tests {
     }
 
     #[test]
-    fn a_vouched_zero_is_rest_and_models_of_the_skin_as_it_is_hide_no_less_than_others() {
+    fn models_of_the_skin_as_it_is_hide_no_less_than_others() {
         let read = |means: [f64; 4]| means.map(|mean| TaxelBaseline { mean, noise: 0.5 });
-        let vouched = HiddenCounts::vouched(&read([241.0, 241.5, 240.0, 239.0]));
-        assert_eq!((vouched.counts, vouched.reads), (vec![0.0; 4], vec![241.0, 241.5, 240.0, 239.0]));
         let known = HiddenCounts { counts: vec![-1.5, 2.0, -0.25, 1.0], reads: vec![240.0; 4] };
         // Models whose rest the skin reads at 241 lie a count towards load at 240, where pressure lowers the counts.
         let rest = read([241.0, 241.0, f64::NAN, 239.0]);

@@ -86,11 +86,9 @@ impl Zero {
         self.first_scans = None;
     }
 
-    /// Somebody vouches for a zero: from then on, and until a board takes another, what a zero may hide is told from this one.
+    /// Somebody vouches for a zero: until a board takes another, what a zero may hide is told from this one, too.
     pub(super) fn on_vouched(&mut self, zero: &[TaxelBaseline]) {
         self.vouched = Some(zero.into());
-        self.hidden = Some(Arc::new(HiddenCounts::vouched(zero)));
-        self.first_scans = None;
     }
 
     /// The zero that somebody vouched for, one per taxel, if there is one with the zeros that the boards have.

@@ -27,8 +27,7 @@ pub struct Rest<'a> {
     /// How far each taxel lay from the rest of the models when the boards took zeros of their own, counts; empty where nobody
     /// looked.
     pub hidden: &'a [f32],
-    /// The zero that somebody vouched for since they took these, one per taxel: rest rather than that of the models. Empty without
-    /// one.
+    /// The zero that somebody vouched for since they took these, one per taxel; empty without one.
     pub vouched: &'a [TaxelBaseline],
 }
 
@@ -41,15 +40,27 @@ pub(super) struct Hidden {
 }
 
 impl Hidden {
+    /// The more of what it may hide beside the models' rest, and beside a zero that somebody vouched for.
     pub(super) fn of(tables: &Tables, shares: &[Share], rest: Rest<'_>, modules: &[Range<usize>]) -> Self {
-        let models = &tables.set().baseline;
+        let beside = |other: &[TaxelBaseline], rest: Rest<'_>| Self::beside(tables, shares, other, rest, modules);
+        let models = beside(&tables.set().baseline, rest);
+        let vouched = beside(rest.vouched, Rest { hidden: &[], ..rest });
+        if vouched.upper_n() > models.upper_n() { vouched } else { models }
+    }
+
+    fn beside(
+        tables: &Tables,
+        shares: &[Share],
+        other: &[TaxelBaseline],
+        rest: Rest<'_>,
+        modules: &[Range<usize>],
+    ) -> Self {
         // What lay away from load as a whole is warmth, and hides no less of a load.
         let hidden =
             |taxel: usize| rest.hidden.get(taxel).map_or(0.0, |counts| f64::from(*counts) * tables.sign(taxel));
         let away = median((0..rest.hidden.len()).map(hidden)).unwrap_or(0.0).min(0.0);
         let moved = |taxel: usize| {
-            let then = models.get(taxel).filter(|_| shares.get(taxel).is_some_and(|share| share.noise_n > 0.0))?;
-            let then = rest.vouched.get(taxel).filter(|vouched| vouched.mean.is_finite()).unwrap_or(then);
+            let then = other.get(taxel).filter(|_| shares.get(taxel).is_some_and(|share| share.noise_n > 0.0))?;
             let counts = (rest.taken.get(taxel)?.mean - then.mean) * tables.sign(taxel);
             counts.is_finite().then_some(counts + hidden(taxel) - away)
         };
@@ -179,11 +190,12 @@ mod tests {
         // What lay away from load as a whole is warmth, and takes nothing off.
         let colder = Zero::new(|_| 0.5, |taxel| if taxel < 10 { 1.0 } else { -2.0 });
         assert!((colder.hidden().newton - (25.0 + 30.0) * weight(&colder)).abs() < 1e-6, "{:?}", colder.hidden());
-        // From a zero that somebody vouched for.
-        let mut vouched = Zero::new(|_| 0.5, |_| 0.25);
-        vouched.vouched = vouched.zero.clone();
-        vouched.vouched[0].mean = f64::NAN;
-        assert!((vouched.hidden().newton - 13.0 * weight(&vouched)).abs() < 1e-6, "{:?}", vouched.hidden());
+        // Beside a zero that somebody vouched for it may be more, and is never less.
+        for (vouched_at, counts) in [(0.5, 37.5), (-0.5, 50.0), (f64::NAN, 37.5)] {
+            let mut vouched = Zero::new(|_| 0.5, |_| 0.25);
+            vouched.vouched = Zero::new(|_| vouched_at, |_| 0.0).zero;
+            assert!((vouched.hidden().newton - counts * weight(&vouched)).abs() < 1e-6, "{:?}", vouched.hidden());
+        }
         // Of one without a zero nothing is.
         let unknown = Zero::new(|taxel| if taxel == 0 { f64::NAN } else { 0.5 }, |_| 0.25);
         assert!((unknown.hidden().newton - 36.75 * weight(&unknown)).abs() < 1e-6, "{:?}", unknown.hidden());
