@@ -130,8 +130,8 @@ impl Patch {
         self.intake.start_bring_up(now);
     }
 
-    /// Configures the boards again: the zero is lost. Where there is no force that would show a load, boards that stream
-    /// are looked at first, unless it is confirmed that nothing touches the skin. `asked` is whether it is, or `None` where it
+    /// Configures the boards again: the zero is lost. Boards that stream are looked at first, since what is too light for a
+    /// force may lie there, unless it is confirmed that nothing touches the skin. `asked` is whether it is, or `None` where it
     /// was asked for another patch that shares a board: what is held against this one's zero still holds then.
     pub fn bring_up_again(&mut self, now: Now, asked: Option<bool>, effects: &mut Effects<'_>) {
         let confirmed = asked == Some(true);

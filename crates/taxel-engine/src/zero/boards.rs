@@ -7,7 +7,7 @@ use crate::baseline::TaxelBaseline;
 use crate::statistics::{MEDIAN_DEVIATIONS, mean, median};
 
 /// A mean lies this many of its standard deviations from zero before it counts as more than chance: so far one of 23 modules
-/// comes by chance in one of 700 starts.
+/// comes in one of 700 starts if noise is normal and independent; three in sixty did on the simulator's forearm.
 const CHANCE_SIGMAS: f64 = 4.0;
 
 /// The taxels of a skin lie at least so far apart, counts: what a mean of twenty readings is rounded to.
@@ -30,7 +30,7 @@ pub struct HiddenCounts {
     /// nothing is known.
     pub counts: Vec<f32>,
     /// What each taxel read right then, with these zeros, or with those before as long as nobody knows; NaN where it was not
-    /// read, empty before anybody knew.
+    /// read, empty before anybody knew. What it read with the zeros before is no substitute: a board draws counts anew.
     pub reads: Vec<f32>,
 }
 

@@ -197,7 +197,7 @@ fn a_light_load_that_is_configured_into_the_zero_is_within_the_interval() {
     for skin in [small(), ordinary()] {
         let mut forces = 0;
         for (kilogram, centre) in [0.05, 0.1, 0.15, 0.2, 0.25, 0.3].into_iter().zip([33, 70, 14, 45, 27, 64]) {
-            let mut bench = Bench::new(skin.world.clone(), plan(patch_plan(&skin.skin)), skin.restored());
+            let mut bench = started(skin);
             bench.world.lay(Mass::on_disc(kilogram, TaxelIndex(centre), 3000.0)).unwrap();
             bench.seconds(6.0);
             forces += usize::from(bench.has_force_since(0));
@@ -212,7 +212,7 @@ fn a_light_load_that_is_configured_into_the_zero_is_within_the_interval() {
 #[test]
 fn a_light_load_stays_within_the_interval_through_another_bring_up_until_somebody_vouches_for_the_skin() {
     for skin in [small(), ordinary()] {
-        let mut bench = Bench::new(skin.world.clone(), plan(patch_plan(&skin.skin)), skin.restored());
+        let mut bench = started(skin);
         bench.world.lay(Mass::on_disc(0.2, TaxelIndex(70), 3000.0)).unwrap();
         bench.brought_up();
         bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
@@ -240,7 +240,7 @@ fn a_light_load_stays_within_the_interval_through_another_bring_up_until_somebod
 #[test]
 fn a_light_load_stays_within_the_interval_through_restarts_until_somebody_vouches_for_the_skin() {
     for skin in [small(), ordinary()] {
-        let mut bench = Bench::new(skin.world.clone(), plan(patch_plan(&skin.skin)), skin.restored());
+        let mut bench = started(skin);
         let mass = Mass::on_disc(0.3, TaxelIndex(33), 3000.0);
         bench.world.lay(mass).unwrap();
         bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
@@ -265,7 +265,7 @@ fn a_light_load_stays_within_the_interval_through_restarts_until_somebody_vouche
 /// What the boards draw whenever they take a zero does not add up over the days.
 #[test]
 fn the_interval_of_a_skin_that_nothing_touches_does_not_grow_with_each_restart() {
-    let mut bench = Bench::new(ordinary().world.clone(), plan(patch_plan(&ordinary().skin)), ordinary().restored());
+    let mut bench = started(ordinary());
     let mut floors = Vec::new();
     for _ in 0..60 {
         bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
@@ -313,7 +313,7 @@ fn the_interval_does_not_grow_with_each_restart_where_the_models_were_gathered_a
 #[test]
 fn a_load_that_is_lifted_for_a_vouched_zero_and_comes_back_is_within_the_interval() {
     for skin in [small(), ordinary()] {
-        let mut bench = Bench::new(skin.world.clone(), plan(patch_plan(&skin.skin)), skin.restored());
+        let mut bench = started(skin);
         let mass = Mass::on_disc(0.3, TaxelIndex(33), 3000.0);
         bench.world.lay(mass).unwrap();
         bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
@@ -335,7 +335,7 @@ fn a_load_that_is_lifted_for_a_vouched_zero_and_comes_back_is_within_the_interva
 #[test]
 fn what_presses_too_lightly_to_be_felt_stays_within_the_interval_through_a_bring_up() {
     for kilogram in [0.05, 0.1, 0.15, 0.2] {
-        let mut bench = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+        let mut bench = started(small());
         bench.until(6.0, "a force", |host| host.snapshot().force.total.is_some());
         bench.world.lay(Mass::on_disc(kilogram, TaxelIndex(45), 4000.0)).unwrap();
         bench.seconds(3.0);
@@ -351,6 +351,11 @@ fn what_presses_too_lightly_to_be_felt_stays_within_the_interval_through_a_bring
 
 fn floor(bench: &Bench) -> f64 {
     bench.host.snapshot().force.detection_floor.unwrap().0
+}
+
+/// The daemon starts beside a skin that is calibrated, and configures its boards.
+fn started(skin: &Calibrated) -> Bench {
+    Bench::new(skin.world.clone(), plan(patch_plan(&skin.skin)), skin.restored())
 }
 
 /// The daemon starts anew beside the same skin, with what the store has.
@@ -399,7 +404,7 @@ fn a_skin_that_warms_at_once_while_all_of_it_is_touched_is_within_the_interval()
 /// zero once more if it were configured.
 #[test]
 fn boards_are_not_configured_while_a_load_may_hide_in_the_zero_of_one() {
-    let mut bench = Bench::new(ordinary().world.clone(), plan(patch_plan(&ordinary().skin)), ordinary().restored());
+    let mut bench = started(ordinary());
     bench.lay(1.0, 33);
     bench.seconds(3.0);
     let mark = bench.mark();

@@ -8,7 +8,8 @@
 //! of their own since the models were gathered leave a residue on every taxel, which may hide a load as well: how far the
 //! taxels lie apart is how large these are, `H` has the standard uncertainty `sqrt(sum (w d)^2)` of its taxels, `d` from the
 //! median deviation. And where the daemon configured the boards, their zero holds whatever its look before had let pass:
-//! that is added to every `h`.
+//! that is added to every `h`, less the median of the skin where that lay away from load. Where somebody has vouched for a zero
+//! since, the same is told from that zero, and what is more counts.
 
 use std::ops::Range;
 
@@ -42,12 +43,15 @@ pub(super) struct Hidden {
 impl Hidden {
     /// The more of what it may hide beside the models' rest, and beside a zero that somebody vouched for.
     pub(super) fn of(tables: &Tables, shares: &[Share], rest: Rest<'_>, modules: &[Range<usize>]) -> Self {
-        let beside = |other: &[TaxelBaseline], rest: Rest<'_>| Self::beside(tables, shares, other, rest, modules);
-        let models = beside(&tables.set().baseline, rest);
-        let vouched = beside(rest.vouched, Rest { hidden: &[], ..rest });
+        let models = Self::beside(tables, shares, &tables.set().baseline, rest, modules);
+        if rest.vouched.is_empty() {
+            return models;
+        }
+        let vouched = Self::beside(tables, shares, rest.vouched, Rest { hidden: &[], ..rest }, modules);
         if vouched.upper_n() > models.upper_n() { vouched } else { models }
     }
 
+    /// What it may hide if the skin is at rest where it reads `other`.
     fn beside(
         tables: &Tables,
         shares: &[Share],
