@@ -81,8 +81,10 @@ impl Placed {
 pub(crate) struct Loads {
     /// Those that lie still until all are cleared.
     still_kpa: Vec<f64>,
-    /// Their force, and the same as a vector, N.
-    still_n: (f64, [f64; 3]),
+    /// Their force, each with the taxel that it lies about, N.
+    still_n: Vec<(TaxelIndex, f64)>,
+    /// Sum of their force times outward normal, N.
+    still_vector_n: [f64; 3],
     path: Path,
     placed: Vec<Placed>,
     next: u32,
@@ -90,8 +92,14 @@ pub(crate) struct Loads {
 
 impl Loads {
     pub(crate) fn new(skin: &Skin, path: LoadPath) -> Self {
-        let (still_kpa, still_n) = (vec![0.0; skin.poses().len()], (0.0, [0.0; 3]));
-        Self { still_kpa, still_n, path: Path::new(path, skin), placed: Vec::new(), next: 1 }
+        Self {
+            still_kpa: vec![0.0; skin.poses().len()],
+            still_n: Vec::new(),
+            still_vector_n: [0.0; 3],
+            path: Path::new(path, skin),
+            placed: Vec::new(),
+            next: 1,
+        }
     }
 
     fn pressed(&self, skin: &Skin, mass: &Mass) -> Result<Pressed, LoadError> {
@@ -105,8 +113,8 @@ impl Loads {
         for (taxel, kpa) in pressed.kpa {
             self.still_kpa[taxel] += kpa;
         }
-        self.still_n.0 += mass.weight().0;
-        self.still_n.1.iter_mut().zip(pressed.vector_n).for_each(|(sum, n)| *sum += n);
+        self.still_n.push((mass.footprint.centre, mass.weight().0));
+        self.still_vector_n.iter_mut().zip(pressed.vector_n).for_each(|(sum, n)| *sum += n);
         Ok(())
     }
 
@@ -177,7 +185,8 @@ impl Loads {
     /// All masses are gone at once.
     pub(crate) fn clear(&mut self) {
         self.still_kpa.fill(0.0);
-        self.still_n = (0.0, [0.0; 3]);
+        self.still_n.clear();
+        self.still_vector_n = [0.0; 3];
         self.placed.clear();
     }
 
@@ -191,16 +200,22 @@ impl Loads {
         }
     }
 
-    /// The force of all masses, and the sum of force times outward normal, N.
-    pub(crate) fn force_n(&self, now: Time, skin: &Skin) -> (f64, [f64; 3]) {
-        let (mut sum, mut vector) = self.still_n;
+    /// The force of the masses that lie about, or roll to, a taxel of these, N.
+    pub(crate) fn force_about_n(&self, now: Time, these: &dyn Fn(TaxelIndex) -> bool) -> f64 {
+        let still = self.still_n.iter().filter(|(centre, _)| these(*centre)).map(|(_, newton)| newton);
+        let placed = self.placed.iter().filter(|placed| these(placed.mass.footprint.centre));
+        still.sum::<f64>() + placed.map(|placed| placed.weight(now) * placed.mass.weight().0).sum::<f64>()
+    }
+
+    /// The sum of force times outward normal of all masses, N.
+    pub(crate) fn vector_n(&self, now: Time, skin: &Skin) -> [f64; 3] {
+        let mut vector = self.still_vector_n;
         for placed in &self.placed {
             placed.pressing(now, skin, &self.path, |weight, pressed| {
-                sum += weight * placed.mass.weight().0;
                 vector.iter_mut().zip(pressed.vector_n).for_each(|(sum, n)| *sum += weight * n);
             });
         }
-        (sum, vector)
+        vector
     }
 }
 
@@ -284,7 +299,8 @@ mod tests {
             path.press(&skin, &mass, there).unwrap().kpa.iter().for_each(|&(taxel, kpa)| exact[taxel] += kpa);
             let apart = now.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             furthest = furthest.max(apart);
-            assert!((loads.force_n(Time::from_seconds(share), &skin).0 - mass.weight().0).abs() < 1e-9);
+            let about = |centre| loads.force_about_n(Time::from_seconds(share), &|taxel| taxel == TaxelIndex(centre));
+            assert_eq!((about(100), about(104)), (0.0, mass.weight().0), "it belongs to where it rolls");
         }
         let mean_kpa = 1000.0 * mass.weight().0 / 600.0;
         assert!(furthest > 0.0 && furthest < 0.05 * mean_kpa, "{furthest} kPa of {mean_kpa} kPa");

@@ -58,9 +58,9 @@ impl Tiling {
         Self { base_mm: module_spacing_mm * 3_f64.sqrt(), height_mm: module_spacing_mm * 1.5 }
     }
 
-    /// Where a point of the module that is laid as number `module` lies; `place_mm` is about the module's centre.
-    fn unrolled_mm(self, module: usize, [x, y]: [f64; 2]) -> [f64; 2] {
-        let (strip, column) = (module / TRIANGLES_PER_STRIP, module % TRIANGLES_PER_STRIP);
+    /// Where a point of the module at this place lies; `[x, y]` is about the module's centre.
+    fn unrolled_mm(self, place: usize, [x, y]: [f64; 2]) -> [f64; 2] {
+        let (strip, column) = (place / TRIANGLES_PER_STRIP, place % TRIANGLES_PER_STRIP);
         // The centre lies a third of the height above the base, so two thirds in a triangle that points down.
         let (x, y, centre) = if points_up(strip, column) { (x, y, 1.0 / 3.0) } else { (-x, -y, 2.0 / 3.0) };
         let middle = (TRIANGLES_PER_STRIP - 1) as f64 / 2.0;
@@ -69,8 +69,9 @@ impl Tiling {
         [around, along]
     }
 
-    /// Whether one of so many modules covers this point of the unrolled surface, its share of the gaps included.
-    fn covers(self, modules: usize, [around, along]: [f64; 2]) -> bool {
+    /// Whether a module at one of these places, which ascend, covers this point of the unrolled surface, its share of the
+    /// gaps included.
+    fn covers(self, places: &[usize], [around, along]: [f64; 2]) -> bool {
         let middle = (TRIANGLES_PER_STRIP - 1) as f64 / 2.0;
         let (height, column) = (along / self.height_mm + 0.5, around / (self.base_mm / 2.0) + middle);
         let (strip, above_base) = (height.floor(), height - height.floor());
@@ -80,7 +81,8 @@ impl Tiling {
             }
             let (strip, nearest_column) = (strip as usize, nearest as usize);
             let half_width = if points_up(strip, nearest_column) { 1.0 - above_base } else { above_base };
-            (column - nearest).abs() <= half_width && strip * TRIANGLES_PER_STRIP + nearest_column < modules
+            let place = strip * TRIANGLES_PER_STRIP + nearest_column;
+            (column - nearest).abs() <= half_width && places.binary_search(&place).is_ok()
         })
     }
 }
@@ -94,6 +96,10 @@ fn points_up(strip: usize, column: usize) -> bool {
 pub struct Skin {
     patch: Patch,
     poses: Vec<Pose>,
+    /// Where each module lies, in the patch's order.
+    places: Vec<usize>,
+    /// The same, ascending.
+    covered: Vec<usize>,
     tiling: Tiling,
     taxel_area: SquareMillimetre,
 }
@@ -115,7 +121,9 @@ impl Skin {
     pub fn forearm_with_gaps(module_spacing_mm: f64) -> Result<Self, LayoutError> {
         let tiling = Tiling::spaced(module_spacing_mm);
         let taxel_mm2 = tiling.base_mm * tiling.height_mm / 2.0 / ModuleKind::Triangle.taxel_slots().len() as f64;
-        Ok(Self::tiled(Self::forearm_patch()?, tiling, SquareMillimetre(taxel_mm2)))
+        let patch = Self::forearm_patch()?;
+        let places = side_by_side(&patch);
+        Ok(Self::tiled(patch, places, tiling, SquareMillimetre(taxel_mm2)))
     }
 
     fn forearm_patch() -> Result<Patch, LayoutError> {
@@ -133,13 +141,29 @@ impl Skin {
     /// true outline of a fingertip.
     #[must_use]
     pub fn sleeve(patch: Patch) -> Self {
-        Self::tiled(patch, Tiling::WITHOUT_GAPS, SquareMillimetre::ICUB_TAXEL)
+        let places = side_by_side(&patch);
+        Self::tiled(patch, places, Tiling::WITHOUT_GAPS, SquareMillimetre::ICUB_TAXEL)
     }
 
-    fn tiled(patch: Patch, tiling: Tiling, taxel_area: SquareMillimetre) -> Self {
-        let pose = |site: &TaxelSite| pose_of(tiling, site.module as usize, site.slot as usize);
+    /// The same with each module, in the patch's order, at a place of its own: place `8 n + c` is column `c` of strip `n`,
+    /// and a strip is 23.9 mm wide. What lies between has no skin, so that a part of it may be far from another.
+    ///
+    /// # Panics
+    /// Unless each module has one place, and no two have the same.
+    #[must_use]
+    pub fn sleeve_at(patch: Patch, places: Vec<usize>) -> Self {
+        assert_eq!(places.len(), patch.modules().len(), "a place for each module");
+        let skin = Self::tiled(patch, places, Tiling::WITHOUT_GAPS, SquareMillimetre::ICUB_TAXEL);
+        assert!(skin.covered.is_sorted_by(|a, b| a < b), "two modules at one place: {:?}", skin.places);
+        skin
+    }
+
+    fn tiled(patch: Patch, places: Vec<usize>, tiling: Tiling, taxel_area: SquareMillimetre) -> Self {
+        let pose = |site: &TaxelSite| pose_of(tiling, places[site.module as usize], site.slot as usize);
         let poses = patch.taxels().iter().map(pose).collect();
-        Self { patch, poses, tiling, taxel_area }
+        let mut covered = places.clone();
+        covered.sort_unstable();
+        Self { patch, poses, places, covered, tiling, taxel_area }
     }
 
     /// Boards, modules and the numbering of the taxels.
@@ -175,7 +199,7 @@ impl Skin {
     /// Whether there is skin at this point of the unrolled surface, in millimetres. Gaps between modules are skin.
     #[must_use]
     pub fn covers(&self, unrolled_mm: [f64; 2]) -> bool {
-        self.tiling.covers(self.patch.modules().len(), unrolled_mm)
+        self.tiling.covers(&self.covered, unrolled_mm)
     }
 
     /// The outward unit normal at a point of the unrolled surface, in millimetres.
@@ -197,7 +221,7 @@ impl Skin {
             for slot in 0..VALUES_PER_MODULE {
                 let is_pad = site.kind.thermal_slots().contains(&(slot as u8));
                 representative[first + slot] = if is_pad { -2 } else { first as i64 + 3 };
-                pose[first + slot] = Some(pose_of(self.tiling, index, slot));
+                pose[first + slot] = Some(pose_of(self.tiling, self.places[index], slot));
             }
         }
         let mut text =
@@ -220,9 +244,14 @@ impl Skin {
     }
 }
 
-/// The place of value `slot` of the module that is laid as number `module`.
-fn pose_of(tiling: Tiling, module: usize, slot: usize) -> Pose {
-    rolled(tiling.unrolled_mm(module, TRIANGLE_MM[slot]))
+/// One module after the other, strip by strip.
+fn side_by_side(patch: &Patch) -> Vec<usize> {
+    (0..patch.modules().len()).collect()
+}
+
+/// Where value `slot` of the module at this place lies.
+fn pose_of(tiling: Tiling, place: usize, slot: usize) -> Pose {
+    rolled(tiling.unrolled_mm(place, TRIANGLE_MM[slot]))
 }
 
 /// Rolls a point of the plane onto the cone. In the plane the cone is a sector about its apex: the distance from the
@@ -274,6 +303,23 @@ mod tests {
         let covered = points.filter(|[x, y]| skin.covers([x * step_mm - 100.0, y * step_mm - 40.0])).count();
         let area_mm2 = covered as f64 * step_mm * step_mm;
         assert!((area_mm2 / (230.0 * skin.taxel_area().0) - 1.0).abs() < 0.005, "{area_mm2} mm2");
+    }
+
+    #[test]
+    fn parts_of_a_skin_may_lie_apart_with_nothing_between() {
+        let forearm = Skin::forearm_patch().unwrap();
+        let places = (0..16).chain(64..71).collect();
+        let skin = Skin::sleeve_at(forearm.clone(), places);
+        let together = Skin::sleeve(forearm);
+        assert_eq!(skin.poses()[..160], together.poses()[..160]);
+        let [near, far] = [skin.poses()[0], skin.poses()[160]].map(|pose| pose.unrolled_mm);
+        let moved = far[1] - together.poses()[160].unrolled_mm[1];
+        assert!((moved - 6.0 * 23.9).abs() < 1e-9, "six strips further along: {moved} mm");
+        assert!(skin.covers(near) && skin.covers(far));
+        assert!(!skin.covers([far[0], far[1] - 2.0 * 23.9]) && together.covers(together.poses()[160].unrolled_mm));
+        let geometry = Geometry::parse(&skin.positions_file(), skin.patch()).unwrap();
+        let of_file = geometry.poses[160].unwrap().position;
+        assert!(of_file.iter().zip(skin.positions_m()[160]).all(|(a, b)| (a - b).abs() < 2e-6), "{of_file:?}");
     }
 
     #[test]

@@ -42,19 +42,21 @@ pub struct Daemon {
     stalled_until: Time,
     /// Nothing comes from the bus.
     deaf: bool,
-    /// Samples as they were published.
-    pub published: Vec<Arc<PatchSnapshot>>,
+    /// Samples as they were published, with the position of their patch.
+    pub published: Vec<(usize, Arc<PatchSnapshot>)>,
     /// Frames for the boards.
     pub sent: Vec<Frame>,
     /// Answers in words.
     pub replies: Vec<(RequestId, String)>,
-    pub newest: Arc<PatchSnapshot>,
-    pub session: Option<Arc<SessionView>>,
+    /// The newest of each patch.
+    pub newest: Vec<Arc<PatchSnapshot>>,
+    pub sessions: Vec<Option<Arc<SessionView>>>,
     pub catalogue: Arc<Catalogue>,
 }
 
 impl Daemon {
     pub fn new(plan: Arc<Plan>, store: Store, dice: Dice, now: Time) -> Self {
+        let patches = plan.patches.len();
         let mut daemon = Self {
             plan,
             engine: None,
@@ -73,8 +75,8 @@ impl Daemon {
             published: Vec::new(),
             sent: Vec::new(),
             replies: Vec::new(),
-            newest: Arc::default(),
-            session: None,
+            newest: vec![Arc::default(); patches],
+            sessions: vec![None; patches],
             catalogue: Arc::default(),
         };
         daemon.start();
@@ -95,7 +97,8 @@ impl Daemon {
         }
         self.store.lose_waiting();
         self.engine = None;
-        (self.newest, self.session) = (Arc::default(), None);
+        self.newest.fill(Arc::default());
+        self.sessions.fill(None);
         self.fits.clear();
         self.loads.clear();
         self.set_loads.clear();
@@ -196,11 +199,11 @@ impl Daemon {
 
     fn collect(&mut self, now: Time, output: Output) {
         match output {
-            Output::Patch(_, snapshot) => {
-                self.newest = Arc::clone(&snapshot);
-                self.published.push(snapshot);
+            Output::Patch(patch, snapshot) => {
+                self.newest[patch] = Arc::clone(&snapshot);
+                self.published.push((patch, snapshot));
             }
-            Output::Session(_, view) => self.session = Some(view),
+            Output::Session(patch, view) => self.sessions[patch] = Some(view),
             Output::Catalogue(catalogue) => self.catalogue = catalogue,
             Output::Send(_, frame) => self.sent.push(frame),
             Output::Record(record) => {
@@ -218,7 +221,7 @@ impl Daemon {
                 self.loads.push((due, ticket, session));
             }
             Output::LoadSet { ticket, model_set } => self.set_loads.push((ticket, model_set)),
-            Output::SessionGone(_) => self.session = None,
+            Output::SessionGone(patch) => self.sessions[patch] = None,
             Output::Health(_) => {}
         }
     }

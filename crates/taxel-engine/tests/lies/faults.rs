@@ -6,6 +6,7 @@ use taxel_sim::{Fault, ForeignScan, Skin};
 use taxel_skin::{BoardAddress, Module, TaxelIndex};
 
 use crate::dice::Dice;
+use crate::house::Part;
 use crate::kinds::Kind;
 
 /// Something that goes wrong, and for how long.
@@ -15,6 +16,31 @@ pub struct Trouble {
     /// What the simulator breaks; empty for what befalls the daemon.
     pub faults: Vec<Fault>,
     pub lasts: Duration,
+}
+
+impl Trouble {
+    /// Whether it can be felt on this patch.
+    pub fn befalls(&self, part: &Part) -> bool {
+        let befalls = |fault: &Fault| match *fault {
+            // A module that does not acknowledge makes its board take another zero.
+            Fault::BoardSilent(board)
+            | Fault::PowerCycle { board, .. }
+            | Fault::Glitch { board, .. }
+            | Fault::SilentRetare(board)
+            | Fault::OtherPeriod { board, .. }
+            | Fault::ForeignNode { board, .. }
+            | Fault::ModuleNoAck(board, _) => part.has_board(board),
+            Fault::ModuleSilent(board, module)
+            | Fault::ModuleUnplugged(board, module)
+            | Fault::ModuleFlicker { board, module, .. } => part.has_module(board, module),
+            Fault::TaxelFrozen(taxel)
+            | Fault::TaxelStuck { taxel, .. }
+            | Fault::TaxelNoisy { taxel, .. }
+            | Fault::TaxelFlicker { taxel, .. } => part.has(taxel),
+            _ => true,
+        };
+        self.faults.is_empty() || self.faults.iter().any(befalls)
+    }
 }
 
 /// One trouble of this kind somewhere on the skin.
@@ -130,11 +156,11 @@ fn of_the_rest(kind: Kind, dice: &mut Dice) -> (Vec<Fault>, Duration) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::house::house;
+    use crate::house::{Patches, house};
 
     #[test]
     fn every_kind_of_trouble_can_befall_a_skin_and_end() {
-        let mut world = house(0).world.clone();
+        let mut world = house(Patches::One, 0).world.clone();
         let mut dice = Dice::new(1);
         for &kind in Kind::faults() {
             for _ in 0..20 {

@@ -11,15 +11,22 @@ use crate::stage::Stage;
 /// Masses that lie on the skin at the same time, at most.
 const LOADS_MAX: usize = 2;
 
+/// A mass that lies on a patch.
+struct Lying {
+    load: LoadId,
+    patch: usize,
+    leaves: Time,
+}
+
 /// Somebody who puts things on the skin.
 pub struct Hands {
     dice: Dice,
     /// Mean time between loads in seconds.
     gap_s: f64,
     next: Time,
-    /// What lies there, and when it leaves.
-    lying: Vec<(LoadId, Time)>,
-    rolls: Option<(LoadId, Time)>,
+    lying: Vec<Lying>,
+    /// Which of them rolls on, on which patch, and when.
+    rolls: Option<(LoadId, usize, Time)>,
     /// When the bag presses, and when it is vented.
     bag: Option<(Time, Time)>,
     pressing: bool,
@@ -51,20 +58,20 @@ impl Hands {
                 self.put(stage, over);
             }
         }
-        if let Some((load, _)) = self.rolls.filter(|(_, due)| now >= *due) {
+        if let Some((load, patch, _)) = self.rolls.filter(|(.., due)| now >= *due) {
             self.rolls = None;
-            let (to, over) = (self.anywhere(stage), self.dice.span(0.1, 5.0));
+            let (to, over) = (self.anywhere(stage, patch), self.dice.span(0.1, 5.0));
             stage.changes(over);
             stage.tell(format!("{load:?} rolls to taxel {} in {over:.2?}", to.0));
             stage.world.roll(load, to, over).unwrap();
         }
-        while let Some(place) = self.lying.iter().position(|(_, due)| now >= *due) {
-            let (load, _) = self.lying.remove(place);
+        while let Some(place) = self.lying.iter().position(|lying| now >= lying.leaves) {
+            let Lying { load, .. } = self.lying.remove(place);
             let over = self.pace();
             stage.changes(over);
             stage.tell(format!("{load:?} leaves in {over:.2?}"));
             stage.world.lift(load, over);
-            stage.loads = self.lying.len();
+            self.count(stage);
             stage.note_truth();
         }
         self.press(stage, quiet);
@@ -75,13 +82,29 @@ impl Hands {
         if self.dice.chance(0.4) { Duration::ZERO } else { self.dice.span(0.05, 15.0) }
     }
 
-    fn anywhere(&mut self, stage: &Stage) -> TaxelIndex {
-        TaxelIndex(self.dice.below(stage.world.skin().patch().taxels().len()) as u16)
+    /// Masses on the patch that is watched.
+    fn count(&self, stage: &mut Stage) {
+        stage.loads = self.lying.iter().filter(|lying| lying.patch == stage.watched).count();
+    }
+
+    /// The watched patch, somewhat rather than the other.
+    fn some_patch(&mut self, stage: &Stage) -> usize {
+        match stage.house.parts.len() {
+            1 => 0,
+            _ if self.dice.chance(0.6) => stage.watched,
+            patches => self.dice.below(patches),
+        }
+    }
+
+    fn anywhere(&mut self, stage: &Stage, patch: usize) -> TaxelIndex {
+        let taxels = &stage.house.parts[patch].taxels;
+        taxels[self.dice.below(taxels.len())]
     }
 
     fn put(&mut self, stage: &mut Stage, over: Duration) {
         let (kilogram, area) = (self.dice.octaves(0.01, 3.0), self.dice.octaves(300.0, 6000.0));
-        let centre = self.anywhere(stage);
+        let patch = self.some_patch(stage);
+        let centre = self.anywhere(stage, patch);
         let stretch = self.dice.octaves(0.5, 2.0);
         let mut footprint = Footprint::disc(centre, area);
         footprint.semi_axes_mm = [footprint.semi_axes_mm[0] * stretch, footprint.semi_axes_mm[1] / stretch];
@@ -91,11 +114,11 @@ impl Hands {
         let stay = over + self.dice.span(0.2, 40.0);
         let leaves = stage.now() + stay;
         if self.dice.chance(0.15) {
-            self.rolls = Some((load, stage.now() + stay.mul_f64(self.dice.uniform())));
+            self.rolls = Some((load, patch, stage.now() + stay.mul_f64(self.dice.uniform())));
         }
         stage.tell(format!("{load:?}: {kilogram:.3} kg on {area:.0} mm2 about taxel {} in {over:.2?}", centre.0));
-        self.lying.push((load, leaves));
-        stage.loads = self.lying.len();
+        self.lying.push(Lying { load, patch, leaves });
+        self.count(stage);
         stage.note_truth();
     }
 

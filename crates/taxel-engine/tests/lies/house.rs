@@ -1,5 +1,6 @@
 //! The skins that stories play on, each calibrated once by the engine itself.
 
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
@@ -7,85 +8,195 @@ use taxel_engine::calibration::Branch;
 use taxel_engine::calibration::SessionState;
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::PatchPlan;
+use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_sim::{Config, DielectricConfig, Layer, LoadPath, PumpCommand, Skin, World};
-use taxel_skin::{Board, Kilopascal, ModuleKind, Patch, Time};
+use taxel_skin::{Board, BoardAddress, Kilopascal, Module, ModuleKind, Patch, TaxelIndex, Time};
 
 use crate::daemon::Daemon;
 use crate::dice::Dice;
-use crate::rig::{BUS, board, module, patch_plan, plan};
+use crate::rig::{BUS, board, module, plan_of_part};
 use crate::store::Store;
 
-/// Skins of 50 taxels; the one after them is the forearm.
-const SMALL_SKINS: usize = 6;
-pub const SKINS: usize = SMALL_SKINS + 1;
 pub const SLOT: Duration = Duration::from_millis(10);
+
+/// How many patches the skin has that a story plays on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Patches {
+    /// One of 50 taxels on two boards, or the forearm.
+    One,
+    /// Two of 50 taxels, far apart, that share one board or both.
+    Two,
+}
+
+/// Skins of one patch of 50 taxels; the one after them is the forearm.
+const SMALL_SKINS: usize = 6;
+/// Skins of two patches: half of them share both boards.
+const DOUBLE_SKINS: usize = 4;
+
+impl Patches {
+    /// The number of a skin; the forearm takes five times as long as the others.
+    pub fn draw(self, dice: &mut Dice) -> usize {
+        match self {
+            Self::One if dice.chance(0.04) => SMALL_SKINS,
+            Self::One => dice.below(SMALL_SKINS),
+            Self::Two => dice.below(DOUBLE_SKINS),
+        }
+    }
+}
 
 /// A skin after its calibration, vented and settled, its boards streaming.
 pub struct House {
     pub world: World,
-    pub set: Arc<ModelSet>,
+    pub parts: Vec<Part>,
 }
 
-/// Skin number `n` of [`SKINS`].
-pub fn house(n: usize) -> &'static House {
-    static HOUSES: [OnceLock<House>; SKINS] = [const { OnceLock::new() }; SKINS];
-    HOUSES[n].get_or_init(|| calibrate(n))
+/// One patch of a house.
+pub struct Part {
+    /// As `taxeld` makes it of a scene that asks for everything.
+    plan: PatchPlan,
+    pub set: Arc<ModelSet>,
+    /// Its taxels by their place on the world's skin, in its own order.
+    pub taxels: Vec<TaxelIndex>,
+    /// Whether a taxel of the world's skin is one of them.
+    has: Vec<bool>,
+}
+
+impl Part {
+    fn new(skin: &Skin, plan: PatchPlan, set: Arc<ModelSet>) -> Self {
+        let whole = skin.patch();
+        let place = |patch: &Patch, taxel: usize| {
+            let site = patch.taxels()[taxel];
+            let module = patch.modules()[usize::from(site.module)];
+            (patch.boards()[usize::from(module.board)].address, module.module, site.slot)
+        };
+        let on_skin = |taxel: usize| {
+            let of_patch = place(&plan.patch, taxel);
+            (0..whole.taxels().len()).find(|of_skin| place(whole, *of_skin) == of_patch)
+        };
+        let taxels: Vec<usize> = (0..plan.patch.taxels().len()).filter_map(on_skin).collect();
+        assert_eq!(taxels.len(), plan.patch.taxels().len(), "each taxel of the patch is one of the skin");
+        let has = (0..whole.taxels().len()).map(|taxel| taxels.contains(&taxel)).collect();
+        let taxels = taxels.into_iter().map(|taxel| TaxelIndex(taxel as u16)).collect();
+        Self { plan, set, taxels, has }
+    }
+
+    pub fn name(&self) -> &str {
+        self.plan.patch.name()
+    }
+
+    pub const fn patch(&self) -> &Patch {
+        &self.plan.patch
+    }
+
+    /// Whether this taxel of the world's skin is of this patch.
+    pub fn has(&self, taxel: TaxelIndex) -> bool {
+        self.has[usize::from(taxel.0)]
+    }
+
+    pub fn has_board(&self, address: BoardAddress) -> bool {
+        self.patch().boards().iter().any(|board| board.address == address)
+    }
+
+    pub fn has_module(&self, address: BoardAddress, module: Module) -> bool {
+        let of_board = self.patch().boards().iter().filter(|board| board.address == address);
+        of_board.flat_map(|board| &board.modules).any(|(other, _)| *other == module)
+    }
+
+    /// What stories vary of the scene.
+    pub fn scene(&self, listens_only: bool, dice: &mut Dice) -> PatchPlan {
+        let mut patch = self.plan.clone();
+        if listens_only {
+            patch.bring_up = Vec::new();
+        }
+        patch.outputs.fill = dice.chance(0.5);
+        patch.drift.follow = dice.chance(0.5);
+        if dice.chance(0.2) {
+            patch.geometry = None;
+        }
+        patch
+    }
+}
+
+/// Skin number `n`, as [`Patches::draw`] numbers them.
+pub fn house(patches: Patches, n: usize) -> &'static House {
+    static ONE: [OnceLock<House>; SMALL_SKINS + 1] = [const { OnceLock::new() }; SMALL_SKINS + 1];
+    static TWO: [OnceLock<House>; DOUBLE_SKINS] = [const { OnceLock::new() }; DOUBLE_SKINS];
+    match patches {
+        Patches::One if n == SMALL_SKINS => ONE[n].get_or_init(|| calibrate(n, whole(Skin::forearm().unwrap()))),
+        Patches::One => ONE[n].get_or_init(|| calibrate(n, whole(small_skin()))),
+        Patches::Two => TWO[n].get_or_init(|| calibrate(n, double_skin(n < DOUBLE_SKINS / 2))),
+    }
+}
+
+/// A skin that is one patch.
+fn whole(skin: Skin) -> (Skin, Vec<Patch>) {
+    let patch = skin.patch().clone();
+    (skin, vec![patch])
+}
+
+/// A patch of these modules, by board.
+fn patch(name: &str, boards: &[(u8, Range<u8>)]) -> Patch {
+    let boards = boards.iter().map(|(address, modules)| Board {
+        bus: BUS,
+        address: board(*address),
+        modules: modules.clone().map(|m| (module(m), ModuleKind::Triangle)).collect(),
+    });
+    Patch::new(name, boards.collect()).unwrap()
 }
 
 /// Three modules on one board and two on another: one may be silent without the whole skin being stale.
 fn small_skin() -> Skin {
-    let boards = [(13, 3), (12, 2)].map(|(address, modules)| Board {
-        bus: BUS,
-        address: board(address),
-        modules: (0..modules).map(|m| (module(m), ModuleKind::Triangle)).collect(),
-    });
-    Skin::sleeve(Patch::new("small", boards.into()).unwrap())
+    Skin::sleeve(patch("small", &[(13, 0..3), (12, 0..2)]))
 }
 
-/// What stories vary of the scene.
-pub fn scene(skin: &Skin, listens_only: bool, dice: &mut Dice) -> PatchPlan {
-    let mut patch = patch_plan(skin);
-    if listens_only {
-        patch.bring_up = Vec::new();
-    }
-    patch.outputs.fill = dice.chance(0.5);
-    patch.drift.follow = dice.chance(0.5);
-    if dice.chance(0.2) {
-        patch.geometry = None;
-    }
-    patch
+/// Two patches as the small skin, 19 cm apart: nothing that lies on one touches the other. Both have modules of board 13; the
+/// others are of one board, too, or of one each.
+fn double_skin(shares_both: bool) -> (Skin, Vec<Patch>) {
+    let upper = patch("upper", &[(13, 0..3), (12, 0..2)]);
+    let (lower, skin) = if shares_both {
+        (patch("lower", &[(13, 3..6), (12, 2..4)]), patch("whole", &[(13, 0..6), (12, 0..4)]))
+    } else {
+        (patch("lower", &[(13, 3..6), (11, 0..2)]), patch("whole", &[(13, 0..6), (12, 0..2), (11, 0..2)]))
+    };
+    // Of board 13 three modules of either, then two of the upper patch and two of the lower one.
+    let places = vec![0, 1, 2, 64, 65, 66, 3, 4, 67, 68];
+    (Skin::sleeve_at(skin, places), vec![upper, lower])
 }
 
-fn calibrate(n: usize) -> House {
+fn calibrate(n: usize, (skin, patches): (Skin, Vec<Patch>)) -> House {
     let seed = 100 + n as u64;
-    let skin = if n < SMALL_SKINS { small_skin() } else { Skin::forearm().unwrap() };
     // Every other skin tares so well that no taxel rests on a rail.
     let fine = DielectricConfig { tare_bias_counts: 1.0, tare_residue_counts: 0.5, ..DielectricConfig::default() };
     let dielectric = if n.is_multiple_of(2) { DielectricConfig::default() } else { fine };
     // Loads reach the taxels through a soft layer: where they were shared out over the taxels whose centres they cover, half
     // a load that hangs over the rim lay on one taxel alone, and its neighbours felt nothing of tens of newtons.
     let loads = LoadPath::Layer(Layer::default());
+    let plans: Vec<PatchPlan> = patches.into_iter().map(|patch| plan_of_part(&skin, patch)).collect();
     let mut world = World::new(skin, Config { dielectric, loads, ..Config::seeded(seed) }).unwrap();
     let branches = if n % 3 == 1 { Branch::Both } else { Branch::Rising };
-    let whole = plan(patch_plan(world.skin()));
-    let mut daemon = Daemon::new(whole, Store::default(), Dice::new(seed), world.now());
+    let plan = Plan { buses: 1, patches: plans.clone() };
+    let mut daemon = Daemon::new(Arc::new(plan), Store::default(), Dice::new(seed), world.now());
     let in_state = |wanted: SessionState| {
-        move |daemon: &Daemon| daemon.session.as_ref().is_some_and(|session| session.state == wanted)
+        move |daemon: &Daemon| {
+            daemon.sessions.iter().flatten().filter(|s| s.state == wanted).count() == daemon.sessions.len()
+        }
     };
     let end = world.now() + Duration::from_secs(3);
-    run(n, &mut world, &mut daemon, 4.0, "bring-up", &|daemon| daemon.newest.time >= end - Duration::from_millis(100));
-    daemon.command(Command::StartSession {
-        patch: String::new(),
-        target: None,
-        branches: Some(branches),
-        confirmed_by: None,
-        leave_out: Vec::new(),
-    });
+    let is_up = |daemon: &Daemon| daemon.newest.iter().all(|newest| newest.time >= end - Duration::from_millis(100));
+    run(n, &mut world, &mut daemon, 4.0, "bring-up", &is_up);
+    for plan in &plans {
+        daemon.command(Command::StartSession {
+            patch: plan.patch.name().to_owned(),
+            target: None,
+            branches: Some(branches),
+            confirmed_by: None,
+            leave_out: Vec::new(),
+        });
+    }
     run(n, &mut world, &mut daemon, 20.0, "ramp", &in_state(SessionState::Ramping));
     world.pump(PumpCommand::Ramp { target: Kilopascal(74.0), kpa_per_s: 3.0 });
     let full = |daemon: &Daemon| {
-        daemon.session.as_ref().is_some_and(|s| s.state != SessionState::Ramping || s.pressure_kpa >= Some(72.0))
+        daemon.sessions.iter().flatten().all(|s| s.state != SessionState::Ramping || s.pressure_kpa >= Some(72.0))
     };
     run(n, &mut world, &mut daemon, 60.0, "full vacuum", &full);
     world.pump(PumpCommand::Ramp { target: Kilopascal(0.0), kpa_per_s: 3.0 });
@@ -93,15 +204,20 @@ fn calibrate(n: usize) -> House {
     world.pump(PumpCommand::Vent);
     let settled = world.now() + Duration::from_secs(40);
     world.advance(settled, &mut Vec::new());
-    let set = daemon.catalogue.model_sets.last().expect("the fit gave models").at_hand.clone().expect("it is new");
-    House { world, set }
+    let with_models = |plan: PatchPlan| {
+        let mut sets = daemon.catalogue.model_sets.iter().filter(|set| set.patch == plan.patch.name());
+        let set = sets.next_back().expect("the fit gave models").at_hand.clone().expect("it is new");
+        Part::new(world.skin(), plan, set)
+    };
+    let parts = plans.into_iter().map(with_models).collect();
+    House { world, parts }
 }
 
 /// Lets time pass until `done`, which must come within `limit_s`.
 fn run(n: usize, world: &mut World, daemon: &mut Daemon, limit_s: f64, what: &str, done: &dyn Fn(&Daemon) -> bool) {
     let end = world.now() + Duration::from_secs_f64(limit_s);
     while !done(daemon) {
-        assert!(world.now() < end, "skin {n}: no {what} within {limit_s} s: {:?}", daemon.session);
+        assert!(world.now() < end, "skin {n}: no {what} within {limit_s} s: {:?}", daemon.sessions);
         slot(world, daemon);
     }
 }

@@ -6,6 +6,7 @@
 
 use std::time::Duration;
 
+use crate::house::Patches;
 use crate::kinds::{Kind, Kinds};
 use crate::story::{self, LyingSample, Told};
 use crate::suspects::RETARES;
@@ -14,12 +15,13 @@ use crate::suspects::RETARES;
 const TOGETHER: Duration = Duration::from_millis(250);
 
 /// Plays the story of this seed; its lies that are not argued are named after faults that they need.
-pub fn play(seed: u64) -> Told {
+pub fn play(patches: Patches, seed: u64) -> Told {
     let (mut cleared, mut lines) = (Kinds::default(), Vec::new());
     loop {
-        let mut told = story::play(seed, Kinds::default(), cleared);
-        let Some((kind, why)) = accused(&told).find_map(|kind| Some((kind, clears(seed, &told, kind, cleared)?)))
-        else {
+        let play = |without, cleared| story::play(patches, seed, without, cleared);
+        let mut told = play(Kinds::default(), cleared);
+        let cleared_of = |kind| Some((kind, clears(&play, &told, kind, cleared)?));
+        let Some((kind, why)) = accused(&told).find_map(cleared_of) else {
             told.lines.splice(0..0, lines);
             return told;
         };
@@ -39,10 +41,10 @@ fn accused(told: &Told) -> impl Iterator<Item = Kind> + use<> {
 
 /// Why the lies that are named after this fault and not argued do not come from it; `None` if they may. It is left out
 /// together with those that are `cleared` already: of two that each suffice, one is to blame.
-fn clears(seed: u64, told: &Told, kind: Kind, cleared: Kinds) -> Option<String> {
+fn clears(play: &dyn Fn(Kinds, Kinds) -> Told, told: &Told, kind: Kind, cleared: Kinds) -> Option<String> {
     let lies: Vec<LyingSample> =
         told.lies.iter().filter(|lie| lie.from == Some(kind) && !lie.argued).copied().collect();
-    let without = |kind: Kind| story::play(seed, cleared.or(Kinds::one(kind)), Kinds::default());
+    let without = |kind: Kind| play(cleared.or(Kinds::one(kind)), Kinds::default());
     let told_by = |other: &Told| lies.iter().filter(|lie| other.lies.iter().any(|same| is_same(lie, same))).count();
     if told_by(&without(kind)) == lies.len() {
         return Some("the same lies are told without it".to_owned());
@@ -69,9 +71,9 @@ mod tests {
     fn a_fault_is_cleared_of_lies_that_do_not_need_it() {
         let retared = "none of its lies is told without `board hangs below 1 s, new zero`";
         for (seed, why) in [(1_294_388, "the same lies are told without it"), (1_111_938, retared)] {
-            let accused = story::play(seed, Kinds::default(), Kinds::default());
+            let accused = story::play(Patches::One, seed, Kinds::default(), Kinds::default());
             assert!(accused.lies.iter().any(|lie| lie.from == Some(Kind::WarmRamp) && !lie.argued), "seed {seed}");
-            let told = play(seed);
+            let told = play(Patches::One, seed);
             assert_eq!(told.lines[0], format!("   `temperature ramp` is cleared: {why}"), "seed {seed}");
             assert!(told.lies.iter().all(|lie| lie.argued), "seed {seed}");
             assert_eq!(told.lies.len(), accused.lies.len(), "a name makes no lie true");
@@ -81,7 +83,7 @@ mod tests {
     #[test]
     fn without_a_fault_a_story_is_the_same_until_it_begins() {
         let [with, without] = [Kinds::default(), Kinds::one(Kind::ModuleFlicker)]
-            .map(|without| story::play(1_294_388, without, Kinds::default()).lines);
+            .map(|without| story::play(Patches::One, 1_294_388, without, Kinds::default()).lines);
         let first = with.iter().position(|line| line.contains("FAULT module flickers")).unwrap();
         assert!(first > 5 && with[..first] == without[..first]);
         assert!(!without.iter().any(|line| line.contains("FAULT module flickers")));

@@ -34,6 +34,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use crate::house::Patches;
 use crate::tally::Tally;
 
 /// More argued lies than this share of all samples, and something has become worse.
@@ -48,9 +49,18 @@ fn variable(name: &str) -> Option<u64> {
     Some(text.parse().unwrap_or_else(|_| panic!("{name} is `{text}`, expected a whole number")))
 }
 
+/// One patch, unless `LIES_PATCHES` is 2.
+fn patches() -> Patches {
+    match variable("LIES_PATCHES") {
+        None | Some(1) => Patches::One,
+        Some(2) => Patches::Two,
+        Some(other) => panic!("LIES_PATCHES is {other}, expected 1 or 2"),
+    }
+}
+
 /// Plays stories of ascending seeds on all cores, while `more` says so of the number of stories begun and the time
 /// simulated; what they came to.
-fn play_all(first: u64, more: impl Fn(u64, Duration) -> bool + Sync) -> Tally {
+fn play_all(patches: Patches, first: u64, more: impl Fn(u64, Duration) -> bool + Sync) -> Tally {
     let next = AtomicU64::new(first);
     let (whole, panicked) = (Mutex::new(Tally::new()), Mutex::new(Vec::new()));
     std::thread::scope(|scope| {
@@ -61,7 +71,7 @@ fn play_all(first: u64, more: impl Fn(u64, Duration) -> bool + Sync) -> Tally {
                     if !more(seed - first, whole.lock().unwrap().simulated) {
                         break;
                     }
-                    let told = catch_unwind(|| inquiry::play(seed));
+                    let told = catch_unwind(|| inquiry::play(patches, seed));
                     match told {
                         Ok(told) => whole.lock().unwrap().add(&told.tally),
                         Err(_) => panicked.lock().unwrap().push(seed),
@@ -142,10 +152,20 @@ fn assert_argued_are_few(whole: &Tally) {
 fn five_hundred_stories_hold_no_lie_but_argued_ones() {
     if variable("LIES_SEED").is_none() {
         let begin = Instant::now();
-        let whole = play_all(0, |stories, _| stories < 500);
+        let whole = play_all(Patches::One, 0, |stories, _| stories < 500);
         tell(&whole, whole.simulated, begin);
         assert_no_lies(&whole);
         assert_argued_are_few(&whole);
+    }
+}
+
+#[test]
+fn a_hundred_stories_of_two_patches_hold_no_lie_but_argued_ones() {
+    if variable("LIES_SEED").is_none() {
+        let begin = Instant::now();
+        let whole = play_all(Patches::Two, 0, |stories, _| stories < 100);
+        tell(&whole, whole.simulated, begin);
+        assert_no_lies(&whole);
     }
 }
 
@@ -160,7 +180,7 @@ fn a_long_run_holds_no_lie_but_argued_ones() {
     let wanted = Duration::from_secs(60 * minutes);
     while progress.whole.simulated < wanted {
         let missing = wanted - progress.whole.simulated;
-        let some = play_all(progress.next, |stories, simulated| stories < KEPT_AFTER && simulated < missing);
+        let some = play_all(patches(), progress.next, |stories, simulated| stories < KEPT_AFTER && simulated < missing);
         progress.next += some.stories;
         progress.whole.add(&some);
         if let Some(kept) = &kept {
@@ -177,7 +197,7 @@ fn a_long_run_holds_no_lie_but_argued_ones() {
 #[test]
 fn the_story_of_a_named_seed_holds_no_lie_but_argued_ones() {
     let Some(seed) = variable("LIES_SEED").filter(|_| variable("LIES_MINUTES").is_none()) else { return };
-    let told = inquiry::play(seed);
+    let told = inquiry::play(patches(), seed);
     println!("{}\n\n{}", told.lines.join("\n"), told.tally);
     assert_no_lies(&told.tally);
 }
@@ -185,9 +205,11 @@ fn the_story_of_a_named_seed_holds_no_lie_but_argued_ones() {
 #[test]
 fn the_same_seed_tells_the_same_story() {
     for seed in [1, 4] {
-        let (first, second) = (inquiry::play(seed), inquiry::play(seed));
-        assert!(first.lines.len() > 5 && first.tally.samples > 100, "seed {seed}: {:?}", first.lines);
-        assert_eq!(first.lines, second.lines, "seed {seed}");
-        assert_eq!(first.tally.to_string(), second.tally.to_string(), "seed {seed}");
+        for patches in [Patches::One, Patches::Two] {
+            let (first, second) = (inquiry::play(patches, seed), inquiry::play(patches, seed));
+            assert!(first.lines.len() > 5 && first.tally.samples > 100, "seed {seed}: {:?}", first.lines);
+            assert_eq!(first.lines, second.lines, "seed {seed}");
+            assert_eq!(first.tally.to_string(), second.tally.to_string(), "seed {seed}");
+        }
     }
 }

@@ -43,16 +43,20 @@ impl Mishaps {
         while self.due.last().is_some_and(|(at, _)| *at <= now) {
             let Some((_, trouble)) = self.due.pop() else { break };
             stage.tell(format!("FAULT {} for {:.2?}: {:?}", trouble.kind.name(), trouble.lasts, trouble.faults));
-            stage.suspects.begin(trouble.kind, now);
+            if trouble.befalls(stage.part()) {
+                stage.suspects.begin(trouble.kind, now);
+            }
             self.begin(stage, &trouble);
             self.under_way.push((now + trouble.lasts, trouble));
         }
         while let Some(place) = self.under_way.iter().position(|(end, _)| *end <= now) {
             let (_, trouble) = self.under_way.swap_remove(place);
             stage.tell(format!("end of {}", trouble.kind.name()));
-            stage.suspects.end(trouble.kind, now);
-            if matches!(trouble.kind, Kind::Glitch | Kind::BoardRetare | Kind::NoAcks | Kind::PowerCycle) {
-                stage.board_zero(trouble.kind);
+            if trouble.befalls(stage.part()) {
+                stage.suspects.end(trouble.kind, now);
+                if matches!(trouble.kind, Kind::Glitch | Kind::BoardRetare | Kind::NoAcks | Kind::PowerCycle) {
+                    stage.board_zero(trouble.kind);
+                }
             }
             Self::end(stage, &trouble);
         }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use taxel_engine::calibration::SessionState;
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::snapshot::ForceState;
@@ -41,6 +41,15 @@ struct Calibration {
     further_ramps: u8,
     activate: bool,
     stage: CalibrationStage,
+    /// Of which patches, by position; one ramp serves all.
+    patches: Vec<usize>,
+}
+
+impl Calibration {
+    /// Those of its sessions that there are.
+    fn sessions(&self, stage: &Stage) -> Vec<Arc<SessionView>> {
+        self.patches.iter().filter_map(|patch| stage.daemon.sessions[*patch].clone()).collect()
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,8 +64,8 @@ pub struct Operator {
     agenda: Vec<(Time, Task)>,
     calibration: Option<Calibration>,
     next_look: Time,
-    /// Since when there is no force.
-    gone_since: Option<Time>,
+    /// Since when there is no force, by patch.
+    gone_since: Vec<Option<Time>>,
     patience: Duration,
     listens_only: bool,
     start_again: Option<Time>,
@@ -66,7 +75,8 @@ pub struct Operator {
 }
 
 impl Operator {
-    pub fn new(mut dice: Dice, now: Time, length: Duration, listens_only: bool) -> Self {
+    pub fn new(mut dice: Dice, stage: &Stage, length: Duration, listens_only: bool) -> Self {
+        let now = stage.now();
         let mut agenda = Vec::new();
         for _ in 0..dice.below(5) {
             let all = [Task::Tare, Task::BringUp, Task::Session, Task::Activate, Task::Import, Task::Restart];
@@ -86,7 +96,7 @@ impl Operator {
             agenda,
             calibration: None,
             next_look: now,
-            gone_since: None,
+            gone_since: vec![None; stage.house.parts.len()],
             patience,
             listens_only,
             start_again: None,
@@ -123,36 +133,53 @@ impl Operator {
     }
 
     fn carry_out(&mut self, stage: &mut Stage, task: Task) {
-        let patch = String::new;
+        let patch = self.some_patch(stage);
         match task {
-            Task::Tare => self.tare(stage),
-            Task::BringUp => stage.give(Kind::BringUp, Command::BringUp { patch: patch(), confirmed_by: None }),
+            Task::Tare => self.tare(stage, patch),
+            Task::BringUp => self.bring_up(stage, patch),
             Task::Session if self.calibration.is_none() => self.begin_session(stage),
             Task::Session => {}
             Task::Activate => {
-                let sets: Vec<_> = stage.daemon.catalogue.model_sets.iter().map(|set| set.id.clone()).collect();
+                let patch = name_of(stage, patch);
+                let sets = stage.daemon.catalogue.model_sets.iter().filter(|set| set.patch == patch);
+                let sets: Vec<_> = sets.map(|set| set.id.clone()).collect();
                 if sets.is_empty() {
                     return;
                 }
                 let model_set = sets[self.dice.below(sets.len())].clone();
-                stage.give(Kind::Activation, Command::Activate { patch: patch(), model_set, expected: None });
+                stage.give(Kind::Activation, Command::Activate { patch, model_set, expected: None });
             }
             Task::Import => {
                 self.imports += 1;
                 let id = format!("m-{:016x}", self.imports);
                 let session = self.dice.chance(0.5).then(|| self.dice.below(4) as u64);
-                let model_set = Arc::new(ModelSet { id, session, ..ModelSet::clone(&stage.house.set) });
+                let model_set = Arc::new(ModelSet { id, session, ..ModelSet::clone(&stage.house.parts[patch].set) });
                 stage.give(Kind::Activation, Command::Import { model_set, insist: false });
             }
             Task::Restart => self.restart(stage),
         }
     }
 
+    /// Any of the skin's patches.
+    fn some_patch(&mut self, stage: &Stage) -> usize {
+        match stage.house.parts.len() {
+            1 => 0,
+            patches => self.dice.below(patches),
+        }
+    }
+
     /// Vouches for a free skin only where it is free.
-    fn tare(&mut self, stage: &mut Stage) {
-        let vouches = stage.truth.newest() < FREE_N && self.dice.chance(0.3);
+    fn tare(&mut self, stage: &mut Stage, patch: usize) {
+        let vouches = stage.force_on(patch).0 < FREE_N && self.dice.chance(0.3);
         let confirmed_by = vouches.then(|| "Ada".to_owned());
-        stage.give(Kind::Tare, Command::Tare { patch: String::new(), confirmed_by });
+        stage.give(Kind::Tare, Command::Tare { patch: name_of(stage, patch), confirmed_by });
+    }
+
+    /// Of a skin of one patch nobody vouches when its boards are configured.
+    fn bring_up(&mut self, stage: &mut Stage, patch: usize) {
+        let vouches = stage.house.parts.len() > 1 && stage.force_on(patch).0 < FREE_N && self.dice.chance(0.3);
+        let confirmed_by = vouches.then(|| "Ada".to_owned());
+        stage.give(Kind::BringUp, Command::BringUp { patch: name_of(stage, patch), confirmed_by });
     }
 
     fn restart(&mut self, stage: &mut Stage) {
@@ -168,7 +195,16 @@ impl Operator {
     }
 
     fn begin_session(&mut self, stage: &mut Stage) {
-        let (dice, now) = (&mut self.dice, stage.now());
+        let now = stage.now();
+        let patches = match stage.house.parts.len() {
+            1 => vec![0],
+            // One of them, or both with the same ramp.
+            patches => match self.dice.below(patches + 1) {
+                patch if patch < patches => vec![patch],
+                _ => (0..patches).collect(),
+            },
+        };
+        let dice = &mut self.dice;
         let target_kpa = dice.between(20.0, 70.0);
         let cut_short = dice.chance(0.3).then(|| (dice.between(0.1, 1.0), dice.chance(0.5)));
         self.calibration = Some(Calibration {
@@ -179,34 +215,40 @@ impl Operator {
             further_ramps: dice.pick(&[0, 0, 0, 1]),
             activate: dice.chance(0.7),
             stage: CalibrationStage::Waiting,
+            patches: patches.clone(),
         });
         stage.new_session();
         stage.suspects.begin(Kind::Session, now);
-        let command = Command::StartSession {
-            patch: String::new(),
-            target: Some(Kilopascal(target_kpa)),
-            branches: None,
-            confirmed_by: None,
-            leave_out: Vec::new(),
-        };
-        stage.give(Kind::Session, command);
+        for patch in patches {
+            let command = Command::StartSession {
+                patch: name_of(stage, patch),
+                target: Some(Kilopascal(target_kpa)),
+                branches: None,
+                confirmed_by: None,
+                leave_out: Vec::new(),
+            };
+            stage.give(Kind::Session, command);
+        }
     }
 
     fn calibrate(&mut self, stage: &mut Stage) {
         let Some(calibration) = &mut self.calibration else { return };
         let now = stage.now();
-        let Some(session) = stage.daemon.session.clone() else {
+        let sessions = calibration.sessions(stage);
+        let is = |state: SessionState| move |session: &Arc<SessionView>| session.state == state;
+        let Some(first) = sessions.first().filter(|_| sessions.len() == calibration.patches.len()) else {
             return self.give_up(stage);
         };
-        let number = session.number;
+        let number = first.number;
         match calibration.stage {
-            CalibrationStage::Waiting if session.state == SessionState::Ramping => {
+            CalibrationStage::Waiting if sessions.iter().all(is(SessionState::Ramping)) => {
                 calibration.stage = CalibrationStage::Pumping(now);
                 let target = Kilopascal(calibration.target_kpa + 3.0);
                 stage.pump(PumpCommand::Ramp { target, kpa_per_s: calibration.kpa_per_s });
             }
             CalibrationStage::Waiting => {
-                if !session.state.is_open() || now.since(calibration.asked) > Duration::from_secs(20) {
+                let closed = sessions.iter().any(|session| !session.state.is_open());
+                if closed || now.since(calibration.asked) > Duration::from_secs(20) {
                     self.give_up(stage);
                 }
             }
@@ -223,44 +265,55 @@ impl Operator {
                     stage.give(Kind::Session, command);
                 }
                 let late = now.since(since).as_secs_f64() > 1.5 * ramp_s + 10.0;
-                if session.state != SessionState::Ramping || late {
+                if !sessions.iter().any(is(SessionState::Ramping)) || late {
                     calibration.stage = CalibrationStage::Venting(now);
                     stage.pump(PumpCommand::Vent);
                 }
             }
-            CalibrationStage::Venting(since) if now.since(since) > Duration::from_secs(6) => self.review(stage, number),
+            CalibrationStage::Venting(since) if now.since(since) > Duration::from_secs(6) => self.review(stage),
             CalibrationStage::Venting(_) => {}
         }
     }
 
-    fn review(&mut self, stage: &mut Stage, number: u64) {
-        let Some(session) = stage.daemon.session.clone() else { return self.give_up(stage) };
+    /// Those of its sessions that have models go on; the others are given up.
+    fn review(&mut self, stage: &mut Stage) {
         let Some(calibration) = &mut self.calibration else { return };
-        if session.state != SessionState::Review {
+        let (done, failed): (Vec<_>, Vec<_>) =
+            calibration.sessions(stage).into_iter().partition(|session| session.state == SessionState::Review);
+        if done.is_empty() {
             return self.give_up(stage);
+        }
+        for session in failed.iter().filter(|session| session.state.is_open()) {
+            stage.give(Kind::Session, Command::AbortSession { session: session.number });
         }
         if calibration.further_ramps > 0 {
             calibration.further_ramps -= 1;
             (calibration.stage, calibration.asked) = (CalibrationStage::Waiting, stage.now());
-            return stage.give(Kind::Session, Command::StartRamp { session: number });
-        }
-        let (patch, activate) = (String::new(), calibration.activate);
-        match session.model_set.clone().filter(|_| activate) {
-            Some(model_set) => {
-                stage.give(
-                    Kind::Activation,
-                    Command::Activate { patch, model_set: model_set.to_string(), expected: None },
-                );
+            calibration
+                .patches
+                .retain(|patch| done.iter().any(|session| session.patch == stage.house.parts[*patch].name()));
+            for session in done {
+                stage.give(Kind::Session, Command::StartRamp { session: session.number });
             }
-            None => stage.give(Kind::Session, Command::DiscardSession { session: number }),
+            return;
+        }
+        let activate = calibration.activate;
+        for session in done {
+            match session.model_set.clone().filter(|_| activate) {
+                Some(model_set) => {
+                    let (patch, model_set) = (session.patch.clone(), model_set.to_string());
+                    stage.give(Kind::Activation, Command::Activate { patch, model_set, expected: None });
+                }
+                None => stage.give(Kind::Session, Command::DiscardSession { session: session.number }),
+            }
         }
         self.calibration = None;
         stage.suspects.end(Kind::Session, stage.now());
     }
 
     fn give_up(&mut self, stage: &mut Stage) {
-        self.calibration = None;
-        if let Some(session) = stage.daemon.session.clone().filter(|session| session.state.is_open()) {
+        let Some(calibration) = self.calibration.take() else { return };
+        for session in calibration.sessions(stage).iter().filter(|session| session.state.is_open()) {
             stage.give(Kind::Session, Command::AbortSession { session: session.number });
         }
         stage.pump(PumpCommand::Vent);
@@ -269,19 +322,27 @@ impl Operator {
 
     /// Without a force for too long the operator does what the state asks for.
     fn mend(&mut self, stage: &mut Stage, mishaps: &mut Mishaps) {
-        let now = stage.now();
-        let state = stage.daemon.newest.force.state;
-        if matches!(state, ForceState::Ok | ForceState::Degraded) {
-            self.gone_since = None;
+        for patch in 0..stage.house.parts.len() {
+            if self.start_again.is_none() {
+                self.mend_one(stage, mishaps, patch);
+            }
         }
-        let since = *self.gone_since.get_or_insert(now);
+    }
+
+    fn mend_one(&mut self, stage: &mut Stage, mishaps: &mut Mishaps, patch: usize) {
+        let now = stage.now();
+        let state = stage.daemon.newest[patch].force.state;
+        if matches!(state, ForceState::Ok | ForceState::Degraded) {
+            self.gone_since[patch] = None;
+        }
+        let since = *self.gone_since[patch].get_or_insert(now);
         if matches!(state, ForceState::Ok | ForceState::Degraded) && !mishaps.store_failed {
             return;
         }
         if now.since(since) < self.patience || self.calibration.is_some() {
             return;
         }
-        self.gone_since = None;
+        self.gone_since[patch] = None;
         match state {
             _ if mishaps.store_failed => self.restart(stage),
             ForceState::Stale if mishaps.power_cycled => {
@@ -289,16 +350,20 @@ impl Operator {
                 if self.listens_only {
                     stage.bring_up_by_another();
                 } else {
-                    stage.give(Kind::BringUp, Command::BringUp { patch: String::new(), confirmed_by: None });
+                    self.bring_up(stage, patch);
                 }
             }
-            ForceState::TareInvalid if stage.truth.newest() < FREE_N || self.dice.chance(0.1) => {
+            ForceState::TareInvalid if stage.force_on(patch).0 < FREE_N || self.dice.chance(0.1) => {
                 if self.dice.chance(0.7) {
                     self.free_until = now + Duration::from_secs(2);
                 }
-                self.tare(stage);
+                self.tare(stage, patch);
             }
             _ => {}
         }
     }
+}
+
+fn name_of(stage: &Stage, patch: usize) -> String {
+    stage.house.parts[patch].name().to_owned()
 }

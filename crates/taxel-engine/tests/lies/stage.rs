@@ -6,12 +6,12 @@ use std::time::Duration;
 use taxel_engine::command::Command;
 use taxel_engine::snapshot::PatchSnapshot;
 use taxel_sim::{CONVERSION, PumpCommand, World};
-use taxel_skin::Time;
+use taxel_skin::{Newton, Time};
 use taxel_wire::Frame;
 use taxel_wire::icub::Command as BoardCommand;
 
 use crate::daemon::Daemon;
-use crate::house::{House, SLOT};
+use crate::house::{House, Part, SLOT};
 use crate::kinds::{Kind, Kinds};
 use crate::suspects::Suspects;
 use crate::tally::unseen_in_watch_n;
@@ -27,11 +27,13 @@ const LOAD_N: f64 = 0.02;
 /// The world, the daemon, and what is known of both that the daemon does not know.
 pub struct Stage {
     pub house: &'static House,
+    /// The patch whose force is judged.
+    pub watched: usize,
     pub world: World,
     pub daemon: Daemon,
     pub suspects: Suspects,
     pub truth: Truth,
-    /// Masses on the skin, as far as hands have to do with them.
+    /// Masses on the watched patch, as far as hands have to do with them.
     pub loads: usize,
     /// Until when loads come, roll or go.
     changes_until: Time,
@@ -51,10 +53,11 @@ pub struct Stage {
 
 impl Stage {
     /// Those that are `cleared` name no lie.
-    pub fn new(house: &'static House, world: World, daemon: Daemon, cleared: Kinds) -> Self {
+    pub fn new(house: &'static House, watched: usize, world: World, daemon: Daemon, cleared: Kinds) -> Self {
         let begin = world.now();
         Self {
             house,
+            watched,
             world,
             daemon,
             suspects: Suspects::new(begin, cleared),
@@ -67,9 +70,20 @@ impl Stage {
             epoch: None,
             in_zero_n: 0.0,
             changed_n: None,
-            active: Some(house.set.id.clone()),
+            active: Some(house.parts[watched].set.id.clone()),
             session: Kinds::default(),
         }
+    }
+
+    /// The patch that is watched.
+    pub fn part(&self) -> &'static Part {
+        &self.house.parts[self.watched]
+    }
+
+    /// The true force on a patch.
+    pub fn force_on(&self, patch: usize) -> Newton {
+        let part = &self.house.parts[patch];
+        self.world.true_force_about(|taxel| part.has(taxel))
     }
 
     pub fn now(&self) -> Time {
@@ -105,7 +119,7 @@ impl Stage {
     /// The truth may just have changed at once.
     pub fn note_truth(&mut self) {
         let now = self.world.now();
-        self.truth.note(now, self.world.true_force().0);
+        self.truth.note(now, self.force_on(self.watched).0);
         self.in_zero_n = self.in_zero_n.min(self.truth.newest());
         if now <= self.changes_until || self.world.true_pressure().0 > BAG_KPA {
             self.note_modules();
@@ -127,15 +141,15 @@ impl Stage {
     /// What bears on each module: of the true force, in the shares of what its taxels feel. A layer spreads some of a load
     /// to where no taxel is, so that what all feel is not all there is.
     fn note_modules(&mut self) {
-        let skin = self.world.skin();
-        let (area, taxels) = (skin.taxel_area(), skin.patch().taxels());
-        let mut newton = vec![0.0; skin.patch().modules().len()];
-        for (taxel, pressure) in taxels.iter().zip(self.world.true_taxel_pressures()) {
-            newton[usize::from(taxel.module)] += pressure.on(area).0;
+        let (part, area) = (self.part(), self.world.skin().taxel_area());
+        let pressures: Vec<_> = self.world.true_taxel_pressures().collect();
+        let mut newton = vec![0.0; part.patch().modules().len()];
+        for (site, taxel) in part.patch().taxels().iter().zip(&part.taxels) {
+            newton[usize::from(site.module)] += pressures[usize::from(taxel.0)].on(area).0;
         }
         let felt: f64 = newton.iter().sum();
         if felt > 0.0 {
-            let scale = self.world.true_force().0 / felt;
+            let scale = self.force_on(self.watched).0 / felt;
             newton.iter_mut().for_each(|newton| *newton *= scale);
         }
         self.truth.note_modules(self.world.now(), newton.into());
@@ -169,17 +183,18 @@ impl Stage {
             self.tell(format!("reply to {}: {reply}", request.0));
         }
         let now = self.now();
-        if self.daemon.session.as_ref().is_some_and(|session| session.state.is_open()) {
+        if self.daemon.sessions[self.watched].as_ref().is_some_and(|session| session.state.is_open()) {
             self.session = self.session.or(self.suspects.present(now));
             if self.loads > 0 {
                 self.session.insert(Kind::LoadInSession);
                 self.suspects.ever.insert(Kind::LoadInSession);
             }
         }
-        let active = self.daemon.catalogue.active.first().and_then(|(_, set)| set.as_ref());
+        let mut active = self.daemon.catalogue.active.iter();
+        let active = active.find(|(patch, _)| patch == self.part().name()).and_then(|(_, set)| set.as_ref());
         if self.daemon.is_running() && active != self.active.as_ref() {
             self.active = active.cloned();
-            let foreign = self.active.as_ref().is_some_and(|id| *id != self.house.set.id);
+            let foreign = self.active.as_ref().is_some_and(|id| *id != self.part().set.id);
             let mut kinds = if foreign { self.session } else { Kinds::default() };
             Kind::ALL.iter().filter(|kind| !kind.is_fault()).for_each(|kind| kinds.remove(*kind));
             for zero in [Kind::BoardsUnderLoad, Kind::ZeroWhileChanging, Kind::ZeroUnderLoad] {
@@ -195,7 +210,9 @@ impl Stage {
 
     /// The daemon sends to the boards. Configuring one makes what lies there its zero.
     pub fn send(&mut self, frame: &Frame) {
-        if let Some((_, BoardCommand::SetTriangles(_))) = BoardCommand::decode(frame) {
+        if let Some((board, BoardCommand::SetTriangles(_))) = BoardCommand::decode(frame)
+            && self.part().has_board(board)
+        {
             self.board_zero(Kind::BoardsUnderLoad);
             self.zero_due = Some((self.now() + CONVERSION + 2 * SLOT, Kind::BoardsUnderLoad));
         }

@@ -26,12 +26,12 @@ pub struct Store {
 }
 
 impl Store {
-    /// A disk with one calibration in use.
-    pub fn with(set: &Arc<ModelSet>) -> Self {
-        let active = BTreeMap::from([(set.patch.clone(), set.id.clone())]);
-        let sessions = set.session.map(|number| (number, (None, SessionSamples::default())));
-        let sessions = sessions.into_iter().collect();
-        Self { model_sets: vec![Arc::clone(set)], active, sessions, ..Self::default() }
+    /// A disk with one calibration of each patch in use.
+    pub fn with(sets: Vec<Arc<ModelSet>>) -> Self {
+        let active = sets.iter().map(|set| (set.patch.clone(), set.id.clone())).collect();
+        let sessions = sets.iter().filter_map(|set| Some((set.session?, (None, SessionSamples::default()))));
+        let sessions = sessions.collect();
+        Self { model_sets: sets, active, sessions, ..Self::default() }
     }
 
     /// Will be on disk at `due`, after all that came before; when that is, if the store takes it.

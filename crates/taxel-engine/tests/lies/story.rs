@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 use taxel_skin::Time;
 
@@ -10,12 +11,11 @@ use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART, is_allowed}
 use crate::daemon::Daemon;
 use crate::dice::Dice;
 use crate::hands::Hands;
-use crate::house::{SKINS, SLOT, house, scene};
+use crate::house::{Patches, SLOT, house};
 use crate::judge::{Lie, interval, judge};
 use crate::kinds::{Kind, Kinds};
 use crate::mishaps::Mishaps;
 use crate::operator::Operator;
-use crate::rig::plan;
 use crate::stage::Stage;
 use crate::store::Store;
 use crate::suspects::{AFTERMATH, RETARES, Wrong};
@@ -71,8 +71,8 @@ pub struct Told {
 }
 
 /// Plays the story of this seed, `without` what goes wrong of these kinds; those that are `cleared` name no lie.
-pub fn play(seed: u64, without: Kinds, cleared: Kinds) -> Told {
-    let mut story = Story::new(seed, without, cleared);
+pub fn play(patches: Patches, seed: u64, without: Kinds, cleared: Kinds) -> Told {
+    let mut story = Story::new(patches, seed, without, cleared);
     let length = story.length;
     let end = story.stage.now() + length;
     while story.stage.now() < end {
@@ -102,22 +102,28 @@ struct Story {
 }
 
 impl Story {
-    fn new(seed: u64, without: Kinds, cleared: Kinds) -> Self {
+    fn new(patches: Patches, seed: u64, without: Kinds, cleared: Kinds) -> Self {
         let root = Dice::new(seed);
         let mut dice = root.of(1);
         let length = Duration::from_secs_f64(dice.between(60.0, 300.0));
-        // The forearm takes five times as long.
-        let number = if dice.chance(0.04) { SKINS - 1 } else { dice.below(SKINS - 1) };
-        let house = house(number);
+        let number = patches.draw(&mut dice);
+        let house = house(patches, number);
+        let watched = root.of(6).below(house.parts.len());
         let mut world = house.world.clone();
         world.reseed(seed);
         let listens_only = dice.chance(0.5);
-        let patch = scene(world.skin(), listens_only, &mut dice);
+        let scenes = house.parts.iter().map(|part| part.scene(listens_only, &mut dice)).collect();
+        let plan = Arc::new(Plan { buses: 1, patches: scenes });
         let begins_loaded = dice.chance(0.12);
         let now = world.now();
-        let daemon = Daemon::new(plan(patch), Store::with(&house.set), root.of(2), now);
-        let mut stage = Stage::new(house, world, daemon, cleared);
-        stage.tell(format!("seed {seed}: skin {number}, {:.0} s, listens only: {listens_only}", length.as_secs_f64()));
+        let store = Store::with(house.parts.iter().map(|part| Arc::clone(&part.set)).collect());
+        let daemon = Daemon::new(plan, store, root.of(2), now);
+        let mut stage = Stage::new(house, watched, world, daemon, cleared);
+        stage.tell(format!(
+            "seed {seed}: skin {number}, patch `{}`, {:.0} s, listens only: {listens_only}",
+            stage.part().name(),
+            length.as_secs_f64()
+        ));
         let mut hands = Hands::new(root.of(3), now, length);
         if begins_loaded {
             hands.begin_loaded(&mut stage);
@@ -125,7 +131,7 @@ impl Story {
         stage.changes(Duration::ZERO);
         stage.note_truth();
         let mishaps = Mishaps::new(root.of(4), &stage, length, without);
-        let operator = Operator::new(root.of(5), now, length, listens_only);
+        let operator = Operator::new(root.of(5), &stage, length, listens_only);
         Self {
             seed,
             length,
@@ -157,17 +163,19 @@ impl Story {
         for frame in std::mem::take(&mut stage.daemon.sent) {
             stage.send(&frame);
         }
-        for snapshot in std::mem::take(&mut stage.daemon.published) {
+        let (watched, published) = (stage.watched, std::mem::take(&mut stage.daemon.published));
+        for (_, snapshot) in published.into_iter().filter(|(patch, _)| *patch == watched) {
             self.stage.follow_zero(&snapshot);
             self.judge(&snapshot);
         }
         self.stage.follow();
         let now = self.stage.now();
-        let there = matches!(self.stage.daemon.newest.force.state, ForceState::Ok | ForceState::Degraded);
+        let force = &self.stage.daemon.newest[watched].force;
+        let there = matches!(force.state, ForceState::Ok | ForceState::Degraded);
         let without = self.stage.suspects.force_is(there, now);
         self.tally.time(SLOT, self.stage.suspects.present(now), without);
         if without.is_some_and(Kinds::is_empty) {
-            self.tally.gone(SLOT, self.seed, &self.stage.daemon.newest.force.reasons);
+            self.tally.gone(SLOT, self.seed, &self.stage.daemon.newest[watched].force.reasons);
         }
     }
 

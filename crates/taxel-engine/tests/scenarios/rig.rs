@@ -39,7 +39,11 @@ pub fn small_world() -> World {
 
 /// What `taxeld` makes of a scene that asks for everything.
 pub fn patch_plan(skin: &Skin) -> PatchPlan {
-    let patch = skin.patch().clone();
+    plan_of_part(skin, skin.patch().clone())
+}
+
+/// The same of a patch that is a part of the skin, and has the first of its boards in the same order.
+pub fn plan_of_part(skin: &Skin, patch: Patch) -> PatchPlan {
     let setup = |board: &Board| BoardSetup {
         board: HOST_BOARD_CONFIG,
         triangles: vec![TriangleConfig {

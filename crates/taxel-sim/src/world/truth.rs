@@ -1,7 +1,7 @@
 //! What is true of a world, to judge others by.
 
 use super::{FrameCounts, World};
-use taxel_skin::{Kilopascal, Newton, SquareMillimetre};
+use taxel_skin::{Kilopascal, Newton, SquareMillimetre, TaxelIndex};
 
 impl World {
     /// What became of the frames so far.
@@ -27,16 +27,23 @@ impl World {
     /// The true normal force on the skin, bag and masses together. Without vacuum it is the weight of the masses.
     #[must_use]
     pub fn true_force(&self) -> Newton {
-        let skin_mm2 = self.skin.taxel_area().0 * self.skin.poses().len() as f64;
-        let bag = self.true_pressure().on(SquareMillimetre(skin_mm2));
-        bag + Newton(self.loads.force_n(self.now, &self.skin).0)
+        self.true_force_about(|_| true)
+    }
+
+    /// The same of a part of the skin that lies apart from the rest: the bag on these taxels, and the masses that lie about,
+    /// or roll to, one of them.
+    #[must_use]
+    pub fn true_force_about(&self, these: impl Fn(TaxelIndex) -> bool) -> Newton {
+        let taxels = (0..self.skin.poses().len()).filter(|taxel| these(TaxelIndex(*taxel as u16))).count();
+        let bag = self.true_pressure().on(SquareMillimetre(self.skin.taxel_area().0 * taxels as f64));
+        bag + Newton(self.loads.force_about_n(self.now, &these))
     }
 
     /// The same as a vector in newton: the sum of force times *outward* normal, as calibrated skin reports it. The push on
     /// the limb is its opposite.
     #[must_use]
     pub fn true_force_vector(&self) -> [f64; 3] {
-        let (_, mut sum) = self.loads.force_n(self.now, &self.skin);
+        let mut sum = self.loads.vector_n(self.now, &self.skin);
         let force = self.true_pressure().on(self.skin.taxel_area()).0;
         for pose in self.skin.poses() {
             sum.iter_mut().zip(pose.normal).for_each(|(sum, n)| *sum += force * n);
