@@ -77,7 +77,7 @@ def lets_in_whom_the_example_says():
     kept_out = subprocess.run([*nobody, *tare, "unix:/run/taxeld/taxeld.sock"], text=True, capture_output=True, check=False)
     assert kept_out.returncode != 0, kept_out
     assert "ermission denied" in kept_out.stderr, kept_out
-    entries = run("taxeld", "audit", "--at", "unix:/run/taxeld/taxeld.sock")
+    entries = run("taxeld", "audit", "--server", "unix:/run/taxeld/taxeld.sock")
     assert "Tare" not in entries, entries
     told(f"nobody over loopback: {refused.stderr.strip().splitlines()[0]}")
 

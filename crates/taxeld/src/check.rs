@@ -98,6 +98,7 @@ fn access(doors: &Doors) -> Vec<String> {
         Subject::Certificate(name) => format!("access: {role} for certificate {name}"),
     }));
     lines.extend(doors.tokens.iter().map(|path| format!("access: tokens of {}", path.display())));
+    lines.extend(doors.unreached_grants());
     lines
 }
 

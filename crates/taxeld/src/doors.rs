@@ -40,6 +40,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
         #[cfg(feature = "tls")]
         tls: Vec::new(),
     };
+    doors.unreached_grants().iter().for_each(|line| tracing::warn!("{line}"));
     let mut listeners = Vec::new();
     for door in &doors.doors {
         listeners.push(match door {

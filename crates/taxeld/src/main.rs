@@ -5,7 +5,7 @@ mod say;
 
 mod apply;
 mod audit;
-mod audit_command;
+mod audit_log;
 mod bus;
 #[cfg(feature = "certificate")]
 mod certificate;
@@ -118,8 +118,9 @@ enum Subcommands {
     Setup(setup::SetupArgs),
     /// Listens to a bus, or reads a log, and says what is there: boards, modules, faults, what could be the gauge.
     Scan(scan::ScanArgs),
-    /// Who changed what: the audit log of a running daemon, or of a store.
-    Audit(audit_command::AuditArgs),
+    /// Who changed what: the audit log of a store.
+    #[cfg(not(feature = "client"))]
+    Audit(audit_log::AuditArgs),
     /// Fits models to a recording and writes MODELS.json.
     Fit(fit::FitArgs),
     /// Turns the counts of a recording into pressures.
@@ -134,7 +135,6 @@ enum Subcommands {
     #[command(flatten)]
     Client(client::ClientCommand),
     /// Compares a recording's pressure with what models say of its counts.
-    #[command(hide = true)]
     Judge(judge::JudgeArgs),
     /// Completions of this command line for a shell, on the standard output.
     #[cfg(feature = "client")]
@@ -238,7 +238,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         }
         Subcommands::Setup(args) => setup::setup(&args),
         Subcommands::Scan(args) => scan::scan(&args),
-        Subcommands::Audit(args) => audit_command::audit(&args),
+        #[cfg(not(feature = "client"))]
+        Subcommands::Audit(args) => audit_log::audit(&args),
         Subcommands::Fit(args) => fit::fit(&args),
         Subcommands::Apply(args) => apply::apply(&args),
         #[cfg(feature = "report")]

@@ -117,7 +117,7 @@ impl Daemon {
 
     fn audited(&self) -> String {
         let output = Command::new(env!("CARGO_BIN_EXE_taxeld"))
-            .args(["audit", "--at", &self.address.to_string()])
+            .args(["audit", "--server", &self.address.to_string()])
             .output()
             .unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -175,7 +175,7 @@ async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_
     assert!(entries.iter().all(|entry| entry.method == "Tare" && !entry.result.is_empty()), "{entries:?}");
 
     let token_file = folder.path().join("bench.token");
-    let text = daemon.audit(&["--at", &daemon.socket(), "--token", token_file.to_str().unwrap()]);
+    let text = daemon.audit(&["--server", &daemon.socket(), "--token", token_file.to_str().unwrap()]);
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!(lines.len(), 2, "{text}");
     assert!(lines[0].contains("token bench (operator, unix uid "), "{text}");
@@ -189,7 +189,10 @@ async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_
     drop(daemon);
     let daemon = Daemon::start(folder.path());
     tare(&daemon.unix().await, Some(token.trim()), "Ann").await.unwrap();
-    assert_eq!(daemon.audit(&["--at", &daemon.socket(), "--token", token_file.to_str().unwrap()]).lines().count(), 3);
+    assert_eq!(
+        daemon.audit(&["--server", &daemon.socket(), "--token", token_file.to_str().unwrap()]).lines().count(),
+        3
+    );
 }
 
 #[tokio::test]

@@ -246,6 +246,12 @@ impl Calibration {
             Progress::On => {}
             Progress::Turned => self.tell(now, gauge, events),
             Progress::RampEnded => self.fit(now, gauge, events),
+            Progress::Void => {
+                let reason = session.view().reason.clone();
+                if let Some(discarded) = transition(session.view().state, Trigger::Void) {
+                    self.enter(now, discarded, reason, gauge, events);
+                }
+            }
             Progress::Failed => {
                 let mut reason = session.view().reason.clone();
                 if session.lacks_modules() {

@@ -51,7 +51,8 @@ impl GaugeZero {
     pub fn doubt_kpa(&self, samples: &[Sample]) -> f64 {
         let known = self.greatest_kpa();
         let unknown = |ramp: u16| self.ramps.iter().any(|(of, kpa)| *of == ramp && kpa.is_none());
-        if known == 0.0 || self.ramps.iter().all(|(_, kpa)| kpa.is_some()) {
+        let of_known = self.ramps.iter().filter(|(_, kpa)| kpa.is_some()).count();
+        if of_known == 0 || of_known == self.ramps.len() {
             return known / 3.0_f64.sqrt();
         }
         let read = samples.iter().filter(|sample| unknown(sample.ramp)).map(|sample| sample.pressure_kpa.max(0.0));
@@ -151,6 +152,8 @@ mod tests {
             read(0, 6.5),
         ]);
         assert_eq!(doubt, 6.5, "an earlier session of a gauge that was mended since");
+        let at_nothing = GaugeZero::of(&[begun(0, None), begun(1, Some(0.0))]).doubt_kpa(&[read(0, 6.5)]);
+        assert_eq!(at_nothing, 6.5, "a gauge of coarse steps that reads nothing");
         let told = ", less 5.0 and 6.0 kPa that the gauge read at rest, their mean in 2 ramps where that is not known";
         assert_eq!(zero.told(), told);
     }

@@ -60,15 +60,17 @@ impl Ramp {
     /// Why nothing of the ramp can be trusted, if that is so: the gauge has jumped since it began, and is not back at `time`
     /// and has not been for a second.
     #[must_use]
-    pub fn why_void(&self, time: Time, gauge: &GaugeHistory) -> Option<String> {
+    pub fn why_void(&self, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> Option<String> {
         let since = self.gauge_zero?;
         let off = self.off_since.is_some_and(|since| time.since(since) > JUMPED_MAX);
         off.then(|| {
-            let (jumped, stepped) = (gauge.jumped(since, time), gauge.stepped(since, time));
+            let steepest = steepest_kpa_per_s(limits);
+            let (jumped, stepped) = (gauge.jumped(since, time, steepest), gauge.stepped(since, time, steepest));
             let jumped = if jumped.abs() >= stepped.abs() { jumped } else { stepped };
             format!(
                 "the gauge jumped by {jumped:+.1} kPa from one reading to the next and is not back: it was wrong before or is wrong \
-                 now, and so are samples of this ramp; mend the gauge and begin a new session"
+                 now, and so are samples of this ramp, unless the pressure itself went so far at once, faster than {steepest} kPa/s; \
+                 mend the gauge, or pump more evenly, and begin a new session"
             )
         })
     }
@@ -76,9 +78,10 @@ impl Ramp {
     /// Whether the gauge reads what it would have without the jumps it has made since the ramp began.
     fn is_gauge_itself(&mut self, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> bool {
         let itself = self.gauge_zero.is_some_and(|since| {
+            let steepest = steepest_kpa_per_s(limits);
             // Before the pump runs a gauge that stands still is not stuck.
-            let stepped = if self.reached == f64::NEG_INFINITY { gauge.stepped(since, time) } else { 0.0 };
-            gauge.jumped(since, time).abs().max(stepped.abs()) <= limits.spike_kpa()
+            let stepped = if self.reached == f64::NEG_INFINITY { gauge.stepped(since, time, steepest) } else { 0.0 };
+            gauge.jumped(since, time, steepest).abs().max(stepped.abs()) <= limits.spike_kpa()
         });
         self.off_since = if itself { None } else { self.off_since.or(Some(time)) };
         itself
@@ -132,6 +135,11 @@ impl Ramp {
     pub const fn progress(&self) -> Time {
         self.progress
     }
+}
+
+/// No pressure of a ramp goes faster, either way.
+fn steepest_kpa_per_s(limits: &SessionLimits) -> f64 {
+    limits.rise_max_kpa_per_s.max(limits.fall_max_kpa_per_s)
 }
 
 #[cfg(test)]
@@ -220,6 +228,51 @@ mod tests {
         assert!(accepted.len() < 100, "which of both is the pressure nobody knows: {}", accepted.len());
     }
 
+    /// However seldom it is read: the slower the gauge, the further a pressure may go between two of its readings.
+    #[test]
+    fn a_slow_gauge_that_jumps_voids_the_ramp_too() {
+        for (every_ms, jump) in [(50, 3.0), (100, 3.0), (100, -3.0), (200, 5.0), (200, -5.0)] {
+            let (mut gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
+            let mut ramp = Ramp::new(ms(0), Direction::Rising, Some(ms(0)));
+            let (mut late, mut void) = (0, None);
+            for t in (0..30_000).step_by(10) {
+                if t % every_ms == 0 {
+                    gauge.push(ms(t), Kilopascal(t as f64 * 1e-3 + if t > 15_000 { jump } else { 0.0 }));
+                }
+                let judged = t - 500;
+                if t % 50 == 0 && judged >= 0 && void.is_none() {
+                    let gate = ramp.judge(ms(t), ms(judged), &gauge, &limits);
+                    late += i64::from(judged > 15_000 + every_ms && matches!(gate, Gate::Accept(_)));
+                    void = ramp.why_void(ms(judged), &gauge, &limits);
+                }
+            }
+            assert!(late == 0 && void.is_some(), "{jump} kPa at {every_ms} ms: {late} entered, {void:?}");
+        }
+    }
+
+    /// A hand pump, a valve that opens: what goes on for several readings is a pressure, and is too fast or not.
+    #[test]
+    fn a_pressure_that_rises_in_strokes_is_no_jump() {
+        for every_ms in [10, 50, 100] {
+            let (mut gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
+            let mut ramp = Ramp::new(ms(0), Direction::Rising, Some(ms(0)));
+            let stroke = |t: i64| 2.0 * (t / 2_000) as f64 + 2.0 * ((t % 2_000) as f64 / 500.0).min(1.0);
+            for t in (0..30_000).step_by(10) {
+                if t % every_ms == 0 {
+                    gauge.push(ms(t), Kilopascal(stroke(t)));
+                }
+                if t % 50 == 0 && t >= 500 {
+                    ramp.judge(ms(t), ms(t - 500), &gauge, &limits);
+                    assert_eq!(
+                        ramp.why_void(ms(t - 500), &gauge, &limits),
+                        None,
+                        "at {t} ms, read every {every_ms} ms"
+                    );
+                }
+            }
+        }
+    }
+
     #[test]
     fn a_gauge_that_repeated_itself_and_jumps_before_the_pump_runs_voids_the_ramp() {
         let coarse = |ms: i64| {
@@ -230,7 +283,7 @@ mod tests {
         let mut ramp = Ramp::new(ms(0), Direction::Rising, Some(ms(0)));
         let said: Vec<Gate> = (10..=58).map(|i| ramp.judge(ms(5_000), ms(50 * i), &gauge, &limits)).collect();
         assert!(!said.iter().any(|gate| enters(*gate)), "{said:?}");
-        let why = ramp.why_void(ms(2_900), &gauge).unwrap();
+        let why = ramp.why_void(ms(2_900), &gauge, &limits).unwrap();
         assert!(why.starts_with("the gauge jumped by +5.0 kPa"), "{why}");
     }
 

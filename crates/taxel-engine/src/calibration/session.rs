@@ -46,6 +46,8 @@ pub enum Progress {
     RampEnded,
     /// It can not succeed; the view has the reason.
     Failed,
+    /// What it gathered cannot be trusted; the view has the reason.
+    Void,
 }
 
 /// What of a session must be on disk beside its view.
@@ -265,9 +267,9 @@ impl SessionRun {
                 Gate::Refuse(reason) => self.view.refused.add(reason),
                 Gate::Wait => {}
             }
-            if let Some(why) = self.ramp.why_void(time, gauge) {
+            if let Some(why) = self.ramp.why_void(time, gauge, &self.limits) {
                 self.view.reason = why;
-                return Progress::Failed;
+                return Progress::Void;
             }
             if self.is_over(time, gate, gauge) {
                 return if self.turn(time) { Progress::Turned } else { Progress::RampEnded };

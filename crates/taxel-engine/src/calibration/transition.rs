@@ -22,6 +22,8 @@ pub enum Trigger {
     ZeroLost,
     /// Nothing entered the ramp within the patience of the session.
     Hopeless,
+    /// What entered the ramp cannot be trusted.
+    Void,
     /// The ramp has reached its end.
     RampOver,
     /// The fit gave a model set.
@@ -40,7 +42,7 @@ pub enum Trigger {
 
 impl Trigger {
     /// Every trigger.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::StartRamp,
         Self::FinishRamp,
         Self::Abort,
@@ -49,6 +51,7 @@ impl Trigger {
         Self::NeverAtRest,
         Self::ZeroLost,
         Self::Hopeless,
+        Self::Void,
         Self::RampOver,
         Self::Fitted,
         Self::FitFailed,
@@ -92,6 +95,7 @@ pub const fn transition(state: SessionState, trigger: Trigger) -> Option<Session
         (T::FinishRamp, S::Ramping | S::Interrupted | S::Failed) | (T::RampOver, S::Ramping) => Some(S::Fitting),
         (T::Abort, S::Taring | S::Ramping | S::Fitting | S::Interrupted) => Some(S::Aborted),
         (T::Discard, S::Review | S::Discarded | S::Aborted | S::Failed | S::Interrupted) => Some(S::Discarded),
+        (T::Void, S::Ramping) => Some(S::Discarded),
         (T::Zeroed, S::Taring) => Some(S::Ramping),
         (T::NeverAtRest, S::Taring) | (T::ZeroLost | T::Hopeless, S::Ramping) | (T::FitFailed, S::Fitting) => {
             Some(S::Failed)
@@ -149,7 +153,7 @@ mod tests {
     /// Every cell. A row is a trigger; where it leads from each state of [`SessionState::ALL`], by its first letters.
     #[test]
     fn the_table_is_this_one() {
-        const TABLE: [(Trigger, &str); 15] = [
+        const TABLE: [(Trigger, &str); 16] = [
             //                      Tar Ram Fit Rev Act Dis Abo Fai Int
             (Trigger::StartRamp, "    -   -   - TAR   -   - TAR TAR TAR"),
             (Trigger::FinishRamp, "   - FIT   -   -   -   -   - FIT FIT"),
@@ -159,6 +163,7 @@ mod tests {
             (Trigger::NeverAtRest, "FAI   -   -   -   -   -   -   -   -"),
             (Trigger::ZeroLost, "     - FAI   -   -   -   -   -   -   -"),
             (Trigger::Hopeless, "     - FAI   -   -   -   -   -   -   -"),
+            (Trigger::Void, "         - DIS   -   -   -   -   -   -   -"),
             (Trigger::RampOver, "     - FIT   -   -   -   -   -   -   -"),
             (Trigger::Fitted, "       -   - REV   -   -   -   -   -   -"),
             (Trigger::FitFailed, "    -   - FAI   -   -   -   -   -   -"),

@@ -18,7 +18,7 @@ pub enum SessionState {
     Review,
     /// Its model set was activated.
     Active,
-    /// Its model set was laid aside.
+    /// Its model set was laid aside, or what it gathered cannot be trusted; the reason is in the view.
     Discarded,
     /// An operator stopped it.
     Aborted,

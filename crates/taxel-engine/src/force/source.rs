@@ -177,6 +177,12 @@ impl<'a> Source<'a> {
         self.place.doubt_kpa.hypot(self.light(units).map_or(0.0, |(_, sigma_kpa)| sigma_kpa))
     }
 
+    /// What of the uncertainty beyond the calibrated range all taxels have in common, kPa: how stiff the skin is there.
+    fn beyond_shared_kpa(&self, units: f64) -> f64 {
+        let beyond = self.beyond(units);
+        beyond.shared_kpa.max(UNVOUCHED_SHARE * beyond.kpa)
+    }
+
     /// What of the uncertainty of a reading all taxels have in common, and both branches of pressure have shown, kPa.
     fn hysteresis_kpa(&self) -> f64 {
         let (Some(in_use), Some(recorded)) = (self.in_use, self.set.recorded.as_ref()) else { return 0.0 };
@@ -190,7 +196,8 @@ impl<'a> Source<'a> {
     pub(super) fn share(&self, meaning: &Meaning, area: SquareMillimetre, activation: Activation) -> Share {
         let newton_per_kpa = area.0 * 1e-3;
         let low = LOW_SHARE * activation.distance_counts(self.place.now.noise);
-        let shared_kpa = self.hysteresis_kpa().hypot(self.doubt_kpa(meaning.units));
+        let of_range = self.doubt_kpa(meaning.units).hypot(self.beyond_shared_kpa(meaning.units));
+        let shared_kpa = self.hysteresis_kpa().hypot(of_range);
         let own_kpa2 = (f64::from(meaning.sigma_kpa).powi(2) - shared_kpa.powi(2)).max(0.0);
         Share {
             low_n: if meaning.pressed > low { meaning.newton(area) } else { 0.0 },
@@ -261,7 +268,7 @@ impl<'a> Source<'a> {
         let distance = activation.distance_counts(self.place.now.noise);
         let (low_n, newton_per_kpa) = (beyond(LOW_SHARE * distance), area.0 * 1e-3);
         let shares = std::array::from_fn(|code| {
-            let shared_kpa = hysteresis_kpa.hypot(doubts_kpa[code]);
+            let shared_kpa = hysteresis_kpa.hypot(doubts_kpa[code]).hypot(self.beyond_shared_kpa(code as f64));
             let own_kpa2 = (f64::from(table.sigma_kpa[code]).powi(2) - shared_kpa.powi(2)).max(0.0);
             Share {
                 low_n: low_n[code],

@@ -368,8 +368,8 @@ mod tests {
             let (share, reading) = (tables.share(0, count).unwrap(), tables.reading(0, count, 0.0).unwrap());
             let near = |a: f32, b: f32| (a - b).abs() <= 1e-5 * b.abs().max(1e-3);
             assert!(near(share.per_count_n, 0.1 * reading.kpa_per_count), "{count}: {share:?} {reading:?}");
-            let own_kpa2 = reading.sigma_kpa.powi(2) - reading.shared_kpa.powi(2);
-            assert!(near(share.own_n2, 0.01 * own_kpa2.max(0.0)), "{count}: {share:?} {reading:?}");
+            let all_n2 = share.own_n2 + share.shared_n.powi(2);
+            assert!(near(all_n2, 0.01 * reading.sigma_kpa.powi(2)), "{count}: {share:?} {reading:?}");
             assert_eq!(share.above > 0.0, reading.range == RangeFlag::Above, "{count}");
             assert!(!reading.active || near(share.low_n, 0.1 * reading.pressure_kpa), "{count}: {share:?} {reading:?}");
         }

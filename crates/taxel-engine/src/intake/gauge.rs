@@ -32,9 +32,7 @@ const HELD_SHARE: f64 = 0.9;
 /// A newest reading that is older than so many usual distances of two says nothing of now.
 const USUAL_AGES_MAX: u32 = 3;
 
-/// No bag's pressure goes faster for longer than a reading, vented ones excepted, kPa/s.
-const STEEPEST_KPA_PER_S: f64 = 50.0;
-/// A single step further than that by so much is the gauge's own, kPa: several times what gauges err by.
+/// A single step further than a pressure goes by so much is the gauge's own, kPa: several times what gauges err by.
 const JUMP_MIN_KPA: f64 = 1.0;
 /// And it is single if the steps before and after it are less than this share of it: when a bag is vented they are not.
 const BESIDE_JUMP_MAX: f64 = 0.25;
@@ -62,8 +60,25 @@ pub struct GaugeHistory {
     /// Readings that were not later than the one before; counted and left out.
     out_of_order: u64,
     changes: Changes,
-    /// Steps that no pressure makes, with their times, the newest last.
-    jumps: VecDeque<(Time, f64)>,
+    /// Single steps, the newest last.
+    jumps: VecDeque<Jump>,
+}
+
+/// A step of a gauge that stands alone.
+#[derive(Clone, Copy, Debug)]
+struct Jump {
+    /// When it was read before.
+    time: Time,
+    kpa: f64,
+    /// Since when it had read the same, in seconds: what a pressure had time to go.
+    seconds: f64,
+}
+
+impl Jump {
+    /// Whether it is further than a pressure that goes at most so fast.
+    fn is_of_gauge(&self, steepest_kpa_per_s: f64) -> bool {
+        self.kpa.abs() - steepest_kpa_per_s * self.seconds > JUMP_MIN_KPA
+    }
 }
 
 /// The steps of a gauge, without the readings between in which it repeated itself.
@@ -71,15 +86,15 @@ pub struct GaugeHistory {
 struct Changes {
     /// When it changed last, to what, and when it was read last.
     last: Option<(Time, f64, Time)>,
-    /// The step before the newest, and the newest with its time and what of it no pressure explains.
+    /// The step before the newest, and the newest.
     before: Option<f64>,
-    newest: Option<(Time, f64, f64)>,
+    newest: Option<Jump>,
 }
 
 impl Changes {
-    /// Takes a reading; the step before it, if that was a jump, with the time of the reading that it began at. What is no
-    /// number is no reading: a jump behind it would be none.
-    fn push(&mut self, time: Time, kpa: f64) -> Option<(Time, f64)> {
+    /// Takes a reading; the step before it, if that stands alone. What is no number is no reading: a jump behind it would be
+    /// none.
+    fn push(&mut self, time: Time, kpa: f64) -> Option<Jump> {
         if !kpa.is_finite() {
             return None;
         }
@@ -90,11 +105,10 @@ impl Changes {
         }
         let beside = self.before.map(|before| step.abs().max(before.abs()));
         let single = |newest: f64| beside.is_some_and(|beside| beside < BESIDE_JUMP_MAX * newest.abs());
-        let jump = self.newest.filter(|&(_, newest, beyond)| beyond > JUMP_MIN_KPA && single(newest));
-        let beyond = step.abs() - STEEPEST_KPA_PER_S * time.seconds_since(since);
-        self.before = self.newest.map(|(_, newest, _)| newest);
-        self.newest = Some((read, step, beyond));
-        jump.map(|(at, newest, _)| (at, newest))
+        let jump = self.newest.filter(|newest| newest.is_of_gauge(0.0) && single(newest.kpa));
+        self.before = self.newest.map(|newest| newest.kpa);
+        self.newest = Some(Jump { time: read, kpa: step, seconds: time.seconds_since(since) });
+        jump
     }
 }
 
@@ -157,22 +171,23 @@ impl GaugeHistory {
         }
     }
 
-    /// By how much the gauge jumped between `from` and `until`, up and down together, kPa: its readings differ from the
-    /// pressure by that much more at the end than at the beginning. A jump is known with the next reading.
+    /// By how much the gauge jumped between `from` and `until`, up and down together, kPa, where a pressure goes at most so fast:
+    /// its readings differ from the pressure by that much more at the end than at the beginning. A jump is known with the next
+    /// reading.
     #[must_use]
-    pub fn jumped(&self, from: Time, until: Time) -> f64 {
-        let within = self.jumps.iter().filter(|&&(time, _)| time >= from && time < until);
-        within.map(|&(_, kpa)| kpa).sum()
+    pub fn jumped(&self, from: Time, until: Time, steepest_kpa_per_s: f64) -> f64 {
+        let within = self.jumps.iter().filter(|jump| jump.time >= from && jump.time < until);
+        within.filter(|jump| jump.is_of_gauge(steepest_kpa_per_s)).map(|jump| jump.kpa).sum()
     }
 
     /// By how much readings between `from` and `until` were further from the one before than a pressure goes meanwhile, up and down
     /// together, kPa. A gauge that repeats itself while nothing happens has been right all the time, so its jump shows here, and
     /// not in [`Self::jumped`].
     #[must_use]
-    pub fn stepped(&self, from: Time, until: Time) -> f64 {
+    pub fn stepped(&self, from: Time, until: Time, steepest_kpa_per_s: f64) -> f64 {
         let within = self.readings.iter().filter(|&&(time, kpa)| time >= from && time <= until && kpa.is_finite());
         let pairs = within.clone().zip(within.skip(1));
-        let steps = pairs.map(|(a, b)| (b.1 - a.1, STEEPEST_KPA_PER_S * b.0.seconds_since(a.0)));
+        let steps = pairs.map(|(a, b)| (b.1 - a.1, steepest_kpa_per_s * b.0.seconds_since(a.0)));
         steps.filter(|(step, pressure)| step.abs() - pressure > JUMP_MIN_KPA).map(|(step, _)| step).sum()
     }
 

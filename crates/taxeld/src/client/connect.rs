@@ -7,6 +7,7 @@ use anyhow::Context;
 #[cfg(feature = "tls")]
 use taxel_client::TlsOptions;
 use taxel_client::{Address, ConnectError, Line, Options};
+use taxel_proto::v1::audit_service_client::AuditServiceClient;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
@@ -23,7 +24,7 @@ const ANSWER_BYTES_MAX: usize = 17 << 20;
 pub struct Server {
     /// The daemon: http://HOST:PORT, HOST:PORT, unix:PATH or, with certificates, https://HOST:PORT. Default: /run/taxeld/taxeld.sock if there is one, else
     /// 127.0.0.1:50051.
-    #[arg(long, value_name = "ADDRESS", env = "TAXELD_SERVER", value_parser = Address::parse)]
+    #[arg(long, alias = "at", value_name = "ADDRESS", env = "TAXELD_SERVER", value_parser = Address::parse)]
     server: Option<Address>,
     /// File whose first line is the token to show.
     #[arg(long, value_name = "FILE", env = "TAXELD_TOKEN_FILE")]
@@ -118,6 +119,11 @@ impl Daemon {
     /// `SkinService`.
     pub fn skin(&self) -> SkinServiceClient<Line> {
         SkinServiceClient::new(self.channel.clone())
+    }
+
+    /// `AuditService`.
+    pub fn audit(&self) -> AuditServiceClient<Line> {
+        AuditServiceClient::new(self.channel.clone()).max_decoding_message_size(ANSWER_BYTES_MAX)
     }
 
     /// `CalibrationService`.

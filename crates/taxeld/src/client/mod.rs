@@ -6,6 +6,7 @@
 
 mod activate;
 mod ask;
+mod audit;
 mod bring_up;
 mod calibrate;
 mod certificate;
@@ -64,6 +65,8 @@ pub enum ClientCommand {
     Sessions(sessions::SessionsArgs),
     /// The calibration certificate of a model set, as a page to be printed and as JSON.
     Certificate(certificate::CertificateArgs),
+    /// Who changed what: the audit log of a running daemon, or of a store.
+    Audit(audit::AuditArgs),
     /// What happened since the daemon's start: zeros, faults, activations, sessions, buses.
     Events(events::EventsArgs),
     /// Force and events as MCAP files in a folder.
@@ -100,6 +103,7 @@ async fn one(command: ClientCommand) -> failure::Outcome {
         ClientCommand::Models(args) => models::models(args).await,
         ClientCommand::Sessions(args) => sessions::sessions(args).await,
         ClientCommand::Certificate(args) => certificate::certificate(args).await,
+        ClientCommand::Audit(args) => audit::audit(args).await,
         ClientCommand::Events(args) => events::events(args).await,
         #[cfg(feature = "record")]
         ClientCommand::Record(args) => record::record(args).await,

@@ -15,15 +15,18 @@ fn read(seconds: f64, kpa: impl Fn(f64) -> f64) -> GaugeHistory {
     gauge
 }
 
+/// What a ramp allows, kPa/s.
+const STEEPEST: f64 = 5.0;
+
 #[test]
 fn a_step_that_no_pressure_makes_is_a_jump_until_the_gauge_is_back() {
     let off = |t: f64| if (1.0..2.5).contains(&t) { 3.0 } else { 0.0 };
     let gauge = read(4.0, |t| 4.0 * t + off(t));
-    assert!((gauge.jumped(ms(0), ms(1500)) - 3.0).abs() < 0.1, "{:?}", gauge.jumps);
-    assert!(gauge.jumped(ms(0), ms(4000)).abs() < 0.1 && gauge.jumped(ms(1500), ms(2400)) == 0.0);
-    assert!((gauge.jumped(ms(1500), ms(4000)) + 3.0).abs() < 0.1, "it may have been wrong before");
+    assert!((gauge.jumped(ms(0), ms(1500), STEEPEST) - 3.0).abs() < 0.1, "{:?}", gauge.jumps);
+    assert!(gauge.jumped(ms(0), ms(4000), STEEPEST).abs() < 0.1 && gauge.jumped(ms(1500), ms(2400), STEEPEST) == 0.0);
+    assert!((gauge.jumped(ms(1500), ms(4000), STEEPEST) + 3.0).abs() < 0.1, "it may have been wrong before");
     let hidden = read(2.0, |t| if (1.0..1.02).contains(&t) { f64::NAN } else { 4.0 * t + off(t) });
-    assert!((hidden.jumped(ms(0), ms(1500)) - 3.0).abs() < 0.2, "{:?}", hidden.jumps);
+    assert!((hidden.jumped(ms(0), ms(1500), STEEPEST) - 3.0).abs() < 0.2, "{:?}", hidden.jumps);
 }
 
 #[test]
@@ -39,7 +42,7 @@ fn what_a_pressure_does_is_no_jump() {
         ("spikes of one reading", read(4.0, spikes)),
         ("noise", read(4.0, |t| 4.0 * t + 0.3 * (1e4 * t).sin())),
     ] {
-        assert_eq!(gauge.jumped(ms(0), ms(20_000)), 0.0, "{what}: {:?}", gauge.jumps);
+        assert_eq!(gauge.jumped(ms(0), ms(20_000), STEEPEST), 0.0, "{what}: {:?}", gauge.jumps);
     }
 }
 
@@ -159,12 +162,13 @@ fn memory_is_bounded() {
 fn a_gauge_that_repeated_itself_and_then_jumps_has_stepped() {
     let coarse = |jump: f64| read(4.0, move |t| if t < 3.0 { 0.0 } else { jump });
     let gauge = coarse(5.0);
-    assert_eq!(gauge.jumped(ms(0), ms(4_000)), 0.0, "a gauge that stood still may have caught up");
-    let stepped = [(2_000, 3_500), (0, 2_980), (3_000, 3_990)].map(|(from, until)| gauge.stepped(ms(from), ms(until)));
+    assert_eq!(gauge.jumped(ms(0), ms(4_000), STEEPEST), 0.0, "a gauge that stood still may have caught up");
+    let stepped =
+        [(2_000, 3_500), (0, 2_980), (3_000, 3_990)].map(|(from, until)| gauge.stepped(ms(from), ms(until), STEEPEST));
     assert_eq!(stepped, [5.0, 0.0, 0.0]);
     let spike = |t: f64| if (1.0..1.01).contains(&t) { 10.0 } else { 0.0 };
     let (coarse, pump) = (coarse(1.0), read(4.0, |t| 20.0 * t));
     for (what, gauge) in [("a coarse gauge", coarse), ("a pump", pump), ("a spike", read(4.0, spike))] {
-        assert_eq!(gauge.stepped(ms(0), ms(4_000)), 0.0, "{what}");
+        assert_eq!(gauge.stepped(ms(0), ms(4_000), STEEPEST), 0.0, "{what}");
     }
 }

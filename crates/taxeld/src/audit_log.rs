@@ -1,0 +1,134 @@
+//! The audit log as lines of text, and `taxeld audit --store` of a daemon that does not run.
+
+use std::path::Path;
+use std::sync::mpsc;
+
+use anyhow::Context;
+use taxel_engine::audit::AuditEntry;
+use taxel_proto::Timestamp;
+use taxel_store::Store;
+
+/// `taxeld audit` in a build that cannot ask a daemon.
+#[cfg(not(feature = "client"))]
+#[derive(Debug, clap::Args)]
+pub struct AuditArgs {
+    /// The store; its daemon must not run.
+    #[arg(long, value_name = "STORE.db")]
+    store: std::path::PathBuf,
+    /// At most so many entries, the newest.
+    #[arg(long, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
+    last: u32,
+}
+
+/// Prints the newest entries of a store, oldest of them first.
+///
+/// # Errors
+/// If there is no such store, or it cannot be read.
+#[cfg(not(feature = "client"))]
+pub fn audit(args: &AuditArgs) -> anyhow::Result<()> {
+    print(of_store(&args.store, args.last)?);
+    Ok(())
+}
+
+/// Prints these lines, of which the newest is the first, oldest first.
+pub fn print(mut lines: Vec<String>) {
+    lines.reverse();
+    if lines.is_empty() {
+        say!("the audit log is empty");
+    }
+    lines.iter().for_each(|line| say!("{line}"));
+}
+
+/// The newest entries of a store, newest first.
+///
+/// # Errors
+/// If there is no such store, or it cannot be read.
+pub fn of_store(path: &Path, last: u32) -> anyhow::Result<Vec<String>> {
+    if !path.exists() {
+        anyhow::bail!("{}: there is no such store", path.display());
+    }
+    let (store, ..) = Store::open(path, Box::new(|_| ()))?;
+    let (tell, told) = mpsc::channel();
+    let tell = move |entries| {
+        let _ = tell.send(entries); // it is received just below
+    };
+    store.audit_reader().read(u64::MAX, last, Box::new(tell));
+    let entries = told.recv().context("the store's thread")??;
+    store.close()?;
+    Ok(entries.iter().map(line_of_entry).collect())
+}
+
+/// One entry's parts, whose order both sources share.
+pub struct Line<'a> {
+    pub number: u64,
+    pub seconds: Option<i64>,
+    pub who: [&'a str; 4],
+    pub what: [&'a str; 4],
+    pub sets: [&'a str; 2],
+    pub result: &'a str,
+    pub damage: &'a str,
+}
+
+impl Line<'_> {
+    pub fn text(&self) -> String {
+        let [who, role, transport, from] = self.who;
+        let [method, request, claimed, patch] = self.what;
+        let time = self
+            .seconds
+            .map_or_else(|| "unknown time".to_owned(), |seconds| Timestamp { seconds, nanos: 0 }.to_string());
+        let mut text = format!("{} {time} {who} ({role}, {transport} {from}): {method}", self.number);
+        for (word, value) in [("", request), ("patch ", patch), ("says to be ", claimed)] {
+            if !value.is_empty() {
+                text += &format!(", {word}{value}");
+            }
+        }
+        let [before, after] = self.sets.map(|set| if set.is_empty() { "none" } else { set });
+        let result = if self.result.is_empty() { "the daemon stopped before it answered" } else { self.result };
+        text += &format!("; model set {before} -> {after}; {result}");
+        if !self.damage.is_empty() {
+            text += &format!("; DAMAGED ON DISK: {}", self.damage);
+        }
+        taxel_skin::printable(&text) // an entry is one line, whatever was written into it
+    }
+}
+
+fn line_of_entry(entry: &AuditEntry) -> String {
+    let (asked, answered) = (entry.asked.clone().unwrap_or_default(), entry.answered.clone().unwrap_or_default());
+    Line {
+        number: entry.number,
+        seconds: entry.asked.as_ref().map(|asked| asked.wall_ns.div_euclid(1_000_000_000)),
+        who: [&asked.who, &asked.role, &asked.transport, &asked.place],
+        what: [&asked.method, &asked.what, &asked.claimed, &asked.patch],
+        sets: [&asked.before, &answered.after],
+        result: &answered.result,
+        damage: &entry.damage,
+    }
+    .text()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a client sent is part of a refusal, and older rows have it as it came.
+    #[test]
+    fn an_entry_is_one_line_whatever_was_written_into_it() {
+        let result =
+            "refused: no model set `m-x`; done\n2 2026-11-25T09:00:00Z ann (admin): DeleteSession; done\n\u{1b}[8m";
+        let line = Line {
+            number: 7,
+            seconds: Some(0),
+            who: ["eve", "operator", "unix", "uid 7"],
+            what: ["ActivateModelSet", "", "", ""],
+            sets: ["", ""],
+            result,
+            damage: "",
+        };
+        let text = line.text();
+        assert_eq!(taxel_skin::unprintable(&text), None, "{text}");
+        assert!(
+            text.starts_with("7 1970-01-01T00:00:00Z eve (operator") && text.ends_with("done\\n\\u{1b}[8m"),
+            "{text}"
+        );
+    }
+}
