@@ -7,6 +7,11 @@ use taxel_model::{End, Extension, Plays, Sign, SkinSlope, TaxelModel};
 use crate::baseline::TaxelBaseline;
 use crate::recalibration::evidence::LoadPoint;
 
+/// By how much a skin's gain differs between days, relative standard uncertainty: a calibration of one day cannot know
+/// it. Capacitive insoles differed by -2.9 to +3.0 % between two days under the same loads (Hurkmans et al. 2006, Gait
+/// and Posture 23, 118, the dynamic tests): a rectangle of half-width 3 %, so 3 % / sqrt(3).
+pub const GAIN_OF_DAY_REL: f64 = 0.017;
+
 /// Models of all taxels of a patch, immutable once made.
 #[derive(Clone, Debug)]
 pub struct ModelSet {

@@ -11,15 +11,10 @@ use crate::calibration::fit::smooth::half_width;
 use crate::calibration::fit::smooth::smooth;
 use crate::calibration::fit::zero::{Tare, Zero};
 use crate::intake::faults::limits::FaultLimits;
-use crate::model_set::ModelSet;
+use crate::model_set::{GAIN_OF_DAY_REL, ModelSet};
 
 /// How far taxels move between days, root mean square in counts: what an unproven zero may be off by.
 const DAY_COUNTS: f64 = 3.0;
-
-/// By how much a skin's gain differs between days, relative standard uncertainty: a calibration of one day cannot know
-/// it. Capacitive insoles differed by -2.9 to +3.0 % between two days under the same loads (Hurkmans et al. 2006, Gait
-/// and Posture 23, 118, the dynamic tests): a rectangle of half-width 3 %, so 3 % / sqrt(3).
-const GAIN_OF_DAY_REL: f64 = 0.017;
 
 /// How models are applied.
 #[derive(Clone, Debug, Default)]

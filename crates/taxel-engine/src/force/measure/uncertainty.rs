@@ -5,6 +5,7 @@ use crate::counts::Counts;
 use crate::force::evaluator::Evaluator;
 use crate::force::neighbours::Filled;
 use crate::force::offsets::Offsets;
+use crate::model_set::GAIN_OF_DAY_REL;
 
 /// Sums over the taxels of a total that its uncertainty follows from.
 #[derive(Clone, Copy, Debug, Default)]
@@ -119,10 +120,10 @@ impl ForceModel {
     /// area are common to all of them and so add up before they are squared.
     ///
     /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (sum A_i u_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2
-    /// + (o sum A_i)^2 + (a F)^2`, where s is the uncertainty of a taxel, h what of it is hysteresis and what its
+    /// + (o sum A_i)^2 + (a F)^2 + (d F)^2`, where s is the uncertainty of a taxel, h what of it is hysteresis and what its
     /// calibration leaves open ([`crate::model_set::ModelSet`], `doubts_kpa`), u that of a history which is not known or lags
     /// behind ([`Offsets::sigma_kpa`]), z the zero's in counts with what the skin may remember of earlier loads, and the s
-    /// of a filled taxel is the scatter of its neighbours. What the pads' places add is in [`crate::force::sampling`], and what
+    /// of a filled taxel is the scatter of its neighbours. d is [`GAIN_OF_DAY_REL`]. What the pads' places add is in [`crate::force::sampling`], and what
     /// modules that jump add in [`ForceModel::jumps_n2`].
     pub(super) fn variance_n2(&self, evaluator: &Evaluator, sums: Shares, total_n: f64, zero_sigma_counts: f64) -> f64 {
         let set = evaluator.tables().set();
@@ -132,6 +133,7 @@ impl ForceModel {
             zero_sigma_counts * sums.per_count_n,
             evaluator.tables().residue_sigma_counts() * sums.per_count_n,
             set.gauge_gain_rel * total_n,
+            GAIN_OF_DAY_REL * total_n,
             set.gauge_offset_kpa * sums.area,
             self.area_uncertainty * total_n,
         ];
