@@ -131,11 +131,12 @@ impl Engine {
                 patch.check_unloaded()?;
             }
         }
+        group.iter().for_each(|&member| self.patches[member].is_asked_anew());
         // That which it was asked for comes last: with it all may be configured.
         let others = group.into_iter().filter(|&member| member != index);
         for member in others.chain([index]).collect::<Vec<_>>() {
-            let asked = (member == index).then_some(confirmed);
-            self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, asked, effects));
+            let confirmed = confirmed && member == index;
+            self.with_patch(now, member, out, |patch, effects| patch.bring_up_again(now, confirmed, effects));
         }
         self.health_dirty.0 = true; // boards that were verified are not any more
         Ok(Done::BringUpStarted)

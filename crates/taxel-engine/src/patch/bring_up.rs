@@ -104,6 +104,11 @@ impl Patch {
         [least, least + self.plan.period]
     }
 
+    /// It is asked for anew: what was said or seen before does not count any more.
+    pub const fn is_asked_anew(&mut self) {
+        self.ready = None;
+    }
+
     /// What a look found is too old: it is looked again, with the patches that share a board.
     pub fn look_again(&mut self) {
         self.ready.take_if(|(ready, _)| *ready == Ready::Seen);
@@ -131,16 +136,12 @@ impl Patch {
     }
 
     /// Configures the boards again: the zero is lost. Boards that stream are looked at first, since what is too light for a
-    /// force may lie there, unless it is confirmed that nothing touches the skin. `asked` is whether it is, or `None` where it
-    /// was asked for another patch that shares a board: what is held against this one's zero still holds then.
-    pub fn bring_up_again(&mut self, now: Now, asked: Option<bool>, effects: &mut Effects<'_>) {
-        let confirmed = asked == Some(true);
+    /// force may lie there, unless it is `confirmed` that nothing touches the skin. What is held against the zero holds until
+    /// that is.
+    pub fn bring_up_again(&mut self, now: Now, confirmed: bool, effects: &mut Effects<'_>) {
         let may_show = self.shows_loads() || now.time < self.silent_until; // just after the start it is still listened
         self.bring_up_waits = !confirmed && may_show;
         self.lose_zero(now, ReasonCode::BoardsNotConfigured, BEING_CONFIGURED, effects);
-        if asked.is_some() {
-            self.zero.on_bring_up_asked();
-        }
         if self.bring_up_waits {
             self.begin_bring_up(now, effects);
         } else {

@@ -121,7 +121,7 @@ fn silent_boards_are_configured_again_at_once() {
     let mut scene = Scene::new(configuring(), true, false);
     scene.act(|patch, effects| patch.start(now(1_000), effects));
     assert!(scene.sends(1_300));
-    scene.act(|patch, effects| patch.bring_up_again(now(60_000), Some(false), effects));
+    scene.act(|patch, effects| patch.bring_up_again(now(60_000), false, effects));
     assert!(scene.patch.check_looked_at().is_ok() && scene.sends(60_000));
 }
 
@@ -171,7 +171,7 @@ fn who_vouches_for_a_patch_that_waits_for_another_is_believed_for_ten_seconds() 
 
 fn believed_for_ten_seconds(mut scene: Scene) {
     scene.act(|patch, effects| patch.start(now(1_000), effects));
-    scene.act(|patch, effects| patch.bring_up_again(now(2_000), Some(true), effects));
+    scene.act(|patch, effects| patch.bring_up_again(now(2_000), true, effects));
     assert!(matches!(scene.intents[..], [Intent::BoardsReady]), "{:?}", scene.intents);
     scene.patch.look_again();
     assert!(scene.patch.is_ready_for_bring_up() && scene.patch.looked().is_none(), "nobody has to look");

@@ -70,7 +70,7 @@ impl Patch {
                     self.calibration.on_zero_doubted();
                 }
                 ZeroEvent::Moved | ZeroEvent::Cleared => {
-                    self.force.move_zero(self.zero.zero(), self.zero.without_drift());
+                    self.force.move_zero(self.zero.in_force(), self.zero.without_drift());
                 }
             }
             self.on_calibration_events(now, follows, effects);
@@ -78,7 +78,7 @@ impl Patch {
     }
 
     pub(super) fn use_zero(&mut self) {
-        self.force.set_zero(self.zero.zero(), self.zero.residue_counts());
+        self.force.set_zero(self.zero.in_force(), self.zero.residue_counts());
         self.force.set_hidden(self.zero.hidden(), self.zero.vouched());
         self.zero.weigh(|| self.force.newton_per_count());
         if let Some(baseline) = self.zero.baseline() {

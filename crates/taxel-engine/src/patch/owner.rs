@@ -430,7 +430,7 @@ impl Patch {
         let bring_up = match self.ready {
             None => waits.then_some(self.silent_until),
             Some((Ready::Vouched, said)) => waits.then_some(said + VOUCH_LASTS),
-            Some(_) => (waits && self.shows_loads()).then_some(now),
+            Some(_) => (waits && self.shows_loads() && self.zero.watching().is_none()).then_some(now),
         };
         let organs = [self.intake.deadline(), self.zero.deadline(), self.loads.deadline(), self.calibration.deadline()];
         organs.into_iter().chain([bring_up]).flatten().min()

@@ -37,24 +37,30 @@ impl Zero {
     #[must_use]
     pub fn news_of_boards(&self, noted: &BoardZeros) -> Option<BoardZeros> {
         let is_one = |hidden: &Arc<HiddenCounts>| noted.hidden.as_ref().is_some_and(|noted| Arc::ptr_eq(hidden, noted));
-        let same = self.distrusted() == noted.unproven.as_deref()
+        let same = self.held_over_restarts() == noted.unproven.as_deref()
             && (self.hidden.as_ref().is_some_and(is_one) || self.hidden == noted.hidden);
-        let zeros = || BoardZeros { unproven: self.distrusted().map(str::to_owned), hidden: self.hidden.clone() };
+        let zeros =
+            || BoardZeros { unproven: self.held_over_restarts().map(str::to_owned), hidden: self.hidden.clone() };
         (!same).then(zeros)
     }
 
-    /// An operator asks for the boards to be configured, knowing what kept them from it.
-    pub fn on_bring_up_asked(&mut self) {
-        self.continuity.forget();
+    /// What is held against the boards, and what will be once other models than those of a session are in use.
+    pub(super) fn held_over_restarts(&self) -> Option<&str> {
+        let held = || self.unjudged.as_ref().and_then(|unjudged| unjudged.held.as_deref());
+        self.distrusted().or_else(held)
     }
 
     /// The boards are being configured, and take zeros of their own on a skin that was looked at, that somebody has `vouched`
     /// for, or neither. What was let pass when they were configured before still lies there as far as this look knows: the
     /// boards' zeros hide it from the look. `models` is the zero of the models in use, `unseen` why nobody knows what lay on the
-    /// skin, if that is so: it is held against the zeros of the boards until there is another.
+    /// skin, if that is so: it is held against the zeros of the boards until there is another, and so is what was held against them
+    /// before, unless somebody has vouched.
     pub fn on_bring_up(&mut self, models: Option<&[TaxelBaseline]>, vouched: bool, unseen: Option<&'static str>) {
         self.configuring = true;
-        self.unseen = unseen;
+        if vouched {
+            self.continuity.forget();
+        }
+        self.unseen = unseen.or(self.continuity.unproven()).map(str::to_owned);
         self.hold_unseen();
         self.session_rests.clear();
         self.vouched = None;
@@ -88,6 +94,7 @@ impl Zero {
 
     /// Somebody vouches for a zero: until a board takes another, what a zero may hide is told from this one, too.
     pub(super) fn on_vouched(&mut self, zero: &[TaxelBaseline]) {
+        self.unjudged = None;
         self.vouched = Some(zero.into());
     }
 
@@ -109,13 +116,21 @@ impl Zero {
     pub(super) fn on_rest_of_models(&mut self, rest: &[TaxelBaseline]) {
         let bits = |rest: &[TaxelBaseline]| rest.iter().map(|taxel| taxel.mean.to_bits()).collect::<Vec<_>>();
         let is_of_session = self.session_rests.iter().any(|of_session| bits(of_session) == bits(rest));
+        if is_of_session {
+            self.unjudged = None; // they are of the boards as they are
+        } else if let Some(unjudged) = &mut self.unjudged {
+            unjudged.other_models = true;
+            if let Some(held) = unjudged.held.take() {
+                self.continuity.distrust(held);
+            }
+        }
         if let Some(hidden) = self.hidden.as_mut().filter(|_| is_of_session) {
             *hidden = Arc::new(hidden.for_models_at(rest, self.ground.signs()));
         }
     }
 
     pub(super) fn hold_unseen(&mut self) {
-        self.unseen.iter().for_each(|why| self.continuity.distrust((*why).to_owned()));
+        self.unseen.iter().for_each(|why| self.continuity.distrust(why.clone()));
     }
 
     /// What the zeros of the boards hide beside what the present zero does.

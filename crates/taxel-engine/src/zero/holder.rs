@@ -35,6 +35,19 @@ use crate::zero::watch::{Purpose, Watch};
 const VANISHED: &str =
     "a load vanished from a whole board at once, and whether the board took a new zero is being looked at";
 
+/// A zero that no models were there to judge.
+#[derive(Clone, Debug)]
+pub(super) struct Unjudged {
+    /// What was held against the boards when it was taken; it is again once the models are others than those of the session.
+    pub(super) held: Option<String>,
+    /// Whether others are in use now. The ramp that it was taken for goes on, but there is no force.
+    pub(super) other_models: bool,
+}
+
+/// What is said of a zero that the models in use have not judged.
+const UNJUDGED: &str =
+    "the zero was taken in a session without models to judge it by, and those in use are not of that session: tare";
+
 /// The zero of one patch.
 #[derive(Debug)]
 pub struct Zero {
@@ -63,7 +76,9 @@ pub struct Zero {
     /// The zeros that sessions have taken since then, the newest last.
     pub(super) session_rests: VecDeque<Vec<TaxelBaseline>>,
     /// Why nobody knows what lay on the skin then.
-    pub(super) unseen: Option<&'static str>,
+    pub(super) unseen: Option<String>,
+    /// That no models were there to judge the zero of a first session, until some have.
+    pub(super) unjudged: Option<Unjudged>,
     /// The last zero with its drift, or that of the models.
     pub(super) ground: Ground,
     /// What the skin remembers of earlier loads.
@@ -92,6 +107,7 @@ impl Zero {
             vouched: None,
             session_rests: VecDeque::new(),
             unseen: None,
+            unjudged: None,
             ground: Ground::new(&regions, plan.activation),
             memory: Memory::default(),
             plan,
@@ -105,7 +121,17 @@ impl Zero {
         self.holds().then_some(self.ground.zero())
     }
 
-    /// Whether live force may rely on it.
+    /// The same for a live force, which needs one that the models in use are of, or have judged.
+    #[must_use]
+    pub fn in_force(&self) -> Option<&[TaxelBaseline]> {
+        self.zero().filter(|_| !self.is_of_other_models())
+    }
+
+    fn is_of_other_models(&self) -> bool {
+        self.unjudged.as_ref().is_some_and(|unjudged| unjudged.other_models)
+    }
+
+    /// Whether the boards still have it, as far as the counts show.
     #[must_use]
     pub fn holds(&self) -> bool {
         self.view.valid && !self.doubted
@@ -119,6 +145,10 @@ impl Zero {
             view.valid = false;
             view.reason = format!("{why}; this is being looked at");
             view.code = Some(ReasonCode::ZeroDoubted);
+        } else if view.valid && self.is_of_other_models() {
+            view.valid = false;
+            view.reason = UNJUDGED.to_owned();
+            view.code = Some(ReasonCode::RestNotProven);
         }
         view
     }
@@ -132,7 +162,7 @@ impl Zero {
     /// Why there is none, if there is none.
     #[must_use]
     pub fn lacks(&self) -> Option<Reason> {
-        if self.holds() {
+        if self.in_force().is_some() {
             return None;
         }
         let view = self.view();
@@ -293,6 +323,7 @@ impl Zero {
         if vouched {
             self.on_vouched(&baseline);
         }
+        self.unjudged.take_if(|unjudged| unjudged.other_models); // these have judged this one
         self.take(now.time, view.clone(), baseline);
         Ok(view)
     }

@@ -42,6 +42,9 @@ impl Zero {
     pub fn lose(&mut self, code: ReasonCode, reason: impl Into<String>, events: &mut Vec<ZeroEvent>) {
         let reason = reason.into();
         self.refuse_watch(&reason, events);
+        if let Some(held) = self.unjudged.take().and_then(|unjudged| unjudged.held) {
+            self.continuity.distrust(held);
+        }
         if self.view.valid || self.view.reason.is_empty() {
             self.view.epoch += 1;
             self.view.valid = false;

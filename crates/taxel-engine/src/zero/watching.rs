@@ -6,7 +6,7 @@ use crate::now::Now;
 use crate::request::ErrorReason;
 use crate::scan::Scan;
 use crate::zero::events::{Surroundings, ZeroEvent};
-use crate::zero::holder::Zero;
+use crate::zero::holder::{Unjudged, Zero};
 use crate::zero::proven::Proven;
 use crate::zero::rest::judge::{Reference, judge};
 use crate::zero::rest::verdict::RestVerdict;
@@ -60,11 +60,14 @@ impl Zero {
             return;
         }
         // In its first session a skin has nothing to be compared with: its zero is what the models refer to, and the
-        // gauge shows that the bag does not press. Whatever is held against the boards, the models are of them as they are.
+        // gauge shows that the bag does not press. Whatever is held against the boards, the models are of them as they are; other
+        // models are not, and what is held against the boards is held against them.
         let first = matches!((&verdict, &purpose), (RestVerdict::Unproven { .. }, Purpose::Session { .. }));
         let rest = first || matches!(verdict, RestVerdict::Rest { .. });
         // Nobody can vouch for a skin that moved while it was watched: a mean over that is no zero.
         let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
+        let unjudged =
+            first.then(|| Unjudged { held: self.held_over_restarts().map(str::to_owned), other_models: false });
         let held = self.continuity.unproven().filter(|_| !first);
         if vouched.is_none() && (!rest || held.is_some()) {
             let (reason, why) = match held {
@@ -79,6 +82,8 @@ impl Zero {
             None => told(),
         };
         let baseline = with_noise_known(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
+        // What a load did not lift is as good a rest for what follows as the counts' own.
+        let rest = rest || (vouched.is_some() && !verdict.is_loaded());
         let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, rest, &baseline);
         if let Purpose::Operator { request, .. } = purpose {
             let (vouched, known) = (vouched.is_some(), self.held_against());
@@ -88,6 +93,8 @@ impl Zero {
             self.proven = None; // of an earlier moment
             if vouched.is_some() {
                 self.on_vouched(&baseline);
+            } else if unjudged.is_some() || models.is_some() {
+                self.unjudged = unjudged;
             }
             if matches!(purpose, Purpose::Session { .. }) {
                 self.note_session_rest(&baseline);

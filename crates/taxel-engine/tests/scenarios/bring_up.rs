@@ -4,6 +4,7 @@ use std::cell::Cell;
 use std::rc::Rc;
 use std::sync::Arc;
 
+use taxel_engine::calibration::SessionState;
 use taxel_engine::command::{Command, Done, Rejection};
 use taxel_engine::snapshot::ForceState;
 use taxel_engine::{BusNotice, ErrorReason, Restored, plan::PatchPlan};
@@ -184,11 +185,13 @@ fn boards_that_fall_silent_while_they_are_looked_at_are_configured() {
 #[test]
 fn a_set_that_comes_after_the_boards_were_configured_unseen_takes_no_zero_unless_somebody_vouches_for_the_skin() {
     // At the start, and by whoever vouched once and asked again without a word: the newest counts.
-    configured_unseen(&[]);
-    configured_unseen(&[Some("Ada"), None]);
+    configured_unseen(&[], false);
+    configured_unseen(&[Some("Ada"), None], false);
+    // A session takes its zero there nevertheless, but not for these models.
+    configured_unseen(&[], true);
 }
 
-fn configured_unseen(again: &[Option<&str>]) {
+fn configured_unseen(again: &[Option<&str>], session: bool) {
     let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
     earlier.brought_up();
     earlier.lay(0.5, 33);
@@ -200,6 +203,9 @@ fn configured_unseen(again: &[Option<&str>]) {
         bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
         bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
         bench.brought_up();
+    }
+    if session {
+        begun_and_aborted(&mut bench);
     }
     let mark = bench.mark();
     bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
@@ -220,6 +226,38 @@ fn configured_unseen(again: &[Option<&str>]) {
     bench.brought_up();
     bench.tare(None).unwrap();
     bench.until_force(1.0, ForceState::Ok);
+}
+
+fn begun_and_aborted(bench: &mut Bench) {
+    let session = bench.start_session(Some(20.0));
+    bench.until_state(10.0, SessionState::Ramping);
+    bench.ask(Command::AbortSession { session }).unwrap();
+}
+
+/// No models were there to judge it: those of another day do, as they judge any other.
+#[test]
+fn a_zero_of_a_session_without_models_does_not_hold_for_a_set_from_elsewhere() {
+    for loaded in [true, false] {
+        let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+        earlier.brought_up();
+        let listens = PatchPlan { bring_up: Vec::new(), ..patch_plan(&small().skin) };
+        let mut bench = Bench::new(earlier.world, plan(listens), Restored::default());
+        bench.seconds(1.0);
+        if loaded {
+            bench.lay(0.5, 33);
+        }
+        begun_and_aborted(&mut bench);
+        let mark = bench.mark();
+        bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
+        bench.activate(&small().set.id).unwrap();
+        bench.seconds(3.0);
+        bench.is_truthful_since(mark, "a load that a session took into its zero");
+        assert_eq!(bench.host.state(), ForceState::TareInvalid);
+        assert!(bench.host.reasons().contains("without models to judge it by"), "{}", bench.host.reasons());
+        assert_eq!(bench.tare(None).is_ok(), !loaded);
+        bench.seconds(1.0);
+        assert_eq!(bench.host.state(), if loaded { ForceState::TareInvalid } else { ForceState::Ok });
+    }
 }
 
 /// A skin has nothing to be compared with before its first calibration, which rests on the gauge.

@@ -229,7 +229,15 @@ fn a_board_that_takes_a_zero_under_a_load_while_there_is_none_is_not_tared() {
     bench.is_truthful_since(mark, "a tare after a new zero of a board");
     bench.world.clear();
     bench.seconds(1.0);
-    bench.ask(Command::BringUp { patch: String::new(), confirmed_by: None }).unwrap();
+    let bring_up = |bench: &mut Bench, confirmed_by: Option<&str>| {
+        let confirmed_by = confirmed_by.map(str::to_owned);
+        bench.ask(Command::BringUp { patch: String::new(), confirmed_by }).unwrap();
+    };
+    let sent = bench.host.sent.len();
+    bring_up(&mut bench, None);
+    bench.seconds(3.0);
+    assert_eq!(bench.host.sent.len(), sent, "no counts can show that nothing lies there");
+    bring_up(&mut bench, Some("Ada"));
     bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
     bench.brought_up();
     bench.tare(None).unwrap();

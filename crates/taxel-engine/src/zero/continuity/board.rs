@@ -34,7 +34,7 @@ const SINCE_SUSPECTED: &str = "lost its load at once, was not heard or reported 
                                under a load that has gone";
 /// What is said of a board that was silent or reported a fault.
 const SINCE_SILENT: &str = "lost its load while it was silent or reported a fault: it has taken a new zero under it, or \
-                            the load was lifted; unload the skin and ask for BringUp";
+                            the load was lifted; unload the skin, ask for BringUp, and say with confirmed_by that nothing touches it";
 /// What is said of a board on which the bag presses.
 const IN_BAG: &str = "lost its load at once while the bag was pressing: it has taken a new zero";
 

@@ -34,6 +34,7 @@ impl Model {
                 }
                 Pending::Zero { request, good } => {
                     self.unseen &= !good;
+                    self.unjudged &= !good;
                     self.settle(request, good);
                 }
                 Pending::End { request, number, state } => {
@@ -57,6 +58,10 @@ impl Model {
         let taring = matches!(self.open(), Some((_, S::Taring)));
         if self.unseen && !self.heard && !taring {
             (self.boards_wait, self.unseen) = (true, false); // in time for a look at the boards
+        }
+        let is_own = |fit: usize| self.begun.contains(&self.fits[fit].session);
+        if std::mem::take(&mut self.unjudged) && !matches!(set, Set::Fit(fit) if is_own(fit)) {
+            self.unseen = true;
         }
         let (old, new) = (before.and_then(|old| self.owner(old)), self.owner(set));
         if let Some(old) = old.filter(|old| Some(*old) != new && self.state(*old) == Some(S::Active)) {
@@ -113,5 +118,7 @@ impl Model {
         // Without models nobody can tell what a load would look like.
         (self.gauge_fresh, self.boards_ready, self.boards_wait) = (false, false, self.live.active.is_some());
         (self.heard, self.unseen) = (false, !self.boards_wait); // the store of these tests keeps no doubts
+        self.unjudged = false;
+        self.begun.clear();
     }
 }

@@ -13,6 +13,8 @@ pub struct Facts {
     pub sessions: BTreeMap<u64, (S, Option<Set>)>,
     pub known: BTreeSet<Set>,
     pub active: Option<Set>,
+    /// Sessions with a ramp.
+    pub ramped: BTreeSet<u64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,6 +55,9 @@ pub struct Model {
     pub(super) heard: bool,
     /// They were configured while no set was active that would have shown a load, and no zero has been taken since.
     pub(super) unseen: bool,
+    /// A session took a zero all the same, which counts only for the models of sessions that began since the start.
+    pub(super) unjudged: bool,
+    pub(super) begun: BTreeSet<u64>,
     /// A zero that an operator waits for: request, and whether it was vouched for.
     pub(super) tare: Option<(u64, bool)>,
     /// How long the open session has come no further, at least and at most.
@@ -88,6 +93,8 @@ impl Model {
             boards_wait: false,
             heard: false,
             unseen: true,
+            unjudged: false,
+            begun: BTreeSet::new(),
             tare: None,
             idle_s: (0.0, 0.0),
             reached_kpa: 0,
@@ -176,6 +183,7 @@ impl Model {
     }
 
     pub(super) fn lose_zero(&mut self) {
+        self.unseen |= std::mem::take(&mut self.unjudged);
         self.end_tare();
         self.void_zeros();
         if let Some((number, S::Ramping)) = self.open() {

@@ -110,7 +110,11 @@ impl Model {
         let provable = !self.unseen || self.live.active.is_none();
         if provable && self.kpa == 0 && !matches!(how, Passing::ModuleSilent | Passing::GaugeSilent) {
             self.void_zeros();
+            self.unjudged |= self.unseen;
             self.unseen = false;
+            if self.recorded.ramped.insert(number) {
+                self.begun.insert(number);
+            }
             self.enter(number, S::Ramping);
             (self.idle_s, self.reached_kpa) = ((0.6, 3.0), 0);
             return;
