@@ -40,17 +40,30 @@ impl SharedBoards {
         self.others.get(patch).map_or_else(Vec::new, |boards| boards.iter().map(|others| !others.is_empty()).collect())
     }
 
-    /// The plan in which every patch of a described device knows how the device tells that it is well, if one of them does:
-    /// while it is not, its counts are nobody's force.
+    /// The plan in which every patch of a described device knows what one of them does: how the device tells that it is well,
+    /// since while it is not its counts are nobody's force, and what it is sent, since a device that is configured may take a zero
+    /// for all. Patches may know it of each other in a row, so that there are as many rounds as patches.
     #[must_use]
-    pub fn with_status_of_all(&self, plan: &Arc<Plan>) -> Arc<Plan> {
+    pub fn with_devices_of_all(&self, plan: &Arc<Plan>) -> Arc<Plan> {
         let mut told = Arc::clone(plan);
-        for (patch, own) in plan.patches.iter().enumerate() {
-            for (board, _) in own.devices.iter().enumerate().filter(|(_, device)| device.status.is_none()) {
-                let mut others = self.others(patch, board).iter();
-                let status = others.find_map(|&(other, there)| plan.patches[other].devices.get(there)?.status.clone());
-                if status.is_some() {
-                    Arc::make_mut(&mut told).patches[patch].devices[board].status = status;
+        for _ in 0..plan.patches.len() {
+            let known = Arc::clone(&told);
+            for (patch, own) in known.patches.iter().enumerate() {
+                for (board, device) in own.devices.iter().enumerate() {
+                    let others = || {
+                        let others = self.others(patch, board).iter();
+                        others.filter_map(|&(other, there)| known.patches[other].devices.get(there))
+                    };
+                    let status = others().find_map(|other| other.status.clone()).filter(|_| device.status.is_none());
+                    let sent = others().find(|other| !other.commands.is_empty()).filter(|_| device.commands.is_empty());
+                    if status.is_none() && sent.is_none() {
+                        continue;
+                    }
+                    let device = &mut Arc::make_mut(&mut told).patches[patch].devices[board];
+                    device.status = device.status.take().or(status);
+                    if let Some(sent) = sent {
+                        (device.commands, device.sent_by_another) = (sent.commands.clone(), true);
+                    }
                 }
             }
         }
@@ -131,8 +144,8 @@ fn group_of(others: &[Vec<Vec<(usize, usize)>>], patch: usize) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use taxel_skin::{Board, BoardAddress, BusIndex, Module, ModuleKind, Patch};
-    use taxel_wire::CanId;
     use taxel_wire::bits::{BitField, ByteOrder};
+    use taxel_wire::{CanId, Frame};
 
     use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin};
 
@@ -184,9 +197,18 @@ mod tests {
         assert!(others.eq([vec![(2, 0)], Vec::new(), vec![(0, 0)], Vec::new()]));
         let field = BitField::new(0, 8, ByteOrder::Little, false).unwrap();
         plan.patches[2].devices[0].status = Some((DeviceSignal { frames: of(90, Vec::new()), field }, 0));
-        let told = shared.with_status_of_all(&Arc::new(plan));
+        plan.patches[0].devices[0].commands = vec![(Duration::ZERO, Frame::data(CanId::Extended(1), &[1]).unwrap())];
+        let told = shared.with_devices_of_all(&Arc::new(plan));
         let knows = told.patches.iter().map(|patch| patch.devices.first().is_some_and(|d| d.status.is_some()));
         assert!(knows.eq([true, false, true, false]), "the palm is of the same device as the half");
+        let waits = told
+            .patches
+            .iter()
+            .map(|patch| (patch.configures(), patch.devices.first().is_some_and(|d| d.sent_by_another)));
+        assert!(
+            waits.eq([(true, false), (false, false), (true, true), (false, false)]),
+            "what one sends, all wait for"
+        );
     }
 
     #[test]

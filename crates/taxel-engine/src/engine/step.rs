@@ -69,7 +69,7 @@ impl Engine {
             known.map(|(_, zeros)| zeros.clone()).unwrap_or_default()
         };
         let shared = SharedBoards::new(&plan);
-        let plan = shared.with_status_of_all(&plan);
+        let plan = shared.with_devices_of_all(&plan);
         let patch = |(i, p): (usize, &crate::plan::PatchPlan)| {
             let name = p.patch.name();
             Patch::new(i, p.clone(), of_patch(name), zeros_of(name), shared.of_patch(i))

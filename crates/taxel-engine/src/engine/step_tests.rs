@@ -20,7 +20,7 @@ use crate::intake::health::BusNotice;
 use crate::now::Now;
 use crate::patch::edge_tests::configuring;
 use crate::patch::owner::Effects;
-use crate::plan::{DevicePlan, Gauge, PatchPlan, Plan, PushPlan, ScanBegin};
+use crate::plan::{DevicePlan, Gauge, PatchPlan, Plan, PushPlan};
 
 const BUS: BusIndex = BusIndex(0);
 
@@ -175,8 +175,7 @@ fn arrays(id: CanId) -> Engine {
     let field = |n: u16| (n, CountField { field: byte(1 + n), low: 0, shift: 0, top: 255 });
     let selectors = vec![Selector { field: byte(0), values: vec![(1, 1)] }];
     let page = FrameSpec { frames: FrameMatch { id, selectors }, counts: (0..4).map(field).collect() };
-    let device =
-        DevicePlan { frames: vec![page], scans: ScanBegin::Time, status: None, temperature: None, commands: vec![] };
+    let device = DevicePlan { frames: vec![page], ..DevicePlan::without_frames() };
     let patch = |bus: u8| {
         let modules = vec![(Module::new(0).unwrap(), ModuleKind::Cells(4))];
         let board = Board { bus: BusIndex(bus), address: BoardAddress::new(1).unwrap(), modules };

@@ -54,13 +54,22 @@ pub struct DevicePlan {
     pub temperature: Option<(DeviceSignal, f64, f64)>,
     /// Frames to send so that it streams, and how long after the beginning of the bring-up.
     pub commands: Vec<(Duration, Frame)>,
+    /// Whether another patch of the device sends them, at the same time: this one only waits for them.
+    pub sent_by_another: bool,
 }
 
 impl DevicePlan {
     /// A device whose scans come whole and in no frames.
     #[must_use]
     pub const fn without_frames() -> Self {
-        Self { frames: Vec::new(), scans: ScanBegin::Time, status: None, temperature: None, commands: Vec::new() }
+        Self {
+            frames: Vec::new(),
+            scans: ScanBegin::Time,
+            status: None,
+            temperature: None,
+            commands: Vec::new(),
+            sent_by_another: false,
+        }
     }
 
     /// The identifiers of all its frames, some of them more than once.

@@ -354,7 +354,8 @@ impl Intake {
     /// Time passed. Frames to send come with the position of their board.
     pub fn tick(&mut self, now: Time, send: &mut Vec<(usize, Frame)>, events: &mut Vec<IntakeEvent>) {
         while let Some(step) = self.bring_up.next_due(now) {
-            send.push(step);
+            let by_another = self.plan.devices.get(step.0).is_some_and(|device| device.sent_by_another);
+            send.extend(Some(step).filter(|_| !by_another));
         }
         let incomplete = self.bring_up.tick(now);
         let silent = self.assembler.mark_stale(now, self.plan.stale_after);

@@ -47,6 +47,7 @@ fn patch_plan(name: &str, first_id: u32) -> PatchPlan {
         status: None,
         temperature: None,
         commands: vec![],
+        sent_by_another: false,
     };
     let modules = (0..4).map(|module| (Module::from_nibble(module), ModuleKind::Cells(12))).collect();
     let board = Board { bus: BUS, address: BoardAddress::new(1).unwrap(), modules };
@@ -470,4 +471,28 @@ fn numbers_that_become_counts_in_another_way_than_at_the_calibration_have_no_for
         why.contains("4095, 16 to a unit on device 1, where the configuration has counts from 0 to 65535"),
         "{why}"
     );
+}
+
+/// Another patch reads the same device and has the commands for it. A device that is configured may take what lies on this one
+/// for nothing.
+#[test]
+fn a_device_that_another_patch_configures_is_left_alone_under_a_load() {
+    let scene = Scene::in_use();
+    let set = scene.newest_set();
+    let mut half = patch_plan("half", 0x18FE_0000);
+    half.devices[0].commands = vec![(Duration::ZERO, Frame::data(CanId::Extended(0x18FD_0001), &[1]).unwrap())];
+    let plan = Plan { buses: 1, patches: vec![patch_plan("array", 0x18FE_0000), half] };
+    let active = vec![("array".to_owned(), set.id.clone())];
+    let mut scene = Scene::new(plan, Restored { model_sets: vec![set.into()], active, ..Restored::default() });
+    scene.load = (12, 30.0);
+    scene.seconds(5.0);
+    assert_eq!(scene.host.sent, [], "nothing is sent to a device that bears a load");
+    assert_ne!(scene.host.state(), ForceState::Ok);
+    scene.load = (0, 0.0);
+    scene.seconds(5.0);
+    assert_eq!((scene.host.sent.len(), scene.host.state()), (1, ForceState::Ok), "one of them sends it");
+    let sent = scene.host.sent.len();
+    scene.ask(Command::BringUp { patch: "array".to_owned(), confirmed_by: Some("Ada".to_owned()) });
+    scene.seconds(1.0);
+    assert_eq!(scene.host.sent.len(), sent + 1, "whoever asks for one of them asks for both");
 }

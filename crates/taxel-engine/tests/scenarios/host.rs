@@ -64,6 +64,8 @@ pub struct Host {
     pub events: Vec<Event>,
     event_watch: EventWatch,
     fitted: usize,
+    /// Ticks in a row after which something was due already.
+    overdue: u32,
     replies: HashMap<RequestId, Reply>,
 }
 
@@ -96,6 +98,7 @@ impl Host {
             fits_panic: false,
             wall_offset_ns: 0,
             fitted: 0,
+            overdue: 0,
             replies: HashMap::new(),
         };
         host.step(Input::Tick);
@@ -129,6 +132,10 @@ impl Host {
             self.step(Input::Fitted(outcome));
         }
         self.step(Input::Tick);
+        // A daemon sleeps until then: what is due after tick and tick would keep it awake for nothing.
+        let due = self.engine.next_deadline().filter(|due| *due <= self.now);
+        self.overdue = if due.is_some() { self.overdue + 1 } else { 0 };
+        assert!(self.overdue < 5, "due at {due:?}, still after five ticks, at {:?}", self.now);
     }
 
     /// Plays a recording up to `until` in slots of 10 ms; `cut` says how many of so many frames make the next batch.

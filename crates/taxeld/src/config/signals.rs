@@ -216,6 +216,7 @@ fn plan(
         status: status.transpose()?,
         temperature: temperature.transpose()?,
         commands: commands.collect::<Result<_, _>>()?,
+        sent_by_another: false,
     })
 }
 
