@@ -23,6 +23,19 @@ use crate::stream::MessageStream;
 
 type Answer = Result<Response<v1::Session>, Status>;
 
+impl Service {
+    fn page_of_sessions(&self, request: &v1::ListSessionsRequest) -> Result<v1::ListSessionsResponse, Status> {
+        if !request.patch.is_empty() {
+            self.patch(&request.patch)?;
+        }
+        let wanted = |view: &Arc<SessionView>| request.patch.is_empty() || view.patch == request.patch;
+        let (sessions, next_page_token) =
+            page(&self.sessions(), request.page_size, &request.page_token, |view| view.number.to_string(), wanted)?;
+        let sessions = sessions.iter().map(|view| self.message(view)).collect();
+        Ok(v1::ListSessionsResponse { sessions, next_page_token })
+    }
+}
+
 #[tonic::async_trait]
 impl CalibrationService for Service {
     async fn start_session(&self, request: Request<v1::StartSessionRequest>) -> Answer {
@@ -81,15 +94,10 @@ impl CalibrationService for Service {
         &self,
         request: Request<v1::ListSessionsRequest>,
     ) -> Result<Response<v1::ListSessionsResponse>, Status> {
+        let caller = caller(&request)?;
         let request = request.into_inner();
-        if !request.patch.is_empty() {
-            self.patch(&request.patch)?;
-        }
-        let wanted = |view: &Arc<SessionView>| request.patch.is_empty() || view.patch == request.patch;
-        let (sessions, next_page_token) =
-            page(&self.sessions(), request.page_size, &request.page_token, |view| view.number.to_string(), wanted)?;
-        let sessions = sessions.iter().map(|view| self.message(view)).collect();
-        Ok(Response::new(v1::ListSessionsResponse { sessions, next_page_token }))
+        let (size, service) = (request.page_size, self.clone());
+        self.list(&caller, size, move || service.page_of_sessions(&request)).await
     }
 
     type ExportSamplesStream = MessageStream<v1::SampleBlock>;

@@ -21,6 +21,8 @@ impl Service {
         caller: &Caller,
         request: &v1::CompareModelSetsRequest,
     ) -> Result<v1::ModelSetComparison, Status> {
+        // Before the sets are read: whoever waits for the second holds the first.
+        let place = self.place(What::LargeAnswer, caller)?;
         let earlier = self.model_set(&request.earlier, &request.patch).await?;
         let later = self.model_set(&request.later, &request.patch).await?;
         if earlier.patch != later.patch {
@@ -30,7 +32,6 @@ impl Service {
                 format_args!("`{}` is for patch `{b}`, `{}` for `{a}`", later.id, earlier.id),
             ));
         }
-        let place = self.place(What::LargeAnswer, caller)?;
         let active = self.active(&earlier.patch);
         let (mut compared, _place) = aside(place, move || comparison(&earlier, &later)).await?;
         for set in [&mut compared.earlier, &mut compared.later].into_iter().flatten() {

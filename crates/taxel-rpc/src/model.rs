@@ -19,13 +19,8 @@ use crate::service::{Service, caller, line, strange_answer};
 use crate::shares::What;
 use crate::status::invalid;
 
-#[tonic::async_trait]
-impl ModelService for Service {
-    async fn list_model_sets(
-        &self,
-        request: Request<v1::ListModelSetsRequest>,
-    ) -> Result<Response<v1::ListModelSetsResponse>, Status> {
-        let request = request.into_inner();
+impl Service {
+    fn page_of_sets(&self, request: &v1::ListModelSetsRequest) -> Result<v1::ListModelSetsResponse, Status> {
         if !request.patch.is_empty() {
             self.patch(&request.patch)?;
         }
@@ -34,7 +29,20 @@ impl ModelService for Service {
         let (sets, next_page_token) =
             page(&catalogue.model_sets, request.page_size, &request.page_token, |set| set.id.clone(), wanted)?;
         let model_sets = sets.iter().map(|set| self.summary(set.summary())).collect();
-        Ok(Response::new(v1::ListModelSetsResponse { model_sets, next_page_token }))
+        Ok(v1::ListModelSetsResponse { model_sets, next_page_token })
+    }
+}
+
+#[tonic::async_trait]
+impl ModelService for Service {
+    async fn list_model_sets(
+        &self,
+        request: Request<v1::ListModelSetsRequest>,
+    ) -> Result<Response<v1::ListModelSetsResponse>, Status> {
+        let caller = caller(&request)?;
+        let request = request.into_inner();
+        let (size, service) = (request.page_size, self.clone());
+        self.list(&caller, size, move || service.page_of_sets(&request)).await
     }
 
     async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Result<Response<v1::ModelSet>, Status> {

@@ -16,6 +16,11 @@ pub(crate) fn page_size(size: u32) -> Result<usize, Status> {
     }
 }
 
+/// Whether making a page of so many items takes long enough to delay the streams.
+pub(crate) const fn is_long(size: u32) -> bool {
+    size as usize > SIZE_DEFAULT
+}
+
 /// A page of `items`, which are oldest first. Gives the items newest first, and the token of the next page or nothing.
 ///
 /// The token is the name of the last item shown: positions move when an item is deleted, names do not.

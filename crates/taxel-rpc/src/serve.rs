@@ -111,7 +111,7 @@ pub async fn serve_and_share(
     };
     let incoming = accept(listeners, &guard)?;
     let reporter = HealthReporter::new();
-    let service = Service::new(handle.clone(), limits.clone(), shares);
+    let service = Service::new(handle.clone(), limits.clone(), shares, Arc::clone(&refusals));
     let routes = routes(service, &reporter)?;
     share(SharedServices::new(gate.layer(routes.clone())));
     let server = server(&limits).layer(gate).add_routes(routes);

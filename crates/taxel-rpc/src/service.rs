@@ -11,13 +11,17 @@ use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
 use tokio::sync::Semaphore;
 use tokio::sync::{mpsc, oneshot};
-use tonic::{Code, Status};
+use tonic::{Code, Response, Status};
 
 use crate::access::caller::Caller;
+use crate::answers::with_place;
+use crate::aside::aside;
 use crate::audit_words;
 use crate::convert::Sending;
 use crate::handle::{Handle, Request};
 use crate::limits::Limits;
+use crate::page::is_long;
+use crate::refusals::Refusals;
 use crate::shares::{Place, Shares, What};
 use crate::status::{engine_stopped, invalid, of_rejection, shutting_down};
 
@@ -30,13 +34,14 @@ pub(crate) struct Service {
     pub(crate) handle: Handle,
     pub(crate) limits: Arc<Limits>,
     shares: Arc<Shares>,
+    pub(crate) refusals: Arc<Refusals>,
     /// Held while the store reads a page of the audit log.
     pub(crate) audit_reading: Arc<Semaphore>,
 }
 
 impl Service {
-    pub(crate) fn new(handle: Handle, limits: Limits, shares: Arc<Shares>) -> Self {
-        Self { handle, limits: Arc::new(limits), shares, audit_reading: Arc::new(Semaphore::new(1)) }
+    pub(crate) fn new(handle: Handle, limits: Limits, shares: Arc<Shares>, refusals: Arc<Refusals>) -> Self {
+        Self { handle, limits: Arc::new(limits), shares, refusals, audit_reading: Arc::new(Semaphore::new(1)) }
     }
 
     /// Position of the patch of this name; an empty name stands for the only one.
@@ -145,6 +150,20 @@ impl Service {
         self.shares.place(what, caller)
     }
 
+    /// A list, of which `make` makes the page: a long one beside the streams, and with a place of its own.
+    pub(crate) async fn list<M: Send + 'static>(
+        &self,
+        caller: &Caller,
+        page_size: u32,
+        make: impl FnOnce() -> Result<M, Status> + Send + 'static,
+    ) -> Result<Response<M>, Status> {
+        if !is_long(page_size) {
+            return make().map(Response::new);
+        }
+        let (page, place) = aside(self.place(What::LargeAnswer, caller)?, make).await?;
+        Ok(with_place(page?, place))
+    }
+
     /// Streams that are being served now.
     pub(crate) fn streams_open(&self) -> usize {
         self.shares.streams_open()
@@ -176,6 +195,7 @@ impl Service {
                 mpsc::error::TrySendError::Closed(_) => engine_stopped(),
             }
         })?;
+        let mut line = Line { caller, name, request, claimed, told: false };
         let limit = self.limits.command;
         let outcome = tokio::select! {
             answer = tokio::time::timeout(limit, answer) => match answer {
@@ -192,15 +212,49 @@ impl Service {
             },
             () = self.handle.shutdown.cancelled() => Err(shutting_down()),
         };
-        let (who, role, from) = (caller.who(), caller.role.map_or("none", |role| role.name()), caller.origin.place());
-        match &outcome {
-            Ok(_) => tracing::info!(command = name, request, who, role, from, claimed, "done"),
-            Err(status) => {
-                let (code, why) = (status.code(), status.message());
-                tracing::info!(command = name, request, who, role, from, claimed, ?code, why, "refused");
-            }
-        }
+        line.tell(Some(&outcome));
         outcome
+    }
+}
+
+/// The line of a command in the daemon's log. Whoever gave it may go away before the answer, and it is done all the same.
+struct Line<'a> {
+    caller: &'a Caller,
+    name: &'static str,
+    request: String,
+    claimed: String,
+    told: bool,
+}
+
+impl Line<'_> {
+    fn tell(&mut self, outcome: Option<&Result<Done, Status>>) {
+        let Self { caller, name: command, request, claimed, .. } = &*self;
+        let (who, role, from) = (caller.who(), caller.role.map_or("none", |role| role.name()), caller.origin.place());
+        match outcome {
+            Some(Ok(_)) => tracing::info!(command, request, who, role, from, claimed, "done"),
+            Some(Err(status)) => {
+                let (code, why) = (status.code(), status.message());
+                tracing::info!(command, request, who, role, from, claimed, ?code, why, "refused");
+            }
+            None => tracing::info!(
+                command,
+                request,
+                who,
+                role,
+                from,
+                claimed,
+                "asked for, and whoever asked went away before the answer: the audit log has what came of it"
+            ),
+        }
+        self.told = true;
+    }
+}
+
+impl Drop for Line<'_> {
+    fn drop(&mut self) {
+        if !self.told {
+            self.tell(None);
+        }
     }
 }
 

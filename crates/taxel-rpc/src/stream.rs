@@ -20,6 +20,7 @@ use tokio_util::sync::WaitForCancellationFutureOwned;
 use tonic::{Code, Status};
 
 use crate::access::caller::Caller;
+use crate::access::origin::PeerKey;
 use crate::convert::Sending;
 use crate::freshness::Freshness;
 use crate::service::Service;
@@ -57,6 +58,8 @@ struct Subscription<M> {
     unread_limit: Duration,
     last: Option<Told>,
     ended: bool,
+    /// Whose it is.
+    peer: PeerKey,
     /// Free again when the subscriber is gone.
     _place: Place,
 }
@@ -80,6 +83,7 @@ pub(crate) fn subscribe<M: Send + 'static>(
         last: None,
         ended: false,
         _place: service.stream_place(caller)?,
+        peer: caller.origin.key(),
         service: service.clone(),
     };
     Ok(Box::pin(stream::unfold(subscription, |mut subscription| async {
@@ -146,7 +150,10 @@ impl<M> Subscription<M> {
         if unread > self.unread_limit && waited(unread) > self.unread_limit {
             let (unread, limit) = (unread.as_secs_f64(), self.unread_limit.as_secs_f64());
             let text = format!("a value was left unread for {unread:.1} s, the limit is {limit} s; subscribe again");
-            tracing::warn!(patch = self.service.plan(self.patch).patch.name(), "subscriber cut off: {text}");
+            let patch = self.service.plan(self.patch).patch.name();
+            self.service
+                .refusals
+                .tell(("cut off", &self.peer), || format!("{}: subscriber to {patch} cut off: {text}", self.peer));
             return Err(Refusal::new(Code::Aborted, ErrorReason::ReaderTooSlow, text).into());
         }
         let sending = self.service.sending(self.patch, &snapshot, skipped);

@@ -49,13 +49,15 @@ pub(crate) fn size(connection: &Connection) -> rusqlite::Result<Size> {
 }
 
 /// The model sets that are to go, oldest first, each as the record that says so: never one that is active, nor one that
-/// the active one was made of by known loads.
+/// the active one was made of by known loads, nor one that an operator has yet to judge.
 #[must_use]
 pub fn sets_to_go(restored: &Restored, limits: &Retention) -> Vec<Record> {
     let wall_ns = wall_ns();
     let beyond = restored.model_sets.len().saturating_sub(limits.model_sets.unwrap_or(usize::MAX));
     let is_active = |id: &str| in_use(restored, Some(id));
-    let idle = restored.model_sets.iter().filter(|set| !is_active(&set.id));
+    let in_review = restored.sessions.iter().filter(|view| view.state == SessionState::Review);
+    let waits: BTreeSet<&str> = in_review.filter_map(|view| view.model_set.as_deref()).collect();
+    let idle = restored.model_sets.iter().filter(|set| !is_active(&set.id) && !waits.contains(&*set.id));
     idle.take(beyond).map(|set| Record::ModelSetDeleted { model_set: set.id.clone(), wall_ns }).collect()
 }
 

@@ -302,7 +302,8 @@ fn limits(config: &Config) -> Limits {
     let service = &config.service;
     Limits {
         streams: service.streams(),
-        streams_per_peer: service.subscribers_per_peer_max,
+        streams_per_peer: service.streams_of_one(),
+        connections_per_peer: service.connections_of_one(),
         connections: service.connections_max,
         ..Limits::default()
     }

@@ -10,6 +10,7 @@ use taxel_proto::v1::{
     Certificate, Event, GetCertificateRequest, ImportModelSetRequest, ImportModelSetResponse, ListEventsRequest,
     ListEventsResponse,
 };
+use taxel_skin::printable;
 use zenoh::Session;
 
 use crate::config::ZenohSection;
@@ -123,7 +124,7 @@ async fn answer<A: Message + Default>(
     };
     match reply.result() {
         Ok(sample) => A::decode(&*sample.payload().to_bytes()).with_context(|| format!("the answer at {key}")),
-        Err(refusal) => bail!("{robot}: {}", String::from_utf8_lossy(&refusal.payload().to_bytes())),
+        Err(refusal) => bail!("{robot}: {}", printable(&String::from_utf8_lossy(&refusal.payload().to_bytes()))),
     }
 }
 
@@ -144,7 +145,7 @@ fn kind(event: &Event) -> String {
 
 fn line(event: &Event, now_s: i64) -> String {
     let patch = if event.patch.is_empty() { "-" } else { &event.patch };
-    format!("{:>12}  {patch}  {}  {}\n", ago(now_s - time_s(event)), kind(event), event.text)
+    format!("{:>12}  {}  {}  {}\n", ago(now_s - time_s(event)), printable(patch), kind(event), printable(&event.text))
 }
 
 fn object(event: &Event) -> String {

@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use taxel_skin::printable;
+
 use crate::fleet::book::Row;
 
 const HEAD: [&str; 11] =
@@ -50,10 +52,12 @@ fn cells(row: &Row, now_s: i64) -> [String; HEAD.len()] {
     ]
 }
 
-/// The table, at the time `now_s` since 1970.
+/// The table, at the time `now_s` since 1970. Robots write into it what they like, but no other rows and nothing that a
+/// terminal obeys.
 pub fn text(rows: &[Row], now_s: i64) -> String {
-    let lines: Vec<_> =
-        std::iter::once(HEAD.map(str::to_owned)).chain(rows.iter().map(|row| cells(row, now_s))).collect();
+    let lines: Vec<_> = std::iter::once(HEAD.map(str::to_owned))
+        .chain(rows.iter().map(|row| cells(row, now_s).map(|cell| printable(&cell))))
+        .collect();
     let mut widths = [0; HEAD.len()];
     for line in &lines {
         for (width, cell) in widths.iter_mut().zip(line) {
@@ -100,6 +104,9 @@ mod tests {
         let gone = Row { robot: "r1".into(), here: false, force_n: None, state: "GONE".into(), ..row.clone() };
         let demo = text(&[Row { simulated: true, ..row.clone() }], 8_300);
         assert!(demo.lines().nth(1).unwrap().contains("OK, simulated  4.90 +- 0.21"), "{demo}");
+        let forged = "\nicub02  arm  OK  4.90 +- 0.10\u{1b}[2J".to_owned();
+        let forged = text(&[Row { reasons: vec![forged], ..row.clone() }], 8_300);
+        assert_eq!((forged.lines().count(), forged.contains('\u{1b}')), (2, false), "{forged}");
         let text = text(&[row, gone], 8_300);
         let lines: Vec<_> = text.lines().collect();
         assert_eq!(

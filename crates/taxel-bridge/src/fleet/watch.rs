@@ -7,6 +7,7 @@ use std::time::Duration;
 use prost::Message;
 use taxel_client::Moment;
 use taxel_proto::v1::{ForceSample, Health, ListModelSetsResponse, ModelSetSummary};
+use taxel_skin::printable;
 use tokio::sync::mpsc;
 use tokio::time::{Instant, MissedTickBehavior};
 use zenoh::Session;
@@ -27,6 +28,8 @@ const QUEUE: usize = 10_000;
 const MODELS_EVERY: Duration = Duration::from_secs(2);
 /// A robot that does not answer by then is asked again later.
 const MODELS_WITHIN: Duration = Duration::from_secs(2);
+/// A force sample has some hundred bytes, the health of a robot with ten buses some ten thousand.
+const MESSAGE_BYTES_MAX: usize = 256 << 10;
 /// Clears a terminal and goes to its upper left corner.
 const CLEAR: &str = "\x1b[2J\x1b[H";
 
@@ -126,7 +129,7 @@ impl View {
             if self.json {
                 print(&format!("{}\n", serde_json::json!({ "event": event, "robot": robot })))?;
             } else if !std::io::stdout().is_terminal() {
-                print(&format!("{robot} {event}\n"))?;
+                print(&format!("{} {event}\n", printable(robot)))?;
             }
         }
         Ok(())
@@ -139,7 +142,7 @@ impl View {
         else {
             return;
         };
-        match ForceSample::decode(&*sample.payload().to_bytes()) {
+        match decoded::<ForceSample>(sample) {
             Ok(force) => self.book.force(robot, patch, force, self.begun.elapsed()),
             Err(error) => tracing::warn!(key, "no force sample: {error}"),
         }
@@ -148,7 +151,7 @@ impl View {
     fn health(&mut self, sample: &Sample) {
         let key = sample.key_expr().as_str();
         let Some((robot, _)) = keys::split(key) else { return };
-        match Health::decode(&*sample.payload().to_bytes()) {
+        match decoded::<Health>(sample) {
             Ok(health) => self.book.health(robot, health, self.begun.elapsed()),
             Err(error) => tracing::warn!(key, "no health: {error}"),
         }
@@ -183,6 +186,15 @@ impl View {
         }
         print(&(told + &table::text(&rows, wall_ns() / 1_000_000_000)))
     }
+}
+
+/// What a robot says of itself, which is kept as long as the robot is known.
+fn decoded<M: Message + Default>(sample: &Sample) -> Result<M, String> {
+    let bytes = sample.payload().to_bytes();
+    if bytes.len() > MESSAGE_BYTES_MAX {
+        return Err(format!("{} bytes, expected at most {MESSAGE_BYTES_MAX}", bytes.len()));
+    }
+    M::decode(&*bytes).map_err(|error| error.to_string())
 }
 
 fn print(text: &str) -> anyhow::Result<()> {

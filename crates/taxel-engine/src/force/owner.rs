@@ -218,8 +218,8 @@ impl Force {
     ///
     /// Zero, faults and what hysteresis has done stay: a load may lie on the skin.
     pub fn set_areas(&mut self, areas: Vec<SquareMillimetre>, uncertainty: f64) {
+        self.model.set_areas(&areas, uncertainty);
         (self.plan.layout.areas, self.plan.layout.area_uncertainty) = (areas, uncertainty);
-        self.model = ForceModel::new(&self.plan.layout);
         self.tabulate();
     }
 

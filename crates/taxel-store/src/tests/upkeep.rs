@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use taxel_engine::Restored;
-use taxel_engine::calibration::SessionState;
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::model_set::{ModelSet, Recalibrated};
 use taxel_engine::record::Record;
 
@@ -93,6 +93,10 @@ fn a_set_stays_while_one_that_known_loads_made_of_it_is_in_use() {
         sets_to_go(restored, &none).into_iter().map(id).collect::<Vec<_>>()
     };
     assert_eq!(gone(&restored), std::slice::from_ref(&idle.id));
+    let judged =
+        SessionView { state: SessionState::Review, model_set: Some(idle.id.clone().into()), ..SessionView::default() };
+    let waiting = Restored { sessions: vec![Arc::new(judged)], ..restored.clone() };
+    assert_eq!(gone(&waiting), <Vec<String>>::new(), "an operator has yet to judge it");
     let earlier = Restored { active: vec![(PATCH.to_owned(), first.id.clone())], ..restored };
     assert_eq!(gone(&earlier), [second.id.clone(), third.id.clone(), idle.id.clone()]);
 }

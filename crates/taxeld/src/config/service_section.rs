@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 
 use serde::Deserialize;
+use taxel_rpc::Limits;
 
 use super::fault::Fault;
 
@@ -24,16 +25,22 @@ pub struct ServiceSection {
     pub low_latency: bool,
     /// Most streams at a time; absent, [`ServiceSection::streams`] says how many.
     pub subscribers_max: Option<usize>,
-    /// Of one peer: an account on the Unix socket, a certificate, or an address.
-    pub subscribers_per_peer_max: usize,
+    /// Of one peer: an account on the Unix socket, a certificate, or an address; absent, [`ServiceSection::streams_of_one`]
+    /// says how many.
+    pub subscribers_per_peer_max: Option<usize>,
     /// Most connections at a time.
     pub connections_max: usize,
 }
 
 impl Default for ServiceSection {
     fn default() -> Self {
-        let (listen, subscribers_max) = (None, None);
-        Self { listen, low_latency: false, subscribers_max, subscribers_per_peer_max: 100, connections_max: 128 }
+        Self {
+            listen: None,
+            low_latency: false,
+            subscribers_max: None,
+            subscribers_per_peer_max: None,
+            connections_max: 128,
+        }
     }
 }
 
@@ -43,11 +50,24 @@ impl ServiceSection {
         self.subscribers_max.unwrap_or(if self.low_latency { LOW_LATENCY_STREAMS_MAX } else { 128 })
     }
 
+    /// Most streams of one peer at a time.
+    pub fn streams_of_one(&self) -> usize {
+        let limits = Limits::default();
+        let some = of_one(self.streams(), limits.streams_reserved, limits.streams_per_peer);
+        self.subscribers_per_peer_max.unwrap_or(some)
+    }
+
+    /// Most connections of one peer at a time.
+    pub fn connections_of_one(&self) -> usize {
+        let limits = Limits::default();
+        of_one(self.connections_max, limits.connections_reserved, limits.connections_per_peer)
+    }
+
     /// What is wrong with the section, if anything is.
     pub fn problem(&self) -> Option<Fault> {
         let counts = [
             ("service.subscribers_max", self.streams()),
-            ("service.subscribers_per_peer_max", self.subscribers_per_peer_max),
+            ("service.subscribers_per_peer_max", self.streams_of_one()),
             ("service.connections_max", self.connections_max),
         ];
         if let Some((key, count)) = counts.into_iter().find(|(_, count)| !(1..=COUNT_MAX).contains(count)) {
@@ -62,9 +82,24 @@ impl ServiceSection {
     }
 }
 
+/// Of so many places in all, of which some are kept for operators: however few there are, one peer does not take all the others.
+fn of_one(all: usize, reserved: usize, most: usize) -> usize {
+    most.min((all - reserved.min(all / 2)) * 9 / 10).max(1)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn where_there_are_few_places_one_peer_does_not_take_them_all() {
+        let read = |text: &str| toml::from_str::<ServiceSection>(text).unwrap();
+        let of_one = |text: &str| (read(text).streams_of_one(), read(text).connections_of_one());
+        assert_eq!(of_one(""), (100, 96));
+        assert_eq!(of_one("low_latency = true").0, 21);
+        assert_eq!(of_one("subscribers_max = 2\nconnections_max = 20"), (1, 10));
+        assert_eq!(of_one("subscribers_max = 2\nsubscribers_per_peer_max = 2").0, 2, "as it says");
+    }
 
     #[test]
     fn with_low_latency_few_subscribe() {
