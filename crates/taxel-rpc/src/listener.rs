@@ -4,14 +4,11 @@ use std::io;
 use std::pin::Pin;
 use std::time::Duration;
 
-#[cfg(feature = "tls")]
 use futures_util::StreamExt;
 use futures_util::stream::{self, Stream};
 use tokio::net::{TcpListener, UnixListener};
 
-use crate::access::origin::Origin;
-#[cfg(feature = "tls")]
-use crate::access::origin::PeerKey;
+use crate::access::origin::{Account, Origin, PeerKey};
 use crate::guard::{Connection, Guard};
 #[cfg(feature = "tls")]
 use crate::shares::{NoPlace, What};
@@ -20,6 +17,9 @@ use crate::tls::Tls;
 
 /// A failed accept mostly means that file descriptors ran out; it is tried again after this pause.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+
+/// Accounts that the system is asked for at the same time.
+const LOOKED_UP_AT_ONCE: usize = 8;
 
 /// Where connections come from. The caller binds it, so that a taken address is reported at start.
 #[derive(Debug)]
@@ -59,11 +59,7 @@ fn incoming(listener: Listener, guard: Guard) -> io::Result<Incoming> {
         }
         Listener::Unix(listener) => {
             listener.set_nonblocking(true)?;
-            let listener = UnixListener::from_std(listener)?;
-            Box::pin(stream::unfold((listener, guard), |(listener, guard)| async {
-                let connection = next_unix(&listener, &guard).await;
-                Some((Ok(connection), (listener, guard)))
-            }))
+            Box::pin(with_accounts(UnixListener::from_std(listener)?, guard))
         }
         #[cfg(feature = "tls")]
         Listener::Tls(listener, tls) => {
@@ -98,15 +94,34 @@ async fn next_tcp(listener: &TcpListener, guard: &Guard) -> Connection {
     }
 }
 
-async fn next_unix(listener: &UnixListener, guard: &Guard) -> Connection {
-    loop {
-        let Some((stream, _)) = accepted(listener.accept().await).await else { continue };
-        let Some(peer) = accepted(stream.peer_cred()).await else { continue };
-        let account = guard.access.accounts().of(peer.uid(), peer.gid()).await;
-        if let Some(connection) = guard.let_in(Box::new(stream), Origin::Unix(account, peer.pid())) {
-            return connection;
+/// Accounts are looked up side by side: the system may ask a server for one, and the others must not wait for that.
+fn with_accounts(listener: UnixListener, guard: Guard) -> impl Stream<Item = io::Result<Connection>> {
+    let arrivals = stream::unfold(listener, |listener| async {
+        loop {
+            let Some((stream, _)) = accepted(listener.accept().await).await else { continue };
+            if let Some(peer) = accepted(stream.peer_cred()).await {
+                return Some(((stream, peer), listener));
+            }
         }
-    }
+    });
+    let looked_up = arrivals.map(move |(stream, peer)| {
+        let guard = guard.clone();
+        async move {
+            let account = guard.access.accounts().of(peer.uid(), peer.gid());
+            let account = match tokio::time::timeout(guard.limits.preface, account).await {
+                Ok(account) => account,
+                Err(_) => {
+                    let key = PeerKey::User(peer.uid());
+                    guard.refusals.tell(("account", &key), || {
+                        format!("{key}: the system does not say who that is: taken for one without name and groups")
+                    });
+                    Account::nameless(peer.uid()).into()
+                }
+            };
+            guard.let_in(Box::new(stream), Origin::Unix(account, peer.pid()))
+        }
+    });
+    looked_up.buffer_unordered(LOOKED_UP_AT_ONCE).filter_map(|connection| std::future::ready(connection.map(Ok)))
 }
 
 /// Handshakes side by side: how many there are is bounded by the guard, which evicts.

@@ -41,8 +41,7 @@ impl Accounts {
             return account;
         }
         let looked_up = tokio::task::spawn_blocking(move || look_up(uid, gid)).await;
-        let nobody = |_| Account { uid, user: None, groups: Vec::new() };
-        let account = Arc::new(looked_up.unwrap_or_else(nobody));
+        let account = Arc::new(looked_up.unwrap_or_else(|_| Account::nameless(uid)));
         let mut asked = self.asked();
         if asked.known.len() >= ACCOUNTS_MAX {
             asked.known.clear();
@@ -67,7 +66,7 @@ impl Accounts {
 
 fn look_up(uid: u32, gid: u32) -> Account {
     if hidden().is_some_and(|[user, _]| user == uid) {
-        return Account { uid, user: None, groups: Vec::new() };
+        return Account::nameless(uid);
     }
     let user = User::from_uid(Uid::from_raw(uid)).ok().flatten();
     let listed = user.as_ref().and_then(|user| {

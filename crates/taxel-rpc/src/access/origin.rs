@@ -15,6 +15,13 @@ pub(crate) struct Account {
     pub(crate) groups: Vec<String>,
 }
 
+impl Account {
+    /// One of which nothing but its number is known.
+    pub(crate) const fn nameless(uid: u32) -> Self {
+        Self { uid, user: None, groups: Vec::new() }
+    }
+}
+
 /// What a client certificate that was verified says.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Certificate {
