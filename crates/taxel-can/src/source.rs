@@ -1,4 +1,4 @@
-//! One bus as the rest of the house sees it.
+//! One bus as the daemon sees it.
 
 use std::fmt;
 use std::future::Future;

@@ -1,4 +1,4 @@
-//! The few system calls that no crate offers in a safe form. All `unsafe` of the workspace is in this file.
+//! The few system calls that no crate offers in a safe form. All `unsafe` of this crate is in this file.
 
 use std::io;
 use std::mem;

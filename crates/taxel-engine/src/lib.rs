@@ -3,8 +3,9 @@
 //! Principles:
 //! 1. No I/O, no clock, no runtime: [`Now`] is part of every call, so that the live bus, a log replay and the simulator
 //!    run the very same engine, and a replay gives bit-identical results every time.
-//! 2. A fact has one owner with private fields, which takes values and returns values. No organ knows another.
-//! 3. Only [`patch`](self) knows all organs of a patch, and only [`engine`] all patches.
+//! 2. A fact has one owner with private fields, which takes values and returns values. A folder that owns one kind of fact is
+//!    an *organ*; none knows another.
+//! 3. Only `patch` knows all organs of a patch, and only [`engine`] all patches.
 //! 4. A force goes out as a good one only while its zero is proven: see [`zero`].
 //! 5. What an operator asks for takes effect when it is on disk: see [`engine::pending`].
 //! 6. Within the crate a file imports from the file that defines an item; no files import each other in a circle.

@@ -27,12 +27,6 @@ pub struct Scan<'a> {
 }
 
 impl Scan<'_> {
-    /// The count of a taxel that may be believed, in units.
-    #[must_use]
-    pub fn sound_count(&self, taxel: usize) -> Option<f64> {
-        self.counts.units(taxel).filter(|_| self.sound.get(taxel).is_some_and(|sound| *sound))
-    }
-
     /// The counts of all taxels in units, `None` for those that may not be believed.
     pub fn sound_counts(&self) -> impl Iterator<Item = Option<f64>> {
         self.counts.iter_units().zip(self.sound).map(|(count, &sound)| sound.then_some(count))

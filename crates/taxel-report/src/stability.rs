@@ -1,5 +1,5 @@
-//! Section `stability`: the suite of, stiff, extreme and broken cases, as the crates keep it whose guarantees they are; here
-//! with what others make of the same samples.
+//! Section `stability`: the suite of stiff, extreme and broken cases that taxel-model and taxel-engine keep, with what other
+//! methods make of the same samples.
 
 use taxel_model::stability::case::{Case, Contest, Outcome, Problem};
 use taxel_model::{FitOptions, Samples, TaxelModel, fit};

@@ -1,4 +1,4 @@
-//! A CAN frame as the rest of the house knows it, independent of any socket library.
+//! A CAN frame as all crates know it, independent of any socket library.
 
 use std::fmt;
 use taxel_skin::Time;

@@ -25,8 +25,8 @@ const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 /// What can be asked of the paper's figures.
 #[derive(Debug, clap::Args)]
 pub struct PaperArgs {
-    /// A recording (`t_s,pressure_kpa,c0,...`), a log as candump -l writes it, both plain or .gz, or a store
-    /// [default: a simulated forearm].
+    /// A recording (`t_s,pressure_kpa,c0,...`) or a log as candump -l writes it, both plain or .gz, a recording of the daemon
+    /// (.mcap) or a folder of these, or a store [default: a simulated forearm].
     data: Option<PathBuf>,
     /// Folder for the page, its pictures and tables; made if it is not there.
     #[arg(long, value_name = "DIR")]

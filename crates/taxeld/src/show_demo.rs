@@ -54,7 +54,7 @@ pub struct DemoArgs {
     no_fill: bool,
     /// Only say what the force error is made of: a table over what makes a real skin worse than an ideal one, each by
     /// itself and all together, beside the paper's recipe. Takes a minute for ten skins.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["svg", "bare", "listen", "shared_memory"])]
     effects: bool,
     /// Draw measured against true force as a picture.
     #[arg(long, value_name = "FILE")]

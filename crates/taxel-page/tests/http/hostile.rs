@@ -282,12 +282,15 @@ async fn who_reads_nothing_is_cut_off_and_its_place_is_free_again() {
     daemon.engine.patch(0, snapshot(1));
     let events = daemon.stream("/taxel.v1.SkinService/StreamTaxels").await;
     let stalled = events.lines;
-    for sequence in 2..u64::MAX {
-        daemon.engine.patch(0, snapshot(sequence));
-        tokio::task::yield_now().await;
-        if sequence % 100 == 0 && daemon.post(GET_FORCE, "{}").await.status == 200 {
-            break;
+    let freed = async {
+        for sequence in 2.. {
+            daemon.engine.patch(0, snapshot(sequence));
+            tokio::task::yield_now().await;
+            if sequence % 100 == 0 && daemon.post(GET_FORCE, "{}").await.status == 200 {
+                break;
+            }
         }
-    }
+    };
+    tokio::time::timeout(PATIENCE, freed).await.expect("its place is never free");
     drop(stalled);
 }
