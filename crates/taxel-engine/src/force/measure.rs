@@ -102,6 +102,9 @@ impl Touch {
     }
 }
 
+/// A taxel has so many others about it at most, on skins of triangles.
+const NEIGHBOURS_MAX: usize = 6;
+
 impl ForceModel {
     /// Parts that geometry does not allow are left out here, once.
     #[must_use]
@@ -247,11 +250,13 @@ impl ForceModel {
     }
 
     /// Without positions excluded taxels are beside those of their module: the touched module with most of them for each
-    /// taxel that is touched.
+    /// taxel that is touched. Where no more are touched than may lie about them, the tip of the contact may lie amid these.
     fn rim_of_modules(&self, active: &[(usize, f64)], selected: &[bool]) -> Rim {
         let rim = |range: &Range<usize>| {
             let touched = active.iter().filter(|(taxel, _)| range.contains(taxel)).count();
-            Rim { without: range.clone().filter(|&taxel| !selected[taxel]).count(), touched, beyond: 0 }
+            let without = range.clone().filter(|&taxel| !selected[taxel]).count();
+            let beyond = if touched <= NEIGHBOURS_MAX * without { without } else { 0 };
+            Rim { without, touched, beyond }
         };
         let touched = self.modules.iter().map(rim).filter(|rim| rim.touched > 0);
         touched.max_by(|a, b| (a.without * b.touched).cmp(&(b.without * a.touched))).unwrap_or_default()

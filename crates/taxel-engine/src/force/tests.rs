@@ -2,6 +2,7 @@
 //! small skin for all tests of the force: taxels whose counts fall from 240 by one a kilopascal.
 
 use proptest::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 use taxel_model::{Accumulator, Estimator, FitOptions, FixedPressure, Flag, TaxelModel};
@@ -244,10 +245,18 @@ fn a_taxel_with_a_fault_beside_the_contact_that_reads_a_load_makes_the_total_a_l
     for geometry in [Some(row(TAXELS)), None] {
         let (state, reasons, bound) = Skin::new(geometry).press(20..24, 30).press(24..25, 200).fault(24).verdict();
         let text = "1 taxels have a fault and may bear more than is read: the total is a lower bound";
-        assert_eq!((state, reasons, bound), (ForceState::Degraded, vec![text.to_owned()], true));
+        assert_eq!((state, reasons[0].as_str(), bound), (ForceState::Degraded, text, true));
     }
     let (state, reasons, bound) = Skin::new(Some(row(TAXELS))).press(75..76, 200).fault(75).verdict();
     assert_eq!((state, reasons, bound), (ForceState::Ok, vec![], true), "a tip on it alone");
+}
+
+/// Found by the simulation with two patches, seed 2041392: 2 N on a taxel that was not selected, of which its neighbours felt 0.6 N.
+#[test]
+fn without_positions_a_contact_on_few_taxels_of_a_module_with_one_that_cannot_be_read_is_a_lower_bound() {
+    let bound = |touched: Range<usize>| Skin::new(None).press(touched, 30).fault(29).verdict().2;
+    assert!(bound(20..24) && bound(20..26));
+    assert!(!bound(20..27), "more than lie about one");
 }
 
 /// Found by the simulation, seed 1043330: another node sent for the four taxels that bore the load, and every other scan read

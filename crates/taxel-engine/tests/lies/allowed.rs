@@ -11,6 +11,9 @@ pub const HEARD_LATE: &str = "; heard late";
 /// A daemon found that a board's zero holds a load, and stopped before that was on disk.
 pub const FORGOTTEN: &str = "; found and not written down";
 
+/// What the name of a lie ends with that is told of a skin without positions, some of whose taxels cannot be read.
+pub const UNPLACED: &str = "; without positions";
+
 /// How a name begins and what it has, and why nothing in the frames shows the lie when it is told.
 const ALLOWED: &[(&str, &str, &str)] = &[
     (
@@ -38,6 +41,12 @@ const ALLOWED: &[(&str, &str, &str)] = &[
     ("board at another period", HEARD_LATE, "As lost frames: a board may send seldom, and is silent after 150 ms."),
     ("engine stalled", HEARD_LATE, "As lost frames: what waits for the engine is older by as much."),
     ("frames held back, then all at once", HEARD_LATE, "As an engine that stalled."),
+    (
+        "no fault",
+        UNPLACED,
+        "Where positions are not known, nobody knows which taxels lie beside one that cannot be read. A total is a lower bound \
+         where few taxels of its module are touched; a fingertip on it may touch none of these, and some of another module.",
+    ),
     (
         "",
         FORGOTTEN,

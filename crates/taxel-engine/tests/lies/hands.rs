@@ -96,6 +96,16 @@ impl Hands {
         }
     }
 
+    /// On skins of two patches some loads are fingertips: radii of 4 to 10 mm, 10 N at most.
+    fn or_finger(&mut self, stage: &Stage, kilogram: f64, area: f64) -> (f64, f64) {
+        let may_be_one = stage.house.parts.len() > 1;
+        if may_be_one && self.dice.chance(0.3) {
+            (kilogram.min(1.0), self.dice.octaves(50.0, 300.0))
+        } else {
+            (kilogram, area)
+        }
+    }
+
     fn anywhere(&mut self, stage: &Stage, patch: usize) -> TaxelIndex {
         let taxels = &stage.house.parts[patch].taxels;
         taxels[self.dice.below(taxels.len())]
@@ -103,6 +113,7 @@ impl Hands {
 
     fn put(&mut self, stage: &mut Stage, over: Duration) {
         let (kilogram, area) = (self.dice.octaves(0.01, 3.0), self.dice.octaves(300.0, 6000.0));
+        let (kilogram, area) = self.or_finger(stage, kilogram, area);
         let patch = self.some_patch(stage);
         let centre = self.anywhere(stage, patch);
         let stretch = self.dice.octaves(0.5, 2.0);

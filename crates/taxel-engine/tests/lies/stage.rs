@@ -29,6 +29,8 @@ pub struct Stage {
     pub house: &'static House,
     /// The patch whose force is judged.
     pub watched: usize,
+    /// Whether the positions of its taxels are known to the daemon.
+    pub has_positions: bool,
     pub world: World,
     pub daemon: Daemon,
     pub suspects: Suspects,
@@ -53,11 +55,18 @@ pub struct Stage {
 
 impl Stage {
     /// Those that are `cleared` name no lie.
-    pub fn new(house: &'static House, watched: usize, world: World, daemon: Daemon, cleared: Kinds) -> Self {
+    pub fn new(
+        house: &'static House,
+        (watched, has_positions): (usize, bool),
+        world: World,
+        daemon: Daemon,
+        cleared: Kinds,
+    ) -> Self {
         let begin = world.now();
         Self {
             house,
             watched,
+            has_positions,
             world,
             daemon,
             suspects: Suspects::new(begin, cleared),

@@ -7,7 +7,7 @@ use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 use taxel_skin::Time;
 
-use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART, is_allowed};
+use crate::allowed::{CHANCE_N, FORGOTTEN, HEARD_LATE, MODULES_APART, UNPLACED, is_allowed};
 use crate::daemon::Daemon;
 use crate::dice::Dice;
 use crate::hands::Hands;
@@ -114,13 +114,16 @@ impl Story {
         let listens_only = dice.chance(0.5);
         let scenes = house.parts.iter().map(|part| part.scene(listens_only, &mut dice)).collect();
         let plan = Arc::new(Plan { buses: 1, patches: scenes });
+        let scene = &plan.patches[watched];
+        let has_positions = scene.geometry.is_some();
+        let scene = format!("fill: {}, positions: {}", scene.outputs.fill, scene.geometry.is_some());
         let begins_loaded = dice.chance(0.12);
         let now = world.now();
         let store = Store::with(house.parts.iter().map(|part| Arc::clone(&part.set)).collect());
         let daemon = Daemon::new(plan, store, root.of(2), now);
-        let mut stage = Stage::new(house, watched, world, daemon, cleared);
+        let mut stage = Stage::new(house, (watched, has_positions), world, daemon, cleared);
         stage.tell(format!(
-            "seed {seed}: skin {number}, patch `{}`, {:.0} s, listens only: {listens_only}",
+            "seed {seed}: skin {number}, patch `{}`, {:.0} s, listens only: {listens_only}, {scene}",
             stage.part().name(),
             length.as_secs_f64()
         ));
@@ -279,7 +282,9 @@ fn name(
     };
     let size = if lie.excess_n < little_n { " by a little" } else { "" };
     let forgotten = if forgotten && RETARES.iter().any(|kind| kind.name() == root) { FORGOTTEN } else { "" };
-    (from, format!("{root}; {load}; {way}{size}{apart}{forgotten}"))
+    let unplaced = from.is_none() && lie.too_little && !stage.has_positions && snapshot.force.excluded > 0;
+    let unplaced = if unplaced { UNPLACED } else { "" };
+    (from, format!("{root}; {load}; {way}{size}{apart}{forgotten}{unplaced}"))
 }
 
 /// Whether a statement would be true if each module had been read at another moment of what a sample may be of, or of what
