@@ -10,8 +10,10 @@ const EVERY_MS = 1000;
 
 export function health(signal) {
   const body = el("div.stack");
-  const actions = el("div.row", tareButton(), button("Configure the boards again", async () => {
-    if (await sure("Configure the boards again? The zero is lost by it.", "Configure them")) await call("SkinService/BringUp", { patch: state.patch });
+  const by = el("input", { maxLength: 200, placeholder: "nobody: the counts must show it", name: "by" });
+  const actions = el("div.row", el("label", "Nothing touches the skin, says", by), tareButton(() => by.value), button("Configure the boards again", async () => {
+    const request = { patch: state.patch, confirmedBy: by.value };
+    if (await sure("Configure the boards again? The zero is lost by it.", "Configure them")) await call("SkinService/BringUp", request);
   }, { kind: "danger", id: "bring-up" }));
   const update = async () => {
     try {

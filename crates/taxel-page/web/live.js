@@ -84,8 +84,8 @@ function lastMinute() {
 }
 
 /** The button that takes the zero. */
-export function tareButton() {
-  const work = () => call("SkinService/Tare", { patch: state.patch });
+export function tareButton(vouches = () => "") {
+  const work = () => call("SkinService/Tare", { patch: state.patch, confirmedBy: vouches() });
   return button("Tare", work, { id: "tare", title: "Nothing may touch the skin", done: (zero) => `zero taken: ${zero.reason ?? ""}` });
 }
 

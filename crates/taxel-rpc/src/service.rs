@@ -217,7 +217,7 @@ impl Service {
     }
 }
 
-/// The line of a command in the daemon's log. Whoever gave it may go away before the answer, and it is done all the same.
+/// The line of a command in the daemon's log. Whoever gave it may go away before the answer: most are done all the same.
 struct Line<'a> {
     caller: &'a Caller,
     name: &'static str,
@@ -243,7 +243,7 @@ impl Line<'_> {
                 role,
                 from,
                 claimed,
-                "asked for, and whoever asked went away before the answer: the audit log has what came of it"
+                "asked for, and whoever asked went away before the answer: `taxeld audit` says what came of it"
             ),
         }
         self.told = true;

@@ -83,7 +83,7 @@ pub(crate) fn subscribe<M: Send + 'static>(
         last: None,
         ended: false,
         _place: service.stream_place(caller)?,
-        peer: caller.origin.key(),
+        peer: caller.key(),
         service: service.clone(),
     };
     Ok(Box::pin(stream::unfold(subscription, |mut subscription| async {

@@ -46,7 +46,7 @@ mod writer;
 pub use error::{Quarantined, StoreError};
 pub use maintenance::{Checked, Compacted, check, compact};
 pub use readers::{AuditReader, SamplesReader, SetReader, SizeReader};
-pub use retention::{Retention, Size, session_to_go, sets_to_go};
+pub use retention::{Retention, Size, session_to_go, sets_to_go, to_be_judged};
 pub use work::{
     Batch, Durability, OnAudit, OnDurable, OnModelSet, OnSamples, OnSize, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull,
 };

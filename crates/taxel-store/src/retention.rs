@@ -5,7 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use rusqlite::Connection;
 use taxel_engine::Restored;
-use taxel_engine::calibration::SessionState;
+use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::known_set::KnownSet;
 use taxel_engine::record::Record;
 
@@ -55,10 +55,25 @@ pub fn sets_to_go(restored: &Restored, limits: &Retention) -> Vec<Record> {
     let wall_ns = wall_ns();
     let beyond = restored.model_sets.len().saturating_sub(limits.model_sets.unwrap_or(usize::MAX));
     let is_active = |id: &str| in_use(restored, Some(id));
-    let in_review = restored.sessions.iter().filter(|view| view.state == SessionState::Review);
-    let waits: BTreeSet<&str> = in_review.filter_map(|view| view.model_set.as_deref()).collect();
+    let waits = to_be_judged(restored);
     let idle = restored.model_sets.iter().filter(|set| !is_active(&set.id) && !waits.contains(&*set.id));
     idle.take(beyond).map(|set| Record::ModelSetDeleted { model_set: set.id.clone(), wall_ns }).collect()
+}
+
+/// The model sets that an operator has yet to judge: those of sessions that are in review and came after the one whose set
+/// is active. One before it is in review again since its set went out of use.
+#[must_use]
+pub fn to_be_judged(restored: &Restored) -> BTreeSet<&str> {
+    let active_since = |patch: &str| {
+        let is_active = |view: &SessionView| {
+            let mut active = restored.active.iter().filter(|(of, _)| of == patch);
+            active.any(|(_, set)| Some(set.as_str()) == view.model_set.as_deref())
+        };
+        restored.sessions.iter().filter(|view| is_active(view)).map(|view| view.number).max()
+    };
+    let in_review = restored.sessions.iter().filter(|view| view.state == SessionState::Review);
+    let waits = in_review.filter(|view| active_since(&view.patch).is_none_or(|active| view.number > active));
+    waits.filter_map(|view| view.model_set.as_deref()).collect()
 }
 
 /// The session that goes next, if one must: never the newest of a patch, nor one whose models are in use or that waits

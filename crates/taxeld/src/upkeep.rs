@@ -5,12 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use taxel_engine::Restored;
-use taxel_engine::calibration::SessionState;
 use taxel_engine::catalogue::Catalogue;
 use taxel_engine::command::Command;
 use taxel_engine::record::Record;
 use taxel_rpc::Handle;
-use taxel_store::{Retention, Size, SizeReader, session_to_go, sets_to_go};
+use taxel_store::{Retention, Size, SizeReader, session_to_go, sets_to_go, to_be_judged};
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
@@ -62,10 +61,10 @@ fn held(catalogue: &Catalogue) -> Restored {
 /// patch that is not in the configuration now.
 fn spared(catalogue: &Catalogue) -> BTreeSet<String> {
     let newest: BTreeMap<_, _> = catalogue.model_sets.iter().map(|set| (&set.patch, &set.id)).collect();
-    let in_review = catalogue.sessions.iter().filter(|view| view.state == SessionState::Review);
     let is_served = |patch: &str| catalogue.active.iter().any(|(served, _)| served == patch);
     let elsewhere = catalogue.model_sets.iter().filter(|set| !is_served(&set.patch)).map(|set| set.id.clone());
-    let judged_later = in_review.filter_map(|view| view.model_set.as_deref().map(str::to_owned));
+    let held = held(catalogue);
+    let judged_later = to_be_judged(&held).into_iter().map(str::to_owned);
     newest.into_values().cloned().chain(judged_later).chain(elsewhere).collect()
 }
 
@@ -100,7 +99,7 @@ mod tests {
     use std::sync::Arc;
 
     use taxel_engine::baseline::TaxelBaseline;
-    use taxel_engine::calibration::SessionView;
+    use taxel_engine::calibration::{SessionState, SessionView};
     use taxel_engine::model_set::ModelSet;
     use taxel_model::{Accumulator, FitOptions};
     use taxel_rpc::{Clocks, handle::channel};

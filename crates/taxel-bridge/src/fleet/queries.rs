@@ -13,8 +13,8 @@ use crate::fleet::keys;
 use crate::fleet::robot::protobuf;
 use crate::link::tried;
 
-/// Most model sets that a daemon has; all fit on one page.
-const SETS_MAX: u32 = 1000;
+/// Sets on a page; longer ones need a place at the daemon.
+const PAGE: u32 = 100;
 /// Questions that may wait at a key. Beyond that the oldest is given up: a full queue must not hold up Zenoh, which
 /// receives everything else on the same thread.
 const WAITING_MAX: usize = 8;
@@ -29,13 +29,21 @@ pub async fn models(session: Session, robot: String, daemon: Daemon) -> anyhow::
     let asked = Asked::at(&session, keys::models(&robot), "taxel.v1.ListModelSetsResponse").await?;
     loop {
         let (query, _) = asked.next::<ListModelSetsRequest>().await?;
-        let all = ListModelSetsRequest { page_size: SETS_MAX, ..ListModelSetsRequest::default() };
-        let sets = answered(daemon.models().list_model_sets(all)).await;
-        let in_use = |sets: ListModelSetsResponse| ListModelSetsResponse {
-            model_sets: sets.model_sets.into_iter().filter(|set| set.active).collect(),
-            ..ListModelSetsResponse::default()
-        };
-        asked.reply(&query, sets.map(in_use)).await;
+        asked.reply(&query, in_use(&daemon).await).await;
+    }
+}
+
+/// Those in use, of all that the daemon has, in pages that need no place of their own there.
+async fn in_use(daemon: &Daemon) -> Result<ListModelSetsResponse, String> {
+    let (mut model_sets, mut page_token) = (Vec::new(), String::new());
+    loop {
+        let request = ListModelSetsRequest { page_size: PAGE, page_token, ..ListModelSetsRequest::default() };
+        let page = answered(daemon.models().list_model_sets(request)).await?;
+        model_sets.extend(page.model_sets.into_iter().filter(|set| set.active));
+        page_token = page.next_page_token;
+        if page_token.is_empty() {
+            return Ok(ListModelSetsResponse { model_sets, ..ListModelSetsResponse::default() });
+        }
     }
 }
 

@@ -159,6 +159,11 @@ impl Calibration {
             return Err(Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()));
         };
         let next = commanded(session.view().number, session.view().state, command)?;
+        if session.is_void() && matches!(command, Trigger::FinishRamp | Trigger::StartRamp) {
+            let (number, why) = (session.view().number, &session.view().reason);
+            let why = format!("what session {number} gathered is not fitted: {why}");
+            return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
+        }
         match command {
             Trigger::FinishRamp if session.turn(now.time) => self.tell(now, gauge, events),
             Trigger::FinishRamp => self.fit(now, gauge, events),
@@ -191,6 +196,12 @@ impl Calibration {
         let ramp = session.begin_ramp(now, baseline, gauge);
         events.push(CalibrationEvent::Record(ramp));
         self.tell(now, gauge, events);
+    }
+
+    /// The zero of the first ramp of the session, which its models will refer to.
+    #[must_use]
+    pub fn rest(&self) -> Option<&[TaxelBaseline]> {
+        self.session.as_ref()?.samples().ramps.first().map(|ramp| ramp.taxels.as_slice())
     }
 
     /// The zero that was wanted could not be taken: the session goes on watching until its patience ends.
@@ -248,8 +259,10 @@ impl Calibration {
             Progress::RampEnded => self.fit(now, gauge, events),
             Progress::Void => {
                 let reason = session.view().reason.clone();
-                if let Some(discarded) = transition(session.view().state, Trigger::Void) {
-                    self.enter(now, discarded, reason, gauge, events);
+                // The models of earlier ramps are good, and may be in use.
+                let trigger = if session.view().model_set.is_some() { Trigger::Hopeless } else { Trigger::Void };
+                if let Some(ended) = transition(session.view().state, trigger) {
+                    self.enter(now, ended, reason, gauge, events);
                 }
             }
             Progress::Failed => {

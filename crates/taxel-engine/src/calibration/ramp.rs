@@ -18,6 +18,9 @@ const RATE_MIN_KPA_PER_S: f64 = 0.02;
 /// A gauge that has jumped and is not back after so long was wrong before or is wrong now, and so is the ramp.
 const JUMPED_MAX: Duration = Duration::from_secs(1);
 
+/// A vented bag has hardly more, kPa above what the gauge reads then.
+const VENTED_KPA: f64 = 2.0;
+
 /// One ramp's progress.
 #[derive(Clone, Debug)]
 pub struct Ramp {
@@ -58,12 +61,13 @@ impl Ramp {
     }
 
     /// Why nothing of the ramp can be trusted, if that is so: the gauge has jumped since it began, and is not back at `time`
-    /// and has not been for a second.
+    /// and has not been for a second. A fall to what a vented bag has is that: a slow gauge sees one in a single step.
     #[must_use]
     pub fn why_void(&self, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> Option<String> {
         let since = self.gauge_zero?;
         let off = self.off_since.is_some_and(|since| time.since(since) > JUMPED_MAX);
-        off.then(|| {
+        let vented = self.reached > limits.vented_below.0 && gauge.newest().is_some_and(|(_, kpa)| kpa.0 < VENTED_KPA);
+        (off && !vented).then(|| {
             let steepest = steepest_kpa_per_s(limits);
             let (jumped, stepped) = (gauge.jumped(since, time, steepest), gauge.stepped(since, time, steepest));
             let jumped = if jumped.abs() >= stepped.abs() { jumped } else { stepped };
@@ -247,6 +251,22 @@ mod tests {
                 }
             }
             assert!(late == 0 && void.is_some(), "{jump} kPa at {every_ms} ms: {late} entered, {void:?}");
+        }
+    }
+
+    #[test]
+    fn a_bag_that_is_vented_between_two_readings_of_a_slow_gauge_is_no_jump() {
+        let (mut gauge, limits) = (GaugeHistory::default(), SessionLimits::default());
+        let mut ramp = Ramp::new(ms(0), Direction::Rising, Some(ms(0)));
+        for t in (0..30_000).step_by(50) {
+            if t % 200 == 0 {
+                gauge.push(ms(t), Kilopascal(if t < 20_000 { t as f64 * 1e-3 } else { 0.1 }));
+            }
+            if t >= 500 {
+                let gate = ramp.judge(ms(t), ms(t - 500), &gauge, &limits);
+                assert!(t < 21_000 || !enters(gate), "{gate:?} at {t} ms");
+                assert_eq!(ramp.why_void(ms(t - 500), &gauge, &limits), None, "at {t} ms");
+            }
         }
     }
 

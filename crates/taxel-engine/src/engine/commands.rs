@@ -131,7 +131,7 @@ impl Engine {
                 patch.check_unloaded()?;
             }
         }
-        group.iter().for_each(|&member| self.patches[member].is_asked_anew());
+        group.iter().for_each(|&member| self.patches[member].is_asked_anew(member == index));
         // That which it was asked for comes last: with it all may be configured.
         let others = group.into_iter().filter(|&member| member != index);
         for member in others.chain([index]).collect::<Vec<_>>() {

@@ -248,9 +248,7 @@ impl Patch {
         // In time for a look at the boards, unless a session watches them already.
         self.without_look &= self.intake.newest().is_some() || self.zero.watching().is_some();
         self.force.set_models(set, self.zero.residue_counts());
-        if self.zero.in_force().is_none() {
-            self.force.set_zero(None, 0.0); // there may be one for other models
-        }
+        self.force.move_zero(self.zero.in_force(), self.zero.without_drift()); // it may be one for other models
         self.force.set_hidden(self.zero.hidden(), self.zero.vouched());
         self.zero.weigh(|| self.force.newton_per_count());
         self.dirty = true;

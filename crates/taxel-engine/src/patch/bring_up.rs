@@ -104,9 +104,10 @@ impl Patch {
         [least, least + self.plan.period]
     }
 
-    /// It is asked for anew: what was said or seen before does not count any more.
-    pub const fn is_asked_anew(&mut self) {
-        self.ready = None;
+    /// It is asked for anew: what was seen before does not count any more. What somebody vouched for does, as long as it
+    /// lasts, unless it is `of_this` patch.
+    pub fn is_asked_anew(&mut self, of_this: bool) {
+        self.ready.take_if(|(ready, _)| of_this || *ready != Ready::Vouched);
     }
 
     /// What a look found is too old: it is looked again, with the patches that share a board.
@@ -145,7 +146,8 @@ impl Patch {
         if self.bring_up_waits {
             self.begin_bring_up(now, effects);
         } else {
-            self.on_boards_ready(now.time, if confirmed { Ready::Vouched } else { Ready::Unseen }, effects);
+            let before = self.ready.map_or(Ready::Unseen, |(ready, _)| ready); // it may have been vouched for
+            self.on_boards_ready(now.time, if confirmed { Ready::Vouched } else { before }, effects);
         }
     }
 

@@ -34,6 +34,9 @@ impl Patch {
                     effects.out.push(Output::Record(Record::Tared { patch, tare, baseline: baseline.clone() }));
                     if matches!(purpose, Purpose::Session { .. }) {
                         self.calibration.on_zero_taken(now, baseline, self.intake.gauge(), &mut follows);
+                        if let Some(rest) = self.calibration.rest() {
+                            self.zero.note_session_rest(rest);
+                        }
                     }
                 }
                 ZeroEvent::Looked(found) => self.on_looked(now, found.map(|()| Ready::Seen), effects),

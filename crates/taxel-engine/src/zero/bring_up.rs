@@ -8,7 +8,7 @@ use crate::scan::Scan;
 use crate::zero::boards::{BoardZeros, HiddenCounts};
 use crate::zero::count_sums::CountSums;
 use crate::zero::events::Surroundings;
-use crate::zero::holder::Zero;
+use crate::zero::holder::{Models, Zero};
 
 /// So many scans tell what boards read that were just configured: a mean of these is known to a fifth of a count.
 const FIRST_SCANS: u64 = 16;
@@ -46,8 +46,8 @@ impl Zero {
 
     /// What is held against the boards, and what will be once other models than those of a session are in use.
     pub(super) fn held_over_restarts(&self) -> Option<&str> {
-        let held = || self.unjudged.as_ref().and_then(|unjudged| unjudged.held.as_deref());
-        self.distrusted().or_else(held)
+        let unjudged = self.unjudged.as_ref().filter(|unjudged| unjudged.models == Models::None);
+        self.distrusted().or_else(|| unjudged?.held.as_deref())
     }
 
     /// The boards are being configured, and take zeros of their own on a skin that was looked at, that somebody has `vouched`
@@ -59,6 +59,7 @@ impl Zero {
         self.configuring = true;
         if vouched {
             self.continuity.forget();
+            self.unjudged = None;
         }
         self.unseen = unseen.or(self.continuity.unproven()).map(str::to_owned);
         self.hold_unseen();
@@ -104,8 +105,9 @@ impl Zero {
         self.vouched.as_ref()
     }
 
-    /// A session has taken its zero: what it makes is of the skin as the boards see it now.
-    pub(super) fn note_session_rest(&mut self, zero: &[TaxelBaseline]) {
+    /// A session has taken a zero, this one or, before its first ramp, that one: what it makes is of the skin as the boards see
+    /// it now.
+    pub fn note_session_rest(&mut self, zero: &[TaxelBaseline]) {
         if self.session_rests.len() == SESSION_RESTS {
             self.session_rests.pop_front();
         }
@@ -116,12 +118,13 @@ impl Zero {
     pub(super) fn on_rest_of_models(&mut self, rest: &[TaxelBaseline]) {
         let bits = |rest: &[TaxelBaseline]| rest.iter().map(|taxel| taxel.mean.to_bits()).collect::<Vec<_>>();
         let is_of_session = self.session_rests.iter().any(|of_session| bits(of_session) == bits(rest));
-        if is_of_session {
-            self.unjudged = None; // they are of the boards as they are
-        } else if let Some(unjudged) = &mut self.unjudged {
-            unjudged.other_models = true;
-            if let Some(held) = unjudged.held.take() {
-                self.continuity.distrust(held);
+        if let Some(unjudged) = &mut self.unjudged {
+            let before =
+                std::mem::replace(&mut unjudged.models, if is_of_session { Models::OfSession } else { Models::Others });
+            match &unjudged.held {
+                Some(held) if !is_of_session => self.continuity.distrust(held.clone()),
+                Some(held) if before == Models::Others => self.continuity.trust_again(held),
+                _ => {}
             }
         }
         if let Some(hidden) = self.hidden.as_mut().filter(|_| is_of_session) {

@@ -181,7 +181,7 @@ impl Continuity {
     }
 
     /// Why the counts cannot show that the skin is at rest: a load vanished while its board was silent, or with a new zero of
-    /// its board. Over with the next zero, which somebody has to vouch for, or once the boards are configured.
+    /// its board. Over with the next zero, which somebody has to vouch for, or once the boards are configured and somebody does.
     #[must_use]
     pub fn unproven(&self) -> Option<&str> {
         self.unproven.as_deref()
@@ -192,7 +192,13 @@ impl Continuity {
         self.unproven = Some(why);
     }
 
-    /// The boards take zeros of their own on a skin that was looked at: what was seen before says nothing of these.
+    /// What was distrusted for this reason no longer is.
+    pub fn trust_again(&mut self, why: &str) {
+        self.unproven.take_if(|unproven| unproven == why);
+    }
+
+    /// A zero was taken, or somebody vouches for the skin on which the boards take zeros of their own: what was seen before says
+    /// nothing of these.
     pub fn forget(&mut self) {
         self.unproven = None;
         self.boards.iter_mut().for_each(BoardWatch::begin);

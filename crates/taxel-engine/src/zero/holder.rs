@@ -38,10 +38,20 @@ const VANISHED: &str =
 /// A zero that no models were there to judge.
 #[derive(Clone, Debug)]
 pub(super) struct Unjudged {
-    /// What was held against the boards when it was taken; it is again once the models are others than those of the session.
+    /// What was held against the boards when it was taken. It is again once the models are others than those of the session.
     pub(super) held: Option<String>,
-    /// Whether others are in use now. The ramp that it was taken for goes on, but there is no force.
-    pub(super) other_models: bool,
+    pub(super) models: Models,
+}
+
+/// Which models are in use at a zero that none have judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Models {
+    /// None.
+    None,
+    /// Those of a session, which are of the boards as they are.
+    OfSession,
+    /// Others. The ramp that it was taken for goes on, but there is no force.
+    Others,
 }
 
 /// What is said of a zero that the models in use have not judged.
@@ -77,7 +87,7 @@ pub struct Zero {
     pub(super) session_rests: VecDeque<Vec<TaxelBaseline>>,
     /// Why nobody knows what lay on the skin then.
     pub(super) unseen: Option<String>,
-    /// That no models were there to judge the zero of a first session, until some have.
+    /// That no models were there to judge the zero of a first session, and what is in use since.
     pub(super) unjudged: Option<Unjudged>,
     /// The last zero with its drift, or that of the models.
     pub(super) ground: Ground,
@@ -128,7 +138,7 @@ impl Zero {
     }
 
     fn is_of_other_models(&self) -> bool {
-        self.unjudged.as_ref().is_some_and(|unjudged| unjudged.other_models)
+        self.unjudged.as_ref().is_some_and(|unjudged| unjudged.models == Models::Others)
     }
 
     /// Whether the boards still have it, as far as the counts show.
@@ -323,7 +333,7 @@ impl Zero {
         if vouched {
             self.on_vouched(&baseline);
         }
-        self.unjudged.take_if(|unjudged| unjudged.other_models); // these have judged this one
+        self.unjudged.take_if(|unjudged| unjudged.models == Models::Others); // these have judged this one
         self.take(now.time, view.clone(), baseline);
         Ok(view)
     }

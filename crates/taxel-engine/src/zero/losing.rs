@@ -4,7 +4,7 @@ use crate::force::reason::ReasonCode;
 use crate::request::ErrorReason;
 use crate::zero::drift::view::DriftView;
 use crate::zero::events::ZeroEvent;
-use crate::zero::holder::Zero;
+use crate::zero::holder::{Models, Zero};
 
 impl Zero {
     /// Something may have moved the zero of a board: the counts have to show that it did not.
@@ -42,7 +42,9 @@ impl Zero {
     pub fn lose(&mut self, code: ReasonCode, reason: impl Into<String>, events: &mut Vec<ZeroEvent>) {
         let reason = reason.into();
         self.refuse_watch(&reason, events);
-        if let Some(held) = self.unjudged.take().and_then(|unjudged| unjudged.held) {
+        // For models of a session nothing is held against the boards, and for others it is already.
+        let without_models = self.unjudged.take_if(|unjudged| unjudged.models != Models::OfSession);
+        if let Some(held) = without_models.and_then(|unjudged| unjudged.held) {
             self.continuity.distrust(held);
         }
         if self.view.valid || self.view.reason.is_empty() {

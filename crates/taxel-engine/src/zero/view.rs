@@ -13,7 +13,7 @@ pub struct TareView {
     pub epoch: u64,
     /// Whether live force may rely on it.
     pub valid: bool,
-    /// Whether it is one of a skin at rest: by the counts, or by somebody's word while the counts show no load.
+    /// Whether the counts themselves showed rest when it was taken, and nobody had to vouch for it.
     pub at_rest: bool,
     /// When it was taken, nanoseconds since 1970.
     pub wall_ns: i64,

@@ -6,7 +6,7 @@ use crate::now::Now;
 use crate::request::ErrorReason;
 use crate::scan::Scan;
 use crate::zero::events::{Surroundings, ZeroEvent};
-use crate::zero::holder::{Unjudged, Zero};
+use crate::zero::holder::{Models, Unjudged, Zero};
 use crate::zero::proven::Proven;
 use crate::zero::rest::judge::{Reference, judge};
 use crate::zero::rest::verdict::RestVerdict;
@@ -67,7 +67,7 @@ impl Zero {
         // Nobody can vouch for a skin that moved while it was watched: a mean over that is no zero.
         let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
         let unjudged =
-            first.then(|| Unjudged { held: self.held_over_restarts().map(str::to_owned), other_models: false });
+            first.then(|| Unjudged { held: self.held_over_restarts().map(str::to_owned), models: Models::None });
         let held = self.continuity.unproven().filter(|_| !first);
         if vouched.is_none() && (!rest || held.is_some()) {
             let (reason, why) = match held {
@@ -82,8 +82,6 @@ impl Zero {
             None => told(),
         };
         let baseline = with_noise_known(window.steady_baseline(), models.map_or(&[], |set| &set.baseline));
-        // What a load did not lift is as good a rest for what follows as the counts' own.
-        let rest = rest || (vouched.is_some() && !verdict.is_loaded());
         let view = TareView::taken(self.view.epoch + 1, now.wall_ns, reason, rest, &baseline);
         if let Purpose::Operator { request, .. } = purpose {
             let (vouched, known) = (vouched.is_some(), self.held_against());
@@ -93,8 +91,10 @@ impl Zero {
             self.proven = None; // of an earlier moment
             if vouched.is_some() {
                 self.on_vouched(&baseline);
-            } else if unjudged.is_some() || models.is_some() {
+            } else if unjudged.is_some() {
                 self.unjudged = unjudged;
+            } else {
+                self.unjudged.take_if(|unjudged| unjudged.models == Models::Others); // these have judged this one
             }
             if matches!(purpose, Purpose::Session { .. }) {
                 self.note_session_rest(&baseline);

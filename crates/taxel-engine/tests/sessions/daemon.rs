@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
+use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::{FitJob, FitOutcome, SessionView};
 use taxel_engine::command::{Command, Done, Reply, RequestId};
 use taxel_engine::model_set::ModelSet;
@@ -190,7 +191,7 @@ impl Daemon {
         let made = |job: &FitJob| {
             let template = ModelSet::clone(template());
             let rest = job.samples.ramps.first().map(|ramp| ramp.taxels.clone());
-            let baseline = rest.unwrap_or_else(|| template.baseline.clone());
+            let baseline = rest.unwrap_or_else(|| elsewhere(&template));
             Arc::new(ModelSet { id: id_of(Set::Fit(fit)), session: Some(job.session), baseline, ..template })
         };
         let job = &self.fits[fit];
@@ -236,9 +237,8 @@ fn command_of(step: Step) -> Command {
         Step::Activate(set) => Command::Activate { patch, model_set: id_of(set), expected: None },
         Step::Import(set) => {
             let session = if let Set::Foreign(session @ 1..) = set { Some(session) } else { None };
-            let mut set = ModelSet { id: id_of(set), session, ..ModelSet::clone(template()) };
-            // Every skin of these tests rests at the very same counts; that of another robot does not.
-            set.baseline.iter_mut().for_each(|taxel| taxel.mean += 0.01);
+            let baseline = elsewhere(template());
+            let set = ModelSet { id: id_of(set), session, baseline, ..ModelSet::clone(template()) };
             Command::Import { model_set: Arc::new(set), insist: true }
         }
         Step::Tare { confirmed } => Command::Tare { patch, confirmed_by: confirmed.then(|| "Ada".to_owned()) },
@@ -246,6 +246,11 @@ fn command_of(step: Step) -> Command {
         Step::BringUp => Command::BringUp { patch, confirmed_by: Some("Ada".to_owned()) },
         _ => unreachable!("{step:?} is no command"),
     }
+}
+
+/// Where another robot's skin rests: every skin of these tests does at the very same counts.
+fn elsewhere(set: &ModelSet) -> Vec<TaxelBaseline> {
+    set.baseline.iter().map(|taxel| TaxelBaseline { mean: taxel.mean + 0.01, ..*taxel }).collect()
 }
 
 /// Models of the skin, from one ramp.

@@ -1,5 +1,7 @@
 //! Names and groups of accounts, asked of the system once a minute at most: it may ask a server for them.
 
+use futures_util::FutureExt;
+use futures_util::future::{BoxFuture, Shared};
 use nix::unistd::{Gid, Group, Uid, User, getgrouplist};
 use std::collections::HashMap;
 use std::ffi::CString;
@@ -26,23 +28,36 @@ pub(crate) struct Accounts(Arc<Mutex<Asked>>);
 struct Asked {
     /// By user and group: of a user whom the system does not list the group of the process is all that is known.
     known: HashMap<(u32, u32), Known>,
+    /// What the system has not answered yet.
+    asking: HashMap<(u32, u32), Shared<BoxFuture<'static, Arc<Account>>>>,
     /// So often everything was forgotten: an answer to an earlier question is not kept.
     forgotten: u64,
 }
 
 impl Accounts {
-    /// The account of a user. `gid` is the group of the process that asks, which the system's list may lack.
+    /// The account of a user. `gid` is the group of the process that asks, which the system's list may lack. The system is asked
+    /// once for all who want to know, and its answer is kept though none of them waits for it any more.
     pub(crate) async fn of(&self, uid: u32, gid: u32) -> Arc<Account> {
-        let (known, before) = {
-            let asked = self.asked();
-            (asked.known.get(&(uid, gid)).cloned(), asked.forgotten)
+        let answer = {
+            let mut asked = self.asked();
+            if let Some((_, account)) = asked.known.get(&(uid, gid)).filter(|(asked, _)| asked.elapsed() < KNOWN_FOR) {
+                return Arc::clone(account);
+            }
+            let before = asked.forgotten;
+            let asking = asked.asking.entry((uid, gid)).or_insert_with(|| {
+                let looked_up = tokio::spawn(self.clone().ask(uid, gid, before));
+                looked_up.map(move |account| account.unwrap_or_else(|_| Account::nameless(uid).into())).boxed().shared()
+            });
+            asking.clone()
         };
-        if let Some((_, account)) = known.filter(|(asked, _)| asked.elapsed() < KNOWN_FOR) {
-            return account;
-        }
+        answer.await
+    }
+
+    async fn ask(self, uid: u32, gid: u32, before: u64) -> Arc<Account> {
         let looked_up = tokio::task::spawn_blocking(move || look_up(uid, gid)).await;
         let account = Arc::new(looked_up.unwrap_or_else(|_| Account::nameless(uid)));
         let mut asked = self.asked();
+        asked.asking.remove(&(uid, gid));
         if asked.known.len() >= ACCOUNTS_MAX {
             asked.known.clear();
         }
@@ -56,6 +71,7 @@ impl Accounts {
     pub(crate) fn forget(&self) {
         let mut asked = self.asked();
         asked.known.clear();
+        asked.asking.clear();
         asked.forgotten += 1;
     }
 

@@ -97,6 +97,12 @@ fn a_set_stays_while_one_that_known_loads_made_of_it_is_in_use() {
         SessionView { state: SessionState::Review, model_set: Some(idle.id.clone().into()), ..SessionView::default() };
     let waiting = Restored { sessions: vec![Arc::new(judged)], ..restored.clone() };
     assert_eq!(gone(&waiting), <Vec<String>>::new(), "an operator has yet to judge it");
+    let session = |number: u64, set: &Arc<ModelSet>, state: SessionState| {
+        let (patch, model_set) = (PATCH.to_owned(), Some(set.id.clone().into()));
+        Arc::new(SessionView { number, patch, state, model_set, ..SessionView::default() })
+    };
+    let sessions = vec![session(1, &idle, SessionState::Review), session(2, &third, SessionState::Active)];
+    assert_eq!(gone(&Restored { sessions, ..restored.clone() }), std::slice::from_ref(&idle.id), "its time is over");
     let earlier = Restored { active: vec![(PATCH.to_owned(), first.id.clone())], ..restored };
     assert_eq!(gone(&earlier), [second.id.clone(), third.id.clone(), idle.id.clone()]);
 }

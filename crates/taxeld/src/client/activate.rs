@@ -1,6 +1,6 @@
 //! `taxeld activate`: uses a model set from now on.
 
-use taxel_proto::v1::{ActivateModelSetRequest, ListModelSetsRequest};
+use taxel_proto::v1::ActivateModelSetRequest;
 
 use super::connect::{Daemon, Server};
 use super::failure::{Failure, Outcome};
@@ -50,8 +50,7 @@ const BEGINNING_MIN: usize = 4;
 /// # Errors
 /// No set or several begin so, or no daemon.
 pub async fn full_id(daemon: &Daemon, beginning: &str) -> Outcome<String> {
-    let request = ListModelSetsRequest { patch: daemon.patch(), page_size: 1_000, page_token: String::new() };
-    let sets = daemon.models().list_model_sets(request).await?.into_inner().model_sets;
+    let sets = super::models::all(daemon).await?;
     if beginning == "newest" {
         let newest = sets.into_iter().next().map(|set| set.model_set);
         return newest.ok_or_else(|| Failure::refused("there is no model set"));

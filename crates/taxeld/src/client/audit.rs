@@ -48,7 +48,9 @@ async fn of_daemon(args: &AuditArgs) -> Outcome<Vec<String>> {
         let page_size = PAGE.min(args.last - lines.len() as u32);
         let request = v1::ListAuditRequest { page_size, page_token };
         let answer = daemon.audit().list_audit(request).await?.into_inner();
-        lines.extend(answer.entries.iter().map(line_of_message));
+        let patch = daemon.patch();
+        let asked = answer.entries.iter().filter(|entry| patch.is_empty() || entry.patch == patch);
+        lines.extend(asked.map(line_of_message));
         page_token = answer.next_page_token;
         if page_token.is_empty() {
             break;

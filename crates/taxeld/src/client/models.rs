@@ -178,25 +178,30 @@ async fn named(daemon: &Daemon, name: &str) -> Outcome<EngineSet> {
     fetch(daemon, &set_id(daemon, name).await?).await
 }
 
-async fn list(of: &OfServer) -> Outcome {
-    let daemon = of.server.connect().await?;
-    let (mut rows, mut page_token) = (Vec::new(), String::new());
+/// All sets of the patch, newest first, in pages that need no place of their own.
+///
+/// # Errors
+/// No daemon, or one that refuses.
+pub async fn all(daemon: &Daemon) -> Outcome<Vec<ModelSetSummary>> {
+    let (mut sets, mut page_token) = (Vec::new(), String::new());
     loop {
         let request = ListModelSetsRequest { patch: daemon.patch(), page_size: 100, page_token };
         let page = daemon.models().list_model_sets(request).await?.into_inner();
-        for set in &page.model_sets {
-            if of.json {
-                json::print("ModelSetSummary", set)?;
-            } else {
-                rows.push(row(set));
-            }
-        }
+        sets.extend(page.model_sets);
         page_token = page.next_page_token;
         if page_token.is_empty() {
-            break;
+            return Ok(sets);
         }
     }
-    if !of.json {
+}
+
+async fn list(of: &OfServer) -> Outcome {
+    let daemon = of.server.connect().await?;
+    let sets = all(&daemon).await?;
+    if of.json {
+        sets.iter().try_for_each(|set| json::print("ModelSetSummary", set))?;
+    } else {
+        let rows: Vec<_> = sets.iter().map(row).collect();
         table::print(&["model set", "", "patch", "made", "session", "usable", "to kPa", "method"], &rows);
     }
     Ok(())

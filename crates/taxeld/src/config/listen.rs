@@ -70,25 +70,24 @@ pub struct Doors {
     pub ruled: bool,
 }
 
-/// Where accounts are told apart.
-const SOCKETS: &str = "on a Unix socket (a [[listen]]; taxeld.service has one without)";
-
 impl Doors {
-    /// The grants that reach nobody, because an account is known on a Unix socket alone and a certificate where there is TLS: a
-    /// line each.
+    /// The grants that reach nobody as far as the configuration goes, because an account is known on a Unix socket alone and a
+    /// certificate where there is TLS: a line each.
     pub fn unreached_grants(&self) -> Vec<String> {
         let unix = self.doors.iter().any(|door| matches!(door, Door::Unix { .. }));
         let tls = self.doors.iter().any(|door| matches!(door, Door::Tls { .. }));
         let unreached = |Grant { subject, role }: &Grant| {
-            let (kind, name, known_on) = match subject {
-                Subject::User(name) if !unix => ("user", name, SOCKETS),
-                Subject::Group(name) if !unix => ("group", name, SOCKETS),
-                Subject::Certificate(name) if !tls => ("certificate", name, "with `tls`"),
+            let (kind, name, place) = match subject {
+                Subject::User(name) if !unix => {
+                    ("user", name, "a Unix socket: write a [[listen]] with `unix`, or run it as taxeld.service")
+                }
+                Subject::Group(name) if !unix => {
+                    ("group", name, "a Unix socket: write a [[listen]] with `unix`, or run it as taxeld.service")
+                }
+                Subject::Certificate(name) if !tls => ("certificate", name, "TLS: write a [[listen]] with `tls`"),
                 _ => return None,
             };
-            Some(format!(
-                "access: {kind} {name} is no {role}: known only {known_on}, and the service does not listen so"
-            ))
+            Some(format!("access: {kind} {name} is {role} only over {place}"))
         };
         self.rules.grants.iter().filter_map(unreached).collect()
     }
@@ -308,8 +307,8 @@ mod tests {
                       [[access.grant]]\nrole = \"admin\"\ncertificate = \"CN=ann\"";
         let told = resolved(grants).unwrap().unreached_grants();
         assert_eq!(told.len(), 2, "{told:?}");
-        assert!(told[0].starts_with("access: group skin is no operator: known only on a Unix socket"), "{}", told[0]);
-        assert!(told[1].starts_with("access: certificate CN=ann is no admin: known only with `tls`"), "{}", told[1]);
+        assert!(told[0].starts_with("access: group skin is operator only over a Unix socket"), "{}", told[0]);
+        assert!(told[1].starts_with("access: certificate CN=ann is admin only over TLS"), "{}", told[1]);
         let told = resolved(&format!("[[listen]]\nunix = \"/run/taxeld/s\"\n{grants}")).unwrap().unreached_grants();
         assert!(told.len() == 1 && told[0].contains("CN=ann"), "{told:?}");
     }

@@ -84,7 +84,7 @@ impl ServiceSection {
 
 /// Of so many places in all, of which some are kept for operators: however few there are, one peer does not take all the others.
 fn of_one(all: usize, reserved: usize, most: usize) -> usize {
-    most.min((all - reserved.min(all / 2)) * 9 / 10).max(1)
+    most.min((all - reserved.min(all / 2)).saturating_mul(9) / 10).max(1)
 }
 
 #[cfg(test)]
@@ -111,6 +111,9 @@ mod tests {
         assert_eq!((few.streams(), few.problem()), (4, None));
         let said = read("low_latency = true\nsubscribers_max = 33").problem().unwrap();
         assert!(said.words().contains("subscribers_max = 33: expected at most 32"), "{said:?}");
+        assert!(
+            read("subscribers_max = 9223372036854775807").problem().unwrap().words().contains("expected 1 to 100000")
+        );
         for key in ["subscribers_max", "subscribers_per_peer_max", "connections_max"] {
             let fault = read(&format!("{key} = 0")).problem().unwrap();
             let expected = format!("service.{key} = 0: expected 1 to 100000");

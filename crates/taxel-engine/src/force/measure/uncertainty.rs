@@ -120,8 +120,8 @@ impl ForceModel {
     /// area are common to all of them and so add up before they are squared.
     ///
     /// `var F = sum A_i^2 (s_i^2 - h_i^2) + (sum A_i h_i)^2 + (sum A_i u_i)^2 + (z sum A_i dP_i/dC)^2 + (g F)^2
-    /// + (o sum A_i)^2 + (a F)^2 + (d F)^2`, where s is the uncertainty of a taxel, h what of it is hysteresis and what its
-    /// calibration leaves open ([`crate::model_set::ModelSet`], `doubts_kpa`), u that of a history which is not known or lags
+    /// + (o sum A_i)^2 + (a F)^2 + (d F)^2`, where s is the uncertainty of a taxel, h what of it is hysteresis, what its
+    /// calibration leaves open ([`crate::model_set::ModelSet`], `doubts_kpa`), and how stiff the skin is beyond its range, u that of a history which is not known or lags
     /// behind ([`Offsets::sigma_kpa`]), z the zero's in counts with what the skin may remember of earlier loads, and the s
     /// of a filled taxel is the scatter of its neighbours. d is [`GAIN_OF_DAY_REL`]. What the pads' places add is in [`crate::force::sampling`], and what
     /// modules that jump add in [`ForceModel::jumps_n2`].

@@ -67,8 +67,8 @@ impl Model {
                     return Answer::Refused;
                 }
                 self.lose_zero();
-                (self.boards_ready, self.boards_wait) = (false, false);
-                (self.unseen, self.unjudged) = (false, false); // it is vouched for
+                (self.boards_ready, self.boards_wait, self.whole) = (false, false, false);
+                (self.unseen, self.unjudged) = (false, None); // it is vouched for
                 Answer::Done
             }
         }

@@ -2,7 +2,7 @@
 
 use taxel_engine::calibration::SessionState as S;
 
-use super::state::{Model, Pending};
+use super::state::{Model, Pending, Since};
 use super::step::{Disk, Set};
 
 impl Model {
@@ -32,9 +32,9 @@ impl Model {
                     self.settle(request, true);
                     self.live.known.insert(set);
                 }
-                Pending::Zero { request, good } => {
+                Pending::Zero { request, good, vouched } => {
                     self.unseen &= !good;
-                    self.unjudged &= !good;
+                    self.unjudged.take_if(|since| good && (vouched || *since == Since::Others));
                     self.settle(request, good);
                 }
                 Pending::End { request, number, state } => {
@@ -59,9 +59,13 @@ impl Model {
         if self.unseen && !self.heard && !taring {
             (self.boards_wait, self.unseen) = (true, false); // in time for a look at the boards
         }
-        let is_own = |fit: usize| self.begun.contains(&self.fits[fit].session);
-        if std::mem::take(&mut self.unjudged) && !matches!(set, Set::Fit(fit) if is_own(fit)) {
-            self.unseen = true;
+        let is_own = |fit: usize| self.fits[fit].has_ramp && self.begun.contains(&self.fits[fit].session);
+        let own = matches!(set, Set::Fit(fit) if is_own(fit));
+        if let Some(since) = self.unjudged.replace(if own { Since::Own } else { Since::Others }) {
+            self.just_trusted |= own && since == Since::Others;
+            self.unseen = !own || (self.unseen && since != Since::Others);
+        } else {
+            self.unjudged = None;
         }
         let (old, new) = (before.and_then(|old| self.owner(old)), self.owner(set));
         if let Some(old) = old.filter(|old| Some(*old) != new && self.state(*old) == Some(S::Active)) {
@@ -118,7 +122,7 @@ impl Model {
         // Without models nobody can tell what a load would look like.
         (self.gauge_fresh, self.boards_ready, self.boards_wait) = (false, false, self.live.active.is_some());
         (self.heard, self.unseen) = (false, !self.boards_wait); // the store of these tests keeps no doubts
-        self.unjudged = false;
+        (self.unjudged, self.whole) = (None, false);
         self.begun.clear();
     }
 }

@@ -6,6 +6,14 @@ use taxel_engine::calibration::SessionState as S;
 
 use super::step::{Answer, Disk, Set, VENTED_KPA};
 
+/// What has come into use since a zero was taken that no models were there to judge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Since {
+    Nothing,
+    Own,
+    Others,
+}
+
 /// What readers see, and what a store keeps.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Facts {
@@ -21,7 +29,7 @@ pub struct Facts {
 pub enum Pending {
     Activate { request: u64, set: Set },
     Import { request: u64, set: Set },
-    Zero { request: u64, good: bool },
+    Zero { request: u64, good: bool, vouched: bool },
     Fitted { fit: usize },
     End { request: u64, number: u64, state: S },
 }
@@ -29,6 +37,8 @@ pub enum Pending {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fit {
     pub session: u64,
+    /// Whether the session had a ramp then, whose zero the models have.
+    pub has_ramp: bool,
     /// It has not come back, and the daemon that asked for it still runs.
     pub out: bool,
 }
@@ -55,9 +65,14 @@ pub struct Model {
     pub(super) heard: bool,
     /// They were configured while no set was active that would have shown a load, and no zero has been taken since.
     pub(super) unseen: bool,
-    /// A session took a zero all the same, which counts only for the models of sessions that began since the start.
-    pub(super) unjudged: bool,
+    /// A session took a zero all the same, which counts only for the models of sessions that took one since the start; and
+    /// whether models are in use since, these or others.
+    pub(super) unjudged: Option<Since>,
     pub(super) begun: BTreeSet<u64>,
+    /// Whether all modules were heard together since the boards were configured.
+    pub(super) whole: bool,
+    /// What was held against the boards is no longer, since the last time that passed: a watch that goes on may end at once.
+    pub(super) just_trusted: bool,
     /// A zero that an operator waits for: request, and whether it was vouched for.
     pub(super) tare: Option<(u64, bool)>,
     /// How long the open session has come no further, at least and at most.
@@ -93,8 +108,10 @@ impl Model {
             boards_wait: false,
             heard: false,
             unseen: true,
-            unjudged: false,
+            unjudged: None,
             begun: BTreeSet::new(),
+            whole: true,
+            just_trusted: false,
             tare: None,
             idle_s: (0.0, 0.0),
             reached_kpa: 0,
@@ -144,7 +161,8 @@ impl Model {
 
     pub(super) fn fit(&mut self, number: u64) {
         self.enter(number, S::Fitting);
-        self.fits.push(Fit { session: number, out: true });
+        let has_ramp = self.recorded.ramped.contains(&number);
+        self.fits.push(Fit { session: number, has_ramp, out: true });
     }
 
     /// The session of this daemon that a set came from.
@@ -183,7 +201,8 @@ impl Model {
     }
 
     pub(super) fn lose_zero(&mut self) {
-        self.unseen |= std::mem::take(&mut self.unjudged);
+        self.unseen |= self.unjudged == Some(Since::Nothing);
+        self.unjudged.take_if(|since| *since != Since::Own);
         self.end_tare();
         self.void_zeros();
         if let Some((number, S::Ramping)) = self.open() {

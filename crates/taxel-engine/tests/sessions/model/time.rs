@@ -2,7 +2,7 @@
 
 use taxel_engine::calibration::SessionState as S;
 
-use super::state::{Model, Pending};
+use super::state::{Model, Pending, Since};
 use super::step::{Disk, PASS_S, PATIENCE_S, PROBATION_S, Passing, RISE_KPA, Step, TARGET_KPA, TOP_KPA};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +23,9 @@ impl Model {
         }
         if how == Passing::ModuleSilent && self.tare.is_some() {
             return false; // half a skin may be at rest
+        }
+        if self.just_trusted && how != Passing::Hold {
+            return false; // whether the watch that goes on ends before that
         }
         if self.boards_wait && !matches!(how, Passing::Hold | Passing::GaugeSilent) {
             return false; // how much of a change they see before they are configured
@@ -61,6 +64,8 @@ impl Model {
             Step::DiskSlow => self.disk == Disk::Fast,
             Step::DiskWrites | Step::DiskFast => self.disk == Disk::Slow,
             Step::DiskFails => self.disk != Disk::Failed,
+            // Of a module that was silent while its board took a zero, what it read before is of another one.
+            Step::BusOff => self.whole,
             // Whether a load is felt depends on the zero, which is not in the table.
             Step::BringUp => self.kpa == 0 || self.presses() || self.open().is_some(),
             _ => true,
@@ -83,7 +88,8 @@ impl Model {
             Passing::Vent => self.kpa = 0,
             _ => {}
         }
-        self.heard = true;
+        (self.heard, self.just_trusted) = (true, false);
+        self.whole |= how != Passing::ModuleSilent;
         self.gauge_fresh = how != Passing::GaugeSilent;
         self.boards_wait &= before > 0;
         self.boards_ready = !self.boards_wait;
@@ -92,7 +98,7 @@ impl Model {
             let proven = self.live.active.is_some() && self.kpa == 0 && !self.unseen;
             if still && (confirmed || proven) && self.disk != Disk::Failed {
                 self.void_zeros();
-                self.pending.push(Pending::Zero { request, good: true });
+                self.pending.push(Pending::Zero { request, good: true, vouched: confirmed });
             } else {
                 self.settle(request, false);
             }
@@ -110,11 +116,12 @@ impl Model {
         let provable = !self.unseen || self.live.active.is_none();
         if provable && self.kpa == 0 && !matches!(how, Passing::ModuleSilent | Passing::GaugeSilent) {
             self.void_zeros();
-            self.unjudged |= self.unseen;
-            self.unseen = false;
-            if self.recorded.ramped.insert(number) {
-                self.begun.insert(number);
+            if self.unseen {
+                self.unjudged = Some(Since::Nothing);
             }
+            self.unseen = false;
+            self.begun.insert(number);
+            self.recorded.ramped.insert(number);
             self.enter(number, S::Ramping);
             (self.idle_s, self.reached_kpa) = ((0.6, 3.0), 0);
             return;
