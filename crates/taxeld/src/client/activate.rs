@@ -50,7 +50,7 @@ const BEGINNING_MIN: usize = 4;
 /// # Errors
 /// No set or several begin so, or no daemon.
 pub async fn full_id(daemon: &Daemon, beginning: &str) -> Outcome<String> {
-    let sets = super::models::all(daemon).await?;
+    let sets = daemon.model_sets().await?;
     if beginning == "newest" {
         let newest = sets.into_iter().next().map(|set| set.model_set);
         return newest.ok_or_else(|| Failure::refused("there is no model set"));

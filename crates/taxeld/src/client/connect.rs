@@ -13,6 +13,7 @@ use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_proto::v1::validation_service_client::ValidationServiceClient;
+use taxel_proto::v1::{ListModelSetsRequest, ModelSetSummary};
 
 use super::failure::Outcome;
 
@@ -136,6 +137,23 @@ impl Daemon {
         ModelServiceClient::new(self.channel.clone())
             .max_decoding_message_size(ANSWER_BYTES_MAX)
             .max_encoding_message_size(ANSWER_BYTES_MAX)
+    }
+
+    /// All model sets of the patch, newest first, in pages that need no place of their own at the daemon.
+    ///
+    /// # Errors
+    /// One that refuses, or a lost connection.
+    pub async fn model_sets(&self) -> Outcome<Vec<ModelSetSummary>> {
+        let (mut sets, mut page_token) = (Vec::new(), String::new());
+        loop {
+            let request = ListModelSetsRequest { patch: self.patch(), page_size: 100, page_token };
+            let page = self.models().list_model_sets(request).await?.into_inner();
+            sets.extend(page.model_sets);
+            page_token = page.next_page_token;
+            if page_token.is_empty() {
+                return Ok(sets);
+            }
+        }
     }
 
     /// `ValidationService`.

@@ -7,7 +7,7 @@ use anyhow::Context;
 use taxel_engine::model_set::ModelSet as EngineSet;
 use taxel_proto::v1::{
     CompareModelSetsRequest, DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, GetSkinRequest,
-    GetTaxelModelRequest, ImportModelSetRequest, ListModelSetsRequest, ModelSet, ModelSetSummary, TaxelModel,
+    GetTaxelModelRequest, ImportModelSetRequest, ModelSet, ModelSetSummary, TaxelModel,
 };
 
 use super::activate::full_id;
@@ -178,26 +178,9 @@ async fn named(daemon: &Daemon, name: &str) -> Outcome<EngineSet> {
     fetch(daemon, &set_id(daemon, name).await?).await
 }
 
-/// All sets of the patch, newest first, in pages that need no place of their own.
-///
-/// # Errors
-/// No daemon, or one that refuses.
-pub async fn all(daemon: &Daemon) -> Outcome<Vec<ModelSetSummary>> {
-    let (mut sets, mut page_token) = (Vec::new(), String::new());
-    loop {
-        let request = ListModelSetsRequest { patch: daemon.patch(), page_size: 100, page_token };
-        let page = daemon.models().list_model_sets(request).await?.into_inner();
-        sets.extend(page.model_sets);
-        page_token = page.next_page_token;
-        if page_token.is_empty() {
-            return Ok(sets);
-        }
-    }
-}
-
 async fn list(of: &OfServer) -> Outcome {
     let daemon = of.server.connect().await?;
-    let sets = all(&daemon).await?;
+    let sets = daemon.model_sets().await?;
     if of.json {
         sets.iter().try_for_each(|set| json::print("ModelSetSummary", set))?;
     } else {
