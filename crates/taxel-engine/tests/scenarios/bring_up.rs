@@ -8,7 +8,7 @@ use taxel_engine::calibration::SessionState;
 use taxel_engine::command::{Command, Done, Rejection};
 use taxel_engine::snapshot::ForceState;
 use taxel_engine::{BusNotice, ErrorReason, Restored, plan::PatchPlan};
-use taxel_sim::Fault;
+use taxel_sim::{Fault, PumpCommand};
 use taxel_wire::{CanId, Frame, icub};
 
 use crate::bench::{Bench, Disk};
@@ -271,4 +271,28 @@ fn a_first_session_needs_nobody_to_vouch_for_boards_that_were_configured_unseen(
     bench.start_session(Some(20.0));
     bench.ramp(25.0, 4.0);
     bench.until(10.0, "a model set", |host| host.session().model_set.is_some());
+}
+
+/// In whatever order: models of the session are of the boards as they are, and others are not.
+#[test]
+fn a_zero_of_a_session_without_models_holds_for_its_own_set_also_after_one_from_elsewhere() {
+    let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    earlier.brought_up();
+    let mut bench = Bench::new(earlier.world, plan(patch_plan(&small().skin)), Restored::default());
+    bench.brought_up();
+    bench.start_session(Some(20.0));
+    bench.ramp(25.0, 4.0);
+    bench.until(15.0, "a model set", |host| host.session().model_set.is_some());
+    let own = bench.host.session().model_set.clone().unwrap();
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
+    for _ in 0..2 {
+        bench.activate(&small().set.id).unwrap();
+        bench.seconds(1.0);
+        assert_eq!(bench.host.state(), ForceState::TareInvalid, "{}", bench.host.reasons());
+        assert!(bench.tare(None).is_err(), "it was configured unseen");
+        bench.activate(&own).unwrap();
+        bench.until_force(2.0, ForceState::Ok);
+    }
 }

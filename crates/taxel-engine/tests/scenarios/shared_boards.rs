@@ -220,6 +220,21 @@ fn who_vouches_for_one_patch_takes_nothing_back_that_is_held_against_another() {
     bench.brought_up();
 }
 
+/// The word for one patch lasts until the other's has come: each alone configures nothing.
+#[test]
+fn two_patches_that_are_both_held_against_are_configured_once_somebody_vouches_for_either() {
+    let vouched = |name: &str| Command::BringUp { patch: name.to_owned(), confirmed_by: Some("Ada".to_owned()) };
+    let doubt = |name: &str| (name.to_owned(), "its load vanished".to_owned());
+    let mut bench = restarted_with_doubts(vec![doubt("upper"), doubt("lower")]);
+    bench.seconds(2.0);
+    bench.ask(vouched("upper")).unwrap();
+    bench.seconds(2.0);
+    assert_eq!(bench.host.sent, [], "what lies on the lower half is not known");
+    bench.ask(vouched("lower")).unwrap();
+    bench.brought_up();
+    bench.until_force(8.0, ForceState::Ok);
+}
+
 #[test]
 fn acknowledgements_that_modules_of_one_patch_lose_invalidate_the_zero_of_the_other() {
     let mut bench = lower_in_use();
