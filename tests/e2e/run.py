@@ -118,7 +118,7 @@ def session_until(client, number, states):
         state = enum_name(session, "state").removeprefix("SESSION_STATE_")
         if state in states:
             return session
-        assert state not in ("FAILED", "ABORTED"), f"session {number} is {state}: {session.reason}"
+        assert state not in ("FAILED", "ABORTED", "DISCARDED"), f"session {number} is {state}: {session.reason}"
     raise AssertionError(f"the stream ended before session {number} was in {states}")
 
 
