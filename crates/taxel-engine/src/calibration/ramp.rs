@@ -18,7 +18,8 @@ const RATE_MIN_KPA_PER_S: f64 = 0.02;
 /// A gauge that has jumped and is not back after so long was wrong before or is wrong now, and so is the ramp.
 const JUMPED_MAX: Duration = Duration::from_secs(1);
 
-/// A vented bag has hardly more, kPa above what the gauge reads then.
+/// The gauge over a vented bag reads hardly more, kPa. It is held against the reading itself: a gauge whose own zero lies above
+/// it makes a ramp void that is vented at once, and the operator takes it again.
 const VENTED_KPA: f64 = 2.0;
 
 /// One ramp's progress.
@@ -61,7 +62,7 @@ impl Ramp {
     }
 
     /// Why nothing of the ramp can be trusted, if that is so: the gauge has jumped since it began, and is not back at `time`
-    /// and has not been for a second. A fall to what a vented bag has is that: a slow gauge sees one in a single step.
+    /// and has not been for a second. A fall to what a vented bag has is a vent and no jump: a slow gauge sees one in a single step.
     #[must_use]
     pub fn why_void(&self, time: Time, gauge: &GaugeHistory, limits: &SessionLimits) -> Option<String> {
         let since = self.gauge_zero?;
