@@ -10,9 +10,9 @@ use taxel_skin::{Geometry, Newton, NormalsVerdict, SquareMillimetre};
 use crate::counts::Counts;
 use crate::force::contacts::clusters;
 use crate::force::evaluator::Evaluator;
-use crate::force::neighbours::{Filled, Neighbours, Rim};
+use crate::force::neighbours::{Filled, Neighbours, Reading};
 use crate::force::reason::positions;
-use crate::force::remainder::Unseen;
+use crate::force::remainder::{Remainder, Unseen};
 use crate::force::sample::ForceSample;
 use crate::force::sampling::{Contact, rim_sigma_n};
 #[cfg(doc)]
@@ -87,6 +87,8 @@ pub struct Touch {
     /// Taxel and force, those beyond the activation threshold first.
     pub active: Vec<(usize, f64)>,
     beside: Vec<Filled>,
+    /// Taxels beside active ones that are excluded, ascending.
+    missing: Vec<usize>,
     /// The contact that each taxel belongs to, and the sums of each; the first is of taxels without a position.
     labels: Vec<u16>,
     contacts: Vec<Contact>,
@@ -95,11 +97,24 @@ pub struct Touch {
 }
 
 impl Touch {
-    /// How many excluded taxels are beside touched ones, if more of a contact may lie on them than on touched ones.
+    /// How many excluded taxels are beside touched ones, if more of a contact may lie on them than on touched ones, or so much
+    /// that the total is short of it by more than `borne`.
     #[must_use]
-    pub fn mostly_blind(&self) -> Option<usize> {
-        self.rim.is_mostly_blind().then_some(self.rim.without)
+    pub fn mostly_blind(&self, borne: Newton) -> Option<usize> {
+        let Rim { without, touched, hidden_n } = self.rim;
+        (without > touched || hidden_n > borne.0).then_some(without)
     }
+}
+
+/// How a contact lies on taxels that are excluded.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Rim {
+    /// How many lie beside touched ones.
+    without: usize,
+    /// Touched taxels.
+    touched: usize,
+    /// What of its tip may lie on them and is not in the total, N.
+    hidden_n: f64,
 }
 
 /// A taxel has so many others about it at most, on skins of triangles.
@@ -162,7 +177,14 @@ impl ForceModel {
     }
 
     /// Which taxels are touched, those at the rim of a contact with them, and what lies on excluded ones beside them.
-    pub fn touch(&self, evaluator: &Evaluator, counts: Counts<'_>, coverage: Coverage, touch: &mut Touch) {
+    pub fn touch(
+        &self,
+        evaluator: &Evaluator,
+        remainder: &Remainder,
+        counts: Counts<'_>,
+        coverage: Coverage,
+        touch: &mut Touch,
+    ) {
         touch.active.clear();
         touch.beside.clear();
         touch.contacts.clear();
@@ -176,9 +198,20 @@ impl ForceModel {
             let low = |taxel: usize| counts.raw(taxel).and_then(|count| evaluator.low_n(taxel, count)).unwrap_or(0.0);
             contacts = neighbours.grow(&mut touch.active, &mut touch.labels, low);
             if coverage.uncovered_share > 0.0 {
-                let selected = evaluator.selection();
+                let has = |taxel: usize| evaluator.selection()[taxel];
                 let kpa = |taxel| low(taxel) / self.newton_per_kpa(taxel);
-                touch.rim = neighbours.fill(&touch.active, |taxel| selected[taxel], kpa, &mut touch.beside);
+                neighbours.missing_beside(&touch.active, has, &mut touch.missing);
+                neighbours.fill(&touch.missing, has, kpa, &mut touch.beside);
+                let reading = |taxel: usize| {
+                    let (weak_n, noise_n) = remainder.linear_n(taxel, counts);
+                    let noise_kpa = noise_n / self.newton_per_kpa(taxel);
+                    let strong_kpa = Some(kpa(taxel)).filter(|kpa| *kpa > 0.0);
+                    let kpa = strong_kpa.unwrap_or(weak_n / self.newton_per_kpa(taxel));
+                    has(taxel).then_some(Reading { kpa, noise_kpa })
+                };
+                let hidden = |&taxel: &usize| neighbours.hidden_kpa(taxel, reading) * self.newton_per_kpa(taxel);
+                let hidden_n = touch.missing.iter().map(hidden).sum();
+                touch.rim = Rim { without: touch.missing.len(), touched: touch.active.len(), hidden_n };
             }
         } else if coverage.uncovered_share > 0.0 {
             touch.rim = self.rim_of_modules(&touch.active, evaluator.selection());
@@ -255,8 +288,8 @@ impl ForceModel {
         let rim = |range: &Range<usize>| {
             let touched = active.iter().filter(|(taxel, _)| range.contains(taxel)).count();
             let without = range.clone().filter(|&taxel| !selected[taxel]).count();
-            let beyond = if touched <= NEIGHBOURS_MAX * without { without } else { 0 };
-            Rim { without, touched, beyond }
+            let hidden_n = if without > 0 && touched <= NEIGHBOURS_MAX * without { f64::INFINITY } else { 0.0 };
+            Rim { without, touched, hidden_n }
         };
         let touched = self.modules.iter().map(rim).filter(|rim| rim.touched > 0);
         touched.max_by(|a, b| (a.without * b.touched).cmp(&(b.without * a.touched))).unwrap_or_default()

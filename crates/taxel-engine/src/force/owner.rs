@@ -3,11 +3,13 @@
 //! Order of calls: [`Force::set_models`] and [`Force::set_zero`] whenever these change, [`Force::follow`] and then
 //! [`Force::sample`] for each scan.
 
+mod bound;
 mod shortcomings;
 
 use std::sync::Arc;
-use taxel_skin::{CountRange, Newton, SquareMillimetre, Time};
+use taxel_skin::{CountRange, Newton, SquareMillimetre};
 
+use self::bound::{Bound, HeldBound};
 use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
 use crate::force::hysteresis::Hysteresis;
@@ -67,18 +69,6 @@ pub struct Measured {
     pub told: Newton,
 }
 
-/// Taxels, ascending, that keep a force from being a good one.
-struct Missing<'a> {
-    /// Those that count in the total.
-    active: &'a [u16],
-    /// Those with a fault under the contact or at its rim.
-    faulty: Vec<u16>,
-    /// Those without a zero that may bear a load.
-    loaded: Vec<u16>,
-    /// How many that cannot be read lie beside a contact of which they may bear most.
-    beside: Option<usize>,
-}
-
 /// The force of one patch.
 #[derive(Debug)]
 pub struct Force {
@@ -118,8 +108,8 @@ pub struct Force {
     live_without_zero: Vec<(u16, f64, f64)>,
     /// The same of those that have one.
     faulty_without_zero: Vec<(u16, f64, f64)>,
-    /// When a taxel with a fault last read a load, if that was a moment ago.
-    unread: Option<Time>,
+    /// What makes the total a lower bound now or did so a moment ago.
+    bound: HeldBound,
     /// Taxels that [`Coverage::blind`] counts.
     blind: Arc<[u16]>,
     /// How many taxels are selected.
@@ -153,7 +143,7 @@ impl Force {
             without_zero: Arc::default(),
             live_without_zero: Vec::new(),
             faulty_without_zero: Vec::new(),
-            unread: None,
+            bound: HeldBound::default(),
             blind: Arc::default(),
             usable: 0,
             touch: Touch::default(),
@@ -224,8 +214,8 @@ impl Force {
     }
 
     fn begin(&mut self, plays: fn(&Arc<ModelSet>, &[TaxelBaseline]) -> Option<Hysteresis>) {
-        (self.unread, self.followed) = (None, None);
-        self.lately = Lately::default();
+        self.followed = None;
+        (self.lately, self.bound) = (Lately::default(), HeldBound::default());
         self.hysteresis = self.set.as_ref().zip(self.zero.as_ref()).and_then(|(set, zero)| plays(set, zero));
         self.tabulate();
     }
@@ -321,7 +311,7 @@ impl Force {
             return self.nothing(ForceState::Uncalibrated, why, silent, taxels);
         }
         let mut touch = std::mem::take(&mut self.touch);
-        self.model.touch(evaluator, scan.counts, self.coverage, &mut touch);
+        self.model.touch(evaluator, &self.remainder, scan.counts, self.coverage, &mut touch);
         let active = touch.active.iter().map(|&(taxel, _)| taxel);
         let mut unseen = self.remainder.unseen(scan.counts, active, zero.sigma_counts);
         let taken_by_noise = self.lately.at_least(scan.time, unseen.read_n) - unseen.read_n;
@@ -331,16 +321,9 @@ impl Force {
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts, jumps: scan.jumps };
         // What noise alone activated is no contact that others may bear.
-        let (faulty, beside) = match unseen.has_contact {
-            true => (self.faulty_beside(&touch), touch.mostly_blind()),
-            false => (Vec::new(), None),
-        };
-        // Told of all, for a tip may press on one taxel alone; it degrades the force beside a contact.
-        self.unread = self.last_unread(scan);
-        let loaded = self.loaded_without_zero(scan);
+        let faulty = if unseen.has_contact { self.faulty_beside(&touch) } else { Vec::new() };
         let in_total = in_order(&touch);
         let mut sample = self.model.measure(evaluator, scan.counts, &mut touch, unseen, present);
-        self.touch = touch;
         if !is_number(&sample) {
             let text = "the models give a force or an uncertainty that is no finite number: calibrate again";
             let why = Reason::new(ReasonCode::NoUsableTaxel, text);
@@ -348,14 +331,18 @@ impl Force {
         }
         sample.stale = silent as u32;
         sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
-        sample.lower_bound = self.coverage.blind > 0
-            || beside.is_some()
-            || !loaded.is_empty()
-            || self.unread.is_some()
-            || sample.stale > 0
-            || sample.out_of_range > 0
-            || zero.load_vanished.is_some();
-        sample.reasons = self.shortcomings(scan, &sample, Missing { active: &in_total, faulty, loaded, beside }, zero);
+        let shown = Bound {
+            beside: touch.mostly_blind(upper_end(&sample)).filter(|_| unseen.has_contact),
+            // Told of all, for a tip may press on one taxel alone; it degrades the force beside a contact.
+            faulty_is_pressed: self.is_a_faulty_one_pressed(scan).then_some(()),
+            loaded: self.loaded_without_zero(scan),
+            beyond_range: (sample.out_of_range > 0).then(|| self.out_of_range(scan, &in_total)),
+        };
+        self.touch = touch;
+        let bound = self.bound.with(scan.time, shown);
+        sample.lower_bound =
+            self.coverage.blind > 0 || bound.is_any() || sample.stale > 0 || zero.load_vanished.is_some();
+        sample.reasons = self.shortcomings(scan, sample.stale, faulty, bound, zero);
         sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
         Measured { sample, active: in_total, told: unseen.told }
     }
@@ -386,6 +373,12 @@ impl Force {
     pub fn tables(&self) -> Option<SharedTables> {
         self.evaluator.as_ref().map(|e| (Arc::clone(e.tables()), e.hysteresis().cloned()))
     }
+}
+
+/// How much more than its total a force may be by what it says of itself: two standard uncertainties and the floor.
+fn upper_end(sample: &ForceSample) -> Newton {
+    let (sigma, floor) = (sample.total_sigma.unwrap_or_default(), sample.detection_floor.unwrap_or_default());
+    Newton(2.0 * sigma.0 + floor.0)
 }
 
 /// Whether a force says how much it is, and how far it may be off.

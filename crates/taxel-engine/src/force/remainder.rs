@@ -48,6 +48,9 @@ use crate::force::tables::Tables;
 /// Noise alone seldom takes a taxel so many times as far as its activation threshold: at the default one that is six standard
 /// deviations, which of 250 taxels with normal noise one reaches once in 23 hours at 50 scans a second.
 const TELLING_DISTANCE: f64 = 1.5;
+/// So many taxels beyond their activation thresholds are seldom noise either: at four standard deviations two of 250 are in the
+/// same scan once in ten minutes, and hardly ever beside the same one that cannot be read.
+const TELLING_TAXELS: i32 = 2;
 
 /// The remainder of a patch at one zero and one selection.
 #[derive(Clone, Debug, Default)]
@@ -132,6 +135,14 @@ impl Remainder {
         }
     }
 
+    /// What a taxel reads without a threshold, on a straight line through its zero, and the noise of that, N; both are 0 of one
+    /// that is not selected.
+    #[must_use]
+    pub fn linear_n(&self, taxel: usize, counts: Counts<'_>) -> (f64, f64) {
+        let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { return (0.0, 0.0) };
+        (f64::from(share.newton_per_count) * (count - f64::from(share.zero)), f64::from(share.noise_n))
+    }
+
     /// What may press unseen because the taxels of modules jump together, N; `jumps` by module, counts.
     #[must_use]
     pub fn jumped_n(&self, modules: &[Range<usize>], jumps: &[f32]) -> f64 {
@@ -162,7 +173,7 @@ impl Remainder {
         let (mut rest_n, mut noise_n2, mut per_count_n) =
             (self.walk_n(counts) - self.zeros_n, self.noise_n2, self.per_count_n);
         let (mut noise_n, mut threshold_n) = (self.noise_n, self.threshold_n);
-        let (mut chosen_n, mut has_contact) = (0.0, false);
+        let (mut chosen_n, mut has_contact, mut beyond) = (0.0, false, 0);
         for taxel in active {
             let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else {
                 has_contact = true; // who knows
@@ -172,6 +183,7 @@ impl Remainder {
             rest_n -= pressed_n;
             // Of a taxel of which nothing is known both are 0.
             has_contact |= pressed_n >= TELLING_DISTANCE * f64::from(share.threshold_n);
+            beyond += i32::from(pressed_n >= f64::from(share.threshold_n));
             if pressed_n < f64::from(share.threshold_n) {
                 chosen_n += f64::from(share.noise_n);
             }
@@ -194,7 +206,7 @@ impl Remainder {
             told: Newton(unseen - kept_below_n + FLOOR_SIGMAS * unseen_n2.sqrt()),
             read_n: unseen,
             offset_counts,
-            has_contact,
+            has_contact: has_contact || beyond >= TELLING_TAXELS,
         }
     }
 }

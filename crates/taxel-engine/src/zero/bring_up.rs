@@ -105,8 +105,8 @@ impl Zero {
         self.vouched.as_ref()
     }
 
-    /// A session has taken a zero, this one or, before its first ramp, that one: what it makes is of the skin as the boards see
-    /// it now.
+    /// A session has taken a zero, and `zero` is that of its first ramp, which is the rest of the models that it makes: they are of
+    /// the skin as the boards see it now.
     pub fn note_session_rest(&mut self, zero: &[TaxelBaseline]) {
         if self.session_rests.len() == SESSION_RESTS {
             self.session_rests.pop_front();

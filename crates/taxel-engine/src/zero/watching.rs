@@ -96,9 +96,6 @@ impl Zero {
             } else {
                 self.unjudged.take_if(|unjudged| unjudged.models == Models::Others); // these have judged this one
             }
-            if matches!(purpose, Purpose::Session { .. }) {
-                self.note_session_rest(&baseline);
-            }
             self.take(now.time, view, baseline);
             events.push(ZeroEvent::Taken(purpose));
         }

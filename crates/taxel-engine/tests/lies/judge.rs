@@ -9,13 +9,17 @@ const TOLERANCE_N: f64 = 1e-6;
 
 /// What a sample says of the force, in newton; `None` where it says nothing. A lower bound is open above.
 pub fn interval(force: &ForceSample) -> Option<(f64, f64)> {
+    closed(force).map(|(low, high)| (low, if force.lower_bound { f64::INFINITY } else { high }))
+}
+
+/// What it would say if it were no lower bound.
+pub fn closed(force: &ForceSample) -> Option<(f64, f64)> {
     if !matches!(force.state, ForceState::Ok | ForceState::Degraded) {
         return None;
     }
     let (total, sigma) = (force.total?.0, force.total_sigma?.0);
     let floor = force.detection_floor?.0;
-    let high = if force.lower_bound { f64::INFINITY } else { total + SIGMAS * sigma + floor };
-    Some((total - SIGMAS * sigma, high))
+    Some((total - SIGMAS * sigma, total + SIGMAS * sigma + floor))
 }
 
 /// A force that was stated wrongly.

@@ -12,7 +12,7 @@ use crate::daemon::Daemon;
 use crate::dice::Dice;
 use crate::hands::Hands;
 use crate::house::{Patches, SLOT, house};
-use crate::judge::{Lie, interval, judge};
+use crate::judge::{Lie, closed, interval, judge};
 use crate::kinds::{Kind, Kinds};
 use crate::mishaps::Mishaps;
 use crate::operator::Operator;
@@ -192,6 +192,10 @@ impl Story {
         let kinds = stage.suspects.present(stage.now());
         let truth = stage.truth.range(snapshot.time - AGE_MAX, snapshot.time);
         let lie = judge(stated, truth);
+        if force.lower_bound && kinds.is_empty() {
+            let needless = closed(force).is_some_and(|closed| judge(closed, truth).is_none());
+            self.tally.bounded(self.seed, &force.reasons, needless);
+        }
         let zero = snapshot.tare.as_ref().map(|tare| tare.wall_ns);
         if zero != self.zero.0 {
             self.zero = (zero, lie.is_some_and(|lie| lie.too_little));

@@ -89,6 +89,20 @@ fn write_liars(f: &mut fmt::Formatter<'_>, title: &str, liars: &[(&String, &Liar
     Ok(())
 }
 
+/// Samples that are lower bounds for one reason.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct Bounded {
+    samples: u64,
+    /// Of them those that would be right without being one.
+    needless: u64,
+    seed: u64,
+}
+
+/// The first sentence of what a sample says of itself, without its numbers.
+fn name_of(reasons: &[Reason]) -> String {
+    in_words(reasons).chars().map(|c| if c.is_ascii_digit() { '#' } else { c }).take(90).collect()
+}
+
 /// Counts over stories; those of several threads add up.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Tally {
@@ -107,6 +121,9 @@ pub struct Tally {
     roots: BTreeMap<String, Liars>,
     /// Why there was no force in the fault-free time, how long, and in which story last.
     gone: BTreeMap<String, (Duration, u64)>,
+    /// Lower bounds in the fault-free time, by what they say of themselves.
+    #[serde(default)]
+    bounded: BTreeMap<String, Bounded>,
 }
 
 impl Tally {
@@ -124,6 +141,7 @@ impl Tally {
             liars: BTreeMap::new(),
             roots: BTreeMap::new(),
             gone: BTreeMap::new(),
+            bounded: BTreeMap::new(),
         }
     }
 
@@ -170,11 +188,16 @@ impl Tally {
 
     /// There is no force though nothing happened; the reasons that the sample gives.
     pub fn gone(&mut self, span: Duration, seed: u64, reasons: &[Reason]) {
-        // Numbers apart, the text is the reason's name; a sentence after the first colon is figures.
-        let text = in_words(reasons);
-        let name: String = text.chars().map(|c| if c.is_ascii_digit() { '#' } else { c }).take(90).collect();
-        let gone = self.gone.entry(name).or_default();
+        let gone = self.gone.entry(name_of(reasons)).or_default();
         *gone = (gone.0 + span, seed);
+    }
+
+    /// A sample is a lower bound though nothing happened; whether it would be right without being one.
+    pub fn bounded(&mut self, seed: u64, reasons: &[Reason], needless: bool) {
+        let bounded = self.bounded.entry(name_of(reasons)).or_default();
+        bounded.samples += 1;
+        bounded.needless += u64::from(needless);
+        bounded.seed = seed;
     }
 
     pub fn story(&mut self, ever: Kinds, lied: bool) {
@@ -205,6 +228,12 @@ impl Tally {
         for (name, (span, seed)) in &other.gone {
             let gone = self.gone.entry(name.clone()).or_default();
             *gone = (gone.0 + *span, *seed);
+        }
+        for (name, theirs) in &other.bounded {
+            let ours = self.bounded.entry(name.clone()).or_default();
+            ours.samples += theirs.samples;
+            ours.needless += theirs.needless;
+            ours.seed = theirs.seed;
         }
         for (ours, theirs) in [(&mut self.liars, &other.liars), (&mut self.roots, &other.roots)] {
             for (name, theirs) in theirs {
@@ -251,6 +280,13 @@ impl fmt::Display for Tally {
         gone.sort_by_key(|(_, (span, _))| Reverse(*span));
         for (reason, (span, seed)) in gone.into_iter().take(5) {
             writeln!(f, "| {reason} | {:.1} | {seed} |", span.as_secs_f64())?;
+        }
+        writeln!(f, "\n| a lower bound in fault-free time | samples | right without being one | seed |")?;
+        writeln!(f, "|---|---:|---:|---:|")?;
+        let mut bounded: Vec<_> = self.bounded.iter().collect();
+        bounded.sort_by_key(|(_, bounded)| Reverse(bounded.samples));
+        for (reason, Bounded { samples, needless, seed }) in bounded.into_iter().take(5) {
+            writeln!(f, "| {reason} | {samples} | {needless} | {seed} |")?;
         }
         write_liars(f, &format!("lies by {LITTLE_N} N and more, by what they come from"), &ranked(&self.roots))?;
         let names = self.most_frequent();

@@ -2,12 +2,9 @@
 
 use std::sync::Arc;
 
-use taxel_skin::Time;
-
-use super::{Force, Missing, ZeroState};
+use super::{Bound, Force, ZeroState};
 use crate::force::measure::Touch;
 use crate::force::reason::{Reason, ReasonCode, positions};
-use crate::force::sample::ForceSample;
 use crate::scan::Scan;
 
 /// So many blind taxels may be anywhere without a force being called degraded: a load on them alone is smaller than a
@@ -17,9 +14,6 @@ const BLIND_TAXELS_BORNE: u32 = 2;
 /// A taxel without a zero that lies so far towards load from where it was calibrated may bear one, counts: from day to day a
 /// taxel moves by less (see [`crate::zero::rest::RestLimits::moved_second_max`]).
 const LOADED_COUNTS: f64 = 16.0;
-
-/// So long a taxel with a fault that has read a load may still bear it, seconds.
-const BEARS_S: f64 = 1.0;
 
 impl Force {
     /// Taxels with a fault under the contact or at its rim. Without positions nobody knows, and all count.
@@ -41,13 +35,10 @@ impl Force {
         pressed.is_some_and(|counts| counts > self.plan.activation.distance_counts(rest.noise))
     }
 
-    /// When a taxel with a fault last read a load, if that may still lie there: one that another node sends for, too, reads it
-    /// in every other scan.
-    pub(super) fn last_unread(&self, scan: &Scan<'_>) -> Option<Time> {
-        let reads = self.faulty.iter().any(|&taxel| self.is_pressed(scan, taxel))
-            || self.faulty_without_zero.iter().any(|taxel| is_loaded(scan, taxel));
-        let last = if reads { Some(scan.time) } else { self.unread };
-        last.filter(|last| scan.time.seconds_since(*last) <= BEARS_S)
+    /// Whether any taxel with a fault reads a load.
+    pub(super) fn is_a_faulty_one_pressed(&self, scan: &Scan<'_>) -> bool {
+        self.faulty.iter().any(|&taxel| self.is_pressed(scan, taxel))
+            || self.faulty_without_zero.iter().any(|taxel| is_loaded(scan, taxel))
     }
 
     /// Taxels of modules that are silent, ascending.
@@ -60,14 +51,15 @@ impl Force {
 
     /// Taxels without a fault and without a zero that read so much more than when they were calibrated that a load may lie on
     /// them: what came while the zero was taken and lies on one taxel alone.
-    pub(super) fn loaded_without_zero(&self, scan: &Scan<'_>) -> Vec<u16> {
-        let loaded = self.live_without_zero.iter().filter(|taxel| is_loaded(scan, taxel));
-        loaded.map(|&(taxel, ..)| taxel).collect()
+    pub(super) fn loaded_without_zero(&self, scan: &Scan<'_>) -> Option<Arc<[u16]>> {
+        let mut loaded = self.live_without_zero.iter().filter(|taxel| is_loaded(scan, taxel)).peekable();
+        loaded.peek()?;
+        Some(loaded.map(|&(taxel, ..)| taxel).collect())
     }
 
     /// Those of `active`, which count in the total, that read more than was calibrated.
-    fn out_of_range(&self, scan: &Scan<'_>, active: &[u16]) -> Vec<u16> {
-        let Some(evaluator) = &self.evaluator else { return Vec::new() };
+    pub(super) fn out_of_range(&self, scan: &Scan<'_>, active: &[u16]) -> Arc<[u16]> {
+        let Some(evaluator) = &self.evaluator else { return Arc::default() };
         let above = |&taxel: &u16| {
             let taxel = usize::from(taxel);
             let share = scan.counts.raw(taxel).and_then(|count| evaluator.tables().share(taxel, count));
@@ -77,18 +69,19 @@ impl Force {
     }
 
     /// Only what touches the total degrades it; the rest is the health's. A good sample, as nearly all are, asks for no
-    /// memory here.
+    /// memory here. `stale` is how many taxels are silent, `faulty` those with a fault under the contact or at its rim.
     pub(super) fn shortcomings(
         &self,
         scan: &Scan<'_>,
-        sample: &ForceSample,
-        Missing { active, faulty, loaded, beside }: Missing<'_>,
+        stale: u32,
+        faulty: Vec<u16>,
+        bound: Bound,
         zero: &ZeroState,
     ) -> Vec<Reason> {
         use ReasonCode::{TaxelsBlind, TaxelsFaulty, TaxelsOutOfRange, TaxelsSilent, TaxelsWithoutZero};
         let mut reasons = Vec::new();
-        if sample.stale > 0 {
-            let text = format!("{} taxels are silent", sample.stale);
+        if stale > 0 {
+            let text = format!("{stale} taxels are silent");
             reasons.push(Reason::about(self.silent(scan), TaxelsSilent, text));
         }
         if !faulty.is_empty() {
@@ -97,7 +90,7 @@ impl Force {
             let text = format!("{} taxels have a fault{bound}", faulty.len());
             reasons.push(Reason::about(faulty, TaxelsFaulty, text));
         }
-        if self.coverage.blind > BLIND_TAXELS_BORNE && self.coverage.blind > sample.stale {
+        if self.coverage.blind > BLIND_TAXELS_BORNE && self.coverage.blind > stale {
             let blind = self.coverage.blind;
             let text = format!("{blind} taxels are blind, and so are those beside them: the total is a lower bound");
             reasons.push(Reason::about(Arc::clone(&self.blind), TaxelsBlind, text));
@@ -108,21 +101,21 @@ impl Force {
                 let text = format!("{n} taxels with a model {why}");
                 reasons.push(Reason::about(Arc::clone(&self.without_zero), TaxelsWithoutZero, text));
             }
-        } else if let Some(n) = beside {
+        } else if let Some(n) = bound.beside {
             let text = format!("more of a contact may lie on {n} taxels that cannot be read than on those that can");
             reasons.push(Reason::new(TaxelsBlind, format!("{text}: the total is a lower bound")));
         }
-        if !loaded.is_empty() {
+        if let Some(loaded) = bound.loaded {
             let n = loaded.len();
             let text = format!(
                 "{n} taxels without a zero read more than {LOADED_COUNTS} counts towards load since the calibration"
             );
             reasons.push(Reason::about(loaded, TaxelsWithoutZero, format!("{text}: the total is a lower bound")));
         }
-        if sample.out_of_range > 0 {
-            let n = sample.out_of_range;
-            let text = format!("{n} active taxels read more than was calibrated: the total is a lower bound");
-            reasons.push(Reason::about(self.out_of_range(scan, active), TaxelsOutOfRange, text));
+        if let Some(beyond) = bound.beyond_range {
+            let text =
+                format!("{} active taxels read more than was calibrated: the total is a lower bound", beyond.len());
+            reasons.push(Reason::about(beyond, TaxelsOutOfRange, text));
         }
         reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());
         reasons

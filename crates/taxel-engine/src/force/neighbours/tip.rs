@@ -1,0 +1,186 @@
+//! How much of a contact's tip may lie on a taxel that cannot be read.
+//!
+//! A fingertip presses on one taxel, and those beside it feel its flanks: they fall off to nothing at the next ones. Where a
+//! wider load lies about them, too, it is on the third ring of taxels as well, and is taken off first.
+//!
+//! How much lies there beyond the mean of those beside it, which it is filled with, is at most a multiple of what these read in
+//! the mean, and of the least of them: round contacts of 4 mm and more anywhere nearer to it than to another taxel, under the layer
+//! of iCub's skin (2 mm, pads of 4 mm, 6.5 mm apart), of which the smallest hides the most. A wider one hides less, and so does
+//! each on a finer skin.
+
+use super::{Neighbours, Reading};
+use crate::statistics::quantile;
+
+/// What is hidden, over the mean of what the taxels beside it read: contacts in the middle come up to 24.
+const HIDDEN_OVER_MEAN: f64 = 24.0;
+/// The same over the least of them: contacts that lie towards another taxel come up to 108.
+const HIDDEN_OVER_LEAST: f64 = 110.0;
+/// So many standard deviations of their noise they may read too little.
+const NOISE_SIGMAS: f64 = 2.0;
+/// Where the taxels beside one at the rim read so many times as much as the next ones together, a contact's tip lies between
+/// them.
+const TIP_RATIO: f64 = 5.0;
+/// A taxel beside one amid the skin reads the flank of a contact whose tip lies there if those beyond it read less than this
+/// share of its pressure in the mean, and the tip lies there if such flanks have so much of what is read about it. Those of
+/// contacts of up to 10 mm have less; a round mass of 600 mm2 has half.
+const FLANK_FALLS_TO: f64 = 0.25;
+const FLANKS_SHARE: f64 = 0.5;
+/// Beside one taxel another is well touched if it reads more than this share of its pressure.
+const WELL_TOUCHED_SHARE: f64 = 0.25;
+
+impl Neighbours {
+    /// How much more than the mean of its neighbours the taxel `missing`, which cannot be read, may bear because a contact's
+    /// tip lies there, kPa; 0 where its surroundings show none. Other contacts have no say in it. `reading` is `None` of a
+    /// taxel that cannot be read.
+    #[must_use]
+    pub fn hidden_kpa(&self, missing: usize, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
+        let read = |ring: &[u16]| ring.iter().filter_map(|&t| reading(usize::from(t))).collect::<Vec<Reading>>();
+        // What a wider load has on most of both rings, so that another contact on a part of one takes nothing off.
+        let at = |ring: &[u16], share: f64| quantile(read(ring).iter().map(|r| r.kpa).collect(), share);
+        let (third, next) = (at(&self.third[missing], 0.5), at(&self.next[missing], 0.25));
+        let about_kpa = third.zip(next).map_or(0.0, |(third, next)| third.min(next).max(0.0));
+        let kpa = |taxel: u16| reading(usize::from(taxel)).map_or(0.0, |reading| reading.kpa - about_kpa);
+        let shows = if self.at_rim[missing] { self.tip_at_rim(missing, kpa) } else { self.tip_amid(missing, kpa) };
+        let beside = read(&self.of[missing]);
+        if !shows || beside.is_empty() {
+            return 0.0;
+        }
+        let (known, sum) = (beside.len() as f64, beside.iter().map(|r| r.kpa - about_kpa).sum::<f64>());
+        let noise_kpa = beside.iter().map(|r| r.noise_kpa.powi(2)).sum::<f64>().sqrt() / known;
+        let mean_kpa = sum / known + NOISE_SIGMAS * noise_kpa;
+        let upper = |r: &Reading| r.kpa - about_kpa + NOISE_SIGMAS * r.noise_kpa;
+        let least_kpa = beside.iter().map(upper).fold(f64::INFINITY, f64::min);
+        (HIDDEN_OVER_MEAN * mean_kpa).min(HIDDEN_OVER_LEAST * least_kpa).max(0.0)
+    }
+
+    /// Whether the taxels beside one amid the skin show the flanks of a contact whose tip lies there.
+    fn tip_amid(&self, missing: usize, kpa: impl Fn(u16) -> f64) -> bool {
+        let is_next = |other: &u16| usize::from(*other) != missing && !self.of[missing].contains(other);
+        let is_flank = |beside: &u16| {
+            let next = self.of[usize::from(*beside)].iter().copied().filter(is_next);
+            let (count, sum) = next.fold((0.0, 0.0), |(n, sum), taxel| (n + 1.0, sum + kpa(taxel)));
+            kpa(*beside) > 0.0 && (count == 0.0 || sum < FLANK_FALLS_TO * count * kpa(*beside))
+        };
+        let beside = || self.of[missing].iter().copied();
+        let (all_kpa, flanks_kpa) = (beside().map(&kpa).sum::<f64>(), beside().filter(is_flank).map(&kpa).sum::<f64>());
+        flanks_kpa > 0.0 && flanks_kpa >= FLANKS_SHARE * all_kpa
+    }
+
+    /// Whether nobody has seen the tip of a contact at the rim, or it lies beyond the one taxel that has most of it.
+    fn tip_at_rim(&self, missing: usize, kpa: impl Fn(u16) -> f64) -> bool {
+        let beside_kpa: f64 = self.of[missing].iter().copied().map(&kpa).sum();
+        let next = || self.next[missing].iter().copied().map(&kpa);
+        let (first, second) = greatest_two(self.of[missing].iter().copied().map(&kpa));
+        let has_most = second <= WELL_TOUCHED_SHARE * first && first > next().fold(0.0, f64::max);
+        beside_kpa > 0.0 && (has_most || beside_kpa >= TIP_RATIO * next().sum::<f64>())
+    }
+}
+
+/// The two greatest of these pressures, 0 where there are none.
+fn greatest_two(kpa: impl Iterator<Item = f64>) -> (f64, f64) {
+    kpa.fold((0.0_f64, 0.0_f64), |(first, second), kpa| (first.max(kpa), second.max(kpa.min(first))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{grid, hexagon, row};
+    use super::*;
+
+    /// What `missing` hides where the others read `kpa`, without noise.
+    fn hidden(neighbours: &Neighbours, missing: usize, kpa: impl Fn(usize) -> f64) -> f64 {
+        neighbours.hidden_kpa(missing, |taxel| (taxel != missing).then(|| Reading { kpa: kpa(taxel), noise_kpa: 0.0 }))
+    }
+
+    #[test]
+    fn a_contact_that_touches_one_taxel_beside_one_without_a_pressure_may_lie_on_it() {
+        let row = row(7);
+        let one = |touched: usize| move |taxel: usize| if taxel == touched { 9.0 } else { 0.0 };
+        assert_eq!(hidden(&row, 0, one(1)), HIDDEN_OVER_MEAN * 9.0, "at the end, and nobody else beside it");
+        assert_eq!(hidden(&row, 3, one(2)), 0.0, "amid the row the other neighbour would feel a tip there");
+        assert_eq!(hidden(&row, 3, |taxel| [0.0, 0.0, 9.0, 0.0, 8.0, 0.0, 0.0][taxel]), HIDDEN_OVER_MEAN * 8.5);
+        assert_eq!(hidden(&row, 0, |_| 0.0), 0.0);
+    }
+
+    /// Both neighbours of a corner that has no pressure read the same, so that their scatter says nothing of the tip there.
+    #[test]
+    fn a_contact_about_a_corner_without_a_pressure_may_lie_on_it() {
+        let (neighbours, rings) = hexagon(2);
+        let corner = (0..19).find(|&taxel| neighbours.of(taxel).count() == 3).unwrap();
+        let amid = neighbours.of(corner).find(|&taxel| rings[taxel] == 1).unwrap();
+        let about = |place: usize| {
+            let neighbours = &neighbours;
+            move |taxel: usize| if neighbours.of(place).any(|other| other == taxel) { 50.0 } else { 1.0 }
+        };
+        assert!(hidden(&neighbours, corner, about(corner)) > 1_000.0);
+        let within = |taxel: usize| if taxel == amid { 100.0 } else { about(amid)(taxel) };
+        assert_eq!(hidden(&neighbours, corner, within), 0.0, "its tip is seen");
+    }
+
+    /// Of a fingertip on it the six about it feel little and alike, and no scatter says what is missing.
+    #[test]
+    fn the_tip_of_a_small_contact_amid_the_skin_may_lie_on_a_taxel_without_a_pressure() {
+        let (neighbours, rings) = hexagon(2);
+        let centre = rings.iter().position(|ring| *ring == 0).unwrap();
+        let one = rings.iter().position(|ring| *ring == 1).unwrap();
+        let of = |kpa: &dyn Fn(usize) -> f64| hidden(&neighbours, centre, kpa);
+        assert!((of(&|taxel| [0.0, 20.0, 0.5][rings[taxel]]) - HIDDEN_OVER_MEAN * 20.0).abs() < 1e-9);
+        assert_eq!(of(&|taxel| [0.0, 50.0, 20.0][rings[taxel]]), 0.0, "a wide contact");
+        let about_one = |taxel: usize| match neighbours.of(one).any(|other| other == taxel) {
+            _ if taxel == one => 50.0,
+            true => 40.0,
+            false => 10.0,
+        };
+        assert_eq!(of(&about_one), 0.0, "the tip is on a taxel that feels it");
+        let least = neighbours.of(centre).next().unwrap();
+        let towards_others = |taxel: usize| if taxel == least { 0.5 } else { [0.0, 20.0, 0.5][rings[taxel]] };
+        assert!((of(&towards_others) - HIDDEN_OVER_LEAST * 0.5).abs() < 1e-9, "it feels hardly any of it");
+    }
+
+    #[test]
+    fn what_lies_elsewhere_has_no_say_in_what_a_taxel_without_a_pressure_may_bear() {
+        let neighbours = grid(8, 0.0065);
+        let at_corner = |at_corner: f64| {
+            let kpa = |taxel: usize| {
+                if [1, 8].contains(&taxel) {
+                    at_corner
+                } else if taxel >= 40 {
+                    50.0
+                } else {
+                    0.0
+                }
+            };
+            hidden(&neighbours, 0, kpa)
+        };
+        assert_eq!(at_corner(0.0), 0.0);
+        assert_eq!(at_corner(50.0), HIDDEN_OVER_MEAN * 50.0, "a contact whose tip nobody has seen");
+    }
+
+    /// What it spreads over the third ring lies beneath the tip, too.
+    #[test]
+    fn the_tip_of_a_small_contact_may_lie_there_under_a_wider_load_too() {
+        let (neighbours, rings) = hexagon(4);
+        let centre = rings.iter().position(|ring| *ring == 0).unwrap();
+        let of = |about: [f64; 5]| hidden(&neighbours, centre, |taxel| about[rings[taxel]]);
+        for wide_kpa in [0.0, 5.0, 15.0, 20.0] {
+            let hidden = of([0.0, 20.0 + wide_kpa, 0.5 + wide_kpa, wide_kpa, wide_kpa]);
+            assert!((hidden - HIDDEN_OVER_MEAN * 20.0).abs() < 1e-9, "under {wide_kpa} kPa: {hidden}");
+        }
+        assert_eq!(of([0.0, 50.0, 40.0, 20.0, 0.0]), 0.0, "a round one");
+        assert_eq!(of([0.0, 20.0, 20.0, 20.0, 10.0]), 0.0, "a flat one");
+        // Another contact on a third of the ring.
+        let third: Vec<usize> = (0..61).filter(|&taxel| rings[taxel] == 3).take(6).collect();
+        let kpa = |taxel: usize| if third.contains(&taxel) { 60.0 } else { [0.0, 20.0, 0.5, 0.0, 0.0][rings[taxel]] };
+        assert_eq!(hidden(&neighbours, centre, kpa), HIDDEN_OVER_MEAN * 20.0);
+    }
+
+    #[test]
+    fn noise_may_hide_as_much_as_it_takes_from_those_beside() {
+        let (neighbours, rings) = hexagon(4);
+        let centre = rings.iter().position(|ring| *ring == 0).unwrap();
+        let reading = |taxel: usize| {
+            (taxel != centre).then(|| Reading { kpa: [0.0, 2.0, 0.0, 0.0, 0.0][rings[taxel]], noise_kpa: 0.6 })
+        };
+        let expected = HIDDEN_OVER_MEAN * (2.0 + NOISE_SIGMAS * 0.6 / 6.0_f64.sqrt());
+        assert!((neighbours.hidden_kpa(centre, reading) - expected).abs() < 1e-9);
+    }
+}
