@@ -1,5 +1,6 @@
 //! From the pressures of one scan to a force: total, its uncertainty, and the parts that the scene asks for.
 
+mod find;
 mod uncertainty;
 
 use nalgebra::Vector3;
@@ -10,11 +11,12 @@ use taxel_skin::{Geometry, Newton, NormalsVerdict, SquareMillimetre};
 use crate::counts::Counts;
 use crate::force::contacts::clusters;
 use crate::force::evaluator::Evaluator;
-use crate::force::neighbours::{Filled, Neighbours, Reading};
+use crate::force::neighbours::{Filled, Neighbours};
 use crate::force::reason::positions;
-use crate::force::remainder::{Remainder, Unseen};
+use crate::force::remainder::Unseen;
 use crate::force::sample::ForceSample;
 use crate::force::sampling::{Contact, rim_sigma_n};
+use crate::force::touch::Touch;
 #[cfg(doc)]
 use crate::scan::Scan;
 
@@ -80,46 +82,6 @@ pub struct Present<'a> {
     pub jumps: &'a [f32],
 }
 
-/// The active taxels of a scan with their force in N, and what was taken from neighbours. Its owner keeps it from scan
-/// to scan, so that no scan has to ask for memory.
-#[derive(Clone, Debug, Default)]
-pub struct Touch {
-    /// Taxel and force, those beyond the activation threshold first.
-    pub active: Vec<(usize, f64)>,
-    beside: Vec<Filled>,
-    /// Taxels beside active ones that are excluded, ascending.
-    missing: Vec<usize>,
-    /// The contact that each taxel belongs to, and the sums of each; the first is of taxels without a position.
-    labels: Vec<u16>,
-    contacts: Vec<Contact>,
-    /// How it lies on taxels that are excluded.
-    rim: Rim,
-}
-
-impl Touch {
-    /// How many excluded taxels are beside touched ones, if more of a contact may lie on them than on touched ones, or so much
-    /// that the total is short of it by more than `borne`.
-    #[must_use]
-    pub fn mostly_blind(&self, borne: Newton) -> Option<usize> {
-        let Rim { without, touched, hidden_n } = self.rim;
-        (without > touched || hidden_n > borne.0).then_some(without)
-    }
-}
-
-/// How a contact lies on taxels that are excluded.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Rim {
-    /// How many lie beside touched ones.
-    without: usize,
-    /// Touched taxels.
-    touched: usize,
-    /// What of its tip may lie on them and is not in the total, N.
-    hidden_n: f64,
-}
-
-/// A taxel has so many others about it at most, on skins of triangles.
-const NEIGHBOURS_MAX: usize = 6;
-
 impl ForceModel {
     /// Parts that geometry does not allow are left out here, once.
     #[must_use]
@@ -174,55 +136,6 @@ impl ForceModel {
     #[must_use]
     pub const fn neighbours(&self) -> Option<&Neighbours> {
         self.neighbours.as_ref()
-    }
-
-    /// Which taxels are touched, those at the rim of a contact with them, and what lies on excluded ones beside them.
-    pub fn touch(
-        &self,
-        evaluator: &Evaluator,
-        remainder: &Remainder,
-        counts: Counts<'_>,
-        coverage: Coverage,
-        touch: &mut Touch,
-    ) {
-        touch.active.clear();
-        touch.beside.clear();
-        touch.contacts.clear();
-        touch.rim = Rim::default();
-        evaluator.find_active(counts, &mut touch.active);
-        if touch.active.is_empty() {
-            return;
-        }
-        let mut contacts = 0;
-        if let Some(neighbours) = &self.neighbours {
-            let low = |taxel: usize| counts.raw(taxel).and_then(|count| evaluator.low_n(taxel, count)).unwrap_or(0.0);
-            contacts = neighbours.grow(&mut touch.active, &mut touch.labels, low);
-            if coverage.uncovered_share > 0.0 {
-                let has = |taxel: usize| evaluator.selection()[taxel];
-                let kpa = |taxel| low(taxel) / self.newton_per_kpa(taxel);
-                neighbours.missing_beside(&touch.active, has, &mut touch.missing);
-                neighbours.fill(&touch.missing, has, kpa, &mut touch.beside);
-                let reading = |taxel: usize| {
-                    let (weak_n, noise_n) = remainder.linear_n(taxel, counts);
-                    let noise_kpa = noise_n / self.newton_per_kpa(taxel);
-                    let strong_kpa = Some(kpa(taxel)).filter(|kpa| *kpa > 0.0);
-                    let kpa = strong_kpa.unwrap_or(weak_n / self.newton_per_kpa(taxel));
-                    has(taxel).then_some(Reading { kpa, noise_kpa })
-                };
-                let hidden = |&taxel: &usize| neighbours.hidden_kpa(taxel, reading) * self.newton_per_kpa(taxel);
-                let hidden_n = touch.missing.iter().map(hidden).sum();
-                touch.rim = Rim { without: touch.missing.len(), touched: touch.active.len(), hidden_n };
-            }
-        } else if coverage.uncovered_share > 0.0 {
-            touch.rim = self.rim_of_modules(&touch.active, evaluator.selection());
-        }
-        touch.contacts.resize(contacts + 1, Contact::default());
-        for &(taxel, newton) in &touch.active {
-            let contact = touch.labels.get(taxel).map_or(0, |&label| usize::from(label));
-            // Without positions any taxel may lie there.
-            let at_rim = self.neighbours.as_ref().is_none_or(|neighbours| neighbours.is_at_rim(taxel));
-            touch.contacts[contact].add(newton / self.newton_per_kpa(taxel), newton, at_rim);
-        }
     }
 
     /// The force of one scan, which is `touch`. State, reasons and the counts of excluded and stale taxels are the
@@ -280,19 +193,6 @@ impl ForceModel {
             self.add_geometry(&mut sample, geometry, active);
         }
         sample
-    }
-
-    /// Without positions excluded taxels are beside those of their module: the touched module with most of them for each
-    /// taxel that is touched. Where no more are touched than may lie about them, the tip of the contact may lie amid these.
-    fn rim_of_modules(&self, active: &[(usize, f64)], selected: &[bool]) -> Rim {
-        let rim = |range: &Range<usize>| {
-            let touched = active.iter().filter(|(taxel, _)| range.contains(taxel)).count();
-            let without = range.clone().filter(|&taxel| !selected[taxel]).count();
-            let hidden_n = if without > 0 && touched <= NEIGHBOURS_MAX * without { f64::INFINITY } else { 0.0 };
-            Rim { without, touched, hidden_n }
-        };
-        let touched = self.modules.iter().map(rim).filter(|rim| rim.touched > 0);
-        touched.max_by(|a, b| (a.without * b.touched).cmp(&(b.without * a.touched))).unwrap_or_default()
     }
 
     /// Without positions nobody knows which excluded taxels lie under a contact. Those of a module that it touches may

@@ -20,6 +20,7 @@ pub mod tables;
 pub mod taxels;
 #[cfg(test)]
 pub(crate) mod tests;
+pub mod touch;
 pub mod wear;
 
 pub use crate::baseline::Activation;

@@ -14,12 +14,13 @@ use crate::baseline::{Activation, TaxelBaseline};
 use crate::force::evaluator::Evaluator;
 use crate::force::hysteresis::Hysteresis;
 use crate::force::lately::Lately;
-use crate::force::measure::{Coverage, ForceModel, Layout, Present, Touch};
+use crate::force::measure::{Coverage, ForceModel, Layout, Present};
 use crate::force::offsets::Offsets;
 use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::force::remainder::{Remainder, Rest, newton_per_count};
 use crate::force::sample::{ForceSample, ForceState};
 use crate::force::tables::Tables;
+use crate::force::touch::Touch;
 use crate::model_set::ModelSet;
 use crate::scan::Scan;
 use crate::zero::boards::HiddenCounts;
@@ -114,6 +115,8 @@ pub struct Force {
     blind: Arc<[u16]>,
     /// How many taxels are selected.
     usable: usize,
+    /// The others, ascending.
+    excluded: Vec<usize>,
     touch: Touch,
 }
 
@@ -146,6 +149,7 @@ impl Force {
             bound: HeldBound::default(),
             blind: Arc::default(),
             usable: 0,
+            excluded: Vec::new(),
             touch: Touch::default(),
         }
     }
@@ -263,6 +267,7 @@ impl Force {
         let (coverage, blind) = self.model.coverage(evaluator.selection());
         (self.coverage, self.blind) = (coverage, blind.into());
         self.usable = evaluator.selected().count();
+        self.excluded = (0..scan.sound.len()).filter(|&taxel| !evaluator.selection()[taxel]).collect();
         let tables = evaluator.tables();
         let heard = self.plan.layout.modules.iter().zip(scan.silent).filter(|(_, silent)| !**silent);
         let heard = heard.flat_map(|(taxels, _)| taxels.clone());
@@ -317,6 +322,8 @@ impl Force {
         let taken_by_noise = self.lately.at_least(scan.time, unseen.read_n) - unseen.read_n;
         let jumped_n = self.remainder.jumped_n(&self.plan.layout.modules, scan.jumps);
         unseen.floor = Newton(unseen.floor.0 + taken_by_noise + zero.absorbed.0 + jumped_n);
+        let without = (self.excluded.as_slice(), &touch);
+        unseen.floor = self.model.untouched_floor(evaluator, &self.remainder, scan.counts, without, unseen.floor);
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts, jumps: scan.jumps };

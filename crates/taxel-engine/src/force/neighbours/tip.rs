@@ -34,22 +34,44 @@ impl Neighbours {
     /// taxel that cannot be read.
     #[must_use]
     pub fn hidden_kpa(&self, missing: usize, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
-        let read = |ring: &[u16]| ring.iter().filter_map(|&t| reading(usize::from(t))).collect::<Vec<Reading>>();
-        // What a wider load has on most of both rings, so that another contact on a part of one takes nothing off.
-        let at = |ring: &[u16], share: f64| quantile(read(ring).iter().map(|r| r.kpa).collect(), share);
-        let (third, next) = (at(&self.third[missing], 0.5), at(&self.next[missing], 0.25));
-        let about_kpa = third.zip(next).map_or(0.0, |(third, next)| third.min(next).max(0.0));
+        let about_kpa = self.about_kpa(missing, &reading);
         let kpa = |taxel: u16| reading(usize::from(taxel)).map_or(0.0, |reading| reading.kpa - about_kpa);
         let shows = if self.at_rim[missing] { self.tip_at_rim(missing, kpa) } else { self.tip_amid(missing, kpa) };
-        let beside = read(&self.of[missing]);
-        if !shows || beside.is_empty() {
+        if shows { self.at_most_kpa(missing, about_kpa, reading) } else { 0.0 }
+    }
+
+    /// The same where none of its neighbours is touched, so that all of the tip is hidden: what they read is noise, or too
+    /// little of it to be told. Where it is no more than `borne_kpa` that is enough to know, and is what is returned.
+    #[must_use]
+    pub fn untouched_kpa(&self, missing: usize, borne_kpa: f64, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
+        if self.at_most_kpa(missing, 0.0, &reading) <= borne_kpa {
+            return borne_kpa; // nearly always, and without a look at the rings
+        }
+        self.at_most_kpa(missing, self.about_kpa(missing, &reading), reading).max(borne_kpa)
+    }
+
+    /// What a wider load has on most of both outer rings, so that another contact on a part of one takes nothing off.
+    fn about_kpa(&self, missing: usize, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
+        let at = |ring: &[u16], share: f64| {
+            quantile(ring.iter().filter_map(|&taxel| Some(reading(usize::from(taxel))?.kpa)).collect(), share)
+        };
+        let (third, next) = (at(&self.third[missing], 0.5), at(&self.next[missing], 0.25));
+        third.zip(next).map_or(0.0, |(third, next)| third.min(next).max(0.0))
+    }
+
+    /// What is hidden at most by what its neighbours read, less `about_kpa`; 0 where none of them can be read.
+    fn at_most_kpa(&self, missing: usize, about_kpa: f64, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
+        let (mut known, mut sum_kpa, mut noise_kpa2, mut least_kpa) = (0.0, 0.0, 0.0, f64::INFINITY);
+        for Reading { kpa, noise_kpa } in self.of(missing).filter_map(reading) {
+            known += 1.0;
+            sum_kpa += kpa - about_kpa;
+            noise_kpa2 += noise_kpa * noise_kpa;
+            least_kpa = least_kpa.min(kpa - about_kpa + NOISE_SIGMAS * noise_kpa);
+        }
+        if known == 0.0 {
             return 0.0;
         }
-        let (known, sum) = (beside.len() as f64, beside.iter().map(|r| r.kpa - about_kpa).sum::<f64>());
-        let noise_kpa = beside.iter().map(|r| r.noise_kpa.powi(2)).sum::<f64>().sqrt() / known;
-        let mean_kpa = sum / known + NOISE_SIGMAS * noise_kpa;
-        let upper = |r: &Reading| r.kpa - about_kpa + NOISE_SIGMAS * r.noise_kpa;
-        let least_kpa = beside.iter().map(upper).fold(f64::INFINITY, f64::min);
+        let mean_kpa = (sum_kpa + NOISE_SIGMAS * noise_kpa2.sqrt()) / known;
         (HIDDEN_OVER_MEAN * mean_kpa).min(HIDDEN_OVER_LEAST * least_kpa).max(0.0)
     }
 

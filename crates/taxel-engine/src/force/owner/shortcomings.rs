@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::{Bound, Force, ZeroState};
-use crate::force::measure::Touch;
 use crate::force::reason::{Reason, ReasonCode, positions};
+use crate::force::touch::Touch;
 use crate::scan::Scan;
 
 /// So many blind taxels may be anywhere without a force being called degraded: a load on them alone is smaller than a

@@ -1,0 +1,110 @@
+//! Which taxels a scan touches, and what of a contact may lie on those that cannot be read.
+
+use std::ops::Range;
+
+use taxel_skin::Newton;
+
+use super::{Coverage, ForceModel};
+use crate::counts::Counts;
+use crate::force::evaluator::Evaluator;
+use crate::force::neighbours::Reading;
+use crate::force::remainder::Remainder;
+use crate::force::sampling::Contact;
+use crate::force::touch::{Rim, Touch};
+
+/// A taxel has so many others about it at most, on skins of triangles.
+const NEIGHBOURS_MAX: usize = 6;
+
+impl ForceModel {
+    /// Which taxels are touched, those at the rim of a contact with them, and what lies on excluded ones beside them.
+    pub fn touch(
+        &self,
+        evaluator: &Evaluator,
+        remainder: &Remainder,
+        counts: Counts<'_>,
+        coverage: Coverage,
+        touch: &mut Touch,
+    ) {
+        touch.active.clear();
+        touch.beside.clear();
+        touch.contacts.clear();
+        touch.missing.clear();
+        touch.rim = Rim::default();
+        evaluator.find_active(counts, &mut touch.active);
+        if touch.active.is_empty() {
+            return;
+        }
+        let mut contacts = 0;
+        if let Some(neighbours) = &self.neighbours {
+            let low = |taxel: usize| counts.raw(taxel).and_then(|count| evaluator.low_n(taxel, count)).unwrap_or(0.0);
+            contacts = neighbours.grow(&mut touch.active, &mut touch.labels, low);
+            if coverage.uncovered_share > 0.0 {
+                let has = |taxel: usize| evaluator.selection()[taxel];
+                let kpa = |taxel| low(taxel) / self.newton_per_kpa(taxel);
+                neighbours.missing_beside(&touch.active, has, &mut touch.missing);
+                neighbours.fill(&touch.missing, has, kpa, &mut touch.beside);
+                let reading = |taxel: usize| self.reading(evaluator, remainder, counts, taxel);
+                let hidden = |&taxel: &usize| neighbours.hidden_kpa(taxel, reading) * self.newton_per_kpa(taxel);
+                let hidden_n = touch.missing.iter().map(hidden).sum();
+                touch.rim = Rim { without: touch.missing.len(), touched: touch.active.len(), hidden_n };
+            }
+        } else if coverage.uncovered_share > 0.0 {
+            touch.rim = self.rim_of_modules(&touch.active, evaluator.selection());
+        }
+        touch.contacts.resize(contacts + 1, Contact::default());
+        for &(taxel, newton) in &touch.active {
+            let contact = touch.labels.get(taxel).map_or(0, |&label| usize::from(label));
+            // Without positions any taxel may lie there.
+            let at_rim = self.neighbours.as_ref().is_none_or(|neighbours| neighbours.is_at_rim(taxel));
+            touch.contacts[contact].add(newton / self.newton_per_kpa(taxel), newton, at_rim);
+        }
+    }
+
+    /// What a taxel reads without a threshold; `None` of one that is not selected.
+    fn reading(
+        &self,
+        evaluator: &Evaluator,
+        remainder: &Remainder,
+        counts: Counts<'_>,
+        taxel: usize,
+    ) -> Option<Reading> {
+        let touched_n = counts.raw(taxel).and_then(|count| evaluator.low_n(taxel, count))?;
+        let (weak_n, noise_n) = remainder.linear_n(taxel, counts);
+        let per_newton = 1.0 / self.newton_per_kpa(taxel);
+        let newton = if touched_n > 0.0 { touched_n } else { weak_n };
+        Some(Reading { kpa: newton * per_newton, noise_kpa: noise_n * per_newton })
+    }
+
+    /// The force of a contact that may lie on one of the `excluded` taxels, ascending, and touches none of those beside it, N, if
+    /// it is more than `floor`; else that.
+    #[must_use]
+    pub fn untouched_floor(
+        &self,
+        evaluator: &Evaluator,
+        remainder: &Remainder,
+        counts: Counts<'_>,
+        (excluded, touch): (&[usize], &Touch),
+        floor: Newton,
+    ) -> Newton {
+        let Some(neighbours) = &self.neighbours else { return floor };
+        let reading = |taxel: usize| self.reading(evaluator, remainder, counts, taxel);
+        let untouched = excluded.iter().filter(|taxel| touch.missing.binary_search(taxel).is_err());
+        untouched.fold(floor, |floor, &taxel| {
+            let newton_per_kpa = self.newton_per_kpa(taxel);
+            Newton(newton_per_kpa * neighbours.untouched_kpa(taxel, floor.0 / newton_per_kpa, reading))
+        })
+    }
+
+    /// Without positions excluded taxels are beside those of their module: the touched module with most of them for each
+    /// taxel that is touched. Where no more are touched than may lie about them, the tip of the contact may lie amid these.
+    fn rim_of_modules(&self, active: &[(usize, f64)], selected: &[bool]) -> Rim {
+        let rim = |range: &Range<usize>| {
+            let touched = active.iter().filter(|(taxel, _)| range.contains(taxel)).count();
+            let without = range.clone().filter(|&taxel| !selected[taxel]).count();
+            let hidden_n = if without > 0 && touched <= NEIGHBOURS_MAX * without { f64::INFINITY } else { 0.0 };
+            Rim { without, touched, hidden_n }
+        };
+        let touched = self.modules.iter().map(rim).filter(|rim| rim.touched > 0);
+        touched.max_by(|a, b| (a.without * b.touched).cmp(&(b.without * a.touched))).unwrap_or_default()
+    }
+}
