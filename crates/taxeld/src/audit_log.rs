@@ -26,7 +26,7 @@ pub struct AuditArgs {
 /// If there is no such store, or it cannot be read.
 #[cfg(not(feature = "client"))]
 pub fn audit(args: &AuditArgs) -> anyhow::Result<()> {
-    print(of_store(&args.store, args.last)?);
+    print(of_store(&args.store, args.last, None)?);
     Ok(())
 }
 
@@ -39,23 +39,42 @@ pub fn print(mut lines: Vec<String>) {
     lines.iter().for_each(|line| say!("{line}"));
 }
 
-/// The newest entries of a store, newest first.
+/// Entries of a store that are read at a time.
+const PAGE: u32 = 500;
+
+/// Whether an entry is about `patch`, if one is named. What it was about may be what is damaged.
+pub fn is_about(patch: Option<&str>, of_entry: &str, damage: &str) -> bool {
+    patch.is_none_or(|patch| patch == of_entry || !damage.is_empty())
+}
+
+/// The newest `last` entries of a store, or of those about `patch`, newest first.
 ///
 /// # Errors
 /// If there is no such store, or it cannot be read.
-pub fn of_store(path: &Path, last: u32) -> anyhow::Result<Vec<String>> {
+pub fn of_store(path: &Path, last: u32, patch: Option<&str>) -> anyhow::Result<Vec<String>> {
     if !path.exists() {
         anyhow::bail!("{}: there is no such store", path.display());
     }
     let (store, ..) = Store::open(path, Box::new(|_| ()))?;
+    let (mut lines, mut before) = (Vec::new(), Some(u64::MAX));
+    while let Some(number) = before.filter(|_| lines.len() < last as usize) {
+        let entries = page_before(&store, number)?;
+        before = entries.last().map(|entry| entry.number);
+        let of = |entry: &AuditEntry| entry.asked.as_ref().map_or_else(String::new, |asked| asked.patch.clone());
+        let asked = entries.iter().filter(|entry| is_about(patch, &of(entry), &entry.damage));
+        lines.extend(asked.take(last as usize - lines.len()).map(line_of_entry));
+    }
+    store.close()?;
+    Ok(lines)
+}
+
+fn page_before(store: &Store, number: u64) -> anyhow::Result<Vec<AuditEntry>> {
     let (tell, told) = mpsc::channel();
     let tell = move |entries| {
         let _ = tell.send(entries); // it is received just below
     };
-    store.audit_reader().read(u64::MAX, last, Box::new(tell));
-    let entries = told.recv().context("the store's thread")??;
-    store.close()?;
-    Ok(entries.iter().map(line_of_entry).collect())
+    store.audit_reader().read(number, PAGE, Box::new(tell));
+    Ok(told.recv().context("the store's thread")??)
 }
 
 /// One entry's parts, whose order both sources share.

@@ -186,6 +186,9 @@ async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_
     daemon.child.wait().unwrap();
     let store = folder.path().join("store.db");
     assert_eq!(daemon.audit(&["--store", store.to_str().unwrap()]), text);
+    let of_patch = |patch: &str| daemon.audit(&["--store", store.to_str().unwrap(), "--patch", patch]);
+    assert_eq!(of_patch("no-such-patch"), "the audit log is empty\n");
+    assert_eq!(of_patch("left_forearm"), text);
     drop(daemon);
     let daemon = Daemon::start(folder.path());
     tare(&daemon.unix().await, Some(token.trim()), "Ann").await.unwrap();

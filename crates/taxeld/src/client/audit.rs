@@ -6,7 +6,7 @@ use taxel_proto::v1;
 
 use super::connect::Server;
 use super::failure::Outcome;
-use crate::audit_log::{Line, of_store, print};
+use crate::audit_log::{Line, is_about, of_store, print};
 
 /// Entries of one question.
 const PAGE: u32 = 500;
@@ -33,7 +33,7 @@ pub struct AuditArgs {
 /// No daemon, one that refuses, or a store that cannot be read.
 pub async fn audit(args: AuditArgs) -> Outcome {
     let lines = match &args.store {
-        Some(path) => of_store(path, args.last)?,
+        Some(path) => of_store(path, args.last, args.server.patch())?,
         None => of_daemon(&args).await?,
     };
     print(lines);
@@ -45,12 +45,13 @@ async fn of_daemon(args: &AuditArgs) -> Outcome<Vec<String>> {
     let daemon = args.server.connect().await?;
     let (mut lines, mut page_token) = (Vec::new(), String::new());
     while lines.len() < args.last as usize {
-        let page_size = PAGE.min(args.last - lines.len() as u32);
+        let left = args.last as usize - lines.len();
+        // Of one patch nobody knows how far back they lie.
+        let page_size = args.server.patch().map_or(PAGE.min(left as u32), |_| PAGE);
         let request = v1::ListAuditRequest { page_size, page_token };
         let answer = daemon.audit().list_audit(request).await?.into_inner();
-        let patch = daemon.patch();
-        let asked = answer.entries.iter().filter(|entry| patch.is_empty() || entry.patch == patch);
-        lines.extend(asked.map(line_of_message));
+        let about = |entry: &&v1::AuditEntry| is_about(args.server.patch(), &entry.patch, &entry.damage);
+        lines.extend(answer.entries.iter().filter(about).take(left).map(line_of_message));
         page_token = answer.next_page_token;
         if page_token.is_empty() {
             break;
