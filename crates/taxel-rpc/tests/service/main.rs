@@ -12,6 +12,7 @@ mod errors;
 mod events;
 mod fixture;
 mod lists;
+mod log_lines;
 mod models;
 mod push;
 mod reasons;

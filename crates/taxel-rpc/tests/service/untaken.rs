@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use http_body_util::StreamBody;
+use prost::Message;
 use taxel_engine::calibration::{Sample, SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{Command, Done};
 use taxel_engine::snapshot::Catalogue;
@@ -71,10 +72,17 @@ async fn without_room(daemon: &Daemon) -> Channel {
 
 /// The answer to a call of `GetForce`, of which only the head has come.
 async fn untaken_force(channel: &Channel) -> http::Response<Body> {
+    untaken(channel, GET_FORCE, &v1::GetForceRequest::default()).await
+}
+
+async fn untaken(channel: &Channel, path: &str, message: &impl Message) -> http::Response<Body> {
     let mut channel = channel.clone();
-    let request = http::Request::post(GET_FORCE)
+    let mut bytes = vec![0]; // not compressed
+    bytes.extend(u32::try_from(message.encoded_len()).unwrap().to_be_bytes());
+    bytes.extend(message.encode_to_vec());
+    let request = http::Request::post(path)
         .header("content-type", "application/grpc")
-        .body(Body::new(http_body_util::Full::new(Bytes::from_static(&[0; 5]))))
+        .body(Body::new(http_body_util::Full::new(Bytes::from(bytes))))
         .unwrap();
     std::future::poll_fn(|cx| Service::<http::Request<Body>>::poll_ready(&mut channel, cx)).await.unwrap();
     channel.call(request).await.unwrap()
@@ -178,6 +186,25 @@ async fn an_answer_that_nobody_takes_is_a_call_in_its_peers_share() {
     assert!(status.message().contains("1 call of loopback TCP is being served"), "{status:?}");
     drop(untaken);
     until(async || get_force(&channel).await.is_ok()).await;
+}
+
+/// A page of more than a hundred is made beside the streams, by few at a time.
+#[tokio::test]
+async fn a_long_list_has_a_place_until_it_is_taken_and_a_short_one_needs_none() {
+    let limits = Limits { large_answers: 1, large_answers_reserved: 0, ..patient() };
+    let daemon = start_with(&[FOREARM], limits).await;
+    let sessions = vec![Arc::new(SessionView { number: 1, patch: FOREARM.to_owned(), ..SessionView::default() })];
+    daemon.engine().catalogue(Arc::new(Catalogue { sessions, ..Catalogue::default() }));
+    let of_size = |page_size| v1::ListSessionsRequest { page_size, ..Default::default() };
+    let mute = without_room(&daemon).await;
+    let untaken = untaken(&mute, "/taxel.v1.CalibrationService/ListSessions", &of_size(101)).await;
+    let client = CalibrationServiceClient::new(daemon.connect().await);
+    let list = async |page_size| client.clone().list_sessions(of_size(page_size)).await;
+    let status = list(101).await.unwrap_err();
+    assert_eq!((status.code(), reason_of(&status).as_deref()), (Code::ResourceExhausted, Some("NO_PLACE")));
+    assert_eq!(list(100).await.unwrap().into_inner().sessions.len(), 1);
+    drop(untaken);
+    until(async || list(101).await.is_ok()).await;
 }
 
 #[tokio::test]

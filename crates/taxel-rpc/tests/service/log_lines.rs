@@ -1,0 +1,90 @@
+//! The line of a command in the daemon's log, which is there whatever becomes of its caller.
+
+use std::io::Write;
+use std::sync::{Arc, Mutex};
+
+use taxel_engine::command::Done;
+use taxel_proto::v1;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use tokio::sync::Notify;
+use tracing_subscriber::fmt::MakeWriter;
+
+use crate::fixture::start;
+
+/// What this thread logs. The server of a test runs on the thread of the test.
+#[derive(Clone, Default)]
+struct Log {
+    text: Arc<Mutex<String>>,
+    written: Arc<Notify>,
+}
+
+impl Write for Log {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.text.lock().unwrap().push_str(&String::from_utf8_lossy(bytes));
+        self.written.notify_one();
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl MakeWriter<'_> for Log {
+    type Writer = Self;
+
+    fn make_writer(&self) -> Self {
+        self.clone()
+    }
+}
+
+impl Log {
+    fn begin() -> (Self, tracing::subscriber::DefaultGuard) {
+        let log = Self::default();
+        let subscriber = tracing_subscriber::fmt().with_ansi(false).with_writer(log.clone()).finish();
+        (log, tracing::subscriber::set_default(subscriber))
+    }
+
+    /// The first line that has this, once it is there.
+    async fn line_with(&self, what: &str) -> String {
+        loop {
+            let found = self.text.lock().unwrap().lines().find(|line| line.contains(what)).map(str::to_owned);
+            match found {
+                Some(line) => return line,
+                None => self.written.notified().await,
+            }
+        }
+    }
+}
+
+fn tare(who: &str) -> v1::TareRequest {
+    v1::TareRequest { confirmed_by: who.to_owned(), ..Default::default() }
+}
+
+#[tokio::test]
+async fn a_command_whose_caller_goes_away_before_the_answer_is_in_the_log_with_who_it_was() {
+    let (log, _guard) = Log::begin();
+    let mut daemon = start().await;
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let call = tokio::spawn(async move { client.tare(tare("Ann")).await });
+    let request = daemon.requests.recv().await.unwrap();
+    call.abort();
+    let line = log.line_with("went away before the answer").await;
+    for part in ["command=\"Tare\"", "claimed=\"Ann\"", "from=\"127.0.0.1:", "`taxeld audit` says what came of it"] {
+        assert!(line.contains(part), "{part}: {line}");
+    }
+    assert!(request.reply.send(Ok(Done::BringUpStarted)).is_err(), "nobody waits for it");
+}
+
+#[tokio::test]
+async fn a_command_that_is_answered_has_one_line() {
+    let (log, _guard) = Log::begin();
+    let mut daemon = start().await;
+    let mut client = SkinServiceClient::new(daemon.connect().await);
+    let bring_up = client.bring_up(v1::BringUpRequest::default());
+    let (answer, ()) = tokio::join!(bring_up, daemon.answer(Ok(Done::BringUpStarted), |_| ()));
+    answer.unwrap();
+    let line = log.line_with("command=\"BringUp\"").await;
+    assert!(line.contains("done"), "{line}");
+    assert_eq!(log.text.lock().unwrap().matches("command=").count(), 1);
+}
