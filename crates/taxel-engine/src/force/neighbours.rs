@@ -33,6 +33,8 @@ pub struct Neighbours {
     /// The neighbours of these that are none of the taxel itself, and theirs beyond them.
     next: Vec<Vec<u16>>,
     third: Vec<Vec<u16>>,
+    /// Distance of the nearest taxel, in the median, in metres.
+    pitch_m: f64,
     /// Whether the taxel lies at the rim of the skin: what presses on it from beyond reaches no neighbour.
     at_rim: Vec<bool>,
 }
@@ -84,7 +86,7 @@ impl Neighbours {
         let nothing = vec![Vec::new(); taxels];
         let next = rings_around(&of, &of, &nothing);
         let third = rings_around(&of, &next, &of);
-        Self { of, next, third, at_rim }
+        Self { of, next, third, pitch_m, at_rim }
     }
 
     /// Adds to `active` (taxel, value) what is connected to it through taxels that `low` gives a value above zero, and

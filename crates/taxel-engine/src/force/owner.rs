@@ -17,7 +17,7 @@ use crate::force::lately::Lately;
 use crate::force::measure::{Coverage, ForceModel, Layout, Present};
 use crate::force::offsets::Offsets;
 use crate::force::reason::{Reason, ReasonCode, positions};
-use crate::force::remainder::{Remainder, Rest, newton_per_count};
+use crate::force::remainder::{FLOOR_SIGMAS, Remainder, Rest, newton_per_count};
 use crate::force::sample::{ForceSample, ForceState};
 use crate::force::tables::Tables;
 use crate::force::touch::Touch;
@@ -68,6 +68,8 @@ pub struct Measured {
     pub active: Box<[u16]>,
     /// A total above this is there, whatever the zero may hide beside.
     pub told: Newton,
+    /// The detection floor without what may lie on excluded taxels: what grows while a zero is worn.
+    pub worn: Newton,
 }
 
 /// The force of one patch.
@@ -322,8 +324,11 @@ impl Force {
         let taken_by_noise = self.lately.at_least(scan.time, unseen.read_n) - unseen.read_n;
         let jumped_n = self.remainder.jumped_n(&self.plan.layout.modules, scan.jumps);
         unseen.floor = Newton(unseen.floor.0 + taken_by_noise + zero.absorbed.0 + jumped_n);
-        let without = (self.excluded.as_slice(), &touch);
-        unseen.floor = self.model.untouched_floor(evaluator, &self.remainder, scan.counts, without, unseen.floor);
+        let worn = unseen.floor;
+        // What noise alone activated shows nothing of the taxels beside it.
+        let touched = if unseen.has_contact { touch.missing.as_slice() } else { &[] };
+        let excluded = (self.excluded.as_slice(), touched);
+        unseen.floor = self.model.untouched_floor(evaluator, &self.remainder, scan.counts, excluded, unseen.floor);
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts, jumps: scan.jumps };
@@ -339,7 +344,7 @@ impl Force {
         sample.stale = silent as u32;
         sample.excluded = (taxels - self.usable).saturating_sub(silent) as u32;
         let shown = Bound {
-            beside: touch.mostly_blind(upper_end(&sample)).filter(|_| unseen.has_contact),
+            beside: touch.hides_more_than(sample.room_above(FLOOR_SIGMAS)).filter(|_| unseen.has_contact),
             // Told of all, for a tip may press on one taxel alone; it degrades the force beside a contact.
             faulty_is_pressed: self.is_a_faulty_one_pressed(scan).then_some(()),
             loaded: self.loaded_without_zero(scan),
@@ -351,7 +356,7 @@ impl Force {
             self.coverage.blind > 0 || bound.is_any() || sample.stale > 0 || zero.load_vanished.is_some();
         sample.reasons = self.shortcomings(scan, sample.stale, faulty, bound, zero);
         sample.state = if sample.reasons.is_empty() { ForceState::Ok } else { ForceState::Degraded };
-        Measured { sample, active: in_total, told: unseen.told }
+        Measured { sample, active: in_total, told: unseen.told, worn }
     }
 
     fn nothing(&self, state: ForceState, reason: Reason, silent: usize, taxels: usize) -> Measured {
@@ -380,12 +385,6 @@ impl Force {
     pub fn tables(&self) -> Option<SharedTables> {
         self.evaluator.as_ref().map(|e| (Arc::clone(e.tables()), e.hysteresis().cloned()))
     }
-}
-
-/// How much more than its total a force may be by what it says of itself: two standard uncertainties and the floor.
-fn upper_end(sample: &ForceSample) -> Newton {
-    let (sigma, floor) = (sample.total_sigma.unwrap_or_default(), sample.detection_floor.unwrap_or_default());
-    Newton(2.0 * sigma.0 + floor.0)
 }
 
 /// Whether a force says how much it is, and how far it may be off.

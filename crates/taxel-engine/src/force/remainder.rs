@@ -37,12 +37,13 @@ use std::ops::Range;
 use taxel_skin::Newton;
 
 pub use self::hidden::Rest;
-pub use self::share::newton_per_count;
+pub use self::share::{FLOOR_SIGMAS, newton_per_count};
 
 use self::hidden::Hidden;
-use self::share::{CONTACT_MODULES, FLOOR_SIGMAS, Share};
+use self::share::{CONTACT_MODULES, Share};
 use crate::baseline::Activation;
 use crate::counts::Counts;
+use crate::force::source::LOW_SHARE;
 use crate::force::tables::Tables;
 
 /// Noise alone seldom takes a taxel so many times as far as its activation threshold: at the default one that is six standard
@@ -80,6 +81,17 @@ pub struct Remainder {
 /// How far below its mean what is left of normal noise lies that is cut off there, standard deviations: `sqrt(2 / pi)`.
 const KEPT_BELOW: f64 = 0.797_884_560_802_865_4;
 
+/// What a taxel reads below its threshold.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Weak {
+    /// On a straight line through its zero, N; negative away from load.
+    pub newton: f64,
+    /// Standard deviation of that, N.
+    pub noise_n: f64,
+    /// Whether it is a touch beside an active taxel: then its curve says more.
+    pub is_touch: bool,
+}
+
 /// What may press unseen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Unseen {
@@ -94,7 +106,7 @@ pub struct Unseen {
     /// How far the taxels that are not active lie from their zero in the mean, counts towards pressure: by so much the
     /// zero may be off under the active ones, too.
     pub offset_counts: f64,
-    /// Whether an active taxel reads more than noise makes of nothing: then a contact is there.
+    /// Whether active taxels read more than noise makes of nothing: then a contact is there.
     pub has_contact: bool,
 }
 
@@ -135,12 +147,13 @@ impl Remainder {
         }
     }
 
-    /// What a taxel reads without a threshold, on a straight line through its zero, and the noise of that, N; both are 0 of one
-    /// that is not selected.
+    /// What a taxel reads without a threshold; nothing of one that is not selected.
     #[must_use]
-    pub fn linear_n(&self, taxel: usize, counts: Counts<'_>) -> (f64, f64) {
-        let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { return (0.0, 0.0) };
-        (f64::from(share.newton_per_count) * (count - f64::from(share.zero)), f64::from(share.noise_n))
+    pub fn weak(&self, taxel: usize, counts: Counts<'_>) -> Weak {
+        let (Some(share), Some(count)) = (self.shares.get(taxel), counts.units(taxel)) else { return Weak::default() };
+        let newton = f64::from(share.newton_per_count) * (count - f64::from(share.zero));
+        let is_touch = newton > LOW_SHARE * f64::from(share.threshold_n);
+        Weak { newton, noise_n: f64::from(share.noise_n), is_touch }
     }
 
     /// What may press unseen because the taxels of modules jump together, N; `jumps` by module, counts.

@@ -33,7 +33,7 @@ pub struct ForceSample {
     pub total: Option<Newton>,
     /// Standard uncertainty of the total.
     pub total_sigma: Option<Newton>,
-    /// The force that may press in addition without activating a taxel: below what this scan can show.
+    /// The force that may press in addition without activating a taxel: below what this scan can show, or on an excluded taxel.
     pub detection_floor: Option<Newton>,
     /// The true force may be higher than total and uncertainty say, by any amount; it is not lower.
     pub lower_bound: bool,
@@ -64,6 +64,13 @@ pub struct ForceSample {
 }
 
 impl ForceSample {
+    /// How much more than its total the force may be by what it says of itself: so many standard uncertainties, and the floor.
+    #[must_use]
+    pub fn room_above(&self, sigmas: f64) -> Newton {
+        let (sigma, floor) = (self.total_sigma.unwrap_or_default(), self.detection_floor.unwrap_or_default());
+        Newton(sigmas * sigma.0 + floor.0)
+    }
+
     /// Why it is not `Ok`, in one line.
     #[must_use]
     pub fn why(&self) -> String {

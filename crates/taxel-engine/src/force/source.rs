@@ -29,7 +29,7 @@ pub(super) const FORCE_STRIDE: usize = 256 + 16;
 pub(crate) type ForceTable = [f32; FORCE_STRIDE];
 
 /// Beside an activated taxel this share of the threshold suffices: the low one of two thresholds.
-const LOW_SHARE: f64 = 0.375;
+pub(super) const LOW_SHARE: f64 = 0.375;
 
 /// One taxel's tables, indexed by raw count.
 #[derive(Clone, Debug)]

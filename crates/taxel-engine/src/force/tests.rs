@@ -19,6 +19,7 @@ use crate::intake::faults::fault::FaultSet;
 use crate::model_set::ModelSet;
 use crate::scan::Scan;
 
+mod bounds;
 mod jumps;
 
 /// The count at rest.

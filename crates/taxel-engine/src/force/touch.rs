@@ -6,7 +6,7 @@ use crate::force::neighbours::Filled;
 use crate::force::sampling::Contact;
 
 /// The active taxels of a scan with their force in N, and what was taken from neighbours. Its owner keeps it from scan
-/// to scan, so that no scan has to ask for memory.
+/// to scan, so that a scan seldom has to ask for memory.
 #[derive(Clone, Debug, Default)]
 pub struct Touch {
     /// Taxel and force, those beyond the activation threshold first.
@@ -22,12 +22,13 @@ pub struct Touch {
 }
 
 impl Touch {
-    /// How many excluded taxels are beside touched ones, if more of a contact may lie on them than on touched ones, or so much
-    /// that the total is short of it by more than `borne`.
+    /// How many excluded taxels are beside touched ones, if they are more than these, or if more of a contact than `borne` may
+    /// lie on them.
     #[must_use]
-    pub fn mostly_blind(&self, borne: Newton) -> Option<usize> {
+    pub fn hides_more_than(&self, borne: Newton) -> Option<usize> {
         let Rim { without, touched, hidden_n } = self.rim;
-        (without > touched || hidden_n > borne.0).then_some(without)
+        let is_borne = hidden_n <= borne.0; // what is no number is not
+        (without > touched || without > 0 && !is_borne).then_some(without)
     }
 }
 
@@ -38,6 +39,6 @@ pub(super) struct Rim {
     pub(super) without: usize,
     /// Touched taxels.
     pub(super) touched: usize,
-    /// What of its tip may lie on them and is not in the total, N.
+    /// What of its tip may lie on them, N.
     pub(super) hidden_n: f64,
 }

@@ -31,7 +31,7 @@ impl Patch {
         let mut tare = self.zero.view();
         // What a module that jumps may hide is no wear of the zero.
         let jumps = scan.jumps.iter().any(|jump| *jump > 0.0);
-        let floor = measured.sample.detection_floor.filter(|_| !jumps);
+        let floor = measured.sample.detection_floor.map(|_| measured.worn).filter(|_| !jumps);
         tare.wear = self.wear.on_sample(time, tare.epoch, floor);
         if let Some(read) = self.loads.on_sample(time, tare.epoch, &measured) {
             effects.intents.push(Intent::Load(read));

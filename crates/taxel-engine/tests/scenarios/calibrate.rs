@@ -43,7 +43,7 @@ fn a_mass_beyond_the_calibrated_range_is_flagged_and_counted_and_the_curves_go_o
     assert_eq!(above.count(), force.out_of_range as usize);
     assert!(force.out_of_range >= 5, "{force:?}");
     let reason =
-        format!("{} active taxels read more than was calibrated: the total is a lower bound", force.out_of_range);
+        format!("{} taxels have read more than was calibrated: the total is a lower bound", force.out_of_range);
     assert!(force.reasons.iter().any(|told| told.text() == reason), "{:?}", force.reasons);
     let calibrated = small().set.pressure_max_kpa;
     let beyond = snapshot.taxels.iter().filter(|t| t.range == RangeFlag::Above && t.active && t.faults.is_empty());

@@ -8,7 +8,7 @@ use super::{Coverage, ForceModel};
 use crate::counts::Counts;
 use crate::force::evaluator::Evaluator;
 use crate::force::neighbours::Reading;
-use crate::force::remainder::Remainder;
+use crate::force::remainder::{Remainder, Weak};
 use crate::force::sampling::Contact;
 use crate::force::touch::{Rim, Touch};
 
@@ -68,30 +68,44 @@ impl ForceModel {
         counts: Counts<'_>,
         taxel: usize,
     ) -> Option<Reading> {
-        let touched_n = counts.raw(taxel).and_then(|count| evaluator.low_n(taxel, count))?;
-        let (weak_n, noise_n) = remainder.linear_n(taxel, counts);
+        if !*evaluator.selection().get(taxel)? {
+            return None;
+        }
+        let Weak { newton, noise_n, is_touch } = remainder.weak(taxel, counts);
         let per_newton = 1.0 / self.newton_per_kpa(taxel);
-        let newton = if touched_n > 0.0 { touched_n } else { weak_n };
+        let touch_n =
+            || counts.raw(taxel).and_then(|count| evaluator.low_n(taxel, count)).filter(|newton| *newton > 0.0);
+        let newton = if is_touch { touch_n().unwrap_or(newton) } else { newton };
         Some(Reading { kpa: newton * per_newton, noise_kpa: noise_n * per_newton })
     }
 
-    /// The force of a contact that may lie on one of the `excluded` taxels, ascending, and touches none of those beside it, N, if
-    /// it is more than `floor`; else that.
+    /// The force of a contact that may lie on `excluded` taxels, ascending, and touches none of those beside them, N, if it is more
+    /// than `floor`; else that. One that lies amid several of them is on all of these. `touched` are those of them that an
+    /// active taxel is beside.
     #[must_use]
     pub fn untouched_floor(
         &self,
         evaluator: &Evaluator,
         remainder: &Remainder,
         counts: Counts<'_>,
-        (excluded, touch): (&[usize], &Touch),
+        (excluded, touched): (&[usize], &[usize]),
         floor: Newton,
     ) -> Newton {
         let Some(neighbours) = &self.neighbours else { return floor };
         let reading = |taxel: usize| self.reading(evaluator, remainder, counts, taxel);
-        let untouched = excluded.iter().filter(|taxel| touch.missing.binary_search(taxel).is_err());
+        let newton = |taxel: usize, kpa: f64| self.newton_per_kpa(taxel) * kpa;
+        let about = |taxel: usize, of_one: &dyn Fn(usize) -> f64| {
+            let beside = neighbours.of(taxel).filter(|other| excluded.binary_search(other).is_ok());
+            beside.chain([taxel]).map(|taxel| newton(taxel, of_one(taxel))).sum::<f64>()
+        };
+        let untouched = excluded.iter().filter(|taxel| touched.binary_search(taxel).is_err());
         untouched.fold(floor, |floor, &taxel| {
-            let newton_per_kpa = self.newton_per_kpa(taxel);
-            Newton(newton_per_kpa * neighbours.untouched_kpa(taxel, floor.0 / newton_per_kpa, reading))
+            let at_most = about(taxel, &|taxel| neighbours.untouched_at_most_kpa(taxel, reading));
+            if at_most <= floor.0 {
+                return floor; // nearly always
+            }
+            let newton = about(taxel, &|taxel| neighbours.untouched_kpa(taxel, reading));
+            if newton > floor.0 { Newton(newton) } else { floor }
         })
     }
 

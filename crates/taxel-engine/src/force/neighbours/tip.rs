@@ -3,54 +3,68 @@
 //! A fingertip presses on one taxel, and those beside it feel its flanks: they fall off to nothing at the next ones. Where a
 //! wider load lies about them, too, it is on the third ring of taxels as well, and is taken off first.
 //!
-//! How much lies there beyond the mean of those beside it, which it is filled with, is at most a multiple of what these read in
-//! the mean, and of the least of them: round contacts of 4 mm and more anywhere nearer to it than to another taxel, under the layer
-//! of iCub's skin (2 mm, pads of 4 mm, 6.5 mm apart), of which the smallest hides the most. A wider one hides less, and so does
-//! each on a finer skin.
+//! How much lies there is at most a multiple of what those beside it read in the mean, and of the least of them: that of round
+//! contacts of 4 mm radius and more anywhere nearer to it than to another taxel, under the layer of iCub's skin (2 mm over pads of
+//! 2 mm radius, 6.5 mm apart), of which the smallest hides the most. A wider one hides less, and so does each on a finer skin; on a
+//! coarser one the flanks are further away. What is not covered: tips of less than 4 mm radius (one of 2 mm may hide four times as
+//! much), and contacts whose middle lies beyond a corner of the skin (up to twice as much).
 
 use super::{Neighbours, Reading};
 use crate::statistics::quantile;
 
-/// What is hidden, over the mean of what the taxels beside it read: contacts in the middle come up to 24.
-const HIDDEN_OVER_MEAN: f64 = 24.0;
-/// The same over the least of them: contacts that lie towards another taxel come up to 108.
-const HIDDEN_OVER_LEAST: f64 = 110.0;
-/// So many standard deviations of their noise they may read too little.
+/// What a taxel bears, over the mean of what those beside it read: contacts in its middle come up to 25.
+const HIDDEN_OVER_MEAN: f64 = 25.0;
+/// The same over the least of them: contacts that lie towards another taxel come up to 125.
+const HIDDEN_OVER_LEAST: f64 = 125.0;
+/// At the rim, where those beside it lie on one side, a contact whose middle is at the edge hides so many times as much.
+const AT_RIM: f64 = 1.4;
+/// The pitch that these hold at, in metres, and the power of a coarser one by which more is hidden: 1.3 times as much at 7 mm, 2.7
+/// times at 8 mm.
+const PITCH_M: f64 = 0.0065;
+const PITCH_POWER: i32 = 5;
+/// So many standard deviations of their noise they may read too little, and a contact is none that reads less.
 const NOISE_SIGMAS: f64 = 2.0;
 /// Where the taxels beside one at the rim read so many times as much as the next ones together, a contact's tip lies between
 /// them.
 const TIP_RATIO: f64 = 5.0;
 /// A taxel beside one amid the skin reads the flank of a contact whose tip lies there if those beyond it read less than this
 /// share of its pressure in the mean, and the tip lies there if such flanks have so much of what is read about it. Those of
-/// contacts of up to 10 mm have less; a round mass of 600 mm2 has half.
-const FLANK_FALLS_TO: f64 = 0.25;
+/// contacts of up to 10 mm radius have less, also with some load beside; a round mass of 600 mm2 has half.
+const FLANK_FALLS_TO: f64 = 0.3;
 const FLANKS_SHARE: f64 = 0.5;
 /// Beside one taxel another is well touched if it reads more than this share of its pressure.
 const WELL_TOUCHED_SHARE: f64 = 0.25;
 
 impl Neighbours {
-    /// How much more than the mean of its neighbours the taxel `missing`, which cannot be read, may bear because a contact's
-    /// tip lies there, kPa; 0 where its surroundings show none. Other contacts have no say in it. `reading` is `None` of a
-    /// taxel that cannot be read.
+    /// How much the taxel `missing`, which cannot be read, may bear because a contact's tip lies there, kPa; 0 where its
+    /// surroundings show none. Other contacts have no say in it. `reading` is `None` of a taxel that cannot be read.
     #[must_use]
     pub fn hidden_kpa(&self, missing: usize, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
         let about_kpa = self.about_kpa(missing, &reading);
         let kpa = |taxel: u16| reading(usize::from(taxel)).map_or(0.0, |reading| reading.kpa - about_kpa);
-        let shows = if self.at_rim[missing] { self.tip_at_rim(missing, kpa) } else { self.tip_amid(missing, kpa) };
-        if shows { self.at_most_kpa(missing, about_kpa, reading) } else { 0.0 }
-    }
-
-    /// The same where none of its neighbours is touched, so that all of the tip is hidden: what they read is noise, or too
-    /// little of it to be told. Where it is no more than `borne_kpa` that is enough to know, and is what is returned.
-    #[must_use]
-    pub fn untouched_kpa(&self, missing: usize, borne_kpa: f64, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
-        if self.at_most_kpa(missing, 0.0, &reading) <= borne_kpa {
-            return borne_kpa; // nearly always, and without a look at the rings
+        let beside = || self.of[missing].iter().copied();
+        let noise_kpa2: f64 = beside().filter_map(|taxel| Some(reading(usize::from(taxel))?.noise_kpa.powi(2))).sum();
+        if beside().map(kpa).sum::<f64>() <= NOISE_SIGMAS * noise_kpa2.sqrt() {
+            return 0.0; // nothing presses there
         }
-        self.at_most_kpa(missing, self.about_kpa(missing, &reading), reading).max(borne_kpa)
+        let shows = if self.at_rim[missing] { self.tip_at_rim(missing, kpa) } else { self.tip_amid(missing, kpa) };
+        if shows { self.at_most_kpa(missing, about_kpa, &reading) } else { 0.0 }
     }
 
-    /// What a wider load has on most of both outer rings, so that another contact on a part of one takes nothing off.
+    /// The same where nothing is touched, so that what those beside it read is noise, or too little of a tip to be told.
+    #[must_use]
+    pub fn untouched_kpa(&self, missing: usize, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
+        self.at_most_kpa(missing, self.about_kpa(missing, &reading), &reading)
+    }
+
+    /// No less than [`Neighbours::untouched_kpa`], without a look at the outer rings.
+    #[must_use]
+    pub fn untouched_at_most_kpa(&self, missing: usize, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
+        self.at_most_kpa(missing, 0.0, &reading)
+    }
+
+    /// What a wider load has on most of both outer rings, so that another contact on a part of one takes nothing off; 0 on a skin
+    /// that is too small for a third ring, where a round contact of its size has as much on the second.
     fn about_kpa(&self, missing: usize, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
         let at = |ring: &[u16], share: f64| {
             quantile(ring.iter().filter_map(|&taxel| Some(reading(usize::from(taxel))?.kpa)).collect(), share)
@@ -59,7 +73,7 @@ impl Neighbours {
         third.zip(next).map_or(0.0, |(third, next)| third.min(next).max(0.0))
     }
 
-    /// What is hidden at most by what its neighbours read, less `about_kpa`; 0 where none of them can be read.
+    /// What it bears at most by what its neighbours read, less `about_kpa`; 0 where none of them can be read.
     fn at_most_kpa(&self, missing: usize, about_kpa: f64, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
         let (mut known, mut sum_kpa, mut noise_kpa2, mut least_kpa) = (0.0, 0.0, 0.0, f64::INFINITY);
         for Reading { kpa, noise_kpa } in self.of(missing).filter_map(reading) {
@@ -72,7 +86,10 @@ impl Neighbours {
             return 0.0;
         }
         let mean_kpa = (sum_kpa + NOISE_SIGMAS * noise_kpa2.sqrt()) / known;
-        (HIDDEN_OVER_MEAN * mean_kpa).min(HIDDEN_OVER_LEAST * least_kpa).max(0.0)
+        // The flanks of a coarser skin are further away.
+        let by_pitch = (self.pitch_m / PITCH_M).max(1.0).powi(PITCH_POWER);
+        let times = by_pitch * if self.at_rim[missing] { AT_RIM } else { 1.0 };
+        times * (HIDDEN_OVER_MEAN * mean_kpa).min(HIDDEN_OVER_LEAST * least_kpa).max(0.0)
     }
 
     /// Whether the taxels beside one amid the skin show the flanks of a contact whose tip lies there.
@@ -117,7 +134,7 @@ mod tests {
     fn a_contact_that_touches_one_taxel_beside_one_without_a_pressure_may_lie_on_it() {
         let row = row(7);
         let one = |touched: usize| move |taxel: usize| if taxel == touched { 9.0 } else { 0.0 };
-        assert_eq!(hidden(&row, 0, one(1)), HIDDEN_OVER_MEAN * 9.0, "at the end, and nobody else beside it");
+        assert_eq!(hidden(&row, 0, one(1)), AT_RIM * HIDDEN_OVER_MEAN * 9.0, "at the end, and nobody else beside it");
         assert_eq!(hidden(&row, 3, one(2)), 0.0, "amid the row the other neighbour would feel a tip there");
         assert_eq!(hidden(&row, 3, |taxel| [0.0, 0.0, 9.0, 0.0, 8.0, 0.0, 0.0][taxel]), HIDDEN_OVER_MEAN * 8.5);
         assert_eq!(hidden(&row, 0, |_| 0.0), 0.0);
@@ -174,7 +191,7 @@ mod tests {
             hidden(&neighbours, 0, kpa)
         };
         assert_eq!(at_corner(0.0), 0.0);
-        assert_eq!(at_corner(50.0), HIDDEN_OVER_MEAN * 50.0, "a contact whose tip nobody has seen");
+        assert_eq!(at_corner(50.0), AT_RIM * HIDDEN_OVER_MEAN * 50.0, "a contact whose tip nobody has seen");
     }
 
     /// What it spreads over the third ring lies beneath the tip, too.

@@ -12,7 +12,7 @@ const HELD_S: f64 = 1.0;
 /// What a scan shows, or has shown last.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bound {
-    /// How many taxels that cannot be read lie beside a contact of which they may bear most.
+    /// How many taxels that cannot be read lie beside a contact of which they may bear more than the force says.
     pub(super) beside: Option<usize>,
     /// A taxel with a fault reads a load: one that another node sends for, too, reads it in every other scan.
     pub(super) faulty_is_pressed: Option<()>,
@@ -63,7 +63,7 @@ impl<T: Clone> Held<T> {
     fn or_before(&mut self, time: Time, shown: Option<T>) -> Option<T> {
         self.0 = match shown {
             Some(shown) => Some((time, shown)),
-            None => self.0.take().filter(|(last, _)| time.seconds_since(*last) <= HELD_S),
+            None => self.0.take().filter(|(last, _)| time.seconds_since(*last).abs() <= HELD_S),
         };
         self.0.as_ref().map(|(_, shown)| shown.clone())
     }

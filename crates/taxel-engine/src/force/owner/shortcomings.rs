@@ -102,7 +102,8 @@ impl Force {
                 reasons.push(Reason::about(Arc::clone(&self.without_zero), TaxelsWithoutZero, text));
             }
         } else if let Some(n) = bound.beside {
-            let text = format!("more of a contact may lie on {n} taxels that cannot be read than on those that can");
+            let text =
+                format!("more of a contact than the uncertainty holds may lie on {n} taxels that cannot be read");
             reasons.push(Reason::new(TaxelsBlind, format!("{text}: the total is a lower bound")));
         }
         if let Some(loaded) = bound.loaded {
@@ -114,7 +115,7 @@ impl Force {
         }
         if let Some(beyond) = bound.beyond_range {
             let text =
-                format!("{} active taxels read more than was calibrated: the total is a lower bound", beyond.len());
+                format!("{} taxels have read more than was calibrated: the total is a lower bound", beyond.len());
             reasons.push(Reason::about(beyond, TaxelsOutOfRange, text));
         }
         reasons.extend(zero.load_vanished.iter().chain(&zero.shortcoming).cloned());

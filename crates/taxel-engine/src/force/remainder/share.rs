@@ -4,7 +4,7 @@ use crate::baseline::{Activation, NOISE_FLOOR_COUNTS, TaxelBaseline};
 use crate::force::tables::Tables;
 
 /// Standard uncertainties that the detection floor lies above the remainder: 95 %.
-pub(super) const FLOOR_SIGMAS: f64 = 2.0;
+pub const FLOOR_SIGMAS: f64 = 2.0;
 
 /// A contact touches so many modules at the most that a fingertip or a known mass does.
 pub(super) const CONTACT_MODULES: usize = 3;

@@ -1,0 +1,70 @@
+//! What makes a total a lower bound, for how long, and what may lie on a taxel that cannot be read.
+
+use std::time::Duration;
+use taxel_skin::Time;
+
+use super::{REST, Skin, TAXELS, row};
+use crate::baseline::TaxelBaseline;
+use crate::force::tests::rest;
+
+#[test]
+fn what_a_contact_shows_holds_for_a_second_and_not_beyond_another_zero() {
+    let beyond_range = || Skin::new(Some(row(TAXELS))).press(20..22, 100);
+    let beside_one = || Skin::new(Some(row(TAXELS))).press(23..24, 60).press(25..26, 60).fault(24);
+    let without_a_zero = || {
+        let mut skin = Skin::new(Some(row(TAXELS))).press(37..38, 40);
+        let mut zero = rest(TAXELS);
+        zero[37] = TaxelBaseline::UNKNOWN;
+        skin.force.set_zero(Some(&zero), 0.0);
+        skin
+    };
+    for (what, skin) in [("range", beyond_range()), ("beside", beside_one()), ("zero", without_a_zero())] {
+        let mut skin = skin;
+        assert!(skin.measured().sample.lower_bound, "{what}");
+        skin.counts.fill(REST);
+        for (ms, expected) in [(50, true), (1_000, true), (1_001, false)] {
+            skin.time = Time::default() + Duration::from_millis(ms);
+            let sample = skin.measured().sample;
+            assert_eq!(
+                (sample.lower_bound, sample.reasons.len()),
+                (expected, usize::from(expected)),
+                "{what}: {ms} ms"
+            );
+        }
+    }
+    let mut skin = beyond_range();
+    assert!(skin.measured().sample.lower_bound);
+    skin.counts.fill(REST);
+    skin.force.set_zero(Some(&rest(TAXELS)), 0.0);
+    assert!(!skin.measured().sample.lower_bound, "another zero: the contact was of the one before");
+}
+
+/// What the taxels beside one read says how much it may bear, whether one of them is active by noise or none is.
+#[test]
+fn the_floor_holds_what_may_lie_on_a_taxel_that_cannot_be_read() {
+    let floor = |counts: [u8; 2], excluded: bool| {
+        let skin = Skin::new(Some(row(TAXELS))).press(23..24, counts[0]).press(25..26, counts[1]);
+        let sample = if excluded { skin.fault(24) } else { skin }.measured().sample;
+        (sample.detection_floor.unwrap().0, sample.active, sample.lower_bound)
+    };
+    let (untouched, ..) = floor([0, 0], true);
+    let (both, active, bound) = floor([3, 3], true);
+    assert!(active == 0 && !bound && both > 3.0 * untouched, "{both} N, {untouched} N where they read nothing");
+    let (one_active, active, bound) = floor([4, 3], true);
+    assert!(active == 1 && !bound && one_active > both, "{one_active} N, {both} N without it");
+    let (none_excluded, ..) = floor([3, 3], false);
+    assert!(none_excluded < 0.5 * both, "{none_excluded} N");
+    let (one_side, ..) = floor([3, 0], true);
+    assert!(one_side < both, "the least of them bounds it, too: {one_side} N");
+}
+
+/// A contact amid several lies on all of them.
+#[test]
+fn what_may_lie_on_taxels_beside_each_other_adds_up() {
+    let floor = |excluded: std::ops::Range<usize>| {
+        let mut skin = Skin::new(Some(row(TAXELS))).press(23..24, 3).press(26..27, 3).press(25..26, 3);
+        excluded.for_each(|taxel| skin.sound[taxel] = false);
+        skin.measured().sample.detection_floor.unwrap().0
+    };
+    assert!(floor(24..26) > floor(24..25), "{} and {} N", floor(24..26), floor(24..25));
+}
