@@ -212,14 +212,74 @@ mod tests {
         assert_eq!(hidden(&neighbours, centre, kpa), HIDDEN_OVER_MEAN * 20.0);
     }
 
+    /// Two standard deviations of the mean of six, and of one, beside what they read.
     #[test]
     fn noise_may_hide_as_much_as_it_takes_from_those_beside() {
         let (neighbours, rings) = hexagon(4);
         let centre = rings.iter().position(|ring| *ring == 0).unwrap();
-        let reading = |taxel: usize| {
-            (taxel != centre).then(|| Reading { kpa: [0.0, 2.0, 0.0, 0.0, 0.0][rings[taxel]], noise_kpa: 0.6 })
+        let one = neighbours.of(centre).next().unwrap();
+        let of = |beside: f64, least: f64, noise_kpa: f64| {
+            let kpa = |taxel: usize| if taxel == one { least } else { [0.0, beside, 0.0, 0.0, 0.0][rings[taxel]] };
+            neighbours.hidden_kpa(centre, |taxel| (taxel != centre).then(|| Reading { kpa: kpa(taxel), noise_kpa }))
         };
-        let expected = HIDDEN_OVER_MEAN * (2.0 + NOISE_SIGMAS * 0.6 / 6.0_f64.sqrt());
-        assert!((neighbours.hidden_kpa(centre, reading) - expected).abs() < 1e-9);
+        let near = |is: f64, expected: f64| assert!((is - expected).abs() < 1e-9, "{is} kPa, expected {expected}");
+        near(of(2.0, 2.0, 0.6), 25.0 * (2.0 + 2.0 * 0.6 / 6.0_f64.sqrt()));
+        near(of(8.0, 0.0, 0.2), 125.0 * 2.0 * 0.2);
+        near(of(2.0, 2.0, 2.4), 25.0 * (2.0 + 2.0 * 2.4 / 6.0_f64.sqrt()));
+        near(of(2.0, 2.0, 2.5), 0.0); // 12 kPa in all, and two standard deviations are 12.2
+    }
+
+    #[test]
+    fn of_a_coarser_skin_the_flanks_are_further_away() {
+        let hidden_at = |pitch_m: f64| {
+            let neighbours = grid(8, pitch_m);
+            let beside: Vec<usize> = neighbours.of(27).collect();
+            hidden(&neighbours, 27, |taxel| if beside.contains(&taxel) { 10.0 } else { 0.0 })
+        };
+        assert_eq!((hidden_at(0.003), hidden_at(0.0065)), (250.0, 250.0));
+        let coarse = hidden_at(0.0075) / 250.0;
+        assert!((2.0..2.1).contains(&coarse), "{coarse}");
+    }
+
+    /// A row at the rim of a hexagon: what those beside one read, and the next ones.
+    #[test]
+    fn at_the_rim_a_tip_is_where_those_beside_read_most_of_it_or_one_of_them_does() {
+        let (neighbours, _) = hexagon(4);
+        let corner = (0..61).find(|&taxel| neighbours.of(taxel).count() == 3).unwrap();
+        let (beside, next): (Vec<usize>, Vec<u16>) = (neighbours.of(corner).collect(), neighbours.next[corner].clone());
+        let of = |beside_kpa: [f64; 3], next_kpa: &dyn Fn(usize) -> f64| {
+            hidden(&neighbours, corner, |taxel| match beside.iter().position(|&other| other == taxel) {
+                Some(place) => beside_kpa[place],
+                None => next.iter().position(|&other| usize::from(other) == taxel).map_or(0.0, next_kpa),
+            }) > 0.0
+        };
+        // 60 kPa beside it, and 12 or less on the next ones together.
+        assert!(of([20.0; 3], &|_| 11.9 / next.len() as f64) && !of([20.0; 3], &|_| 12.1 / next.len() as f64));
+        // One has most of it, and none of the next ones more: the tip lies beyond it.
+        let other = |kpa: f64| move |place: usize| if place == 0 { kpa } else { 6.0 };
+        assert!(of([40.0, 10.0, 4.0], &other(39.0)) && !of([40.0, 10.0, 4.0], &other(41.0)));
+        assert!(!of([40.0, 11.0, 4.0], &other(39.0)), "two of them are well touched");
+    }
+
+    #[test]
+    fn flanks_fall_off_to_less_than_a_third_and_are_half_of_what_is_read_about_it() {
+        let (neighbours, rings) = hexagon(4);
+        let centre = rings.iter().position(|ring| *ring == 0).unwrap();
+        let of = |about: [f64; 5]| hidden(&neighbours, centre, |taxel| about[rings[taxel]]) > 0.0;
+        assert!(of([0.0, 20.0, 5.9, 0.0, 0.0]) && !of([0.0, 20.0, 6.1, 0.0, 0.0]));
+        // What lies on both outer rings lies under the tip, too, and is taken off; on one of them it may be another contact's.
+        assert!(of([0.0, 20.0, 10.0, 10.0, 0.0]) && !of([0.0, 20.0, 10.0, 0.0, 0.0]));
+        assert!(of([0.0, 20.0, 0.0, 60.0, 0.0]), "another contact all about");
+        let half: Vec<usize> = neighbours.of(centre).take(3).collect();
+        let one_sided = |own: f64| {
+            let beyond = |taxel: usize| neighbours.of(taxel).any(|other| half.contains(&other)) && rings[taxel] == 2;
+            hidden(&neighbours, centre, |taxel| match rings[taxel] {
+                1 if half.contains(&taxel) => 20.0,
+                1 => own,
+                2 if beyond(taxel) => 30.0,
+                _ => 0.0,
+            }) > 0.0
+        };
+        assert!(!one_sided(10.0), "the contact lies beyond three of them");
     }
 }
