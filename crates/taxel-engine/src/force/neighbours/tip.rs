@@ -206,6 +206,11 @@ mod tests {
         }
         assert_eq!(of([0.0, 50.0, 40.0, 20.0, 0.0]), 0.0, "a round one");
         assert_eq!(of([0.0, 20.0, 20.0, 20.0, 10.0]), 0.0, "a flat one");
+        let least = neighbours.of(centre).next().unwrap();
+        let towards_others =
+            |taxel: usize| if taxel == least { 10.5 } else { [0.0, 30.0, 10.0, 10.0, 10.0][rings[taxel]] };
+        let found = hidden(&neighbours, centre, towards_others);
+        assert!((found - HIDDEN_OVER_LEAST * 0.5).abs() < 1e-9, "the least of them, under 10 kPa: {found}");
         // Another contact on a third of the ring.
         let third: Vec<usize> = (0..61).filter(|&taxel| rings[taxel] == 3).take(6).collect();
         let kpa = |taxel: usize| if third.contains(&taxel) { 60.0 } else { [0.0, 20.0, 0.5, 0.0, 0.0][rings[taxel]] };
