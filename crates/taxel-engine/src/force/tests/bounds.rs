@@ -60,6 +60,17 @@ fn the_floor_holds_what_may_lie_on_a_taxel_that_cannot_be_read() {
     assert!(one_side < both, "the least of them bounds it, too: {one_side} N");
 }
 
+/// One taxel at its threshold is noise, as far as anybody can tell, and two beside the same one are a contact.
+#[test]
+fn two_active_taxels_beside_one_that_cannot_be_read_are_a_contact_and_one_is_none() {
+    let bound = |counts: [u8; 2]| {
+        let skin = Skin::new(Some(row(TAXELS))).press(23..24, counts[0]).press(25..26, counts[1]);
+        skin.fault(24).fault(22).verdict().2
+    };
+    assert!(!bound([4, 0]), "two lie beside it, which are more than it is itself");
+    assert!(bound([4, 4]) && bound([5, 0]));
+}
+
 /// A contact amid several lies on all of them.
 #[test]
 fn what_may_lie_on_taxels_beside_each_other_adds_up() {
