@@ -2,7 +2,7 @@
 
 use taxel_skin::Newton;
 
-use crate::force::neighbours::Filled;
+use crate::force::neighbours::{Filled, Reading};
 use crate::force::sampling::Contact;
 
 /// The active taxels of a scan with their force in N, and what was taken from neighbours. Its owner keeps it from scan
@@ -14,6 +14,8 @@ pub struct Touch {
     pub(super) beside: Vec<Filled>,
     /// Taxels beside active ones that are excluded, ascending.
     pub(super) missing: Vec<usize>,
+    /// What each taxel reads without a threshold, while something lies beside excluded ones.
+    pub(super) readings: Vec<Option<Reading>>,
     /// The contact that each taxel belongs to, and the sums of each; the first is of taxels without a position.
     pub(super) labels: Vec<u16>,
     pub(super) contacts: Vec<Contact>,

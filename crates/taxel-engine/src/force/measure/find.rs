@@ -7,7 +7,7 @@ use taxel_skin::Newton;
 use super::{Coverage, ForceModel};
 use crate::counts::Counts;
 use crate::force::evaluator::Evaluator;
-use crate::force::neighbours::Reading;
+use crate::force::neighbours::{Neighbours, Reading};
 use crate::force::remainder::{Remainder, Weak};
 use crate::force::sampling::Contact;
 use crate::force::touch::{Rim, Touch};
@@ -43,9 +43,8 @@ impl ForceModel {
                 let kpa = |taxel| low(taxel) / self.newton_per_kpa(taxel);
                 neighbours.missing_beside(&touch.active, has, &mut touch.missing);
                 neighbours.fill(&touch.missing, has, kpa, &mut touch.beside);
-                let reading = |taxel: usize| self.reading(evaluator, remainder, counts, taxel);
-                let hidden = |&taxel: &usize| neighbours.hidden_kpa(taxel, reading) * self.newton_per_kpa(taxel);
-                let hidden_n = touch.missing.iter().map(hidden).sum();
+                let hidden_n =
+                    self.hidden_n(neighbours, touch, |taxel| self.reading(evaluator, remainder, counts, taxel));
                 touch.rim = Rim { without: touch.missing.len(), touched: touch.active.len(), hidden_n };
             }
         } else if coverage.uncovered_share > 0.0 {
@@ -58,6 +57,19 @@ impl ForceModel {
             let at_rim = self.neighbours.as_ref().is_none_or(|neighbours| neighbours.is_at_rim(taxel));
             touch.contacts[contact].add(newton / self.newton_per_kpa(taxel), newton, at_rim);
         }
+    }
+
+    /// What of a contact's tip may lie on the excluded taxels that it is beside, N. Each of their rings is looked at several times, and
+    /// a reading of a fine converter is worked out from its curve, so that all are read first.
+    fn hidden_n(&self, neighbours: &Neighbours, touch: &mut Touch, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
+        if touch.missing.is_empty() {
+            return 0.0; // nearly always
+        }
+        let Touch { missing, readings, .. } = touch;
+        readings.clear();
+        readings.extend((0..self.areas_mm2.len()).map(reading));
+        let hidden_kpa = |taxel: usize| neighbours.hidden_kpa(taxel, |taxel| readings.get(taxel).copied().flatten());
+        missing.iter().map(|&taxel| hidden_kpa(taxel) * self.newton_per_kpa(taxel)).sum()
     }
 
     /// What a taxel reads without a threshold; `None` of one that is not selected.
