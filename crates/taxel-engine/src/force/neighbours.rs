@@ -1,9 +1,10 @@
-//! Which taxels lie beside which, from the geometry: two uses, both to lose less force.
+//! Which taxels lie beside which, from the geometry: three uses, all to lose less force.
 //!
 //! - Touch at the edge of a contact is too weak for a taxel to be activated by itself. Beside an activated one, the low
 //!   of two thresholds suffices ([`Neighbours::grow`]; hysteresis thresholding after Canny 1986).
 //! - The area of an excluded taxel is not silently lost: its pressure is taken from its neighbours
 //!   ([`Neighbours::fill`]), on request.
+//! - What of a contact may lie on a taxel that cannot be read is told by those about it ([`Neighbours::hidden_kpa`]).
 
 mod tip;
 

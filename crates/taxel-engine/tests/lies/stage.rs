@@ -266,9 +266,8 @@ impl Stage {
         let now = self.now();
         self.suspects.zero_taken(now, under);
         self.in_zero_n = if under.is_some() { least } else { 0.0 };
-        // The watch holds its halves against each other, which differ by half of what came evenly. A zero over a greater change is
-        // to blame on that, whatever rested there.
-        self.changed_n = (changed < least.min(2.0 * unseen)).then_some(changed);
+        // A zero over a great change is to blame on that, whatever rested there.
+        self.changed_n = (changed < least.min(1.2 * unseen)).then_some(changed);
         self.tell(format!("zero {} under {least:.3} to {greatest:.3} N: {}", tare.epoch, tare.reason));
     }
 }

@@ -98,7 +98,7 @@ struct Bounded {
     seed: u64,
 }
 
-/// The first sentence of what a sample says of itself, without its numbers.
+/// The beginning of what a sample says of itself, `#` for each digit: numbers apart, the text is the reason's name.
 fn name_of(reasons: &[Reason]) -> String {
     in_words(reasons).chars().map(|c| if c.is_ascii_digit() { '#' } else { c }).take(90).collect()
 }

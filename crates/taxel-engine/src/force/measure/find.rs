@@ -93,7 +93,7 @@ impl ForceModel {
 
     /// The force of a contact that may lie on `excluded` taxels, ascending, and touches none of those beside them, N, if it is more
     /// than `floor`; else that. One that lies amid several of them is on all of these. `touched` are those of them that an
-    /// active taxel is beside.
+    /// active taxel is beside: what may lie there makes the total a lower bound.
     #[must_use]
     pub fn untouched_floor(
         &self,
@@ -106,12 +106,13 @@ impl ForceModel {
         let Some(neighbours) = &self.neighbours else { return floor };
         let reading = |taxel: usize| self.reading(evaluator, remainder, counts, taxel);
         let newton = |taxel: usize, kpa: f64| self.newton_per_kpa(taxel) * kpa;
+        let is_untouched = |taxel: &usize| touched.binary_search(taxel).is_err();
         let about = |taxel: usize, of_one: &dyn Fn(usize) -> f64| {
-            let beside = neighbours.of(taxel).filter(|other| excluded.binary_search(other).is_ok());
+            let beside =
+                neighbours.of(taxel).filter(|other| excluded.binary_search(other).is_ok() && is_untouched(other));
             beside.chain([taxel]).map(|taxel| newton(taxel, of_one(taxel))).sum::<f64>()
         };
-        let untouched = excluded.iter().filter(|taxel| touched.binary_search(taxel).is_err());
-        untouched.fold(floor, |floor, &taxel| {
+        excluded.iter().filter(|taxel| is_untouched(taxel)).fold(floor, |floor, &taxel| {
             let at_most = about(taxel, &|taxel| neighbours.untouched_at_most_kpa(taxel, reading));
             if at_most <= floor.0 {
                 return floor; // nearly always

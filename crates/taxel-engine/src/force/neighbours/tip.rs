@@ -6,8 +6,8 @@
 //! How much lies there is at most a multiple of what those beside it read in the mean, and of the least of them: that of round
 //! contacts of 4 mm radius and more anywhere nearer to it than to another taxel, under the layer of iCub's skin (2 mm over pads of
 //! 2 mm radius, 6.5 mm apart), of which the smallest hides the most. A wider one hides less, and so does each on a finer skin; on a
-//! coarser one the flanks are further away. What is not covered: tips of less than 4 mm radius (one of 2 mm may hide four times as
-//! much), and contacts whose middle lies beyond a corner of the skin (up to twice as much).
+//! coarser one the flanks are further away. What is not covered: tips of less than 4 mm radius, and contacts whose middle lies beyond a
+//! corner of the skin. These hide more.
 
 use super::{Neighbours, Reading};
 use crate::statistics::quantile;
@@ -18,7 +18,7 @@ const HIDDEN_OVER_MEAN: f64 = 25.0;
 const HIDDEN_OVER_LEAST: f64 = 125.0;
 /// At the rim, where those beside it lie on one side, a contact whose middle is at the edge hides so many times as much.
 const AT_RIM: f64 = 1.4;
-/// The pitch that these hold at, in metres, and the power of a coarser one by which more is hidden: 1.3 times as much at 7 mm, 2.7
+/// The pitch that these hold at, in metres, and the power of a coarser one by which more is hidden: 1.4 times as much at 7 mm, 2.8
 /// times at 8 mm.
 const PITCH_M: f64 = 0.0065;
 const PITCH_POWER: i32 = 5;

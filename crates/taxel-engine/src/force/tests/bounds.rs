@@ -81,3 +81,15 @@ fn what_may_lie_on_taxels_beside_each_other_adds_up() {
     };
     assert!(floor(24..26) > 1.5 * floor(24..25), "{} and {} N", floor(24..26), floor(24..25));
 }
+
+/// A contact that is touched makes the total a lower bound for what it hides; the floor is of what nobody has touched.
+#[test]
+fn a_contact_beside_several_that_cannot_be_read_is_no_part_of_the_floor() {
+    let mut skin = Skin::new(Some(row(TAXELS))).press(20..24, 60);
+    (24..28).for_each(|taxel| skin.sound[taxel] = false);
+    let beside = skin.measured().sample;
+    skin.counts.fill(REST);
+    let untouched = skin.measured().sample.detection_floor.unwrap().0;
+    assert!(beside.lower_bound && beside.active == 4, "{beside:?}");
+    assert!(beside.detection_floor.unwrap().0 < 1.5 * untouched, "{beside:?}, {untouched} N where nothing lies");
+}
