@@ -1,5 +1,7 @@
 //! Why a value of the configuration cannot be used, and which key it is.
 
+use taxel_skin::printable;
+
 /// Why a configuration, or a part of it, cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fault {
@@ -7,14 +9,14 @@ pub struct Fault {
     key: String,
     /// What was expected; empty if the words say it.
     expected: String,
-    /// What is wrong and what was expected, in words.
+    /// What is wrong and what was expected, in words. Names from the file may be in them: no character changes a terminal.
     words: String,
 }
 
 impl Fault {
     /// Of this key.
     pub fn of(key: impl Into<String>, words: impl Into<String>) -> Self {
-        Self { key: key.into(), expected: String::new(), words: words.into() }
+        Self { key: key.into(), ..Self::from(words.into()) }
     }
 
     /// Of this key, whose value is not in the range.
@@ -26,7 +28,7 @@ impl Fault {
     /// The same where the key is within `section`, which people know as `name`.
     pub fn within(self, section: &str, name: &str) -> Self {
         let key = if self.key.is_empty() { section.to_owned() } else { format!("{section}.{}", self.key) };
-        Self { key, words: format!("{name}: {}", self.words), ..self }
+        Self { key, words: printable(&format!("{name}: {}", self.words)), ..self }
     }
 
     /// The key; empty if no single key is wrong.
@@ -47,7 +49,7 @@ impl Fault {
 
 impl From<String> for Fault {
     fn from(words: String) -> Self {
-        Self { key: String::new(), expected: String::new(), words }
+        Self { key: String::new(), expected: String::new(), words: printable(&words) }
     }
 }
 

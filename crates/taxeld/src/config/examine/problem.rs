@@ -3,6 +3,7 @@
 use std::fmt;
 
 use serde::Serialize;
+use taxel_skin::printable;
 
 /// What kind of problem it is; the word is stable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -57,9 +58,13 @@ impl fmt::Display for Problem {
 pub struct Problems(Vec<Problem>);
 
 impl Problems {
-    /// These, in the order of their lines.
+    /// These, in the order of their lines. What of the file is in their texts is written out where it is no printable
+    /// character: a problem is one line, and changes no terminal.
     pub fn new(mut problems: Vec<Problem>) -> Self {
         problems.sort_by_key(|problem| problem.line);
+        for Problem { file, key, value, expected, message, .. } in &mut problems {
+            [file, key, expected, message].into_iter().chain(value).for_each(|text| *text = printable(text));
+        }
         Self(problems)
     }
 

@@ -268,6 +268,22 @@ mod tests {
         assert_eq!(lines(EXAMPLE), Vec::<String>::new());
     }
 
+    /// The escape would colour the rest of the terminal, and the line feed begin a line of its own.
+    #[test]
+    fn a_problem_is_one_line_whatever_the_names_in_it() {
+        let name = "leg\\u001b[31m\\nt.toml:1: all is well\\u202e";
+        let text = EXAMPLE.replace("bus = \"skin\"", &format!("bus = \"{name}\""));
+        let found = problems(&text);
+        assert_eq!(found.len(), 1, "{found:#?}");
+        let said = found[0].to_string();
+        let expected = "bus `leg\\u{1b}[31m\\nt.toml:1: all is well\\u{202e}` is not among the buses";
+        assert!(said.contains(expected), "{said}");
+        let path = Path::new("t.toml");
+        let used = crate::config::parse(path, &text).and_then(|config| crate::config::resolve(&config, path));
+        let error = used.unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+
     #[test]
     fn every_error_is_found_in_one_run_with_line_key_value_and_what_was_expected() {
         let text = EXAMPLE
