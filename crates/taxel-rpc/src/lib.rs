@@ -51,6 +51,7 @@ mod stored_sets;
 mod stream;
 #[cfg(feature = "tls")]
 mod tls;
+mod turns;
 mod unproven;
 mod validation;
 mod watchdog;

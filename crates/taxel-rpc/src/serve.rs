@@ -27,7 +27,7 @@ use crate::access::rules::Access;
 use crate::access::table::IMPORT;
 use crate::answers::Answers;
 use crate::guard::Guard;
-use crate::handle::{Handle, PatchFeed};
+use crate::handle::Handle;
 use crate::health::Report;
 use crate::limits::Limits;
 use crate::listener::{Listener, accept};
@@ -35,6 +35,7 @@ use crate::refusals::Refusals;
 use crate::service::Service;
 use crate::shared::SharedServices;
 use crate::shares::Shares;
+use crate::turns::Turns;
 use crate::unproven::Unproven;
 use crate::watchdog::Watchdog;
 
@@ -94,7 +95,7 @@ pub async fn serve_and_share(
     share: impl FnOnce(SharedServices),
 ) -> Result<Drain, ServeError> {
     let (wake, woken) = watch::channel(());
-    let handle = relayed(handle, &woken);
+    let turns = Turns::begin(handle.patches.iter().map(|feed| feed.snapshot.clone()), &woken);
     let shutdown = handle.shutdown.clone();
     let (drain, cut) = (limits.drain, CancellationToken::new());
     let (shares, refusals) = (Shares::new(&limits), Arc::new(Refusals::default()));
@@ -111,7 +112,7 @@ pub async fn serve_and_share(
     };
     let incoming = accept(listeners, &guard)?;
     let reporter = HealthReporter::new();
-    let service = Service::new(handle.clone(), limits.clone(), shares, Arc::clone(&refusals));
+    let service = Service::new(handle.clone(), turns, limits.clone(), shares, Arc::clone(&refusals));
     let routes = routes(service, &reporter)?;
     share(SharedServices::new(gate.layer(routes.clone())));
     let server = server(&limits).layer(gate).add_routes(routes);
@@ -134,30 +135,6 @@ pub async fn serve_and_share(
     cut.cancel();
     tokio::time::timeout(CUT_MAX, server).await.unwrap_or(Ok(()))?;
     Ok(Drain::Cut)
-}
-
-/// The same handle with snapshots that pass through one task of the server's. When the engine runs on a thread of its
-/// own, publishing wakes that task alone, however many subscribers there are, and they are woken here; by `woken`, too,
-/// with the same snapshot once more, which may have grown too old.
-fn relayed(mut handle: Handle, woken: &watch::Receiver<()>) -> Handle {
-    let relay = |feed: &PatchFeed| {
-        let (mut from, mut woken) = (feed.snapshot.clone(), woken.clone());
-        let (to, snapshot) = watch::channel(Arc::clone(&from.borrow_and_update()));
-        tokio::spawn(async move {
-            loop {
-                tokio::select! {
-                    changed = from.changed() => if changed.is_err() { break },
-                    Ok(()) = woken.changed() => {}
-                }
-                let newest = Arc::clone(&from.borrow_and_update());
-                to.send_replace(newest);
-            }
-            // The engine has stopped; without `to` every stream learns of it.
-        });
-        PatchFeed { snapshot, session: feed.session.clone() }
-    };
-    handle.patches = handle.patches.iter().map(relay).collect();
-    handle
 }
 
 fn server(limits: &Limits) -> Server {

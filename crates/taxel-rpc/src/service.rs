@@ -24,6 +24,7 @@ use crate::page::is_long;
 use crate::refusals::Refusals;
 use crate::shares::{Place, Shares, What};
 use crate::status::{engine_stopped, invalid, of_rejection, shutting_down};
+use crate::turns::Turns;
 
 /// Longest text that a client may have written down, in bytes.
 const NAME_BYTES_MAX: usize = 256;
@@ -32,6 +33,7 @@ const NAME_BYTES_MAX: usize = 256;
 #[derive(Clone, Debug)]
 pub(crate) struct Service {
     pub(crate) handle: Handle,
+    pub(crate) turns: Turns,
     pub(crate) limits: Arc<Limits>,
     shares: Arc<Shares>,
     pub(crate) refusals: Arc<Refusals>,
@@ -40,8 +42,14 @@ pub(crate) struct Service {
 }
 
 impl Service {
-    pub(crate) fn new(handle: Handle, limits: Limits, shares: Arc<Shares>, refusals: Arc<Refusals>) -> Self {
-        Self { handle, limits: Arc::new(limits), shares, refusals, audit_reading: Arc::new(Semaphore::new(1)) }
+    pub(crate) fn new(
+        handle: Handle,
+        turns: Turns,
+        limits: Limits,
+        shares: Arc<Shares>,
+        refusals: Arc<Refusals>,
+    ) -> Self {
+        Self { handle, turns, limits: Arc::new(limits), shares, refusals, audit_reading: Arc::new(Semaphore::new(1)) }
     }
 
     /// Position of the patch of this name; an empty name stands for the only one.

@@ -73,9 +73,12 @@ pub(crate) fn subscribe<M: Send + 'static>(
     encode: Encode<M>,
 ) -> Result<MessageStream<M>, Status> {
     let ticks = rate_hz.map(ticks).transpose()?;
+    // Whoever looks at a rate of its own is woken by nothing else.
+    let held = || service.handle.patches[patch].snapshot.clone();
+    let snapshots = if ticks.is_some() { held() } else { service.turns.join(patch) };
     let subscription = Subscription {
         patch,
-        snapshots: service.handle.patches[patch].snapshot.clone(),
+        snapshots,
         ticks,
         encode,
         shutdown: Box::pin(service.handle.shutdown.clone().cancelled_owned()),

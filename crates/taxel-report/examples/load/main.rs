@@ -32,7 +32,7 @@ fn main() -> anyhow::Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let (taxeld, scene, seconds) = match words[..] {
-        [raw::ARGUMENT, message] => return raw::serve(Path::new(message)),
+        [raw::ARGUMENT, messages] => return raw::serve(Path::new(messages)),
         [taxeld, scene] => (Path::new(taxeld), scene, None),
         [taxeld, scene, "--seconds", seconds] => (Path::new(taxeld), scene, Some(seconds)),
         _ => bail!(USAGE),

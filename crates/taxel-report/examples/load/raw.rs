@@ -40,10 +40,10 @@ pub struct Raw {
 }
 
 impl Raw {
-    /// Starts it; it sends this message, with number, stamp and age of its own.
-    pub fn start(message: &ForceSample, folder: &Path) -> anyhow::Result<Self> {
-        let file = folder.join("message");
-        std::fs::write(&file, message.encode_to_vec())?;
+    /// Starts it; it sends these messages again and again, with number, stamp and age of its own.
+    pub fn start(messages: &[ForceSample], folder: &Path) -> anyhow::Result<Self> {
+        let file = folder.join("messages");
+        std::fs::write(&file, messages.iter().flat_map(Message::encode_length_delimited_to_vec).collect::<Vec<u8>>())?;
         let mut command = Command::new(std::env::current_exe()?);
         command.arg(ARGUMENT).arg(file).stdin(Stdio::null()).stdout(Stdio::piped());
         let mut child = command.spawn()?;
@@ -61,8 +61,8 @@ impl Drop for Raw {
 }
 
 /// The server itself.
-pub fn serve(message: &Path) -> anyhow::Result<()> {
-    let message = ForceSample::decode(std::fs::read(message)?.as_slice())?;
+pub fn serve(messages: &Path) -> anyhow::Result<()> {
+    let messages = read(messages)?;
     let (to_engine, mut frames) = mpsc::channel(4_505);
     std::thread::spawn(move || bus(&to_engine));
     let (to_service, scans) = watch::channel(Scan::default());
@@ -86,10 +86,20 @@ pub fn serve(message: &Path) -> anyhow::Result<()> {
         let mut output = std::io::stdout();
         writeln!(output, "{}", incoming.local_addr()?)?;
         output.flush()?;
-        let service = ForceServiceServer::new(Service { message, scans });
+        let service = ForceServiceServer::new(Service { messages, scans });
         Server::builder().add_service(service).serve_with_incoming(incoming).await?;
         Ok(())
     })
+}
+
+fn read(file: &Path) -> anyhow::Result<Arc<[ForceSample]>> {
+    let bytes = std::fs::read(file)?;
+    let (mut rest, mut messages) = (bytes.as_slice(), Vec::new());
+    while !rest.is_empty() {
+        messages.push(ForceSample::decode_length_delimited(&mut rest)?);
+    }
+    anyhow::ensure!(!messages.is_empty(), "no message");
+    Ok(messages.into())
 }
 
 /// Hands over frames, each stamped when it is, for ever.
@@ -110,13 +120,13 @@ fn bus(to_engine: &mpsc::Sender<i64>) {
 }
 
 struct Service {
-    message: ForceSample,
+    messages: Arc<[ForceSample]>,
     scans: watch::Receiver<Scan>,
 }
 
 /// What one subscriber needs.
 struct Subscription {
-    message: ForceSample,
+    messages: Arc<[ForceSample]>,
     scans: watch::Receiver<Scan>,
     ticks: Option<Ticks>,
 }
@@ -126,14 +136,15 @@ impl Subscription {
         let (sequence, stamp_ns) = **self.scans.borrow_and_update();
         let age_ns = ClockReading::now().time.as_nanos() - stamp_ns;
         let (age_s, monotonic_ns) = (Some(age_ns as f64 * 1e-9), Some(stamp_ns));
-        ForceSample { sequence, age_s, monotonic_ns, ..self.message.clone() }
+        let message = &self.messages[sequence as usize % self.messages.len()];
+        ForceSample { sequence, age_s, monotonic_ns, ..message.clone() }
     }
 }
 
 #[tonic::async_trait]
 impl ForceService for Service {
     async fn get_force(&self, _: Request<GetForceRequest>) -> Result<Response<ForceSample>, Status> {
-        Ok(Response::new(self.message.clone()))
+        Ok(Response::new(self.messages[0].clone()))
     }
 
     type StreamForceStream = Pin<Box<dyn Stream<Item = Result<ForceSample, Status>> + Send>>;
@@ -145,7 +156,7 @@ impl ForceService for Service {
         let rate_hz = request.into_inner().rate_hz;
         let ticks = rate_hz.map(|hz| Ticks::every(Duration::from_secs_f64(1.0 / hz)));
         let ticks = ticks.transpose().map_err(|error| Status::internal(error.to_string()))?;
-        let subscription = Subscription { message: self.message.clone(), scans: self.scans.clone(), ticks };
+        let subscription = Subscription { messages: Arc::clone(&self.messages), scans: self.scans.clone(), ticks };
         Ok(Response::new(Box::pin(stream::unfold(subscription, |mut subscription| async {
             match &mut subscription.ticks {
                 Some(ticks) => drop(ticks.tick().await.ok()?),

@@ -22,6 +22,9 @@ const WARM_UP: Duration = Duration::from_secs(1);
 /// What is compared is watched in turns, so that what else the machine does concerns all alike.
 const ROUNDS: usize = 3;
 
+/// The hand that plays the operator does the same again after so long.
+const HAND: Duration = Duration::from_secs(10);
+
 /// Two daemons are started each time.
 const RAW_ROUNDS: usize = 2;
 
@@ -129,15 +132,15 @@ fn ratios(beside: &Case, alone: &Case) {
     rows::ratio("beside them, of alone, due to client", [&beside.seen.from_due, &alone.seen.from_due]);
 }
 
-/// A message of the untouched skin, the shortest that the daemon sends.
-async fn shortest(address: &str) -> anyhow::Result<ForceSample> {
+/// What the daemon sends while the hand that plays the operator lays something down and takes it away, message by message.
+async fn messages(address: &str) -> anyhow::Result<Vec<ForceSample>> {
+    let until = tokio::time::Instant::now() + HAND;
     let mut stream = stream(endpoint(address)?.connect().await?, "", None).await?;
-    loop {
-        let message = stream.message().await?.context("the stream ended")?;
-        if message.active == 0 {
-            return Ok(message);
-        }
+    let mut messages = Vec::new();
+    while tokio::time::Instant::now() < until {
+        messages.push(stream.message().await?.context("the stream ended")?);
     }
+    Ok(messages)
 }
 
 /// The daemon beside bare tonic. What is held for low latency is the whole machine's, so that this daemon runs alone.
@@ -151,7 +154,7 @@ pub async fn raw(taxeld: &Path, span: Duration) -> anyhow::Result<()> {
     let mut seen: Vec<[Case; 4]> = cases.iter().map(|_| Default::default()).collect();
     for _ in 0..RAW_ROUNDS {
         let live = Live::forearm(taxeld, "").await?;
-        let raw = Raw::start(&shortest(&live.daemon.address()).await?, &live.home.path(""))?;
+        let raw = Raw::start(&messages(&live.daemon.address()).await?, &live.home.path(""))?;
         let servers = [raw.address.clone(), live.daemon.address(), live.home.socket_address()];
         for (&(_, subscribers, per_connection, rate_hz), seen) in cases.iter().zip(&mut seen) {
             for (address, seen) in servers.iter().zip(seen) {
