@@ -25,9 +25,9 @@ const PAGE_BYTES: usize = 4096;
 const HEADER_BYTES: usize = 100;
 /// What a page that points to others has where the header ends.
 const INTERIOR_PAGE: u8 = 5;
-/// Where the header says how many pages there are, and which of them are free.
-const PAGES_AT: usize = 28;
-const FREE_AT: usize = 32;
+/// Where the header says how many pages there are, and which of them are free. Zeros mean as many as the file has, and
+/// none.
+const PAGES_AND_FREE: std::ops::Range<usize> = 28..40;
 
 /// Of our files so much is looked at for what makes them ours: their tables are described at the beginning.
 const MARKS_WITHIN: u64 = 1 << 20;
@@ -177,11 +177,9 @@ fn copy_of(damaged: &Path, copy: &Path, replaced: Vec<Part>) -> std::io::Result<
     if beside::wal(damaged).exists() {
         beside::copy_readable(&beside::wal(damaged), &mut File::create(beside::wal(copy))?)?;
     }
-    let pages = u32::try_from(file.metadata()?.len() / PAGE_BYTES as u64).unwrap_or(u32::MAX);
     for (at, mut part) in replaced {
         if at == 0 {
-            part[PAGES_AT..PAGES_AT + 4].copy_from_slice(&pages.to_be_bytes());
-            part[FREE_AT..FREE_AT + 8].fill(0); // whatever is free is not read
+            part[PAGES_AND_FREE].fill(0); // whatever is free is not read
         }
         file.write_all_at(&part, at)?;
     }
@@ -327,3 +325,6 @@ fn take(table: &Table, direction: &str, old: &Connection, new: &Connection) -> r
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -125,3 +125,57 @@ fn sample(session: u64, position: u64, row: &Row<'_>) -> Result<Sample, String> 
 fn text(error: rusqlite::Error) -> String {
     error.to_string()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::fixture::{filled, open, sample_record, write};
+
+    const SESSION: u64 = 2;
+
+    /// A store whose session has samples for two whole parts and five more.
+    fn scene() -> (tempfile::TempDir, Connection) {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        filled(&path);
+        let (store, ..) = open(&path);
+        write(&store, (40..2 * PART_SAMPLES + 5).map(|index| sample_record(SESSION, index)).collect()).unwrap();
+        store.close().unwrap();
+        let connection = Connection::open(&path).unwrap();
+        connection
+            .execute_batch("DROP TRIGGER ramps_keep; DROP TRIGGER samples_keep; DROP TRIGGER samples_stay")
+            .unwrap();
+        (dir, connection)
+    }
+
+    /// The parts that are proven, each by its first sample, and how it ends.
+    fn parts(connection: &Connection) -> (Vec<u64>, Result<(), String>) {
+        let (mut parts, mut from) = (Vec::new(), 0);
+        loop {
+            parts.push(from);
+            match prove_part(connection, SESSION, from) {
+                Ok(Some(next)) => from = next,
+                end => return (parts, end.map(drop)),
+            }
+        }
+    }
+
+    #[test]
+    fn each_row_of_a_session_is_proven_in_some_part() {
+        let (_dir, connection) = scene();
+        assert_eq!(parts(&connection), (vec![0, PART_SAMPLES, 2 * PART_SAMPLES], Ok(())));
+        assert_eq!(prove_part(&connection, 7, 0), Ok(None), "there is no such session");
+        for (change, found_in, said) in [
+            ("UPDATE samples SET pressure_kpa = 1 WHERE idx = 2004", 3, "the checksum of sample 2004 is wrong"),
+            ("DELETE FROM samples WHERE idx = 2004", 3, "2005 were written, 2004 are there"),
+            ("DELETE FROM samples WHERE idx = 1500", 2, "sample 1500 is missing"),
+            ("UPDATE ramps SET baseline = x'00'", 1, "the checksum of ramp 0 is wrong"),
+            ("UPDATE ramps SET ramp = 1", 1, "ramp 0 is missing"),
+        ] {
+            connection.execute_batch(change).unwrap();
+            let (parts, end) = parts(&connection);
+            assert_eq!(parts.len(), found_in, "{change}");
+            assert!(end.as_ref().is_err_and(|why| why.contains(said)), "{change}: {end:?}");
+        }
+    }
+}

@@ -89,6 +89,30 @@ fn what_cannot_be_read_is_held_against_the_boards() {
     }
 }
 
+/// A loss stays where it is, and the file would grow with each start.
+#[test]
+fn what_follows_from_a_loss_is_written_down_once() {
+    for (damages, noted) in [("", 0), ("DELETE FROM zero_doubts WHERE seq = 3", 1)] {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        filled(&path);
+        let (store, ..) = open(&path);
+        write(&store, vec![doubt(PATCH, Some(WHY)), doubt(PATCH, None), record(PATCH, configured_at(&[0.5]))]).unwrap();
+        store.close().unwrap();
+        damage(&path, damages);
+        let rows = || -> u64 {
+            let count = "SELECT count(*) FROM zero_doubts";
+            Connection::open(&path).unwrap().query_row(count, [], |row| row.get(0)).unwrap()
+        };
+        let before = rows();
+        for start in 0..3 {
+            let (store, ..) = open(&path);
+            store.close().unwrap();
+            assert_eq!(rows(), before + noted, "{damages}: start {start}");
+        }
+    }
+}
+
 #[test]
 fn what_the_boards_zeros_hide_is_found_again_bit_by_bit_until_they_are_configured_anew() {
     let dir = tempfile::tempdir().unwrap();

@@ -109,6 +109,7 @@ fn a_damaged_sample_fails_its_session_only() {
             "{refused}"
         );
         assert_eq!(quarantined.len(), 1);
+        assert_eq!(quarantined[0].what, "samples of session 2");
         assert_eq!(restored.problems, [quarantined[0].to_string()]);
         assert_eq!((restored.model_sets.len(), restored.active.len(), restored.next_session), (2, 1, 3));
     }

@@ -8,7 +8,7 @@ mod damage;
 mod deletions;
 mod disk;
 mod failure;
-mod fixture;
+pub(crate) mod fixture;
 mod flips;
 mod loads;
 mod lost;
