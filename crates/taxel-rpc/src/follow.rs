@@ -9,7 +9,6 @@ use tokio::sync::watch;
 
 use crate::convert::{self, Sending};
 use crate::events::message;
-use crate::freshness::Freshness;
 use crate::handle::Handle;
 
 /// The states of one patch as they come; the newest wins.
@@ -17,8 +16,8 @@ pub struct PatchFollower {
     handle: Handle,
     patch: usize,
     snapshots: watch::Receiver<Arc<PatchSnapshot>>,
-    /// What was taken last.
-    last: Option<(u64, Freshness)>,
+    /// Number of the state that was taken last.
+    last: Option<u64>,
 }
 
 impl PatchFollower {
@@ -31,23 +30,15 @@ impl PatchFollower {
 
     /// The force of the next state, and its taxels where they are wanted. `None` when the engine has stopped.
     pub async fn next(&mut self, taxels: bool) -> Option<(v1::ForceSample, Option<v1::TaxelSample>)> {
-        loop {
-            self.snapshots.changed().await.ok()?;
-            let snapshot = Arc::clone(&self.snapshots.borrow_and_update());
-            let now = (self.handle.clock)();
-            let freshness = self.handle.freshness_at(now, self.patch, &snapshot);
-            let sequence = snapshot.sequence;
-            // Readers are woken also when nothing changed but how far it can be believed.
-            if self.last.is_some_and(|(last, before)| last == sequence && before.is_like(freshness)) {
-                continue;
-            }
-            let skipped = self.last.map_or(0, |(last, _)| sequence.saturating_sub(last + 1));
-            self.last = Some((sequence, freshness));
-            let sending = Sending { now, freshness, skipped };
-            let plan = &self.handle.plan.patches[self.patch];
-            let readings = taxels.then(|| convert::taxels(plan, &snapshot, sending));
-            return Some((convert::force(plan, &snapshot, sending), readings));
-        }
+        self.snapshots.changed().await.ok()?;
+        let snapshot = Arc::clone(&self.snapshots.borrow_and_update());
+        let (now, sequence) = ((self.handle.clock)(), snapshot.sequence);
+        let freshness = self.handle.freshness_at(now, self.patch, &snapshot);
+        let skipped = self.last.replace(sequence).map_or(0, |last| sequence.saturating_sub(last + 1));
+        let sending = Sending { now, freshness, skipped };
+        let plan = &self.handle.plan.patches[self.patch];
+        let readings = taxels.then(|| convert::taxels(plan, &snapshot, sending));
+        Some((convert::force(plan, &snapshot, sending), readings))
     }
 }
 

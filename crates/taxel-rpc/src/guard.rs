@@ -252,7 +252,7 @@ impl AsyncWrite for Connection {
     }
 
     /// h2 gives a vectored writer each frame above 256 bytes by itself, and any other as many frames below 1 KiB as there
-    /// are: what is due at the same moment on the streams of a connection is one write.
+    /// are: what is due at the same tick on the streams of a connection is one write.
     fn is_write_vectored(&self) -> bool {
         false
     }

@@ -45,13 +45,20 @@ struct Told {
     taken: Instant,
 }
 
+/// When a message is due.
+enum Pace {
+    /// At a rate of the subscriber's own; the last value is held.
+    Ticks(Ticks),
+    /// With each new value, and once more when it is too old to be believed.
+    Turns(watch::Receiver<()>),
+}
+
 /// One subscriber of one patch.
 struct Subscription<M> {
     service: Service,
     patch: usize,
     snapshots: watch::Receiver<Arc<PatchSnapshot>>,
-    /// `None`: each value as it comes, and once more when it is too old to be believed.
-    ticks: Option<Ticks>,
+    pace: Pace,
     encode: Encode<M>,
     /// Registered once, not for every message.
     shutdown: Pin<Box<WaitForCancellationFutureOwned>>,
@@ -72,14 +79,14 @@ pub(crate) fn subscribe<M: Send + 'static>(
     rate_hz: Option<f64>,
     encode: Encode<M>,
 ) -> Result<MessageStream<M>, Status> {
-    let ticks = rate_hz.map(ticks).transpose()?;
-    // Whoever looks at a rate of its own is woken by nothing else.
-    let held = || service.handle.patches[patch].snapshot.clone();
-    let snapshots = if ticks.is_some() { held() } else { service.turns.join(patch) };
+    let pace = match rate_hz {
+        Some(rate_hz) => Pace::Ticks(ticks(rate_hz)?),
+        None => Pace::Turns(service.turns.join(patch)),
+    };
     let subscription = Subscription {
         patch,
-        snapshots,
-        ticks,
+        snapshots: service.handle.patches[patch].snapshot.clone(),
+        pace,
         encode,
         shutdown: Box::pin(service.handle.shutdown.clone().cancelled_owned()),
         unread_limit: service.limits.unread,
@@ -110,18 +117,18 @@ fn ticks(rate_hz: f64) -> Result<Ticks, Status> {
 /// no room for it.
 async fn due(
     first: bool,
-    ticks: Option<&mut Ticks>,
-    snapshots: &mut watch::Receiver<Arc<PatchSnapshot>>,
+    pace: &mut Pace,
+    snapshots: &watch::Receiver<Arc<PatchSnapshot>>,
 ) -> Result<Option<Duration>, Status> {
-    match ticks {
+    match pace {
         _ if first => Ok(None), // at once
-        Some(ticks) => {
+        Pace::Ticks(ticks) => {
             let tick = ticks.tick().await.map_err(|error| no_timer(&error))?;
             snapshots.has_changed().map_err(|_| engine_stopped())?;
             Ok(Some(tick.late))
         }
-        None => {
-            snapshots.changed().await.map_err(|_| engine_stopped())?;
+        Pace::Turns(turn) => {
+            turn.changed().await.map_err(|_| engine_stopped())?;
             Ok(None)
         }
     }
@@ -136,7 +143,7 @@ impl<M> Subscription<M> {
             let waited = tokio::select! {
                 biased;
                 () = &mut self.shutdown => Err(shutting_down()),
-                unread = due(self.last.is_none(), self.ticks.as_mut(), &mut self.snapshots) => unread,
+                unread = due(self.last.is_none(), &mut self.pace, &self.snapshots) => unread,
             };
             if let Some(message) = waited.and_then(|unread| self.take(unread)).transpose() {
                 return Some(message);
@@ -146,7 +153,7 @@ impl<M> Subscription<M> {
 
     /// The message of the newest value; nothing if the reader was told all that it says.
     fn take(&mut self, due_for: Option<Duration>) -> Result<Option<M>, Status> {
-        let snapshot = Arc::clone(&self.snapshots.borrow_and_update());
+        let snapshot = Arc::clone(&self.snapshots.borrow());
         let skipped = self.last.map_or(0, |last| snapshot.sequence.saturating_sub(last.sequence + 1));
         let unread = due_for.unwrap_or_else(|| self.unread(skipped));
         let waited = |unread: Duration| unread - self.service.handle.heartbeat.stalled_within(unread);
@@ -162,7 +169,7 @@ impl<M> Subscription<M> {
         let sending = self.service.sending(self.patch, &snapshot, skipped);
         let (sequence, freshness) = (snapshot.sequence, sending.freshness);
         let same = |last: Told| last.sequence == sequence && last.freshness.is_like(freshness);
-        if self.ticks.is_none() && self.last.is_some_and(same) {
+        if matches!(self.pace, Pace::Turns(_)) && self.last.is_some_and(same) {
             return Ok(None);
         }
         self.last = Some(Told { sequence, freshness, taken: Instant::now() });

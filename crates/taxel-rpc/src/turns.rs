@@ -1,86 +1,137 @@
-//! Hands each new snapshot of a patch to its subscribers in turn, in the order in which they came.
+//! Tells the subscribers of a patch one after the other, in the order in which they came, that there is a new snapshot.
 //!
 //! Waking all of them at once would make all messages before the first is written. In turn, the first message is on its
-//! way, and its reader is woken on another processor, while the next ones are made.
+//! way, and its reader is woken on another processor, while the next ones are made. Each takes the snapshot itself when it has
+//! its turn, so that it sends what is newest then.
 
+use std::collections::BTreeMap;
 use std::future::poll_fn;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::task::Poll;
+use std::time::Duration;
 
 use taxel_engine::snapshot::PatchSnapshot;
 use tokio::sync::watch;
+use tokio::time::Instant;
 
-type Snapshots = watch::Receiver<Arc<PatchSnapshot>>;
+/// Whoever has had no turn by then is woken together with all others: between two turns everything else has its own that is
+/// ready, so that a round would take long beside many calls.
+const ROUND_MAX: Duration = Duration::from_micros(500);
 
 /// Those who wait for snapshots, by the position of their patch in the plan. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Turns(Arc<[Patch]>);
 
+/// The subscribers of one patch; `None` when nobody tells them anything any more.
 #[derive(Debug)]
-struct Patch {
-    /// From the engine.
-    newest: Snapshots,
-    /// One a subscriber; `None` when the engine has stopped.
-    subscribers: Mutex<Option<Vec<watch::Sender<Arc<PatchSnapshot>>>>>,
+struct Patch(Mutex<Option<Subscribers>>);
+
+/// By their number, which grows with each that comes.
+#[derive(Debug, Default)]
+struct Subscribers {
+    all: BTreeMap<u64, watch::Sender<()>>,
+    next: u64,
 }
 
 impl Turns {
-    /// Begins to hand over what the engine publishes of each of the `patches`, and what is newest once more when `again`
-    /// changes. Publishing wakes one task a patch, however many subscribers there are.
-    pub(crate) fn begin(patches: impl Iterator<Item = Snapshots>, again: &watch::Receiver<()>) -> Self {
-        let patch = |newest| Patch { newest, subscribers: Mutex::new(Some(Vec::new())) };
-        let turns = Self(patches.map(patch).collect());
-        for position in 0..turns.0.len() {
-            tokio::spawn(turns.clone().keep(position, again.clone()));
+    /// Begins to tell of what is published of each of the `patches`, and everybody when `again` changes. Publishing wakes one
+    /// task a patch, however many subscribers there are.
+    pub(crate) fn begin(
+        patches: impl Iterator<Item = watch::Receiver<Arc<PatchSnapshot>>>,
+        again: &watch::Receiver<()>,
+    ) -> Self {
+        let published: Vec<_> = patches.collect();
+        let turns = Self(published.iter().map(|_| Patch(Mutex::new(Some(Subscribers::default())))).collect());
+        for (position, published) in published.into_iter().enumerate() {
+            let keeper = Keeper { turns: turns.clone(), position };
+            tokio::spawn(keeper.keep(published, again.clone()));
         }
         turns
     }
 
-    /// What a new subscriber of this patch waits with. It ends when the engine has stopped.
-    pub(crate) fn join(&self, position: usize) -> Snapshots {
-        let patch = &self.0[position];
-        let (sender, receiver) = watch::channel(Arc::clone(&patch.newest.borrow()));
-        if let Some(subscribers) = &mut *patch.subscribers() {
-            subscribers.retain(|subscriber| !subscriber.is_closed());
-            subscribers.push(sender);
+    /// A new subscriber of this patch: changes with each turn, and ends when the engine or the server has stopped.
+    pub(crate) fn join(&self, position: usize) -> watch::Receiver<()> {
+        let (sender, receiver) = watch::channel(());
+        if let Some(subscribers) = &mut *self.0[position].subscribers() {
+            subscribers.forget_the_gone();
+            subscribers.all.insert(subscribers.next, sender);
+            subscribers.next += 1;
         }
         receiver
     }
+}
 
-    async fn keep(self, position: usize, mut again: watch::Receiver<()>) {
-        let patch = &self.0[position];
-        let mut newest = patch.newest.clone();
+/// Tells the subscribers of one patch. However it ends, none of them waits for it any more.
+struct Keeper {
+    turns: Turns,
+    position: usize,
+}
+
+impl Keeper {
+    async fn keep(self, mut published: watch::Receiver<Arc<PatchSnapshot>>, mut again: watch::Receiver<()>) {
+        let patch = self.patch();
         loop {
             tokio::select! {
-                changed = newest.changed() => if changed.is_err() { break },
+                changed = published.changed() => if changed.is_err() { return },
                 Ok(()) = again.changed() => {}
             }
-            newest.mark_unchanged();
-            let mut turn = 0;
-            while patch.wake(turn, &newest) {
-                turn += 1;
+            let (mut left, begun) = (patch.begin(), Instant::now());
+            while let Some(told) = patch.tell_first(left.clone()) {
+                left.start = told + 1;
+                if begun.elapsed() > ROUND_MAX {
+                    patch.tell_all(left);
+                    break;
+                }
                 give_way().await;
             }
         }
-        *patch.subscribers() = None;
+    }
+
+    fn patch(&self) -> &Patch {
+        &self.turns.0[self.position]
+    }
+}
+
+impl Drop for Keeper {
+    fn drop(&mut self) {
+        *self.patch().subscribers() = None;
     }
 }
 
 impl Patch {
-    /// Hands the newest snapshot to the subscriber whose turn it is; false when all have had theirs.
-    fn wake(&self, turn: usize, newest: &Snapshots) -> bool {
-        let mut subscribers = self.subscribers();
-        let Some(subscribers) = &mut *subscribers else { return false };
-        while subscribers.get(turn).is_some_and(watch::Sender::is_closed) {
-            subscribers.remove(turn);
-        }
-        let Some(subscriber) = subscribers.get(turn) else { return false };
-        subscriber.send_replace(Arc::clone(&newest.borrow()));
-        true
+    fn subscribers(&self) -> MutexGuard<'_, Option<Subscribers>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn subscribers(&self) -> MutexGuard<'_, Option<Vec<watch::Sender<Arc<PatchSnapshot>>>>> {
-        self.subscribers.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Who takes part in the round that begins: whoever comes later takes what is newest by itself.
+    fn begin(&self) -> Range<u64> {
+        let mut subscribers = self.subscribers();
+        let Some(subscribers) = &mut *subscribers else { return 0..0 };
+        subscribers.forget_the_gone();
+        0..subscribers.next
+    }
+
+    /// Wakes the first of these that is still there; its number.
+    fn tell_first(&self, numbers: Range<u64>) -> Option<u64> {
+        let subscribers = self.subscribers();
+        let (number, subscriber) = subscribers.as_ref()?.all.range(numbers).next()?;
+        subscriber.send_replace(());
+        Some(*number)
+    }
+
+    fn tell_all(&self, numbers: Range<u64>) {
+        if let Some(subscribers) = &*self.subscribers() {
+            for (_, subscriber) in subscribers.all.range(numbers) {
+                subscriber.send_replace(());
+            }
+        }
+    }
+}
+
+impl Subscribers {
+    fn forget_the_gone(&mut self) {
+        self.all.retain(|_, subscriber| !subscriber.is_closed());
     }
 }
 
@@ -98,104 +149,4 @@ async fn give_way() {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use tokio::sync::mpsc;
-
-    struct Scene {
-        turns: Turns,
-        engine: watch::Sender<Arc<PatchSnapshot>>,
-        again: watch::Sender<()>,
-    }
-
-    /// One patch of which nothing has been published.
-    fn scene() -> Scene {
-        let (engine, again) = (watch::Sender::default(), watch::Sender::default());
-        Scene { turns: Turns::begin([engine.subscribe()].into_iter(), &again.subscribe()), engine, again }
-    }
-
-    fn numbered(sequence: u64) -> Arc<PatchSnapshot> {
-        Arc::new(PatchSnapshot { sequence, ..PatchSnapshot::default() })
-    }
-
-    async fn next(snapshots: &mut Snapshots) -> Option<u64> {
-        snapshots.changed().await.ok()?;
-        Some(snapshots.borrow_and_update().sequence)
-    }
-
-    /// A message is made where its subscriber is woken, and written by another task that it wakes.
-    #[tokio::test]
-    async fn a_message_is_written_before_the_next_one_is_made() {
-        let Scene { turns, engine, .. } = scene();
-        let (done, mut seen) = mpsc::unbounded_channel();
-        for subscriber in 0..3 {
-            let (to_write, mut made) = mpsc::unbounded_channel();
-            let (mut snapshots, done_making) = (turns.join(0), done.clone());
-            tokio::spawn(async move {
-                while let Some(sequence) = next(&mut snapshots).await {
-                    done_making.send(("made", subscriber, sequence)).unwrap();
-                    to_write.send(sequence).unwrap();
-                }
-            });
-            let done_writing = done.clone();
-            tokio::spawn(async move {
-                while let Some(sequence) = made.recv().await {
-                    done_writing.send(("written", subscriber, sequence)).unwrap();
-                }
-            });
-        }
-        for sequence in [7, 8] {
-            engine.send_replace(numbered(sequence));
-            for subscriber in 0..3 {
-                assert_eq!(seen.recv().await, Some(("made", subscriber, sequence)));
-                assert_eq!(seen.recv().await, Some(("written", subscriber, sequence)));
-            }
-        }
-    }
-
-    #[tokio::test]
-    async fn whoever_joins_has_the_newest_and_waits_for_what_comes() {
-        let Scene { turns, engine, .. } = scene();
-        engine.send_replace(numbered(3));
-        let mut snapshots = turns.join(0);
-        assert_eq!(snapshots.borrow().sequence, 3);
-        assert!(!snapshots.has_changed().unwrap());
-        engine.send_replace(numbered(4));
-        while next(&mut snapshots).await != Some(4) {} // the 3 may be handed over first
-    }
-
-    #[tokio::test]
-    async fn the_newest_comes_once_more_when_it_has_to_be_judged_again() {
-        let Scene { turns, engine, again } = scene();
-        let mut snapshots = turns.join(0);
-        engine.send_replace(numbered(3));
-        assert_eq!(next(&mut snapshots).await, Some(3));
-        again.send_replace(());
-        assert_eq!(next(&mut snapshots).await, Some(3));
-    }
-
-    #[tokio::test]
-    async fn whoever_has_gone_takes_no_turn_and_no_memory() {
-        let Scene { turns, engine, .. } = scene();
-        let (first, mut second, third) = (turns.join(0), turns.join(0), turns.join(0));
-        drop((first, third));
-        engine.send_replace(numbered(1));
-        assert_eq!(next(&mut second).await, Some(1));
-        let waiting = || turns.0[0].subscribers().as_ref().map(Vec::len);
-        while waiting() != Some(1) {
-            give_way().await;
-        }
-        // Also where nothing is published meanwhile.
-        (0..1_000).for_each(|_| drop(turns.join(0)));
-        assert_eq!(waiting(), Some(2), "the one that waits, and the last that came and went");
-    }
-
-    #[tokio::test]
-    async fn when_the_engine_has_stopped_nobody_waits() {
-        let Scene { turns, engine, .. } = scene();
-        let mut before = turns.join(0);
-        drop(engine);
-        assert_eq!(next(&mut before).await, None);
-        assert_eq!(next(&mut turns.join(0)).await, None);
-    }
-}
+mod tests;

@@ -20,7 +20,7 @@ const LOOK_WHILE_STALLED: Duration = Duration::from_millis(10);
 pub(crate) struct Watchdog {
     handle: Handle,
     report: Report,
-    /// Wakes every subscriber, who judges for itself what it has to be told.
+    /// Wakes every subscriber without a rate, who judges for itself what it has to be told.
     wake: watch::Sender<()>,
     /// What was found last: per patch the number of the snapshot and what became of it.
     found: Vec<(u64, Freshness)>,
