@@ -317,3 +317,15 @@ fn tared(connection: &Connection, patch: &str, tare: &TareView, baseline: &[Taxe
     )?;
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Only what the file is to blame for says that the set is not sound.
+    #[test]
+    fn a_set_that_cannot_be_asked_for_is_neither_sound_nor_unsound() {
+        let nothing = Connection::open_in_memory().unwrap();
+        assert!(is_sound(&nothing, 1).unwrap_err().to_string().contains("no such table"));
+    }
+}

@@ -109,4 +109,14 @@ mod tests {
         let some = Deletions { sessions: [9, 2].into(), ..Deletions::default() };
         assert_eq!((some.newest_session(), some.sessions()), (9, 2));
     }
+
+    #[test]
+    fn a_row_whose_columns_are_of_another_type_says_so() {
+        let connection = rusqlite::Connection::open_in_memory().unwrap();
+        let mut row = connection.prepare("SELECT 1, 'no time', x'00', 'no time', x'00'").unwrap();
+        let mut rows = row.query([]).unwrap();
+        let row = rows.next().unwrap().unwrap();
+        let said = [session(row, 1).unwrap_err(), model_set(row, 1).unwrap_err()];
+        assert!(said.iter().all(|said| said.contains("Invalid column type")), "{said:?}");
+    }
 }

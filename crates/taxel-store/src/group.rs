@@ -73,4 +73,13 @@ mod tests {
         assert_eq!(after(vec![batch(GROUP_SAMPLES - 1, false), batch(1, false)]), Some(Duration::ZERO));
         assert_eq!(after((0..GROUP_SAMPLES).map(|_| batch(0, false)).collect()), Some(Duration::ZERO));
     }
+
+    #[test]
+    fn a_group_is_full_with_all_that_may_wait_for_the_disk() {
+        let mut group = Group::default();
+        (1..QUEUE_BATCHES).for_each(|_| group.push(batch(0, false)));
+        assert!(!group.is_full());
+        group.push(batch(0, false));
+        assert!(group.is_full());
+    }
 }

@@ -178,4 +178,11 @@ mod tests {
             assert!(end.as_ref().is_err_and(|why| why.contains(said)), "{change}: {end:?}");
         }
     }
+
+    #[test]
+    fn what_cannot_be_asked_for_says_why() {
+        let nothing = Connection::open_in_memory().unwrap();
+        let said = [samples(&nothing, SESSION).unwrap_err(), prove_part(&nothing, SESSION, 0).unwrap_err()];
+        assert!(said.iter().all(|said| said.contains("no such table")), "{said:?}");
+    }
 }

@@ -131,3 +131,23 @@ pub(crate) fn shortfall(connection: &Connection, stream: Stream, rows: u64) -> r
         Some(written) => Some(format!("{written} were written, {rows} are there")),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stream_is_recorded_once_its_number_is_written_and_until_it_is_forgotten() {
+        let connection = Connection::open_in_memory().unwrap();
+        connection.execute_batch("CREATE TABLE tally (stream TEXT PRIMARY KEY, rows, checksum)").unwrap();
+        let mut tally = Tally::default();
+        tally.set(Stream::BoardZeros, 3);
+        assert!(!is_recorded(&connection, Stream::BoardZeros).unwrap(), "it is not written yet");
+        tally.save(&connection).unwrap();
+        assert!(is_recorded(&connection, Stream::BoardZeros).unwrap());
+        assert!(!is_recorded(&connection, Stream::Audit).unwrap());
+        assert_eq!(written(&connection, Stream::BoardZeros).unwrap(), Some(3));
+        tally.forget(&connection, Stream::BoardZeros).unwrap();
+        assert!(!is_recorded(&connection, Stream::BoardZeros).unwrap());
+    }
+}

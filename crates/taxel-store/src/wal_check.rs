@@ -81,3 +81,110 @@ fn read(mut log: impl Read) -> io::Result<Option<String>> {
         format!("page {position} of it is not what was written: {commits_after} transactions from there on are lost")
     }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PAGE: usize = 512;
+    const SALTS: [u8; 8] = *b"saltsalt";
+
+    /// A log of frames, each the last of a transaction or not, as SQLite writes it (its file format, section 4).
+    fn log(magic: u32, page_bytes: u32, frames: &[bool]) -> Vec<u8> {
+        let big_endian = magic & 1 == 1;
+        let mut log = [magic, 3_007_000, page_bytes, 0].map(u32::to_be_bytes).concat();
+        log.extend(SALTS);
+        let mut sum = add([0; 2], &log, big_endian);
+        log.extend(sum.map(u32::to_be_bytes).concat());
+        for (position, &is_last) in (1_u32..).zip(frames) {
+            let head = [position, if is_last { position } else { 0 }].map(u32::to_be_bytes).concat();
+            let page = vec![position as u8; page_bytes as usize];
+            sum = add(add(sum, &head, big_endian), &page, big_endian);
+            log.extend([&head[..], &SALTS, &sum.map(u32::to_be_bytes).concat(), &page].concat());
+        }
+        log
+    }
+
+    fn found(log: &[u8]) -> Option<String> {
+        match read(log) {
+            Ok(found) => found,
+            Err(error) => Some(error.to_string()),
+        }
+    }
+
+    /// The same with another byte in this frame's page.
+    fn damaged(mut log: Vec<u8>, frame: usize) -> Vec<u8> {
+        log[HEADER_BYTES + frame * (FRAME_HEADER_BYTES + PAGE) + FRAME_HEADER_BYTES + 9] ^= 1;
+        log
+    }
+
+    #[test]
+    fn a_whole_log_of_either_byte_order_has_no_problem() {
+        for magic in [MAGIC, MAGIC | 1] {
+            for page_bytes in [512, 4096, 65536] {
+                assert_eq!(found(&log(magic, page_bytes, &[true, false, true])), None, "{magic:x}, {page_bytes}");
+            }
+            let mut turned = log(magic, PAGE as u32, &[true]);
+            turned[3] ^= 1; // the other order, by which its sums are wrong
+            assert!(found(&turned).is_some(), "{magic:x}");
+        }
+    }
+
+    #[test]
+    fn a_beginning_that_is_not_sqlite_s_is_told_unless_nothing_follows() {
+        let beginning = "its beginning is not what was written: nothing of it can be used";
+        let [mut no_log, mut no_size, mut no_sum] = [(); 3].map(|()| log(MAGIC, PAGE as u32, &[true]));
+        // The sum is right in the first two: what it is of is none of a log.
+        for (log, at, bytes) in [(&mut no_log, 0, 0x1234_5678), (&mut no_size, 8, 256)] {
+            log[at..at + 4].copy_from_slice(&u32::to_be_bytes(bytes));
+            let sum = add([0; 2], &log[..24], false);
+            log[24..32].copy_from_slice(&sum.map(u32::to_be_bytes).concat());
+        }
+        no_sum[31] ^= 1;
+        for log in [no_log, no_size, no_sum] {
+            assert_eq!(found(&log).as_deref(), Some(beginning));
+            assert_eq!(found(&log[..HEADER_BYTES]), None, "it never had a page");
+        }
+    }
+
+    #[test]
+    fn what_is_lost_is_told_where_older_transactions_follow_the_break() {
+        let three = log(MAGIC, PAGE as u32, &[true, false, true, true]);
+        let told = |transactions, page| {
+            Some(format!(
+                "page {page} of it is not what was written: {transactions} transactions from there on are lost"
+            ))
+        };
+        assert_eq!(found(&damaged(three.clone(), 0)), told(3, 0));
+        assert_eq!(found(&damaged(three.clone(), 1)), told(2, 1));
+        assert_eq!(found(&damaged(three.clone(), 2)), told(2, 2));
+        assert_eq!(found(&damaged(three.clone(), 3)), None, "a power cut tore the last one");
+        assert_eq!(found(&three[..three.len() - 1]), None, "a power cut tore the last one");
+    }
+
+    /// A log is begun anew over an older one, whose frames have other salts.
+    #[test]
+    fn what_is_left_of_an_older_log_is_none_of_this_one() {
+        let mut begun_anew = log(MAGIC, PAGE as u32, &[true, true, true, true]);
+        let frame = FRAME_HEADER_BYTES + PAGE;
+        for older in [1, 2, 3] {
+            begun_anew[HEADER_BYTES + older * frame + 8] ^= 0xFF;
+        }
+        assert_eq!(found(&begun_anew), None);
+        // A frame with the right salts and a wrong sum that ends no transaction says nothing either.
+        assert_eq!(found(&damaged(log(MAGIC, PAGE as u32, &[true, false, false, true]), 1)), None);
+    }
+
+    #[test]
+    fn a_log_that_cannot_be_opened_or_read_is_not_a_torn_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let database = dir.path().join("store.db");
+        assert_eq!(problem(&database).unwrap(), None, "no store has been there");
+        std::fs::create_dir(beside::wal(&database)).unwrap();
+        let said = problem(&database).unwrap().unwrap();
+        assert!(said.starts_with("it cannot be read, and what was written from there on is lost: "), "{said}");
+        std::fs::remove_dir(beside::wal(&database)).unwrap();
+        std::os::unix::fs::symlink(beside::wal(&database), beside::wal(&database)).unwrap();
+        assert_ne!(problem(&database).unwrap_err().kind(), io::ErrorKind::NotFound);
+    }
+}

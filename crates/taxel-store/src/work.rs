@@ -187,3 +187,34 @@ impl WorkSource {
         move || waiting.load(Ordering::Relaxed) > 0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry() -> Work {
+        Work::Write(Entry { records: Vec::new(), waiting: Waiting(None) })
+    }
+
+    #[test]
+    fn the_end_of_the_queue_is_work_too() {
+        let (queue, source) = work_queue();
+        let waits = source.look();
+        assert!(!waits());
+        assert!(queue.try_send(entry()).is_ok());
+        assert!(waits() && queue.waiting() == 1);
+        assert!(source.work.recv().is_ok());
+        source.took_one();
+        assert!(!waits());
+        drop(queue);
+        assert!(waits(), "whoever closes the store waits for its thread");
+    }
+
+    #[test]
+    fn a_full_queue_gives_the_work_back_and_counts_it_no_more() {
+        let (queue, _source) = work_queue();
+        (0..QUEUE_BATCHES).for_each(|_| assert!(queue.try_send(entry()).is_ok()));
+        assert!(queue.try_send(entry()).is_err());
+        assert_eq!(queue.waiting(), QUEUE_BATCHES);
+    }
+}
