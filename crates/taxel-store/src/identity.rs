@@ -94,3 +94,28 @@ pub(crate) fn structure_findings(connection: &Connection) -> rusqlite::Result<Op
     }
     Ok(Some(findings))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A table with so many rows that its description forbids.
+    fn forbidden(rows: u64) -> Connection {
+        let connection = Connection::open_in_memory().unwrap();
+        let fill = "INSERT INTO t VALUES (NULL);".repeat(rows as usize);
+        let change = "PRAGMA writable_schema = 1; UPDATE sqlite_schema SET sql = 'CREATE TABLE t (a NOT NULL)';
+            PRAGMA writable_schema = RESET;";
+        connection.execute_batch(&format!("CREATE TABLE t (a); {fill} {change}")).unwrap();
+        connection
+    }
+
+    #[test]
+    fn the_first_three_findings_are_told_and_how_many_more_there_are() {
+        let one = "NULL value in t.a";
+        let found = |rows| structure_findings(&forbidden(rows)).unwrap();
+        assert_eq!(found(0), None);
+        assert_eq!(found(1).as_deref(), Some(one));
+        assert_eq!(found(3), Some([one; 3].join("; ")));
+        assert_eq!(found(5), Some(format!("{}; and 2 more", [one; 3].join("; "))));
+    }
+}

@@ -16,13 +16,12 @@ const THEN: char = '\t';
 /// # Errors
 /// If it cannot be written: then nothing may be changed.
 pub(crate) fn note(path: &Path, finding: &Quarantined) -> io::Result<()> {
-    let line = |finding: &Quarantined| {
-        let words = |text: &str| text.replace(['\n', '\r', THEN], " ");
-        format!("{}{THEN}{}\n", words(&finding.what), words(&finding.reason))
-    };
+    let words = |text: &str| text.replace(['\n', '\r', THEN], " "); // as it is read again
+    let finding = Quarantined::new(words(&finding.what), words(&finding.reason));
+    let line = |finding: &Quarantined| format!("{}{THEN}{}\n", finding.what, finding.reason);
     let mut findings = noted(path);
-    if !findings.contains(finding) {
-        findings.push(finding.clone());
+    if !findings.contains(&finding) {
+        findings.push(finding);
     }
     beside::replace(&beside::loss_note(path), findings.iter().map(line).collect::<String>().as_bytes())
 }
@@ -53,5 +52,36 @@ pub(crate) fn forget(path: &Path) {
     if let Err(error) = beside::remove(&note) {
         // The next start tells the loss once more, and doubts zeros that somebody may have vouched for since.
         tracing::warn!(note = %note.display(), %error, "the note of what was lost could not be removed");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_finding_is_noted_once_each_until_the_note_is_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        let [log, rows] = [("the log", "it is\tmissing"), ("two rows", "one\nand\ranother")]
+            .map(|(what, reason)| Quarantined::new(what, reason));
+        assert_eq!(noted(&path), []);
+        for finding in [&log, &rows, &log] {
+            note(&path, finding).unwrap();
+        }
+        let lines = [Quarantined::new("the log", "it is missing"), Quarantined::new("two rows", "one and another")];
+        assert_eq!(noted(&path), lines);
+        forget(&path);
+        assert_eq!(noted(&path), []);
+    }
+
+    #[test]
+    fn of_a_note_that_cannot_be_read_it_is_known_that_something_was_lost() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        fs::write(beside::loss_note(&path), "").unwrap();
+        assert_eq!(noted(&path), [Quarantined::new("the store", "an earlier start found something lost")]);
+        fs::write(beside::loss_note(&path), "half a li").unwrap();
+        assert_eq!(noted(&path), [Quarantined::new("the store", "half a li")]);
     }
 }
