@@ -130,7 +130,7 @@ impl Default for Limits {
             exports_reserved: 1,
             imports: 1,
             body_pause: Duration::from_secs(5),
-            frames_of_no_call: Rate { burst: 20_000, every: Duration::from_micros(100) },
+            frames_of_no_call: Rate { burst: 20_000, every: Duration::from_millis(10) },
             commands: Rate { burst: 100, every: Duration::from_millis(200) },
             session_starts: Rate { burst: 20, every: Duration::from_secs(6) },
             socket_stall: Duration::from_secs(10),

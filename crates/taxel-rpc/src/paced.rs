@@ -4,7 +4,9 @@
 //! They cost the service's thread time and its reader nothing, and neither tonic nor h2 bounds them: one connection that
 //! sent nothing else delayed the force of all others by tens of milliseconds. Whoever sends more is read more slowly, as
 //! the kernel holds back a sender whose bytes are not taken. Nothing is lost by that, and an honest client never comes there:
-//! it gives a window back after many messages and answers a ping in half a minute.
+//! it gives a window back after many messages and answers a ping in half a minute. What it sends answers what it was sent, so
+//! that a connection may send more the more it has taken; a new one has little to say, else whoever connects again and again would
+//! begin anew each time.
 
 use std::future::Future;
 use std::io;
@@ -21,6 +23,11 @@ use crate::limits::Rate;
 pub(crate) const PREFACE_BYTES: usize = 24;
 /// Length of the head of a frame, RFC 9113 section 4.1: three bytes of length, one of type, and what is not needed here.
 const HEAD_BYTES: usize = 9;
+/// So many such frames a new connection may send at once: settings, windows, some pings.
+const AT_FIRST: f64 = 200.0;
+/// For so many bytes that it takes it may send one more. Whoever asks to be answered (a ping and its answer have 17 bytes) gets
+/// less for it than it cost.
+const BYTES_A_FRAME: f64 = 64.0;
 /// Types of frames that are of calls, RFC 9113 section 6: DATA, HEADERS, RST_STREAM, CONTINUATION. Calls have limits of their
 /// own.
 const OF_CALLS: [u8; 4] = [0, 1, 3, 9];
@@ -66,7 +73,7 @@ pub(crate) struct Paced<T> {
     io: T,
     rate: Rate,
     frames: Frames,
-    /// How many may come at once, as of `at`.
+    /// How many may come at once, as of `at`; never more than the burst of the rate.
     left: f64,
     at: Instant,
     /// Until there is one again.
@@ -75,7 +82,7 @@ pub(crate) struct Paced<T> {
 
 impl<T> Paced<T> {
     pub(crate) fn new(io: T, rate: Rate) -> Self {
-        Self { io, rate, frames: Frames::new(), left: rate.burst.into(), at: Instant::now(), pause: None }
+        Self { io, rate, frames: Frames::new(), left: AT_FIRST.min(rate.burst.into()), at: Instant::now(), pause: None }
     }
 
     /// So many frames have come; how long to wait with the next ones.
@@ -106,7 +113,9 @@ impl<T: AsyncRead + Unpin> AsyncRead for Paced<T> {
 
 impl<T: AsyncWrite + Unpin> AsyncWrite for Paced<T> {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &[u8]) -> Poll<io::Result<usize>> {
-        Pin::new(&mut self.io).poll_write(cx, buf)
+        let written = ready!(Pin::new(&mut self.io).poll_write(cx, buf))?;
+        self.left = (self.left + written as f64 / BYTES_A_FRAME).min(self.rate.burst.into());
+        Poll::Ready(Ok(written))
     }
 
     fn poll_flush(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<io::Result<()>> {
@@ -150,7 +159,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn whoever_sends_pings_alone_is_read_at_the_rate_and_loses_nothing() {
         let (near, mut far) = tokio::io::duplex(1 << 20);
-        let rate = Rate { burst: 100, every: Duration::from_millis(10) };
+        let rate = Rate { burst: 100, every: Duration::from_millis(10) }; // less than what is usual at first
         let mut paced = Paced::new(near, rate);
         let begun = Instant::now();
         far.write_all(PREFACE).await.unwrap();
@@ -172,6 +181,41 @@ mod tests {
         assert!(got == sent, "{} bytes of {}", got.len(), sent.len());
         let took = begun.elapsed().as_secs_f64();
         assert!((9.8..=10.2).contains(&took), "a thousand beyond the burst took {took} s, each 10 ms");
+    }
+
+    /// Sends so many pings and reads until all have come; how long that took.
+    async fn time_of(
+        paced: &mut Paced<tokio::io::DuplexStream>,
+        far: &mut tokio::io::DuplexStream,
+        pings: usize,
+    ) -> f64 {
+        let begun = Instant::now();
+        far.write_all(&frame(PING, 8).repeat(pings)).await.unwrap();
+        let mut bytes = vec![0; 17 * pings];
+        // Byte by byte, since what is read together is counted together.
+        for byte in &mut bytes {
+            *byte = paced.read_u8().await.unwrap();
+        }
+        begun.elapsed().as_secs_f64()
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn a_new_connection_has_little_to_say_and_may_say_more_the_more_it_takes() {
+        let rate = Rate { burst: 2_000, every: Duration::from_millis(10) };
+        let (near, mut far) = tokio::io::duplex(1 << 20);
+        let mut paced = Paced::new(near, rate);
+        far.write_all(PREFACE).await.unwrap();
+        paced.read_exact(&mut PREFACE.to_vec()).await.unwrap();
+        assert_eq!(time_of(&mut paced, &mut far, 200).await, 0.0);
+        assert!((0.98..=1.0).contains(&time_of(&mut paced, &mut far, 100).await), "the rate is 100 a second");
+        let half = vec![0; 64 * 1_000];
+        for taken in 0..6 {
+            paced.write_all(&half).await.unwrap();
+            far.read_exact(&mut half.clone()).await.unwrap();
+            assert!(paced.left <= 2_000.0, "{taken}");
+        }
+        assert!(time_of(&mut paced, &mut far, 1_990).await < 0.02, "it has taken a lot");
+        assert!((0.9..=1.1).contains(&time_of(&mut paced, &mut far, 110).await), "and no more than the burst");
     }
 
     #[tokio::test(start_paused = true)]

@@ -19,8 +19,12 @@ pub fn printable(text: &str) -> String {
 
 fn is_odd(c: char) -> bool {
     c.is_control()
-        || matches!(u32::from(c), 0xAD | 0x061C | 0x180E | 0x200B..=0x200F | 0x2028..=0x202E | 0x2060..=0x206F)
+        || matches!(u32::from(c), 0xAD | 0x061C | 0x180B..=0x180F | 0x200B..=0x200F | 0x2028..=0x202E | 0x2060..=0x206F)
         || matches!(u32::from(c), 0xFEFF | 0xFFF9..=0xFFFB | 0xE0000..=0xE0FFF)
+        // Blank letters, joiners and variants of what stands before them.
+        || matches!(u32::from(c), 0x034F | 0x115F | 0x1160 | 0x17B4 | 0x17B5 | 0x2800 | 0x3164 | 0xFE00..=0xFE0F | 0xFFA0)
+        // Whatever a font makes of them.
+        || matches!(u32::from(c), 0xE000..=0xF8FF | 0xF0000..=0x10FFFF)
 }
 
 #[cfg(test)]
@@ -39,8 +43,9 @@ mod tests {
         for text in ["Ada", "Zoë Müller-Łoś", "山田 太郎", "order 5, rising; 12 % (k = 2)", ""] {
             assert_eq!(unprintable(text), None, "{text}");
         }
-        for odd in "\u{0}\n\t\u{1b}\u{7f}\u{9b}\u{ad}\u{200b}\u{200f}\u{2028}\u{202e}\u{2066}\u{feff}\u{e0041}".chars()
-        {
+        let unseen = "\u{0}\n\t\u{1b}\u{7f}\u{9b}\u{ad}\u{200b}\u{200f}\u{2028}\u{202e}\u{2066}\u{feff}\u{e0041}";
+        let blank = "\u{34f}\u{115f}\u{17b4}\u{2800}\u{3164}\u{fe0f}\u{ffa0}\u{e000}\u{10fffd}";
+        for odd in unseen.chars().chain(blank.chars()) {
             assert_eq!(unprintable(&format!("ann{odd}x")), Some(odd), "U+{:04X}", u32::from(odd));
         }
     }

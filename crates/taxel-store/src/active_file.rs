@@ -4,7 +4,7 @@
 //! The first line says which activation was the newest and what follows; then comes each set as MODELS.json.
 
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -18,9 +18,10 @@ const FORMAT: &str = "taxeld-active";
 
 /// Most patches of a file, and most bytes of its first line.
 const PATCHES_MAX: usize = 64;
-const HEAD_BYTES_MAX: usize = 64 << 10;
+const HEAD_BYTES_MAX: u64 = 64 << 10;
 
 #[derive(Serialize, Deserialize)]
+#[serde(expecting = "an object with format, activation and sets")]
 struct Head {
     format: Text<64>,
     /// The newest activation of all.
@@ -29,6 +30,7 @@ struct Head {
 }
 
 #[derive(Serialize, Deserialize)]
+#[serde(expecting = "an object with model_set, bytes and checksum")]
 struct Entry {
     model_set: Text<256>,
     bytes: usize,
@@ -92,27 +94,35 @@ pub(crate) fn read(database: &Path) -> Option<Result<ActiveFile, String>> {
     }
 }
 
+/// Reads one set after the other, so that no more is in memory than is believed and what comes next.
 fn read_from(file: File) -> Result<ActiveFile, String> {
-    let bytes = file.metadata().map_err(|error| error.to_string())?.len();
-    if bytes > (PATCHES_MAX * TEXT_BYTES_MAX) as u64 {
-        return Err(format!("it has {bytes} bytes"));
+    let length = file.metadata().map_err(|error| error.to_string())?.len();
+    let mut rest = BufReader::new(file);
+    let mut line = Vec::new();
+    rest.by_ref().take(HEAD_BYTES_MAX).read_until(b'\n', &mut line).map_err(|error| error.to_string())?;
+    if line.last() != Some(&b'\n') {
+        return Err("it has no first line".to_owned());
     }
-    let mut content = Vec::new();
-    (&file).take(bytes).read_to_end(&mut content).map_err(|error| error.to_string())?;
-    let end = content.iter().take(HEAD_BYTES_MAX).position(|byte| *byte == b'\n').ok_or("it has no first line")?;
-    let head: Head = serde_json::from_slice(&content[..end]).map_err(|error| error.to_string())?;
+    let head: Head = serde_json::from_slice(&line).map_err(|error| error.to_string())?;
     if head.format.0 != FORMAT {
         return Err(format!("its format is `{}`, expected `{FORMAT}`", head.format.0));
     }
-    let (mut at, mut sets) = (end + 1, Vec::new());
+    let told = head.sets.0.iter().try_fold(line.len(), |sum, entry| sum.checked_add(entry.bytes));
+    if told.map(|told| told as u64) != Some(length) {
+        let told = told.map_or("more than there can be".to_owned(), |told| told.to_string());
+        return Err(format!("it has {length} bytes, and by its first line {told}"));
+    }
+    let mut sets = Vec::new();
     for Entry { model_set: Text(id), bytes, checksum: Text(sum) } in head.sets.0 {
-        let text = at.checked_add(bytes).and_then(|end| content.get(at..end)).ok_or("it ends too early")?;
-        at += bytes;
-        if sum != checksum(head.activation, &id, text) {
+        if bytes > TEXT_BYTES_MAX {
+            return Err(format!("model set {id} in it has {bytes} bytes, expected at most {TEXT_BYTES_MAX}"));
+        }
+        let mut text = vec![0; bytes];
+        rest.read_exact(&mut text).map_err(|error| error.to_string())?;
+        if sum != checksum(head.activation, &id, &text) {
             return Err(format!("model set {id} in it is not what was written"));
         }
-        let text = std::str::from_utf8(text).map_err(|error| error.to_string())?;
-        sets.push((id, text.to_owned()));
+        sets.push((id, String::from_utf8(text).map_err(|error| error.to_string())?));
     }
     Ok(ActiveFile { activation: head.activation, sets })
 }
@@ -167,7 +177,12 @@ mod tests {
         assert!(
             why(&database, &changed("\"activation\":7", "\"activation\":8")).contains("model set m-1 in it is not")
         );
-        assert!(why(&database, &whole[..whole.len() - 1]).contains("ends too early"));
+        let length = whole.len();
+        for (content, is) in [(whole[..length - 1].to_vec(), length - 1), ([&whole[..], b"\0"].concat(), length + 1)] {
+            let said = format!("it has {is} bytes, and by its first line {length}");
+            assert_eq!(why(&database, &content), said);
+        }
+        assert!(why(&database, b"4\n").contains("expected an object with format, activation and sets"));
         assert!(why(&database, &changed(FORMAT, "taxeld-passive")).contains("`taxeld-passive`"));
         assert!(why(&database, b"no line").contains("no first line"));
     }
@@ -193,10 +208,20 @@ mod tests {
         fs::write(&file, b"").unwrap();
         assert!(read(&file.join("t.db")).unwrap().unwrap_err().contains("ot a directory"));
         let long = File::create(beside::active(&database)).unwrap();
-        let most = (PATCHES_MAX * TEXT_BYTES_MAX) as u64;
-        long.set_len(most + 1).unwrap();
-        assert_eq!(read(&database).unwrap().unwrap_err(), format!("it has {} bytes", most + 1));
-        long.set_len(2 * TEXT_BYTES_MAX as u64).unwrap();
+        long.set_len(1 << 40).unwrap();
         assert_eq!(read(&database).unwrap().unwrap_err(), "it has no first line");
+        // What its first line says may be anything.
+        let head = |bytes: &str| {
+            let sets = format!("[{{\"model_set\": \"m-1\", \"bytes\": {bytes}, \"checksum\": \"00\"}}]");
+            format!("{{\"format\": \"{FORMAT}\", \"activation\": 1, \"sets\": {sets}}}\n")
+        };
+        let huge = head("1099511627776");
+        fs::write(beside::active(&database), &huge).unwrap();
+        long.set_len(huge.len() as u64 + (1 << 40)).unwrap();
+        let said = read(&database).unwrap().unwrap_err();
+        assert!(said.starts_with("model set m-1 in it has 1099511627776 bytes, expected at most "), "{said}");
+        fs::write(beside::active(&database), head(&u64::MAX.to_string())).unwrap();
+        let said = read(&database).unwrap().unwrap_err();
+        assert!(said.contains("by its first line more than there can be"), "{said}");
     }
 }

@@ -14,6 +14,13 @@ const TARGETS_MAX: f64 = 10.0;
 /// that pressure it may err by half of it.
 const SHARES: [f64; 2] = [-0.5, 1.5];
 
+/// In its range a curve goes at least over the so many-th part of that pressure: less is the curve of a taxel that feels
+/// nothing.
+const SPANS_MAX: f64 = 50.0;
+
+/// All taxels were in the same vacuum, so that half of all curves come at least to this share of it. A single one may end early.
+const USUAL_TOP_MIN: f64 = 0.5;
+
 /// Places of the range that are looked at. A curve has at most ten turns.
 const PLACES: u32 = 64;
 
@@ -55,6 +62,9 @@ fn odd_rest(set: &ModelSet, top: f64) -> Option<String> {
             ));
         }
         let sigmas = model.sigma.iter().flat_map(|profile| &profile.sigma_kpa);
+        if sigmas.clone().next().is_some() && sigmas.clone().all(|&sigma| sigma == 0.0) {
+            return Some(format!("taxel {taxel}: its `sigma_kpa` is 0 everywhere, which no calibration is"));
+        }
         let odd = sigmas.into_iter().find(|sigma| !(0.0..=most).contains(*sigma))?;
         Some(format!("taxel {taxel}: its `sigma_kpa` has {odd}, expected 0 to {most} kPa"))
     };
@@ -68,10 +78,12 @@ fn odd_curves(set: &ModelSet, target: Kilopascal) -> Option<String> {
     if usable.peek().is_some() && !(most > 0.0 && most <= limit) {
         return Some(format!("`pressure_max_kpa` is {most}, expected more than 0 and at most {limit} for this patch"));
     }
+    let mut tops = Vec::new();
     for (taxel, model) in usable {
         let own = model.curve.as_ref().zip(model.range).map(|(curve, range)| (curve, range, model.sign));
         let plays = set.plays(taxel);
         let with_plays = plays.map(|plays| (&plays.curve, plays.range, plays.sign));
+        tops.extend(own.map(|(curve, range, _)| range.map(|count| curve.evaluate(count))).map(|[a, b]| a.max(b)));
         let problem = own.into_iter().chain(with_plays).find_map(|(curve, range, sign)| odd(curve, range, sign, most));
         if let Some(problem) = problem {
             return Some(format!("taxel {taxel}: {problem}"));
@@ -84,7 +96,17 @@ fn odd_curves(set: &ModelSet, target: Kilopascal) -> Option<String> {
             ));
         }
     }
-    None
+    odd_together(tops, most)
+}
+
+/// What cannot be so about the pressures at which the curves of all taxels end.
+fn odd_together(mut tops: Vec<f64>, most: f64) -> Option<String> {
+    tops.sort_by(f64::total_cmp);
+    let usual = *tops.get(tops.len() / 2)?;
+    (usual < USUAL_TOP_MIN * most).then(|| {
+        let least = USUAL_TOP_MIN * most;
+        format!("half of the curves end at {usual} kPa or below, where the calibration went up to {most} kPa: expected {least} kPa or more")
+    })
 }
 
 /// What cannot be so about a curve of a calibration up to `most` kPa.
@@ -99,7 +121,12 @@ fn odd(curve: &Curve, [low, high]: [f64; 2], sign: Sign, most: f64) -> Option<St
     }
     let rise = sign.as_f64() * (curve.evaluate(high) - curve.evaluate(low));
     let (from, to) = (curve.evaluate(low), curve.evaluate(high));
-    (rise < 0.0).then(|| format!("its curve goes from {from} to {to} kPa, against its `sign`"))
+    if rise < 0.0 {
+        return Some(format!("its curve goes from {from} to {to} kPa, against its `sign`"));
+    }
+    let span = most / SPANS_MAX;
+    (rise < span)
+        .then(|| format!("its curve goes from {from} to {to} kPa, expected {span} kPa or more between its ends"))
 }
 
 #[cfg(test)]
@@ -192,13 +219,32 @@ mod tests {
             (5.0, Sign::Falling, false),
             (-5.0, Sign::Rising, false),
             (5.0, Sign::Rising, true),
-            (0.0, Sign::Falling, true),
         ] {
             let found = says(&set(70.0, model(&[30.0, slope], sign), None));
             let (from, to) = (30.0 - slope, 30.0 + slope);
             let why = format!("taxel 0: its curve goes from {from} to {to} kPa, against its `sign`");
             assert_eq!(found, (!plausible).then_some(why));
         }
+    }
+
+    /// Curves that were scaled down, which would read too little under every load.
+    #[test]
+    fn a_curve_rises_and_most_come_near_the_calibrations_pressure() {
+        let scaled = |factor: f64| says(&set(70.0, model(&[36.0 * factor, -34.0 * factor], SIGN), None));
+        assert_eq!(scaled(1.0), None);
+        assert_eq!(scaled(0.51), None);
+        let most =
+            "half of the curves end at 34.3 kPa or below, where the calibration went up to 70 kPa: expected 35 kPa";
+        assert!(scaled(0.49).is_some_and(|why| why.contains(most)), "{:?}", scaled(0.49));
+        for factor in [0.02, 0.001, 0.0] {
+            let found = scaled(factor);
+            let why = "expected 1.4 kPa or more between its ends";
+            assert!(found.as_ref().is_some_and(|found| found.contains(why)), "{factor}: {found:?}");
+        }
+        // A taxel whose count ended early is one of many.
+        let mut some = set(70.0, model(&[36.0, -34.0], SIGN), None);
+        some.taxels.extend([model(&[4.0, -4.0], SIGN), model(&[35.0, -30.0], SIGN)]);
+        assert_eq!(says(&some), None);
     }
 
     #[test]
@@ -245,5 +291,7 @@ mod tests {
         assert_eq!(with(&left_out), None, "a taxel that is left out for its noise");
         let sigma = "taxel 0: its `sigma_kpa` has 700.5, expected 0 to 700 kPa";
         is(with(&|set| set.taxels[0].sigma.as_mut().unwrap().sigma_kpa[1] = 700.5), sigma);
+        let none = "taxel 0: its `sigma_kpa` is 0 everywhere, which no calibration is";
+        is(with(&|set| set.taxels[0].sigma.as_mut().unwrap().sigma_kpa.fill(0.0)), none);
     }
 }

@@ -71,6 +71,8 @@ async fn names_that_are_too_long_or_hold_control_characters_are_refused() {
         ("Ann\nBob".to_owned(), "confirmed_by: has the unprintable character U+000A, expected a name"),
         ("Ann\u{85}".to_owned(), "confirmed_by: has the unprintable character U+0085, expected a name"),
         ("Ann\u{202e}".to_owned(), "confirmed_by: has the unprintable character U+202E, expected a name"),
+        ("\u{3164}".to_owned(), "confirmed_by: has the unprintable character U+3164, expected a name"),
+        ("\u{301}".to_owned(), "confirmed_by: `\u{301}` has no letter and no digit, expected a name"),
     ] {
         let request = v1::TareRequest { confirmed_by: name, ..Default::default() };
         let status = SkinServiceClient::new(channel.clone()).tare(request).await.unwrap_err();
