@@ -44,7 +44,7 @@ mod work;
 mod writer;
 
 pub use error::{Quarantined, StoreError};
-pub use maintenance::{Checked, Compacted, check, compact};
+pub use maintenance::{AuditFile, Checked, Compacted, check, compact};
 pub use readers::{AuditReader, SamplesReader, SetReader, SizeReader};
 pub use retention::{Retention, Size, session_to_go, sets_to_go, to_be_judged};
 pub use work::{

@@ -1,15 +1,19 @@
 //! What an operator does with a store that no daemon has open.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rusqlite::Connection;
 use rusqlite::config::DbConfig;
 
+use taxel_engine::audit::AuditEntry;
+
+use crate::audit_rows;
 use crate::beside;
 use crate::db::Db;
 use crate::error::{Quarantined, StoreError};
-use crate::identity::is_damage;
+use crate::identity::{check_identity, is_damage};
+use crate::in_place;
 use crate::retention::Retention;
 use crate::wal_check;
 
@@ -93,6 +97,41 @@ pub fn compact(path: &Path) -> Result<Compacted, StoreError> {
     db.compact()?;
     db.close()?;
     Ok(Compacted { before, after: bytes().map_err(io)?, damage })
+}
+
+/// The audit log of a store that no daemon has open. Nothing of the store is changed: what is damaged is for the next start
+/// to tell.
+#[derive(Debug)]
+pub struct AuditFile {
+    connection: Connection,
+    path: PathBuf,
+}
+
+impl AuditFile {
+    /// Opens the store's files where they lie.
+    ///
+    /// # Errors
+    /// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
+        fs::metadata(path).map_err(io)?;
+        refuse_no_file(path)?;
+        refuse_in_use(path)?;
+        let connection = in_place::open(path).map_err(|error| StoreError::opening(path, &error))?;
+        check_identity(&connection, path)?;
+        if !connection.table_exists(None, "audit").map_err(|error| StoreError::opening(path, &error))? {
+            return Err(StoreError::Foreign { path: path.to_path_buf(), reason: "it has no audit log".to_owned() });
+        }
+        Ok(Self { connection, path: path.to_path_buf() })
+    }
+
+    /// Entries with numbers below `number`, at most so many, newest first.
+    ///
+    /// # Errors
+    /// [`StoreError`] if they cannot be read.
+    pub fn before(&self, number: u64, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
+        audit_rows::read(&self.connection, number, most).map_err(|error| StoreError::opening(&self.path, &error))
+    }
 }
 
 /// A device or a pipe would be written to, or be waited for.

@@ -1,12 +1,10 @@
 //! The audit log as lines of text, and `taxeld audit --store` of a daemon that does not run.
 
 use std::path::Path;
-use std::sync::mpsc;
 
-use anyhow::Context;
 use taxel_engine::audit::AuditEntry;
 use taxel_proto::Timestamp;
-use taxel_store::Store;
+use taxel_store::AuditFile;
 
 /// `taxeld audit` in a build that cannot ask a daemon.
 #[cfg(not(feature = "client"))]
@@ -52,29 +50,16 @@ pub fn is_about(patch: Option<&str>, of_entry: &str, damage: &str) -> bool {
 /// # Errors
 /// If there is no such store, or it cannot be read.
 pub fn of_store(path: &Path, last: u32, patch: Option<&str>) -> anyhow::Result<Vec<String>> {
-    if !path.exists() {
-        anyhow::bail!("{}: there is no such store", path.display());
-    }
-    let (store, ..) = Store::open(path, Box::new(|_| ()))?;
+    let store = AuditFile::open(path)?;
     let (mut lines, mut before) = (Vec::new(), Some(u64::MAX));
     while let Some(number) = before.filter(|_| lines.len() < last as usize) {
-        let entries = page_before(&store, number)?;
+        let entries = store.before(number, PAGE)?;
         before = entries.last().map(|entry| entry.number);
         let of = |entry: &AuditEntry| entry.asked.as_ref().map_or_else(String::new, |asked| asked.patch.clone());
         let asked = entries.iter().filter(|entry| is_about(patch, &of(entry), &entry.damage));
         lines.extend(asked.take(last as usize - lines.len()).map(line_of_entry));
     }
-    store.close()?;
     Ok(lines)
-}
-
-fn page_before(store: &Store, number: u64) -> anyhow::Result<Vec<AuditEntry>> {
-    let (tell, told) = mpsc::channel();
-    let tell = move |entries| {
-        let _ = tell.send(entries); // it is received just below
-    };
-    store.audit_reader().read(number, PAGE, Box::new(tell));
-    Ok(told.recv().context("the store's thread")??)
 }
 
 /// One entry's parts, whose order both sources share.

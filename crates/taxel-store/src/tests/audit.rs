@@ -1,6 +1,8 @@
 //! The audit log on disk: pages, results, damage, and that nothing is ever taken out.
 
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::channel;
 
 use rusqlite::Connection;
@@ -8,7 +10,7 @@ use taxel_engine::audit::{Answered, Asked, AuditEntry};
 use taxel_engine::record::Record;
 
 use super::fixture::*;
-use crate::{Store, StoreError};
+use crate::{AuditFile, Store, StoreError};
 
 pub fn asked(request: u64) -> Record {
     Record::Asked(Box::new(Asked {
@@ -104,4 +106,50 @@ fn what_was_changed_or_taken_out_by_force_is_told_and_never_shown_as_true() {
     assert_eq!((entry(3).asked.as_ref(), entry(3).damage.as_str()), (None, "the request: its checksum is wrong"));
     assert_eq!((entry(5).answered.as_ref(), entry(5).damage.as_str()), (None, "the result: its checksum is wrong"));
     assert!(entry(4).damage.is_empty() && entry(4).asked.is_some());
+}
+
+/// Every file beside the store, with what is in it.
+fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    entries.map(|path| (path.clone(), fs::read(path).unwrap())).collect()
+}
+
+/// The next start has to find what was lost, and tell it.
+#[test]
+fn the_log_of_a_store_that_nobody_has_open_is_read_and_nothing_is_changed() {
+    let (work, killed) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let path = work.path().join("store.db");
+    filled_log(&path);
+    let (store, ..) = open(&path);
+    write(&store, vec![asked(11)]).unwrap();
+    let error = AuditFile::open(&path).unwrap_err();
+    assert!(matches!(error, StoreError::InUse { .. }), "{error}");
+    super::lost::copy(work.path(), killed.path());
+    let path = killed.path().join("store.db");
+    let damaged = |page: usize| {
+        let mut bytes = fs::read(&path).unwrap();
+        bytes[page * 4096..][..4096].fill(0xFF);
+        fs::write(&path, bytes).unwrap();
+    };
+    let before = files(killed.path());
+    assert!(before.len() > 2, "as a kill leaves it: {:?}", before.keys());
+    let read = AuditFile::open(&path).unwrap().before(u64::MAX, 100).unwrap();
+    assert_eq!(read.iter().map(|entry| entry.number).collect::<Vec<_>>(), (1..=11).rev().collect::<Vec<_>>());
+    assert_eq!(files(killed.path()), before);
+    damaged(0);
+    let before = files(killed.path());
+    let error = AuditFile::open(&path).and_then(|log| log.before(u64::MAX, 100)).unwrap_err();
+    assert_eq!(files(killed.path()), before, "{error}");
+}
+
+#[test]
+fn what_is_no_store_has_no_log_and_stays_as_it_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("empty");
+    assert!(matches!(AuditFile::open(&path).unwrap_err(), StoreError::Open { .. }));
+    assert!(files(dir.path()).is_empty());
+    fs::write(&path, b"").unwrap();
+    let error = AuditFile::open(&path).unwrap_err();
+    assert!(error.to_string().contains("it has no audit log"), "{error}");
+    assert_eq!(files(dir.path()), [(path, Vec::new())].into());
 }
