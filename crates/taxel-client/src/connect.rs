@@ -1,6 +1,8 @@
 //! The way to a daemon: its address, what is shown there, and a connection that keeps little of a stream.
 
 use std::fmt;
+use std::fs::File;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -95,7 +97,7 @@ impl TlsOptions {
         let text = |file: &Path| {
             let wrong =
                 |error: std::io::Error| ConnectError::Certificate { file: file.into(), cause: error.to_string() };
-            std::fs::read_to_string(file).map_err(wrong)
+            read_short(file).map_err(wrong)
         };
         Ok(Self { authority: text(authority)?, certificate: text(certificate)?, key: text(key)?, name: None })
     }
@@ -200,7 +202,7 @@ impl Credential {
     pub fn read(file: Option<&Path>) -> Result<Self, ConnectError> {
         let Some(file) = file else { return Ok(Self(None)) };
         let wrong = |cause: String| ConnectError::Token { file: file.to_owned(), cause };
-        let text = std::fs::read_to_string(file).map_err(|error| wrong(error.to_string()))?;
+        let text = read_short(file).map_err(|error| wrong(error.to_string()))?;
         let token = text.lines().next().unwrap_or_default().trim();
         if token.is_empty() {
             return Err(wrong("its first line is empty, expected the token".to_owned()));
@@ -217,6 +219,20 @@ impl Interceptor for Credential {
         }
         Ok(request)
     }
+}
+
+/// Longest file of certificates, of a key or of a token.
+const FILE_BYTES_MAX: u64 = 1 << 20;
+
+/// The text of such a file: what has no end would fill the memory.
+fn read_short(file: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    File::open(file)?.take(FILE_BYTES_MAX + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > FILE_BYTES_MAX {
+        let why = format!("it has more than {FILE_BYTES_MAX} bytes");
+        return Err(io::Error::new(io::ErrorKind::FileTooLarge, why));
+    }
+    Ok(text)
 }
 
 /// Why there is no connection.
@@ -279,6 +295,8 @@ mod tests {
     fn the_first_line_of_the_token_file_is_shown_with_each_call() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("token");
+        let endless = Credential::read(Some(Path::new("/dev/zero"))).unwrap_err().to_string();
+        assert!(endless.contains("it has more than 1048576 bytes"), "{endless}");
         std::fs::write(&file, "s3cret \nanother\n").unwrap();
         let shown = |mut credential: Credential| {
             let request = credential.call(Request::new(())).unwrap();

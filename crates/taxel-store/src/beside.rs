@@ -3,7 +3,7 @@
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Write};
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 /// What a disk gives back or not at once.
@@ -19,6 +19,12 @@ pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
 /// The write-ahead log of a database.
 pub(crate) fn wal(path: &Path) -> PathBuf {
     beside(path, "-wal")
+}
+
+/// Makes an empty file for a database if there is none, which its owner alone may read: the audit log is in it. SQLite gives
+/// the log the same mode. That it cannot be made is found by whoever opens it.
+pub(crate) fn make_private(path: &Path) {
+    let _ = File::options().write(true).create_new(true).mode(0o600).open(path);
 }
 
 /// There while the database is open: a stop that was not clean leaves it.

@@ -62,6 +62,7 @@ pub(crate) fn salvage(path: &Path) -> Result<Salvaged, String> {
     for left_over in [&part, &copy] {
         remove_with_log(left_over).map_err(at("what an earlier attempt left"))?;
     }
+    beside::make_private(&part);
     let mut new = Connection::open(&part).map_err(|error| error.to_string())?;
     let taken = fill(&mut new, path, &copy).map_err(|error| format!("taking over what can be read: {error}"));
     let closed = new.close().map_err(|(_, error)| error.to_string());

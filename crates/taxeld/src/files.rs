@@ -39,6 +39,17 @@ fn read_to_limit(from: impl Read, bytes: &mut Vec<u8>) -> io::Result<()> {
     }
 }
 
+/// The text of a file.
+///
+/// # Errors
+/// The system's reason, or that it is no UTF-8 or longer than a text may be.
+pub fn read_utf8(path: &Path) -> io::Result<String> {
+    let mut bytes = Vec::new();
+    read_to_limit(File::open(path)?, &mut bytes)?;
+    let no_text = |_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8");
+    String::from_utf8(bytes).map_err(no_text)
+}
+
 /// The text of a file, or of standard input.
 ///
 /// # Errors

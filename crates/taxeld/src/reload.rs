@@ -8,6 +8,7 @@ use taxel_rpc::Rules;
 use toml::Value;
 
 use crate::config;
+use crate::files::read_utf8;
 use crate::logs;
 
 /// What the log prints, which changes without a restart.
@@ -45,7 +46,7 @@ impl Reload {
     /// Reads the file again and applies what can be. Gives the rules of who may do what, which are to be in force now;
     /// nothing if they need a restart or the file cannot be used.
     pub fn again(&mut self) -> Option<Rules> {
-        let text = std::fs::read_to_string(&self.path).map_err(|error| format!("{}: {error}", self.path.display()));
+        let text = read_utf8(&self.path).map_err(|error| format!("{}: {error}", self.path.display()));
         text.and_then(|text| self.apply(&text)).unwrap_or_else(|error| {
             tracing::error!("nothing is reloaded: {error}");
             None

@@ -26,6 +26,7 @@ pub(crate) fn connect(
     if let Some(failure) = failure {
         return read_only(failure);
     }
+    beside::make_private(path);
     let connection = Connection::open(path).map_err(opening)?;
     connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true).map_err(opening)?;
     let looked = configure(&connection)

@@ -1,5 +1,7 @@
 //! The ordinary course of things.
 
+use std::fs::{self, File};
+use std::os::unix::fs::{FileExt, PermissionsExt};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,7 +14,7 @@ use taxel_engine::snapshot::TareView;
 use taxel_skin::CountRange;
 
 use super::fixture::*;
-use crate::{Durability, Store, StoreError, StoreEvent};
+use crate::{Durability, Store, StoreError, StoreEvent, beside};
 
 #[test]
 fn a_restart_finds_everything_again() {
@@ -44,6 +46,22 @@ fn a_restart_finds_everything_again() {
 }
 
 /// Wide counts and bytes that would also make wide ones: each comes back as what it was.
+/// Over the service the audit log takes a role.
+#[test]
+fn its_owner_alone_may_read_a_store_and_one_that_was_salvaged() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    filled(&path);
+    let (store, ..) = open(&path);
+    let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode() & 0o777;
+    assert_eq!((mode(&path), mode(&beside::wal(&path))), (0o600, 0o600));
+    store.close().unwrap();
+    let pages = fs::metadata(&path).unwrap().len() / 4096;
+    File::options().write(true).open(&path).unwrap().write_all_at(&[0xFF; 4096], (pages - 1) * 4096).unwrap();
+    let _salvaged = crate::salvage::salvage(&path).unwrap();
+    assert_eq!(mode(&path), 0o600);
+}
+
 #[test]
 fn counts_of_every_width_come_back_as_they_were() {
     let dir = tempfile::tempdir().unwrap();

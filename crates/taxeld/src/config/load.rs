@@ -5,6 +5,7 @@ use thiserror::Error;
 
 use super::fault::Fault;
 use super::file::Config;
+use crate::files::read_utf8;
 
 /// So much of an unknown key is repeated, in characters.
 const KEY_CHARS_MAX: usize = 60;
@@ -45,7 +46,7 @@ pub enum ConfigError {
 /// # Errors
 /// [`ConfigError`] with file, line and what was expected.
 pub fn load(path: &Path) -> Result<Config, ConfigError> {
-    let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.into(), source })?;
+    let text = read_utf8(path).map_err(|source| ConfigError::Read { path: path.into(), source })?;
     parse(path, &text)
 }
 
