@@ -115,6 +115,9 @@ impl<T: AsyncWrite + Unpin> AsyncWrite for Paced<T> {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &[u8]) -> Poll<io::Result<usize>> {
         let written = ready!(Pin::new(&mut self.io).poll_write(cx, buf))?;
         self.left = (self.left + written as f64 / BYTES_A_FRAME).min(self.rate.burst.into());
+        if self.left >= 0.0 {
+            self.pause = None; // whoever writes reads afterwards
+        }
         Poll::Ready(Ok(written))
     }
 
@@ -215,6 +218,15 @@ mod tests {
             assert!(paced.left <= 2_000.0, "{taken}");
         }
         assert!(time_of(&mut paced, &mut far, 1_990).await < 0.02, "it has taken a lot");
+        // What it takes while it is held back counts at once.
+        far.write_all(&frame(PING, 8).repeat(500)).await.unwrap();
+        paced.read_exact(&mut vec![0; 17 * 500]).await.unwrap();
+        assert!(tokio::time::timeout(Duration::from_secs(1), paced.read_u8()).await.is_err(), "it is held back");
+        far.write_all(&frame(PING, 8)).await.unwrap();
+        paced.write_all(&half).await.unwrap();
+        far.read_exact(&mut half.clone()).await.unwrap();
+        assert_eq!(time_of(&mut paced, &mut far, 1).await, 0.0);
+        paced.left = 0.0;
         assert!((0.9..=1.1).contains(&time_of(&mut paced, &mut far, 110).await), "and no more than the burst");
     }
 

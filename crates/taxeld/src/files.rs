@@ -44,8 +44,12 @@ fn read_to_limit(from: impl Read, bytes: &mut Vec<u8>) -> io::Result<()> {
 /// # Errors
 /// The system's reason, or that it is no UTF-8 or longer than a text may be.
 pub fn read_utf8(path: &Path) -> io::Result<String> {
+    utf8(File::open(path)?)
+}
+
+fn utf8(from: impl Read) -> io::Result<String> {
     let mut bytes = Vec::new();
-    read_to_limit(File::open(path)?, &mut bytes)?;
+    read_to_limit(from, &mut bytes)?;
     let no_text = |_| io::Error::new(io::ErrorKind::InvalidData, "it is no text in UTF-8");
     String::from_utf8(bytes).map_err(no_text)
 }
@@ -55,9 +59,7 @@ pub fn read_utf8(path: &Path) -> io::Result<String> {
 /// # Errors
 /// The system's reason, or bytes that are not UTF-8.
 pub fn read_text(path: &Path) -> anyhow::Result<String> {
-    let mut bytes = Vec::new();
-    read_to_limit(reader(path)?, &mut bytes)?;
-    String::from_utf8(bytes).map_err(|_| anyhow::anyhow!("it is no text in UTF-8"))
+    Ok(utf8(reader(path)?)?)
 }
 
 /// The text of a file of which nobody says in which encoding it is: bytes that are no UTF-8 are replaced, since nothing that

@@ -28,7 +28,7 @@ impl Fault {
     /// The same where the key is within `section`, which people know as `name`.
     pub fn within(self, section: &str, name: &str) -> Self {
         let key = if self.key.is_empty() { section.to_owned() } else { format!("{section}.{}", self.key) };
-        Self { key, words: printable(&format!("{name}: {}", self.words)), ..self }
+        Self { key, words: format!("{}: {}", printable(name), self.words), ..self }
     }
 
     /// The key; empty if no single key is wrong.
