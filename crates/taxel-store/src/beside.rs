@@ -27,7 +27,7 @@ pub(crate) fn make_private(path: &Path) {
     let _ = File::options().write(true).create_new(true).mode(0o600).open(path);
 }
 
-/// There while the database is open: a stop that was not clean leaves it.
+/// There while the database is open: see [`open_mark`](crate::open_mark).
 pub(crate) fn open_mark(path: &Path) -> PathBuf {
     beside(path, "-open")
 }

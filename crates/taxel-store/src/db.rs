@@ -1,9 +1,10 @@
 //! The one file: opened, checked, held exclusively, and flushed on commit.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rusqlite::config::DbConfig;
+use rusqlite::hooks::Wal;
 use rusqlite::{Connection, TransactionBehavior};
 use taxel_engine::Restored;
 use taxel_engine::audit::AuditEntry;
@@ -15,6 +16,7 @@ use crate::append::Appender;
 use crate::audit_rows;
 use crate::error::StoreError;
 use crate::held_files::HeldFiles;
+use crate::open_mark::{self, OpenMark};
 use crate::pass::{Finding, Lost, Step, Unproven};
 use crate::prepare::{WAL_BYTES_MAX, bring_up_to_date, configure};
 use crate::retention::{self, Retention, Size};
@@ -260,6 +262,9 @@ impl Db {
     }
 
     fn checkpoint(&self) -> Result<(), StoreError> {
+        if let Some(path) = &self.path {
+            open_mark::folds_back(path).map_err(|error| StoreError::Io(error.to_string()))?;
+        }
         self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))?;
         Ok(())
     }
@@ -280,7 +285,18 @@ impl Db {
         let Some(path) = &self.path else { return Ok(()) };
         self.held.as_ref().map_or(Ok(()), HeldFiles::check)?;
         self.checkpoint()?;
-        beside::remove(&beside::open_mark(path)).map_err(|error| StoreError::Io(error.to_string()))
+        open_mark::clear(path).map_err(|error| StoreError::Io(error.to_string()))
+    }
+
+    /// Marks the file as open, and from here on how much of its log is on disk.
+    fn mark_open(&mut self, path: &Path) -> Result<(), StoreError> {
+        let mark = OpenMark::set(path).map_err(|error| StoreError::changing(&beside::open_mark(path), &error))?;
+        // SQLite calls this after a commit, and a commit flushes the log.
+        let noted = move |_: &mut Wal, pages| {
+            u32::try_from(pages).into_iter().for_each(|pages| mark.note(pages));
+            Ok(())
+        };
+        Ok(self.connection.wal_hook(Some(noted))?)
     }
 
     /// Closes the file after a failure without writing or flushing anything more.

@@ -26,6 +26,7 @@ mod load_row;
 mod loss;
 mod maintenance;
 pub mod models_json;
+mod open_mark;
 mod pass;
 mod prepare;
 mod readers;

@@ -15,6 +15,7 @@ use crate::beside;
 use crate::board_zeros;
 use crate::error::is_of_reading;
 use crate::in_place;
+use crate::open_mark;
 use crate::prepare::use_log;
 use crate::rows;
 use crate::schema;
@@ -35,7 +36,7 @@ const MARKS: [&[u8]; 2] = [b"CREATE TABLE activations", b"CREATE TABLE model_set
 
 /// Whether a file that cannot be opened as a store was one of ours: part of it says so, or what lies beside it.
 pub(crate) fn was_ours(path: &Path) -> bool {
-    if beside::open_mark(path).exists() || beside::active(path).exists() {
+    if open_mark::is_set(path) || beside::active(path).exists() {
         return true;
     }
     let mut begin = Vec::new();

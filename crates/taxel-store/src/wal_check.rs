@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-use crate::beside;
+use crate::{beside, open_mark};
 
 const HEADER_BYTES: usize = 32;
 const FRAME_HEADER_BYTES: usize = 24;
@@ -19,16 +19,35 @@ pub(crate) fn problem(database: &Path) -> io::Result<Option<String>> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let lost = "it is missing after a stop that was not clean: what was written since it was last folded back \
                         into the store is lost";
-            let clean = !beside::open_mark(database).exists();
+            let clean = !open_mark::is_set(database);
             return Ok((!clean).then(|| lost.to_owned()));
         }
         Err(error) => return Err(error),
     };
-    match read(BufReader::new(file)) {
-        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(None), // the end is torn
-        Err(error) => Ok(Some(format!("it cannot be read, and what was written from there on is lost: {error}"))),
-        found => found,
-    }
+    let found = match read(BufReader::new(file)) {
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Found::default(), // not even a beginning
+        Err(error) => {
+            return Ok(Some(format!("it cannot be read, and what was written from there on is lost: {error}")));
+        }
+        Ok(found) => found,
+    };
+    Ok(found.problem.or_else(|| cut_off(found.pages, open_mark::pages(database))))
+}
+
+/// What is lost of a log that has `usable` pages, of which there were `once` so many on disk.
+fn cut_off(usable: u32, once: u32) -> Option<String> {
+    let lost =
+        || format!("{once} pages of it were on disk and {usable} can be used: what was written after these is lost");
+    (usable < once).then(lost)
+}
+
+/// What a log has.
+#[derive(Debug, Default, PartialEq, Eq)]
+struct Found {
+    /// Up to the last end of a transaction before the first page that is not what was written.
+    pages: u32,
+    /// What is wrong with it, as far as it can tell itself.
+    problem: Option<String>,
 }
 
 fn number(bytes: &[u8], at: usize) -> u32 {
@@ -45,7 +64,7 @@ fn add(sum: [u32; 2], bytes: &[u8], big_endian: bool) -> [u32; 2] {
     })
 }
 
-fn read(mut log: impl Read) -> io::Result<Option<String>> {
+fn read(mut log: impl Read) -> io::Result<Found> {
     let mut header = [0; HEADER_BYTES];
     log.read_exact(&mut header)?;
     let (magic, page_bytes) = (number(&header, 0), number(&header, 8) as usize);
@@ -55,14 +74,15 @@ fn read(mut log: impl Read) -> io::Result<Option<String>> {
     if !fits || sum != [number(&header, 24), number(&header, 28)] {
         // The header is flushed before the first page follows: one that was torn never had any.
         if log.read(&mut [0])? == 0 {
-            return Ok(None);
+            return Ok(Found::default());
         }
-        return Ok(Some("its beginning is not what was written: nothing of it can be used".to_owned()));
+        let problem = "its beginning is not what was written: nothing of it can be used".to_owned();
+        return Ok(Found { pages: 0, problem: Some(problem) });
     }
     let salts = &header[16..24];
     let mut frame = vec![0; FRAME_HEADER_BYTES + page_bytes];
-    let (mut broken, mut commits_after) = (None, 0);
-    for position in 0_u64.. {
+    let (mut broken, mut commits_after, mut pages) = (None, 0, 0);
+    for position in 0_u32.. {
         if let Err(error) = log.read_exact(&mut frame) {
             if error.kind() == io::ErrorKind::UnexpectedEof { break } else { return Err(error) }
         }
@@ -71,15 +91,19 @@ fn read(mut log: impl Read) -> io::Result<Option<String>> {
         if broken.is_none() && !whole {
             broken = Some(position);
         }
-        if broken.is_some() && &frame[8..16] == salts && number(&frame, 4) > 0 {
-            commits_after += 1;
+        let ends_transaction = &frame[8..16] == salts && number(&frame, 4) > 0;
+        match broken {
+            Some(_) => commits_after += u32::from(ends_transaction),
+            None if ends_transaction => pages = position + 1,
+            None => {}
         }
     }
     // The writer waits for the disk before it begins the next transaction: two ends of transactions from the break on
     // mean that one of them was on disk.
-    Ok(broken.filter(|_| commits_after > 1).map(|position| {
+    let problem = broken.filter(|_| commits_after > 1).map(|position| {
         format!("page {position} of it is not what was written: {commits_after} transactions from there on are lost")
-    }))
+    });
+    Ok(Found { pages, problem })
 }
 
 #[cfg(test)]
@@ -107,7 +131,7 @@ mod tests {
 
     fn found(log: &[u8]) -> Option<String> {
         match read(log) {
-            Ok(found) => found,
+            Ok(found) => found.problem,
             Err(error) => Some(error.to_string()),
         }
     }

@@ -148,8 +148,7 @@ impl Db {
     ) -> Result<(), StoreError> {
         self.restore_active(path, restored, lost, quarantined)?;
         self.restore_board_zeros(restored, *lost)?;
-        let mark = beside::open_mark(path);
-        self.attempt(|_| beside::replace(&mark, &[]).map_err(|error| StoreError::changing(&mark, &error)))?;
+        self.attempt(|db| db.mark_open(path))?;
         self.attempt(|db| {
             db.held = Some(HeldFiles::of(path)?);
             Ok(())

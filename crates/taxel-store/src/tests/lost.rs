@@ -67,10 +67,14 @@ fn is_doubted_until_vouched_for(path: &Path, what: &str) {
     assert_eq!(start(path).0, [""; 0], "{what}: somebody vouched for it");
 }
 
+/// Of the log, and of each of its pages with its head.
+const HEADER_BYTES: u64 = 32;
+const PAGE_BYTES: u64 = 24 + 4096;
+
 /// Changes a byte of the log, so far into its page number `page`.
 fn flip_page(path: &Path, page: usize) {
     let mut log = fs::read(beside::wal(path)).unwrap();
-    log[32 + page * (24 + 4096) + 100] ^= 1;
+    log[HEADER_BYTES as usize + page * PAGE_BYTES as usize + 100] ^= 1;
     fs::write(beside::wal(path), log).unwrap();
 }
 
@@ -85,6 +89,21 @@ fn a_log_that_is_lost_leaves_every_zero_doubted_until_somebody_vouches_for_it() 
     is_doubted_until_vouched_for(&path, "a page of the log");
 }
 
+/// What is left looks whole, or as if a power cut had torn it.
+#[test]
+fn a_log_that_was_cut_off_or_whose_last_transaction_is_damaged_is_told_too() {
+    let (_dir, path) = killed();
+    let whole = fs::metadata(beside::wal(&path)).unwrap().len();
+    for bytes in [0, 31, 32, HEADER_BYTES + PAGE_BYTES, whole - PAGE_BYTES, whole - 1000] {
+        let (_dir, path) = killed();
+        fs::File::options().write(true).open(beside::wal(&path)).unwrap().set_len(bytes).unwrap();
+        is_doubted_until_vouched_for(&path, &format!("{bytes} of {whole} bytes of the log"));
+    }
+    let (_dir, path) = killed();
+    flip_page(&path, ((whole - HEADER_BYTES) / PAGE_BYTES - 1) as usize);
+    is_doubted_until_vouched_for(&path, "the last page of the log");
+}
+
 #[test]
 fn what_is_no_file_and_has_the_log_s_name_is_put_aside_and_the_log_is_lost() {
     for make in ["mkdir", "mkfifo"] {
@@ -96,15 +115,19 @@ fn what_is_no_file_and_has_the_log_s_name_is_put_aside_and_the_log_is_lost() {
     }
 }
 
+/// A power cut tears a transaction that was not acknowledged: the mark does not know of it.
 #[test]
 fn a_log_whose_end_is_torn_leaves_no_zero_doubted() {
     let (_dir, path) = killed();
     let (store, ..) = open(&path);
     write(&store, vec![doubt(PATCH, None)]).unwrap();
+    let mark = fs::read(beside::open_mark(&path)).unwrap();
     write(&store, vec![sample_record(2, 42)]).unwrap();
     let torn = folder();
     copy(path.parent().unwrap(), torn.path());
     let path = torn.path().join("store.db");
+    assert_ne!(fs::read(beside::open_mark(&path)).unwrap(), mark);
+    fs::write(beside::open_mark(&path), mark).unwrap();
     let log = fs::read(beside::wal(&path)).unwrap();
     fs::write(beside::wal(&path), &log[..log.len() - 1000]).unwrap();
     assert_eq!(start(&path), (vec![], 0));
