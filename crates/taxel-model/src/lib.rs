@@ -37,6 +37,7 @@ mod curve;
 mod dd;
 mod decimal;
 mod extension;
+mod figure;
 mod fit;
 mod model;
 mod nnls;
@@ -66,6 +67,7 @@ pub use curve::Curve;
 pub use dd::Dd;
 pub use decimal::parse_decimal;
 pub use extension::{Beyond, End, Extension, SkinSlope};
+pub use figure::figure;
 pub use model::{Quality, RangeState, Reading, Sign, TaxelModel};
 pub use options::{
     Estimator, Exclusion, FitOptions, GaugeUncertainty, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Rails, Shape, TERMS_MAX,

@@ -13,9 +13,9 @@ pub(crate) mod limits;
 mod recalibrated;
 mod recorded;
 mod taxel;
+mod words;
 
 use serde::{Deserialize, Serialize};
-use serde_json::error::Category;
 use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 use taxel_engine::baseline::TaxelBaseline;
@@ -24,15 +24,13 @@ use taxel_model::bounded::{List, Text};
 use thiserror::Error;
 
 use limits::{SETTINGS_MAX, TAXELS_MAX, WORDS_BYTES_MAX, check_length, check_size};
+use words::shown;
 
 /// The word by which a file of this kind is known.
 pub const FORMAT: &str = "taxeld-models";
 
 /// The version that is written and read.
 pub const VERSION: u64 = 1;
-
-/// So many characters of a text that is not understood are shown.
-const SHOWN_CHARS_MAX: usize = 200;
 
 /// Why a text is no model set, or a model set cannot be written.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -173,6 +171,8 @@ pub(crate) fn from_proven_json(text: &str) -> Result<ModelSet, ModelsJsonError> 
 
 /// The set, without an id, and the id that the text gives.
 fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
+    // Some editors put the mark of an encoding before a text.
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     check_size(text).map_err(ModelsJsonError::TooLarge)?;
     check_kind(text)?;
     let file: File =
@@ -206,27 +206,15 @@ fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
     Ok((set, file.id.map(|id| id.0)))
 }
 
-/// An error of the parser with the place in the file; one in the list of taxels names the taxel.
+/// An error of the parser with the place in the file, which is JSON; one in the list of taxels names the taxel.
 fn located(error: serde_path_to_error::Error<serde_json::Error>) -> ModelsJsonError {
     let path = error.path().to_string();
-    let inner = error.into_inner();
-    let words = shown(&inner.to_string());
-    if inner.classify() != Category::Data {
-        return ModelsJsonError::Syntax(words);
-    }
+    let words = words::plain(&error.into_inner());
     let of_taxel = path.strip_prefix("taxels[").and_then(|rest| rest.split_once(']'));
     match of_taxel.and_then(|(taxel, rest)| Some((taxel.parse().ok()?, rest.trim_start_matches('.')))) {
         Some((taxel, "")) => ModelsJsonError::Taxel { taxel, problem: words },
         Some((taxel, field)) => ModelsJsonError::Taxel { taxel, problem: format!("{words}, in `{}`", shown(field)) },
         None => ModelsJsonError::Set(format!("{words}, in `{}`", shown(&path))),
-    }
-}
-
-/// The beginning of a text.
-fn shown(text: &str) -> String {
-    match text.char_indices().nth(SHOWN_CHARS_MAX) {
-        Some((end, _)) => format!("{}...", &text[..end]),
-        None => text.to_owned(),
     }
 }
 

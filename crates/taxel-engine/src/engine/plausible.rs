@@ -1,7 +1,7 @@
 //! Whether the curves, zeros and uncertainties of a model set from elsewhere can be those of a patch. A set that was scaled,
 //! turned over or damaged on its way reads as a force that nobody would doubt.
 
-use taxel_model::{Curve, Plays, Sign, TaxelModel};
+use taxel_model::{Curve, Plays, SigmaProfile, Sign, TaxelModel, figure};
 use taxel_skin::Kilopascal;
 
 use crate::baseline::TaxelBaseline;
@@ -43,7 +43,8 @@ fn odd_gauge(set: &ModelSet) -> Option<String> {
     }
     let offset = (set.gauge_offset_kpa, set.pressure_max_kpa, "gauge_offset_kpa");
     [(set.gauge_gain_rel, 1.0, "gauge_gain_rel"), offset].into_iter().find_map(|(value, most, name)| {
-        (!(0.0..=most).contains(&value)).then(|| format!("`{name}` is {value}, expected 0 to {most}"))
+        let odd = || format!("`{name}` is {}, expected 0 to {}", figure(value), figure(most));
+        (!(0.0..=most).contains(&value)).then(odd)
     })
 }
 
@@ -53,22 +54,40 @@ fn odd_rest(set: &ModelSet, top: f64) -> Option<String> {
     let (most, noise_max) = (SIGMAS_MAX * set.pressure_max_kpa, NOISE_SHARE_MAX * top);
     let of = |(taxel, (rest, model)): (usize, (&TaxelBaseline, &TaxelModel))| {
         if !rest.mean.is_nan() && !(0.0..=top).contains(&rest.mean) {
-            return Some(format!("taxel {taxel}: its `baseline` is {} counts, expected 0 to {top}", rest.mean));
+            let mean = figure(rest.mean);
+            return Some(format!("taxel {taxel}: its `baseline` is {mean} counts, expected 0 to {top}"));
         }
         if !rest.noise.is_nan() && !(0.0..=noise_max).contains(&rest.noise) {
-            let noise = rest.noise;
+            let noise = figure(rest.noise);
             return Some(format!(
                 "taxel {taxel}: its `baseline` has a noise of {noise} counts, expected 0 to {noise_max}"
             ));
+        }
+        if let Some(odd) = model.sigma.as_ref().zip(model.range).and_then(|(profile, range)| odd_knots(profile, range))
+        {
+            return Some(format!("taxel {taxel}: {odd}"));
         }
         let sigmas = model.sigma.iter().flat_map(|profile| &profile.sigma_kpa);
         if sigmas.clone().next().is_some() && sigmas.clone().all(|&sigma| sigma == 0.0) {
             return Some(format!("taxel {taxel}: its `sigma_kpa` is 0 everywhere, which no calibration is"));
         }
         let odd = sigmas.into_iter().find(|sigma| !(0.0..=most).contains(*sigma))?;
+        let (odd, most) = (figure(*odd), figure(most));
         Some(format!("taxel {taxel}: its `sigma_kpa` has {odd}, expected 0 to {most} kPa"))
     };
     set.baseline.iter().zip(&set.taxels).enumerate().filter(|(_, (_, model))| model.is_usable()).find_map(of)
+}
+
+/// What cannot be so about the counts of an uncertainty: beyond them it is that of the nearest one.
+fn odd_knots(profile: &SigmaProfile, [low, high]: [f64; 2]) -> Option<String> {
+    let steps = profile.sigma_kpa.len().saturating_sub(1) as f64;
+    let (first, last) = (profile.first_count, profile.first_count + steps * profile.step_counts);
+    let beside = profile.step_counts.max(1.0);
+    if first <= low + beside && last >= high - beside {
+        return None;
+    }
+    let [first, last, low, high] = [first, last, low, high].map(figure);
+    Some(format!("its `sigma` goes from count {first} to {last}, expected its `range`, {low} to {high}"))
 }
 
 /// What cannot be so about the curves.
@@ -76,6 +95,7 @@ fn odd_curves(set: &ModelSet, target: Kilopascal) -> Option<String> {
     let (most, limit) = (set.pressure_max_kpa, TARGETS_MAX * target.0);
     let mut usable = set.taxels.iter().enumerate().filter(|(_, model)| model.is_usable()).peekable();
     if usable.peek().is_some() && !(most > 0.0 && most <= limit) {
+        let most = figure(most);
         return Some(format!("`pressure_max_kpa` is {most}, expected more than 0 and at most {limit} for this patch"));
     }
     let mut tops = Vec::new();
@@ -91,6 +111,7 @@ fn odd_curves(set: &ModelSet, target: Kilopascal) -> Option<String> {
         let lag = |plays: &Plays| plays.radii_counts.iter().zip(&plays.weights_kpa).map(|(r, w)| r * w).sum();
         let lag_kpa: f64 = plays.map_or(0.0, lag);
         if lag_kpa.is_nan() || lag_kpa > most {
+            let (lag_kpa, most) = (figure(lag_kpa), figure(most));
             return Some(format!(
                 "taxel {taxel}: its hysteresis is {lag_kpa} kPa, the calibration went up to {most} kPa"
             ));
@@ -104,7 +125,7 @@ fn odd_together(mut tops: Vec<f64>, most: f64) -> Option<String> {
     tops.sort_by(f64::total_cmp);
     let usual = *tops.get(tops.len() / 2)?;
     (usual < USUAL_TOP_MIN * most).then(|| {
-        let least = USUAL_TOP_MIN * most;
+        let [usual, most, least] = [usual, most, USUAL_TOP_MIN * most].map(figure);
         format!("half of the curves end at {usual} kPa or below, where the calibration went up to {most} kPa: expected {least} kPa or more")
     })
 }
@@ -116,22 +137,24 @@ fn odd(curve: &Curve, [low, high]: [f64; 2], sign: Sign, most: f64) -> Option<St
         let count = low + (high - low) * f64::from(place) / f64::from(PLACES);
         let kpa = curve.evaluate(count);
         if !(least..=greatest).contains(&kpa) {
+            let [kpa, count, least, greatest] = [kpa, count, least, greatest].map(figure);
             return Some(format!("its curve gives {kpa} kPa at count {count}, expected {least} to {greatest} kPa"));
         }
     }
-    let rise = sign.as_f64() * (curve.evaluate(high) - curve.evaluate(low));
-    let (from, to) = (curve.evaluate(low), curve.evaluate(high));
-    if rise < 0.0 {
-        return Some(format!("its curve goes from {from} to {to} kPa, against its `sign`"));
-    }
-    let span = most / SPANS_MAX;
-    (rise < span)
-        .then(|| format!("its curve goes from {from} to {to} kPa, expected {span} kPa or more between its ends"))
+    let ends = [curve.evaluate(low), curve.evaluate(high)];
+    let (rise, span) = (sign.as_f64() * (ends[1] - ends[0]), most / SPANS_MAX);
+    let expected = match rise {
+        rise if rise < 0.0 => "against its `sign`".to_owned(),
+        rise if rise < span => format!("expected {} kPa or more between its ends", figure(span)),
+        _ => return None,
+    };
+    let [from, to] = ends.map(figure);
+    Some(format!("its curve goes from {from} to {to} kPa, {expected}"))
 }
 
 #[cfg(test)]
 mod tests {
-    use taxel_model::{GaugeUncertainty, PLAYS, SigmaProfile, Status};
+    use taxel_model::{GaugeUncertainty, PLAYS, Status};
 
     use super::*;
     use crate::model_set::{Recorded, RecordedTaxel};
@@ -293,5 +316,10 @@ mod tests {
         is(with(&|set| set.taxels[0].sigma.as_mut().unwrap().sigma_kpa[1] = 700.5), sigma);
         let none = "taxel 0: its `sigma_kpa` is 0 everywhere, which no calibration is";
         is(with(&|set| set.taxels[0].sigma.as_mut().unwrap().sigma_kpa.fill(0.0)), none);
+        let beside = |first: f64| with(&|set| set.taxels[0].sigma.as_mut().unwrap().first_count = first);
+        assert_eq!([100.0, 200.0].map(beside), [None, None], "a knot beside");
+        is(beside(200.5), "taxel 0: its `sigma` goes from count 200.5 to 300.5, expected its `range`, 150 to 250");
+        is(beside(99.5), "taxel 0: its `sigma` goes from count 99.5 to 199.5, expected its `range`, 150 to 250");
+        is(beside(1e20), "taxel 0: its `sigma` goes from count 1e20 to 1e20, expected its `range`, 150 to 250");
     }
 }

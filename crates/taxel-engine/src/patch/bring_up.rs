@@ -168,7 +168,9 @@ impl Patch {
             Err(why) => {
                 self.ready = None;
                 let hint = "if nothing touches the skin, ask for BringUp and say so with confirmed_by";
-                let why = format!("the boards are not configured while something presses on them: {why}; {hint}");
+                let why = format!(
+                    "the boards are not configured until a look at the skin finds nothing on it: {why}; {hint}"
+                );
                 self.zero.explain(ReasonCode::BoardsNotConfigured, why);
                 self.look_before_bring_up(now, effects);
             }

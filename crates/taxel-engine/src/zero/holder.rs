@@ -35,6 +35,9 @@ use crate::zero::watch::{Purpose, Watch};
 const VANISHED: &str =
     "a load vanished from a whole board at once, and whether the board took a new zero is being looked at";
 
+/// What is said from when the boards are configured until rest is proven, or shown not to be.
+const CONFIGURED: &str = "the boards were configured, which took their zero anew, and no rest has been proven since: unload the skin and tare";
+
 /// A zero that no models were there to judge.
 #[derive(Clone, Debug)]
 pub(super) struct Unjudged {
@@ -257,6 +260,9 @@ impl Zero {
             if std::mem::replace(&mut self.configuring, around.configuring) {
                 self.continuity.begin(true); // boards that were configured have taken zeros of their own
                 self.hold_unseen();
+                if !around.configuring && self.view.code == Some(ReasonCode::BoardsNotConfigured) {
+                    self.explain(ReasonCode::RestNotProven, CONFIGURED.to_owned());
+                }
             }
             return;
         }

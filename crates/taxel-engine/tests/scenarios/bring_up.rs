@@ -34,6 +34,9 @@ fn a_bring_up_loses_the_zero_and_is_verified_again() {
     assert_eq!(commands.filter(|c| matches!(c, icub::Command::Start)).count(), 2, "both boards were started");
     bench.seconds(3.0);
     assert_ne!(bench.host.state(), ForceState::Ok, "no zero was taken yet");
+    let reasons = bench.host.reasons();
+    assert!(reasons.contains("were configured") && reasons.contains("tare"), "{reasons}");
+    assert!(!reasons.contains("being configured"), "it is over: {reasons}");
     bench.tare(None).unwrap();
     bench.until_force(1.0, ForceState::Ok);
 }
@@ -152,7 +155,11 @@ fn boards_without_a_zero_are_not_configured_under_a_load_unless_somebody_confirm
     bench.seconds(4.0);
     bench.is_truthful_since(mark, "a bring-up under a load");
     assert_eq!(bench.host.sent.len(), sent, "nothing was sent to the boards");
-    assert!(bench.host.reasons().contains("not configured while something presses"), "{}", bench.host.reasons());
+    assert!(
+        bench.host.reasons().contains("not configured until a look at the skin finds nothing on it: loaded: "),
+        "{}",
+        bench.host.reasons()
+    );
     bench.world.clear();
     bench.until(3.0, "configuring", |host| host.health().boards.iter().all(|b| b.bring_up == "configuring"));
     bench.brought_up();

@@ -7,10 +7,11 @@ use std::fmt;
 use taxel_model::bounded::{List, Text};
 use taxel_model::{
     Curve, Estimator, Flag, GaugeUncertainty, KNOTS_MAX, MAX_ORDER, Quality, SigmaProfile, Sign, Status, TERMS_MAX,
-    TaxelModel,
+    TaxelModel, figure,
 };
 
 use super::limits::{FIGURES_MAX, FLAGS_MAX, WORDS_BYTES_MAX};
+use super::words;
 
 /// A string of an entry.
 type Words = Text<WORDS_BYTES_MAX>;
@@ -143,8 +144,8 @@ fn status(code: &str, figures: Map<String, Value>) -> Result<Status, String> {
         .collect();
     let given = figures.clone();
     let value = if figures.is_empty() { json!(variant) } else { json!({ variant: figures }) };
-    let status: Status =
-        serde_json::from_value(value).map_err(|error| format!("`status` \"{code}\" and its `figures`: {error}"))?;
+    let status: Status = serde_json::from_value(value)
+        .map_err(|error| format!("`status` \"{code}\" and its `figures`: {}", words::plain(&error)))?;
     if status.code() != code {
         return Err(format!("`status` is \"{code}\", expected \"{}\"", status.code()));
     }
@@ -192,11 +193,12 @@ pub(super) fn check(model: &TaxelModel) -> Result<(), String> {
     if let Some([low, high]) = model.range
         && low > high
     {
-        return Err(format!("`range` goes from {low} to {high}, expected it ascending"));
+        return Err(format!("`range` goes from {} to {}, expected it ascending", figure(low), figure(high)));
     }
     if let Some(sigma) = &model.sigma {
         if sigma.step_counts <= 0.0 {
-            return Err(format!("`step_counts` of `sigma` is {}, expected a positive number", sigma.step_counts));
+            let step = figure(sigma.step_counts);
+            return Err(format!("`step_counts` of `sigma` is {step}, expected a positive number"));
         }
         if sigma.sigma_kpa.is_empty() || sigma.sigma_kpa.iter().any(|sigma| *sigma < 0.0) {
             return Err("`sigma_kpa` of `sigma` is empty or negative somewhere, expected 0 or more".to_owned());
@@ -219,7 +221,8 @@ pub(super) fn check(model: &TaxelModel) -> Result<(), String> {
 fn check_curve(model: &TaxelModel, curve: &Curve, [low, high]: [f64; 2]) -> Result<(), String> {
     let terms = usize::from(model.order) + 1;
     if curve.half_width <= 0.0 {
-        return Err(format!("`half_width` of `curve` is {}, expected a positive number", curve.half_width));
+        let half_width = figure(curve.half_width);
+        return Err(format!("`half_width` of `curve` is {half_width}, expected a positive number"));
     }
     if curve.chebyshev.len() != terms {
         let given = curve.chebyshev.len();
@@ -233,10 +236,11 @@ fn check_curve(model: &TaxelModel, curve: &Curve, [low, high]: [f64; 2]) -> Resu
         let (printed, error) = horner(&model.raw_coefficients, count);
         let served = curve.evaluate(count);
         if !served.is_finite() {
-            return Err(format!("`curve` gives {served} kPa at count {count}, expected a finite number"));
+            return Err(format!("`curve` gives {served} kPa at count {}, expected a finite number", figure(count)));
         }
         let error = error + ROUNDING * curve.chebyshev.iter().map(|c| c.abs()).sum::<f64>();
         if (printed - served).abs() > error {
+            let [count, printed, served] = [count, printed, served].map(figure);
             return Err(format!(
                 "at count {count} `coefficients` give {printed} kPa and `curve` gives {served} kPa: they are not the \
                  same polynomial (the daemon serves `curve`)"

@@ -140,7 +140,10 @@ fn what_contradicts_itself_is_refused_by_name() {
         (|f| f["gauge_gain_rel"] = json!(null), "null"),
         (|f| f["taxels"][1]["taxel"] = json!(2), "taxel 1: its entry says `taxel` 2"),
         (|f| f["taxels"][1]["colour"] = json!(2), "taxel 1: unknown field `colour`"),
-        (|f| f["taxels"][1]["status"] = json!("fine"), "taxel 1: `status` \"fine\" and its `figures`: unknown variant"),
+        (
+            |f| f["taxels"][1]["status"] = json!("fine"),
+            "taxel 1: `status` \"fine\" and its `figures`: unknown word `Fine`",
+        ),
         (|f| f["taxels"][2]["figures"] = json!({}), "taxel 2: `status` \"dead\" and its `figures`"),
         (|f| f["taxels"][1]["order"] = json!(4), "taxel 1: `curve` has 6 terms, expected 5 for `order` 4"),
         (|f| f["taxels"][1]["order"] = json!(11), "taxel 1: `order` is 11"),
@@ -157,6 +160,37 @@ fn what_contradicts_itself_is_refused_by_name() {
         let refused = changed(false, change).unwrap_err().to_string();
         assert!(refused.contains(expected), "{refused}, expected {expected}");
     }
+}
+
+#[test]
+fn what_is_json_of_another_shape_is_refused_in_words_of_the_file() {
+    type Change = fn(&mut Value);
+    let cases: [(Change, &[&str]); 10] = [
+        (|f| f["taxels"][0]["range"] = json!([1.0, 2.0, 3.0]), &["taxel 0: more entries", ", in `range`"]),
+        (|f| f["taxels"][0]["range"] = json!([1.0]), &["taxel 0: invalid length 1, expected a list of length 2"]),
+        (|f| f["taxels"][0]["order"] = json!(300), &["expected a whole number from 0 to 255", ", in `order`"]),
+        (|f| f["taxels"][0]["order"] = json!([]), &["invalid type: a list, expected a whole number"]),
+        (|f| f["taxels"][0]["taxel"] = json!(-1), &["expected a whole number of 0 or more", ", in `taxel`"]),
+        (|f| f["created_wall_ns"] = json!(0.5), &["expected a whole number at line", ", in `created_wall_ns`"]),
+        (|f| f["pressure_max_kpa"] = json!("7"), &["invalid type: string \"7\", expected a number at line"]),
+        (|f| f["taxels"][0]["repaired"] = json!({}), &["invalid type: an object, expected true or false"]),
+        (|f| f["baseline"][0] = json!(7), &["expected an object of Baseline", ", in `baseline[0]`"]),
+        (|f| f["taxels"][0]["flags"] = json!(["Zzz"]), &["unknown word `Zzz`, expected one of `", ", in `flags[0]"]),
+    ];
+    for (change, expected) in cases {
+        let refused = changed(false, change).unwrap_err().to_string();
+        let wrong = ["not JSON", "struct", "variant", " u8", " f64"];
+        assert!(expected.iter().all(|words| refused.contains(words)), "{refused}, expected {expected:?}");
+        assert!(!wrong.iter().any(|words| refused.contains(words)), "{refused}");
+    }
+}
+
+#[test]
+fn the_mark_of_an_encoding_before_a_set_is_none_of_it() {
+    let (set, mark) = (model_set(1), '\u{feff}');
+    let text = to_json(&set).unwrap();
+    assert_eq!(to_json(&from_json(&format!("{mark}{text}")).unwrap()).unwrap(), text);
+    assert!(from_json(&format!("{mark}{mark}{text}")).is_err());
 }
 
 #[test]
