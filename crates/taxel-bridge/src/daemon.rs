@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use anyhow::Context;
 use taxel_client::{Address, Line, Options, TlsOptions};
+use taxel_proto::code_name;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
 use taxel_proto::v1::skin_service_client::SkinServiceClient;
@@ -74,7 +75,7 @@ pub fn words(status: &Status) -> String {
         words = source.to_string();
         cause = source.source();
     }
-    if words.is_empty() { format!("{:?}", status.code()) } else { words }
+    if words.is_empty() { code_name(status.code()).to_owned() } else { words }
 }
 
 /// What the daemon answers in time, or why it does not, in words.

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use taxel_proto::code_name;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
@@ -105,7 +106,7 @@ async fn once(options: &Options, newest: &watch::Sender<Newest>, pause: &mut Dur
     match stream(options, newest, pause).await {
         Ok(()) => "the daemon ended the stream".to_owned(),
         Err(Ended::Connect(error)) => error.to_string(),
-        Err(Ended::Status(status)) => format!("{:?}: {}", status.code(), status.message()),
+        Err(Ended::Status(status)) => format!("{}: {}", code_name(status.code()), status.message()),
     }
 }
 

@@ -153,7 +153,7 @@ async fn what_the_daemon_refuses_is_told_and_asked_again() {
     let path = folder.path().join("socket");
     let _daemon = Daemon::on(&path);
     let forces = follow(Options { patch: "tail".to_owned(), ..at(&path) });
-    let why = until(&forces, || {}, |force| force.err().filter(|why| why.to_string().contains("NotFound"))).await;
+    let why = until(&forces, || {}, |force| force.err().filter(|why| why.to_string().contains("NOT_FOUND: "))).await;
     assert!(why.to_string().contains("tail"), "{why}");
     let token = Some(folder.path().join("no-token"));
     let forces = follow(Options { token, ..at(&path) });

@@ -9,12 +9,13 @@ use hyper::body::{Body as _, Bytes, Incoming};
 use hyper::header::{AUTHORIZATION, CONTENT_TYPE};
 use hyper::{Method as Verb, Request, Response, StatusCode};
 use prost_reflect::DynamicMessage;
+use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tonic::{Code, Status};
 
-use crate::answer::{Body, JSON, closing, code_name, hardened, json_bytes, json_of, refusal, refusal_as};
+use crate::answer::{Body, JSON, closing, hardened, json_bytes, json_of, refusal, refusal_as};
 use crate::answer::{whole, with_place, wrong_method};
 use crate::assets;
 use crate::call::{Caller, Permits, Services, begin};

@@ -3,7 +3,10 @@
 //! What every message, field and call means is written in the `.proto` files; the same text is the documentation of
 //! the items here.
 
+mod code_name;
 pub mod refusal;
+
+pub use code_name::code_name;
 
 /// Package `taxel.v1`.
 #[allow(missing_docs, rustdoc::all, clippy::all, clippy::too_many_lines)] // generated, and documented in the .proto files

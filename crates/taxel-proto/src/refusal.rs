@@ -182,7 +182,9 @@ pub fn completed(status: &Status) -> Status {
         Code::Cancelled => ErrorReason::CallerGone,
         _ => ErrorReason::RequestUnreadable,
     };
-    Refusal::new(status.code(), reason, status.message()).into()
+    // Failures of ours have a reason: the libraries call it one of the service that a request is not what it should be.
+    let code = if status.code() == Code::Internal { Code::InvalidArgument } else { status.code() };
+    Refusal::new(code, reason, status.message()).into()
 }
 
 /// The first `bytes_max` bytes, ended where a character ends.
@@ -241,6 +243,8 @@ mod tests {
         let status = Status::from_header_map(&headers).unwrap();
         assert_eq!((status.code(), status.message()), (Code::OutOfRange, "too long"));
         assert_eq!(reason_of(&status).as_deref(), Some("REQUEST_UNREADABLE"));
+        let undecodable = completed(&Status::internal("failed to decode"));
+        assert_eq!((undecodable.code(), undecodable.message()), (Code::InvalidArgument, "failed to decode"));
 
         let mut headers = HeaderMap::new();
         Status::from(Refusal::fault("strange")).add_header(&mut headers).unwrap();

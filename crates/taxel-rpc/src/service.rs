@@ -7,6 +7,7 @@ use taxel_engine::known_set::KnownSet;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::PatchSnapshot;
+use taxel_proto::code_name;
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1::ErrorReason;
 use tokio::sync::Semaphore;
@@ -241,8 +242,8 @@ impl Line<'_> {
         match outcome {
             Some(Ok(_)) => tracing::info!(command, request, who, role, from, claimed, "done"),
             Some(Err(status)) => {
-                let (code, why) = (status.code(), status.message());
-                tracing::info!(command, request, who, role, from, claimed, ?code, why, "refused");
+                let (code, why) = (code_name(status.code()), status.message());
+                tracing::info!(command, request, who, role, from, claimed, code, why, "refused");
             }
             None => tracing::info!(
                 command,

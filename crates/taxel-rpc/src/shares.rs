@@ -258,9 +258,10 @@ impl Shares {
 
 fn too_fast(key: &PeerKey, what: &str, rate: Rate, wait_s: f64) -> Status {
     let (burst, every_s) = (rate.burst, rate.every.as_secs_f64());
+    let tenths = (10.0 * wait_s).ceil() / 10.0; // never 0.0
     let text = format!(
         "{key} asked for more than {burst} {what} in a row, beyond which one every {every_s} s is taken: try again in \
-         {wait_s:.1} s"
+         {tenths:.1} s"
     );
     // Rates are of the configuration, and a wait may be too long for a `Duration`.
     let wait = Duration::try_from_secs_f64(wait_s).unwrap_or(Duration::MAX);
