@@ -37,6 +37,7 @@ mod salvage;
 mod schema;
 mod session_samples;
 mod sets;
+mod store_file;
 mod tally;
 #[cfg(test)]
 mod tests;
@@ -48,6 +49,7 @@ pub use error::{Quarantined, StoreError};
 pub use maintenance::{AuditFile, Checked, Compacted, check, compact};
 pub use readers::{AuditReader, SamplesReader, SetReader, SizeReader};
 pub use retention::{Retention, Size, session_to_go, sets_to_go, to_be_judged};
+pub use store_file::StoreFile;
 pub use work::{
     Batch, Durability, OnAudit, OnDurable, OnModelSet, OnSamples, OnSize, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, QueueFull,
 };

@@ -38,7 +38,7 @@ pub struct Checked {
 /// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours; not for damage.
 pub fn check(path: &Path) -> Result<Checked, StoreError> {
     let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
-    fs::metadata(path).map_err(io)?;
+    refuse_missing(path)?;
     refuse_no_file(path)?;
     refuse_in_use(path)?;
     let mut damage = Vec::new();
@@ -113,8 +113,7 @@ impl AuditFile {
     /// # Errors
     /// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
-        fs::metadata(path).map_err(io)?;
+        refuse_missing(path)?;
         refuse_no_file(path)?;
         refuse_in_use(path)?;
         let connection = in_place::open(path).map_err(|error| StoreError::opening(path, &error))?;
@@ -134,15 +133,21 @@ impl AuditFile {
     }
 }
 
+/// Opening it would make one.
+pub(crate) fn refuse_missing(path: &Path) -> Result<(), StoreError> {
+    let open = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
+    fs::metadata(path).map(drop).map_err(open)
+}
+
 /// A device or a pipe would be written to, or be waited for.
-fn refuse_no_file(path: &Path) -> Result<(), StoreError> {
+pub(crate) fn refuse_no_file(path: &Path) -> Result<(), StoreError> {
     let is_file = fs::metadata(path).is_ok_and(|found| found.is_file());
     let open = || StoreError::Open { path: path.to_path_buf(), reason: "is no file".to_owned() };
     is_file.then_some(()).ok_or_else(open)
 }
 
 /// Whether another process has the store. What else is wrong with it shows later.
-fn refuse_in_use(path: &Path) -> Result<(), StoreError> {
+pub(crate) fn refuse_in_use(path: &Path) -> Result<(), StoreError> {
     let had_log = beside::wal(path).exists();
     let looked = Connection::open(path).and_then(|connection| {
         connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)?;

@@ -1,7 +1,6 @@
 //! The certificate of a model set, for the service and for a store that no daemon has open.
 
 use std::sync::Arc;
-use std::sync::mpsc::channel;
 
 use anyhow::{Context, anyhow, bail};
 use taxel_certificate::{Certificate, Entered, Evidence};
@@ -12,9 +11,10 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::PatchPlan;
 use taxel_rpc::{CertificateMaker, CertificateOf, MadeCertificate};
 use taxel_skin::Patch;
-use taxel_store::{Store, models_json};
+use taxel_store::{StoreFile, models_json};
 
 use crate::config::{CertificateSection, Config, Scene};
+use crate::store_at::read_store;
 
 /// What makes certificates, as the certificate names it.
 const SOFTWARE: &str = concat!("taxeld ", env!("CARGO_PKG_VERSION"));
@@ -56,36 +56,19 @@ pub fn of_store(
     scene: &Scene,
     (beginning, patch): (Option<&str>, Option<&str>),
 ) -> anyhow::Result<(String, MadeCertificate)> {
-    let path = &config.store.path;
-    if !path.is_file() {
-        bail!("{}: there is no store", path.display());
-    }
-    let (store, restored, _) = Store::open(path, Box::new(|_| {}))?;
-    let made = of_restored(&store, &restored, (config, scene), (beginning, patch));
-    store.close()?;
-    made
-}
-
-fn of_restored(
-    store: &Store,
-    restored: &Restored,
-    (config, scene): (&Config, &Scene),
-    (beginning, patch): (Option<&str>, Option<&str>),
-) -> anyhow::Result<(String, MadeCertificate)> {
-    let set = stored(store, &find(restored, beginning, patch)?)?;
+    let store = read_store(&config.store.path)?;
+    let restored = store.restored();
+    let set = stored(&store, &find(restored, beginning, patch)?)?;
     let position = scene.plan.patches.iter().position(|plan| plan.patch.name() == set.patch);
     let position = position.with_context(|| format!("patch `{}` is not in the configuration", set.patch))?;
     let number = set.session.with_context(|| format!("{} was not made of a session", set.id))?;
     let session = restored.sessions.iter().find(|view| view.number == number && view.patch == set.patch);
     let session = session.with_context(|| format!("{} is of session {number}, which is not in the store", set.id))?;
-    let (tell, told) = channel();
-    store.read_samples(number, Box::new(move |samples| drop(tell.send(samples)))); // we wait for it
-    let samples = told.recv().context("the store gave no answer")??;
     let of = CertificateOf {
         models_json: models_json::to_json(&set)?,
         patch: position,
         session: Arc::clone(session),
-        samples,
+        samples: store.samples(number)?,
         loads: restored.loads.iter().filter(|load| load.patch == set.patch).map(Arc::clone).collect(),
         set,
     };
@@ -94,14 +77,11 @@ fn of_restored(
 }
 
 /// The set itself.
-fn stored(store: &Store, known: &KnownSet) -> anyhow::Result<Arc<ModelSet>> {
-    if let Some(set) = &known.at_hand {
-        return Ok(Arc::clone(set));
+fn stored(store: &StoreFile, known: &KnownSet) -> anyhow::Result<Arc<ModelSet>> {
+    match &known.at_hand {
+        Some(set) => Ok(Arc::clone(set)),
+        None => Ok(Arc::new(models_json::from_json(&store.model_set(&known.id)?)?)),
     }
-    let (tell, told) = channel();
-    store.read_model_set(known.id.clone(), Box::new(move |text| drop(tell.send(text)))); // we wait for it
-    let text = told.recv().context("the store gave no answer")??;
-    Ok(Arc::new(models_json::from_json(&text)?))
 }
 
 fn find(restored: &Restored, beginning: Option<&str>, patch: Option<&str>) -> anyhow::Result<KnownSet> {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use taxel_engine::Restored;
 use taxel_rpc::{AuditSource, ModelSetSource, Room, SamplesSource};
-use taxel_store::{AuditReader, Retention, SamplesReader, SetReader, Store};
+use taxel_store::{AuditReader, Retention, SamplesReader, SetReader, Store, StoreFile};
 
 use crate::queues::TellDone;
 
@@ -31,6 +31,19 @@ pub fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Stor
             Ok((store, restored))
         }
     }
+}
+
+/// Opens a store that no daemon has, to be read where it lies, and tells on standard error what of it is damaged.
+///
+/// # Errors
+/// As [`StoreFile::open`].
+#[cfg_attr(not(any(feature = "certificate", feature = "report")), allow(dead_code))]
+pub fn read_store(path: &Path) -> anyhow::Result<StoreFile> {
+    let store = StoreFile::open(path)?;
+    for damage in store.damage() {
+        crate::say::error_line(format_args!("taxeld: {}: damaged: {damage}", path.display()));
+    }
+    Ok(store)
 }
 
 /// How the service reads the audit log.

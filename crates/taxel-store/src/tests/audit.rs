@@ -109,7 +109,7 @@ fn what_was_changed_or_taken_out_by_force_is_told_and_never_shown_as_true() {
 }
 
 /// Every file beside the store, with what is in it.
-fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+pub fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     entries.map(|path| (path.clone(), fs::read(path).unwrap())).collect()
 }

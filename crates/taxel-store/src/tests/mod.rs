@@ -18,5 +18,6 @@ mod read_only;
 mod replaced;
 mod start;
 mod store;
+mod store_file;
 mod unreadable;
 mod upkeep;

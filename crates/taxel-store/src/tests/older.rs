@@ -28,7 +28,7 @@ const TABLES: [&[&str]; 6] = [
 ];
 
 /// A store as `version` wrote it, with what [`filled`] has.
-fn written_by(version: usize, path: &Path) -> [taxel_engine::model_set::ModelSet; 2] {
+pub fn written_by(version: usize, path: &Path) -> [taxel_engine::model_set::ModelSet; 2] {
     let newer = path.with_extension("newer");
     let sets = filled(&newer);
     if version >= WITH_DOUBTS {

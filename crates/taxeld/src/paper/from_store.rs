@@ -1,22 +1,21 @@
 //! The samples of a stored session, and the known loads that were read on its patch.
 
 use std::path::Path;
-use std::sync::mpsc::channel;
 
-use anyhow::{Context, bail};
+use anyhow::bail;
 use taxel_engine::Restored;
-use taxel_engine::calibration::SessionSamples;
 use taxel_report::paper::{Data, Weighing, Weighings};
-use taxel_store::Store;
 
 use crate::paper::session::{name, of_session};
+use crate::store_at::read_store;
 
 /// Reads session `number` of the store at `path`, or its newest one.
 ///
 /// # Errors
 /// A store that cannot be opened, as while the daemon runs on it; no such session, or one whose samples are damaged.
 pub(super) fn read(path: &Path, number: Option<u64>) -> anyhow::Result<Data> {
-    let (store, restored, _) = Store::open(path, Box::new(|_| {}))?;
+    let store = read_store(path)?;
+    let restored = store.restored();
     let found = match number {
         Some(number) => restored.sessions.iter().find(|view| view.number == number),
         None => restored.sessions.last(),
@@ -28,28 +27,15 @@ pub(super) fn read(path: &Path, number: Option<u64>) -> anyhow::Result<Data> {
             if there.is_empty() { "none".to_owned() } else { there.join(" ") }
         );
     };
-    let samples = samples(&store, view.number)?;
-    store.close()?;
+    let samples = store.samples(view.number)?;
     let source = format!("session {} of patch {} in {}", view.number, view.patch, name(path));
     let data = of_session(source, &samples)?;
-    let loads = loads(&restored, &view.patch);
+    let loads = loads(restored, &view.patch);
     Ok(if loads.is_empty() {
         data.without_loads("no known load of this patch is in the store")
     } else {
         data.with_loads(loads)
     })
-}
-
-fn samples(store: &Store, number: u64) -> anyhow::Result<SessionSamples> {
-    let (tell, told) = channel();
-    store.read_samples(
-        number,
-        Box::new(move |samples| {
-            // Whoever asked has gone only if this programme ends.
-            let _ = tell.send(samples);
-        }),
-    );
-    Ok(told.recv().context("the store gave no answer")??)
 }
 
 /// The loads of a patch that still count, by the model set that they were read with.
@@ -75,7 +61,7 @@ mod tests {
     use taxel_engine::calibration::{RampBaseline, Sample, SessionState, SessionView};
     use taxel_engine::loads::{Load, Reading};
     use taxel_engine::record::Record;
-    use taxel_store::Batch;
+    use taxel_store::{Batch, Store};
 
     fn session(number: u64) -> Vec<Record> {
         let (patch, state) = ("palm".to_owned(), SessionState::Review);
