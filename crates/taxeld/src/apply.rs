@@ -83,7 +83,7 @@ fn parse_tare(text: &str) -> Result<Tare, String> {
 /// # Errors
 /// The file's path and what is wrong with it.
 pub fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
-    let text = files::read_text(path).with_context(|| path.display().to_string())?;
+    let text = files::read_text(path)?;
     models_json::from_json(&text).with_context(|| path.display().to_string())
 }
 

@@ -57,9 +57,9 @@ fn utf8(from: impl Read) -> io::Result<String> {
 /// The text of a file, or of standard input.
 ///
 /// # Errors
-/// The system's reason, or bytes that are not UTF-8.
+/// The file's path, and the system's reason or bytes that are not UTF-8.
 pub fn read_text(path: &Path) -> anyhow::Result<String> {
-    Ok(utf8(reader(path)?)?)
+    utf8(reader(path)?).with_context(|| path.display().to_string())
 }
 
 /// The text of a file of which nobody says in which encoding it is: bytes that are no UTF-8 are replaced, since nothing that

@@ -200,7 +200,13 @@ fn main() -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            say::failure(&format!("{error:#}"));
+            let why = format!("{error:#}");
+            // Whoever reads the log as JSON gets the last line of it in that form, too.
+            if cli.log_format == logs::LogFormat::Json && tracing::enabled!(tracing::Level::ERROR) {
+                tracing::error!("{}", say::short(&why, say::FAILURE_CHARS_MAX));
+            } else {
+                say::failure(&why);
+            }
             ExitCode::FAILURE
         }
     }

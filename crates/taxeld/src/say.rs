@@ -22,7 +22,7 @@ static ASIDE: AtomicBool = AtomicBool::new(false);
 static ERRORS: OnceLock<fn(Arguments<'_>) -> bool> = OnceLock::new();
 
 /// Longest message of a failure, in characters: what a file holds may be in it.
-const FAILURE_CHARS_MAX: usize = 4_000;
+pub const FAILURE_CHARS_MAX: usize = 4_000;
 
 /// From now on text goes to standard error, because standard output carries data.
 pub fn step_aside() {

@@ -57,6 +57,33 @@ fn fit(folder: &Path, table: &Table) -> Result<String, String> {
     if output.status.success() { Ok(String::from_utf8(output.stdout).unwrap()) } else { Err(errors) }
 }
 
+/// What cannot be opened, ends in the middle or is a folder is told once, by its name and its place.
+#[test]
+fn a_file_that_cannot_be_read_is_named_once_and_where_it_ends() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    fit(folder.path(), &Table::new()).unwrap();
+    std::fs::create_dir(at("dir")).unwrap();
+    let gzipped = Command::new("gzip").args(["-c", &at("data.csv")]).output().unwrap().stdout;
+    std::fs::write(at("cut.csv.gz"), &gzipped[..gzipped.len() / 2]).unwrap();
+    let is_told = |name: &str, arguments: &[&str], why: &str| {
+        let output = taxeld(arguments);
+        let errors = String::from_utf8(output.stderr).unwrap();
+        assert!(!output.status.success() && errors.contains(why), "{arguments:?}: {errors}");
+        assert_eq!(errors.matches(&at(name)).count(), 1, "{arguments:?}: {errors}");
+    };
+    let (out, sound, models) = (at("out"), at("data.csv"), at("models.json"));
+    let cases = [("dir", ["Is a directory"; 2]), ("none", ["No such file"; 2])];
+    for (name, [of_data, of_models]) in cases.into_iter().chain([("cut.csv.gz", ["after line ", "no text in UTF-8"])]) {
+        let file = at(name);
+        is_told(name, &["fit", &file, "--out", &out], of_data);
+        is_told(name, &["apply", &models, &file, "--out", &out], of_data);
+        is_told(name, &["judge", &models, &file], of_data);
+        is_told(name, &["apply", &file, &sound, "--out", &out], of_models);
+        is_told(name, &["judge", &file, &sound], of_models);
+    }
+}
+
 #[test]
 fn a_sound_recording_is_fitted_without_a_word() {
     let folder = tempfile::tempdir().unwrap();

@@ -207,6 +207,21 @@ async fn the_log_has_no_colours_in_a_file_and_one_object_a_line_where_that_is_as
     assert!(objects.iter().all(|object| object["timestamp"].is_string()), "{log}");
 }
 
+#[test]
+fn why_a_daemon_does_not_start_is_a_line_of_its_log() {
+    let fails = |arguments: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).output().unwrap();
+        assert!(!output.status.success());
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let run = ["run", "--config", "/nowhere/taxeld.toml"];
+    let why = "/nowhere/taxeld.toml: No such file or directory (os error 2)";
+    assert_eq!(fails(&run), format!("taxeld: {why}\n"));
+    let line: serde_json::Value =
+        serde_json::from_str(&fails(&[&run[..], &["--log-format", "json"]].concat())).unwrap();
+    assert_eq!((&line["level"], &line["fields"]["message"]), (&"ERROR".into(), &why.into()));
+}
+
 #[tokio::test]
 async fn with_low_latency_it_serves_on_the_engines_thread_and_tells_whether_processors_are_kept_awake() {
     let mut service = Service::start_with(None, &[], "low_latency = true");

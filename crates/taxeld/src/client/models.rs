@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use anyhow::Context;
 use taxel_engine::model_set::ModelSet as EngineSet;
 use taxel_proto::v1::{
     CompareModelSetsRequest, DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, GetSkinRequest,
@@ -113,7 +112,7 @@ pub async fn models(args: ModelsArgs) -> Outcome {
         }
         ModelsCommand::Import { of, file, insist } => {
             let daemon = of.server.connect().await?;
-            let json = files::read_text(&file).with_context(|| file.display().to_string())?;
+            let json = files::read_text(&file)?;
             let answer = daemon.models().import_model_set(ImportModelSetRequest { json, insist }).await?.into_inner();
             if of.json {
                 return json::print("ImportModelSetResponse", &answer);

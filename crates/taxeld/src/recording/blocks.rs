@@ -9,21 +9,27 @@ pub(super) struct Blocks<R> {
     least_bytes: usize,
     /// What has been read of the next block.
     begun: Vec<u8>,
+    /// Lines of the blocks so far.
+    lines: u64,
 }
 
 impl<R: Read> Blocks<R> {
     pub fn new(input: R, least_bytes: usize) -> Self {
-        Self { input, least_bytes, begun: Vec::new() }
+        Self { input, least_bytes, begun: Vec::new(), lines: 0 }
     }
 
     /// The next block; `None` at the end of the file. Without the `\r` of lines that end with `\r\n`. The last block may end within
     /// a line, and so does one in which no line ends.
     ///
     /// # Errors
-    /// The file cannot be read on.
+    /// The file cannot be read on; with the number of lines that could be read.
     pub fn next(&mut self) -> io::Result<Option<Vec<u8>>> {
         self.begun.reserve(self.least_bytes);
-        let read = self.input.by_ref().take(self.least_bytes as u64).read_to_end(&mut self.begun)?;
+        let read = self.input.by_ref().take(self.least_bytes as u64).read_to_end(&mut self.begun);
+        let read = read.map_err(|error| match self.lines + lines_in(&self.begun) {
+            0 => error,
+            lines => io::Error::new(error.kind(), format!("after line {lines}: {error}")),
+        })?;
         let end = self.begun.iter().rposition(|byte| *byte == b'\n').filter(|_| read > 0);
         let rest = end.map_or_else(Vec::new, |end| self.begun.split_off(end + 1));
         let mut block = std::mem::replace(&mut self.begun, rest);
@@ -31,6 +37,7 @@ impl<R: Read> Blocks<R> {
             let mut after = block.clone().into_iter().skip(1);
             block.retain(|byte| after.next() != Some(b'\n') || *byte != b'\r');
         }
+        self.lines += lines_in(&block);
         Ok((!block.is_empty()).then_some(block))
     }
 

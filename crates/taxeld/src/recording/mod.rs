@@ -85,7 +85,8 @@ const SHOWN_CHARS_MAX: usize = 60;
 /// The file's path and the system's reason.
 pub fn open(path: &Path) -> anyhow::Result<Box<dyn Read>> {
     let mut file = BufReader::with_capacity(1 << 16, files::reader(path)?);
-    let gzipped = std::io::BufRead::fill_buf(&mut file)?.starts_with(&[0x1F, 0x8B]);
+    let begin = std::io::BufRead::fill_buf(&mut file).with_context(|| path.display().to_string())?;
+    let gzipped = begin.starts_with(&[0x1F, 0x8B]);
     Ok(if gzipped { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) })
 }
 
