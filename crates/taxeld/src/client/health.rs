@@ -110,7 +110,8 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
         }
     }
     for (fault, taxels) in by_fault {
-        lines.push(format!("  {} taxels {fault}: {}", taxels.len(), places.name(taxels.iter().copied())));
+        let (number, s) = (taxels.len(), if taxels.len() == 1 { "" } else { "s" });
+        lines.push(format!("  {number} taxel{s} {fault}: {}", places.name(taxels.iter().copied())));
     }
     lines
 }
