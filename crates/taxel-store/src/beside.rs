@@ -16,6 +16,24 @@ pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
     name.into()
 }
 
+/// Links to what is not there that are followed, one after another.
+const LINKS_MAX: usize = 8;
+
+/// The file itself that `path` names, which may be a link. SQLite has the log beside that, and so do we have all else. What is
+/// not there yet gets its name where a link says.
+pub(crate) fn real(path: &Path) -> PathBuf {
+    let mut path = path.to_path_buf();
+    for _ in 0..LINKS_MAX {
+        if let Ok(real) = fs::canonicalize(&path) {
+            return real;
+        }
+        let Ok(target) = fs::read_link(&path) else { break };
+        path = folder(&path).join(target);
+    }
+    let named = fs::canonicalize(folder(&path)).ok().zip(path.file_name());
+    named.map_or(path.clone(), |(folder, name)| folder.join(name))
+}
+
 /// The write-ahead log of a database.
 pub(crate) fn wal(path: &Path) -> PathBuf {
     beside(path, "-wal")
@@ -153,8 +171,12 @@ pub(crate) fn remove(path: &Path) -> io::Result<()> {
 
 /// Makes names that were given or taken away in the folder of `path` outlive a power cut.
 pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    File::open(folder)?.sync_all()
+    File::open(folder(path))?.sync_all()
+}
+
+/// The folder of a file.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]
@@ -169,6 +191,26 @@ mod tests {
         remove(&file).unwrap();
         remove(&file).unwrap();
         assert!(remove(folder.path()).is_err(), "a folder is none of the files");
+    }
+
+    #[test]
+    fn a_link_is_the_file_that_it_names() {
+        use std::os::unix::fs::symlink;
+        let dir = tempfile::tempdir().unwrap();
+        let [folder, elsewhere] = ["folder", "elsewhere"].map(|name| dir.path().join(name));
+        fs::create_dir(&folder).unwrap();
+        fs::create_dir(&elsewhere).unwrap();
+        let link = folder.join("store.db");
+        symlink("../elsewhere/other.db", &link).unwrap();
+        let file = fs::canonicalize(&elsewhere).unwrap().join("other.db");
+        assert_eq!(real(&link), file, "it is not there yet");
+        fs::write(&file, b"").unwrap();
+        assert_eq!([real(&link), real(&file)], [file.clone(), file]);
+        let doubled = PathBuf::from(format!("/{}/new.db", elsewhere.display()));
+        assert_eq!(real(&doubled), fs::canonicalize(&elsewhere).unwrap().join("new.db"));
+        symlink("round", elsewhere.join("round")).unwrap();
+        assert_eq!(real(&elsewhere.join("round")).file_name().unwrap(), "round");
+        assert_eq!(real(Path::new("no/such/folder/store.db")), Path::new("no/such/folder/store.db"));
     }
 
     #[test]

@@ -102,13 +102,7 @@ impl Db {
     /// # Errors
     /// The first change that failed during the start.
     pub(crate) fn writable(mut self) -> Result<Self, StoreError> {
-        match self.failure.take() {
-            None => Ok(self),
-            Some(failure) => {
-                self.abandon();
-                Err(failure)
-            }
-        }
+        self.failure.take().map_or(Ok(self), Err)
     }
 
     /// Deletes what is beyond the limits.
@@ -262,20 +256,15 @@ impl Db {
     }
 
     fn checkpoint(&self) -> Result<(), StoreError> {
-        if let Some(path) = &self.path {
-            open_mark::folds_back(path).map_err(|error| StoreError::Io(error.to_string()))?;
-        }
-        self.connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))?;
-        Ok(())
+        fold_back(&self.connection, self.path.as_deref())
     }
 
     /// Folds the log back and closes the file.
     pub(crate) fn close(self) -> Result<(), StoreError> {
         let open = self.writable()?;
-        if let Err(error) = open.end_log() {
-            open.abandon();
-            return Err(error);
-        }
+        open.end_log()?;
+        // From here on the log may be missing. A store that is dropped before keeps it, as the mark says.
+        open.connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, false)?;
         open.connection.close().map_err(|(_, error)| StoreError::from(error))
     }
 
@@ -299,12 +288,6 @@ impl Db {
         Ok(self.connection.wal_hook(Some(noted))?)
     }
 
-    /// Closes the file after a failure without writing or flushing anything more.
-    pub(crate) fn abandon(self) {
-        // If even this is refused, the checkpoint at closing is SQLite's own risk; nothing acknowledged hangs on it.
-        let _ = self.connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true);
-    }
-
     /// Lets the file grow by no more than `pages`, so that tests meet a full disk.
     #[cfg(any(test, feature = "fixtures"))]
     pub(crate) fn limit_growth(&self, pages: i64) -> Result<(), StoreError> {
@@ -313,4 +296,13 @@ impl Db {
         self.connection.pragma_update_and_check(None, "max_page_count", now + pages, set)?;
         Ok(())
     }
+}
+
+/// Folds the log of the database at `path` back, which is `None` if all is in memory.
+fn fold_back(connection: &Connection, path: Option<&Path>) -> Result<(), StoreError> {
+    if let Some(path) = path {
+        open_mark::folds_back(path).map_err(|error| StoreError::Io(error.to_string()))?;
+    }
+    connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))?;
+    Ok(())
 }

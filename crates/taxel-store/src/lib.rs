@@ -46,7 +46,7 @@ mod work;
 mod writer;
 
 pub use error::{Quarantined, StoreError};
-pub use maintenance::{AuditFile, Checked, Compacted, check, compact};
+pub use maintenance::{AuditFile, Checked, Compacted, check, compact, size_on_disk};
 pub use readers::{AuditReader, SamplesReader, SetReader, SizeReader};
 pub use retention::{Retention, Size, session_to_go, sets_to_go, to_be_judged};
 pub use store_file::StoreFile;

@@ -37,6 +37,7 @@ pub struct Checked {
 /// # Errors
 /// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours; not for damage.
 pub fn check(path: &Path) -> Result<Checked, StoreError> {
+    let path = &beside::real(path);
     let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
     refuse_missing(path)?;
     refuse_no_file(path)?;
@@ -88,6 +89,7 @@ pub struct Compacted {
 /// # Errors
 /// [`StoreError`] if there is no store, a daemon has it, or there is no room for the rewriting.
 pub fn compact(path: &Path) -> Result<Compacted, StoreError> {
+    let path = &beside::real(path);
     let bytes = || fs::metadata(path).map(|file| file.len());
     let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
     let before = bytes().map_err(io)?;
@@ -113,6 +115,7 @@ impl AuditFile {
     /// # Errors
     /// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
+        let path = &beside::real(path);
         refuse_missing(path)?;
         refuse_no_file(path)?;
         refuse_in_use(path)?;
@@ -148,18 +151,33 @@ pub(crate) fn refuse_no_file(path: &Path) -> Result<(), StoreError> {
 
 /// Whether another process has the store. What else is wrong with it shows later.
 pub(crate) fn refuse_in_use(path: &Path) -> Result<(), StoreError> {
-    let had_log = beside::wal(path).exists();
-    let looked = Connection::open(path).and_then(|connection| {
-        connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)?;
-        connection.pragma_update_and_check(None, "locking_mode", "exclusive", |_| Ok(()))?;
-        connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))
+    let log = beside::wal(path);
+    let had_log = log.exists();
+    let opening = |error: rusqlite::Error| StoreError::opening(path, &error);
+    let connection = Connection::open(path).map_err(opening);
+    let looked = connection.as_ref().map_err(Clone::clone).and_then(|connection| {
+        let look = || {
+            connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)?;
+            connection.pragma_update_and_check(None, "locking_mode", "exclusive", |_| Ok(()))?;
+            connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))
+        };
+        look().map_err(opening)
     });
-    if let Err(error @ StoreError::InUse { .. }) = looked.map_err(|error| StoreError::opening(path, &error)) {
+    if let Err(error @ StoreError::InUse { .. }) = looked {
         return Err(error);
     }
-    if !had_log {
-        // Looking makes an empty one.
-        beside::remove(&beside::wal(path)).map_err(|error| StoreError::Io(error.to_string()))?;
+    // Looking makes an empty log. It goes before the lock does: afterwards it could be that of a daemon that starts.
+    if !had_log && looked.is_ok() && log.exists() {
+        beside::remove(&log).map_err(|error| StoreError::Io(error.to_string()))?;
     }
+    drop(connection);
     Ok(())
+}
+
+/// Bytes of a store and its write-ahead log on the disk.
+#[must_use]
+pub fn size_on_disk(path: &Path) -> u64 {
+    let path = beside::real(path);
+    let bytes = |file: &Path| fs::metadata(file).map_or(0, |file| file.len());
+    bytes(&path) + bytes(&beside::wal(&path))
 }

@@ -6,7 +6,7 @@
 //! the log was flushed and is not flushed itself: after a power cut it may say too little, and never too much.
 
 use std::fs::{self, File};
-use std::io;
+use std::io::{self, Read};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -56,10 +56,21 @@ pub(crate) fn is_set(database: &Path) -> bool {
 
 /// So many pages of the log were on disk at least.
 pub(crate) fn pages(database: &Path) -> u32 {
-    let Ok(found) = fs::read(name(database)) else { return 0 };
-    let Ok([a, b, c, d, ..]) = Content::try_from(found.as_slice()) else { return 0 };
-    let pages = u32::from_le_bytes([a, b, c, d]);
-    if found == content(pages) { pages } else { 0 }
+    let mut found = Vec::new();
+    let read = is_file(database)
+        && File::open(name(database))
+            .is_ok_and(|mark| mark.take(size_of::<Content>() as u64 + 1).read_to_end(&mut found).is_ok());
+    match Content::try_from(found) {
+        Ok(found @ [a, b, c, d, ..]) if read && found == content(u32::from_le_bytes([a, b, c, d])) => {
+            u32::from_le_bytes([a, b, c, d])
+        }
+        _ => 0,
+    }
+}
+
+/// Whether what has the name of the mark is a file: a pipe would be waited for.
+fn is_file(database: &Path) -> bool {
+    fs::metadata(name(database)).is_ok_and(|found| found.is_file())
 }
 
 /// The log is about to be folded back: from here on nothing is known to be in it.
@@ -67,23 +78,24 @@ pub(crate) fn pages(database: &Path) -> u32 {
 /// # Errors
 /// If that cannot be noted; then nothing may be folded back.
 pub(crate) fn folds_back(database: &Path) -> io::Result<()> {
-    match File::options().write(true).open(name(database)) {
-        Ok(mark) if mark.metadata()?.len() > 0 => {
-            mark.set_len(0)?;
-            mark.sync_all()
-        }
-        Ok(_) => Ok(()),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
-        Err(error) => Err(error),
+    if !is_file(database) {
+        return Ok(());
     }
+    let mark = File::options().write(true).open(name(database))?;
+    if mark.metadata()?.len() > 0 {
+        mark.set_len(0)?;
+        mark.sync_all()?;
+    }
+    Ok(())
 }
 
-/// The database was closed as it should be.
+/// From here on the log may be missing: what is in it is in the database, or kept elsewhere.
 ///
 /// # Errors
 /// If the mark cannot be removed.
 pub(crate) fn clear(database: &Path) -> io::Result<()> {
-    beside::remove(&name(database))
+    beside::remove(&name(database))?;
+    beside::sync_folder(database)
 }
 
 #[cfg(test)]
@@ -127,5 +139,11 @@ mod tests {
         }
         fs::write(name(&database), whole).unwrap();
         assert_eq!(pages(&database), 0x1234_5678);
+        for make in ["mkfifo", "mkdir"] {
+            clear(&database).unwrap();
+            assert!(std::process::Command::new(make).arg(name(&database)).status().unwrap().success());
+            assert_eq!(pages(&database), 0, "{make}");
+            folds_back(&database).unwrap();
+        }
     }
 }

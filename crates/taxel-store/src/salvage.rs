@@ -83,7 +83,8 @@ pub(crate) fn succeed(path: &Path) -> std::io::Result<()> {
     if !new.exists() {
         return Ok(());
     }
-    // The log belongs to the damaged one, and is kept with it.
+    // The log belongs to the damaged one, and is kept with it; so does the mark.
+    open_mark::clear(path)?;
     beside::remove(&beside::wal(path))?;
     fs::rename(new, path)?;
     beside::sync_folder(path)

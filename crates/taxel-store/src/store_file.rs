@@ -9,7 +9,7 @@ use taxel_engine::calibration::SessionSamples;
 use crate::db::Db;
 use crate::error::{Quarantined, StoreError};
 use crate::maintenance::{refuse_in_use, refuse_missing, refuse_no_file};
-use crate::{loss, wal_check};
+use crate::{beside, loss, wal_check};
 
 /// The sessions and model sets of a store.
 pub struct StoreFile {
@@ -25,6 +25,7 @@ impl StoreFile {
     /// [`StoreError`] if there is no store, a daemon has it, it is not one of ours or an earlier version's, or its structure is
     /// broken. Single rows that are damaged are [`StoreFile::damage`].
     pub fn open(path: &Path) -> Result<Self, StoreError> {
+        let path = &beside::real(path);
         refuse_missing(path)?;
         refuse_no_file(path)?;
         refuse_in_use(path)?;
@@ -34,7 +35,8 @@ impl StoreFile {
         damage.extend(lost.map(|reason| Quarantined::new("the write-ahead log", reason)));
         let older = "an earlier version of this program wrote it, and here it is only read: start the daemon or run `taxeld \
                      store compact` first";
-        let (db, restored) = Db::open_file(path, true, Some(opening(older.to_owned())), &mut damage)?;
+        let (db, mut restored) = Db::open_file(path, true, Some(opening(older.to_owned())), &mut damage)?;
+        db.read_active(path, &mut restored, &mut damage)?;
         Ok(Self { db, restored, damage })
     }
 

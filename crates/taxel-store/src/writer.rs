@@ -389,8 +389,6 @@ impl Writer {
         };
         tracing::error!("{error}; nothing is stored any more until the programme is started again");
         (self.notify)(StoreEvent::Failed(error.to_string()));
-        if let Ok(db) = std::mem::replace(&mut self.db, Err(error)) {
-            db.abandon();
-        }
+        self.db = Err(error); // dropped, it writes and flushes nothing more
     }
 }

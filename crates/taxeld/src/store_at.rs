@@ -70,14 +70,9 @@ pub fn model_sets_of(store: SetReader) -> ModelSetSource {
 /// Whether the store's files are within their budget.
 pub fn room_of(store: &StoreAt<'_>, budget_mb: u64) -> Room {
     let StoreAt::File(path, _) = store else { return Arc::new(|| Ok(())) };
-    let files = ["", "-wal"].map(|end| {
-        let mut file = path.as_os_str().to_owned();
-        file.push(end);
-        std::path::PathBuf::from(file)
-    });
+    let path = path.to_path_buf();
     Arc::new(move || {
-        let bytes: u64 = files.iter().filter_map(|file| Some(std::fs::metadata(file).ok()?.len())).sum();
-        let megabytes = bytes.div_ceil(1_000_000);
+        let megabytes = taxel_store::size_on_disk(&path).div_ceil(1_000_000);
         if megabytes <= budget_mb {
             return Ok(());
         }

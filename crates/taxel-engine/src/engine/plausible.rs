@@ -83,7 +83,7 @@ fn odd_knots(profile: &SigmaProfile, [low, high]: [f64; 2]) -> Option<String> {
     let steps = profile.sigma_kpa.len().saturating_sub(1) as f64;
     let (first, last) = (profile.first_count, profile.first_count + steps * profile.step_counts);
     let beside = profile.step_counts.max(1.0);
-    if first <= low + beside && last >= high - beside {
+    if first <= high.min(low + beside) && last >= low.max(high - beside) {
         return None;
     }
     let [first, last, low, high] = [first, last, low, high].map(figure);
@@ -320,6 +320,11 @@ mod tests {
         assert_eq!([100.0, 200.0].map(beside), [None, None], "a knot beside");
         is(beside(200.5), "taxel 0: its `sigma` goes from count 200.5 to 300.5, expected its `range`, 150 to 250");
         is(beside(99.5), "taxel 0: its `sigma` goes from count 99.5 to 199.5, expected its `range`, 150 to 250");
+        let wide = SigmaProfile { first_count: 10_150.0, step_counts: 10_000.0, sigma_kpa: vec![0.5, 2.0] };
+        is(
+            with(&|set| set.taxels[0].sigma = Some(wide.clone())),
+            "taxel 0: its `sigma` goes from count 10150 to 20150, expected its `range`, 150 to 250",
+        );
         is(beside(1e20), "taxel 0: its `sigma` goes from count 1e20 to 1e20, expected its `range`, 150 to 250");
     }
 }

@@ -38,8 +38,7 @@ impl Db {
         // An older file is that of a stop before it could be written: the database goes on.
         if let Some(file) = file.filter(|file| file.activation > newest || !quarantined.is_empty()) {
             if file.activation > newest {
-                let reason = format!("its newest one is {newest}, the file beside the store has {}", file.activation);
-                quarantined.push(Quarantined::new("the list of activations", reason));
+                quarantined.push(older_than(newest, file.activation));
                 restored.active.clear();
                 *lost = true;
             }
@@ -53,6 +52,26 @@ impl Db {
             db.keep_active();
             Ok(())
         })
+    }
+
+    /// What the plain file knows better than the database, where nothing is to be changed.
+    pub(crate) fn read_active(
+        &self,
+        path: &Path,
+        restored: &mut Restored,
+        quarantined: &mut Vec<Quarantined>,
+    ) -> Result<(), StoreError> {
+        let newest = restore::newest_activation(&self.connection)?;
+        match active_file::read(path) {
+            Some(Ok(file)) if file.activation > newest => {
+                quarantined.push(older_than(newest, file.activation));
+                restored.active.clear();
+                sets_of(file.sets, quarantined).into_iter().for_each(|set| serve(set, restored));
+            }
+            Some(Err(reason)) => quarantined.push(Quarantined::new(FILE, reason)),
+            Some(Ok(_)) | None => {}
+        }
+        Ok(())
     }
 
     /// Makes the model sets active whose patches have none because the database lost it, and that were not deleted since.
@@ -118,6 +137,12 @@ impl Db {
         db.failure = Some(why);
         Ok((db, restored))
     }
+}
+
+/// The database has lost its newest activations.
+fn older_than(newest: u64, in_file: u64) -> Quarantined {
+    let reason = format!("its newest one is {newest}, the file beside the store has {in_file}");
+    Quarantined::new("the list of activations", reason)
 }
 
 /// The sets of the plain file that are what their names say.

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::{fs, io};
 
-use rusqlite::config::DbConfig;
+use rusqlite::Connection;
 use taxel_engine::Restored;
 
 use crate::db::connect::connect;
-use crate::db::{Db, Opened};
+use crate::db::{Db, Opened, fold_back};
 use crate::error::{Quarantined, StoreError, lines};
 use crate::held_files::HeldFiles;
 use crate::identity::{check_identity, check_structure, is_damage};
@@ -50,6 +50,7 @@ impl Db {
         limits: &Retention,
         whole_bytes_max: u64,
     ) -> Result<(Self, Restored, Vec<Quarantined>), StoreError> {
+        let path = &beside::real(path);
         let mut quarantined = loss::noted(path);
         let mut lost = !quarantined.is_empty();
         let opened = Self::open_or_mend(path, limits, whole_bytes_max, &mut lost, &mut quarantined);
@@ -118,13 +119,7 @@ impl Db {
             }
             opened => opened?,
         };
-        match db.finish_start(path, &mut restored, limits, lost, quarantined) {
-            Ok(()) => {}
-            Err(error) => {
-                db.abandon();
-                return Err(error);
-            }
-        }
+        db.finish_start(path, &mut restored, limits, lost, quarantined)?;
         let doubt = beside::doubt_mark(path);
         if whole
             && db.failure.is_none()
@@ -165,19 +160,16 @@ impl Db {
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(Self, Restored), StoreError> {
         let opening = |error: rusqlite::Error| StoreError::opening(path, &error);
-        let (mut connection, mut failure) = connect(path, failure)?;
+        let (connection, failure) = connect(path, failure)?;
         check_identity(&connection, path)?;
-        match failure.is_none().then(|| use_log(&connection, path)) {
-            Some(Err(error)) if error.is_of_changing() => {
-                drop(connection);
-                (connection, failure) = connect(path, Some(error))?;
-            }
-            used => used.unwrap_or(Ok(()))?,
-        }
+        let (connection, failure) = changed(path, (connection, failure), |connection| use_log(connection, path))?;
         // Rewriting a damaged file could lose what salvaging it would find.
         if whole || space_to_give_back(&connection).map_err(opening)?.is_some() {
             check_structure(&connection, path)?;
         }
+        // Before anything is written: what comes over the end of the log that a power cut tore would look like a second one.
+        let (mut connection, failure) =
+            changed(path, (connection, failure), |connection| fold_back(connection, Some(path)))?;
         bring_up_to_date(&mut connection).map_err(|error| failure.clone().unwrap_or_else(|| opening(error)))?;
         let mut damaged_rows = Vec::new();
         let Found { restored, rows_of_sets, unproven, texts_read, to_index } =
@@ -190,11 +182,27 @@ impl Db {
         db.attempt(|db| give_back_space(&db.connection, path).map_err(opening))?;
         // What an earlier run deleted may still be in the log if it was killed then.
         db.attempt(|db| db.checkpoint())?;
-        if db.failure.is_none() {
-            db.connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, false).map_err(opening)?;
-        }
         quarantined.append(&mut damaged_rows);
         Ok((db, restored))
+    }
+}
+
+/// A change of a file that is open, unless another has failed before. Where the disk takes nothing, the file is opened where it
+/// lies.
+fn changed(
+    path: &Path,
+    (connection, failure): (Connection, Option<StoreError>),
+    change: impl FnOnce(&Connection) -> Result<(), StoreError>,
+) -> Result<(Connection, Option<StoreError>), StoreError> {
+    if failure.is_some() {
+        return Ok((connection, failure));
+    }
+    match change(&connection) {
+        Err(error) if error.is_of_changing() => {
+            drop(connection);
+            connect(path, Some(error))
+        }
+        changed => changed.map(|()| (connection, None)),
     }
 }
 

@@ -28,13 +28,13 @@ const WORDS: [(&str, &str); 16] = [
 pub(super) fn plain(error: &serde_json::Error) -> String {
     let mut words = shown(&error.to_string());
     for (theirs, ours) in WORDS {
-        // Of a longer name, such as `u8` of `u80`, nothing is changed.
-        if let Some(at) = words.find(theirs) {
-            let end = at + theirs.len();
-            let whole = !words[end..].starts_with(|c: char| c.is_alphanumeric()) || theirs.ends_with(' ');
-            if whole {
-                words.replace_range(at..end, ours);
-            }
+        let Some(at) = words.rfind(theirs) else { continue };
+        let (before, after) = (&words[..at], &words[at + theirs.len()..]);
+        // What the file says is quoted, and stays as it is; and of a longer name nothing is changed.
+        let is_quoted = before.matches(['`', '"']).count() % 2 == 1;
+        let goes_on = after.starts_with(char::is_alphanumeric) && !theirs.ends_with(' ');
+        if !is_quoted && !goes_on {
+            words = format!("{before}{ours}{after}");
         }
     }
     words

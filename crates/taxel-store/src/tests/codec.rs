@@ -186,6 +186,16 @@ fn what_is_json_of_another_shape_is_refused_in_words_of_the_file() {
 }
 
 #[test]
+fn what_the_file_says_is_quoted_as_it_stands() {
+    for name in ["expected f64", "x expected u8 y", "\u{1f600} unknown variant", "trailing characters"] {
+        let refused = changed(false, |f| f[name] = json!(1)).unwrap_err().to_string();
+        assert!(refused.contains(&format!("unknown field `{name}`")), "{refused}");
+    }
+    let refused = changed(false, |f| f["pressure_max_kpa"] = json!("expected f64")).unwrap_err().to_string();
+    assert!(refused.contains("string \"expected f64\", expected a number at"), "{refused}");
+}
+
+#[test]
 fn the_mark_of_an_encoding_before_a_set_is_none_of_it() {
     let (set, mark) = (model_set(1), '\u{feff}');
     let text = to_json(&set).unwrap();

@@ -12,6 +12,7 @@ pub(crate) mod fixture;
 mod flips;
 mod loads;
 mod lost;
+mod nothing_lost;
 mod older;
 mod power;
 mod read_only;

@@ -218,7 +218,7 @@ fn a_file_that_is_found_damaged_while_it_is_open_is_looked_at_whole_by_the_next_
     assert_eq!(restored.active, [(PATCH.to_owned(), sets[6].id.clone())], "the force goes on");
     assert_eq!(prove_all(&mut db), [Lost::Structure]);
     assert!(beside::doubt_mark(&path).exists());
-    db.abandon();
+    drop(db);
     let (db, restored, quarantined) = open_large(&path);
     assert!(quarantined.iter().any(|found| found.reason.contains("damaged-1")), "{quarantined:?}");
     assert_eq!((restored.active.len(), restored.model_sets.len()), (1, 39));

@@ -56,6 +56,25 @@ fn what_is_lost_or_damaged_is_told_and_stays_as_it_is() {
     assert_eq!(files(killed.path()), before);
 }
 
+/// Somebody laid an old database beside the plain file of a newer one: active is what that says.
+#[test]
+fn what_the_plain_file_knows_better_is_read_and_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let [first, _] = filled(&path);
+    let old = fs::read(&path).unwrap();
+    let (store, ..) = open(&path);
+    write(&store, vec![activated(&first)]).unwrap();
+    store.close().unwrap();
+    fs::write(&path, old).unwrap();
+    let file = StoreFile::open(&path).unwrap();
+    assert_eq!(file.restored().active, [(PATCH.to_owned(), first.id.clone())]);
+    assert!(file.damage()[0].to_string().contains("the list of activations"), "{:?}", file.damage());
+    drop(file);
+    fs::write(beside::active(&path), b"nothing of the kind").unwrap();
+    assert_eq!(StoreFile::open(&path).unwrap().damage().len(), 1);
+}
+
 #[test]
 fn what_an_earlier_version_wrote_is_left_to_a_start() {
     let dir = tempfile::tempdir().unwrap();
