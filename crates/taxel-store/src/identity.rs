@@ -109,6 +109,24 @@ mod tests {
         connection
     }
 
+    /// Other tables are a newer version's only where the number says so.
+    #[test]
+    fn a_file_of_other_tables_is_damaged_unless_its_version_is_newer() {
+        let connection = Connection::open_in_memory().unwrap();
+        schema::STEPS.iter().for_each(|step| connection.execute_batch(step).unwrap());
+        connection.pragma_update(None, "application_id", schema::APPLICATION_ID).unwrap();
+        connection.execute_batch("CREATE TABLE more (a)").unwrap();
+        let found = |version: i64| {
+            connection.pragma_update(None, "user_version", version).unwrap();
+            check_identity(&connection, Path::new("store.db"))
+        };
+        assert!(matches!(found(schema::VERSION), Err(StoreError::Damaged { .. })));
+        assert!(matches!(found(schema::VERSION + 1), Err(StoreError::TooNew { .. })));
+        connection.execute_batch("DROP TABLE more").unwrap();
+        assert_eq!(found(schema::VERSION), Ok(()));
+        assert!(matches!(found(schema::VERSION + 1), Err(StoreError::Damaged { .. })));
+    }
+
     #[test]
     fn the_first_three_findings_are_told_and_how_many_more_there_are() {
         let one = "NULL value in t.a";

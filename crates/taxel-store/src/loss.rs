@@ -83,5 +83,8 @@ mod tests {
         assert_eq!(noted(&path), [Quarantined::new("the store", "an earlier start found something lost")]);
         fs::write(beside::loss_note(&path), "half a li").unwrap();
         assert_eq!(noted(&path), [Quarantined::new("the store", "half a li")]);
+        fs::remove_file(beside::loss_note(&path)).unwrap();
+        fs::create_dir(beside::loss_note(&path)).unwrap();
+        assert_eq!(noted(&path)[0].what, "the note of what an earlier start found lost");
     }
 }

@@ -133,7 +133,7 @@ mod tests {
             fs::write(name(&database), damaged).unwrap();
             assert_eq!(pages(&database), 0, "bit {bit}");
         }
-        for torn in [&whole[..7], &[0; 8], b"a longer one"] {
+        for torn in [&whole[..7], &[0; 8], &[7; 8], b"a longer one"] {
             fs::write(name(&database), torn).unwrap();
             assert_eq!(pages(&database), 0, "{torn:?}");
         }

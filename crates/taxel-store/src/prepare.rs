@@ -37,6 +37,8 @@ pub(crate) fn use_log(connection: &Connection, path: &Path) -> Result<(), StoreE
     let mut mode = String::new();
     // It is over when the last row was asked for.
     let used = connection.pragma(None, "journal_mode", "wal", |row| row.get(0).map(|found| mode = found));
+    // The log itself is made by what reads next.
+    let used = used.and_then(|()| connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(())));
     used.map_err(|error| match error.sqlite_error_code() {
         // The file itself is open.
         Some(ErrorCode::CannotOpen) => StoreError::Io(error.to_string()),

@@ -186,6 +186,41 @@ fn what_is_json_of_another_shape_is_refused_in_words_of_the_file() {
 }
 
 #[test]
+fn texts_and_settings_are_written_up_to_their_limits() {
+    const TEXT_MAX: usize = 2 << 10;
+    const SETTINGS_MAX: usize = 256;
+    let written = |change: fn(&mut ModelSet, usize), size: usize| {
+        let mut set = model_set(1);
+        change(&mut set, size);
+        to_json(&with_id(set)).map_err(|error| error.to_string())
+    };
+    let method: fn(&mut ModelSet, usize) = |set, size| set.method = "x".repeat(size);
+    let lines: fn(&mut ModelSet, usize) = |set, size| set.board_settings = vec![String::new(); size];
+    let line: fn(&mut ModelSet, usize) = |set, size| set.board_settings = vec!["x".repeat(size)];
+    for (change, most) in [(method, TEXT_MAX), (line, TEXT_MAX), (lines, SETTINGS_MAX)] {
+        assert_eq!(from_json(&written(change, most).unwrap()).err(), None);
+        let refused = written(change, most + 1).unwrap_err();
+        assert!(refused.contains(&format!("{} ", most + 1)) && refused.ends_with(&most.to_string()), "{refused}");
+    }
+}
+
+#[test]
+fn a_zero_is_two_numbers_or_none() {
+    use taxel_engine::baseline::TaxelBaseline;
+    let written = |mean, noise| {
+        let mut set = model_set(1);
+        set.baseline[0] = TaxelBaseline { mean, noise };
+        to_json(&with_id(set)).is_ok()
+    };
+    assert!(written(240.0, 0.5) && written(240.0, 0.0) && written(f64::NAN, f64::NAN));
+    for (mean, noise) in
+        [(f64::NAN, 0.5), (240.0, f64::NAN), (240.0, -0.5), (f64::INFINITY, 0.5), (240.0, f64::INFINITY)]
+    {
+        assert!(!written(mean, noise), "{mean} {noise}");
+    }
+}
+
+#[test]
 fn what_the_file_says_is_quoted_as_it_stands() {
     for name in ["expected f64", "x expected u8 y", "\u{1f600} unknown variant", "trailing characters"] {
         let refused = changed(false, |f| f[name] = json!(1)).unwrap_err().to_string();

@@ -76,29 +76,58 @@ fn calls_of(shim: &Path, path: &Path, tools: &TempDir) -> u64 {
     fs::read_to_string(count).unwrap().trim().parse().unwrap()
 }
 
-/// A start meets the fault at each of its calls in turn, with a store that was changed by `damage`. Every time the active set
-/// is served; where nothing can be written, that is said with the reason; and what was on the disk stays there.
-fn at_each_call_of_a_start(fault: &str, reasons: &[&str], closed: bool, damage: fn(&Path)) {
+/// What was done to a store before a start.
+#[derive(Clone, Copy, PartialEq)]
+enum Before {
+    Closed,
+    Killed,
+    /// Closed, and a byte of the header is wrong: all is there, and can be read with another header.
+    Damaged,
+    /// Closed, and another program has written it without a log.
+    WithoutLog,
+}
+
+impl Before {
+    fn on(self, path: &Path) {
+        match self {
+            Self::Closed | Self::Killed => {}
+            Self::Damaged => {
+                let mut bytes = fs::read(path).unwrap();
+                bytes[20] ^= 0x55;
+                fs::write(path, bytes).unwrap();
+            }
+            Self::WithoutLog => {
+                let open = rusqlite::Connection::open(path).unwrap();
+                open.pragma_update(None, "journal_mode", "delete").unwrap();
+            }
+        }
+    }
+}
+
+/// A start meets the fault at each of its calls in turn. Every time the active set is served, and without damage all others;
+/// where nothing can be written, that is said with the reason; and what was on the disk stays there.
+fn at_each_call_of_a_start(fault: &str, reasons: &[&str], before: Before) {
     let tools = folder();
     let shim = shim(&tools);
-    let master = disk(closed);
-    let damaged = || {
+    let master = disk(before != Before::Killed);
+    let prepared = || {
         let folder = folder();
         copy(master.0.path(), folder.path());
         let path = folder.path().join("store.db");
-        damage(&path);
+        before.on(&path);
         (folder, path)
     };
-    let calls = calls_of(&shim, &damaged().1, &tools);
+    let calls = calls_of(&shim, &prepared().1, &tools);
     let mut refusals = 0;
     for call in 1..=calls {
-        let (_folder, path) = damaged();
+        let (_folder, path) = prepared();
         let what = format!("{fault} at call {call} of {calls}");
         let fault = [("FAULT", fault), ("FAULT_AT", &*call.to_string())];
         let lines = told(&shim, "tests::read_only::read_only_child", CHILD, &path, &fault);
         assert_eq!(said(&lines, "start"), BTreeSet::new(), "{what}");
         assert_eq!(said(&lines, "active"), [master.1.as_str()].into(), "{what}: {lines:?}");
         assert_eq!(said(&lines, "doubt").len(), 1, "{what}: {lines:?}");
+        assert!(before == Before::Damaged || said(&lines, "sets").contains("2"), "{what}: {lines:?}");
         if let Some(why) = said(&lines, "refused").first() {
             refusals += 1;
             assert!(reasons.iter().any(|reason| why.contains(reason)), "{what}: {why}");
@@ -116,25 +145,20 @@ const EIO: [&str; 3] = ["I/O error", "Input/output error", "unable to open"];
 
 #[test]
 fn a_start_on_a_full_disk_hands_out_all_that_is_on_it() {
-    at_each_call_of_a_start("enospc", &FULL, true, |_| ());
-    at_each_call_of_a_start("enospc", &FULL, false, |_| ());
+    at_each_call_of_a_start("enospc", &FULL, Before::Closed);
+    at_each_call_of_a_start("enospc", &FULL, Before::Killed);
+    at_each_call_of_a_start("enospc", &FULL, Before::WithoutLog);
 }
 
 #[test]
 fn a_start_whose_disk_fails_once_hands_out_all_that_is_on_it() {
-    at_each_call_of_a_start("eio", &EIO, false, |_| ());
-}
-
-/// A byte of the header is wrong: all is there, and can be read with another header.
-fn break_header(path: &Path) {
-    let mut bytes = fs::read(path).unwrap();
-    bytes[20] ^= 0x55;
-    fs::write(path, bytes).unwrap();
+    at_each_call_of_a_start("eio", &EIO, Before::Killed);
+    at_each_call_of_a_start("eio", &EIO, Before::WithoutLog);
 }
 
 #[test]
 fn a_damaged_store_on_a_full_disk_is_not_replaced_by_less_than_what_can_be_read() {
-    at_each_call_of_a_start("enospc", &FULL, true, break_header);
+    at_each_call_of_a_start("enospc", &FULL, Before::Damaged);
 }
 
 #[test]

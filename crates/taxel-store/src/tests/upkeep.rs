@@ -11,7 +11,7 @@ use taxel_engine::record::Record;
 
 use super::fixture::*;
 use crate::db::Db;
-use crate::{Retention, Store, StoreError, check, compact, sets_to_go};
+use crate::{AuditFile, Retention, Store, StoreError, StoreFile, check, compact, sets_to_go};
 
 /// Ten model sets, the first active, and ten sessions with samples, the last two of which wait for the operator.
 fn grown(path: &Path) {
@@ -128,6 +128,32 @@ fn a_check_tells_what_there_is_and_changes_nothing() {
     let (_store, ..) = open(&path);
     assert_eq!(check(&path).unwrap_err(), StoreError::InUse { path: path.clone() });
     assert_eq!(compact(&path).unwrap_err(), StoreError::InUse { path });
+}
+
+/// A file that was ours and lost what shows it, one that never was, and what is no file.
+#[test]
+fn a_check_tells_a_damaged_store_from_what_is_none() {
+    let dir = tempfile::tempdir().unwrap();
+    let [path, text] = ["store.db", "text.db"].map(|name| dir.path().join(name));
+    grown(&path);
+    let mut bytes = fs::read(&path).unwrap();
+    bytes[..16].fill(0);
+    fs::write(&path, bytes).unwrap();
+    let found = check(&path).unwrap();
+    assert_eq!((found.damage.len(), found.damage[0].what.as_str()), (1, "the store"), "{found:?}");
+    fs::write(&text, "nothing of the kind ".repeat(100)).unwrap();
+    assert!(matches!(check(&text).unwrap_err(), StoreError::Foreign { .. }));
+    let refused = |path: &Path| {
+        let compacted = compact(path).unwrap_err();
+        assert_eq!(
+            [check(path).unwrap_err(), StoreFile::open(path).err().unwrap()],
+            [compacted.clone(), compacted.clone()]
+        );
+        assert_eq!(AuditFile::open(path).unwrap_err(), compacted);
+        compacted.to_string()
+    };
+    assert!(refused(&dir.path().join("none.db")).contains("No such file"));
+    assert!(refused(dir.path()).ends_with("cannot open the store: is no file"));
 }
 
 #[test]
