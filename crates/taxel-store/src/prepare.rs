@@ -88,3 +88,28 @@ pub(crate) fn give_back_space(connection: &Connection, path: &Path) -> rusqlite:
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A database with so many pages in use and so many empty ones, or some more.
+    fn pages(used: i64, empty: i64) -> Connection {
+        let connection = Connection::open_in_memory().unwrap();
+        connection.execute_batch("CREATE TABLE used (b); CREATE TABLE empty (b)").unwrap();
+        for (table, pages) in [("used", used), ("empty", empty)] {
+            connection.execute(&format!("INSERT INTO {table} VALUES (zeroblob(?1 * 4092))"), [pages]).unwrap();
+        }
+        connection.execute_batch("DROP TABLE empty").unwrap();
+        connection
+    }
+
+    #[test]
+    fn space_is_given_back_if_half_of_it_and_four_megabytes_are_empty() {
+        let given_back = |used, empty| space_to_give_back(&pages(used, empty)).unwrap().is_some();
+        assert!(given_back(1_000, 1_100));
+        assert!(!given_back(1_300, 1_100), "most of it is in use");
+        assert!(!given_back(10, 900), "it is little");
+        assert!(!given_back(1_300, 900));
+    }
+}

@@ -66,7 +66,11 @@ impl Db {
             Some(Ok(file)) if file.activation > newest => {
                 quarantined.push(older_than(newest, file.activation));
                 restored.active.clear();
-                sets_of(file.sets, quarantined).into_iter().for_each(|set| serve(set, restored));
+                for set in sets_of(file.sets, quarantined) {
+                    if !restore::was_deleted(&self.connection, &set.id, file.activation)? {
+                        serve(set, restored);
+                    }
+                }
             }
             Some(Err(reason)) => quarantined.push(Quarantined::new(FILE, reason)),
             Some(Ok(_)) | None => {}

@@ -9,8 +9,8 @@ use taxel_engine::calibration::SessionState;
 use taxel_engine::record::{Record, Sample};
 
 use super::fixture::*;
-use crate::StoreError;
 use crate::db::Db;
+use crate::{StoreError, beside};
 
 fn session_deleted(session: u64) -> Record {
     Record::SessionDeleted { session, wall_ns: 7 }
@@ -128,6 +128,23 @@ fn a_deleted_model_set_is_gone_and_its_old_activation_does_not_bring_it_back() {
     let (_, restored, quarantined) = Db::open(&path).unwrap();
     assert_eq!((restored.active, quarantined), (vec![(PATCH.to_owned(), first.id)], vec![]));
     assert_eq!(restored.model_sets.len(), 1);
+}
+
+/// A kill came before the plain file was written anew, and damage elsewhere has it looked at.
+#[test]
+fn a_set_that_was_deleted_is_not_taken_back_from_the_plain_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let [_, second] = filled(&path);
+    let plain = fs::read(beside::active(&path)).unwrap();
+    let (store, ..) = open(&path);
+    write(&store, vec![set_deleted(&second.id)]).unwrap();
+    store.close().unwrap();
+    fs::write(beside::active(&path), plain).unwrap();
+    Connection::open(&path).unwrap().execute("UPDATE sessions SET checksum = x'00' WHERE number = 1", []).unwrap();
+    let (_store, restored, quarantined, _events) = open(&path);
+    assert!(!quarantined.is_empty());
+    assert_eq!((restored.active, restored.model_sets.len()), (vec![], 1), "{quarantined:?}");
 }
 
 #[test]

@@ -3,6 +3,7 @@
  *
  * FAULT is what happens:
  *   eio         that call fails
+ *   full        that call fails, for want of room
  *   enospc      that one and all after it fail
  *   erofs       the same with another reason
  *   readonly    the same, and no file can be opened for writing, as on a disk that was mounted so
@@ -81,6 +82,7 @@ static int strike(void) {
     if (strcmp(fault, "erofs") == 0 || strcmp(fault, "readonly") == 0) return EROFS;
     if (call != number) return 0;
     if (strcmp(fault, "eio") == 0) return EIO;
+    if (strcmp(fault, "full") == 0) return ENOSPC;
     if (strcmp(fault, "torn") == 0) return -1;
     if (strcmp(fault, "hold") == 0) hold();
     if (strcmp(fault, "kill") == 0) raise(SIGKILL);

@@ -63,6 +63,34 @@ fn a_full_queue_is_told_and_never_waits() {
     store.close().unwrap();
 }
 
+/// What is read is answered whatever becomes of the store: by its writer, while that is behind, and when it is gone.
+#[test]
+fn whoever_reads_gets_an_answer_also_of_a_full_queue_and_of_no_store() {
+    let (tell, told) = channel();
+    let (store, release) = held_store();
+    let readers = (store.reader(), store.set_reader(), store.audit_reader(), store.size_reader());
+    let ask = || {
+        let [samples, set, audit, size] = std::array::from_fn(|_| tell.clone());
+        readers.0.read(1, Box::new(move |found| samples.send(found.map(drop)).unwrap()));
+        readers.1.read("m-0".to_owned(), Box::new(move |found| set.send(found.map(drop)).unwrap()));
+        readers.2.read(u64::MAX, 9, Box::new(move |found| audit.send(found.map(drop)).unwrap()));
+        readers.3.read(Box::new(move |found| size.send(found.map(drop)).unwrap()));
+    };
+    ask(); // before the queue is full
+    for index in 0..QUEUE_BATCHES as u64 - 4 {
+        store.submit(quiet(vec![sample_record(1, index)])).unwrap();
+    }
+    ask();
+    let behind = Err(StoreError::Behind { waiting: QUEUE_BATCHES });
+    assert_eq!(told.try_iter().collect::<Vec<_>>(), [(); 4].map(|()| behind.clone()));
+    release.send(()).unwrap();
+    store.close().unwrap();
+    let no_set = Err(StoreError::NoModelSet { model_set: "m-0".to_owned() });
+    assert_eq!(told.try_iter().collect::<Vec<_>>(), [Ok(()), no_set, Ok(()), Ok(())]);
+    ask();
+    assert_eq!(told.try_iter().collect::<Vec<_>>(), [(); 4].map(|()| Err(StoreError::Closed)));
+}
+
 /// What people ask for never takes the room of what happens by itself.
 #[test]
 fn of_what_is_asked_for_a_quarter_of_the_queue_may_wait() {

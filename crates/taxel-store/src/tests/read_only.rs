@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use taxel_engine::calibration::SessionState;
+use taxel_engine::record::Record;
 use tempfile::TempDir;
 
 use super::board_zeros::{WHY, doubt, doubts};
@@ -148,6 +149,41 @@ fn a_start_on_a_full_disk_hands_out_all_that_is_on_it() {
     at_each_call_of_a_start("enospc", &FULL, Before::Closed);
     at_each_call_of_a_start("enospc", &FULL, Before::Killed);
     at_each_call_of_a_start("enospc", &FULL, Before::WithoutLog);
+}
+
+/// Giving back space is the one change of a start that is left out.
+#[test]
+fn a_start_that_has_no_room_to_give_back_space_takes_what_is_new() {
+    let tools = folder();
+    let shim = shim(&tools);
+    let (disk, id) = disk(true);
+    let path = disk.path().join("store.db");
+    let rest = model_set(0).baseline[0];
+    let (store, ..) = open(&path);
+    write(&store, vec![session(3, SessionState::Aborted)]).unwrap();
+    for ramp in 0..20 {
+        write(&store, vec![began(3, ramp, vec![rest; 25_000])]).unwrap();
+    }
+    write(&store, vec![Record::SessionDeleted { session: 3, wall_ns: 7 }]).unwrap();
+    store.close().unwrap();
+    let copied = || {
+        let folder = folder();
+        copy(disk.path(), folder.path());
+        let path = folder.path().join("store.db");
+        (folder, path)
+    };
+    let calls = calls_of(&shim, &copied().1, &tools);
+    let mut left_out = 0;
+    for call in 1..=calls {
+        let (_folder, path) = copied();
+        let fault = [("FAULT", "full"), ("FAULT_AT", &*call.to_string())];
+        let lines = told(&shim, "tests::read_only::read_only_child", CHILD, &path, &fault);
+        let served = ["active", "sets"].map(|word| said(&lines, word));
+        assert_eq!(served, [[id.as_str()].into(), ["2"].into()], "call {call} of {calls}: {lines:?}");
+        let is_as_it_was = fs::metadata(&path).unwrap().len() > 8_000_000;
+        left_out += u64::from(is_as_it_was && said(&lines, "written").contains("yes"));
+    }
+    assert!(left_out > 10, "{left_out} of {calls}");
 }
 
 #[test]
