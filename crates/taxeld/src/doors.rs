@@ -5,7 +5,6 @@ use std::net::TcpListener;
 use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use anyhow::{Context, bail};
 use taxel_rpc::{Access, Listener, Rules, Tokens};
@@ -13,9 +12,6 @@ use taxel_rpc::{Access, Listener, Rules, Tokens};
 use taxel_rpc::{Tls, TlsFiles};
 
 use crate::config::{Door, Doors};
-
-/// How often the files of certificates and tokens are looked at.
-const LOOK_EVERY: Duration = Duration::from_secs(5);
 
 /// The open doors, and who may come in.
 pub struct Open {
@@ -154,21 +150,9 @@ impl Reloader {
         }
     }
 
-    /// Looks at the files for ever and reads them again when one changed.
-    pub async fn watch(self) {
-        let files = self.files();
-        if files.is_empty() {
-            return;
-        }
-        let mut seen = stamps(&files);
-        loop {
-            tokio::time::sleep(LOOK_EVERY).await;
-            let now = stamps(&files);
-            if now != seen {
-                seen = now;
-                self.reload_and_tell();
-            }
-        }
+    /// What changes when one of the files does.
+    pub fn stamps(&self) -> Vec<Stamp> {
+        stamps(&self.files())
     }
 
     #[cfg_attr(not(feature = "tls"), allow(unused_mut))] // there are no others then
@@ -184,7 +168,7 @@ impl Reloader {
 }
 
 /// What changes when a file is written or replaced: device, inode, length, time of the last change of anything about it.
-type Stamp = Option<(u64, u64, u64, i64, i64)>;
+pub type Stamp = Option<(u64, u64, u64, i64, i64)>;
 
 fn stamps(files: &[PathBuf]) -> Vec<Stamp> {
     let stamp = |file: &PathBuf| {

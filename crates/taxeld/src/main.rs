@@ -42,6 +42,7 @@ mod queues;
 mod record;
 mod recording;
 mod reload;
+mod reloading;
 mod replay;
 #[cfg(feature = "report")]
 mod report;

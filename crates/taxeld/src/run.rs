@@ -34,6 +34,7 @@ use crate::low_latency::{self, Awake};
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::Reload;
+use crate::reloading::Reloading;
 use crate::shared_memory::{Keeper, Pages};
 use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
 use crate::systemd;
@@ -116,7 +117,7 @@ impl Daemon {
         let Open { listeners, access, reloader } = doors::open(&scene.doors)?;
         let (handle, taps) = record::begin((config, live), &plan, handle, (&mut tasks, &cancel))?;
         let (handle, awake) = if low_latency { awake(handle) } else { (handle, None) };
-        let service = service(handle.clone(), listeners, (access, reloader.clone()), limits(config), share);
+        let service = service(handle.clone(), listeners, access, limits(config), share);
         if low_latency {
             tasks.spawn(service);
         } else {
@@ -205,11 +206,13 @@ impl Daemon {
     /// If signals cannot be waited for.
     pub async fn until_the_end(mut self) -> anyhow::Result<()> {
         let mut terminate = signal(SignalKind::terminate())?;
+        let (mut hangup, reload) = self.reload.take().unzip();
+        let reloading = Reloading::begin(self.reloader.clone(), reload).context("a thread for reloading")?;
         loop {
             tokio::select! {
                 interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
                 _ = terminate.recv() => break,
-                () = hung_up(&mut self.reload, &self.reloader) => self.reloader.reload_and_tell(),
+                () = hung_up(hangup.as_mut()) => reloading.ask(),
                 ended = self.buses.join_next() => match ended {
                     Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
                     Some(Ok(BusEnd::LogOver)) if !self.buses.is_empty() => {}
@@ -285,17 +288,12 @@ fn awake(handle: Handle) -> (Handle, Option<Awake>) {
     }
 }
 
-/// Waits for SIGHUP and reloads. The engine shares this thread: reading a few kilobytes takes it less than a scan's time.
-async fn hung_up(reload: &mut Option<(Signal, Reload)>, reloader: &Reloader) {
-    let Some((signal, reload)) = reload else { return pending().await };
+/// Waits for SIGHUP, where that reloads.
+async fn hung_up(hangup: Option<&mut Signal>) {
+    let Some(signal) = hangup else { return pending().await };
     if signal.recv().await.is_none() {
-        return pending().await;
+        pending().await // there are no more
     }
-    systemd::reloading();
-    if let Some(rules) = reload.again() {
-        reloader.regrant(rules);
-    }
-    systemd::reloaded();
 }
 
 fn limits(config: &Config) -> Limits {
@@ -333,11 +331,10 @@ fn share_with_pages(
 async fn service(
     handle: Handle,
     listeners: Vec<Listener>,
-    (access, reloader): (Access, Reloader),
+    access: Access,
     limits: Limits,
     share: Vec<oneshot::Sender<SharedServices>>,
 ) {
-    tokio::spawn(reloader.watch()); // ends with the runtime
     let give = |services: SharedServices| {
         share.into_iter().for_each(|to| drop(to.send(services.clone()))); // to a page that may have failed
     };

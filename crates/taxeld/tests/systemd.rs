@@ -193,6 +193,28 @@ async fn a_hangup_reloads_what_can_be_refuses_the_rest_with_reasons_and_keeps_th
     service.until_logged("nothing is reloaded: ");
 }
 
+/// A pipe in the place of the configuration is one that is never read to its end, as a file on a disk that hangs.
+#[tokio::test]
+async fn a_configuration_that_cannot_be_read_to_its_end_holds_nobody_up() {
+    let mut service = Service::start(Some(Duration::from_secs(2)), &[]);
+    service.until_told("READY=1");
+    let mut stream = service.stream().await;
+    std::fs::remove_file(service.path("taxeld.toml")).unwrap();
+    assert!(Command::new("mkfifo").arg(service.path("taxeld.toml")).status().unwrap().success());
+    for _ in 0..3 {
+        service.signal("-HUP");
+        service.until_told("RELOADING=1");
+    }
+    let from = next(&mut stream).await.sequence;
+    while next(&mut stream).await.sequence < from + 60 {} // three seconds of scans
+    for _ in 0..3 {
+        service.until_told("WATCHDOG=1");
+    }
+    service.signal("-TERM");
+    service.until_told("STOPPING=1");
+    assert!(service.child.wait().unwrap().success(), "{}", service.log());
+}
+
 #[tokio::test]
 async fn the_log_has_no_colours_in_a_file_and_one_object_a_line_where_that_is_asked_for() {
     let text = Service::start(None, &[]);
