@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::fs::{self, File, TryLockError};
 use std::io;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use crate::name::FileName;
@@ -41,6 +42,31 @@ impl Folder {
         let files = Self::list(path)?;
         let next = files.back().map_or(1, |(name, _)| name.number().saturating_add(1));
         Ok(Self { path: path.to_owned(), files, next, lock })
+    }
+
+    /// Its path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether what has its path is the folder that is held: it may have been removed or replaced, or a disk mounted there.
+    #[must_use]
+    pub fn is_held(&self) -> bool {
+        let identity = |about: fs::Metadata| (about.dev(), about.ino());
+        let held = self.lock.metadata().map(identity);
+        fs::metadata(&self.path).map(identity).is_ok_and(|there| held.is_ok_and(|held| held == there))
+    }
+
+    /// Holds what has its path now, which is made if it is not there. Numbers go on.
+    ///
+    /// # Errors
+    /// As [`Folder::open`]; then all is as it was.
+    pub fn hold_again(&mut self) -> io::Result<()> {
+        let mut folder = Self::open(&self.path)?;
+        folder.next = folder.next.max(self.next);
+        *self = folder;
+        Ok(())
     }
 
     /// The recordings of a folder, oldest first, with their bytes.
@@ -122,6 +148,30 @@ mod tests {
         drop(folder);
         assert!(Folder::open(scratch.path()).is_ok());
         drop(copy);
+    }
+
+    #[test]
+    fn a_folder_that_was_removed_or_replaced_is_held_again_and_numbers_go_on() {
+        let scratch = tempfile::tempdir().unwrap();
+        let path = scratch.path().join("recordings");
+        let mut folder = Folder::open(&path).unwrap();
+        assert_eq!(folder.next_file(0).0.number(), 1);
+        assert!(folder.is_held());
+        fs::remove_dir(&path).unwrap();
+        assert!(!folder.is_held());
+        folder.hold_again().unwrap();
+        assert!(folder.is_held() && Folder::open(&path).is_err(), "nobody else may");
+        assert_eq!(folder.next_file(0).0.number(), 2);
+        // As a disk that is mounted there, with recordings of its own.
+        fs::rename(&path, scratch.path().join("aside")).unwrap();
+        fs::create_dir(&path).unwrap();
+        fs::write(path.join(FileName::new(7, 0).to_string()), [0; 100]).unwrap();
+        assert!(!folder.is_held());
+        let other = Folder::open(&path).unwrap();
+        assert!(folder.hold_again().unwrap_err().to_string().contains("another process"));
+        drop(other);
+        folder.hold_again().unwrap();
+        assert_eq!((folder.next_file(0).0.number(), folder.bytes()), (8, 100));
     }
 
     #[test]

@@ -197,6 +197,13 @@ impl Worker {
     }
 
     fn looked(&mut self) -> Result<(), String> {
+        let path = self.folder.path().display().to_string();
+        if !self.folder.is_held() {
+            if self.open.is_some() {
+                return Err(format!("{path}: the folder of recordings was removed or replaced"));
+            }
+            self.folder.hold_again().map_err(|error| format!("{path}: {error}"))?;
+        }
         if let Some(open) = &mut self.open {
             open.file.flush().map_err(|fault| fault.words())?;
             open.unflushed = 0;
@@ -218,7 +225,7 @@ impl Worker {
             return Err(format!("the disk has {free} MB left, {keep} MB are kept free"));
         }
         if self.open.is_none() {
-            self.begin().map_err(|fault| fault.words())?;
+            self.begin().map_err(|fault| format!("{path}: {}", fault.words()))?;
         }
         Ok(())
     }

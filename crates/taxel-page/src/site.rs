@@ -122,7 +122,7 @@ impl Site {
 
     /// A call by its path.
     async fn call(&self, request: Request<Incoming>, caller: &Caller) -> Result<Response<Body>, Status> {
-        let method = self.methods.find(request.uri().path().trim_start_matches('/'))?;
+        let method = self.methods.find(request.uri().path().strip_prefix('/').unwrap_or_default())?;
         let wanted = if method.streams() { Verb::GET } else { Verb::POST };
         match *request.method() {
             Verb::GET if method.streams() => {
@@ -146,7 +146,7 @@ impl Site {
     ) -> Result<Response<Body>, Status> {
         // A form of another site cannot send this type without asking first.
         let kind = request.headers().get(CONTENT_TYPE).and_then(|kind| kind.to_str().ok()).unwrap_or_default();
-        if kind.split(';').next().map(str::trim) != Some("application/json") {
+        if !kind.split(';').next().is_some_and(|kind| kind.trim().eq_ignore_ascii_case(JSON)) {
             let wrong = Refusal::unreadable("expected the header Content-Type: application/json").into();
             return Ok(refusal_as(StatusCode::UNSUPPORTED_MEDIA_TYPE, &wrong));
         }

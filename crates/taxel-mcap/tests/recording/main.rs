@@ -287,6 +287,27 @@ fn a_disk_that_is_full_is_told_counted_and_recorded_on_once_there_is_room() {
     assert!(read_bytes(&last).1.faults.is_empty());
 }
 
+/// A cleaning script, or a disk that is mounted there after the daemon has started.
+#[test]
+fn a_folder_that_was_removed_is_told_and_recorded_into_again() {
+    let scratch = tempfile::tempdir().unwrap();
+    let path = scratch.path().join("recordings");
+    let (recorder, queue) = start(&path, Limits { retry_after: Duration::from_secs(1), ..limits() });
+    let status = recorder.status();
+    wait("a file", || !status().file.is_empty());
+    std::fs::remove_dir_all(&path).unwrap();
+    wait("the word", || status().problem.is_some());
+    let why = status().problem.unwrap();
+    assert!(why.starts_with(&path.display().to_string()) && why.contains("removed or replaced"), "{why}");
+    wait("another file", || status().problem.is_none());
+    queue.give(0, 7, message(0..100));
+    let second = Folder::open(&path).unwrap_err().to_string();
+    assert!(second.contains("another process records"), "{second}");
+    recorder.finish();
+    let files = Folder::list(&path).unwrap();
+    assert!(files.len() == 1 && files[0].0.number() > 1, "{files:?}");
+}
+
 #[test]
 fn a_disk_with_too_little_space_is_left_alone() {
     let scratch = tempfile::tempdir().unwrap();

@@ -40,6 +40,9 @@ async fn a_refusal_says_why_for_programs_too() {
         ("/taxel.v1.CalibrationService/GetSession", "{", "REQUEST_UNREADABLE"),
         ("/taxel.v1.CalibrationService/GetNothing", "{}", "METHOD_UNKNOWN"),
         ("/streams", "{}", "METHOD_UNKNOWN"),
+        // A proxy with rules about paths must not be passed by another spelling of one.
+        ("//taxel.v1.ForceService/GetForce", "{}", "METHOD_UNKNOWN"),
+        ("/taxel.v1.ForceService/GetForce/", "{}", "METHOD_UNKNOWN"),
     ] {
         let answer = daemon.post(path, body).await;
         let refusal: serde_json::Value = serde_json::from_str(answer.body.trim_end_matches("\r\n")).unwrap();
