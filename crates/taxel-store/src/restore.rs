@@ -321,3 +321,34 @@ fn interrupted(connection: &Connection, mut view: SessionView) -> rusqlite::Resu
 fn text(error: rusqlite::Error) -> String {
     error.to_string()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_operator_goes_on_with_what_was_interrupted_and_with_the_newest_of_a_patch() {
+        use SessionState::{Aborted, Discarded, Interrupted, Review};
+        let view = |(number, (patch, state)): (usize, (&str, SessionState))| SessionView {
+            number: number as u64,
+            patch: patch.to_owned(),
+            state,
+            ..SessionView::default()
+        };
+        let [a, b, c] = ["a", "b", "c"];
+        let sessions = [(a, Interrupted), (a, Aborted), (a, Review), (b, Aborted), (b, Discarded), (c, Interrupted)];
+        let sessions: Vec<_> = sessions.into_iter().enumerate().map(view).collect();
+        assert_eq!(likely_to_go_on(&sessions), [5, 2, 0]);
+    }
+
+    #[test]
+    fn a_row_of_other_columns_says_so() {
+        let connection = Connection::open_in_memory().unwrap();
+        let found = |sql: &str| connection.query_row(sql, [], |row| Ok((session_view(row, 1), load(row, 1)))).unwrap();
+        for sql in ["SELECT 1, 5, x'00'", "SELECT 1, '{}', 5"] {
+            let (view, load) = found(sql);
+            let [view, load] = [view.unwrap_err(), load.unwrap_err()];
+            assert!(view.contains("Invalid column type") && load.contains("Invalid column type"), "{view}, {load}");
+        }
+    }
+}
