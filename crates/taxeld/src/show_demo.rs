@@ -71,6 +71,9 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
     if args.effects {
         return crate::demo_effects::print(&plan, args.seed..args.seed + args.skins);
     }
+    if args.shared_memory.is_some() {
+        Pages::make(Some(&pages_section(args)?), &plan)?; // what cannot be had is told before the work, and not after it
+    }
     say!("A simulated forearm in a vacuum bag: 230 taxels on 23 modules, real frames, no hardware.");
     let outcomes = if args.bare { Vec::new() } else { procedures(args, &plan)? };
     if !args.bare {
@@ -197,11 +200,7 @@ const fn with_page(_: &mut Config) -> anyhow::Result<Option<SocketAddr>> {
 /// Gives the demo its page in shared memory, in the folder that was asked for, or in the usual one if it can be had. The
 /// folder, if there is one.
 fn with_shared_memory(args: &DemoArgs, config: &mut Config, plan: &Plan) -> anyhow::Result<Option<PathBuf>> {
-    let usual = SharedMemorySection::default();
-    let section = match &args.shared_memory {
-        Some(path) => SharedMemorySection { path: std::path::absolute(path)?, ..usual },
-        None => usual,
-    };
+    let section = pages_section(args)?;
     match Pages::make(Some(&section), plan) {
         Ok(_) => {} // the daemon makes its own
         Err(error) if args.shared_memory.is_some() => return Err(error),
@@ -213,6 +212,15 @@ fn with_shared_memory(args: &DemoArgs, config: &mut Config, plan: &Plan) -> anyh
     let folder = section.path.clone();
     config.shared_memory = Some(section);
     Ok(Some(folder))
+}
+
+/// Where the demo's page in shared memory is to be.
+fn pages_section(args: &DemoArgs) -> anyhow::Result<SharedMemorySection> {
+    let usual = SharedMemorySection::default();
+    Ok(match &args.shared_memory {
+        Some(path) => SharedMemorySection { path: std::path::absolute(path)?, ..usual },
+        None => usual,
+    })
 }
 
 /// The same skin live: an operator can calibrate it, a controller can subscribe.
