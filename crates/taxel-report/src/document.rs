@@ -3,6 +3,7 @@
 
 use crate::numbers::three_digits;
 use serde::Serialize;
+use taxel_model::figure;
 
 /// One section of the report, for example "Fit".
 #[derive(Clone, Debug, Default, Serialize)]
@@ -158,23 +159,18 @@ impl Aim {
 
     /// A promise of a value that is no greater than `most`.
     pub(crate) fn at_most(what: &str, measured: f64, most: f64) -> Self {
-        Self::new(what, measured, format!("at most {}", plain(most)), measured <= most)
+        Self::new(what, measured, format!("at most {}", figure(most)), measured <= most)
     }
 
     /// A promise of a value that is no less than `least`.
     pub(crate) fn at_least(what: &str, measured: f64, least: f64) -> Self {
-        Self::new(what, measured, format!("at least {}", plain(least)), measured >= least)
+        Self::new(what, measured, format!("at least {}", figure(least)), measured >= least)
     }
 
     /// What was measured beside the promises.
     pub(crate) fn beside(what: &str, measured: f64) -> Self {
         Self { what: what.to_owned(), measured: Some(measured), ..Self::default() }
     }
-}
-
-/// A round number as people write it.
-fn plain(value: f64) -> String {
-    if value == 0.0 || (1e-3..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
 impl Section {

@@ -39,6 +39,12 @@ pub(crate) fn wal(path: &Path) -> PathBuf {
     beside(path, "-wal")
 }
 
+/// Bytes of a database and its log.
+pub(crate) fn bytes(path: &Path) -> u64 {
+    let bytes = |file: &Path| fs::metadata(file).map_or(0, |file| file.len());
+    bytes(path) + bytes(&wal(path))
+}
+
 /// Makes an empty file for a database if there is none, which its owner alone may read: the audit log is in it. SQLite gives
 /// the log the same mode. That it cannot be made is found by whoever opens it.
 pub(crate) fn make_private(path: &Path) {

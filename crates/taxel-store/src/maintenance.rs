@@ -37,11 +37,8 @@ pub struct Checked {
 /// # Errors
 /// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours; not for damage.
 pub fn check(path: &Path) -> Result<Checked, StoreError> {
-    let path = &beside::real(path);
-    let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
-    refuse_missing(path)?;
-    refuse_no_file(path)?;
-    refuse_in_use(path)?;
+    let path = &idle(path)?;
+    let io = |error: std::io::Error| StoreError::Open { path: path.clone(), reason: error.to_string() };
     let mut damage = Vec::new();
     if let Some(reason) = wal_check::problem(path).map_err(io)? {
         damage.push(Quarantined::new("the write-ahead log", reason));
@@ -89,11 +86,10 @@ pub struct Compacted {
 /// # Errors
 /// [`StoreError`] if there is no store, a daemon has it, or there is no room for the rewriting.
 pub fn compact(path: &Path) -> Result<Compacted, StoreError> {
-    let path = &beside::real(path);
+    let path = &file_of(path)?;
     let bytes = || fs::metadata(path).map(|file| file.len());
-    let io = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
+    let io = |error: std::io::Error| StoreError::Open { path: path.clone(), reason: error.to_string() };
     let before = bytes().map_err(io)?;
-    refuse_no_file(path)?;
     let (db, _, damage) = Db::open_proving(path, &Retention::default(), u64::MAX)?;
     let db = db.writable()?;
     db.compact()?;
@@ -115,16 +111,13 @@ impl AuditFile {
     /// # Errors
     /// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let path = &beside::real(path);
-        refuse_missing(path)?;
-        refuse_no_file(path)?;
-        refuse_in_use(path)?;
-        let connection = in_place::open(path).map_err(|error| StoreError::opening(path, &error))?;
-        check_identity(&connection, path)?;
-        if !connection.table_exists(None, "audit").map_err(|error| StoreError::opening(path, &error))? {
-            return Err(StoreError::Foreign { path: path.to_path_buf(), reason: "it has no audit log".to_owned() });
+        let path = idle(path)?;
+        let connection = in_place::open(&path).map_err(|error| StoreError::opening(&path, &error))?;
+        check_identity(&connection, &path)?;
+        if !connection.table_exists(None, "audit").map_err(|error| StoreError::opening(&path, &error))? {
+            return Err(StoreError::Foreign { path, reason: "it has no audit log".to_owned() });
         }
-        Ok(Self { connection, path: path.to_path_buf() })
+        Ok(Self { connection, path })
     }
 
     /// Entries with numbers below `number`, at most so many, newest first.
@@ -136,21 +129,28 @@ impl AuditFile {
     }
 }
 
-/// Opening it would make one.
-pub(crate) fn refuse_missing(path: &Path) -> Result<(), StoreError> {
-    let open = |error: std::io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
-    fs::metadata(path).map(drop).map_err(open)
+/// The file itself of a store that no process has open.
+///
+/// # Errors
+/// [`StoreError`] if there is none, or another process has it. What else is wrong with it shows later.
+pub(crate) fn idle(path: &Path) -> Result<PathBuf, StoreError> {
+    let path = file_of(path)?;
+    refuse_in_use(&path)?;
+    Ok(path)
 }
 
-/// A device or a pipe would be written to, or be waited for.
-pub(crate) fn refuse_no_file(path: &Path) -> Result<(), StoreError> {
-    let is_file = fs::metadata(path).is_ok_and(|found| found.is_file());
-    let open = || StoreError::Open { path: path.to_path_buf(), reason: "is no file".to_owned() };
-    is_file.then_some(()).ok_or_else(open)
+/// The file itself. Opening what is not there would make it, and a device or a pipe would be written to, or be waited for.
+fn file_of(path: &Path) -> Result<PathBuf, StoreError> {
+    let path = beside::real(path);
+    match fs::metadata(&path) {
+        Ok(found) if found.is_file() => Ok(path),
+        Ok(_) => Err(StoreError::Open { path, reason: "is no file".to_owned() }),
+        Err(error) => Err(StoreError::Open { path, reason: error.to_string() }),
+    }
 }
 
-/// Whether another process has the store. What else is wrong with it shows later.
-pub(crate) fn refuse_in_use(path: &Path) -> Result<(), StoreError> {
+/// Whether another process has the store.
+fn refuse_in_use(path: &Path) -> Result<(), StoreError> {
     let log = beside::wal(path);
     let had_log = log.exists();
     let opening = |error: rusqlite::Error| StoreError::opening(path, &error);
@@ -177,7 +177,5 @@ pub(crate) fn refuse_in_use(path: &Path) -> Result<(), StoreError> {
 /// Bytes of a store and its write-ahead log on the disk.
 #[must_use]
 pub fn size_on_disk(path: &Path) -> u64 {
-    let path = beside::real(path);
-    let bytes = |file: &Path| fs::metadata(file).map_or(0, |file| file.len());
-    bytes(&path) + bytes(&beside::wal(&path))
+    beside::bytes(&beside::real(path))
 }

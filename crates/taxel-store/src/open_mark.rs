@@ -6,7 +6,7 @@
 //! the log was flushed and is not flushed itself: after a power cut it may say too little, and never too much.
 
 use std::fs::{self, File};
-use std::io::{self, Read};
+use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -56,16 +56,14 @@ pub(crate) fn is_set(database: &Path) -> bool {
 
 /// So many pages of the log were on disk at least.
 pub(crate) fn pages(database: &Path) -> u32 {
-    let mut found = Vec::new();
-    let read = is_file(database)
-        && File::open(name(database))
-            .is_ok_and(|mark| mark.take(size_of::<Content>() as u64 + 1).read_to_end(&mut found).is_ok());
-    match Content::try_from(found) {
-        Ok(found @ [a, b, c, d, ..]) if read && found == content(u32::from_le_bytes([a, b, c, d])) => {
-            u32::from_le_bytes([a, b, c, d])
-        }
-        _ => 0,
+    if !is_file(database) {
+        return 0;
     }
+    let mut found = Content::default();
+    let read = File::open(name(database)).and_then(|mark| mark.read_exact_at(&mut found, 0));
+    let [a, b, c, d, ..] = found;
+    let pages = u32::from_le_bytes([a, b, c, d]);
+    if read.is_ok() && found == content(pages) { pages } else { 0 }
 }
 
 /// Whether what has the name of the mark is a file: a pipe would be waited for.

@@ -8,8 +8,8 @@ use taxel_engine::calibration::SessionSamples;
 
 use crate::db::Db;
 use crate::error::{Quarantined, StoreError};
-use crate::maintenance::{refuse_in_use, refuse_missing, refuse_no_file};
-use crate::{beside, loss, wal_check};
+use crate::maintenance::idle;
+use crate::{loss, wal_check};
 
 /// The sessions and model sets of a store.
 pub struct StoreFile {
@@ -25,11 +25,8 @@ impl StoreFile {
     /// [`StoreError`] if there is no store, a daemon has it, it is not one of ours or an earlier version's, or its structure is
     /// broken. Single rows that are damaged are [`StoreFile::damage`].
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let path = &beside::real(path);
-        refuse_missing(path)?;
-        refuse_no_file(path)?;
-        refuse_in_use(path)?;
-        let opening = |reason: String| StoreError::Open { path: path.to_path_buf(), reason };
+        let path = &idle(path)?;
+        let opening = |reason: String| StoreError::Open { path: path.clone(), reason };
         let mut damage = loss::noted(path);
         let lost = wal_check::problem(path).map_err(|error| opening(error.to_string()))?;
         damage.extend(lost.map(|reason| Quarantined::new("the write-ahead log", reason)));

@@ -38,22 +38,20 @@ impl Reloading {
 fn keep(asked: &Receiver<()>, reloader: &Reloader, mut reload: Option<Reload>) {
     let mut seen = reloader.stamps();
     loop {
-        match asked.recv_timeout(LOOK_EVERY) {
-            Ok(()) => {
-                if let Some(rules) = reload.as_mut().and_then(Reload::again) {
-                    reloader.regrant(rules);
-                }
-                reloader.reload_and_tell();
-                systemd::reloaded();
-            }
-            Err(RecvTimeoutError::Timeout) => {
-                let now = reloader.stamps();
-                if now != seen {
-                    seen = now;
-                    reloader.reload_and_tell();
-                }
-            }
+        let is_asked = match asked.recv_timeout(LOOK_EVERY) {
+            Ok(()) => true,
+            Err(RecvTimeoutError::Timeout) => false,
             Err(RecvTimeoutError::Disconnected) => return,
+        };
+        let rules = reload.as_mut().filter(|_| is_asked).and_then(Reload::again);
+        rules.into_iter().for_each(|rules| reloader.regrant(rules));
+        let now = reloader.stamps(); // before they are read: what changes meanwhile is read once more
+        if is_asked || now != seen {
+            seen = now;
+            reloader.reload_and_tell();
+        }
+        if is_asked {
+            systemd::reloaded();
         }
     }
 }

@@ -1,5 +1,6 @@
 //! One case of the suite, what came out of it, and what other methods are to make of the same samples.
 
+use crate::figure;
 use crate::stability::taxels::Recording;
 
 /// What the figure of most fits is.
@@ -167,13 +168,8 @@ impl Case {
     /// The figure with its limit and what else must hold, in words.
     #[must_use]
     pub fn criterion(&self) -> String {
-        let bound = if self.limit == 0.0 { "= 0".to_owned() } else { format!("<= {}", short(self.limit)) };
+        let bound = if self.limit == 0.0 { "= 0".to_owned() } else { format!("<= {}", figure(self.limit)) };
         let also = if self.also.is_empty() { String::new() } else { format!("; {}", self.also) };
         format!("{} {bound}{also}", self.figure)
     }
-}
-
-/// A limit as people write it.
-fn short(value: f64) -> String {
-    if (1e-3..1e4).contains(&value.abs()) { format!("{value}") } else { format!("{value:e}") }
 }

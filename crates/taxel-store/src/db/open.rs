@@ -1,7 +1,7 @@
 //! A store is opened: what is damaged is kept aside, and what can be read is served also where nothing can be written.
 
+use std::io;
 use std::path::Path;
-use std::{fs, io};
 
 use rusqlite::Connection;
 use taxel_engine::Restored;
@@ -81,7 +81,7 @@ impl Db {
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(Self, Restored), StoreError> {
         salvage::succeed(path).map_err(|error| StoreError::changing(path, &error))?;
-        let whole = bytes_of(path) <= whole_bytes_max || beside::doubt_mark(path).exists();
+        let whole = beside::bytes(path) <= whole_bytes_max || beside::doubt_mark(path).exists();
         let opened = match Self::open_once(path, whole, limits, lost, quarantined) {
             // Of these kinds are errors that come after the tables of a file were read that was not proven: it may be
             // damaged in a place that only deleting reads. Proven whole it is mended, and does not fail each start.
@@ -250,10 +250,4 @@ fn put_right(path: &Path, error: &StoreError, failure: Option<StoreError>) -> Re
     let Salvaged { aside, rows } = salvage::salvage(path).map_err(stays)?;
     let reason = format!("{error}; it is kept as {}, {rows} rows of it are in a new one", aside.display());
     Ok(Quarantined::new(STORE, reason))
-}
-
-/// Bytes of a database and its log.
-fn bytes_of(path: &Path) -> u64 {
-    let bytes = |file: &Path| fs::metadata(file).map_or(0, |file| file.len());
-    bytes(path) + bytes(&beside::wal(path))
 }

@@ -17,7 +17,7 @@ use crate::{Retention, StoreFile, beside, check, compact, wal_check};
 const COMPACTING: [&str; 2] = ["tests::nothing_lost::compacting_child", "TAXEL_STORE_COMPACTING_CHILD"];
 
 /// A store as a kill leaves it, with transactions in the log alone.
-fn killed() -> (TempDir, PathBuf) {
+pub fn killed() -> (TempDir, PathBuf) {
     let (work, killed) = (folder(), folder());
     let path = work.path().join("store.db");
     filled(&path);

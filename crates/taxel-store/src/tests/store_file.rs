@@ -5,6 +5,7 @@ use std::fs;
 use super::audit::files;
 use super::fixture::*;
 use super::lost::copy;
+use super::nothing_lost::killed;
 use super::older::written_by;
 use crate::schema;
 use crate::{StoreError, StoreFile, beside};
@@ -33,13 +34,7 @@ fn what_a_kill_left_is_read_and_nothing_is_changed() {
 /// The next start tells it and acts on it.
 #[test]
 fn what_is_lost_or_damaged_is_told_and_stays_as_it_is() {
-    let (work, killed) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let path = work.path().join("store.db");
-    filled(&path);
-    let (store, ..) = open(&path);
-    write(&store, vec![sample_record(2, 40)]).unwrap();
-    copy(work.path(), killed.path());
-    let path = killed.path().join("store.db");
+    let (killed, path) = killed();
     fs::write(beside::wal(&path), []).unwrap();
     let before = files(killed.path());
     for time in ["first", "second"] {

@@ -9,24 +9,22 @@ pub(super) struct Blocks<R> {
     least_bytes: usize,
     /// What has been read of the next block.
     begun: Vec<u8>,
-    /// Lines of the blocks so far.
-    lines: u64,
 }
 
 impl<R: Read> Blocks<R> {
     pub fn new(input: R, least_bytes: usize) -> Self {
-        Self { input, least_bytes, begun: Vec::new(), lines: 0 }
+        Self { input, least_bytes, begun: Vec::new() }
     }
 
     /// The next block; `None` at the end of the file. Without the `\r` of lines that end with `\r\n`. The last block may end within
-    /// a line, and so does one in which no line ends.
+    /// a line, and so does one in which no line ends. So many `lines` came before it.
     ///
     /// # Errors
     /// The file cannot be read on; with the number of lines that could be read.
-    pub fn next(&mut self) -> io::Result<Option<Vec<u8>>> {
+    pub fn next(&mut self, lines: u64) -> io::Result<Option<Vec<u8>>> {
         self.begun.reserve(self.least_bytes);
         let read = self.input.by_ref().take(self.least_bytes as u64).read_to_end(&mut self.begun);
-        let read = read.map_err(|error| match self.lines + lines_in(&self.begun) {
+        let read = read.map_err(|error| match lines + lines_in(&self.begun) {
             0 => error,
             lines => io::Error::new(error.kind(), format!("after line {lines}: {error}")),
         })?;
@@ -37,7 +35,6 @@ impl<R: Read> Blocks<R> {
             let mut after = block.clone().into_iter().skip(1);
             block.retain(|byte| after.next() != Some(b'\n') || *byte != b'\r');
         }
-        self.lines += lines_in(&block);
         Ok((!block.is_empty()).then_some(block))
     }
 
@@ -80,7 +77,7 @@ mod tests {
             let mut blocks = Blocks::new(text.as_bytes(), least);
             let mut found = Vec::new();
             for _ in 0..taken {
-                let Some(block) = blocks.next().unwrap() else { break };
+                let Some(block) = blocks.next(0).unwrap() else { break };
                 prop_assert!(!block[..block.len() - 1].contains(&b'\n') || block.ends_with(b"\n") || block.len() < least);
                 for (before, part) in parts(&block, most, 1) {
                     let at = part.as_ptr() as usize - block.as_ptr() as usize;
@@ -99,7 +96,7 @@ mod tests {
         fn a_line_that_ends_with_two_characters_ends_with_one(text in "[a\r\n]{0,40}", least in 1..60_usize) {
             let mut blocks = Blocks::new(text.as_bytes(), least);
             let (mut found, mut whole_lines) = (Vec::new(), true);
-            while let Some(block) = blocks.next().unwrap() {
+            while let Some(block) = blocks.next(0).unwrap() {
                 whole_lines &= found.is_empty() || found.ends_with(b"\n");
                 found.extend(block);
             }

@@ -109,7 +109,7 @@ impl Recording {
 
     fn parse_in(cut: Parts, input: impl Read) -> anyhow::Result<Self> {
         let mut blocks = Blocks::new(input, cut.block_bytes);
-        let first = blocks.next()?.unwrap_or_default();
+        let first = blocks.next(0)?.unwrap_or_default();
         check_line(&first, 1)?;
         let recording = if in_one_piece(&first) {
             let mut reader = reader(Lines::after(0, blocks.from(first)), true);
@@ -162,7 +162,7 @@ impl Recording {
             }
             self.take_block(cut, &text, lines)?;
             lines += lines_in(&text);
-            block = blocks.next()?;
+            block = blocks.next(lines)?;
         }
         Ok(())
     }
