@@ -11,7 +11,7 @@
 use std::future::Future;
 use std::io;
 use std::pin::Pin;
-use std::task::{Context, Poll, ready};
+use std::task::{Context, Poll, Waker, ready};
 use std::time::Duration;
 
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
@@ -77,7 +77,26 @@ pub(crate) struct Paced<T> {
     left: f64,
     at: Instant,
     /// Until there is one again.
-    pause: Option<Pin<Box<Sleep>>>,
+    pause: Option<Pause>,
+}
+
+/// A reader is held back.
+struct Pause {
+    over: Pin<Box<Sleep>>,
+    /// Whoever waits for that. A connection reads before it writes and then sleeps, so that a pause which a write ends has to
+    /// be told.
+    reader: Option<Waker>,
+}
+
+impl Pause {
+    fn of(time: Duration) -> Self {
+        Self { over: Box::pin(tokio::time::sleep(time)), reader: None }
+    }
+
+    fn poll(&mut self, cx: &mut Context<'_>) -> Poll<()> {
+        self.reader = Some(cx.waker().clone());
+        self.over.as_mut().poll(cx)
+    }
 }
 
 impl<T> Paced<T> {
@@ -98,14 +117,14 @@ impl<T> Paced<T> {
 impl<T: AsyncRead + Unpin> AsyncRead for Paced<T> {
     fn poll_read(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         if let Some(pause) = &mut self.pause {
-            ready!(pause.as_mut().poll(cx));
+            ready!(pause.poll(cx));
             self.pause = None;
         }
         let before = buf.filled().len();
         ready!(Pin::new(&mut self.io).poll_read(cx, buf))?;
         let frames = self.frames.of_no_call(&buf.filled()[before..]);
         if frames > 0 {
-            self.pause = self.take(frames, Instant::now()).map(|wait| Box::pin(tokio::time::sleep(wait)));
+            self.pause = self.take(frames, Instant::now()).map(Pause::of);
         }
         Poll::Ready(Ok(()))
     }
@@ -115,8 +134,10 @@ impl<T: AsyncWrite + Unpin> AsyncWrite for Paced<T> {
     fn poll_write(mut self: Pin<&mut Self>, cx: &mut Context<'_>, buf: &[u8]) -> Poll<io::Result<usize>> {
         let written = ready!(Pin::new(&mut self.io).poll_write(cx, buf))?;
         self.left = (self.left + written as f64 / BYTES_A_FRAME).min(self.rate.burst.into());
-        if self.left >= 0.0 {
-            self.pause = None; // whoever writes reads afterwards
+        if self.left >= 0.0
+            && let Some(reader) = self.pause.take().and_then(|pause| pause.reader)
+        {
+            reader.wake();
         }
         Poll::Ready(Ok(written))
     }
@@ -228,6 +249,25 @@ mod tests {
         assert_eq!(time_of(&mut paced, &mut far, 1).await, 0.0);
         paced.left = 0.0;
         assert!((0.9..=1.1).contains(&time_of(&mut paced, &mut far, 110).await), "and no more than the burst");
+    }
+
+    #[tokio::test(start_paused = true)]
+    async fn whoever_waits_for_the_end_of_a_pause_hears_that_a_write_ended_it() {
+        let (near, mut far) = tokio::io::duplex(1 << 20);
+        let paced = Paced::new(near, Rate { burst: 2_000, every: Duration::from_secs(3_600) });
+        far.write_all(PREFACE).await.unwrap();
+        far.write_all(&frame(PING, 8).repeat(210)).await.unwrap();
+        let (mut reading, mut writing) = tokio::io::split(paced);
+        reading.read_exact(&mut vec![0; PREFACE.len() + 17 * 210]).await.unwrap();
+        far.write_all(b"x").await.unwrap();
+        let begun = Instant::now();
+        let waiting = tokio::spawn(async move { reading.read_u8().await });
+        tokio::task::yield_now().await;
+        assert!(!waiting.is_finished(), "it is held back");
+        let answer = vec![0; 64 * 20];
+        writing.write_all(&answer).await.unwrap();
+        assert_eq!(waiting.await.unwrap().unwrap(), b'x');
+        assert_eq!(begun.elapsed(), Duration::ZERO);
     }
 
     #[tokio::test(start_paused = true)]
