@@ -45,26 +45,13 @@ impl Accounts {
             }
             let before = asked.forgotten;
             let asking = asked.asking.entry((uid, gid)).or_insert_with(|| {
-                let looked_up = tokio::spawn(self.clone().ask(uid, gid, before));
+                let question = Question { accounts: self.clone(), of: (uid, gid), before };
+                let looked_up = tokio::spawn(question.answered());
                 looked_up.map(move |account| account.unwrap_or_else(|_| Account::nameless(uid).into())).boxed().shared()
             });
             asking.clone()
         };
         answer.await
-    }
-
-    async fn ask(self, uid: u32, gid: u32, before: u64) -> Arc<Account> {
-        let looked_up = tokio::task::spawn_blocking(move || look_up(uid, gid)).await;
-        let account = Arc::new(looked_up.unwrap_or_else(|_| Account::nameless(uid)));
-        let mut asked = self.asked();
-        asked.asking.remove(&(uid, gid));
-        if asked.known.len() >= ACCOUNTS_MAX {
-            asked.known.clear();
-        }
-        if asked.forgotten == before {
-            asked.known.insert((uid, gid), (Instant::now(), Arc::clone(&account)));
-        }
-        account
     }
 
     /// Forgets what is known, so that a change of groups counts at once for new connections.
@@ -77,6 +64,39 @@ impl Accounts {
 
     fn asked(&self) -> MutexGuard<'_, Asked> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A question to the system. However it ends, whoever wants to know afterwards asks anew, unless the answer is kept.
+struct Question {
+    accounts: Accounts,
+    of: (u32, u32),
+    /// So often everything had been forgotten.
+    before: u64,
+}
+
+impl Question {
+    async fn answered(self) -> Arc<Account> {
+        let (uid, gid) = self.of;
+        let looked_up = tokio::task::spawn_blocking(move || look_up(uid, gid)).await;
+        let Ok(account) = looked_up.map(Arc::new) else { return Account::nameless(uid).into() }; // there was no thread
+        let mut asked = self.accounts.asked();
+        if asked.known.len() >= ACCOUNTS_MAX {
+            asked.known.clear();
+        }
+        if asked.forgotten == self.before {
+            asked.known.insert(self.of, (Instant::now(), Arc::clone(&account)));
+        }
+        account
+    }
+}
+
+impl Drop for Question {
+    fn drop(&mut self) {
+        let mut asked = self.accounts.asked();
+        if asked.forgotten == self.before {
+            asked.asking.remove(&self.of);
+        }
     }
 }
 
@@ -155,6 +175,16 @@ mod tests {
         let accounts = Accounts::default();
         let groups = async |gid| accounts.of(4_000_000_000, gid).await.groups.clone();
         assert_eq!((groups(0).await, groups(4_000_000_000).await), (vec!["root".to_owned()], vec![]));
+    }
+
+    /// The system may have no thread for a question.
+    #[tokio::test]
+    async fn a_question_that_ends_without_an_answer_is_asked_again() {
+        let accounts = Accounts::default();
+        let never = futures_util::future::pending().boxed().shared();
+        accounts.asked().asking.insert((0, 0), never);
+        drop(Question { accounts: accounts.clone(), of: (0, 0), before: 0 });
+        assert_eq!(accounts.of(0, 0).await.user.as_deref(), Some("root"));
     }
 
     #[tokio::test]
