@@ -18,7 +18,7 @@ use x509_cert::ext::pkix::SubjectAltName;
 use x509_cert::ext::pkix::name::GeneralName;
 
 use crate::access::origin::Certificate;
-use crate::access::private_file::{Others, read_guarded};
+use crate::access::private_file::{Others, read_guarded, read_small};
 
 /// What a TLS listener is made from, all in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -97,7 +97,7 @@ fn server_config(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError> {
         .map_err(|error| wrong(&files.client_ca, error.to_string()))?;
     let secret = read_guarded(&files.key, Others::Nothing).map_err(|why| wrong(&files.key, why))?;
     let key = PrivateKeyDer::from_pem_slice(&secret).map_err(|error| wrong(&files.key, error.to_string()))?;
-    let own = std::fs::read(&files.certificate).map_err(|error| wrong(&files.certificate, error.to_string()))?;
+    let own = read_small(&files.certificate).map_err(|why| wrong(&files.certificate, why))?;
     let mut config = ServerConfig::builder_with_provider(provider)
         .with_protocol_versions(&[&TLS13])
         .map_err(|error| wrong(&files.certificate, error.to_string()))?

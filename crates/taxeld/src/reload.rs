@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use taxel_rpc::Rules;
 use toml::Value;
 
-use crate::config;
+use crate::config::{self, Problems, Scene};
 use crate::files::read_utf8;
 use crate::logs;
 
@@ -53,10 +53,13 @@ impl Reload {
         })
     }
 
-    /// Applies what can be of a text. Keys and rules are of this one: what is written meanwhile is for the next reload.
+    /// Applies what can be of a text with which the daemon could be started, as far as can be told beforehand. Keys and rules are of this one: what is written meanwhile is for the next reload.
     fn apply(&mut self, text: &str) -> Result<Option<Rules>, String> {
-        let config = config::parse(&self.path, text).map_err(|error| error.to_string())?;
-        let doors = config::resolve(&config, &self.path).map_err(|error| error.to_string())?.doors;
+        let in_a_line = |problems: Problems| {
+            let each: Vec<String> = problems.all().iter().map(ToString::to_string).collect();
+            each.join("; ")
+        };
+        let (_, Scene { doors, .. }) = config::examine_text(&self.path, text).map_err(in_a_line)?;
         let found = keys(text)?;
         let regrants = doors.ruled == self.ruled;
         let changed = self.changed(&found);
@@ -187,6 +190,10 @@ mod tests {
         assert_eq!(reload.again(), None, "a file that cannot be read changes nothing");
         assert_eq!(reload.applied, keys(&text).unwrap());
         assert!(reload.apply(&text.replace("operator", "none")).unwrap_err().contains("grants nothing"));
+        assert!(
+            reload.apply(&text.replace("t.db", "/")).unwrap_err().contains("store.path"),
+            "it could not be started with"
+        );
         assert_eq!(reload.applied, keys(&text).unwrap());
     }
 }

@@ -1,10 +1,12 @@
-//! The thread that reads files again: the configuration when SIGHUP asks for it, certificates and tokens then and when one
-//! changed. A file that is on a slow disk, or is none, holds up nobody but this thread.
+//! The threads that read files again: one the configuration when SIGHUP asks for it, one certificates and tokens, then and when
+//! one of them changed. A file on a disk that hangs holds up nobody but its thread: a token that is taken back is taken back
+//! also while the configuration cannot be read, and the log tells of what cannot.
 
 use std::io;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::doors::Reloader;
 use crate::reload::Reload;
@@ -12,46 +14,111 @@ use crate::systemd;
 
 /// Files of certificates and tokens are looked at so often.
 const LOOK_EVERY: Duration = Duration::from_secs(5);
+/// A reload takes milliseconds.
+const LATE_AFTER: Duration = Duration::from_secs(5);
 
-/// The way to that thread, which ends when this is dropped, or with the process.
-pub struct Reloading(SyncSender<()>);
+/// The way to these threads, which end when this is dropped, or with the process.
+pub struct Reloading {
+    asks: SyncSender<()>,
+    under_way: UnderWay,
+}
 
 impl Reloading {
-    /// Starts it; without a `reload` the configuration is not read again.
+    /// Starts them; without a `reload` the configuration is not read again.
     ///
     /// # Errors
     /// If there is no thread to be had.
     pub fn begin(reloader: Reloader, reload: Option<Reload>) -> io::Result<Self> {
         let (asks, asked) = sync_channel(1);
-        thread::Builder::new().name("reload".to_owned()).spawn(move || keep(&asked, &reloader, reload))?;
-        Ok(Self(asks))
+        let (looks, look) = sync_channel(1);
+        let under_way = UnderWay::default();
+        let (of_configuration, of_credentials) = (under_way.clone(), under_way.clone());
+        let begin = |name: &str| thread::Builder::new().name(name.to_owned());
+        let grants = reloader.clone();
+        begin("reload").spawn(move || keep_configuration(&asked, reload, &grants, &looks, &of_configuration))?;
+        begin("credentials").spawn(move || keep_credentials(&look, &reloader, &of_credentials))?;
+        Ok(Self { asks, under_way })
     }
 
     /// Has all files read again, and tells the service manager now that it begins and later that it is over. Never waits.
     pub fn ask(&self) {
         systemd::reloading();
+        self.under_way.tell_if_late();
         // Where one waits already, it reads what is there then.
-        let _ = self.0.try_send(());
+        let _ = self.asks.try_send(());
     }
 }
 
-fn keep(asked: &Receiver<()>, reloader: &Reloader, mut reload: Option<Reload>) {
+fn keep_configuration(
+    asked: &Receiver<()>,
+    mut reload: Option<Reload>,
+    reloader: &Reloader,
+    looks: &SyncSender<SyncSender<()>>,
+    under_way: &UnderWay,
+) {
+    while asked.recv().is_ok() {
+        under_way.begin();
+        if let Some(rules) = reload.as_mut().and_then(Reload::again) {
+            reloader.regrant(rules);
+        }
+        let (over, is_over) = sync_channel(1);
+        if looks.send(over).is_ok() {
+            let _ = is_over.recv(); // nothing is sent: it is dropped
+        }
+        under_way.end();
+        systemd::reloaded();
+    }
+}
+
+/// Whoever asks is told that all has been read by the end of what it sent.
+fn keep_credentials(look: &Receiver<SyncSender<()>>, reloader: &Reloader, under_way: &UnderWay) {
     let mut seen = reloader.stamps();
     loop {
-        let is_asked = match asked.recv_timeout(LOOK_EVERY) {
-            Ok(()) => true,
-            Err(RecvTimeoutError::Timeout) => false,
+        let asked = match look.recv_timeout(LOOK_EVERY) {
+            Ok(over) => Some(over),
+            Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return,
         };
-        let rules = reload.as_mut().filter(|_| is_asked).and_then(Reload::again);
-        rules.into_iter().for_each(|rules| reloader.regrant(rules));
         let now = reloader.stamps(); // before they are read: what changes meanwhile is read once more
-        if is_asked || now != seen {
+        if asked.is_some() || now != seen {
             seen = now;
             reloader.reload_and_tell();
         }
-        if is_asked {
-            systemd::reloaded();
+        drop(asked);
+        under_way.tell_if_late();
+    }
+}
+
+/// Since when a reload is under way, and whether the log has been told that it takes too long.
+#[derive(Clone, Default)]
+struct UnderWay(Arc<Mutex<Option<(Instant, bool)>>>);
+
+impl UnderWay {
+    fn state(&self) -> MutexGuard<'_, Option<(Instant, bool)>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn begin(&self) {
+        *self.state() = Some((Instant::now(), false));
+    }
+
+    fn end(&self) {
+        if let Some((begun, true)) = self.state().take() {
+            tracing::info!("the reload is over after {:.0} s", begun.elapsed().as_secs_f64());
         }
+    }
+
+    /// Tells once of each reload.
+    fn tell_if_late(&self) {
+        let mut state = self.state();
+        let Some((begun, told)) = state.as_mut().filter(|(begun, told)| !told && begun.elapsed() > LATE_AFTER) else {
+            return;
+        };
+        *told = true;
+        tracing::error!(
+            "a reload that began {:.0} s ago has not ended: the configuration, or a file that it names, cannot be read to its end; \
+             until then all stays as it was but tokens and certificates",
+            begun.elapsed().as_secs_f64()
+        );
     }
 }

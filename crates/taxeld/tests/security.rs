@@ -77,6 +77,10 @@ certificate = "spiffe://robot/skin/operator"
 
 impl Daemon {
     fn start(folder: &Path) -> Self {
+        Self::start_with(folder, SCENE)
+    }
+
+    fn start_with(folder: &Path, scene: &str) -> Self {
         let port = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
         let config = format!(
             r#"
@@ -88,7 +92,7 @@ impl Daemon {
             tls = {{ certificate = "server.pem", key = "server.key", client_ca = "ca.pem" }}
             [access]
             tokens = "tokens"
-            {GRANT}{SCENE}"#,
+            {GRANT}{scene}"#,
             folder.display()
         );
         std::fs::write(folder.join("taxeld.toml"), config).unwrap();
@@ -236,6 +240,45 @@ async fn on_a_signal_other_certificates_and_tokens_count_and_useless_ones_change
     std::fs::write(folder.path().join("server.pem"), "no certificate").unwrap();
     hang_up();
     tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap();
+
+    // A pipe in its place is never read to its end.
+    make_pipe(&folder.path().join("server.pem"));
+    std::fs::write(folder.path().join("tokens"), "").unwrap();
+    hang_up();
+    until_refused(&unix, token.trim()).await;
+    tare(&daemon.with_certificates(other.path()), None, "Ann").await.unwrap();
+}
+
+/// Puts a pipe that nobody writes to in the place of a file.
+fn make_pipe(path: &Path) {
+    std::fs::remove_file(path).unwrap();
+    assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
+}
+
+async fn until_refused(channel: &Channel, token: &str) {
+    let begun = Instant::now();
+    while tare(channel, Some(token), "Ann").await.is_ok() {
+        assert!(begun.elapsed() < PATIENCE, "the token counts for ever");
+        tokio::task::yield_now().await;
+    }
+}
+
+/// As a configuration on a disk that hangs.
+#[tokio::test]
+async fn a_token_is_taken_back_also_while_the_configuration_cannot_be_read_to_its_end() {
+    if !openssl() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    make_certificates(folder.path());
+    let daemon = Daemon::start(folder.path());
+    let unix = daemon.unix().await;
+    let token = std::fs::read_to_string(folder.path().join("bench.token")).unwrap();
+    tare(&unix, Some(token.trim()), "Ann").await.unwrap();
+    make_pipe(&folder.path().join("taxeld.toml"));
+    assert!(Command::new("kill").args(["-HUP", &daemon.child.id().to_string()]).status().unwrap().success());
+    std::fs::write(folder.path().join("tokens"), "").unwrap();
+    until_refused(&unix, token.trim()).await;
 }
 
 #[tokio::test]
@@ -275,8 +318,9 @@ async fn on_a_signal_other_grants_count_at_once_and_calls_that_came_before_go_on
     tare(&unix, None, "Ann").await.unwrap();
 }
 
-/// The daemon reads its configuration, and its certificate some time later: a pipe in the place of this one holds it there
-/// while the grant is deleted.
+/// The daemon reads its configuration, and the positions that it names some time later: a pipe in the place of these holds it
+/// there while the grant is deleted.
+#[cfg(feature = "sim")]
 #[tokio::test]
 async fn a_grant_that_was_deleted_while_the_daemon_started_counts_no_more_after_a_signal() {
     if !openssl() {
@@ -284,21 +328,22 @@ async fn a_grant_that_was_deleted_while_the_daemon_started_counts_no_more_after_
     }
     let folder = tempfile::tempdir().unwrap();
     make_certificates(folder.path());
-    let [certificate, kept, config] = ["server.pem", "kept.pem", "taxeld.toml"].map(|name| folder.path().join(name));
-    std::fs::rename(&certificate, &kept).unwrap();
-    assert!(Command::new("mkfifo").arg(&certificate).status().unwrap().success());
-    let daemon = Daemon::start(folder.path());
+    let [positions, kept, config] = ["skin.txt", "kept.txt", "taxeld.toml"].map(|name| folder.path().join(name));
+    let content = taxel_sim::Skin::forearm().unwrap().positions_file();
+    std::fs::write(&kept, &content).unwrap();
+    assert!(Command::new("mkfifo").arg(&positions).status().unwrap().success());
+    let daemon =
+        Daemon::start_with(folder.path(), &SCENE.replace("bus = \"skin\"", "bus = \"skin\"\ngeometry = \"skin.txt\""));
     let (tell, opened) = std::sync::mpsc::channel();
-    let pipe = certificate.clone();
+    let pipe = positions.clone();
     std::thread::spawn(move || tell.send(std::fs::File::options().write(true).open(pipe))); // waits for the reader
     let mut pipe = opened.recv_timeout(PATIENCE).unwrap().unwrap();
 
     let text = std::fs::read_to_string(&config).unwrap();
     assert!(text.contains(GRANT));
     std::fs::write(&config, text.replace(GRANT, "")).unwrap();
-    let content = std::fs::read(&kept).unwrap();
-    std::fs::rename(&kept, &certificate).unwrap(); // for the reload, which would wait at the pipe
-    pipe.write_all(&content).unwrap();
+    std::fs::rename(&kept, &positions).unwrap(); // for the reload, which would wait at the pipe
+    pipe.write_all(content.as_bytes()).unwrap();
     drop(pipe);
     daemon.unix().await;
     let operator = daemon.with_certificates(folder.path());

@@ -210,6 +210,7 @@ async fn a_configuration_that_cannot_be_read_to_its_end_holds_nobody_up() {
     for _ in 0..3 {
         service.until_told("WATCHDOG=1");
     }
+    service.until_logged("has not ended: the configuration, or a file that it names, cannot be read to its end");
     service.signal("-TERM");
     service.until_told("STOPPING=1");
     assert!(service.child.wait().unwrap().success(), "{}", service.log());

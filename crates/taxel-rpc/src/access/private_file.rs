@@ -2,7 +2,7 @@
 
 use nix::fcntl::OFlag;
 use nix::unistd::geteuid;
-use std::fs::OpenOptions;
+use std::fs::{File, Metadata, OpenOptions};
 use std::io::Read;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
@@ -43,14 +43,7 @@ pub fn read_private(path: &Path) -> Result<Vec<u8>, String> {
 /// # Errors
 /// What is wrong with the file and what was expected, without its path.
 pub(crate) fn read_guarded(path: &Path, others: Others) -> Result<Vec<u8>, String> {
-    // A pipe that nobody writes to is opened at once so, and then refused; without it the daemon would wait for a writer.
-    let nonblocking = OFlag::O_NONBLOCK.bits();
-    let file = OpenOptions::new().read(true).custom_flags(nonblocking).open(path).map_err(|error| error.to_string())?;
-    // Of the open file and not of the path, which may be another file's by now.
-    let about = file.metadata().map_err(|error| error.to_string())?;
-    if !about.is_file() {
-        return Err("is not a regular file".to_owned());
-    }
+    let (file, about) = open_small(path)?;
     let (owner, own) = (about.uid(), geteuid().as_raw());
     if owner != 0 && owner != own {
         return Err(format!("belongs to user {owner}, expected root or user {own}, who runs the daemon"));
@@ -59,9 +52,34 @@ pub(crate) fn read_guarded(path: &Path, others: Others) -> Result<Vec<u8>, Strin
     if mode & forbidden != 0 {
         return Err(format!("its mode is {mode:03o}: {why}"));
     }
+    read_open(file)
+}
+
+/// Reads a file that everybody may have, such as the server's own certificate.
+///
+/// # Errors
+/// What is wrong with the file and what was expected, without its path.
+#[cfg_attr(not(feature = "tls"), allow(dead_code))] // there are no certificates then
+pub(crate) fn read_small(path: &Path) -> Result<Vec<u8>, String> {
+    read_open(open_small(path)?.0)
+}
+
+fn open_small(path: &Path) -> Result<(File, Metadata), String> {
+    // A pipe that nobody writes to is opened at once so, and then refused; without it the daemon would wait for a writer.
+    let nonblocking = OFlag::O_NONBLOCK.bits();
+    let file = OpenOptions::new().read(true).custom_flags(nonblocking).open(path).map_err(|error| error.to_string())?;
+    // Of the open file and not of the path, which may be another file's by now.
+    let about = file.metadata().map_err(|error| error.to_string())?;
+    if !about.is_file() {
+        return Err("is not a regular file".to_owned());
+    }
     if about.len() > BYTES_MAX {
         return Err(format!("has {} bytes, expected at most {BYTES_MAX}", about.len()));
     }
+    Ok((file, about))
+}
+
+fn read_open(file: File) -> Result<Vec<u8>, String> {
     let mut bytes = Vec::new();
     file.take(BYTES_MAX).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
     Ok(bytes)
