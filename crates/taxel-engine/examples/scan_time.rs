@@ -227,6 +227,7 @@ fn tiled(forearm: &ModelSet, patch: &Patch) -> Arc<ModelSet> {
     Arc::new(ModelSet {
         id: format!("m-{}", patch.name()),
         patch: patch.name().to_owned(),
+        board_settings: Vec::new(), // those of the forearm are of other boards
         baseline: forearm.baseline.iter().cycle().take(taxels).copied().collect(),
         taxels: forearm.taxels.iter().cycle().take(taxels).cloned().collect(),
         ..forearm.clone()
