@@ -98,6 +98,8 @@ pub struct Handle {
 #[derive(Clone, Debug)]
 pub(crate) struct PatchFeed {
     pub(crate) snapshot: watch::Receiver<Arc<PatchSnapshot>>,
+    /// That the next one is about to come.
+    pub(crate) soon: watch::Receiver<()>,
     pub(crate) session: watch::Receiver<Option<Arc<SessionView>>>,
 }
 
@@ -105,6 +107,7 @@ pub(crate) struct PatchFeed {
 pub struct Publisher {
     heartbeat: Arc<Heartbeat>,
     snapshots: Vec<watch::Sender<Arc<PatchSnapshot>>>,
+    soon: Vec<watch::Sender<()>>,
     sessions: Vec<watch::Sender<Option<Arc<SessionView>>>>,
     health: watch::Sender<Arc<Health>>,
     catalogue: watch::Sender<Arc<Catalogue>>,
@@ -132,6 +135,7 @@ pub fn channel(
     let mut publisher = Publisher {
         heartbeat: beats,
         snapshots: Vec::new(),
+        soon: Vec::new(),
         sessions: Vec::new(),
         health,
         catalogue,
@@ -141,10 +145,12 @@ pub fn channel(
     let mut patches = Vec::new();
     for _ in &plan.patches {
         let (to_snapshot, snapshot) = watch::channel(Arc::default());
+        let (to_soon, soon) = watch::channel(());
         let (to_session, session) = watch::channel(None);
         publisher.snapshots.push(to_snapshot);
+        publisher.soon.push(to_soon);
         publisher.sessions.push(to_session);
-        patches.push(PatchFeed { snapshot, session });
+        patches.push(PatchFeed { snapshot, soon, session });
     }
     let patches = patches.into();
     let (health, catalogue) = (health_seen, catalogue_seen);
@@ -192,6 +198,14 @@ impl Publisher {
         let gap = self.heartbeat.beat()?;
         tracing::info!("the engine runs again: it had not for {:.2} s", gap.as_secs_f64());
         Some(gap)
+    }
+
+    /// New live state of the patch at this position of the plan is about to come: its subscribers have a turn in which they
+    /// send nothing, so that the way to them is in the processor's caches then.
+    pub fn warm_up(&self, position: usize) {
+        if let Some(sender) = self.soon.get(position) {
+            sender.send_replace(());
+        }
     }
 
     /// New live state of the patch at this position of the plan.

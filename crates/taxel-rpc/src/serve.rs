@@ -95,7 +95,7 @@ pub async fn serve_and_share(
     share: impl FnOnce(SharedServices),
 ) -> Result<Drain, ServeError> {
     let (wake, woken) = watch::channel(());
-    let turns = Turns::begin(handle.patches.iter().map(|feed| feed.snapshot.clone()), &woken);
+    let turns = Turns::begin(handle.patches.iter().map(|feed| (feed.snapshot.clone(), feed.soon.clone())), &woken);
     let shutdown = handle.shutdown.clone();
     let (drain, cut) = (limits.drain, CancellationToken::new());
     let (shares, refusals) = (Shares::new(&limits), Arc::new(Refusals::default()));

@@ -35,17 +35,17 @@ struct Subscribers {
 }
 
 impl Turns {
-    /// Begins to tell of what is published of each of the `patches`, and everybody when `again` changes. Publishing wakes one
-    /// task a patch, however many subscribers there are.
+    /// Begins to tell of what is published of each of the `patches`, of what is about to be, and everybody when `again` changes.
+    /// Publishing wakes one task a patch, however many subscribers there are.
     pub(crate) fn begin(
-        patches: impl Iterator<Item = watch::Receiver<Arc<PatchSnapshot>>>,
+        patches: impl Iterator<Item = (watch::Receiver<Arc<PatchSnapshot>>, watch::Receiver<()>)>,
         again: &watch::Receiver<()>,
     ) -> Self {
-        let published: Vec<_> = patches.collect();
-        let turns = Self(published.iter().map(|_| Patch(Mutex::new(Some(Subscribers::default())))).collect());
-        for (position, published) in published.into_iter().enumerate() {
+        let patches: Vec<_> = patches.collect();
+        let turns = Self(patches.iter().map(|_| Patch(Mutex::new(Some(Subscribers::default())))).collect());
+        for (position, (published, soon)) in patches.into_iter().enumerate() {
             let keeper = Keeper { turns: turns.clone(), position };
-            tokio::spawn(keeper.keep(published, again.clone()));
+            tokio::spawn(keeper.keep(published, soon, again.clone()));
         }
         turns
     }
@@ -69,11 +69,17 @@ struct Keeper {
 }
 
 impl Keeper {
-    async fn keep(self, mut published: watch::Receiver<Arc<PatchSnapshot>>, mut again: watch::Receiver<()>) {
+    async fn keep(
+        self,
+        mut published: watch::Receiver<Arc<PatchSnapshot>>,
+        mut soon: watch::Receiver<()>,
+        mut again: watch::Receiver<()>,
+    ) {
         let patch = self.patch();
         loop {
             tokio::select! {
                 changed = published.changed() => if changed.is_err() { return },
+                Ok(()) = soon.changed() => {}
                 Ok(()) = again.changed() => {}
             }
             let (mut left, begun) = (patch.begin(), Instant::now());

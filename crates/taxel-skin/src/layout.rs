@@ -187,6 +187,12 @@ impl Patch {
         &self.boards
     }
 
+    /// Whether any of its boards is on this bus.
+    #[must_use]
+    pub fn is_on(&self, bus: BusIndex) -> bool {
+        self.boards.iter().any(|board| board.bus == bus)
+    }
+
     /// Modules in the order of their taxels.
     #[must_use]
     pub fn modules(&self) -> &[ModuleSite] {

@@ -359,6 +359,17 @@ impl Force {
         Measured { sample, active: in_total, told: unseen.told, worn }
     }
 
+    /// Does what [`Self::sample`] does and forgets what came of it, so that code and tables are in the processor's caches when
+    /// the sample is taken. That is the same as without.
+    pub fn warm_up(&mut self, scan: &Scan<'_>, silent: usize, zero: &ZeroState) {
+        if self.selected_for != Some(scan.soundness) {
+            return; // the selection is for the scan to make
+        }
+        let histories = (self.lately, self.bound.clone());
+        std::hint::black_box(self.sample(scan, silent, zero));
+        (self.lately, self.bound) = histories;
+    }
+
     fn nothing(&self, state: ForceState, reason: Reason, silent: usize, taxels: usize) -> Measured {
         let sample = ForceSample {
             state,

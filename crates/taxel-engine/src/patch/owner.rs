@@ -99,6 +99,8 @@ pub struct Patch {
     pub(super) faults: (Option<u64>, Arc<[FaultSet]>),
     /// Something changed that readers must see before the next scan.
     pub(super) dirty: bool,
+    /// Nothing of the next scan has been worked out to warm up the caches.
+    pub(super) cold: bool,
     /// The boards are to be configured once it is known that nothing presses on them, or that they are silent.
     pub(super) bring_up_waits: bool,
     pub(super) silent_until: Time,
@@ -134,6 +136,7 @@ impl Patch {
             sequence: 0,
             faults: (None, vec![FaultSet::default(); regions.taxels()].into()),
             dirty: true,
+            cold: true,
             bring_up_waits: false,
             silent_until: Time::default(),
             without_look: false,

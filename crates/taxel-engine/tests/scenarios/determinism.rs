@@ -45,12 +45,22 @@ fn ragged(seed: u64) -> impl FnMut(usize) -> usize {
     }
 }
 
-fn all_ways(what: &str, run: impl Fn(&mut dyn FnMut(usize) -> usize) -> Host) {
-    let whole = history(&run(&mut |n| n));
-    same(&format!("{what}, again"), &whole, &history(&run(&mut |n| n)));
-    same(&format!("{what}, frame by frame"), &whole, &history(&run(&mut |_| 1)));
-    same(&format!("{what}, in ragged batches"), &whole, &history(&run(&mut ragged(1))));
-    same(&format!("{what}, in other ragged batches"), &whole, &history(&run(&mut ragged(2))));
+/// `host` is a new engine, and `play` gives it the frames.
+fn all_ways(what: &str, host: impl Fn() -> Host, play: impl Fn(&mut Host, &mut dyn FnMut(usize) -> usize)) {
+    let run = |warms_up: bool, cut: &mut dyn FnMut(usize) -> usize| {
+        let mut host = host();
+        host.warms_up = warms_up;
+        play(&mut host, cut);
+        assert_eq!(host.warmed_up > host.snapshots.len() / 2, warms_up, "{what}: {} times", host.warmed_up);
+        history(&host)
+    };
+    let whole = run(false, &mut |n| n);
+    same(&format!("{what}, again"), &whole, &run(false, &mut |n| n));
+    same(&format!("{what}, frame by frame"), &whole, &run(false, &mut |_| 1));
+    same(&format!("{what}, in ragged batches"), &whole, &run(false, &mut ragged(1)));
+    same(&format!("{what}, in other ragged batches"), &whole, &run(false, &mut ragged(2)));
+    same(&format!("{what}, frame by frame with warm caches"), &whole, &run(true, &mut |_| 1));
+    same(&format!("{what}, in ragged batches with warm caches"), &whole, &run(true, &mut ragged(1)));
 }
 
 fn listening() -> Arc<Plan> {
@@ -62,8 +72,8 @@ fn a_calibration_is_bit_identical_however_its_frames_are_cut() {
     let log: &[TimedFrame] = &small().log;
     let at = Time::from_nanos(small().session.started_wall_ns - EPOCH_NS);
     let start = log.partition_point(|f| f.time < at);
-    all_ways("calibration", |cut| {
-        let mut host = Host::new(listening(), Restored::default(), Time::default());
+    let host = || Host::new(listening(), Restored::default(), Time::default());
+    all_ways("calibration", host, |host, cut| {
         host.play(&log[..start], at, &mut *cut);
         host.command(Command::StartSession {
             patch: String::new(),
@@ -74,7 +84,6 @@ fn a_calibration_is_bit_identical_however_its_frames_are_cut() {
         });
         host.play(&log[start..], log[log.len() - 1].time, &mut *cut);
         assert!(host.session().model_set.is_some(), "{:?}", host.session());
-        host
     });
 }
 
@@ -93,10 +102,12 @@ fn live_force_is_bit_identical_however_its_frames_are_cut() {
     bench.world.pump(PumpCommand::Ramp { target: taxel_skin::Kilopascal(10.0), kpa_per_s: 5.0 });
     bench.seconds(2.0);
     let log = bench.log.take().unwrap();
-    all_ways("live force", |cut| {
-        let mut host = Host::new(listening(), small().restored(), begin);
-        host.play(&log, begin + Duration::from_secs(7), cut);
-        assert!(host.snapshots.iter().any(|s| s.force.total.is_some_and(|t| t.0 > 1.0)));
-        host
-    });
+    all_ways(
+        "live force",
+        || Host::new(listening(), small().restored(), begin),
+        |host, cut| {
+            host.play(&log, begin + Duration::from_secs(7), cut);
+            assert!(host.snapshots.iter().any(|s| s.force.total.is_some_and(|t| t.0 > 1.0)));
+        },
+    );
 }

@@ -11,13 +11,20 @@ const EVER: Duration = Duration::from_secs(3600);
 struct Scene {
     turns: Turns,
     engine: watch::Sender<Arc<PatchSnapshot>>,
+    soon: watch::Sender<()>,
     again: watch::Sender<()>,
 }
 
 /// One patch of which nothing has been published.
 fn scene() -> Scene {
-    let (engine, again) = (watch::Sender::default(), watch::Sender::default());
-    Scene { turns: Turns::begin([engine.subscribe()].into_iter(), &again.subscribe()), engine, again }
+    let [soon, again] = [watch::Sender::default(), watch::Sender::default()];
+    let engine = watch::Sender::default();
+    Scene {
+        turns: Turns::begin([(engine.subscribe(), soon.subscribe())].into_iter(), &again.subscribe()),
+        engine,
+        soon,
+        again,
+    }
 }
 
 fn waiting(turns: &Turns) -> Option<usize> {
@@ -98,10 +105,12 @@ async fn when_a_round_takes_long_all_others_are_told_at_once() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_turn_comes_with_each_value_and_when_it_is_to_be_judged_again() {
-    let Scene { turns, engine, again } = scene();
+async fn a_turn_comes_before_and_with_each_value_and_when_it_is_to_be_judged_again() {
+    let Scene { turns, engine, soon, again } = scene();
     let mut subscriber = turns.join(0);
     assert!(timeout(EVER, subscriber.changed()).await.is_err(), "nothing has happened yet");
+    soon.send_replace(());
+    assert!(is_told_once(&mut subscriber).await);
     engine.send_replace(Arc::default());
     assert!(is_told_once(&mut subscriber).await);
     again.send_replace(());
@@ -111,7 +120,7 @@ async fn a_turn_comes_with_each_value_and_when_it_is_to_be_judged_again() {
 /// The first to be told leaves at once and comes anew, as a client does that is told that the force is stale.
 #[tokio::test(start_paused = true)]
 async fn nobody_is_passed_over_where_others_leave_and_come_in_a_round() {
-    let Scene { turns, again, engine: _engine } = scene();
+    let Scene { turns, again, engine: _engine, .. } = scene();
     let mut first = turns.join(0);
     let mut others: Vec<_> = (0..5).map(|_| turns.join(0)).collect();
     let (came, turns_of_first) = (Arc::new(AtomicBool::new(false)), turns.clone());

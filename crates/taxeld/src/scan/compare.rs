@@ -35,7 +35,7 @@ pub fn differences(findings: &Findings, plan: &Plan, bus: BusIndex) -> Vec<Strin
             lines.push(format!("board {address} sends modules {modules} and is not configured"));
         }
     }
-    for patch in plan.patches.iter().filter(|patch| patch.patch.boards().iter().any(|board| board.bus == bus)) {
+    for patch in plan.patches.iter().filter(|patch| patch.patch.is_on(bus)) {
         described_differences(patch, findings, &mut lines);
     }
     for patch in &plan.patches {
@@ -56,7 +56,7 @@ pub fn differences(findings: &Findings, plan: &Plan, bus: BusIndex) -> Vec<Strin
 
 /// Taxels that the configuration describes are no candidates for the gauge: they move with the pressure, too.
 pub fn name_no_gauge_among_taxels(findings: &mut Findings, plan: &Plan, bus: BusIndex) {
-    let of_bus = |patch: &&PatchPlan| patch.patch.boards().iter().any(|board| board.bus == bus);
+    let of_bus = |patch: &&PatchPlan| patch.patch.is_on(bus);
     for patch in plan.patches.iter().filter(of_bus) {
         let gauge = patch.gauge.as_ref().map(|gauge| gauge.signal.id);
         for id in patch.devices.iter().flat_map(|device| device.ids()).filter(|id| gauge != Some(*id)) {

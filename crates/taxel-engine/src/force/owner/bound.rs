@@ -30,7 +30,7 @@ impl Bound {
 }
 
 /// The newest of each, and when it was shown.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct HeldBound {
     beside: Held<usize>,
     faulty_is_pressed: Held<()>,
