@@ -110,3 +110,100 @@ pub(crate) fn wall_ns() -> i64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+
+    /// A session of patch `p` or another, and its model set.
+    type Session = (u64, &'static str, SessionState, Option<&'static str>);
+
+    fn restored(sessions: &[Session], active: &[(&str, &str)]) -> Restored {
+        let view = |&(number, patch, state, set): &Session| {
+            Arc::new(SessionView {
+                number,
+                patch: patch.to_owned(),
+                state,
+                model_set: set.map(Into::into),
+                ..SessionView::default()
+            })
+        };
+        let active = active.iter().map(|(patch, set)| ((*patch).to_owned(), (*set).to_owned()));
+        Restored { sessions: sessions.iter().map(view).collect(), active: active.collect(), ..Restored::default() }
+    }
+
+    fn number(record: Option<Record>) -> Option<u64> {
+        match record? {
+            Record::SessionDeleted { session, .. } => Some(session),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn sets_in_review_wait_for_the_operator_unless_a_later_session_made_the_active_one() {
+        use SessionState::{Active, Discarded, Review};
+        let sessions = [
+            (1, "p", Review, Some("before")),
+            (2, "q", Review, Some("other")),
+            (3, "p", Active, Some("in use")),
+            (4, "p", Review, Some("after")),
+            (5, "p", Discarded, Some("gone")),
+        ];
+        let waits = restored(&sessions, &[("p", "in use")]);
+        assert_eq!(to_be_judged(&waits), BTreeSet::from(["after", "other"]));
+        let none_active = restored(&sessions, &[("r", "in use")]);
+        assert_eq!(to_be_judged(&none_active), BTreeSet::from(["after", "before", "other"]));
+        let itself = restored(&[(3, "p", Review, Some("in use"))], &[("p", "in use")]);
+        assert_eq!(to_be_judged(&itself), BTreeSet::new());
+    }
+
+    #[test]
+    fn a_limit_that_is_just_reached_is_kept_to() {
+        use SessionState::Discarded;
+        let two = restored(&[(1, "p", Discarded, None), (2, "p", Discarded, None)], &[]);
+        let size = Size { samples: 100, bytes: 8_192 };
+        let goes = |limits: Retention| number(session_to_go(&two, size, &limits));
+        let all = Retention::default();
+        for (most, goes_then) in [(99, Some(1)), (100, None), (101, None)] {
+            assert_eq!(goes(Retention { samples: Some(most), ..all }), goes_then, "{most} samples");
+            assert_eq!(goes(Retention { bytes: Some(most + 8_092), ..all }), goes_then, "{most} bytes less 8,092");
+        }
+        assert_eq!([1, 2].map(|most| goes(Retention { sessions: Some(most), ..all })), [Some(1), None]);
+    }
+
+    #[test]
+    fn the_newest_session_of_each_patch_stays() {
+        use SessionState::{Aborted, Active, Discarded, Interrupted, Review};
+        let none = Retention { sessions: Some(0), ..Retention::default() };
+        let goes = |sessions: &[Session], active: &[(&str, &str)]| {
+            number(session_to_go(&restored(sessions, active), Size { samples: 0, bytes: 0 }, &none))
+        };
+        assert_eq!(goes(&[(1, "p", Discarded, None)], &[]), None);
+        assert_eq!(goes(&[(1, "p", Discarded, None), (2, "q", Aborted, None), (3, "q", Aborted, None)], &[]), Some(2));
+        for state in [Active, Review, Interrupted] {
+            assert_eq!(goes(&[(1, "p", state, None), (2, "p", Discarded, None)], &[]), None, "{state:?}");
+        }
+        let sessions = [(1, "p", Discarded, Some("in use")), (2, "p", Discarded, None)];
+        assert_eq!(goes(&sessions, &[("p", "in use")]), None);
+        assert_eq!(goes(&sessions, &[("p", "another")]), Some(1));
+    }
+
+    #[test]
+    fn a_deletion_has_the_time_of_the_clock_on_the_wall() {
+        let (before, now) = (SystemTime::now(), wall_ns());
+        let between = UNIX_EPOCH + std::time::Duration::from_nanos(now as u64);
+        assert!((before..=SystemTime::now()).contains(&between), "{now}");
+    }
+
+    #[test]
+    fn the_size_is_that_of_the_pages_in_use() {
+        let connection = Connection::open_in_memory().unwrap();
+        let tables = "CREATE TABLE tally (stream TEXT, rows INTEGER); CREATE TABLE t (x); CREATE TABLE u (x);
+                      INSERT INTO tally VALUES ('samples of session 1', 7), ('sessions', 2), ('samples of session 2', 3)";
+        connection.execute_batch(tables).unwrap();
+        assert_eq!(size(&connection).unwrap(), Size { samples: 10, bytes: 4 * 4_096 });
+        connection.execute_batch("DROP TABLE u").unwrap();
+        assert_eq!(size(&connection).unwrap(), Size { samples: 10, bytes: 3 * 4_096 });
+    }
+}

@@ -72,3 +72,58 @@ pub(crate) fn check_length(bytes: usize) -> Result<(), String> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(text: &str) -> String {
+        check_size(text).unwrap_err()
+    }
+
+    #[test]
+    fn a_string_may_be_as_long_as_the_limit_and_no_longer() {
+        let of = |bytes: usize| format!("[\n\"{}\"]", "a".repeat(bytes));
+        assert_eq!(check_size(&of(STRING_BYTES_MAX)), Ok(()));
+        for bytes in [STRING_BYTES_MAX + 1, 3 * STRING_BYTES_MAX] {
+            assert_eq!(refused(&of(bytes)), "line 2: the bytes of a string are more than 8192, which is the limit");
+        }
+        // The next one is counted from its own beginning.
+        assert_eq!(check_size(&format!("[{0},{0}]", of(STRING_BYTES_MAX))), Ok(()));
+    }
+
+    #[test]
+    fn lists_and_objects_are_counted_where_they_are_none_of_a_strings_bytes() {
+        let deepest = format!("{}{}", "[".repeat(DEPTH_MAX / 2), "{".repeat(DEPTH_MAX / 2));
+        assert_eq!(check_size(&deepest), Ok(()));
+        for one_more in ["[", "{"] {
+            let text = format!("\n\n{deepest}{one_more}");
+            let expected = "line 3: the lists and objects within each other are more than 16, which is the limit";
+            assert_eq!(refused(&text), expected);
+        }
+        assert_eq!(check_size(&"[]{}".repeat(DEPTH_MAX)), Ok(()), "they end, too");
+        for text in ["\"]", r#""\"]"#, r#""\\\"]"#] {
+            let within = text.replace(']', &"[".repeat(DEPTH_MAX + 1));
+            assert_eq!(check_size(&format!("{within}\"")), Ok(()), "{text}");
+        }
+        for text in [r#""a"]"#, r#""\"a"]"#, r#""\\"]"#] {
+            assert!(check_size(&text.replace(']', &"[".repeat(DEPTH_MAX + 1))).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn values_are_counted_to_the_limit() {
+        assert_eq!(check_size(&",".repeat(VALUES_MAX)), Ok(()));
+        let expected = "line 2: the values so far are more than 1500000, which is the limit";
+        assert_eq!(refused(&format!("\n{}", ",".repeat(VALUES_MAX + 1))), expected);
+    }
+
+    #[test]
+    fn a_text_may_be_as_long_as_the_limit_and_no_longer() {
+        assert_eq!(check_length(TEXT_BYTES_MAX), Ok(()));
+        assert_eq!(
+            check_length(TEXT_BYTES_MAX + 1).unwrap_err(),
+            "the text takes 33554433 bytes, the limit is 33554432"
+        );
+    }
+}
