@@ -200,8 +200,8 @@ impl Publisher {
         Some(gap)
     }
 
-    /// New live state of the patch at this position of the plan is about to come: its subscribers have a turn in which they
-    /// send nothing, so that the way to them is in the processor's caches then.
+    /// New live state of the patch at this position of the plan is about to come: the first of its subscribers has a turn
+    /// in which it sends nothing, so that the way to them is in the processor's caches then.
     pub fn warm_up(&self, position: usize) {
         if let Some(sender) = self.soon.get(position) {
             sender.send_replace(());

@@ -79,7 +79,10 @@ impl Keeper {
         loop {
             tokio::select! {
                 changed = published.changed() => if changed.is_err() { return },
-                Ok(()) = soon.changed() => {}
+                Ok(()) = soon.changed() => {
+                    patch.tell_first(patch.begin()); // nearly all of the way is the same for each of them
+                    continue;
+                }
                 Ok(()) = again.changed() => {}
             }
             let (mut left, begun) = (patch.begin(), Instant::now());

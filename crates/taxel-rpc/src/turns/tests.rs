@@ -105,12 +105,14 @@ async fn when_a_round_takes_long_all_others_are_told_at_once() {
 }
 
 #[tokio::test(start_paused = true)]
-async fn a_turn_comes_before_and_with_each_value_and_when_it_is_to_be_judged_again() {
+async fn a_turn_comes_with_each_value_to_the_first_also_before_it_and_when_it_is_to_be_judged_again() {
     let Scene { turns, engine, soon, again } = scene();
     let mut subscriber = turns.join(0);
     assert!(timeout(EVER, subscriber.changed()).await.is_err(), "nothing has happened yet");
+    let mut second = turns.join(0);
     soon.send_replace(());
     assert!(is_told_once(&mut subscriber).await);
+    assert!(timeout(EVER, second.changed()).await.is_err(), "the first alone");
     engine.send_replace(Arc::default());
     assert!(is_told_once(&mut subscriber).await);
     again.send_replace(());
