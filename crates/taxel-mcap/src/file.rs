@@ -1,7 +1,9 @@
 //! One MCAP file, written so that each chunk can be read as soon as it is on the disk.
 
 use std::collections::BTreeMap;
-use std::io::Write as _;
+use std::fs;
+use std::io::{self, Write as _};
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -11,7 +13,7 @@ use mcap::{Compression, WriteOptions, Writer};
 use thiserror::Error;
 
 use crate::schema::{PACKAGE, schema_of};
-use crate::sink::{Durable, Sink};
+use crate::sink::{Durable, Identity, Sink};
 
 /// A chunk that is larger is closed before its time, in bytes before compression.
 const CHUNK_BYTES: u64 = 1 << 20;
@@ -33,7 +35,7 @@ pub enum McapFault {
     Write(#[from] mcap::McapError),
     /// The system says no.
     #[error(transparent)]
-    Io(#[from] std::io::Error),
+    Io(#[from] io::Error),
     /// There is no such message.
     #[error("there is no message taxel.v1.{0}")]
     NoMessage(&'static str),
@@ -59,6 +61,7 @@ pub struct McapFile {
     /// A channel for each topic, and how many messages it has.
     channels: Vec<(u16, u32)>,
     written: Arc<AtomicU64>,
+    identity: Option<Identity>,
     /// Up to here the file consists of whole chunks.
     whole: u64,
     pending: bool,
@@ -71,6 +74,7 @@ impl McapFile {
     /// [`McapFault`]
     pub fn begin(sink: Box<dyn Sink>, topics: &[Topic], about: BTreeMap<String, String>) -> Result<Self, McapFault> {
         let written = Arc::new(AtomicU64::new(0));
+        let identity = sink.identity()?;
         let durable = Durable { sink, written: Arc::clone(&written) };
         let options = WriteOptions::new()
             .compression(Some(Compression::Lz4))
@@ -86,7 +90,7 @@ impl McapFile {
             let schema = writer.add_schema(&format!("{PACKAGE}.{}", topic.message), "protobuf", &data)?;
             channels.push((writer.add_channel(schema, &topic.name, "protobuf", &BTreeMap::new())?, 0));
         }
-        let mut file = Self { writer, channels, written, whole: 0, pending: true };
+        let mut file = Self { writer, channels, written, identity, whole: 0, pending: true };
         file.flush()?; // definitions are in the first chunk, so that every later one can be understood
         Ok(file)
     }
@@ -124,6 +128,28 @@ impl McapFile {
         self.written.load(Ordering::Relaxed)
     }
 
+    /// Whether it still has this name, under which it was opened, and holds all that was written.
+    ///
+    /// # Errors
+    /// What has become of it, or the system's answer.
+    pub fn in_place(&self, name: &Path) -> io::Result<()> {
+        let Some(identity) = self.identity else { return Ok(()) };
+        let there = match fs::symlink_metadata(name) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                return Err(io::Error::other("the file was removed"));
+            }
+            there => there?,
+        };
+        let (length, written) = (there.len(), self.bytes());
+        if Identity::of(&there) != identity {
+            Err(io::Error::other("the file was replaced"))
+        } else if length < written {
+            Err(io::Error::other(format!("the file was cut to {length} bytes, of {written} that were written")))
+        } else {
+            Ok(())
+        }
+    }
+
     /// Ends the file with its summary, which lets readers jump to a time. Gives its size.
     ///
     /// # Errors
@@ -135,15 +161,10 @@ impl McapFile {
         Ok(written.load(Ordering::Relaxed))
     }
 
-    /// Gives a file up that cannot be written on: what lies behind its last whole chunk is cut off. Gives its size.
-    #[must_use]
-    pub fn give_up(self) -> u64 {
+    /// Gives a file up that cannot be written on: what lies behind its last whole chunk is cut off.
+    pub fn give_up(self) {
         let whole = self.whole;
         let mut durable = self.writer.into_inner().into_inner();
-        // The reader copes with a chunk that is not whole, too.
-        match durable.sink.cut(whole) {
-            Ok(()) => whole,
-            Err(_) => durable.written.load(Ordering::Relaxed),
-        }
+        let _ = durable.sink.cut(whole); // the reader copes with a chunk that is not whole, too
     }
 }

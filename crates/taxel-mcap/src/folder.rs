@@ -3,10 +3,10 @@
 use std::collections::VecDeque;
 use std::fs::{self, File, TryLockError};
 use std::io;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
 use crate::name::FileName;
+use crate::sink::Identity;
 
 /// A folder of recordings, held by one process at a time.
 #[derive(Debug)]
@@ -53,7 +53,7 @@ impl Folder {
     /// Whether what has its path is the folder that is held: it may have been removed or replaced, or a disk mounted there.
     #[must_use]
     pub fn is_held(&self) -> bool {
-        let identity = |about: fs::Metadata| (about.dev(), about.ino());
+        let identity = |about: fs::Metadata| Identity::of(&about);
         let held = self.lock.metadata().map(identity);
         fs::metadata(&self.path).map(identity).is_ok_and(|there| held.is_ok_and(|held| held == there))
     }
@@ -66,6 +66,15 @@ impl Folder {
         let mut folder = Self::open(&self.path)?;
         folder.next = folder.next.max(self.next);
         *self = folder;
+        Ok(())
+    }
+
+    /// Counts the recordings that are there now: somebody may have removed some.
+    ///
+    /// # Errors
+    /// The system's answer; those of before then count on.
+    pub fn count_again(&mut self) -> io::Result<()> {
+        self.files = Self::list(&self.path)?;
         Ok(())
     }
 
@@ -93,8 +102,14 @@ impl Folder {
     pub fn next_file(&mut self, wall_ns: i64) -> (FileName, PathBuf) {
         let name = FileName::new(self.next, wall_ns);
         self.next = self.next.saturating_add(1);
-        let path = self.path.join(name.to_string());
+        let path = self.path_of(&name);
         (name, path)
+    }
+
+    /// The path of a file of this name.
+    #[must_use]
+    pub fn path_of(&self, name: &FileName) -> PathBuf {
+        self.path.join(name.to_string())
     }
 
     /// A file is complete.
@@ -116,7 +131,7 @@ impl Folder {
         let mut gone = 0;
         while self.bytes() > bytes {
             let Some((name, _)) = self.files.front() else { break };
-            match fs::remove_file(self.path.join(name.to_string())) {
+            match fs::remove_file(self.path_of(name)) {
                 Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
                 _ => drop(self.files.pop_front()), // gone, by us or by somebody else
             }

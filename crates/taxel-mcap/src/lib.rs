@@ -29,5 +29,5 @@ pub use name::FileName;
 pub use queue::{Given, Queue};
 pub use recorder::{Limits, Opener, Recorder, open_file};
 pub use schema::schema_of;
-pub use sink::Sink;
+pub use sink::{Identity, Sink};
 pub use status::Status;

@@ -46,12 +46,13 @@ pub struct Limits {
 /// Makes a new file.
 pub type Opener = Box<dyn FnMut(&Path) -> io::Result<Box<dyn Sink>> + Send>;
 
-/// Makes a new file on the disk; one that is there already is an error.
+/// Makes a new file on the disk; one that is there already is an error. It is written at its end, so that one which
+/// somebody cuts short stays short and is found out.
 ///
 /// # Errors
 /// The system's answer.
 pub fn open_file(path: &Path) -> io::Result<Box<dyn Sink>> {
-    Ok(Box::new(OpenOptions::new().write(true).create_new(true).mode(MODE).open(path)?))
+    Ok(Box::new(OpenOptions::new().append(true).create_new(true).mode(MODE).open(path)?))
 }
 
 /// A recording under way. Dropped, it ends: what was given before is written and the file closed.
@@ -164,6 +165,9 @@ impl Worker {
         while let Ok(Some(item)) = waiting.next(Duration::ZERO) {
             self.take(item);
         }
+        if let Err(why) = self.in_place() {
+            self.failed(&why);
+        }
         self.close();
     }
 
@@ -197,11 +201,9 @@ impl Worker {
     }
 
     fn looked(&mut self) -> Result<(), String> {
+        self.in_place()?;
         let path = self.folder.path().display().to_string();
         if !self.folder.is_held() {
-            if self.open.is_some() {
-                return Err(format!("{path}: the folder of recordings was removed or replaced"));
-            }
             self.folder.hold_again().map_err(|error| format!("{path}: {error}"))?;
         }
         if let Some(open) = &mut self.open {
@@ -228,6 +230,16 @@ impl Worker {
             self.begin().map_err(|fault| format!("{path}: {}", fault.words()))?;
         }
         Ok(())
+    }
+
+    /// Whether what is written goes where its name leads: somebody may have removed the file or its folder, or put others there.
+    fn in_place(&self) -> Result<(), String> {
+        let Some(open) = &self.open else { return Ok(()) };
+        if !self.folder.is_held() {
+            return Err(format!("{}: the folder of recordings was removed or replaced", self.folder.path().display()));
+        }
+        let path = self.folder.path_of(&open.name);
+        open.file.in_place(&path).map_err(|error| format!("{}: {error}", path.display()))
     }
 
     fn begin(&mut self) -> Result<(), McapFault> {
@@ -270,11 +282,16 @@ impl Worker {
         let mut lost = 0;
         if let Some(open) = self.open.take() {
             lost = open.unflushed;
-            self.folder.add(open.name, open.file.give_up());
+            open.file.give_up();
+            // What is left of it, and of the others.
+            if let Err(error) = self.folder.count_again() {
+                tracing::debug!(%error, "the recordings that are there are not counted");
+            }
         }
         let news = {
             let mut status = self.status.get();
             status.lost += lost;
+            status.bytes = self.folder.bytes();
             status.problem.replace(why.to_owned()).as_deref() != Some(why)
         };
         if news {

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use prost::Message as _;
 use taxel_mcap::{
-    CandumpText, Ending, Folder, FrameTap, Given, Input, Limits, McapFile, Queue, Recorder, Sink, Topic,
+    CandumpText, Ending, Folder, FrameTap, Given, Identity, Input, Limits, McapFile, Queue, Recorder, Sink, Topic,
     frames_message, open_file,
 };
 use taxel_proto::v1::CanFrames;
@@ -106,6 +106,10 @@ impl Sink for Disk {
     fn cut(&mut self, bytes: u64) -> io::Result<()> {
         self.bytes.lock().unwrap().truncate(bytes as usize);
         Ok(())
+    }
+
+    fn identity(&self) -> io::Result<Option<Identity>> {
+        Ok(None)
     }
 }
 
@@ -306,6 +310,81 @@ fn a_folder_that_was_removed_is_told_and_recorded_into_again() {
     recorder.finish();
     let files = Folder::list(&path).unwrap();
     assert!(files.len() == 1 && files[0].0.number() > 1, "{files:?}");
+}
+
+/// Something that somebody does to the file that is being written, and what is then said of it.
+type Meddling = (fn(&Path), &'static str);
+
+const MEDDLING: [Meddling; 4] = [
+    (|path| fs::remove_file(path).unwrap(), "the file was removed"),
+    (|path| fs::rename(path, path.with_extension("moved")).unwrap(), "the file was removed"),
+    (
+        |path| {
+            fs::copy(path, path.with_extension("copy")).unwrap();
+            fs::rename(path.with_extension("copy"), path).unwrap();
+        },
+        "the file was replaced",
+    ),
+    (
+        |path| fs::OpenOptions::new().write(true).open(path).unwrap().set_len(20).unwrap(),
+        "the file was cut to 20 bytes, of ",
+    ),
+];
+
+#[test]
+fn a_file_that_was_removed_replaced_or_cut_is_told_with_what_is_lost_and_counts_for_what_is_left() {
+    for (meddle, said) in MEDDLING {
+        let scratch = tempfile::tempdir().unwrap();
+        let never = Duration::from_secs(3600);
+        let limits = Limits { flush_every: Duration::from_millis(1), retry_after: never, ..limits() };
+        let (recorder, queue) = start(scratch.path(), limits);
+        let status = recorder.status();
+        wait("a file", || !status().file.is_empty());
+        let file = status().file;
+        meddle(Path::new(&file));
+        wait("the word", || {
+            queue.give(0, 7, message(0..10));
+            status().problem.is_some()
+        });
+        let why = status().problem.unwrap();
+        assert!(why.starts_with(&file) && why.contains(said), "{why}");
+        let done = recorder.finish();
+        let files = Folder::list(scratch.path()).unwrap();
+        assert_eq!(files.iter().map(|(_, bytes)| bytes).sum::<u64>(), done.bytes, "{said}: {files:?}");
+    }
+}
+
+#[test]
+fn after_a_file_was_removed_replaced_or_cut_another_is_recorded_into() {
+    for (meddle, said) in MEDDLING {
+        let scratch = tempfile::tempdir().unwrap();
+        let (recorder, queue) = start(scratch.path(), Limits { file_bytes: 1 << 30, ..limits() });
+        let status = recorder.status();
+        wait("a file", || !status().file.is_empty());
+        let first = status().file;
+        meddle(Path::new(&first));
+        wait("another file", || status().file != first);
+        let second = status().file;
+        assert_eq!(queue.give(0, 7, message(0..100)), Given::Taken);
+        let done = recorder.finish();
+        assert_eq!((done.problem, done.file), (None, second.clone()), "{said}");
+        let (text, ending) = read(vec![Input::File(second.into())], None);
+        assert_eq!((text, ending.faults), (lines(0..100), Vec::new()), "{said}");
+    }
+}
+
+#[test]
+fn what_did_not_reach_the_disk_before_its_file_was_removed_is_counted_at_the_end_too() {
+    let scratch = tempfile::tempdir().unwrap();
+    let (recorder, queue) = start(scratch.path(), Limits { flush_every: Duration::from_secs(3600), ..limits() });
+    let status = recorder.status();
+    wait("a file", || !status().file.is_empty());
+    fs::remove_file(status().file).unwrap();
+    let mut tap = FrameTap::new(queue, 0, "can0".to_owned(), String::new());
+    tap.take(&(0..100).map(frame).collect::<Vec<_>>(), WALL_NS);
+    let done = recorder.finish();
+    assert_eq!((done.lost, done.bytes), (100, 0));
+    assert!(done.problem.unwrap().ends_with("the file was removed"));
 }
 
 #[test]
