@@ -368,6 +368,9 @@ fn on_a_thread(service: impl Future<Output = ()> + Send + 'static) -> anyhow::Re
 /// # Errors
 /// Whatever keeps it from starting.
 pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result<()> {
+    // Where a file may not grow any more (`ulimit -f`) this signal would end the process. It does not any more once it was
+    // listened to: then the write fails, as on a full disk.
+    let _heard = signal(SignalKind::from_raw(nix::libc::SIGXFSZ))?;
     logs::filter(config.log.filter.as_deref()).map_err(anyhow::Error::msg)?;
     let hangup = signal(SignalKind::hangup())?; // before the daemon is ready, after which it may come
     let store = &config.store;

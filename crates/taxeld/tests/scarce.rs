@@ -236,6 +236,24 @@ async fn without_room_for_pages_the_daemon_serves_all_the_same_and_its_health_sa
     daemon.until_logged("No space left on device");
 }
 
+/// Of a process that runs already, the limit on files is lowered below what its store has: no write gets through any more.
+#[tokio::test]
+async fn files_that_may_not_grow_are_a_full_disk_and_no_end() {
+    let mut daemon = Daemon::start(|_, _| {});
+    let mut stream = daemon.stream().await;
+    daemon.tared(&mut stream).await;
+    let limited = Command::new("prlimit").args(["--fsize=4096", "--pid", &daemon.child.id().to_string()]).status();
+    assert!(limited.unwrap().success());
+    let refused = daemon.tare().await.unwrap_err();
+    assert_eq!(refused.code(), Code::Unavailable, "{refused}");
+    for _ in 0..20 {
+        stream.message().await.unwrap().unwrap();
+    }
+    let problems = daemon.problems().await;
+    assert!(problems.iter().any(|problem| problem.contains("the store")), "{problems:?}");
+    assert_eq!(daemon.child.try_wait().unwrap(), None);
+}
+
 /// Whoever cleans up in /dev/shm takes the name along, and readers that come later find nothing.
 #[tokio::test]
 async fn a_page_that_somebody_removed_is_made_again() {
