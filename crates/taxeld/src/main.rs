@@ -61,6 +61,7 @@ mod soundness;
 mod store_at;
 mod store_command;
 mod systemd;
+mod tasks;
 mod threads;
 mod upkeep;
 

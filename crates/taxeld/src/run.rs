@@ -2,7 +2,6 @@
 
 use std::future::pending;
 use std::sync::{Arc, PoisonError};
-use std::time::Duration;
 
 use anyhow::Context;
 use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
@@ -38,10 +37,8 @@ use crate::reloading::Reloading;
 use crate::shared_memory::{Keeper, Pages};
 use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
 use crate::systemd;
+use crate::tasks::Tasks;
 use crate::upkeep;
-
-/// After the end was asked for, the parts have this long to close.
-const CLOSE_WITHIN: Duration = Duration::from_secs(5);
 
 /// How model sets become text, for the service.
 pub const CODEC: ModelCodec = ModelCodec {
@@ -57,14 +54,12 @@ pub struct Daemon {
     rests: bool,
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
     handle: Handle,
-    cancel: CancellationToken,
     to_engine: mpsc::Sender<BusBatch>,
     to_buses: Vec<Option<(mpsc::Receiver<Frame>, Tap)>>,
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
     session: watch::Receiver<Option<Stage>>,
     reloader: Reloader,
-    tasks: JoinSet<()>,
-    buses: JoinSet<BusEnd>,
+    tasks: Tasks,
     /// Held where latency has to be low.
     _awake: Option<Awake>,
     /// What SIGHUP reloads; without it SIGHUP ends the process, as it does by itself.
@@ -76,12 +71,28 @@ impl Daemon {
     /// service beside the engine where latency has to be low.
     ///
     /// # Errors
-    /// If the store cannot be opened or the address cannot be bound.
+    /// If the store cannot be opened or the address cannot be bound; what was started is closed then.
     pub async fn start(config: &Config, scene: Scene, store: StoreAt<'_>, clock: RunClock) -> anyhow::Result<Self> {
+        let mut tasks = Tasks::default();
+        let begun = Self::begin(config, scene, store, clock, &mut tasks);
+        if begun.is_err() {
+            tasks.close().await;
+        }
+        begun
+    }
+
+    /// Starts all of it; the tasks are left with the caller unless all is well.
+    fn begin(
+        config: &Config,
+        scene: Scene,
+        store: StoreAt<'_>,
+        clock: RunClock,
+        started: &mut Tasks,
+    ) -> anyhow::Result<Self> {
+        let Tasks { cancel, parts, .. } = &mut *started;
         #[cfg(feature = "certificate")]
         let certificates = crate::certificate::maker(config, &scene);
         let plan = Arc::new(scene.plan);
-        let cancel = CancellationToken::new();
         let (tell_done, done) = TellDone::new();
         let room = room_of(&store, config.store.budget_mb);
         let (pages, keeper) = pages(config, &plan, &clock)?;
@@ -109,26 +120,25 @@ impl Daemon {
             .telling(session_state)
             .writing(pages);
         let queues = Queues::new(batches, commands, done).with_pushed(pushed);
-        let mut tasks = JoinSet::new();
-        tasks.spawn(driver.run(queues, cancel.clone()));
-        tasks.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
-        let handle = if let Some(keeper) = keeper { kept_by(keeper, handle, (&mut tasks, &cancel)) } else { handle };
-        let share = share_with_pages(config, &cancel, &mut tasks)?;
+        parts.spawn(driver.run(queues, cancel.clone()));
+        parts.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
+        let handle = if let Some(keeper) = keeper { kept_by(keeper, handle, (parts, cancel)) } else { handle };
+        let share = share_with_pages(config, cancel, parts)?;
         let Open { listeners, access, reloader } = doors::open(&scene.doors)?;
-        let (handle, taps) = record::begin((config, live), &plan, handle, (&mut tasks, &cancel))?;
+        let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
         let (handle, awake) = if low_latency { awake(handle) } else { (handle, None) };
         let service = service(handle.clone(), listeners, access, limits(config), share);
         if low_latency {
-            tasks.spawn(service);
+            parts.spawn(service);
         } else {
-            tasks.spawn(on_a_thread(service)?);
+            parts.spawn(on_a_thread(service)?);
         }
         let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
-        let (to_buses, buses) = (taps.beside(receivers), JoinSet::new());
+        let to_buses = taps.beside(receivers);
         let rests = live && config.shared_memory.is_none() && !low_latency;
-        let (reload, _awake) = (None, awake);
-        Ok(Self { plan, rests, handle, cancel, to_engine, to_buses, session, reloader, tasks, buses, reload, _awake })
+        let (tasks, reload, _awake) = (std::mem::take(started), None, awake);
+        Ok(Self { plan, rests, handle, to_engine, to_buses, session, reloader, tasks, reload, _awake })
     }
 
     /// Adds the source of a bus.
@@ -136,18 +146,46 @@ impl Daemon {
         let Some((to_send, tap)) = self.to_buses.get_mut(bus.0 as usize).and_then(Option::take) else { return };
         let ends = Ends { to_engine: self.to_engine.clone(), to_send, tap };
         let rest = if self.rests { Rest::by(Rhythm::new(&self.plan, &self.routes(), bus)) } else { Rest::never() };
-        self.buses.spawn(bus::run(bus, source, ends, rest, self.cancel.clone()));
+        self.tasks.buses.spawn(bus::run(bus, source, ends, rest, self.tasks.cancel.clone()));
     }
 
     /// Adds a bus whose scans are pushed: there is nothing to read, and nobody has pushed any yet.
     fn add_push_bus(&mut self, bus: BusIndex) {
         let notices = vec![BusNotice::Down("nobody has pushed a scan yet".to_owned())];
-        let (to_engine, cancel) = (self.to_engine.clone(), self.cancel.clone());
-        self.buses.spawn(async move {
+        let (to_engine, cancel) = (self.to_engine.clone(), self.tasks.cancel.clone());
+        self.tasks.buses.spawn(async move {
             let _ = to_engine.send(BusBatch { bus, frames: Vec::new(), notices }).await; // the engine has stopped
             cancel.cancelled().await;
             BusEnd::Cancelled
         });
+    }
+
+    /// Adds all buses of the configuration.
+    ///
+    /// # Errors
+    /// What keeps one of them from being read.
+    fn add_buses(&mut self, config: &Config) -> anyhow::Result<()> {
+        let routes = self.routes();
+        for (position, section) in config.bus.iter().enumerate() {
+            let bus = BusIndex(position as u8);
+            match section.source {
+                BusSource::SocketCan => {
+                    let interface = section.interface.clone().unwrap_or_default();
+                    let speaks = |p: &PatchPlan| p.configures() && p.patch.boards().iter().any(|b| b.bus == bus);
+                    let tx = self.plan.patches.iter().any(speaks);
+                    let options = SocketCanOptions { interface, ids: Some(routes.wanted(bus)), tx };
+                    self.add_bus(bus, SocketCan::open(options)?);
+                }
+                BusSource::Push => self.add_push_bus(bus),
+                #[cfg(feature = "sim")]
+                BusSource::Sim => self.add_sim_bus(bus, section.seed)?,
+                #[cfg(not(feature = "sim"))]
+                BusSource::Sim => {
+                    anyhow::bail!("bus `{}`: this build has no simulator (cargo feature `sim`)", section.name)
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Adds a simulated bus, with what the plan expects on it.
@@ -205,6 +243,13 @@ impl Daemon {
     /// # Errors
     /// If signals cannot be waited for.
     pub async fn until_the_end(mut self) -> anyhow::Result<()> {
+        let ended = self.end().await;
+        self.close().await;
+        ended
+    }
+
+    /// Waits for what ends it.
+    async fn end(&mut self) -> anyhow::Result<()> {
         let mut terminate = signal(SignalKind::terminate())?;
         let (mut hangup, reload) = self.reload.take().unzip();
         let reloading = Reloading::begin(self.reloader.clone(), reload).context("a thread for reloading")?;
@@ -213,13 +258,13 @@ impl Daemon {
                 interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
                 _ = terminate.recv() => break,
                 () = hung_up(hangup.as_mut()) => reloading.ask(),
-                ended = self.buses.join_next() => match ended {
+                ended = self.tasks.buses.join_next() => match ended {
                     Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
-                    Some(Ok(BusEnd::LogOver)) if !self.buses.is_empty() => {}
+                    Some(Ok(BusEnd::LogOver)) if !self.tasks.buses.is_empty() => {}
                     Some(Ok(_)) | None => break,
                     Some(Err(error)) => tracing::error!(%error, "a bus task"),
                 },
-                Some(ended) = self.tasks.join_next() => {
+                Some(ended) = self.tasks.parts.join_next() => {
                     if let Err(error) = ended {
                         tracing::error!(%error, "a task of the daemon");
                     }
@@ -227,21 +272,13 @@ impl Daemon {
                 }
             }
         }
-        self.close().await;
         Ok(())
     }
 
-    async fn close(mut self) {
+    async fn close(self) {
         systemd::stopping();
         tracing::info!("taxeld stops");
-        self.cancel.cancel();
-        let all = async {
-            while self.buses.join_next().await.is_some() {}
-            while self.tasks.join_next().await.is_some() {}
-        };
-        if tokio::time::timeout(CLOSE_WITHIN, all).await.is_err() {
-            tracing::warn!(seconds = CLOSE_WITHIN.as_secs(), "some parts did not close in time");
-        }
+        self.tasks.close().await;
     }
 }
 
@@ -382,25 +419,11 @@ pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result
     };
     let mut daemon = Daemon::start(&config, scene, StoreAt::File(&store.path, retention), RunClock::Live).await?;
     daemon.reload = Some((hangup, reload));
-    let routes = daemon.routes();
-    for (position, section) in config.bus.iter().enumerate() {
-        let bus = BusIndex(position as u8);
-        match section.source {
-            BusSource::SocketCan => {
-                let interface = section.interface.clone().unwrap_or_default();
-                let speaks = |p: &PatchPlan| p.configures() && p.patch.boards().iter().any(|b| b.bus == bus);
-                let tx = daemon.plan.patches.iter().any(speaks);
-                let options = SocketCanOptions { interface, ids: Some(routes.wanted(bus)), tx };
-                daemon.add_bus(bus, SocketCan::open(options)?);
-            }
-            BusSource::Push => daemon.add_push_bus(bus),
-            #[cfg(feature = "sim")]
-            BusSource::Sim => daemon.add_sim_bus(bus, section.seed)?,
-            #[cfg(not(feature = "sim"))]
-            BusSource::Sim => {
-                anyhow::bail!("bus `{}`: this build has no simulator (cargo feature `sim`)", section.name)
-            }
+    match daemon.add_buses(&config) {
+        Ok(()) => daemon.until_the_end().await,
+        Err(error) => {
+            daemon.close().await;
+            Err(error)
         }
     }
-    daemon.until_the_end().await
 }

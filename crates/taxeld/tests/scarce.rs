@@ -134,9 +134,14 @@ impl Drop for Daemon {
 
 /// Lets the daemon whose configuration is in the folder publish its force in this one, too.
 fn publishing(folder: &Path, memory: &Path) {
+    configured(folder, &format!("[shared_memory]\npath = \"{}\"\n", memory.display()));
+}
+
+/// Adds sections to the configuration in the folder.
+fn configured(folder: &Path, sections: &str) {
     let path = folder.join("taxeld.toml");
     let config = std::fs::read_to_string(&path).unwrap();
-    std::fs::write(&path, format!("{config}[shared_memory]\npath = \"{}\"\n", memory.display())).unwrap();
+    std::fs::write(&path, format!("{config}{sections}")).unwrap();
 }
 
 /// A library that is made of this text, to be preloaded.
@@ -180,6 +185,22 @@ async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
     std::fs::remove_file(&slow).unwrap();
     let audited = daemon.audited();
     assert!(audited.contains("Tare") && audited.contains("Ann"), "{audited}");
+}
+
+/// The disk takes its time, so that an end that does not wait for the store comes before it is closed.
+#[test]
+fn a_start_that_fails_after_the_store_was_opened_closes_it() {
+    let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let mut daemon = Daemon::start(|command, folder| {
+        let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+        command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", "20");
+        command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("taxeld.toml"));
+        configured(folder, &format!("[metrics]\nlisten = \"{}\"\n", taken.local_addr().unwrap()));
+    });
+    assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{}", daemon.log());
+    assert!(daemon.log().contains("Address already in use"), "{}", daemon.log());
+    let disk = daemon.folder.path().join("disk");
+    assert!(disk.join("store.db").exists() && !disk.join("store.db-open").exists(), "it is not closed");
 }
 
 #[tokio::test]
