@@ -228,7 +228,10 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
             let text = config::read_text(&path)?;
             let (config, scene) = config::examine_text(&path, &text)?;
             let reload = reload::Reload::new(&path, &text, scene.doors.ruled);
-            runtime::runtime()?.block_on(run::run(config, scene, reload))
+            let runtime = runtime::runtime()?;
+            let ended = runtime.block_on(run::run(config, scene, reload));
+            runtime.shutdown_background(); // dropped, it would wait for calls into a disk that hangs
+            ended
         }
         Subcommands::Check { config, json } => check::check(&config, json),
         Subcommands::Store(args) => store_command::store(&args),

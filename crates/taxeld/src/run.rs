@@ -76,7 +76,7 @@ impl Daemon {
         let mut tasks = Tasks::default();
         let begun = Self::begin(config, scene, store, clock, &mut tasks);
         if begun.is_err() {
-            tasks.close().await;
+            tasks.close().await.unwrap_or_else(|late| tracing::error!("{late:#}"));
         }
         begun
     }
@@ -241,11 +241,11 @@ impl Daemon {
     /// Runs until a signal comes or every bus has ended, then closes.
     ///
     /// # Errors
-    /// If signals cannot be waited for.
+    /// If signals cannot be waited for, or if not all closes in time.
     pub async fn until_the_end(mut self) -> anyhow::Result<()> {
         let ended = self.end().await;
-        self.close().await;
-        ended
+        let closed = self.close().await;
+        ended.and(closed)
     }
 
     /// Waits for what ends it.
@@ -275,10 +275,10 @@ impl Daemon {
         Ok(())
     }
 
-    async fn close(self) {
+    async fn close(self) -> anyhow::Result<()> {
         systemd::stopping();
         tracing::info!("taxeld stops");
-        self.tasks.close().await;
+        self.tasks.close().await
     }
 }
 
@@ -422,7 +422,7 @@ pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result
     match daemon.add_buses(&config) {
         Ok(()) => daemon.until_the_end().await,
         Err(error) => {
-            daemon.close().await;
+            daemon.close().await.unwrap_or_else(|late| tracing::error!("{late:#}"));
             Err(error)
         }
     }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use anyhow::anyhow;
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
@@ -24,14 +25,18 @@ pub struct Tasks {
 
 impl Tasks {
     /// Has all of them end, and waits for it.
-    pub async fn close(mut self) {
+    ///
+    /// # Errors
+    /// If some have not ended in time, as on a disk that hangs: whoever ends the process does not wait for them.
+    pub async fn close(mut self) -> anyhow::Result<()> {
         self.cancel.cancel();
         let all = async {
             while self.buses.join_next().await.is_some() {}
             while self.parts.join_next().await.is_some() {}
         };
-        if tokio::time::timeout(CLOSE_WITHIN, all).await.is_err() {
-            tracing::warn!(seconds = CLOSE_WITHIN.as_secs(), "some parts did not close in time");
-        }
+        let seconds = CLOSE_WITHIN.as_secs();
+        tokio::time::timeout(CLOSE_WITHIN, all)
+            .await
+            .map_err(|_| anyhow!("some parts did not close in time, within {seconds} s: the store is as after a kill"))
     }
 }

@@ -203,6 +203,21 @@ fn a_start_that_fails_after_the_store_was_opened_closes_it() {
     assert!(disk.join("store.db").exists() && !disk.join("store.db-open").exists(), "it is not closed");
 }
 
+/// Until somebody ends it: each call takes an hour.
+#[tokio::test]
+async fn a_disk_that_hangs_does_not_keep_the_process_and_its_exit_code_says_so() {
+    let mut daemon = Daemon::start(|command, folder| {
+        let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+        command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", "3600000");
+        command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("hangs"));
+    });
+    daemon.stream().await.message().await.unwrap().unwrap();
+    std::fs::write(daemon.folder.path().join("hangs"), "").unwrap();
+    assert!(Command::new("kill").arg(daemon.child.id().to_string()).status().unwrap().success());
+    assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{}", daemon.log());
+    assert!(daemon.log().contains("some parts did not close in time"), "{}", daemon.log());
+}
+
 #[tokio::test]
 async fn a_daemon_without_a_descriptor_left_goes_on_and_takes_connections_again_when_it_has_some() {
     let daemon = Daemon::start(|command, _| {
