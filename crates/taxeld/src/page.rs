@@ -70,7 +70,6 @@ impl Site {
         let listener = bound.map_or_else(|| bind(listen, &limits), |bound| bound.try_clone());
         let listener = listener.with_context(|| format!("{name}.listen = {listen}"))?;
         let address = listener.local_addr()?;
-        let runtime = crate::runtime::runtime()?;
         let (share, shared) = oneshot::channel::<SharedServices>();
         let (ended, end) = oneshot::channel::<()>();
         let cancel = shutdown.clone();
@@ -80,16 +79,12 @@ impl Site {
             let services = Services::new(services);
             serve(listener, Options { services, permits, shows, names, limits }, cancel).await
         };
-        let run = move || {
+        crate::runtime::on_a_thread(name, move |runtime| {
             if let Err(error) = runtime.block_on(serving) {
                 tracing::error!(%error, "the {name} ended");
             }
             drop(ended);
-        };
-        std::thread::Builder::new()
-            .name(name.to_owned())
-            .spawn(run)
-            .with_context(|| format!("a thread for the {name}"))?;
+        })?;
         tracing::info!("the {name}: http://{address}/");
         Ok((share, async move {
             shutdown.cancelled().await;

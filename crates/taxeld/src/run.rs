@@ -386,13 +386,11 @@ async fn service(
 
 /// Starts the service on a thread of its own, so that what subscribers cost never delays a frame. Gives its end.
 fn on_a_thread(service: impl Future<Output = ()> + Send + 'static) -> anyhow::Result<impl Future<Output = ()>> {
-    let runtime = crate::runtime::runtime()?;
     let (ended, end) = oneshot::channel();
-    let run = move || {
+    crate::runtime::on_a_thread("service", move |runtime| {
         runtime.block_on(service);
         let _ = ended.send(()); // the daemon did not wait for it
-    };
-    std::thread::Builder::new().name("service".to_owned()).spawn(run).context("a thread for the service")?;
+    })?;
     Ok(async move {
         if end.await.is_err() {
             tracing::error!("the service's thread panicked");

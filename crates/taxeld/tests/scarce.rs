@@ -218,6 +218,25 @@ async fn a_disk_that_hangs_does_not_keep_the_process_and_its_exit_code_says_so()
     assert!(daemon.log().contains("some parts did not close in time"), "{}", daemon.log());
 }
 
+/// The threads of a start in their order, behind that of the log, without which it starts all the same.
+#[test]
+fn a_start_without_a_thread_says_so_and_closes_what_it_has_opened() {
+    for (number, thread) in (2..).zip(["store", "page", "recorder", "record", "service", "sim-bus", "reload"]) {
+        let mut daemon = Daemon::start(|command, folder| {
+            let library = compiled(folder, include_str!("thread_faults.c"));
+            command.env("LD_PRELOAD", library).env("THREAD_AT", number.to_string());
+            let recordings = folder.join("recordings");
+            let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[record]\npath = ";
+            configured(folder, &format!("{sections}\"{}\"\n", recordings.display()));
+        });
+        assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{thread}: {}", daemon.log());
+        let log = daemon.log();
+        assert!(log.contains("Resource temporarily unavailable") && !log.contains("panicked"), "{thread}: {log}");
+        let mark = daemon.folder.path().join("disk/store.db-open");
+        assert!(thread == "store" || !mark.exists(), "{thread}: the store is not closed");
+    }
+}
+
 #[tokio::test]
 async fn a_daemon_without_a_descriptor_left_goes_on_and_takes_connections_again_when_it_has_some() {
     let daemon = Daemon::start(|command, _| {

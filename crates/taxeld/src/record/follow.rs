@@ -1,7 +1,6 @@
 //! Force, taxels and events on their way into the recording, on a thread of their own: what it costs to write them down
 //! never delays a frame.
 
-use anyhow::Context;
 use prost::Message;
 use taxel_can::ClockReading;
 use taxel_mcap::{Queue, Recorder};
@@ -32,10 +31,9 @@ pub fn follow(
     events: Option<usize>,
     cancel: CancellationToken,
 ) -> anyhow::Result<impl Future<Output = ()> + use<>> {
-    let runtime = crate::runtime::runtime()?;
     let (ended, end) = oneshot::channel::<()>();
     let (handle, shutdown) = (handle.clone(), cancel.clone());
-    let run = move || {
+    crate::runtime::on_a_thread("record", move |runtime| {
         runtime.block_on(async {
             let mut tasks = JoinSet::new();
             for followed in patches {
@@ -51,8 +49,7 @@ pub fn follow(
         drop(runtime); // its tasks hold the queue
         recorder.finish();
         drop(ended);
-    };
-    std::thread::Builder::new().name("record".to_owned()).spawn(run).context("a thread for the recording")?;
+    })?;
     Ok(async move {
         shutdown.cancelled().await; // a recording that is lost ends nothing else
         let _ = end.await; // dropped at the end, never sent
