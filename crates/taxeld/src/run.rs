@@ -60,6 +60,8 @@ pub struct Daemon {
     session: watch::Receiver<Option<Stage>>,
     reloader: Reloader,
     tasks: Tasks,
+    /// Listened to since before anybody could see that it serves: until then SIGTERM ends the process as it is.
+    terminate: Signal,
     /// Held where latency has to be low.
     _awake: Option<Awake>,
     /// What SIGHUP reloads; without it SIGHUP ends the process, as it does by itself.
@@ -127,6 +129,7 @@ impl Daemon {
         let Open { listeners, access, reloader } = doors::open(&scene.doors)?;
         let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
         let (handle, awake) = if low_latency { awake(handle) } else { (handle, None) };
+        let terminate = signal(SignalKind::terminate())?;
         let service = service(handle.clone(), listeners, access, limits(config), share);
         if low_latency {
             parts.spawn(service);
@@ -138,7 +141,7 @@ impl Daemon {
         let to_buses = taps.beside(receivers);
         let rests = live && config.shared_memory.is_none() && !low_latency;
         let (tasks, reload, _awake) = (std::mem::take(started), None, awake);
-        Ok(Self { plan, rests, handle, to_engine, to_buses, session, reloader, tasks, reload, _awake })
+        Ok(Self { plan, rests, handle, to_engine, to_buses, session, reloader, tasks, terminate, reload, _awake })
     }
 
     /// Adds the source of a bus.
@@ -250,13 +253,12 @@ impl Daemon {
 
     /// Waits for what ends it.
     async fn end(&mut self) -> anyhow::Result<()> {
-        let mut terminate = signal(SignalKind::terminate())?;
         let (mut hangup, reload) = self.reload.take().unzip();
         let reloading = Reloading::begin(self.reloader.clone(), reload).context("a thread for reloading")?;
         loop {
             tokio::select! {
                 interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
-                _ = terminate.recv() => break,
+                _ = self.terminate.recv() => break,
                 () = hung_up(hangup.as_mut()) => reloading.ask(),
                 ended = self.tasks.buses.join_next() => match ended {
                     Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
