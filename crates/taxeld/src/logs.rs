@@ -1,6 +1,7 @@
 //! Where the log goes and what it looks like. On a terminal it has colours; under the journal it has no time of its own,
 //! because the journal notes one.
 
+mod lines;
 mod queue;
 
 use std::backtrace::{Backtrace, BacktraceStatus};
@@ -10,7 +11,8 @@ use std::panic::PanicHookInfo;
 use std::sync::OnceLock;
 use std::time::Duration;
 
-use queue::LogQueue;
+use lines::Waiting;
+use queue::{LogQueue, Lost};
 use tracing_subscriber::fmt::writer::BoxMakeWriter;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -67,7 +69,7 @@ impl Drop for Log {
 /// Starts the log on standard error; `RUST_LOG` says what is logged.
 pub fn start(format: LogFormat, writes: Writes) -> Log {
     if writes == Writes::Thread {
-        match LogQueue::start(std::io::stderr(), tell_dropped) {
+        match LogQueue::start(Waiting(std::io::stderr()), tell_lost) {
             Ok(queue) => {
                 let _ = QUEUE.set(queue); // called once
                 crate::say::lead_errors_to(queued);
@@ -100,8 +102,8 @@ fn queued(text: std::fmt::Arguments<'_>) -> bool {
     QUEUE.get().inspect(|queue| queue.put(format!("{text}\n").as_bytes())).is_some()
 }
 
-fn tell_dropped(lines: u64) {
-    tracing::warn!("{lines} lines of the log were dropped, since nobody read them");
+fn tell_lost(lost: &Lost) {
+    lost.words().iter().for_each(|words| tracing::warn!("{words}"));
 }
 
 /// As the standard library tells of a panic, but without waiting for the reader.

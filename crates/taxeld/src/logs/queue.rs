@@ -1,12 +1,40 @@
 //! Lines of the log on their way to whoever reads them. A thread of its own writes, so that nobody who logs waits for a reader
-//! that stands still, such as a journal that was stopped or a pipe that nobody empties. What does not fit is counted.
+//! that stands still, such as a journal that was stopped or a pipe that nobody empties. What does not get there is counted.
 
 use std::io::{self, Write};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use super::lines::Lines;
+
 /// So much may wait: some thousand lines, as a start and an hour of faults make.
 const WAITING_BYTES_MAX: usize = 256 * 1024;
+
+/// Lines that are not in the log, by what kept them from it.
+#[derive(Debug, Default)]
+pub struct Lost {
+    /// Those for which there was no room, since nobody read what waited.
+    unread: u64,
+    /// Those that are longer than all that may wait.
+    too_long: u64,
+    /// Those that could not be written, and why the last of them.
+    unwritten: Option<(u64, io::Error)>,
+}
+
+impl Lost {
+    fn is_none(&self) -> bool {
+        self.unread == 0 && self.too_long == 0 && self.unwritten.is_none()
+    }
+
+    /// What to say of them, a line for each reason.
+    pub fn words(&self) -> Vec<String> {
+        let unread = (self.unread, "nobody read them".to_owned());
+        let too_long = (self.too_long, format!("each had more than {WAITING_BYTES_MAX} bytes"));
+        let unwritten = self.unwritten.iter().map(|(lines, why)| (*lines, format!("they could not be written: {why}")));
+        let reasons = [unread, too_long].into_iter().chain(unwritten).filter(|(lines, _)| *lines > 0);
+        reasons.map(|(lines, why)| format!("{lines} lines of the log were dropped, since {why}")).collect()
+    }
+}
 
 /// The end at which lines are put in. Clones are of the same queue.
 #[derive(Clone)]
@@ -22,31 +50,42 @@ struct Shared {
 #[derive(Default)]
 struct State {
     waiting: Vec<u8>,
-    /// Lines that were left out since it was told last.
-    dropped: u64,
+    /// What was left out since it was told last.
+    lost: Lost,
     /// The thread has taken something and is not done with it.
     writing: bool,
 }
 
+impl State {
+    /// Whether there is nothing to write or to tell.
+    fn is_idle(&self) -> bool {
+        self.waiting.is_empty() && self.lost.is_none()
+    }
+}
+
 impl LogQueue {
-    /// Starts the thread, which writes to `to`. Once something is read again after lines were dropped, it calls
-    /// `tell_dropped` with their number, so that a line about them follows those before them.
+    /// Starts the thread, which writes to `to`. Once something is written again after lines were lost, it calls `tell_lost`,
+    /// so that a line about them follows those before them.
     ///
     /// # Errors
     /// If there is no thread to be had.
-    pub fn start(to: impl Write + Send + 'static, tell_dropped: fn(u64)) -> io::Result<Self> {
+    pub fn start(to: impl Write + Send + 'static, tell_lost: fn(&Lost)) -> io::Result<Self> {
         let queue = Self(Arc::default());
         let shared = Arc::clone(&queue.0);
-        std::thread::Builder::new().name("log".to_owned()).spawn(move || shared.write_all_to(to, tell_dropped))?;
+        std::thread::Builder::new()
+            .name("log".to_owned())
+            .spawn(move || shared.write_all_to(Lines::new(to), tell_lost))?;
         Ok(queue)
     }
 
-    /// Takes a line, or counts it as dropped. Once one was dropped all are, until the thread has taken those that wait: none
-    /// is missing among those that are written.
+    /// Takes a line, or counts it as lost. Once there was no room for one there is none for any, until the thread has taken
+    /// those that wait: none is missing among those that are written.
     pub fn put(&self, line: &[u8]) {
         let mut state = self.0.lock();
-        if state.dropped > 0 || state.waiting.len() + line.len() > WAITING_BYTES_MAX {
-            state.dropped += 1;
+        if line.len() > WAITING_BYTES_MAX {
+            state.lost.too_long += 1;
+        } else if state.lost.unread > 0 || state.waiting.len() + line.len() > WAITING_BYTES_MAX {
+            state.lost.unread += 1;
         } else {
             state.waiting.extend_from_slice(line);
         }
@@ -56,7 +95,7 @@ impl LogQueue {
 
     /// Waits until all is written, at most so long. Whether it is.
     pub fn flush(&self, within: Duration) -> bool {
-        let left = |state: &mut State| state.writing || state.dropped > 0 || !state.waiting.is_empty();
+        let left = |state: &mut State| state.writing || !state.is_idle();
         let waited = self.0.changed.wait_timeout_while(self.0.lock(), within, left);
         !waited.unwrap_or_else(PoisonError::into_inner).1.timed_out()
     }
@@ -79,31 +118,31 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn write_all_to(&self, mut to: impl Write, tell_dropped: fn(u64)) {
+    fn write_all_to(&self, mut out: Lines<impl Write>, tell_lost: fn(&Lost)) {
         loop {
-            let (lines, dropped) = self.take();
-            if dropped > 0 {
-                tell_dropped(dropped); // into this queue, of which room was just made
+            let (lines, lost) = self.take();
+            if !lost.is_none() {
+                tell_lost(&lost); // into this queue, of which room was just made
             }
-            let _ = to.write_all(&lines).and_then(|()| to.flush()); // without a reader it is nobody's loss
+            self.lock().lost.unwritten = out.write(&lines);
         }
     }
 
-    /// Waits for something to write and takes it, with the number of lines that were dropped after it.
-    fn take(&self) -> (Vec<u8>, u64) {
+    /// Waits for something to write and takes it, with what was lost after it.
+    fn take(&self) -> (Vec<u8>, Lost) {
         let mut state = self.lock();
         state.writing = false;
         self.changed.notify_all();
-        let idle = |state: &mut State| state.waiting.is_empty() && state.dropped == 0;
-        state = self.changed.wait_while(state, idle).unwrap_or_else(PoisonError::into_inner);
+        state = self.changed.wait_while(state, |state| state.is_idle()).unwrap_or_else(PoisonError::into_inner);
         state.writing = true;
-        (std::mem::take(&mut state.waiting), std::mem::take(&mut state.dropped))
+        (std::mem::take(&mut state.waiting), std::mem::take(&mut state.lost))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use std::sync::OnceLock;
+    use std::sync::atomic::{AtomicBool, Ordering};
     use std::sync::mpsc::{Receiver, Sender, channel};
 
     use super::*;
@@ -141,11 +180,15 @@ mod tests {
         (Reader { waits: told, read, got }, Ends { waits, may_read, lines })
     }
 
+    fn told(lost: &Lost) -> String {
+        lost.words().iter().map(|words| format!("{words}\n")).collect()
+    }
+
     #[test]
     fn whoever_logs_does_not_wait_and_what_did_not_fit_is_told_in_its_place() {
         static QUEUE: OnceLock<LogQueue> = OnceLock::new();
         let (reader, ends) = reader();
-        let tell = |dropped| QUEUE.get().unwrap().put(format!("{dropped} dropped\n").as_bytes());
+        let tell = |lost: &Lost| QUEUE.get().unwrap().put(told(lost).as_bytes());
         let queue = QUEUE.get_or_init(|| LogQueue::start(reader, tell).unwrap());
         let line = vec![b'.'; 1024];
         queue.put(&line);
@@ -157,7 +200,10 @@ mod tests {
         assert!(queue.flush(Duration::MAX));
         let text = String::from_utf8(ends.lines.try_iter().flatten().collect()).unwrap();
         let (kept, told) = text.split_at(text.rfind('.').unwrap() + 1);
-        assert_eq!((kept.len(), told), ((1 + fit) * line.len(), "257 dropped\n"));
+        assert_eq!(
+            (kept.len(), told),
+            ((1 + fit) * line.len(), "257 lines of the log were dropped, since nobody read them\n")
+        );
     }
 
     #[test]
@@ -165,13 +211,50 @@ mod tests {
         static QUEUE: OnceLock<LogQueue> = OnceLock::new();
         let (reader, ends) = reader();
         drop(ends.may_read);
-        let tell = |dropped| QUEUE.get().unwrap().put(format!("{dropped} dropped\n").as_bytes());
+        let tell = |lost: &Lost| QUEUE.get().unwrap().put(told(lost).as_bytes());
         let queue = QUEUE.get_or_init(|| LogQueue::start(reader, tell).unwrap());
         queue.put(&vec![b'.'; WAITING_BYTES_MAX + 1]);
         assert!(queue.flush(Duration::MAX));
         queue.put(b"and on\n");
         assert!(queue.flush(Duration::MAX));
-        assert_eq!(ends.lines.try_iter().flatten().collect::<Vec<_>>(), b"1 dropped\nand on\n");
+        let text = String::from_utf8(ends.lines.try_iter().flatten().collect()).unwrap();
+        let told = "1 lines of the log were dropped, since each had more than 262144 bytes";
+        assert_eq!(text, format!("{told}\nand on\n"));
+    }
+
+    /// A disk that has no room until it is given some.
+    struct Disk(Sender<Vec<u8>>);
+
+    static ROOM: AtomicBool = AtomicBool::new(false);
+
+    impl Write for Disk {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            if !ROOM.load(Ordering::SeqCst) {
+                return Err(io::ErrorKind::StorageFull.into());
+            }
+            let _ = self.0.send(bytes.to_vec());
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn what_could_not_be_written_is_told_once_something_is() {
+        static QUEUE: OnceLock<LogQueue> = OnceLock::new();
+        let (got, written) = channel();
+        let tell = |lost: &Lost| QUEUE.get().unwrap().put(told(lost).as_bytes());
+        let queue = QUEUE.get_or_init(|| LogQueue::start(Disk(got), tell).unwrap());
+        queue.put(b"one\ntwo\n");
+        assert!(queue.flush(Duration::MAX));
+        ROOM.store(true, Ordering::SeqCst);
+        queue.put(b"and on\n");
+        assert!(queue.flush(Duration::MAX));
+        let text = String::from_utf8(written.try_iter().flatten().collect()).unwrap();
+        let told = "2 lines of the log were dropped, since they could not be written: no storage space";
+        assert_eq!(text, format!("and on\n{told}\n"));
     }
 
     #[test]
