@@ -18,13 +18,19 @@ use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, Registry, fmt, reload};
 
+use taxel_skin::printable;
+
 use crate::config::log_filter;
+use crate::say;
 
 /// What is logged unless somebody says otherwise.
 const FILTER: &str = "info";
 
 /// The variable that decides over the configuration.
 const VARIABLE: &str = "RUST_LOG";
+
+/// So much of a filter that is not used is shown.
+const FILTER_CHARS_MAX: usize = 100;
 
 /// What a line of the log looks like.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -78,8 +84,9 @@ pub fn start(format: LogFormat, writes: Writes) -> Log {
             Err(error) => crate::say::failure(&format!("no thread for the log, which may hold the daemon up: {error}")),
         }
     }
-    let decided = std::env::var(VARIABLE).ok().and_then(|decided| log_filter(&decided).ok());
-    let filter = decided.or_else(|| log_filter(FILTER).ok()).unwrap_or_default();
+    let decided = decided();
+    let filter = decided.as_ref().ok().cloned().flatten().and_then(|text| log_filter(&text).ok());
+    let filter = filter.or_else(|| log_filter(FILTER).ok()).unwrap_or_default();
     let (filter, handle) = reload::Layer::new(filter);
     let writer = match QUEUE.get() {
         Some(queue) => BoxMakeWriter::new(|| queue.clone()),
@@ -94,6 +101,9 @@ pub fn start(format: LogFormat, writes: Writes) -> Log {
     };
     tracing_subscriber::registry().with(filter).with(lines).init();
     let _ = FILTERING.set(handle); // called once
+    if let Err(why) = decided {
+        tracing::warn!("{why}");
+    }
     Log(())
 }
 
@@ -115,12 +125,30 @@ fn tell_panic(panic: &PanicHookInfo<'_>) {
     queued(format_args!("thread '{name}' {panic}{trace}"));
 }
 
+/// The filter of the variable; nothing where it is not set, or empty.
+///
+/// # Errors
+/// What is wrong with it.
+fn decided() -> Result<Option<String>, String> {
+    let Some(value) = std::env::var_os(VARIABLE) else { return Ok(None) };
+    let text = value.to_string_lossy();
+    if text.trim().is_empty() {
+        return Ok(None);
+    }
+    let unused = |why: String| {
+        let shown = printable(say::short(&text, FILTER_CHARS_MAX).as_str());
+        format!("{VARIABLE} = \"{shown}\" of the environment is not used, but `log.filter` of the configuration: {why}")
+    };
+    log_filter(&text).map_err(unused)?;
+    Ok(Some(text.into_owned()))
+}
+
 /// Logs what this filter lets through from now on, unless `RUST_LOG` decides. Gives what applies now.
 ///
 /// # Errors
 /// What is wrong with the filter; nothing has changed then.
 pub fn filter(wanted: Option<&str>) -> Result<String, String> {
-    if let Ok(decided) = std::env::var(VARIABLE) {
+    if let Ok(Some(decided)) = decided() {
         return Ok(format!("`{decided}`, which {VARIABLE} decides"));
     }
     let wanted = wanted.unwrap_or(FILTER);

@@ -291,6 +291,23 @@ async fn without_room_for_pages_the_daemon_serves_all_the_same_and_its_health_sa
     daemon.until_logged("No space left on device");
 }
 
+/// Where the configuration wants warnings alone, and the variable is empty or cannot be used.
+#[tokio::test]
+async fn a_variable_that_names_no_filter_leaves_it_to_the_configuration_and_a_wrong_one_is_told() {
+    for (variable, told) in [("", false), ("taxeld=nonsense[[", true), ("wran", true)] {
+        let daemon = Daemon::start(|command, folder| {
+            command.env("RUST_LOG", variable);
+            let sections = "[log]\nfilter = \"info,taxeld=warn\"\n[record]\npath = ";
+            configured(folder, &format!("{sections}\"{}\"\n", folder.join("recordings").display()));
+        });
+        daemon.stream().await;
+        daemon.until_logged("taxel_mcap::recorder: recording"); // an information, which the configuration lets through
+        let said = format!("RUST_LOG = \"{variable}\" of the environment is not used");
+        assert_eq!(daemon.log().matches(&said).count(), usize::from(told), "{}", daemon.log());
+        assert!(!daemon.log().contains("taxeld is up"), "{}", daemon.log());
+    }
+}
+
 /// Of a process that runs already, the limit on files is lowered below what its store has: no write gets through any more.
 #[tokio::test]
 async fn files_that_may_not_grow_are_a_full_disk_and_no_end() {

@@ -17,7 +17,7 @@ const EXPECTED: [(&str, &str); 62] = [
     ("metrics.listen", "an address and a port, as in \"127.0.0.1:9464\""),
     ("listen.tcp", "an address and a port, as in \"0.0.0.0:50052\""),
     ("listen.mode", "a mode of a file, as in 0o660"),
-    ("log.filter", "a text as RUST_LOG takes it"),
+    ("log.filter", "a level or targets with levels, as in \"warn\" or \"taxel_rpc=debug,info\""),
     ("bus.name", "a text, the name by which patches call it"),
     ("bus.source", "\"socketcan\" or \"sim\""),
     ("bus.interface", "the name of a network interface, as in \"can0\""),
