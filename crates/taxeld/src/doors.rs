@@ -12,11 +12,14 @@ use taxel_rpc::{Access, Listener, Rules, Tokens};
 use taxel_rpc::{Tls, TlsFiles};
 
 use crate::config::{Door, Doors};
+use crate::sockets::Sockets;
 
 /// The open doors, and who may come in.
 pub struct Open {
     /// What the service accepts connections from.
     pub listeners: Vec<Listener>,
+    /// Looks after the names of those that are Unix sockets.
+    pub sockets: Sockets,
     /// Who may do what.
     pub access: Access,
     /// Reads certificates and tokens again.
@@ -37,10 +40,14 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
         tls: Vec::new(),
     };
     doors.unreached_grants().iter().for_each(|line| tracing::warn!("{line}"));
-    let mut listeners = Vec::new();
+    let (mut listeners, mut sockets) = (Vec::new(), Sockets::default());
     for door in &doors.doors {
         listeners.push(match door {
-            Door::Unix { path, mode, group } => Listener::Unix(bind_unix(path, *mode, group.as_deref())?),
+            Door::Unix { path, mode, group } => {
+                let listener = bind_unix(path, *mode, group.as_deref())?;
+                sockets.add(path).with_context(|| format!("{}", path.display()))?;
+                Listener::Unix(listener)
+            }
             Door::Tcp(address) => {
                 if !address.ip().is_loopback() {
                     tracing::warn!(
@@ -65,7 +72,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
     if let Some(path) = &doors.tokens {
         tracing::info!(tokens = %path.display(), "tokens are read");
     }
-    Ok(Open { listeners, access, reloader })
+    Ok(Open { listeners, sockets, access, reloader })
 }
 
 /// The tokens of a file; none without one.

@@ -26,6 +26,7 @@ mod force_file;
 mod judge;
 mod log_words;
 mod logs;
+mod looking;
 mod low_latency;
 mod missing;
 mod offline;
@@ -57,6 +58,7 @@ mod show_demo;
 #[cfg(feature = "sim")]
 mod sim_bus;
 mod sleep;
+mod sockets;
 mod soundness;
 mod store_at;
 mod store_command;

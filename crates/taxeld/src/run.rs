@@ -1,7 +1,7 @@
 //! `taxeld run`: buses, engine, store and service, wired together until a signal ends them.
 
 use std::future::pending;
-use std::sync::{Arc, PoisonError};
+use std::sync::Arc;
 
 use anyhow::Context;
 use taxel_can::{FrameSource, SocketCan, SocketCanOptions};
@@ -29,12 +29,14 @@ use crate::config::{BusSource, Config, Scene};
 use crate::doors::{self, Open, Reloader};
 use crate::driver::{Driver, Stage};
 use crate::logs;
+use crate::looking::Problems;
 use crate::low_latency::{self, Awake};
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::Reload;
 use crate::reloading::Reloading;
 use crate::shared_memory::{Keeper, Pages};
+use crate::sockets::Sockets;
 use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
 use crate::systemd;
 use crate::tasks::Tasks;
@@ -124,9 +126,9 @@ impl Daemon {
         let queues = Queues::new(batches, commands, done).with_pushed(pushed);
         parts.spawn(driver.run(queues, cancel.clone()));
         parts.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
-        let handle = if let Some(keeper) = keeper { kept_by(keeper, handle, (parts, cancel)) } else { handle };
         let share = share_with_pages(config, cancel, parts)?;
-        let Open { listeners, access, reloader } = doors::open(&scene.doors)?;
+        let Open { listeners, sockets, access, reloader } = doors::open(&scene.doors)?;
+        let handle = looked_after((keeper, sockets), handle, (parts, cancel));
         let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
         let (handle, awake) = if low_latency { awake(handle) } else { (handle, None) };
         let terminate = signal(SignalKind::terminate())?;
@@ -306,11 +308,16 @@ fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<(Page
     Ok((pages, keeper))
 }
 
-/// Starts the one who keeps the pages; the health tells what is wrong with them.
-fn kept_by(keeper: Keeper, handle: Handle, (tasks, cancel): (&mut JoinSet<()>, &CancellationToken)) -> Handle {
-    let problems = keeper.problems();
-    tasks.spawn(keeper.keep(cancel.clone()));
-    handle.lacking_now(Arc::new(move || problems.lock().unwrap_or_else(PoisonError::into_inner).clone()))
+/// Starts those who look after the pages and the sockets; the health tells what is wrong with them.
+fn looked_after(
+    (keeper, sockets): (Option<Keeper>, Sockets),
+    handle: Handle,
+    (tasks, cancel): (&mut JoinSet<()>, &CancellationToken),
+) -> Handle {
+    let problems: Vec<Problems> = keeper.iter().map(Keeper::problems).chain([sockets.problems()]).collect();
+    keeper.into_iter().for_each(|keeper| _ = tasks.spawn(keeper.keep(cancel.clone())));
+    tasks.spawn(sockets.keep(cancel.clone()));
+    handle.lacking_now(Arc::new(move || problems.iter().flat_map(Problems::get).collect()))
 }
 
 /// Keeps the machine's processors awake where that can be had; where not, the health says why.

@@ -343,6 +343,24 @@ async fn a_page_that_somebody_removed_is_made_again() {
     assert!(!daemon.problems().await.iter().any(|problem| problem.contains("shared memory")));
 }
 
+/// Whoever cleans up takes the socket's name along, and a socket cannot be given it again.
+#[tokio::test]
+async fn a_socket_that_somebody_removed_is_told() {
+    let daemon = Daemon::start(|_, folder| {
+        configured(folder, &format!("[[listen]]\nunix = \"{}\"\n", folder.join("socket").display()));
+    });
+    let mut stream = daemon.stream().await;
+    let socket = daemon.folder.path().join("socket");
+    std::fs::remove_file(&socket).unwrap();
+    let said = format!("nobody can connect to the socket {} any more: it was removed", socket.display());
+    let begun = Instant::now();
+    while !daemon.problems().await.iter().any(|problem| problem.starts_with(&said)) {
+        stream.message().await.unwrap().unwrap();
+        assert!(begun.elapsed() < PATIENCE, "{}", daemon.log());
+    }
+    daemon.until_logged(&said);
+}
+
 /// The clocks that go on while the machine sleeps jump by an hour, and the one that stands still does not: for the service
 /// first, before the engine has a turn, and then for all.
 #[tokio::test]

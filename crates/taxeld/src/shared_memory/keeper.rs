@@ -2,7 +2,6 @@
 //! on the engine's task.
 
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use anyhow::Context;
@@ -13,12 +12,10 @@ use tokio::sync::mpsc;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::SharedMemorySection;
+use crate::looking::{Problems, look_after};
 
 /// How often it is looked whether each page still has its name.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-
-/// What is wrong with the pages at present, in words for the health.
-pub type Problems = Arc<Mutex<Vec<String>>>;
 
 /// Makes pages and looks after their names.
 #[derive(Debug)]
@@ -77,27 +74,16 @@ impl Keeper {
 
     /// Where it says what is wrong at present.
     pub fn problems(&self) -> Problems {
-        Arc::clone(&self.problems)
+        self.problems.clone()
     }
 
     /// Looks every second until the daemon ends.
-    pub async fn keep(mut self, cancel: CancellationToken) {
-        while cancel.run_until_cancelled(tokio::time::sleep(LOOK_EVERY)).await.is_some() {
-            // The file system may take its time, and the engine shares this thread.
-            let looked = tokio::task::spawn_blocking(move || {
-                let (problems, _) = self.look();
-                self.tell(problems);
-                self
-            });
-            match looked.await {
-                Ok(keeper) => self = keeper,
-                Err(error) => {
-                    tracing::error!(%error, "nobody looks after the pages in shared memory any more");
-                    break;
-                }
-            }
-        }
-        cancel.cancelled().await;
+    pub async fn keep(self, cancel: CancellationToken) {
+        let look = |keeper: &mut Self| {
+            let (problems, _) = keeper.look();
+            keeper.tell(problems);
+        };
+        look_after(self, look, LOOK_EVERY, cancel).await;
     }
 
     /// Looks at each page and makes those that are not there. Gives what is wrong with each, and the first error.
@@ -122,8 +108,7 @@ impl Keeper {
     /// Tells the log what is new, and the health all that is wrong.
     fn tell(&mut self, problems: Vec<Option<String>>) {
         self.pages.iter_mut().zip(problems).for_each(|(page, problem)| page.tell(problem));
-        let words = self.pages.iter().filter_map(Kept::words).collect();
-        *self.problems.lock().unwrap_or_else(PoisonError::into_inner) = words;
+        self.problems.set(self.pages.iter().filter_map(Kept::words).collect());
     }
 
     fn make(&mut self, position: usize) -> Result<(), PageError> {
@@ -186,7 +171,7 @@ mod tests {
         let mut look = move || {
             let (problems, _) = keeper.look();
             keeper.tell(problems);
-            keeper.problems().lock().unwrap().clone()
+            keeper.problems().get()
         };
         let (_, first) = made.try_recv().unwrap();
         let path = first.path().to_owned();
@@ -220,7 +205,7 @@ mod tests {
         put();
         std::fs::set_permissions(&section.path, others).unwrap();
         let (mut keeper, mut made) = Keeper::begin(&section, &plan()).unwrap();
-        let said = keeper.problems().lock().unwrap().join("");
+        let said = keeper.problems().get().join("");
         assert!(said.contains(name) && said.contains("others could put pages of their own there"), "{said}");
         assert!(made.try_recv().is_err());
 
