@@ -63,7 +63,7 @@ fn print(config: &Config, scene: &Scene) {
     }
     scene.plan.patches.iter().for_each(|plan| patch(config, plan));
     say!("threads:");
-    threads(config, &scene.plan).iter().for_each(|line| say!("  {line}"));
+    threads(config).iter().for_each(|line| say!("  {line}"));
     let built = left_out_of_the_build();
     say!("left out:");
     left_out_buses(config, &routes).iter().chain(&scene.left_out).chain(&built).for_each(|line| say!("  {line}"));
@@ -201,8 +201,8 @@ fn listed(parts: &[(&str, bool)]) -> String {
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }
 }
 
-/// The threads of `taxeld run` and what each is for.
-fn threads(config: &Config, plan: &Plan) -> Vec<String> {
+/// The threads of `taxeld run` by their names, and what each is for.
+fn threads(config: &Config) -> Vec<String> {
     let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
     let shared = if config.service.low_latency { "the service, " } else { "" };
     let mut threads =
@@ -210,9 +210,14 @@ fn threads(config: &Config, plan: &Plan) -> Vec<String> {
     if !config.service.low_latency {
         threads.push("service: subscribers must not hold the engine up".to_owned());
     }
-    threads.push("store writer: a slow disk must not hold the engine up".to_owned());
-    if config.page.is_some() || config.metrics.is_some() {
-        threads.push("page, metrics: what they cost must not delay a controller's sample".to_owned());
+    threads.push("store: a slow disk must not hold the engine up".to_owned());
+    threads.push("log: whoever reads the log must not hold the engine up".to_owned());
+    threads
+        .push("reload: a configuration, tokens or certificates on a slow disk must not hold the engine up".to_owned());
+    let own_metrics = config.metrics.as_ref().is_some_and(|metrics| metrics.listen.is_some());
+    let sites = listed(&[("page", config.page.is_some()), ("metrics", own_metrics)]);
+    if config.page.is_some() || own_metrics {
+        threads.push(format!("{sites}: what they cost must not delay a controller's sample"));
     }
     if config.record.is_some() {
         threads.push("record, recorder: a slow disk must not hold the engine up".to_owned());
@@ -220,9 +225,9 @@ fn threads(config: &Config, plan: &Plan) -> Vec<String> {
     if config.bus.iter().any(|section| section.source == BusSource::Sim) {
         threads.push("sim-bus: the simulated forearm, one for each such bus".to_owned());
     }
-    if plan.patches.iter().any(|patch| patch.has_gauge()) {
-        threads.push("one more while models are fitted".to_owned());
-    }
+    let aside =
+        "models are fitted and read, names of sockets and pages looked after; one for each such thing at a time";
+    threads.push(format!("tokio-rt-worker: {aside}"));
     threads
 }
 
