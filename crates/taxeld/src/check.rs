@@ -5,12 +5,17 @@ use std::path::Path;
 use taxel_engine::engine::routes::{Route, Routes};
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_rpc::{Grant, Role, Subject};
-use taxel_skin::{BusIndex, SquareMillimetre};
+use taxel_skin::{BusIndex, SquareMillimetre, printable};
 
 use crate::config::{
     BusSource, Config, Doors, Problems, Scene, examine, modules_written, record_written, shared_memory_written,
 };
 use crate::missing::missing;
+
+/// Prints a line. What the configuration has in it a terminal must not act upon: that is written out.
+macro_rules! tell {
+    ($($text:tt)*) => { say!("{}", printable(&format!($($text)*))) };
+}
 
 /// One socket takes so many kernel filters (`CAN_RAW_FILTER_MAX`); beyond, `taxel-can` merges them.
 const FILTERS_MAX: usize = 512;
@@ -40,41 +45,41 @@ pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
 fn print(config: &Config, scene: &Scene) {
     let service = &config.service;
     let store = std::path::absolute(&config.store.path).unwrap_or_else(|_| config.store.path.clone());
-    say!("store: {}, one SQLite file", store.display());
-    say!("service: gRPC, at most {} streams on {} connections", service.streams(), service.connections_max);
-    scene.doors.doors.iter().for_each(|door| say!("  on {door}"));
-    access(&scene.doors).iter().for_each(|line| say!("  {line}"));
+    tell!("store: {}, one SQLite file", store.display());
+    tell!("service: gRPC, at most {} streams on {} connections", service.streams(), service.connections_max);
+    scene.doors.doors.iter().for_each(|door| tell!("  on {door}"));
+    access(&scene.doors).iter().for_each(|line| tell!("  {line}"));
     if service.low_latency {
-        say!("low latency: processors are kept awake, buses never rest, the service shares the engine's thread");
-        crate::low_latency::obstacle().iter().for_each(|why| say!("  as this account: {why}"));
+        tell!("low latency: processors are kept awake, buses never rest, the service shares the engine's thread");
+        crate::low_latency::obstacle().iter().for_each(|why| tell!("  as this account: {why}"));
     }
     if let Some(page) = &config.page {
-        say!("page: http://{}/ (loopback, unencrypted), and the service as JSON", page.listen);
+        tell!("page: http://{}/ (loopback, unencrypted), and the service as JSON", page.listen);
     }
     if let Some(metrics) = &config.metrics {
         let at = metrics.listen.or(config.page.as_ref().map(|page| page.listen));
-        say!("metrics: http://{}/metrics", at.map(|at| at.to_string()).unwrap_or_default());
+        tell!("metrics: http://{}/metrics", at.map(|at| at.to_string()).unwrap_or_default());
     }
-    config.shared_memory.iter().for_each(|section| say!("{}", shared_memory_written(section)));
-    config.record.iter().for_each(|section| say!("{}", record_written(section)));
+    config.shared_memory.iter().for_each(|section| tell!("{}", shared_memory_written(section)));
+    config.record.iter().for_each(|section| tell!("{}", record_written(section)));
     let routes = Routes::new(&scene.plan);
     for position in 0..config.bus.len() {
-        say!("{}", bus(config, &scene.plan, &routes, BusIndex(position as u8)));
+        tell!("{}", bus(config, &scene.plan, &routes, BusIndex(position as u8)));
     }
     scene.plan.patches.iter().for_each(|plan| patch(config, plan));
-    say!("threads:");
-    threads(config).iter().for_each(|line| say!("  {line}"));
+    tell!("threads:");
+    threads(config).iter().for_each(|line| tell!("  {line}"));
     let built = left_out_of_the_build();
-    say!("left out:");
-    left_out_buses(config, &routes).iter().chain(&scene.left_out).chain(&built).for_each(|line| say!("  {line}"));
+    tell!("left out:");
+    left_out_buses(config, &routes).iter().chain(&scene.left_out).chain(&built).for_each(|line| tell!("  {line}"));
     if !scene.remarks.is_empty() {
-        say!("remarks:");
-        scene.remarks.iter().for_each(|line| say!("  {line}"));
+        tell!("remarks:");
+        scene.remarks.iter().for_each(|line| tell!("  {line}"));
     }
     let missing = missing(config, &scene.doors);
     if !missing.is_empty() {
-        say!("this machine does not have:");
-        missing.iter().for_each(|line| say!("  {line}"));
+        tell!("this machine does not have:");
+        missing.iter().for_each(|line| tell!("  {line}"));
     }
 }
 
@@ -135,19 +140,19 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
 
 fn patch(config: &Config, plan: &PatchPlan) {
     let patch = &plan.patch;
-    say!("patch {}: {} taxels on {} modules", patch.name(), patch.taxels().len(), patch.modules().len());
+    tell!("patch {}: {} taxels on {} modules", patch.name(), patch.taxels().len(), patch.modules().len());
     for board in patch.boards() {
         let bus = config.bus.get(board.bus.0 as usize).map_or("", |section| &section.name);
         let kind = if plan.devices.is_empty() { "board" } else { "device" };
-        say!("  {kind} {} of bus {bus}: modules {}", board.address, modules_written(&board.modules));
+        tell!("  {kind} {} of bus {bus}: modules {}", board.address, modules_written(&board.modules));
     }
     if !plan.devices.is_empty() {
         let (top, per_unit) = (patch.counts().top(), patch.counts().per_unit());
-        say!("  counts: 0 to {top}, {per_unit} of them to a unit of all keys and figures in counts");
+        tell!("  counts: 0 to {top}, {per_unit} of them to a unit of all keys and figures in counts");
     }
     let (scans_per_s, ms) = (1.0 / plan.period.as_secs_f64(), plan.period.as_millis());
     if plan.pushed.is_some() {
-        say!("  takes: {scans_per_s:.0} pushed scans/s at {ms} ms");
+        tell!("  takes: {scans_per_s:.0} pushed scans/s at {ms} ms");
     } else {
         reads(plan);
     }
@@ -159,8 +164,8 @@ fn patch(config: &Config, plan: &PatchPlan) {
         ("contacts", outputs.contacts),
         ("fill of excluded taxels", outputs.fill),
     ];
-    say!("  computes: {}", listed(&computed));
-    say!("  encodes: one force message a subscriber; per-taxel messages only for subscribers to taxels");
+    tell!("  computes: {}", listed(&computed));
+    tell!("  encodes: one force message a subscriber; per-taxel messages only for subscribers to taxels");
     let parts = [
         ("geometry", plan.geometry.is_some()),
         ("calibration with the gauge", plan.has_gauge()),
@@ -169,8 +174,8 @@ fn patch(config: &Config, plan: &PatchPlan) {
         ("areas set right by known loads", plan.area_from_loads),
         ("following of thermal drift", plan.drift.follow),
     ];
-    say!("  optional parts: {}", listed(&parts));
-    say!("  {}", areas(&plan.areas));
+    tell!("  optional parts: {}", listed(&parts));
+    tell!("  {}", areas(&plan.areas));
 }
 
 /// What a patch reads from its bus.
@@ -180,7 +185,7 @@ fn reads(plan: &PatchPlan) {
         described => described,
     };
     let frames_per_s = frames as f64 / plan.period.as_secs_f64();
-    say!(
+    tell!(
         "  reads: {frames_per_s:.0} frames/s at {} ms: {:.1} % of a 1 Mbit/s bus",
         plan.period.as_millis(),
         frames_per_s * FRAME_S * 100.0

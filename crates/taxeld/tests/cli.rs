@@ -110,6 +110,19 @@ fn check_prints_the_scene_and_what_it_leaves_out() {
     assert!(printed.contains("optional parts: calibration with the gauge, zero after start\n"), "{printed}");
 }
 
+/// A configuration comes from elsewhere, too, and a terminal acts upon what it is shown.
+#[test]
+fn check_shows_what_a_terminal_would_act_upon_written_out() {
+    let odd = "\\u001b[2J\\u0000\\u202e";
+    let config = CONFIG.replace("\"t.db\"", &format!("\"t{odd}.db\"")).replace("\"skin\"", &format!("\"skin{odd}\""));
+    let folder = scratch(&[("t.toml", &config)]);
+    let printed = succeeds(&["check", "--config", &path(folder.path(), "t.toml")]);
+    let shown = "\\u{1b}[2J\\u{0}\\u{202e}";
+    assert!(printed.contains(&format!("t{shown}.db, one SQLite file")), "{printed}");
+    assert!(printed.contains(&format!("bus skin{shown}: interface can0")), "{printed}");
+    assert!(printed.lines().all(|line| taxel_skin::unprintable(line).is_none()), "{printed}");
+}
+
 #[test]
 fn check_names_every_part_that_a_scene_leaves_out_and_why() {
     let (rest, _gauge) = CONFIG.split_once("[patch.gauge]").unwrap();
