@@ -224,7 +224,7 @@ impl Recording {
             if hi.is_nan() && !cell.is_empty() {
                 self.refused.cells += 1;
                 let text = shown(cell);
-                self.refused.tell(|| format!("line {line}: `{text}` (cell {number_of}) is not a finite number"));
+                self.refused.tell(|| format!("line {line}: `{text}` (cell {number_of}) {}", why_no_number(cell)));
             }
         }
     }
@@ -360,6 +360,17 @@ fn check_header(header: &csv::ByteRecord) -> anyhow::Result<bool> {
 /// A cell as a message shows it.
 fn shown(cell: &[u8]) -> String {
     short(&String::from_utf8_lossy(cell), SHOWN_CHARS_MAX)
+}
+
+/// What is wrong with a cell that is no number of a recording.
+fn why_no_number(cell: &[u8]) -> &'static str {
+    let text = std::str::from_utf8(cell).unwrap_or_default().trim();
+    let has_digits = text.bytes().any(|byte| byte.is_ascii_digit());
+    if has_digits && text.parse::<f64>().is_ok() {
+        "is beyond what a pressure or a count can be, expected a number from -1e15 to 1e15"
+    } else {
+        "is not a finite number"
+    }
 }
 
 /// A finite decimal; short integers, the bulk of all cells, without the long way.

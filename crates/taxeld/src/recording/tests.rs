@@ -32,6 +32,21 @@ fn quotes_around_a_cell_are_none_and_a_stray_one_spoils_its_cell_alone() {
 }
 
 #[test]
+fn a_number_that_is_too_large_is_called_that_and_what_is_none_is_not() {
+    let text = "t_s,pressure_kpa,c0\n0.0,1e308,240\n0.1,1.5,-1e400\n0.2,inf,nan\n0.3,1e,2\n";
+    let told = Recording::parse(text.as_bytes()).unwrap().refused.told;
+    let beyond = "is beyond what a pressure or a count can be, expected a number from -1e15 to 1e15";
+    let expected = [
+        format!("line 2: `1e308` (cell 2) {beyond}"),
+        format!("line 3: `-1e400` (cell 3) {beyond}"),
+        "line 4: `inf` (cell 2) is not a finite number".to_owned(),
+        "line 4: `nan` (cell 3) is not a finite number".to_owned(),
+        "line 5: `1e` (cell 2) is not a finite number".to_owned(),
+    ];
+    assert_eq!(told, expected);
+}
+
+#[test]
 fn a_header_that_is_something_else_is_refused() {
     for (text, says) in [
         ("time,c0\n0,1\n", "begins with `time,c0`"),
