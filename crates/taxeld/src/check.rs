@@ -217,8 +217,8 @@ fn threads(config: &Config) -> Vec<String> {
     }
     threads.push("store: a slow disk must not hold the engine up".to_owned());
     threads.push("log: whoever reads the log must not hold the engine up".to_owned());
-    threads
-        .push("reload: a configuration, tokens or certificates on a slow disk must not hold the engine up".to_owned());
+    threads.push("reload: a configuration on a slow disk must not hold the engine up".to_owned());
+    threads.push("credentials: tokens and certificates are read again also while the configuration is not".to_owned());
     let own_metrics = config.metrics.as_ref().is_some_and(|metrics| metrics.listen.is_some());
     let sites = listed(&[("page", config.page.is_some()), ("metrics", own_metrics)]);
     if config.page.is_some() || own_metrics {
