@@ -221,7 +221,9 @@ async fn a_disk_that_hangs_does_not_keep_the_process_and_its_exit_code_says_so()
 /// The threads of a start in their order, behind that of the log, without which it starts all the same.
 #[test]
 fn a_start_without_a_thread_says_so_and_closes_what_it_has_opened() {
-    for (number, thread) in (2..).zip(["store", "page", "recorder", "record", "service", "sim-bus", "reload"]) {
+    for (number, thread) in
+        (2..).zip(["store", "page", "recorder", "record", "service", "sim-bus", "reload", "credentials"])
+    {
         let mut daemon = Daemon::start(|command, folder| {
             let library = compiled(folder, include_str!("thread_faults.c"));
             command.env("LD_PRELOAD", library).env("THREAD_AT", number.to_string());
