@@ -371,7 +371,17 @@ fn what_a_recording_adds_comes_back_and_is_checked() {
     let back = from_json(&to_json(&set).unwrap()).unwrap();
     assert_eq!(back.recorded, Some(recorded.clone()));
     type Change = fn(&mut Recorded);
-    let cases: [(Change, &str); 5] = [
+    fn curve(recorded: &mut Recorded) -> &mut Vec<f64> {
+        &mut recorded.taxels[0].as_mut().unwrap().plays.as_mut().unwrap().curve.chebyshev
+    }
+    let mut longest = recorded.clone();
+    curve(&mut longest).resize(11, 0.5);
+    let longest = to_json(&with_id(ModelSet { recorded: Some(longest), ..model_set(1) }));
+    assert!(from_json(&longest.unwrap()).is_ok());
+    let cases: [(Change, &str); 8] = [
+        (|r| curve(r).resize(12, 0.5), "`recorded.taxels[0].plays.curve` has 12 terms, the limit is 11"),
+        (|r| curve(r).clear(), "`recorded.taxels[0].plays.curve` is empty or not finite"),
+        (|r| curve(r)[0] = f64::INFINITY, "`recorded.taxels[0].plays.curve` is empty or not finite"),
         (|r| r.smooth_s = f64::NAN, "`recorded.smooth_s` is NaN"),
         (|r| r.taxels.truncate(1), "`recorded.taxels` has 1 entries, expected 4"),
         (|r| r.clock.as_mut().unwrap().rate = f64::INFINITY, "`recorded.clock.rate` is inf"),
@@ -408,7 +418,16 @@ fn what_known_loads_corrected_comes_back_and_is_checked() {
     assert_eq!(from_json(&to_json(&set).unwrap()).unwrap().recalibrated, Some(recalibrated.clone()));
     assert!(!to_json(&model_set(1)).unwrap().contains("recalibrated"), "files of sets without one stay as they were");
     type Change = fn(&mut Recalibrated);
-    let cases: [(Change, &str); 9] = [
+    let most = Recalibrated {
+        derived_from: "m".repeat(2_048),
+        earlier: vec!["m".to_owned(); 32],
+        points: vec![point; 100],
+        ..recalibrated.clone()
+    };
+    let most = to_json(&with_id(ModelSet { recalibrated: Some(most), ..model_set(1) }));
+    assert!(from_json(&most.unwrap()).is_ok());
+    let cases: [(Change, &str); 10] = [
+        (|r| r.derived_from = "m".repeat(2_049), "`recalibrated.derived_from` has 2049 bytes, expected 1 to 2048"),
         (|r| r.derived_from.clear(), "`recalibrated.derived_from` has 0 bytes"),
         (|r| r.earlier[0].clear(), "`recalibrated.earlier` has 0 bytes"),
         (|r| r.earlier = vec!["m".to_owned(); 33], "`recalibrated.earlier` has 33 entries, the limit is 32"),
