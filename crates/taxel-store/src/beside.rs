@@ -51,6 +51,11 @@ pub(crate) fn make_private(path: &Path) {
     let _ = File::options().write(true).create_new(true).mode(0o600).open(path);
 }
 
+/// What a process locks that has the database: see [`lock`](crate::lock).
+pub(crate) fn lock(path: &Path) -> PathBuf {
+    beside(path, "-lock")
+}
+
 /// There while the database is open: see [`open_mark`](crate::open_mark).
 pub(crate) fn open_mark(path: &Path) -> PathBuf {
     beside(path, "-open")

@@ -16,6 +16,7 @@ use crate::append::Appender;
 use crate::audit_rows;
 use crate::error::StoreError;
 use crate::held_files::HeldFiles;
+use crate::lock::StoreLock;
 use crate::open_mark::{self, OpenMark};
 use crate::pass::{Finding, Lost, Step, Unproven};
 use crate::prepare::{WAL_BYTES_MAX, bring_up_to_date, configure};
@@ -45,6 +46,8 @@ pub(crate) struct Db {
     /// How many texts of model sets the start has read.
     #[cfg(test)]
     pub(crate) texts_read: usize,
+    /// That this process alone has the store; it is let go after the connection is closed.
+    lock: Option<StoreLock>,
 }
 
 /// What opening a file came to, beside what the engine starts from.
@@ -75,6 +78,7 @@ impl Db {
             failure,
             #[cfg(test)]
             texts_read,
+            lock: None,
         }
     }
 
@@ -265,7 +269,10 @@ impl Db {
         open.end_log()?;
         // From here on the log may be missing. A store that is dropped before keeps it, as the mark says.
         open.connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, false)?;
-        open.connection.close().map_err(|(_, error)| StoreError::from(error))
+        let Self { connection, lock, .. } = open;
+        let closed = connection.close().map_err(|(_, error)| StoreError::from(error));
+        drop(lock);
+        closed
     }
 
     /// Folds the log back, and notes that one that is missing from here on is none that was lost. Closing removes it, so that

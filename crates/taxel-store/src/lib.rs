@@ -23,6 +23,7 @@ mod held_files;
 mod identity;
 mod in_place;
 mod load_row;
+mod lock;
 mod loss;
 mod maintenance;
 pub mod models_json;

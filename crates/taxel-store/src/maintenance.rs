@@ -4,7 +4,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use rusqlite::Connection;
-use rusqlite::config::DbConfig;
 
 use taxel_engine::audit::AuditEntry;
 
@@ -14,6 +13,7 @@ use crate::db::Db;
 use crate::error::{Quarantined, StoreError};
 use crate::identity::{check_identity, is_damage};
 use crate::in_place;
+use crate::lock::refuse_in_use;
 use crate::retention::Retention;
 use crate::wal_check;
 
@@ -147,31 +147,6 @@ fn file_of(path: &Path) -> Result<PathBuf, StoreError> {
         Ok(_) => Err(StoreError::Open { path, reason: "is no file".to_owned() }),
         Err(error) => Err(StoreError::Open { path, reason: error.to_string() }),
     }
-}
-
-/// Whether another process has the store.
-fn refuse_in_use(path: &Path) -> Result<(), StoreError> {
-    let log = beside::wal(path);
-    let had_log = log.exists();
-    let opening = |error: rusqlite::Error| StoreError::opening(path, &error);
-    let connection = Connection::open(path).map_err(opening);
-    let looked = connection.as_ref().map_err(Clone::clone).and_then(|connection| {
-        let look = || {
-            connection.set_db_config(DbConfig::SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, true)?;
-            connection.pragma_update_and_check(None, "locking_mode", "exclusive", |_| Ok(()))?;
-            connection.query_row("SELECT count(*) FROM sqlite_schema", [], |_| Ok(()))
-        };
-        look().map_err(opening)
-    });
-    if let Err(error @ StoreError::InUse { .. }) = looked {
-        return Err(error);
-    }
-    // Looking makes an empty log. It goes before the lock does: afterwards it could be that of a daemon that starts.
-    if !had_log && looked.is_ok() && log.exists() {
-        beside::remove(&log).map_err(|error| StoreError::Io(error.to_string()))?;
-    }
-    drop(connection);
-    Ok(())
 }
 
 /// Bytes of a store and its write-ahead log on the disk.

@@ -9,7 +9,7 @@ use crate::error::StoreError;
 use crate::schema;
 
 /// How long a start waits for a predecessor that is still closing the file.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(1);
+pub(crate) const BUSY_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Length of the write-ahead log at which it is folded back into the file: 1,000 pages of 4 KiB, SQLite's own default.
 pub(crate) const WAL_BYTES_MAX: u64 = 4096 * 1000;

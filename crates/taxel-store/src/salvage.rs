@@ -39,6 +39,10 @@ pub(crate) fn was_ours(path: &Path) -> bool {
     if open_mark::is_set(path) || beside::active(path).exists() {
         return true;
     }
+    // An empty one says nothing, and is not opened: closing it would take away SQLite's lock on it.
+    if fs::metadata(path).is_ok_and(|found| found.len() == 0) {
+        return false;
+    }
     let mut begin = Vec::new();
     // What comes before a sector that cannot be read is enough.
     let _ = File::open(path).and_then(|file| file.take(MARKS_WITHIN).read_to_end(&mut begin));

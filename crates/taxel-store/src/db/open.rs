@@ -11,6 +11,7 @@ use crate::db::{Db, Opened, fold_back};
 use crate::error::{Quarantined, StoreError, lines};
 use crate::held_files::HeldFiles;
 use crate::identity::{check_identity, check_structure, is_damage};
+use crate::lock::StoreLock;
 use crate::prepare::{bring_up_to_date, give_back_space, space_to_give_back, use_log};
 use crate::restore::Found;
 use crate::retention::Retention;
@@ -51,10 +52,16 @@ impl Db {
         whole_bytes_max: u64,
     ) -> Result<(Self, Restored, Vec<Quarantined>), StoreError> {
         let path = &beside::real(path);
+        // Without it another process may have the store: what is beside the database is only read.
+        let (lock, failure) = match StoreLock::take(path) {
+            Ok(lock) => (Some(lock), None),
+            Err(error @ StoreError::InUse { .. }) => return Err(error),
+            Err(error) => (None, Some(error)),
+        };
         let mut quarantined = loss::noted(path);
         let mut lost = !quarantined.is_empty();
-        let opened = Self::open_or_mend(path, limits, whole_bytes_max, &mut lost, &mut quarantined);
-        let (db, mut restored) = opened.or_else(|error| match error {
+        let opened = Self::open_or_mend(path, failure, limits, whole_bytes_max, &mut lost, &mut quarantined);
+        let (mut db, mut restored) = opened.or_else(|error| match error {
             StoreError::Damaged { .. } | StoreError::Full(_) | StoreError::Io(_) | StoreError::Replaced { .. } => {
                 Self::of_plain_file(path, error, &mut quarantined)
             }
@@ -62,6 +69,7 @@ impl Db {
             error @ StoreError::Open { .. } if !path.exists() => Self::of_plain_file(path, error, &mut quarantined),
             other => Err(other),
         })?;
+        db.lock = lock;
         for damage in &quarantined {
             tracing::error!(store = %path.display(), "{damage}");
         }
@@ -75,21 +83,24 @@ impl Db {
     /// Opens the file; one that shows to be damaged where it was not looked at whole is looked at again, whole.
     fn open_or_mend(
         path: &Path,
+        failure: Option<StoreError>,
         limits: &Retention,
         whole_bytes_max: u64,
         lost: &mut bool,
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(Self, Restored), StoreError> {
-        salvage::succeed(path).map_err(|error| StoreError::changing(path, &error))?;
+        if failure.is_none() {
+            salvage::succeed(path).map_err(|error| StoreError::changing(path, &error))?;
+        }
         let whole = beside::bytes(path) <= whole_bytes_max || beside::doubt_mark(path).exists();
-        let opened = match Self::open_once(path, whole, limits, lost, quarantined) {
+        let opened = match Self::open_once(path, failure.clone(), whole, limits, lost, quarantined) {
             // Of these kinds are errors that come after the tables of a file were read that was not proven: it may be
             // damaged in a place that only deleting reads. Proven whole it is mended, and does not fail each start.
             Err(error @ (StoreError::Corrupt(_) | StoreError::Unstorable { .. })) if !whole => {
                 tracing::error!(store = %path.display(), %error, "the store is looked at whole");
                 beside::mark_doubt(path);
                 let mut again = Vec::new();
-                let opened = Self::open_once(path, true, limits, lost, &mut again);
+                let opened = Self::open_once(path, failure, true, limits, lost, &mut again);
                 again.retain(|finding| !quarantined.contains(finding));
                 quarantined.append(&mut again);
                 opened
@@ -104,12 +115,13 @@ impl Db {
 
     fn open_once(
         path: &Path,
+        failure: Option<StoreError>,
         whole: bool,
         limits: &Retention,
         lost: &mut bool,
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(Self, Restored), StoreError> {
-        let failure = look_at_log(path, lost, quarantined)?;
+        let failure = look_at_log(path, failure, lost, quarantined)?;
         let (mut db, mut restored) = match Self::open_file(path, whole, failure.clone(), quarantined) {
             Err(error) if is_damage(&error, path) => {
                 quarantined.push(put_right(path, &error, failure)?);
@@ -207,22 +219,27 @@ fn changed(
 }
 
 /// Looks for what the log lost. Before anything is changed, the log is kept and the loss is noted: why that failed, if it did.
+/// After a `failure` nothing is changed.
 fn look_at_log(
     path: &Path,
+    failure: Option<StoreError>,
     lost: &mut bool,
     quarantined: &mut Vec<Quarantined>,
 ) -> Result<Option<StoreError>, StoreError> {
     let reading = |error: io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
-    if let Some(aside) = beside::put_aside_if_no_file(path).map_err(reading)? {
+    if failure.is_none()
+        && let Some(aside) = beside::put_aside_if_no_file(path).map_err(reading)?
+    {
         let reason = format!("what had its name is no file: it is kept as {}", aside.display());
         quarantined.push(Quarantined::new(LOG, reason));
     }
-    let Some(reason) = wal_check::problem(path).map_err(reading)? else { return Ok(None) };
+    let Some(reason) = wal_check::problem(path).map_err(reading)? else { return Ok(failure) };
     *lost = true;
-    let aside = loss::note(path, &Quarantined::new(LOG, &reason)).and_then(|()| beside::keep_log(path));
-    let (kept, failure) = match aside {
-        Ok(aside) => (aside.map(|aside| format!("; it is kept as {}", aside.display())), None),
-        Err(error) => (None, Some(StoreError::changing(&beside::wal(path), &error))),
+    let keep = || loss::note(path, &Quarantined::new(LOG, &reason)).and_then(|()| beside::keep_log(path));
+    let (kept, failure) = match failure.map_or_else(|| Ok(keep()), Err) {
+        Ok(Ok(aside)) => (aside.map(|aside| format!("; it is kept as {}", aside.display())), None),
+        Ok(Err(error)) => (None, Some(StoreError::changing(&beside::wal(path), &error))),
+        Err(failure) => (None, Some(failure)),
     };
     quarantined.retain(|noted| noted.what != LOG || noted.reason != reason);
     quarantined.push(Quarantined::new(LOG, format!("{reason}{}", kept.unwrap_or_default())));

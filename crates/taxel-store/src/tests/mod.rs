@@ -10,6 +10,7 @@ mod disk;
 mod failure;
 pub(crate) mod fixture;
 mod flips;
+mod in_use;
 mod loads;
 mod lost;
 mod nothing_lost;

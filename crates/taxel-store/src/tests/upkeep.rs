@@ -123,7 +123,7 @@ fn a_check_tells_what_there_is_and_changes_nothing() {
     assert_eq!(found.damage.len(), 1, "{found:?}");
     assert!(fs::read(&path).unwrap() == damaged);
     let names: Vec<_> = fs::read_dir(dir.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    assert_eq!(names.len(), 2, "the store and its plain file: {names:?}");
+    assert_eq!(names.len(), 3, "the store, its plain file and its lock: {names:?}");
     fs::write(&path, whole).unwrap();
     let (_store, ..) = open(&path);
     assert_eq!(check(&path).unwrap_err(), StoreError::InUse { path: path.clone() });
