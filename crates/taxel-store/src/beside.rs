@@ -1,13 +1,21 @@
 //! The files beside the database: where they lie, and how one is replaced in one step.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, Write};
-use std::os::unix::fs::{FileExt, OpenOptionsExt};
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 /// What a disk gives back or not at once.
 const SECTOR_BYTES: usize = 4096;
+
+/// Behind the name of a database: its log, and a new database that is whole and is to take the place of a damaged one.
+const LOG: &str = "-wal";
+pub(crate) const SUCCESSOR: &str = "-new";
+
+/// Behind that as well: what is kept of what was damaged or in the way, and its number.
+const ASIDE: &str = ".damaged";
 
 /// `path` with `suffix` behind its name.
 pub(crate) fn beside(path: &Path, suffix: &str) -> PathBuf {
@@ -36,7 +44,7 @@ pub(crate) fn real(path: &Path) -> PathBuf {
 
 /// The write-ahead log of a database.
 pub(crate) fn wal(path: &Path) -> PathBuf {
-    beside(path, "-wal")
+    beside(path, LOG)
 }
 
 /// Bytes of a database and its log.
@@ -78,7 +86,7 @@ pub(crate) fn active(path: &Path) -> PathBuf {
 
 /// A new database that is whole and is to take the place of a damaged one.
 pub(crate) fn successor(path: &Path) -> PathBuf {
-    beside(path, "-new")
+    beside(path, SUCCESSOR)
 }
 
 /// Gives the file and its log further names that nothing has yet, so that they outlive what comes in their place. Gives
@@ -110,17 +118,32 @@ pub(crate) fn put_aside_if_no_file(path: &Path) -> io::Result<Option<PathBuf>> {
     if fs::metadata(wal(path)).map_or(true, |found| found.is_file()) {
         return Ok(None);
     }
-    let name = wal(&free_name(path));
-    fs::rename(wal(path), &name)?;
+    put_aside(path, LOG).map(Some)
+}
+
+/// Gives what is in the way a name that nothing has yet, with the same `suffix`. Gives that.
+pub(crate) fn put_aside(path: &Path, suffix: &str) -> io::Result<PathBuf> {
+    let name = beside(&free_name(path), suffix);
+    fs::rename(beside(path, suffix), &name)?;
     sync_folder(path)?;
-    Ok(Some(name))
+    Ok(name)
 }
 
 /// A name for what is damaged. Where another takes it meanwhile, whoever uses it fails rather than overwrite that.
 fn free_name(path: &Path) -> PathBuf {
-    let names = (1_u32..).map(|number| beside(path, &format!(".damaged-{number}")));
-    let free = |name: &PathBuf| name.symlink_metadata().is_err() && wal(name).symlink_metadata().is_err();
-    names.into_iter().find(free).unwrap_or_else(|| beside(path, ".damaged"))
+    let names = (1_u32..).map(|number| beside(path, &format!("{ASIDE}-{number}")));
+    let free =
+        |name: &PathBuf| ["", LOG, SUCCESSOR].iter().all(|suffix| beside(name, suffix).symlink_metadata().is_err());
+    names.into_iter().find(free).unwrap_or_else(|| beside(path, ASIDE))
+}
+
+/// Whether a database has a second name as one that was found damaged. On a file system without such names none has.
+pub(crate) fn is_kept_aside(path: &Path) -> bool {
+    let identity = |file: &Path| fs::symlink_metadata(file).map(|file| (file.dev(), file.ino())).ok();
+    let (Some(database), Ok(entries)) = (identity(path), fs::read_dir(folder(path))) else { return false };
+    let begin = beside(Path::new(path.file_name().unwrap_or_default()), ASIDE);
+    let is_name = |name: &OsStr| name.as_bytes().starts_with(begin.as_os_str().as_bytes());
+    entries.flatten().any(|entry| is_name(&entry.file_name()) && identity(&entry.path()) == Some(database))
 }
 
 /// A second name for a file, or a copy where the file system has no such names.

@@ -1,19 +1,36 @@
 //! Whether a file is a store of ours, of a version that we know, and whole.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use rusqlite::Connection;
 
 use crate::error::StoreError;
-use crate::{salvage, schema};
+use crate::{beside, open_mark, schema};
+
+/// Of our files so much is looked at for what makes them ours: their tables are described at the beginning.
+const MARKS_WITHIN: u64 = 1 << 20;
+const MARKS: [&[u8]; 2] = [b"CREATE TABLE activations", b"CREATE TABLE model_sets"];
 
 /// Whether it is damage that keeps a file from being opened, and not its owner, its permissions, or that it is not ours.
 pub(crate) fn is_damage(error: &StoreError, path: &Path) -> bool {
     match error {
         StoreError::Damaged { .. } => true,
-        StoreError::Foreign { .. } => salvage::was_ours(path),
+        StoreError::Foreign { .. } => was_ours(path),
         _ => false,
     }
+}
+
+/// Whether a file that cannot be opened as a store was one of ours: part of it says so, or what lies beside it.
+fn was_ours(path: &Path) -> bool {
+    if open_mark::is_set(path) || beside::active(path).exists() {
+        return true;
+    }
+    let mut begin = Vec::new();
+    // What comes before a sector that cannot be read is enough.
+    let _ = File::open(path).and_then(|file| file.take(MARKS_WITHIN).read_to_end(&mut begin));
+    MARKS.iter().any(|mark| begin.windows(mark.len()).any(|window| window == *mark))
 }
 
 /// Refuses what is not ours or is newer than we are; lets an empty file pass.
@@ -22,7 +39,7 @@ pub(crate) fn check_identity(connection: &Connection, path: &Path) -> Result<(),
     let number = |pragma: &str| connection.pragma_query_value(None, pragma, |row| row.get::<_, i64>(0));
     let (application, version) = (number("application_id").map_err(opening)?, number("user_version").map_err(opening)?);
     let is_empty = is_empty(connection).map_err(opening)?;
-    if is_empty && (application, version) == (0, 0) && !salvage::was_ours(path) {
+    if is_empty && (application, version) == (0, 0) && !was_ours(path) {
         return Ok(());
     }
     let path = path.to_path_buf();

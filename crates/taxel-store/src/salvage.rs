@@ -2,7 +2,7 @@
 //! under another name.
 
 use std::fs::{self, File};
-use std::io::Read;
+use std::io;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,8 @@ use taxel_engine::record::Sample;
 
 use crate::beside;
 use crate::board_zeros;
-use crate::error::is_of_reading;
+use crate::error::{Quarantined, StoreError, is_of_reading};
+use crate::identity::{check_identity, check_structure};
 use crate::in_place;
 use crate::open_mark;
 use crate::prepare::use_log;
@@ -30,25 +31,6 @@ const INTERIOR_PAGE: u8 = 5;
 /// none.
 const PAGES_AND_FREE: std::ops::Range<usize> = 28..40;
 
-/// Of our files so much is looked at for what makes them ours: their tables are described at the beginning.
-const MARKS_WITHIN: u64 = 1 << 20;
-const MARKS: [&[u8]; 2] = [b"CREATE TABLE activations", b"CREATE TABLE model_sets"];
-
-/// Whether a file that cannot be opened as a store was one of ours: part of it says so, or what lies beside it.
-pub(crate) fn was_ours(path: &Path) -> bool {
-    if open_mark::is_set(path) || beside::active(path).exists() {
-        return true;
-    }
-    // An empty one says nothing, and is not opened: closing it would take away SQLite's lock on it.
-    if fs::metadata(path).is_ok_and(|found| found.len() == 0) {
-        return false;
-    }
-    let mut begin = Vec::new();
-    // What comes before a sector that cannot be read is enough.
-    let _ = File::open(path).and_then(|file| file.take(MARKS_WITHIN).read_to_end(&mut begin));
-    MARKS.iter().any(|mark| begin.windows(mark.len()).any(|window| window == *mark))
-}
-
 /// What came of a damaged database.
 pub(crate) struct Salvaged {
     /// Where it is kept.
@@ -62,7 +44,7 @@ pub(crate) struct Salvaged {
 /// The damaged one keeps its bytes: it is only read. The new one gets its place in one step, once it is whole. Where there is
 /// no room to read or to write all that can be read, everything stays as it is, and a later start can do better.
 pub(crate) fn salvage(path: &Path) -> Result<Salvaged, String> {
-    let at = |what: &'static str| move |error: std::io::Error| format!("{what}: {error}");
+    let at = |what: &'static str| move |error: io::Error| format!("{what}: {error}");
     let (part, copy) = (beside::beside(path, "-new-part"), beside::beside(path, "-copy"));
     for left_over in [&part, &copy] {
         remove_with_log(left_over).map_err(at("what an earlier attempt left"))?;
@@ -77,24 +59,51 @@ pub(crate) fn salvage(path: &Path) -> Result<Salvaged, String> {
     let aside = beside::keep_aside(path).map_err(at("the damaged store cannot be kept"))?;
     fs::rename(&part, beside::successor(path)).map_err(at("the new store"))?;
     beside::sync_folder(path).map_err(at("the new store"))?;
-    succeed(path).map_err(at("the new store"))?;
+    take_its_place(path).map_err(at("the new store"))?;
     Ok(Salvaged { aside, rows })
 }
 
-/// Puts a new database that is whole in its place, also if an earlier start was stopped before it could.
-pub(crate) fn succeed(path: &Path) -> std::io::Result<()> {
+/// Ends what an earlier start was stopped in: a new database that is whole gets its place. Anything else that has its name is
+/// put aside: what there is to tell of that.
+pub(crate) fn succeed(path: &Path) -> io::Result<Option<Quarantined>> {
     let new = beside::successor(path);
-    if !new.exists() {
-        return Ok(());
+    if new.symlink_metadata().is_err() {
+        return Ok(None);
     }
-    // The log belongs to the damaged one, and is kept with it; so does the mark.
+    if let Err(why) = is_made_of(path, &new) {
+        let aside = beside::put_aside(path, beside::SUCCESSOR)?;
+        let reason = format!(
+            "it did not come of this store, which stays in its place: {why}; it is kept as {}",
+            aside.display()
+        );
+        return Ok(Some(Quarantined::new(new.display().to_string(), reason)));
+    }
+    take_its_place(path).map(|()| None)
+}
+
+/// The log belongs to the damaged database, and is kept with it; so does the mark.
+fn take_its_place(path: &Path) -> io::Result<()> {
     open_mark::clear(path)?;
     beside::remove(&beside::wal(path))?;
-    fs::rename(new, path)?;
+    fs::rename(beside::successor(path), path)?;
     beside::sync_folder(path)
 }
 
-fn remove_with_log(path: &Path) -> std::io::Result<()> {
+/// Whether a file is a whole store and this database was found damaged, or why not. One that was found damaged has a second
+/// name before there is a new one, and loses its first when that takes its place.
+fn is_made_of(database: &Path, new: &Path) -> Result<(), String> {
+    if !fs::metadata(new).is_ok_and(|found| found.is_file() && found.len() > 0) {
+        return Err("it is empty or no regular file".to_owned());
+    }
+    if !beside::is_kept_aside(database) {
+        return Err("no damaged store is being put right".to_owned());
+    }
+    let store = in_place::open(new).map_err(|error| StoreError::opening(new, &error));
+    let whole = store.and_then(|store| check_identity(&store, new).and_then(|()| check_structure(&store, new)));
+    whole.map_err(|error| error.to_string())
+}
+
+fn remove_with_log(path: &Path) -> io::Result<()> {
     for suffix in ["", "-wal", "-shm", "-journal"] {
         beside::remove(&beside::beside(path, suffix))?;
     }
@@ -157,7 +166,7 @@ type Part = (u64, Vec<u8>);
 
 /// The pages of a new database that describe its tables: the first one, and those that it points to. A file that was made
 /// by the same version has them in the same places.
-fn table_pages(path: &Path) -> std::io::Result<Vec<Part>> {
+fn table_pages(path: &Path) -> io::Result<Vec<Part>> {
     let file = File::open(path)?;
     let page = |number: u32| {
         let (at, mut page) = (u64::from(number - 1) * PAGE_BYTES as u64, vec![0; PAGE_BYTES]);
@@ -178,7 +187,7 @@ fn table_pages(path: &Path) -> std::io::Result<Vec<Part>> {
 }
 
 /// A copy of the database and its log in which some bytes are replaced.
-fn copy_of(damaged: &Path, copy: &Path, replaced: Vec<Part>) -> std::io::Result<()> {
+fn copy_of(damaged: &Path, copy: &Path, replaced: Vec<Part>) -> io::Result<()> {
     let mut file = File::create(copy)?;
     beside::copy_readable(damaged, &mut file)?;
     if beside::wal(damaged).exists() {

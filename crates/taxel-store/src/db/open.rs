@@ -90,7 +90,7 @@ impl Db {
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(Self, Restored), StoreError> {
         if failure.is_none() {
-            salvage::succeed(path).map_err(|error| StoreError::changing(path, &error))?;
+            quarantined.extend(salvage::succeed(path).map_err(|error| StoreError::changing(path, &error))?);
         }
         let whole = beside::bytes(path) <= whole_bytes_max || beside::doubt_mark(path).exists();
         let opened = match Self::open_once(path, failure.clone(), whole, limits, lost, quarantined) {

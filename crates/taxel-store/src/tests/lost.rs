@@ -20,7 +20,7 @@ use crate::db::Db;
 
 type Damage = fn(&Path);
 
-const OPENING: [&str; 2] = ["tests::disk::opening_child", "TAXEL_STORE_HOLDING_CHILD"];
+pub const OPENING: [&str; 2] = ["tests::disk::opening_child", "TAXEL_STORE_HOLDING_CHILD"];
 
 /// A store as a kill leaves it: the zero of its patch was vouched for long ago, and what was found against it since is in
 /// the log alone, before two more transactions.

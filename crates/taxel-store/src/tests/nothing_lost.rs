@@ -3,13 +3,15 @@
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
+use rusqlite::Connection;
 use tempfile::TempDir;
 
 use super::board_zeros::doubts;
 use super::disk::{folder, shim, told};
 use super::fixture::*;
-use super::lost::copy;
+use super::lost::{OPENING, copy};
 use crate::db::Db;
 use crate::salvage::succeed;
 use crate::{Retention, StoreFile, beside, check, compact, wal_check};
@@ -90,8 +92,9 @@ fn a_store_under_the_name_of_a_link_has_its_log_and_its_mark() {
 #[test]
 fn the_log_of_a_damaged_store_that_was_salvaged_is_not_missed() {
     let (_dir, path) = killed();
+    fs::hard_link(&path, beside::beside(&path, ".damaged-1")).unwrap();
     fs::copy(&path, beside::successor(&path)).unwrap();
-    succeed(&path).unwrap();
+    assert_eq!(succeed(&path).unwrap(), None);
     assert!(!beside::wal(&path).exists());
     assert_eq!(wal_check::problem(&path).unwrap(), None);
 }
@@ -103,4 +106,74 @@ fn a_store_that_is_dropped_keeps_its_log() {
     drop(Db::open_keeping(&path, &Retention::default()).unwrap());
     assert!(beside::wal(&path).exists());
     nothing_is_told(&path, "dropped");
+}
+
+/// Whoever lays a file there, for example a copy before an upgrade, has the store as it is, and the file under another name.
+#[test]
+fn what_has_the_name_of_a_new_store_and_did_not_come_of_this_one_replaces_none() {
+    let older = |_: &Path, new: &Path| drop(filled(new));
+    let copied = |path: &Path, new: &Path| assert!(fs::copy(path, new).unwrap() > 0);
+    let foreign = |_: &Path, new: &Path| {
+        Connection::open(new).unwrap().execute_batch("CREATE TABLE a (b)").unwrap();
+    };
+    let make = |make: &str, new: &Path| assert!(Command::new(make).arg(new).status().unwrap().success());
+    let pipe = |_: &Path, new: &Path| make("mkfifo", new);
+    let folder = |_: &Path, new: &Path| make("mkdir", new);
+    let empty = |_: &Path, new: &Path| fs::write(new, []).unwrap();
+    let lays: [(&str, &dyn Fn(&Path, &Path)); 6] = [
+        ("an older store", &older),
+        ("a copy", &copied),
+        ("another program's", &foreign),
+        ("a pipe", &pipe),
+        ("a folder", &folder),
+        ("an empty file", &empty),
+    ];
+    for (what, lay) in lays {
+        let (_dir, path) = killed();
+        lay(&path, &beside::successor(&path));
+        let (db, restored, quarantined) = Db::open(&path).unwrap();
+        assert_eq!(db.samples(2).unwrap().samples.len(), 43, "{what}");
+        assert_eq!(doubts(&restored), [], "{what}");
+        let told: Vec<_> = quarantined.iter().map(ToString::to_string).collect();
+        assert!(told.len() == 1 && told[0].contains("store.db.damaged-1-new"), "{what}: {told:?}");
+        db.close().unwrap();
+        assert!(beside::beside(&path, ".damaged-1-new").symlink_metadata().is_ok(), "{what}: it is kept");
+        nothing_is_told(&path, what);
+    }
+    // One that is under way takes none of these, either.
+    for (what, lay) in [lays[2], lays[3], lays[5]] {
+        let (_dir, path) = killed();
+        fs::hard_link(&path, beside::beside(&path, ".damaged-1")).unwrap();
+        lay(&path, &beside::successor(&path));
+        assert!(succeed(&path).unwrap().is_some(), "{what}");
+        nothing_is_told(&path, what);
+    }
+}
+
+/// What is in the log alone is taken over as well, wherever the start that does it is killed.
+#[test]
+fn a_start_that_puts_a_damaged_store_right_loses_nothing_wherever_it_is_killed() {
+    let tools = folder();
+    let (shim, count) = (shim(&tools), tools.path().join("calls"));
+    let [test, variable] = OPENING;
+    let damaged = || {
+        let (dir, path) = killed();
+        let mut bytes = fs::read(&path).unwrap();
+        bytes[20] ^= 0x55; // within the header
+        fs::write(&path, bytes).unwrap();
+        (dir, path)
+    };
+    let (_dir, path) = damaged();
+    let lines = told(&shim, test, variable, &path, &[("FAULT_COUNT", count.to_str().unwrap())]);
+    assert!(lines.iter().any(|line| line == "opened"), "{lines:?}");
+    let calls: u64 = fs::read_to_string(&count).unwrap().trim().parse().unwrap();
+    for call in 1..=calls {
+        let (_dir, path) = damaged();
+        told(&shim, test, variable, &path, &[("FAULT", "kill"), ("FAULT_AT", &call.to_string())]);
+        let (db, ..) = Db::open(&path).unwrap();
+        let samples = db.samples(2).unwrap().samples.len();
+        db.close().unwrap();
+        assert_eq!(samples, 43, "killed at call {call} of {calls}");
+        assert!(!beside::successor(&path).exists(), "killed at call {call} of {calls}");
+    }
 }
