@@ -95,7 +95,7 @@ pub(crate) fn keep_aside(path: &Path) -> io::Result<PathBuf> {
     let name = free_name(path);
     link(path, &name)?;
     if wal(path).exists() {
-        link(&wal(path), &wal(&name))?;
+        link(&wal(path), &wal(&name)).inspect_err(|_| drop(remove(&name)))?;
     }
     sync_folder(path)?;
     Ok(name)
@@ -156,8 +156,10 @@ fn link(from: &Path, to: &Path) -> io::Result<()> {
 
 fn copy(from: &Path, to: &Path) -> io::Result<()> {
     let mut copy = File::options().write(true).create_new(true).open(to)?;
-    copy_readable(from, &mut copy)?;
-    copy.sync_all()
+    copy_readable(from, &mut copy).and_then(|()| copy.sync_all()).inspect_err(|_| {
+        // A part of it says nothing and takes the room that the next attempt needs.
+        let _ = remove(to);
+    })
 }
 
 /// Copies a file to an empty one. A sector that the disk does not give back is zeros in the copy: a page of a database that

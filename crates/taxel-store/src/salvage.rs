@@ -55,8 +55,9 @@ pub(crate) fn salvage(path: &Path) -> Result<Salvaged, String> {
     let closed = new.close().map_err(|(_, error)| error.to_string());
     remove_with_log(&copy).map_err(at("the copy"))?;
     let rows = taken.and_then(|rows| closed.map(|()| rows)).inspect_err(|_| drop(remove_with_log(&part)))?;
-    File::open(&part).and_then(|file| file.sync_all()).map_err(at("the new store"))?;
-    let aside = beside::keep_aside(path).map_err(at("the damaged store cannot be kept"))?;
+    let flushed = File::open(&part).and_then(|file| file.sync_all()).map_err(at("the new store"));
+    let kept = flushed.and_then(|()| beside::keep_aside(path).map_err(at("the damaged store cannot be kept")));
+    let aside = kept.inspect_err(|_| drop(remove_with_log(&part)))?;
     fs::rename(&part, beside::successor(path)).map_err(at("the new store"))?;
     beside::sync_folder(path).map_err(at("the new store"))?;
     take_its_place(path).map_err(at("the new store"))?;

@@ -235,3 +235,30 @@ fn a_loss_is_told_and_the_zero_doubted_wherever_the_start_that_found_it_is_kille
         println!("{what}: {calls} calls");
     }
 }
+
+/// A copy of the log that stops for want of room is none: it would take the room that the next start needs.
+#[test]
+fn of_a_log_that_there_is_no_room_to_keep_no_part_stays() {
+    let tools = folder();
+    let (shim, count) = (shim(&tools), tools.path().join("calls"));
+    let [test, variable] = OPENING;
+    let damaged = || {
+        let (dir, path) = killed();
+        flip_page(&path, 0);
+        (dir, path)
+    };
+    let (_dir, path) = damaged();
+    told(&shim, test, variable, &path, &[("FAULT_COUNT", count.to_str().unwrap())]);
+    let calls: u64 = fs::read_to_string(&count).unwrap().trim().parse().unwrap();
+    let mut without_copy = 0;
+    for call in 1..=calls {
+        let (_dir, path) = damaged();
+        let log = fs::read(beside::wal(&path)).unwrap();
+        told(&shim, test, variable, &path, &[("FAULT", "full"), ("FAULT_AT", &call.to_string())]);
+        match fs::read(beside::wal(&beside::beside(&path, ".damaged-1"))) {
+            Ok(kept) => assert!(kept == log, "no room at call {call} of {calls}: {} bytes", kept.len()),
+            Err(_) => without_copy += 1,
+        }
+    }
+    assert!(without_copy > 5, "{without_copy} of {calls}");
+}
