@@ -31,7 +31,7 @@ fn name(database: &Path) -> PathBuf {
 pub(crate) struct OpenMark(File);
 
 impl OpenMark {
-    /// Marks a database whose log is empty.
+    /// Marks a database whose log was folded back and has nothing since: none of its pages is known to be on disk.
     ///
     /// # Errors
     /// If it cannot be marked.

@@ -153,9 +153,10 @@ impl Db {
         lost: &mut bool,
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(), StoreError> {
+        // The log was folded back: what is written from here on is known to be in it.
+        self.attempt(|db| db.mark_open(path))?;
         self.restore_active(path, restored, lost, quarantined)?;
         self.restore_board_zeros(restored, *lost)?;
-        self.attempt(|db| db.mark_open(path))?;
         self.attempt(|db| {
             db.held = Some(HeldFiles::of(path)?);
             Ok(())

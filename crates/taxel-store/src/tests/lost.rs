@@ -104,6 +104,21 @@ fn a_log_that_was_cut_off_or_whose_last_transaction_is_damaged_is_told_too() {
     is_doubted_until_vouched_for(&path, "the last page of the log");
 }
 
+/// The start that finds a loss writes down what follows from it, before anything else is written. That is known to be in the log.
+#[test]
+fn what_a_start_wrote_down_of_a_loss_and_is_lost_again_is_told_again() {
+    let (_dir, path) = killed();
+    fs::remove_file(beside::wal(&path)).unwrap();
+    let (store, restored, ..) = open(&path);
+    assert_eq!(doubts(&restored).len(), 1);
+    let killed_again = folder();
+    copy(path.parent().unwrap(), killed_again.path());
+    store.close().unwrap();
+    let path = killed_again.path().join("store.db");
+    fs::write(beside::wal(&path), []).unwrap();
+    is_doubted_until_vouched_for(&path, "the log of a start");
+}
+
 #[test]
 fn what_is_no_file_and_has_the_log_s_name_is_put_aside_and_the_log_is_lost() {
     for make in ["mkdir", "mkfifo"] {
