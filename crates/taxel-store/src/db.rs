@@ -189,6 +189,8 @@ impl Db {
         for record in records.clone() {
             self.appender.look_at_set(&self.connection, record)?;
         }
+        // What is appended to a log that was cut off would hide that.
+        self.check_held()?;
         let transaction = self.connection.transaction_with_behavior(TransactionBehavior::Immediate)?;
         for record in records {
             self.activated |= matches!(record, Record::Activated { .. } | Record::ModelSetDeleted { .. });
@@ -198,8 +200,13 @@ impl Db {
         let grown = self.appender.finish(&transaction)?;
         transaction.commit()?;
         // A commit into a file that nobody finds again is none.
-        self.held.as_ref().map_or(Ok(()), HeldFiles::check)?;
+        self.check_held()?;
         Ok(grown)
+    }
+
+    /// Whether the files are those that were opened, as long as it is open.
+    fn check_held(&self) -> Result<(), StoreError> {
+        self.held.as_ref().map_or(Ok(()), HeldFiles::check)
     }
 
     /// The samples and ramps of a session, each proven, or why they cannot be trusted.
@@ -260,6 +267,7 @@ impl Db {
     }
 
     fn checkpoint(&self) -> Result<(), StoreError> {
+        self.check_held()?;
         fold_back(&self.connection, self.path.as_deref())
     }
 
@@ -279,7 +287,6 @@ impl Db {
     /// this comes first: a process that dies between the two must not find a loss.
     fn end_log(&self) -> Result<(), StoreError> {
         let Some(path) = &self.path else { return Ok(()) };
-        self.held.as_ref().map_or(Ok(()), HeldFiles::check)?;
         self.checkpoint()?;
         open_mark::clear(path).map_err(|error| StoreError::Io(error.to_string()))
     }

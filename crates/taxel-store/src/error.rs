@@ -73,6 +73,16 @@ pub enum StoreError {
         /// The database or its log.
         path: PathBuf,
     },
+    /// The write-ahead log has become shorter under the running programme: what was cut off is lost.
+    #[error("{}: it was cut off while it was open: {bytes} bytes of it are left, expected at least {expected}", path.display())]
+    CutOff {
+        /// The log.
+        path: PathBuf,
+        /// How long it is.
+        bytes: u64,
+        /// How much of it was on disk.
+        expected: u64,
+    },
     /// An earlier write failed, so that nothing more is written: what is on disk stays a prefix of what happened.
     #[error("the store takes no more writes until the programme is started again, because {reason}")]
     ReadOnly {
@@ -151,7 +161,7 @@ impl StoreError {
 
     /// Whether a change failed for want of a disk that takes it; what was read before is as good as ever.
     pub(crate) fn is_of_changing(&self) -> bool {
-        matches!(self, Self::Full(_) | Self::Io(_) | Self::Replaced { .. })
+        matches!(self, Self::Full(_) | Self::Io(_) | Self::Replaced { .. } | Self::CutOff { .. })
     }
 }
 

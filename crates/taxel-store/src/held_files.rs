@@ -1,13 +1,14 @@
-//! Whether the files that are open are still those that have the names. A file that is removed or replaced takes all that is
-//! written, flushes and commits included, and loses it when it is closed.
+//! Whether the files that are open are still those that have the names, and the log as long as it was. A file that is removed or
+//! replaced takes all that is written, flushes and commits included, and loses it when it is closed; what was cut off the log is
+//! lost, and folding back what is left would break the database.
 
 use std::fs;
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 
-use crate::beside;
 use crate::error::StoreError;
+use crate::{beside, open_mark, wal_check};
 
 /// Device and inode.
 type Identity = (u64, u64);
@@ -17,31 +18,45 @@ type Identity = (u64, u64);
 /// SQLite makes the log as it opens the database and shortens it without removing it, so that it is there until the
 /// database is closed.
 #[derive(Debug)]
-pub(crate) struct HeldFiles([(PathBuf, Identity); 2]);
+pub(crate) struct HeldFiles {
+    database: (PathBuf, Identity),
+    log: (PathBuf, Identity),
+    page_bytes: u64,
+}
 
 fn identity(path: &Path) -> io::Result<Identity> {
     fs::metadata(path).map(|file| (file.dev(), file.ino()))
 }
 
 impl HeldFiles {
-    /// Those of a database that has just been opened.
+    /// Those of a database that has just been opened, and has pages of this size.
     ///
     /// # Errors
     /// [`StoreError::Replaced`] if one is not there any more.
-    pub(crate) fn of(path: &Path) -> Result<Self, StoreError> {
+    pub(crate) fn of(path: &Path, page_bytes: u64) -> Result<Self, StoreError> {
         let held = |file: PathBuf| match identity(&file) {
             Ok(identity) => Ok((file, identity)),
             Err(_) => Err(StoreError::Replaced { path: file }),
         };
-        Ok(Self([held(path.to_path_buf())?, held(beside::wal(path))?]))
+        Ok(Self { database: held(path.to_path_buf())?, log: held(beside::wal(path))?, page_bytes })
     }
 
-    /// Whether both are what they were.
+    /// Whether both are what they were, and all of the log is there that is known to be on disk.
     ///
     /// # Errors
-    /// [`StoreError::Replaced`] with the one that is not.
+    /// [`StoreError::Replaced`] with the one that is not, or [`StoreError::CutOff`].
     pub(crate) fn check(&self) -> Result<(), StoreError> {
-        let other = self.0.iter().find(|(file, held)| identity(file).ok() != Some(*held));
-        other.map_or(Ok(()), |(file, _)| Err(StoreError::Replaced { path: file.clone() }))
+        for (file, held) in [&self.database, &self.log] {
+            if identity(file).ok() != Some(*held) {
+                return Err(StoreError::Replaced { path: file.clone() });
+            }
+        }
+        let log = &self.log.0;
+        let expected = wal_check::bytes_of(open_mark::pages(&self.database.0), self.page_bytes);
+        let bytes = fs::metadata(log).map_or(0, |file| file.len());
+        if bytes < expected {
+            return Err(StoreError::CutOff { path: log.clone(), bytes, expected });
+        }
+        Ok(())
     }
 }

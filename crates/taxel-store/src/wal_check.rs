@@ -12,6 +12,11 @@ const FRAME_HEADER_BYTES: usize = 24;
 const MAGIC: u32 = 0x377f_0682;
 const PAGE_BYTES_MAX: usize = 65536;
 
+/// So many bytes a log has at least that has so many pages of this size.
+pub(crate) fn bytes_of(pages: u32, page_bytes: u64) -> u64 {
+    if pages == 0 { 0 } else { HEADER_BYTES as u64 + u64::from(pages) * (FRAME_HEADER_BYTES as u64 + page_bytes) }
+}
+
 /// What is wrong with the log of a database that is about to be opened; nothing if it is whole or only its end is torn.
 pub(crate) fn problem(database: &Path) -> io::Result<Option<String>> {
     let file = match File::open(beside::wal(database)) {

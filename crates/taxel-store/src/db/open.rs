@@ -62,7 +62,7 @@ impl Db {
         let mut lost = !quarantined.is_empty();
         let opened = Self::open_or_mend(path, failure, limits, whole_bytes_max, &mut lost, &mut quarantined);
         let (mut db, mut restored) = opened.or_else(|error| match error {
-            StoreError::Damaged { .. } | StoreError::Full(_) | StoreError::Io(_) | StoreError::Replaced { .. } => {
+            error if error.is_of_changing() || matches!(error, StoreError::Damaged { .. }) => {
                 Self::of_plain_file(path, error, &mut quarantined)
             }
             // There is none, and the disk takes no new one.
@@ -158,7 +158,8 @@ impl Db {
         self.restore_active(path, restored, lost, quarantined)?;
         self.restore_board_zeros(restored, *lost)?;
         self.attempt(|db| {
-            db.held = Some(HeldFiles::of(path)?);
+            let page_bytes = db.connection.pragma_query_value(None, "page_size", |row| row.get(0))?;
+            db.held = Some(HeldFiles::of(path, page_bytes)?);
             Ok(())
         })?;
         self.attempt(|db| db.retain(restored, limits))

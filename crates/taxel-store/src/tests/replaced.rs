@@ -69,3 +69,30 @@ fn a_store_that_is_removed_after_its_last_write_is_told_when_it_is_closed() {
     fs::remove_file(&path).unwrap();
     assert!(matches!(store.close(), Err(StoreError::Replaced { .. })));
 }
+
+/// Of the same file so much is left. Nothing is stored any more, and what is left is not folded back.
+#[test]
+fn a_log_that_is_cut_off_while_it_is_open_takes_nothing_more_and_leaves_the_database_as_it_is() {
+    for (kept, writes) in [(0, true), (0, false), (32, true), (9000, true), (9000, false)] {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        filled(&path);
+        let (store, ..) = open(&path);
+        for index in 40..60 {
+            write(&store, vec![sample_record(2, index)]).unwrap();
+        }
+        let database = fs::read(&path).unwrap();
+        fs::File::options().write(true).open(beside::wal(&path)).unwrap().set_len(kept).unwrap();
+        let what = format!("{kept} bytes are left, written: {writes}");
+        if writes {
+            let refused = write(&store, vec![sample_record(2, 60)]).unwrap_err();
+            assert!(matches!(refused, StoreError::CutOff { bytes, .. } if bytes == kept), "{what}: {refused}");
+        }
+        assert!(matches!(store.close(), Err(StoreError::CutOff { .. })), "{what}");
+        assert!(fs::read(&path).unwrap() == database, "{what}: the database was changed");
+        let (store, _, quarantined, _events) = open(&path);
+        assert!(quarantined.len() == 1 && quarantined[0].to_string().contains("log"), "{what}: {quarantined:?}");
+        assert!(samples_of(&store, 2).unwrap().samples.len() >= 40, "{what}");
+        store.close().unwrap();
+    }
+}
