@@ -16,6 +16,14 @@ use crate::{active_file, board_zeros, models_json, restore};
 /// How findings name the plain file.
 const FILE: &str = "the file of the active model sets";
 
+/// What the plain file knows better than the database.
+struct FromFile {
+    /// The sets that are active by it alone.
+    sets: Vec<Arc<ModelSet>>,
+    /// Whether the database is older than the file.
+    is_newer: bool,
+}
+
 impl Db {
     /// Brings the plain file of the active model sets in step with the database, or takes from it what the database lost.
     /// `lost` is set if the database is older than the file.
@@ -26,27 +34,15 @@ impl Db {
         lost: &mut bool,
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(), StoreError> {
-        let newest = restore::newest_activation(&self.connection)?;
-        let file = match active_file::read(path) {
-            Some(Ok(file)) => Some(file),
-            Some(Err(reason)) => {
-                quarantined.push(Quarantined::new(FILE, reason));
-                None
-            }
-            None => None,
-        };
-        // An older file is that of a stop before it could be written: the database goes on.
-        if let Some(file) = file.filter(|file| file.activation > newest || !quarantined.is_empty()) {
-            if file.activation > newest {
-                quarantined.push(older_than(newest, file.activation));
-                restored.active.clear();
-                *lost = true;
-            }
-            if file.activation >= newest {
-                let sets = sets_of(file.sets, quarantined);
-                self.take_back(sets, file.activation, restored, quarantined)?;
-            }
+        let FromFile { sets, is_newer } = self.serve_plain_file(path, restored, quarantined)?;
+        *lost |= is_newer;
+        let mut records = Vec::new();
+        for set in sets {
+            let (patch, model_set) = (set.patch.clone(), set.id.clone());
+            records.push(Record::ModelSet(set));
+            records.push(Record::Activated { patch, model_set, wall_ns: 0 });
         }
+        self.attempt(|db| if records.is_empty() { Ok(()) } else { db.write(records.iter()).map(drop) })?;
         self.attempt(|db| {
             db.activated = true;
             db.keep_active();
@@ -54,52 +50,54 @@ impl Db {
         })
     }
 
-    /// What the plain file knows better than the database, where nothing is to be changed.
+    /// What a start would take from the plain file, where nothing is to be changed.
     pub(crate) fn read_active(
         &self,
         path: &Path,
         restored: &mut Restored,
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(), StoreError> {
-        let newest = restore::newest_activation(&self.connection)?;
-        match active_file::read(path) {
-            Some(Ok(file)) if file.activation > newest => {
-                quarantined.push(older_than(newest, file.activation));
-                restored.active.clear();
-                for set in sets_of(file.sets, quarantined) {
-                    if !restore::was_deleted(&self.connection, &set.id, file.activation)? {
-                        serve(set, restored);
-                    }
-                }
-            }
-            Some(Err(reason)) => quarantined.push(Quarantined::new(FILE, reason)),
-            Some(Ok(_)) | None => {}
-        }
-        Ok(())
+        self.serve_plain_file(path, restored, quarantined).map(drop)
     }
 
-    /// Makes the model sets active whose patches have none because the database lost it, and that were not deleted since.
-    fn take_back(
-        &mut self,
-        sets: Vec<Arc<ModelSet>>,
-        activation: u64,
+    /// Serves the sets of the plain file of patches that have none because the database lost it, and that were not deleted
+    /// since: all of a newer file's, and of the present one's where something is damaged. An older file is that of a stop
+    /// before it could be written: the database goes on.
+    fn serve_plain_file(
+        &self,
+        path: &Path,
         restored: &mut Restored,
         quarantined: &mut Vec<Quarantined>,
-    ) -> Result<(), StoreError> {
-        let mut records = Vec::new();
-        for set in sets {
+    ) -> Result<FromFile, StoreError> {
+        let newest = restore::newest_activation(&self.connection)?;
+        let mut found = FromFile { sets: Vec::new(), is_newer: false };
+        let is_damaged = !quarantined.is_empty();
+        let file = match active_file::read(path) {
+            Some(Ok(file)) => file,
+            Some(Err(reason)) => {
+                quarantined.push(Quarantined::new(FILE, reason));
+                return Ok(found);
+            }
+            None => return Ok(found),
+        };
+        found.is_newer = file.activation > newest;
+        if found.is_newer {
+            quarantined.push(older_than(newest, file.activation));
+            restored.active.clear();
+        } else if file.activation < newest || !is_damaged {
+            return Ok(found);
+        }
+        for set in sets_of(file.sets, quarantined) {
             let has_one = restored.active.iter().any(|(known, _)| *known == set.patch);
-            if has_one || restore::was_deleted(&self.connection, &set.id, activation)? {
+            if has_one || restore::was_deleted(&self.connection, &set.id, file.activation)? {
                 continue;
             }
             let what = format!("the activation of model set {} in the store", set.id);
             quarantined.push(Quarantined::new(what, "it is served from the plain file beside it"));
-            let (patch, model_set) = (set.patch.clone(), set.id.clone());
-            records.push(Record::ModelSet(Arc::clone(&set)));
-            records.push(Record::Activated { patch, model_set, wall_ns: 0 });
-            serve(set, restored);
+            serve(Arc::clone(&set), restored);
+            found.sets.push(set);
         }
-        self.attempt(|db| if records.is_empty() { Ok(()) } else { db.write(records.iter()).map(drop) })
+        Ok(found)
     }
 
     /// Finds what is known of the boards' zeros, now that all patches are known. What follows from a loss alone is written

@@ -2,6 +2,8 @@
 
 use std::fs;
 
+use rusqlite::Connection;
+
 use super::audit::files;
 use super::fixture::*;
 use super::lost::copy;
@@ -68,6 +70,22 @@ fn what_the_plain_file_knows_better_is_read_and_told() {
     drop(file);
     fs::write(beside::active(&path), b"nothing of the kind").unwrap();
     assert_eq!(StoreFile::open(&path).unwrap().damage().len(), 1);
+}
+
+/// A paper or certificate names the set that the robot has its force by.
+#[test]
+fn what_a_start_takes_from_the_plain_file_beside_a_damaged_activation_is_read_as_well() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let [_, second] = filled(&path);
+    let change = "DROP TRIGGER activations_keep; UPDATE activations SET patch = 'x' WHERE seq = 2";
+    Connection::open(&path).unwrap().execute_batch(change).unwrap();
+    let file = StoreFile::open(&path).unwrap();
+    let active = [(PATCH.to_owned(), second.id)];
+    assert_eq!(file.restored().active, active);
+    let (store, restored, quarantined, _events) = open(&path);
+    assert_eq!((&restored.active[..], &quarantined[..]), (&active[..], file.damage()));
+    store.close().unwrap();
 }
 
 #[test]
