@@ -133,7 +133,7 @@ pub(crate) fn count(connection: &Connection, quarantined: &mut Vec<Quarantined>)
     for (stream, table) in [(Stream::Audit, REQUESTS), (Stream::AuditResults, RESULTS)] {
         let rows: u64 = connection.query_row(&format!("SELECT count(*) FROM {table}"), [], |row| row.get(0))?;
         if let Some(reason) = shortfall(connection, stream, rows)? {
-            quarantined.push(Quarantined::new(format!("the audit log ({table})"), reason));
+            quarantined.push(Quarantined::lost(format!("the audit log ({table})"), reason));
         }
     }
     Ok(())

@@ -61,7 +61,7 @@ pub(crate) fn read(
     let mut rows = statement.query([])?;
     let (mut newest, mut next) = (Newest::new(), 1);
     let mut lost = |newest: &mut Newest, reason: String| {
-        quarantined.push(Quarantined::new("what was noted of the boards' zeros", reason));
+        quarantined.push(Quarantined::lost("what was noted of the boards' zeros", reason));
         lose(newest, patches);
     };
     while let Some(row) = rows.next()? {

@@ -53,7 +53,7 @@ impl Deletions {
         ];
         for (stream, rows, what) in streams {
             let reason = shortfall(connection, stream, rows as u64)?;
-            quarantined.extend(reason.map(|reason| Quarantined::new(what, reason)));
+            quarantined.extend(reason.map(|reason| Quarantined::lost(what, reason)));
         }
         Ok(found)
     }

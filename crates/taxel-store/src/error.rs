@@ -184,18 +184,32 @@ impl From<rusqlite::Error> for StoreError {
     }
 }
 
-/// Something on disk that is not what was written. It is left where it is, reported, and never served.
+/// Something on disk that is not what was written, or is not there any more. What is there is left where it is, reported, and
+/// never served.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Quarantined {
     /// What it is, for example `model set m-0123456789abcdef`.
     pub what: String,
-    /// Why it is not trusted.
+    /// Why it is not trusted, or what became of it.
     pub reason: String,
+    kind: Kind,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Damaged,
+    Lost,
 }
 
 impl Quarantined {
+    /// A row or a file that is not what was written.
     pub(crate) fn new(what: impl Into<String>, reason: impl fmt::Display) -> Self {
-        Self { what: what.into(), reason: reason.to_string() }
+        Self { what: what.into(), reason: reason.to_string(), kind: Kind::Damaged }
+    }
+
+    /// What is not there, in whole or in part, or could not be used as it is: the reason says all of it.
+    pub(crate) fn lost(what: impl Into<String>, reason: impl fmt::Display) -> Self {
+        Self { kind: Kind::Lost, ..Self::new(what, reason) }
     }
 }
 
@@ -216,7 +230,11 @@ pub(crate) fn lines(findings: &[Quarantined]) -> Vec<String> {
 
 impl fmt::Display for Quarantined {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} is damaged on disk and not used: {}", self.what, self.reason)
+        let Self { what, reason, kind } = self;
+        match kind {
+            Kind::Damaged => write!(f, "{what} is damaged on disk and not used: {reason}"),
+            Kind::Lost => write!(f, "{what}: {reason}"),
+        }
     }
 }
 
@@ -263,6 +281,14 @@ mod tests {
         ] {
             assert_eq!(said(code), expected, "{code}");
         }
+    }
+
+    #[test]
+    fn what_is_lost_is_not_called_damaged_and_left_out() {
+        let [damaged, lost] =
+            [Quarantined::new("model set m-1", "no sum"), Quarantined::lost("the log", "it is missing")];
+        let said = lines(&[damaged, lost]);
+        assert_eq!(said, ["model set m-1 is damaged on disk and not used: no sum", "the log: it is missing"]);
     }
 
     #[test]

@@ -17,7 +17,7 @@ const THEN: char = '\t';
 /// If it cannot be written: then nothing may be changed.
 pub(crate) fn note(path: &Path, finding: &Quarantined) -> io::Result<()> {
     let words = |text: &str| text.replace(['\n', '\r', THEN], " "); // as it is read again
-    let finding = Quarantined::new(words(&finding.what), words(&finding.reason));
+    let finding = Quarantined::lost(words(&finding.what), words(&finding.reason));
     let line = |finding: &Quarantined| format!("{}{THEN}{}\n", finding.what, finding.reason);
     let mut findings = noted(path);
     if !findings.contains(&finding) {
@@ -31,16 +31,16 @@ pub(crate) fn noted(path: &Path) -> Vec<Quarantined> {
     let text = match fs::read(beside::loss_note(path)) {
         Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
         Err(error) if error.kind() == ErrorKind::NotFound => return Vec::new(),
-        Err(error) => return vec![Quarantined::new("the note of what an earlier start found lost", error)],
+        Err(error) => return vec![Quarantined::lost("the note of what an earlier start found lost", error)],
     };
     let finding = |line: &str| {
         let (what, reason) = line.split_once(THEN).unwrap_or(("the store", line));
-        Quarantined::new(what, reason)
+        Quarantined::lost(what, reason)
     };
     let findings: Vec<_> = text.lines().map(finding).collect();
     // Of a note without a line nothing is known but that something was lost.
     if findings.is_empty() {
-        vec![Quarantined::new("the store", "an earlier start found something lost")]
+        vec![Quarantined::lost("the store", "an earlier start found something lost")]
     } else {
         findings
     }
@@ -64,12 +64,12 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("store.db");
         let [log, rows] = [("the log", "it is\tmissing"), ("two rows", "one\nand\ranother")]
-            .map(|(what, reason)| Quarantined::new(what, reason));
+            .map(|(what, reason)| Quarantined::lost(what, reason));
         assert_eq!(noted(&path), []);
         for finding in [&log, &rows, &log] {
             note(&path, finding).unwrap();
         }
-        let lines = [Quarantined::new("the log", "it is missing"), Quarantined::new("two rows", "one and another")];
+        let lines = [Quarantined::lost("the log", "it is missing"), Quarantined::lost("two rows", "one and another")];
         assert_eq!(noted(&path), lines);
         forget(&path);
         assert_eq!(noted(&path), []);
@@ -80,9 +80,9 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("store.db");
         fs::write(beside::loss_note(&path), "").unwrap();
-        assert_eq!(noted(&path), [Quarantined::new("the store", "an earlier start found something lost")]);
+        assert_eq!(noted(&path), [Quarantined::lost("the store", "an earlier start found something lost")]);
         fs::write(beside::loss_note(&path), "half a li").unwrap();
-        assert_eq!(noted(&path), [Quarantined::new("the store", "half a li")]);
+        assert_eq!(noted(&path), [Quarantined::lost("the store", "half a li")]);
         fs::remove_file(beside::loss_note(&path)).unwrap();
         fs::create_dir(beside::loss_note(&path)).unwrap();
         assert_eq!(noted(&path)[0].what, "the note of what an earlier start found lost");

@@ -41,7 +41,7 @@ pub fn check(path: &Path) -> Result<Checked, StoreError> {
     let io = |error: std::io::Error| StoreError::Open { path: path.clone(), reason: error.to_string() };
     let mut damage = Vec::new();
     if let Some(reason) = wal_check::problem(path).map_err(io)? {
-        damage.push(Quarantined::new("the write-ahead log", reason));
+        damage.push(Quarantined::lost("the write-ahead log", reason));
     }
     let copy = beside::beside(path, "-check");
     let remove = || ["", "-wal"].iter().try_for_each(|suffix| beside::remove(&beside::beside(&copy, suffix)));

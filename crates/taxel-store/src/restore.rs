@@ -141,7 +141,7 @@ fn active(
         let seq: u64 = row.get(0)?;
         if seq != newest + 1 {
             active.clear();
-            quarantined.push(Quarantined::new(format!("activation {}", newest + 1), "it is missing"));
+            quarantined.push(Quarantined::lost(format!("activation {}", newest + 1), "it is missing"));
         }
         newest = seq;
         match activation(row, seq) {
@@ -156,7 +156,7 @@ fn active(
     }
     if let Some(reason) = shortfall(connection, Stream::Activations, newest)? {
         active.clear();
-        quarantined.push(Quarantined::new("the list of activations", reason));
+        quarantined.push(Quarantined::lost("the list of activations", reason));
     }
     let mut served = Vec::new();
     for (patch, (id, seq)) in active {
@@ -168,7 +168,7 @@ fn active(
             continue;
         }
         let reason = format!("it names model set {id}, which is not there or not of this patch");
-        quarantined.push(Quarantined::new(format!("the choice of the active model set of patch `{patch}`"), reason));
+        quarantined.push(Quarantined::lost(format!("the choice of the active model set of patch `{patch}`"), reason));
     }
     Ok(served)
 }
@@ -231,7 +231,7 @@ fn sessions(
         }
     }
     if let Some(reason) = shortfall(connection, Stream::Sessions, found)? {
-        quarantined.push(Quarantined::new("the list of sessions", reason));
+        quarantined.push(Quarantined::lost("the list of sessions", reason));
     }
     Ok((sessions, newest + 1))
 }
@@ -278,7 +278,7 @@ fn loads(connection: &Connection, quarantined: &mut Vec<Quarantined>) -> rusqlit
         }
     }
     if let Some(reason) = shortfall(connection, Stream::Loads, found)? {
-        quarantined.push(Quarantined::new("the list of known loads", reason));
+        quarantined.push(Quarantined::lost("the list of known loads", reason));
     }
     Ok((loads, newest + 1))
 }

@@ -77,7 +77,7 @@ pub(crate) fn succeed(path: &Path) -> io::Result<Option<Quarantined>> {
             "it did not come of this store, which stays in its place: {why}; it is kept as {}",
             aside.display()
         );
-        return Ok(Some(Quarantined::new(new.display().to_string(), reason)));
+        return Ok(Some(Quarantined::lost(new.display().to_string(), reason)));
     }
     take_its_place(path).map(|()| None)
 }

@@ -192,10 +192,10 @@ fn entries(
     let newest = there.last().copied().unwrap_or(0);
     let lost = newest.saturating_sub(there.len() as u64);
     if lost > 0 {
-        quarantined.push(Quarantined::new("the list of model sets", format!("{lost} of {newest} rows are missing")));
+        quarantined.push(Quarantined::lost("the list of model sets", format!("{lost} of {newest} rows are missing")));
     }
     if let Some(reason) = shortfall(connection, Stream::ModelSets, newest)? {
-        quarantined.push(Quarantined::new("the list of model sets", reason));
+        quarantined.push(Quarantined::lost("the list of model sets", reason));
     }
     Ok((entries, without_index))
 }

@@ -29,7 +29,7 @@ impl StoreFile {
         let opening = |reason: String| StoreError::Open { path: path.clone(), reason };
         let mut damage = loss::noted(path);
         let lost = wal_check::problem(path).map_err(|error| opening(error.to_string()))?;
-        damage.extend(lost.map(|reason| Quarantined::new("the write-ahead log", reason)));
+        damage.extend(lost.map(|reason| Quarantined::lost("the write-ahead log", reason)));
         let older = "an earlier version of this program wrote it, and here it is only read: start the daemon or run `taxeld \
                      store compact` first";
         let (db, mut restored) = Db::open_file(path, true, Some(opening(older.to_owned())), &mut damage)?;

@@ -41,7 +41,7 @@ pub fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Stor
 pub fn read_store(path: &Path) -> anyhow::Result<StoreFile> {
     let store = StoreFile::open(path)?;
     for damage in store.damage() {
-        crate::say::error_line(format_args!("taxeld: {}: damaged: {damage}", path.display()));
+        crate::say::error_line(format_args!("taxeld: {}: {damage}", path.display()));
     }
     Ok(store)
 }

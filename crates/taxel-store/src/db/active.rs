@@ -92,8 +92,9 @@ impl Db {
             if has_one || restore::was_deleted(&self.connection, &set.id, file.activation)? {
                 continue;
             }
-            let what = format!("the activation of model set {} in the store", set.id);
-            quarantined.push(Quarantined::new(what, "it is served from the plain file beside it"));
+            let what = format!("the activation of model set {}", set.id);
+            quarantined
+                .push(Quarantined::lost(what, "the store has it no more, and the set is served from the plain file"));
             serve(Arc::clone(&set), restored);
             found.sets.push(set);
         }
@@ -134,7 +135,7 @@ impl Db {
         }
         restored.board_zeros = board_zeros::of_all(restored.active.iter().map(|(patch, _)| patch.as_str()));
         tracing::error!(error = %why, "the active model sets are served from the plain file, and nothing is stored");
-        quarantined.push(Quarantined::new("the store", &why));
+        quarantined.push(Quarantined::lost("the store", &why));
         let mut db = Self::in_memory()?;
         db.failure = Some(why);
         Ok((db, restored))
@@ -144,7 +145,7 @@ impl Db {
 /// The database has lost its newest activations.
 fn older_than(newest: u64, in_file: u64) -> Quarantined {
     let reason = format!("its newest one is {newest}, the file beside the store has {in_file}");
-    Quarantined::new("the list of activations", reason)
+    Quarantined::lost("the list of activations", reason)
 }
 
 /// The sets of the plain file that are what their names say.

@@ -233,18 +233,18 @@ fn look_at_log(
         && let Some(aside) = beside::put_aside_if_no_file(path).map_err(reading)?
     {
         let reason = format!("what had its name is no file: it is kept as {}", aside.display());
-        quarantined.push(Quarantined::new(LOG, reason));
+        quarantined.push(Quarantined::lost(LOG, reason));
     }
     let Some(reason) = wal_check::problem(path).map_err(reading)? else { return Ok(failure) };
     *lost = true;
-    let keep = || loss::note(path, &Quarantined::new(LOG, &reason)).and_then(|()| beside::keep_log(path));
+    let keep = || loss::note(path, &Quarantined::lost(LOG, &reason)).and_then(|()| beside::keep_log(path));
     let (kept, failure) = match failure.map_or_else(|| Ok(keep()), Err) {
         Ok(Ok(aside)) => (aside.map(|aside| format!("; it is kept as {}", aside.display())), None),
         Ok(Err(error)) => (None, Some(StoreError::changing(&beside::wal(path), &error))),
         Err(failure) => (None, Some(failure)),
     };
     quarantined.retain(|noted| noted.what != LOG || noted.reason != reason);
-    quarantined.push(Quarantined::new(LOG, format!("{reason}{}", kept.unwrap_or_default())));
+    quarantined.push(Quarantined::lost(LOG, format!("{reason}{}", kept.unwrap_or_default())));
     Ok(failure)
 }
 
@@ -265,8 +265,8 @@ fn put_right(path: &Path, error: &StoreError, failure: Option<StoreError>) -> Re
         return Err(stays(failure.to_string()));
     }
     let stopped = format!("{findings}; what can be read of it went into a new one, by a start that was stopped then");
-    loss::note(path, &Quarantined::new(STORE, stopped)).map_err(|error| stays(error.to_string()))?;
+    loss::note(path, &Quarantined::lost(STORE, stopped)).map_err(|error| stays(error.to_string()))?;
     let Salvaged { aside, rows } = salvage::salvage(path).map_err(stays)?;
-    let reason = format!("{error}; it is kept as {}, {rows} rows of it are in a new one", aside.display());
-    Ok(Quarantined::new(STORE, reason))
+    let reason = format!("{findings}; it is kept as {}, {rows} rows of it are in a new one", aside.display());
+    Ok(Quarantined::lost(STORE, reason))
 }

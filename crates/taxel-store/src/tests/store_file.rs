@@ -83,6 +83,11 @@ fn what_a_start_takes_from_the_plain_file_beside_a_damaged_activation_is_read_as
     let file = StoreFile::open(&path).unwrap();
     let active = [(PATCH.to_owned(), second.id)];
     assert_eq!(file.restored().active, active);
+    let served = format!(
+        "the activation of model set {}: the store has it no more, and the set is served from the plain file",
+        active[0].1
+    );
+    assert!(file.damage().iter().any(|damage| damage.to_string() == served), "{:?}", file.damage());
     let (store, restored, quarantined, _events) = open(&path);
     assert_eq!((&restored.active[..], &quarantined[..]), (&active[..], file.damage()));
     store.close().unwrap();
