@@ -84,7 +84,7 @@ pub(crate) fn keep(database: &Path, content: &[u8]) -> io::Result<()> {
 pub(crate) fn read(database: &Path) -> Option<Result<ActiveFile, String>> {
     let path = beside::active(database);
     // Opening a pipe would wait for somebody who writes into it.
-    if fs::metadata(&path).is_ok_and(|about| !about.is_file()) {
+    if beside::is_no_file(&path) {
         return Some(Err("it is no regular file".to_owned()));
     }
     match File::open(&path) {

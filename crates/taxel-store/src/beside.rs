@@ -2,7 +2,7 @@
 
 use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
@@ -10,8 +10,10 @@ use std::path::{Path, PathBuf};
 /// What a disk gives back or not at once.
 const SECTOR_BYTES: usize = 4096;
 
-/// Behind the name of a database: its log, and a new database that is whole and is to take the place of a damaged one.
+/// Behind the name of a database: its log, the journal of one that has none, and a new database that is whole and is to take the
+/// place of a damaged one.
 const LOG: &str = "-wal";
+const JOURNAL: &str = "-journal";
 pub(crate) const SUCCESSOR: &str = "-new";
 
 /// Behind that as well: what is kept of what was damaged or in the way, and its number.
@@ -45,6 +47,11 @@ pub(crate) fn real(path: &Path) -> PathBuf {
 /// The write-ahead log of a database.
 pub(crate) fn wal(path: &Path) -> PathBuf {
     beside(path, LOG)
+}
+
+/// The rollback journal of a database that was written without a log.
+pub(crate) fn journal(path: &Path) -> PathBuf {
+    beside(path, JOURNAL)
 }
 
 /// Bytes of a database and its log.
@@ -112,13 +119,16 @@ pub(crate) fn keep_log(path: &Path) -> io::Result<Option<PathBuf>> {
     Ok(Some(name))
 }
 
-/// Gives what has the log's name and is no file, which would end a start or hold it up, a name that nothing has yet. Gives that;
-/// nothing if a file or nothing has the log's name.
-pub(crate) fn put_aside_if_no_file(path: &Path) -> io::Result<Option<PathBuf>> {
-    if fs::metadata(wal(path)).map_or(true, |found| found.is_file()) {
-        return Ok(None);
-    }
-    put_aside(path, LOG).map(Some)
+/// Gives what is no file and would end a start or hold it up, as it has the name of a log or journal, names that nothing has yet.
+/// Gives those, each with what it was.
+pub(crate) fn put_aside_no_files(path: &Path) -> io::Result<Vec<(PathBuf, PathBuf)>> {
+    let in_the_way = [LOG, JOURNAL].into_iter().filter(|suffix| is_no_file(&beside(path, suffix)));
+    in_the_way.map(|suffix| put_aside(path, suffix).map(|aside| (beside(path, suffix), aside))).collect()
+}
+
+/// Whether there is something that is no regular file: opening a pipe would wait for somebody, and a device has no end.
+pub(crate) fn is_no_file(path: &Path) -> bool {
+    fs::metadata(path).is_ok_and(|found| !found.is_file())
 }
 
 /// Gives what is in the way a name that nothing has yet, with the same `suffix`. Gives that.
@@ -132,8 +142,9 @@ pub(crate) fn put_aside(path: &Path, suffix: &str) -> io::Result<PathBuf> {
 /// A name for what is damaged. Where another takes it meanwhile, whoever uses it fails rather than overwrite that.
 fn free_name(path: &Path) -> PathBuf {
     let names = (1_u32..).map(|number| beside(path, &format!("{ASIDE}-{number}")));
-    let free =
-        |name: &PathBuf| ["", LOG, SUCCESSOR].iter().all(|suffix| beside(name, suffix).symlink_metadata().is_err());
+    let free = |name: &PathBuf| {
+        ["", LOG, JOURNAL, SUCCESSOR].iter().all(|suffix| beside(name, suffix).symlink_metadata().is_err())
+    };
     names.into_iter().find(free).unwrap_or_else(|| beside(path, ASIDE))
 }
 
@@ -154,7 +165,8 @@ fn link(from: &Path, to: &Path) -> io::Result<()> {
     copy(from, to)
 }
 
-fn copy(from: &Path, to: &Path) -> io::Result<()> {
+/// Copies a file to one that is not there yet; of what there is no room for nothing stays.
+pub(crate) fn copy(from: &Path, to: &Path) -> io::Result<()> {
     let mut copy = File::options().write(true).create_new(true).open(to)?;
     copy_readable(from, &mut copy).and_then(|()| copy.sync_all()).inspect_err(|_| {
         // A part of it says nothing and takes the room that the next attempt needs.
@@ -183,11 +195,40 @@ pub(crate) fn copy_readable(from: &Path, to: &mut File) -> io::Result<()> {
 /// Writes a file as a whole: whoever reads it, also after a power cut, finds the old content or the new one.
 pub(crate) fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
     let part = beside(path, "-part");
-    let mut file = File::create(&part)?;
+    let make = || File::options().write(true).create_new(true).open(&part);
+    let mut file = match make() {
+        // What a stop has left, or a pipe, which would be waited for.
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            remove(&part)?;
+            make()?
+        }
+        made => made?,
+    };
     file.write_all(content)?;
     file.sync_all()?;
     fs::rename(&part, path)?;
     sync_folder(path)
+}
+
+/// Reads a small file; nothing if there is none.
+///
+/// # Errors
+/// If it cannot be read, is no regular file, or has more than so many bytes.
+pub(crate) fn read_small(path: &Path, bytes_max: u64) -> io::Result<Option<Vec<u8>>> {
+    if is_no_file(path) {
+        return Err(io::Error::other("it is no regular file"));
+    }
+    let file = match File::open(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        file => file?,
+    };
+    let bytes = file.metadata()?.len();
+    if bytes > bytes_max {
+        return Err(io::Error::other(format!("it has {bytes} bytes, expected at most {bytes_max}")));
+    }
+    let mut content = Vec::new();
+    file.take(bytes_max).read_to_end(&mut content)?;
+    Ok(Some(content))
 }
 
 /// Marks a file that may be damaged, so that the next start looks at all of it.

@@ -214,6 +214,11 @@ impl Db {
         session_samples::samples(&self.connection, session)
     }
 
+    /// Proves the samples and ramps of a session and keeps none, or why they cannot be trusted.
+    pub(crate) fn prove_samples(&self, session: u64) -> Result<(), String> {
+        session_samples::prove(&self.connection, session).map(drop)
+    }
+
     /// The text of a model set as it was written, or why it cannot be had.
     pub(crate) fn set_text(&self, id: &str) -> Result<String, StoreError> {
         let missing = || StoreError::NoModelSet { model_set: id.to_owned() };

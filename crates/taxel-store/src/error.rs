@@ -42,6 +42,16 @@ pub enum StoreError {
         /// The newest version that is understood.
         newest: i64,
     },
+    /// An earlier version wrote the file, and it is only to be read.
+    #[error(
+        "{}: an earlier version of this program wrote the store, and here it is only read: start the daemon or run `taxeld \
+         store compact` first",
+        path.display()
+    )]
+    TooOld {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file's structure is broken.
     #[error("{}: the store is damaged: {findings}; restore a backup, or move the file away to start anew", path.display())]
     Damaged {

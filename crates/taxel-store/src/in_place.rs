@@ -9,6 +9,7 @@ use rusqlite::config::DbConfig;
 use rusqlite::{Connection, OpenFlags};
 
 use crate::beside;
+use crate::error::StoreError;
 
 /// SQLite's name for files without locks: a file that cannot be written cannot be locked either.
 const WITHOUT_LOCKS: &str = "unix-none";
@@ -17,9 +18,18 @@ const WITHOUT_LOCKS: &str = "unix-none";
 ///
 /// # Errors
 /// If there is no such file, or it cannot be read.
-pub(crate) fn open(path: &Path) -> rusqlite::Result<Connection> {
+pub(crate) fn open(path: &Path) -> Result<Connection, StoreError> {
+    let journal = beside::journal(path);
+    if beside::is_no_file(&journal) {
+        return Err(StoreError::Open { path: journal, reason: "it is in the way and no regular file".to_owned() });
+    }
+    open_files(path).map_err(|error| StoreError::opening(path, &error))
+}
+
+fn open_files(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
-    let connection = if beside::wal(path).exists() {
+    let log = beside::wal(path);
+    let connection = if log.exists() && !beside::is_no_file(&log) {
         Connection::open_with_flags_and_vfs(path, flags, WITHOUT_LOCKS)?
     } else {
         // SQLite would make a log, but not for what it is told never to change.

@@ -8,7 +8,7 @@
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, fchown};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use nix::fcntl::{FcntlArg, fcntl};
@@ -57,6 +57,32 @@ pub(crate) fn refuse_in_use(database: &Path) -> Result<(), StoreError> {
     wait_until_free(database, || Ok(is_free(database, look()).unwrap_or_else(|_| !is_locked_by_sqlite(database))))
 }
 
+/// The file itself of a store that no process has open.
+///
+/// # Errors
+/// [`StoreError`] if there is none, or another process has it. What else is wrong with it shows later.
+pub(crate) fn idle(path: &Path) -> Result<PathBuf, StoreError> {
+    let path = file_of(path)?;
+    refuse_in_use(&path)?;
+    Ok(path)
+}
+
+/// The file itself. Opening what is not there would make it, and a device or a pipe would be written to, or be waited for.
+pub(crate) fn file_of(path: &Path) -> Result<PathBuf, StoreError> {
+    let path = beside::real(path);
+    match fs::metadata(&path) {
+        Ok(found) if found.is_file() => Ok(path),
+        Ok(_) => Err(StoreError::Open { path, reason: "is no file".to_owned() }),
+        Err(error) => Err(StoreError::Open { path, reason: error.to_string() }),
+    }
+}
+
+/// What is wrong, unless a daemon has the store now: it has started meanwhile and changes the files under whoever reads them, which
+/// looks like damage.
+pub(crate) fn unless_in_use(path: &Path, error: StoreError) -> StoreError {
+    refuse_in_use(path).err().unwrap_or(error)
+}
+
 fn wait_until_free(database: &Path, free: impl Fn() -> Result<bool, StoreError>) -> Result<(), StoreError> {
     let until = Instant::now() + BUSY_TIMEOUT;
     while !free()? {
@@ -80,17 +106,20 @@ fn is_free(database: &Path, locked: Result<(), TryLockError>) -> io::Result<bool
 /// Opens the file, and makes it if there is none: for its owner alone, as the database, which is the database's also if root
 /// makes it. On a disk that takes nothing one that is there can be locked as well.
 fn open(path: &Path, database: &Path) -> io::Result<File> {
-    if path.exists() && !is_file(path) {
+    if beside::is_no_file(path) {
         return Err(io::Error::other("is no regular file"));
     }
-    match File::options().read(true).write(true).create_new(true).mode(0o600).open(path) {
+    let mut options = File::options();
+    match options.read(true).write(true).create_new(true).mode(0o600).open(path) {
         Ok(file) => {
             if let Ok(owner) = fs::metadata(database) {
                 let _ = fchown(&file, Some(owner.uid()), Some(owner.gid())); // who is not root owns both
             }
             Ok(file)
         }
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => File::open(path),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
+            options.create_new(false).open(path).or_else(|_| File::open(path))
+        }
         Err(error) => Err(error),
     }
 }

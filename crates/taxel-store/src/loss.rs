@@ -1,12 +1,17 @@
 //! What a start finds lost, noted beside the database before anything of it is changed: putting it right takes the traces
 //! away, and a stop in between must not make the loss untold. A start that has told it and acted on it removes the note.
 
-use std::fs;
-use std::io::{self, ErrorKind};
+use std::io;
 use std::path::Path;
 
-use crate::beside;
 use crate::error::Quarantined;
+use crate::{beside, wal_check};
+
+/// How findings name the write-ahead log.
+pub(crate) const LOG: &str = "the write-ahead log";
+
+/// A note has a line or two.
+const NOTE_BYTES_MAX: u64 = 64 << 10;
 
 /// Between what is lost and why.
 const THEN: char = '\t';
@@ -28,9 +33,9 @@ pub(crate) fn note(path: &Path, finding: &Quarantined) -> io::Result<()> {
 
 /// What earlier starts found lost and did not live to tell; nothing as a rule.
 pub(crate) fn noted(path: &Path) -> Vec<Quarantined> {
-    let text = match fs::read(beside::loss_note(path)) {
-        Ok(bytes) => String::from_utf8_lossy(&bytes).into_owned(),
-        Err(error) if error.kind() == ErrorKind::NotFound => return Vec::new(),
+    let text = match beside::read_small(&beside::loss_note(path), NOTE_BYTES_MAX) {
+        Ok(Some(bytes)) => String::from_utf8_lossy(&bytes).into_owned(),
+        Ok(None) => return Vec::new(),
         Err(error) => return vec![Quarantined::lost("the note of what an earlier start found lost", error)],
     };
     let finding = |line: &str| {
@@ -46,6 +51,16 @@ pub(crate) fn noted(path: &Path) -> Vec<Quarantined> {
     }
 }
 
+/// All that a store has lost by what lies beside it: what was noted, and what its log lost. What was noted of the log is that
+/// already: since then nobody was told that anything is on disk.
+pub(crate) fn found(path: &Path) -> io::Result<Vec<Quarantined>> {
+    let mut found = noted(path);
+    if found.iter().all(|known| known.what != LOG) {
+        found.extend(wal_check::problem(path)?.map(|reason| Quarantined::lost(LOG, reason)));
+    }
+    Ok(found)
+}
+
 /// Removes the note.
 pub(crate) fn forget(path: &Path) {
     let note = beside::loss_note(path);
@@ -57,6 +72,9 @@ pub(crate) fn forget(path: &Path) {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::process::Command;
+
     use super::*;
 
     #[test]
@@ -84,7 +102,18 @@ mod tests {
         fs::write(beside::loss_note(&path), "half a li").unwrap();
         assert_eq!(noted(&path), [Quarantined::lost("the store", "half a li")]);
         fs::remove_file(beside::loss_note(&path)).unwrap();
-        fs::create_dir(beside::loss_note(&path)).unwrap();
-        assert_eq!(noted(&path)[0].what, "the note of what an earlier start found lost");
+        let name = beside::loss_note(&path);
+        let unreadable = |reason: &str| [Quarantined::lost("the note of what an earlier start found lost", reason)];
+        fs::create_dir(&name).unwrap();
+        assert_eq!(noted(&path), unreadable("it is no regular file"));
+        fs::remove_dir(&name).unwrap();
+        assert!(Command::new("mkfifo").arg(&name).status().unwrap().success());
+        assert_eq!(noted(&path), unreadable("it is no regular file"));
+        fs::remove_file(&name).unwrap();
+        std::os::unix::fs::symlink("/dev/zero", &name).unwrap();
+        assert_eq!(noted(&path), unreadable("it is no regular file"));
+        fs::remove_file(&name).unwrap();
+        fs::File::create(&name).unwrap().set_len(1 << 40).unwrap();
+        assert_eq!(noted(&path), unreadable("it has 1099511627776 bytes, expected at most 65536"));
     }
 }

@@ -1,6 +1,8 @@
 //! What an operator does with a store that no daemon has open.
 
-use std::fs;
+use std::fs::{self, DirBuilder};
+use std::io;
+use std::os::unix::fs::DirBuilderExt;
 use std::path::{Path, PathBuf};
 
 use rusqlite::Connection;
@@ -13,9 +15,10 @@ use crate::db::Db;
 use crate::error::{Quarantined, StoreError};
 use crate::identity::{check_identity, is_damage};
 use crate::in_place;
-use crate::lock::refuse_in_use;
+use crate::lock::{file_of, idle, refuse_in_use, unless_in_use};
+use crate::loss;
 use crate::retention::Retention;
-use crate::wal_check;
+use crate::store_file::StoreFile;
 
 /// What a store holds.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -32,42 +35,79 @@ pub struct Checked {
     pub damage: Vec<Quarantined>,
 }
 
-/// Looks at a store and changes nothing: a copy beside it is opened, and removed again.
+/// Looks at a store, proves all of it, and changes nothing: it tells what the next start would.
 ///
 /// # Errors
 /// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours; not for damage.
 pub fn check(path: &Path) -> Result<Checked, StoreError> {
     let path = &idle(path)?;
-    let io = |error: std::io::Error| StoreError::Open { path: path.clone(), reason: error.to_string() };
-    let mut damage = Vec::new();
-    if let Some(reason) = wal_check::problem(path).map_err(io)? {
-        damage.push(Quarantined::lost("the write-ahead log", reason));
-    }
-    let copy = beside::beside(path, "-check");
-    let remove = || ["", "-wal"].iter().try_for_each(|suffix| beside::remove(&beside::beside(&copy, suffix)));
-    remove().map_err(io)?;
-    fs::copy(path, &copy).map_err(io)?;
-    if beside::wal(path).exists() {
-        fs::copy(beside::wal(path), beside::wal(&copy)).map_err(io)?;
-    }
-    let checked = match Db::open_file(&copy, true, None, &mut damage) {
-        Ok((db, restored)) => db.size().map(|size| {
+    let mut lost = Vec::new();
+    let read = match StoreFile::read(path, path, Some(StoreError::TooOld { path: path.clone() }), &mut lost) {
+        Err(StoreError::TooOld { .. }) => {
+            let copy = Copied::of(path).map_err(|error| open_error(path, &error))?;
+            StoreFile::read(path, &copy.database(), None, &mut lost).and_then(StoreFile::prove_all)
+        }
+        read => read.and_then(StoreFile::prove_all),
+    };
+    let damaged = |finding| Checked { damage: [lost, vec![finding]].concat(), ..Checked::default() };
+    match read {
+        Ok((restored, size, damage)) => {
             let (model_sets, sessions) = (restored.model_sets.len(), restored.sessions.len());
-            Checked { model_sets, sessions, samples: size.samples, bytes: size.bytes, damage }
-        }),
+            Ok(Checked { model_sets, sessions, samples: size.samples, bytes: size.bytes, damage })
+        }
         Err(StoreError::Damaged { findings, .. }) => {
             let way = "a start of the daemon, or `taxeld store compact`, puts what can be read of it into a new file and keeps this one";
-            damage.push(Quarantined::new("the store", format!("{findings}; {way}")));
-            Ok(Checked { damage, ..Checked::default() })
+            Ok(damaged(Quarantined::lost("the store", format!("{findings}; {way}"))))
         }
-        Err(error) if is_damage(&error, path) => {
-            damage.push(Quarantined::new("the store", error));
-            Ok(Checked { damage, ..Checked::default() })
-        }
+        Err(error) if is_damage(&error, path) => Ok(damaged(Quarantined::lost("the store", error))),
         Err(error) => Err(error),
-    };
-    remove().map_err(io)?;
-    checked
+    }
+}
+
+/// So many checks may run at a time, or have been stopped without removing their copy.
+const COPIES_MAX: u32 = 100;
+
+/// A copy of a store of an earlier version, which can be read as one of this version once it is changed. It is not beside the store,
+/// whose names are taken and whose disk may take nothing, and goes with this.
+struct Copied(PathBuf);
+
+impl Copied {
+    fn of(path: &Path) -> io::Result<Self> {
+        let copied = Self(private_folder()?);
+        beside::copy(path, &copied.database())?;
+        if beside::wal(path).exists() {
+            beside::copy(&beside::wal(path), &beside::wal(&copied.database()))?;
+        }
+        Ok(copied)
+    }
+
+    fn database(&self) -> PathBuf {
+        self.0.join("store.db")
+    }
+}
+
+/// A new folder for temporary files, which nobody else can open.
+fn private_folder() -> io::Result<PathBuf> {
+    for number in 1..=COPIES_MAX {
+        let folder = std::env::temp_dir().join(format!("taxeld-store-check-{number}"));
+        match DirBuilder::new().mode(0o700).create(&folder) {
+            Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+            made => return made.map(|()| folder),
+        }
+    }
+    Err(io::Error::other(format!("{COPIES_MAX} copies of stores are in {}", std::env::temp_dir().display())))
+}
+
+impl Drop for Copied {
+    fn drop(&mut self) {
+        if let Err(error) = fs::remove_dir_all(&self.0) {
+            tracing::warn!(folder = %self.0.display(), %error, "a copy of a store could not be removed");
+        }
+    }
+}
+
+fn open_error(path: &Path, error: &io::Error) -> StoreError {
+    StoreError::Open { path: path.to_path_buf(), reason: error.to_string() }
 }
 
 /// What giving back space came to.
@@ -88,13 +128,12 @@ pub struct Compacted {
 pub fn compact(path: &Path) -> Result<Compacted, StoreError> {
     let path = &file_of(path)?;
     let bytes = || fs::metadata(path).map(|file| file.len());
-    let io = |error: std::io::Error| StoreError::Open { path: path.clone(), reason: error.to_string() };
-    let before = bytes().map_err(io)?;
+    let before = bytes().map_err(|error| open_error(path, &error))?;
     let (db, _, damage) = Db::open_proving(path, &Retention::default(), u64::MAX)?;
     let db = db.writable()?;
     db.compact()?;
     db.close()?;
-    Ok(Compacted { before, after: bytes().map_err(io)?, damage })
+    Ok(Compacted { before, after: bytes().map_err(|error| open_error(path, &error))?, damage })
 }
 
 /// The audit log of a store that no daemon has open. Nothing of the store is changed: what is damaged is for the next start
@@ -103,6 +142,7 @@ pub fn compact(path: &Path) -> Result<Compacted, StoreError> {
 pub struct AuditFile {
     connection: Connection,
     path: PathBuf,
+    lost: Vec<Quarantined>,
 }
 
 impl AuditFile {
@@ -112,40 +152,32 @@ impl AuditFile {
     /// [`StoreError`] if there is no store, a daemon has it, or it is not one of ours.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         let path = idle(path)?;
-        let connection = in_place::open(&path).map_err(|error| StoreError::opening(&path, &error))?;
+        let lost = loss::found(&path).map_err(|error| open_error(&path, &error))?;
+        let connection = in_place::open(&path)?;
         check_identity(&connection, &path)?;
         if !connection.table_exists(None, "audit").map_err(|error| StoreError::opening(&path, &error))? {
             return Err(StoreError::Foreign { path, reason: "it has no audit log".to_owned() });
         }
-        Ok(Self { connection, path })
+        Ok(Self { connection, path, lost })
+    }
+
+    /// What the store has lost, which the audit log may lack then. What of the log itself is damaged is in its entries.
+    #[must_use]
+    pub fn lost(&self) -> &[Quarantined] {
+        &self.lost
     }
 
     /// Entries with numbers below `number`, at most so many, newest first.
     ///
     /// # Errors
-    /// [`StoreError`] if they cannot be read.
+    /// [`StoreError`] if they cannot be read, or are not what was written while a daemon has the store.
     pub fn before(&self, number: u64, most: u32) -> Result<Vec<AuditEntry>, StoreError> {
-        audit_rows::read(&self.connection, number, most).map_err(|error| StoreError::opening(&self.path, &error))
-    }
-}
-
-/// The file itself of a store that no process has open.
-///
-/// # Errors
-/// [`StoreError`] if there is none, or another process has it. What else is wrong with it shows later.
-pub(crate) fn idle(path: &Path) -> Result<PathBuf, StoreError> {
-    let path = file_of(path)?;
-    refuse_in_use(&path)?;
-    Ok(path)
-}
-
-/// The file itself. Opening what is not there would make it, and a device or a pipe would be written to, or be waited for.
-fn file_of(path: &Path) -> Result<PathBuf, StoreError> {
-    let path = beside::real(path);
-    match fs::metadata(&path) {
-        Ok(found) if found.is_file() => Ok(path),
-        Ok(_) => Err(StoreError::Open { path, reason: "is no file".to_owned() }),
-        Err(error) => Err(StoreError::Open { path, reason: error.to_string() }),
+        let read = audit_rows::read(&self.connection, number, most);
+        let entries = read.map_err(|error| unless_in_use(&self.path, StoreError::opening(&self.path, &error)))?;
+        if entries.iter().any(|entry| !entry.damage.is_empty()) {
+            refuse_in_use(&self.path)?;
+        }
+        Ok(entries)
     }
 }
 

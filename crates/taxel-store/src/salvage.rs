@@ -13,7 +13,7 @@ use taxel_engine::record::Sample;
 
 use crate::beside;
 use crate::board_zeros;
-use crate::error::{Quarantined, StoreError, is_of_reading};
+use crate::error::{Quarantined, is_of_reading};
 use crate::identity::{check_identity, check_structure};
 use crate::in_place;
 use crate::open_mark;
@@ -99,8 +99,8 @@ fn is_made_of(database: &Path, new: &Path) -> Result<(), String> {
     if !beside::is_kept_aside(database) {
         return Err("no damaged store is being put right".to_owned());
     }
-    let store = in_place::open(new).map_err(|error| StoreError::opening(new, &error));
-    let whole = store.and_then(|store| check_identity(&store, new).and_then(|()| check_structure(&store, new)));
+    let whole =
+        in_place::open(new).and_then(|store| check_identity(&store, new).and_then(|()| check_structure(&store, new)));
     whole.map_err(|error| error.to_string())
 }
 
@@ -128,15 +128,15 @@ fn fill(new: &mut Connection, damaged: &Path, copy: &Path) -> Result<u64, String
         let as_it_is = replaced.is_empty();
         let copied = remove_with_log(copy).and_then(|()| copy_of(damaged, copy, replaced));
         let old = match copied {
-            Ok(()) => open_copy(copy),
+            Ok(()) => open_copy(copy).map_err(words),
             Err(error) if as_it_is => {
                 tracing::warn!(%error, "there is no copy of the damaged store: it is read as it is");
-                in_place::open(damaged)
+                in_place::open(damaged).map_err(|error| error.to_string())
             }
             Err(error) => return Err(format!("a copy of it: {error}")),
         };
         let transaction = new.transaction().map_err(words)?;
-        let (taken, whole) = take_all(&old.map_err(words)?, &transaction).map_err(words)?;
+        let (taken, whole) = take_all(&old?, &transaction).map_err(words)?;
         transaction.commit().map_err(words)?;
         rows += taken;
         if whole {

@@ -1,7 +1,8 @@
 //! Whether the write-ahead log is whole. SQLite reads it up to the first frame that does not fit and says nothing: that is
 //! right where a power cut tore the last transaction, and a loss where older ones follow.
 
-use std::fs::File;
+use std::fmt;
+use std::fs::{self, File};
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
@@ -17,10 +18,16 @@ pub(crate) fn bytes_of(pages: u32, page_bytes: u64) -> u64 {
     if pages == 0 { 0 } else { HEADER_BYTES as u64 + u64::from(pages) * (FRAME_HEADER_BYTES as u64 + page_bytes) }
 }
 
-/// What is wrong with the log of a database that is about to be opened; nothing if it is whole or only its end is torn.
+/// What is lost of the log of a database that is about to be opened; nothing if it is whole, if only what nobody was told to be on
+/// disk is torn off its end, or if there is none after a clean stop. By itself a log tells what is broken before its last
+/// transaction; that it is missing, was cut off or has a damaged last transaction tells the [mark](open_mark).
 pub(crate) fn problem(database: &Path) -> io::Result<Option<String>> {
-    let file = match File::open(beside::wal(database)) {
-        Ok(file) => file,
+    let log = beside::wal(database);
+    let unreadable =
+        |why: &dyn fmt::Display| format!("it cannot be read, and what was written from there on is lost: {why}");
+    match fs::metadata(&log) {
+        Ok(about) if about.is_file() => {}
+        Ok(_) => return Ok(Some(unreadable(&"it is no regular file"))),
         Err(error) if error.kind() == io::ErrorKind::NotFound => {
             let lost = "it is missing after a stop that was not clean: what was written since it was last folded back \
                         into the store is lost";
@@ -28,12 +35,10 @@ pub(crate) fn problem(database: &Path) -> io::Result<Option<String>> {
             return Ok((!clean).then(|| lost.to_owned()));
         }
         Err(error) => return Err(error),
-    };
-    let found = match read(BufReader::new(file)) {
+    }
+    let found = match read(BufReader::new(File::open(&log)?)) {
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Found::default(), // not even a beginning
-        Err(error) => {
-            return Ok(Some(format!("it cannot be read, and what was written from there on is lost: {error}")));
-        }
+        Err(error) => return Ok(Some(unreadable(&error))),
         Ok(found) => found,
     };
     Ok(found.problem.or_else(|| cut_off(found.pages, open_mark::pages(database))))

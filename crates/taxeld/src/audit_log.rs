@@ -6,6 +6,8 @@ use taxel_engine::audit::AuditEntry;
 use taxel_proto::Timestamp;
 use taxel_store::AuditFile;
 
+use crate::store_at::tell;
+
 /// `taxeld audit` in a build that cannot ask a daemon.
 #[cfg(not(feature = "client"))]
 #[derive(Debug, clap::Args)]
@@ -51,6 +53,7 @@ pub fn is_about(patch: Option<&str>, of_entry: &str, damage: &str) -> bool {
 /// If there is no such store, or it cannot be read.
 pub fn of_store(path: &Path, last: u32, patch: Option<&str>) -> anyhow::Result<Vec<String>> {
     let store = AuditFile::open(path)?;
+    tell(path, store.lost());
     let (mut lines, mut before) = (Vec::new(), Some(u64::MAX));
     while let Some(number) = before.filter(|_| lines.len() < last as usize) {
         let entries = store.before(number, PAGE)?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use anyhow::Context;
 use taxel_engine::Restored;
 use taxel_rpc::{AuditSource, ModelSetSource, Room, SamplesSource};
-use taxel_store::{AuditReader, Retention, SamplesReader, SetReader, Store, StoreFile};
+use taxel_store::{AuditReader, Quarantined, Retention, SamplesReader, SetReader, Store, StoreFile};
 
 use crate::queues::TellDone;
 
@@ -40,10 +40,15 @@ pub fn open_store(at: StoreAt<'_>, tell_done: &TellDone) -> anyhow::Result<(Stor
 #[cfg_attr(not(any(feature = "certificate", feature = "report")), allow(dead_code))]
 pub fn read_store(path: &Path) -> anyhow::Result<StoreFile> {
     let store = StoreFile::open(path)?;
-    for damage in store.damage() {
+    tell(path, store.damage());
+    Ok(store)
+}
+
+/// Tells on standard error what of a store is damaged or lost.
+pub fn tell(path: &Path, damage: &[Quarantined]) {
+    for damage in damage {
         crate::say::error_line(format_args!("taxeld: {}: {damage}", path.display()));
     }
-    Ok(store)
 }
 
 /// How the service reads the audit log.

@@ -12,7 +12,7 @@ pub struct StoreArgs {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// What it holds and what of it is damaged; changes nothing. Fails if something is damaged.
+    /// What it holds and what of it is damaged or lost, as the next start would tell it; changes nothing. Fails if something is.
     Check {
         /// The SQLite file, as in the configuration.
         #[arg(long, value_name = "FILE")]

@@ -22,7 +22,7 @@ pub(crate) fn connect(
     failure: Option<StoreError>,
 ) -> Result<(Connection, Option<StoreError>), StoreError> {
     let opening = |error: rusqlite::Error| StoreError::opening(path, &error);
-    let read_only = |failure| Ok((in_place::open(path).map_err(opening)?, Some(failure)));
+    let read_only = |failure| Ok((in_place::open(path)?, Some(failure)));
     if let Some(failure) = failure {
         return read_only(failure);
     }

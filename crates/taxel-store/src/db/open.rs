@@ -12,6 +12,7 @@ use crate::error::{Quarantined, StoreError, lines};
 use crate::held_files::HeldFiles;
 use crate::identity::{check_identity, check_structure, is_damage};
 use crate::lock::StoreLock;
+use crate::loss::LOG;
 use crate::prepare::{bring_up_to_date, give_back_space, space_to_give_back, use_log};
 use crate::restore::Found;
 use crate::retention::Retention;
@@ -19,9 +20,7 @@ use crate::salvage::{self, Salvaged};
 use crate::tally::Stream;
 use crate::{beside, loss, restore, sets, tally, wal_check};
 
-/// How findings name the write-ahead log.
-const LOG: &str = "the write-ahead log";
-/// And the file as a whole.
+/// How findings name the file as a whole.
 const STORE: &str = "the store";
 
 /// A file up to this size is proven whole at a start, which takes some ten milliseconds. It is that of a robot with ten
@@ -89,16 +88,18 @@ impl Db {
         lost: &mut bool,
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(Self, Restored), StoreError> {
-        if failure.is_none() {
-            quarantined.extend(salvage::succeed(path).map_err(|error| StoreError::changing(path, &error))?);
-        }
+        let succeeded =
+            failure.map_or_else(|| salvage::succeed(path).map_err(|error| StoreError::changing(path, &error)), Err);
+        let failure = succeeded.map(|told| quarantined.extend(told)).err();
         let whole = beside::bytes(path) <= whole_bytes_max || beside::doubt_mark(path).exists();
         let opened = match Self::open_once(path, failure.clone(), whole, limits, lost, quarantined) {
             // Of these kinds are errors that come after the tables of a file were read that was not proven: it may be
             // damaged in a place that only deleting reads. Proven whole it is mended, and does not fail each start.
             Err(error @ (StoreError::Corrupt(_) | StoreError::Unstorable { .. })) if !whole => {
                 tracing::error!(store = %path.display(), %error, "the store is looked at whole");
-                beside::mark_doubt(path);
+                if failure.is_none() {
+                    beside::mark_doubt(path);
+                }
                 let mut again = Vec::new();
                 let opened = Self::open_once(path, failure, true, limits, lost, &mut again);
                 again.retain(|finding| !quarantined.contains(finding));
@@ -121,6 +122,7 @@ impl Db {
         lost: &mut bool,
         quarantined: &mut Vec<Quarantined>,
     ) -> Result<(Self, Restored), StoreError> {
+        let failure = clear_the_way(path, failure, quarantined);
         let failure = look_at_log(path, failure, lost, quarantined)?;
         let (mut db, mut restored) = match Self::open_file(path, whole, failure.clone(), quarantined) {
             Err(error) if is_damage(&error, path) => {
@@ -220,6 +222,21 @@ fn changed(
     }
 }
 
+/// Puts aside what is no file and has the name of a log or journal: why that failed, if it did. After a `failure` nothing is
+/// changed.
+fn clear_the_way(path: &Path, failure: Option<StoreError>, quarantined: &mut Vec<Quarantined>) -> Option<StoreError> {
+    let put_aside = || beside::put_aside_no_files(path).map_err(|error| StoreError::changing(path, &error));
+    let (put_aside, failure) = match failure.map_or_else(put_aside, Err) {
+        Ok(put_aside) => (put_aside, None),
+        Err(failure) => (Vec::new(), Some(failure)),
+    };
+    for (what, aside) in put_aside {
+        let reason = format!("it is no regular file and in the way: it is kept as {}", aside.display());
+        quarantined.push(Quarantined::lost(what.display().to_string(), reason));
+    }
+    failure
+}
+
 /// Looks for what the log lost. Before anything is changed, the log is kept and the loss is noted: why that failed, if it did.
 /// After a `failure` nothing is changed.
 fn look_at_log(
@@ -229,21 +246,17 @@ fn look_at_log(
     quarantined: &mut Vec<Quarantined>,
 ) -> Result<Option<StoreError>, StoreError> {
     let reading = |error: io::Error| StoreError::Open { path: path.to_path_buf(), reason: error.to_string() };
-    if failure.is_none()
-        && let Some(aside) = beside::put_aside_if_no_file(path).map_err(reading)?
-    {
-        let reason = format!("what had its name is no file: it is kept as {}", aside.display());
-        quarantined.push(Quarantined::lost(LOG, reason));
-    }
     let Some(reason) = wal_check::problem(path).map_err(reading)? else { return Ok(failure) };
     *lost = true;
+    // What an earlier start noted of the log is this loss: since then nobody was told that anything is on disk.
+    let noted = quarantined.iter().position(|known| known.what == LOG).map(|at| quarantined.remove(at).reason);
+    let reason = noted.unwrap_or(reason);
     let keep = || loss::note(path, &Quarantined::lost(LOG, &reason)).and_then(|()| beside::keep_log(path));
     let (kept, failure) = match failure.map_or_else(|| Ok(keep()), Err) {
         Ok(Ok(aside)) => (aside.map(|aside| format!("; it is kept as {}", aside.display())), None),
         Ok(Err(error)) => (None, Some(StoreError::changing(&beside::wal(path), &error))),
         Err(failure) => (None, Some(failure)),
     };
-    quarantined.retain(|noted| noted.what != LOG || noted.reason != reason);
     quarantined.push(Quarantined::lost(LOG, format!("{reason}{}", kept.unwrap_or_default())));
     Ok(failure)
 }

@@ -224,14 +224,18 @@ fn a_loss_is_told_and_the_zero_doubted_wherever_the_start_that_found_it_is_kille
     let tools = folder();
     let shim = shim(&tools);
     let [test, variable] = OPENING;
-    let damages: [(&str, Damage); 4] = [
+    let damages: [(&str, Damage); 5] = [
         ("no log", |path| fs::remove_file(beside::wal(path)).unwrap()),
+        ("a log that was cut off", |path| fs::write(beside::wal(path), []).unwrap()),
         ("a page of the log", |path| flip_page(path, 0)),
         ("no database", |path| fs::remove_file(path).unwrap()),
         ("a database of 0 bytes", |path| fs::write(path, []).unwrap()),
     ];
     for (what, damage) in damages {
         let count = tools.path().join("calls");
+        let (_dir, path) = killed();
+        damage(&path);
+        let (_, lines) = start(&path);
         let (_dir, path) = killed();
         damage(&path);
         let fault = [("FAULT_COUNT", count.to_str().unwrap())];
@@ -246,6 +250,8 @@ fn a_loss_is_told_and_the_zero_doubted_wherever_the_start_that_found_it_is_kille
             let (doubted, told) = start(&path);
             assert_eq!(doubted, [PATCH], "{what}");
             assert!(told > 0 || has_told || call == calls, "{what}: the loss is not told");
+            // Of a database that was made anew and is not whole yet more is told than of none.
+            assert!(told <= lines || !what.contains("log"), "{what}: {told} lines tell what is told in {lines}");
         }
         println!("{what}: {calls} calls");
     }

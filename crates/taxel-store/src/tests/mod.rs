@@ -2,6 +2,7 @@
 
 mod audit;
 mod board_zeros;
+mod checking;
 mod codec;
 mod crash;
 mod damage;
@@ -10,6 +11,7 @@ mod disk;
 mod failure;
 pub(crate) mod fixture;
 mod flips;
+mod in_the_way;
 mod in_use;
 mod loads;
 mod lost;

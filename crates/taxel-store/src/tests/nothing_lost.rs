@@ -60,7 +60,11 @@ fn a_compacting_that_fails_at_any_call_loses_nothing() {
         let (_dir, path) = killed();
         let fault = ["eio", "enospc"][call as usize % 2];
         refused += u64::from(!compacts(&path, &[("FAULT", fault), ("FAULT_AT", &call.to_string())]));
-        nothing_is_told(&path, &format!("{fault} at call {call} of {calls}"));
+        let what = format!("{fault} at call {call} of {calls}");
+        nothing_is_told(&path, &what);
+        let (db, ..) = Db::open(&path).unwrap();
+        assert_eq!(db.samples(2).unwrap().samples.len(), 43, "{what}");
+        db.close().unwrap();
     }
     assert!(refused > calls / 2, "{refused} of {calls}");
 }
@@ -108,6 +112,9 @@ fn a_store_that_is_dropped_keeps_its_log() {
     nothing_is_told(&path, "dropped");
 }
 
+/// Lays something beside this store, under this name.
+type Lays<'a> = dyn Fn(&Path, &Path) + 'a;
+
 /// Whoever lays a file there, for example a copy before an upgrade, has the store as it is, and the file under another name.
 #[test]
 fn what_has_the_name_of_a_new_store_and_did_not_come_of_this_one_replaces_none() {
@@ -120,7 +127,7 @@ fn what_has_the_name_of_a_new_store_and_did_not_come_of_this_one_replaces_none()
     let pipe = |_: &Path, new: &Path| make("mkfifo", new);
     let folder = |_: &Path, new: &Path| make("mkdir", new);
     let empty = |_: &Path, new: &Path| fs::write(new, []).unwrap();
-    let lays: [(&str, &dyn Fn(&Path, &Path)); 6] = [
+    let lays: [(&str, &Lays<'_>); 6] = [
         ("an older store", &older),
         ("a copy", &copied),
         ("another program's", &foreign),
