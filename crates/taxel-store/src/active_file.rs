@@ -89,7 +89,7 @@ pub(crate) fn read(database: &Path) -> Option<Result<ActiveFile, String>> {
     }
     match File::open(&path) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
-        Err(error) => Some(Err(error.to_string())),
+        Err(error) => Some(Err(format!("it cannot be opened: {error}"))),
         Ok(file) => Some(read_from(file)),
     }
 }

@@ -215,19 +215,19 @@ pub(crate) fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
 /// # Errors
 /// If it cannot be read, is no regular file, or has more than so many bytes.
 pub(crate) fn read_small(path: &Path, bytes_max: u64) -> io::Result<Option<Vec<u8>>> {
-    if is_no_file(path) {
+    // Also where no more files can be opened, one that is not there is none.
+    let about = match fs::metadata(path) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        about => about?,
+    };
+    if !about.is_file() {
         return Err(io::Error::other("it is no regular file"));
     }
-    let file = match File::open(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        file => file?,
-    };
-    let bytes = file.metadata()?.len();
-    if bytes > bytes_max {
-        return Err(io::Error::other(format!("it has {bytes} bytes, expected at most {bytes_max}")));
+    if about.len() > bytes_max {
+        return Err(io::Error::other(format!("it has {} bytes, expected at most {bytes_max}", about.len())));
     }
     let mut content = Vec::new();
-    file.take(bytes_max).read_to_end(&mut content)?;
+    File::open(path)?.take(bytes_max).read_to_end(&mut content)?;
     Ok(Some(content))
 }
 

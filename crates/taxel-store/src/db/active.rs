@@ -75,7 +75,7 @@ impl Db {
         let file = match active_file::read(path) {
             Some(Ok(file)) => file,
             Some(Err(reason)) => {
-                quarantined.push(Quarantined::new(FILE, reason));
+                quarantined.push(Quarantined::lost(FILE, reason));
                 return Ok(found);
             }
             None => return Ok(found),
@@ -155,9 +155,9 @@ fn sets_of(sets: Vec<(String, String)>, quarantined: &mut Vec<Quarantined>) -> V
         match models_json::from_json(&text) {
             Ok(set) if set.id == id => sound.push(Arc::new(set)),
             Ok(set) => {
-                quarantined.push(Quarantined::new(FILE, format!("it names `{id}`, its content is {}", set.id)));
+                quarantined.push(Quarantined::lost(FILE, format!("it names `{id}`, its content is {}", set.id)));
             }
-            Err(error) => quarantined.push(Quarantined::new(FILE, error)),
+            Err(error) => quarantined.push(Quarantined::lost(FILE, error)),
         }
     }
     sound

@@ -49,16 +49,28 @@ fn why_unwritable(path: &Path, is_read_only: bool, error: Option<&rusqlite::Erro
         error.sqlite_error().is_some_and(|error| error.extended_code == ffi::SQLITE_IOERR_LOCK)
     };
     let log_failed = error.is_some_and(|error| error.sqlite_error_code() == Some(ErrorCode::CannotOpen));
-    let tried = if is_read_only && error.is_none_or(lock_failed) {
-        (path.to_path_buf(), File::options().write(true).open(path))
+    let (file, opened) = if is_read_only && error.is_none_or(lock_failed) {
+        (path.to_path_buf(), File::options().write(true).open(path).map(drop))
     } else if log_failed {
         let log = beside::wal(path);
-        let opened = File::options().write(true).create(true).truncate(false).open(&log);
+        let opened = can_be_opened(&log);
         (log, opened)
     } else {
         return None;
     };
-    let (file, opened) = tried;
-    let why = opened.err().unwrap_or_else(|| io::ErrorKind::ReadOnlyFilesystem.into());
-    Some(StoreError::changing(&file, &why))
+    Some(match (opened, error) {
+        (Err(why), _) => StoreError::changing(&file, &why),
+        // What was in the way is there no more, for example that too many files were open: SQLite's words are all there is.
+        (Ok(()), Some(error)) => StoreError::Io(format!("{}: {error}", file.display())),
+        (Ok(()), None) => StoreError::Io(format!("{}: it could be opened to be read alone", file.display())),
+    })
+}
+
+/// Whether the log can be opened to be written, or made; one that is made for this is removed again, as it is no log of a start.
+fn can_be_opened(log: &Path) -> io::Result<()> {
+    let mut options = File::options();
+    match options.write(true).create_new(true).open(log) {
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => options.create_new(false).open(log).map(drop),
+        made => made.and_then(|_| beside::remove(log)),
+    }
 }

@@ -4,6 +4,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use taxel_engine::calibration::SessionState;
 use taxel_engine::record::Record;
@@ -134,6 +135,8 @@ fn at_each_call_of_a_start(fault: &str, reasons: &[&str], before: Before) {
             assert!(reasons.iter().any(|reason| why.contains(reason)), "{what}: {why}");
             let events = said(&lines, "event");
             assert!(events.iter().any(|event| event.starts_with("Failed(")), "{what}: {lines:?}");
+            let made_none = before == Before::Closed && why.contains("unable to open database file");
+            assert!(!made_none || !beside::wal(&path).exists(), "{what}: a log that is none stays");
         }
         is_whole(&path, &what);
     }
@@ -188,6 +191,7 @@ fn a_start_that_has_no_room_to_give_back_space_takes_what_is_new() {
 
 #[test]
 fn a_start_whose_disk_fails_once_hands_out_all_that_is_on_it() {
+    at_each_call_of_a_start("eio", &EIO, Before::Closed);
     at_each_call_of_a_start("eio", &EIO, Before::Killed);
     at_each_call_of_a_start("eio", &EIO, Before::WithoutLog);
 }
@@ -235,4 +239,36 @@ fn a_loss_that_a_read_only_disk_cannot_note_is_told_again_later() {
     let (store, restored, quarantined, _events) = open(&path);
     assert_eq!((doubts(&restored).len(), quarantined.len()), (1, 1));
     store.close().unwrap();
+}
+
+/// A process that may open few files: what cannot be opened is neither damaged nor on a disk that takes nothing.
+#[test]
+fn a_start_that_can_open_no_more_files_says_so_and_leaves_no_empty_log() {
+    let (master, id) = disk(true);
+    let (mut refusals, mut writes) = (0, 0);
+    for most in 4..24 {
+        let folder = folder();
+        copy(master.path(), folder.path());
+        let path = folder.path().join("store.db");
+        let child = Command::new("sh")
+            .args(["-c", "ulimit -n $0; exec \"$@\"", &most.to_string()])
+            .arg(std::env::current_exe().unwrap())
+            .args(["--exact", "tests::read_only::read_only_child", "--nocapture", "--test-threads=1"])
+            .env(CHILD, &path)
+            .output()
+            .unwrap();
+        let lines: Vec<_> = String::from_utf8(child.stdout).unwrap().lines().map(str::to_owned).collect();
+        let what = format!("{most} files: {lines:?}");
+        assert!(!lines.iter().any(|line| line.contains("damaged on disk") || line.contains("Read-only")), "{what}");
+        refusals += u64::from(lines.iter().any(|line| line.starts_with("refused ") || line.starts_with("start ")));
+        if said(&lines, "written").contains("yes") {
+            writes += 1;
+            assert_eq!(said(&lines, "active"), [id.as_str()].into(), "{what}");
+        }
+        // SQLite's own log stays where something fails after it has the database.
+        let no_log_was_made = lines.iter().any(|line| line.contains("unable to open database file"));
+        assert!(!no_log_was_made || !beside::wal(&path).exists(), "{what}");
+        is_whole(&path, &what);
+    }
+    assert!(refusals > 1 && writes > 1, "{refusals} refusals, {writes} writes");
 }
