@@ -8,7 +8,7 @@ use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, printable};
 
 use crate::config::{
-    BusSource, Config, Doors, Problems, Scene, examine, modules_written, record_written, shared_memory_written,
+    BusSource, Config, Door, Doors, Problems, Scene, examine, modules_written, record_written, shared_memory_written,
 };
 use crate::missing::missing;
 
@@ -68,7 +68,7 @@ fn print(config: &Config, scene: &Scene) {
     }
     scene.plan.patches.iter().for_each(|plan| patch(config, plan));
     tell!("threads:");
-    threads(config).iter().for_each(|line| tell!("  {line}"));
+    threads(config, &scene.doors).iter().for_each(|line| tell!("  {line}"));
     let built = left_out_of_the_build();
     tell!("left out:");
     left_out_buses(config, &routes).iter().chain(&scene.left_out).chain(&built).for_each(|line| tell!("  {line}"));
@@ -207,7 +207,7 @@ fn listed(parts: &[(&str, bool)]) -> String {
 }
 
 /// The threads of `taxeld run` by their names, and what each is for.
-fn threads(config: &Config) -> Vec<String> {
+fn threads(config: &Config, doors: &Doors) -> Vec<String> {
     let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
     let shared = if config.service.low_latency { "the service, " } else { "" };
     let mut threads =
@@ -224,15 +224,20 @@ fn threads(config: &Config) -> Vec<String> {
     if config.page.is_some() || own_metrics {
         threads.push(format!("{sites}: what they cost must not delay a controller's sample"));
     }
+    let kept = [
+        ("sockets", doors.doors.iter().any(|door| matches!(door, Door::Unix { .. }))),
+        ("pages", config.shared_memory.is_some()),
+    ];
+    if kept.iter().any(|(_, kept)| *kept) {
+        threads.push(format!("{}: whether they still have their names", listed(&kept)));
+    }
     if config.record.is_some() {
         threads.push("record, recorder: a slow disk must not hold the engine up".to_owned());
     }
     if config.bus.iter().any(|section| section.source == BusSource::Sim) {
         threads.push("sim-bus: the simulated forearm, one for each such bus".to_owned());
     }
-    let aside =
-        "models are fitted and read, names of sockets and pages looked after; one for each such thing at a time";
-    threads.push(format!("tokio-rt-worker: {aside}"));
+    threads.push("tokio-rt-worker: models are fitted, sets of them read; one for each such thing at a time".to_owned());
     threads
 }
 

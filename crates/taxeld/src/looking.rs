@@ -1,6 +1,9 @@
 //! Looks after what others may take away while the daemon runs: pages in shared memory, Unix sockets.
 
+use std::io;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread;
 use std::time::Duration;
 
 use tokio_util::sync::CancellationToken;
@@ -21,27 +24,26 @@ impl Problems {
     }
 }
 
-/// Has `look` look after something each time `every` has gone by, until the daemon ends.
-pub async fn look_after<T: Send + 'static>(
-    mut kept: T,
-    look: impl Fn(&mut T) + Copy + Send + 'static,
+/// Has `look` called each time `every` has gone by, on a thread of this name: the file system may take its time. Gives its end,
+/// which comes with the daemon's, whatever a look waits for then.
+///
+/// # Errors
+/// If there is no thread to be had.
+pub fn look_after<L: FnMut() + Send + 'static>(
+    name: &str,
+    mut look: L,
     every: Duration,
     cancel: CancellationToken,
-) {
-    while cancel.run_until_cancelled(tokio::time::sleep(every)).await.is_some() {
-        // The file system may take its time, and the engine shares this thread. The end does not wait for it.
-        let looking = tokio::task::spawn_blocking(move || {
-            look(&mut kept);
-            kept
-        });
-        match cancel.run_until_cancelled(looking).await {
-            Some(Ok(looked)) => kept = looked,
-            Some(Err(error)) => {
-                tracing::error!(%error, "nobody looks after {} any more", std::any::type_name::<T>());
-                break;
-            }
-            None => break,
+) -> io::Result<impl Future<Output = ()> + use<L>> {
+    let (stop, stopped) = channel::<()>();
+    let keep = move || {
+        while stopped.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
+            look();
         }
-    }
-    cancel.cancelled().await;
+    };
+    thread::Builder::new().name(name.to_owned()).spawn(keep)?;
+    Ok(async move {
+        cancel.cancelled().await;
+        drop(stop);
+    })
 }

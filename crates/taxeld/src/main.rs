@@ -50,6 +50,7 @@ mod report;
 mod run;
 mod runtime;
 mod scan;
+mod serving;
 mod set_loads;
 mod setup;
 mod shared_memory;

@@ -2,11 +2,12 @@
 //! one of them changed. A file on a disk that hangs holds up nobody but its thread: a token that is taken back is taken back
 //! also while the configuration cannot be read, and the log tells of what cannot.
 
-use std::io;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
+
+use anyhow::Context;
 
 use crate::doors::Reloader;
 use crate::reload::Reload;
@@ -28,15 +29,14 @@ impl Reloading {
     ///
     /// # Errors
     /// If there is no thread to be had.
-    pub fn begin(reloader: Reloader, reload: Option<Reload>) -> io::Result<Self> {
+    pub fn begin(reloader: Reloader, reload: Option<Reload>) -> anyhow::Result<Self> {
         let (asks, asked) = sync_channel(1);
         let (looks, look) = sync_channel(1);
         let under_way = UnderWay::default();
         let (of_configuration, of_credentials) = (under_way.clone(), under_way.clone());
-        let begin = |name: &str| thread::Builder::new().name(name.to_owned());
         let grants = reloader.clone();
-        begin("reload").spawn(move || keep_configuration(&asked, reload, &grants, &looks, &of_configuration))?;
-        begin("credentials").spawn(move || keep_credentials(&look, &reloader, &of_credentials))?;
+        begin("reload", move || keep_configuration(&asked, reload, &grants, &looks, &of_configuration))?;
+        begin("credentials", move || keep_credentials(&look, &reloader, &of_credentials))?;
         Ok(Self { asks, under_way })
     }
 
@@ -47,6 +47,11 @@ impl Reloading {
         // Where one waits already, it reads what is there then.
         let _ = self.asks.try_send(());
     }
+}
+
+fn begin(name: &str, keep: impl FnOnce() + Send + 'static) -> anyhow::Result<()> {
+    let begun = thread::Builder::new().name(name.to_owned()).spawn(keep);
+    begun.map(drop).with_context(|| format!("starting the thread `{name}`"))
 }
 
 fn keep_configuration(

@@ -12,14 +12,12 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_engine::snapshot::Health;
 use taxel_rpc::push_line::{PushLine, Pushed, push_line};
-use taxel_rpc::{
-    Access, Clocks, Handle, Limits, Listener, ModelCodec, SharedServices, handle::channel, serve_and_share,
-};
+use taxel_rpc::{Clocks, Handle, ModelCodec, handle::channel};
 use taxel_skin::BusIndex;
 use taxel_store::{Retention, models_json};
 use taxel_wire::Frame;
 use tokio::signal::unix::{Signal, SignalKind, signal};
-use tokio::sync::{mpsc, oneshot, watch};
+use tokio::sync::{mpsc, watch};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
@@ -35,6 +33,7 @@ use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::Reload;
 use crate::reloading::Reloading;
+use crate::serving::{limits, on_a_thread, service, share_with_pages};
 use crate::shared_memory::{Keeper, Pages};
 use crate::sockets::Sockets;
 use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
@@ -128,7 +127,7 @@ impl Daemon {
         parts.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
         let share = share_with_pages(config, cancel, parts)?;
         let Open { listeners, sockets, access, reloader } = doors::open(&scene.doors)?;
-        let handle = looked_after((keeper, sockets), handle, (parts, cancel));
+        let handle = looked_after((keeper, sockets), handle, (parts, cancel))?;
         let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
         let (handle, awake) = if low_latency { awake(handle) } else { (handle, None) };
         let terminate = signal(SignalKind::terminate())?;
@@ -256,7 +255,7 @@ impl Daemon {
     /// Waits for what ends it.
     async fn end(&mut self) -> anyhow::Result<()> {
         let (mut hangup, reload) = self.reload.take().unzip();
-        let reloading = Reloading::begin(self.reloader.clone(), reload).context("a thread for reloading")?;
+        let reloading = Reloading::begin(self.reloader.clone(), reload)?;
         loop {
             tokio::select! {
                 interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
@@ -313,11 +312,15 @@ fn looked_after(
     (keeper, sockets): (Option<Keeper>, Sockets),
     handle: Handle,
     (tasks, cancel): (&mut JoinSet<()>, &CancellationToken),
-) -> Handle {
+) -> anyhow::Result<Handle> {
     let problems: Vec<Problems> = keeper.iter().map(Keeper::problems).chain([sockets.problems()]).collect();
-    keeper.into_iter().for_each(|keeper| _ = tasks.spawn(keeper.keep(cancel.clone())));
-    tasks.spawn(sockets.keep(cancel.clone()));
-    handle.lacking_now(Arc::new(move || problems.iter().flat_map(Problems::get).collect()))
+    if let Some(keeper) = keeper {
+        tasks.spawn(keeper.keep(cancel.clone())?);
+    }
+    if let Some(end) = sockets.keep(cancel.clone())? {
+        tasks.spawn(end);
+    }
+    Ok(handle.lacking_now(Arc::new(move || problems.iter().flat_map(Problems::get).collect())))
 }
 
 /// Keeps the machine's processors awake where that can be had; where not, the health says why.
@@ -340,71 +343,6 @@ async fn hung_up(hangup: Option<&mut Signal>) {
     if signal.recv().await.is_none() {
         pending().await // there are no more
     }
-}
-
-fn limits(config: &Config) -> Limits {
-    let service = &config.service;
-    Limits {
-        streams: service.streams(),
-        streams_per_peer: service.streams_of_one(),
-        connections_per_peer: service.connections_of_one(),
-        connections: service.connections_max,
-        ..Limits::default()
-    }
-}
-
-/// Where the services go besides: to the page and to the metrics, where they are configured.
-#[cfg_attr(not(feature = "page"), allow(unused_variables, clippy::unnecessary_wraps))]
-fn share_with_pages(
-    config: &Config,
-    cancel: &CancellationToken,
-    tasks: &mut JoinSet<()>,
-) -> anyhow::Result<Vec<oneshot::Sender<SharedServices>>> {
-    #[cfg(feature = "page")]
-    {
-        let start = |site: crate::page::Site| {
-            let (share, end) = site.start(cancel.clone())?;
-            tasks.spawn(end);
-            Ok(share)
-        };
-        crate::page::sites(config).into_iter().map(start).collect()
-    }
-    #[cfg(not(feature = "page"))]
-    Ok(Vec::new())
-}
-
-/// Serves to the end, on the runtime that it is called on.
-async fn service(
-    handle: Handle,
-    listeners: Vec<Listener>,
-    access: Access,
-    limits: Limits,
-    share: Vec<oneshot::Sender<SharedServices>>,
-) {
-    let give = |services: SharedServices| {
-        share.into_iter().for_each(|to| drop(to.send(services.clone()))); // to a page that may have failed
-    };
-    let served = tokio::select! {
-        served = serve_and_share(handle.clone(), listeners, access, limits, give) => served,
-        never = systemd::keep(handle) => match never {},
-    };
-    if let Err(error) = served {
-        tracing::error!("the service ended: {:#}", anyhow::Error::from(error));
-    }
-}
-
-/// Starts the service on a thread of its own, so that what subscribers cost never delays a frame. Gives its end.
-fn on_a_thread(service: impl Future<Output = ()> + Send + 'static) -> anyhow::Result<impl Future<Output = ()>> {
-    let (ended, end) = oneshot::channel();
-    crate::runtime::on_a_thread("service", move |runtime| {
-        runtime.block_on(service);
-        let _ = ended.send(()); // the daemon did not wait for it
-    })?;
-    Ok(async move {
-        if end.await.is_err() {
-            tracing::error!("the service's thread panicked");
-        }
-    })
 }
 
 /// The daemon on the buses of its configuration, of which `reload` knows the text.

@@ -13,6 +13,7 @@ use std::io;
 use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
+use anyhow::Context;
 use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, SendError, SourceError};
 use taxel_engine::calibration::{Direction, SessionState};
 
@@ -76,7 +77,8 @@ impl SimBus {
         let (commands, received) = std::sync::mpsc::channel();
         let (pumping, loaded) = (None, false);
         let simulation = Simulation { world, begun, session, received, to_bus, pumping, places, loaded };
-        std::thread::Builder::new().name("sim-bus".to_owned()).spawn(move || simulation.run())?;
+        let spawned = std::thread::Builder::new().name("sim-bus".to_owned()).spawn(move || simulation.run());
+        spawned.context("starting the thread `sim-bus`")?;
         Ok(Self { frames, commands, told_up: false })
     }
 }

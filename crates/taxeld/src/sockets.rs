@@ -7,6 +7,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use anyhow::Context;
 use tokio_util::sync::CancellationToken;
 
 use crate::looking::{Problems, look_after};
@@ -47,12 +48,16 @@ impl Sockets {
         self.problems.clone()
     }
 
-    /// Looks until the daemon ends.
-    pub async fn keep(self, cancel: CancellationToken) {
+    /// Starts to look until the daemon ends, if there are any. Gives the end.
+    ///
+    /// # Errors
+    /// If there is no thread to be had.
+    pub fn keep(mut self, cancel: CancellationToken) -> anyhow::Result<Option<impl Future<Output = ()> + use<>>> {
         if self.sockets.is_empty() {
-            return cancel.cancelled().await;
+            return Ok(None);
         }
-        look_after(self, Self::look, LOOK_EVERY, cancel).await;
+        let end = look_after("sockets", move || self.look(), LOOK_EVERY, cancel);
+        end.context("starting the thread `sockets`").map(Some)
     }
 
     /// Looks at each, tells the log what is new, and the health all that is wrong.

@@ -222,18 +222,23 @@ async fn a_disk_that_hangs_does_not_keep_the_process_and_its_exit_code_says_so()
 #[test]
 fn a_start_without_a_thread_says_so_and_closes_what_it_has_opened() {
     for (number, thread) in
-        (2..).zip(["store", "page", "recorder", "record", "service", "sim-bus", "reload", "credentials"])
+        (2..).zip(["store", "page", "sockets", "recorder", "record", "service", "sim-bus", "reload", "credentials"])
     {
         let mut daemon = Daemon::start(|command, folder| {
             let library = compiled(folder, include_str!("thread_faults.c"));
             command.env("LD_PRELOAD", library).env("THREAD_AT", number.to_string());
             let recordings = folder.join("recordings");
-            let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[record]\npath = ";
+            let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[[listen]]\nunix = \"socket\"\n[record]\npath = ";
             configured(folder, &format!("{sections}\"{}\"\n", recordings.display()));
         });
         assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{thread}: {}", daemon.log());
         let log = daemon.log();
-        assert!(log.contains("Resource temporarily unavailable") && !log.contains("panicked"), "{thread}: {log}");
+        let which = match thread {
+            "store" => "the store failed: cannot start its thread",
+            _ => &format!("starting the thread `{thread}`"),
+        };
+        let said = format!("{which}: Resource temporarily unavailable");
+        assert!(log.contains(&said) && !log.contains("panicked"), "{thread}: {log}");
         let mark = daemon.folder.path().join("disk/store.db-open");
         assert!(thread == "store" || !mark.exists(), "{thread}: the store is not closed");
     }
@@ -313,7 +318,7 @@ async fn a_variable_that_names_no_filter_leaves_it_to_the_configuration_and_a_wr
 #[tokio::test]
 async fn every_thread_of_the_daemon_is_one_that_check_names() {
     let daemon = Daemon::start(|_, folder| {
-        let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[metrics]\n[record]\npath = ";
+        let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[metrics]\n[[listen]]\nunix = \"socket\"\n[record]\npath = ";
         configured(folder, &format!("{sections}\"{}\"\n", folder.join("recordings").display()));
     });
     daemon.stream().await.message().await.unwrap().unwrap();

@@ -66,7 +66,8 @@ pub fn begin(
     };
     let folder = Folder::open(&section.path).with_context(|| format!("record.path = {}", section.path.display()))?;
     let Topics { all, buses, force, taxels, events } = Topics::new(section, config, plan);
-    let (recorder, queue) = Recorder::start(folder, limits(section), all, about(plan), Box::new(open_file))?;
+    let recorder = Recorder::start(folder, limits(section), all, about(plan), Box::new(open_file));
+    let (recorder, queue) = recorder.context("starting the thread `recorder`")?;
     let status = recorder.status();
     let handle = handle.with_recording(Arc::new(move || health(status())));
     let taps = taps(config, &buses, &queue);

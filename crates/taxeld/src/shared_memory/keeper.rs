@@ -77,13 +77,16 @@ impl Keeper {
         self.problems.clone()
     }
 
-    /// Looks every second until the daemon ends.
-    pub async fn keep(self, cancel: CancellationToken) {
-        let look = |keeper: &mut Self| {
-            let (problems, _) = keeper.look();
-            keeper.tell(problems);
+    /// Starts to look every second until the daemon ends. Gives the end.
+    ///
+    /// # Errors
+    /// If there is no thread to be had.
+    pub fn keep(mut self, cancel: CancellationToken) -> anyhow::Result<impl Future<Output = ()> + use<>> {
+        let look = move || {
+            let (problems, _) = self.look();
+            self.tell(problems);
         };
-        look_after(self, look, LOOK_EVERY, cancel).await;
+        look_after("pages", look, LOOK_EVERY, cancel).context("starting the thread `pages`")
     }
 
     /// Looks at each page and makes those that are not there. Gives what is wrong with each, and the first error.
