@@ -5,6 +5,7 @@ mod board_zeros;
 mod checking;
 mod codec;
 mod crash;
+mod curves;
 mod damage;
 mod deletions;
 mod disk;
