@@ -77,7 +77,7 @@ pub(crate) fn keep(database: &Path, content: &[u8]) -> io::Result<()> {
     if there && fs::read(&path).is_ok_and(|found| found == content) {
         return Ok(());
     }
-    beside::replace(&path, content)
+    beside::replace(database, &path, content)
 }
 
 /// Reads the file: nothing if there is none, or why it is not believed.

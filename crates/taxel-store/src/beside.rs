@@ -4,7 +4,7 @@ use std::ffi::{OsStr, OsString};
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::os::unix::ffi::OsStrExt;
-use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt, fchown};
 use std::path::{Path, PathBuf};
 
 /// What a disk gives back or not at once.
@@ -64,6 +64,14 @@ pub(crate) fn bytes(path: &Path) -> u64 {
 /// the log the same mode. That it cannot be made is found by whoever opens it.
 pub(crate) fn make_private(path: &Path) {
     let _ = File::options().write(true).create_new(true).mode(0o600).open(path);
+}
+
+/// Gives a file to the owner of the database, if root has made it: the daemon's account could not open it otherwise, after a command
+/// or a start by root. Whoever is not root owns both.
+pub(crate) fn give_to_owner_of(database: &Path, file: &File) {
+    if let Ok(owner) = fs::metadata(database) {
+        let _ = fchown(file, Some(owner.uid()), Some(owner.gid()));
+    }
 }
 
 /// What a process locks that has the database: see [`lock`](crate::lock).
@@ -192,8 +200,8 @@ pub(crate) fn copy_readable(from: &Path, to: &mut File) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes a file as a whole: whoever reads it, also after a power cut, finds the old content or the new one.
-pub(crate) fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
+/// Writes a file beside a database as a whole: whoever reads it, also after a power cut, finds the old content or the new one.
+pub(crate) fn replace(database: &Path, path: &Path, content: &[u8]) -> io::Result<()> {
     let part = beside(path, "-part");
     let make = || File::options().write(true).create_new(true).open(&part);
     let mut file = match make() {
@@ -204,6 +212,7 @@ pub(crate) fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
         }
         made => made?,
     };
+    give_to_owner_of(database, &file);
     file.write_all(content)?;
     file.sync_all()?;
     fs::rename(&part, path)?;
@@ -233,7 +242,7 @@ pub(crate) fn read_small(path: &Path, bytes_max: u64) -> io::Result<Option<Vec<u
 
 /// Marks a file that may be damaged, so that the next start looks at all of it.
 pub(crate) fn mark_doubt(path: &Path) {
-    if let Err(error) = replace(&doubt_mark(path), &[]) {
+    if let Err(error) = replace(path, &doubt_mark(path), &[]) {
         tracing::warn!(store = %path.display(), %error, "that the store is damaged could not be marked");
     }
 }

@@ -293,7 +293,7 @@ impl Db {
     fn end_log(&self) -> Result<(), StoreError> {
         let Some(path) = &self.path else { return Ok(()) };
         self.checkpoint()?;
-        open_mark::clear(path).map_err(|error| StoreError::Io(error.to_string()))
+        open_mark::clear(path).map_err(|error| StoreError::changing(&beside::open_mark(path), &error))
     }
 
     /// Marks the file as open, and from here on how much of its log is on disk.
@@ -320,7 +320,7 @@ impl Db {
 /// Folds the log of the database at `path` back, which is `None` if all is in memory.
 fn fold_back(connection: &Connection, path: Option<&Path>) -> Result<(), StoreError> {
     if let Some(path) = path {
-        open_mark::folds_back(path).map_err(|error| StoreError::Io(error.to_string()))?;
+        open_mark::folds_back(path).map_err(|error| StoreError::changing(&beside::open_mark(path), &error))?;
     }
     connection.query_row("PRAGMA wal_checkpoint(TRUNCATE)", [], |_| Ok(()))?;
     Ok(())

@@ -7,7 +7,7 @@
 
 use std::fs::{self, File, TryLockError};
 use std::io;
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt, fchown};
+use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -112,9 +112,7 @@ fn open(path: &Path, database: &Path) -> io::Result<File> {
     let mut options = File::options();
     match options.read(true).write(true).create_new(true).mode(0o600).open(path) {
         Ok(file) => {
-            if let Ok(owner) = fs::metadata(database) {
-                let _ = fchown(&file, Some(owner.uid()), Some(owner.gid())); // who is not root owns both
-            }
+            beside::give_to_owner_of(database, &file);
             Ok(file)
         }
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
@@ -147,6 +145,7 @@ fn is_locked_by_sqlite(database: &Path) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::MetadataExt;
     use std::process::Command;
 
     use super::*;

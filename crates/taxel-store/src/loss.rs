@@ -28,7 +28,7 @@ pub(crate) fn note(path: &Path, finding: &Quarantined) -> io::Result<()> {
     if !findings.contains(&finding) {
         findings.push(finding);
     }
-    beside::replace(&beside::loss_note(path), findings.iter().map(line).collect::<String>().as_bytes())
+    beside::replace(path, &beside::loss_note(path), findings.iter().map(line).collect::<String>().as_bytes())
 }
 
 /// What earlier starts found lost and did not live to tell; nothing as a rule.

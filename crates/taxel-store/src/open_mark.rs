@@ -37,7 +37,7 @@ impl OpenMark {
     /// If it cannot be marked.
     pub(crate) fn set(database: &Path) -> io::Result<Self> {
         let mark = name(database);
-        beside::replace(&mark, &[])?;
+        beside::replace(database, &mark, &[])?;
         File::options().write(true).open(&mark).map(Self)
     }
 

@@ -13,7 +13,7 @@ use taxel_engine::record::Sample;
 
 use crate::beside;
 use crate::board_zeros;
-use crate::error::{Quarantined, is_of_reading};
+use crate::error::{Quarantined, StoreError, is_of_reading};
 use crate::identity::{check_identity, check_structure};
 use crate::in_place;
 use crate::open_mark;
@@ -50,6 +50,9 @@ pub(crate) fn salvage(path: &Path) -> Result<Salvaged, String> {
         remove_with_log(left_over).map_err(at("what an earlier attempt left"))?;
     }
     beside::make_private(&part);
+    if let Ok(made) = File::open(&part) {
+        beside::give_to_owner_of(path, &made);
+    }
     let mut new = Connection::open(&part).map_err(|error| error.to_string())?;
     let taken = fill(&mut new, path, &copy).map_err(|error| format!("taking over what can be read: {error}"));
     let closed = new.close().map_err(|(_, error)| error.to_string());
@@ -71,7 +74,7 @@ pub(crate) fn succeed(path: &Path) -> io::Result<Option<Quarantined>> {
     if new.symlink_metadata().is_err() {
         return Ok(None);
     }
-    if let Err(why) = is_made_of(path, &new) {
+    if let Err(why) = is_made_of(path, &new)? {
         let aside = beside::put_aside(path, beside::SUCCESSOR)?;
         let reason = format!(
             "it did not come of this store, which stays in its place: {why}; it is kept as {}",
@@ -92,16 +95,23 @@ fn take_its_place(path: &Path) -> io::Result<()> {
 
 /// Whether a file is a whole store and this database was found damaged, or why not. One that was found damaged has a second
 /// name before there is a new one, and loses its first when that takes its place.
-fn is_made_of(database: &Path, new: &Path) -> Result<(), String> {
+fn is_made_of(database: &Path, new: &Path) -> io::Result<Result<(), String>> {
     if !fs::metadata(new).is_ok_and(|found| found.is_file() && found.len() > 0) {
-        return Err("it is empty or no regular file".to_owned());
+        return Ok(Err("it is empty or no regular file".to_owned()));
     }
     if !beside::is_kept_aside(database) {
-        return Err("no damaged store is being put right".to_owned());
+        return Ok(Err("no damaged store is being put right".to_owned()));
     }
     let whole =
         in_place::open(new).and_then(|store| check_identity(&store, new).and_then(|()| check_structure(&store, new)));
-    whole.map_err(|error| error.to_string())
+    match whole {
+        Ok(()) => Ok(Ok(())),
+        // The machine's fault, which says nothing of the file.
+        Err(error @ (StoreError::Open { .. } | StoreError::Io(_) | StoreError::Full(_))) => {
+            Err(io::Error::other(error.to_string()))
+        }
+        Err(error) => Ok(Err(error.to_string())),
+    }
 }
 
 fn remove_with_log(path: &Path) -> io::Result<()> {

@@ -57,6 +57,7 @@ impl Db {
             Err(error @ StoreError::InUse { .. }) => return Err(error),
             Err(error) => (None, Some(error)),
         };
+        let without_lock = failure.clone();
         let mut quarantined = loss::noted(path);
         let mut lost = !quarantined.is_empty();
         let opened = Self::open_or_mend(path, failure, limits, whole_bytes_max, &mut lost, &mut quarantined);
@@ -64,8 +65,10 @@ impl Db {
             error if error.is_of_changing() || matches!(error, StoreError::Damaged { .. }) => {
                 Self::of_plain_file(path, error, &mut quarantined)
             }
-            // There is none, and the disk takes no new one.
-            error @ StoreError::Open { .. } if !path.exists() => Self::of_plain_file(path, error, &mut quarantined),
+            // There is none, and the disk takes no new one, nor a lock for it.
+            error @ StoreError::Open { .. } if !path.exists() => {
+                Self::of_plain_file(path, without_lock.unwrap_or(error), &mut quarantined)
+            }
             other => Err(other),
         })?;
         db.lock = lock;

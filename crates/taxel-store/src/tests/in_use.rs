@@ -101,3 +101,12 @@ fn an_earlier_version_is_refused_beside_a_store_that_was_just_made() {
     end(child);
     store.close().unwrap();
 }
+
+#[test]
+fn where_a_new_store_can_have_no_lock_the_reason_names_it() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    fs::create_dir(beside::lock(&path)).unwrap();
+    let said = Db::open(&path).err().unwrap().to_string();
+    assert!(said.contains("store.db-lock: is no regular file"), "{said}");
+}

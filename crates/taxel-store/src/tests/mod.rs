@@ -18,6 +18,7 @@ mod loads;
 mod lost;
 mod nothing_lost;
 mod older;
+mod owner;
 mod power;
 mod read_only;
 mod replaced;
