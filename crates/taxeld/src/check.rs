@@ -133,7 +133,7 @@ fn bus(config: &Config, plan: &Plan, routes: &Routes, bus: BusIndex) -> String {
             format!("interface {interface}; {filters} ({kinds})")
         }
     };
-    let speaks = |p: &PatchPlan| p.configures() && p.patch.boards().iter().any(|board| board.bus == bus);
+    let speaks = |p: &PatchPlan| p.configures() && p.patch.is_on(bus);
     let sends = if plan.patches.iter().any(speaks) { "sends the boards' bring-up" } else { "nothing is sent" };
     format!("bus {}: {source}; {sends}", section.name)
 }

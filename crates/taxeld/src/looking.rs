@@ -1,12 +1,12 @@
 //! Looks after what others may take away while the daemon runs: pages in shared memory, Unix sockets.
 
-use std::io;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread;
 use std::time::Duration;
 
 use tokio_util::sync::CancellationToken;
+
+use crate::threads::start;
 
 /// What is wrong at present, in words for the health. Clones are of the same.
 #[derive(Clone, Debug, Default)]
@@ -34,14 +34,14 @@ pub fn look_after<L: FnMut() + Send + 'static>(
     mut look: L,
     every: Duration,
     cancel: CancellationToken,
-) -> io::Result<impl Future<Output = ()> + use<L>> {
+) -> anyhow::Result<impl Future<Output = ()> + use<L>> {
     let (stop, stopped) = channel::<()>();
     let keep = move || {
         while stopped.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
             look();
         }
     };
-    thread::Builder::new().name(name.to_owned()).spawn(keep)?;
+    start(name, keep)?;
     Ok(async move {
         cancel.cancelled().await;
         drop(stop);

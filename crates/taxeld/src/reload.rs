@@ -53,7 +53,8 @@ impl Reload {
         })
     }
 
-    /// Applies what can be of a text with which the daemon could be started, as far as can be told beforehand. Keys and rules are of this one: what is written meanwhile is for the next reload.
+    /// Applies what can be of a text with which the daemon could be started, as far as can be told beforehand. Keys and rules
+    /// are of this one: what is written meanwhile is for the next reload.
     fn apply(&mut self, text: &str) -> Result<Option<Rules>, String> {
         let in_a_line = |problems: Problems| {
             let each: Vec<String> = problems.all().iter().map(ToString::to_string).collect();

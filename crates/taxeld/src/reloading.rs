@@ -4,14 +4,12 @@
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread;
 use std::time::{Duration, Instant};
-
-use anyhow::Context;
 
 use crate::doors::Reloader;
 use crate::reload::Reload;
 use crate::systemd;
+use crate::threads::start;
 
 /// Files of certificates and tokens are looked at so often.
 const LOOK_EVERY: Duration = Duration::from_secs(5);
@@ -35,8 +33,8 @@ impl Reloading {
         let under_way = UnderWay::default();
         let (of_configuration, of_credentials) = (under_way.clone(), under_way.clone());
         let grants = reloader.clone();
-        begin("reload", move || keep_configuration(&asked, reload, &grants, &looks, &of_configuration))?;
-        begin("credentials", move || keep_credentials(&look, &reloader, &of_credentials))?;
+        start("reload", move || keep_configuration(&asked, reload, &grants, &looks, &of_configuration))?;
+        start("credentials", move || keep_credentials(&look, &reloader, &of_credentials))?;
         Ok(Self { asks, under_way })
     }
 
@@ -47,11 +45,6 @@ impl Reloading {
         // Where one waits already, it reads what is there then.
         let _ = self.asks.try_send(());
     }
-}
-
-fn begin(name: &str, keep: impl FnOnce() + Send + 'static) -> anyhow::Result<()> {
-    let begun = thread::Builder::new().name(name.to_owned()).spawn(keep);
-    begun.map(drop).with_context(|| format!("starting the thread `{name}`"))
 }
 
 fn keep_configuration(

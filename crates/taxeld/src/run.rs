@@ -175,7 +175,7 @@ impl Daemon {
             match section.source {
                 BusSource::SocketCan => {
                     let interface = section.interface.clone().unwrap_or_default();
-                    let speaks = |p: &PatchPlan| p.configures() && p.patch.boards().iter().any(|b| b.bus == bus);
+                    let speaks = |p: &PatchPlan| p.configures() && p.patch.is_on(bus);
                     let tx = self.plan.patches.iter().any(speaks);
                     let options = SocketCanOptions { interface, ids: Some(routes.wanted(bus)), tx };
                     self.add_bus(bus, SocketCan::open(options)?);

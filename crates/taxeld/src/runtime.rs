@@ -1,10 +1,11 @@
 //! The runtime of each thread that serves something.
 
 use std::sync::mpsc;
-use std::thread;
 
 use anyhow::Context;
 use tokio::runtime::Runtime;
+
+use crate::threads::start;
 
 /// A runtime on the thread that drives it. One thread wakes tasks without waking another thread, and takes them in the
 /// order in which they were woken: what is due at the same tick on the streams of a connection is written at once.
@@ -25,10 +26,7 @@ pub fn runtime() -> std::io::Result<Runtime> {
 pub fn on_a_thread(name: &str, drive: impl FnOnce(Runtime) + Send + 'static) -> anyhow::Result<()> {
     let (give, given) = mpsc::channel();
     let begin = move || given.recv().map_or((), drive); // without a runtime it ends
-    thread::Builder::new()
-        .name(name.to_owned())
-        .spawn(begin)
-        .with_context(|| format!("starting the thread `{name}`"))?;
+    start(name, begin)?;
     let runtime = runtime().with_context(|| format!("a runtime for the thread `{name}`"))?;
     let _ = give.send(runtime); // it waits for it
     Ok(())

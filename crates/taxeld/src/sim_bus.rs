@@ -13,7 +13,6 @@ use std::io;
 use std::sync::mpsc::{Receiver, Sender};
 use std::time::Duration;
 
-use anyhow::Context;
 use taxel_can::{Batch, BusEvent, ClockReading, FrameSource, SendError, SourceError};
 use taxel_engine::calibration::{Direction, SessionState};
 
@@ -24,6 +23,7 @@ use taxel_wire::{Frame, TimedFrame};
 use tokio::sync::{mpsc, watch};
 
 use crate::driver::Stage;
+use crate::threads;
 
 /// The world is computed so far ahead; a command takes effect at most so much later.
 const AHEAD: Duration = Duration::from_millis(5);
@@ -77,8 +77,7 @@ impl SimBus {
         let (commands, received) = std::sync::mpsc::channel();
         let (pumping, loaded) = (None, false);
         let simulation = Simulation { world, begun, session, received, to_bus, pumping, places, loaded };
-        let spawned = std::thread::Builder::new().name("sim-bus".to_owned()).spawn(move || simulation.run());
-        spawned.context("starting the thread `sim-bus`")?;
+        threads::start("sim-bus", move || simulation.run())?;
         Ok(Self { frames, commands, told_up: false })
     }
 }

@@ -7,7 +7,6 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use anyhow::Context;
 use tokio_util::sync::CancellationToken;
 
 use crate::looking::{Problems, look_after};
@@ -56,8 +55,7 @@ impl Sockets {
         if self.sockets.is_empty() {
             return Ok(None);
         }
-        let end = look_after("sockets", move || self.look(), LOOK_EVERY, cancel);
-        end.context("starting the thread `sockets`").map(Some)
+        look_after("sockets", move || self.look(), LOOK_EVERY, cancel).map(Some)
     }
 
     /// Looks at each, tells the log what is new, and the health all that is wrong.

@@ -1,8 +1,10 @@
-//! The cores of this machine, for what is done once over a whole file. The daemon itself leaves them to the robot.
+//! Threads: those of the daemon by their names, and the cores of this machine for what is done once over a whole file, which the
+//! daemon itself leaves to the robot.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
+use anyhow::Context;
 use taxel_engine::calibration::fit::Workers;
 
 /// Threads on all cores.
@@ -12,6 +14,15 @@ impl Workers for Threads {
     fn each(&self, jobs: usize, job: &(dyn Fn(usize) + Sync)) {
         each(jobs, job);
     }
+}
+
+/// Starts a thread of this name.
+///
+/// # Errors
+/// The name, and the system's answer, if there is no thread to be had.
+pub fn start(name: &str, run: impl FnOnce() + Send + 'static) -> anyhow::Result<()> {
+    let started = thread::Builder::new().name(name.to_owned()).spawn(run);
+    started.map(drop).with_context(|| format!("starting the thread `{name}`"))
 }
 
 /// How many threads run at once.

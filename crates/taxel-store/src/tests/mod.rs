@@ -2,6 +2,7 @@
 
 mod audit;
 mod board_zeros;
+mod carried;
 mod checking;
 mod codec;
 mod crash;

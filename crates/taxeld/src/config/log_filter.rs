@@ -25,7 +25,9 @@ pub fn log_filter(text: &str) -> Result<EnvFilter, String> {
     }
     for directive in directives {
         if is_unknown(directive.trim()) {
-            return Err(format!("`{directive}` is no level, and nothing of that name logs anything: {EXPECTED}"));
+            return Err(format!(
+                "`{directive}` is no level and no target of ours, and that of a library needs one: {EXPECTED}"
+            ));
         }
         EnvFilter::try_new(directive).map_err(|_| format!("`{directive}` is no filter: {EXPECTED}"))?;
     }

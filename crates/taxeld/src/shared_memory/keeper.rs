@@ -86,7 +86,7 @@ impl Keeper {
             let (problems, _) = self.look();
             self.tell(problems);
         };
-        look_after("pages", look, LOOK_EVERY, cancel).context("starting the thread `pages`")
+        look_after("pages", look, LOOK_EVERY, cancel)
     }
 
     /// Looks at each page and makes those that are not there. Gives what is wrong with each, and the first error.
