@@ -237,7 +237,8 @@ fn threads(config: &Config, doors: &Doors) -> Vec<String> {
     if config.bus.iter().any(|section| section.source == BusSource::Sim) {
         threads.push("sim-bus: the simulated forearm, one for each such bus".to_owned());
     }
-    threads.push("tokio-rt-worker: models are fitted, sets of them read; one for each such thing at a time".to_owned());
+    let beside = "models are fitted, sets of them read, accounts looked up; one for each such thing at a time";
+    threads.push(format!("tokio-rt-worker: {beside}, of which engine, service, page and record each keep one"));
     threads
 }
 

@@ -1,6 +1,7 @@
 //! Threads: those of the daemon by their names, and the cores of this machine for what is done once over a whole file, which the
 //! daemon itself leaves to the robot.
 
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
@@ -25,9 +26,10 @@ pub fn start(name: &str, run: impl FnOnce() + Send + 'static) -> anyhow::Result<
     started.map(drop).with_context(|| format!("starting the thread `{name}`"))
 }
 
-/// How many threads run at once.
+/// How many threads run at once. The system is asked once, which takes it some file reads.
 pub fn count() -> usize {
-    thread::available_parallelism().map_or(1, usize::from)
+    static COUNT: LazyLock<usize> = LazyLock::new(|| thread::available_parallelism().map_or(1, usize::from));
+    *COUNT
 }
 
 /// Does `job` for each number below `jobs`, each once, on all cores. Where no thread can be had this one does it all.

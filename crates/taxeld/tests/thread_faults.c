@@ -1,10 +1,11 @@
-/* A process that can have all threads but one: thread number THREAD_AT, of a process that has this preloaded, is not to be had. */
+/* A process that has this preloaded can have all threads but number THREAD_AT; while there is a file THREAD_WHEN, none. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 static atomic_long threads;
 
@@ -13,5 +14,7 @@ int pthread_create(pthread_t *thread, const pthread_attr_t *attributes, void *(*
     if (!real) real = (__typeof__(real))dlsym(RTLD_NEXT, "pthread_create");
     const char *at = getenv("THREAD_AT");
     if (at && ++threads == atol(at)) return EAGAIN;
+    const char *when = getenv("THREAD_WHEN");
+    if (when && access(when, F_OK) == 0) return EAGAIN;
     return real(thread, attributes, run, with);
 }
