@@ -204,14 +204,8 @@ pub(crate) fn copy_readable(from: &Path, to: &mut File) -> io::Result<()> {
 pub(crate) fn replace(database: &Path, path: &Path, content: &[u8]) -> io::Result<()> {
     let part = beside(path, "-part");
     let make = || File::options().write(true).create_new(true).open(&part);
-    let mut file = match make() {
-        // What a stop has left, or a pipe, which would be waited for.
-        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {
-            remove(&part)?;
-            make()?
-        }
-        made => made?,
-    };
+    // In the way may be what a stop has left, or a pipe, which would be waited for.
+    let mut file = make().or_else(|_| remove(&part).and_then(|()| make()))?;
     give_to_owner_of(database, &file);
     file.write_all(content)?;
     file.sync_all()?;
@@ -297,6 +291,42 @@ mod tests {
         symlink("round", elsewhere.join("round")).unwrap();
         assert_eq!(real(&elsewhere.join("round")).file_name().unwrap(), "round");
         assert_eq!(real(Path::new("no/such/folder/store.db")), Path::new("no/such/folder/store.db"));
+    }
+
+    #[test]
+    fn a_file_is_replaced_as_a_whole_whatever_a_stop_has_left() {
+        let folder = tempfile::tempdir().unwrap();
+        let [database, file] = ["store.db", "file"].map(|name| folder.path().join(name));
+        replace(&database, &file, b"first").unwrap();
+        fs::write(beside(&database, "-part"), b"the half of a longer one").unwrap();
+        replace(&database, &file, b"second").unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"second");
+        assert!(!beside(&database, "-part").exists());
+        let nowhere = folder.path().join("no/store.db");
+        assert_eq!(replace(&nowhere, &file, b"").unwrap_err().kind(), io::ErrorKind::NotFound);
+        assert_eq!(fs::read(&file).unwrap(), b"second");
+    }
+
+    #[test]
+    fn a_small_file_is_read_and_none_of_another_kind_or_size() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("file");
+        assert_eq!(read_small(&file, 4).unwrap(), None);
+        fs::write(&file, b"four").unwrap();
+        assert_eq!(read_small(&file, 4).unwrap().unwrap(), b"four");
+        assert_eq!(read_small(&file, 3).unwrap_err().to_string(), "it has 4 bytes, expected at most 3");
+        assert_eq!(read_small(folder.path(), 4).unwrap_err().to_string(), "it is no regular file");
+        assert_eq!(read_small(&file.join("below"), 4).unwrap_err().kind(), io::ErrorKind::NotADirectory);
+    }
+
+    #[test]
+    fn a_database_has_the_bytes_of_its_log_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let database = folder.path().join("store.db");
+        assert_eq!(bytes(&database), 0);
+        fs::write(&database, [0; 4096]).unwrap();
+        fs::write(wal(&database), [0; 100]).unwrap();
+        assert_eq!(bytes(&database), 4196);
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::force::reason::ReasonCode;
 use crate::intake::boards::BoardNews;
 use crate::now::Now;
 use crate::patch::owner::{Effects, Intent, Patch, Ready};
-use crate::request::Rejection;
+use crate::request::{ErrorReason, Rejection};
 use crate::zero::events::ZeroEvent;
 use crate::zero::watch::Purpose;
 
@@ -54,9 +54,8 @@ impl Patch {
                     self.zero.explain(ReasonCode::RestNotProven, format!("rest is not proven: {why}{hint}"));
                 }
                 ZeroEvent::Refused(Purpose::Operator { request, .. }, reason, why) => {
-                    let hint = "if nothing touches the skin, say so with confirmed_by";
-                    let why = Rejection::FailedPrecondition(reason, format!("rest is not proven: {why}; {hint}"));
-                    effects.out.push(Output::Reply(request, Err(why)));
+                    let why = format!("rest is not proven: {why}{}", remedy(reason));
+                    effects.out.push(Output::Reply(request, Err(Rejection::FailedPrecondition(reason, why))));
                 }
                 ZeroEvent::Refused(Purpose::Session { .. }, _, why) => {
                     self.calibration.on_zero_refused(now, &why, gauge, &mut follows);
@@ -118,5 +117,14 @@ impl Patch {
                 CalibrationEvent::Fit(job) => effects.out.push(Output::Fit(*job)),
             }
         }
+    }
+}
+
+/// What an operator can do about a tare that was refused. Nobody's word counts for a skin that moved, or was not seen.
+const fn remedy(refused: ErrorReason) -> &'static str {
+    match refused {
+        ErrorReason::TareLoaded | ErrorReason::TareUnproven => "; if nothing touches the skin, say so with confirmed_by",
+        ErrorReason::TareUnsteady => "; tare while nothing touches the skin or the robot moves it",
+        _ => "",
     }
 }

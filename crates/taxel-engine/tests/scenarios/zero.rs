@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use taxel_engine::BusNotice;
-use taxel_engine::command::{Done, ErrorReason, Rejection};
+use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::{ForceState, Reason, ReasonCode};
@@ -142,6 +142,29 @@ fn a_tare_under_a_mass_is_refused_with_figures() {
         assert!(why.contains(part), "`{part}` is not in: {why}");
     }
     assert_eq!(bench.host.snapshot().tare, before, "the earlier zero still holds");
+}
+
+/// An operator's word is asked for where it helps alone.
+#[test]
+fn a_tare_that_no_word_would_have_helped_asks_for_none() {
+    let mut bench = small().in_use();
+    let tare = |confirmed_by| Command::Tare { patch: String::new(), confirmed_by };
+    let overtaken = bench.host.command(tare(None));
+    bench.seconds(0.5);
+    assert!(bench.tare(None).is_ok());
+    let Some(Err(Rejection::FailedPrecondition(ErrorReason::TareSuperseded, why))) = bench.host.reply(overtaken) else {
+        panic!("it was not overtaken")
+    };
+    assert!(why.contains("another tare began") && !why.contains("confirmed_by"), "{why}");
+    let moved = bench.host.command(tare(Some("Ada".to_owned())));
+    bench.seconds(0.5);
+    bench.press_everywhere(1.5);
+    bench.seconds(5.0);
+    let Some(Err(Rejection::FailedPrecondition(ErrorReason::TareUnsteady, why))) = bench.host.reply(moved) else {
+        panic!("the skin moved")
+    };
+    assert!(why.contains("restless") && !why.contains("confirmed_by"), "{why}");
+    assert!(why.ends_with("; tare while nothing touches the skin or the robot moves it"), "{why}");
 }
 
 /// What presses a few taxels to the end of their range takes them out of every comparison: they have a fault. So they look
