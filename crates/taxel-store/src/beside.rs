@@ -298,10 +298,10 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let [database, file] = ["store.db", "file"].map(|name| folder.path().join(name));
         replace(&database, &file, b"first").unwrap();
-        fs::write(beside(&database, "-part"), b"the half of a longer one").unwrap();
+        fs::write(beside(&file, "-part"), b"the half of a longer one").unwrap();
         replace(&database, &file, b"second").unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"second");
-        assert!(!beside(&database, "-part").exists());
+        assert!(!beside(&file, "-part").exists());
         let nowhere = folder.path().join("no/store.db");
         assert_eq!(replace(&nowhere, &file, b"").unwrap_err().kind(), io::ErrorKind::NotFound);
         assert_eq!(fs::read(&file).unwrap(), b"second");

@@ -167,6 +167,23 @@ mod tests {
     }
 
     #[test]
+    fn a_predecessor_is_waited_for_and_not_for_ever() {
+        let database = Path::new("store.db");
+        let looks = std::cell::Cell::new(0);
+        let free_after = |most| {
+            looks.set(0);
+            wait_until_free(database, || {
+                looks.set(looks.get() + 1);
+                Ok(looks.get() > most)
+            })
+        };
+        free_after(3).unwrap();
+        assert_eq!(looks.get(), 4);
+        assert_eq!(free_after(u32::MAX).unwrap_err(), StoreError::InUse { path: database.to_owned() });
+        assert!(looks.get() > 1);
+    }
+
+    #[test]
     fn what_is_no_file_is_named_and_not_waited_for() {
         for make in ["mkfifo", "mkdir"] {
             let dir = tempfile::tempdir().unwrap();

@@ -73,7 +73,7 @@ struct Copied(PathBuf);
 
 impl Copied {
     fn of(path: &Path) -> io::Result<Self> {
-        let copied = Self(private_folder()?);
+        let copied = Self(private_folder(&std::env::temp_dir())?);
         beside::copy(path, &copied.database())?;
         if beside::wal(path).exists() {
             beside::copy(&beside::wal(path), &beside::wal(&copied.database()))?;
@@ -86,16 +86,16 @@ impl Copied {
     }
 }
 
-/// A new folder for temporary files, which nobody else can open.
-fn private_folder() -> io::Result<PathBuf> {
+/// A new folder among those for temporary files, which nobody else can open.
+fn private_folder(temporary: &Path) -> io::Result<PathBuf> {
     for number in 1..=COPIES_MAX {
-        let folder = std::env::temp_dir().join(format!("taxeld-store-check-{number}"));
+        let folder = temporary.join(format!("taxeld-store-check-{number}"));
         match DirBuilder::new().mode(0o700).create(&folder) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             made => return made.map(|()| folder),
         }
     }
-    Err(io::Error::other(format!("{COPIES_MAX} copies of stores are in {}", std::env::temp_dir().display())))
+    Err(io::Error::other(format!("{COPIES_MAX} copies of stores are in {}", temporary.display())))
 }
 
 impl Drop for Copied {
@@ -185,4 +185,53 @@ impl AuditFile {
 #[must_use]
 pub fn size_on_disk(path: &Path) -> u64 {
     beside::bytes(&beside::real(path))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    #[test]
+    fn a_copy_has_a_private_folder_of_its_own_and_goes_with_whoever_reads_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("other.db");
+        fs::write(&path, "a database").unwrap();
+        let without_log = Copied::of(&path).unwrap();
+        fs::write(beside::wal(&path), "a log").unwrap();
+        let with_log = Copied::of(&path).unwrap();
+        assert_ne!(without_log.0, with_log.0);
+        for (copied, has_log) in [(&without_log, false), (&with_log, true)] {
+            assert_eq!(fs::metadata(&copied.0).unwrap().permissions().mode() & 0o777, 0o700);
+            assert_eq!(fs::read(copied.database()).unwrap(), b"a database");
+            assert_eq!(beside::wal(&copied.database()).exists(), has_log);
+        }
+        assert_eq!(fs::read(beside::wal(&with_log.database())).unwrap(), b"a log");
+        let folders = [without_log.0.clone(), with_log.0.clone()];
+        drop((without_log, with_log));
+        assert!(folders.iter().all(|folder| !folder.exists()));
+    }
+
+    #[test]
+    fn copies_that_were_left_are_passed_over_until_they_are_too_many() {
+        let temporary = tempfile::tempdir().unwrap();
+        let made: Vec<PathBuf> = (0..COPIES_MAX).map(|_| private_folder(temporary.path()).unwrap()).collect();
+        assert!(made.iter().all(|folder| folder.is_dir() && folder.parent() == Some(temporary.path())));
+        let said = private_folder(temporary.path()).unwrap_err().to_string();
+        assert!(said.starts_with("100 copies of stores are in "), "{said}");
+        let said = private_folder(&temporary.path().join("nowhere")).unwrap_err();
+        assert_eq!(said.kind(), io::ErrorKind::NotFound);
+    }
+
+    #[test]
+    fn a_store_has_its_size_under_any_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let [path, link] = ["store.db", "link"].map(|name| dir.path().join(name));
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        assert_eq!(size_on_disk(&link), 0);
+        fs::write(&path, [0; 1000]).unwrap();
+        fs::write(beside::wal(&path), [0; 24]).unwrap();
+        assert_eq!([size_on_disk(&path), size_on_disk(&link)], [1024; 2]);
+    }
 }

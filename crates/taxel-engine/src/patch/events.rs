@@ -123,7 +123,9 @@ impl Patch {
 /// What an operator can do about a tare that was refused. Nobody's word counts for a skin that moved, or was not seen.
 const fn remedy(refused: ErrorReason) -> &'static str {
     match refused {
-        ErrorReason::TareLoaded | ErrorReason::TareUnproven => "; if nothing touches the skin, say so with confirmed_by",
+        ErrorReason::TareLoaded | ErrorReason::TareUnproven => {
+            "; if nothing touches the skin, say so with confirmed_by"
+        }
         ErrorReason::TareUnsteady => "; tare while nothing touches the skin or the robot moves it",
         _ => "",
     }

@@ -7,13 +7,13 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 
 use rusqlite::Connection;
 
-use super::audit::files;
+use super::audit::{answered, asked, files};
 use super::fixture::*;
 use super::nothing_lost::killed;
 use crate::db::Db;
 use crate::lock::StoreLock;
 use crate::open_mark::OpenMark;
-use crate::{StoreError, StoreFile, beside, check, compact};
+use crate::{AuditFile, StoreError, StoreFile, beside, check, compact};
 
 const CHILD: &str = "TAXEL_STORE_SQLITE_CHILD";
 
@@ -109,4 +109,22 @@ fn where_a_new_store_can_have_no_lock_the_reason_names_it() {
     fs::create_dir(beside::lock(&path)).unwrap();
     let said = Db::open(&path).err().unwrap().to_string();
     assert!(said.contains("store.db-lock: is no regular file"), "{said}");
+}
+
+/// Entries that are sound are those that were written, whoever has the store by now.
+#[test]
+fn an_audit_log_that_looks_damaged_while_a_daemon_has_the_store_is_not_called_so() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("store.db");
+    let (store, ..) = open(&path);
+    write(&store, vec![asked(1), answered(1)]).unwrap();
+    store.close().unwrap();
+    let read = || AuditFile::open(&path).unwrap();
+    let lock = |file: &AuditFile| (StoreLock::take(&path).unwrap(), file.before(u64::MAX, 10)).1;
+    assert_eq!(lock(&read()).unwrap().len(), 1);
+    let change = "DROP TRIGGER audit_keep; UPDATE audit SET entry = 'another'";
+    Connection::open(&path).unwrap().execute_batch(change).unwrap();
+    let file = read();
+    assert_eq!(lock(&file).unwrap_err(), StoreError::InUse { path: path.clone() });
+    assert!(!file.before(u64::MAX, 10).unwrap()[0].damage.is_empty());
 }
