@@ -302,8 +302,8 @@ mod tests {
         replace(&database, &file, b"second").unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"second");
         assert!(!beside(&file, "-part").exists());
-        let nowhere = folder.path().join("no/store.db");
-        assert_eq!(replace(&nowhere, &file, b"").unwrap_err().kind(), io::ErrorKind::NotFound);
+        let nowhere = folder.path().join("no/file");
+        assert_eq!(replace(&database, &nowhere, b"").unwrap_err().kind(), io::ErrorKind::NotFound);
         assert_eq!(fs::read(&file).unwrap(), b"second");
     }
 
