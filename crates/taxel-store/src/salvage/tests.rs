@@ -65,18 +65,26 @@ fn without_a_copy_the_file_is_read_as_it_is() {
     assert!(refused.starts_with("a copy of it: "), "{refused}");
 }
 
-/// SQLite itself tells where its description of the tables lies.
+/// SQLite itself tells where its description of the tables lies: of ours, and of so many that it takes more pages.
 #[test]
 fn the_pages_that_describe_tables_are_found() {
-    let dir = tempfile::tempdir().unwrap();
-    let mut new = Connection::open(dir.path().join("new.db")).unwrap();
-    let found = make_tables(&mut new).unwrap();
-    let mut statement = new.prepare("SELECT pageno FROM dbstat WHERE name = 'sqlite_schema' ORDER BY pageno").unwrap();
-    let pages = statement.query_map([], |row| row.get::<_, u64>(0)).unwrap();
-    let expected: Vec<u64> = pages.map(|page| (page.unwrap() - 1) * PAGE_BYTES as u64).collect();
-    assert_eq!(found.iter().map(|(at, _)| *at).collect::<Vec<_>>(), expected);
-    assert!(expected.len() > 2, "the first page alone would not tell one rule from another: {expected:?}");
-    assert!(found.iter().all(|(_, page)| page.len() == PAGE_BYTES));
+    for more in [0, 100, 300] {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("new.db");
+        let mut new = Connection::open(&path).unwrap();
+        let made = make_tables(&mut new).unwrap();
+        (0..more).for_each(|table| new.execute_batch(&format!("CREATE TABLE more_{table} (a, b)")).unwrap());
+        let found = if more == 0 { made } else { table_pages(&path).unwrap() };
+        let mut statement =
+            new.prepare("SELECT pageno FROM dbstat WHERE name = 'sqlite_schema' ORDER BY pageno").unwrap();
+        let pages = statement.query_map([], |row| row.get::<_, u64>(0)).unwrap();
+        let expected: Vec<u64> = pages.map(|page| (page.unwrap() - 1) * PAGE_BYTES as u64).collect();
+        assert_eq!(found.iter().map(|(at, _)| *at).collect::<Vec<_>>(), expected);
+        let least = 2 + more / 100;
+        assert!(expected.len() > least, "the first page alone would not tell one rule from another: {expected:?}");
+        let file = std::fs::read(&path).unwrap();
+        assert!(found.iter().all(|(at, page)| file[*at as usize..][..PAGE_BYTES] == *page));
+    }
 }
 
 /// A disk that is full, or a file that cannot be opened, says nothing of what the file holds: a later start does better.

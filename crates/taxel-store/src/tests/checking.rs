@@ -104,13 +104,24 @@ fn what_looks_damaged_while_a_daemon_has_the_store_is_not_called_so() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("store.db");
     filled(&path);
-    let change = "DROP TRIGGER samples_keep; UPDATE samples SET pressure_kpa = 7";
-    Connection::open(&path).unwrap().execute_batch(change).unwrap();
-    let file = StoreFile::open(&path).unwrap();
+    let changing_nothing = Some(StoreError::TooOld { path: path.clone() });
+    let read = || StoreFile::read(&path, &path, changing_nothing.clone(), &mut Vec::new());
+    let in_use = StoreError::InUse { path: path.clone() };
+    let (sound, lock) = (read().unwrap(), StoreLock::take(&path).unwrap());
+    assert!(read().is_ok() && sound.prove_all().is_ok(), "what is sound is what was written");
+    drop(lock);
+    let change = |change: &str| Connection::open(&path).unwrap().execute_batch(change).unwrap();
+    change("DROP TRIGGER samples_keep; UPDATE samples SET pressure_kpa = 7");
+    let [file, proven] = [read().unwrap(), read().unwrap()];
     let lock = StoreLock::take(&path).unwrap();
-    assert_eq!(file.samples(2).unwrap_err(), StoreError::InUse { path: path.clone() });
+    assert_eq!(file.samples(2).unwrap_err(), in_use);
+    assert_eq!(proven.prove_all().unwrap_err(), in_use);
     drop(lock);
     assert!(matches!(file.samples(2).unwrap_err(), StoreError::DamagedSamples { .. }));
+    change("UPDATE sessions SET view = 'another'");
+    assert!(!read().unwrap().damage().is_empty());
+    let _lock = StoreLock::take(&path).unwrap();
+    assert_eq!(read().err(), Some(in_use));
 }
 
 #[test]
