@@ -196,6 +196,14 @@ mod tests {
         assert_eq!(found(&three[..three.len() - 1]), None, "a power cut tore the last one");
     }
 
+    #[test]
+    fn pages_count_up_to_the_last_end_of_a_transaction() {
+        let pages = |frames: &[bool]| read(&log(MAGIC, PAGE as u32, frames)[..]).unwrap().pages;
+        assert_eq!([&[][..], &[false, false], &[true, false, false], &[false, true, false]].map(pages), [0, 0, 1, 2]);
+        let torn = read(&damaged(log(MAGIC, PAGE as u32, &[true, true, false, true]), 3)[..]).unwrap();
+        assert_eq!(torn, Found { pages: 2, problem: None });
+    }
+
     /// A log is begun anew over an older one, whose frames have other salts.
     #[test]
     fn what_is_left_of_an_older_log_is_none_of_this_one() {
@@ -220,5 +228,10 @@ mod tests {
         std::fs::remove_dir(beside::wal(&database)).unwrap();
         std::os::unix::fs::symlink(beside::wal(&database), beside::wal(&database)).unwrap();
         assert_ne!(problem(&database).unwrap_err().kind(), io::ErrorKind::NotFound);
+        // A file whose beginning cannot be read: no memory of this process lies there.
+        std::fs::remove_file(beside::wal(&database)).unwrap();
+        std::os::unix::fs::symlink("/proc/self/mem", beside::wal(&database)).unwrap();
+        let said = problem(&database).unwrap().unwrap();
+        assert!(said.ends_with(" is lost: Input/output error (os error 5)"), "{said}");
     }
 }

@@ -74,3 +74,50 @@ fn can_be_opened(log: &Path) -> io::Result<()> {
         made => made.and_then(|_| beside::remove(log)),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn a_log_is_made_to_see_whether_it_can_be_and_none_is_left_or_lost() {
+        let dir = tempfile::tempdir().unwrap();
+        let log = dir.path().join("store.db-wal");
+        can_be_opened(&log).unwrap();
+        assert!(!log.exists());
+        fs::write(&log, "frames").unwrap();
+        can_be_opened(&log).unwrap();
+        assert_eq!(fs::read(&log).unwrap(), b"frames");
+        assert_eq!(can_be_opened(dir.path()).unwrap_err().kind(), io::ErrorKind::IsADirectory);
+        assert_eq!(can_be_opened(&log.join("below")).unwrap_err().kind(), io::ErrorKind::NotADirectory);
+    }
+
+    /// What was in the way may have gone, and is named where it has not.
+    #[test]
+    fn what_cannot_be_written_is_named_with_the_reason() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        fs::write(&path, "").unwrap();
+        let failed = |code| rusqlite::Error::SqliteFailure(ffi::Error::new(code), None);
+        let [lock, log, content] = [ffi::SQLITE_IOERR_LOCK, ffi::SQLITE_CANTOPEN, ffi::SQLITE_CORRUPT].map(failed);
+        let said =
+            |path: &Path, is_read_only, error| why_unwritable(path, is_read_only, error).map(|why| why.to_string());
+        assert_eq!(said(&path, false, None), None);
+        assert_eq!(said(&path, false, Some(&lock)), None, "its words are SQLite's");
+        assert_eq!(said(&path, true, Some(&content)), None, "it shows again");
+        let ends = |said: Option<String>, end: &str| {
+            assert!(said.as_ref().is_some_and(|said| said.ends_with(end)), "{said:?}")
+        };
+        ends(said(&path, true, None), "store.db: it could be opened to be read alone");
+        ends(said(&path, true, Some(&lock)), &format!("store.db: {lock}"));
+        ends(said(&path, false, Some(&log)), &format!("store.db-wal: {log}"));
+        assert!(!beside::wal(&path).exists());
+        fs::create_dir(beside::wal(&path)).unwrap();
+        let why = why_unwritable(&path, false, Some(&log)).unwrap();
+        assert!(why.is_of_changing() && why.to_string().contains("store.db-wal: Is a directory"), "{why}");
+        let why = why_unwritable(dir.path(), true, None).unwrap();
+        assert!(why.is_of_changing() && why.to_string().contains("Is a directory"), "{why}");
+    }
+}

@@ -1,7 +1,10 @@
 //! What is known of the boards' zeros is found again, and what cannot be read is not taken for nothing.
 
-use rusqlite::Connection;
+use std::fs::File;
+use std::os::unix::fs::FileExt;
 use std::path::Path;
+
+use rusqlite::Connection;
 use taxel_engine::Restored;
 use taxel_engine::record::{BoardZeros, HiddenCounts, Record};
 
@@ -86,6 +89,27 @@ fn what_cannot_be_read_is_held_against_the_boards() {
         write(&store, vec![doubt(PATCH, None)]).unwrap();
         store.close().unwrap();
         assert_eq!(found(&path).0, [], "{statements}: it was vouched for since");
+    }
+}
+
+/// Where the record of how many rows there were is lost with the rest of a damaged file, or never was, the newest row may be.
+#[test]
+fn a_store_that_was_put_right_without_that_record_holds_what_may_be_lost_against_the_boards() {
+    for (records, damaged, held) in [(1, "samples", false), (1, "tally", true), (0, "samples", true)] {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        filled(&path);
+        let (store, ..) = open(&path);
+        write(&store, vec![doubt(PATCH, None); records]).unwrap();
+        store.close().unwrap();
+        let page = "SELECT pageno FROM dbstat WHERE name = ?1 AND pagetype = 'leaf' LIMIT 1";
+        let page: u64 = Connection::open(&path).unwrap().query_row(page, [damaged], |row| row.get(0)).unwrap();
+        let file = File::options().write(true).open(&path).unwrap();
+        file.write_all_at(&[0xFF; 4096], (page - 1) * 4096).unwrap();
+        let (doubts, told) = found(&path);
+        assert!(told.contains("rows of it are in a new one"), "{damaged}: {told}");
+        assert_eq!(!doubts.is_empty(), held, "{records} records, {damaged}: {doubts:?}");
+        assert_eq!(found(&path).0, doubts, "the next start");
     }
 }
 

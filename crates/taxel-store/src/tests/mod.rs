@@ -20,6 +20,7 @@ mod lost;
 mod nothing_lost;
 mod older;
 mod owner;
+mod plain_file;
 mod power;
 mod read_only;
 mod replaced;
