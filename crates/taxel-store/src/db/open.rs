@@ -286,3 +286,27 @@ fn put_right(path: &Path, error: &StoreError, failure: Option<StoreError>) -> Re
     let reason = format!("{findings}; it is kept as {}, {rows} rows of it are in a new one", aside.display());
     Ok(Quarantined::lost(STORE, reason))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tests::fixture::filled;
+
+    #[test]
+    fn a_file_that_cannot_be_changed_is_read_where_it_lies_and_a_damaged_one_is_not_taken_for_that() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        filled(&path);
+        let opened = |failure| (Connection::open(&path).unwrap(), failure);
+        let is_read_only = |connection: Connection| connection.is_readonly("main").unwrap();
+        let (connection, failure) = changed(&path, opened(None), |_| Ok(())).unwrap();
+        assert_eq!((is_read_only(connection), failure), (false, None));
+        let full = StoreError::changing(&path, &io::ErrorKind::StorageFull.into());
+        let (connection, failure) = changed(&path, opened(None), |_| Err(full.clone())).unwrap();
+        assert_eq!((is_read_only(connection), failure), (true, Some(full.clone())));
+        let (_, failure) = changed(&path, opened(Some(full.clone())), |_| unreachable!()).unwrap();
+        assert_eq!(failure, Some(full));
+        let damage = StoreError::Corrupt("a page".to_owned());
+        assert_eq!(changed(&path, opened(None), |_| Err(damage.clone())).err(), Some(damage));
+    }
+}

@@ -55,6 +55,21 @@ fn what_is_no_file_beside_the_database_holds_nobody_up() {
     }
 }
 
+/// Without a lock nothing is changed.
+#[test]
+fn the_mark_of_a_doubt_goes_with_the_start_that_proves_the_store() {
+    let (_dir, path) = killed();
+    beside::mark_doubt(&path);
+    let (mark, lock) = (beside::doubt_mark(&path), beside::lock(&path));
+    beside::remove(&lock).unwrap();
+    fs::create_dir(&lock).unwrap();
+    let (db, ..) = Db::open(&path).unwrap();
+    assert!(db.writable().is_err() && mark.exists());
+    fs::remove_dir(&lock).unwrap();
+    let (db, ..) = Db::open(&path).unwrap();
+    assert!(db.writable().is_ok() && !mark.exists());
+}
+
 /// A journal is another program's, or none: with the log, all is there.
 #[test]
 fn what_is_no_journal_is_put_aside_and_named() {
