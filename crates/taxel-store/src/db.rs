@@ -2,6 +2,8 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use rusqlite::config::DbConfig;
 use rusqlite::hooks::Wal;
@@ -39,8 +41,10 @@ pub(crate) struct Db {
     activated: bool,
     /// What is not proven yet.
     unproven: Unproven,
-    /// The files that are open; `None` until the start is over, and in memory.
+    /// The files that are open; `None` until something is written, and in memory.
     held: Option<HeldFiles>,
+    /// How many pages the log has up to its last commit.
+    log_pages: Arc<AtomicU32>,
     /// The first change that failed during the start. Nothing was changed after it, and nothing may be.
     failure: Option<StoreError>,
     /// How many texts of model sets the start has read.
@@ -75,6 +79,7 @@ impl Db {
             activated: false,
             unproven,
             held: None,
+            log_pages: Arc::default(),
             failure,
             #[cfg(test)]
             texts_read,
@@ -198,10 +203,19 @@ impl Db {
             self.appender.append(&transaction, record)?;
         }
         let grown = self.appender.finish(&transaction)?;
-        transaction.commit()?;
+        transaction.commit().map_err(|error| self.take_back(error.into()))?;
         // A commit into a file that nobody finds again is none.
         self.check_held()?;
         Ok(grown)
+    }
+
+    /// A commit whose flush failed is in the log with all its pages, where the next start would find what was refused: it is
+    /// cut off.
+    fn take_back(&self, failed: StoreError) -> StoreError {
+        match self.held.as_ref().map_or(Ok(()), |held| held.cut_log(self.log_pages.load(Ordering::Relaxed))) {
+            Ok(()) => failed,
+            Err(why) => failed.not_taken_back(&why),
+        }
     }
 
     /// Whether the files are those that were opened, as long as it is open.
@@ -273,7 +287,9 @@ impl Db {
 
     fn checkpoint(&self) -> Result<(), StoreError> {
         self.check_held()?;
-        fold_back(&self.connection, self.path.as_deref())
+        fold_back(&self.connection, self.path.as_deref())?;
+        self.log_pages.store(0, Ordering::Relaxed);
+        Ok(())
     }
 
     /// Folds the log back and closes the file.
@@ -299,9 +315,13 @@ impl Db {
     /// Marks the file as open, and from here on how much of its log is on disk.
     fn mark_open(&mut self, path: &Path) -> Result<(), StoreError> {
         let mark = OpenMark::set(path).map_err(|error| StoreError::changing(&beside::open_mark(path), &error))?;
+        let log_pages = Arc::clone(&self.log_pages);
         // SQLite calls this after a commit, and a commit flushes the log.
         let noted = move |_: &mut Wal, pages| {
-            u32::try_from(pages).into_iter().for_each(|pages| mark.note(pages));
+            for pages in u32::try_from(pages) {
+                log_pages.store(pages, Ordering::Relaxed);
+                mark.note(pages);
+            }
             Ok(())
         };
         Ok(self.connection.wal_hook(Some(noted))?)

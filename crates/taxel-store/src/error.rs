@@ -169,6 +169,16 @@ impl StoreError {
         }
     }
 
+    /// The same of a commit that failed and is still in the log.
+    pub(crate) fn not_taken_back(self, why: &io::Error) -> Self {
+        let with = |said| format!("{said}; the next start may find what was refused, as it could not be cut off the log: {why}");
+        match self {
+            Self::Full(said) => Self::Full(with(said)),
+            Self::Io(said) => Self::Io(with(said)),
+            other => other,
+        }
+    }
+
     /// Whether a change failed for want of a disk that takes it; what was read before is as good as ever.
     pub(crate) fn is_of_changing(&self) -> bool {
         matches!(self, Self::Full(_) | Self::Io(_) | Self::Replaced { .. } | Self::CutOff { .. })

@@ -2,7 +2,7 @@
 //! replaced takes all that is written, flushes and commits included, and loses it when it is closed; what was cut off the log is
 //! lost, and folding back what is left would break the database.
 
-use std::fs;
+use std::fs::{self, File};
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
@@ -58,5 +58,15 @@ impl HeldFiles {
             return Err(StoreError::CutOff { path: log.clone(), bytes, expected });
         }
         Ok(())
+    }
+
+    /// Cuts off what the log has beyond so many pages, of which no commit was acknowledged.
+    ///
+    /// # Errors
+    /// If it cannot be cut off, or the disk does not confirm it.
+    pub(crate) fn cut_log(&self, pages: u32) -> io::Result<()> {
+        let log = File::options().write(true).open(&self.log.0)?;
+        log.set_len(wal_check::bytes_of(pages, self.page_bytes))?;
+        log.sync_all()
     }
 }

@@ -160,13 +160,13 @@ impl Db {
     ) -> Result<(), StoreError> {
         // The log was folded back: what is written from here on is known to be in it.
         self.attempt(|db| db.mark_open(path))?;
-        self.restore_active(path, restored, lost, quarantined)?;
-        self.restore_board_zeros(restored, *lost)?;
         self.attempt(|db| {
             let page_bytes = db.connection.pragma_query_value(None, "page_size", |row| row.get(0))?;
             db.held = Some(HeldFiles::of(path, page_bytes)?);
             Ok(())
         })?;
+        self.restore_active(path, restored, lost, quarantined)?;
+        self.restore_board_zeros(restored, *lost)?;
         self.attempt(|db| db.retain(restored, limits))
     }
 
