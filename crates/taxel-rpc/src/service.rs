@@ -24,7 +24,7 @@ use crate::limits::Limits;
 use crate::page::is_long;
 use crate::refusals::Refusals;
 use crate::shares::{Place, Shares, What};
-use crate::status::{engine_stopped, invalid, of_rejection, shutting_down};
+use crate::status::{SHUTTING_DOWN, STOPPED, engine_stopped, invalid, left_open, of_rejection};
 use crate::turns::Turns;
 
 /// Longest text that a client may have written down, in bytes.
@@ -206,23 +206,34 @@ impl Service {
         })?;
         let mut line = Line { caller, name, request, claimed, told: false };
         let limit = self.limits.command;
-        let outcome = tokio::select! {
+        let answer = tokio::select! {
             answer = tokio::time::timeout(limit, answer) => match answer {
-                Ok(Ok(Ok(done))) => Ok(done),
-                Ok(Ok(Err(rejection))) => Err(of_rejection(&rejection).about_all(things).into()),
-                Ok(Err(_)) => Err(engine_stopped()),
+                Ok(Ok(answer)) => Ok(answer),
+                Ok(Err(_)) => Err(left_open(Code::Unavailable, ErrorReason::EngineStopped, STOPPED)),
                 Err(_) => {
-                    let why = format!(
-                        "the engine has not answered within {} s; what was asked for may still come to pass",
-                        limit.as_secs_f64()
-                    );
-                    Err(Refusal::new(Code::DeadlineExceeded, ErrorReason::EngineLate, why).into())
+                    let why = format!("the engine has not answered within {} s", limit.as_secs_f64());
+                    Err(left_open(Code::DeadlineExceeded, ErrorReason::EngineLate, why))
                 }
             },
-            () = self.handle.shutdown.cancelled() => Err(shutting_down()),
+            () = self.handle.shutdown.cancelled() => {
+                Err(left_open(Code::Unavailable, ErrorReason::ShuttingDown, SHUTTING_DOWN))
+            }
         };
-        line.tell(Some(&outcome));
-        outcome
+        match answer {
+            Ok(Ok(done)) => {
+                line.tell(Told::Done);
+                Ok(done)
+            }
+            Ok(Err(rejection)) => {
+                let refused = Status::from(of_rejection(&rejection).about_all(things));
+                line.tell(Told::Refused(&refused));
+                Err(refused)
+            }
+            Err(open) => {
+                line.tell(Told::Open(&open));
+                Err(open)
+            }
+        }
     }
 }
 
@@ -235,17 +246,31 @@ struct Line<'a> {
     told: bool,
 }
 
+/// What came of a command, as far as whoever asked is told.
+enum Told<'a> {
+    Done,
+    Refused(&'a Status),
+    /// It was given to the engine, and not answered.
+    Open(&'a Status),
+    /// Whoever asked has gone.
+    Gone,
+}
+
 impl Line<'_> {
-    fn tell(&mut self, outcome: Option<&Result<Done, Status>>) {
+    fn tell(&mut self, told: Told<'_>) {
         let Self { caller, name: command, request, claimed, .. } = &*self;
         let (who, role, from) = (caller.who(), caller.role.map_or("none", |role| role.name()), caller.origin.place());
-        match outcome {
-            Some(Ok(_)) => tracing::info!(command, request, who, role, from, claimed, "done"),
-            Some(Err(status)) => {
+        match told {
+            Told::Done => tracing::info!(command, request, who, role, from, claimed, "done"),
+            Told::Refused(status) => {
                 let (code, why) = (code_name(status.code()), status.message());
                 tracing::info!(command, request, who, role, from, claimed, code, why, "refused");
             }
-            None => tracing::info!(
+            Told::Open(status) => {
+                let (code, why) = (code_name(status.code()), status.message());
+                tracing::info!(command, request, who, role, from, claimed, code, why, "not answered");
+            }
+            Told::Gone => tracing::info!(
                 command,
                 request,
                 who,
@@ -262,7 +287,7 @@ impl Line<'_> {
 impl Drop for Line<'_> {
     fn drop(&mut self) {
         if !self.told {
-            self.tell(None);
+            self.tell(Told::Gone);
         }
     }
 }

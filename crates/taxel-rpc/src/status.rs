@@ -1,10 +1,12 @@
 //! Refusals as gRPC statuses. Every text names the thing, its value and what was expected, and beside it stands the same
 //! for programs.
 
+use std::fmt;
+
 use taxel_engine::command::{ErrorReason, Rejection};
 use taxel_proto::refusal::Refusal;
 use taxel_proto::v1;
-use tonic::Status;
+use tonic::{Code, Status};
 
 /// The engine's refusal with its own words.
 pub(crate) fn of_rejection(rejection: &Rejection) -> Refusal {
@@ -27,14 +29,22 @@ pub(crate) fn samples_not_kept() -> Refusal {
     Refusal::failed_precondition(v1::ErrorReason::NotOffered, "samples are not kept")
 }
 
-/// Why streams end and commands fail when the daemon stops.
+pub(crate) const SHUTTING_DOWN: &str = "the daemon is shutting down";
+pub(crate) const STOPPED: &str = "the engine has stopped";
+
+/// Why streams end when the daemon stops.
 pub(crate) fn shutting_down() -> Status {
-    Refusal::unavailable(v1::ErrorReason::ShuttingDown, "the daemon is shutting down").into()
+    Refusal::unavailable(v1::ErrorReason::ShuttingDown, SHUTTING_DOWN).into()
+}
+
+/// Why a command that the engine has is not answered: it may have been handed to the disk already.
+pub(crate) fn left_open(code: Code, reason: v1::ErrorReason, why: impl fmt::Display) -> Status {
+    Refusal::new(code, reason, format!("{why}; what was asked for may still come to pass")).into()
 }
 
 /// The engine's task is gone.
 pub(crate) fn engine_stopped() -> Status {
-    Refusal::unavailable(v1::ErrorReason::EngineStopped, "the engine has stopped").into()
+    Refusal::unavailable(v1::ErrorReason::EngineStopped, STOPPED).into()
 }
 
 /// The system has no timer left for another fixed rate, or took one away.

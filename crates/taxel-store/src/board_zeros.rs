@@ -15,6 +15,9 @@ use crate::tally::{Stream, written};
 const UNREADABLE: &str =
     "what was noted of the zeros of its boards is damaged on disk: one may have taken a zero under a load";
 
+/// How findings name these rows.
+const NOTED: &str = "what was noted of the boards' zeros";
+
 pub(crate) fn insert(
     connection: &Connection,
     seq: u64,
@@ -43,17 +46,26 @@ pub(crate) struct Known {
     pub(crate) is_noted: bool,
 }
 
-/// By patch: what its newest row says, and whether a newer one may be lost.
-type Newest = BTreeMap<String, (BoardZeros, bool)>;
+/// By patch: what its newest row says, and why a newer one may be lost.
+type Newest = BTreeMap<String, (BoardZeros, Option<String>)>;
+
+/// What may be missing without that the rows themselves show it.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Missing<'a> {
+    /// The newest rows.
+    pub(crate) newest: bool,
+    /// What else has rows that are missing, or too many: the file is damaged, or its parts are of several moments.
+    pub(crate) elsewhere: &'a [String],
+}
 
 /// Per patch: what the newest row of it says, if that is anything.
 ///
 /// A damaged or missing row may have been any patch's: each of `patches` that has no newer one is doubted, rather than that a
-/// zero under a load is believed. `end_is_lost` tells that the newest rows may be missing without that the others show it.
+/// zero under a load is believed. What is missing elsewhere stays so, and is held against a patch once: a row of it says so then.
 pub(crate) fn read(
     connection: &Connection,
     patches: &BTreeSet<&str>,
-    end_is_lost: bool,
+    missing: Missing<'_>,
     quarantined: &mut Vec<Quarantined>,
 ) -> rusqlite::Result<Vec<Known>> {
     let columns = "seq, patch, why, wall_ns, checksum, hidden, reads";
@@ -61,8 +73,8 @@ pub(crate) fn read(
     let mut rows = statement.query([])?;
     let (mut newest, mut next) = (Newest::new(), 1);
     let mut lost = |newest: &mut Newest, reason: String| {
-        quarantined.push(Quarantined::lost("what was noted of the boards' zeros", reason));
-        lose(newest, patches);
+        quarantined.push(Quarantined::lost(NOTED, reason));
+        lose(newest, patches, UNREADABLE);
     };
     while let Some(row) = rows.next()? {
         let seq: u64 = row.get(0)?;
@@ -71,7 +83,7 @@ pub(crate) fn read(
         }
         next = seq + 1;
         match proven(row, seq) {
-            Ok((patch, zeros)) => drop(newest.insert(patch, (zeros, false))),
+            Ok((patch, zeros)) => drop(newest.insert(patch, (zeros, None))),
             Err(reason) => lost(&mut newest, format!("row {seq}: {reason}")),
         }
     }
@@ -80,22 +92,43 @@ pub(crate) fn read(
         Some(written) => lost(&mut newest, format!("{written} rows were written, the last ones are missing")),
         None => lost(&mut newest, "the record of how many rows there were is damaged".to_owned()),
     }
-    if end_is_lost {
-        lose(&mut newest, patches);
+    if missing.newest {
+        lose(&mut newest, patches, UNREADABLE);
+    }
+    let elsewhere: Vec<&str> = missing.elsewhere.iter().map(String::as_str).filter(|what| *what != NOTED).collect();
+    if !elsewhere.is_empty() {
+        let why = format!("{UNREADABLE}, as more of the store is not what was written: {}", elsewhere.join(", "));
+        lose(&mut newest, &without_row(connection, patches, &why)?, &why);
     }
     let known = newest.into_iter().map(|(patch, (zeros, lost))| Known {
         patch,
-        is_noted: zeros.unproven.is_some() || !lost,
-        zeros: BoardZeros { unproven: zeros.unproven.or_else(|| lost.then(|| UNREADABLE.to_owned())), ..zeros },
+        is_noted: zeros.unproven.is_some() || lost.is_none(),
+        zeros: BoardZeros { unproven: zeros.unproven.or(lost), ..zeros },
     });
     Ok(known.filter(|known| known.zeros != BoardZeros::default()).collect())
 }
 
 /// A row may be lost that is newer than all of these. What is known of a patch's boards already goes on being held.
-fn lose(newest: &mut Newest, patches: &BTreeSet<&str>) {
+fn lose(newest: &mut Newest, patches: &BTreeSet<&str>, why: &str) {
     for &patch in patches {
-        newest.entry(patch.to_owned()).or_default().1 = true;
+        newest.entry(patch.to_owned()).or_default().1 = Some(why.to_owned());
     }
+}
+
+/// Those of the patches of which no row says this.
+fn without_row<'a>(
+    connection: &Connection,
+    patches: &BTreeSet<&'a str>,
+    why: &str,
+) -> rusqlite::Result<BTreeSet<&'a str>> {
+    let mut said = connection.prepare("SELECT EXISTS (SELECT 1 FROM zero_doubts WHERE patch = ?1 AND why = ?2)")?;
+    let mut without = BTreeSet::new();
+    for &patch in patches {
+        if !said.query_row([patch, why], |row| row.get::<_, bool>(0))? {
+            without.insert(patch);
+        }
+    }
+    Ok(without)
 }
 
 /// All patches, of which nothing is known.

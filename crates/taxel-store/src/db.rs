@@ -318,7 +318,7 @@ impl Db {
         let log_pages = Arc::clone(&self.log_pages);
         // SQLite calls this after a commit, and a commit flushes the log.
         let noted = move |_: &mut Wal, pages| {
-            for pages in u32::try_from(pages) {
+            if let Ok(pages) = u32::try_from(pages) {
                 log_pages.store(pages, Ordering::Relaxed);
                 mark.note(pages);
             }

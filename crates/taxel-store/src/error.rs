@@ -171,7 +171,9 @@ impl StoreError {
 
     /// The same of a commit that failed and is still in the log.
     pub(crate) fn not_taken_back(self, why: &io::Error) -> Self {
-        let with = |said| format!("{said}; the next start may find what was refused, as it could not be cut off the log: {why}");
+        let with = |said| {
+            format!("{said}; the next start may find what was refused, as it could not be cut off the log: {why}")
+        };
         match self {
             Self::Full(said) => Self::Full(with(said)),
             Self::Io(said) => Self::Io(with(said)),
@@ -225,6 +227,11 @@ impl Quarantined {
     /// A row or a file that is not what was written.
     pub(crate) fn new(what: impl Into<String>, reason: impl fmt::Display) -> Self {
         Self { what: what.into(), reason: reason.to_string(), kind: Kind::Damaged }
+    }
+
+    /// The names of what is not there, of these.
+    pub(crate) fn losses(found: &[Self]) -> Vec<String> {
+        found.iter().filter(|found| found.kind == Kind::Lost).map(|found| found.what.clone()).collect()
     }
 
     /// What is not there, in whole or in part, or could not be used as it is: the reason says all of it.

@@ -7,7 +7,7 @@ use std::path::Path;
 use rusqlite::Connection;
 
 use crate::error::StoreError;
-use crate::{beside, open_mark, schema};
+use crate::{beside, open_mark, schema, wal_check};
 
 /// Of our files so much is looked at for what makes them ours: their tables are described at the beginning.
 const MARKS_WITHIN: u64 = 1 << 20;
@@ -87,10 +87,18 @@ fn is_empty(connection: &Connection) -> rusqlite::Result<bool> {
 
 /// Reads every page once and checks its structure.
 pub(crate) fn check_structure(connection: &Connection, path: &Path) -> Result<(), StoreError> {
-    match structure_findings(connection).map_err(|error| StoreError::opening(path, &error))? {
-        None => Ok(()),
-        Some(findings) => Err(StoreError::Damaged { path: path.to_path_buf(), findings }),
-    }
+    let opening = |error| StoreError::opening(path, &error);
+    let findings =
+        structure_findings(connection).map_err(opening)?.or(log_of_another(connection, path).map_err(opening)?);
+    findings.map_or(Ok(()), |findings| Err(StoreError::Damaged { path: path.to_path_buf(), findings }))
+}
+
+/// Whether the log is that of another database, or of this one at another time: each transaction tells how many pages the
+/// database has after it, and the first page, which says so too, is part of each that changes that.
+fn log_of_another(connection: &Connection, path: &Path) -> rusqlite::Result<Option<String>> {
+    let pages: u32 = connection.pragma_query_value(None, "page_count", |row| row.get(0))?;
+    let by_log = wal_check::database_pages(path).filter(|by_log| *by_log != pages);
+    Ok(by_log.map(|by_log| format!("it has {pages} pages, and its log is that of one with {by_log}")))
 }
 
 /// What is wrong with how the pages hang together; `None` if all is well.

@@ -9,7 +9,7 @@ use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::loads::Load;
 
 use crate::audit_rows;
-use crate::board_zeros;
+use crate::board_zeros::{self, Missing};
 use crate::deletions::Deletions;
 use crate::error::Quarantined;
 use crate::load_row::load_from_text;
@@ -57,7 +57,7 @@ pub(crate) fn read(
     }
     let (loads, next_load) = loads(connection, quarantined)?;
     let patches: BTreeSet<&str> = list.sets.iter().map(|set| set.known.patch.as_str()).collect();
-    let known = board_zeros::read(connection, &patches, false, quarantined)?;
+    let known = board_zeros::read(connection, &patches, Missing::default(), quarantined)?;
     let board_zeros = known.into_iter().map(|known| (known.patch, known.zeros)).collect();
     audit_rows::count(connection, quarantined)?;
     let texts_read = list.texts_read + active.len();

@@ -44,6 +44,13 @@ pub(crate) fn problem(database: &Path) -> io::Result<Option<String>> {
     Ok(found.problem.or_else(|| cut_off(found.pages, open_mark::pages(database))))
 }
 
+/// How many pages a database has by the last transaction of its log; `None` if that has none, or cannot be read.
+pub(crate) fn database_pages(database: &Path) -> Option<u32> {
+    let log = beside::wal(database);
+    let is_file = fs::metadata(&log).is_ok_and(|about| about.is_file());
+    is_file.then(|| read(BufReader::new(File::open(log).ok()?)).ok()?.database_pages).flatten()
+}
+
 /// What is lost of a log that has `usable` pages, of which there were `once` so many on disk.
 fn cut_off(usable: u32, once: u32) -> Option<String> {
     let lost =
@@ -56,6 +63,8 @@ fn cut_off(usable: u32, once: u32) -> Option<String> {
 struct Found {
     /// Up to the last end of a transaction before the first page that is not what was written.
     pages: u32,
+    /// How many the database has after that transaction.
+    database_pages: Option<u32>,
     /// What is wrong with it, as far as it can tell itself.
     problem: Option<String>,
 }
@@ -87,11 +96,11 @@ fn read(mut log: impl Read) -> io::Result<Found> {
             return Ok(Found::default());
         }
         let problem = "its beginning is not what was written: nothing of it can be used".to_owned();
-        return Ok(Found { pages: 0, problem: Some(problem) });
+        return Ok(Found { problem: Some(problem), ..Found::default() });
     }
     let salts = &header[16..24];
     let mut frame = vec![0; FRAME_HEADER_BYTES + page_bytes];
-    let (mut broken, mut commits_after, mut pages) = (None, 0, 0);
+    let (mut broken, mut commits_after, mut pages, mut database_pages) = (None, 0, 0, None);
     for position in 0_u32.. {
         if let Err(error) = log.read_exact(&mut frame) {
             if error.kind() == io::ErrorKind::UnexpectedEof { break } else { return Err(error) }
@@ -101,10 +110,11 @@ fn read(mut log: impl Read) -> io::Result<Found> {
         if broken.is_none() && !whole {
             broken = Some(position);
         }
-        let ends_transaction = &frame[8..16] == salts && number(&frame, 4) > 0;
+        let pages_after = number(&frame, 4);
+        let ends_transaction = &frame[8..16] == salts && pages_after > 0;
         match broken {
             Some(_) => commits_after += u32::from(ends_transaction),
-            None if ends_transaction => pages = position + 1,
+            None if ends_transaction => (pages, database_pages) = (position + 1, Some(pages_after)),
             None => {}
         }
     }
@@ -113,7 +123,7 @@ fn read(mut log: impl Read) -> io::Result<Found> {
     let problem = broken.filter(|_| commits_after > 1).map(|position| {
         format!("page {position} of it is not what was written: {commits_after} transactions from there on are lost")
     });
-    Ok(Found { pages, problem })
+    Ok(Found { pages, database_pages, problem })
 }
 
 #[cfg(test)]
@@ -201,7 +211,7 @@ mod tests {
         let pages = |frames: &[bool]| read(&log(MAGIC, PAGE as u32, frames)[..]).unwrap().pages;
         assert_eq!([&[][..], &[false, false], &[true, false, false], &[false, true, false]].map(pages), [0, 0, 1, 2]);
         let torn = read(&damaged(log(MAGIC, PAGE as u32, &[true, true, false, true]), 3)[..]).unwrap();
-        assert_eq!(torn, Found { pages: 2, problem: None });
+        assert_eq!(torn, Found { pages: 2, database_pages: Some(2), problem: None });
     }
 
     /// A log is begun anew over an older one, whose frames have other salts.

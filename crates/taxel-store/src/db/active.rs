@@ -8,6 +8,7 @@ use taxel_engine::Restored;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::record::Record;
 
+use crate::board_zeros::Missing;
 use crate::db::Db;
 use crate::error::{Quarantined, StoreError};
 use crate::retention::wall_ns;
@@ -104,10 +105,16 @@ impl Db {
     /// Finds what is known of the boards' zeros, now that all patches are known. What follows from a loss alone is written
     /// down, so that it is held until somebody vouches for the zero.
     ///
-    /// `lost` tells that the newest rows may be missing.
-    pub(super) fn restore_board_zeros(&mut self, restored: &mut Restored, lost: bool) -> Result<(), StoreError> {
+    /// `lost` tells that the newest rows may be missing, `elsewhere` of what else rows are.
+    pub(super) fn restore_board_zeros(
+        &mut self,
+        restored: &mut Restored,
+        lost: bool,
+        elsewhere: &[String],
+    ) -> Result<(), StoreError> {
         let patches: BTreeSet<&str> = patches_of(restored).collect();
-        let found = board_zeros::read(&self.connection, &patches, lost, &mut Vec::new())?; // what is damaged was told
+        let missing = Missing { newest: lost, elsewhere };
+        let found = board_zeros::read(&self.connection, &patches, missing, &mut Vec::new())?; // what is damaged was told
         let (wall_ns, unnoted) = (wall_ns(), found.iter().filter(|known| !known.is_noted));
         let record = |known: &board_zeros::Known| {
             tracing::error!(patch = known.patch, "{}", known.zeros.unproven.as_deref().unwrap_or_default());

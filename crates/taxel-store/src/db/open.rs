@@ -27,6 +27,17 @@ const STORE: &str = "the store";
 /// calibrations; a larger one is proven while the daemon runs.
 const WHOLE_BYTES_MAX: u64 = 8 << 20;
 
+/// How a start looks at a file.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Look {
+    /// What is large is proven later.
+    Quick,
+    /// All of it is proven.
+    Whole,
+    /// The same of what has just been made of a damaged one.
+    PutRight,
+}
+
 impl Db {
     /// As [`Db::open_keeping`], and deletes nothing.
     #[cfg(any(test, feature = "fixtures"))]
@@ -127,16 +138,16 @@ impl Db {
     ) -> Result<(Self, Restored), StoreError> {
         let failure = clear_the_way(path, failure, quarantined);
         let failure = look_at_log(path, failure, lost, quarantined)?;
-        let (mut db, mut restored) = match Self::open_file(path, whole, failure.clone(), quarantined) {
-            Err(error) if is_damage(&error, path) => {
+        let known = quarantined.len();
+        let look = if whole { Look::Whole } else { Look::Quick };
+        let (db, restored) = match Self::start(path, look, failure.clone(), limits, lost, quarantined) {
+            Err(error) if is_damage(&error, path) || (whole && matches!(error, StoreError::Corrupt(_))) => {
+                quarantined.truncate(known); // it is all found again
                 quarantined.push(put_right(path, &error, failure)?);
-                let (db, restored) = Self::open_file(path, true, None, quarantined)?;
-                *lost |= !tally::is_recorded(&db.connection, Stream::BoardZeros)?;
-                (db, restored)
+                Self::start(path, Look::PutRight, None, limits, lost, quarantined)?
             }
-            opened => opened?,
+            started => started?,
         };
-        db.finish_start(path, &mut restored, limits, lost, quarantined)?;
         let doubt = beside::doubt_mark(path);
         if whole
             && db.failure.is_none()
@@ -149,25 +160,30 @@ impl Db {
         Ok((db, restored))
     }
 
-    /// What a start does with a file that was read.
-    fn finish_start(
-        &mut self,
+    /// Opens a file that can be read, and does with it what a start does.
+    fn start(
         path: &Path,
-        restored: &mut Restored,
+        look: Look,
+        failure: Option<StoreError>,
         limits: &Retention,
         lost: &mut bool,
         quarantined: &mut Vec<Quarantined>,
-    ) -> Result<(), StoreError> {
+    ) -> Result<(Self, Restored), StoreError> {
+        let known = quarantined.len();
+        let (mut db, mut restored) = Self::open_file(path, look != Look::Quick, failure, quarantined)?;
+        let missing = Quarantined::losses(&quarantined[known..]);
+        *lost |= look == Look::PutRight && !tally::is_recorded(&db.connection, Stream::BoardZeros)?;
         // The log was folded back: what is written from here on is known to be in it.
-        self.attempt(|db| db.mark_open(path))?;
-        self.attempt(|db| {
+        db.attempt(|db| db.mark_open(path))?;
+        db.attempt(|db| {
             let page_bytes = db.connection.pragma_query_value(None, "page_size", |row| row.get(0))?;
             db.held = Some(HeldFiles::of(path, page_bytes)?);
             Ok(())
         })?;
-        self.restore_active(path, restored, lost, quarantined)?;
-        self.restore_board_zeros(restored, *lost)?;
-        self.attempt(|db| db.retain(restored, limits))
+        db.restore_active(path, &mut restored, lost, quarantined)?;
+        db.restore_board_zeros(&mut restored, *lost, &missing)?;
+        db.attempt(|db| db.retain(&mut restored, limits))?;
+        Ok((db, restored))
     }
 
     /// Opens a file that can be read, and finds rows that are not what was written: all of them if it proves the `whole`.

@@ -17,6 +17,7 @@ mod in_the_way;
 mod in_use;
 mod loads;
 mod lost;
+mod mixed;
 mod nothing_lost;
 mod older;
 mod owner;
