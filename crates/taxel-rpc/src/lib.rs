@@ -57,6 +57,7 @@ mod validation;
 mod watchdog;
 
 pub use access::accounts::{group_id, user_id};
+pub use access::certificate_name::CertificateName;
 pub use access::private_file::read_private;
 pub use access::role::Role;
 pub use access::rules::{Access, Grant, Rules, Subject};

@@ -14,9 +14,11 @@ use tokio_rustls::rustls::version::TLS13;
 use tokio_rustls::rustls::{RootCertStore, ServerConfig};
 use tokio_rustls::server::TlsStream;
 use x509_cert::der::Decode;
+use x509_cert::der::oid::db::rfc4519::COMMON_NAME;
 use x509_cert::ext::pkix::SubjectAltName;
 use x509_cert::ext::pkix::name::GeneralName;
 
+use crate::access::certificate_name::CertificateName;
 use crate::access::origin::Certificate;
 use crate::access::private_file::{Others, read_guarded, read_small};
 
@@ -126,13 +128,16 @@ fn read_certificate(der: &[u8]) -> Result<Certificate, String> {
     let alternative = content.get_extension::<SubjectAltName>().map_err(unreadable)?;
     let alternative = alternative.map(|(_, names)| names.0).unwrap_or_default();
     let named = |name: &GeneralName| match name {
-        GeneralName::UniformResourceIdentifier(uri) => Some(uri.as_str().to_owned()),
-        GeneralName::DnsName(dns) => Some(format!("DNS:{}", dns.as_str())),
+        GeneralName::UniformResourceIdentifier(uri) => Some(CertificateName::Uri(uri.as_str().to_owned())),
+        GeneralName::DnsName(dns) => Some(CertificateName::Dns(dns.as_str().to_owned())),
         _ => None,
     };
-    let mut names: Vec<String> = alternative.iter().filter_map(named).collect();
-    if let Some(common) = content.subject().common_name().map_err(unreadable)? {
-        names.push(format!("CN={}", common.value()));
+    let mut names: Vec<CertificateName> = alternative.iter().filter_map(named).collect();
+    let subject = content.subject();
+    // Programs differ in which of several they take for the name of the subject, so that none of them is.
+    let is_named = subject.iter().filter(|attribute| attribute.oid == COMMON_NAME).count() == 1;
+    if let Some(common) = subject.common_name().map_err(unreadable)?.filter(|_| is_named) {
+        names.push(CertificateName::Common(common.value().into_owned()));
     }
     Ok(Certificate { names, until: content.validity().not_after.to_system_time() })
 }

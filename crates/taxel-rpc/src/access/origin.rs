@@ -5,6 +5,8 @@ use std::net::{IpAddr, Ipv6Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::SystemTime;
 
+use crate::access::certificate_name::CertificateName;
+
 /// An account of this machine, as the kernel names the peer of a Unix socket.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Account {
@@ -25,8 +27,8 @@ impl Account {
 /// What a client certificate that was verified says.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Certificate {
-    /// The names by which rules may mean it: `spiffe://...` and other URIs as they are, `DNS:...`, `CN=...`.
-    pub(crate) names: Vec<String>,
+    /// The names by which rules may mean it; the first is the one that is written down.
+    pub(crate) names: Vec<CertificateName>,
     /// When it expires.
     pub(crate) until: SystemTime,
 }
@@ -53,7 +55,7 @@ pub(crate) enum PeerKey {
     Loopback,
     /// An address elsewhere; of IPv6 the network of 64 bits, all of whose addresses one host may have.
     Address(IpAddr),
-    Certificate(String),
+    Certificate(CertificateName),
     /// The holder of a token, from wherever a call comes. Connections are never so: a token comes with a call.
     Token(Arc<str>),
 }
@@ -110,7 +112,7 @@ impl Origin {
     pub(crate) fn name(&self) -> Option<String> {
         match self {
             Self::Unix(account, _) => Some(account.user.clone().unwrap_or_else(|| format!("uid {}", account.uid))),
-            Self::Tls(_, certificate) => certificate.names.first().cloned(),
+            Self::Tls(_, certificate) => certificate.names.first().map(CertificateName::to_string),
             Self::Loopback(_) | Self::Insecure(_) => None,
         }
     }

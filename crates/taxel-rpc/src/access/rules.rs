@@ -7,6 +7,7 @@ use tonic::Status;
 
 use crate::access::accounts::Accounts;
 use crate::access::caller::Caller;
+use crate::access::certificate_name::CertificateName;
 use crate::access::origin::Origin;
 use crate::access::role::Role;
 use crate::access::token::Tokens;
@@ -18,8 +19,8 @@ pub enum Subject {
     User(String),
     /// The accounts of a group on a Unix socket.
     Group(String),
-    /// A certificate with this name: a URI or `DNS:...` of its subject alternative names, or `CN=...`.
-    Certificate(String),
+    /// A certificate with this name.
+    Certificate(CertificateName),
 }
 
 /// One rule.
@@ -170,9 +171,20 @@ mod tests {
         Origin::Unix(Arc::new(Account { uid, user: Some(user.to_owned()), groups }), None)
     }
 
-    fn tls(names: &[&str], until: SystemTime) -> Origin {
-        let names = names.iter().map(|name| (*name).to_owned()).collect();
-        Origin::Tls("192.0.2.7:1".parse().unwrap(), Arc::new(Certificate { names, until }))
+    fn tls(names: &[CertificateName], until: SystemTime) -> Origin {
+        Origin::Tls("192.0.2.7:1".parse().unwrap(), Arc::new(Certificate { names: names.to_vec(), until }))
+    }
+
+    fn uri(text: &str) -> CertificateName {
+        CertificateName::Uri(text.to_owned())
+    }
+
+    fn common(name: &str) -> CertificateName {
+        CertificateName::Common(name.to_owned())
+    }
+
+    fn dns(name: &str) -> CertificateName {
+        CertificateName::Dns(name.to_owned())
     }
 
     fn rules() -> Rules {
@@ -182,8 +194,9 @@ mod tests {
                 grant(Subject::Group("skin".to_owned()), Role::Operator),
                 grant(Subject::User("ann".to_owned()), Role::Admin),
                 grant(Subject::User("77".to_owned()), Role::Operator),
-                grant(Subject::Certificate("spiffe://robot/operator".to_owned()), Role::Operator),
-                grant(Subject::Certificate("CN=ann".to_owned()), Role::Admin),
+                grant(Subject::Certificate(uri("spiffe://robot/operator")), Role::Operator),
+                grant(Subject::Certificate(common("ann")), Role::Admin),
+                grant(Subject::Certificate(dns("bench.example")), Role::Admin),
             ],
             loopback: Some(Role::Observer),
             unix: Some(Role::Observer),
@@ -201,16 +214,31 @@ mod tests {
             (unix(77, "joe", &[]), Some(Role::Operator)),
             (unix(1002, "skin", &[]), Some(Role::Observer)),
             (unix(1002, "CN=ann", &["ann", "spiffe://robot/operator"]), Some(Role::Observer)),
-            (tls(&["spiffe://robot/operator"], future), Some(Role::Operator)),
-            (tls(&["spiffe://robot/operator/x", "CN=ann "], future), None),
-            (tls(&["CN=skin", "ann", "skin"], future), None),
-            (tls(&["DNS:x", "CN=ann"], future), Some(Role::Admin)),
+            (tls(&[uri("spiffe://robot/operator")], future), Some(Role::Operator)),
+            (tls(&[uri("spiffe://robot/operator/x"), common("ann ")], future), None),
+            (tls(&[common("skin"), uri("ann"), uri("skin")], future), None),
+            (tls(&[dns("x"), common("ann")], future), Some(Role::Admin)),
+            (tls(&[dns("bench.example")], future), Some(Role::Admin)),
+            (tls(&[uri("CN=ann"), uri("DNS:bench.example"), uri("ann")], future), None),
+            (tls(&[dns("ann"), dns("CN=ann"), dns("spiffe://robot/operator")], future), None),
+            (tls(&[common("DNS:bench.example"), common("CN=ann"), common("spiffe://robot/operator")], future), None),
             (Origin::of_tcp("127.0.0.1:1".parse().unwrap()), Some(Role::Observer)),
             (Origin::of_tcp("[::ffff:127.0.0.1]:1".parse().unwrap()), Some(Role::Observer)),
             (Origin::of_tcp("192.0.2.7:1".parse().unwrap()), None),
         ];
         for (origin, expected) in cases {
             assert_eq!(rules().role(&origin), expected, "{origin:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_written_down_of_a_name_shows_its_kind() {
+        let future = SystemTime::now() + Duration::from_secs(3600);
+        let who = |name| rules().caller(&Arc::new(tls(&[name], future)), None).unwrap().who();
+        assert_eq!(who(common("ann")), "CN=ann");
+        assert_eq!(who(uri("spiffe://robot/operator")), "spiffe://robot/operator");
+        for text in ["CN=ann", "DNS:bench.example", "token bench", "nobody in particular"] {
+            assert_eq!(who(uri(text)), format!("URI:{text}"));
         }
     }
 
@@ -243,7 +271,7 @@ mod tests {
     #[test]
     fn an_expired_certificate_is_refused_also_on_a_connection_that_is_open() {
         let past = SystemTime::now() - Duration::from_secs(1);
-        let status = rules().caller(&Arc::new(tls(&["CN=ann"], past)), None).unwrap_err();
+        let status = rules().caller(&Arc::new(tls(&[common("ann")], past)), None).unwrap_err();
         assert_eq!(status.code(), tonic::Code::Unauthenticated);
     }
 

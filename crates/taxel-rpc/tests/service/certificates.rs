@@ -45,6 +45,17 @@ impl Authority {
         self.sign(&client(uri))
     }
 
+    /// With one or two common names and another name.
+    pub fn named_client(&self, common: &[&str], alternative: SanType) -> Leaf {
+        let mut params = client("");
+        params.subject_alt_names = vec![alternative];
+        let again = DnType::CustomDnType(vec![2, 5, 4, 3]); // the common name's own number: there may be one of each word
+        for (kind, name) in [DnType::CommonName, again].into_iter().zip(common) {
+            params.distinguished_name.push(kind, *name);
+        }
+        self.sign(&params)
+    }
+
     pub fn expired_client(&self, uri: &str) -> Leaf {
         let mut params = client(uri);
         (params.not_before, params.not_after) = (date_time_ymd(2001, 1, 1), date_time_ymd(2002, 1, 1));

@@ -7,9 +7,10 @@ use std::time::Duration;
 
 use prost::Message;
 use prost_types::FileDescriptorSet;
+use rcgen::SanType;
 use taxel_engine::command::Rejection;
 use taxel_proto::v1::ErrorReason;
-use taxel_rpc::{Access, Grant, Limits, Listener, Rate, Role, Rules, Subject, Tls, Tokens};
+use taxel_rpc::{Access, CertificateName, Grant, Limits, Listener, Rate, Role, Rules, Subject, Tls, Tokens};
 use tonic::body::Body;
 use tonic::codegen::{Service, http};
 use tonic::transport::{Certificate, Channel, ClientTlsConfig, Endpoint};
@@ -138,14 +139,14 @@ struct House {
 }
 
 fn rules() -> Rules {
-    let grant = |name: &str, role| Grant { subject: Subject::Certificate(format!("spiffe://robot/{name}")), role };
+    let name = |role: Role| CertificateName::Uri(format!("spiffe://robot/{role}"));
     let hash = |token: &str| {
         use sha2::Digest;
         sha2::Sha256::digest(token).iter().map(|byte| format!("{byte:02x}")).collect::<String>()
     };
     let line = |role: &Role| format!("{role} {role} {}\n", hash(&format!("{role}-token")));
     Rules {
-        grants: Role::ALL.map(|role| grant(role.name(), role)).into(),
+        grants: Role::ALL.map(|role| Grant { subject: Subject::Certificate(name(role)), role }).into(),
         tokens: Tokens::parse(&Role::ALL.iter().map(line).collect::<String>()).unwrap(),
         ..Rules::default()
     }
@@ -269,6 +270,40 @@ async fn with_a_certificate_each_name_may_do_what_its_grant_says() {
     house
         .walk(&mut channel, Some("operator-token"), Expected::Role(Some(Role::Operator), Code::PermissionDenied))
         .await;
+}
+
+#[tokio::test]
+async fn a_name_of_a_certificate_has_no_role_of_a_name_of_another_kind() {
+    let house = house().await;
+    let mut rules = house.rules.clone();
+    let boss = [CertificateName::Common("boss".to_owned()), CertificateName::Dns("boss.example".to_owned())];
+    rules.grants.extend(boss.map(|name| Grant { subject: Subject::Certificate(name), role: Role::Admin }));
+    house.access.replace(rules);
+    let dns = |name: &str| SanType::DnsName(name.try_into().unwrap());
+    let uri = |text: &str| SanType::URI(text.try_into().unwrap());
+    let cases = [
+        (["boss"].as_slice(), uri("spiffe://robot/somebody"), Some(Role::Admin)),
+        (&["nobody"], dns("boss.example"), Some(Role::Admin)),
+        (&["nobody"], uri("CN=boss"), None),
+        (&["nobody"], uri("DNS:boss.example"), None),
+        (&["nobody"], dns("CN=boss"), None),
+        (&["CN=boss"], dns("boss"), None),
+        (&["DNS:boss.example"], uri("boss"), None),
+        (&["spiffe://robot/admin"], dns("spiffe://robot/admin"), None),
+        (&["boss", "nobody"], uri("spiffe://robot/somebody"), None),
+        (&["nobody", "boss"], uri("spiffe://robot/somebody"), None),
+        (&["boss", "nobody"], uri("spiffe://robot/operator"), Some(Role::Operator)),
+    ];
+    for (common, alternative, role) in cases {
+        let shown = format!("{common:?}, {alternative:?}");
+        let leaf = house.authority.named_client(common, alternative);
+        let mut channel = house.with_certificate(Some(&leaf));
+        for method in ["taxel.v1.SkinService/Tare", "taxel.v1.ModelService/DeleteModelSet"] {
+            let answer = call(&mut channel, method, None).await.unwrap();
+            println!("{shown}: {method}");
+            judge(method, Expected::Role(role, Code::PermissionDenied), answer.as_ref());
+        }
+    }
 }
 
 #[tokio::test]

@@ -79,12 +79,16 @@ impl Doors {
         let unreached = |Grant { subject, role }: &Grant| {
             let (kind, name, place) = match subject {
                 Subject::User(name) if !unix => {
-                    ("user", name, "a Unix socket: write a [[listen]] with `unix`, or run it as taxeld.service")
+                    ("user", name.clone(), "a Unix socket: write a [[listen]] with `unix`, or run it as taxeld.service")
                 }
-                Subject::Group(name) if !unix => {
-                    ("group", name, "a Unix socket: write a [[listen]] with `unix`, or run it as taxeld.service")
+                Subject::Group(name) if !unix => (
+                    "group",
+                    name.clone(),
+                    "a Unix socket: write a [[listen]] with `unix`, or run it as taxeld.service",
+                ),
+                Subject::Certificate(name) if !tls => {
+                    ("certificate", name.to_string(), "TLS: write a [[listen]] with `tls`")
                 }
-                Subject::Certificate(name) if !tls => ("certificate", name, "TLS: write a [[listen]] with `tls`"),
                 _ => return None,
             };
             Some(format!("access: {kind} {name} is {role} only over {place}"))
@@ -240,13 +244,8 @@ fn rules(access: &AccessSection) -> Result<Rules, Fault> {
         let subject = match (&section.user, &section.group, &section.certificate) {
             (Some(user), None, None) => Subject::User(user.clone()),
             (None, Some(group), None) => Subject::Group(group.clone()),
-            (None, None, Some(name))
-                if ["CN=", "DNS:"].iter().any(|kind| name.starts_with(kind)) || name.contains(':') =>
-            {
-                Subject::Certificate(name.clone())
-            }
             (None, None, Some(name)) => {
-                return Err(told(&format!("certificate = \"{name}\": expected a URI, `DNS:...` or `CN=...`")));
+                Subject::Certificate(name.parse().map_err(|problem| told(&format!("certificate = {problem}")))?)
             }
             _ => return Err(told("expected one of `user`, `group` and `certificate`")),
         };
@@ -389,6 +388,10 @@ mod tests {
             ("[access]\ninsecure = \"operator\"", "access.insecure"),
             ("[access]\n[[access.grant]]\nrole = \"admin\"", "[[access.grant]] 1: expected one of"),
             ("[access]\n[[access.grant]]\nrole = \"admin\"\ncertificate = \"ann\"", "expected a URI"),
+            (
+                "[access]\n[[access.grant]]\nrole = \"admin\"\ncertificate = \"cn=ann\"",
+                "[[access.grant]] 1: certificate = \"cn=ann\": expected a URI",
+            ),
             ("[access]\n[[access.grant]]\nrole = \"none\"\nuser = \"ann\"", "grants nothing"),
             ("[access]\nloopback = \"root\"", "unknown variant"),
             ("[access]\nloopbak = \"none\"", "did you mean `loopback`"),
