@@ -309,6 +309,16 @@ fn check_says_what_a_machine_lacks_that_the_configuration_needs() {
     }
 }
 
+#[test]
+fn the_socket_is_in_the_first_of_the_folders_that_the_service_manager_gives() {
+    let folder = scratch(&[("t.toml", CONFIG)]);
+    let mut check = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    check.args(["check", "--config", &path(folder.path(), "t.toml")]).env("RUNTIME_DIRECTORY", "/run/one:/run/one/two");
+    let output = check.output().unwrap();
+    let printed = text(&output.stdout);
+    assert!(output.status.success() && printed.contains("on unix:/run/one/taxeld.sock (mode 660)\n"), "{printed}");
+}
+
 /// A second patch beside the one of `CONFIG`.
 fn with_a_second_patch(modules: &str, more: &str) -> String {
     format!(

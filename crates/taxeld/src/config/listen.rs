@@ -115,9 +115,9 @@ pub fn doors(config: &Config, path: &Path) -> Result<Doors, Fault> {
         doors.push(Door::Tcp(listen));
     }
     if config.listen.is_empty()
-        && let Some(folder) = std::env::var_os("RUNTIME_DIRECTORY").filter(|folder| !folder.is_empty())
+        && let Some(folder) = crate::systemd::runtime_folder()
     {
-        doors.push(Door::Unix { path: Path::new(&folder).join(SOCKET_NAME), mode: SOCKET_MODE, group: None });
+        doors.push(Door::Unix { path: folder.join(SOCKET_NAME), mode: SOCKET_MODE, group: None });
     }
     for (position, section) in config.listen.iter().enumerate() {
         let wrong = |problem: String| {
