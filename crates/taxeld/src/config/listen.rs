@@ -8,8 +8,8 @@ use taxel_rpc::{Grant, Rules, Subject};
 
 use super::fault::Fault;
 use super::file::Config;
+use super::listen_places::{is_same_place, listens_beside};
 use super::listen_sections::{AccessSection, GrantSection, ListenSection, RoleWord};
-use super::page_section::listens;
 
 /// The mode of a Unix socket, unless another is given: its owner and its group may connect.
 const SOCKET_MODE: u32 = 0o660;
@@ -147,35 +147,6 @@ pub fn doors(config: &Config, path: &Path) -> Result<Doors, Fault> {
     }
     let tokens = access.tokens.as_deref().map(beside);
     Ok(Doors { doors, rules: rules(access)?, tokens, ruled: true })
-}
-
-/// Whether one that listens at the one leaves no room for the other.
-fn is_same_place(one: &Door, other: &Door) -> bool {
-    match (one, other) {
-        (Door::Unix { path: one, .. }, Door::Unix { path: other, .. }) => one == other,
-        _ => address_of(one).zip(address_of(other)).is_some_and(|(one, other)| overlap(one, other)),
-    }
-}
-
-fn address_of(door: &Door) -> Option<SocketAddr> {
-    match door {
-        Door::Unix { .. } => None,
-        Door::Tcp(address) | Door::Tls { address, .. } => Some(*address),
-    }
-}
-
-/// Whether two addresses cannot both be listened at. Port 0 is any that is free; `[::]` has those of IPv4, too, ipv6(7).
-fn overlap(one: SocketAddr, other: SocketAddr) -> bool {
-    let has = |all: SocketAddr, other: SocketAddr| all.ip().is_unspecified() && (all.is_ipv6() || other.is_ipv4());
-    let same_host = one.ip() == other.ip() || has(one, other) || has(other, one);
-    one.port() == other.port() && one.port() != 0 && same_host
-}
-
-/// Page or metrics where the service listens, too: which key it is, and the address.
-fn listens_beside(config: &Config, doors: &[Door]) -> Option<(&'static str, SocketAddr)> {
-    let page = config.page.as_ref().filter(|page| page.bound.is_none());
-    let is_taken = |address: SocketAddr| doors.iter().filter_map(address_of).any(|door| overlap(door, address));
-    listens(page, config.metrics.as_ref()).find(|(_, address)| is_taken(*address))
 }
 
 /// Why no socket can have this path, if so.
@@ -326,27 +297,6 @@ mod tests {
         let files = ["/etc/taxeld/s.pem", "/run/k.pem", "/etc/taxeld/ca.pem"].map(PathBuf::from);
         let unix = Door::Unix { path: "/run/taxeld/s".into(), mode: 0o600, group: None };
         assert_eq!(found.unwrap().doors, [unix, Door::Tls { address: "0.0.0.0:50052".parse().unwrap(), files }]);
-    }
-
-    #[test]
-    fn addresses_overlap_as_the_kernel_has_it() {
-        let overlap = |one: &str, other: &str| {
-            let (one, other) = (one.parse().unwrap(), other.parse().unwrap());
-            assert_eq!(overlap(one, other), overlap(other, one));
-            overlap(one, other)
-        };
-        for (one, other, expected) in [
-            ("127.0.0.1:9", "127.0.0.1:9", true),
-            ("127.0.0.1:9", "127.0.0.2:9", false),
-            ("127.0.0.1:9", "127.0.0.1:8", false),
-            ("0.0.0.0:9", "127.0.0.1:9", true),
-            ("[::]:9", "127.0.0.1:9", true),
-            ("[::]:9", "0.0.0.0:9", true),
-            ("0.0.0.0:9", "[::1]:9", false),
-            ("127.0.0.1:0", "127.0.0.1:0", false),
-        ] {
-            assert_eq!(overlap(one, other), expected, "{one} and {other}");
-        }
     }
 
     /// A path of 108 bytes.

@@ -10,6 +10,7 @@ mod fault;
 mod file;
 mod fit_section;
 mod listen;
+mod listen_places;
 mod listen_sections;
 mod load;
 mod log_filter;
