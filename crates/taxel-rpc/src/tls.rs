@@ -20,7 +20,7 @@ use x509_cert::ext::pkix::name::GeneralName;
 
 use crate::access::certificate_name::CertificateName;
 use crate::access::origin::Certificate;
-use crate::access::private_file::{Others, read_guarded, read_small};
+use crate::access::private_file::{Others, Reader, is_readable, read_guarded, read_small};
 
 /// What a TLS listener is made from, all in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -55,8 +55,18 @@ impl Tls {
     /// # Errors
     /// [`TlsError`] with the file and what is wrong with it.
     pub fn load(files: TlsFiles) -> Result<Self, TlsError> {
-        let config = Arc::new(RwLock::new(server_config(&files)?));
+        let config = Arc::new(RwLock::new(server_config(&files, Reader::Daemon)?));
         Ok(Self { files: Arc::new(files), config })
+    }
+
+    /// Looks at the files for a daemon that may have another account. They pass where this account cannot read all of them.
+    ///
+    /// # Errors
+    /// [`TlsError`] with the file and what no daemon would take.
+    pub fn check(files: &TlsFiles) -> Result<(), TlsError> {
+        let TlsFiles { certificate, key, client_ca } = files;
+        let are_readable = [certificate, key, client_ca].into_iter().all(|file| is_readable(file));
+        if are_readable { server_config(files, Reader::Check).map(drop) } else { Ok(()) }
     }
 
     /// Reads the files again. New connections get what is in them now; those that are open go on as they are.
@@ -64,7 +74,7 @@ impl Tls {
     /// # Errors
     /// [`TlsError`]; then everything stays as it was.
     pub fn reload(&self) -> Result<(), TlsError> {
-        let config = server_config(&self.files)?;
+        let config = server_config(&self.files, Reader::Daemon)?;
         *self.config.write().unwrap_or_else(PoisonError::into_inner) = config;
         Ok(())
     }
@@ -86,18 +96,19 @@ impl Tls {
     }
 }
 
-fn server_config(files: &TlsFiles) -> Result<Arc<ServerConfig>, TlsError> {
+fn server_config(files: &TlsFiles, reader: Reader) -> Result<Arc<ServerConfig>, TlsError> {
     let wrong = |path: &Path, problem: String| TlsError { path: path.to_path_buf(), problem };
     let provider = Arc::new(ring::default_provider());
     let mut roots = RootCertStore::empty();
-    let authorities = read_guarded(&files.client_ca, Others::Read).map_err(|why| wrong(&files.client_ca, why))?;
+    let authorities =
+        read_guarded(&files.client_ca, Others::Read, reader).map_err(|why| wrong(&files.client_ca, why))?;
     for authority in certificates(&files.client_ca, &authorities)? {
         roots.add(authority).map_err(|error| wrong(&files.client_ca, error.to_string()))?;
     }
     let verifier = WebPkiClientVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider))
         .build()
         .map_err(|error| wrong(&files.client_ca, error.to_string()))?;
-    let secret = read_guarded(&files.key, Others::Nothing).map_err(|why| wrong(&files.key, why))?;
+    let secret = read_guarded(&files.key, Others::Nothing, reader).map_err(|why| wrong(&files.key, why))?;
     let key = PrivateKeyDer::from_pem_slice(&secret).map_err(|error| wrong(&files.key, error.to_string()))?;
     let own = read_small(&files.certificate).map_err(|why| wrong(&files.certificate, why))?;
     let mut config = ServerConfig::builder_with_provider(provider)

@@ -1,7 +1,7 @@
 //! The folder in which one daemon publishes its pages.
 
 use std::fs::{DirBuilder, OpenOptions, TryLockError};
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -33,38 +33,39 @@ impl Folder {
     /// # Errors
     /// [`PageError`]: it is not on a tmpfs, not this account's alone to write in, or another daemon publishes there.
     pub fn open(path: &Path, permissions: Permissions) -> Result<Self, PageError> {
-        let wrong = |problem: &str| PageError::Folder { path: path.to_owned(), problem: problem.to_owned() };
-        let occupied = |problem: &str| PageError::Occupied { path: path.to_owned(), problem: problem.to_owned() };
         if std::fs::symlink_metadata(path).is_err() {
             make(path, permissions)?;
         }
-        let about = std::fs::symlink_metadata(path).map_err(PageError::of(path, "looking at the folder"))?;
-        if !about.is_dir() {
-            return Err(occupied("is there and is not a folder"));
-        }
-        if about.uid() != geteuid().as_raw() || about.mode() & 0o022 != 0 {
-            let (owner, mode) = (about.uid(), about.mode() & 0o7777);
-            return Err(occupied(&format!(
-                "others could put pages of their own there (it belongs to user {owner}, its mode is {mode:04o}): expected a \
-                 folder of this account in which nobody else writes; remove it, or name another in a folder where not \
-                 everybody may make one, as in /run/taxeld"
-            )));
-        }
-        let system = statfs(path).map_err(|error| PageError::of(path, "looking at the file system")(error.into()))?;
-        if system.filesystem_type() != TMPFS_MAGIC {
-            return Err(wrong("a disk could hold the engine up: expected a folder on a tmpfs, as in /dev/shm or /run"));
-        }
+        private_in_memory(path)?;
         let at = path.join(LOCK);
         let mut options = OpenOptions::new();
         options.read(true).write(true).create(true).truncate(false).mode(0o600).custom_flags(nix::libc::O_NOFOLLOW);
         let lock = options.open(&at).map_err(PageError::of(&at, "opening the lock"))?;
         let lock = Lock::take(lock).map_err(|error| match error {
-            TryLockError::WouldBlock => wrong("another daemon publishes its pages there"),
+            TryLockError::WouldBlock => wrong(path, "another daemon publishes its pages there"),
             TryLockError::Error(source) => PageError::of(&at, "locking")(source),
         })?;
         let folder = Self { path: path.to_owned(), permissions, lock: Arc::new(lock) };
         folder.remove_leftovers()?;
         Ok(folder)
+    }
+
+    /// Looks whether pages could be in the folder, or in one that would be made. Nothing is changed, and whether another daemon
+    /// has the folder is not asked.
+    ///
+    /// # Errors
+    /// [`PageError`], as [`Folder::open`].
+    pub fn check(path: &Path) -> Result<(), PageError> {
+        match std::fs::symlink_metadata(path) {
+            Ok(_) => return private_in_memory(path),
+            Err(error) if matches!(error.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {}
+            Err(error) => return Err(PageError::of(path, "looking at the folder")(error)),
+        }
+        let Some(there) = path.ancestors().skip(1).find(|folder| folder.exists()) else { return Ok(()) };
+        if !there.is_dir() {
+            return Err(wrong(path, &format!("{} is not a folder", there.display())));
+        }
+        in_memory(path, there)
     }
 
     /// Makes the page of a patch.
@@ -91,6 +92,38 @@ impl Folder {
         }
         Ok(())
     }
+}
+
+fn wrong(path: &Path, problem: &str) -> PageError {
+    PageError::Folder { path: path.to_owned(), problem: problem.to_owned() }
+}
+
+/// Whether what has the path is a folder of this account alone, and on a tmpfs.
+fn private_in_memory(path: &Path) -> Result<(), PageError> {
+    let occupied = |problem: &str| PageError::Occupied { path: path.to_owned(), problem: problem.to_owned() };
+    let about = std::fs::symlink_metadata(path).map_err(PageError::of(path, "looking at the folder"))?;
+    if !about.is_dir() {
+        return Err(occupied("is there and is not a folder"));
+    }
+    if about.uid() != geteuid().as_raw() || about.mode() & 0o022 != 0 {
+        let (owner, mode) = (about.uid(), about.mode() & 0o7777);
+        return Err(occupied(&format!(
+            "others could put pages of their own there (it belongs to user {owner}, its mode is {mode:04o}): expected a \
+             folder of this account in which nobody else writes; remove it, or name another in a folder where not \
+             everybody may make one, as in /run/taxeld"
+        )));
+    }
+    in_memory(path, path)
+}
+
+/// Whether the folder that is there is on a tmpfs; `path` is the one of the pages, in it or the same.
+fn in_memory(path: &Path, there: &Path) -> Result<(), PageError> {
+    let system = statfs(there).map_err(|error| PageError::of(there, "looking at the file system")(error.into()))?;
+    if system.filesystem_type() != TMPFS_MAGIC {
+        let why = "a disk could hold the engine up: expected a folder on a tmpfs, as in /dev/shm or /run";
+        return Err(wrong(path, why));
+    }
+    Ok(())
 }
 
 /// Whoever may read pages may look into the folder.

@@ -199,6 +199,20 @@ fn a_folder_that_others_have_or_that_a_disk_is_behind_is_refused() {
 }
 
 #[test]
+fn a_folder_is_looked_at_without_being_made() {
+    let place = in_memory();
+    let new = place.path().join("new");
+    assert!(Folder::check(place.path()).is_ok() && Folder::check(&new.join("deeper")).is_ok());
+    assert!(!new.exists());
+    let refused = |path: &std::path::Path| Folder::check(path).unwrap_err().to_string();
+    let said = refused(std::path::Path::new(&format!("/proc/{}/new", std::process::id())));
+    assert!(said.contains("/new: a disk could hold") && said.contains("expected a folder on a tmpfs"), "{said}");
+    std::fs::write(&new, "").unwrap();
+    assert!(refused(&new.join("deeper")).ends_with("new is not a folder"));
+    assert!(refused(&new).contains("is there and is not a folder"));
+}
+
+#[test]
 fn what_is_no_page_is_told_with_what_was_expected() {
     let place = in_memory();
     let writer = folder(&place).page("palm", LIMITS).unwrap();

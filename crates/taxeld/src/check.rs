@@ -8,9 +8,11 @@ use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, printable};
 
 use crate::config::{
-    BusSource, Config, Door, Doors, Problems, Scene, examine, modules_written, record_written, shared_memory_written,
+    BusSource, Config, Door, Doors, Problems, Scene, examine_with, modules_written, read_text, record_written,
+    shared_memory_written,
 };
 use crate::missing::missing;
+use crate::obstacles::obstacles;
 
 /// Prints a line. What the configuration has in it a terminal must not act upon: that is written out.
 macro_rules! tell {
@@ -28,7 +30,7 @@ const FRAME_S: f64 = 111e-6;
 /// # Errors
 /// Everything that is wrong with it.
 pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
-    let examined = examine(path);
+    let examined = read_text(path).and_then(|text| examine_with(path, &text, obstacles));
     if json {
         let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
         let missing = examined.as_ref().map(|(config, scene)| missing(config, &scene.doors)).unwrap_or_default();

@@ -1,6 +1,8 @@
 //! Opens the doors of the service: binds what the configuration names, reads certificates and tokens, and reads them
 //! again when the files change or somebody asks for it.
 
+use std::fs::Metadata;
+use std::io::ErrorKind;
 use std::net::TcpListener;
 use std::os::unix::fs::{FileTypeExt, MetadataExt, PermissionsExt};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -58,9 +60,8 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
                 Listener::Tcp(TcpListener::bind(address).with_context(|| format!("listening on {address}"))?)
             }
             #[cfg(feature = "tls")]
-            Door::Tls { address, files: [certificate, key, client_ca] } => {
-                let (certificate, key, client_ca) = (certificate.clone(), key.clone(), client_ca.clone());
-                let tls = Tls::load(TlsFiles { certificate, key, client_ca })?;
+            Door::Tls { address, files } => {
+                let tls = Tls::load(tls_files(files))?;
                 reloader.tls.push(tls.clone());
                 let listener = TcpListener::bind(address).with_context(|| format!("listening on {address}"))?;
                 Listener::Tls(listener, tls)
@@ -75,33 +76,77 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
     Ok(Open { listeners, sockets, access, reloader })
 }
 
+/// What would keep a door shut, as far as can be told without opening it, and for a daemon that may have another account.
+pub fn obstacle(door: &Door) -> Option<String> {
+    match door {
+        Door::Tcp(_) => None,
+        Door::Unix { path, .. } => match std::fs::symlink_metadata(path) {
+            Ok(about) => in_the_way(path, &about),
+            Err(error) if error.kind() == ErrorKind::NotADirectory => Some(format!("{}: {error}", path.display())),
+            Err(_) => None, // there is none yet, or this account may not look
+        },
+        #[cfg(feature = "tls")]
+        Door::Tls { files, .. } => Tls::check(&tls_files(files)).err().map(|error| error.to_string()),
+        #[cfg(not(feature = "tls"))]
+        Door::Tls { .. } => None, // the configuration is refused
+    }
+}
+
+/// What is wrong with a token file, for a daemon that may have another account.
+pub fn obstacle_of_tokens(path: &Path) -> Option<String> {
+    Tokens::check(path).err().map(of_tokens)
+}
+
 /// The tokens of a file; none without one.
 fn tokens(path: Option<&Path>) -> anyhow::Result<Tokens> {
     let Some(path) = path else { return Ok(Tokens::default()) };
-    Tokens::load(path).map_err(|problem| anyhow::anyhow!("access.tokens: {problem}"))
+    Tokens::load(path).map_err(|problem| anyhow::Error::msg(of_tokens(problem)))
 }
 
-/// Binds a Unix socket. What is left of a daemon that was killed is removed, but only a socket that nobody answers on.
+fn of_tokens(problem: String) -> String {
+    format!("access.tokens: {problem}")
+}
+
+#[cfg(feature = "tls")]
+fn tls_files([certificate, key, client_ca]: &[PathBuf; 3]) -> TlsFiles {
+    TlsFiles { certificate: certificate.clone(), key: key.clone(), client_ca: client_ca.clone() }
+}
+
+/// Why no socket can be made where this is.
+fn in_the_way(path: &Path, about: &Metadata) -> Option<String> {
+    let is_socket = about.file_type().is_socket();
+    (!is_socket).then(|| format!("{}: is there already and is not a socket", path.display()))
+}
+
+/// Binds a Unix socket.
 fn bind_unix(path: &Path, mode: u32, group: Option<&str>) -> anyhow::Result<UnixListener> {
+    remove_old(path)?;
     let shown = path.display();
-    match std::fs::symlink_metadata(path) {
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {}
-        Err(error) => return Err(error).with_context(|| format!("{shown}")),
-        Ok(about) if !about.file_type().is_socket() => bail!("{shown}: is there already and is not a socket"),
-        Ok(_) => match UnixStream::connect(path) {
-            Ok(_) => bail!("{shown}: another process serves this socket"),
-            Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => {
-                std::fs::remove_file(path).with_context(|| format!("removing the old socket {shown}"))?;
-            }
-            Err(error) => return Err(error).with_context(|| format!("{shown}: is there already")),
-        },
-    }
     let listener = UnixListener::bind(path).with_context(|| format!("listening on {shown}"))?;
     if let Some(group) = group {
         give_to(path, group)?;
     }
     std::fs::set_permissions(path, std::fs::Permissions::from_mode(mode)).with_context(|| format!("{shown}"))?;
     Ok(listener)
+}
+
+/// Removes what is left of a daemon that was killed, but only a socket that nobody answers on.
+fn remove_old(path: &Path) -> anyhow::Result<()> {
+    let shown = path.display();
+    let about = match std::fs::symlink_metadata(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        about => about.with_context(|| format!("{shown}"))?,
+    };
+    if let Some(problem) = in_the_way(path, &about) {
+        bail!(problem);
+    }
+    match UnixStream::connect(path) {
+        Ok(_) => bail!("{shown}: another process serves this socket"),
+        Err(error) if error.kind() == ErrorKind::ConnectionRefused => {
+            std::fs::remove_file(path).with_context(|| format!("removing the old socket {shown}"))
+        }
+        Err(error) => Err(error).with_context(|| format!("{shown}: is there already")),
+    }
 }
 
 /// Gives a socket to a group. It is born with the daemon's own, and where it is that there is nothing to do: the unit of

@@ -29,6 +29,7 @@ mod logs;
 mod looking;
 mod low_latency;
 mod missing;
+mod obstacles;
 mod offline;
 mod open_log;
 #[cfg(feature = "page")]

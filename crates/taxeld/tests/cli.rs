@@ -309,6 +309,46 @@ fn check_says_what_a_machine_lacks_that_the_configuration_needs() {
     }
 }
 
+/// The daemon's own words begin as those of the check.
+#[test]
+fn check_says_what_would_keep_a_daemon_from_starting_and_changes_nothing() {
+    let cases = [
+        ("[access]\ntokens = \"tokens\"", "access.tokens", "tokens: line 1: 2 words, expected three"),
+        ("[[listen]]\nunix = \"there\"", "listen[0].unix", "there: is there already and is not a socket"),
+        ("[[listen]]\nunix = \"there/socket\"", "listen[0].unix", "there/socket: Not a directory"),
+        ("[shared_memory]\npath = \"/proc/taxeld\"", "shared_memory.path", "shared_memory.path: /proc/taxeld: "),
+        ("[record]\npath = \"there\"", "record.path", "record.path = there: "),
+        ("[record]\npath = \"there/below\"", "record.path", "record.path = there/below: "),
+    ];
+    for (more, key, words) in cases {
+        if key == "record.path" && cfg!(not(feature = "record")) {
+            continue;
+        }
+        let config = format!("service.listen = \"127.0.0.1:0\"\n{CONFIG}{more}\n");
+        let folder = scratch(&[("t.toml", &config), ("there", ""), ("tokens", "admin root\n")]);
+        let private = std::os::unix::fs::PermissionsExt::from_mode(0o600);
+        std::fs::set_permissions(folder.path().join("tokens"), private).unwrap();
+        let taxeld = |arguments: &[&str]| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+            let output =
+                command.args(arguments).args(["--config", "t.toml"]).current_dir(folder.path()).output().unwrap();
+            assert!(!output.status.success(), "{more}: {arguments:?}: {}", text(&output.stdout));
+            output
+        };
+        let said = text(&taxeld(&["check"]).stderr);
+        let line = config.lines().count();
+        assert!(said.contains(&format!("t.toml:{line}: ")) && said.contains(words), "{more}: {said}");
+        let found: serde_json::Value = serde_json::from_slice(&taxeld(&["check", "--json"]).stdout).unwrap();
+        let problem = &found["problems"][0];
+        assert_eq!((&problem["code"], &problem["key"]), (&"cannot-work".into(), &key.into()), "{found}");
+        let mut left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|it| it.unwrap().file_name()).collect();
+        left.sort();
+        assert_eq!(left, ["t.toml", "there", "tokens"], "{more}");
+        let said = text(&taxeld(&["run"]).stderr);
+        assert!(said.contains(words), "{more}: {said}");
+    }
+}
+
 #[test]
 fn the_socket_is_in_the_first_of_the_folders_that_the_service_manager_gives() {
     let folder = scratch(&[("t.toml", CONFIG)]);

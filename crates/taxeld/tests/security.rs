@@ -154,6 +154,30 @@ async fn tare(channel: &Channel, token: Option<&str>, name: &str) -> Result<(), 
     }
 }
 
+#[test]
+fn check_says_that_a_key_and_a_certificate_do_not_go_together_and_run_says_the_same() {
+    if !openssl() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    make_certificates(folder.path());
+    let taxeld = |command: &str, key: &str| {
+        let listen = "[[listen]]\ntcp = \"127.0.0.1:0\"";
+        let tls = format!("tls = {{ certificate = \"server.pem\", key = \"{key}\", client_ca = \"ca.pem\" }}");
+        let text = format!("store.path = \"store.db\"\n{listen}\n{tls}\n[access]\n{SCENE}");
+        std::fs::write(folder.path().join("taxeld.toml"), text).unwrap();
+        let mut taxeld = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+        taxeld.args([command, "--config", "taxeld.toml"]).current_dir(folder.path()).output().unwrap()
+    };
+    assert!(taxeld("check", "server.key").status.success());
+    for command in ["check", "run"] {
+        let output = taxeld(command, "operator.key");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && said.contains("server.pem: does not go with the key"), "{command}: {said}");
+        assert!(command == "run" || said.contains("taxeld.toml:4: [[listen]] 1: "), "{said}");
+    }
+}
+
 #[tokio::test]
 async fn a_daemon_lives_by_the_documented_certificates_and_tokens_and_its_audit_log_names_who_came() {
     if !openssl() {

@@ -1,7 +1,7 @@
 //! Files on which it hangs who may do what: read only if nobody else can have changed them, or read secrets in them.
 
 use nix::fcntl::OFlag;
-use nix::unistd::geteuid;
+use nix::unistd::{AccessFlags, access, geteuid};
 use std::fs::{File, Metadata, OpenOptions};
 use std::io::Read;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
@@ -30,22 +30,36 @@ impl Others {
     }
 }
 
+/// Who reads a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reader {
+    /// The daemon: the file is root's or its own account's.
+    Daemon,
+    /// Whoever checks what a daemon will read, perhaps with another account: who may own the file is not known.
+    Check,
+}
+
 /// Reads a file that only its owner, who is root or the daemon's own account, and perhaps its group can read.
 ///
 /// # Errors
 /// The path, what is wrong with the file and what was expected.
 pub fn read_private(path: &Path) -> Result<Vec<u8>, String> {
-    read_guarded(path, Others::Nothing).map_err(|problem| format!("{}: {problem}", path.display()))
+    read_guarded(path, Others::Nothing, Reader::Daemon).map_err(|problem| format!("{}: {problem}", path.display()))
+}
+
+/// Whether this account can read what has the path: a check may not find what the daemon will.
+pub(crate) fn is_readable(path: &Path) -> bool {
+    access(path, AccessFlags::R_OK).is_ok()
 }
 
 /// Reads a file with which others may do no more than that.
 ///
 /// # Errors
 /// What is wrong with the file and what was expected, without its path.
-pub(crate) fn read_guarded(path: &Path, others: Others) -> Result<Vec<u8>, String> {
+pub(crate) fn read_guarded(path: &Path, others: Others, reader: Reader) -> Result<Vec<u8>, String> {
     let (file, about) = open_small(path)?;
     let (owner, own) = (about.uid(), geteuid().as_raw());
-    if owner != 0 && owner != own {
+    if reader == Reader::Daemon && owner != 0 && owner != own {
         return Err(format!("belongs to user {owner}, expected root or user {own}, who runs the daemon"));
     }
     let (mode, (forbidden, why)) = (about.mode() & 0o777, others.forbidden());
@@ -109,7 +123,7 @@ mod tests {
         for (mode, secret, known) in cases {
             std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).unwrap();
             assert_eq!(read_private(&path).is_ok(), secret, "{mode:o}");
-            assert_eq!(read_guarded(&path, Others::Read).is_ok(), known, "{mode:o}");
+            assert_eq!(read_guarded(&path, Others::Read, Reader::Daemon).is_ok(), known, "{mode:o}");
         }
         assert!(read_private(folder.path()).unwrap_err().contains("is not a regular file"));
         assert!(read_private(&folder.path().join("absent")).unwrap_err().contains("No such file"));
@@ -140,6 +154,7 @@ mod tests {
             assert!(read_private(&path).is_ok());
             std::os::unix::fs::chown(&path, Some(12345), None).unwrap();
             assert!(read_private(&path).unwrap_err().contains("belongs to user 12345, expected root"));
+            assert_eq!(read_guarded(&path, Others::Nothing, Reader::Check).as_deref(), Ok(&b"x"[..]));
         }
     }
 }

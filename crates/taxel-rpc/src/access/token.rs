@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 use std::path::Path;
 use subtle::ConstantTimeEq;
 
-use crate::access::private_file::read_private;
+use crate::access::private_file::{Others, Reader, is_readable, read_guarded};
 use crate::access::role::Role;
 
 /// Bytes of a SHA-256.
@@ -60,8 +60,22 @@ impl Tokens {
     /// # Errors
     /// The path, what is wrong with the file and what was expected.
     pub fn load(path: &Path) -> Result<Self, String> {
-        let text = String::from_utf8(read_private(path)?).map_err(|_| format!("{}: is not text", path.display()))?;
-        Self::parse(&text).map_err(|problem| format!("{}: {problem}", path.display()))
+        Self::read(path, Reader::Daemon)
+    }
+
+    /// Looks at a token file for a daemon that may have another account. One that this account cannot read passes.
+    ///
+    /// # Errors
+    /// The path, and what no daemon would take.
+    pub fn check(path: &Path) -> Result<(), String> {
+        if is_readable(path) { Self::read(path, Reader::Check).map(drop) } else { Ok(()) }
+    }
+
+    fn read(path: &Path, reader: Reader) -> Result<Self, String> {
+        let within = |problem: String| format!("{}: {problem}", path.display());
+        let bytes = read_guarded(path, Others::Nothing, reader).map_err(within)?;
+        let text = String::from_utf8(bytes).map_err(|_| within("is not text".to_owned()))?;
+        Self::parse(&text).map_err(within)
     }
 
     /// How many there are.

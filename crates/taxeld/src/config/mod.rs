@@ -28,7 +28,8 @@ mod signals;
 
 #[cfg(feature = "certificate")]
 pub use certificate_section::CertificateSection;
-pub use examine::{Problems, examine, examine_text, read_text};
+pub use examine::{Problems, examine, examine_text, examine_with, read_text};
+pub use fault::Fault;
 pub use file::Config;
 pub use listen::{Door, Doors};
 pub use load::load;
@@ -41,7 +42,6 @@ pub use page_section::{MetricsSection, PageSection};
 #[cfg(feature = "record")]
 pub use parts::BusSection;
 pub use parts::BusSource;
-#[cfg(feature = "record")]
 pub use record_section::RecordSection;
 pub use record_section::written as record_written;
 pub use resolve::{Scene, resolve};

@@ -73,16 +73,7 @@ fn store(path: &Path) -> Option<Fault> {
             return fault("the file is read-only".to_owned());
         }
     }
-    let named =
-        path.ancestors().skip(1).map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
-    let (folder, there) = named.into_iter().find_map(|folder| Some((folder, std::fs::metadata(folder).ok()?)))?;
-    if !there.is_dir() {
-        return fault(format!("{} is not a folder", folder.display()));
-    }
-    if there.permissions().mode() & 0o222 == 0 {
-        return fault(format!("the folder {} is read-only", folder.display()));
-    }
-    None
+    crate::files::no_room_in(path.parent()?).and_then(fault)
 }
 
 /// Limits of a session of which one leaves no room for another.

@@ -7,4 +7,4 @@ pub mod run;
 mod tree;
 
 pub use problem::Problems;
-pub use run::{examine, examine_text, read_text};
+pub use run::{examine, examine_text, examine_with, read_text};

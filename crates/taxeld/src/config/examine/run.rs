@@ -54,6 +54,18 @@ pub fn read_text(path: &Path) -> Result<String, Problems> {
 /// # Errors
 /// Everything that is wrong with it.
 pub fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems> {
+    examine_with(path, text, |_, _| Vec::new())
+}
+
+/// The same, where `more` tells what else keeps such a configuration from being used.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub fn examine_with(
+    path: &Path,
+    text: &str,
+    more: impl FnOnce(&Config, &Scene) -> Vec<Fault>,
+) -> Result<(Config, Scene), Problems> {
     let (tree, errors) = DeTable::parse_recoverable(text);
     let span = tree.span();
     let original = tree.into_inner();
@@ -77,7 +89,8 @@ pub fn examine_text(path: &Path, text: &str) -> Result<(Config, Scene), Problems
     };
     if let Some((config, scene)) = &found {
         let clashes = clashes(config, &scene.plan).into_iter().map(|fault| (Code::Conflict, fault));
-        let impossible = impossible(config, scene).into_iter().map(|fault| (Code::CannotWork, fault));
+        let impossible =
+            impossible(config, scene).into_iter().chain(more(config, scene)).map(|fault| (Code::CannotWork, fault));
         clashes.chain(impossible).for_each(|(code, fault)| examination.note_fault(code, &fault, &tree));
     }
     match found {
