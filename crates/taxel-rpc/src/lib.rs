@@ -7,6 +7,7 @@
 mod about;
 mod access;
 mod answers;
+mod arrivals;
 mod aside;
 mod audit;
 mod audit_words;

@@ -1,5 +1,6 @@
 //! `IngestService`: scans of a skin that is on no bus.
 
+use std::pin::pin;
 use std::time::Duration;
 
 use taxel_engine::PushedScan;
@@ -14,6 +15,7 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tonic::{Code, Request, Response, Status, Streaming};
 
+use crate::arrivals::{Arrivals, LOOK_EVERY};
 use crate::push_line::Pusher;
 use crate::service::{Service, caller, strange_answer};
 use crate::shares::Place;
@@ -41,6 +43,7 @@ impl IngestService for Service {
         let place = self.stream_place(&caller)?;
         let mut messages = request.into_inner();
         let first = self.next_of(&mut messages).await?;
+        let arrivals = Arrivals::begin((self.handle.clock)()); // what comes from here on waits for the engine's answer
         let first = first.ok_or_else(|| invalid("patch", "the first message names it; there is none"))?;
         let patch = self.patch(&first.patch)?;
         let plan = self.plan(patch);
@@ -60,7 +63,8 @@ impl IngestService for Service {
             other => return Err(strange_answer(&other)),
         }
         let (answers, told) = mpsc::channel(ANSWERS_MAX);
-        let stream = PushStream { service: self.clone(), patch, pusher, messages, answers, scans: 0, _place: place };
+        let (service, scans, _place) = (self.clone(), 0, place);
+        let stream = PushStream { service, patch, pusher, messages, arrivals, answers, scans, _place };
         tokio::spawn(stream.run(first)); // ends with the stream, the pause or the shutdown
         Ok(Response::new(Box::pin(tokio_stream::wrappers::ReceiverStream::new(told))))
     }
@@ -92,6 +96,7 @@ struct PushStream {
     patch: usize,
     pusher: Pusher,
     messages: Streaming<v1::PushScansRequest>,
+    arrivals: Arrivals,
     answers: mpsc::Sender<Result<v1::PushScansResponse, Status>>,
     /// Messages that should have held a scan.
     scans: u64,
@@ -116,18 +121,27 @@ impl PushStream {
             self.take(first)?;
         }
         let mut told = self.tell();
+        while let Some(message) = self.next().await? {
+            self.take(message)?;
+            if told.elapsed() >= TELL_EVERY {
+                told = self.tell();
+            }
+        }
+        Ok(())
+    }
+
+    /// The next message; nothing at the end of the stream. Meanwhile there is a turn every few milliseconds, by which it is
+    /// known that nothing waits.
+    async fn next(&mut self) -> Result<Option<v1::PushScansRequest>, Status> {
+        let mut next = pin!(self.service.next_of(&mut self.messages));
         loop {
-            let next = tokio::select! {
+            tokio::select! {
                 () = self.answers.closed() => {
                     let why = "the caller has gone";
                     return Err(Refusal::new(Code::Cancelled, ErrorReason::CallerGone, why).into());
                 }
-                next = self.service.next_of(&mut self.messages) => next?,
-            };
-            let Some(message) = next else { return Ok(()) };
-            self.take(message)?;
-            if told.elapsed() >= TELL_EVERY {
-                told = self.tell();
+                next = &mut next => return next,
+                () = tokio::time::sleep(LOOK_EVERY) => self.arrivals.look((self.service.handle.clock)()),
             }
         }
     }
@@ -145,9 +159,10 @@ impl PushStream {
         v1::PushScansResponse { taken, refused }
     }
 
-    /// One scan, whose time is now.
+    /// One scan, which came now if there were turns in time, and otherwise may have waited.
     fn take(&mut self, message: v1::PushScansRequest) -> Result<(), Status> {
-        let time = (self.service.handle.clock)();
+        let taken = (self.service.handle.clock)();
+        let time = self.arrivals.take(taken);
         self.scans += 1;
         if !self.pusher.is_connected() {
             return Err(engine_stopped());
@@ -160,7 +175,7 @@ impl PushStream {
         }
         let counts = counts(plan, self.scans, &message.counts)?;
         let pressure = pressure(plan, self.scans, message.pressure_kpa)?;
-        self.pusher.push(PushedScan { patch: self.patch, time, counts, pressure });
+        self.pusher.push(PushedScan { patch: self.patch, time, taken, counts, pressure });
         Ok(())
     }
 }

@@ -135,7 +135,7 @@ mod tests {
     use taxel_skin::Time;
 
     fn scan(patch: usize) -> PushedScan {
-        PushedScan { patch, time: Time::default(), counts: vec![1], pressure: None }
+        PushedScan { patch, time: Time::default(), taken: Time::default(), counts: vec![1], pressure: None }
     }
 
     #[test]

@@ -86,7 +86,8 @@ mod tests {
         let says = |pushed: Option<bool>, counts: Vec<u16>, kpa: Option<f64>| {
             let pushed = pushed.map(|pressure| PushPlan { pressure });
             let plan = PatchPlan { pushed, ..PatchPlan::new(patch.clone()) };
-            problem(&plan, &PushedScan { patch: 0, time: Time::default(), counts, pressure: kpa.map(Kilopascal) })
+            let (time, taken, pressure) = (Time::default(), Time::default(), kpa.map(Kilopascal));
+            problem(&plan, &PushedScan { patch: 0, time, taken, counts, pressure })
         };
         let expect = |is: Option<String>, expected: &str| assert_eq!(is.unwrap_or_default(), expected);
         expect(says(Some(true), vec![255; 10], Some(1.0)), "");

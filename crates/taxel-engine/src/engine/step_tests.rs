@@ -268,7 +268,7 @@ fn the_first_scan_that_is_pushed_is_news_and_what_comes_after_it_takes_nothing_b
     let mut health_at = |at_ms: i64, refused: &[i64]| {
         let mut out = Vec::new();
         for &scan in refused {
-            let scan = PushedScan { patch: 0, time: ms(scan), counts: vec![200; 3], pressure: None };
+            let scan = PushedScan { patch: 0, time: ms(scan), taken: ms(scan), counts: vec![200; 3], pressure: None };
             engine.step(now(scan.time.as_nanos() / 1_000_000), Input::Pushed(&scan), &mut out);
         }
         engine.step(now(at_ms), Input::Tick, &mut out);

@@ -12,6 +12,7 @@ use taxel_wire::icub::{Message, ModuleScan, Refusal, StatusWord, decode};
 use taxel_wire::{Frame, TimedFrame};
 
 use crate::baseline::TaxelBaseline;
+use crate::boundary::pushed::PushedScan;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
 use crate::intake::boards::{BoardDoubt, BoardNews, BoardState, DeviceNews, SilenceLimits};
 use crate::intake::bring_up::{BoardSetup, BringUp};
@@ -213,12 +214,14 @@ impl Intake {
     }
 
     /// A scan that was handed over whole: one raw count per taxel.
-    pub fn on_pushed(&mut self, time: Time, counts: &[u16], events: &mut Vec<IntakeEvent>) {
+    pub fn on_pushed(&mut self, scan: &PushedScan, events: &mut Vec<IntakeEvent>) {
         for module in 0..self.regions.modules().len() {
-            let Some(own) = counts.get(self.regions.modules()[module].clone()) else { continue };
-            self.on_values(module, time, StatusWord(0), events, |assembler, patch| {
-                assembler.on_cells(patch, module, time, own)
-            });
+            let Some(own) = scan.counts.get(self.regions.modules()[module].clone()) else { continue };
+            if self.comes_in_time(module, scan.taken, events) {
+                self.take_values(module, scan.time, StatusWord(0), events, |assembler, patch| {
+                    assembler.on_cells(patch, module, scan.time, own)
+                });
+            }
         }
     }
 
@@ -281,12 +284,29 @@ impl Intake {
         events: &mut Vec<IntakeEvent>,
         write: impl FnOnce(&mut ScanAssembler, &Patch) -> Option<ScanEnd>,
     ) {
-        if let Arrival::TooFast { until } = self.paces[module].on_scan(time) {
-            self.faults.doubt_module(time, module, until);
-            self.refresh_soundness();
-            events.push(IntakeEvent::Changed);
-            return;
+        if self.comes_in_time(module, time, events) {
+            self.take_values(module, time, status, events, write);
         }
+    }
+
+    /// Whether a board can have sent a module's values now. Otherwise the module is out for a while.
+    fn comes_in_time(&mut self, module: usize, now: Time, events: &mut Vec<IntakeEvent>) -> bool {
+        let Arrival::TooFast { until } = self.paces[module].on_scan(now) else { return true };
+        self.faults.doubt_module(now, module, until);
+        self.refresh_soundness();
+        events.push(IntakeEvent::Changed);
+        false
+    }
+
+    /// Values that came in time.
+    fn take_values(
+        &mut self,
+        module: usize,
+        time: Time,
+        status: StatusWord,
+        events: &mut Vec<IntakeEvent>,
+        write: impl FnOnce(&mut ScanAssembler, &Patch) -> Option<ScanEnd>,
+    ) {
         let taxels = self.regions.modules()[module].clone();
         let ended = write(&mut self.assembler, &self.plan.patch);
         self.bring_up.heard(module);

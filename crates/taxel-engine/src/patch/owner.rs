@@ -269,7 +269,7 @@ impl Patch {
             self.on_pressure(now, scan.time, pressure, effects);
         }
         let mut events = Vec::new();
-        self.intake.on_pushed(scan.time, &scan.counts, &mut events);
+        self.intake.on_pushed(scan, &mut events);
         self.on_intake_events(now, events, effects);
     }
 

@@ -80,14 +80,20 @@ impl Scene {
 
     /// Hands over a scan that comes `after` the newest input.
     fn push(&mut self, after: Duration, counts: Vec<u16>) {
-        let time = self.host.now + after;
+        self.push_late(after, Duration::ZERO, counts);
+    }
+
+    /// The same of a scan that is taken then, and may have waited for so long.
+    fn push_late(&mut self, after: Duration, waited: Duration, counts: Vec<u16>) {
+        let taken = self.host.now + after;
+        let time = taken - waited;
         let pressure = self.pressure.then_some(Kilopascal(self.bag_kpa));
         if pressure.is_none() {
             let pascal = (self.bag_kpa * 1e3).round() as i32;
             let frame = TimedFrame { time, frame: Frame::of(GAUGE, pascal.to_le_bytes()) };
             self.host.input(time, Input::Frames(GAUGE_BUS, &[frame]));
         }
-        self.host.input(time, Input::Pushed(&PushedScan { patch: 0, time, counts, pressure }));
+        self.host.input(taken, Input::Pushed(&PushedScan { patch: 0, time, taken, counts, pressure }));
     }
 
     fn scan(&mut self) {
@@ -220,6 +226,25 @@ fn scans_that_are_pushed_too_fast_are_refused_as_those_of_a_board() {
     scene.host.tick(scene.host.now + Duration::from_millis(1_100));
     let warnings = scene.host.health().boards[0].warnings.join("; ");
     assert!(warnings.contains("came faster than it can send"), "{warnings}");
+}
+
+/// One scan waited while the daemon stood still, and the next ones come in time.
+#[test]
+fn a_scan_that_waited_is_as_old_as_it_may_be_and_comes_no_faster_than_it_was_taken() {
+    let mut scene = Scene::in_use(true);
+    let before = scene.host.snapshot().time;
+    let (stood, waited) = (3 * PERIOD, 3 * PERIOD - Duration::from_millis(1));
+    scene.host.input(scene.host.now + stood - PERIOD / 2, Input::Resumed(stood));
+    let counts = scene.counts();
+    scene.push_late(Duration::ZERO, waited, counts);
+    let snapshot = scene.host.snapshot();
+    assert_eq!(snapshot.time, before + Duration::from_millis(1), "its age is told from here");
+    assert_eq!(snapshot.force.state, ForceState::Ok, "{:?}", snapshot.force.reasons);
+    scene.host.tick(scene.host.now + PERIOD / 2);
+    scene.seconds(2.0);
+    assert_eq!(scene.host.state(), ForceState::Ok, "{}", scene.host.reasons());
+    let warnings = scene.host.health().boards[0].warnings.join("; ");
+    assert_eq!(warnings, "");
 }
 
 #[test]

@@ -82,6 +82,43 @@ async fn pushed_scans_reach_the_engine_with_the_time_of_their_receipt() {
     assert!(matches!(&ended.event, PushEvent::Ended(why) if why.contains("has ended the stream")), "{ended:?}");
 }
 
+/// The process stood still while a scan waited in its socket.
+#[tokio::test]
+async fn a_scan_that_may_have_waited_is_as_old_as_the_last_turn_before() {
+    let mut daemon = glove(patient()).await;
+    daemon.set_clock(Time::from_seconds(3.0));
+    let client = Client::begin(&mut daemon).await;
+    let mut taken = async |at_s: f64| {
+        daemon.set_clock(Time::from_seconds(at_s));
+        client.push(scan(7)).await;
+        let pushed = daemon.pushed.recv().await.unwrap();
+        let PushEvent::Scan(scan) = pushed.event else { panic!("{pushed:?}") };
+        (scan.time, scan.taken)
+    };
+    assert_eq!(taken(3.002).await, (Time::from_seconds(3.002), Time::from_seconds(3.002)));
+    let (time, at) = taken(3.332).await;
+    assert!(time.seconds_since(Time::from_seconds(3.002)) < 0.001, "{time}");
+    assert_eq!(at, Time::from_seconds(3.332));
+}
+
+/// Whoever begins a stream waits for the disk, which has to have that first.
+#[tokio::test]
+async fn scans_that_wait_for_the_answer_are_as_old_as_the_first_message() {
+    let mut daemon = glove(patient()).await;
+    daemon.set_clock(Time::from_seconds(3.0));
+    let (scans, messages) = mpsc::channel(1);
+    scans.send(v1::PushScansRequest { patch: GLOVE.to_owned(), ..scan(7) }).await.unwrap();
+    let mut client = IngestServiceClient::new(daemon.connect().await);
+    let begun = tokio::spawn(async move { client.push_scans(ReceiverStream::new(messages)).await });
+    let request = daemon.requests.recv().await.unwrap();
+    daemon.set_clock(Time::from_seconds(5.0));
+    request.reply.send(Ok(Done::PushBegun)).unwrap();
+    let pushed = daemon.pushed.recv().await.unwrap();
+    let PushEvent::Scan(scan) = pushed.event else { panic!("{pushed:?}") };
+    assert_eq!((scan.time, scan.taken), (Time::from_seconds(3.0), Time::from_seconds(5.0)));
+    begun.await.unwrap().unwrap();
+}
+
 #[tokio::test]
 async fn what_is_no_scan_ends_the_stream_with_scan_taxel_and_value_and_is_not_used() {
     let mut wrong_taxel = scan(7);
