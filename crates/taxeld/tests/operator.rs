@@ -137,6 +137,8 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
 
     let newton: f64 = demo.until_good(&["watch", "--once", "--quiet", "--within", "10"]).trim().parse().unwrap();
     assert!((0.0..10.0).contains(&newton), "{newton} N");
+    let newtons = demo.until_good(&["watch", "--count", "3", "--quiet"]);
+    assert!(newtons.lines().all(|newton| newton.parse::<f64>().is_ok_and(f64::is_finite)), "{newtons}");
     let csv = demo.until_good(&["watch", "--csv", "--count", "5"]);
     assert_eq!(csv.lines().count(), 6, "{csv}");
     assert!(csv.starts_with("time_s,patch,sequence,state,usable,total_n,"), "{csv}");

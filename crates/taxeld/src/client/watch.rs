@@ -20,6 +20,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// Exit code 0 if the last force shown was good, 3 if there was none to act on, 1 if the stream was lost.
 #[derive(Debug, clap::Args)]
 #[command(
+    group = clap::ArgGroup::new("end").args(["once", "count"]),
     after_help = "Examples:\n  taxeld watch\n  taxeld watch --once --quiet               # just the newtons, for scripts\n  taxeld watch --csv --rate 100 > force.csv\n  taxeld watch --json | jq .totalN"
 )]
 pub struct WatchArgs {
@@ -35,13 +36,13 @@ pub struct WatchArgs {
     #[arg(long)]
     json: bool,
     /// Wait for one good force, at most so many seconds as --within says, print it and end.
-    #[arg(long, conflicts_with = "count")]
+    #[arg(long)]
     once: bool,
     /// With --once: how long to wait for a good force.
     #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::fit::parse_seconds, requires = "once")]
     within: f64,
-    /// With --once: print nothing but the newtons.
-    #[arg(long, requires = "once", conflicts_with_all = ["csv", "json"])]
+    /// With --once or --count: print nothing but the newtons, of good forces alone.
+    #[arg(long, requires = "end", conflicts_with_all = ["csv", "json"])]
     quiet: bool,
     /// End after so many samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
@@ -165,7 +166,6 @@ impl<'a> Screen<'a> {
     }
 
     fn sample(&mut self, judged: &Judged) -> Outcome {
-        let sample = judged.received.sample();
         if self.args.json {
             return json::print("ForceSample", &judged.told());
         }
@@ -175,7 +175,7 @@ impl<'a> Screen<'a> {
             }
             say!("{}", csv_line(&csv(judged)));
         } else if self.args.quiet {
-            say!("{}", sample.total_n.unwrap_or(f64::NAN));
+            quiet(judged).into_iter().for_each(|newton| say!("{newton}"));
         } else if self.line.is_none() {
             say!("{}", describe(judged));
         }
@@ -195,6 +195,11 @@ impl<'a> Screen<'a> {
             line.abandon();
         }
     }
+}
+
+/// The newtons alone, of a good force: a bare number could not say that it is none.
+fn quiet(judged: &Judged) -> Option<f64> {
+    judged.force.as_ref().ok().map(|(newton, _)| *newton)
 }
 
 /// A force for people, in one line.
@@ -322,6 +327,14 @@ mod tests {
         let row = csv(&good.again(Moment::now() + Duration::from_secs(3600)));
         assert_eq!(row[4], "0");
         assert!(row[13].ends_with(" ms old, more than 120 ms"), "{}", row[13]);
+    }
+
+    #[test]
+    fn a_bare_number_is_a_good_force() {
+        let good = judged(ForceState::Degraded, Some(4.9));
+        let too_old = good.again(Moment::now() + Duration::from_secs(1));
+        let none = judged(ForceState::TareInvalid, Some(4.9));
+        assert_eq!([&good, &too_old, &none].map(quiet), [Some(4.9), None, None]);
     }
 
     #[test]
