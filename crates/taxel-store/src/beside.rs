@@ -31,7 +31,8 @@ const LINKS_MAX: usize = 8;
 
 /// The file itself that `path` names, which may be a link. SQLite has the log beside that, and so do we have all else. What is
 /// not there yet gets its name where a link says.
-pub(crate) fn real(path: &Path) -> PathBuf {
+#[must_use]
+pub fn real(path: &Path) -> PathBuf {
     let mut path = path.to_path_buf();
     for _ in 0..LINKS_MAX {
         if let Ok(real) = fs::canonicalize(&path) {

@@ -12,6 +12,7 @@ use taxel_store::models_json;
 use crate::files;
 use crate::fit::{parse_seconds, scans_of};
 use crate::recording::Recording;
+use crate::same_file::refuse_overwriting;
 use crate::say;
 use crate::soundness::{Wanted, check};
 
@@ -92,13 +93,9 @@ pub fn read_models(path: &Path) -> anyhow::Result<ModelSet> {
 /// # Errors
 /// A file that cannot be read or written, or models of another number of taxels.
 pub fn apply(args: &ApplyArgs) -> anyhow::Result<()> {
-    let inputs: [&Path; 2] = [&args.models, &args.data];
-    files::refuse_overwriting(&args.out, &inputs)?;
-    if let Some(sigma) = &args.sigma {
-        files::refuse_overwriting(sigma, &inputs)?;
-        files::refuse_one_output(&args.out, sigma)?;
-    }
-    if files::is_standard(&args.out) || args.sigma.as_deref().is_some_and(files::is_standard) {
+    let outputs: Vec<&PathBuf> = [&args.out].into_iter().chain(&args.sigma).collect();
+    refuse_overwriting(&outputs, &[&args.models, &args.data])?;
+    if outputs.iter().any(|output| files::is_standard(output)) {
         say::step_aside();
     }
     let set = read_models(&args.models)?;

@@ -1,11 +1,11 @@
-//! Files that a command line names: `-` is standard input or output, and no output overwrites an input.
+//! Files that a command line names: `-` is standard input or output.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, bail};
+use anyhow::Context;
 
 /// Whether the name stands for standard input or output.
 pub fn is_standard(path: &Path) -> bool {
@@ -125,80 +125,14 @@ pub fn quiet_end(path: &Path, result: anyhow::Result<()>) -> anyhow::Result<()> 
     }
 }
 
-/// Refuses an output that is one of the inputs, also under another name or through a link.
-///
-/// # Errors
-/// Both names.
-pub fn refuse_overwriting(output: &Path, inputs: &[&Path]) -> anyhow::Result<()> {
-    let Some(identity) = identity(output) else { return Ok(()) };
-    match inputs.iter().find(|input| self::identity(input) == Some(identity)) {
-        Some(input) => {
-            bail!("{} would be overwritten by the output {}: name another file", input.display(), output.display())
-        }
-        None => Ok(()),
-    }
-}
-
-/// Refuses two outputs that are one: the second would overwrite the first.
-///
-/// # Errors
-/// Both names.
-pub fn refuse_one_output(first: &Path, second: &Path) -> anyhow::Result<()> {
-    let same_file = identity(first).is_some_and(|identity| self::identity(second) == Some(identity));
-    let same_name = first == second && first != Path::new("/dev/null");
-    if same_file || same_name {
-        bail!("two outputs go to {}: name another file for one of them", first.display());
-    }
-    Ok(())
-}
-
-/// Device and inode of an ordinary file; `None` for what is not there and for what cannot be overwritten.
-fn identity(path: &Path) -> Option<(u64, u64)> {
-    use std::os::unix::fs::MetadataExt;
-    if is_standard(path) {
-        return None;
-    }
-    let metadata = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file)?;
-    Some((metadata.dev(), metadata.ino()))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn an_output_that_is_an_input_is_refused_by_any_of_its_names() {
-        let folder = tempfile::tempdir().unwrap();
-        let [data, other, link] = ["data.csv", "other.csv", "link.csv"].map(|name| folder.path().join(name));
-        std::fs::write(&data, "t_s").unwrap();
-        std::os::unix::fs::symlink(&data, &link).unwrap();
-        for same in [&data, &link, &folder.path().join(".").join("data.csv")] {
-            let error = refuse_overwriting(same, &[&other, &data]).unwrap_err().to_string();
-            assert!(error.contains("would be overwritten"), "{error}");
-        }
-        refuse_overwriting(&other, &[&data]).unwrap();
-        refuse_overwriting(Path::new("-"), &[Path::new("-"), &data]).unwrap();
-        refuse_overwriting(Path::new("/dev/null"), &[Path::new("/dev/null")]).unwrap();
-    }
 
     #[test]
     fn what_has_no_end_is_not_read_as_a_text() {
         let endless = read_any_text(Path::new("/dev/zero")).unwrap_err();
         assert_eq!(endless.to_string(), format!("it has more than {TEXT_BYTES_MAX} bytes"));
         assert!(read_text(Path::new("/dev/zero")).is_err());
-    }
-
-    #[test]
-    fn two_outputs_that_are_one_are_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let [new, there, link] = ["new.csv", "there.csv", "link.csv"].map(|name| folder.path().join(name));
-        std::fs::write(&there, "t_s").unwrap();
-        std::os::unix::fs::symlink(&there, &link).unwrap();
-        for (first, second) in [(&new, &new), (&there, &link), (&"-".into(), &"-".into())] {
-            let error = refuse_one_output(first, second).unwrap_err().to_string();
-            assert!(error.starts_with("two outputs go to "), "{error}");
-        }
-        refuse_one_output(&new, &there).unwrap();
-        refuse_one_output(Path::new("/dev/null"), Path::new("/dev/null")).unwrap();
     }
 }

@@ -21,6 +21,7 @@ mod summary;
 
 use crate::files;
 use crate::recording::{Column, Recording};
+use crate::same_file::refuse_overwriting;
 use crate::say;
 use crate::soundness::{Wanted, check};
 use crate::threads::Threads;
@@ -150,7 +151,7 @@ pub fn parse_positive(text: &str) -> Result<f64, String> {
 /// # Errors
 /// A file that cannot be read or written, or has no pressure; or not one usable taxel.
 pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
-    files::refuse_overwriting(&args.out, &[&args.data])?;
+    refuse_overwriting(&[&args.out], &[&args.data])?;
     if files::is_standard(&args.out) {
         say::step_aside();
     }

@@ -50,6 +50,7 @@ mod replay;
 mod report;
 mod run;
 mod runtime;
+mod same_file;
 mod scan;
 mod serving;
 mod set_loads;
@@ -242,13 +243,9 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Replay(args) => {
             let (config, scene) = load(&args.config)?;
             let ReplayArgs { log, config: file, speed, calibrate, out, models, force } = args;
-            for output in out.iter().chain(&force) {
-                let inputs: Vec<&Path> = [&log, &file].into_iter().chain(&models).map(PathBuf::as_path).collect();
-                files::refuse_overwriting(output, &inputs)?;
-            }
-            if let (Some(out), Some(force)) = (&out, &force) {
-                files::refuse_one_output(out, force)?;
-            }
+            let outputs: Vec<&PathBuf> = out.iter().chain(&force).collect();
+            let inputs: Vec<&PathBuf> = [&log, &file].into_iter().chain(&models).collect();
+            same_file::refuse_overwriting(&outputs, &inputs)?;
             replay::replay(replay::Request { log, speed, calibrate, out, models, force }, config, scene)
         }
         Subcommands::Setup(args) => setup::setup(&args),

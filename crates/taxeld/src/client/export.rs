@@ -11,6 +11,7 @@ use super::connect::Server;
 use super::failure::{Failure, Outcome};
 use super::zeros::write_zeros;
 use crate::files;
+use crate::same_file::refuse_one_file;
 
 /// Which session, and where it goes.
 #[derive(Debug, clap::Args)]
@@ -57,10 +58,8 @@ impl ExportArgs {
 /// # Errors
 /// No such session, one without samples, a file that cannot be written, or no daemon.
 pub async fn export(args: &ExportArgs) -> Outcome {
-    if args.zeros.as_ref() == Some(&args.out) {
-        let words = format!("--out and --zeros are both {}: expected two files", args.out.display());
-        return Err(Failure::refused(words));
-    }
+    let outputs: Vec<&PathBuf> = [&args.out].into_iter().chain(&args.zeros).collect();
+    refuse_one_file(&outputs).map_err(|why| Failure::refused(why.to_string()))?;
     let daemon = args.server.connect().await?;
     let request = ExportSamplesRequest { session: args.session };
     let blocks = daemon.calibration().export_samples(request).await?.into_inner();

@@ -16,6 +16,7 @@ use taxel_skin::PositionFile;
 
 use crate::config;
 use crate::files::{self, read_any_text};
+use crate::same_file::refuse_overwriting;
 use crate::say;
 use compose::{PatchDraft, Sources, compose};
 use drawing::Drawing;
@@ -59,7 +60,7 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     }
     let inputs = args.positions.iter().chain(&args.layout).map(|argument| named(argument).1).chain(args.xml.clone());
     let inputs: Vec<PathBuf> = inputs.collect();
-    files::refuse_overwriting(&args.out, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+    refuse_overwriting(&[&args.out], &inputs)?;
     if standard {
         say::step_aside();
     }
