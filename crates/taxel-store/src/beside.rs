@@ -10,11 +10,19 @@ use std::path::{Path, PathBuf};
 /// What a disk gives back or not at once.
 const SECTOR_BYTES: usize = 4096;
 
-/// Behind the name of a database: its log, the journal of one that has none, and a new database that is whole and is to take the
-/// place of a damaged one.
+/// Behind the name of a database: its log, what SQLite may share of that in memory, and the journal of one that has no log.
 const LOG: &str = "-wal";
+const SHARED: &str = "-shm";
 const JOURNAL: &str = "-journal";
+
+/// Behind it while a damaged one is put right: a new database that is whole and is to take its place, that one until it is whole,
+/// and a copy of the damaged one.
 pub(crate) const SUCCESSOR: &str = "-new";
+pub(crate) const SUCCESSOR_PART: &str = "-new-part";
+pub(crate) const COPY: &str = "-copy";
+
+/// Behind the name of a small file until it is whole.
+const PART: &str = "-part";
 
 /// Behind that as well: what is kept of what was damaged or in the way, and its number.
 const ASIDE: &str = ".damaged";
@@ -160,10 +168,29 @@ fn free_name(path: &Path) -> PathBuf {
 /// Whether a database has a second name as one that was found damaged. On a file system without such names none has.
 pub(crate) fn is_kept_aside(path: &Path) -> bool {
     let identity = |file: &Path| fs::symlink_metadata(file).map(|file| (file.dev(), file.ino())).ok();
-    let (Some(database), Ok(entries)) = (identity(path), fs::read_dir(folder(path))) else { return false };
+    let Some(database) = identity(path) else { return false };
+    kept_aside(path).any(|name| identity(&name) == Some(database))
+}
+
+/// What was kept of what was damaged or in the way.
+fn kept_aside(path: &Path) -> impl Iterator<Item = PathBuf> {
     let begin = beside(Path::new(path.file_name().unwrap_or_default()), ASIDE);
-    let is_name = |name: &OsStr| name.as_bytes().starts_with(begin.as_os_str().as_bytes());
-    entries.flatten().any(|entry| is_name(&entry.file_name()) && identity(&entry.path()) == Some(database))
+    let is_name = move |name: &OsStr| name.as_bytes().starts_with(begin.as_os_str().as_bytes());
+    let entries = fs::read_dir(folder(path)).into_iter().flatten().flatten();
+    entries.filter(move |entry| is_name(&entry.file_name())).map(|entry| entry.path())
+}
+
+/// All names that the store at `path` has for its files, whether they are there now or not, and what it has kept aside. Nobody else
+/// may write to them.
+#[must_use]
+pub fn files_of(path: &Path) -> Vec<PathBuf> {
+    let path = real(path);
+    let databases = ["", SUCCESSOR, SUCCESSOR_PART, COPY].map(|suffix| beside(&path, suffix));
+    let of_sqlite = |database: &PathBuf| ["", LOG, SHARED, JOURNAL].map(|suffix| beside(database, suffix));
+    let small = [lock(&path), open_mark(&path), doubt_mark(&path), loss_note(&path), active(&path)];
+    let until_whole = |file: &PathBuf| ["", PART].map(|suffix| beside(file, suffix));
+    let own = databases.iter().flat_map(of_sqlite).chain(small.iter().flat_map(until_whole));
+    own.chain(kept_aside(&path)).collect()
 }
 
 /// A second name for a file, or a copy where the file system has no such names.
@@ -203,7 +230,7 @@ pub(crate) fn copy_readable(from: &Path, to: &mut File) -> io::Result<()> {
 
 /// Writes a file beside a database as a whole: whoever reads it, also after a power cut, finds the old content or the new one.
 pub(crate) fn replace(database: &Path, path: &Path, content: &[u8]) -> io::Result<()> {
-    let part = beside(path, "-part");
+    let part = beside(path, PART);
     let make = || File::options().write(true).create_new(true).open(&part);
     // In the way may be what a stop has left, or a pipe, which would be waited for.
     let mut file = make().or_else(|_| remove(&part).and_then(|()| make()))?;

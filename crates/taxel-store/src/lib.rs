@@ -46,7 +46,7 @@ mod wal_check;
 mod work;
 mod writer;
 
-pub use beside::real;
+pub use beside::{files_of, real};
 pub use error::{Quarantined, StoreError};
 pub use maintenance::{AuditFile, Checked, Compacted, check, compact, size_on_disk};
 pub use readers::{AuditReader, SamplesReader, SetReader, SizeReader};

@@ -45,7 +45,7 @@ pub(crate) struct Salvaged {
 /// no room to read or to write all that can be read, everything stays as it is, and a later start can do better.
 pub(crate) fn salvage(path: &Path) -> Result<Salvaged, String> {
     let at = |what: &'static str| move |error: io::Error| format!("{what}: {error}");
-    let (part, copy) = (beside::beside(path, "-new-part"), beside::beside(path, "-copy"));
+    let (part, copy) = (beside::beside(path, beside::SUCCESSOR_PART), beside::beside(path, beside::COPY));
     for left_over in [&part, &copy] {
         remove_with_log(left_over).map_err(at("what an earlier attempt left"))?;
     }

@@ -244,7 +244,8 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
             let (config, scene) = load(&args.config)?;
             let ReplayArgs { log, config: file, speed, calibrate, out, models, force } = args;
             let outputs: Vec<&PathBuf> = out.iter().chain(&force).collect();
-            let inputs: Vec<&PathBuf> = [&log, &file].into_iter().chain(&models).collect();
+            let mut inputs = config::named_files(&config, &scene.doors, &file);
+            inputs.extend(open_log::files_of(&log).into_iter().chain(models.clone()));
             same_file::refuse_overwriting(&outputs, &inputs)?;
             replay::replay(replay::Request { log, speed, calibrate, out, models, force }, config, scene)
         }

@@ -3,7 +3,7 @@
 
 use std::fs::File;
 use std::io::{Cursor, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use taxel_can::LogReader;
@@ -47,6 +47,22 @@ pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<LogReader> {
     } else {
         Ok(LogReader::from_reader(name, whole, wanted.interface)?)
     }
+}
+
+/// The files of a log: itself, or the recordings of a folder.
+pub fn files_of(log: &Path) -> Vec<PathBuf> {
+    if log.is_dir() { files_of_folder(log) } else { vec![log.to_owned()] }
+}
+
+#[cfg(feature = "record")]
+fn files_of_folder(folder: &Path) -> Vec<PathBuf> {
+    let files = taxel_mcap::Folder::list(folder).unwrap_or_default();
+    files.iter().map(|(file, _)| folder.join(file.to_string())).collect()
+}
+
+#[cfg(not(feature = "record"))]
+fn files_of_folder(_: &Path) -> Vec<PathBuf> {
+    Vec::new()
 }
 
 #[cfg(feature = "record")]

@@ -42,7 +42,8 @@ impl WhichFile {
 /// # Errors
 /// Both names.
 pub fn refuse_overwriting(outputs: &[impl AsRef<Path>], inputs: &[impl AsRef<Path>]) -> anyhow::Result<()> {
-    let inputs: Vec<_> = inputs.iter().map(|input| (WhichFile::of(input.as_ref()), input.as_ref())).collect();
+    let inputs: Vec<_> =
+        inputs.iter().map(AsRef::as_ref).map(|input| (WhichFile::of(&files::named(input.to_owned())), input)).collect();
     for output in outputs.iter().map(AsRef::as_ref) {
         let Some(file) = WhichFile::of(output) else { continue };
         if let Some((_, input)) = inputs.iter().find(|(input, _)| input.as_ref() == Some(&file)) {
@@ -56,7 +57,7 @@ pub fn refuse_overwriting(outputs: &[impl AsRef<Path>], inputs: &[impl AsRef<Pat
 ///
 /// # Errors
 /// Both names.
-pub fn refuse_one_file(outputs: &[impl AsRef<Path>]) -> anyhow::Result<()> {
+fn refuse_one_file(outputs: &[impl AsRef<Path>]) -> anyhow::Result<()> {
     let mut before: Vec<(Option<WhichFile>, &Path)> = Vec::new();
     for output in outputs.iter().map(AsRef::as_ref).filter(|output| *output != Path::new("/dev/null")) {
         let file = WhichFile::of(output);

@@ -7,7 +7,7 @@ use std::process::Command;
 use super::fixture::*;
 use super::nothing_lost::killed;
 use crate::db::Db;
-use crate::{AuditFile, StoreFile, beside, check};
+use crate::{AuditFile, StoreFile, beside, check, files_of};
 
 /// All names that the store gives, and SQLite.
 const NAMES: [&str; 14] = [
@@ -85,4 +85,23 @@ fn what_is_no_journal_is_put_aside_and_named() {
         store.close().unwrap();
         assert!(fs::symlink_metadata(beside::beside(&path, ".damaged-1-journal")).is_ok(), "{make}");
     }
+}
+
+/// So that no other programme's output takes one of them.
+#[test]
+fn all_files_of_a_store_are_told() {
+    let (dir, path) = killed();
+    fs::write(beside::beside(&path, ".damaged-3-wal"), "kept").unwrap();
+    let link = dir.path().join("link.db");
+    symlink(&path, &link).unwrap();
+    for store in [&path, &link] {
+        let told = files_of(store);
+        let real = beside::real(&path);
+        assert!(NAMES.iter().all(|name| told.contains(&beside::beside(&real, name))), "{told:?}");
+        let files = fs::read_dir(real.parent().unwrap()).unwrap().map(|entry| entry.unwrap().path());
+        let untold: Vec<_> = files.filter(|file| !told.contains(file) && !file.ends_with("link.db")).collect();
+        assert!(untold.is_empty(), "{untold:?}");
+    }
+    fs::write(dir.path().join("other.db-wal"), "not ours").unwrap();
+    assert!(!files_of(&path).contains(&beside::real(&dir.path().join("other.db-wal"))));
 }

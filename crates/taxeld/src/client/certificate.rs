@@ -8,8 +8,6 @@ use super::activate::full_id;
 use super::connect::Server;
 use super::failure::Outcome;
 use crate::files;
-use crate::same_file::refuse_one_file;
-#[cfg(feature = "certificate")]
 use crate::same_file::refuse_overwriting;
 
 /// The calibration certificate of a model set: of a running daemon, or of a store.
@@ -40,7 +38,7 @@ pub struct CertificateArgs {
 /// # Errors
 /// Refused with the daemon's reason, no daemon, a store that cannot be read, or a file that cannot be written.
 pub async fn certificate(args: CertificateArgs) -> Outcome {
-    refuse_one_file(&args.out)?;
+    refuse_overwriting(&args.out, &args.server.files())?;
     let made = match &args.config {
         Some(config) => offline(config, &args)?,
         None => {
@@ -70,7 +68,7 @@ pub async fn certificate(args: CertificateArgs) -> Outcome {
 fn offline(config: &Path, args: &CertificateArgs) -> Outcome<Certificate> {
     let file = crate::config::load(config).map_err(anyhow::Error::from)?;
     let scene = crate::config::resolve(&file, config).map_err(anyhow::Error::from)?;
-    refuse_overwriting(&args.out, &[config, &file.store.path])?;
+    refuse_overwriting(&args.out, &crate::config::named_files(&file, &scene.doors, config))?;
     let wanted = (args.model_set.as_deref(), args.server.patch());
     let (model_set, made) = crate::certificate::of_store(&file, &scene, wanted)?;
     let taxel_rpc::MadeCertificate { number, json, html } = made;

@@ -70,6 +70,15 @@ impl Server {
         Some(self.patch.as_str()).filter(|patch| !patch.is_empty())
     }
 
+    /// The files that the connection is made with: no output may overwrite one.
+    pub fn files(&self) -> Vec<PathBuf> {
+        #[cfg(feature = "tls")]
+        let Certificates { ca, certificate, key, .. } = &self.certificates;
+        #[cfg(not(feature = "tls"))]
+        let [ca, certificate, key] = [const { &None }; 3];
+        [&self.token, ca, certificate, key].into_iter().flatten().cloned().collect()
+    }
+
     /// Opens the connection.
     ///
     /// # Errors

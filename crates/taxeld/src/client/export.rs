@@ -11,7 +11,7 @@ use super::connect::Server;
 use super::failure::{Failure, Outcome};
 use super::zeros::write_zeros;
 use crate::files;
-use crate::same_file::refuse_one_file;
+use crate::same_file::refuse_overwriting;
 
 /// Which session, and where it goes.
 #[derive(Debug, clap::Args)]
@@ -59,7 +59,7 @@ impl ExportArgs {
 /// No such session, one without samples, a file that cannot be written, or no daemon.
 pub async fn export(args: &ExportArgs) -> Outcome {
     let outputs: Vec<&PathBuf> = [&args.out].into_iter().chain(&args.zeros).collect();
-    refuse_one_file(&outputs).map_err(|why| Failure::refused(why.to_string()))?;
+    refuse_overwriting(&outputs, &args.server.files()).map_err(|why| Failure::refused(why.to_string()))?;
     let daemon = args.server.connect().await?;
     let request = ExportSamplesRequest { session: args.session };
     let blocks = daemon.calibration().export_samples(request).await?.into_inner();

@@ -10,6 +10,7 @@ use can_dbc::{
 };
 use taxel_wire::bits::{BitField, ByteOrder};
 
+use super::named_files::beside;
 use super::number_words::{OrderOfBytes, UnitWord};
 use super::parts::{GaugeSection, PatchSection};
 use super::signal_parts::{
@@ -30,7 +31,7 @@ pub fn expand(section: &PatchSection, config: &Path) -> Result<PatchSection, Str
     let Some((array, name)) = section.array.as_ref().and_then(|array| Some((array, array.dbc.as_ref()?))) else {
         return Ok(section.clone());
     };
-    let path = config.parent().unwrap_or(Path::new("")).join(name);
+    let path = beside(config, name);
     // Comments and units of old files are not always UTF-8; names are letters, digits and `_` in any encoding.
     let text = read_any_text(&path).map_err(|e| format!("dbc {}: {e}", path.display()))?;
     from_text(section, array, &text).map_err(|why| format!("dbc {}: {why}", path.display()))

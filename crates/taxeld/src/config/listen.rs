@@ -10,6 +10,7 @@ use super::fault::Fault;
 use super::file::Config;
 use super::listen_places::{is_same_place, listens_beside};
 use super::listen_sections::{AccessSection, GrantSection, ListenSection, RoleWord};
+use super::named_files::beside;
 
 /// The mode of a Unix socket, unless another is given: its owner and its group may connect.
 const SOCKET_MODE: u32 = 0o660;
@@ -71,6 +72,16 @@ pub struct Doors {
 }
 
 impl Doors {
+    /// Sockets, certificates and keys, and the tokens.
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let of_door = |door: &Door| match door {
+            Door::Unix { path, .. } => vec![path.clone()],
+            Door::Tcp(_) => Vec::new(),
+            Door::Tls { files, .. } => files.to_vec(),
+        };
+        self.doors.iter().flat_map(of_door).chain(self.tokens.clone())
+    }
+
     /// The grants that reach nobody as far as the configuration goes, because an account is known on a Unix socket alone and a
     /// certificate where there is TLS: a line each.
     pub fn unreached_grants(&self) -> Vec<String> {
@@ -102,7 +113,7 @@ impl Doors {
 /// # Errors
 /// The key, its value and what was expected.
 pub fn doors(config: &Config, path: &Path) -> Result<Doors, Fault> {
-    let beside = |file: &Path| path.parent().unwrap_or(Path::new("")).join(file);
+    let beside = |file: &Path| beside(path, file);
     let mut doors = Vec::new();
     if let Some(listen) = config.service.listen.or(config.listen.is_empty().then_some(LISTEN_DEFAULT)) {
         if !listen.ip().is_loopback() {

@@ -15,6 +15,7 @@ mod listen_sections;
 mod load;
 mod log_filter;
 mod modules;
+mod named_files;
 mod number_words;
 mod page_section;
 mod parts;
@@ -37,6 +38,7 @@ pub use load::parse;
 pub use log_filter::log_filter;
 pub use modules::KindWord;
 pub use modules::written as modules_written;
+pub use named_files::named_files;
 #[cfg(all(feature = "sim", feature = "page"))]
 pub use page_section::{MetricsSection, PageSection};
 #[cfg(feature = "record")]

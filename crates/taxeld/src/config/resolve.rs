@@ -17,6 +17,7 @@ use super::file::Config;
 use super::listen::{Doors, doors};
 use super::load::ConfigError;
 use super::log_filter::log_filter;
+use super::named_files::beside;
 use super::number_words::{OrderOfBytes, UnitWord};
 use super::parts::{BoardSection, BusSource, GaugeSection, LogSection, OutputWord, PatchSection};
 use super::patch_limits::{drift, fit_options, gauge_uncertainty, live, session};
@@ -302,7 +303,7 @@ fn described(section: &PatchSection, bus: BusIndex) -> Result<Option<Described>,
 }
 
 fn geometry(file: &Path, config: &Path, patch: &Patch) -> Result<Geometry, String> {
-    let file = config.parent().unwrap_or(Path::new("")).join(file);
+    let file = beside(config, file);
     let text = read_any_text(&file).map_err(|e| format!("geometry {}: {e}", file.display()))?;
     Geometry::parse(&text, patch).map_err(|e| format!("geometry {}: {e}", file.display()))
 }
