@@ -11,6 +11,7 @@ use taxel_store::models_json;
 
 use crate::files;
 use crate::fit::{parse_seconds, scans_of};
+use crate::output;
 use crate::recording::Recording;
 use crate::same_file::refuse_overwriting;
 use crate::say;
@@ -165,8 +166,7 @@ fn write(
     columns: &[Vec<f64>],
     decimals: Option<usize>,
 ) -> anyhow::Result<()> {
-    let file = || -> anyhow::Result<()> {
-        let mut out = files::writer(path)?;
+    output::write(path, |out| {
         write!(out, "t_s")?;
         for taxel in 0..columns.len() {
             write!(out, ",{letter}{taxel}")?;
@@ -183,7 +183,6 @@ fn write(
             }
             writeln!(out)?;
         }
-        Ok(out.flush()?)
-    };
-    files::quiet_end(path, file()).with_context(|| path.display().to_string())
+        Ok(())
+    })
 }

@@ -1,7 +1,7 @@
-//! Files that a command line names: `-` is standard input or output.
+//! Files that a command line names, to be read: `-` is the standard input.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, Read};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
@@ -87,42 +87,6 @@ pub fn read_any_text(path: &Path) -> io::Result<String> {
     read_to_limit(File::open(path)?, &mut bytes)?;
     let text = String::from_utf8_lossy(&bytes);
     Ok(text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned())
-}
-
-/// A file to write, or standard output; an existing file is overwritten.
-///
-/// # Errors
-/// The file's path and the system's reason.
-pub fn writer(path: &Path) -> anyhow::Result<Box<dyn Write>> {
-    if is_standard(path) {
-        return Ok(Box::new(BufWriter::new(io::stdout().lock())));
-    }
-    let file = File::create(path).with_context(|| path.display().to_string())?;
-    Ok(Box::new(BufWriter::with_capacity(1 << 16, file)))
-}
-
-/// Writes a text. Who stops to read standard output is no failure.
-///
-/// # Errors
-/// The file's path and the system's reason.
-pub fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
-    let write = || -> anyhow::Result<()> {
-        let mut out = writer(path)?;
-        out.write_all(text.as_bytes())?;
-        Ok(out.flush()?)
-    };
-    quiet_end(path, write()).with_context(|| path.display().to_string())
-}
-
-/// A reader of standard output that has gone is no failure; everything else stays one.
-pub fn quiet_end(path: &Path, result: anyhow::Result<()>) -> anyhow::Result<()> {
-    let gone = |error: &anyhow::Error| {
-        error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
-    };
-    match result {
-        Err(error) if is_standard(path) && gone(&error) => Ok(()),
-        other => other,
-    }
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ use taxel_store::models_json;
 mod summary;
 
 use crate::files;
+use crate::output;
 use crate::recording::{Column, Recording};
 use crate::same_file::refuse_overwriting;
 use crate::say;
@@ -183,7 +184,7 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
         say!("  no column is a usable model of a taxel: what is written are the polynomials alone");
     }
     let text = models_json::to_json(&set).context("the models cannot be written")?;
-    files::write_text(&args.out, &text)?;
+    output::write_text(&args.out, &text)?;
     say!("written to {}", args.out.display());
     Ok(())
 }

@@ -1,8 +1,5 @@
 //! The force of each scan of a replay, as a table that any other program reads.
 
-use std::ffi::OsString;
-use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,7 +7,7 @@ use anyhow::Context;
 use taxel_engine::plan::Plan;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot};
 
-use crate::files;
+use crate::output::Output;
 
 /// A CSV file with one row for each snapshot of each patch.
 ///
@@ -21,9 +18,8 @@ use crate::files;
 /// It is written beside its place and put there when it is whole, so that a replay that comes to nothing leaves what was there.
 pub struct ForceFile {
     path: PathBuf,
-    beside: Beside,
     patches: Vec<String>,
-    csv: csv::Writer<Box<dyn Write>>,
+    csv: csv::Writer<Output>,
     rows: u64,
     with_force: u64,
 }
@@ -34,8 +30,8 @@ impl ForceFile {
     /// # Errors
     /// A file that cannot be written.
     pub fn create(path: &Path, plan: &Plan) -> anyhow::Result<Self> {
-        let beside = Beside::of(path);
-        let mut csv = csv::Writer::from_writer(beside.writer()?);
+        let output = Output::create(path).with_context(|| path.display().to_string())?;
+        let mut csv = csv::Writer::from_writer(output);
         csv.write_record([
             "time_s",
             "patch",
@@ -51,7 +47,7 @@ impl ForceFile {
             "reasons",
         ])?;
         let patches = plan.patches.iter().map(|patch| patch.patch.name().to_owned()).collect();
-        Ok(Self { path: path.to_owned(), beside, patches, csv, rows: 0, with_force: 0 })
+        Ok(Self { path: path.to_owned(), patches, csv, rows: 0, with_force: 0 })
     }
 
     /// Appends snapshots, each with the position of its patch.
@@ -63,7 +59,7 @@ impl ForceFile {
             let force = &snapshot.force;
             let newton = |value: Option<taxel_skin::Newton>| value.map_or_else(String::new, |n| format!("{:.6}", n.0));
             let time_ns = snapshot.time.as_nanos();
-            self.csv.write_record([
+            let row = [
                 format!("{}.{:09}", time_ns.div_euclid(1_000_000_000), time_ns.rem_euclid(1_000_000_000)),
                 self.patches[patch].clone(),
                 state_name(force.state).to_owned(),
@@ -76,7 +72,8 @@ impl ForceFile {
                 force.excluded.to_string(),
                 force.stale.to_string(),
                 force.why(),
-            ])?;
+            ];
+            self.csv.write_record(row).with_context(|| self.path.display().to_string())?;
             self.rows += 1;
             self.with_force += u64::from(force.total.is_some());
         }
@@ -87,52 +84,11 @@ impl ForceFile {
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn finish(mut self) -> anyhow::Result<String> {
-        self.csv.flush().with_context(|| self.path.display().to_string())?;
-        self.beside.put().with_context(|| self.path.display().to_string())?;
-        Ok(format!("force: {} rows, {} with a force: {}", self.rows, self.with_force, self.path.display()))
-    }
-}
-
-/// Where a file is written until it is whole, under a name that no other file has; what is no ordinary file, such as a pipe,
-/// is written at its place. A part that was not put there goes with this.
-struct Beside {
-    place: PathBuf,
-    part: Option<PathBuf>,
-}
-
-impl Beside {
-    fn of(path: &Path) -> Self {
-        let ordinary = !files::is_standard(path) && std::fs::metadata(path).map_or(true, |found| found.is_file());
-        // Through a link its target is replaced.
-        let place = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        let name = place.file_name().filter(|_| ordinary).map(|name| {
-            let mut part = OsString::from(".");
-            part.push(name);
-            part.push(format!(".{}.part", std::process::id()));
-            part
-        });
-        let part = name.map(|name| place.with_file_name(name));
-        Self { place, part }
-    }
-
-    /// The file to write; none that is there already is touched.
-    fn writer(&self) -> anyhow::Result<Box<dyn Write>> {
-        let Some(part) = &self.part else { return files::writer(&self.place) };
-        let file = File::create_new(part).with_context(|| part.display().to_string())?;
-        Ok(Box::new(BufWriter::new(file)))
-    }
-
-    fn put(&mut self) -> std::io::Result<()> {
-        self.part.take().map_or(Ok(()), |part| std::fs::rename(part, &self.place))
-    }
-}
-
-impl Drop for Beside {
-    fn drop(&mut self) {
-        if let Some(part) = &self.part {
-            let _ = std::fs::remove_file(part); // it is not whole, and nobody waits for it
-        }
+    pub fn finish(self) -> anyhow::Result<String> {
+        let Self { path, csv, rows, with_force, .. } = self;
+        let whole = csv.into_inner().map_err(csv::IntoInnerError::into_error).and_then(Output::finish);
+        whole.with_context(|| path.display().to_string())?;
+        Ok(format!("force: {rows} rows, {with_force} with a force: {}", path.display()))
     }
 }
 
@@ -143,38 +99,5 @@ const fn state_name(state: ForceState) -> &'static str {
         ForceState::Stale => "STALE",
         ForceState::TareInvalid => "TARE_INVALID",
         ForceState::Uncalibrated => "UNCALIBRATED",
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_not_whole_leaves_the_folder_as_it_was_and_what_is_takes_its_place() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        std::os::unix::fs::symlink(at("force.csv"), at("link.csv")).unwrap();
-        for name in ["force.csv", "force.csv.new", "force.csv.part"] {
-            std::fs::write(at(name), name).unwrap();
-        }
-        let names = || {
-            let entries = std::fs::read_dir(folder.path()).unwrap();
-            let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name()).collect();
-            names.sort();
-            names
-        };
-        let before = names();
-        let begun = |path: &str| {
-            let beside = Beside::of(&at(path));
-            beside.writer().unwrap().write_all(b"new").unwrap();
-            beside
-        };
-        drop(begun("force.csv"));
-        assert_eq!((names(), std::fs::read(at("force.csv")).unwrap()), (before.clone(), b"force.csv".to_vec()));
-        begun("link.csv").put().unwrap();
-        assert_eq!((names(), std::fs::read(at("force.csv")).unwrap()), (before, b"new".to_vec()));
-        assert_eq!(std::fs::read(at("force.csv.new")).unwrap(), b"force.csv.new");
-        assert!(std::fs::symlink_metadata(at("link.csv")).unwrap().is_symlink());
     }
 }

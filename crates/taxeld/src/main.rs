@@ -32,6 +32,7 @@ mod missing;
 mod obstacles;
 mod offline;
 mod open_log;
+mod output;
 #[cfg(feature = "page")]
 mod page;
 #[cfg(feature = "client")]

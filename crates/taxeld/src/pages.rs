@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::Context;
 
-use crate::files;
+use crate::output;
 
 /// Prints the completions for a shell.
 ///
@@ -13,7 +13,7 @@ use crate::files;
 pub fn completions(mut command: clap::Command, shell: clap_complete::Shell) -> anyhow::Result<()> {
     let mut text = Vec::new();
     clap_complete::generate(shell, &mut command, "taxeld", &mut text);
-    files::write_text(Path::new("-"), &String::from_utf8(text)?)
+    output::write_text(Path::new("-"), &String::from_utf8(text)?)
 }
 
 /// Writes a manual page for each command into a folder, which is made if need be.

@@ -23,6 +23,7 @@ use crate::force_file::ForceFile;
 use crate::log_words::{expect_frames, read_on};
 use crate::offline::Offline;
 use crate::open_log::{Wanted, open_log};
+use crate::output;
 use crate::run::Daemon;
 use crate::say::{self, error_line};
 use crate::store_at::StoreAt;
@@ -263,7 +264,7 @@ fn print_models(request: &Request, offline: &Offline) -> anyhow::Result<()> {
     };
     crate::fit::print_summary(set);
     if let Some(out) = &request.out {
-        files::write_text(out, &models_json::to_json(set)?)?;
+        output::write_text(out, &models_json::to_json(set)?)?;
         say!("models: {}", out.display());
     }
     Ok(())

@@ -83,7 +83,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
         let masses = |w: &&Weighing| w.contact == Contact::Mass;
         let weighings: Vec<_> = outcomes.iter().flat_map(|o| &o.weighings).filter(masses).collect();
         let picture = picture::svg(&weighings, outcomes.len(), !args.no_fill);
-        std::fs::write(path, picture).with_context(|| format!("writing {}", path.display()))?;
+        crate::output::write_text(path, &picture)?;
     }
     if args.once {
         return Ok(());

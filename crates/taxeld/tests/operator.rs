@@ -37,6 +37,20 @@ impl Demo {
         command.output().unwrap()
     }
 
+    /// A command of which no file may have more than one block, as on a disk that is full by then: it must fail and leave the
+    /// file at the end of its arguments as it is.
+    fn leaves(&self, arguments: &[&str]) {
+        let out = arguments.last().unwrap();
+        std::fs::write(out, "what was there").unwrap();
+        let mut command = Command::new("sh");
+        command.args(["-c", "trap '' XFSZ; ulimit -f 1; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_taxeld")]);
+        let output = command.args(arguments).env("TAXELD_SERVER", &self.server).output().unwrap();
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
+        assert!(said.contains(&format!("{out}: File too large")), "{arguments:?}: {said}");
+        assert_eq!(std::fs::read_to_string(out).unwrap(), "what was there", "{arguments:?}");
+    }
+
     /// What a command that must succeed prints.
     fn succeeds(&self, arguments: &[&str]) -> String {
         let output = self.command(arguments);
@@ -109,6 +123,14 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     demo.succeeds(&["sessions", "export", number, "--out", &data]);
     let rows = std::fs::read_to_string(&data).unwrap().lines().count() - 1;
     assert_eq!(rows.to_string(), sessions[0]["accepted"].as_str().unwrap());
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    demo.leaves(&["sessions", "export", number, "--out", &at("full.csv")]);
+    demo.leaves(&["sessions", "export", number, "--out", "/dev/null", "--zeros", &at("full.csv")]);
+    demo.leaves(&["models", "export", "--out", &at("full.json")]);
+    #[cfg(feature = "record")]
+    demo.leaves(&["sessions", "export", number, "--out", &at("full.mcap")]);
+    #[cfg(feature = "certificate")]
+    demo.leaves(&["certificate", "--out", &at("full.html")]);
     assert!(demo.succeeds(&["fit", &data, "--patch", "left_forearm", "--out", &models]).contains("of 230 usable"));
     assert!(demo.succeeds(&["models", "import", &models]).contains("is in the store"));
     assert!(demo.succeeds(&["models", "show", &id[..6], "--taxel", "13"]).contains("taxel 13: "));

@@ -8,6 +8,7 @@ use super::activate::full_id;
 use super::connect::Server;
 use super::failure::Outcome;
 use crate::files;
+use crate::output;
 use crate::same_file::refuse_overwriting;
 
 /// The calibration certificate of a model set: of a running daemon, or of a store.
@@ -53,13 +54,13 @@ pub async fn certificate(args: CertificateArgs) -> Outcome {
     };
     for path in &args.out {
         let is_json = path.extension().is_some_and(|end| end.eq_ignore_ascii_case("json"));
-        files::write_text(path, if is_json { &made.json } else { &made.html })?;
+        output::write_text(path, if is_json { &made.json } else { &made.html })?;
         if !files::is_standard(path) {
             say!("certificate {} of {}: {}", made.number, made.model_set, path.display());
         }
     }
     if args.json {
-        files::write_text(Path::new("-"), &made.json)?;
+        output::write_text(Path::new("-"), &made.json)?;
     }
     Ok(())
 }

@@ -1,16 +1,18 @@
 //! `taxeld sessions export`: what a session gathered, as a table or as MCAP.
 
-use std::io::Write;
-use std::path::PathBuf;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use taxel_engine::calibration::export::{sample_row, samples_header};
-use taxel_proto::v1::{ExportSamplesRequest, SampleBlock, SessionSample};
+use taxel_proto::v1::{ExportSamplesRequest, RampZero, SampleBlock, SessionSample};
 use tonic::Streaming;
 
 use super::connect::Server;
 use super::failure::{Failure, Outcome};
 use super::zeros::write_zeros;
 use crate::files;
+use crate::output::{Output, quiet_end};
 use crate::same_file::refuse_overwriting;
 
 /// Which session, and where it goes.
@@ -63,12 +65,10 @@ pub async fn export(args: &ExportArgs) -> Outcome {
     let daemon = args.server.connect().await?;
     let request = ExportSamplesRequest { session: args.session };
     let blocks = daemon.calibration().export_samples(request).await?.into_inner();
-    let (written, in_all) = match args.format() {
-        Format::Csv => csv(args, blocks).await?,
+    let Exported { written, in_all, ramps } = match args.format() {
+        Format::Csv => csv(&args.out, blocks).await?,
         #[cfg(feature = "record")]
-        Format::Mcap => {
-            super::export_mcap::mcap(&daemon, args.session, &args.out, args.zeros.as_deref(), blocks).await?
-        }
+        Format::Mcap => super::export_mcap::mcap(&daemon, args.session, &args.out, blocks).await?,
     };
     if in_all == 0 && written == 0 {
         return Err(Failure::refused(format!("session {} has no samples", args.session)));
@@ -76,41 +76,51 @@ pub async fn export(args: &ExportArgs) -> Outcome {
     if written != in_all {
         return Err(Failure::Broken(anyhow::anyhow!("{written} of {in_all} samples came")));
     }
+    write_zeros(args.zeros.as_deref(), &ramps)?;
     if !files::is_standard(&args.out) {
         say!("{written} scans of session {}: {}", args.session, args.out.display());
     }
     Ok(())
 }
 
-/// Writes the table. Gives how many samples it has, and how many there are.
-async fn csv(args: &ExportArgs, mut blocks: Streaming<SampleBlock>) -> Outcome<(u64, u64)> {
-    let out = args.out.as_path();
-    let mut file: Option<Box<dyn Write>> = None;
-    let (mut first_ns, mut written, mut in_all) = (0, 0_u64, 0);
+/// What came of a session. Its file is in its place if all samples came.
+#[derive(Default)]
+pub struct Exported {
+    /// Samples that came.
+    pub written: u64,
+    /// Samples that there are.
+    pub in_all: u64,
+    /// The zeros of its ramps, which one block has.
+    pub ramps: Vec<RampZero>,
+}
+
+/// Writes the table.
+async fn csv(out: &Path, mut blocks: Streaming<SampleBlock>) -> Outcome<Exported> {
+    let named = || out.display().to_string();
+    let mut file: Option<Output> = None;
+    let (mut first_ns, mut done) = (0, Exported::default());
     while let Some(block) = blocks.message().await? {
-        in_all = block.samples_in_all;
-        write_zeros(args.zeros.as_deref(), &block.ramps)?;
+        done.in_all = block.samples_in_all;
+        done.ramps.extend(block.ramps);
         for sample in &block.samples {
-            let file = match &mut file {
-                Some(file) => file,
+            let (header, file) = match &mut file {
+                Some(file) => (String::new(), file),
                 None => {
                     first_ns = sample.monotonic_ns;
-                    let mut new = files::writer(out)?;
-                    new.write_all(samples_header(sample.counts.len()).as_bytes())?;
-                    file.insert(new)
+                    (samples_header(sample.counts.len()), file.insert(Output::create(out).with_context(named)?))
                 }
             };
-            if let Err(error) = file.write_all(row_of(sample, first_ns).as_bytes()) {
-                files::quiet_end(out, Err(error.into()))?;
-                return Ok((in_all, in_all)); // who read the standard output had enough
+            if let Err(error) = file.write_all((header + &row_of(sample, first_ns)).as_bytes()) {
+                quiet_end(out, Err(error))?;
+                return Ok(Exported { written: done.in_all, ..done }); // who read the standard output had enough
             }
-            written += 1;
+            done.written += 1;
         }
     }
-    if let Some(mut file) = file {
-        files::quiet_end(out, file.flush().map_err(Into::into))?;
+    if let Some(file) = file.filter(|_| done.written == done.in_all) {
+        quiet_end(out, file.finish())?;
     }
-    Ok((written, in_all))
+    Ok(done)
 }
 
 fn row_of(sample: &SessionSample, first_ns: i64) -> String {

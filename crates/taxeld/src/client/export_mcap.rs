@@ -1,32 +1,28 @@
 //! A session as MCAP: the session, the zeros of its ramps, and its samples, as the service sends them.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::Path;
 
 use anyhow::Context;
 use prost::Message;
-use taxel_mcap::{McapFile, Topic};
+use taxel_mcap::{McapFault, McapFile, Topic};
 use taxel_proto::v1::{GetSessionRequest, SampleBlock};
 use tonic::Streaming;
 
 use super::connect::Daemon;
+use super::export::Exported;
 use super::failure::{Failure, Outcome};
-use super::zeros::write_zeros;
 use crate::files;
+use crate::output::Output;
 
 const SESSION: usize = 0;
 const ZEROS: usize = 1;
 const SAMPLES: usize = 2;
 
-/// Writes the file. Gives how many samples it has, and how many there are; a session without any leaves no file.
-pub async fn mcap(
-    daemon: &Daemon,
-    session: u64,
-    out: &Path,
-    zeros: Option<&Path>,
-    mut blocks: Streaming<SampleBlock>,
-) -> Outcome<(u64, u64)> {
+/// Writes the file; a session without any samples leaves none.
+pub async fn mcap(daemon: &Daemon, session: u64, out: &Path, mut blocks: Streaming<SampleBlock>) -> Outcome<Exported> {
+    let named = || out.display().to_string();
+    let words = |fault: McapFault| anyhow::anyhow!("{}: {}", named(), fault.words());
     if files::is_standard(out) {
         return Err(Failure::from(anyhow::anyhow!("MCAP goes to a file: name one with --out")));
     }
@@ -39,41 +35,39 @@ pub async fn mcap(
         let since = monotonic_ns.saturating_sub(*first_ns.get_or_insert(monotonic_ns));
         u64::try_from(started_ns.saturating_add(since)).unwrap_or(0)
     };
-    let mut file: Option<McapFile> = None;
-    let (mut written, mut in_all) = (0_u64, 0);
+    let mut file: Option<(Output, McapFile)> = None;
+    let mut done = Exported::default();
     while let Some(block) = blocks.message().await? {
-        in_all = block.samples_in_all;
-        write_zeros(zeros, &block.ramps)?;
-        let file = match &mut file {
+        done.in_all = block.samples_in_all;
+        let (_, file) = match &mut file {
             Some(file) => file,
-            None if in_all == 0 => continue,
+            None if done.in_all == 0 => continue,
             None => {
-                let mut new = begin(out)?;
-                let words = |fault: taxel_mcap::McapFault| anyhow::anyhow!("{}: {}", out.display(), fault.words());
+                let output = Output::create(out).with_context(named)?;
+                let mut new = begin(&output).map_err(words)?;
                 new.write(SESSION, u64::try_from(started_ns).unwrap_or(0), &about.encode_to_vec()).map_err(words)?;
-                file.insert(new)
+                file.insert((output, new))
             }
         };
-        let words = |fault: taxel_mcap::McapFault| anyhow::anyhow!("{}: {}", out.display(), fault.words());
         for ramp in &block.ramps {
             file.write(ZEROS, u64::try_from(started_ns).unwrap_or(0), &ramp.encode_to_vec()).map_err(words)?;
         }
         for sample in &block.samples {
             file.write(SAMPLES, label(sample.monotonic_ns), &sample.encode_to_vec()).map_err(words)?;
-            written += 1;
+            done.written += 1;
         }
+        done.ramps.extend(block.ramps);
     }
-    if let Some(file) = file {
-        file.finish().map_err(|fault| anyhow::anyhow!("{}: {}", out.display(), fault.words()))?;
+    if let Some((output, file)) = file.filter(|_| done.written == done.in_all) {
+        file.finish().map_err(words)?;
+        output.finish().with_context(named)?;
     }
-    Ok((written, in_all))
+    Ok(done)
 }
 
-fn begin(out: &Path) -> anyhow::Result<McapFile> {
-    let file = File::create(out).with_context(|| out.display().to_string())?;
+fn begin(output: &Output) -> Result<McapFile, McapFault> {
     let topic = |name: &str, message| Topic { name: format!("/taxeld/session{name}"), message };
     let topics = [topic("", "Session"), topic("/zeros", "RampZero"), topic("/samples", "SessionSample")];
     let about = BTreeMap::from([("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned())]);
-    McapFile::begin(Box::new(file), &topics, about)
-        .map_err(|fault| anyhow::anyhow!("{}: {}", out.display(), fault.words()))
+    McapFile::begin(Box::new(output.file()?), &topics, about)
 }

@@ -16,6 +16,7 @@ use super::failure::Outcome;
 use super::places::Places;
 use super::{json, table};
 use crate::files;
+use crate::output;
 use crate::same_file::refuse_overwriting;
 
 /// Model sets: what sessions produced.
@@ -109,7 +110,7 @@ pub async fn models(args: ModelsArgs) -> Outcome {
             let model_set = wanted(&daemon, model_set.as_deref()).await?;
             let request = ExportModelSetRequest { model_set, patch: daemon.patch() };
             let answer = daemon.models().export_model_set(request).await?.into_inner();
-            files::write_text(&out, &answer.json)?;
+            output::write_text(&out, &answer.json)?;
             Ok(())
         }
         ModelsCommand::Import { of, file, insist } => {

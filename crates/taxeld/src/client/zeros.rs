@@ -6,12 +6,12 @@ use taxel_engine::calibration::export::{zero_rows, zeros_header};
 use taxel_proto::v1::{RampZero, RestCount};
 
 use super::failure::Outcome;
-use crate::files;
+use crate::output;
 
-/// Writes the zeros of the ramps, which one block has, where they are wanted.
+/// Writes the zeros of the ramps where they are wanted.
 pub fn write_zeros(to: Option<&Path>, ramps: &[RampZero]) -> Outcome {
     match to.filter(|_| !ramps.is_empty()) {
-        Some(zeros) => Ok(files::write_text(zeros, &zeros_csv(ramps))?),
+        Some(zeros) => Ok(output::write_text(zeros, &zeros_csv(ramps))?),
         None => Ok(()),
     }
 }

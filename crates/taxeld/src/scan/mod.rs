@@ -20,6 +20,7 @@ use crate::config::{self, Config, Scene};
 use crate::files;
 use crate::log_words::{cut_off, expect_frames, tell};
 use crate::open_log::{Wanted, open_log};
+use crate::output;
 use crate::same_file::refuse_overwriting;
 use crate::say;
 use findings::Findings;
@@ -185,5 +186,5 @@ fn write_beginning(findings: &Findings, interface: &str, out: &Path) -> anyhow::
     let text = words::beginning(findings, interface);
     let parsed = config::parse(out, &text).context("what was heard makes no configuration")?;
     config::resolve(&parsed, out).context("what was heard makes no configuration")?;
-    files::write_text(out, &text)
+    output::write_text(out, &text)
 }

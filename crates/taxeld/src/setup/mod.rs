@@ -16,6 +16,7 @@ use taxel_skin::PositionFile;
 
 use crate::config;
 use crate::files::{self, read_any_text};
+use crate::output;
 use crate::same_file::refuse_overwriting;
 use crate::say;
 use compose::{PatchDraft, Sources, compose};
@@ -71,7 +72,7 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     let text = write::text(&drafts, &interfaces, gauge.as_ref(), folder);
     let parsed = config::parse(&args.out, &text).context("what was made of the files is no configuration")?;
     let scene = config::resolve(&parsed, &args.out).context("what was made of the files is no configuration")?;
-    files::write_text(&args.out, &text)?;
+    output::write_text(&args.out, &text)?;
     for (draft, plan) in drafts.iter().zip(&scene.plan.patches) {
         let poses = plan.geometry.as_ref().map_or(0, |geometry| geometry.poses.iter().flatten().count());
         let (name, taxels, boards) = (plan.patch.name(), plan.patch.taxels().len(), draft.boards.len());
