@@ -29,6 +29,7 @@ mod logs;
 mod looking;
 mod low_latency;
 mod missing;
+mod named_files;
 mod obstacles;
 mod offline;
 mod open_log;
@@ -245,7 +246,7 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
             let (config, scene) = load(&args.config)?;
             let ReplayArgs { log, config: file, speed, calibrate, out, models, force } = args;
             let outputs: Vec<&PathBuf> = out.iter().chain(&force).collect();
-            let mut inputs = config::named_files(&config, &scene.doors, &file);
+            let mut inputs = crate::named_files::named_files(&config, &scene.doors, &file);
             inputs.extend(open_log::files_of(&log).into_iter().chain(models.clone()));
             same_file::refuse_overwriting(&outputs, &inputs)?;
             replay::replay(replay::Request { log, speed, calibrate, out, models, force }, config, scene)

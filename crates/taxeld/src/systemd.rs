@@ -1,11 +1,8 @@
 //! What the service manager is told: when the daemon serves, that it lives, when it reloads and when it stops.
-//! Without a service manager nothing is told to nobody. And the folder that it gives.
+//! Without a service manager nothing is told to nobody.
 
 use std::convert::Infallible;
-use std::ffi::OsStr;
 use std::future::pending;
-use std::os::unix::ffi::OsStrExt;
-use std::path::PathBuf;
 use std::time::Duration;
 
 use sd_notify::NotifyState;
@@ -13,17 +10,6 @@ use taxel_rpc::Handle;
 
 /// Without a watchdog this often the state is looked at for `systemctl status`.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
-
-/// The folder that the service manager has made for sockets (`RuntimeDirectory=`), the first if there are several.
-pub fn runtime_folder() -> Option<PathBuf> {
-    first_of(&std::env::var_os("RUNTIME_DIRECTORY")?)
-}
-
-/// The first of the folders that a variable of the service manager lists, systemd.exec(5): colons are between them.
-fn first_of(folders: &OsStr) -> Option<PathBuf> {
-    let first = folders.as_bytes().split(|byte| *byte == b':').find(|folder| !folder.is_empty())?;
-    Some(OsStr::from_bytes(first).into())
-}
 
 fn tell(states: &[NotifyState<'_>]) {
     if let Err(error) = sd_notify::notify(states) {
@@ -97,19 +83,6 @@ mod tests {
     use super::*;
     use crate::config;
     use crate::run::CODEC;
-
-    #[test]
-    fn of_several_folders_the_first_is_the_daemons() {
-        for (listed, first) in [
-            ("/run/taxeld", Some("/run/taxeld")),
-            ("/run/taxeld:/run/taxeld/force", Some("/run/taxeld")),
-            (":/run/taxeld", Some("/run/taxeld")),
-            ("", None),
-            (":", None),
-        ] {
-            assert_eq!(first_of(OsStr::new(listed)), first.map(PathBuf::from), "{listed}");
-        }
-    }
 
     #[tokio::test(start_paused = true)]
     async fn the_watchdog_is_fed_only_while_the_engine_has_its_turns() {

@@ -69,7 +69,7 @@ pub async fn certificate(args: CertificateArgs) -> Outcome {
 fn offline(config: &Path, args: &CertificateArgs) -> Outcome<Certificate> {
     let file = crate::config::load(config).map_err(anyhow::Error::from)?;
     let scene = crate::config::resolve(&file, config).map_err(anyhow::Error::from)?;
-    refuse_overwriting(&args.out, &crate::config::named_files(&file, &scene.doors, config))?;
+    refuse_overwriting(&args.out, &crate::named_files::named_files(&file, &scene.doors, config))?;
     let wanted = (args.model_set.as_deref(), args.server.patch());
     let (model_set, made) = crate::certificate::of_store(&file, &scene, wanted)?;
     let taxel_rpc::MadeCertificate { number, json, html } = made;

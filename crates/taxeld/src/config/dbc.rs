@@ -10,7 +10,7 @@ use can_dbc::{
 };
 use taxel_wire::bits::{BitField, ByteOrder};
 
-use super::named_files::beside;
+use super::load::beside;
 use super::number_words::{OrderOfBytes, UnitWord};
 use super::parts::{GaugeSection, PatchSection};
 use super::signal_parts::{

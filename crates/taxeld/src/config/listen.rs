@@ -10,7 +10,8 @@ use super::fault::Fault;
 use super::file::Config;
 use super::listen_places::{is_same_place, listens_beside};
 use super::listen_sections::{AccessSection, GrantSection, ListenSection, RoleWord};
-use super::named_files::beside;
+use super::load::beside;
+use super::runtime_folder::runtime_folder;
 
 /// The mode of a Unix socket, unless another is given: its owner and its group may connect.
 const SOCKET_MODE: u32 = 0o660;
@@ -126,7 +127,7 @@ pub fn doors(config: &Config, path: &Path) -> Result<Doors, Fault> {
         doors.push(Door::Tcp(listen));
     }
     if config.listen.is_empty()
-        && let Some(folder) = crate::systemd::runtime_folder()
+        && let Some(folder) = runtime_folder()
     {
         doors.push(Door::Unix { path: folder.join(SOCKET_NAME), mode: SOCKET_MODE, group: None });
     }

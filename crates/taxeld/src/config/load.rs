@@ -41,6 +41,11 @@ pub enum ConfigError {
     },
 }
 
+/// The path of a file that a configuration names relative to itself.
+pub fn beside(config: &Path, file: &Path) -> PathBuf {
+    config.parent().unwrap_or(Path::new("")).join(file)
+}
+
 /// Reads a configuration file.
 ///
 /// # Errors

@@ -15,13 +15,13 @@ mod listen_sections;
 mod load;
 mod log_filter;
 mod modules;
-mod named_files;
 mod number_words;
 mod page_section;
 mod parts;
 mod patch_limits;
 mod record_section;
 mod resolve;
+mod runtime_folder;
 mod service_section;
 mod shared_memory_section;
 mod signal_parts;
@@ -32,13 +32,14 @@ pub use certificate_section::CertificateSection;
 pub use examine::{Problems, examine, examine_text, examine_with, read_text};
 pub use fault::Fault;
 pub use file::Config;
+#[cfg(test)]
+pub use listen::doors;
 pub use listen::{Door, Doors};
-pub use load::load;
 pub use load::parse;
+pub use load::{beside, load};
 pub use log_filter::log_filter;
 pub use modules::KindWord;
 pub use modules::written as modules_written;
-pub use named_files::named_files;
 #[cfg(all(feature = "sim", feature = "page"))]
 pub use page_section::{MetricsSection, PageSection};
 #[cfg(feature = "record")]

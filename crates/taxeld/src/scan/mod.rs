@@ -78,7 +78,7 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     }
     let scene = args.config.as_deref().map(load).transpose()?;
     if let (Some(out), Some(file), Some((config, scene))) = (&args.out, &args.config, &scene) {
-        refuse_overwriting(&[out], &config::named_files(config, &scene.doors, file))?;
+        refuse_overwriting(&[out], &crate::named_files::named_files(config, &scene.doors, file))?;
     }
     let bus = scene.as_ref().map(|(config, _)| bus_of(config, args.interface.as_deref())).transpose()?;
     let runtime = crate::runtime::runtime()?;

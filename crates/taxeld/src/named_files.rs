@@ -2,22 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use super::file::Config;
-use super::listen::Doors;
-use super::parts::PatchSection;
+use crate::config::{Config, Doors, beside};
 use crate::open_log;
-
-/// The path of a file that a configuration names relative to itself.
-pub fn beside(config: &Path, file: &Path) -> PathBuf {
-    config.parent().unwrap_or(Path::new("")).join(file)
-}
 
 /// The configuration at `path` with all that it names: the files of its store, what it is read with, certificates, tokens and
 /// sockets, and what a daemon has written into its folders.
 pub fn named_files(config: &Config, doors: &Doors, path: &Path) -> Vec<PathBuf> {
     let mut files = vec![path.to_owned()];
     files.extend(taxel_store::files_of(&config.store.path));
-    files.extend(config.patch.iter().flat_map(read_for).map(|file| beside(path, file)));
+    // Position files and DBC files.
+    let of_arrays = config.patch.iter().filter_map(|patch| patch.array.as_ref()?.dbc.as_ref());
+    let read = config.patch.iter().filter_map(|patch| patch.geometry.as_ref()).chain(of_arrays);
+    files.extend(read.map(|file| beside(path, file)));
     files.extend(doors.files());
     if let Some(record) = &config.record {
         files.extend(open_log::files_of(&record.path));
@@ -29,15 +25,10 @@ pub fn named_files(config: &Config, doors: &Doors, path: &Path) -> Vec<PathBuf> 
     files
 }
 
-/// The position file and the DBC file of a patch.
-fn read_for(patch: &PatchSection) -> impl Iterator<Item = &PathBuf> {
-    patch.geometry.iter().chain(patch.array.iter().filter_map(|array| array.dbc.as_ref()))
-}
-
 #[cfg(all(test, feature = "tls", feature = "record"))]
 mod tests {
     use super::*;
-    use crate::config::listen::doors;
+    use crate::config::doors;
 
     const CONFIG: &str = r#"
 [store]
