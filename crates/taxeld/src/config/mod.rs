@@ -32,7 +32,7 @@ pub use certificate_section::CertificateSection;
 pub use examine::{Problems, examine, examine_text, examine_with, read_text};
 pub use fault::Fault;
 pub use file::Config;
-#[cfg(test)]
+#[cfg(all(test, feature = "tls", feature = "record"))]
 pub use listen::doors;
 pub use listen::{Door, Doors};
 pub use load::parse;
