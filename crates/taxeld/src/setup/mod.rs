@@ -109,7 +109,7 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<Vec<PatchDraft>> {
             bail!("{}: a drawing of {} was given before: one is expected", path.display(), part.name());
         }
     }
-    let robots = robots(&args.xml)?;
+    let robots = robots(&args.xml, &args.out)?;
     let draft = |sources: &Sources| {
         let part = sources.part;
         let robot = robot_of(part, &robots);
@@ -152,8 +152,8 @@ fn read(path: &Path) -> anyhow::Result<String> {
     read_any_text(path).with_context(|| format!("{}", path.display()))
 }
 
-/// The files of the robot's configuration, each with the name that tells its limb.
-fn robots(files: &[PathBuf]) -> anyhow::Result<Vec<(String, RobotXml)>> {
+/// The files of the robot's configuration, each with the name that tells its limb. None of those that they include is `out`.
+fn robots(files: &[PathBuf], out: &Path) -> anyhow::Result<Vec<(String, RobotXml)>> {
     let mut robots = Vec::new();
     for path in files {
         let mut robot = parse_xml(path)?;
@@ -163,7 +163,10 @@ fn robots(files: &[PathBuf]) -> anyhow::Result<Vec<(String, RobotXml)>> {
             let places = [folder.join(include), folder.join("../..").join(include)];
             let given = |place: &PathBuf| files.iter().any(|file| file.file_name() == place.file_name());
             match places.iter().find(|place| place.exists()) {
-                Some(place) if !given(place) => robot.add(parse_xml(place)?),
+                Some(place) if !given(place) => {
+                    refuse_overwriting(&[out], &[place])?;
+                    robot.add(parse_xml(place)?);
+                }
                 Some(_) => {}
                 None if places.iter().any(given) => {}
                 None => robot.remarks.push(format!("{include} is included and not there")),
