@@ -5,14 +5,18 @@
 //! Model sets keep it in words, a line a board, and the words are read here, where they are written. What a line does not
 //! tell is not known, and nothing follows from it.
 
+mod commands;
+mod fnv;
 mod modules;
 mod signals;
 
 use std::fmt;
+use std::iter::Peekable;
 
 use taxel_skin::{Board, CountRange, Module};
 use taxel_wire::icub::{BoardConfig, TriangleConfig};
 
+use self::commands::Commands;
 use self::modules::Modules;
 use self::signals::Signals;
 use crate::intake::bring_up::BoardSetup;
@@ -51,6 +55,8 @@ pub enum BoardSettings {
         numbers: Option<Numbers>,
         /// Which of these is which taxel; `None` where an earlier version did not tell, or there are no frames.
         signals: Option<Signals>,
+        /// What it is sent; `None` where an earlier version did not tell, or somebody else sends it.
+        commands: Option<Commands>,
     },
 }
 
@@ -83,7 +89,8 @@ impl BoardSettings {
         let numbers = fields().next().map(|field| Numbers { low: field.low, shift: field.shift });
         // One line tells of all its taxels.
         let numbers = numbers.filter(|all| fields().all(|field| (field.low, field.shift) == (all.low, all.shift)));
-        Self::Device { range: counts.into(), numbers, signals: Signals::of(&device.frames) }
+        let (signals, commands) = (Signals::of(&device.frames), Commands::of(device));
+        Self::Device { range: counts.into(), numbers, signals, commands }
     }
 
     /// A skin board sends bytes, however it is set.
@@ -106,6 +113,9 @@ impl BoardSettings {
             }
             (Self::Device { signals: Some(then), .. }, Self::Device { signals: Some(now), .. }) if then != now => {
                 changed(&format!("{then} as its taxels"), now)
+            }
+            (Self::Device { commands: Some(then), .. }, Self::Device { commands: Some(now), .. }) if then != now => {
+                changed(then, now)
             }
             _ => Vec::new(),
         }
@@ -139,10 +149,12 @@ impl KnownBoard {
                 format!("type {kind} period {period_ms} ms no_load {no_load}; {triangles}")
             }
             BoardSettings::Listened => UNKNOWN.to_owned(),
-            BoardSettings::Device { range, numbers, signals } => {
+            BoardSettings::Device { range, numbers, signals, commands } => {
                 let numbers = numbers.map(|numbers| format!("; {numbers}")).unwrap_or_default();
                 let signals = signals.map(|signals| format!("; {signals}")).unwrap_or_default();
-                format!("{range}{numbers}{signals}")
+                let commands = commands.as_ref().filter(|commands| !commands.is_empty());
+                let commands = commands.map(|commands| format!("; {commands}")).unwrap_or_default();
+                format!("{range}{numbers}{signals}{commands}")
             }
         };
         let modules = self.modules.as_ref().map_or_else(String::new, |modules| format!("{MODULES_OF}{modules}"));
@@ -161,13 +173,13 @@ impl KnownBoard {
             "device" => {
                 let mut parts = told.split("; ").peekable();
                 let range = read_range(parts.next()?)?;
-                let numbers = parts.peek().and_then(|text| read_numbers(text));
-                let signals = parts.nth(usize::from(numbers.is_some()));
-                let signals = signals.map(|text| Signals::read(text).ok_or(())).transpose().ok()?;
+                let numbers = next_if_read(&mut parts, read_numbers);
+                let signals = next_if_read(&mut parts, Signals::read);
+                let commands = next_if_read(&mut parts, Commands::read);
                 if parts.next().is_some() {
                     return None;
                 }
-                BoardSettings::Device { range, numbers, signals }
+                BoardSettings::Device { range, numbers, signals, commands }
             }
             _ => return None,
         };
@@ -244,17 +256,20 @@ fn mean_the_same(a: &str, b: &str) -> bool {
     let same_modules = one.modules.is_none() || other.modules.is_none() || one.modules == other.modules;
     let same_settings = match (&one.settings, &other.settings) {
         (
-            Device { range, numbers, signals },
-            Device { range: other_range, numbers: other_numbers, signals: other_signals },
-        ) => range == other_range && agree(*numbers, *other_numbers) && agree(*signals, *other_signals),
+            Device { range, numbers, signals, commands },
+            Device { range: its_range, numbers: its_numbers, signals: its_signals, commands: its_commands },
+        ) => {
+            let same_taxels = range == its_range && agree(numbers, its_numbers) && agree(signals, its_signals);
+            same_taxels && agree(commands, its_commands)
+        }
         (one, other) => one == other,
     };
     one.address == other.address && same_modules && same_settings
 }
 
 /// As far as both are known.
-fn agree<T: PartialEq>(one: Option<T>, other: Option<T>) -> bool {
-    one.zip(other).is_none_or(|(one, other)| one == other)
+fn agree<T: PartialEq>(one: &Option<T>, other: &Option<T>) -> bool {
+    one.as_ref().zip(other.as_ref()).is_none_or(|(one, other)| one == other)
 }
 
 /// The period is left out: no count depends on it. A no-load value alone moves all counts by as much, and a force is made of
@@ -281,6 +296,16 @@ fn of_setups(then: &BoardSetup, now: &BoardSetup, address: u8) -> Vec<Difference
 fn settings_of(setup: &BoardSetup, module: Module) -> Option<(u8, u16)> {
     let last = setup.triangles.iter().rev().find(|t| (t.first..=t.last).contains(&module))?;
     Some((last.shift, last.cdc_offset))
+}
+
+/// Takes the next part if it is one that `read` reads.
+fn next_if_read<'a, T>(
+    parts: &mut Peekable<impl Iterator<Item = &'a str>>,
+    read: impl FnOnce(&str) -> Option<T>,
+) -> Option<T> {
+    let found = parts.peek().and_then(|text| read(text))?;
+    parts.next();
+    Some(found)
 }
 
 fn read_setup(text: &str) -> Option<BoardSetup> {

@@ -8,7 +8,7 @@ use taxel_skin::{CountRange, Geometry, Patch, SquareMillimetre};
 pub use crate::calibration::limits::SessionLimits;
 pub use crate::force::measure::Outputs;
 pub use crate::intake::bring_up::BoardSetup;
-pub use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin};
+pub use crate::intake::cells::{DevicePlan, DeviceSignal, ScanBegin, Sender};
 pub use crate::intake::gauge::Gauge;
 pub use crate::zero::drift::plan::DriftPlan;
 pub use crate::zero::plan::TarePlan;
@@ -112,7 +112,7 @@ impl PatchPlan {
     /// Whether the daemon sends anything to the boards.
     #[must_use]
     pub fn configures(&self) -> bool {
-        !self.bring_up.is_empty() || self.devices.iter().any(|device| !device.commands.is_empty())
+        !self.bring_up.is_empty() || self.devices.iter().any(DevicePlan::is_configured)
     }
 
     /// What of it the intake needs.

@@ -12,6 +12,7 @@ use taxel_can::{LogReport, Pace, Replay};
 use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
+use taxel_engine::plan::Sender;
 use taxel_engine::snapshot::BusHealth;
 use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
@@ -55,7 +56,7 @@ pub fn replay(request: Request, config: Config, mut scene: Scene) -> anyhow::Res
     refuse_pushed(&config)?;
     for patch in &mut scene.plan.patches {
         patch.bring_up.clear(); // a log cannot be configured
-        patch.devices.iter_mut().for_each(|device| device.commands.clear());
+        patch.devices.iter_mut().for_each(|device| device.sender = Sender::Elsewhere);
     }
     if request.out.iter().chain(&request.force).any(|output| files::is_standard(output)) {
         say::step_aside();

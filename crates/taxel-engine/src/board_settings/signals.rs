@@ -10,6 +10,8 @@ use taxel_wire::CanId;
 use taxel_wire::array::FrameSpec;
 use taxel_wire::bits::{BitField, FrameMatch};
 
+use crate::board_settings::fnv::Fnv;
+
 /// Where the taxels of a device lie in its frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Signals(u32);
@@ -30,7 +32,7 @@ impl Signals {
             hash.push(&(place(spec) as u64).to_le_bytes());
             hash.push(&place_of(count.field));
         }
-        (!taxels.is_empty()).then_some(Self(hash.0))
+        (!taxels.is_empty()).then_some(Self(hash.sum()))
     }
 
     /// What the words tell; `None` if they are none of its own.
@@ -68,23 +70,6 @@ fn key(frames: &FrameMatch) -> Vec<u8> {
 fn place_of(field: BitField) -> Vec<u8> {
     let signed = u8::from(field.range().0 < 0);
     field.bits().flat_map(u16::to_le_bytes).chain([signed, u8::MAX]).collect()
-}
-
-/// FNV-1a of 32 bits (Fowler, Noll, Vo): against mistakes, not against forgers.
-struct Fnv(u32);
-
-impl Default for Fnv {
-    fn default() -> Self {
-        Self(0x811c_9dc5)
-    }
-}
-
-impl Fnv {
-    fn push(&mut self, bytes: &[u8]) {
-        for byte in bytes {
-            self.0 = (self.0 ^ u32::from(*byte)).wrapping_mul(0x0100_0193);
-        }
-    }
 }
 
 #[cfg(test)]

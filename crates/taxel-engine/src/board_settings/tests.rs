@@ -18,7 +18,10 @@ fn says(then: &str, now: &str) -> Option<String> {
 #[test]
 fn every_line_that_is_written_is_read_as_what_it_was_written_of() {
     let range = || CountRange::to(4095).unwrap().into();
-    let device = |numbers, signals| BoardSettings::Device { range: range(), numbers, signals };
+    let all_of = |numbers, signals, commands| BoardSettings::Device { range: range(), numbers, signals, commands };
+    let device = |numbers, signals| all_of(numbers, signals, None);
+    let commands = || Commands::read("commands 0101, 02FF");
+    assert!(commands().is_some());
     let signals = Signals::read("signals 5f3a9c12");
     assert!(signals.is_some());
     let numbers = Numbers { low: -8_388_608, shift: 8 };
@@ -34,6 +37,8 @@ fn every_line_that_is_written_is_read_as_what_it_was_written_of() {
         device(Some(numbers), None),
         device(None, signals),
         device(Some(numbers), signals),
+        all_of(Some(numbers), signals, commands()),
+        all_of(None, None, commands()),
     ] {
         for modules in [None, Some(Modules::of(&all[..1])), Some(Modules::of(&all[2..7]))] {
             let board = board(settings.clone(), modules);
@@ -44,6 +49,9 @@ fn every_line_that_is_written_is_read_as_what_it_was_written_of() {
     let told = board(device(Some(numbers), signals), None).line();
     let numbers = "numbers from -8388608, lowest 8 bits left out";
     assert_eq!(told, format!("device 13: counts from 0 to 4095, 16 to a unit; {numbers}; signals 5f3a9c12"));
+    let of_all = board(all_of(None, signals, commands()), Some(Modules::of(&all[..1]))).line();
+    let words = "signals 5f3a9c12; commands 0101, 02FF; modules 0";
+    assert_eq!(of_all, format!("device 13: counts from 0 to 4095, 16 to a unit; {words}"));
     let told = board(BoardSettings::Listened, Some(Modules::of(&all))).line();
     assert_eq!(told, "board 13: settings unknown; modules 0-15");
 }
@@ -58,6 +66,7 @@ fn what_no_version_has_written_is_not_known_and_nothing_follows_from_it() {
     odd.push(format!("{LINE}; modules 3 to 4"));
     odd.push("device 1: counts from 0 to 4095, 16 to a unit; numbers of some kind".to_owned());
     odd.push("device 1: counts from 0 to 4095, 16 to a unit; signals 5f3a9c12; signals 5f3a9c12".to_owned());
+    odd.push("device 1: counts from 0 to 4095, 16 to a unit; commands 01; signals 5f3a9c12".to_owned());
     for line in odd {
         assert_eq!(KnownBoard::read(&line), None, "{line}");
         assert_eq!(difference(&[line], &[known(LINE)]), None);
@@ -123,6 +132,18 @@ fn a_range_is_compared_wherever_it_is_known() {
     assert_eq!((says(&numbers(0, 4), &one), says(&one, &numbers(0, 4)), says(&one, &one)), (None, None, None));
     assert!(says(&signals(&wide, "00000001"), &other).is_some(), "whatever is known of the numbers");
     assert!(differ_in(std::slice::from_ref(&one), &[other]).is_some() && differ_in(&[one], &[numbers(0, 4)]).is_none());
+}
+
+#[test]
+fn commands_are_compared_where_both_are_known() {
+    let with =
+        |commands: &str| format!("device 1: counts from 0 to 255, 1 to a unit{commands}; modules 0 of 16 taxels");
+    let (one, other, unknown) = (with("; commands 0101"), with("; commands 0102"), with(""));
+    let why = says(&one, &other).unwrap();
+    assert_eq!(why, "was gathered with commands 0101 on device 1, where the configuration has commands 0102");
+    assert_eq!((says(&one, &one), says(&unknown, &one), says(&one, &unknown)), (None, None, None));
+    let differ = |a: &String, b: &String| differ_in(std::slice::from_ref(a), std::slice::from_ref(b)).is_some();
+    assert!(differ(&one, &other) && !differ(&one, &one) && !differ(&one, &unknown) && !differ(&unknown, &one));
 }
 
 #[test]

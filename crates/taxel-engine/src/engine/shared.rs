@@ -7,7 +7,7 @@ use taxel_skin::Time;
 use taxel_wire::array::FrameSpec;
 use taxel_wire::bits::{FrameMatch, Selector};
 
-use crate::plan::{PatchPlan, Plan};
+use crate::plan::{PatchPlan, Plan, Sender};
 
 /// Which boards several patches have.
 #[derive(Clone, Debug)]
@@ -55,14 +55,14 @@ impl SharedBoards {
                         others.filter_map(|&(other, there)| known.patches[other].devices.get(there))
                     };
                     let status = others().find_map(|other| other.status.clone()).filter(|_| device.status.is_none());
-                    let sent = others().find(|other| !other.commands.is_empty()).filter(|_| device.commands.is_empty());
+                    let sent = others().find(|other| other.is_configured()).filter(|_| !device.is_configured());
                     if status.is_none() && sent.is_none() {
                         continue;
                     }
                     let device = &mut Arc::make_mut(&mut told).patches[patch].devices[board];
                     device.status = device.status.take().or(status);
                     if let Some(sent) = sent {
-                        (device.commands, device.sent_by_another) = (sent.commands.clone(), true);
+                        (device.commands, device.sender) = (sent.commands.clone(), Sender::OtherPatch);
                     }
                 }
             }
@@ -198,13 +198,14 @@ mod tests {
         let field = BitField::new(0, 8, ByteOrder::Little, false).unwrap();
         plan.patches[2].devices[0].status = Some((DeviceSignal { frames: of(90, Vec::new()), field }, 0));
         plan.patches[0].devices[0].commands = vec![(Duration::ZERO, Frame::data(CanId::Extended(1), &[1]).unwrap())];
+        plan.patches[0].devices[0].sender = Sender::Patch;
         let told = shared.with_devices_of_all(&Arc::new(plan));
         let knows = told.patches.iter().map(|patch| patch.devices.first().is_some_and(|d| d.status.is_some()));
         assert!(knows.eq([true, false, true, false]), "the palm is of the same device as the half");
         let waits = told
             .patches
             .iter()
-            .map(|patch| (patch.configures(), patch.devices.first().is_some_and(|d| d.sent_by_another)));
+            .map(|patch| (patch.configures(), patch.devices.first().is_some_and(|d| d.sender == Sender::OtherPatch)));
         assert!(
             waits.eq([(true, false), (false, false), (true, true), (false, false)]),
             "what one sends, all wait for"

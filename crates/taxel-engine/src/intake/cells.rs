@@ -41,6 +41,17 @@ pub struct DeviceSignal {
     pub field: BitField,
 }
 
+/// Who sends a device its commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sender {
+    /// The patch that has them.
+    Patch,
+    /// Another patch of the device, at the same time: this one only waits for them.
+    OtherPatch,
+    /// Nobody here. If there are any, somebody else sends these.
+    Elsewhere,
+}
+
 /// What is known of a device.
 #[derive(Clone, Debug)]
 pub struct DevicePlan {
@@ -54,8 +65,8 @@ pub struct DevicePlan {
     pub temperature: Option<(DeviceSignal, f64, f64)>,
     /// Frames to send so that it streams, and how long after the beginning of the bring-up.
     pub commands: Vec<(Duration, Frame)>,
-    /// Whether another patch of the device sends them, at the same time: this one only waits for them.
-    pub sent_by_another: bool,
+    /// Who sends them.
+    pub sender: Sender,
 }
 
 impl DevicePlan {
@@ -68,8 +79,14 @@ impl DevicePlan {
             status: None,
             temperature: None,
             commands: Vec::new(),
-            sent_by_another: false,
+            sender: Sender::Elsewhere,
         }
+    }
+
+    /// Whether the daemon sends it anything.
+    #[must_use]
+    pub fn is_configured(&self) -> bool {
+        !self.commands.is_empty() && self.sender != Sender::Elsewhere
     }
 
     /// The identifiers of all its frames, some of them more than once.

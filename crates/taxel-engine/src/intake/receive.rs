@@ -16,7 +16,7 @@ use crate::boundary::pushed::PushedScan;
 use crate::intake::assembler::{ScanAssembler, ScanEnd};
 use crate::intake::boards::{BoardDoubt, BoardNews, BoardState, DeviceNews, SilenceLimits};
 use crate::intake::bring_up::{BoardSetup, BringUp};
-use crate::intake::cells::{Device, DevicePlan};
+use crate::intake::cells::{Device, DevicePlan, Sender};
 use crate::intake::faults::detector::FaultDetector;
 use crate::intake::faults::fault::FaultSet;
 use crate::intake::faults::limits::FaultLimits;
@@ -153,7 +153,7 @@ impl Intake {
         if self.plan.devices.is_empty() {
             self.bring_up.start(now, &self.plan.patch, &self.plan.bring_up);
         } else {
-            let devices = self.plan.devices.iter().enumerate();
+            let devices = self.plan.devices.iter().enumerate().filter(|(_, device)| device.is_configured());
             let commands = devices.flat_map(|(at, d)| d.commands.iter().map(move |&(after, frame)| (at, after, frame)));
             self.bring_up.start_devices(now, commands);
         }
@@ -374,7 +374,7 @@ impl Intake {
     /// Time passed. Frames to send come with the position of their board.
     pub fn tick(&mut self, now: Time, send: &mut Vec<(usize, Frame)>, events: &mut Vec<IntakeEvent>) {
         while let Some(step) = self.bring_up.next_due(now) {
-            let by_another = self.plan.devices.get(step.0).is_some_and(|device| device.sent_by_another);
+            let by_another = self.plan.devices.get(step.0).is_some_and(|device| device.sender == Sender::OtherPatch);
             send.extend(Some(step).filter(|_| !by_another));
         }
         let incomplete = self.bring_up.tick(now);

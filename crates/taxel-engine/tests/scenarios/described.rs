@@ -7,7 +7,7 @@ use taxel_engine::calibration::SessionState;
 use taxel_engine::command::Command;
 use taxel_engine::intake::faults::Fault;
 use taxel_engine::model_set::ModelSet;
-use taxel_engine::plan::{DevicePlan, DeviceSignal, Gauge, PatchPlan, Plan, ScanBegin};
+use taxel_engine::plan::{DevicePlan, DeviceSignal, Gauge, PatchPlan, Plan, ScanBegin, Sender};
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::ForceState;
 use taxel_engine::{BusNotice, Restored};
@@ -47,7 +47,7 @@ fn patch_plan(name: &str, first_id: u32) -> PatchPlan {
         status: None,
         temperature: None,
         commands: vec![],
-        sent_by_another: false,
+        sender: Sender::Patch,
     };
     let modules = (0..4).map(|module| (Module::from_nibble(module), ModuleKind::Cells(12))).collect();
     let board = Board { bus: BUS, address: BoardAddress::new(1).unwrap(), modules };
@@ -435,6 +435,33 @@ fn a_set_of_taxels_that_lie_elsewhere_in_the_frames_now_has_no_force() {
     scene.seconds(4.0);
     assert_eq!(scene.host.state(), ForceState::Uncalibrated);
     assert!(scene.host.reasons().contains("as its taxels on device 1"), "{}", scene.host.reasons());
+}
+
+/// A command may set the gain of the array, which nothing at rest would tell.
+#[test]
+fn a_device_that_is_sent_other_commands_than_at_the_calibration_has_no_force() {
+    let set = Scene::in_use().newest_set();
+    let with = |gathered_with: &str, command: Option<[u8; 2]>| {
+        let mut plan = plan();
+        let frame = |data| (Duration::ZERO, Frame::of(CanId::Standard(5), data));
+        plan.patches[0].devices[0].commands = command.map(frame).into_iter().collect();
+        let mut set = ModelSet::clone(&set);
+        set.board_settings[0] = set.board_settings[0].replace("; modules", &format!("{gathered_with}; modules"));
+        let active = vec![("array".to_owned(), set.id.clone())];
+        let model_sets = vec![Arc::new(set).into()];
+        let mut scene = Scene::new(plan, Restored { model_sets, active, ..Restored::default() });
+        scene.seconds(6.0);
+        (scene.host.state(), scene.host.reasons())
+    };
+    let ok = (ForceState::Ok, String::new());
+    assert_eq!(with("; commands 0101", Some([1, 1])), ok);
+    assert_eq!(with("", Some([1, 1])), ok, "what an earlier version did not tell is not known");
+    for (command, now) in [(Some([1, 2]), "commands 0102"), (None, "no commands")] {
+        let (state, why) = with("; commands 0101", command);
+        assert_eq!(state, ForceState::Uncalibrated);
+        let said = format!("was gathered with commands 0101 on device 1, where the configuration has {now}");
+        assert!(why.contains(&said), "{why}");
+    }
 }
 
 /// Sixteen bits of a number that are left out or not, and where it begins: the range of the counts is the same.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use taxel_engine::plan::{DevicePlan, DeviceSignal, ScanBegin};
+use taxel_engine::plan::{DevicePlan, DeviceSignal, ScanBegin, Sender};
 use taxel_skin::{
     Board, BoardAddress, BusIndex, CountRange, Geometry, Module, ModuleKind, NormalsVerdict, Patch, SquareMillimetre,
     TaxelPose,
@@ -204,7 +204,7 @@ fn plan(
     let status = array.status.as_ref().map(|s| Ok::<_, String>((signal(&s.frame, &s.number)?, i128::from(s.good))));
     let temperature = array.temperature.as_ref();
     let temperature = temperature.map(|t| Ok::<_, String>((signal(&t.frame, &t.number)?, t.scale, t.offset)));
-    let commands = array.command.iter().filter(|command| command.device == device && !listen_only);
+    let commands = array.command.iter().filter(|command| command.device == device);
     let commands = commands.map(|command| {
         let wrong = || format!("array.command: data = \"{}\": expected up to 8 bytes in hexadecimal", command.data);
         let frame = Frame::data(identifier(command.id, command.extended)?, &hex(&command.data).ok_or_else(wrong)?);
@@ -216,7 +216,7 @@ fn plan(
         status: status.transpose()?,
         temperature: temperature.transpose()?,
         commands: commands.collect::<Result<_, _>>()?,
-        sent_by_another: false,
+        sender: if listen_only { Sender::Elsewhere } else { Sender::Patch },
     })
 }
 

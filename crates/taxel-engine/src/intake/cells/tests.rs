@@ -23,7 +23,7 @@ fn device(scans: ScanBegin) -> Device {
         status: Some((DeviceSignal { frames: any_frame(), field: field(48, 8) }, 0)),
         temperature: None,
         commands: vec![],
-        sent_by_another: false,
+        sender: Sender::Patch,
     };
     let modules = (0..2).map(|module| (Module::from_nibble(module), ModuleKind::Cells(4))).collect();
     let board = Board { bus: BusIndex(0), address: BoardAddress::new(1).unwrap(), modules };

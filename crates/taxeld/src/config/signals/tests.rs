@@ -121,6 +121,9 @@ fn devices_are_boards_of_their_own_with_commands_of_their_own() {
     let command = Frame::of(CanId::Standard(5), [1, 255]);
     assert_eq!(plan.devices[1].commands, [(Duration::from_millis(30), command)]);
     assert!(plan.configures());
+    let listening = self::plan(&format!("listen_only = true\n{text}")).unwrap();
+    assert_eq!(listening.devices[1].commands, [(Duration::from_millis(30), command)], "somebody else sends them");
+    assert!(!listening.configures());
 }
 
 proptest! {
