@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use taxel_engine::calibration::export::{sample_row, samples_header};
-use taxel_proto::v1::{ExportSamplesRequest, RampZero, SampleBlock, SessionSample};
+use taxel_proto::v1::{ExportSamplesRequest, SampleBlock, SessionSample};
 use tonic::Streaming;
 
 use super::connect::Server;
+use super::exported::Exported;
 use super::failure::{Failure, Outcome};
 use super::zeros::write_zeros;
 use crate::files;
@@ -81,17 +82,6 @@ pub async fn export(args: &ExportArgs) -> Outcome {
         say!("{written} scans of session {}: {}", args.session, args.out.display());
     }
     Ok(())
-}
-
-/// What came of a session. Its file is in its place if all samples came.
-#[derive(Default)]
-pub struct Exported {
-    /// Samples that came.
-    pub written: u64,
-    /// Samples that there are.
-    pub in_all: u64,
-    /// The zeros of its ramps, which one block has.
-    pub ramps: Vec<RampZero>,
 }
 
 /// Writes the table.

@@ -10,7 +10,7 @@ use taxel_proto::v1::{GetSessionRequest, SampleBlock};
 use tonic::Streaming;
 
 use super::connect::Daemon;
-use super::export::Exported;
+use super::exported::Exported;
 use super::failure::{Failure, Outcome};
 use crate::files;
 use crate::output::Output;

@@ -16,6 +16,7 @@ mod events;
 mod export;
 #[cfg(feature = "record")]
 mod export_mcap;
+mod exported;
 mod failure;
 mod health;
 mod json;

@@ -3,8 +3,8 @@
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 
+use super::door::Door;
 use super::file::Config;
-use super::listen::Door;
 use super::page_section::listens;
 
 /// Whether one that listens at the one leaves no room for the other.

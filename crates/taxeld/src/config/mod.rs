@@ -5,6 +5,7 @@ mod area_words;
 mod boards;
 mod certificate_section;
 mod dbc;
+mod door;
 pub mod examine;
 mod fault;
 mod file;
@@ -29,12 +30,13 @@ mod signals;
 
 #[cfg(feature = "certificate")]
 pub use certificate_section::CertificateSection;
+pub use door::Door;
 pub use examine::{Problems, examine, examine_text, examine_with, read_text};
 pub use fault::Fault;
 pub use file::Config;
+pub use listen::Doors;
 #[cfg(all(test, feature = "tls", feature = "record"))]
 pub use listen::doors;
-pub use listen::{Door, Doors};
 pub use load::parse;
 pub use load::{beside, load};
 pub use log_filter::log_filter;
