@@ -154,7 +154,7 @@ pub fn write(path: &Path, content: impl FnOnce(&mut Output) -> io::Result<()>) -
     quiet_end(path, write())
 }
 
-/// Writes a text, as [`write`] does.
+/// Writes a text, as [`write()`] does.
 ///
 /// # Errors
 /// The path and the system's reason.
