@@ -152,8 +152,7 @@ impl KnownBoard {
             BoardSettings::Device { range, numbers, signals, commands } => {
                 let numbers = numbers.map(|numbers| format!("; {numbers}")).unwrap_or_default();
                 let signals = signals.map(|signals| format!("; {signals}")).unwrap_or_default();
-                let commands = commands.as_ref().filter(|commands| !commands.is_empty());
-                let commands = commands.map(|commands| format!("; {commands}")).unwrap_or_default();
+                let commands = commands.as_ref().map(|commands| format!("; {commands}")).unwrap_or_default();
                 format!("{range}{numbers}{signals}{commands}")
             }
         };

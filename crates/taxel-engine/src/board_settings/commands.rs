@@ -10,8 +10,9 @@ use taxel_wire::{CanId, Frame};
 use crate::board_settings::fnv::Fnv;
 use crate::intake::cells::{DevicePlan, Sender};
 
-/// What stands before them.
+/// What stands before them, and instead of them where there are none.
 const COMMANDS: &str = "commands ";
+const NONE: &str = "no commands";
 
 /// Longer words would make the line too long for a model set: a number stands for them.
 const WORDS_BYTES_MAX: usize = 200;
@@ -42,18 +43,16 @@ impl Commands {
 
     /// What the words tell; `None` if they are none of its own.
     pub fn read(text: &str) -> Option<Self> {
+        if text == NONE {
+            return Some(Self(String::new()));
+        }
         text.strip_prefix(COMMANDS).filter(|words| !words.is_empty()).map(|words| Self(words.to_owned()))
-    }
-
-    /// Whether the device is sent none.
-    pub const fn is_empty(&self) -> bool {
-        self.0.is_empty()
     }
 }
 
 impl fmt::Display for Commands {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.is_empty() { f.write_str("no commands") } else { write!(f, "{COMMANDS}{}", self.0) }
+        if self.0.is_empty() { f.write_str(NONE) } else { write!(f, "{COMMANDS}{}", self.0) }
     }
 }
 
@@ -119,10 +118,10 @@ mod tests {
         let (long, other) = (many(0), many(1));
         assert_ne!(long, other);
         assert!(long.to_string().starts_with("commands 200 of sum "), "{long}");
-        for commands in [long, other, of(&[(5, 0, &[1, 1])])] {
+        for commands in [long, other, of(&[(5, 0, &[1, 1])]), of(&[])] {
             assert_eq!(Commands::read(&commands.to_string()), Some(commands));
         }
-        assert!(["commands ", "command 01", "no commands", ""].iter().all(|text| Commands::read(text).is_none()));
+        assert!(["commands ", "command 01", "no command", ""].iter().all(|text| Commands::read(text).is_none()));
     }
 
     #[test]

@@ -39,6 +39,7 @@ fn every_line_that_is_written_is_read_as_what_it_was_written_of() {
         device(Some(numbers), signals),
         all_of(Some(numbers), signals, commands()),
         all_of(None, None, commands()),
+        all_of(None, None, Commands::read("no commands")),
     ] {
         for modules in [None, Some(Modules::of(&all[..1])), Some(Modules::of(&all[2..7]))] {
             let board = board(settings.clone(), modules);
@@ -142,6 +143,8 @@ fn commands_are_compared_where_both_are_known() {
     let why = says(&one, &other).unwrap();
     assert_eq!(why, "was gathered with commands 0101 on device 1, where the configuration has commands 0102");
     assert_eq!((says(&one, &one), says(&unknown, &one), says(&one, &unknown)), (None, None, None));
+    let (none, why) = (with("; no commands"), "was gathered with no commands on device 1, where the configuration has");
+    assert_eq!(says(&none, &one).unwrap(), format!("{why} commands 0101"));
     let differ = |a: &String, b: &String| differ_in(std::slice::from_ref(a), std::slice::from_ref(b)).is_some();
     assert!(differ(&one, &other) && !differ(&one, &one) && !differ(&one, &unknown) && !differ(&unknown, &one));
 }

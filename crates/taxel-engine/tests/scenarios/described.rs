@@ -406,9 +406,17 @@ fn a_described_frame_that_is_too_short_is_counted_and_changes_nothing() {
     assert_eq!(scene.host.snapshot().taxels[0].count, before);
 }
 
+/// The same set with these words for the commands; with none it is one of an earlier version, which did not tell them.
+fn told(set: &ModelSet, commands: &str) -> Arc<ModelSet> {
+    let mut set = set.clone();
+    assert!(set.board_settings[0].contains("; no commands"), "{:?}", set.board_settings);
+    set.board_settings[0] = set.board_settings[0].replace("; no commands", commands);
+    Arc::new(set)
+}
+
 #[test]
 fn a_described_device_that_needs_commands_gets_them_after_a_start_with_models_too() {
-    let set = Scene::in_use().newest_set();
+    let set = told(&Scene::in_use().newest_set(), "");
     let start = Frame::of(CanId::Extended(0x18FD_0001), [1]);
     let mut plan = plan();
     plan.patches[0].devices[0].commands = vec![(Duration::from_millis(50), start)];
@@ -445,21 +453,24 @@ fn a_device_that_is_sent_other_commands_than_at_the_calibration_has_no_force() {
         let mut plan = plan();
         let frame = |data| (Duration::ZERO, Frame::of(CanId::Standard(5), data));
         plan.patches[0].devices[0].commands = command.map(frame).into_iter().collect();
-        let mut set = ModelSet::clone(&set);
-        set.board_settings[0] = set.board_settings[0].replace("; modules", &format!("{gathered_with}; modules"));
+        let set = told(&set, gathered_with);
         let active = vec![("array".to_owned(), set.id.clone())];
-        let model_sets = vec![Arc::new(set).into()];
+        let model_sets = vec![set.into()];
         let mut scene = Scene::new(plan, Restored { model_sets, active, ..Restored::default() });
         scene.seconds(6.0);
         (scene.host.state(), scene.host.reasons())
     };
     let ok = (ForceState::Ok, String::new());
     assert_eq!(with("; commands 0101", Some([1, 1])), ok);
+    assert_eq!(with("; no commands", None), ok);
     assert_eq!(with("", Some([1, 1])), ok, "what an earlier version did not tell is not known");
-    for (command, now) in [(Some([1, 2]), "commands 0102"), (None, "no commands")] {
-        let (state, why) = with("; commands 0101", command);
+    let of_one = "commands 0101";
+    for (then, command, now) in
+        [(of_one, Some([1, 2]), "commands 0102"), (of_one, None, "no commands"), ("no commands", Some([1, 1]), of_one)]
+    {
+        let (state, why) = with(&format!("; {then}"), command);
         assert_eq!(state, ForceState::Uncalibrated);
-        let said = format!("was gathered with commands 0101 on device 1, where the configuration has {now}");
+        let said = format!("was gathered with {then} on device 1, where the configuration has {now}");
         assert!(why.contains(&said), "{why}");
     }
 }
@@ -505,7 +516,7 @@ fn numbers_that_become_counts_in_another_way_than_at_the_calibration_have_no_for
 #[test]
 fn a_device_that_another_patch_configures_is_left_alone_under_a_load() {
     let scene = Scene::in_use();
-    let set = scene.newest_set();
+    let set = told(&scene.newest_set(), "");
     let mut half = patch_plan("half", 0x18FE_0000);
     half.devices[0].commands = vec![(Duration::ZERO, Frame::data(CanId::Extended(0x18FD_0001), &[1]).unwrap())];
     let plan = Plan { buses: 1, patches: vec![patch_plan("array", 0x18FE_0000), half] };
