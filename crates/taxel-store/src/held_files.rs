@@ -70,3 +70,24 @@ impl HeldFiles {
         log.sync_all()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_is_cut_back_to_its_last_commit() {
+        let dir = tempfile::tempdir().unwrap();
+        let database = dir.path().join("store.db");
+        let log = beside::wal(&database);
+        fs::write(&database, "").unwrap();
+        fs::write(&log, [7; 20_000]).unwrap();
+        let held = HeldFiles::of(&database, 4096).unwrap();
+        for (pages, bytes) in [(2, 32 + 2 * (24 + 4096)), (0, 0)] {
+            held.cut_log(pages).unwrap();
+            assert_eq!(fs::metadata(&log).unwrap().len(), bytes);
+        }
+        fs::remove_file(&log).unwrap();
+        assert_eq!(held.cut_log(0).unwrap_err().kind(), io::ErrorKind::NotFound);
+    }
+}
