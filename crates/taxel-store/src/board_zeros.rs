@@ -15,6 +15,9 @@ use crate::tally::{Stream, written};
 const UNREADABLE: &str =
     "what was noted of the zeros of its boards is damaged on disk: one may have taken a zero under a load";
 
+/// So many losses elsewhere are named.
+const NAMED_MAX: usize = 3;
+
 /// How findings name these rows.
 const NOTED: &str = "what was noted of the boards' zeros";
 
@@ -58,6 +61,20 @@ pub(crate) struct Missing<'a> {
     pub(crate) elsewhere: &'a [String],
 }
 
+impl Missing<'_> {
+    /// Why a row may be, where that shows elsewhere. A disk that dies leaves thousands of findings: the first are named, and
+    /// how many more there are.
+    fn in_words(&self) -> Option<String> {
+        let elsewhere: Vec<&str> = self.elsewhere.iter().map(String::as_str).filter(|what| *what != NOTED).collect();
+        let (first, more) = elsewhere.split_at(elsewhere.len().min(NAMED_MAX));
+        if first.is_empty() {
+            return None;
+        }
+        let more = if more.is_empty() { String::new() } else { format!(" and {} more", more.len()) };
+        Some(format!("{UNREADABLE}, as more of the store is not what was written: {}{more}", first.join(", ")))
+    }
+}
+
 /// Per patch: what the newest row of it says, if that is anything.
 ///
 /// A damaged or missing row may have been any patch's: each of `patches` that has no newer one is doubted, rather than that a
@@ -95,9 +112,7 @@ pub(crate) fn read(
     if missing.newest {
         lose(&mut newest, patches, UNREADABLE);
     }
-    let elsewhere: Vec<&str> = missing.elsewhere.iter().map(String::as_str).filter(|what| *what != NOTED).collect();
-    if !elsewhere.is_empty() {
-        let why = format!("{UNREADABLE}, as more of the store is not what was written: {}", elsewhere.join(", "));
+    if let Some(why) = missing.in_words() {
         lose(&mut newest, &without_row(connection, patches, &why)?, &why);
     }
     let known = newest.into_iter().map(|(patch, (zeros, lost))| Known {
@@ -171,5 +186,22 @@ mod tests {
         let all = of_all(["arm", "hand"].into_iter());
         let doubted = BoardZeros { unproven: Some(UNREADABLE.to_owned()), ..BoardZeros::default() };
         assert_eq!(all, [("arm".to_owned(), doubted.clone()), ("hand".to_owned(), doubted)]);
+    }
+
+    #[test]
+    fn of_many_losses_elsewhere_the_first_three_are_named_and_these_rows_themselves_are_none() {
+        let said = |names: &[&str]| {
+            let elsewhere: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+            Missing { newest: true, elsewhere: &elsewhere }.in_words()
+        };
+        assert_eq!((said(&[]), said(&[NOTED])), (None, None));
+        for (names, end) in [
+            (&["loads", NOTED][..], ": loads"),
+            (&["a", "b", "c"], ": a, b, c"),
+            (&["a", "b", NOTED, "c", "d", "e"], ": a, b, c and 2 more"),
+        ] {
+            let said = said(names).unwrap();
+            assert!(said.starts_with(UNREADABLE) && said.ends_with(end), "{said}");
+        }
     }
 }

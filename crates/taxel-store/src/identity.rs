@@ -87,18 +87,24 @@ fn is_empty(connection: &Connection) -> rusqlite::Result<bool> {
 
 /// Reads every page once and checks its structure.
 pub(crate) fn check_structure(connection: &Connection, path: &Path) -> Result<(), StoreError> {
-    let opening = |error| StoreError::opening(path, &error);
-    let findings =
-        structure_findings(connection).map_err(opening)?.or(log_of_another(connection, path).map_err(opening)?);
-    findings.map_or(Ok(()), |findings| Err(StoreError::Damaged { path: path.to_path_buf(), findings }))
+    match structure_findings(connection).map_err(|error| StoreError::opening(path, &error))? {
+        None => Ok(()),
+        Some(findings) => Err(StoreError::Damaged { path: path.to_path_buf(), findings }),
+    }
 }
 
-/// Whether the log is that of another database, or of this one at another time: each transaction tells how many pages the
+/// Refuses a log that is that of another database, or of this one at another time: each transaction tells how many pages the
 /// database has after it, and the first page, which says so too, is part of each that changes that.
-fn log_of_another(connection: &Connection, path: &Path) -> rusqlite::Result<Option<String>> {
-    let pages: u32 = connection.pragma_query_value(None, "page_count", |row| row.get(0))?;
-    let by_log = wal_check::database_pages(path).filter(|by_log| *by_log != pages);
-    Ok(by_log.map(|by_log| format!("it has {pages} pages, and its log is that of one with {by_log}")))
+pub(crate) fn check_log(connection: &Connection, path: &Path) -> Result<(), StoreError> {
+    let pages = connection.pragma_query_value(None, "page_count", |row| row.get::<_, u32>(0));
+    let pages = pages.map_err(|error| StoreError::opening(path, &error))?;
+    match wal_check::database_pages(path) {
+        Some(by_log) if by_log != pages => {
+            let findings = format!("it has {pages} pages, and its log is that of one with {by_log}");
+            Err(StoreError::Damaged { path: path.to_path_buf(), findings })
+        }
+        _ => Ok(()),
+    }
 }
 
 /// What is wrong with how the pages hang together; `None` if all is well.

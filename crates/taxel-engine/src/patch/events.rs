@@ -126,7 +126,7 @@ const fn remedy(refused: ErrorReason) -> &'static str {
         ErrorReason::TareLoaded | ErrorReason::TareUnproven => {
             "; if nothing touches the skin, say so with confirmed_by"
         }
-        ErrorReason::TareUnsteady => "; tare while nothing touches the skin or the robot moves it",
+        ErrorReason::TareUnsteady => "; tare while nothing touches the skin and nothing moves it",
         _ => "",
     }
 }

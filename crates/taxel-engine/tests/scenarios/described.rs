@@ -26,12 +26,12 @@ const REST: f64 = 230.0;
 const AREA_MM2: f64 = 16.0;
 const STATUS_ID: u32 = 0x18FD_0002;
 
-fn plan() -> Plan {
+pub fn plan() -> Plan {
     Plan { buses: 1, patches: vec![patch_plan("array", 0x18FE_0000)] }
 }
 
 /// An array whose frames have identifiers from this one on.
-fn patch_plan(name: &str, first_id: u32) -> PatchPlan {
+pub fn patch_plan(name: &str, first_id: u32) -> PatchPlan {
     let of_frame = |frame: u16| FrameSpec {
         frames: FrameMatch { id: CanId::Extended(first_id + u32::from(frame)), selectors: vec![] },
         counts: (0..24)
@@ -73,13 +73,13 @@ fn patch_plan(name: &str, first_id: u32) -> PatchPlan {
 }
 
 /// The array in front of an engine.
-struct Scene {
-    host: Host,
+pub struct Scene {
+    pub host: Host,
     scans: i64,
     bits: u64,
     /// What the bag presses with, kPa, and what beside it lies on the first taxels.
     bag_kpa: f64,
-    load: (usize, f64),
+    pub load: (usize, f64),
     /// What the device has taken for nothing, units by taxel.
     taken: Vec<f64>,
     /// A frame that does not come.
@@ -95,7 +95,7 @@ struct Scene {
 }
 
 impl Scene {
-    fn new(plan: Plan, restored: Restored) -> Self {
+    pub fn new(plan: Plan, restored: Restored) -> Self {
         let host = Host::new(Arc::new(plan), restored, Time::default());
         let taken = vec![0.0; TAXELS];
         Self {
@@ -158,16 +158,16 @@ impl Scene {
         self.host.tick(begin + PERIOD / 2);
     }
 
-    fn seconds(&mut self, seconds: f64) {
+    pub fn seconds(&mut self, seconds: f64) {
         (0..(seconds / PERIOD.as_secs_f64()).round() as u32).for_each(|_| self.scan());
     }
 
-    fn ask(&mut self, command: Command) {
+    pub fn ask(&mut self, command: Command) {
         let request = self.host.command(command);
         self.host.reply(request).expect("answered at once").expect("not refused");
     }
 
-    fn newest_set(&self) -> Arc<ModelSet> {
+    pub fn newest_set(&self) -> Arc<ModelSet> {
         let mut sets = self.host.records.iter().rev().filter_map(|record| match record {
             Record::ModelSet(set) => Some(Arc::clone(set)),
             _ => None,
@@ -176,7 +176,7 @@ impl Scene {
     }
 
     /// An array that was calibrated and weighs.
-    fn in_use() -> Self {
+    pub fn in_use() -> Self {
         Self::new(plan(), Restored::default()).calibrated()
     }
 
@@ -404,133 +404,4 @@ fn a_described_frame_that_is_too_short_is_counted_and_changes_nothing() {
     assert_eq!(bus.malformed, 1);
     assert!(bus.last_malformed.contains("frame 18FE0000 has 12 bytes, expected at least 48"), "{}", bus.last_malformed);
     assert_eq!(scene.host.snapshot().taxels[0].count, before);
-}
-
-/// The same set with these words for the commands; with none it is one of an earlier version, which did not tell them.
-fn told(set: &ModelSet, commands: &str) -> Arc<ModelSet> {
-    let mut set = set.clone();
-    assert!(set.board_settings[0].contains("; no commands"), "{:?}", set.board_settings);
-    set.board_settings[0] = set.board_settings[0].replace("; no commands", commands);
-    Arc::new(set)
-}
-
-#[test]
-fn a_described_device_that_needs_commands_gets_them_after_a_start_with_models_too() {
-    let set = told(&Scene::in_use().newest_set(), "");
-    let start = Frame::of(CanId::Extended(0x18FD_0001), [1]);
-    let mut plan = plan();
-    plan.patches[0].devices[0].commands = vec![(Duration::from_millis(50), start)];
-    let active = vec![("array".to_owned(), set.id.clone())];
-    let mut scene = Scene::new(plan, Restored { model_sets: vec![set.into()], active, ..Restored::default() });
-    scene.load = (16, 25.0);
-    scene.seconds(3.0);
-    assert!(scene.host.sent.is_empty(), "a load lies on it, and a device that starts may take its zero");
-    scene.load = (0, 0.0);
-    scene.seconds(6.0);
-    assert!(scene.host.sent.iter().any(|(_, frame)| *frame == start), "{}", scene.host.reasons());
-    assert_eq!(scene.host.state(), ForceState::Ok, "{}", scene.host.reasons());
-}
-
-/// Each of the two models would be used for the other's taxel, and nothing at rest would tell.
-#[test]
-fn a_set_of_taxels_that_lie_elsewhere_in_the_frames_now_has_no_force() {
-    let set = Scene::in_use().newest_set();
-    let mut plan = plan();
-    let counts = &mut plan.patches[0].devices[0].frames[0].counts;
-    (counts[0].1, counts[1].1) = (counts[1].1, counts[0].1);
-    let active = vec![("array".to_owned(), set.id.clone())];
-    let mut scene = Scene::new(plan, Restored { model_sets: vec![set.into()], active, ..Restored::default() });
-    scene.seconds(4.0);
-    assert_eq!(scene.host.state(), ForceState::Uncalibrated);
-    assert!(scene.host.reasons().contains("as its taxels on device 1"), "{}", scene.host.reasons());
-}
-
-/// A command may set the gain of the array, which nothing at rest would tell.
-#[test]
-fn a_device_that_is_sent_other_commands_than_at_the_calibration_has_no_force() {
-    let set = Scene::in_use().newest_set();
-    let with = |gathered_with: &str, command: Option<[u8; 2]>| {
-        let mut plan = plan();
-        let frame = |data| (Duration::ZERO, Frame::of(CanId::Standard(5), data));
-        plan.patches[0].devices[0].commands = command.map(frame).into_iter().collect();
-        let set = told(&set, gathered_with);
-        let active = vec![("array".to_owned(), set.id.clone())];
-        let model_sets = vec![set.into()];
-        let mut scene = Scene::new(plan, Restored { model_sets, active, ..Restored::default() });
-        scene.seconds(6.0);
-        (scene.host.state(), scene.host.reasons())
-    };
-    let ok = (ForceState::Ok, String::new());
-    assert_eq!(with("; commands 0101", Some([1, 1])), ok);
-    assert_eq!(with("; no commands", None), ok);
-    assert_eq!(with("", Some([1, 1])), ok, "what an earlier version did not tell is not known");
-    let of_one = "commands 0101";
-    for (then, command, now) in
-        [(of_one, Some([1, 2]), "commands 0102"), (of_one, None, "no commands"), ("no commands", Some([1, 1]), of_one)]
-    {
-        let (state, why) = with(&format!("; {then}"), command);
-        assert_eq!(state, ForceState::Uncalibrated);
-        let said = format!("was gathered with {then} on device 1, where the configuration has {now}");
-        assert!(why.contains(&said), "{why}");
-    }
-}
-
-/// Sixteen bits of a number that are left out or not, and where it begins: the range of the counts is the same.
-#[test]
-fn numbers_that_become_counts_in_another_way_than_at_the_calibration_have_no_force() {
-    let set = Scene::in_use().newest_set();
-    let with = |low: i64, shift: u8, lines: Option<&str>| {
-        let mut plan = plan();
-        let specs = plan.patches[0].devices[0].frames.iter_mut();
-        for (_, field) in specs.flat_map(|spec| &mut spec.counts) {
-            (field.low, field.shift) = (low, shift);
-        }
-        let mut set = ModelSet::clone(&set);
-        set.board_settings = lines.map_or(set.board_settings, |line| vec![line.to_owned()]);
-        let active = vec![("array".to_owned(), set.id.clone())];
-        let model_sets = vec![Arc::new(set).into()];
-        let mut scene = Scene::new(plan, Restored { model_sets, active, ..Restored::default() });
-        scene.seconds(4.0);
-        (scene.host.state(), scene.host.reasons())
-    };
-    assert_eq!(with(0, 0, None), (ForceState::Ok, String::new()));
-    let (state, why) = with(0, 1, None);
-    assert_eq!(state, ForceState::Uncalibrated);
-    let said =
-        "numbers from 0, lowest 0 bits left out on device 1, where the configuration has numbers from 0, lowest 1 bits";
-    assert!(why.contains(said), "{why}");
-    assert!(with(-100, 0, None).1.contains("where the configuration has numbers from -100, lowest 0 bits left out"));
-    // Of an earlier version, which told the range alone.
-    let range = "device 1: counts from 0 to 65535, 256 to a unit";
-    assert_eq!(with(0, 0, Some(range)).0, ForceState::Ok);
-    let (state, why) = with(0, 0, Some("device 1: counts from 0 to 4095, 16 to a unit"));
-    assert_eq!(state, ForceState::Uncalibrated);
-    assert!(
-        why.contains("4095, 16 to a unit on device 1, where the configuration has counts from 0 to 65535"),
-        "{why}"
-    );
-}
-
-/// Another patch reads the same device and has the commands for it. A device that is configured may take what lies on this one
-/// for nothing.
-#[test]
-fn a_device_that_another_patch_configures_is_left_alone_under_a_load() {
-    let scene = Scene::in_use();
-    let set = told(&scene.newest_set(), "");
-    let mut half = patch_plan("half", 0x18FE_0000);
-    half.devices[0].commands = vec![(Duration::ZERO, Frame::data(CanId::Extended(0x18FD_0001), &[1]).unwrap())];
-    let plan = Plan { buses: 1, patches: vec![patch_plan("array", 0x18FE_0000), half] };
-    let active = vec![("array".to_owned(), set.id.clone())];
-    let mut scene = Scene::new(plan, Restored { model_sets: vec![set.into()], active, ..Restored::default() });
-    scene.load = (12, 30.0);
-    scene.seconds(5.0);
-    assert_eq!(scene.host.sent, [], "nothing is sent to a device that bears a load");
-    assert_ne!(scene.host.state(), ForceState::Ok);
-    scene.load = (0, 0.0);
-    scene.seconds(5.0);
-    assert_eq!((scene.host.sent.len(), scene.host.state()), (1, ForceState::Ok), "one of them sends it");
-    let sent = scene.host.sent.len();
-    scene.ask(Command::BringUp { patch: "array".to_owned(), confirmed_by: Some("Ada".to_owned()) });
-    scene.seconds(1.0);
-    assert_eq!(scene.host.sent.len(), sent + 1, "whoever asks for one of them asks for both");
 }

@@ -21,6 +21,7 @@ mod calibrate;
 mod circles;
 mod deletions;
 mod described;
+mod described_settings;
 mod determinism;
 mod drift;
 mod durability;

@@ -164,7 +164,7 @@ fn a_tare_that_no_word_would_have_helped_asks_for_none() {
         panic!("the skin moved")
     };
     assert!(why.contains("restless") && !why.contains("confirmed_by"), "{why}");
-    assert!(why.ends_with("; tare while nothing touches the skin or the robot moves it"), "{why}");
+    assert!(why.ends_with("; tare while nothing touches the skin and nothing moves it"), "{why}");
 }
 
 /// What presses a few taxels to the end of their range takes them out of every comparison: they have a fault. So they look

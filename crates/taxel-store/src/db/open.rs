@@ -10,7 +10,7 @@ use crate::db::connect::connect;
 use crate::db::{Db, Opened, fold_back};
 use crate::error::{Quarantined, StoreError, lines};
 use crate::held_files::HeldFiles;
-use crate::identity::{check_identity, check_structure, is_damage};
+use crate::identity::{check_identity, check_log, check_structure, is_damage};
 use crate::lock::StoreLock;
 use crate::loss::LOG;
 use crate::prepare::{bring_up_to_date, give_back_space, space_to_give_back, use_log};
@@ -198,6 +198,7 @@ impl Db {
         let (connection, failure) = connect(path, failure)?;
         check_identity(&connection, path)?;
         let (connection, failure) = changed(path, (connection, failure), |connection| use_log(connection, path))?;
+        check_log(&connection, path)?;
         // Rewriting a damaged file could lose what salvaging it would find.
         if whole || space_to_give_back(&connection).map_err(opening)?.is_some() {
             check_structure(&connection, path)?;

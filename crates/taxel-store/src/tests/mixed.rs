@@ -15,6 +15,7 @@ use super::fixture::*;
 use super::lost::copy;
 use super::nothing_lost::killed;
 use crate::db::Db;
+use crate::retention::Retention;
 use crate::{beside, check};
 
 /// A store as a kill has left it, and as it was closed after more was written.
@@ -72,10 +73,12 @@ fn a_database_of_before_beside_the_log_of_after_is_put_right() {
         store.close().unwrap();
         let (store, ..) = open(&new);
         write(&store, vec![doubt(PATCH, None), session(3, SessionState::Aborted)]).unwrap();
-        for suffixes in [&["-wal", "-open"][..], &["-wal", "-open", "-active"]] {
+        let mixes = [&["-wal", "-open"][..], &["-wal", "-open", "-active"]];
+        // Small stores are proven whole at a start, and large ones are not.
+        for (suffixes, whole_bytes_max) in mixes.into_iter().flat_map(|mix| [(mix, u64::MAX), (mix, 0)]) {
             let (_folder, path) = mixed(&old, &new, suffixes);
             let found = check(&path).unwrap().damage;
-            let (db, restored, quarantined) = Db::open(&path).unwrap();
+            let (db, restored, quarantined) = Db::open_proving(&path, &Retention::default(), whole_bytes_max).unwrap();
             for told in [&found, &quarantined] {
                 let first = &told[0];
                 assert!(first.what == "the store" && first.reason.contains("its log is that of one with"), "{first:?}");
