@@ -91,7 +91,8 @@ pub fn examine_with(
         let clashes = clashes(config, &scene.plan).into_iter().map(|fault| (Code::Conflict, fault));
         let impossible =
             impossible(config, scene).into_iter().chain(more(config, scene)).map(|fault| (Code::CannotWork, fault));
-        clashes.chain(impossible).for_each(|(code, fault)| examination.note_fault(code, &fault, &tree));
+        let room = PROBLEMS_MAX - examination.problems.len();
+        clashes.chain(impossible).take(room).for_each(|(code, fault)| examination.note_fault(code, &fault, &tree));
     }
     match found {
         Some(found) if examination.problems.is_empty() => Ok(found),
@@ -394,6 +395,17 @@ mod tests {
     #[test]
     fn faults_of_syntax_are_told_up_to_the_limit() {
         assert_eq!(lines(&"= 1\n".repeat(2 * PROBLEMS_MAX)).len(), PROBLEMS_MAX);
+    }
+
+    /// Two things cannot work on any machine, for the last of which there is no room.
+    #[test]
+    fn what_cannot_work_is_told_up_to_the_limit() {
+        let unknown: String = (1..PROBLEMS_MAX).map(|i| format!("unknown{i} = {i}\n")).collect();
+        let text = SMALL
+            .replace("path = \"t.db\"", &format!("path = \"/dev/null/t.db\"\nbudget_mb = 5\nkeep_mb = 6\n{unknown}"));
+        let found = problems(&text);
+        let cannot_work = found.iter().filter(|problem| problem.code == Code::CannotWork);
+        assert_eq!((found.len(), cannot_work.count()), (PROBLEMS_MAX, 1), "{found:#?}");
     }
 
     proptest! {
