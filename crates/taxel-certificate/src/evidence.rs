@@ -40,7 +40,8 @@ impl Evidence<'_> {
         let (set, session) = (self.set, self.session);
         let Some(number) = set.session else {
             return Err(format!(
-                "{} was fitted from a file or merged, not made of one session: there are no samples here to certify it by",
+                "{} was imported, fitted from a file or merged, not made of one session here: there are no samples \
+                 to certify it by",
                 set.id
             ));
         };

@@ -44,7 +44,8 @@ impl Daemon {
         let live = LiveLimits { stale_after: NEVER_STALE, ..LiveLimits::default() };
         let patch = PatchPlan { live, ..PatchPlan::new(Patch::new("palm", vec![board]).unwrap()) };
         let plan = Arc::new(Plan { buses: 1, patches: vec![patch] });
-        let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json: |_| Err("not here".to_owned()) };
+        let from_json = |_: &str| Err("not here".to_owned());
+        let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json, from_elsewhere: from_json };
         let (origin, shutdown) = (Instant::now(), CancellationToken::new());
         // A clock of its own, and an engine that is never taken for stalled.
         let run = move || daemon_time(origin);

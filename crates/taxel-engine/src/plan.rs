@@ -224,6 +224,11 @@ impl PatchPlan {
         self.known_boards().iter().map(KnownBoard::line).collect()
     }
 
+    /// How the gauge is read, in words; empty without one.
+    pub(crate) fn gauge_words(&self) -> String {
+        self.gauge.as_ref().map_or_else(String::new, Gauge::words)
+    }
+
     /// How boards of these lines were set otherwise than in this plan, in words that go on from what was gathered with them;
     /// `None` where they are the same, as far as both is known.
     pub(crate) fn differs_from(&self, lines: &[String]) -> Option<String> {

@@ -76,7 +76,8 @@ async fn main() -> Result<(), Box<dyn std::error::Error>> {
     let begun = Instant::now();
     let clock: Clock = Arc::new(move || Time::from_nanos(begun.elapsed().as_nanos() as i64));
     let clocks = Clocks { run: Arc::clone(&clock), process: Arc::clone(&clock) };
-    let codec = ModelCodec { to_json: |_| Err("none here".to_owned()), from_json: |_| Err("not here".to_owned()) };
+    let from_json = |_: &str| Err("not here".to_owned());
+    let codec = ModelCodec { to_json: |_| Err("none here".to_owned()), from_json, from_elsewhere: from_json };
     let plan = Arc::new(plan()?);
     let taxels = plan.patches[0].patch.taxels().len();
     let shutdown = CancellationToken::new();

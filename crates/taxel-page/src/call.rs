@@ -29,11 +29,15 @@ pub type Services = BoxCloneSyncService<hyper::Request<Body>, hyper::Response<Bo
 pub struct Caller {
     /// The address it calls from.
     pub address: SocketAddr,
-    /// Its `authorization` header, if it sent one.
-    pub authorization: Option<HeaderValue>,
+    /// Its `authorization` headers. It may send one; what is to be said of more the services know.
+    pub authorization: Vec<HeaderValue>,
 }
 
 impl Caller {
+    pub(crate) fn new(address: SocketAddr, headers: &HeaderMap) -> Self {
+        Self { address, authorization: headers.get_all(AUTHORIZATION).iter().cloned().collect() }
+    }
+
     /// What of its headers its call carries.
     #[must_use]
     pub fn headers(&self) -> HeaderMap {

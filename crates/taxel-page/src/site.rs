@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use http_body_util::{BodyExt, LengthLimitError, Limited};
 use hyper::body::{Body as _, Bytes, Incoming};
-use hyper::header::{AUTHORIZATION, CONTENT_TYPE};
+use hyper::header::CONTENT_TYPE;
 use hyper::{Method as Verb, Request, Response, StatusCode};
 use prost_reflect::DynamicMessage;
 use taxel_proto::code_name;
@@ -93,7 +93,7 @@ impl Site {
         let path = request.uri().path();
         if path == "/metrics" && self.shows != Shows::Page {
             check_origin(request.headers())?;
-            let caller = Caller { address, authorization: request.headers().get(AUTHORIZATION).cloned() };
+            let caller = Caller::new(address, request.headers());
             let text = self.metrics.text(&self.services, &caller);
             return if reads {
                 Ok(whole(StatusCode::OK, OPEN_METRICS, text.await?))
@@ -109,7 +109,7 @@ impl Site {
             return Ok(if reads { file } else { wrong_method("GET, HEAD", "a file is only read") });
         }
         check_origin(request.headers())?;
-        let caller = Caller { address, authorization: request.headers().get(AUTHORIZATION).cloned() };
+        let caller = Caller::new(address, request.headers());
         match path {
             "/methods" if reads => Ok(json_of(&self.methods.list())),
             "/streams" if *request.method() == Verb::GET => {

@@ -54,8 +54,11 @@ fn words(command: &Command) -> (String, Option<&str>) {
                 Weight::Kilogram(kilogram) => format!("{kilogram} kg"),
                 Weight::Force(force) => format!("{} N", force.0),
             };
-            let replaces = load.replaces.map(|number| format!(", replaces load {number}"));
-            (format!("{laid}{}", replaces.unwrap_or_default()), Some(&load.by))
+            let sigma = Some(format!("relative uncertainty {}", load.relative_sigma));
+            let replaces = load.replaces.map(|number| format!("replaces load {number}"));
+            let note = (!load.note.is_empty()).then(|| format!("`{}`", short(&load.note)));
+            let said: Vec<String> = [Some(laid), sigma, replaces, note].into_iter().flatten().collect();
+            (said.join(", "), Some(&load.by))
         }
         Command::DeleteModelSet { model_set } => (format!("model set {}", short(model_set)), None),
         Command::Import { model_set, insist } => {

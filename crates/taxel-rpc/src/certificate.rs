@@ -40,7 +40,10 @@ impl Service {
                 (None, Some(source)) => {
                     format!("{id} was made of {source} by known loads: ask for the certificate of that")
                 }
-                (None, None) => format!("{id} was not made of a session: there are no samples to certify it by"),
+                (None, None) => format!(
+                    "{id} was imported, fitted from a file or merged, not made of one session here: there are no \
+                     samples to certify it by"
+                ),
             };
             Refusal::failed_precondition(ErrorReason::SamplesMissing, why).about("model_set", id)
         };

@@ -9,4 +9,6 @@ pub struct ModelCodec {
     pub to_json: fn(&ModelSet) -> Result<String, String>,
     /// The set that such a text describes, or where it is wrong, what was found and what was expected.
     pub from_json: fn(&str) -> Result<ModelSet, String>,
+    /// The same of a text from elsewhere, whose set is of no session of this daemon.
+    pub from_elsewhere: fn(&str) -> Result<ModelSet, String>,
 }

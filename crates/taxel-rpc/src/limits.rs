@@ -68,9 +68,9 @@ pub struct Limits {
     pub imports: usize,
     /// The body of a request that is one message has to come on within this time.
     pub body_pause: Duration,
-    /// Frames of a connection that are of no call, such as pings: the rate at which it is read beyond what it may send at first
-    /// and for what it has taken (`paced.rs`), and how many of these it can save up. A subscriber at 1 kHz gives a window back
-    /// some ten times a second.
+    /// Frames of a connection that bring no call on, such as pings and resets: the rate at which it is read beyond what it may
+    /// send at first and for what it has taken (`paced.rs`), and how many of these it can save up. A subscriber at 1 kHz gives a
+    /// window back some ten times a second.
     pub frames_of_no_call: Rate,
     /// Calls of one peer that change something. Each costs two rows of the audit log, about 1 KiB.
     pub commands: Rate,

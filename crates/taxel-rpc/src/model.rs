@@ -125,8 +125,8 @@ impl ModelService for Service {
         // What reading takes is taken once, however many ask for it: the turn is held until the file is read.
         let turn = request.extensions_mut().remove::<ImportTurn>();
         let v1::ImportModelSetRequest { json, insist } = request.into_inner();
-        let from_json = self.handle.codec.from_json;
-        let (set, turn) = aside(turn, move || from_json(&json)).await?;
+        let from_elsewhere = self.handle.codec.from_elsewhere;
+        let (set, turn) = aside(turn, move || from_elsewhere(&json)).await?;
         drop(turn);
         let model_set = Arc::new(set.map_err(|problem| invalid("json", problem))?);
         printable(&model_set)?;

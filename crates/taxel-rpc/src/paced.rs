@@ -1,10 +1,11 @@
-//! How fast a connection may send HTTP/2 frames that are of no call: pings and their answers, settings, windows, priorities,
-//! and what no version knows.
+//! How fast a connection may send HTTP/2 frames that bring no call on: pings and their answers, settings, windows,
+//! priorities, resets, data without content, and what no version knows.
 //!
 //! They cost the service's thread time and its reader nothing, and neither tonic nor h2 bounds them: one connection that
-//! sent nothing else delayed the force of all others by tens of milliseconds. Whoever sends more is read more slowly, as
-//! the kernel holds back a sender whose bytes are not taken. Nothing is lost by that, and an honest client never comes there:
-//! it gives a window back after many messages and answers a ping in half a minute. What it sends answers what it was sent, so
+//! sent nothing else delayed the force of all others by tens of milliseconds. A reset may be that of a call that ended long
+//! ago, and be sent again and again; those of calls that have just begun h2 bounds by itself. Whoever sends more is read more
+//! slowly, as the kernel holds back a sender whose bytes are not taken. Nothing is lost by that, and an honest client never comes
+//! there: it gives a window back after many messages and answers a ping in half a minute. What it sends answers what it was sent, so
 //! that a connection may send more the more it has taken; a new one has little to say, else whoever connects again and again would
 //! begin anew each time.
 
@@ -28,9 +29,12 @@ const AT_FIRST: f64 = 200.0;
 /// For so many bytes that it takes it may send one more. Whoever asks to be answered (a ping and its answer have 17 bytes) gets
 /// less for it than it cost.
 const BYTES_A_FRAME: f64 = 64.0;
-/// Types of frames that are of calls, RFC 9113 section 6: DATA, HEADERS, RST_STREAM, CONTINUATION. Calls have limits of their
-/// own.
-const OF_CALLS: [u8; 4] = [0, 1, 3, 9];
+/// Types of frames that bring calls on, RFC 9113 section 6. Calls have limits of their own.
+const DATA: u8 = 0;
+const HEADERS: u8 = 1;
+const CONTINUATION: u8 = 9;
+/// The flag of the last frame of a request.
+const END_STREAM: u8 = 1;
 
 /// Where frames begin in what comes.
 #[derive(Debug)]
@@ -60,11 +64,19 @@ impl Frames {
             self.head[self.have..self.have + taken].copy_from_slice(&bytes[..taken]);
             (self.have, bytes) = (self.have + taken, &bytes[taken..]);
             if self.have == HEAD_BYTES {
-                let [high, middle, low, kind, ..] = self.head;
+                let [high, middle, low, kind, flags, ..] = self.head;
                 (self.skip, self.have) = (u32::from_be_bytes([0, high, middle, low]) as usize, 0);
-                frames += u32::from(!OF_CALLS.contains(&kind));
+                frames += u32::from(!brings_a_call_on(kind, flags, self.skip));
             }
         }
+    }
+}
+
+const fn brings_a_call_on(kind: u8, flags: u8, length: usize) -> bool {
+    match kind {
+        DATA => length > 0 || flags & END_STREAM != 0,
+        HEADERS | CONTINUATION => true,
+        _ => false,
     }
 }
 
@@ -171,12 +183,14 @@ mod tests {
     fn frames_of_no_call_are_counted_however_their_bytes_come() {
         let kinds =
             [(4, 18), (1, 300), (0, 70_000), (PING, 8), (8, 4), (9, 10), (3, 4), (2, 5), (99, 0), (0, 0), (PING, 8)];
-        let bytes: Vec<u8> =
-            PREFACE.iter().copied().chain(kinds.iter().flat_map(|&(kind, payload)| frame(kind, payload))).collect();
+        let mut last = frame(DATA, 0);
+        last[4] = END_STREAM;
+        let frames = kinds.iter().map(|&(kind, payload)| frame(kind, payload)).chain([last, frame(PING, 8)]);
+        let bytes: Vec<u8> = PREFACE.iter().copied().chain(frames.flatten()).collect();
         for piece in [1, 2, 9, 10, 1000, bytes.len()] {
             let mut frames = Frames::new();
             let found: u32 = bytes.chunks(piece).map(|piece| frames.of_no_call(piece)).sum();
-            assert_eq!(found, 6, "in pieces of {piece} bytes");
+            assert_eq!(found, 9, "in pieces of {piece} bytes");
         }
     }
 

@@ -65,6 +65,11 @@ pub enum ServeError {
 /// Pending resets that a peer may pile up before its connection is closed (the "rapid reset" attack).
 const PENDING_RESETS_MAX: usize = 20;
 
+/// Requests that are none, or are beyond [`Limits::calls_per_connection`], before their connection is closed. Each is answered
+/// by a reset, which waits in memory for a peer that reads nothing. hyper's own bound is the same; tonic takes it away unless
+/// it is given one.
+const ERROR_RESETS_MAX: usize = 1024;
+
 /// A cut connection ends as soon as its task runs; a server that takes longer is left behind.
 const CUT_MAX: Duration = Duration::from_secs(1);
 
@@ -149,6 +154,7 @@ fn server(limits: &Limits) -> Server {
         .http2_keepalive_timeout(Some(limits.keepalive_timeout))
         .http2_max_header_list_size(limits.header_bytes)
         .http2_max_pending_accept_reset_streams(Some(PENDING_RESETS_MAX))
+        .http2_max_local_error_reset_streams(Some(ERROR_RESETS_MAX))
 }
 
 fn routes(service: Service, reporter: &HealthReporter) -> Result<Routes, ServeError> {

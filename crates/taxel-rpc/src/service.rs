@@ -311,11 +311,11 @@ pub(crate) fn confirmed_by(text: &str) -> Result<Option<String>, Status> {
 
 /// A person's name in a request, trimmed. It is written down and shown, so it is short and nothing but text.
 pub(crate) fn name(field: &'static str, text: &str) -> Result<String, Status> {
-    let name = line(field, text, NAME_BYTES_MAX, "a name")?.trim();
-    if !name.is_empty() && !name.contains(char::is_alphanumeric) {
-        return Err(invalid(field, format_args!("`{name}` has no letter and no digit, expected a name")));
+    let text = line(field, text, NAME_BYTES_MAX, "a name")?;
+    if !text.is_empty() && !text.contains(char::is_alphanumeric) {
+        return Err(invalid(field, format_args!("`{text}` has no letter and no digit, expected a name")));
     }
-    Ok(name.to_owned())
+    Ok(text.trim().to_owned())
 }
 
 /// Checks a text that is kept in logs: short, and nothing that a terminal acts upon. `expected` says what it should be.

@@ -42,11 +42,12 @@ impl What {
             Self::Opening => "request for a stream",
             Self::Call => "call",
             Self::LargeAnswer => "large answer",
-            Self::Export => "sample export",
+            Self::Export => "reading of stored samples",
         };
         match (self, number) {
             (_, 1) => format!("1 {name}{of} is"),
             (Self::Opening, number) => format!("{number} requests for streams{of} are"),
+            (Self::Export, number) => format!("{number} readings of stored samples{of} are"),
             (_, number) => format!("{number} {name}s{of} are"),
         }
     }

@@ -196,4 +196,11 @@ mod tests {
             refuse_in_use(&database).unwrap();
         }
     }
+
+    /// No process makes a file in this folder of the kernel's.
+    #[test]
+    fn why_no_lock_can_be_made_is_told_and_not_that_there_is_none() {
+        let said = StoreLock::take(Path::new("/sys/store.db")).unwrap_err();
+        assert!(said.is_of_changing() && !said.to_string().contains("No such file"), "{said}");
+    }
 }

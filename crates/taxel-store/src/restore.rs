@@ -303,7 +303,8 @@ fn session_view(row: &Row<'_>, number: i64) -> Result<SessionView, String> {
 /// A session that was under way is interrupted. Its view was written when its state changed; more may have come since.
 fn interrupted(connection: &Connection, mut view: SessionView) -> rusqlite::Result<SessionView> {
     if view.state.is_open() {
-        view.reason = format!("the daemon stopped while the session was {}", view.state.name());
+        view.reason =
+            format!("the daemon stopped, or stored nothing more, while the session was {}", view.state.name());
         view.state = SessionState::Interrupted;
     }
     if view.state != SessionState::Interrupted {

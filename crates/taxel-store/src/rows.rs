@@ -207,6 +207,9 @@ struct StoredView {
     /// Absent in views of earlier versions.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     board_settings: Vec<String>,
+    /// Absent in views of earlier versions, and where pressures came with the scans.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    gauge: String,
 }
 
 /// The view as JSON.
@@ -231,6 +234,7 @@ pub(crate) fn view_to_text(view: &SessionView) -> Result<String, serde_json::Err
         left_out: view.left_out.clone(),
         predecessor: view.predecessor,
         board_settings: view.board_settings.to_vec(),
+        gauge: view.gauge.clone(),
     })
 }
 
@@ -267,6 +271,7 @@ pub(crate) fn view_from_text(text: &str) -> Result<SessionView, String> {
         left_out: stored.left_out,
         predecessor: stored.predecessor,
         board_settings: stored.board_settings.into(),
+        gauge: stored.gauge,
         ..SessionView::default()
     })
 }

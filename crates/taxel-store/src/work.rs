@@ -3,7 +3,8 @@
 use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
+use std::time::Duration;
 
 use taxel_engine::audit::AuditEntry;
 use taxel_engine::calibration::SessionSamples;
@@ -128,7 +129,7 @@ pub(crate) struct WorkQueue {
 
 /// The other end, of the store's thread.
 pub(crate) struct WorkSource {
-    pub(crate) work: Receiver<Work>,
+    work: Receiver<Work>,
     waiting: Arc<AtomicUsize>,
 }
 
@@ -176,9 +177,18 @@ impl Drop for WorkQueue {
 }
 
 impl WorkSource {
-    /// Something was taken out.
-    pub(crate) fn took_one(&self) {
-        self.waiting.fetch_sub(1, Ordering::Relaxed);
+    /// The next work, which is waited for: so long at most, or for ever.
+    ///
+    /// # Errors
+    /// That none came in time, or that none will come any more.
+    pub(crate) fn next(&self, most: Option<Duration>) -> Result<Work, RecvTimeoutError> {
+        let next = match most {
+            Some(most) => self.work.recv_timeout(most),
+            None => self.work.recv().map_err(RecvTimeoutError::from),
+        };
+        next.inspect(|_| {
+            self.waiting.fetch_sub(1, Ordering::Relaxed);
+        })
     }
 
     /// Tells whether work waits.
@@ -203,9 +213,10 @@ mod tests {
         assert!(!waits());
         assert!(queue.try_send(entry()).is_ok());
         assert!(waits() && queue.waiting() == 1);
-        assert!(source.work.recv().is_ok());
-        source.took_one();
+        assert!(source.next(None).is_ok());
         assert!(!waits());
+        assert!(matches!(source.next(Some(Duration::ZERO)), Err(RecvTimeoutError::Timeout)));
+        assert!(!waits(), "nothing was taken");
         drop(queue);
         assert!(waits(), "whoever closes the store waits for its thread");
     }

@@ -226,15 +226,7 @@ impl Writer {
 
     fn serve(&mut self, work: &WorkSource) {
         loop {
-            let next = match (self.group.wait(), self.until_proof()) {
-                (None, None) => work.work.recv().map_err(|_| RecvTimeoutError::Disconnected),
-                (Some(_), _) if self.group.is_full() => Err(RecvTimeoutError::Timeout),
-                (Some(wait), _) | (None, Some(wait)) => work.work.recv_timeout(wait),
-            };
-            if next.is_ok() {
-                work.took_one();
-            }
-            match next {
+            match self.next(work) {
                 Ok(Work::Write(entry)) => self.group.push(entry),
                 Ok(Work::Read { session, waiting }) => {
                     self.flush();
@@ -260,6 +252,14 @@ impl Writer {
             }
         }
         self.flush();
+    }
+
+    /// The next work; none comes in time for a group that is full, or whose wait is over, and when a part is to be proven.
+    fn next(&self, work: &WorkSource) -> Result<Work, RecvTimeoutError> {
+        if self.group.is_full() {
+            return Err(RecvTimeoutError::Timeout);
+        }
+        work.next(self.group.wait().or_else(|| self.until_proof()))
     }
 
     /// How long it is until the next part is to be proven; `None` if none is.
@@ -390,5 +390,24 @@ impl Writer {
         tracing::error!("{error}; nothing is stored any more until the programme is started again");
         (self.notify)(StoreEvent::Failed(error.to_string()));
         self.db = Err(error); // dropped, it writes and flushes nothing more
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Else the group grows as long as batches come faster than it can be asked for the next one.
+    #[test]
+    fn a_full_group_takes_no_more_of_what_waits() {
+        let (queue, work) = work_queue();
+        let batch = || Entry { records: Vec::new(), waiting: Waiting(None) };
+        let mut writer = Writer::new(Db::in_memory().unwrap(), Vec::new(), Box::new(|_| ()));
+        (0..QUEUE_BATCHES).for_each(|_| writer.group.push(batch()));
+        assert!(queue.try_send(Work::Write(batch())).is_ok());
+        assert!(matches!(writer.next(&work), Err(RecvTimeoutError::Timeout)));
+        assert_eq!(queue.waiting(), 1);
+        writer.flush();
+        assert!(matches!(writer.next(&work), Ok(Work::Write(_))));
     }
 }

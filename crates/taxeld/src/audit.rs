@@ -32,7 +32,7 @@ impl Auditor {
 
     /// Nothing can be written any more.
     pub fn store_failed(&mut self, why: &str) {
-        self.failed.get_or_insert_with(|| why.to_owned());
+        self.failed.get_or_insert_with(|| format!("nothing is stored until the daemon is restarted: {why}"));
     }
 
     /// The row of a request, and the patch that it is about; or why it cannot be written.

@@ -45,6 +45,7 @@ use crate::upkeep;
 pub const CODEC: ModelCodec = ModelCodec {
     to_json: |set| models_json::to_json(set).map_err(|error| error.to_string()),
     from_json: |text| models_json::from_json(text).map_err(|error| error.to_string()),
+    from_elsewhere: |text| models_json::from_elsewhere(text).map_err(|error| error.to_string()),
 };
 
 /// Everything of a daemon but its buses.

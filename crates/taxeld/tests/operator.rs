@@ -5,6 +5,7 @@
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
+use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
@@ -142,6 +143,7 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     );
 
     stored_samples_are_fitted_once_more(&demo, number, id);
+    no_file_makes_a_set_one_of_a_session(&demo, folder.path());
 
     let events = demo.json(&["events", "--json"]);
     let of = |kind: &str| events.iter().filter(|event| event["kind"] == kind).count();
@@ -174,6 +176,25 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     let list = demo.succeeds(&["list"]);
     assert!(list.contains("left_forearm") && (list.contains(" N, simulated") || list.contains(" - ")), "{list}");
     demo.until_good(&["health"]);
+}
+
+/// A set of a session that was exported, changed and imported is not that session's any more.
+fn no_file_makes_a_set_one_of_a_session(demo: &Demo, folder: &Path) {
+    let file = folder.join("changed.json");
+    demo.succeeds(&["models", "export", "--out", file.to_str().unwrap()]);
+    let mut set: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
+    assert!(set["session"].is_u64(), "{}", set["session"]);
+    set.as_object_mut().unwrap().remove("id");
+    set["method"] = "changed".into();
+    std::fs::write(&file, set.to_string()).unwrap();
+    let said = demo.succeeds(&["models", "import", file.to_str().unwrap()]);
+    let id = said.split_whitespace().find(|word| word.starts_with("m-")).unwrap();
+    let sets = demo.json(&["models", "list", "--json"]);
+    let imported = sets.iter().find(|set| set["modelSet"] == id).unwrap();
+    assert!(imported["session"].is_null(), "{imported}");
+    if cfg!(feature = "certificate") {
+        assert!(demo.refused(&["certificate", id, "--out", "/dev/null"]).contains("was imported"), "{id}");
+    }
 }
 
 /// The session's own set comes out again under its own id, others beside it, and the way back is an activation.

@@ -171,6 +171,9 @@ pub struct SessionView {
     /// How the boards were set when it began, in words, a line a board: all its samples were gathered so. Empty in sessions of
     /// before this was kept.
     pub board_settings: Arc<[String]>,
+    /// How the gauge was read when it began, in words: all its pressures were read so. Empty where they came with the scans, and
+    /// in sessions of before this was kept.
+    pub gauge: String,
     /// Where the rise of a ramp ends by itself, in kPa.
     pub target_kpa: f64,
     /// Which branches of the pressure it gathers and fits.

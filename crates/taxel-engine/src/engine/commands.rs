@@ -142,11 +142,10 @@ impl Engine {
         Ok(Done::BringUpStarted)
     }
 
-    /// The session of this daemon that a set came from. The number that a set carries is that of the robot where it was
-    /// made, so it proves nothing: the session has to name the set.
-    pub(super) fn session_of(&self, set: &str, session: Option<u64>) -> Option<&Arc<SessionView>> {
-        let view = self.sessions.get(&session?)?;
-        (view.model_set.as_deref() == Some(set)).then_some(view)
+    /// The session of this daemon that a set came from, which names the set. It may have come back from a file since, which
+    /// proves no number of a session.
+    pub(super) fn session_of(&self, set: &str) -> Option<&Arc<SessionView>> {
+        self.sessions.values().rev().find(|view| view.model_set.as_deref() == Some(set))
     }
 
     /// Whether a set, or one that it was made of by known loads, is that of a session which was laid aside.
@@ -155,8 +154,7 @@ impl Engine {
             let of = |view: &Arc<SessionView>| view.model_set.as_deref() == Some(id);
             self.sessions.values().any(|view| of(view) && self.is_discarded(view))
         };
-        let own = self.session_of(&set.id, set.session);
-        own.is_some_and(|view| self.is_discarded(view)) || set.origins.iter().any(|origin| discarded(origin))
+        discarded(&set.id) || set.origins.iter().any(|origin| discarded(origin))
     }
 
     /// Whether a session was laid aside, or is about to be.
@@ -183,9 +181,17 @@ impl Engine {
             let problem = format!("{problem}; if the set is right all the same, set `insist`");
             return Err(Rejection::InvalidArgument { field: "json", problem });
         }
-        if self.model_sets.get(&set.id).is_none() {
-            self.room_for_model_set()?;
-        }
+        let set = match self.model_sets.get(&set.id) {
+            // Its content is known, and so is when and in which session it was made, whatever the file says.
+            Some(known) => {
+                let (session, created_wall_ns) = (known.session, known.created_wall_ns);
+                Arc::new(ModelSet { session, created_wall_ns, ..Arc::unwrap_or_clone(set) })
+            }
+            None => {
+                self.room_for_model_set()?;
+                set
+            }
+        };
         // A set that is known already may still wait for the disk: it is written again, which the store finds done.
         let record = Record::ModelSet(Arc::clone(&set));
         self.commit(Effect::Import { request, set }, vec![record], out);

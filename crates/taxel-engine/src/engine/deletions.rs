@@ -20,11 +20,10 @@ impl Engine {
         out: &mut Vec<Output>,
     ) -> Result<Answer, Rejection> {
         self.store_takes_records()?;
-        let set = self.model_sets.get(&id).map(|set| set.session);
-        let session = set.ok_or_else(|| Rejection::no_model_set(&id))?;
+        self.model_sets.get(&id).ok_or_else(|| Rejection::no_model_set(&id))?;
         self.refuse_if_set_is_deleted(&id)?;
         self.refuse_if_set_is_used(&id)?;
-        if let Some(view) = self.session_of(&id, session).filter(|view| view.state.is_open()) {
+        if let Some(view) = self.session_of(&id).filter(|view| view.state.is_open()) {
             let (session, state) = (view.number, view.state.name());
             let why = format!("`{id}` is of session {session}, which is {state}; finish or abort that first");
             return Err(Rejection::FailedPrecondition(ErrorReason::SessionOpen, why));

@@ -118,7 +118,7 @@ impl Engine {
         for set in [Some(set), before.as_ref()].into_iter().flatten() {
             model_sets.keep_at_hand(set, |id| is_used(patches, id));
         }
-        let session = |set: &Arc<ModelSet>| self.session_of(&set.id, set.session).map(|view| view.number);
+        let session = |set: &Arc<ModelSet>| self.session_of(&set.id).map(|view| view.number);
         let (old, new) = (before.as_ref().and_then(session), session(set));
         if let Some(number) = old.filter(|number| Some(*number) != new) {
             self.change_use(now, number, Trigger::TakenOutOfUse, "another model set is in use", out);

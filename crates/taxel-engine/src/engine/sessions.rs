@@ -67,6 +67,7 @@ impl Engine {
             look: patch.look(now, &left_out).into(),
             left_out,
             board_settings: patch.plan().board_settings().into(),
+            gauge: patch.plan().gauge_words(),
             target_kpa: target,
             branches: asked.branches.unwrap_or(patch.plan().session.branches),
             ..SessionView::default()
@@ -112,12 +113,17 @@ impl Engine {
         Ok(Answer::Later)
     }
 
-    /// Refuses another ramp of boards that are set otherwise than in the ramps before: no fit could tell them apart. What is
-    /// there may still be fitted, with models of the boards as they were.
+    /// Refuses another ramp of boards or a gauge that are set otherwise than in the ramps before: no fit could tell them apart.
+    /// What is there may still be fitted, with models of the boards as they were.
     fn check_settings(&self, number: u64) -> Result<(), Rejection> {
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let plan = self.patches[self.patch_named(&view.patch)?].plan();
-        let Some(found) = plan.differs_from(&view.board_settings) else { return Ok(()) };
+        let (then, now) = (&view.gauge, plan.gauge_words());
+        let of_gauge = || {
+            let differs = !then.is_empty() && *then != now;
+            differs.then(|| format!("was gathered by a gauge that is configured as `{then}`, and is `{now}` now"))
+        };
+        let Some(found) = plan.differs_from(&view.board_settings).or_else(of_gauge) else { return Ok(()) };
         let why = format!("session {number} cannot go on: it {found}: set it as it was, or start a new session");
         Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why))
     }

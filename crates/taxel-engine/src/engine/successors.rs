@@ -61,6 +61,7 @@ impl Engine {
             predecessor: Some(number),
             left_out: of.left_out.clone(),
             board_settings: Arc::clone(&of.board_settings),
+            gauge: of.gauge.clone(),
             target_kpa: of.target_kpa,
             branches: of.branches,
             ..SessionView::default()

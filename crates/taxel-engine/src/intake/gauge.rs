@@ -6,7 +6,8 @@ mod tests;
 use std::collections::VecDeque;
 use std::time::Duration;
 use taxel_skin::{BusIndex, Kilopascal, Time};
-use taxel_wire::signal::SignalSpec;
+use taxel_wire::bits::ByteOrder;
+use taxel_wire::signal::{PressureMeaning, SignalSpec};
 
 use crate::statistics::median;
 
@@ -51,6 +52,24 @@ pub struct Gauge {
     pub bus: BusIndex,
     /// Its frame.
     pub signal: SignalSpec,
+}
+
+impl Gauge {
+    /// What its differences in pressure hang on, in words. A constant is in none: each ramp counts from what it read at rest.
+    #[must_use]
+    pub fn words(&self) -> String {
+        let SignalSpec { id, start_bit, length_bits, byte_order, signed, scale, unit, meaning, .. } = self.signal;
+        let signed = if signed { "signed" } else { "unsigned" };
+        let end = if byte_order == ByteOrder::Little { "little" } else { "big" };
+        let kind = match meaning {
+            PressureMeaning::Differential => "differential",
+            PressureMeaning::AbsoluteBag { .. } => "absolute",
+        };
+        let step_kpa = unit.to_kilopascal(scale);
+        format!(
+            "{id}, {length_bits} bits from {start_bit} on, {end} end first, {signed}, {step_kpa} kPa a step, {kind}"
+        )
+    }
 }
 
 /// What the gauge said lately, in the order of time.

@@ -8,6 +8,7 @@ use taxel_engine::calibration::SessionState;
 use taxel_engine::command::{Command, ErrorReason, Rejection};
 use taxel_engine::plan::Plan;
 use taxel_sim::PumpCommand;
+use taxel_wire::signal::SignalSpec;
 
 use crate::bench::{Bench, Disk, session_of};
 use crate::board_settings::with_shift;
@@ -47,6 +48,25 @@ fn is_refused(bench: &mut Bench, command: Command) {
         "session 1 cannot go on: it was gathered with shift 1 on module 0 of board 13, where the configuration has shift 2 \
          (and 7 more): set it as it was, or start a new session"
     );
+}
+
+/// What the gauge reads at rest is of no account, since each ramp counts from it; all else is.
+#[test]
+fn a_session_takes_no_ramp_of_a_gauge_that_is_read_in_another_way() {
+    let with_gauge = |change: fn(&mut SignalSpec)| {
+        let mut plan = Plan::clone(&with_shift(1));
+        change(&mut plan.patches[0].gauge.as_mut().unwrap().signal);
+        Arc::new(plan)
+    };
+    let first = ramped();
+    let mut bench = restarted(&first, with_gauge(|signal| signal.scale *= 1.2), |_| ());
+    let answer = bench.ask(RAMP);
+    let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = answer else { panic!("{answer:?}") };
+    let expected = "session 1 cannot go on: it was gathered by a gauge that is configured as `";
+    assert!(why.starts_with(expected) && why.ends_with("now: set it as it was, or start a new session"), "{why}");
+    assert_eq!(why.matches("kPa a step, differential`").count(), 2, "{why}");
+    assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Interrupted, "what is refused has no effect");
+    session_of(restarted(&first, with_gauge(|signal| signal.offset += 0.1), |_| ()).ask(RAMP));
 }
 
 #[test]

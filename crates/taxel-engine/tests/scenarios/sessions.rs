@@ -151,6 +151,26 @@ fn the_set_of_a_discarded_session_cannot_be_activated() {
     assert_eq!(bench.host.catalogue.active[0].1, None);
 }
 
+/// Whether the file of a set says of which session it is, or of another, or when it was made: what is known of it stays.
+#[test]
+fn what_is_known_of_a_set_is_not_changed_by_its_file() {
+    let (mut bench, session) = in_review(30.0);
+    let set = bench.host.session().model_set.clone().unwrap();
+    let listed = |bench: &Bench| {
+        let set = bench.host.catalogue.model_sets.iter().find(|known| known.id == *set).unwrap();
+        (set.session, set.created_wall_ns)
+    };
+    let before = listed(&bench);
+    assert_eq!(before.0, Some(session));
+    let position = bench.host.catalogue.model_sets.iter().position(|known| known.id == *set).unwrap();
+    let stored = bench.host.set(position);
+    for (session, created_wall_ns) in [(None, before.1), (Some(7), 1)] {
+        let file = ModelSet { session, created_wall_ns, ..ModelSet::clone(&stored) };
+        bench.ask(Command::Import { model_set: Arc::new(file), insist: false }).unwrap();
+        assert_eq!(listed(&bench), before);
+    }
+}
+
 /// Only one session of a patch is ACTIVE; the one before it can then be laid aside.
 #[test]
 fn a_session_is_active_only_while_its_models_are_in_use() {

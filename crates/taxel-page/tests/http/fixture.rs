@@ -58,6 +58,7 @@ pub async fn start_as(limits: Limits, rules: Rules) -> Daemon {
     let codec = ModelCodec {
         to_json: |_| Ok("x".repeat(EXPORTED_BYTES)),
         from_json: |text| Err(format!("{} bytes", text.len())),
+        from_elsewhere: |text| Err(format!("{} bytes", text.len())),
     };
     let shutdown = CancellationToken::new();
     let (handle, engine, requests) = channel(plan, clocks, codec, shutdown.clone());

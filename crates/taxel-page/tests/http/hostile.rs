@@ -39,6 +39,20 @@ async fn bad_json_is_refused_with_what_was_expected() {
     still_serves(&daemon).await;
 }
 
+/// A proxy may add its own to what a client sent: which of the two counts is nobody's guess.
+#[tokio::test]
+async fn two_credentials_are_refused_whichever_comes_first() {
+    let daemon = start().await;
+    for headers in [
+        "Authorization: Bearer a\r\nAuthorization: Bearer b\r\n",
+        "Authorization: Bearer a\r\nauthorization: Basic b\r\n",
+    ] {
+        let answer = daemon.post_with(GET_FORCE, "{}", &format!("Content-Type: application/json\r\n{headers}")).await;
+        assert_eq!(answer.status, 401, "{answer:?}");
+        assert!(answer.body.contains("is there twice"), "{answer:?}");
+    }
+}
+
 #[tokio::test]
 async fn a_huge_body_is_refused_announced_or_not() {
     let daemon = start().await;

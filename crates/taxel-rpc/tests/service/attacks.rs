@@ -101,3 +101,14 @@ async fn rapid_resets_close_the_connection() {
     assert!(closed, "{sent} frames were taken");
     still_serves(&daemon).await;
 }
+
+/// Nothing of what is answered is read, so that it waits in the daemon's memory.
+#[tokio::test]
+async fn requests_that_are_none_close_the_connection() {
+    let daemon = start().await;
+    // HEADERS with END_STREAM and END_HEADERS that hold `te: gzip` alone.
+    let none = b"\0\x02te\x04gzip";
+    let (sent, closed) = flood(&daemon, (0..1_000_000_u32).map(|n| frame(1, 5, 2 * n + 1, none))).await;
+    assert!(closed, "{sent} frames were taken");
+    still_serves(&daemon).await;
+}

@@ -42,14 +42,21 @@ async fn a_command_takes_along_who_asked_from_where_and_for_what() {
     };
     CalibrationServiceClient::new(channel.clone()).start_session(start).await.unwrap_err();
     let load = v1::record_load_request::Load::MassKg(0.5);
-    let load = v1::RecordLoadRequest { load: Some(load), by: "Bob".to_owned(), replaces: 4, ..Default::default() };
+    let load = v1::RecordLoadRequest {
+        load: Some(load),
+        by: "Bob".to_owned(),
+        replaces: 4,
+        note: "left".to_owned(),
+        relative_uncertainty: Some(0.02),
+        patch: String::new(),
+    };
     ValidationServiceClient::new(channel).record_load(load).await.unwrap_err();
     let all = asked.await.unwrap();
     let shown: Vec<_> = all.iter().map(|a| (a.method.as_str(), a.what.as_str(), a.claimed.as_str())).collect();
     let expected = [
         ("Tare", "", "Ann"),
         ("StartSession", "target 60 kPa, branches both, without board 13 module 2", ""),
-        ("RecordLoad", "0.5 kg, replaces load 4", "Bob"),
+        ("RecordLoad", "0.5 kg, relative uncertainty 0.02, replaces load 4, `left`", "Bob"),
     ];
     assert_eq!(shown, expected);
     for asked in &all {
@@ -72,6 +79,7 @@ async fn names_that_are_too_long_or_hold_control_characters_are_refused() {
         ("Ann\u{85}".to_owned(), "confirmed_by: has the unprintable character U+0085, expected a name"),
         ("Ann\u{202e}".to_owned(), "confirmed_by: has the unprintable character U+202E, expected a name"),
         ("\u{3164}".to_owned(), "confirmed_by: has the unprintable character U+3164, expected a name"),
+        ("  ".to_owned(), "confirmed_by: `  ` has no letter and no digit, expected a name"),
         ("\u{301}".to_owned(), "confirmed_by: `\u{301}` has no letter and no digit, expected a name"),
     ] {
         let request = v1::TareRequest { confirmed_by: name, ..Default::default() };

@@ -74,7 +74,11 @@ async fn what_has_no_samples_here_is_not_certified_and_the_reason_is_told() {
         ("m-7", Code::FailedPrecondition, "m-7 has no usable taxel"),
         ("m-8", Code::FailedPrecondition, "session 8 is damaged"),
         ("m-9", Code::FailedPrecondition, "session 9, which is not in the store"),
-        ("m-file", Code::FailedPrecondition, "not made of a session"),
+        (
+            "m-file",
+            Code::FailedPrecondition,
+            "m-file was imported, fitted from a file or merged, not made of one session here",
+        ),
         ("m-0", Code::NotFound, "m-0"),
     ];
     for (model_set, code, words) in cases {

@@ -120,7 +120,7 @@ fn serve_all(
     let now: Clock = Arc::new(move || Time::from_nanos(reads.load(Ordering::SeqCst)));
     let clocks = Clocks { run: Arc::clone(&now), process: now };
     let shutdown = CancellationToken::new();
-    let codec = ModelCodec { to_json, from_json };
+    let codec = ModelCodec { to_json, from_json, from_elsewhere: from_json };
     let (line, pushed) = push_line(plan.patches.len());
     let (handle, publisher, requests) = channel(plan, clocks, codec, shutdown.clone());
     let handle = handle.with_push(line);

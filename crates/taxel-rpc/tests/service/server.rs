@@ -125,7 +125,8 @@ async fn a_unix_socket_serves_the_same() {
     let path = folder.join("socket");
     let _ = std::fs::remove_file(&path);
     let plan = Arc::new(taxel_engine::plan::Plan { buses: 0, patches: Vec::new() });
-    let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json: |_| Err("not here".to_owned()) };
+    let from_json = |_: &str| Err("not here".to_owned());
+    let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json, from_elsewhere: from_json };
     let shutdown = tokio_util::sync::CancellationToken::new();
     let clocks = Clocks { run: Arc::new(Time::default), process: Arc::new(Time::default) };
     let (handle, _publisher, _requests) = channel(plan, clocks, codec, shutdown.clone());

@@ -268,7 +268,7 @@ async fn one_peer_has_one_export_at_a_time() {
     let untaken = mute.export_samples(request()).await.unwrap();
     let mut client = CalibrationServiceClient::new(daemon.connect().await);
     let status = client.export_samples(request()).await.unwrap_err();
-    assert!(status.message().contains("1 sample export of loopback TCP is being served"), "{status:?}");
+    assert!(status.message().contains("1 reading of stored samples of loopback TCP is being served"), "{status:?}");
     drop(untaken);
     until(async || client.export_samples(request()).await.is_ok()).await;
 }

@@ -26,6 +26,7 @@ fn a_view() -> impl Strategy<Value = SessionView> {
             model_set: model_set.map(Into::into),
             predecessor: numbers.6.0.then_some(numbers.5),
             board_settings: if numbers.6.1 { vec![format!("board {}", numbers.4)].into() } else { Default::default() },
+            gauge: if numbers.6.0 { format!("gauge {}", numbers.4) } else { String::new() },
             ..SessionView::default()
         })
 }

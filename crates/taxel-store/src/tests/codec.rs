@@ -10,7 +10,7 @@ use taxel_model::{
 };
 
 use super::fixture::{model_set, with_id};
-use crate::models_json::{ModelsJsonError, from_json, to_json};
+use crate::models_json::{ModelsJsonError, from_elsewhere, from_json, to_json};
 
 /// Shortest digits that read back, and the sign of zero: equal text is equal bits, but for NaN.
 fn bits(set: &ModelSet) -> String {
@@ -120,6 +120,17 @@ fn a_set_keeps_an_id_that_an_earlier_version_gave_it() {
     assert_eq!(to_json(&back).unwrap(), theirs);
     let refused = from_json(&theirs.replace("69.9", "69.8")).unwrap_err();
     assert!(matches!(refused, ModelsJsonError::Id { .. }), "{refused}");
+    // Without its session it is what a set is now that has none.
+    assert_eq!(bits(&from_elsewhere(&theirs).unwrap()), bits(&ModelSet { session: None, ..set }));
+}
+
+#[test]
+fn of_a_set_from_elsewhere_no_session_here_is_believed() {
+    let set = model_set(1);
+    assert!(set.session.is_some());
+    let imported = from_elsewhere(&to_json(&set).unwrap()).unwrap();
+    assert_eq!(bits(&imported), bits(&ModelSet { session: None, ..set }));
+    assert_eq!(bits(&from_elsewhere(&to_json(&imported).unwrap()).unwrap()), bits(&imported));
 }
 
 #[test]

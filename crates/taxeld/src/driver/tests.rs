@@ -51,7 +51,8 @@ impl Bench {
         clock.start(BEGUN);
         let now = clock.clone();
         let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
-        let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json: |_| Err("not here".to_owned()) };
+        let from_json = |_: &str| Err("not here".to_owned());
+        let codec = ModelCodec { to_json: |_| Ok(String::new()), from_json, from_elsewhere: from_json };
         let (handle, publisher, _) = channel(Arc::clone(&plan), clocks, codec, cancel.clone());
         let (tell_done, done) = TellDone::new();
         let store = open(tell_done.of_store());
@@ -430,7 +431,8 @@ async fn nothing_is_done_that_the_audit_log_cannot_have() {
         refused,
         Rejection::Unavailable(
             ErrorReason::StoreUnavailable,
-            "the audit log cannot be written: the disk is gone".to_owned()
+            "the audit log cannot be written: nothing is stored until the daemon is restarted: the disk is gone"
+                .to_owned()
         )
     );
     assert_eq!(bench.audit_log(), Vec::<[String; 4]>::new());

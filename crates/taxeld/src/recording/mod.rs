@@ -10,6 +10,7 @@ use std::sync::OnceLock;
 use anyhow::{Context, bail};
 use flate2::read::MultiGzDecoder;
 use taxel_model::parse_decimal;
+use taxel_skin::printable;
 
 use crate::files;
 use crate::recording::blocks::{Blocks, lines_in, parts};
@@ -357,9 +358,9 @@ fn check_header(header: &csv::ByteRecord) -> anyhow::Result<bool> {
     Ok(has_pressure)
 }
 
-/// A cell as a message shows it.
+/// A cell as a message shows it: on one line, and nothing that a terminal acts upon.
 fn shown(cell: &[u8]) -> String {
-    short(&String::from_utf8_lossy(cell), SHOWN_CHARS_MAX)
+    short(&printable(&String::from_utf8_lossy(cell)), SHOWN_CHARS_MAX)
 }
 
 /// What is wrong with a cell that is no number of a recording.

@@ -52,6 +52,9 @@ fn a_header_that_is_something_else_is_refused() {
         ("time,c0\n0,1\n", "begins with `time,c0`"),
         ("t_s,pressure_kpa\n0,1\n", "no taxel column"),
         ("t_s,c0,c2\n0,1,2\n", "column 3 is `c2`, expected `c1`"),
+        // What colours a terminal is shown, and does nothing.
+        ("x\u{1b}[31m\u{1b}]0;t\u{7},c0\n0,1\n", "begins with `x\\u{1b}[31m\\u{1b}]0;t\\u{7},c0`"),
+        ("t_s,c0\n\u{1b}[8m,1\n", "line 2: t_s is `\\u{1b}[8m`, expected seconds"),
         ("t_s,c0\n", "not one usable row"),
         ("", "header"),
     ] {

@@ -19,7 +19,7 @@ use taxel_rpc::{
     serve_and_share,
 };
 use taxel_skin::{Board, BoardAddress, BusIndex, CountRange, Module, ModuleKind, Patch, Time};
-use taxel_store::models_json::{content_id, from_json, to_json};
+use taxel_store::models_json::{content_id, from_elsewhere, from_json, to_json};
 use tokio::runtime::Runtime;
 use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
@@ -67,6 +67,7 @@ async fn begin() -> (mpsc::Receiver<Command>, Publisher, SharedServices) {
     let codec = ModelCodec {
         to_json: |set| to_json(set).map_err(|error| error.to_string()),
         from_json: |text| from_json(text).map_err(|error| error.to_string()),
+        from_elsewhere: |text| from_elsewhere(text).map_err(|error| error.to_string()),
     };
     let (line, pushed) = push_line(plan.patches.len());
     let (handle, publisher, requests) = channel(plan, clocks, codec, CancellationToken::new());
