@@ -140,6 +140,19 @@ mod tests {
         connection
     }
 
+    #[test]
+    fn what_lies_beside_a_file_says_that_it_was_a_store() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("store.db");
+        std::fs::write(&path, [0; 4096]).unwrap();
+        assert!(!was_ours(&path));
+        for beside in [beside::active(&path), beside::open_mark(&path)] {
+            std::fs::write(&beside, []).unwrap();
+            assert!(was_ours(&path), "{}", beside.display());
+            std::fs::remove_file(beside).unwrap();
+        }
+    }
+
     /// Other tables are a newer version's only where the number says so.
     #[test]
     fn a_file_of_other_tables_is_damaged_unless_its_version_is_newer() {
