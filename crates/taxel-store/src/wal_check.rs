@@ -163,6 +163,15 @@ mod tests {
     }
 
     #[test]
+    fn what_is_no_file_in_the_place_of_the_log_is_told_as_that() {
+        let dir = tempfile::tempdir().unwrap();
+        let database = dir.path().join("store.db");
+        fs::create_dir(beside::wal(&database)).unwrap();
+        let told = problem(&database).unwrap().unwrap();
+        assert!(told.ends_with("is lost: it is no regular file"), "{told}");
+    }
+
+    #[test]
     fn a_whole_log_of_either_byte_order_has_no_problem() {
         for magic in [MAGIC, MAGIC | 1] {
             for page_bytes in [512, 4096, 65536] {
