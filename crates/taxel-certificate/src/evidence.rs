@@ -38,13 +38,7 @@ impl Evidence<'_> {
     /// Why they do not.
     pub(crate) fn check(&self) -> Result<(), String> {
         let (set, session) = (self.set, self.session);
-        let Some(number) = set.session else {
-            return Err(format!(
-                "{} was imported, fitted from a file or merged, not made of one session here: there are no samples \
-                 to certify it by",
-                set.id
-            ));
-        };
+        let number = set.certifying_session()?;
         if number != session.number || set.patch != session.patch {
             return Err(format!("{} is of session {number} of patch {}, which is not here", set.id, set.patch));
         }

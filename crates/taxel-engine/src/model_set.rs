@@ -87,6 +87,24 @@ impl ModelSet {
         self.session.is_some() || self.recorded.is_some() || self.recalibrated.is_some()
     }
 
+    /// Number of the session whose samples can certify it.
+    ///
+    /// # Errors
+    /// Why no session can, in words.
+    pub fn certifying_session(&self) -> Result<u64, String> {
+        let id = &self.id;
+        match (self.session, self.derived_from()) {
+            (Some(session), _) => Ok(session),
+            (None, Some(source)) => {
+                Err(format!("{id} was made of {source} by known loads: ask for the certificate of that"))
+            }
+            (None, None) => Err(format!(
+                "{id} was imported, fitted from a file or merged, not made of one session here: there are no samples to \
+                 certify it by"
+            )),
+        }
+    }
+
     /// Id of the set that this one was made of by known loads.
     #[must_use]
     pub fn derived_from(&self) -> Option<&str> {

@@ -229,6 +229,13 @@ impl PatchPlan {
         self.gauge.as_ref().map_or_else(String::new, Gauge::words)
     }
 
+    /// How a gauge of these words was read otherwise than in this plan; `None` where it was not, or that is not known.
+    pub(crate) fn gauge_differs_from(&self, then: &str) -> Option<String> {
+        let now = self.gauge_words();
+        let differs = !then.is_empty() && then != now;
+        differs.then(|| format!("was gathered by a gauge that was configured as `{then}`, and is as `{now}` now"))
+    }
+
     /// How boards of these lines were set otherwise than in this plan, in words that go on from what was gathered with them;
     /// `None` where they are the same, as far as both is known.
     pub(crate) fn differs_from(&self, lines: &[String]) -> Option<String> {

@@ -31,30 +31,17 @@ impl Service {
         };
         let maker = self.handle.certificates.clone().ok_or_else(missing)?;
         let source = self.handle.samples.clone().ok_or_else(samples_not_kept)?;
-        let not_here = || {
+        let refused = |why| Refusal::failed_precondition(ErrorReason::SamplesMissing, why).about("model_set", &set.id);
+        let number = set.certifying_session().map_err(refused)?;
+        let session = self.sessions().into_iter().find(|view| view.number == number && view.patch == set.patch);
+        let session = session.ok_or_else(|| {
             let id = &set.id;
-            let why = match (set.session, set.derived_from()) {
-                (Some(session), _) => {
-                    format!("{id} is of session {session}, which is not in the store: deleted, or of another daemon")
-                }
-                (None, Some(source)) => {
-                    format!("{id} was made of {source} by known loads: ask for the certificate of that")
-                }
-                (None, None) => format!(
-                    "{id} was imported, fitted from a file or merged, not made of one session here: there are no \
-                     samples to certify it by"
-                ),
-            };
-            Refusal::failed_precondition(ErrorReason::SamplesMissing, why).about("model_set", id)
-        };
-        let session = set.session.ok_or_else(not_here)?;
-        let session = self.sessions().into_iter().find(|view| view.number == session && view.patch == set.patch);
-        let session = session.ok_or_else(not_here)?;
+            refused(format!("{id} is of session {number}, which is not in the store: deleted, or of another daemon"))
+        })?;
         let patch = self.patch(&set.patch)?;
         let loads = self.handle.catalogue.borrow().validations.get(patch).map(Arc::clone);
         let loads = loads.iter().flat_map(|view| view.loads.iter().map(|judged| Arc::clone(&judged.load))).collect();
         let place = self.place(What::Export, caller)?;
-        let number = session.number;
         let (samples, place) = read(&source, number, place).await?;
         let (model_set, to_json) = (set.id.clone(), self.handle.codec.to_json);
         // A whole session is gone through several times: no stream should wait for that.

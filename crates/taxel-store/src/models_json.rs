@@ -159,17 +159,22 @@ pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
     Ok(set)
 }
 
-/// Reads a model set that comes from elsewhere. Which session it says it was made in counts for nothing: the sessions there are not
-/// those here, and nothing proves it.
+/// Reads a model set that comes from elsewhere. Which session it says it was made in counts for nothing: the sessions there
+/// are not those here, and nothing proves it.
 ///
 /// # Errors
 /// As [`from_json`].
 pub fn from_elsewhere(text: &str) -> Result<ModelSet, ModelsJsonError> {
-    let mut set = from_json(text)?;
+    from_json(text).map(of_no_session)
+}
+
+/// The same models of no session, with the id of their content: one that an earlier version gave counted the session.
+#[must_use]
+pub fn of_no_session(mut set: ModelSet) -> ModelSet {
     if set.session.take().is_some() {
-        set.id = content_id(&set); // that of an earlier version counted the session
+        set.id = content_id(&set);
     }
-    Ok(set)
+    set
 }
 
 /// Reads a text that [`to_json`] made and that is proven to be as it was written, so that its id needs no second proof.

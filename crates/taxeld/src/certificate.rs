@@ -61,8 +61,7 @@ pub fn of_store(
     let set = stored(&store, &find(restored, beginning, patch)?)?;
     let position = scene.plan.patches.iter().position(|plan| plan.patch.name() == set.patch);
     let position = position.with_context(|| format!("patch `{}` is not in the configuration", set.patch))?;
-    let not_here = || format!("{} was imported, fitted from a file or merged, not made of one session here", set.id);
-    let number = set.session.with_context(not_here)?;
+    let number = set.certifying_session().map_err(anyhow::Error::msg)?;
     let session = restored.sessions.iter().find(|view| view.number == number && view.patch == set.patch);
     let session = session.with_context(|| format!("{} is of session {number}, which is not in the store", set.id))?;
     let of = CertificateOf {

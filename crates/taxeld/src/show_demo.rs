@@ -97,9 +97,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
 fn of_no_session(models: &ModelSet) -> ModelSet {
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     let created_wall_ns = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
-    let mut models = ModelSet { session: None, created_wall_ns, ..models.clone() };
-    models.id = models_json::content_id(&models);
-    models
+    models_json::of_no_session(ModelSet { created_wall_ns, ..models.clone() })
 }
 
 /// The configuration of the simulated forearm.

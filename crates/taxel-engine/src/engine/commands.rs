@@ -181,17 +181,9 @@ impl Engine {
             let problem = format!("{problem}; if the set is right all the same, set `insist`");
             return Err(Rejection::InvalidArgument { field: "json", problem });
         }
-        let set = match self.model_sets.get(&set.id) {
-            // Its content is known, and so is when and in which session it was made, whatever the file says.
-            Some(known) => {
-                let (session, created_wall_ns) = (known.session, known.created_wall_ns);
-                Arc::new(ModelSet { session, created_wall_ns, ..Arc::unwrap_or_clone(set) })
-            }
-            None => {
-                self.room_for_model_set()?;
-                set
-            }
-        };
+        if self.model_sets.get(&set.id).is_none() {
+            self.room_for_model_set()?;
+        }
         // A set that is known already may still wait for the disk: it is written again, which the store finds done.
         let record = Record::ModelSet(Arc::clone(&set));
         self.commit(Effect::Import { request, set }, vec![record], out);

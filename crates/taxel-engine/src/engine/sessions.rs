@@ -118,12 +118,8 @@ impl Engine {
     fn check_settings(&self, number: u64) -> Result<(), Rejection> {
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         let plan = self.patches[self.patch_named(&view.patch)?].plan();
-        let (then, now) = (&view.gauge, plan.gauge_words());
-        let of_gauge = || {
-            let differs = !then.is_empty() && *then != now;
-            differs.then(|| format!("was gathered by a gauge that is configured as `{then}`, and is `{now}` now"))
-        };
-        let Some(found) = plan.differs_from(&view.board_settings).or_else(of_gauge) else { return Ok(()) };
+        let found = plan.differs_from(&view.board_settings).or_else(|| plan.gauge_differs_from(&view.gauge));
+        let Some(found) = found else { return Ok(()) };
         let why = format!("session {number} cannot go on: it {found}: set it as it was, or start a new session");
         Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why))
     }

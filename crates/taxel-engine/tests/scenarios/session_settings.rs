@@ -62,7 +62,7 @@ fn a_session_takes_no_ramp_of_a_gauge_that_is_read_in_another_way() {
     let mut bench = restarted(&first, with_gauge(|signal| signal.scale *= 1.2), |_| ());
     let answer = bench.ask(RAMP);
     let Err(Rejection::FailedPrecondition(ErrorReason::LayoutChanged, why)) = answer else { panic!("{answer:?}") };
-    let expected = "session 1 cannot go on: it was gathered by a gauge that is configured as `";
+    let expected = "session 1 cannot go on: it was gathered by a gauge that was configured as `";
     assert!(why.starts_with(expected) && why.ends_with("now: set it as it was, or start a new session"), "{why}");
     assert_eq!(why.matches("kPa a step, differential`").count(), 2, "{why}");
     assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Interrupted, "what is refused has no effect");
