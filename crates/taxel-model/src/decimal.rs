@@ -7,7 +7,7 @@ const EXACT_DIGITS: usize = 31;
 
 /// Reads a decimal number (`-12.5`, `0.486e-3`, no `inf` or `nan`) to about 31 digits.
 ///
-/// `hi` is the correctly rounded f64, `hi + lo` is within 2^-100 of the text relatively. `None` if the text is not a
+/// `hi` is the correctly rounded f64 and also that of `hi + lo`, which is within 2^-100 of the text relatively. `None` if the text is not a
 /// finite decimal number of magnitude below 1e120.
 #[must_use]
 pub fn parse_decimal(text: &str) -> Option<Dd> {
@@ -27,7 +27,16 @@ pub fn parse_decimal(text: &str) -> Option<Dd> {
     let value = if mantissa.starts_with('-') { -value } else { value };
     let exact = times_power_of_ten(value, exponent);
     let rest = exact - Dd::from(hi);
-    Some(Dd { hi, lo: rest.hi })
+    Some(Dd { hi, lo: within_half_a_step(hi, rest.hi) })
+}
+
+/// A rest that does not change `hi`. That of the first 31 digits may, where the text lies just within half a step of `hi`.
+fn within_half_a_step(hi: f64, rest: f64) -> f64 {
+    if hi + rest == hi {
+        return rest;
+    }
+    let next = if rest > 0.0 { hi.next_up() } else { hi.next_down() };
+    ((next - hi).abs() / 2.0).next_down().copysign(rest)
 }
 
 /// The first 31 significant digits as an integer, and the power of ten that goes with it.
@@ -84,6 +93,18 @@ mod tests {
         assert!(error < bound.clone() && -error < bound);
     }
 
+    /// The first 31 digits lie at exactly half a step, and those after them on the side of `hi`.
+    #[test]
+    fn what_lies_just_within_half_a_step_has_a_rest_that_does_not_change_the_nearest_double() {
+        for text in ["34567801234567890.000000000000004", "-34567801234567890.000000000000004"] {
+            let got = parse_decimal(text).unwrap();
+            assert_eq!((got.hi, got.hi + got.lo), (text.parse().unwrap(), got.hi), "{text}");
+            assert_eq!(got.lo.abs(), 2.0_f64.next_down(), "{text}");
+        }
+        let tie = parse_decimal("34567801234567890").unwrap();
+        assert_eq!((tie.hi + tie.lo, tie.lo), (tie.hi, 2.0), "to the even one");
+    }
+
     #[test]
     fn what_is_no_finite_number_is_refused() {
         for text in ["", "nan", "inf", "-inf", "1e400", "1.2.3", "x", "1e", "--1"] {
@@ -118,6 +139,7 @@ mod tests {
             let bound = BigRational::new(BigInt::from(1), BigInt::from(2).pow(100));
             prop_assert!(relative < bound.clone() && relative > -bound);
             prop_assert_eq!(got.hi, text.parse::<f64>().unwrap());
+            prop_assert_eq!(got.hi + got.lo, got.hi);
         }
     }
 }
