@@ -28,7 +28,7 @@ pub(crate) fn insert(
     zeros: &BoardZeros,
     wall_ns: i64,
 ) -> rusqlite::Result<()> {
-    let why = zeros.unproven.as_deref().unwrap_or_default();
+    let why = &in_words(zeros);
     let blobs = zeros.hidden.as_deref().map(|hidden| [&hidden.counts, &hidden.reads].map(|c| rows::f32_to_blob(c)));
     let checksum = rows::board_zeros_checksum(seq, patch, why, wall_ns, blobs.as_ref());
     let [hidden, reads] = blobs.map_or([None, None], |blobs| blobs.map(Some));
@@ -38,6 +38,26 @@ pub(crate) fn insert(
         params![seq, patch, why, wall_ns, checksum, hidden, reads],
     )?;
     Ok(())
+}
+
+/// What stands before what is held against the boards where one set is excused. The column has words for people, so that an
+/// earlier program holds it against them whatever is in use.
+const EXCUSED: &str = "but for ";
+
+/// What is held against the boards, and the set for which that does not count; empty where nothing is held.
+fn in_words(zeros: &BoardZeros) -> String {
+    match (&zeros.unproven, &zeros.excused) {
+        (Some(why), Some(set)) => format!("{EXCUSED}{set}: {why}"),
+        (why, _) => why.clone().unwrap_or_default(),
+    }
+}
+
+/// The inverse of [`in_words`].
+fn of_words(words: String) -> (Option<String>, Option<String>) {
+    match words.strip_prefix(EXCUSED).and_then(|rest| rest.split_once(": ")) {
+        Some((set, why)) => (Some(why.to_owned()), Some(set.to_owned())),
+        None => (Some(words).filter(|why| !why.is_empty()), None),
+    }
 }
 
 /// What is known of the boards of a patch.
@@ -118,7 +138,11 @@ pub(crate) fn read(
     let known = newest.into_iter().map(|(patch, (zeros, lost))| Known {
         patch,
         is_noted: zeros.unproven.is_some() || lost.is_none(),
-        zeros: BoardZeros { unproven: zeros.unproven.or(lost), ..zeros },
+        zeros: BoardZeros {
+            excused: zeros.excused.filter(|_| lost.is_none()), // of what is lost no set is known to be
+            unproven: zeros.unproven.or(lost),
+            ..zeros
+        },
     });
     Ok(known.filter(|known| known.zeros != BoardZeros::default()).collect())
 }
@@ -165,7 +189,8 @@ fn proven(row: &Row<'_>, seq: u64) -> Result<(String, BoardZeros), String> {
         Some(Arc::new(HiddenCounts { counts: counts?, reads: reads? }))
     });
     let hidden = hidden.map(|hidden| hidden.ok_or("its counts are of no whole number")).transpose()?;
-    Ok((patch, BoardZeros { unproven: Some(why).filter(|why| !why.is_empty()), hidden }))
+    let (unproven, excused) = of_words(why);
+    Ok((patch, BoardZeros { unproven, excused, hidden }))
 }
 
 /// The counts in a row: what is hidden, and what the taxels read then. Both or none.
@@ -180,6 +205,20 @@ pub(crate) fn blobs(row: &Row<'_>) -> rusqlite::Result<Option<[Vec<u8>; 2]>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_held_but_for_a_set_is_read_as_it_was_written() {
+        for (unproven, excused, words) in [
+            (None, None, ""),
+            (Some("a load: 2 N"), None, "a load: 2 N"),
+            (Some("a load: 2 N"), Some("m-1"), "but for m-1: a load: 2 N"),
+        ] {
+            let of = |text: Option<&str>| text.map(str::to_owned);
+            let zeros = BoardZeros { unproven: of(unproven), excused: of(excused), hidden: None };
+            assert_eq!(in_words(&zeros), words);
+            assert_eq!(of_words(words.to_owned()), (zeros.unproven, zeros.excused));
+        }
+    }
 
     #[test]
     fn where_nothing_is_known_every_patch_is_told_that() {

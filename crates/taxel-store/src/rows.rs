@@ -210,6 +210,9 @@ struct StoredView {
     /// Absent in views of earlier versions, and where pressures came with the scans.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     gauge: String,
+    /// Absent in views of earlier versions, and where nothing is known against what it gathered.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    untrusted: String,
 }
 
 /// The view as JSON.
@@ -235,6 +238,7 @@ pub(crate) fn view_to_text(view: &SessionView) -> Result<String, serde_json::Err
         predecessor: view.predecessor,
         board_settings: view.board_settings.to_vec(),
         gauge: view.gauge.clone(),
+        untrusted: view.untrusted.clone(),
     })
 }
 
@@ -272,6 +276,7 @@ pub(crate) fn view_from_text(text: &str) -> Result<SessionView, String> {
         predecessor: stored.predecessor,
         board_settings: stored.board_settings.into(),
         gauge: stored.gauge,
+        untrusted: stored.untrusted,
         ..SessionView::default()
     })
 }

@@ -58,10 +58,11 @@ fn held(catalogue: &Catalogue) -> Restored {
 }
 
 /// Model sets that may be about to be used: the newest of each patch, what an operator has not judged yet, and all of a
-/// patch that is not in the configuration now.
+/// patch that uses none now. That one may not be in the configuration, or its set may not fit the configuration: once that is
+/// put back the set is in use again.
 fn spared(catalogue: &Catalogue) -> BTreeSet<String> {
     let newest: BTreeMap<_, _> = catalogue.model_sets.iter().map(|set| (&set.patch, &set.id)).collect();
-    let is_served = |patch: &str| catalogue.active.iter().any(|(served, _)| served == patch);
+    let is_served = |patch: &str| catalogue.active.iter().any(|(served, set)| served == patch && set.is_some());
     let elsewhere = catalogue.model_sets.iter().filter(|set| !is_served(&set.patch)).map(|set| set.id.clone());
     let held = held(catalogue);
     let judged_later = to_be_judged(&held).into_iter().map(str::to_owned);
@@ -173,6 +174,18 @@ mod tests {
         let end = tokio::spawn(driver.run(Queues::new(batches, commands, done), cancel.clone()));
         handle.first_turn().await;
         Running { handle, size, cancel, end, _ends: (sent, frames) }
+    }
+
+    #[test]
+    fn no_set_of_a_patch_that_uses_none_goes() {
+        let active = |set| Catalogue {
+            model_sets: (1..=3).map(|time| self::set(time).into()).collect(),
+            active: vec![(PATCH.to_owned(), set)],
+            ..Catalogue::default()
+        };
+        let ids = |times: &[i64]| times.iter().map(|time| set(*time).id.clone()).collect::<BTreeSet<_>>();
+        assert_eq!(spared(&active(Some(set(1).id.clone()))), ids(&[3]), "the newest");
+        assert_eq!(spared(&active(None)), ids(&[1, 2, 3]), "one of them may be in use with another configuration");
     }
 
     #[tokio::test]

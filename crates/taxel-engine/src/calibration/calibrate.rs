@@ -159,10 +159,8 @@ impl Calibration {
             return Err(Rejection::NotFound(ErrorReason::SessionUnknown, "session".to_owned()));
         };
         let next = commanded(session.view().number, session.view().state, command)?;
-        if session.is_void() && matches!(command, Trigger::FinishRamp | Trigger::StartRamp) {
-            let (number, why) = (session.view().number, &session.view().reason);
-            let why = format!("what session {number} gathered is not fitted: {why}");
-            return Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why));
+        if matches!(command, Trigger::FinishRamp | Trigger::StartRamp) {
+            session.view().check_trusted()?;
         }
         match command {
             Trigger::FinishRamp if session.turn(now.time) => self.tell(now, gauge, events),

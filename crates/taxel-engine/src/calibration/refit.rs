@@ -187,6 +187,7 @@ fn check_session(plan: &CalibrationPlan, view: &SessionView) -> Result<(), Rejec
             format!("session {number} is {}; finish or abort it first", view.state.name()),
         );
     }
+    view.check_trusted()?;
     let modules = plan.modules.len();
     match view.left_out.iter().find(|module| usize::from(**module) >= modules) {
         Some(module) => {

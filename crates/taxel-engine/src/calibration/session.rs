@@ -79,19 +79,11 @@ pub struct SessionRun {
     extremes: Vec<(f64, f64)>,
     /// Scans whose modules were not all fresh, since the last sample: they explain a failure.
     stale_since_progress: u64,
-    /// Whether what it gathered cannot be trusted.
-    void: bool,
     /// When it reached its present state, on the run's clock.
     entered: Time,
 }
 
 impl SessionRun {
-    /// Whether what it gathered cannot be trusted; known until the daemon stops.
-    #[must_use]
-    pub const fn is_void(&self) -> bool {
-        self.void
-    }
-
     /// A session that is about to watch the skin at rest.
     #[must_use]
     pub fn new(now: Now, view: SessionView, mut limits: SessionLimits, taxels: usize) -> Self {
@@ -106,7 +98,6 @@ impl SessionRun {
             samples: Arc::default(),
             pending: VecDeque::new(),
             stale_since_progress: 0,
-            void: false,
             entered: now.time,
         };
         run.view.responding = (0, taxels as u32);
@@ -277,7 +268,8 @@ impl SessionRun {
                 Gate::Wait => {}
             }
             if let Some(why) = self.ramp.why_void(time, gauge, &self.limits) {
-                (self.view.reason, self.void) = (why, true);
+                self.view.reason.clone_from(&why);
+                self.view.untrusted = why;
                 return Progress::Void;
             }
             if self.is_over(time, gate, gauge) {

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::calibration::branch::{Branch, Direction};
+use crate::request::{ErrorReason, Rejection};
 
 /// Where a session stands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -207,6 +208,9 @@ pub struct SessionView {
     pub look: Arc<[String]>,
     /// The model set it produced.
     pub model_set: Option<Arc<str>>,
+    /// Why what it gathered cannot be trusted, for people; empty where nothing is known against it. A set that was made
+    /// before stays as good as it was.
+    pub untrusted: String,
 }
 
 impl SessionView {
@@ -214,5 +218,17 @@ impl SessionView {
     #[must_use]
     pub fn known_settings(&self) -> Option<&[String]> {
         Some(&*self.board_settings).filter(|lines| !lines.is_empty())
+    }
+
+    /// Refuses to make models of what cannot be trusted, or to gather more beside it.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with the session and the reason.
+    pub fn check_trusted(&self) -> Result<(), Rejection> {
+        if self.untrusted.is_empty() {
+            return Ok(());
+        }
+        let why = format!("what session {} gathered is not fitted: {}", self.number, self.untrusted);
+        Err(Rejection::FailedPrecondition(ErrorReason::SessionWrongState, why))
     }
 }

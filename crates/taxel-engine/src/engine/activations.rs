@@ -20,12 +20,18 @@ impl Engine {
     /// is configured now.
     pub(super) fn install(&mut self, patch: &str, id: &str) {
         let known = self.model_sets.get(id).filter(|set| set.patch == patch);
+        let discarded = known.is_some_and(|known| self.comes_of_discarded(known));
         let set = known.and_then(|known| known.at_hand.clone());
         let Some(found) = self.patches.iter_mut().find(|p| p.name() == patch) else {
             return; // the patch is not configured any more
         };
         let why = match set {
             None => format!("the active model set `{id}` of patch `{patch}` is lost"),
+            Some(_) if discarded => {
+                format!(
+                    "model set `{id}` of patch `{patch}` is not used: its session was laid aside; activate another, or calibrate again"
+                )
+            }
             Some(set) if set.taxels.len() != found.taxels() => {
                 format!("model set `{id}` is of another layout of patch `{patch}`: it is not used; calibrate again")
             }

@@ -197,6 +197,7 @@ impl Engine {
     fn check_take_up(&self, now: Now, number: u64, command: Trigger) -> Result<usize, Rejection> {
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
         commanded(number, view.state, command)?;
+        view.check_trusted()?;
         let index = self.patch_named(&view.patch)?;
         self.patches[index].calibration().refuse_if_open("finish or abort it first")?;
         if command == Trigger::StartRamp {

@@ -24,6 +24,7 @@ impl Engine {
     /// The patch on which a session in use can be succeeded.
     pub(super) fn check_successor(&self, now: Now, number: u64) -> Result<usize, Rejection> {
         let view = self.sessions.get(&number).ok_or_else(|| Rejection::no_session(number))?;
+        view.check_trusted()?;
         let index = self.patch_named(&view.patch)?;
         let patch = &self.patches[index];
         self.room_for_session()?;

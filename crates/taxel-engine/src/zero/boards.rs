@@ -19,6 +19,8 @@ pub struct BoardZeros {
     /// Why the counts cannot show whether the skin is at rest, if that is so: a board took a zero of its own under a load, or
     /// nobody saw what lay on it.
     pub unproven: Option<String>,
+    /// The model set for which that does not count: it was made in a session on the boards as they are.
+    pub excused: Option<String>,
     /// What they hide. `None` where nobody looked yet, or somebody vouched for the skin when they were configured.
     pub hidden: Option<Arc<HiddenCounts>>,
 }

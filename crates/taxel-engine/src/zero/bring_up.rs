@@ -4,11 +4,12 @@
 use std::sync::Arc;
 
 use crate::baseline::TaxelBaseline;
+use crate::model_set::ModelSet;
 use crate::scan::Scan;
 use crate::zero::boards::{BoardZeros, HiddenCounts};
 use crate::zero::count_sums::CountSums;
 use crate::zero::events::Surroundings;
-use crate::zero::holder::{Models, Zero};
+use crate::zero::holder::{Models, OwnModels, Unjudged, Zero, have_same_rest};
 
 /// So many scans tell what boards read that were just configured: a mean of these is known to a fifth of a count.
 const FIRST_SCANS: u64 = 16;
@@ -24,7 +25,16 @@ impl Zero {
         let other =
             other.map(|noted| format!("what was noted of the boards' zeros is of {noted} taxels, not {taxels}"));
         self.hidden = known.hidden.clone().filter(|_| other.is_none());
-        known.unproven.clone().or(other).into_iter().for_each(|why| self.continuity.distrust(why));
+        match (&known.unproven, &known.excused) {
+            // It is held against the boards as soon as other models are in use.
+            (held @ Some(_), Some(set)) => {
+                let own = OwnModels { id: set.clone(), rest: Vec::new() };
+                self.unjudged = Some(Unjudged { held: held.clone(), models: Models::None, own: Some(own) });
+            }
+            (Some(why), None) => self.continuity.distrust(why.clone()),
+            (None, _) => {}
+        }
+        other.into_iter().for_each(|why| self.continuity.distrust(why));
     }
 
     /// Why the counts cannot show whether the skin is at rest; also after a restart.
@@ -37,17 +47,27 @@ impl Zero {
     #[must_use]
     pub fn news_of_boards(&self, noted: &BoardZeros) -> Option<BoardZeros> {
         let is_one = |hidden: &Arc<HiddenCounts>| noted.hidden.as_ref().is_some_and(|noted| Arc::ptr_eq(hidden, noted));
-        let same = self.held_over_restarts() == noted.unproven.as_deref()
+        let (unproven, excused) = (self.held_over_restarts(), self.excused());
+        let same = (unproven, excused) == (noted.unproven.as_deref(), noted.excused.as_deref())
             && (self.hidden.as_ref().is_some_and(is_one) || self.hidden == noted.hidden);
-        let zeros =
-            || BoardZeros { unproven: self.held_over_restarts().map(str::to_owned), hidden: self.hidden.clone() };
+        let zeros = || BoardZeros {
+            unproven: unproven.map(str::to_owned),
+            excused: excused.map(str::to_owned),
+            hidden: self.hidden.clone(),
+        };
         (!same).then(zeros)
     }
 
     /// What is held against the boards, and what will be once other models than those of a session are in use.
     pub(super) fn held_over_restarts(&self) -> Option<&str> {
-        let unjudged = self.unjudged.as_ref().filter(|unjudged| unjudged.models == Models::None);
-        self.distrusted().or_else(|| unjudged?.held.as_deref())
+        self.distrusted().or_else(|| self.unjudged.as_ref()?.held.as_deref())
+    }
+
+    /// The set for which that does not count.
+    fn excused(&self) -> Option<&str> {
+        let unjudged =
+            self.unjudged.as_ref().filter(|unjudged| unjudged.held.as_deref() == self.held_over_restarts())?;
+        unjudged.held.as_ref().and(unjudged.own.as_ref()).map(|own| own.id.as_str())
     }
 
     /// The boards are being configured, and take zeros of their own on a skin that was looked at, that somebody has `vouched`
@@ -115,16 +135,20 @@ impl Zero {
     }
 
     /// Models are in use whose rest is this; it may be that of a session since the boards were configured.
-    pub(super) fn on_rest_of_models(&mut self, rest: &[TaxelBaseline]) {
-        let bits = |rest: &[TaxelBaseline]| rest.iter().map(|taxel| taxel.mean.to_bits()).collect::<Vec<_>>();
-        let is_of_session = self.session_rests.iter().any(|of_session| bits(of_session) == bits(rest));
+    pub(super) fn on_rest_of_models(&mut self, set: &ModelSet) {
+        let rest = &set.baseline;
+        let is_of_session = self.session_rests.iter().any(|of_session| have_same_rest(of_session, rest));
         if let Some(unjudged) = &mut self.unjudged {
-            let before =
-                std::mem::replace(&mut unjudged.models, if is_of_session { Models::OfSession } else { Models::Others });
+            let is_own = is_of_session || unjudged.owns(set);
+            let models = if is_own { Models::OfSession } else { Models::Others };
+            let before = std::mem::replace(&mut unjudged.models, models);
             match &unjudged.held {
-                Some(held) if !is_of_session => self.continuity.distrust(held.clone()),
+                Some(held) if !is_own => self.continuity.distrust(held.clone()),
                 Some(held) if before == Models::Others => self.continuity.trust_again(held),
                 _ => {}
+            }
+            if is_own {
+                unjudged.own = Some(OwnModels { id: set.id.clone(), rest: rest.clone() });
             }
         }
         if let Some(hidden) = self.hidden.as_mut().filter(|_| is_of_session) {

@@ -44,6 +44,35 @@ pub(super) struct Unjudged {
     /// What was held against the boards when it was taken. It is again once the models are others than those of the session.
     pub(super) held: Option<String>,
     pub(super) models: Models,
+    /// Of the models of that session those that were in use last, perhaps before the daemon started.
+    pub(super) own: Option<OwnModels>,
+}
+
+/// Models of the boards as they are, and all of the same rest.
+#[derive(Clone, Debug)]
+pub(super) struct OwnModels {
+    pub(super) id: String,
+    /// One per taxel; empty until they are in use.
+    pub(super) rest: Vec<TaxelBaseline>,
+}
+
+impl OwnModels {
+    /// Whether this set is it, or one that known loads have made of it.
+    fn are(&self, set: &ModelSet) -> bool {
+        self.id == set.id || have_same_rest(&self.rest, &set.baseline)
+    }
+}
+
+/// Whether two sets of models refer to one zero, to the bit.
+pub(super) fn have_same_rest(a: &[TaxelBaseline], b: &[TaxelBaseline]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.mean.to_bits() == b.mean.to_bits())
+}
+
+impl Unjudged {
+    /// Whether this set was made in the session.
+    pub(super) fn owns(&self, set: &ModelSet) -> bool {
+        self.own.as_ref().is_some_and(|own| own.are(set))
+    }
 }
 
 /// Which models are in use at a zero that none have judged.
@@ -60,6 +89,9 @@ pub(super) enum Models {
 /// What is said of a zero that the models in use have not judged.
 const UNJUDGED: &str =
     "the zero was taken in a session without models to judge it by, and those in use are not of that session: tare";
+
+/// What is said of a zero that other models judged than those that are in use since.
+const OTHER_MODELS: &str = "another model set came into use: tare again";
 
 /// The zero of one patch.
 #[derive(Debug)]
@@ -231,6 +263,7 @@ impl Zero {
     /// The active model set changed: which way pressure moves the counts.
     pub fn on_models(&mut self, set: Option<&ModelSet>) {
         if let Some(set) = set {
+            self.proven.iter_mut().for_each(|proven| proven.spoil(OTHER_MODELS));
             self.ground.set_signs(set.signs());
             let zero = self.baseline.as_deref().filter(|_| self.view.valid);
             self.memory.on_models(&set.baseline, zero, self.ground.signs());
@@ -238,7 +271,7 @@ impl Zero {
                 self.ground.take(&set.baseline); // without a zero, loads are told from the models'
             }
             self.continuity.compare_with(&self.ground);
-            self.on_rest_of_models(&set.baseline);
+            self.on_rest_of_models(set);
         }
         self.lookback.restart();
     }

@@ -116,7 +116,7 @@ fn models_of_a_session_since_the_boards_were_configured_count_beside_the_earlier
     ] {
         let mut zero = Skin::new().zero;
         let hidden = HiddenCounts { counts: vec![looked as f32 - 240.0; TAXELS], reads: vec![240.0; TAXELS] };
-        zero.go_on(&BoardZeros { unproven: None, hidden: Some(Arc::new(hidden)) });
+        zero.go_on(&BoardZeros { hidden: Some(Arc::new(hidden)), ..BoardZeros::default() });
         zero.note_session_rest(&at(session));
         (0..SESSION_RESTS - 1).for_each(|ramp| zero.note_session_rest(&at(200.0 + ramp as f64)));
         zero.on_models(Some(&rest_of(of_models)));
@@ -134,7 +134,7 @@ fn models_of_a_session_since_the_boards_were_configured_count_beside_the_earlier
 fn what_was_noted_of_other_taxels_is_held_against_the_boards() {
     let mut zero = Skin::new().zero;
     let hidden = HiddenCounts { counts: vec![-1.5; TAXELS - 10], reads: Vec::new() };
-    let noted = BoardZeros { unproven: None, hidden: Some(Arc::new(hidden)) };
+    let noted = BoardZeros { hidden: Some(Arc::new(hidden)), ..BoardZeros::default() };
     zero.go_on(&noted);
     let news = zero.news_of_boards(&noted).unwrap();
     assert!(news.unproven.unwrap().contains("is of 70 taxels, not 80") && news.hidden.is_none());

@@ -66,8 +66,8 @@ impl Zero {
         let rest = first || matches!(verdict, RestVerdict::Rest { .. });
         // Nobody can vouch for a skin that moved while it was watched: a mean over that is no zero.
         let vouched = purpose.confirmed_by().filter(|_| verdict.is_still());
-        let unjudged =
-            first.then(|| Unjudged { held: self.held_over_restarts().map(str::to_owned), models: Models::None });
+        let held = || self.held_over_restarts().map(str::to_owned);
+        let unjudged = first.then(|| Unjudged { held: held(), models: Models::None, own: None });
         let held = self.continuity.unproven().filter(|_| !first);
         if vouched.is_none() && (!rest || held.is_some()) {
             let (reason, why) = match held {

@@ -16,7 +16,7 @@ use taxel_sim::{Mass, PumpCommand, World};
 use taxel_skin::TaxelIndex;
 use taxel_wire::icub::TriangleConfig;
 
-use crate::bench::Bench;
+use crate::bench::{Bench, Disk};
 use crate::rig::{module, patch_plan, plan, small_skin, small_world};
 
 /// The small skin, its boards set in another way than usual.
@@ -145,6 +145,22 @@ fn after_a_restart_with_another_shift_there_is_no_force_and_the_board_is_named()
     bench.is_truthful_since(mark, "a count is worth twice of what it was");
     assert!(!bench.has_force_since(mark));
     assert_eq!(bench.host.catalogue.sessions[0].state, SessionState::Review, "its set is not in use");
+}
+
+/// It was not in use while another configuration was, so that its session could be laid aside.
+#[test]
+fn a_set_whose_session_was_laid_aside_while_it_did_not_fit_is_not_used_once_it_fits() {
+    let mut bench = at_shift_1().restarted(with_shift(2));
+    let (session, id) = (at_shift_1().session.number, at_shift_1().set.id.as_str());
+    bench.ask(Command::DiscardSession { session }).unwrap();
+    let mut restored = Disk::after_a_crash(&bench.host).restored;
+    restored.model_sets = vec![Arc::clone(&at_shift_1().set).into()];
+    restored.active = vec![(at_shift_1().set.patch.clone(), id.to_owned())];
+    assert_eq!(restored.sessions[0].state, SessionState::Discarded);
+    let mut bench = Bench::new(bench.world, with_shift(1), restored);
+    let why = unused(&mut bench);
+    let said = format!("model set `{id}` of patch `small` is not used: its session was laid aside; activate another");
+    assert!(why.starts_with(&said), "{why}");
 }
 
 #[test]

@@ -280,6 +280,41 @@ fn a_first_session_needs_nobody_to_vouch_for_boards_that_were_configured_unseen(
     bench.until(10.0, "a model set", |host| host.session().model_set.is_some());
 }
 
+/// A load that the boards hide lies there from before they were configured, while a session takes it for rest and after a restart.
+#[test]
+fn what_was_held_against_the_boards_is_after_a_restart_for_all_sets_but_that_of_the_session() {
+    let mut earlier = Bench::new(small().world.clone(), plan(patch_plan(&small().skin)), small().restored());
+    earlier.brought_up();
+    earlier.lay(0.5, 33);
+    let mut bench = Bench::new(earlier.world, plan(patch_plan(&small().skin)), Restored::default());
+    bench.brought_up();
+    bench.start_session(Some(20.0));
+    bench.ramp(25.0, 4.0);
+    bench.until(15.0, "a model set", |host| host.session().model_set.is_some());
+    let own = bench.host.session().model_set.clone().unwrap();
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    bench.activate(&own).unwrap();
+    bench.until_force(2.0, ForceState::Ok);
+    for start in ["with it in use", "once more"] {
+        let mut disk = Disk::after_a_crash(&bench.host);
+        disk.restored.model_sets = bench.host.catalogue.model_sets.clone();
+        disk.restored.active = vec![("small".to_owned(), own.to_string())];
+        bench = Bench::after(bench.world, plan(patch_plan(&small().skin)), disk);
+        bench.brought_up();
+        bench.until_force(5.0, ForceState::Ok);
+        let mark = bench.mark();
+        bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
+        bench.activate(&small().set.id).unwrap();
+        bench.seconds(3.0);
+        bench.is_truthful_since(mark, start);
+        assert_eq!(bench.host.state(), ForceState::TareInvalid, "{start}: {}", bench.host.reasons());
+        assert!(bench.tare(None).is_err(), "{start}: it was configured unseen");
+        bench.activate(&own).unwrap();
+        bench.until_force(2.0, ForceState::Ok);
+    }
+}
+
 /// In whatever order: models of the session are of the boards as they are, and others are not.
 #[test]
 fn a_zero_of_a_session_without_models_holds_for_its_own_set_also_after_one_from_elsewhere() {

@@ -69,6 +69,25 @@ fn an_import_that_the_disk_refuses_has_no_effect() {
     assert!(matches!(reply, Err(Rejection::NotFound(..))), "{reply:?}");
 }
 
+/// The one before has judged it.
+#[test]
+fn a_tare_beside_which_another_set_comes_into_use_is_not_taken() {
+    let mut bench = small().in_use();
+    bench.ask(import("m-other")).unwrap();
+    bench.until_force(10.0, ForceState::Ok);
+    bench.host.disk_is_slow = true;
+    let activation = bench.host.command(activate("m-other"));
+    let tare = bench.host.command(Command::Tare { patch: String::new(), confirmed_by: None });
+    bench.seconds(3.0);
+    assert_eq!(bench.host.commits.len(), 2, "both wait for the disk");
+    bench.host.disk_is_slow = false;
+    bench.host.commit(Ok(()));
+    assert!(matches!(bench.host.reply(activation), Some(Ok(Done::Activated { .. }))));
+    let reply = bench.host.reply(tare);
+    let Some(Err(Rejection::FailedPrecondition(_, why))) = reply else { panic!("{reply:?}") };
+    assert!(why.ends_with("another model set came into use: tare again"), "{why}");
+}
+
 /// Before there is any zero one is taken by itself, but none beside one that waits for the disk.
 #[test]
 fn a_tare_that_the_disk_refuses_does_not_keep_the_first_zero_away() {

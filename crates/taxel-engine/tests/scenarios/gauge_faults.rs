@@ -4,14 +4,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use taxel_engine::Restored;
-use taxel_engine::calibration::{SampleRefusal, SessionState};
+use taxel_engine::calibration::{Refit, RefitOptions, SampleRefusal, SessionState, StoredSession};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
-use taxel_sim::Fault;
+use taxel_sim::{Fault, PumpCommand};
 
-use crate::bench::Bench;
+use crate::bench::{Bench, Disk};
 use crate::host::Host;
 use crate::rig::{patch_plan, plan, small_world};
+use crate::sessions::in_review;
 use crate::shared::small;
 
 #[test]
@@ -53,6 +54,49 @@ fn a_gauge_that_jumps_and_stays_ends_the_ramp_by_name() {
         let last = bench.host.samples(session).last().map_or(0.0, |sample| sample.pressure_kpa);
         assert!((before - 1.0..before + 0.2).contains(&last), "{last} entered, the gauge jumped at {before}");
     }
+}
+
+/// The set that the ramps before it gave stays good. It is asked for in every way: on the patch, once another session
+/// was there, after a restart, and with the set in use.
+#[test]
+fn a_further_ramp_in_which_the_gauge_jumped_stays_out_of_every_fit() {
+    let (mut bench, session) = in_review(30.0);
+    bench.ask(Command::StartRamp { session }).unwrap();
+    bench.until_state(30.0, SessionState::Ramping);
+    bench.ramp(74.0, 4.0);
+    bench.until(30.0, "pressure", |host| host.session().pressure_kpa.is_some_and(|p| p >= 20.0));
+    bench.inject(Fault::GaugeOffset { kpa: 3.0 });
+    bench.until_state(10.0, SessionState::Failed);
+    let view = bench.host.session().clone();
+    assert!(view.reason.starts_with("the gauge jumped by +3.0 kPa"), "{}", view.reason);
+    let said = format!("what session {session} gathered is not fitted: {}", view.reason);
+    let (finish, ramp) = (Command::FinishRamp { session }, Command::StartRamp { session });
+    let stays_out = |bench: &mut Bench, when: &str, commands: &[&Command]| {
+        for again in commands {
+            let why = bench.refused(Command::clone(again));
+            assert!(why.contains(&said), "{when}, {again:?}: {why}");
+        }
+        let view = bench.host.catalogue.sessions.iter().find(|view| view.number == session).unwrap();
+        let stored = vec![StoredSession { view: Arc::clone(view), board_settings: None }];
+        let plan = &bench.host.plan.patches[0];
+        let refit = Refit::plan(plan.calibration(), plan.patch.counts(), stored, &RefitOptions::default());
+        let why = refit.unwrap_err().to_string();
+        assert!(why.contains(&said), "{when}, refit: {why}");
+    };
+    bench.repair(Fault::GaugeOffset { kpa: 3.0 });
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    stays_out(&mut bench, "once the bag is vented", &[&finish, &ramp]);
+    let other = bench.start_session(Some(20.0));
+    bench.ask(Command::AbortSession { session: other }).unwrap();
+    stays_out(&mut bench, "with another session on the patch", &[&finish, &ramp]);
+    let mut disk = Disk::after_a_crash(&bench.host);
+    disk.restored.model_sets = bench.host.catalogue.model_sets.clone();
+    let mut bench = Bench::after(bench.world, Arc::clone(&bench.host.plan), disk);
+    bench.brought_up();
+    stays_out(&mut bench, "after a restart", &[&finish, &ramp]);
+    bench.activate(view.model_set.as_deref().unwrap()).unwrap();
+    stays_out(&mut bench, "with its set in use", &[&ramp]);
 }
 
 #[test]

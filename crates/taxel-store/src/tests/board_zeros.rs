@@ -29,7 +29,7 @@ fn record(patch: &str, zeros: BoardZeros) -> Record {
 
 fn configured_at(counts: &[f32]) -> BoardZeros {
     let hidden = HiddenCounts { counts: counts.to_vec(), reads: counts.iter().map(|counts| 240.0 - counts).collect() };
-    BoardZeros { unproven: None, hidden: (!counts.is_empty()).then(|| hidden.into()) }
+    BoardZeros { hidden: (!counts.is_empty()).then(|| hidden.into()), ..BoardZeros::default() }
 }
 
 /// What a start finds: the doubts, and what is wrong with the store, in words.

@@ -202,7 +202,8 @@ impl Drawing {
         let unproven = self.held.zeros.unproven.is_none().then(|| format!("found with {} loads", self.held.loads));
         let counts: Vec<f32> = (0..self.held.asked % 4).map(|taxel| taxel as f32 / 8.0).collect();
         let hidden = (!counts.is_empty()).then(|| Arc::new(HiddenCounts { reads: counts.clone(), counts }));
-        Record::BoardZeros { patch: PATCH.to_owned(), zeros: BoardZeros { unproven, hidden }, wall_ns: 8 }
+        let excused = unproven.as_ref().map(|why| format!("m-{}", why.len()));
+        Record::BoardZeros { patch: PATCH.to_owned(), zeros: BoardZeros { unproven, excused, hidden }, wall_ns: 8 }
     }
 
     /// A set that is not in use or a session that is over goes.
