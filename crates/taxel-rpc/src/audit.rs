@@ -12,7 +12,7 @@ use tonic::{Request, Response, Status};
 use crate::convert::timestamp;
 use crate::handle::AuditSource;
 use crate::page::page_size;
-use crate::service::Service;
+use crate::service::{Service, caller, made};
 use crate::status::{engine_stopped, invalid};
 
 #[tonic::async_trait]
@@ -21,23 +21,29 @@ impl AuditService for Service {
         &self,
         request: Request<v1::ListAuditRequest>,
     ) -> Result<Response<v1::ListAuditResponse>, Status> {
-        let v1::ListAuditRequest { page_size: size, page_token } = request.into_inner();
-        let size = page_size(size)?;
+        let caller = caller(&request)?;
+        let v1::ListAuditRequest { page_size: asked, page_token } = request.into_inner();
+        let size = page_size(asked)?;
         let before = match page_token.as_str() {
             "" => u64::MAX,
             token => {
                 token.parse().map_err(|_| invalid("page_token", "is not a token that this call gave: begin anew"))?
             }
         };
+        let place = self.place_of_list(&caller, asked)?;
         // One more than is shown tells whether there is another page.
         let turn = Arc::clone(&self.audit_reading).acquire_owned().await.map_err(|_| engine_stopped())?;
-        let mut entries = read(self.handle.audit.as_ref(), before, size as u32 + 1, turn).await?;
-        let more = entries.len() > size;
-        entries.truncate(size);
-        let next_page_token = entries.last().filter(|_| more).map(|last| last.number.to_string()).unwrap_or_default();
-        let entries = entries.into_iter().map(message).collect();
-        Ok(Response::new(v1::ListAuditResponse { entries, next_page_token }))
+        let entries = read(self.handle.audit.as_ref(), before, size as u32 + 1, turn).await?;
+        made(place, move || Ok(page(entries, size))).await
     }
+}
+
+/// A page of so many, of which there may be more.
+fn page(mut entries: Vec<AuditEntry>, size: usize) -> v1::ListAuditResponse {
+    let more = entries.len() > size;
+    entries.truncate(size);
+    let next_page_token = entries.last().filter(|_| more).map(|last| last.number.to_string()).unwrap_or_default();
+    v1::ListAuditResponse { entries: entries.into_iter().map(message).collect(), next_page_token }
 }
 
 /// Reads them. The turn goes the way of the question and is free again when the store has answered: questions stand in the

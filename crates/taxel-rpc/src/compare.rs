@@ -5,9 +5,10 @@ use taxel_engine::known_set::SetSummary;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::statistics::median;
 use taxel_proto::v1;
-use tonic::Status;
+use tonic::{Response, Status};
 
 use crate::access::caller::Caller;
+use crate::answers::with_place;
 use crate::aside::aside;
 use crate::convert::known;
 use crate::model::summary;
@@ -20,7 +21,7 @@ impl Service {
         &self,
         caller: &Caller,
         request: &v1::CompareModelSetsRequest,
-    ) -> Result<v1::ModelSetComparison, Status> {
+    ) -> Result<Response<v1::ModelSetComparison>, Status> {
         // Before the sets are read: whoever waits for the second holds the first.
         let place = self.place(What::LargeAnswer, caller)?;
         let earlier = self.model_set(&request.earlier, &request.patch).await?;
@@ -33,11 +34,11 @@ impl Service {
             ));
         }
         let active = self.active(&earlier.patch);
-        let (mut compared, _place) = aside(place, move || comparison(&earlier, &later)).await?;
+        let (mut compared, place) = aside(place, move || comparison(&earlier, &later)).await?;
         for set in [&mut compared.earlier, &mut compared.later].into_iter().flatten() {
             set.active = active.as_ref() == Some(&set.model_set);
         }
-        Ok(compared)
+        Ok(with_place(compared, place))
     }
 }
 

@@ -19,7 +19,7 @@ use crate::stream::MessageStream;
 
 impl Service {
     /// A page of events, newest first.
-    pub(crate) fn list_events_of(&self, request: &v1::ListEventsRequest) -> Result<v1::ListEventsResponse, Status> {
+    pub(crate) fn page_of_events(&self, request: &v1::ListEventsRequest) -> Result<v1::ListEventsResponse, Status> {
         let wanted = self.wanted(&request.patch)?;
         let size = page_size(request.page_size)?;
         let before = match request.page_token.as_str() {

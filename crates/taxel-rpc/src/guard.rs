@@ -83,7 +83,10 @@ impl Guard {
             ward,
             io: BufWriter::with_capacity(
                 WRITE_BUFFER_BYTES,
-                Stalling::new(Paced::new(io, self.limits.frames_of_no_call), self.limits.socket_stall),
+                Stalling::new(
+                    Paced::new(io, self.limits.frames_of_no_call, self.limits.calls_per_connection),
+                    self.limits.socket_stall,
+                ),
             ),
             origin: Arc::new(origin),
             proof: Proof::Awaited { missing: PREFACE_BYTES, deadline, ticket },

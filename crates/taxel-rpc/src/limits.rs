@@ -49,8 +49,8 @@ pub struct Limits {
     pub calls_per_peer: usize,
     /// Of all, those that only operators can have.
     pub calls_reserved: usize,
-    /// Of these, exported model sets, comparisons and long lists. The text of a forearm's set takes 1 MB, and work of tens of
-    /// milliseconds.
+    /// Of these, exported model sets, comparisons, proposals of recalibrations and long lists. The text of a forearm's set
+    /// takes 1 MB, and work of tens of milliseconds.
     pub large_answers: usize,
     /// Of one peer.
     pub large_answers_per_peer: usize,

@@ -140,7 +140,7 @@ impl ModelService for Service {
         &self,
         request: Request<v1::CompareModelSetsRequest>,
     ) -> Result<Response<v1::ModelSetComparison>, Status> {
-        self.compare(&caller(&request)?, request.get_ref()).await.map(Response::new)
+        self.compare(&caller(&request)?, request.get_ref()).await
     }
 
     async fn delete_model_set(

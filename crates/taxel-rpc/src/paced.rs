@@ -1,13 +1,14 @@
 //! How fast a connection may send HTTP/2 frames that bring no call on: pings and their answers, settings, windows,
-//! priorities, resets, data without content, and what no version knows.
+//! priorities, resets, data without content, what goes on about a call whose request has ended, and what no version knows.
 //!
 //! They cost the service's thread time and its reader nothing, and neither tonic nor h2 bounds them: one connection that
 //! sent nothing else delayed the force of all others by tens of milliseconds. A reset may be that of a call that ended long
-//! ago, and be sent again and again; those of calls that have just begun h2 bounds by itself. Whoever sends more is read more
-//! slowly, as the kernel holds back a sender whose bytes are not taken. Nothing is lost by that, and an honest client never comes
-//! there: it gives a window back after many messages and answers a ping in half a minute. What it sends answers what it was sent, so
-//! that a connection may send more the more it has taken; a new one has little to say, else whoever connects again and again would
-//! begin anew each time.
+//! ago, and be sent again and again; those of calls that have just begun h2 bounds by itself. Of a call that was refused
+//! before its request had ended, h2 skips for a second whatever still comes, and counts neither headers nor the ends of
+//! requests. Whoever sends more is read more slowly, as the kernel holds back a sender whose bytes are not taken. Nothing
+//! is lost by that, and an honest client never comes there: it gives a window back after many messages and answers a ping
+//! in half a minute. What it sends answers what it was sent, so that a connection may send more the more it has taken; a
+//! new one has little to say, else whoever connects again and again would begin anew each time.
 
 use std::future::Future;
 use std::io;
@@ -22,7 +23,7 @@ use crate::limits::Rate;
 
 /// Length of the client's preface, RFC 9113 section 3.4.
 pub(crate) const PREFACE_BYTES: usize = 24;
-/// Length of the head of a frame, RFC 9113 section 4.1: three bytes of length, one of type, and what is not needed here.
+/// Length of the head of a frame, RFC 9113 section 4.1: three bytes of length, one of type, one of flags, four of the stream.
 const HEAD_BYTES: usize = 9;
 /// So many such frames a new connection may send at once: settings, windows, some pings.
 const AT_FIRST: f64 = 200.0;
@@ -35,6 +36,8 @@ const HEADERS: u8 = 1;
 const CONTINUATION: u8 = 9;
 /// The flag of the last frame of a request.
 const END_STREAM: u8 = 1;
+/// The highest bit of a stream's number is reserved and does not count.
+const STREAM_MAX: u32 = u32::MAX >> 1;
 
 /// Where frames begin in what comes.
 #[derive(Debug)]
@@ -44,11 +47,13 @@ struct Frames {
     head: [u8; HEAD_BYTES],
     /// Of the head that has begun.
     have: usize,
+    calls: Calls,
 }
 
 impl Frames {
-    const fn new() -> Self {
-        Self { skip: PREFACE_BYTES, head: [0; HEAD_BYTES], have: 0 }
+    const fn new(calls_max: u32) -> Self {
+        let calls = Calls { newest: 0, unended: 0, most: calls_max };
+        Self { skip: PREFACE_BYTES, head: [0; HEAD_BYTES], have: 0, calls }
     }
 
     /// How many frames of no call begin in these bytes, which follow those before.
@@ -64,19 +69,49 @@ impl Frames {
             self.head[self.have..self.have + taken].copy_from_slice(&bytes[..taken]);
             (self.have, bytes) = (self.have + taken, &bytes[taken..]);
             if self.have == HEAD_BYTES {
-                let [high, middle, low, kind, flags, ..] = self.head;
+                let [high, middle, low, kind, flags, stream @ ..] = self.head;
                 (self.skip, self.have) = (u32::from_be_bytes([0, high, middle, low]) as usize, 0);
-                frames += u32::from(!brings_a_call_on(kind, flags, self.skip));
+                let stream = u32::from_be_bytes(stream) & STREAM_MAX;
+                frames += u32::from(!self.calls.are_brought_on(kind, flags, stream, self.skip));
             }
         }
     }
 }
 
-const fn brings_a_call_on(kind: u8, flags: u8, length: usize) -> bool {
-    match kind {
-        DATA => length > 0 || flags & END_STREAM != 0,
-        HEADERS | CONTINUATION => true,
-        _ => false,
+/// What is known of the calls of a connection.
+#[derive(Debug)]
+struct Calls {
+    /// The stream of the newest. Those of a client only rise, RFC 9113 section 5.1.1.
+    newest: u32,
+    /// Requests that may still end by a frame of data. One that ends otherwise, by a reset or by trailers, is not taken out.
+    unended: u32,
+    /// As many of these as a client may have calls at once, so that none can be saved up.
+    most: u32,
+}
+
+impl Calls {
+    /// Whether a frame brings one of them on.
+    fn are_brought_on(&mut self, kind: u8, flags: u8, stream: u32, length: usize) -> bool {
+        let ends = flags & END_STREAM != 0;
+        match kind {
+            HEADERS if stream > self.newest => {
+                self.newest = stream;
+                self.unended = (self.unended + u32::from(!ends)).min(self.most);
+                true
+            }
+            // Trailers, which gRPC's clients do not send.
+            HEADERS => false,
+            // h2 takes five after one HEADERS, and closes the connection for a sixth.
+            CONTINUATION => true,
+            // Also with content: h2 bounds small frames of data, and not those that end a request.
+            DATA if ends => {
+                let may_end = self.unended > 0;
+                self.unended = self.unended.saturating_sub(1);
+                may_end
+            }
+            DATA => length > 0,
+            _ => false,
+        }
     }
 }
 
@@ -112,8 +147,10 @@ impl Pause {
 }
 
 impl<T> Paced<T> {
-    pub(crate) fn new(io: T, rate: Rate) -> Self {
-        Self { io, rate, frames: Frames::new(), left: AT_FIRST.min(rate.burst.into()), at: Instant::now(), pause: None }
+    /// Of a connection that may have `calls_max` calls at once.
+    pub(crate) fn new(io: T, rate: Rate, calls_max: u32) -> Self {
+        let left = AT_FIRST.min(rate.burst.into());
+        Self { io, rate, frames: Frames::new(calls_max), left, at: Instant::now(), pause: None }
     }
 
     /// So many frames have come; how long to wait with the next ones.
@@ -172,33 +209,72 @@ mod tests {
     const PREFACE: &[u8; PREFACE_BYTES] = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n";
     const PING: u8 = 6;
 
+    const CALLS_MAX: u32 = 3;
+
     fn frame(kind: u8, payload: usize) -> Vec<u8> {
+        frame_of(0, kind, 0, payload)
+    }
+
+    fn frame_of(stream: u32, kind: u8, flags: u8, payload: usize) -> Vec<u8> {
         let [_, high, middle, low] = u32::try_from(payload).unwrap().to_be_bytes();
-        let mut frame = vec![high, middle, low, kind, 0, 0, 0, 0, 0];
+        let mut frame = vec![high, middle, low, kind, flags];
+        frame.extend(stream.to_be_bytes());
         frame.resize(HEAD_BYTES + payload, kind);
         frame
+    }
+
+    /// How many of these frames, each of a stream, a kind, flags and a length, are of no call.
+    fn of_no_call(frames: &[(u32, u8, u8, usize)]) -> u32 {
+        let bytes = frames.iter().flat_map(|&(stream, kind, flags, payload)| frame_of(stream, kind, flags, payload));
+        Frames::new(CALLS_MAX).of_no_call(&PREFACE.iter().copied().chain(bytes).collect::<Vec<u8>>())
     }
 
     #[test]
     fn frames_of_no_call_are_counted_however_their_bytes_come() {
         let kinds =
             [(4, 18), (1, 300), (0, 70_000), (PING, 8), (8, 4), (9, 10), (3, 4), (2, 5), (99, 0), (0, 0), (PING, 8)];
-        let mut last = frame(DATA, 0);
-        last[4] = END_STREAM;
-        let frames = kinds.iter().map(|&(kind, payload)| frame(kind, payload)).chain([last, frame(PING, 8)]);
+        let last = frame_of(1, DATA, END_STREAM, 0);
+        let frames = kinds.iter().map(|&(kind, payload)| frame_of(1, kind, 0, payload)).chain([last, frame(PING, 8)]);
         let bytes: Vec<u8> = PREFACE.iter().copied().chain(frames.flatten()).collect();
         for piece in [1, 2, 9, 10, 1000, bytes.len()] {
-            let mut frames = Frames::new();
+            let mut frames = Frames::new(CALLS_MAX);
             let found: u32 = bytes.chunks(piece).map(|piece| frames.of_no_call(piece)).sum();
             assert_eq!(found, 9, "in pieces of {piece} bytes");
         }
+    }
+
+    #[test]
+    fn headers_bring_a_call_on_if_their_stream_is_a_new_one() {
+        assert_eq!(of_no_call(&[(1, HEADERS, 0, 9), (3, HEADERS, END_STREAM, 9), (2_001, HEADERS, 0, 9)]), 0);
+        let again = [(5, HEADERS, 0, 9), (5, HEADERS, END_STREAM, 0), (5, HEADERS, 0, 1), (3, HEADERS, 0, 9)];
+        assert_eq!(of_no_call(&again), 3);
+        let reserved = 1 << 31;
+        assert_eq!(of_no_call(&[(5, HEADERS, 0, 9), (reserved | 5, HEADERS, 0, 9), (7, HEADERS, 0, 9)]), 1);
+        assert_eq!(of_no_call(&[(1, HEADERS, 0, 9), (1, CONTINUATION, 0, 9), (1, CONTINUATION, 4, 9)]), 0);
+    }
+
+    #[test]
+    fn a_request_ends_once_with_content_or_without() {
+        for length in [0, 1, 1_000] {
+            let end = (1, DATA, END_STREAM, length);
+            assert_eq!(of_no_call(&[(1, HEADERS, 0, 9), (1, DATA, 0, 100), end]), 0, "{length} bytes");
+            assert_eq!(of_no_call(&[(1, HEADERS, 0, 9), end, end, end]), 2, "{length} bytes");
+            assert_eq!(of_no_call(&[(1, HEADERS, END_STREAM, 9), end]), 1, "{length} bytes, after the end");
+        }
+    }
+
+    #[test]
+    fn ends_of_requests_cannot_be_saved_up() {
+        let calls = (0..100).map(|n| (2 * n + 1, HEADERS, 0, 9));
+        let ends = [(1, DATA, END_STREAM, 0); 100];
+        assert_eq!(of_no_call(&calls.chain(ends).collect::<Vec<_>>()), 100 - CALLS_MAX);
     }
 
     #[tokio::test(start_paused = true)]
     async fn whoever_sends_pings_alone_is_read_at_the_rate_and_loses_nothing() {
         let (near, mut far) = tokio::io::duplex(1 << 20);
         let rate = Rate { burst: 100, every: Duration::from_millis(10) }; // less than what is usual at first
-        let mut paced = Paced::new(near, rate);
+        let mut paced = Paced::new(near, rate, CALLS_MAX);
         let begun = Instant::now();
         far.write_all(PREFACE).await.unwrap();
         let mut sent = PREFACE.to_vec();
@@ -241,7 +317,7 @@ mod tests {
     async fn a_new_connection_has_little_to_say_and_may_say_more_the_more_it_takes() {
         let rate = Rate { burst: 2_000, every: Duration::from_millis(10) };
         let (near, mut far) = tokio::io::duplex(1 << 20);
-        let mut paced = Paced::new(near, rate);
+        let mut paced = Paced::new(near, rate, CALLS_MAX);
         far.write_all(PREFACE).await.unwrap();
         paced.read_exact(&mut PREFACE.to_vec()).await.unwrap();
         assert_eq!(time_of(&mut paced, &mut far, 200).await, 0.0);
@@ -268,7 +344,7 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn whoever_waits_for_the_end_of_a_pause_hears_that_a_write_ended_it() {
         let (near, mut far) = tokio::io::duplex(1 << 20);
-        let paced = Paced::new(near, Rate { burst: 2_000, every: Duration::from_secs(3_600) });
+        let paced = Paced::new(near, Rate { burst: 2_000, every: Duration::from_secs(3_600) }, CALLS_MAX);
         far.write_all(PREFACE).await.unwrap();
         far.write_all(&frame(PING, 8).repeat(210)).await.unwrap();
         let (mut reading, mut writing) = tokio::io::split(paced);
@@ -287,12 +363,23 @@ mod tests {
     #[tokio::test(start_paused = true)]
     async fn calls_are_read_as_fast_as_they_come() {
         let (near, mut far) = tokio::io::duplex(1 << 20);
-        let mut paced = Paced::new(near, Rate { burst: 1, every: Duration::from_secs(60) });
+        let mut paced = Paced::new(near, Rate { burst: 1, every: Duration::from_secs(60) }, CALLS_MAX);
         let begun = Instant::now();
         far.write_all(PREFACE).await.unwrap();
-        for _ in 0..100 {
-            far.write_all(&frame(1, 20)).await.unwrap();
-            far.write_all(&frame(0, 1_000)).await.unwrap();
+        // As many at once as may be: each ends its request with its only message, or by itself after several.
+        for first in (1..600).step_by(2 * CALLS_MAX as usize) {
+            let streams = || (0..CALLS_MAX).map(|call| first + 2 * call);
+            for stream in streams() {
+                far.write_all(&frame_of(stream, HEADERS, 0, 20)).await.unwrap();
+            }
+            for stream in streams().rev() {
+                if stream % 4 == 1 {
+                    far.write_all(&frame_of(stream, DATA, END_STREAM, 1_000)).await.unwrap();
+                } else {
+                    far.write_all(&frame_of(stream, DATA, 0, 1_000)).await.unwrap();
+                    far.write_all(&frame_of(stream, DATA, END_STREAM, 0)).await.unwrap();
+                }
+            }
         }
         drop(far);
         paced.read_to_end(&mut Vec::new()).await.unwrap();

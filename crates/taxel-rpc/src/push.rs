@@ -15,6 +15,7 @@ use tokio::sync::mpsc;
 use tokio::time::Instant;
 use tonic::{Code, Request, Response, Status, Streaming};
 
+use crate::access::standing::Standing;
 use crate::arrivals::{Arrivals, LOOK_EVERY};
 use crate::push_line::Pusher;
 use crate::service::{Service, caller, strange_answer};
@@ -37,14 +38,15 @@ impl IngestService for Service {
 
     async fn push_scans(
         &self,
-        request: Request<Streaming<v1::PushScansRequest>>,
+        mut request: Request<Streaming<v1::PushScansRequest>>,
     ) -> Result<Response<Self::PushScansStream>, Status> {
-        let caller = caller(&request)?;
+        let (caller, mut standing) = (caller(&request)?, Standing::take(&mut request)?);
         let place = self.stream_place(&caller)?;
         let mut messages = request.into_inner();
         let first = self.next_of(&mut messages).await?;
         let arrivals = Arrivals::begin((self.handle.clock)()); // what comes from here on waits for the engine's answer
         let first = first.ok_or_else(|| invalid("patch", "the first message names it; there is none"))?;
+        standing.check()?; // that message may have taken seconds
         let patch = self.patch(&first.patch)?;
         let plan = self.plan(patch);
         let (name, bus) = (plan.patch.name().to_owned(), plan.patch.boards().first().map(|board| board.bus));
@@ -64,7 +66,7 @@ impl IngestService for Service {
         }
         let (answers, told) = mpsc::channel(ANSWERS_MAX);
         let (service, scans, _place) = (self.clone(), 0, place);
-        let stream = PushStream { service, patch, pusher, messages, arrivals, answers, scans, _place };
+        let stream = PushStream { service, standing, patch, pusher, messages, arrivals, answers, scans, _place };
         tokio::spawn(stream.run(first)); // ends with the stream, the pause or the shutdown
         Ok(Response::new(Box::pin(tokio_stream::wrappers::ReceiverStream::new(told))))
     }
@@ -93,6 +95,8 @@ impl Service {
 /// A stream of scans on its way.
 struct PushStream {
     service: Service,
+    /// Whether whoever pushes may still do so. A stream has no end by itself, and nobody else can push meanwhile.
+    standing: Standing,
     patch: usize,
     pusher: Pusher,
     messages: Streaming<v1::PushScansRequest>,
@@ -131,7 +135,7 @@ impl PushStream {
     }
 
     /// The next message; nothing at the end of the stream. Meanwhile there is a turn every few milliseconds, by which it is
-    /// known that nothing waits.
+    /// known that nothing waits, and that whoever pushes may still do so.
     async fn next(&mut self) -> Result<Option<v1::PushScansRequest>, Status> {
         let mut next = pin!(self.service.next_of(&mut self.messages));
         loop {
@@ -141,7 +145,10 @@ impl PushStream {
                     return Err(Refusal::new(Code::Cancelled, ErrorReason::CallerGone, why).into());
                 }
                 next = &mut next => return next,
-                () = tokio::time::sleep(LOOK_EVERY) => self.arrivals.look((self.service.handle.clock)()),
+                () = tokio::time::sleep(LOOK_EVERY) => {
+                    self.arrivals.look((self.service.handle.clock)());
+                    self.standing.check()?;
+                }
             }
         }
     }
@@ -164,6 +171,7 @@ impl PushStream {
         let taken = (self.service.handle.clock)();
         let time = self.arrivals.take(taken);
         self.scans += 1;
+        self.standing.check()?;
         if !self.pusher.is_connected() {
             return Err(engine_stopped());
         }

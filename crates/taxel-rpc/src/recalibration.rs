@@ -17,7 +17,7 @@ use tonic::Status;
 use crate::access::caller::Caller;
 use crate::aside::aside;
 use crate::service::{Service, strange_answer};
-use crate::shares::What;
+use crate::shares::{Place, What};
 use crate::status::invalid;
 
 /// A proposal as it is told, and the set with its id.
@@ -28,12 +28,12 @@ pub(crate) struct Proposed {
 }
 
 impl Service {
-    /// What the known loads of a patch propose for its active set.
+    /// What the known loads of a patch propose for its active set, with the place of a large answer.
     pub(crate) async fn recalibration(
         &self,
         caller: &Caller,
         request: &v1::ProposeRecalibrationRequest,
-    ) -> Result<Proposed, Status> {
+    ) -> Result<(Proposed, Place), Status> {
         let patch = self.patch(&request.patch)?;
         let name = self.plan(patch).patch.name();
         let (chosen, assumptions) = asked(request)?;
@@ -50,8 +50,8 @@ impl Service {
         // Every model of the set is made anew and hashed, for which no stream should wait.
         let place = self.place(What::LargeAnswer, caller)?;
         let work = move || proposed(&view, &source, &chosen, assumptions, id_of);
-        let (proposed, _place) = aside(place, work).await?;
-        proposed.map_err(|why| refuse(ErrorReason::NotFitted, why).into())
+        let (proposed, place) = aside(place, work).await?;
+        Ok((proposed.map_err(|why| refuse(ErrorReason::NotFitted, why))?, place))
     }
 
     /// Keeps the set of a proposal.
@@ -65,7 +65,8 @@ impl Service {
             return Err(invalid("model_set", "must name the one that ProposeRecalibration told"));
         }
         let asked = request.proposal.clone().unwrap_or_default();
-        let proposed = self.recalibration(caller, &asked).await?;
+        let (proposed, place) = self.recalibration(caller, &asked).await?;
+        drop(place); // what is answered is small
         let model_set = proposed.set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
         if model_set.id != wanted {
             let (is, points) = (&model_set.id, proposed.message.points.len());

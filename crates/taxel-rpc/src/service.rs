@@ -159,6 +159,11 @@ impl Service {
         self.shares.place(what, caller)
     }
 
+    /// A place for an answer of so many items, if these take long to make.
+    pub(crate) fn place_of_list(&self, caller: &Caller, items: u32) -> Result<Option<Place>, Status> {
+        is_long(items).then(|| self.place(What::LargeAnswer, caller)).transpose()
+    }
+
     /// A list, of which `make` makes the page: a long one beside the streams, and with a place of its own.
     pub(crate) async fn list<M: Send + 'static>(
         &self,
@@ -166,11 +171,7 @@ impl Service {
         page_size: u32,
         make: impl FnOnce() -> Result<M, Status> + Send + 'static,
     ) -> Result<Response<M>, Status> {
-        if !is_long(page_size) {
-            return make().map(Response::new);
-        }
-        let (page, place) = aside(self.place(What::LargeAnswer, caller)?, make).await?;
-        Ok(with_place(page?, place))
+        made(self.place_of_list(caller, page_size)?, make).await
     }
 
     /// Streams that are being served now.
@@ -290,6 +291,16 @@ impl Drop for Line<'_> {
             self.tell(Told::Gone);
         }
     }
+}
+
+/// What `make` makes: beside the streams if there is a place for it, which the answer then holds until it is out.
+pub(crate) async fn made<M: Send + 'static>(
+    place: Option<Place>,
+    make: impl FnOnce() -> Result<M, Status> + Send + 'static,
+) -> Result<Response<M>, Status> {
+    let Some(place) = place else { return make().map(Response::new) };
+    let (message, place) = aside(place, make).await?;
+    Ok(with_place(message?, place))
 }
 
 /// Who makes a call: the gate has noted it.

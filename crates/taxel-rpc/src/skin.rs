@@ -72,7 +72,10 @@ impl SkinService for Service {
         &self,
         request: Request<v1::ListEventsRequest>,
     ) -> Result<Response<v1::ListEventsResponse>, Status> {
-        self.list_events_of(request.get_ref()).map(Response::new)
+        let caller = caller(&request)?;
+        let request = request.into_inner();
+        let (size, service) = (request.page_size, self.clone());
+        self.list(&caller, size, move || service.page_of_events(&request)).await
     }
 
     type WatchEventsStream = MessageStream<v1::Event>;

@@ -89,9 +89,7 @@ impl Tls {
     pub(crate) async fn handshake(&self, io: TcpStream) -> Result<(TlsStream<TcpStream>, Certificate), String> {
         let config = Arc::clone(&self.config.read().unwrap_or_else(PoisonError::into_inner));
         let stream = TlsAcceptor::from(config).accept(io).await.map_err(|error| error.to_string())?;
-        let certificates = stream.get_ref().1.peer_certificates().unwrap_or_default();
-        let first = certificates.first().ok_or("the client showed no certificate")?;
-        let certificate = read_certificate(first)?;
+        let certificate = read_chain(stream.get_ref().1.peer_certificates().unwrap_or_default())?;
         Ok((stream, certificate))
     }
 }
@@ -131,6 +129,15 @@ fn certificates(path: &Path, text: &[u8]) -> Result<Vec<CertificateDer<'static>>
     if found.is_empty() { Err(wrong("there is no certificate in it".to_owned())) } else { Ok(found) }
 }
 
+/// What the first of a client's certificates says, good until the first of all ends: the others may be of authorities between
+/// it and the one that is trusted.
+fn read_chain(certificates: &[CertificateDer<'_>]) -> Result<Certificate, String> {
+    let read = certificates.iter().map(|der| read_certificate(der)).collect::<Result<Vec<_>, _>>()?;
+    let until = read.iter().map(|certificate| certificate.until).min();
+    let first = read.into_iter().next().zip(until).ok_or("the client showed no certificate")?;
+    Ok(Certificate { until: first.1, ..first.0 })
+}
+
 /// The names and the end of a certificate that was verified.
 fn read_certificate(der: &[u8]) -> Result<Certificate, String> {
     let unreadable = |error: x509_cert::der::Error| format!("the client certificate cannot be read: {error}");
@@ -151,4 +158,27 @@ fn read_certificate(der: &[u8]) -> Result<Certificate, String> {
         names.push(CertificateName::Common(common.value().into_owned()));
     }
     Ok(Certificate { names, until: content.validity().not_after.to_system_time() })
+}
+
+#[cfg(test)]
+mod tests {
+    use rcgen::{CertificateParams, KeyPair, date_time_ymd};
+
+    use super::*;
+
+    #[test]
+    fn a_chain_is_good_until_the_first_of_its_certificates_ends() {
+        let of = |year| {
+            let mut params = CertificateParams::new(vec![format!("{year}.example")]).unwrap();
+            params.not_after = date_time_ymd(year, 1, 1);
+            params.self_signed(&KeyPair::generate().unwrap()).unwrap().der().clone()
+        };
+        let until = |chain: &[CertificateDer<'_>]| read_chain(chain).unwrap();
+        let (early, late) = (of(2027), of(2030));
+        assert!(until(&[early.clone()]).until < until(&[late.clone()]).until);
+        let both = [until(&[late.clone(), early.clone()]), until(&[early.clone(), late])];
+        assert_eq!(both.each_ref().map(|both| both.until), [until(&[early]).until; 2]);
+        assert_ne!(both[0].names, both[1].names, "each is of the name of its first");
+        assert_eq!(read_chain(&[]).unwrap_err(), "the client showed no certificate");
+    }
 }

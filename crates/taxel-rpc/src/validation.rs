@@ -8,6 +8,7 @@ use taxel_proto::v1::validation_service_server::ValidationService;
 use taxel_skin::Newton;
 use tonic::{Request, Response, Status};
 
+use crate::answers::with_place;
 use crate::convert::{known, timestamp};
 use crate::service::{Service, caller, line, name, strange_answer};
 use crate::status::invalid;
@@ -46,11 +47,14 @@ impl ValidationService for Service {
         &self,
         request: Request<v1::GetValidationRequest>,
     ) -> Result<Response<v1::Validation>, Status> {
+        let caller = caller(&request)?;
         let patch = self.patch(&request.get_ref().patch)?;
-        let catalogue = self.handle.catalogue.borrow().clone();
-        let answer = catalogue.validations.get(patch).map(|view| validation(view));
-        let name = || self.plan(patch).patch.name().to_owned();
-        Ok(Response::new(answer.unwrap_or_else(|| v1::Validation { patch: name(), ..v1::Validation::default() })))
+        let Some(view) = self.handle.catalogue.borrow().validations.get(patch).cloned() else {
+            let patch = self.plan(patch).patch.name().to_owned();
+            return Ok(Response::new(v1::Validation { patch, ..v1::Validation::default() }));
+        };
+        let loads = view.loads.len().min(LOADS_MAX) as u32;
+        self.list(&caller, loads, move || Ok(validation(&view))).await
     }
 
     async fn propose_recalibration(
@@ -58,7 +62,8 @@ impl ValidationService for Service {
         request: Request<v1::ProposeRecalibrationRequest>,
     ) -> Result<Response<v1::RecalibrationProposal>, Status> {
         let caller = caller(&request)?;
-        Ok(Response::new(self.recalibration(&caller, request.get_ref()).await?.message))
+        let (proposed, place) = self.recalibration(&caller, request.get_ref()).await?;
+        Ok(with_place(proposed.message, place))
     }
 
     async fn accept_recalibration(

@@ -17,6 +17,7 @@ use tower_layer::Layer;
 use crate::access::caller::Caller;
 use crate::access::origin::Origin;
 use crate::access::rules::Access;
+use crate::access::standing::Standing;
 use crate::access::table::{Kind, Method, method};
 use crate::answers::Answers;
 use crate::guard::Peer;
@@ -123,8 +124,19 @@ impl Gate {
     }
 
     /// The request as its service gets it. One that may be large waits for its turn before anything of its body is read.
-    async fn prepare(&self, mut request: http::Request<Body>, caller: Caller, kind: Kind) -> http::Request<Body> {
+    async fn prepare(
+        &self,
+        mut request: http::Request<Body>,
+        (caller, peer): (Caller, &Peer),
+        kind: Kind,
+    ) -> http::Request<Body> {
         request.extensions_mut().insert(caller);
+        if kind == Kind::Push {
+            let (gate, peer) = (self.clone(), peer.clone());
+            let (path, headers) = (request.uri().path().to_owned(), request.headers().clone());
+            let judge = move || gate.permits(&peer, &path, &headers);
+            request.extensions_mut().insert(Standing::new(self.access.clone(), judge));
+        }
         if kind == Kind::Import
             && let Ok(turn) = Arc::clone(&self.imports).acquire_owned().await
         {
@@ -211,7 +223,7 @@ where
                 let waiting = self.inner.clone();
                 let mut inner = mem::replace(&mut self.inner, waiting);
                 Box::pin(async move {
-                    let request = gate.prepare(request, caller, method.kind).await;
+                    let request = gate.prepare(request, (caller, &peer), method.kind).await;
                     let mut answer = inner.call(request).await?;
                     drop(opening);
                     complete(answer.headers_mut());

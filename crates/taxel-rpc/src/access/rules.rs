@@ -127,8 +127,8 @@ impl Access {
         Self { rules: Arc::new(RwLock::new(Arc::new(rules))), accounts: Accounts::default() }
     }
 
-    /// Other rules from now on. Streams that are being served go on; every new call is judged by them. Accounts are looked
-    /// up anew for each new connection.
+    /// Other rules from now on. Streams that are being served go on, but for those of scans that are pushed, which are judged
+    /// anew; every new call is judged by them. Accounts are looked up anew for each new connection.
     pub fn replace(&self, rules: Rules) {
         self.update(|_| rules);
     }

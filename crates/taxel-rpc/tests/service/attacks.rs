@@ -1,10 +1,10 @@
 //! Peers that mean no good, or do not know better: each costs little and harms nobody else.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
-use taxel_rpc::Limits;
-use tokio::io::AsyncWriteExt;
+use taxel_rpc::{Limits, Rate};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 use crate::fixture::{Daemon, FOREARM, patient, start, start_with};
@@ -110,5 +110,45 @@ async fn requests_that_are_none_close_the_connection() {
     let none = b"\0\x02te\x04gzip";
     let (sent, closed) = flood(&daemon, (0..1_000_000_u32).map(|n| frame(1, 5, 2 * n + 1, none))).await;
     assert!(closed, "{sent} frames were taken");
+    still_serves(&daemon).await;
+}
+
+/// Reads frames until one of this kind has come.
+async fn until(peer: &mut TcpStream, kind: u8) {
+    loop {
+        let mut head = [0; 9];
+        peer.read_exact(&mut head).await.unwrap();
+        let length = u32::from_be_bytes([0, head[0], head[1], head[2]]);
+        peer.read_exact(&mut vec![0; length as usize]).await.unwrap();
+        if head[3] == kind && (kind != PING || head[4] == 1) {
+            return;
+        }
+    }
+}
+
+const PING: u8 = 6;
+const RST_STREAM: u8 = 3;
+
+/// The daemon skips them for a second, and no call is brought on by them. A ping is answered when what came before it was read.
+#[tokio::test]
+async fn frames_of_a_call_that_was_refused_are_read_no_faster_than_other_frames_of_no_call() {
+    let frames_of_no_call = Rate { burst: 1, every: Duration::from_millis(10) };
+    let daemon = start_with(&[FOREARM], Limits { frames_of_no_call, ..patient() }).await;
+    let trailers = frame(1, 5, 1, &[]); // HEADERS with END_STREAM and END_HEADERS
+    for after_the_end in [trailers, frame(0, 1, 1, &[]), frame(0, 1, 1, &[0])] {
+        let mut peer = TcpStream::connect(daemon.address).await.unwrap();
+        peer.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0").await.unwrap();
+        // A request that does not end, for a method that is not there.
+        peer.write_all(&frame(1, 4, 1, &[0x83, 0x86, 0x84])).await.unwrap();
+        until(&mut peer, RST_STREAM).await;
+        let begun = Instant::now();
+        let ping = || frame(PING, 0, 0, &[0; 8]);
+        peer.write_all(&[after_the_end.repeat(50), ping()].concat()).await.unwrap();
+        until(&mut peer, PING).await;
+        peer.write_all(&ping()).await.unwrap();
+        until(&mut peer, PING).await;
+        let took = begun.elapsed().as_secs_f64();
+        assert!(took >= 0.4, "50 frames that begin with {:?} took {took} s, each 10 ms", &after_the_end[..5]);
+    }
     still_serves(&daemon).await;
 }

@@ -5,14 +5,15 @@ use std::time::Duration;
 use taxel_engine::command::{Command, Done};
 use taxel_proto::v1;
 use taxel_proto::v1::ingest_service_client::IngestServiceClient;
-use taxel_rpc::Limits;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use taxel_rpc::push_line::{PushEvent, SCANS_WAITING_MAX};
+use taxel_rpc::{Access, Limits, Listener, Role, Rules, Tokens};
 use taxel_skin::{Kilopascal, Time};
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::{Code, Status, Streaming};
+use tonic::{Code, Request, Status, Streaming};
 
-use crate::fixture::{Daemon, FOREARM, GLOVE, TAXELS, patient, start_with};
+use crate::fixture::{Daemon, FOREARM, GLOVE, TAXELS, patient, serve_on, start_with};
 
 fn begin(patch: &str) -> v1::PushScansRequest {
     v1::PushScansRequest { patch: patch.to_owned(), ..Default::default() }
@@ -31,13 +32,22 @@ struct Client {
 impl Client {
     /// Begins a stream, which the engine lets it do.
     async fn begin(daemon: &mut Daemon) -> Self {
+        Self::begin_as(daemon, None).await
+    }
+
+    /// The same, with this token if there is one.
+    async fn begin_as(daemon: &mut Daemon, token: Option<&str>) -> Self {
         let (scans, messages) = mpsc::channel(64);
         scans.send(begin(GLOVE)).await.unwrap();
+        let mut request = Request::new(ReceiverStream::new(messages));
+        if let Some(token) = token {
+            request.metadata_mut().insert("authorization", format!("Bearer {token}").parse().unwrap());
+        }
         let mut client = IngestServiceClient::new(daemon.connect().await);
         let answer = daemon.answer(Ok(Done::PushBegun), |command| {
             assert!(matches!(&command, Command::BeginPush { patch } if patch == GLOVE), "{command:?}");
         });
-        let (answers, ()) = tokio::join!(client.push_scans(ReceiverStream::new(messages)), answer);
+        let (answers, ()) = tokio::join!(client.push_scans(request), answer);
         let mut answers = answers.unwrap().into_inner();
         let first = answers.message().await.unwrap().unwrap();
         assert_eq!((first.taken, first.refused), (0, 0));
@@ -217,4 +227,79 @@ async fn a_shutdown_ends_the_stream_of_a_pusher() {
     daemon.shutdown.cancel();
     assert_eq!(client.end().await.code(), Code::Unavailable);
     drop(scans);
+}
+
+/// The holder of the token `abc` in this role (its hash is of FIPS 180-2 appendix B.1), and nobody else.
+fn holder(role: Role) -> Rules {
+    let hash = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+    Rules { tokens: Tokens::parse(&format!("{role} glove {hash}")).unwrap(), ..Rules::default() }
+}
+
+fn ruled(rules: Rules) -> (Daemon, Access) {
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let (address, access) = (listener.local_addr().unwrap(), Access::new(rules));
+    // A stream that is not judged anew ends all the same, and otherwise.
+    let limits = Limits { push_pause: Limits::default().push_pause, ..patient() };
+    let daemon = serve_on(vec![Listener::Tcp(listener)], access.clone(), (&[GLOVE, FOREARM], limits), address);
+    (daemon, access)
+}
+
+#[tokio::test]
+async fn a_pusher_that_may_push_no_more_is_ended_and_no_later_scan_of_it_enters() {
+    let nobody = Rules::default();
+    let of_others = Rules { loopback: Some(Role::Admin), ..Rules::default() };
+    for (token, before, after, code) in [
+        (None, Rules::open(), nobody, Code::Unauthenticated),
+        (Some("abc"), holder(Role::Operator), of_others, Code::Unauthenticated),
+        (Some("abc"), holder(Role::Operator), holder(Role::Observer), Code::PermissionDenied),
+    ] {
+        for pushes_on in [true, false] {
+            let (mut daemon, access) = ruled(before.clone());
+            let client = Client::begin_as(&mut daemon, token).await;
+            client.push(scan(7)).await;
+            assert!(matches!(daemon.pushed.recv().await.unwrap().event, PushEvent::Scan(_)));
+            access.replace(after.clone());
+            let scans = client.scans.clone();
+            if pushes_on {
+                client.push(scan(8)).await;
+            }
+            let status = client.end().await;
+            assert_eq!(status.code(), code, "{status:?}");
+            let ended = daemon.pushed.recv().await.unwrap();
+            assert!(matches!(&ended.event, PushEvent::Ended(why) if why.contains(status.message())), "{ended:?}");
+            access.replace(Rules::open());
+            Client::begin(&mut daemon).await;
+            drop(scans); // the first client has not ended its request meanwhile
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_pusher_that_the_new_rules_still_let_push_goes_on() {
+    let (mut daemon, access) = ruled(holder(Role::Operator));
+    let client = Client::begin_as(&mut daemon, Some("abc")).await;
+    for role in [Role::Operator, Role::Admin, Role::Operator] {
+        access.replace(holder(role));
+        client.push(scan(7)).await;
+        assert!(matches!(daemon.pushed.recv().await.unwrap().event, PushEvent::Scan(_)), "{role}");
+    }
+    drop(client.scans);
+}
+
+/// Nobody pushes yet, and the engine hears of nothing.
+#[tokio::test]
+async fn whoever_may_push_no_more_when_the_first_message_comes_does_not_begin() {
+    let (mut daemon, access) = ruled(Rules::open());
+    let (scans, messages) = mpsc::channel(1);
+    let mut client = IngestServiceClient::new(daemon.connect().await);
+    let answer = tokio::spawn(async move { client.push_scans(ReceiverStream::new(messages)).await });
+    let mut skin = SkinServiceClient::new(daemon.connect().await);
+    while skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner().streams == 0 {}
+    access.replace(Rules::default());
+    scans.send(begin(GLOVE)).await.unwrap();
+    let answer = tokio::select! {
+        answer = answer => answer.unwrap(),
+        request = daemon.requests.recv() => panic!("the engine was asked: {request:?}"),
+    };
+    assert_eq!(answer.unwrap_err().code(), Code::Unauthenticated);
 }

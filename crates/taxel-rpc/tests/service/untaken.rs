@@ -7,12 +7,16 @@ use http_body_util::StreamBody;
 use prost::Message;
 use taxel_engine::calibration::{Sample, SessionSamples, SessionState, SessionView};
 use taxel_engine::command::{Command, Done};
+use taxel_engine::loads::{JudgedLoad, Validation};
 use taxel_engine::snapshot::Catalogue;
 use taxel_proto::refusal::reason_of;
 use taxel_proto::v1;
+use taxel_proto::v1::audit_service_client::AuditServiceClient;
 use taxel_proto::v1::calibration_service_client::CalibrationServiceClient;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_proto::v1::model_service_client::ModelServiceClient;
+use taxel_proto::v1::skin_service_client::SkinServiceClient;
+use taxel_proto::v1::validation_service_client::ValidationServiceClient;
 use taxel_rpc::Limits;
 use taxel_skin::Time;
 use tokio::sync::mpsc;
@@ -23,7 +27,9 @@ use tonic::codegen::{Bytes, Service, http};
 use tonic::transport::Channel;
 use tonic::{Code, Status};
 
-use crate::fixture::{Daemon, FOREARM, TAXELS, patient, snapshot, start, start_with, start_with_samples};
+use crate::fixture::{
+    Daemon, FOREARM, TAXELS, model_set, patient, snapshot, start, start_audited, start_with, start_with_samples,
+};
 
 const GET_FORCE: &str = "/taxel.v1.ForceService/GetForce";
 /// Calls that are made until something has to have come about that takes milliseconds.
@@ -66,16 +72,16 @@ async fn until(mut is_so: impl AsyncFnMut() -> bool) {
 }
 
 /// A client that makes room for no byte of any answer.
-async fn without_room(daemon: &Daemon) -> Channel {
+pub async fn without_room(daemon: &Daemon) -> Channel {
     daemon.endpoint().initial_stream_window_size(0).connect().await.unwrap()
 }
 
-/// The answer to a call of `GetForce`, of which only the head has come.
 async fn untaken_force(channel: &Channel) -> http::Response<Body> {
     untaken(channel, GET_FORCE, &v1::GetForceRequest::default()).await
 }
 
-async fn untaken(channel: &Channel, path: &str, message: &impl Message) -> http::Response<Body> {
+/// The answer to a call, of which only the head has come.
+pub async fn untaken(channel: &Channel, path: &str, message: &impl Message) -> http::Response<Body> {
     let mut channel = channel.clone();
     let mut bytes = vec![0]; // not compressed
     bytes.extend(u32::try_from(message.encoded_len()).unwrap().to_be_bytes());
@@ -205,6 +211,57 @@ async fn a_long_list_has_a_place_until_it_is_taken_and_a_short_one_needs_none() 
     assert_eq!(list(100).await.unwrap().into_inner().sessions.len(), 1);
     drop(untaken);
     until(async || list(101).await.is_ok()).await;
+}
+
+/// A daemon with a hundred and one known loads and two sets, and an audit log of nothing.
+async fn with_long_lists() -> Daemon {
+    let daemon = start_audited(Arc::new(|_, _, tell| tell(Ok(Vec::new())))).await;
+    let judged =
+        |_| JudgedLoad { load: Arc::default(), outdated_because: String::new(), left_out_because: String::new() };
+    let loads = (0..=100).map(judged).collect();
+    let validations = vec![Arc::new(Validation { patch: FOREARM.to_owned(), loads, ..Validation::default() })];
+    let model_sets = ["m-1", "m-2"].map(|id| model_set(id, FOREARM).into()).to_vec();
+    daemon.engine().catalogue(Arc::new(Catalogue { model_sets, validations, ..Catalogue::default() }));
+    daemon
+}
+
+/// One peer has four of them, of whichever sort they are.
+#[tokio::test]
+async fn long_pages_of_events_and_of_the_audit_log_many_loads_and_comparisons_are_large_answers() {
+    let daemon = with_long_lists().await;
+    let audit = |page_size| v1::ListAuditRequest { page_size, ..Default::default() };
+    let events = |page_size| v1::ListEventsRequest { page_size, ..Default::default() };
+    let [earlier, later] = ["m-1", "m-2"].map(str::to_owned);
+    let sets = v1::CompareModelSetsRequest { earlier, later, ..Default::default() };
+    let mute = without_room(&daemon).await;
+    let held = [
+        untaken(&mute, "/taxel.v1.AuditService/ListAudit", &audit(101)).await,
+        untaken(&mute, "/taxel.v1.SkinService/ListEvents", &events(101)).await,
+        untaken(&mute, "/taxel.v1.ValidationService/GetValidation", &v1::GetValidationRequest::default()).await,
+        untaken(&mute, "/taxel.v1.ModelService/CompareModelSets", &sets).await,
+    ];
+    let channel = daemon.connect().await;
+    let list_audit = async |size| AuditServiceClient::new(channel.clone()).list_audit(audit(size)).await;
+    let list_events = async |size| SkinServiceClient::new(channel.clone()).list_events(events(size)).await;
+    let mut validation = ValidationServiceClient::new(channel.clone());
+    let mut models = ModelServiceClient::new(channel.clone());
+    for refused in [
+        list_audit(101).await.unwrap_err(),
+        list_events(101).await.unwrap_err(),
+        validation.get_validation(v1::GetValidationRequest::default()).await.unwrap_err(),
+        models.compare_model_sets(sets.clone()).await.unwrap_err(),
+    ] {
+        assert_eq!((refused.code(), reason_of(&refused).as_deref()), (Code::ResourceExhausted, Some("NO_PLACE")));
+        let why = "4 large answers of loopback TCP are being served, which is the limit for one: end another first";
+        assert_eq!(refused.message(), why);
+    }
+    list_audit(100).await.unwrap();
+    list_events(100).await.unwrap();
+    drop(held);
+    until(async || list_audit(101).await.is_ok()).await;
+    until(async || list_events(101).await.is_ok()).await;
+    until(async || validation.get_validation(v1::GetValidationRequest::default()).await.is_ok()).await;
+    until(async || models.compare_model_sets(sets.clone()).await.is_ok()).await;
 }
 
 #[tokio::test]
