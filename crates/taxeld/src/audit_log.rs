@@ -90,7 +90,8 @@ impl Line<'_> {
             }
         }
         let [before, after] = self.sets.map(|set| if set.is_empty() { "none" } else { set });
-        let result = if self.result.is_empty() { "the daemon stopped before it answered" } else { self.result };
+        let lost = "no result was written down: the daemon stopped, or the disk took no more";
+        let result = if self.result.is_empty() { lost } else { self.result };
         text += &format!("; model set {before} -> {after}; {result}");
         if !self.damage.is_empty() {
             text += &format!("; DAMAGED ON DISK: {}", self.damage);

@@ -33,6 +33,8 @@ pub struct Open {
 /// # Errors
 /// The door or the file, and what is wrong with it.
 pub fn open(doors: &Doors) -> anyhow::Result<Open> {
+    let files: Vec<PathBuf> = doors.credentials().collect();
+    let stamps = stamps(&files); // before they are read: what changes meanwhile is read once more
     let access = Access::new(Rules { tokens: tokens(doors.tokens.as_deref())?, ..doors.rules.clone() });
     #[cfg_attr(not(feature = "tls"), allow(unused_mut))] // it has no certificates then
     let mut reloader = Reloader {
@@ -40,6 +42,8 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
         tokens: doors.tokens.clone(),
         #[cfg(feature = "tls")]
         tls: Vec::new(),
+        files,
+        opened: stamps,
     };
     doors.unreached_grants().iter().for_each(|line| tracing::warn!("{line}"));
     let (mut listeners, mut sockets) = (Vec::new(), Sockets::default());
@@ -169,6 +173,8 @@ pub struct Reloader {
     tokens: Option<PathBuf>,
     #[cfg(feature = "tls")]
     tls: Vec<Tls>,
+    files: Vec<PathBuf>,
+    opened: Vec<Stamp>,
 }
 
 impl Reloader {
@@ -193,29 +199,14 @@ impl Reloader {
         problems
     }
 
-    /// Reads all files again and logs how that went: for whoever handles a signal.
-    pub fn reload_and_tell(&self) {
-        let problems = self.reload();
-        problems.iter().for_each(|problem| tracing::error!("{problem}"));
-        if problems.is_empty() {
-            tracing::info!("certificates and tokens were read again");
-        }
-    }
-
     /// What changes when one of the files does.
     pub fn stamps(&self) -> Vec<Stamp> {
-        stamps(&self.files())
+        stamps(&self.files)
     }
 
-    #[cfg_attr(not(feature = "tls"), allow(unused_mut))] // there are no others then
-    fn files(&self) -> Vec<PathBuf> {
-        let mut files: Vec<PathBuf> = self.tokens.iter().cloned().collect();
-        #[cfg(feature = "tls")]
-        for tls in &self.tls {
-            let TlsFiles { certificate, key, client_ca } = tls.files();
-            files.extend([certificate.clone(), key.clone(), client_ca.clone()]);
-        }
-        files
+    /// The same as it was when the doors were opened.
+    pub fn opened(&self) -> &[Stamp] {
+        &self.opened
     }
 }
 

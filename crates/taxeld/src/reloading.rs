@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use crate::doors::Reloader;
+use crate::doors::{Reloader, Stamp};
 use crate::reload::Reload;
 use crate::systemd;
 use crate::threads::start;
@@ -34,7 +34,8 @@ impl Reloading {
         let (of_configuration, of_credentials) = (under_way.clone(), under_way.clone());
         let grants = reloader.clone();
         start("reload", move || keep_configuration(&asked, reload, &grants, &looks, &of_configuration))?;
-        start("credentials", move || keep_credentials(&look, &reloader, &of_credentials))?;
+        let credentials = Credentials::opened(reloader);
+        start("credentials", move || keep_credentials(&look, credentials, &of_credentials))?;
         Ok(Self { asks, under_way })
     }
 
@@ -69,21 +70,51 @@ fn keep_configuration(
 }
 
 /// Whoever asks is told that all has been read by the end of what it sent.
-fn keep_credentials(look: &Receiver<SyncSender<()>>, reloader: &Reloader, under_way: &UnderWay) {
-    let mut seen = reloader.stamps();
+fn keep_credentials(look: &Receiver<SyncSender<()>>, mut credentials: Credentials, under_way: &UnderWay) {
     loop {
         let asked = match look.recv_timeout(LOOK_EVERY) {
             Ok(over) => Some(over),
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return,
         };
-        let now = reloader.stamps(); // before they are read: what changes meanwhile is read once more
-        if asked.is_some() || now != seen {
-            seen = now;
-            reloader.reload_and_tell();
-        }
+        credentials.look(asked.is_some());
         drop(asked);
         under_way.tell_if_late();
+    }
+}
+
+/// Certificates and tokens as they were last read.
+struct Credentials {
+    reloader: Reloader,
+    seen: Vec<Stamp>,
+    /// What kept some of them from being read then. They are tried again at each look: a token may be gone from a file that
+    /// only could not be opened.
+    problems: Vec<String>,
+}
+
+impl Credentials {
+    /// As they are since the doors were opened.
+    fn opened(reloader: Reloader) -> Self {
+        let seen = reloader.opened().to_vec();
+        Self { reloader, seen, problems: Vec::new() }
+    }
+
+    /// Reads them again if one has changed since, if one could not be read, or if somebody asks for it, and tells how that went,
+    /// of what stays wrong once.
+    fn look(&mut self, asked: bool) {
+        let now = self.reloader.stamps(); // before they are read: what changes meanwhile is read once more
+        let changed = now != self.seen;
+        if !asked && !changed && self.problems.is_empty() {
+            return;
+        }
+        let problems = self.reloader.reload();
+        if asked || changed || problems != self.problems {
+            problems.iter().for_each(|problem| tracing::error!("{problem}"));
+            if problems.is_empty() {
+                tracing::info!("certificates and tokens were read again");
+            }
+        }
+        (self.seen, self.problems) = (now, problems);
     }
 }
 
@@ -118,5 +149,49 @@ impl UnderWay {
              until then all stays as it was but tokens and certificates",
             begun.elapsed().as_secs_f64()
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use taxel_rpc::Rules;
+
+    use super::*;
+    use crate::config::Doors;
+    use crate::doors;
+
+    const ROW: &str = "operator bench ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+
+    #[allow(clippy::unwrap_used)] // clippy exempts only functions that are tests themselves
+    fn write(path: &Path, text: &str) {
+        use std::os::unix::fs::PermissionsExt;
+        std::fs::write(path, text).unwrap();
+        std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o600)).unwrap();
+    }
+
+    #[test]
+    fn what_changes_after_the_doors_were_opened_is_read_and_what_could_not_be_read_is_tried_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("tokens");
+        write(&path, ROW);
+        let tokens = Some(path.clone());
+        let open = doors::open(&Doors { doors: vec![], rules: Rules::default(), tokens, ruled: true }).unwrap();
+        let mut credentials = Credentials::opened(open.reloader);
+        write(&path, "operator bench nonsense");
+        credentials.look(false);
+        assert!(credentials.problems[0].contains("line 1"), "it has changed since: {:?}", credentials.problems);
+        // What could not be read, of a file that has not changed since.
+        write(&path, ROW);
+        credentials.seen = credentials.reloader.stamps();
+        credentials.look(false);
+        assert_eq!(credentials.problems, Vec::<String>::new());
+        write(&path, "operator bench nonsense");
+        credentials.seen = credentials.reloader.stamps();
+        credentials.look(false);
+        assert_eq!(credentials.problems, Vec::<String>::new(), "there was no reason to read it");
+        credentials.look(true);
+        assert!(credentials.problems[0].contains("line 1"), "somebody asked: {:?}", credentials.problems);
     }
 }

@@ -41,10 +41,18 @@ pub struct Doors {
 impl Doors {
     /// Sockets, certificates and keys, and the tokens.
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let socket = |door: &Door| match door {
+            Door::Unix { path, .. } => Some(path.clone()),
+            Door::Tcp(_) | Door::Tls { .. } => None,
+        };
+        self.doors.iter().filter_map(socket).chain(self.credentials())
+    }
+
+    /// Certificates and keys, and the tokens.
+    pub fn credentials(&self) -> impl Iterator<Item = PathBuf> {
         let of_door = |door: &Door| match door {
-            Door::Unix { path, .. } => vec![path.clone()],
-            Door::Tcp(_) => Vec::new(),
             Door::Tls { files, .. } => files.to_vec(),
+            Door::Unix { .. } | Door::Tcp(_) => Vec::new(),
         };
         self.doors.iter().flat_map(of_door).chain(self.tokens.clone())
     }

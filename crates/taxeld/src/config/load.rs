@@ -103,15 +103,13 @@ pub fn nearest_key(message: &str) -> (String, String) {
     let words: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
     let Some((unknown, known)) = words.split_first() else { return (String::new(), message.to_owned()) };
     let unknown: String = unknown.chars().take(KEY_CHARS_MAX).collect();
-    let nearest = known.iter().max_by(|a, b| {
-        let closeness = |word: &str| strsim::jaro_winkler(&unknown, word);
-        closeness(a).total_cmp(&closeness(b))
-    });
+    let closeness = known.iter().map(|word| (strsim::jaro_winkler(&unknown, word), *word));
+    let nearest = closeness.max_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, word)| word);
     let known = known.join(", ");
     match nearest {
         Some(nearest) => {
             let words = format!("unknown key `{unknown}`; did you mean `{nearest}`? Known here: {known}");
-            ((*nearest).to_owned(), words)
+            (nearest.to_owned(), words)
         }
         None => (String::new(), format!("unknown key `{unknown}`; nothing is known here")),
     }

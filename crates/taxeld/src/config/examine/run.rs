@@ -76,7 +76,7 @@ pub fn examine_with(
     }
     let mut tree = original.clone();
     let found = loop {
-        let attempt = read(&Spanned::new(span.clone(), tree.clone()), text)
+        let attempt = read(Spanned::new(span.clone(), tree.clone()), text)
             .and_then(|config| Ok((scene_of(&config, path).map_err(Attempt::of_values)?, config)));
         match attempt {
             Ok((scene, config)) => break Some((config, scene)),
@@ -118,7 +118,7 @@ impl Attempt {
     }
 }
 
-fn read(tree: &Spanned<DeTable<'_>>, text: &str) -> Result<Config, Attempt> {
+fn read(tree: Spanned<DeTable<'_>>, text: &str) -> Result<Config, Attempt> {
     let shape = |error: serde_path_to_error::Error<toml::de::Error>| {
         let mut key: KeyPath = error.path().iter().filter_map(step).collect();
         let error = error.into_inner();
@@ -135,7 +135,7 @@ fn read(tree: &Spanned<DeTable<'_>>, text: &str) -> Result<Config, Attempt> {
         }
         Attempt { code, key, at: error.span().map(|span| span.start), expected: None, words: message.to_owned() }
     };
-    let config: Config = serde_path_to_error::deserialize(Deserializer::from(tree.clone())).map_err(shape)?;
+    let config: Config = serde_path_to_error::deserialize(Deserializer::from(tree)).map_err(shape)?;
     finish(config, text).map_err(Attempt::of_values)
 }
 
