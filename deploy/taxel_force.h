@@ -342,7 +342,9 @@ static inline taxel_force_status taxel_force_follow(taxel_force_reader *reader, 
                                                     taxel_force *force) {
     taxel_force_status status = taxel_force_read(reader, age_limit_ns, force);
     int64_t now;
-    if (status != TAXEL_FORCE_NO_PAGE && status != TAXEL_FORCE_CLOSED && status != TAXEL_FORCE_WRITER_GONE)
+    /* A page without a sample may be that of a daemon that was killed as it started. */
+    if (status != TAXEL_FORCE_NO_PAGE && status != TAXEL_FORCE_NOTHING_YET && status != TAXEL_FORCE_CLOSED &&
+        status != TAXEL_FORCE_WRITER_GONE)
         return status;
     now = taxel_force_now_ns();
     if (now < reader->look_at_ns) return status;

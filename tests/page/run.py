@@ -216,7 +216,17 @@ def freshness(page, daemon):
             "return import('/skin.js').then((skin) => import('/store.js').then(({ state }) =>"
             " state.taxels.taxels.every((taxel, t) => skin.kindOf(taxel, state.skin.taxels[t]) === 'silent')))"), 5)
         assert "noforce" in page.find("#force-card").get_attribute("class")
+        page.browser.execute_script("import('/store.js').then((store) => store.select(5))")
+        page.until("nothing of one taxel", lambda: "silent" in page.text("#taxel") and "kPa" not in page.text("#taxel"), 5)
         page.shot("stale")
+        # Nor does a ramp that was under way look as if it went on, with a pump that does.
+        page.browser.execute_script(
+            "import('/store.js').then(({ state, emit }) => {"
+            " state.session = { session: '99', state: 'SESSION_STATE_RAMPING', pressureKpa: 63.2, targetKpa: 70, rateKpaPerS: 1 };"
+            " location.hash = 'calibrate'; emit('session'); })")
+        page.until("a word of warning", lambda: page.text("#advice").startswith("Stop: nothing new comes"), 5)
+        assert "63.2" not in page.text("#view"), page.text("#view")
+        page.shot("stale-ramp")
     finally:
         daemon.send_signal(signal.SIGCONT)
     page.until("an answer again", lambda: page.text("#verdict") != "STALE")

@@ -53,7 +53,7 @@ pub struct Received<T> {
 impl<T> Received<T> {
     /// How long ago it was sent, rather too long than too short: since it came, and how long it was on its way.
     pub fn waited(&self) -> Duration {
-        self.at.elapsed() + self.delayed
+        self.at.elapsed().saturating_add(self.delayed)
     }
 }
 
@@ -164,5 +164,17 @@ async fn read<T: Sample>(mut stream: Streaming<T>, mut asked: Asked<'_>, newest:
             let number = newest.received.as_ref().map_or(0, |before| before.number) + 1;
             newest.received = Some(Arc::new(Received { sample, number, at, delayed }));
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_cannot_have_been_on_its_way_for_so_long_has_waited_for_ever() {
+        let of = |delayed| Received { sample: (), number: 1, at: Moment::now(), delayed };
+        assert_eq!(of(Duration::MAX).waited(), Duration::MAX);
+        assert!(of(Duration::ZERO).waited() < Duration::from_secs(3_600));
     }
 }

@@ -198,7 +198,7 @@ fn forces(sheet: &mut Sheet, samples: &[v1::ForceSample]) {
     gauge("force_lower_bound", "1 where the truth may be more than the force tells", |sample| {
         Some(flag(sample.lower_bound))
     });
-    gauge("force_simulated", "1 where a simulator makes the force, and no skin is touched", |sample| {
+    gauge("force_simulated", "1 where a simulator or a replay makes the force, and no skin is touched", |sample| {
         Some(flag(sample.simulated))
     });
     gauge("force_age_seconds", "Age of the newest frame in the force", |sample| sample.age_s);

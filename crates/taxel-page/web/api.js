@@ -11,14 +11,21 @@ export class Refusal extends Error {
   }
 }
 
-/** Calls `Service/Method` of taxel.v1 and gives its answer. */
-export async function call(method, request = {}) {
+/** A daemon that hangs answers nothing; one that runs tells its health in milliseconds. */
+const HEALTH_WITHIN_MS = 3000;
+
+/** The health of the daemon. */
+export const health = () => call("SkinService/GetHealth", {}, HEALTH_WITHIN_MS);
+
+/** Calls `Service/Method` of taxel.v1 and gives its answer, which has to come `within` so many ms. */
+export async function call(method, request = {}, within = undefined) {
   let answer;
   try {
     answer = await fetch(`/taxel.v1.${method}`, {
       method: "POST",
       headers: { "Content-Type": "application/json" },
       body: JSON.stringify(request),
+      signal: within && AbortSignal.timeout(within),
     });
   } catch {
     throw new Refusal("UNAVAILABLE", "the daemon does not answer");

@@ -1,9 +1,9 @@
 // Calibration, step by step: check, tare, pump, fit, review, use it or not.
 
-import { call } from "./api.js";
+import { call, health } from "./api.js";
 import { button, doing, el, facts, median, num, percent, put, sure, table, word } from "./dom.js";
 import { SkinView } from "./skin.js";
-import { loadSkin, on, state, watch } from "./store.js";
+import { isOld, loadSkin, on, state, watch } from "./store.js";
 import { taxelCard } from "./taxel.js";
 
 const STEPS = ["Check", "Tare", "Pump", "Fit", "Review", "Use"];
@@ -50,18 +50,19 @@ function view(now, signal, anew) {
 function check(signal) {
   const list = el("ul.checks");
   const look = async () => {
-    const health = await call("SkinService/GetHealth").catch(() => null);
-    if (signal.aborted || !health) return;
-    const boards = (health.boards ?? []).filter((board) => board.patch === state.patch);
-    const patch = (health.patches ?? []).find((p) => p.patch === state.patch);
+    const found = await health().catch(() => null);
+    if (signal.aborted) return;
+    if (!found) return put(list, [el("li", el("span", "✗"), "the daemon answers")]);
+    const boards = (found.boards ?? []).filter((board) => board.patch === state.patch);
+    const patch = (found.patches ?? []).find((p) => p.patch === state.patch);
     const silent = boards.filter((b) => (b.modulesFresh ?? 0) < (b.modulesEnabled ?? 0));
     const faulty = patch?.faulty?.length ?? 0;
     put(list, [
       [state.skin?.hasGauge, "a pressure gauge is configured"],
-      [(health.buses ?? []).every((bus) => bus.up), "every bus is up"],
+      [(found.buses ?? []).every((bus) => bus.up), "every bus is up"],
       [!silent.length, silent.length ? `silent modules on board ${silent.map((b) => b.address).join(", ")}` : "every module sends"],
       [faulty === 0 ? true : null, faulty ? `${faulty} taxels have a fault and will get no model` : "no taxel has a fault"],
-      [!(health.problems ?? []).length, (health.problems ?? []).join("; ") || "nothing else is wrong"],
+      [!(found.problems ?? []).length, (found.problems ?? []).join("; ") || "nothing else is wrong"],
     ].map(([good, text]) => el("li", el("span", good ? "✓" : good === null ? "!" : "✗"), text)));
   };
   look();
@@ -139,15 +140,17 @@ function ramping(signal) {
   const update = () => {
     const s = state.session;
     if (stateOf(s) !== "RAMPING") return;
-    const [text, kind] = advise(s);
+    // A pump goes on by itself.
+    const old = isOld();
+    const [text, kind] = old ? ["Stop: nothing new comes from the daemon", "bad"] : advise(s);
     advice.className = `advice ${kind}`;
     advice.textContent = text;
-    put(pressure, `${num(s.pressureKpa, 1)} `, el("small", `of ${num(s.targetKpa, 0)} kPa`));
+    put(pressure, `${old ? "–" : num(s.pressureKpa, 1)} `, el("small", `of ${num(s.targetKpa, 0)} kPa`));
     bar.style.width = `${100 * (s.coverage ?? 0)}%`;
     put(numbers, facts([
-      ["rate", s.rateKpaPerS === undefined ? "–" : `${num(s.rateKpaPerS, 2)} kPa/s`],
+      ["rate", old || s.rateKpaPerS === undefined ? "–" : `${num(s.rateKpaPerS, 2)} kPa/s`],
       ["covered", percent(s.coverage ?? 0)],
-      ["time left", s.remainingS === undefined ? "–" : `${num(s.remainingS, 0)} s`],
+      ["time left", old || s.remainingS === undefined ? "–" : `${num(s.remainingS, 0)} s`],
       ["taxels that respond", `${s.taxelsResponding ?? 0} of ${s.taxels ?? 0}`],
       ["scans that count", `${s.accepted ?? 0}, on disk ${s.durable ?? 0}`],
       ["scans that do not", refusedText(s.refused)],

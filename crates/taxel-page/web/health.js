@@ -1,6 +1,6 @@
 // Health: buses, boards, zeros, faults.
 
-import { call } from "./api.js";
+import { call, health as askHealth } from "./api.js";
 import { button, el, facts, num, put, sure, table, when, word } from "./dom.js";
 import { tareButton } from "./live.js";
 import { state } from "./store.js";
@@ -17,7 +17,7 @@ export function health(signal) {
   }, { kind: "danger", id: "bring-up" }));
   const update = async () => {
     try {
-      const now = await call("SkinService/GetHealth");
+      const now = await askHealth();
       if (!signal.aborted) put(body, shown(now));
     } catch (error) {
       if (!signal.aborted) put(body, el("section.card.noforce", el("p", error.message)));

@@ -6,7 +6,7 @@ import { health } from "./health.js";
 import { live } from "./live.js";
 import { models } from "./models.js";
 import { sessions } from "./sessions.js";
-import { begin, emit, findSession, isSilent, on, open, shut, state, verdict } from "./store.js";
+import { begin, emit, findSession, isOld, on, open, shut, state, verdict } from "./store.js";
 import { validate } from "./validate.js";
 
 const VIEWS = { live: ["Live", live], calibrate: ["Calibrate", calibrate], validate: ["Validate", validate], models: ["Models", models], sessions: ["Sessions", sessions], health: ["Health", health] };
@@ -27,13 +27,13 @@ function show() {
   if (begun) put(at("view"), VIEWS[name][1](leave.signal));
 }
 
-let silent = false;
+let old = false;
 
 function pill() {
   const now = verdict();
-  if (silent !== isSilent()) {
-    silent = !silent;
-    emit("selected"); // what is shown of one taxel is old now, or new again
+  if (old !== isOld()) {
+    old = !old;
+    for (const shown of ["selected", "session"]) emit(shown); // of one taxel and of a ramp: it is old now, or new again
   }
   at("pill").className = `pill ${now.kind}`;
   if (at("pill").textContent !== now.word) at("pill").textContent = now.word;

@@ -1,7 +1,7 @@
 // The skin as a picture: each taxel filled by what it reads, and by its outline what to think of that.
 
 import { el, num } from "./dom.js";
-import { isSilent, on, select, state, verdict } from "./store.js";
+import { isOld, on, select, state, verdict } from "./store.js";
 
 /** What a taxel can be beside its reading: told apart by shape, not by colour. First match counts. */
 export const KINDS = [
@@ -18,7 +18,7 @@ export const KINDS = [
 /** Which of them a taxel is now. */
 export function kindOf(reading, layout) {
   if (!reading || reading.count === undefined) return "never";
-  if (reading.stale || isSilent()) return "silent";
+  if (reading.stale || isOld()) return "silent";
   const faults = reading.faults ?? [];
   if (faults.includes("TAXEL_FAULT_RAIL") || faults.includes("TAXEL_FAULT_STATUS_OUT_OF_RANGE")) return "saturated";
   if (faults.length) return "faulty";
@@ -98,7 +98,7 @@ export class SkinView {
     observer.observe(this.canvas);
     signal.addEventListener("abort", () => observer.disconnect());
     // Also when nothing comes: what was drawn last must not look like what is.
-    const timer = setInterval(() => this.silent !== isSilent() && this.soon(), 200);
+    const timer = setInterval(() => this.old !== isOld() && this.soon(), 200);
     signal.addEventListener("abort", () => clearInterval(timer));
     this.canvas.addEventListener("pointermove", (event) => event.pointerType === "mouse" && this.point(event));
     this.canvas.addEventListener("pointerdown", (event) => this.point(event));
@@ -187,7 +187,7 @@ export class SkinView {
     }
     if (state.selected !== null && this.at[state.selected]) this.ring(g, tint, this.at[state.selected]);
     if (this.overlays) this.overlay(g, tint);
-    this.silent = isSilent();
+    this.old = isOld();
     this.drawn += 1;
     this.canvas.dataset.drawn = this.drawn;
   }

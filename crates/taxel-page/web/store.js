@@ -1,6 +1,6 @@
 // What the page knows: newest values, when they came, and how old they are now by this browser's clock.
 
-import { call, streams } from "./api.js";
+import { call, health as askHealth, streams } from "./api.js";
 import { unroll } from "./unroll.js";
 
 /** A force older than this is not shown as one, whatever it says of itself. */
@@ -48,8 +48,10 @@ export function age() {
   return state.force.ageS + (late + performance.now() - received) / 1000;
 }
 
-/** Whether nothing has come from the daemon for so long that what is known is not what is. */
-export const isSilent = () => performance.now() - received > OLD_S * 1000;
+const isSilent = () => performance.now() - received > OLD_S * 1000;
+
+/** Whether nothing comes from the daemon, or comes so late, that what is known is not what is. */
+export const isOld = () => isSilent() || !(age() <= OLD_S);
 
 /** How far the force may be trusted, judged here and now: `{ word, kind, shown, reasons }`. */
 export function verdict() {
@@ -170,7 +172,7 @@ export function select(taxel) {
 export async function begin(patch) {
   state.patches = (await call("SkinService/GetSkin", { patch }).catch(async (refused) => {
     // Several patches and no name: the refusal names them all.
-    const health = await call("SkinService/GetHealth");
+    const health = await askHealth();
     const names = (health.patches ?? []).map((p) => p.patch);
     if (!names.length) throw refused;
     return { patches: names, patch: names[0] };

@@ -73,9 +73,9 @@ function reading(taxel) {
   return facts([
     ["taxel", `${taxel}, ${state.layout.moduleOf[taxel]?.name ?? ""}, value ${layout.slot ?? 0}`],
     ["state", KINDS.find(([known]) => known === kind)[1]],
-    ["count", num(now?.count, 0)],
-    ["pressure", now?.pressureKpa === undefined ? "none" : `${num(now.pressureKpa)}${interval} kPa`],
-    ["age", now?.ageS === undefined ? "–" : `${num(now.ageS, 3)} s`],
+    ["count", kind === "silent" ? "–" : num(now?.count, 0)],
+    ["pressure", kind === "silent" || now?.pressureKpa === undefined ? "none" : `${num(now.pressureKpa)}${interval} kPa`],
+    ["age", kind === "silent" || now?.ageS === undefined ? "–" : `${num(now.ageS, 3)} s`],
     ["area", `${num(layout.areaMm2, 1)} mm²`],
     state.skin.modelSet && layout.exclusionText && ["excluded", layout.exclusionText],
     now?.faults?.length && ["faults", now.faults.map((fault) => word(fault, "TAXEL_FAULT_")).join(", ")],
@@ -87,7 +87,8 @@ function describe(found) {
   const ramp = state.ramp ? state.ramp.kpa.map((kpa, i) => [state.ramp.counts[i][taxel], kpa]) : [];
   const points = found?.points ?? [];
   if (taxel === null || (!points.length && !ramp.length)) return null;
-  const now = state.taxels?.taxels?.[taxel];
+  const newest = state.taxels?.taxels?.[taxel];
+  const now = kindOf(newest, state.skin.taxels[taxel]) === "silent" ? undefined : newest;
   const counts = [...points.map((p) => p.count ?? 0), ...ramp.map(([count]) => count), ...(now?.count === undefined ? [] : [now.count])];
   const kpa = [...points.map((p) => p.pressureKpa ?? 0), ...ramp.map(([, p]) => p), now?.pressureKpa ?? 0];
   const layers = [{ kind: "dots", colour: "soft", size: 1.2, points: ramp }, ...curve(found)];

@@ -153,7 +153,9 @@ impl Reader {
     /// [`NoForce`]: why there is none.
     pub fn force(&mut self) -> Result<Force, NoForce> {
         let judged = self.judged();
-        let lost = matches!(judged, Err(NoForce::NoPage | NoForce::Closed | NoForce::WriterGone(_)));
+        // A page without a sample may be that of a daemon that was killed as it started.
+        let lost =
+            matches!(judged, Err(NoForce::NoPage | NoForce::NothingYet | NoForce::Closed | NoForce::WriterGone(_)));
         if !lost || !self.is_due() || !self.finds_another() {
             return judged;
         }

@@ -66,6 +66,23 @@ fn a_writer_that_ends_says_so_and_the_next_ones_page_is_found() {
     assert_ne!(reader.page().unwrap().generation(), generation);
 }
 
+/// It may be killed as it starts: no sample is written then, nothing says that it has ended, and the next one puts its own page
+/// in the place of that.
+#[test]
+fn a_page_without_a_sample_is_left_for_that_of_the_next_writer() {
+    let place = in_memory();
+    let folder = folder(&place);
+    let first = folder.page("palm", LIMITS).unwrap();
+    let path = first.path().to_owned();
+    let mut reader = Reader::new(&path, None);
+    assert_eq!(reader.force(), Err(NoForce::NothingYet));
+    std::mem::forget(first);
+    std::fs::remove_file(&path).unwrap();
+    let mut second = folder.page("palm", LIMITS).unwrap();
+    second.write(&good(7));
+    assert_eq!(wait_for(&mut reader), 7.0);
+}
+
 #[test]
 fn a_page_whose_name_was_removed_is_made_again_and_found_by_whoever_had_the_old_one() {
     let place = in_memory();

@@ -54,10 +54,7 @@ pub struct Request {
 /// An unreadable log, or a calibration that fails.
 pub fn replay(request: Request, config: Config, mut scene: Scene) -> anyhow::Result<()> {
     refuse_pushed(&config)?;
-    for patch in &mut scene.plan.patches {
-        patch.bring_up.clear(); // a log cannot be configured
-        patch.devices.iter_mut().for_each(|device| device.sender = Sender::Elsewhere);
-    }
+    of_a_log(&mut scene);
     if request.out.iter().chain(&request.force).any(|output| files::is_standard(output)) {
         say::step_aside();
     }
@@ -68,6 +65,16 @@ pub fn replay(request: Request, config: Config, mut scene: Scene) -> anyhow::Res
             let runtime = crate::runtime::runtime()?;
             runtime.block_on(paced(&request.log, speed, config, scene))
         }
+    }
+}
+
+/// A log cannot be configured, and no skin is touched: whoever moves a robot may have found this daemon in the place of the
+/// live one.
+fn of_a_log(scene: &mut Scene) {
+    for patch in &mut scene.plan.patches {
+        patch.bring_up.clear();
+        patch.simulated = true;
+        patch.devices.iter_mut().for_each(|device| device.sender = Sender::Elsewhere);
     }
 }
 
@@ -277,4 +284,20 @@ pub fn refusals(view: &SessionView) -> String {
     let counted = SampleRefusal::ALL.into_iter().map(|reason| (reason.name(), view.refused.get(reason)));
     let words: Vec<String> = counted.filter(|(_, n)| *n > 0).map(|(name, n)| format!("{n} {name}")).collect();
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+}
+
+#[cfg(all(test, feature = "sim"))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_force_of_a_log_is_taken_for_that_of_a_skin_that_is_touched_now() {
+        let path = Path::new("demo_config.toml");
+        let config = crate::config::parse(path, include_str!("demo_config.toml")).unwrap();
+        let mut scene = crate::config::resolve(&config, path).unwrap();
+        scene.plan.patches[0].simulated = false; // as of a robot's bus
+        of_a_log(&mut scene);
+        let patch = &scene.plan.patches[0];
+        assert!(patch.simulated && patch.bring_up.is_empty());
+    }
 }

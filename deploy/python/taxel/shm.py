@@ -198,7 +198,9 @@ class Reader:
     def force(self) -> Union[Force, NoForce]:
         """The newest force if it may be acted on now; else a `NoForce`, which is false and says why."""
         judged = self._judged()
-        if judged or judged.why not in (Why.NO_PAGE, Why.CLOSED, Why.WRITER_GONE) or not self._finds_another():
+        # A page without a sample may be that of a daemon that was killed as it started.
+        lost = (Why.NO_PAGE, Why.NOTHING_YET, Why.CLOSED, Why.WRITER_GONE)
+        if judged or judged.why not in lost or not self._finds_another():
             return judged
         return self._judged()
 

@@ -193,7 +193,7 @@ impl Robot {
     }
 
     fn row(&self, robot: &str, patch: &str, force: Option<&Told>, now: Duration, age_max: Duration) -> Row {
-        let waited = force.map_or(Duration::ZERO, |told| now.saturating_sub(told.came) + told.delayed);
+        let waited = force.map_or(Duration::ZERO, |told| now.saturating_sub(told.came).saturating_add(told.delayed));
         let sample = force.map(|told| &told.sample);
         let (state, reasons) = self.state(sample, waited, age_max);
         let good = sample.filter(|_| state == "OK" || state == "DEGRADED");
