@@ -47,6 +47,22 @@ def evaluate(curve, low, high, counts):
     return np.polynomial.chebyshev.chebval(s, curve["chebyshev_kpa"])
 
 
+def steeper_at_rest(models):
+    """By how much a doubt about the gauge's zero grows up to the end of the range: nine taxels of ten bend no more."""
+    found = []
+    for model, rest in zip(models["taxels"], models["baseline"]):
+        if model["status"] != "ok" or not model["curve"] or rest["mean"] is None:
+            continue
+        low, high = model["range"]
+        begin, end = (low, high) if abs(rest["mean"] - low) < abs(rest["mean"] - high) else (high, low)
+        curve = model["curve"] | {"chebyshev_kpa": model["curve"]["chebyshev"]}
+        kpa = evaluate(curve, low, high, begin + np.array([0.0, 0.2, 0.8, 1.0]) * (end - begin))
+        found.append((kpa[3] - kpa[2]) / (kpa[1] - kpa[0]))
+    found = sorted(s for s in found if np.isfinite(s) and s > 0)
+    steeper = found[int(0.9 * (len(found) - 1) + 0.5)] if found else 1.0
+    return min(max((steeper - 1) / np.sqrt(3), 1.0), 10.0)
+
+
 class Session:
     """The raw data in ramps, branches and levels."""
 
@@ -220,7 +236,8 @@ def recompute(stated, samples, zeros, models_text, text):
     per_unit, top = stated["session"]["counts_per_unit"], models["pressure_max_kpa"]
     session = Session(samples, zeros, stated["session"]["branches"] == "both", top, per_unit)
     entered = stated["stated"]["reference_expanded_uncertainty_kpa"] or 0.0
-    reference = max(np.hypot(models["gauge_gain_rel"] * top, models["gauge_offset_kpa"]), np.hypot(entered / K, session.gauge_doubt))
+    zero_doubt = session.gauge_doubt * steeper_at_rest(models)
+    reference = max(np.hypot(models["gauge_gain_rel"] * top, models["gauge_offset_kpa"]), np.hypot(entered / K, zero_doubt))
     figures, all_errors, slopes, shifts = zip(*(taxel(t, session, reference, per_unit, smooth_s) for t in stated["taxels"]))
     recorded = (models.get("recorded") or {"taxels": []})["taxels"]
     for part, own in zip(figures, stated["taxels"]):  # the curves are those of the models

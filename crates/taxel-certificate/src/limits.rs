@@ -43,6 +43,9 @@ pub(crate) fn limits(evidence: &Evidence<'_>, set: &SetPart, taxels: &[TaxelPart
     limits
 }
 
+/// Two ways to the same figure may differ by so much, relative.
+const ROUNDING: f64 = 1e-9;
+
 fn not_stated(evidence: &Evidence<'_>) -> Vec<String> {
     let stated = evidence.entered;
     let mut lines = Vec::new();
@@ -51,8 +54,9 @@ fn not_stated(evidence: &Evidence<'_>) -> Vec<String> {
             "Traceability of the reference sensor is not stated: the pressures are traceable to nothing.".to_owned(),
         );
     }
+    let of_zero_kpa = evidence.samples.gauge_zero_doubt_kpa(evidence.set);
     if evidence.set.gauge_gain_rel == 0.0
-        && evidence.set.gauge_offset_kpa <= evidence.samples.gauge_zero_doubt_kpa()
+        && evidence.set.gauge_offset_kpa <= of_zero_kpa * (1.0 + ROUNDING)
         && stated.reference_expanded_uncertainty_kpa.is_none()
     {
         lines.push("The uncertainty of the reference sensor is not stated and counts as 0.".to_owned());

@@ -47,7 +47,7 @@ impl Certificate {
         };
         let (gain, offset) = (set.gauge_gain_rel, set.gauge_offset_kpa);
         let stated_kpa = entered.reference_expanded_uncertainty_kpa;
-        let zero_kpa = samples.gauge_zero_doubt_kpa();
+        let zero_kpa = samples.gauge_zero_doubt_kpa(set);
         let reference_kpa = budget::reference_kpa(gain, offset, set.pressure_max_kpa, stated_kpa, zero_kpa);
         let rows = budget::rows(&taxels, &mean, reference_kpa, per_unit(samples));
         let expanded = Expanded {

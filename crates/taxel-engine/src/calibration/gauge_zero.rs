@@ -11,6 +11,7 @@ use taxel_model::TaxelModel;
 
 use crate::baseline::TaxelBaseline;
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
+use crate::model_set::ModelSet;
 use crate::statistics::{mean, quantile};
 
 /// A curve that is flat at rest by its fit's whim says nothing.
@@ -114,10 +115,11 @@ impl SessionSamples {
         self.samples.iter().map(|sample| zero.pressure_kpa(sample)).collect()
     }
 
-    /// Standard uncertainty that these pressures have because of what was taken off them, kPa.
+    /// Standard uncertainty that the models of a set have because of what was taken off the pressures that they are fitted to,
+    /// kPa. The set has it in its offset.
     #[must_use]
-    pub fn gauge_zero_doubt_kpa(&self) -> f64 {
-        GaugeZero::of(&self.ramps).doubt_kpa(&self.samples)
+    pub fn gauge_zero_doubt_kpa(&self, set: &ModelSet) -> f64 {
+        GaugeZero::of(&self.ramps).doubt_kpa(&self.samples) * steeper_at_rest(&set.taxels, &set.baseline)
     }
 }
 

@@ -106,12 +106,14 @@ fn a_zero_of_the_gauge_is_in_more_doubt_on_a_skin_that_bends_more_at_rest() {
             sample.counts = vec![count(sample.pressure_kpa).round() as u8; TAXELS].into();
             sample.pressure_kpa += 0.06;
         }
-        set(&job(samples, Branch::Rising)).gauge_offset_kpa
+        let set = set(&job(samples.clone(), Branch::Rising));
+        [set.gauge_offset_kpa, samples.gauge_zero_doubt_kpa(&set)] // a certificate asks for the second
     };
     let (straight, bent) = (offset_kpa(|kpa| 240.0 - 2.0 * kpa), offset_kpa(|kpa| 240.0 - 20.0 * kpa.sqrt()));
-    let own = straight.powi(2) - (0.06_f64.powi(2)) / 3.0;
-    let raised = ((bent.powi(2) - own) / (straight.powi(2) - own)).sqrt();
-    assert!((2.0..7.0).contains(&raised), "{straight} {bent} {raised}");
+    let own = straight[0].powi(2) - (0.06_f64.powi(2)) / 3.0;
+    let raised = ((bent[0].powi(2) - own) / (straight[0].powi(2) - own)).sqrt();
+    assert!((2.0..7.0).contains(&raised), "{straight:?} {bent:?} {raised}");
+    assert!((bent[1] / straight[1] - raised).abs() < 1e-6, "{straight:?} {bent:?} {raised}");
 }
 
 #[test]

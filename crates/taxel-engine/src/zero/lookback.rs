@@ -75,7 +75,7 @@ impl Lookback {
     /// skin since the last window comes to it.
     #[must_use]
     pub fn offset_counts(&self) -> f64 {
-        let by_pads = self.warmth.as_ref().map_or(0.0, Warmth::sigma_counts).min(OFFSET_MAX_COUNTS);
+        let by_pads = self.warmth.as_ref().map_or(0.0, Warmth::sigma_counts); // no load reaches them
         // The same taxels by the same coefficients: what came before and what comes now add up.
         by_pads.max(self.offset_counts) + self.sudden.sigma_counts()
     }

@@ -223,8 +223,9 @@ impl Reader<'_> {
         let (model, plays) = (&self.set.taxels[taxel], self.set.plays(taxel));
         let (base, extension) = (self.base(taxel), self.extensions[taxel]);
         let rail = if plays.map_or(model.sign, |plays| plays.sign) == Sign::Falling { 0.0 } else { 255.0 };
-        let corrected = self.set.recalibrated.as_ref().map_or(0.0, |of| of.relative_sigma);
-        let gain = if self.skin { GAIN_OF_DAY_REL.hypot(corrected) } else { 0.0 };
+        // What corrected a set by known loads is in these, too.
+        let of_day = if self.skin { GAIN_OF_DAY_REL } else { 0.0 };
+        let gain = of_day.hypot(self.set.gauge_gain_rel);
         let smoothed = smooth(counts, masked, self.half);
         let mut state = PlayState::default();
         let nothing = || vec![f64::NAN; counts.len()];
@@ -239,7 +240,8 @@ impl Reader<'_> {
             let railed = self.skin && counts[i] == rail;
             column.kpa[i] = kpa;
             column.own_kpa[i] = own.hypot(beyond.own_kpa);
-            let shared = shared.hypot(self.doubts_kpa[taxel]).hypot(beyond.shared_kpa).hypot(gain * kpa);
+            let shared = shared.hypot(self.doubts_kpa[taxel]).hypot(beyond.shared_kpa);
+            let shared = shared.hypot(gain * kpa).hypot(self.set.gauge_offset_kpa);
             column.shared_kpa[i] = if railed { f64::INFINITY } else { shared };
             column.beyond[i] = beyond.sigma_kpa() > 0.0 || railed;
         }

@@ -67,9 +67,12 @@ fn the_gain_of_the_day_grows_with_the_pressure_and_is_a_skins_alone() {
         near(read(&set, false).shared_kpa[i], shared);
     }
     assert!(skin.kpa[2].is_nan() && skin.own_kpa[2].is_nan() && skin.shared_kpa[2].is_nan() && !skin.beyond[2]);
+    // What the gauge or known loads leave open is in all taxels alike, also in a table of other numbers.
+    (set.gauge_gain_rel, set.gauge_offset_kpa) = (0.04, 7.8);
     set.recalibrated = Some(Recalibrated { relative_sigma: 0.04, ..corrected() });
     let skin = read(&set, true);
-    near(skin.shared_kpa[1], shared.hypot(GAIN_OF_DAY_REL.hypot(0.04) * skin.kpa[1]));
+    near(skin.shared_kpa[1], shared.hypot(GAIN_OF_DAY_REL.hypot(0.04) * skin.kpa[1]).hypot(7.8));
+    near(read(&set, false).shared_kpa[1], shared.hypot(0.04 * skin.kpa[1]).hypot(7.8));
     // A zero that has moved is taken off the counts.
     let moved = reader(&set, true, true).column(0, &counts.map(|count| count + 7.0), &masked, 7.0);
     near(moved.kpa[0], skin.kpa[0]);

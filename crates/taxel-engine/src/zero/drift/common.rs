@@ -24,6 +24,16 @@ pub(super) struct Common {
     newton_per_count: Vec<f64>,
 }
 
+/// How the patch warms, for a module that knows nothing of its own.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Warming {
+    /// Counts of its taxels per count of the pads, with the standard uncertainty.
+    pub(super) coefficient: f64,
+    pub(super) sigma: f64,
+    /// How far the pads of all modules have moved since the zero, counts.
+    pub(super) pads: f64,
+}
+
 /// What a module heads for.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Allowed {
@@ -55,6 +65,11 @@ impl Common {
     /// The pads of all modules, counts from their zero.
     pub(super) fn feel(&mut self, pads: f64) {
         self.pads_now = pads;
+    }
+
+    pub(super) fn warming(&self) -> Warming {
+        let (coefficient, sigma) = self.coefficient.estimate();
+        Warming { coefficient, sigma, pads: self.pads_now }
     }
 
     /// What of `common` a module may follow whose others' pads have moved by `pads`.

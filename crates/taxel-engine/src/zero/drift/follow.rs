@@ -245,13 +245,14 @@ impl Drift {
         if let Some((common, pads)) = common.median(OTHERS_MIN).zip(pads.median(OTHERS_MIN)) {
             self.common.look(common, pads);
         }
+        let warming = self.common.warming();
         let mut own = quiet.into_iter().peekable();
         for (index, module) in self.modules.iter_mut().enumerate() {
             let offset = own.next_if(|&(quiet, _)| quiet == index).map(|(_, offset)| offset);
             let others = common.median_without(index, OTHERS_MIN).zip(pads.median_without(index, OTHERS_MIN));
             match offset.zip(others) {
                 Some((offset, (common, pads))) => module.follow(offset, self.common.allowed(common, pads), pads),
-                None => module.hold(),
+                None => module.hold(&warming),
             }
             module.advance(step_max, self.plan.bound_counts);
         }
@@ -272,17 +273,17 @@ impl Drift {
     }
 
     /// Standard uncertainty of the drift, counts: how well it fits the modules that follow (1.4826 times the median
-    /// deviation, which for normal errors is their standard deviation), and what the pads cannot say of those that are held,
-    /// as root mean square over all, or what all have in common that may be no drift or is not followed yet, whichever is
-    /// more: it is the same warmth.
+    /// deviation, which for normal errors is their standard deviation), and what the pads cannot say of the module that is held
+    /// and of which they say least, or what all have in common that may be no drift or is not followed yet, whichever is more:
+    /// it is the same warmth. What is held is what is touched, and the force is made of that, however many modules rest.
     fn sigma_counts(&self) -> f64 {
         let deviation = |module: &ModuleDrift| Some((module.offset(&self.taxels)? - module.drift()).abs());
         let fit = MEDIAN_DEVIATIONS * median(self.modules.iter().filter_map(deviation)).unwrap_or(0.0);
-        let held: f64 = self.modules.iter().map(|module| module.held_variance()).sum();
-        let held = held / self.modules.len().max(1) as f64;
+        let warming = self.common.warming();
+        let held = self.modules.iter().map(|module| module.held_sigma(&warming)).fold(0.0, f64::max);
         let explained = median(self.modules.iter().map(|m| m.drift() - m.unexplained())).unwrap_or(0.0);
         let common = self.common.sigma_counts(self.view.absorbed, explained);
-        fit.max(SIGMA_MIN_COUNTS).hypot(common.max(held.sqrt()))
+        fit.max(SIGMA_MIN_COUNTS).hypot(common.max(held))
     }
 
     fn enter(&mut self, state: DriftState, wall_ns: i64) {

@@ -14,5 +14,6 @@ pub(super) const ABSORBED_MAX: Newton = Newton(1.0);
 pub(super) const AGREEMENT_COUNTS: f64 = 0.5;
 /// So long after a touch a module is not followed: fabric creeps back within some ten seconds.
 pub(super) const HOLD_OFF_S: f64 = 30.0;
-/// Uncertainty of a coefficient that is not known: the boards leave a quarter to all of the drift.
-pub(super) const COEFFICIENT_SIGMA: f64 = 0.5;
+/// How far the coefficient of one module lies from that of the patch, standard deviation: the boards leave a quarter to all of
+/// the drift.
+pub(super) const BETWEEN_MODULES: f64 = 0.25;

@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::coefficient::Coefficient;
-use super::common::Allowed;
-use super::limits::{AGREEMENT_COUNTS, COEFFICIENT_SIGMA, HOLD_OFF_S};
+use super::common::{Allowed, Warming};
+use super::limits::{AGREEMENT_COUNTS, BETWEEN_MODULES, HOLD_OFF_S};
 use super::site::DriftSite;
 use super::smooth::{Shares, Smooth};
 use crate::counts::Counts;
@@ -98,6 +98,8 @@ impl Pad {
 struct Hold {
     drift: f64,
     pads: Option<f64>,
+    /// Those of the other modules.
+    others: f64,
 }
 
 /// One module.
@@ -283,26 +285,33 @@ impl ModuleDrift {
         if let Some(pads) = pads.filter(|_| (offset - self.target).abs() <= AGREEMENT_COUNTS) {
             self.coefficient.learn(pads, offset);
         }
-        self.hold.pads = pads;
+        (self.hold.pads, self.hold.others) = (pads, common_pads);
         self.following = true;
     }
 
     /// It is touched, or nothing is known of the others: heads for where its own pads say.
-    pub(super) fn hold(&mut self) {
+    pub(super) fn hold(&mut self, patch: &Warming) {
         self.begin_hold();
-        let explained = self.coefficient.value().map_or(0.0, |(coefficient, _)| coefficient * self.since_hold());
-        self.target = self.hold.drift + explained;
+        self.target = self.warmed(patch).0;
+    }
+
+    /// Where it heads for while it is held, counts, and how uncertain that is. Where its coefficient or its pads are not known it
+    /// stays, and all of what it may have moved by is uncertain: it may warm as the patch does, or otherwise, and pads that are not
+    /// known move as all do.
+    fn warmed(&self, patch: &Warming) -> (f64, f64) {
+        let moved = self.pads_moved().zip(self.hold.pads).map(|(now, then)| now - then);
+        if let Some((moved, (coefficient, sigma))) = moved.zip(self.coefficient.value()) {
+            return (self.hold.drift + coefficient * moved, (sigma * moved).abs());
+        }
+        let moved = moved.unwrap_or(patch.pads - self.hold.others);
+        let coefficient = patch.coefficient.hypot(patch.sigma.max(BETWEEN_MODULES));
+        (self.hold.drift, (coefficient * moved).abs())
     }
 
     fn begin_hold(&mut self) {
         if std::mem::take(&mut self.following) {
             self.hold.drift = self.drift; // from here, not from where it was heading
         }
-    }
-
-    /// How far the pads have moved since the module is held, counts; 0 where that is not known.
-    fn since_hold(&self) -> f64 {
-        self.pads_moved().zip(self.hold.pads).map_or(0.0, |(now, then)| now - then)
     }
 
     /// Moves towards the target by at most `step_max` and not beyond `bound`, counts.
@@ -314,10 +323,10 @@ impl ModuleDrift {
         self.bounded = self.drift.abs() >= at * bound && self.target.abs() >= at * bound;
     }
 
-    /// Variance of its drift while it is held, counts squared: what the pads say may be wrong by their coefficient.
-    pub(super) fn held_variance(&self) -> f64 {
-        let sigma = self.coefficient.value().map_or(COEFFICIENT_SIGMA, |(_, sigma)| sigma);
-        if self.following { 0.0 } else { (sigma * self.since_hold()).powi(2) }
+    /// Standard uncertainty of its drift while it is held, counts: of where it belongs, and all that it has not gone yet.
+    pub(super) fn held_sigma(&self, patch: &Warming) -> f64 {
+        let (belongs, sigma) = self.warmed(patch);
+        if self.following { 0.0 } else { sigma.hypot(belongs - self.drift) }
     }
 
     pub(super) fn range(&self) -> Range<usize> {

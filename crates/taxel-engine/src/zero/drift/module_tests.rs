@@ -2,7 +2,7 @@
 
 use taxel_skin::{CountRange, ModuleKind};
 
-use super::common::Allowed;
+use super::common::{Allowed, Warming};
 use super::module::{ModuleDrift, TaxelDrift};
 use super::site::DriftSite;
 use super::smooth::Shares;
@@ -250,21 +250,37 @@ fn a_module_that_is_held_goes_with_its_pads() {
     one.settle(200.0, pads([2, 2]));
     one.follow(1.0, 1.0, 2.0);
     one.module.advance(0.25, 3.0);
-    assert!(one.module.is_following() && one.module.held_variance() == 0.0);
+    let patch = Warming { coefficient: 0.75, sigma: 0.0, pads: 3.0 };
+    assert!(one.module.is_following() && one.module.held_sigma(&patch) == 0.0);
     one.settle(200.0, pads([4, 4]));
-    one.module.hold();
+    one.module.hold(&patch);
     assert!(!one.module.is_following());
     // From where it was, with 0.5008 +- 0.0199 counts per count of the pads.
     assert!(is_near(one.module.target(), 0.25 + 1.001_590), "{}", one.module.target());
-    assert!(is_near(one.module.held_variance(), 4.0 / 2516.0), "{}", one.module.held_variance());
     one.module.advance(0.5, 3.0);
-    one.module.hold();
+    one.module.hold(&patch);
     assert!(is_near(one.module.target(), 0.25 + 1.001_590), "it is held where it was first");
-    // Without knowledge it stays, and that is uncertain by half a count per count of the pads since the zero.
-    let mut one = One::known();
-    one.settle(200.0, pads([2, 2]));
-    one.module.hold();
-    assert_eq!((one.module.target(), one.module.held_variance()), (0.0, 1.0));
+    // What it has not gone yet is uncertain as a whole.
+    let sigma = (4.0_f64 / 2516.0).sqrt();
+    assert!(is_near(one.module.held_sigma(&patch), sigma.hypot(0.501_590)), "{}", one.module.held_sigma(&patch));
+    one.module.advance(9.0, 3.0);
+    assert!(is_near(one.module.held_sigma(&patch), sigma), "{}", one.module.held_sigma(&patch));
+}
+
+/// It may warm as the patch does, or otherwise.
+#[test]
+fn a_module_that_has_learned_nothing_stays_and_is_uncertain_by_all_that_it_may_have_moved() {
+    let patch = Warming { coefficient: 0.75, sigma: 0.1, pads: 3.0 };
+    // By its own pads, and by all where its own are not known, as where a warm hand lies on one of them.
+    for (own, moved) in [([2, 2], 2.0), ([8, 0], 3.0)] {
+        let mut one = One::known();
+        one.settle(200.0, pads(own));
+        one.module.hold(&patch);
+        one.module.advance(9.0, 3.0);
+        assert_eq!(one.module.drift(), 0.0, "{own:?}");
+        let sigma = 0.75_f64.hypot(0.25);
+        assert!(is_near(one.module.held_sigma(&patch), sigma * moved), "{own:?}: {}", one.module.held_sigma(&patch));
+    }
 }
 
 #[test]
