@@ -175,9 +175,10 @@ mod tests {
         };
         let until = |chain: &[CertificateDer<'_>]| read_chain(chain).unwrap();
         let (early, late) = (of(2027), of(2030));
-        assert!(until(&[early.clone()]).until < until(&[late.clone()]).until);
-        let both = [until(&[late.clone(), early.clone()]), until(&[early.clone(), late])];
-        assert_eq!(both.each_ref().map(|both| both.until), [until(&[early]).until; 2]);
+        let alone = [&early, &late].map(|certificate| until(std::slice::from_ref(certificate)).until);
+        assert!(alone[0] < alone[1]);
+        let both = [until(&[late.clone(), early.clone()]), until(&[early, late])];
+        assert_eq!(both.each_ref().map(|both| both.until), [alone[0]; 2]);
         assert_ne!(both[0].names, both[1].names, "each is of the name of its first");
         assert_eq!(read_chain(&[]).unwrap_err(), "the client showed no certificate");
     }
