@@ -7,8 +7,8 @@ const EXACT_DIGITS: usize = 31;
 
 /// Reads a decimal number (`-12.5`, `0.486e-3`, no `inf` or `nan`) to about 31 digits.
 ///
-/// `hi` is the correctly rounded f64 and also that of `hi + lo`, which is within 2^-100 of the text relatively. `None` if the text is not a
-/// finite decimal number of magnitude below 1e120.
+/// `hi` is the correctly rounded f64 and also that of `hi + lo`, which is within 2^-100 of the text relatively. `None` if
+/// the text is not a finite decimal number of magnitude below 1e120.
 #[must_use]
 pub fn parse_decimal(text: &str) -> Option<Dd> {
     let text = text.trim();

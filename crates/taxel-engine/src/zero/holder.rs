@@ -56,22 +56,15 @@ pub(super) struct OwnModels {
     pub(super) rest: Vec<TaxelBaseline>,
 }
 
-impl OwnModels {
-    /// Whether this set is it, or one that known loads have made of it.
-    fn are(&self, set: &ModelSet) -> bool {
-        self.id == set.id || have_same_rest(&self.rest, &set.baseline)
-    }
-}
-
 /// Whether two sets of models refer to one zero, to the bit.
 pub(super) fn have_same_rest(a: &[TaxelBaseline], b: &[TaxelBaseline]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.mean.to_bits() == b.mean.to_bits())
 }
 
 impl Unjudged {
-    /// Whether this set was made in the session.
+    /// Whether this set was made in the session, or by known loads of one that was.
     pub(super) fn owns(&self, set: &ModelSet) -> bool {
-        self.own.as_ref().is_some_and(|own| own.are(set))
+        self.own.as_ref().is_some_and(|own| own.id == set.id || have_same_rest(&own.rest, &set.baseline))
     }
 }
 

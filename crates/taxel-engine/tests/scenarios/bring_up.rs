@@ -280,6 +280,17 @@ fn a_first_session_needs_nobody_to_vouch_for_boards_that_were_configured_unseen(
     bench.until(10.0, "a model set", |host| host.session().model_set.is_some());
 }
 
+/// A first session gives models, and the bag is vented. Their id.
+fn first_calibrated(bench: &mut Bench) -> Arc<str> {
+    bench.start_session(Some(20.0));
+    bench.ramp(25.0, 4.0);
+    bench.until(15.0, "a model set", |host| host.session().model_set.is_some());
+    let own = bench.host.session().model_set.clone().unwrap();
+    bench.world.pump(PumpCommand::Vent);
+    bench.seconds(20.0);
+    own
+}
+
 /// A load that the boards hide lies there from before they were configured, while a session takes it for rest and after a restart.
 #[test]
 fn what_was_held_against_the_boards_is_after_a_restart_for_all_sets_but_that_of_the_session() {
@@ -288,12 +299,7 @@ fn what_was_held_against_the_boards_is_after_a_restart_for_all_sets_but_that_of_
     earlier.lay(0.5, 33);
     let mut bench = Bench::new(earlier.world, plan(patch_plan(&small().skin)), Restored::default());
     bench.brought_up();
-    bench.start_session(Some(20.0));
-    bench.ramp(25.0, 4.0);
-    bench.until(15.0, "a model set", |host| host.session().model_set.is_some());
-    let own = bench.host.session().model_set.clone().unwrap();
-    bench.world.pump(PumpCommand::Vent);
-    bench.seconds(20.0);
+    let own = first_calibrated(&mut bench);
     bench.activate(&own).unwrap();
     bench.until_force(2.0, ForceState::Ok);
     for start in ["with it in use", "once more"] {
@@ -322,12 +328,7 @@ fn a_zero_of_a_session_without_models_holds_for_its_own_set_also_after_one_from_
     earlier.brought_up();
     let mut bench = Bench::new(earlier.world, plan(patch_plan(&small().skin)), Restored::default());
     bench.brought_up();
-    bench.start_session(Some(20.0));
-    bench.ramp(25.0, 4.0);
-    bench.until(15.0, "a model set", |host| host.session().model_set.is_some());
-    let own = bench.host.session().model_set.clone().unwrap();
-    bench.world.pump(PumpCommand::Vent);
-    bench.seconds(20.0);
+    let own = first_calibrated(&mut bench);
     bench.ask(Command::Import { model_set: Arc::clone(&small().set), insist: false }).unwrap();
     for _ in 0..2 {
         bench.activate(&small().set.id).unwrap();

@@ -42,8 +42,8 @@
 //!
 //! What it cannot do: a load that comes and goes in step with the temperature from the zero on is what warmth does, as far
 //! as both together stay within 0.2 and 1.05 counts per count of the pads. It knows a module's coefficient only while the pads have moved by
-//! more than a count and a half since the zero, and holds all that it may have moved by for uncertain before; taxels of a module differ from each other in their drift, and nothing is
-//! done about that; a thermal gradient that pads do not see is followed by half a count away from load and by 1 N towards it.
+//! more than a count and a half since the zero, and holds all that it may have moved by for uncertain before; taxels of a
+//! module differ from each other in their drift, and nothing is done about that; a thermal gradient that pads do not see is followed by half a count away from load and by 1 N towards it.
 
 mod coefficient;
 mod common;
