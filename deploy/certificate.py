@@ -19,11 +19,12 @@ import sys
 import numpy as np
 
 LEVELS, SCANS_MIN, K = 10, 5, 2.0
+FILLED_SHARE_MAX = 0.2  # of a known load that says anything of areas
 # What people entered, and what the store alone knows: nothing can be computed of these.
 ENTERED = re.compile(
     r"stated\.|version$|session\.(number|target_kpa|refused\.\w+|counts_per_unit)$|expanded\.coverage_factor$"
     r"|loads\.\d+\.(load|mass_kg|force_n|force_sigma_n|read_n|read_sigma_n|read_scatter_n|scans|out_of_range"
-    r"|mean_area_mm2|area_factor|area_uncertainty)$|loads_summary\.area_uncertainty$"
+    r"|filled_share|mean_area_mm2|area_factor|area_uncertainty)$|loads_summary\.area_uncertainty$"
 )
 
 
@@ -208,20 +209,30 @@ def levels_part(session, all_errors, mean):
 
 
 def loads_part(loads):
-    parts, points = [], []
+    parts, points, counting, newest = [], [], [], loads[-1] if loads else None
     for load in loads:
         u = np.sqrt(load["read_sigma_n"] ** 2 + load["force_sigma_n"] ** 2 + load["read_scatter_n"] ** 2 / max(load["scans"], 1))
         error = load["read_n"] - load["force_n"]
         parts.append({"error_percent": 100 * error / load["force_n"], "normalised_error": error / (K * u)})
-        if load["out_of_range"] == 0:
+        same_filling = load.get("filled") in (None, bool(newest.get("filled")))
+        outdated = abs(load["mean_area_mm2"] / newest["mean_area_mm2"] - 1) > 1e-9 or not same_filling
+        unfit = load["out_of_range"] > 0 or bool(load.get("reasons")) or load.get("filled_share", 0) > FILLED_SHARE_MAX
+        said = [bool(load.get(key)) for key in ("outdated_because", "left_out_because")]
+        if said != [outdated, unfit and not outdated] and "left_out_because" in load:
+            parts[-1]["counts"] = not outdated and not unfit  # the certificate says otherwise
+        if not outdated:
+            counting.append(parts[-1])
+        if not outdated and not unfit:
             area = load["area_uncertainty"] * load["read_n"]
             read = max(load["read_sigma_n"] ** 2 - area**2, 0) + load["read_scatter_n"] ** 2 / max(load["scans"], 1)
             variance = max(read / load["area_factor"] ** 2 + load["force_sigma_n"] ** 2, (1e-3 * load["force_n"]) ** 2)
             points.append((load["read_n"] / load["area_factor"], load["force_n"], 1 / variance))
     if not loads:
         return parts, None
-    summary = {"loads": len(loads), "within": sum(abs(part["normalised_error"]) <= 1 for part in parts)}
-    summary["mean_absolute_error_percent"] = np.mean([abs(part["error_percent"]) for part in parts])
+    summary = {"loads": len(counting), "within": sum(abs(part["normalised_error"]) <= 1 for part in counting)}
+    summary["mean_absolute_error_percent"] = np.mean([abs(part["error_percent"]) for part in counting])
+    if "left_out_because" in newest:  # earlier versions did not count them
+        summary["in_factor"] = len(points)
     summary |= {"area_factor": None, "area_factor_sigma": None}
     if len(points) >= 3:
         x, y, w = np.array(points).T

@@ -150,21 +150,32 @@ pub(crate) struct LoadPart {
     pub read_scatter_n: f64,
     pub scans: u32,
     pub out_of_range: u32,
+    /// Why the force read was not good.
+    pub reasons: Vec<String>,
+    /// Share of it that came from taxels which were filled by their neighbours, and whether such were.
+    pub filled_share: f64,
+    pub filled: Option<bool>,
     pub mean_area_mm2: f64,
     pub area_factor: f64,
     pub area_uncertainty: f64,
     pub error_percent: f64,
     /// Error over its expanded uncertainty; beyond -1 to 1 they disagree.
     pub normalised_error: f64,
+    /// Why it says nothing of the skin as it was under the newest load, in words; empty if it does.
+    pub outdated_because: String,
+    /// Why it has no say in the factor although it is of that state, in words; empty if it has.
+    pub left_out_because: String,
 }
 
-/// All known loads.
+/// The known loads of the state that the skin was in under the newest.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct LoadsSummary {
     pub loads: usize,
     pub mean_absolute_error_percent: f64,
     pub within: usize,
-    /// What areas are to be multiplied by, and its standard uncertainty; from three loads within the range on.
+    /// How many have a say in the factor.
+    pub in_factor: usize,
+    /// What areas are to be multiplied by, and its standard uncertainty; of three such loads or more.
     pub area_factor: Option<f64>,
     pub area_factor_sigma: Option<f64>,
     /// Relative standard uncertainty of the areas by it at a place where no load was laid.

@@ -209,7 +209,7 @@ impl Certificate {
                     p { "Mean absolute error " (number(summary.mean_absolute_error_percent, 2)) " %; "
                         (summary.within) " of " (summary.loads) " within their expanded uncertainty (|E/U| up to 1). "
                         @if let (Some(factor), Some(sigma)) = (summary.area_factor, summary.area_factor_sigma) {
-                            "Effective-area factor " (number(factor, 4)) ", U (k = 2) " (number(2.0 * sigma, 4)) ". "
+                            "Effective-area factor of " (summary.in_factor) " of them " (number(factor, 4)) ", U (k = 2) " (number(2.0 * sigma, 4)) ". "
                             @if let Some(elsewhere) = summary.area_uncertainty {
                                 "Areas at another place, U (k = 2) " (number(200.0 * elsewhere, 1)) " %. "
                             }
@@ -304,7 +304,10 @@ fn level_row(level: &LevelPart) -> Markup {
 }
 
 fn load_row(load: &LoadPart) -> Markup {
-    let mut words: Vec<&str> = vec![&load.by, &load.note];
+    let mut words = vec![load.by.clone(), load.note.clone()];
+    let told = |why: &String, what: &str| if why.is_empty() { String::new() } else { format!("{what}: {why}") };
+    words.push(told(&load.outdated_because, "does not count"));
+    words.push(told(&load.left_out_because, "not in the factor"));
     words.retain(|word| !word.is_empty());
     html! { tr {
         td { (load.load) } td class="t whole" { (load.time) } td class="t" { (words.join(", ")) }

@@ -56,7 +56,7 @@ impl Certificate {
             mean_kpa: budget::expanded(&rows, |row| row.mean_kpa),
         };
         let (levels, ramps) = (levels(&course, &taxels, &figures), ramps(&course, &taxels, samples));
-        let loads = loads::counting(evidence.loads, &set.id);
+        let loads = loads::judged(evidence.loads, &set.id);
         let finished = |taxel: Examined| {
             let expanded_uncertainty_kpa = budget::expanded_of_taxel(&taxel, reference_kpa);
             TaxelPart { expanded_uncertainty_kpa, ..taxel.part }
@@ -82,7 +82,7 @@ impl Certificate {
             mean,
             budget: rows,
             expanded,
-            loads: loads.iter().map(|load| loads::part(load)).collect(),
+            loads: loads.loads.iter().map(loads::part).collect(),
             loads_summary: loads::summary(&loads),
             taxels,
             excluded: excluded(evidence),

@@ -180,6 +180,43 @@ fn known_loads_of_the_set_count_and_replaced_ones_do_not() {
     assert_eq!((&all["loads_summary"]["within"], &all["loads_summary"]["area_factor"]), (&1.into(), &Value::Null));
 }
 
+/// As `GetValidation` has it: a fault and the filling are no property of the skin, and other areas are another skin.
+#[test]
+fn a_load_that_says_nothing_of_the_areas_has_no_say_in_their_factor() {
+    let mut case = case();
+    let load = |number, read_n: f64, change: &dyn Fn(&mut Load)| {
+        let read = Reading { scans: 4, mean_n: read_n, sigma_n: 0.1, scatter_n: 0.01, ..Reading::default() };
+        let (model_set, filled) = ("m-1".to_owned(), Some(true));
+        let mut load = Load { number, model_set, filled, force_n: 5.0, area_factor: 1.0, read, ..Load::default() };
+        (load.mean_area_mm2, load.force_sigma_n) = (20.0, 0.01);
+        change(&mut load);
+        Arc::new(load)
+    };
+    case.loads = vec![
+        load(1, 9.0, &|load| load.mean_area_mm2 = 40.0),
+        load(2, 9.0, &|load| load.filled = Some(false)),
+        load(3, 4.0, &|load| load.read.reasons = vec!["2 taxels have a fault".to_owned()]),
+        load(4, 4.0, &|load| load.read.filled_share = 0.21),
+        load(5, 4.0, &|load| load.read.out_of_range = 1),
+        load(6, 5.0, &|_| ()),
+        load(7, 5.0, &|_| ()),
+        load(8, 5.0, &|_| ()),
+    ];
+    let all = json(&case);
+    let said = |key: &str| -> Vec<bool> {
+        all["loads"].as_array().unwrap().iter().map(|load| !load[key].as_str().unwrap().is_empty()).collect()
+    };
+    assert_eq!(said("outdated_because"), [true, true, false, false, false, false, false, false]);
+    assert_eq!(said("left_out_because"), [false, false, true, true, true, false, false, false]);
+    let summary = &all["loads_summary"];
+    assert_eq!((&summary["loads"], &summary["in_factor"]), (&6.into(), &3.into()));
+    near(&summary["area_factor"], 1.0);
+    near(&summary["mean_absolute_error_percent"], 10.0);
+    let html = certificate(&case).unwrap().to_html();
+    assert!(html.contains("does not count: the configured areas were 40.000 mm2"), "{html}");
+    assert!(html.contains("not in the factor: the force had a shortcoming: 2 taxels have a fault"), "{html}");
+}
+
 #[test]
 fn the_same_evidence_gives_the_same_bytes_and_any_other_another_number() {
     let (one, other) = (certificate(&case()).unwrap(), certificate(&case()).unwrap());

@@ -39,6 +39,18 @@ pub enum RangeState {
     Above,
 }
 
+impl RangeState {
+    /// The same of pressure instead of counts: where these fall with pressure, few counts are much pressure.
+    #[must_use]
+    pub const fn in_pressure(self, sign: Sign) -> Self {
+        match (self, sign) {
+            (Self::Below, Sign::Falling) => Self::Above,
+            (Self::Above, Sign::Falling) => Self::Below,
+            (state, _) => state,
+        }
+    }
+}
+
 /// The pressure that a count stands for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {

@@ -23,6 +23,7 @@ const FILES: &[(&str, &str, &[u8])] = files! {
     "/main.js", "main.js", SCRIPT;
     "/api.js", "api.js", SCRIPT;
     "/dom.js", "dom.js", SCRIPT;
+    "/clock.js", "clock.js", SCRIPT;
     "/store.js", "store.js", SCRIPT;
     "/unroll.js", "unroll.js", SCRIPT;
     "/skin.js", "skin.js", SCRIPT;

@@ -71,9 +71,11 @@ impl Metrics {
             self.durations.clone(),
         );
         daemon(&mut sheet, &health);
-        buses(&mut sheet, &health.buses);
-        boards(&mut sheet, &health.boards);
-        patches(&mut sheet, &health.patches);
+        // What an engine that stands still said last is nothing that is so now; what it has counted stays so.
+        let runs = health.engine_stalled_s.is_none();
+        buses(&mut sheet, &health.buses, runs);
+        boards(&mut sheet, &health.boards, runs);
+        patches(&mut sheet, &health.patches, runs);
         let mut force = ForceServiceClient::new(services.clone());
         let mut samples = Vec::new();
         for patch in &health.patches {
@@ -134,14 +136,21 @@ fn flag(is: bool) -> f64 {
 fn daemon(sheet: &mut Sheet, health: &v1::Health) {
     let version = vec![("version", env!("CARGO_PKG_VERSION").to_owned())];
     sheet.gauge("build_info", "Version of the daemon; always 1", [(version, 1.0)]);
+    let runs = flag(health.engine_stalled_s.is_none());
+    sheet.gauge(
+        "engine_running",
+        "Whether the engine runs; else buses, boards and zeros are not known",
+        [(vec![], runs)],
+    );
     sheet.gauge("problems", "Problems that the health names", [(vec![], health.problems.len() as f64)]);
     sheet.gauge("streams", "Streams that are being served", [(vec![], f64::from(health.streams))]);
     sheet.gauge("streams_max", "Streams that can be served at once", [(vec![], f64::from(health.streams_max))]);
 }
 
-fn buses(sheet: &mut Sheet, buses: &[v1::BusHealth]) {
+fn buses(sheet: &mut Sheet, buses: &[v1::BusHealth], runs: bool) {
     let labels = |bus: &v1::BusHealth| vec![("bus", bus.bus.to_string())];
-    sheet.gauge("bus_up", "Whether frames can come", buses.iter().map(|bus| (labels(bus), flag(bus.up))));
+    let now = buses.iter().filter(|_| runs);
+    sheet.gauge("bus_up", "Whether frames can come", now.map(|bus| (labels(bus), flag(bus.up))));
     let mut counter = |name: &str, help: &str, value: fn(&v1::BusHealth) -> u64| {
         sheet.counter(name, help, buses.iter().map(|bus| (labels(bus), value(bus))));
     };
@@ -151,12 +160,13 @@ fn buses(sheet: &mut Sheet, buses: &[v1::BusHealth]) {
     counter("bus_dropped_frames", "Frames that the kernel lost", |bus| bus.dropped);
 }
 
-fn boards(sheet: &mut Sheet, boards: &[v1::BoardHealth]) {
+fn boards(sheet: &mut Sheet, boards: &[v1::BoardHealth], runs: bool) {
     let labels = |board: &v1::BoardHealth| {
         vec![("patch", board.patch.clone()), ("bus", board.bus.to_string()), ("address", board.address.to_string())]
     };
     let mut gauge = |name: &str, help: &str, value: fn(&v1::BoardHealth) -> Option<f64>| {
-        sheet.gauge(name, help, boards.iter().filter_map(|board| Some((labels(board), value(board)?))));
+        let now = boards.iter().filter(|_| runs);
+        sheet.gauge(name, help, now.filter_map(|board| Some((labels(board), value(board)?))));
     };
     gauge("board_verified", "Whether its bring-up is proven", |board| Some(flag(board.bring_up == "verified")));
     gauge("board_modules_enabled", "Modules that are enabled", |board| Some(board.modules_enabled.into()));
@@ -170,10 +180,11 @@ fn boards(sheet: &mut Sheet, boards: &[v1::BoardHealth]) {
     counter("board_status_errors", "Tails whose status word named a trouble", |board| board.status_errors);
 }
 
-fn patches(sheet: &mut Sheet, patches: &[v1::PatchHealth]) {
+fn patches(sheet: &mut Sheet, patches: &[v1::PatchHealth], runs: bool) {
     let labels = |patch: &v1::PatchHealth| vec![("patch", patch.patch.clone())];
     let mut gauge = |name: &str, help: &str, value: fn(&v1::PatchHealth) -> Option<f64>| {
-        sheet.gauge(name, help, patches.iter().filter_map(|patch| Some((labels(patch), value(patch)?))));
+        let now = patches.iter().filter(|_| runs);
+        sheet.gauge(name, help, now.filter_map(|patch| Some((labels(patch), value(patch)?))));
     };
     gauge("zero_valid", "Whether live force may rely on the zero", |patch| Some(flag(patch.tare.as_ref()?.valid)));
     gauge("zero_drift_counts", "How far the zero has followed the temperature, median", |patch| {

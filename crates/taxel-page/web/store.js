@@ -1,6 +1,7 @@
 // What the page knows: newest values, when they came, and how old they are now by this browser's clock.
 
 import { call, health as askHealth, streams } from "./api.js";
+import { asked, delay, forget } from "./clock.js";
 import { unroll } from "./unroll.js";
 
 /** A force older than this is not shown as one, whatever it says of itself. */
@@ -15,8 +16,8 @@ const COURSE_S = 60;
 /** Points that are kept of a ramp for each taxel. */
 const RAMP_POINTS = 3000;
 
-/** The clock of the daemon may run faster than this browser's by so much, in ms a second. */
-const CLOCK_DRIFT = 0.2;
+/** While forces come late the daemon is asked so often, in ms, whether its clock has stood still. */
+const ASK_EVERY_MS = 1000;
 
 export const state = {
   patch: "", patches: [], skin: null, layout: null, force: null, taxels: null, session: null, modelSet: null,
@@ -40,7 +41,7 @@ let close = () => {};
 let closeSession = () => {};
 let received = 0;
 let late = 0;
-let quickest = Infinity;
+let askedAt = -Infinity;
 
 /** Age of the newest force now, in s: what the daemon said, its time on the way, and the time since. */
 export function age() {
@@ -71,14 +72,27 @@ export function verdict() {
   return { word: name || "UNKNOWN", kind, shown, reasons: force.reasons ?? [] };
 }
 
+/** When a force was sent, in ms of the daemon's clock; undefined while no frame has come. */
+function sentAt(force) {
+  if (force.monotonicNs === undefined || force.ageS === undefined) return undefined;
+  return Number(force.monotonicNs) / 1e6 + force.ageS * 1000;
+}
+
+/** Messages that come late were long on their way, or the daemon's clock has stood still: an answer tells which. */
+async function askClock(now) {
+  if (now < askedAt + ASK_EVERY_MS) return;
+  askedAt = now;
+  const answer = await call("ForceService/GetForce", { patch: state.patch }).catch(() => ({}));
+  const sent = sentAt(answer);
+  if (sent !== undefined) asked(now, sent);
+}
+
 function takeForce(force) {
   if (force.patch !== state.patch) return; // of the one that was shown before
   const now = performance.now();
-  if (force.monotonicNs !== undefined && force.ageS !== undefined) {
-    const way = now - (Number(force.monotonicNs) / 1e6 + force.ageS * 1000);
-    quickest = Math.min(way, quickest + (CLOCK_DRIFT * (now - received)) / 1000);
-    late = way - quickest;
-  }
+  const sent = sentAt(force);
+  if (sent !== undefined) late = delay(now, sent);
+  if (late > OLD_S * 1000) askClock(now);
   const newModels = state.force && state.force.modelSet !== force.modelSet;
   received = now;
   state.force = force;
@@ -122,7 +136,7 @@ export async function loadSkin() {
 /** Opens the streams of the patch. */
 export function open() {
   close();
-  quickest = Infinity;
+  forget();
   const fields = { patch: state.patch, rateHz: RATE_HZ };
   close = streams([
     { method: "ForceService/StreamForce", fields, message: takeForce },

@@ -197,7 +197,9 @@ impl Robot {
         let sample = force.map(|told| &told.sample);
         let (state, reasons) = self.state(sample, waited, age_max);
         let good = sample.filter(|_| state == "OK" || state == "DEGRADED");
-        let zero = self.health.iter().flat_map(|health| &health.patches).find(|health| health.patch == patch);
+        // Of an engine that stands still nobody knows what has become of it.
+        let known = self.health.iter().filter(|health| health.engine_stalled_s.is_none());
+        let zero = known.flat_map(|health| &health.patches).find(|health| health.patch == patch);
         let zero = zero.and_then(|health| health.tare.as_ref());
         let model_set = sample.map(|sample| sample.model_set.clone()).unwrap_or_default();
         let models = self.models.iter().find(|set| set.model_set == model_set);
@@ -290,6 +292,10 @@ mod tests {
         assert_eq!((row.zero_valid, row.zero_taken), (Some(true), Some(1_700_000_000)));
         assert_eq!((row.calibrated, row.model_set.as_str()), (Some(1_600_000_000), "m-1"));
         assert_eq!((row.drift_counts, row.lost), (Some(-1.5), Some(0)));
+        let patches =
+            vec![PatchHealth { patch: "arm".into(), tare: Some(TareStatus::default()), ..Default::default() }];
+        book.health("icub", Health { patches, engine_stalled_s: Some(0.2), ..Health::default() }, s(2.0));
+        assert_eq!(book.rows(s(2.5))[0].zero_valid, None, "an engine that stands still tells no zero");
         book.force("icub", "arm", ForceSample { excluded: 3, stale: 20, ..sent(102.0) }, s(2.0));
         assert_eq!(book.rows(s(2.5))[0].lost, Some(22), "one had no model from the beginning");
     }

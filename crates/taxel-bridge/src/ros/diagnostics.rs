@@ -125,6 +125,11 @@ pub fn daemon(robot: &str, health: Result<&Health, &str>) -> Vec<DiagnosticStatu
         .extend(health.store.as_ref().filter(|store| !store.whole).map(|store| format!("store: {}", store.problem)));
     let (level, message) = said(&problems);
     let mut all = vec![status(level, "daemon".into(), message, vec![value("streams", health.streams)])];
+    // What an engine that stands still said last is nothing that is so now.
+    let known = |level: u8, message: String| match health.engine_stalled_s {
+        Some(_) => (STALE, "not known: the daemon's engine does not run".to_owned()),
+        None => (level, message),
+    };
     for bus in &health.buses {
         let level = if !bus.up {
             ERROR
@@ -134,6 +139,7 @@ pub fn daemon(robot: &str, health: Result<&Health, &str>) -> Vec<DiagnosticStatu
             OK
         };
         let message = if bus.up { "up".to_owned() } else { format!("down: {}", bus.problem) };
+        let (level, message) = known(level, message);
         let counts = [("frames", bus.frames), ("dropped", bus.dropped), ("malformed", bus.malformed)];
         all.push(status(level, format!("bus {}", bus.bus), message, counts.map(|(k, v)| value(k, v)).to_vec()));
     }
@@ -142,6 +148,7 @@ pub fn daemon(robot: &str, health: Result<&Health, &str>) -> Vec<DiagnosticStatu
         let mut words = board.warnings.clone();
         words.extend((silent > 0).then(|| format!("{silent} modules are silent")));
         let (level, message) = said(&words);
+        let (level, message) = known(level, message);
         let name = format!("board {} of {}", board.address, board.patch);
         let mut values = vec![value("bring-up", &board.bring_up), value("scans", board.scans)];
         values.extend(board.celsius.map(|celsius| value("temperature", format!("{celsius:.1} C"))));
@@ -149,6 +156,7 @@ pub fn daemon(robot: &str, health: Result<&Health, &str>) -> Vec<DiagnosticStatu
     }
     all.extend(health.patches.iter().map(|patch| {
         let (level, message) = zero(patch);
+        let (level, message) = known(level, message);
         status(
             level,
             format!("zero of {}", patch.patch),
@@ -250,6 +258,9 @@ mod tests {
                 ("taxel: zero of arm", ERROR, "none"),
             ]
         );
+        let stalled = daemon("icub", Ok(&Health { engine_stalled_s: Some(0.3), ..health }));
+        let told: Vec<_> = stalled[1..].iter().map(|s| (s.level, s.message.as_str())).collect();
+        assert_eq!(told, [(STALE, "not known: the daemon's engine does not run"); 3]);
         let silent = daemon("icub", Err("connection refused"));
         assert_eq!((silent.len(), silent[0].level), (1, ERROR));
     }

@@ -330,11 +330,11 @@ pub(super) fn kpa_per_count(pressure_kpa: &[f32; 256], count: u8) -> f32 {
     rise.abs() / f32::from(after - before)
 }
 
-/// Beyond which end of the pressure a count lies: where counts fall with pressure, few counts are much pressure.
+/// Beyond which end of the pressure a count lies.
 const fn in_pressure(counts: RangeState, sign: Sign) -> RangeFlag {
-    match (counts, sign) {
-        (RangeState::InRange, _) => RangeFlag::In,
-        (RangeState::Below, Sign::Rising) | (RangeState::Above, Sign::Falling) => RangeFlag::Below,
-        (RangeState::Above, Sign::Rising) | (RangeState::Below, Sign::Falling) => RangeFlag::Above,
+    match counts.in_pressure(sign) {
+        RangeState::InRange => RangeFlag::In,
+        RangeState::Below => RangeFlag::Below,
+        RangeState::Above => RangeFlag::Above,
     }
 }

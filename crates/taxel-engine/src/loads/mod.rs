@@ -15,4 +15,4 @@ pub mod watch;
 pub use factor::{AreaFactor, LOADS_MIN};
 pub use load::{KnownLoad, Load, Reading, STANDARD_GRAVITY_M_PER_S2, Weight};
 pub use owner::{LOADS_MAX, Loads};
-pub use validation::{JudgedLoad, Validation};
+pub use validation::{JudgedLoad, Patch, Validation, judge};

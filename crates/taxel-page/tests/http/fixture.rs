@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
 use taxel_engine::model_set::ModelSet;
@@ -24,6 +25,8 @@ pub const EXPORTED_BYTES: usize = 4 << 20;
 /// A running page and all its ends.
 pub struct Daemon {
     pub engine: Publisher,
+    /// The time by which the engine is judged, in ms.
+    pub now_ms: Arc<AtomicI64>,
     pub requests: mpsc::Receiver<Request>,
     pub shutdown: CancellationToken,
     pub address: SocketAddr,
@@ -54,7 +57,10 @@ pub async fn start_as(limits: Limits, rules: Rules) -> Daemon {
     let board = Board { bus: BusIndex(0), address: BoardAddress::new(13).unwrap(), modules };
     let patch = PatchPlan::new(Patch::new("left_forearm", vec![board]).unwrap());
     let plan = Arc::new(Plan { buses: 1, patches: vec![patch] });
-    let clocks = Clocks { run: Arc::new(Time::default), process: Arc::new(Time::default) };
+    let now = Arc::new(AtomicI64::new(0));
+    let process = Arc::clone(&now);
+    let process = Arc::new(move || Time::from_nanos(1_000_000 * process.load(Ordering::Relaxed)));
+    let clocks = Clocks { run: Arc::new(Time::default), process };
     let codec = ModelCodec {
         to_json: |_| Ok("x".repeat(EXPORTED_BYTES)),
         from_json: |text| Err(format!("{} bytes", text.len())),
@@ -79,7 +85,7 @@ pub async fn start_as(limits: Limits, rules: Rules) -> Daemon {
         limits,
     };
     tokio::spawn(serve(listener, options, shutdown.clone()));
-    Daemon { engine, requests, shutdown, address }
+    Daemon { engine, requests, shutdown, address, now_ms: now }
 }
 
 /// A snapshot with this number, its total as many newtons.

@@ -84,6 +84,7 @@ async fn a_stalled_engine_is_told_by_every_stream_and_every_health_and_recovers(
     assert_eq!((got.get_ref().state(), got.get_ref().total_n), (Stale, None));
     let health = skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner();
     assert_eq!(health.problems, ["the engine has not run for 0.11 s"]);
+    assert_eq!(health.engine_stalled_s, Some(0.11));
     for stream in &mut watched {
         until(stream, ServingStatus::NotServing).await;
     }
@@ -106,7 +107,8 @@ async fn a_stalled_engine_is_told_by_every_stream_and_every_health_and_recovers(
     for stream in &mut watched {
         until(stream, ServingStatus::Serving).await;
     }
-    assert!(skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner().problems.is_empty());
+    let health = skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner();
+    assert!(health.problems.is_empty() && health.engine_stalled_s.is_none(), "{health:?}");
 }
 
 #[tokio::test]

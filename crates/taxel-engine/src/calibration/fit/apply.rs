@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use taxel_model::{Beyond, Extension, PlayState, Plays, Sign, Status};
+use taxel_model::{Beyond, Extension, PlayState, Plays, RangeState, Sign, Status};
 
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::recipe_options::RecordingError;
@@ -58,11 +58,11 @@ impl fmt::Display for Unread {
 /// Pressures of a recording.
 #[derive(Clone, Debug)]
 pub struct Applied {
-    /// One column per taxel, kPa, beyond the calibrated range extended (see [`taxel_model::SkinSlope`]); NaN where the
+    /// One column per taxel, kPa, beyond the calibrated range of a skin extended (see [`taxel_model::SkinSlope`]); NaN where the
     /// taxel is excluded. The column is empty where it is excluded throughout.
     pub pressure_kpa: Vec<Vec<f64>>,
     /// Their standard deviations, kPa, likewise; all empty if they were not wanted. Infinite at an end of the converter
-    /// towards pressure: there the reading is a lower bound only.
+    /// towards pressure, and beyond the calibrated range of what is no skin: there the reading is a lower bound only.
     pub sigma_kpa: Vec<Vec<f64>>,
     /// Whether a reading is of more pressure than was calibrated, likewise.
     pub beyond: Vec<Vec<bool>>,
@@ -222,7 +222,8 @@ impl Reader<'_> {
     fn column(&self, taxel: usize, counts: &[f64], masked: &[bool], moved: f64) -> Column {
         let (model, plays) = (&self.set.taxels[taxel], self.set.plays(taxel));
         let (base, extension) = (self.base(taxel), self.extensions[taxel]);
-        let rail = if plays.map_or(model.sign, |plays| plays.sign) == Sign::Falling { 0.0 } else { 255.0 };
+        let sign = plays.map_or(model.sign, |plays| plays.sign);
+        let rail = if sign == Sign::Falling { 0.0 } else { 255.0 };
         // What corrected a set by known loads is in these, too.
         let of_day = if self.skin { GAIN_OF_DAY_REL } else { 0.0 };
         let gain = of_day.hypot(self.set.gauge_gain_rel);
@@ -237,13 +238,17 @@ impl Reader<'_> {
             let beyond = extension.map_or(Beyond::default(), |extension| extension.at(count));
             let kpa = plays.map_or(reading.kpa, |plays: &Plays| plays.evaluate(&mut state, count)) + beyond.kpa;
             let (own, shared) = base.as_ref().map_or((reading.sigma_kpa, 0.0), |base| (base.own_kpa, base.shared_kpa));
-            let railed = self.skin && counts[i] == rail;
+            let range = plays.map_or(reading.range, |plays| plays.range_state(count)).in_pressure(sign);
+            // Nothing tells how much more than at the range's end it is.
+            let is_open = self.skin && counts[i] == rail || extension.is_none() && range == RangeState::Above;
+            // Anything from there to nothing.
+            let before_kpa = if range == RangeState::Below { kpa } else { 0.0 };
             column.kpa[i] = kpa;
             column.own_kpa[i] = own.hypot(beyond.own_kpa);
             let shared = shared.hypot(self.doubts_kpa[taxel]).hypot(beyond.shared_kpa);
-            let shared = shared.hypot(gain * kpa).hypot(self.set.gauge_offset_kpa);
-            column.shared_kpa[i] = if railed { f64::INFINITY } else { shared };
-            column.beyond[i] = beyond.sigma_kpa() > 0.0 || railed;
+            let shared = shared.hypot(gain * kpa).hypot(self.set.gauge_offset_kpa).hypot(before_kpa);
+            column.shared_kpa[i] = if is_open { f64::INFINITY } else { shared };
+            column.beyond[i] = beyond.sigma_kpa() > 0.0 || is_open;
         }
         column
     }

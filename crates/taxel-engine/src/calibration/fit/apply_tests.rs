@@ -26,7 +26,8 @@ fn recorded() -> ModelSet {
 
 fn reader(set: &ModelSet, skin: bool, tared: bool) -> Reader<'_> {
     let doubts_kpa = vec![0.0; set.taxels.len()];
-    Reader { set, extensions: set.extensions(), doubts_kpa, half: 0, skin, tared }
+    let extensions = if skin { set.extensions() } else { vec![None; set.taxels.len()] };
+    Reader { set, extensions, doubts_kpa, half: 0, skin, tared }
 }
 
 #[test]
@@ -107,8 +108,29 @@ fn at_the_rail_and_beyond_the_range_a_reading_says_so() {
     assert!(skin.own_kpa[1] > skin.own_kpa[0], "{:?}", skin.own_kpa);
     assert_eq!(skin.shared_kpa[2], f64::INFINITY, "nobody knows how much more");
     assert!(skin.shared_kpa[3].is_finite(), "that rail is away from pressure");
-    // Of a table of numbers no value is a rail.
-    assert!(column(false).shared_kpa[2].is_finite());
+    // Of a table of numbers nothing tells how a curve goes on beyond its range, and no value is a rail.
+    let table = column(false);
+    assert_eq!(table.beyond, [false, true, true, false]);
+    assert_eq!(table.shared_kpa.iter().map(|kpa| kpa.is_finite()).collect::<Vec<_>>(), [true, false, false, true]);
+    assert!((table.kpa[1] - 70.0).abs() < 1.0, "the range's end: {}", table.kpa[1]);
+}
+
+/// Calibrated from 20 kPa on: below, it may be anything from there to nothing.
+#[test]
+fn before_the_range_a_reading_is_as_uncertain_as_the_ranges_end_is_far_from_nothing() {
+    let mut set = recorded();
+    let rest = f64::from(REST);
+    let counts = [rest - 10.0, rest - 20.0, rest - 30.0];
+    let shared = |set: &ModelSet, skin: bool| reader(set, skin, true).column(0, &counts, &[false; 3], 0.0);
+    let whole = shared(&set, true);
+    set.taxels[0].range = Some([rest - 70.0, rest - 20.0]);
+    for skin in [true, false] {
+        let late = shared(&set, skin);
+        assert!((late.kpa[0] - 20.0).abs() < 0.2, "{}", late.kpa[0]);
+        assert!((20.0..20.1).contains(&late.shared_kpa[0]) && !late.beyond[0], "{}", late.shared_kpa[0]);
+        assert!(late.shared_kpa[1] < 2.0 && late.shared_kpa[2] < 2.0, "{:?}", late.shared_kpa);
+    }
+    assert!(whole.shared_kpa[0] < 2.0);
 }
 
 #[test]
@@ -132,16 +154,21 @@ fn of_a_mean_own_parts_average_out_and_common_ones_do_not() {
 fn what_is_left_out_is_counted_and_one_column_or_other_numbers_are_no_skin() {
     let set = recorded();
     let (time, rest) = ([0.0, 0.05, 0.10], f64::from(REST));
-    let (a, b) = ([rest, f64::NAN, 0.0], [rest - 20.0, rest - 20.5, 0.0]);
+    let (a, b) = ([rest, f64::NAN, rest - 90.0], [rest - 20.0, rest - 20.5, rest - 90.0]);
     let recipe = ApplyRecipe { tare: Tare::None, sigma: true, ..ApplyRecipe::default() };
     let two = Scans { time_s: &time, pressure_kpa: None, counts: vec![&a, &b] };
     let applied = apply(&two, &set, &recipe).unwrap();
     assert_eq!(applied.masked, (1, 6));
-    assert!(applied.sigma_kpa[0][2].is_finite(), "half a count is none of a skin's");
+    let is_skin = |applied: &Applied| applied.sigma_kpa[0][2].is_finite(); // that goes on beyond the range
+    assert!(!is_skin(&applied), "half a count is none of a skin's");
     assert_eq!(applied.area_sigma_kpa.len(), 3);
+    let set_of_two = set.clone();
     let one = ModelSet { taxels: set.taxels[..1].to_vec(), baseline: set.baseline[..1].to_vec(), ..set };
     let alone = Scans { time_s: &time, pressure_kpa: None, counts: vec![&a] };
     let applied = apply(&alone, &one, &recipe).unwrap();
     assert_eq!(applied.masked, (1, 3));
-    assert!(applied.sigma_kpa[0][2].is_finite(), "nor is one column a skin");
+    assert!(!is_skin(&applied), "nor is one column a skin");
+    let bytes = [rest - 20.0, rest - 20.0, rest - 90.0];
+    let skin = Scans { counts: vec![&bytes, &bytes], ..two };
+    assert!(is_skin(&apply(&skin, &set_of_two, &recipe).unwrap()));
 }

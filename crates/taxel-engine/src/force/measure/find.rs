@@ -48,6 +48,7 @@ impl ForceModel {
                 touch.rim = Rim { without: touch.missing.len(), touched: touch.active.len(), hidden_n };
             }
         } else if coverage.uncovered_share > 0.0 {
+            self.missing_of_modules(&touch.active, evaluator.selection(), &mut touch.missing);
             touch.rim = self.rim_of_modules(&touch.active, evaluator.selection());
         }
         touch.contacts.resize(contacts + 1, Contact::default());
@@ -93,7 +94,8 @@ impl ForceModel {
 
     /// The force of a contact that may lie on `excluded` taxels, ascending, and touches none of those beside them, N, if it is more
     /// than `floor`; else that. One that lies amid several of them is on all of these. `touched` are those of them that an
-    /// active taxel is beside: what may lie there makes the total a lower bound.
+    /// active taxel is beside: what may lie there makes the total a lower bound. Without positions all of a module are beside
+    /// each other.
     #[must_use]
     pub fn untouched_floor(
         &self,
@@ -103,10 +105,16 @@ impl ForceModel {
         (excluded, touched): (&[usize], &[usize]),
         floor: Newton,
     ) -> Newton {
-        let Some(neighbours) = &self.neighbours else { return floor };
         let reading = |taxel: usize| self.reading(evaluator, remainder, counts, taxel);
         let newton = |taxel: usize, kpa: f64| self.newton_per_kpa(taxel) * kpa;
         let is_untouched = |taxel: &usize| touched.binary_search(taxel).is_err();
+        let Some(neighbours) = &self.neighbours else {
+            let of_module = |taxels: &Range<usize>| {
+                let missing = within(excluded, taxels).iter().copied().filter(is_untouched);
+                self.untouched_of_module(missing, taxels.clone().filter_map(reading))
+            };
+            return Newton(self.modules.iter().map(of_module).fold(floor.0, f64::max));
+        };
         let about = |taxel: usize, of_one: &dyn Fn(usize) -> f64| {
             let beside =
                 neighbours.of(taxel).filter(|other| excluded.binary_search(other).is_ok() && is_untouched(other));
@@ -122,6 +130,30 @@ impl ForceModel {
         })
     }
 
+    /// The force of a contact amid the `missing` taxels of a module of which nothing is touched, N: whether these lie side by side
+    /// nobody knows without positions.
+    fn untouched_of_module(
+        &self,
+        missing: impl Iterator<Item = usize>,
+        readings: impl Iterator<Item = Reading>,
+    ) -> f64 {
+        let (sum_mm2, most_mm2) = missing.fold((0.0, 0.0_f64), |(sum, most), taxel| {
+            let area_mm2 = self.areas_mm2[taxel];
+            (sum + area_mm2, most.max(area_mm2))
+        });
+        if sum_mm2 == 0.0 {
+            return 0.0; // nearly always
+        }
+        1e-3 * sum_mm2 * Neighbours::untouched_anywhere_kpa(readings, most_mm2)
+    }
+
+    /// Without positions the excluded taxels beside touched ones are those of the modules that are touched, ascending.
+    fn missing_of_modules(&self, active: &[(usize, f64)], selected: &[bool], missing: &mut Vec<usize>) {
+        let is_touched = |range: &&Range<usize>| active.iter().any(|(taxel, _)| range.contains(taxel));
+        let touched = self.modules.iter().filter(is_touched);
+        missing.extend(touched.flat_map(|range| range.clone().filter(|&taxel| !selected[taxel])));
+    }
+
     /// Without positions excluded taxels are beside those of their module: the touched module with most of them for each
     /// taxel that is touched. Where no more are touched than may lie about them, the tip of the contact may lie amid these.
     fn rim_of_modules(&self, active: &[(usize, f64)], selected: &[bool]) -> Rim {
@@ -134,4 +166,10 @@ impl ForceModel {
         let touched = self.modules.iter().map(rim).filter(|rim| rim.touched > 0);
         touched.max_by(|a, b| (a.without * b.touched).cmp(&(b.without * a.touched))).unwrap_or_default()
     }
+}
+
+/// Those of `taxels`, ascending, that are in a range.
+fn within<'a>(taxels: &'a [usize], range: &Range<usize>) -> &'a [usize] {
+    let place = |end: usize| taxels.partition_point(|&taxel| taxel < end);
+    &taxels[place(range.start)..place(range.end)]
 }

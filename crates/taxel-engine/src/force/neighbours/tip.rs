@@ -8,6 +8,8 @@
 //! 2 mm radius, 6.5 mm apart), of which the smallest hides the most. A wider one hides less, and so does each on a finer skin; on a
 //! coarser one the flanks are further away. What is not covered: tips of less than 4 mm radius, and contacts whose middle lies beyond a
 //! corner of the skin. These hide more.
+//!
+//! Without positions nobody knows which taxels those beside it are: then each of its module may be, alone, and it at the rim.
 
 use super::{Neighbours, Reading};
 use crate::statistics::quantile;
@@ -34,6 +36,11 @@ const FLANK_FALLS_TO: f64 = 0.3;
 const FLANKS_SHARE: f64 = 0.5;
 /// Beside one taxel another is well touched if it reads more than this share of its pressure.
 const WELL_TOUCHED_SHARE: f64 = 0.25;
+
+/// By how much more is hidden on a coarser skin, whose flanks are further away.
+fn by_pitch(pitch_m: f64) -> f64 {
+    (pitch_m / PITCH_M).max(1.0).powi(PITCH_POWER)
+}
 
 impl Neighbours {
     /// How much the taxel `missing`, which cannot be read, may bear because a contact's tip lies there, kPa; 0 where its
@@ -63,6 +70,15 @@ impl Neighbours {
         self.at_most_kpa(missing, 0.0, &reading)
     }
 
+    /// What a taxel that cannot be read may bear while nothing is touched, if any of its module's `readings` may be the one beside it,
+    /// kPa; 0 without any. The taxels lie as far apart as `area_mm2` leaves them in a hexagonal lattice.
+    #[must_use]
+    pub fn untouched_anywhere_kpa(readings: impl Iterator<Item = Reading>, area_mm2: f64) -> f64 {
+        let pitch_m = 1e-3 * (area_mm2 * 2.0 / 3.0_f64.sqrt()).sqrt();
+        let most_kpa = readings.map(|of| of.kpa + NOISE_SIGMAS * of.noise_kpa).fold(0.0, f64::max);
+        by_pitch(pitch_m) * AT_RIM * HIDDEN_OVER_MEAN * most_kpa
+    }
+
     /// What a wider load has on most of both outer rings, so that another contact on a part of one takes nothing off; 0 on a skin
     /// that is too small for a third ring, where a round contact of its size has as much on the second.
     fn about_kpa(&self, missing: usize, reading: impl Fn(usize) -> Option<Reading>) -> f64 {
@@ -86,9 +102,7 @@ impl Neighbours {
             return 0.0;
         }
         let mean_kpa = (sum_kpa + NOISE_SIGMAS * noise_kpa2.sqrt()) / known;
-        // The flanks of a coarser skin are further away.
-        let by_pitch = (self.pitch_m / PITCH_M).max(1.0).powi(PITCH_POWER);
-        let times = by_pitch * if self.at_rim[missing] { AT_RIM } else { 1.0 };
+        let times = by_pitch(self.pitch_m) * if self.at_rim[missing] { AT_RIM } else { 1.0 };
         times * (HIDDEN_OVER_MEAN * mean_kpa).min(HIDDEN_OVER_LEAST * least_kpa).max(0.0)
     }
 
@@ -244,6 +258,19 @@ mod tests {
         assert_eq!((hidden_at(0.003), hidden_at(0.0065)), (250.0, 250.0));
         let coarse = hidden_at(0.0075) / 250.0;
         assert!((2.0..2.1).contains(&coarse), "{coarse}");
+    }
+
+    #[test]
+    fn without_positions_any_taxel_of_the_module_may_be_the_one_beside_it() {
+        let of = |kpa: &[f64], pitch_mm: f64| {
+            let readings = kpa.iter().map(|&kpa| Reading { kpa, noise_kpa: 0.5 });
+            Neighbours::untouched_anywhere_kpa(readings, 0.75_f64.sqrt() * pitch_mm * pitch_mm)
+        };
+        let near = |is: f64, expected: f64| assert!((is - expected).abs() < 1e-9, "{is} kPa, expected {expected}");
+        near(of(&[0.0, 3.0, -1.0], 6.5), AT_RIM * HIDDEN_OVER_MEAN * 4.0);
+        near(of(&[0.0, 3.0, -1.0], 13.0), 32.0 * AT_RIM * HIDDEN_OVER_MEAN * 4.0);
+        near(of(&[-9.0], 6.5), 0.0);
+        near(of(&[], 6.5), 0.0);
     }
 
     /// A row at the rim of a hexagon: what those beside one read, and the next ones.

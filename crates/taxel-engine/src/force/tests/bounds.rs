@@ -93,3 +93,31 @@ fn a_contact_beside_several_that_cannot_be_read_is_no_part_of_the_floor() {
     assert!(beside.lower_bound && beside.active == 4, "{beside:?}");
     assert!(beside.detection_floor.unwrap().0 < 1.5 * untouched, "{beside:?}, {untouched} N where nothing lies");
 }
+
+/// Nobody knows which taxels of a module lie beside one that cannot be read, so that the one that reads most may.
+#[test]
+fn without_positions_the_floor_holds_what_may_lie_on_taxels_that_cannot_be_read_of_a_module_that_nothing_touches() {
+    let floor = |counts: u8, excluded: std::ops::Range<usize>| {
+        let mut skin = Skin::new(None).press(27..28, counts);
+        excluded.for_each(|taxel| skin.sound[taxel] = false);
+        let sample = skin.measured().sample;
+        assert!(sample.active == 0 && !sample.lower_bound, "{sample:?}");
+        sample.detection_floor.unwrap().0
+    };
+    let none = floor(3, 0..0);
+    let one = floor(3, 24..25);
+    // A taxel of 100 mm2 lies 10.7 mm from the next ones: of a contact over it these feel a four hundredth.
+    assert!(one > 3.0 * 0.1 * 35.0 && one > 3.0 * none, "{one} N, {none} N with all of them");
+    assert!(floor(3, 23..25) > 1.9 * one, "a contact may lie on both");
+    assert!(floor(3, 44..45) < 0.6 * one, "none of that module reads anything");
+}
+
+/// What a touched module's taxels hide makes the total a lower bound, and is no part of the floor.
+#[test]
+fn without_positions_a_contact_beside_taxels_that_cannot_be_read_is_no_part_of_the_floor() {
+    let mut skin = Skin::new(None).press(20..24, 60).fault(25).fault(26);
+    let beside = skin.measured().sample;
+    skin.sound.fill(true);
+    let all = skin.measured().sample.detection_floor.unwrap().0;
+    assert!(beside.lower_bound && beside.detection_floor.unwrap().0 < 1.5 * all, "{beside:?}, {all} N with all");
+}
