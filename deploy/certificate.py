@@ -215,10 +215,11 @@ def loads_part(loads):
         error = load["read_n"] - load["force_n"]
         parts.append({"error_percent": 100 * error / load["force_n"], "normalised_error": error / (K * u)})
         same_filling = load.get("filled") in (None, bool(newest.get("filled")))
-        outdated = abs(load["mean_area_mm2"] / newest["mean_area_mm2"] - 1) > 1e-9 or not same_filling
+        told = "left_out_because" in load  # earlier versions counted all, those within the range in the factor
+        outdated = told and (abs(load["mean_area_mm2"] / newest["mean_area_mm2"] - 1) > 1e-9 or not same_filling)
         unfit = load["out_of_range"] > 0 or bool(load.get("reasons")) or load.get("filled_share", 0) > FILLED_SHARE_MAX
         said = [bool(load.get(key)) for key in ("outdated_because", "left_out_because")]
-        if said != [outdated, unfit and not outdated] and "left_out_because" in load:
+        if told and said != [outdated, unfit and not outdated]:
             parts[-1]["counts"] = not outdated and not unfit  # the certificate says otherwise
         if not outdated:
             counting.append(parts[-1])

@@ -57,6 +57,8 @@ class NewestForce:
                 self.broken = "the daemon ended the stream"
             except grpc.RpcError as error:
                 self.broken = f"{error.code().name}: {error.details()}"
+            except Exception as error:  # of a daemon that ended while its services were looked up; the next one has them
+                self.broken = f"{type(error).__name__}: {error}"
             time.sleep(0.5)
 
     def _read(self, channel):
@@ -105,6 +107,8 @@ class NewestForce:
         sample, state, came, delay = self.newest
         if state not in GOOD or not sample.HasField("total_n") or not sample.HasField("age_s"):
             return None, None, self.broken or f"{state}: {'; '.join(sample.reasons)}"
+        if not math.isfinite(sample.total_n) or not sample.age_s >= 0:
+            return None, None, f"{sample.total_n} N, {sample.age_s} s old: that is no force"
         age = sample.age_s + delay + now_s() - came
         if not age <= AGE_MAX_S:  # also if it is no number
             return None, None, self.broken or f"{1e3 * age:.0f} ms old, more than {1e3 * AGE_MAX_S:.0f} ms"

@@ -165,10 +165,19 @@ impl Worker {
         while let Ok(Some(item)) = waiting.next(Duration::ZERO) {
             self.take(item);
         }
-        if let Err(why) = self.in_place() {
+        if let Err(why) = self.in_place().and_then(|()| self.flushed()) {
             self.failed(&why);
         }
         self.close();
+    }
+
+    /// Everything that was taken is on the disk.
+    fn flushed(&mut self) -> Result<(), String> {
+        let Some(open) = &mut self.open else { return Ok(()) };
+        open.file.flush().map_err(|fault| fault.words())?;
+        open.unflushed = 0;
+        open.looked_bytes = open.file.bytes();
+        Ok(())
     }
 
     fn take(&mut self, item: Item) {
@@ -206,10 +215,8 @@ impl Worker {
         if !self.folder.is_held() {
             self.folder.hold_again().map_err(|error| format!("{path}: {error}"))?;
         }
-        if let Some(open) = &mut self.open {
-            open.file.flush().map_err(|fault| fault.words())?;
-            open.unflushed = 0;
-            open.looked_bytes = open.file.bytes();
+        self.flushed()?;
+        if let Some(open) = &self.open {
             let full = open.looked_bytes >= self.limits.file_bytes;
             if full || (open.begun.elapsed() >= self.limits.file_age && open.things > 0) {
                 self.close();
@@ -263,7 +270,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Ends the present file with its summary.
+    /// Ends the present file, of which all is on the disk, with its summary.
     fn close(&mut self) {
         let Some(open) = self.open.take() else { return };
         let before = open.file.bytes();

@@ -89,7 +89,7 @@ impl Metrics {
             let request = v1::ListSessionsRequest { patch: patch.patch.clone(), page_size: 1, ..Default::default() };
             newest.extend(calibration.list_sessions(request).await?.into_inner().sessions);
         }
-        sessions(&mut sheet, &newest);
+        sessions(&mut sheet, &newest, runs);
         sheet.text()
     }
 }
@@ -242,10 +242,11 @@ fn forces(sheet: &mut Sheet, samples: &[v1::ForceSample]) {
     sheet.gauge("model_set_info", "The model set in use; always 1", active);
 }
 
-fn sessions(sheet: &mut Sheet, newest: &[v1::Session]) {
+fn sessions(sheet: &mut Sheet, newest: &[v1::Session], runs: bool) {
+    let newest = || newest.iter().filter(|_| runs);
     let labels = |session: &v1::Session| vec![("patch", session.patch.clone())];
     let mut gauge = |name: &str, help: &str, value: fn(&v1::Session) -> Option<f64>| {
-        sheet.gauge(name, help, newest.iter().filter_map(|session| Some((labels(session), value(session)?))));
+        sheet.gauge(name, help, newest().filter_map(|session| Some((labels(session), value(session)?))));
     };
     gauge("session_number", "Number of the newest session", |session| Some(session.session as f64));
     gauge("session_coverage_ratio", "Share of the pressures that it covers", |session| Some(session.coverage));
@@ -256,7 +257,7 @@ fn sessions(sheet: &mut Sheet, newest: &[v1::Session]) {
         let name = word(state.as_str_name(), "SESSION_STATE_");
         (vec![("patch", session.patch.clone()), ("state", name)], flag(session.state() == state))
     };
-    let all = states.flat_map(|state| newest.iter().map(move |session| is(state, session)));
+    let all = states.flat_map(|state| newest().map(move |session| is(state, session)));
     sheet.gauge("session_state", "1 for the state that the newest session is in", all);
 }
 

@@ -15,6 +15,12 @@ export function forget() {
   before = null;
 }
 
+/** This browser's clock has stood still, as in a sleep of its machine: how late messages are is not known until an answer tells. */
+export function doubt() {
+  quickest = { way: -Infinity, at: 0 };
+  before = null;
+}
+
 /** How much longer than the quickest a message was on its way that came at `at` and was `sent` by the daemon's clock. */
 export function delay(at, sent) {
   const way = at - sent;

@@ -29,21 +29,21 @@ export function health(signal) {
   return el("div.stack", el("section.card", el("h2", "Patch"), actions), body);
 }
 
-/** What an engine that stands still said last is nothing that is so now. */
-const pill = (now, good, yes, no) => now.engineStalledS === undefined ? el(`span.pill.${good ? "ok" : "bad"}`, good ? yes : no) : el("span.pill.bad", "not known");
-
 function shown(now) {
   const problems = now.problems ?? [];
+  const first = el("section.card", el("h2", "Problems"), problems.length ? el("ul.reasons", problems.map((text) => el("li", text))) : el("p.note", "none"),
+      el("p.note", `${now.streams ?? 0} of ${now.streamsMax ?? 0} streams are in use, this page's among them.`));
+  // What an engine that stands still said last is nothing that is so now.
+  if (now.engineStalledS !== undefined) return [first, el("section.card.noforce", el("p", "Buses, boards and zeros are not known: the engine does not run."))];
   return [
-    el("section.card", el("h2", "Problems"), problems.length ? el("ul.reasons", problems.map((text) => el("li", text))) : el("p.note", "none"),
-      el("p.note", `${now.streams ?? 0} of ${now.streamsMax ?? 0} streams are in use, this page's among them.`)),
+    first,
     el("section.card", el("h2", "Buses"), table(["#bus", "state", "#frames", "#foreign", "#malformed", "#lost", "problem"],
-      (now.buses ?? []).map((bus) => [bus.bus ?? 0, pill(now, bus.up, "up", "down"), bus.frames ?? 0, bus.foreign ?? 0, bus.malformed ?? 0, bus.dropped ?? 0,
+      (now.buses ?? []).map((bus) => [bus.bus ?? 0, el(`span.pill.${bus.up ? "ok" : "bad"}`, bus.up ? "up" : "down"), bus.frames ?? 0, bus.foreign ?? 0, bus.malformed ?? 0, bus.dropped ?? 0,
         el("td.wrap", [bus.problem, bus.lastMalformed].filter(Boolean).join("; "))]))),
     el("section.card", el("h2", "Boards"), table(["patch", "#bus", "#address", "bring-up", "#modules", "#scans", "#orphans", "#°C", "firmware", "warnings"],
       (now.boards ?? []).map((b) => [b.patch, b.bus ?? 0, b.address, el("td.wrap", b.bringUp), `${b.modulesFresh ?? 0} of ${b.modulesEnabled ?? 0}`, b.scans ?? 0, b.orphans ?? 0, num(b.celsius, 1), b.firmware ?? "",
         el("td.wrap", (b.warnings ?? []).join("; "))]))),
-    el("div.cards", (now.patches ?? []).map((one) => patch(now, one))),
+    el("div.cards", (now.patches ?? []).map(patch)),
   ];
 }
 
@@ -53,13 +53,13 @@ function unseen(wear) {
   return wear.worn ? `${grown}: worn, unload the skin and tare` : grown;
 }
 
-function patch(now, one) {
+function patch(one) {
   const tare = one.tare ?? {};
   const drift = tare.drift;
   const faulty = one.faulty ?? [];
   return el("section.card", el("h2", one.patch),
     facts([
-      ["zero", pill(now, tare.valid, "valid", "not valid")],
+      ["zero", el(`span.pill.${tare.valid ? "ok" : "bad"}`, tare.valid ? "valid" : "not valid")],
       ["taken", when(tare.time)],
       ["because", tare.reason],
       ["count at rest", `${num(tare.baselineMedianCounts, 1)}, noise ${num(tare.noiseMedianCounts)}`],

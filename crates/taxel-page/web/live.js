@@ -47,7 +47,7 @@ export function forceCard(signal) {
 
 function details(force, now) {
   return facts([
-    ["age", age() === undefined ? "–" : `${num(age(), 2)} s`],
+    ["age", !Number.isFinite(age()) ? "–" : `${num(age(), 2)} s`],
     now.shown && ["may press unfelt", force.detectionFloorN === undefined ? undefined : `${num(force.detectionFloorN)} N`],
     ["taxels", `${force.active ?? 0} touched, ${force.excluded ?? 0} excluded, ${force.stale ?? 0} silent, ${force.outOfRange ?? 0} beyond calibration`],
     ["blind area", percent(force.uncoveredShare ?? 0, 1)],

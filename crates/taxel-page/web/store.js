@@ -1,7 +1,7 @@
 // What the page knows: newest values, when they came, and how old they are now by this browser's clock.
 
 import { call, health as askHealth, streams } from "./api.js";
-import { asked, delay, forget } from "./clock.js";
+import { asked, delay, doubt, forget } from "./clock.js";
 import { unroll } from "./unroll.js";
 
 /** A force older than this is not shown as one, whatever it says of itself. */
@@ -43,13 +43,30 @@ let received = 0;
 let late = 0;
 let askedAt = -Infinity;
 
+/** The wall clock goes on while this machine sleeps, and a page's own may not: by more than this, in ms, they part in no other way
+ * but a clock that is set. */
+const ASLEEP_MS = 250;
+const wall = () => Date.now() - performance.now();
+let parted = wall();
+
+/** Whether this machine has slept since the last look: then nothing is known of what came before, or was on its way. */
+function hasSlept() {
+  const now = wall();
+  const apart = Math.abs(now - parted);
+  parted = now;
+  if (apart < ASLEEP_MS) return false;
+  [received, askedAt] = [-Infinity, -Infinity];
+  doubt();
+  return true;
+}
+
 /** Age of the newest force now, in s: what the daemon said, its time on the way, and the time since. */
 export function age() {
   if (!state.force || state.force.ageS === undefined) return undefined;
   return state.force.ageS + (late + performance.now() - received) / 1000;
 }
 
-const isSilent = () => performance.now() - received > OLD_S * 1000;
+const isSilent = () => hasSlept() || performance.now() - received > OLD_S * 1000;
 
 /** Whether nothing comes from the daemon, or comes so late, that what is known is not what is. */
 export const isOld = () => isSilent() || !(age() <= OLD_S);
@@ -60,11 +77,13 @@ export function verdict() {
   if (!force) return { word: "NO DATA", kind: "bad", shown: false, reasons: ["nothing has come from the daemon yet"] };
   if (isSilent()) {
     const silent = (performance.now() - received) / 1000;
-    return { word: "STALE", kind: "bad", shown: false, reasons: [`nothing has come from the daemon for ${silent.toFixed(1)} s`] };
+    const since = Number.isFinite(silent) ? `for ${silent.toFixed(1)} s` : "since this machine slept";
+    return { word: "STALE", kind: "bad", shown: false, reasons: [`nothing has come from the daemon ${since}`] };
   }
   const old = age();
   if (old > OLD_S) {
-    return { word: "STALE", kind: "bad", shown: false, reasons: [`the newest frame is ${old.toFixed(1)} s old`, ...(force.reasons ?? [])] };
+    const text = Number.isFinite(old) ? `${old.toFixed(1)} s` : "nobody knows how";
+    return { word: "STALE", kind: "bad", shown: false, reasons: [`the newest frame is ${text} old`, ...(force.reasons ?? [])] };
   }
   const name = (force.state ?? "").replace("FORCE_STATE_", "").replaceAll("_", " ");
   const shown = force.totalN !== undefined;
@@ -89,10 +108,11 @@ async function askClock(now) {
 
 function takeForce(force) {
   if (force.patch !== state.patch) return; // of the one that was shown before
+  hasSlept();
   const now = performance.now();
   const sent = sentAt(force);
   if (sent !== undefined) late = delay(now, sent);
-  if (late > OLD_S * 1000) askClock(now);
+  if (late + 1000 * (force.ageS ?? 0) > OLD_S * 1000) askClock(now);
   const newModels = state.force && state.force.modelSet !== force.modelSet;
   received = now;
   state.force = force;

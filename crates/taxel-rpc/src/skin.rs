@@ -97,7 +97,7 @@ impl SkinService for Service {
         let recording = self.handle.recording.as_ref().map(|state| state());
         let unrecorded = recording.iter().map(|state| &state.problem).filter(|problem| !problem.is_empty());
         let unrecorded = unrecorded.map(|problem| format!("nothing is recorded: {problem}"));
-        let own = [stalled.map(not_run_for), unknown].into_iter().flatten();
+        let own = [stalled.map(not_run_for), unknown.clone()].into_iter().flatten();
         Ok(Response::new(v1::Health {
             buses: health.buses.iter().enumerate().map(|(bus, health)| bus_health(bus, health)).collect(),
             boards: health.boards.iter().map(board_health).collect(),
@@ -111,7 +111,7 @@ impl SkinService for Service {
                 damage: health.store.damage.clone(),
             }),
             recording,
-            engine_stalled_s: stalled.map(|silence| silence.as_secs_f64()),
+            engine_stalled_s: stalled.map(|silence| silence.as_secs_f64()).or_else(|| unknown.as_ref().map(|_| 0.0)),
         }))
     }
 }

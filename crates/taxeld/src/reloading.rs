@@ -2,6 +2,7 @@
 //! one of them changed. A file on a disk that hangs holds up nobody but its thread: a token that is taken back is taken back
 //! also while the configuration cannot be read, and the log tells of what cannot.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -57,9 +58,11 @@ fn keep_configuration(
 ) {
     while asked.recv().is_ok() {
         under_way.begin();
-        if let Some(rules) = reload.as_mut().and_then(Reload::again) {
-            reloader.regrant(rules);
-        }
+        guarded("the configuration", || {
+            if let Some(rules) = reload.as_mut().and_then(Reload::again) {
+                reloader.regrant(rules);
+            }
+        });
         let (over, is_over) = sync_channel(1);
         if looks.send(over).is_ok() {
             let _ = is_over.recv(); // nothing is sent: it is dropped
@@ -77,9 +80,17 @@ fn keep_credentials(look: &Receiver<SyncSender<()>>, mut credentials: Credential
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return,
         };
-        credentials.look(asked.is_some());
+        guarded("certificates and tokens", || credentials.look(asked.is_some()));
         drop(asked);
         under_way.tell_if_late();
+    }
+}
+
+/// Reads files with `read`, of which a fault of our own must not be the last time that they are read: a token that is taken back
+/// has to be taken back. What was read before holds until then.
+fn guarded(what: &str, read: impl FnOnce()) {
+    if catch_unwind(AssertUnwindSafe(read)).is_err() {
+        tracing::error!("{what} could not be read again: a fault of this program");
     }
 }
 

@@ -266,11 +266,12 @@ impl Daemon {
                     Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
                     Some(Ok(BusEnd::LogOver)) if !self.tasks.buses.is_empty() => {}
                     Some(Ok(_)) | None => break,
-                    Some(Err(error)) => tracing::error!(%error, "a bus task"),
+                    // Nobody would serve that bus any more, nor say so: the service manager starts all anew.
+                    Some(Err(error)) => anyhow::bail!("the task of a bus ended by a fault of this program: {error}"),
                 },
                 Some(ended) = self.tasks.parts.join_next() => {
                     if let Err(error) = ended {
-                        tracing::error!(%error, "a task of the daemon");
+                        anyhow::bail!("a task of the daemon ended by a fault of this program: {error}");
                     }
                     break;
                 }

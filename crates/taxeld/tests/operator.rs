@@ -239,6 +239,38 @@ fn stored_samples_are_fitted_once_more(demo: &Demo, session: &str, own: &str) {
     assert_eq!(demo.json(&["sessions", "show", session, "--json"])[0]["state"], "SESSION_STATE_ACTIVE");
 }
 
+/// The pump goes on while the daemon hangs: nobody may see the last pressure as the present one.
+#[test]
+fn a_calibration_says_stop_while_the_daemon_hangs() {
+    let demo = Demo::start(&["--bare"]);
+    let signal = |name: &str| {
+        let pid = demo.child.id().to_string();
+        assert!(Command::new("kill").args([name, &pid]).status().unwrap().success());
+    };
+    let mut calibrate = Command::new(env!("CARGO_BIN_EXE_taxeld"));
+    calibrate
+        .args(["calibrate", "--target", "30", "--yes", "--confirmed-by", "test"])
+        .env("TAXELD_SERVER", &demo.server);
+    let child = calibrate.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = Ended(child);
+    let mut lines = BufReader::new(child.0.stdout.take().unwrap()).lines().map(Result::unwrap);
+    assert!(lines.any(|line| line.starts_with("RAMPING")), "the ramp begins");
+    signal("-STOP");
+    assert!(lines.any(|line| line.contains("stop pumping: nothing new comes from the daemon")), "it says so");
+    signal("-CONT");
+    assert!(lines.any(|line| !line.contains("stop pumping")), "it goes on, or says why not");
+}
+
+/// A command that ends with its test.
+struct Ended(Child);
+
+impl Drop for Ended {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
 #[test]
 fn a_demo_starts_with_its_models_in_use_and_a_set_goes_out_and_in_as_a_file() {
     let demo = Demo::start(&[]);

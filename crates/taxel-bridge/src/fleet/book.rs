@@ -18,6 +18,9 @@ const PATCHES_MAX: usize = 64;
 /// Samples of one robot are at most so much out of order, s; else it has begun to count anew.
 const ANOTHER_CLOCK_S: f64 = 10.0;
 
+/// A robot's health comes once a second.
+const HEALTH_AGE_MAX: Duration = Duration::from_secs(5);
+
 /// All robots.
 #[derive(Debug)]
 pub struct Book {
@@ -35,7 +38,8 @@ struct Robot {
     clock: DaemonClock,
     /// When the newest sample was sent by the robot's own clock, s.
     sent_s: f64,
-    health: Option<Health>,
+    /// When it came, and the health.
+    health: Option<(Duration, Health)>,
     models: Vec<ModelSetSummary>,
 }
 
@@ -130,7 +134,7 @@ impl Book {
     /// The health of a robot's daemon came.
     pub fn health(&mut self, robot: &str, health: Health, now: Duration) {
         if let Some(robot) = self.robot(robot, now) {
-            robot.health = Some(health);
+            robot.health = Some((now, health));
         }
     }
 
@@ -197,9 +201,10 @@ impl Robot {
         let sample = force.map(|told| &told.sample);
         let (state, reasons) = self.state(sample, waited, age_max);
         let good = sample.filter(|_| state == "OK" || state == "DEGRADED");
-        // Of an engine that stands still nobody knows what has become of it.
-        let known = self.health.iter().filter(|health| health.engine_stalled_s.is_none());
-        let zero = known.flat_map(|health| &health.patches).find(|health| health.patch == patch);
+        // Nobody knows what has become of the zero of an engine that stands still, or of a daemon that says nothing.
+        let is_new = |came: Duration| self.here && now.saturating_sub(came) <= HEALTH_AGE_MAX;
+        let known = self.health.iter().filter(|(came, health)| is_new(*came) && health.engine_stalled_s.is_none());
+        let zero = known.flat_map(|(_, health)| &health.patches).find(|health| health.patch == patch);
         let zero = zero.and_then(|health| health.tare.as_ref());
         let model_set = sample.map(|sample| sample.model_set.clone()).unwrap_or_default();
         let models = self.models.iter().find(|set| set.model_set == model_set);
@@ -292,6 +297,7 @@ mod tests {
         assert_eq!((row.zero_valid, row.zero_taken), (Some(true), Some(1_700_000_000)));
         assert_eq!((row.calibrated, row.model_set.as_str()), (Some(1_600_000_000), "m-1"));
         assert_eq!((row.drift_counts, row.lost), (Some(-1.5), Some(0)));
+        assert_eq!([7.0, 7.1].map(|at| book.rows(s(at))[0].zero_valid), [Some(true), None], "a health that is old");
         let patches =
             vec![PatchHealth { patch: "arm".into(), tare: Some(TareStatus::default()), ..Default::default() }];
         book.health("icub", Health { patches, engine_stalled_s: Some(0.2), ..Health::default() }, s(2.0));

@@ -126,9 +126,9 @@ pub fn daemon(robot: &str, health: Result<&Health, &str>) -> Vec<DiagnosticStatu
     let (level, message) = said(&problems);
     let mut all = vec![status(level, "daemon".into(), message, vec![value("streams", health.streams)])];
     // What an engine that stands still said last is nothing that is so now.
-    let known = |level: u8, message: String| match health.engine_stalled_s {
-        Some(_) => (STALE, "not known: the daemon's engine does not run".to_owned()),
-        None => (level, message),
+    let known = |level, name, message, values| match health.engine_stalled_s {
+        Some(_) => status(STALE, name, "not known: the daemon's engine does not run".to_owned(), Vec::new()),
+        None => status(level, name, message, values),
     };
     for bus in &health.buses {
         let level = if !bus.up {
@@ -139,25 +139,22 @@ pub fn daemon(robot: &str, health: Result<&Health, &str>) -> Vec<DiagnosticStatu
             OK
         };
         let message = if bus.up { "up".to_owned() } else { format!("down: {}", bus.problem) };
-        let (level, message) = known(level, message);
         let counts = [("frames", bus.frames), ("dropped", bus.dropped), ("malformed", bus.malformed)];
-        all.push(status(level, format!("bus {}", bus.bus), message, counts.map(|(k, v)| value(k, v)).to_vec()));
+        all.push(known(level, format!("bus {}", bus.bus), message, counts.map(|(k, v)| value(k, v)).to_vec()));
     }
     for board in &health.boards {
         let silent = board.modules_enabled.saturating_sub(board.modules_fresh);
         let mut words = board.warnings.clone();
         words.extend((silent > 0).then(|| format!("{silent} modules are silent")));
         let (level, message) = said(&words);
-        let (level, message) = known(level, message);
         let name = format!("board {} of {}", board.address, board.patch);
         let mut values = vec![value("bring-up", &board.bring_up), value("scans", board.scans)];
         values.extend(board.celsius.map(|celsius| value("temperature", format!("{celsius:.1} C"))));
-        all.push(status(level, name, message, values));
+        all.push(known(level, name, message, values));
     }
     all.extend(health.patches.iter().map(|patch| {
         let (level, message) = zero(patch);
-        let (level, message) = known(level, message);
-        status(
+        known(
             level,
             format!("zero of {}", patch.patch),
             message,
@@ -259,8 +256,8 @@ mod tests {
             ]
         );
         let stalled = daemon("icub", Ok(&Health { engine_stalled_s: Some(0.3), ..health }));
-        let told: Vec<_> = stalled[1..].iter().map(|s| (s.level, s.message.as_str())).collect();
-        assert_eq!(told, [(STALE, "not known: the daemon's engine does not run"); 3]);
+        let told: Vec<_> = stalled[1..].iter().map(|s| (s.level, s.message.as_str(), s.values.len())).collect();
+        assert_eq!(told, [(STALE, "not known: the daemon's engine does not run", 0); 3]);
         let silent = daemon("icub", Err("connection refused"));
         assert_eq!((silent.len(), silent[0].level), (1, ERROR));
     }

@@ -20,7 +20,7 @@ use crate::force::reason::{Reason, ReasonCode, positions};
 use crate::force::remainder::{FLOOR_SIGMAS, Remainder, Rest, newton_per_count};
 use crate::force::sample::{ForceSample, ForceState};
 use crate::force::tables::Tables;
-use crate::force::touch::Touch;
+use crate::force::touch::{Hiding, Touch};
 use crate::model_set::ModelSet;
 use crate::scan::Scan;
 use crate::zero::boards::HiddenCounts;
@@ -326,9 +326,10 @@ impl Force {
         unseen.floor = Newton(unseen.floor.0 + taken_by_noise + zero.absorbed.0 + jumped_n);
         let worn = unseen.floor;
         // What noise alone activated shows nothing of the taxels beside it.
-        let touched = if unseen.has_contact { touch.missing.as_slice() } else { &[] };
-        let excluded = (self.excluded.as_slice(), touched);
-        unseen.floor = self.model.untouched_floor(evaluator, &self.remainder, scan.counts, excluded, unseen.floor);
+        let (beside, touched) =
+            if unseen.has_contact { (&touch.missing[..], &touch.active[..]) } else { Default::default() };
+        let hiding = Hiding { excluded: &self.excluded, beside, touched };
+        unseen.floor = self.model.untouched_floor(evaluator, &self.remainder, scan.counts, hiding, unseen.floor);
         // Where the untouched taxels lie away from their zero, the touched ones may, too.
         let zero_sigma_counts = zero.sigma_counts.hypot(unseen.offset_counts);
         let present = Present { coverage: self.coverage, zero_sigma_counts, jumps: scan.jumps };

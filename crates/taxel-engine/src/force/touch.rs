@@ -34,6 +34,17 @@ impl Touch {
     }
 }
 
+/// What of a patch may hide a contact that touches nothing.
+#[derive(Clone, Copy, Debug)]
+pub struct Hiding<'a> {
+    /// Taxels that are not selected, ascending.
+    pub excluded: &'a [usize],
+    /// Those of them that a contact is beside, ascending: what may lie there makes the total a lower bound.
+    pub beside: &'a [usize],
+    /// The taxels of contacts with their forces, N: what they read is of these.
+    pub touched: &'a [(usize, f64)],
+}
+
 /// How a contact lies on taxels that are excluded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Rim {

@@ -291,6 +291,23 @@ fn a_disk_that_is_full_is_told_counted_and_recorded_on_once_there_is_room() {
     assert!(read_bytes(&last).1.faults.is_empty());
 }
 
+/// What has come since the last flush is lost if it finds no room at the end, and whoever recorded is told.
+#[test]
+fn a_disk_that_is_full_at_the_end_is_told_and_counted() {
+    let scratch = tempfile::tempdir().unwrap();
+    let disk = Disk::of(60_000);
+    let given = disk.clone();
+    let opener = move |_: &Path| -> io::Result<Box<dyn Sink>> { Ok(Box::new(given.clone())) };
+    let limits = Limits { flush_every: Duration::from_secs(3_600), file_bytes: 1 << 30, ..limits() };
+    let folder = Folder::open(scratch.path()).unwrap();
+    let (recorder, queue) = Recorder::start(folder, limits, topics(), BTreeMap::new(), Box::new(opener)).unwrap();
+    assert!((0..50).all(|part| queue.give(0, 7, message(100 * part..100 * part + 100)) == Given::Taken));
+    disk.room.store(disk.content().len() as u64, Ordering::Relaxed);
+    let done = recorder.finish();
+    assert!(done.problem.is_some_and(|why| why.contains("no storage space")));
+    assert!(done.lost > 0, "{} messages", done.lost);
+}
+
 /// A cleaning script, or a disk that is mounted there after the daemon has started.
 #[test]
 fn a_folder_that_was_removed_is_told_and_recorded_into_again() {

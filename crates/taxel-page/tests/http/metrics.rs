@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
+use taxel_engine::calibration::SessionView;
 use taxel_engine::snapshot::{BusHealth, Health};
 
 use crate::fixture::{snapshot, start};
@@ -42,7 +43,15 @@ async fn of_an_engine_that_stands_still_nobody_is_told_that_buses_and_zeros_are_
     let buses = vec![BusHealth { up: true, frames: 4_321, ..BusHealth::default() }];
     daemon.engine.health(Arc::new(Health { buses, ..Health::default() }));
     daemon.engine.beat();
-    let well = ["taxeld_bus_up{bus=\"0\"}", "taxeld_zero_valid{", "taxeld_faulty_taxels{", "taxeld_force_newtons{"];
+    let session = SessionView { number: 3, patch: "left_forearm".to_owned(), ..SessionView::default() };
+    daemon.engine.session(0, Arc::new(session));
+    let well = [
+        "taxeld_session_state{",
+        "taxeld_bus_up{bus=\"0\"}",
+        "taxeld_zero_valid{",
+        "taxeld_faulty_taxels{",
+        "taxeld_force_newtons{",
+    ];
     let always = "taxeld_bus_frames_total{bus=\"0\"} 4321";
     for (ms, runs) in [(100, true), (101, false), (102, true)] {
         daemon.now_ms.store(ms, Ordering::Relaxed);

@@ -54,6 +54,9 @@ fn troubles(health: &Health) -> Vec<String> {
 }
 
 async fn print(daemon: &Daemon, health: &Health) -> Outcome {
+    if health.engine_stalled_s.is_some() {
+        say!("the engine does not run: what follows was so before, and may not be so now");
+    }
     health.buses.iter().for_each(|bus| say!("{}", of_bus(bus)));
     for board in &health.boards {
         say!("{}", of_board(board));

@@ -73,11 +73,15 @@ fn tell(path: &Path, what: &str, before: &Score, after: &Score) {
     );
 }
 
-/// Mean over the taxels, scan by scan, kPa; NaN where none is read.
+/// Mean over the taxels, scan by scan, kPa; NaN where none is read, or where it is a lower bound.
 fn area_kpa(applied: &Applied) -> Vec<f64> {
     let columns: Vec<&Vec<f64>> = applied.pressure_kpa.iter().filter(|column| !column.is_empty()).collect();
     let scans = columns.first().map_or(0, |column| column.len());
+    let is_open = |scan: usize| applied.area_sigma_kpa.get(scan).is_some_and(|sigma| sigma.is_infinite());
     let of = |scan: usize| {
+        if is_open(scan) {
+            return f64::NAN;
+        }
         let read = columns.iter().map(|column| column[scan]).filter(|kpa| kpa.is_finite());
         let (sum, count) = read.fold((0.0, 0.0), |(sum, count), kpa| (sum + kpa, count + 1.0));
         sum / count

@@ -58,6 +58,13 @@ fn a_score_is_what_its_words_say() {
     near(score.coverage_beyond_percent.unwrap(), 100.0);
     near(score.beyond_percent, 100.0 / 7.0);
     near(score.area_coverage_percent.unwrap(), 75.0);
+    // What is a lower bound alone is far off or near, nobody knows: it does not count for the interval.
+    let mut open = applied.clone();
+    (open.sigma_kpa[0][3], open.area_sigma_kpa[3]) = (f64::INFINITY, f64::INFINITY);
+    let open = judge(&open, &[10.0, 30.0, 40.0, 50.0]);
+    near(open.coverage_percent.unwrap(), 100.0 * 2.0 / 6.0);
+    near(open.area_coverage_percent.unwrap(), 100.0 * 2.0 / 3.0);
+    assert_eq!((open.coverage_beyond_percent, open.beyond_percent), (None, 0.0));
     let without = Applied { sigma_kpa: vec![Vec::new(); 3], area_sigma_kpa: Vec::new(), ..applied };
     let score = judge(&without, &[10.0, 30.0, 40.0, 50.0]);
     assert_eq!((score.coverage_percent, score.area_coverage_percent), (None, None));

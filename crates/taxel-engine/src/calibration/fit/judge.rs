@@ -22,11 +22,12 @@ pub struct Score {
     pub taxel_rmse_median_kpa: f64,
     /// Taxels that were read.
     pub taxels: usize,
-    /// Share of the readings within 1.96 standard deviations of the gauge, in percent; `None` without deviations.
+    /// Share of the readings within 1.96 standard deviations of the gauge, in percent, of those whose deviation is known; `None`
+    /// without any.
     pub coverage_percent: Option<f64>,
     /// The same of the readings beyond the calibrated range.
     pub coverage_beyond_percent: Option<f64>,
-    /// How many readings those are, in percent of all.
+    /// How many readings those are, in percent of all with a known deviation.
     pub beyond_percent: f64,
     /// Share of the scans in which the mean over the taxels is within 1.96 of its standard deviations of the gauge, in
     /// percent; `None` without deviations.
@@ -71,8 +72,9 @@ struct Tally {
 }
 
 impl Tally {
+    /// A reading of which nobody knows how far off it may be says nothing of the interval.
     fn add(&mut self, error: f64, sigma: f64) {
-        if error.is_finite() {
+        if error.is_finite() && sigma.is_finite() {
             self.all += 1;
             self.within += u64::from(error.abs() <= WITHIN_95 * sigma);
         }

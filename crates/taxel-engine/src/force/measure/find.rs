@@ -10,10 +10,13 @@ use crate::force::evaluator::Evaluator;
 use crate::force::neighbours::{Neighbours, Reading};
 use crate::force::remainder::{Remainder, Weak};
 use crate::force::sampling::Contact;
-use crate::force::touch::{Rim, Touch};
+use crate::force::touch::{Hiding, Rim, Touch};
 
 /// A taxel has so many others about it at most, on skins of triangles.
 const NEIGHBOURS_MAX: usize = 6;
+
+/// A contact lies on so many modules that touch each other at most, as where the corners of three meet.
+const CONTACT_MODULES: usize = 3;
 
 impl ForceModel {
     /// Which taxels are touched, those at the rim of a contact with them, and what lies on excluded ones beside them.
@@ -48,8 +51,13 @@ impl ForceModel {
                 touch.rim = Rim { without: touch.missing.len(), touched: touch.active.len(), hidden_n };
             }
         } else if coverage.uncovered_share > 0.0 {
-            self.missing_of_modules(&touch.active, evaluator.selection(), &mut touch.missing);
-            touch.rim = self.rim_of_modules(&touch.active, evaluator.selection());
+            let rims = || self.modules.iter().map(|range| (range, rim(range, &touch.active, evaluator.selection())));
+            let may_hide = rims().filter(|(_, rim)| rim.hidden_n > 0.0).flat_map(|(range, _)| range.clone());
+            touch.missing.extend(may_hide.filter(|&taxel| !evaluator.selection()[taxel]));
+            // The touched module with most of them for each taxel that is touched.
+            let touched = rims().map(|(_, rim)| rim).filter(|rim| rim.touched > 0);
+            let most = touched.max_by(|a, b| (a.without * b.touched).cmp(&(b.without * a.touched)));
+            touch.rim = most.unwrap_or_default();
         }
         touch.contacts.resize(contacts + 1, Contact::default());
         for &(taxel, newton) in &touch.active {
@@ -92,80 +100,88 @@ impl ForceModel {
         Some(Reading { kpa: newton * per_newton, noise_kpa: noise_n * per_newton })
     }
 
-    /// The force of a contact that may lie on `excluded` taxels, ascending, and touches none of those beside them, N, if it is more
-    /// than `floor`; else that. One that lies amid several of them is on all of these. `touched` are those of them that an
-    /// active taxel is beside: what may lie there makes the total a lower bound. Without positions all of a module are beside
-    /// each other.
+    /// The force of a contact that may lie on excluded taxels and touches none of those beside them, N, if it is more than
+    /// `floor`; else that. One that lies amid several of them is on all of these.
     #[must_use]
     pub fn untouched_floor(
         &self,
         evaluator: &Evaluator,
         remainder: &Remainder,
         counts: Counts<'_>,
-        (excluded, touched): (&[usize], &[usize]),
+        hiding: Hiding<'_>,
         floor: Newton,
     ) -> Newton {
+        if hiding.excluded.is_empty() {
+            return floor;
+        }
         let reading = |taxel: usize| self.reading(evaluator, remainder, counts, taxel);
+        let newton = match &self.neighbours {
+            Some(neighbours) => self.untouched_beside_n(neighbours, hiding, floor.0, reading),
+            None => self.untouched_of_modules_n(hiding, reading),
+        };
+        if newton > floor.0 { Newton(newton) } else { floor }
+    }
+
+    /// The greatest of them by what those beside each excluded taxel read, N, where it is more than `floor_n`.
+    fn untouched_beside_n(
+        &self,
+        neighbours: &Neighbours,
+        Hiding { excluded, beside: touched, .. }: Hiding<'_>,
+        floor_n: f64,
+        reading: impl Fn(usize) -> Option<Reading>,
+    ) -> f64 {
         let newton = |taxel: usize, kpa: f64| self.newton_per_kpa(taxel) * kpa;
         let is_untouched = |taxel: &usize| touched.binary_search(taxel).is_err();
-        let Some(neighbours) = &self.neighbours else {
-            let of_module = |taxels: &Range<usize>| {
-                let missing = within(excluded, taxels).iter().copied().filter(is_untouched);
-                self.untouched_of_module(missing, taxels.clone().filter_map(reading))
-            };
-            return Newton(self.modules.iter().map(of_module).fold(floor.0, f64::max));
-        };
         let about = |taxel: usize, of_one: &dyn Fn(usize) -> f64| {
             let beside =
                 neighbours.of(taxel).filter(|other| excluded.binary_search(other).is_ok() && is_untouched(other));
             beside.chain([taxel]).map(|taxel| newton(taxel, of_one(taxel))).sum::<f64>()
         };
-        excluded.iter().filter(|taxel| is_untouched(taxel)).fold(floor, |floor, &taxel| {
-            let at_most = about(taxel, &|taxel| neighbours.untouched_at_most_kpa(taxel, reading));
-            if at_most <= floor.0 {
-                return floor; // nearly always
+        excluded.iter().filter(|taxel| is_untouched(taxel)).fold(floor_n, |most_n, &taxel| {
+            let at_most = about(taxel, &|taxel| neighbours.untouched_at_most_kpa(taxel, &reading));
+            if at_most <= most_n {
+                return most_n; // nearly always
             }
-            let newton = about(taxel, &|taxel| neighbours.untouched_kpa(taxel, reading));
-            if newton > floor.0 { Newton(newton) } else { floor }
+            about(taxel, &|taxel| neighbours.untouched_kpa(taxel, &reading)).max(most_n)
         })
     }
 
-    /// The force of a contact amid the `missing` taxels of a module of which nothing is touched, N: whether these lie side by side
-    /// nobody knows without positions.
-    fn untouched_of_module(
+    /// Without positions those of a module may lie side by side, and so may modules: a contact amid those of the three that may
+    /// hide most, N.
+    fn untouched_of_modules_n(
         &self,
-        missing: impl Iterator<Item = usize>,
-        readings: impl Iterator<Item = Reading>,
+        Hiding { excluded, beside, touched }: Hiding<'_>,
+        reading: impl Fn(usize) -> Option<Reading>,
     ) -> f64 {
-        let (sum_mm2, most_mm2) = missing.fold((0.0, 0.0_f64), |(sum, most), taxel| {
-            let area_mm2 = self.areas_mm2[taxel];
-            (sum + area_mm2, most.max(area_mm2))
-        });
-        if sum_mm2 == 0.0 {
-            return 0.0; // nearly always
-        }
-        1e-3 * sum_mm2 * Neighbours::untouched_anywhere_kpa(readings, most_mm2)
-    }
-
-    /// Without positions the excluded taxels beside touched ones are those of the modules that are touched, ascending.
-    fn missing_of_modules(&self, active: &[(usize, f64)], selected: &[bool], missing: &mut Vec<usize>) {
-        let is_touched = |range: &&Range<usize>| active.iter().any(|(taxel, _)| range.contains(taxel));
-        let touched = self.modules.iter().filter(is_touched);
-        missing.extend(touched.flat_map(|range| range.clone().filter(|&taxel| !selected[taxel])));
-    }
-
-    /// Without positions excluded taxels are beside those of their module: the touched module with most of them for each
-    /// taxel that is touched. Where no more are touched than may lie about them, the tip of the contact may lie amid these.
-    fn rim_of_modules(&self, active: &[(usize, f64)], selected: &[bool]) -> Rim {
-        let rim = |range: &Range<usize>| {
-            let touched = active.iter().filter(|(taxel, _)| range.contains(taxel)).count();
-            let without = range.clone().filter(|&taxel| !selected[taxel]).count();
-            let hidden_n = if without > 0 && touched <= NEIGHBOURS_MAX * without { f64::INFINITY } else { 0.0 };
-            Rim { without, touched, hidden_n }
+        let is_touched = |taxel: usize| touched.iter().any(|&(other, _)| other == taxel);
+        let most_kpa = |range: Range<usize>| {
+            let readings = range.filter(|&taxel| !is_touched(taxel)).filter_map(&reading);
+            readings.map(|reading| reading.at_most_kpa()).fold(0.0, f64::max)
         };
-        let touched = self.modules.iter().map(rim).filter(|rim| rim.touched > 0);
-        touched.max_by(|a, b| (a.without * b.touched).cmp(&(b.without * a.touched))).unwrap_or_default()
+        let of_patch = touched.is_empty().then(|| most_kpa(0..self.areas_mm2.len()));
+        let of_module = |range: &Range<usize>| {
+            let missing = within(excluded, range).iter().filter(|taxel| beside.binary_search(taxel).is_err());
+            let areas_mm2 = || missing.clone().map(|&taxel| self.areas_mm2[taxel]);
+            let (sum_mm2, most_mm2) = (areas_mm2().sum::<f64>(), areas_mm2().fold(0.0, f64::max));
+            let hides = sum_mm2 > 0.0;
+            hides.then(|| {
+                1e-3 * sum_mm2 * Neighbours::untouched_anywhere_kpa(most_kpa(range.clone()), of_patch, most_mm2)
+            })
+        };
+        let mut by_module: Vec<f64> = self.modules.iter().filter_map(of_module).collect();
+        by_module.sort_by(|a, b| b.total_cmp(a));
+        by_module.iter().take(CONTACT_MODULES).sum()
     }
+}
+
+/// How the contacts lie on a module without positions, where all its taxels may be beside each other. If no more are touched than
+/// may lie about the excluded ones, or no more than half of those that can be read, the tip of a contact may lie amid these.
+fn rim(range: &Range<usize>, active: &[(usize, f64)], selected: &[bool]) -> Rim {
+    let touched = active.iter().filter(|(taxel, _)| range.contains(taxel)).count();
+    let without = range.clone().filter(|&taxel| !selected[taxel]).count();
+    let is_narrow = touched <= NEIGHBOURS_MAX * without || 2 * touched <= range.len() - without;
+    let hidden_n = if touched > 0 && without > 0 && is_narrow { f64::INFINITY } else { 0.0 };
+    Rim { without, touched, hidden_n }
 }
 
 /// Those of `taxels`, ascending, that are in a range.

@@ -9,7 +9,9 @@
 //! coarser one the flanks are further away. What is not covered: tips of less than 4 mm radius, and contacts whose middle lies beyond a
 //! corner of the skin. These hide more.
 //!
-//! Without positions nobody knows which taxels those beside it are: then each of its module may be, alone, and it at the rim.
+//! Without positions nobody knows which taxels those beside it are. One of its module at least is, so that it bears no more than a
+//! multiple of what the most pressed of these reads; and while nothing of the patch is touched, than that of the mean over those
+//! beside it, which is no more than the most pressed of the patch reads.
 
 use super::{Neighbours, Reading};
 use crate::statistics::quantile;
@@ -42,6 +44,14 @@ fn by_pitch(pitch_m: f64) -> f64 {
     (pitch_m / PITCH_M).max(1.0).powi(PITCH_POWER)
 }
 
+impl Reading {
+    /// The pressure that noise may have made less of, kPa.
+    #[must_use]
+    pub fn at_most_kpa(&self) -> f64 {
+        self.kpa + NOISE_SIGMAS * self.noise_kpa
+    }
+}
+
 impl Neighbours {
     /// How much the taxel `missing`, which cannot be read, may bear because a contact's tip lies there, kPa; 0 where its
     /// surroundings show none. Other contacts have no say in it. `reading` is `None` of a taxel that cannot be read.
@@ -70,13 +80,14 @@ impl Neighbours {
         self.at_most_kpa(missing, 0.0, &reading)
     }
 
-    /// What a taxel that cannot be read may bear while nothing is touched, if any of its module's `readings` may be the one beside it,
-    /// kPa; 0 without any. The taxels lie as far apart as `area_mm2` leaves them in a hexagonal lattice.
+    /// What a taxel that cannot be read may bear without positions, kPa; it may lie at the rim. `of_module` is the most that another
+    /// taxel of its module reads, [`Reading::at_most_kpa`], and `of_patch` of the patch, if nothing of that is touched. The taxels
+    /// lie as far apart as `area_mm2` leaves them in a hexagonal lattice.
     #[must_use]
-    pub fn untouched_anywhere_kpa(readings: impl Iterator<Item = Reading>, area_mm2: f64) -> f64 {
+    pub fn untouched_anywhere_kpa(of_module: f64, of_patch: Option<f64>, area_mm2: f64) -> f64 {
         let pitch_m = 1e-3 * (area_mm2 * 2.0 / 3.0_f64.sqrt()).sqrt();
-        let most_kpa = readings.map(|of| of.kpa + NOISE_SIGMAS * of.noise_kpa).fold(0.0, f64::max);
-        by_pitch(pitch_m) * AT_RIM * HIDDEN_OVER_MEAN * most_kpa
+        let by_mean = of_patch.map_or(f64::INFINITY, |kpa| HIDDEN_OVER_MEAN * kpa);
+        by_pitch(pitch_m) * AT_RIM * (HIDDEN_OVER_LEAST * of_module).min(by_mean).max(0.0)
     }
 
     /// What a wider load has on most of both outer rings, so that another contact on a part of one takes nothing off; 0 on a skin
@@ -261,16 +272,17 @@ mod tests {
     }
 
     #[test]
-    fn without_positions_any_taxel_of_the_module_may_be_the_one_beside_it() {
-        let of = |kpa: &[f64], pitch_mm: f64| {
-            let readings = kpa.iter().map(|&kpa| Reading { kpa, noise_kpa: 0.5 });
-            Neighbours::untouched_anywhere_kpa(readings, 0.75_f64.sqrt() * pitch_mm * pitch_mm)
+    fn without_positions_one_of_the_module_and_any_of_the_patch_may_be_beside_it() {
+        let of = |of_module: f64, of_patch: Option<f64>, pitch_mm: f64| {
+            Neighbours::untouched_anywhere_kpa(of_module, of_patch, 0.75_f64.sqrt() * pitch_mm * pitch_mm)
         };
         let near = |is: f64, expected: f64| assert!((is - expected).abs() < 1e-9, "{is} kPa, expected {expected}");
-        near(of(&[0.0, 3.0, -1.0], 6.5), AT_RIM * HIDDEN_OVER_MEAN * 4.0);
-        near(of(&[0.0, 3.0, -1.0], 13.0), 32.0 * AT_RIM * HIDDEN_OVER_MEAN * 4.0);
-        near(of(&[-9.0], 6.5), 0.0);
-        near(of(&[], 6.5), 0.0);
+        near(of(1.0, Some(8.0), 6.5), AT_RIM * HIDDEN_OVER_LEAST);
+        near(of(4.0, Some(8.0), 6.5), AT_RIM * HIDDEN_OVER_MEAN * 8.0);
+        near(of(4.0, None, 6.5), AT_RIM * HIDDEN_OVER_LEAST * 4.0);
+        near(of(4.0, None, 13.0), 32.0 * AT_RIM * HIDDEN_OVER_LEAST * 4.0);
+        near(of(-1.0, None, 6.5), 0.0);
+        near(Reading { kpa: 3.0, noise_kpa: 0.5 }.at_most_kpa(), 4.0);
     }
 
     /// A row at the rim of a hexagon: what those beside one read, and the next ones.

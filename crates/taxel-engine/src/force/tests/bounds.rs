@@ -1,10 +1,12 @@
 //! What makes a total a lower bound, for how long, and what may lie on a taxel that cannot be read.
 
+use std::ops::Range;
 use std::time::Duration;
 use taxel_skin::Time;
 
-use super::{REST, Skin, TAXELS, row};
+use super::{REST, Skin, TAXELS, plan, row, set};
 use crate::baseline::TaxelBaseline;
+use crate::force::owner::Force;
 use crate::force::tests::rest;
 
 #[test]
@@ -109,7 +111,54 @@ fn without_positions_the_floor_holds_what_may_lie_on_taxels_that_cannot_be_read_
     // A taxel of 100 mm2 lies 10.7 mm from the next ones: of a contact over it these feel a four hundredth.
     assert!(one > 3.0 * 0.1 * 35.0 && one > 3.0 * none, "{one} N, {none} N with all of them");
     assert!(floor(3, 23..25) > 1.9 * one, "a contact may lie on both");
-    assert!(floor(3, 44..45) < 0.6 * one, "none of that module reads anything");
+    assert!(floor(3, 44..45) > 0.9 * one, "a module that reads nothing may lie beside the one that does");
+    assert!(floor(0, 24..25) < 0.3 * one, "nothing reads anything");
+}
+
+/// Where the corners of two modules meet, a contact lies on both.
+#[test]
+fn without_positions_what_may_lie_on_taxels_of_several_modules_adds_up() {
+    let floor = |excluded: &[usize]| {
+        let skin = Skin::new(None).press(28..29, 3).press(31..32, 3);
+        let mut skin = excluded.iter().fold(skin, |skin, &taxel| skin.fault(taxel));
+        skin.measured().sample.detection_floor.unwrap().0
+    };
+    assert!(floor(&[29, 30]) > 1.9 * floor(&[29]), "{} and {} N", floor(&[29, 30]), floor(&[29]));
+    let [three, four] = [&[29, 30, 40][..], &[29, 30, 40, 50]].map(floor);
+    assert!((four / three - 1.0).abs() < 0.01, "no more than three modules meet: {three} and {four} N");
+}
+
+/// A contact on one module says nothing of another one on the same or the next module that touches nothing: those beside its tip
+/// read a hundredth of it.
+#[test]
+fn without_positions_a_contact_elsewhere_takes_nothing_off_what_may_lie_on_taxels_that_cannot_be_read() {
+    let mut wide = Skin::new(None).press(20..27, 4).press(27..29, 3).fault(29);
+    let wide = wide.measured().sample;
+    assert!(wide.active == 7 && !wide.lower_bound, "{wide:?}");
+    let mut next = Skin::new(None).press(30..34, 20).press(27..29, 3).fault(29);
+    let next = next.measured().sample;
+    assert!(next.active == 4 && !next.lower_bound, "{next:?}");
+    // 4 kPa beside 0.1 N/kPa: what 125 times as much bears, and 1.4 times at the rim.
+    for sample in [wide, next] {
+        assert!(sample.detection_floor.unwrap().0 > 4.0 * 0.1 * 175.0, "{sample:?}");
+    }
+}
+
+/// On a module of many taxels a contact on seven of them is no wide one.
+#[test]
+fn without_positions_a_contact_on_less_than_half_of_a_module_with_one_that_cannot_be_read_is_a_lower_bound() {
+    let bound = |touched: Range<usize>| {
+        let mut skin = Skin::new(None);
+        let mut plan = plan(TAXELS, None);
+        plan.layout.modules = vec![0..50, 50..100];
+        skin.force = Force::new(plan);
+        skin.force.set_models(set(TAXELS), 0.0);
+        skin.force.set_zero(Some(&rest(TAXELS)), 0.0);
+        skin.silent = vec![false; 2];
+        skin.jumps = vec![0.0; 2];
+        skin.press(touched, 30).fault(49).verdict().2
+    };
+    assert!(bound(0..7) && bound(0..24) && !bound(0..25));
 }
 
 /// What a touched module's taxels hide makes the total a lower bound, and is no part of the floor.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use taxel_proto::v1::{AbortSessionRequest, Session, SessionState, WatchSessionRequest};
+use taxel_proto::v1::{AbortSessionRequest, GetHealthRequest, Session, SessionState, WatchSessionRequest};
 use tokio::sync::mpsc;
 use tonic::{Status, Streaming};
 
@@ -13,6 +13,11 @@ use crate::client::failure::{Failure, Outcome};
 
 /// Without anybody to ask, a bag that is not vented within this time is told and left so.
 const VENT_WITHIN: Duration = Duration::from_secs(120);
+
+/// A ramp under way tells something new several times a second. Where nothing comes for so long, the daemon is asked.
+const QUIET: Duration = Duration::from_secs(1);
+/// Its health takes milliseconds.
+const ANSWER_WITHIN: Duration = Duration::from_secs(1);
 
 /// What a calibration is followed with.
 pub struct Course {
@@ -67,6 +72,19 @@ async fn watch(all: &[Followed]) -> Outcome<mpsc::Receiver<Told>> {
     Ok(told)
 }
 
+/// Waits for [`QUIET`], and says why nothing can come then; `None` where the daemon runs, and nothing has changed.
+async fn stands_still(daemon: &Daemon) -> Option<String> {
+    tokio::time::sleep(QUIET).await;
+    match tokio::time::timeout(ANSWER_WITHIN, daemon.skin().get_health(GetHealthRequest {})).await {
+        Err(_) => Some("it does not answer".to_owned()),
+        Ok(Err(refused)) => Some(refused.message().to_owned()),
+        Ok(Ok(health)) => {
+            let stalled_s = health.into_inner().engine_stalled_s?;
+            Some(format!("its engine has not run for {stalled_s:.0} s"))
+        }
+    }
+}
+
 /// Follows sessions until each waits for review or has ended. The first that is still under way is shown, of the others
 /// only what changes.
 ///
@@ -75,7 +93,19 @@ async fn watch(all: &[Followed]) -> Outcome<mpsc::Receiver<Told>> {
 pub async fn follow(course: &mut Course, all: &mut [Followed]) -> Outcome {
     let mut told = watch(all).await?;
     loop {
+        let ramping = all.iter().position(|followed| followed.session.state() == SessionState::Ramping);
+        let quiet = async {
+            match ramping {
+                Some(position) => (position, stands_still(&all[position].daemon).await),
+                None => std::future::pending().await,
+            }
+        };
         tokio::select! {
+            (position, why) = quiet => {
+                if let Some(why) = why {
+                    course.screen.stop(&all[position].session, why);
+                }
+            }
             message = told.recv() => {
                 let Some((position, session)) = message else { return Ok(()) };
                 let number = all[position].session.session;

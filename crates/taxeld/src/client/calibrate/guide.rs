@@ -30,6 +30,8 @@ pub enum Advice {
     LetAirIn,
     /// No pressure reading comes.
     NoGauge,
+    /// Nothing new comes from the daemon, and why.
+    Stop(String),
     /// Models are being computed.
     Fitting,
     /// Nothing: the session is not under way.
@@ -49,6 +51,7 @@ impl Advice {
             Self::Leak => "leak: the pressure falls".to_owned(),
             Self::LetAirIn => "let air in slowly".to_owned(),
             Self::NoGauge => "no pressure reading: is the gauge on?".to_owned(),
+            Self::Stop(why) => format!("stop pumping: nothing new comes from the daemon: {why}"),
             Self::Fitting => "fitting the models".to_owned(),
             Self::Nothing => String::new(),
         }

@@ -104,6 +104,20 @@ impl Screen {
         self.last = Some(Shown { session: session.session, at, state, falling, advice, silent });
     }
 
+    /// Says that nothing new comes of a session, and shows nothing of it that may not be so any more.
+    pub fn stop(&mut self, session: &Session, why: String) {
+        let advice = Advice::Stop(why);
+        match &self.living {
+            Some(living) => {
+                let unknown = Session { pressure_kpa: None, rate_kpa_per_s: None, ..session.clone() };
+                living.show(&unknown, &advice, "");
+            }
+            None => self.tell(&format!("{}: {}", session.patch, advice.words())),
+        }
+        bell();
+        self.last = None; // what comes next is told anew
+    }
+
     /// Says something beside the picture.
     pub fn tell(&self, text: &str) {
         match &self.living {
