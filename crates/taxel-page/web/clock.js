@@ -9,14 +9,18 @@ let quickest = { way: Infinity, at: 0 };
 /** The quickest before the daemon's clock was found to have stood still, for what was sent before `until` by that clock. */
 let before = null;
 
+/** Answers to questions that left before this tell nothing of the clocks as they are. */
+let since = -Infinity;
+
 /** Nothing is known of the daemon's clock: it may be another daemon. */
 export function forget() {
   quickest = { way: Infinity, at: 0 };
   before = null;
 }
 
-/** This browser's clock has stood still, as in a sleep of its machine: how late messages are is not known until an answer tells. */
-export function doubt() {
+/** This browser's clock stood still until `at`, as in a sleep of its machine: how late messages are is not known until an answer tells. */
+export function doubt(at) {
+  since = at;
   quickest = { way: -Infinity, at: 0 };
   before = null;
 }
@@ -34,7 +38,7 @@ export function delay(at, sent) {
  */
 export function asked(left, sent) {
   const least = left - sent;
-  if (least <= quickest.way) return;
+  if (left < since || least <= quickest.way) return;
   before = { way: quickest.way, until: sent };
   quickest = { way: least, at: left };
 }

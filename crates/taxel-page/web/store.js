@@ -56,7 +56,8 @@ function hasSlept() {
   parted = now;
   if (apart < ASLEEP_MS) return false;
   [received, askedAt] = [-Infinity, -Infinity];
-  doubt();
+  doubt(performance.now());
+  [state.course, state.ramp] = [[], null]; // when that was nobody knows any more
   return true;
 }
 

@@ -250,6 +250,9 @@ impl Daemon {
     pub async fn until_the_end(mut self) -> anyhow::Result<()> {
         let ended = self.end().await;
         let closed = self.close().await;
+        if let (Err(_), Err(late)) = (&ended, &closed) {
+            tracing::error!("{late:#}"); // the other one is told at the end
+        }
         ended.and(closed)
     }
 

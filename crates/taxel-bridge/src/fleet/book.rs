@@ -115,6 +115,7 @@ impl Book {
         let news = robot.here != here;
         if news {
             (robot.here, robot.since, robot.clock) = (here, now, DaemonClock::default());
+            robot.health = robot.health.take().filter(|_| here); // of one that comes back it is another
         }
         news
     }

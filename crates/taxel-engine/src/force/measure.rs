@@ -124,10 +124,12 @@ impl ForceModel {
                 let seen = |taxel: usize| neighbours.cover(taxel, |other| selected[other]);
                 positions(missing(0..selected.len()).filter(|&taxel| !seen(taxel)))
             }
-            // Without positions one that lies at the corner of a module may be, with the two beside it.
+            // Without positions one that lies at the corner of a module may be, with the two beside it, and on a small one sooner.
             None => {
-                let is_cornered =
-                    |range: &&Range<usize>| missing((*range).clone()).count() >= CORNER_TAXELS.min(range.len());
+                let is_cornered = |range: &&Range<usize>| {
+                    let missing = missing((*range).clone()).count();
+                    missing >= CORNER_TAXELS || missing > 0 && 2 * missing >= range.len()
+                };
                 positions(self.modules.iter().filter(is_cornered).flat_map(|range| missing(range.clone())))
             }
         };
@@ -275,6 +277,14 @@ mod tests {
         assert_eq!(coverage(None, |taxel| taxel % 10 < 2).blind, 0, "one beside each of them at least can be read");
         assert_eq!(coverage(None, |taxel| taxel < 3).blind, 3);
         assert_eq!(coverage(None, |taxel| taxel % 10 == 0).blind, 0, "one of each module");
+        let small = |lengths: &[usize], missing: &[usize]| {
+            let starts = lengths.iter().scan(0, |end, length| Some(std::mem::replace(end, *end + length)));
+            let modules = starts.zip(lengths).map(|(start, length)| start..start + length).collect();
+            let selected: Vec<bool> = (0..lengths.iter().sum()).map(|taxel| !missing.contains(&taxel)).collect();
+            ForceModel::new(&Layout { modules, ..layout(selected.len(), None) }).coverage(&selected).0.blind
+        };
+        assert_eq!([small(&[12, 3], &[13, 14]), small(&[12, 3], &[13]), small(&[12, 2], &[13])], [2, 0, 1]);
+        assert_eq!([small(&[12, 1], &[12]), small(&[12, 1], &[])], [1, 0]);
         assert_eq!(coverage(None, |taxel| taxel >= 10).blind, 10);
     }
 }

@@ -54,9 +54,10 @@ impl ForceModel {
             let rims = || self.modules.iter().map(|range| (range, rim(range, &touch.active, evaluator.selection())));
             let may_hide = rims().filter(|(_, rim)| rim.hidden_n > 0.0).flat_map(|(range, _)| range.clone());
             touch.missing.extend(may_hide.filter(|&taxel| !evaluator.selection()[taxel]));
-            // The touched module with most of them for each taxel that is touched.
+            // The touched module that hides most, and of these the one with most of them for each taxel that is touched.
             let touched = rims().map(|(_, rim)| rim).filter(|rim| rim.touched > 0);
-            let most = touched.max_by(|a, b| (a.without * b.touched).cmp(&(b.without * a.touched)));
+            let share = |a: &Rim, b: &Rim| (a.without * b.touched).cmp(&(b.without * a.touched));
+            let most = touched.max_by(|a, b| a.hidden_n.total_cmp(&b.hidden_n).then_with(|| share(a, b)));
             touch.rim = most.unwrap_or_default();
         }
         touch.contacts.resize(contacts + 1, Contact::default());

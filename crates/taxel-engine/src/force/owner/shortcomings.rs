@@ -92,7 +92,12 @@ impl Force {
         }
         if self.coverage.blind > BLIND_TAXELS_BORNE && self.coverage.blind > stale {
             let blind = self.coverage.blind;
-            let text = format!("{blind} taxels are blind, and so are those beside them: the total is a lower bound");
+            let beside = if self.model.neighbours().is_some() {
+                "and so are those beside them"
+            } else {
+                "or may be, as no positions tell whether those beside them are out of use, too"
+            };
+            let text = format!("{blind} taxels are blind, {beside}: the total is a lower bound");
             reasons.push(Reason::about(Arc::clone(&self.blind), TaxelsBlind, text));
             if !self.without_zero.is_empty() {
                 let n = self.without_zero.len();

@@ -161,6 +161,24 @@ fn without_positions_a_contact_on_less_than_half_of_a_module_with_one_that_canno
     assert!(bound(0..7) && bound(0..24) && !bound(0..25));
 }
 
+/// A wide contact on one module with two that cannot be read says nothing of a narrow one on another.
+#[test]
+fn without_positions_a_wide_contact_takes_no_lower_bound_from_a_narrow_one() {
+    let mut models = crate::model_set::ModelSet::clone(&set(TAXELS));
+    let unusable = taxel_model::Accumulator::new().fit(&taxel_model::FitOptions::default());
+    [48, 49, 99].into_iter().for_each(|taxel| models.taxels[taxel] = unusable.clone());
+    let mut plan = plan(TAXELS, None);
+    plan.layout.modules = vec![0..50, 50..100];
+    let mut skin = Skin::new(None);
+    skin.force = Force::new(plan);
+    skin.force.set_models(models.into(), 0.0);
+    skin.force.set_zero(Some(&rest(TAXELS)), 0.0);
+    (skin.silent, skin.jumps) = (vec![false; 2], vec![0.0; 2]);
+    let mut skin = skin.press(0..40, 30);
+    assert!(!skin.measured().sample.lower_bound, "the wide one alone");
+    assert!(skin.press(50..72, 30).measured().sample.lower_bound);
+}
+
 /// What a touched module's taxels hide makes the total a lower bound, and is no part of the floor.
 #[test]
 fn without_positions_a_contact_beside_taxels_that_cannot_be_read_is_no_part_of_the_floor() {

@@ -80,7 +80,7 @@ async fn stands_still(daemon: &Daemon) -> Option<String> {
         Ok(Err(refused)) => Some(refused.message().to_owned()),
         Ok(Ok(health)) => {
             let stalled_s = health.into_inner().engine_stalled_s?;
-            Some(format!("its engine has not run for {stalled_s:.0} s"))
+            Some(format!("its engine has not run for {stalled_s:.1} s"))
         }
     }
 }
@@ -103,12 +103,15 @@ pub async fn follow(course: &mut Course, all: &mut [Followed]) -> Outcome {
         tokio::select! {
             (position, why) = quiet => {
                 if let Some(why) = why {
-                    course.screen.stop(&all[position].session, why);
+                    course.screen.stop(&all[position].session, why)?;
                 }
             }
             message = told.recv() => {
                 let Some((position, session)) = message else { return Ok(()) };
                 let number = all[position].session.session;
+                if ramping.is_some() && !matches!(session, Ok(Some(_))) {
+                    course.screen.tell("stop pumping: the daemon has gone");
+                }
                 let Some(session) = session? else {
                     if all[position].is_under_way() {
                         let ended = anyhow::anyhow!("the daemon ended the stream of session {number}");

@@ -105,17 +105,20 @@ impl Screen {
     }
 
     /// Says that nothing new comes of a session, and shows nothing of it that may not be so any more.
-    pub fn stop(&mut self, session: &Session, why: String) {
-        let advice = Advice::Stop(why);
+    ///
+    /// # Errors
+    /// A session that is no JSON.
+    pub fn stop(&mut self, session: &Session, why: String) -> Outcome {
+        let (advice, unknown) =
+            (Advice::Stop(why), Session { pressure_kpa: None, rate_kpa_per_s: None, ..session.clone() });
+        self.last = None; // what comes next is told anew
         match &self.living {
-            Some(living) => {
-                let unknown = Session { pressure_kpa: None, rate_kpa_per_s: None, ..session.clone() };
-                living.show(&unknown, &advice, "");
-            }
+            _ if self.json => return json::print("Session", &unknown),
+            Some(living) => living.show(&unknown, &advice, ""),
             None => self.tell(&format!("{}: {}", session.patch, advice.words())),
         }
         bell();
-        self.last = None; // what comes next is told anew
+        Ok(())
     }
 
     /// Says something beside the picture.
