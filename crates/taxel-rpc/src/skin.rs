@@ -92,12 +92,12 @@ impl SkinService for Service {
         let health = self.handle.health.borrow().clone();
         // Found here and not by the engine, which cannot tell that it does not run.
         let stalled = self.handle.heartbeat.stalled_for();
-        let unknown = health.buses.is_empty() && !self.handle.heartbeat.has_begun();
-        let unknown = unknown.then(|| "the engine has not run yet: nothing is known of buses and boards".to_owned());
+        let never_ran = health.buses.is_empty() && !self.handle.heartbeat.has_begun();
+        let unknown = never_ran.then(|| "the engine has not run yet: nothing is known of buses and boards".to_owned());
         let recording = self.handle.recording.as_ref().map(|state| state());
         let unrecorded = recording.iter().map(|state| &state.problem).filter(|problem| !problem.is_empty());
         let unrecorded = unrecorded.map(|problem| format!("nothing is recorded: {problem}"));
-        let own = [stalled.map(not_run_for), unknown.clone()].into_iter().flatten();
+        let own = [stalled.map(not_run_for), unknown].into_iter().flatten();
         Ok(Response::new(v1::Health {
             buses: health.buses.iter().enumerate().map(|(bus, health)| bus_health(bus, health)).collect(),
             boards: health.boards.iter().map(board_health).collect(),
@@ -111,7 +111,7 @@ impl SkinService for Service {
                 damage: health.store.damage.clone(),
             }),
             recording,
-            engine_stalled_s: stalled.map(|silence| silence.as_secs_f64()).or_else(|| unknown.as_ref().map(|_| 0.0)),
+            engine_stalled_s: stalled.map(|silence| silence.as_secs_f64()).or(never_ran.then_some(0.0)),
         }))
     }
 }

@@ -37,10 +37,10 @@ use std::ops::Range;
 use taxel_skin::Newton;
 
 pub use self::hidden::Rest;
-pub use self::share::{FLOOR_SIGMAS, newton_per_count};
+pub use self::share::{CONTACT_MODULES, FLOOR_SIGMAS, newton_per_count};
 
 use self::hidden::Hidden;
-use self::share::{CONTACT_MODULES, Share};
+use self::share::Share;
 use crate::baseline::Activation;
 use crate::counts::Counts;
 use crate::force::source::LOW_SHARE;

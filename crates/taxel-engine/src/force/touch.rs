@@ -41,7 +41,7 @@ pub struct Hiding<'a> {
     pub excluded: &'a [usize],
     /// Those of them that a contact is beside, ascending: what may lie there makes the total a lower bound.
     pub beside: &'a [usize],
-    /// The taxels of contacts with their forces, N: what they read is of these.
+    /// The taxels of contacts with their forces, N: what they read is of these. Ascending without positions.
     pub touched: &'a [(usize, f64)],
 }
 

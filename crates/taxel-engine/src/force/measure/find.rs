@@ -8,15 +8,12 @@ use super::{Coverage, ForceModel};
 use crate::counts::Counts;
 use crate::force::evaluator::Evaluator;
 use crate::force::neighbours::{Neighbours, Reading};
-use crate::force::remainder::{Remainder, Weak};
+use crate::force::remainder::{CONTACT_MODULES, Remainder, Weak};
 use crate::force::sampling::Contact;
 use crate::force::touch::{Hiding, Rim, Touch};
 
 /// A taxel has so many others about it at most, on skins of triangles.
 const NEIGHBOURS_MAX: usize = 6;
-
-/// A contact lies on so many modules that touch each other at most, as where the corners of three meet.
-const CONTACT_MODULES: usize = 3;
 
 impl ForceModel {
     /// Which taxels are touched, those at the rim of a contact with them, and what lies on excluded ones beside them.
@@ -51,14 +48,7 @@ impl ForceModel {
                 touch.rim = Rim { without: touch.missing.len(), touched: touch.active.len(), hidden_n };
             }
         } else if coverage.uncovered_share > 0.0 {
-            let rims = || self.modules.iter().map(|range| (range, rim(range, &touch.active, evaluator.selection())));
-            let may_hide = rims().filter(|(_, rim)| rim.hidden_n > 0.0).flat_map(|(range, _)| range.clone());
-            touch.missing.extend(may_hide.filter(|&taxel| !evaluator.selection()[taxel]));
-            // The touched module that hides most, and of these the one with most of them for each taxel that is touched.
-            let touched = rims().map(|(_, rim)| rim).filter(|rim| rim.touched > 0);
-            let share = |a: &Rim, b: &Rim| (a.without * b.touched).cmp(&(b.without * a.touched));
-            let most = touched.max_by(|a, b| a.hidden_n.total_cmp(&b.hidden_n).then_with(|| share(a, b)));
-            touch.rim = most.unwrap_or_default();
+            touch.rim = self.rim_of_modules(&touch.active, evaluator.selection(), &mut touch.missing);
         }
         touch.contacts.resize(contacts + 1, Contact::default());
         for &(taxel, newton) in &touch.active {
@@ -154,39 +144,57 @@ impl ForceModel {
         Hiding { excluded, beside, touched }: Hiding<'_>,
         reading: impl Fn(usize) -> Option<Reading>,
     ) -> f64 {
-        let is_touched = |taxel: usize| touched.iter().any(|&(other, _)| other == taxel);
+        let is_touched = |taxel: usize| touched.binary_search_by_key(&taxel, |&(other, _)| other).is_ok();
         let most_kpa = |range: Range<usize>| {
             let readings = range.filter(|&taxel| !is_touched(taxel)).filter_map(&reading);
             readings.map(|reading| reading.at_most_kpa()).fold(0.0, f64::max)
         };
         let of_patch = touched.is_empty().then(|| most_kpa(0..self.areas_mm2.len()));
         let of_module = |range: &Range<usize>| {
-            let missing = within(excluded, range).iter().filter(|taxel| beside.binary_search(taxel).is_err());
+            let missing =
+                within(excluded, range, |&taxel| taxel).iter().filter(|taxel| beside.binary_search(taxel).is_err());
             let areas_mm2 = || missing.clone().map(|&taxel| self.areas_mm2[taxel]);
             let (sum_mm2, most_mm2) = (areas_mm2().sum::<f64>(), areas_mm2().fold(0.0, f64::max));
-            let hides = sum_mm2 > 0.0;
-            hides.then(|| {
-                1e-3 * sum_mm2 * Neighbours::untouched_anywhere_kpa(most_kpa(range.clone()), of_patch, most_mm2)
-            })
+            if sum_mm2 == 0.0 {
+                return 0.0; // nearly always
+            }
+            1e-3 * sum_mm2 * Neighbours::untouched_anywhere_kpa(most_kpa(range.clone()), of_patch, most_mm2)
         };
-        let mut by_module: Vec<f64> = self.modules.iter().filter_map(of_module).collect();
-        by_module.sort_by(|a, b| b.total_cmp(a));
-        by_module.iter().take(CONTACT_MODULES).sum()
+        let mut most_n = [0.0_f64; CONTACT_MODULES];
+        for newton in self.modules.iter().map(of_module) {
+            let least = most_n.iter_mut().min_by(|a, b| a.total_cmp(b));
+            if let Some(least) = least.filter(|least| newton > **least) {
+                *least = newton;
+            }
+        }
+        most_n.iter().sum()
+    }
+
+    /// Without positions all taxels of a module may be beside each other. If no more are touched than may lie about its excluded ones,
+    /// or no more than half of those that can be read, the tip of a contact may lie amid these, which come to `missing`. Gives
+    /// of such modules the one with most of them for each taxel that is touched. `active` are ascending.
+    fn rim_of_modules(&self, active: &[(usize, f64)], selected: &[bool], missing: &mut Vec<usize>) -> Rim {
+        let mut most = Rim::default();
+        for range in &self.modules {
+            let touched = within(active, range, |&(taxel, _)| taxel).len();
+            if touched == 0 {
+                continue; // nearly always
+            }
+            let begin = missing.len();
+            missing.extend(range.clone().filter(|&taxel| !selected[taxel]));
+            let without = missing.len() - begin;
+            if touched > NEIGHBOURS_MAX * without && 2 * touched > range.len() - without {
+                missing.truncate(begin);
+            } else if without * most.touched > most.without * touched || most.without == 0 && without > 0 {
+                most = Rim { without, touched, hidden_n: f64::INFINITY };
+            }
+        }
+        most
     }
 }
 
-/// How the contacts lie on a module without positions, where all its taxels may be beside each other. If no more are touched than
-/// may lie about the excluded ones, or no more than half of those that can be read, the tip of a contact may lie amid these.
-fn rim(range: &Range<usize>, active: &[(usize, f64)], selected: &[bool]) -> Rim {
-    let touched = active.iter().filter(|(taxel, _)| range.contains(taxel)).count();
-    let without = range.clone().filter(|&taxel| !selected[taxel]).count();
-    let is_narrow = touched <= NEIGHBOURS_MAX * without || 2 * touched <= range.len() - without;
-    let hidden_n = if touched > 0 && without > 0 && is_narrow { f64::INFINITY } else { 0.0 };
-    Rim { without, touched, hidden_n }
-}
-
-/// Those of `taxels`, ascending, that are in a range.
-fn within<'a>(taxels: &'a [usize], range: &Range<usize>) -> &'a [usize] {
-    let place = |end: usize| taxels.partition_point(|&taxel| taxel < end);
-    &taxels[place(range.start)..place(range.end)]
+/// Those of `items`, ascending by their taxels, that are in a range.
+fn within<'a, T>(items: &'a [T], range: &Range<usize>, taxel: impl Fn(&T) -> usize) -> &'a [T] {
+    let place = |end: usize| items.partition_point(|item| taxel(item) < end);
+    &items[place(range.start)..place(range.end)]
 }

@@ -7,7 +7,7 @@ use crate::force::tables::Tables;
 pub const FLOOR_SIGMAS: f64 = 2.0;
 
 /// A contact touches so many modules at the most that a fingertip or a known mass does.
-pub(super) const CONTACT_MODULES: usize = 3;
+pub const CONTACT_MODULES: usize = 3;
 
 /// One taxel's share in the remainder, by its raw count.
 #[derive(Clone, Copy, Debug, Default)]

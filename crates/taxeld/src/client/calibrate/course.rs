@@ -109,7 +109,12 @@ pub async fn follow(course: &mut Course, all: &mut [Followed]) -> Outcome {
             message = told.recv() => {
                 let Some((position, session)) = message else { return Ok(()) };
                 let number = all[position].session.session;
-                if ramping.is_some() && !matches!(session, Ok(Some(_))) {
+                let is_gone = match &session {
+                    Ok(Some(_)) => false,
+                    Ok(None) => all[position].is_under_way(),
+                    Err(_) => true,
+                };
+                if ramping.is_some() && is_gone {
                     course.screen.tell("stop pumping: the daemon has gone");
                 }
                 let Some(session) = session? else {
