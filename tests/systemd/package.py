@@ -119,24 +119,24 @@ def simulated():
     return text
 
 
-def asks(*command):
-    """What the daemon answers, if it does what it is asked."""
-    done = subprocess.run(["taxeld", *command], text=True, capture_output=True, check=False)
-    return done.stdout if done.returncode == 0 else None
+def answer(*command):
+    return subprocess.run(["taxeld", *command], text=True, capture_output=True, check=False)
 
 
 def feels_the_mass():
     """Waits until it does. Returns the model set by which it does, and what it feels in words."""
+    answers = ["not asked"]
 
     def sample():
-        force = json.loads(asks("watch", "--once", "--json") or "{}")
+        answers[:] = [answer("watch", "--once", "--json")]
+        force = json.loads(answers[0].stdout or "{}") if answers[0].returncode == 0 else {}
         if not force or any("when the zero was taken" in reason for reason in force["reasons"]):
             # The skin had not recovered from the bag, or this machine stood still: another zero, as the daemon says.
-            asks("tare")
+            answers.append(answer("tare"))
         total, sigma = force.get("totalN", 0.0), force.get("totalSigmaN", 0.0)
         return force if total > MASS_N / 2 and abs(total - MASS_N) < 3 * sigma < MASS_N else None
 
-    force = until("half a kilogram is felt", sample, lambda: asks("watch", "--count", "10"))
+    force = until("half a kilogram is felt", sample, lambda: answers)
     said = f"{force['totalN']:.2f} N +- {2 * force['totalSigmaN']:.2f} (k = 2) of {MASS_N:.2f} N"
     return force["modelSet"], said
 
@@ -148,7 +148,7 @@ def calibrates():
     told(f"started: {state('StatusText')!r}")
     run("taxeld", "calibrate", "--target", "10", "--confirmed-by", "test", "--yes")
     # Refused while the mass lies there.
-    until("a zero", lambda: asks("tare"))
+    until("a zero", lambda: answer("tare").returncode == 0)
     models, said = feels_the_mass()
     told(f"calibrated: {said}")
     return models
