@@ -135,6 +135,9 @@ impl Rx {
             match frame.kind {
                 FrameKind::Error => {
                     let local = received.local;
+                    if !local {
+                        batch.errors.push(TimedFrame { time, frame });
+                    }
                     can_error::decode(&frame, |error| batch.events.push(BusEvent::Error { error, local }));
                 }
                 _ if wanted.passes(frame.id) => batch.frames.push(TimedFrame { time, frame }),

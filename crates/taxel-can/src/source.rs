@@ -18,6 +18,8 @@ use crate::log_reader::LogFault;
 pub struct Batch {
     /// Data and remote frames, in the order of reception. Error frames are told as [`BusEvent::Error`].
     pub frames: Vec<TimedFrame>,
+    /// Error frames of a real bus's controller as they came, for whoever records the bus.
+    pub errors: Vec<TimedFrame>,
     /// What happened to the bus, in order.
     pub events: Vec<BusEvent>,
     /// The log is over; nothing comes after this batch. Never of a real bus.
@@ -28,6 +30,7 @@ impl Batch {
     /// Empties it and keeps its memory.
     pub fn clear(&mut self) {
         self.frames.clear();
+        self.errors.clear();
         self.events.clear();
         self.end = false;
     }

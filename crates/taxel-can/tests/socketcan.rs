@@ -238,7 +238,7 @@ async fn an_error_frame_is_an_event_and_marked_as_written_by_a_process() {
     let mut bus = vcan.open(Some(&[]), false);
     vcan.cansend("20000040#0000000000000000");
     let heard = Heard::event(&mut bus, BusEvent::Error { error: BusError::BusOff, local: true }).await;
-    assert!(heard.frames.is_empty());
+    assert!(heard.frames.is_empty() && heard.errors.is_empty(), "nobody records what is none of the controller's");
 }
 
 /// What a controller says of itself, which no process of this machine wrote.
@@ -266,6 +266,7 @@ async fn a_controller_that_leaves_the_bus_is_told_and_heard_again_once_it_is_set
         let no_carrier = BusEvent::Down { reason: DownReason::NoCarrier };
         let heard = Heard::event(&mut bus, no_carrier).await;
         assert!(heard.events.contains(&controller(BusError::BusOff)), "before the link's own word: {:?}", heard.events);
+        assert_eq!(heard.errors.last().map(|timed| timed.frame.id), Some(CanId::Extended(0x40)), "for a recording");
         adapter.set("down");
         Heard::event(&mut bus, INTERFACE_DOWN).await;
         adapter.set("up");

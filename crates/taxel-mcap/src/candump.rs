@@ -5,11 +5,13 @@ use std::collections::{HashSet, VecDeque};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::PathBuf;
+use std::time::Duration;
 
 use mcap::records::{Record as Parsed, op};
 use prost::Message as _;
 use taxel_proto::v1::CanFrames;
 use taxel_skin::Time;
+use taxel_wire::Frame;
 use taxel_wire::candump::write_line;
 
 use crate::chunks::{Chunks, ReadFault, Record};
@@ -144,15 +146,20 @@ impl CandumpText {
         }
         self.ending.lost = self.ending.lost.saturating_add(message.kernel_lost).saturating_add(message.not_recorded);
         let offset = self.offset(message);
-        let name = [&message.interface, &message.bus].into_iter().find(|name| is_name(name));
-        let name = name.map_or(NO_NAME, String::as_str);
+        let name = name_of(message);
+        let time =
+            |after_ns: i64| Time::from_nanos(message.monotonic_ns.saturating_add(after_ns).saturating_add(offset));
+        if message.slept_ns > 0 {
+            let slept = Frame::of_sleep(Duration::from_nanos(message.slept_ns));
+            let first = message.frames.first().map_or(0, |frame| frame.after_ns);
+            let _ = write_line(&mut self.text, time(first), name, &slept); // a name that is one fails nowhere
+        }
         for frame in &message.frames {
             let Some(decoded) = frame_of(frame) else {
                 self.ending.bad += 1;
                 continue;
             };
-            let ns = message.monotonic_ns.saturating_add(frame.after_ns).saturating_add(offset);
-            if write_line(&mut self.text, Time::from_nanos(ns), name, &decoded).is_ok() {
+            if write_line(&mut self.text, time(frame.after_ns), name, &decoded).is_ok() {
                 self.ending.frames += 1;
             }
         }
@@ -177,6 +184,12 @@ impl CandumpText {
 
 /// Buses are recorded side by side: a clock that goes back by less than this goes on.
 const RESTART_NS: i64 = 5_000_000_000;
+
+/// By which name a log knows the bus of these frames.
+fn name_of(message: &CanFrames) -> &str {
+    let name = [&message.interface, &message.bus].into_iter().find(|name| is_name(name));
+    name.map_or(NO_NAME, String::as_str)
+}
 
 fn is_name(name: &str) -> bool {
     (1..=INTERFACE_BYTES).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic())

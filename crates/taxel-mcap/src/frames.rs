@@ -1,5 +1,7 @@
 //! Frames of a bus on their way into a recording.
 
+use std::time::Duration;
+
 use prost::Message as _;
 use taxel_proto::Timestamp;
 use taxel_proto::v1::{CanFrame, CanFrameKind, CanFrames};
@@ -16,13 +18,20 @@ pub struct FrameTap {
     /// Frames that found no room since the last that did.
     not_recorded: u64,
     kernel_lost: u64,
+    /// For how long the machine has slept since the last frames that found room.
+    slept: Duration,
 }
 
 impl FrameTap {
     /// The tap of a bus, by its name and its network interface, whose frames are this topic.
     #[must_use]
     pub const fn new(queue: Queue, topic: usize, bus: String, interface: String) -> Self {
-        Self { queue, topic, bus, interface, not_recorded: 0, kernel_lost: 0 }
+        Self { queue, topic, bus, interface, not_recorded: 0, kernel_lost: 0, slept: Duration::ZERO }
+    }
+
+    /// The machine slept for so long.
+    pub const fn slept(&mut self, slept: Duration) {
+        self.slept = self.slept.saturating_add(slept);
     }
 
     /// The kernel lost so many frames.
@@ -30,22 +39,26 @@ impl FrameTap {
         self.kernel_lost = self.kernel_lost.saturating_add(frames);
     }
 
-    /// Copies frames on their way to the engine. Never waits. `wall_offset_ns` is what to add to a time of the run's clock
-    /// for nanoseconds since 1970.
-    pub fn take(&mut self, frames: &[TimedFrame], wall_offset_ns: i64) {
+    /// Copies frames on their way to the engine, and the error frames of the controller that came with them, each in the order of
+    /// reception. Never waits. `wall_offset_ns` is what to add to a time of the run's clock for nanoseconds since 1970.
+    pub fn take(&mut self, frames: &[TimedFrame], errors: &[TimedFrame], wall_offset_ns: i64) {
+        let mut frames = [errors, frames].concat();
+        if !errors.is_empty() {
+            frames.sort_by_key(|timed| timed.time); // an error before what came at the same time, as the engine hears it
+        }
         let Some(first) = frames.first() else { return };
         let wall_ns = first.time.as_nanos().saturating_add(wall_offset_ns);
         let (bus, interface) = (self.bus.clone(), self.interface.clone());
         let (kernel_lost, not_recorded) = (self.kernel_lost, self.not_recorded);
+        let slept_ns = u64::try_from(self.slept.as_nanos()).unwrap_or(u64::MAX);
         let things = frames.len() as u64;
-        let frames = frames.to_vec();
         let encode = move || {
             let message = frames_message(&frames, wall_ns);
-            CanFrames { bus, interface, kernel_lost, not_recorded, ..message }.encode_to_vec()
+            CanFrames { bus, interface, kernel_lost, not_recorded, slept_ns, ..message }.encode_to_vec()
         };
         let weight = (things, things as usize * size_of::<TimedFrame>());
         match self.queue.give_later(self.topic, u64::try_from(wall_ns).unwrap_or(0), weight, encode) {
-            Given::Taken => (self.kernel_lost, self.not_recorded) = (0, 0),
+            Given::Taken => (self.kernel_lost, self.not_recorded, self.slept) = (0, 0, Duration::ZERO),
             Given::Lost => self.not_recorded = self.not_recorded.saturating_add(things),
         }
     }
@@ -59,13 +72,13 @@ pub fn frames_message(frames: &[TimedFrame], wall_ns: i64) -> CanFrames {
     CanFrames {
         monotonic_ns: first,
         time: Some(Timestamp { seconds, nanos: nanos as i32 }),
-        frames: frames.iter().filter_map(|timed| frame_message(timed, first)).collect(),
+        frames: frames.iter().map(|timed| frame_message(timed, first)).collect(),
         ..CanFrames::default()
     }
 }
 
-/// The message of one frame; `None` of an error frame, which a bus tells as an event.
-fn frame_message(timed: &TimedFrame, first_ns: i64) -> Option<CanFrame> {
+/// The message of one frame.
+fn frame_message(timed: &TimedFrame, first_ns: i64) -> CanFrame {
     let TimedFrame { time, frame } = timed;
     let (id, extended) = match frame.id {
         CanId::Standard(id) => (u32::from(id), false),
@@ -75,10 +88,10 @@ fn frame_message(timed: &TimedFrame, first_ns: i64) -> Option<CanFrame> {
         FrameKind::Data => (CanFrameKind::Data, frame.bytes().to_vec(), 0),
         FrameKind::Fd => (CanFrameKind::Fd, frame.bytes().to_vec(), 0),
         FrameKind::Remote => (CanFrameKind::Remote, Vec::new(), frame.bytes().len() as u32),
-        FrameKind::Error => return None,
+        FrameKind::Error => (CanFrameKind::Error, frame.bytes().to_vec(), 0),
     };
     let after_ns = time.as_nanos().saturating_sub(first_ns);
-    Some(CanFrame { after_ns, id, extended, kind: kind.into(), data, asked_bytes })
+    CanFrame { after_ns, id, extended, kind: kind.into(), data, asked_bytes }
 }
 
 /// The frame of a message; `None` if no bus can carry it.
@@ -101,6 +114,8 @@ pub(crate) fn frame_of(message: &CanFrame) -> Option<Frame> {
         CanFrameKind::Remote => {
             Frame::new(id, FrameKind::Remote, [0; 8].get(..usize::try_from(message.asked_bytes).ok()?)?)
         }
+        // Its identifier is a class of 29 bits.
+        CanFrameKind::Error => Frame::new(id, FrameKind::Error, &message.data).filter(|_| message.extended),
         CanFrameKind::Unspecified => None,
     }
 }
@@ -116,14 +131,15 @@ mod tests {
         fn a_frame_comes_out_as_it_went_in(
             id in 0_u32..0x2000_0000,
             extended: bool,
-            kind in 0..3,
+            kind in 0..4,
             data in prop::collection::vec(any::<u8>(), 0..=8),
             ns in 0..i64::MAX,
         ) {
-            let id = if extended { CanId::Extended(id) } else { CanId::Standard((id & 0x7FF) as u16) };
+            let id = if extended || kind == 3 { CanId::Extended(id) } else { CanId::Standard((id & 0x7FF) as u16) };
             let frame = match kind {
                 0 => Frame::new(id, FrameKind::Data, &data).unwrap(),
                 1 => Frame::new(id, FrameKind::Remote, &data).unwrap(),
+                3 => Frame::new(id, FrameKind::Error, &data).unwrap(),
                 _ => Frame::fd(id, &data).unwrap(),
             };
             let timed = TimedFrame { time: Time::from_nanos(ns), frame };
@@ -141,6 +157,7 @@ mod tests {
             CanFrame { id: 0x800, ..good.clone() },
             CanFrame { data: vec![0; 9], ..good.clone() },
             CanFrame { kind: 99, ..good.clone() },
+            CanFrame { kind: CanFrameKind::Error.into(), ..good.clone() },
             CanFrame { kind: CanFrameKind::Remote.into(), asked_bytes: 9, ..good.clone() },
             CanFrame { id: u32::MAX, extended: true, ..good },
         ] {

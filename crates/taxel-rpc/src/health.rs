@@ -62,7 +62,8 @@ fn serving(handle: &Handle) -> [bool; SERVICES.len()] {
     let runs = connected && handle.heartbeat.stalled_for().is_none();
     let (all_up, store) = {
         let health = handle.health.borrow();
-        (health.buses.iter().all(|bus| bus.up), health.store.clone())
+        // There are none before the first turn of the engine.
+        (!health.buses.is_empty() && health.buses.iter().all(|bus| bus.up), health.store.clone())
     };
     let buses = runs && all_up;
     let calibrates = buses && store.problem.is_none();

@@ -73,7 +73,7 @@ pub async fn run(
                 rest.after(&batch);
                 let notices: Vec<_> = batch.events.drain(..).filter_map(|event| notice(bus, event)).collect();
                 let frames = std::mem::take(&mut batch.frames);
-                tap.look(&frames, &notices);
+                tap.look(&frames, &batch.errors, &notices);
                 if to_engine.send(BusBatch { bus, frames, notices }).await.is_err() {
                     return BusEnd::Cancelled;
                 }
@@ -130,10 +130,11 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
     }
 }
 
-/// What an error means that the controller reports.
+/// What an error means that the controller reports, or the recording of one.
 pub fn of_controller(error: &BusError) -> BusNotice {
     match error {
         BusError::BusOff => BusNotice::BusOff,
+        BusError::Slept(slept) => BusNotice::Slept(*slept),
         BusError::Active(_) | BusError::Restarted => BusNotice::ControllerRecovered(error.to_string()),
         other => BusNotice::ControllerError(other.to_string()),
     }

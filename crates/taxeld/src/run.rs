@@ -18,7 +18,6 @@ use taxel_store::{Retention, models_json};
 use taxel_wire::Frame;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
-use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX, Rest, Rhythm};
@@ -38,7 +37,7 @@ use crate::shared_memory::{Keeper, Pages};
 use crate::sockets::Sockets;
 use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
 use crate::systemd;
-use crate::tasks::Tasks;
+use crate::tasks::{Parts, Tasks};
 use crate::upkeep;
 
 /// How model sets become text, for the service.
@@ -134,9 +133,9 @@ impl Daemon {
         let terminate = signal(SignalKind::terminate())?;
         let service = service(handle.clone(), listeners, access, limits(config), share);
         if low_latency {
-            parts.spawn(service);
+            parts.spawn_fallible(service);
         } else {
-            parts.spawn(on_a_thread(service)?);
+            parts.spawn_fallible(on_a_thread(service)?);
         }
         let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
@@ -272,12 +271,7 @@ impl Daemon {
                     // Nobody would serve that bus any more, nor say so: the service manager starts all anew.
                     Some(Err(error)) => anyhow::bail!("the task of a bus ended by a fault of this program: {error}"),
                 },
-                Some(ended) = self.tasks.parts.join_next() => {
-                    if let Err(error) = ended {
-                        anyhow::bail!("a task of the daemon ended by a fault of this program: {error}");
-                    }
-                    break;
-                }
+                Some(ended) = self.tasks.parts.next_end() => return ended,
             }
         }
         Ok(())
@@ -316,14 +310,14 @@ fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<(Page
 fn looked_after(
     (keeper, sockets): (Option<Keeper>, Sockets),
     handle: Handle,
-    (tasks, cancel): (&mut JoinSet<()>, &CancellationToken),
+    (parts, cancel): (&mut Parts, &CancellationToken),
 ) -> anyhow::Result<Handle> {
     let problems: Vec<Problems> = keeper.iter().map(Keeper::problems).chain([sockets.problems()]).collect();
     if let Some(keeper) = keeper {
-        tasks.spawn(keeper.keep(cancel.clone())?);
+        parts.spawn(keeper.keep(cancel.clone())?);
     }
     if let Some(end) = sockets.keep(cancel.clone())? {
-        tasks.spawn(end);
+        parts.spawn(end);
     }
     Ok(handle.lacking_now(Arc::new(move || problems.iter().flat_map(Problems::get).collect())))
 }

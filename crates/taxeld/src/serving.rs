@@ -1,12 +1,13 @@
 //! The service of the daemon: on which thread it runs, within which limits, and what else serves beside it.
 
+use anyhow::Context;
 use taxel_rpc::{Access, Handle, Limits, Listener, SharedServices, serve_and_share};
 use tokio::sync::oneshot;
-use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::Config;
 use crate::systemd;
+use crate::tasks::Parts;
 
 /// What the configuration lets clients take.
 pub fn limits(config: &Config) -> Limits {
@@ -25,13 +26,13 @@ pub fn limits(config: &Config) -> Limits {
 pub fn share_with_pages(
     config: &Config,
     cancel: &CancellationToken,
-    tasks: &mut JoinSet<()>,
+    parts: &mut Parts,
 ) -> anyhow::Result<Vec<oneshot::Sender<SharedServices>>> {
     #[cfg(feature = "page")]
     {
         let start = |site: crate::page::Site| {
             let (share, end) = site.start(cancel.clone())?;
-            tasks.spawn(end);
+            parts.spawn(end);
             Ok(share)
         };
         crate::page::sites(config).into_iter().map(start).collect()
@@ -41,35 +42,60 @@ pub fn share_with_pages(
 }
 
 /// Serves to the end, on the runtime that it is called on.
+///
+/// # Errors
+/// What keeps it from serving.
 pub async fn service(
     handle: Handle,
     listeners: Vec<Listener>,
     access: Access,
     limits: Limits,
     share: Vec<oneshot::Sender<SharedServices>>,
-) {
+) -> anyhow::Result<()> {
     let give = |services: SharedServices| {
         share.into_iter().for_each(|to| drop(to.send(services.clone()))); // to a page that may have failed
     };
-    let served = tokio::select! {
-        served = serve_and_share(handle.clone(), listeners, access, limits, give) => served,
+    tokio::select! {
+        served = serve_and_share(handle.clone(), listeners, access, limits, give) => served.map(drop).context("the service ended"),
         never = systemd::keep(handle) => match never {},
-    };
-    if let Err(error) = served {
-        tracing::error!("the service ended: {:#}", anyhow::Error::from(error));
     }
 }
 
 /// Starts the service on a thread of its own, so that what subscribers cost never delays a frame. Gives its end.
-pub fn on_a_thread(service: impl Future<Output = ()> + Send + 'static) -> anyhow::Result<impl Future<Output = ()>> {
+///
+/// # Errors
+/// If there is no thread to be had.
+pub fn on_a_thread<S>(service: S) -> anyhow::Result<impl Future<Output = anyhow::Result<()>> + use<S>>
+where
+    S: Future<Output = anyhow::Result<()>> + Send + 'static,
+{
     let (ended, end) = oneshot::channel();
     crate::runtime::on_a_thread("service", move |runtime| {
-        runtime.block_on(service);
-        let _ = ended.send(()); // the daemon did not wait for it
+        let _ = ended.send(runtime.block_on(service)); // the daemon did not wait for it
     })?;
-    Ok(async move {
-        if end.await.is_err() {
-            tracing::error!("the service's thread panicked");
-        }
-    })
+    Ok(async { end.await.context("the service's thread ended by a fault of this program")? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whoever starts the daemon is told that it failed.
+    #[tokio::test]
+    async fn a_service_that_fails_or_panics_is_a_failure_of_the_daemon() {
+        let mut parts = Parts::default();
+        parts.spawn_fallible(on_a_thread(async { anyhow::bail!("no more descriptors") }).unwrap());
+        let failed = parts.next_end().await.unwrap().unwrap_err();
+        assert_eq!(format!("{failed:#}"), "no more descriptors");
+        parts.spawn_fallible(on_a_thread(async { panic!("as meant") }).unwrap());
+        let panicked = parts.next_end().await.unwrap().unwrap_err();
+        assert!(
+            format!("{panicked:#}").starts_with("the service's thread ended by a fault of this program"),
+            "{panicked:#}"
+        );
+        parts.spawn(async { panic!("as meant") });
+        let panicked = parts.next_end().await.unwrap().unwrap_err();
+        assert!(format!("{panicked:#}").contains("a fault of this program"), "{panicked:#}");
+        assert!(parts.next_end().await.is_none());
+    }
 }

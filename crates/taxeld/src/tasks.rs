@@ -18,9 +18,34 @@ pub struct Tasks {
     /// Tells all of them to end.
     pub cancel: CancellationToken,
     /// Engine, service and whatever else is beside the buses.
-    pub parts: JoinSet<()>,
+    pub parts: Parts,
     /// One for each bus.
     pub buses: JoinSet<BusEnd>,
+}
+
+/// Parts of a daemon; where one of them ends, the others do.
+#[derive(Default)]
+pub struct Parts(JoinSet<anyhow::Result<()>>);
+
+impl Parts {
+    /// Starts one that ends by itself only when all is to end.
+    pub fn spawn(&mut self, part: impl Future<Output = ()> + Send + 'static) {
+        self.spawn_fallible(async {
+            part.await;
+            Ok(())
+        });
+    }
+
+    /// Starts one that may fail.
+    pub fn spawn_fallible(&mut self, part: impl Future<Output = anyhow::Result<()>> + Send + 'static) {
+        self.0.spawn(part);
+    }
+
+    /// Waits until one of them ends, and gives how; `None` if there is none left.
+    pub async fn next_end(&mut self) -> Option<anyhow::Result<()>> {
+        let fault = |error| Err(anyhow!("a task of the daemon ended by a fault of this program: {error}"));
+        Some(self.0.join_next().await?.unwrap_or_else(fault))
+    }
 }
 
 impl Tasks {
@@ -32,7 +57,9 @@ impl Tasks {
         self.cancel.cancel();
         let all = async {
             while self.buses.join_next().await.is_some() {}
-            while self.parts.join_next().await.is_some() {}
+            while let Some(ended) = self.parts.next_end().await {
+                ended.unwrap_or_else(|error| tracing::error!("{error:#}"));
+            }
         };
         let seconds = CLOSE_WITHIN.as_secs();
         tokio::time::timeout(CLOSE_WITHIN, all)

@@ -138,9 +138,10 @@ fn a_clock_that_is_set_forward_is_told_and_nothing_waits_for_it() {
     assert!(said.contains(told) && printed.contains("board 13: modules 0-1"), "{said}{printed}");
 }
 
-/// What the controller reported when the log was recorded is told to the engine as it was then.
+/// What the controller reported when the log was recorded is told to the engine as it was then, and so is a sleep of the
+/// machine, which a recording has in the same way.
 #[test]
-fn a_bus_off_in_a_log_takes_the_zero_at_full_speed_as_well() {
+fn a_bus_off_or_a_sleep_in_a_log_takes_the_zero_at_full_speed_as_well() {
     let [config, models] = ["t.toml", "m.json"];
     let at = 400 * SCAN_LINES;
     let frames = frames();
@@ -148,24 +149,29 @@ fn a_bus_off_in_a_log_takes_the_zero_at_full_speed_as_well() {
     let again = |n: u64| rest.iter().map(move |(us, frame)| (us + n * 1_500_000, frame.clone()));
     // Twenty times one and a half seconds at rest; a bus-off amid them.
     let still: Vec<(u64, String)> = (0..20).flat_map(again).collect();
-    let mut off = still.clone();
-    off.insert(at, (still[at].0, "20000040#0000000000000000".to_owned()));
+    let with = |line: &str| {
+        let mut lines = still.clone();
+        lines.insert(at, (still[at].0, line.to_owned()));
+        log(&lines, |_| 1_600_000_000)
+    };
     let folder = scratch(&[
         (config, CONFIG),
         ("ramp.log", &log(&frames, |_| 1_600_000_000)),
         ("still.log", &log(&still, |_| 1_600_000_000)),
-        ("off.log", &log(&off, |_| 1_600_000_000)),
+        ("off.log", &with("20000040#0000000000000000")),
+        ("slept.log", &with("30000000#B80B000000000000")),
     ]);
     let [config, models, ramp, force] = [config, models, "ramp.log", "f.csv"].map(|name| path(folder.path(), name));
     succeeds(&["replay", &ramp, "--config", &config, "--calibrate", "70", "--out", &models]);
-    let without = |log: &str| {
+    let lost_by = |why: &str, log: &str| {
         let log = path(folder.path(), log);
         succeeds(&["replay", &log, "--config", &config, "--models", &models, "--force", &force]);
         let rows = std::fs::read_to_string(&force).unwrap();
-        rows.lines().filter(|row| row.contains("bus-off")).count()
+        rows.lines().filter(|row| row.contains(why)).count()
     };
-    assert_eq!(without("still.log"), 0);
-    assert!(without("off.log") > 5);
+    assert_eq!((lost_by("bus-off", "still.log"), lost_by("slept", "still.log")), (0, 0));
+    assert!(lost_by("bus-off", "off.log") > 5);
+    assert!(lost_by("the machine slept for 3.0 s", "slept.log") > 5);
 }
 
 /// A replay that comes to nothing leaves the file that was there.

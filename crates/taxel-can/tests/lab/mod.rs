@@ -75,6 +75,7 @@ pub fn run(program: &str, args: &[&str]) {
 #[derive(Default)]
 pub struct Heard {
     pub frames: Vec<TimedFrame>,
+    pub errors: Vec<TimedFrame>,
     pub events: Vec<BusEvent>,
 }
 
@@ -89,6 +90,7 @@ impl Heard {
             }
             assert!(!batch.end && !batch.is_empty());
             self.frames.append(&mut batch.frames);
+            self.errors.append(&mut batch.errors);
             self.events.append(&mut batch.events);
         }
     }

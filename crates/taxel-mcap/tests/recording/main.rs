@@ -20,7 +20,7 @@ use taxel_mcap::{
 use taxel_proto::v1::CanFrames;
 use taxel_skin::Time;
 use taxel_wire::candump::write_line;
-use taxel_wire::{CanId, Frame, TimedFrame};
+use taxel_wire::{CanId, Frame, FrameKind, TimedFrame};
 
 const WALL_NS: i64 = 1_795_331_642_000_000_000;
 
@@ -398,10 +398,37 @@ fn what_did_not_reach_the_disk_before_its_file_was_removed_is_counted_at_the_end
     wait("a file", || !status().file.is_empty());
     fs::remove_file(status().file).unwrap();
     let mut tap = FrameTap::new(queue, 0, "can0".to_owned(), String::new());
-    tap.take(&(0..100).map(frame).collect::<Vec<_>>(), WALL_NS);
+    tap.take(&(0..100).map(frame).collect::<Vec<_>>(), &[], WALL_NS);
     let done = recorder.finish();
     assert_eq!((done.lost, done.bytes), (100, 0));
     assert!(done.problem.unwrap().ends_with("the file was removed"));
+}
+
+/// What the daemon took the zero for lost by takes it in a replay, too.
+#[test]
+fn what_a_controller_told_and_a_sleep_stand_where_they_happened() {
+    let scratch = tempfile::tempdir().unwrap();
+    let (recorder, queue) = start(scratch.path(), limits());
+    let off = |number: u64| {
+        let of_bus = Frame::new(CanId::Extended(0x40), FrameKind::Error, &[0; 8]).unwrap();
+        TimedFrame { time: frame(number).time, frame: of_bus }
+    };
+    let mut tap = FrameTap::new(queue, 0, "can0".to_owned(), String::new());
+    tap.take(&[frame(0), frame(1), frame(2)], &[off(1)], WALL_NS);
+    tap.slept(Duration::from_millis(2_500));
+    tap.slept(Duration::from_millis(500));
+    tap.take(&[frame(3)], &[], WALL_NS);
+    tap.take(&[], &[off(4)], WALL_NS);
+    recorder.finish();
+    let files = Folder::list(scratch.path()).unwrap();
+    let inputs = files.iter().map(|(name, _)| Input::File(scratch.path().join(name.to_string()))).collect();
+    let mut expected = String::new();
+    let slept = TimedFrame { frame: Frame::of_sleep(Duration::from_secs(3)), ..frame(3) };
+    for TimedFrame { time, frame } in [frame(0), off(1), frame(1), frame(2), slept, frame(3), off(4)] {
+        write_line(&mut expected, Time::from_nanos(WALL_NS + time.as_nanos()), "can0", &frame).unwrap();
+    }
+    let (text, ending) = read(inputs, None);
+    assert_eq!((text, ending), (expected, Ending { frames: 6, ..Ending::default() }));
 }
 
 #[test]
@@ -426,14 +453,14 @@ fn a_queue_without_room_loses_and_the_recording_says_how_many() {
     tap.kernel_lost(3);
     // Each is weighed with 176 kB of the 8 MiB that may wait; the thread needs longer for it than this loop.
     wait("a loss", || {
-        tap.take(&frames, WALL_NS);
+        tap.take(&frames, &[], WALL_NS);
         status().lost > 0
     });
     let lost = status().lost;
     let mut after = 0;
     wait("room", || {
         after += 1;
-        tap.take(&frames[..1], WALL_NS);
+        tap.take(&frames[..1], &[], WALL_NS);
         status().lost == lost + after - 1
     });
     let lost = recorder.finish().lost;

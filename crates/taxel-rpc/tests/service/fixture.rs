@@ -8,7 +8,7 @@ use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::command::{Command, Reply};
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{DevicePlan, LiveLimits, PatchPlan, Plan, PushPlan, TarePlan};
-use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot, TaxelState};
+use taxel_engine::snapshot::{BusHealth, ForceSample, ForceState, Health, PatchSnapshot, TaxelState};
 use taxel_model::{Accumulator, FitOptions, FixedPressure, GaugeUncertainty, Status as ModelStatus, TaxelModel};
 use taxel_rpc::handle::channel;
 use taxel_rpc::push_line::{Pushed, push_line};
@@ -203,6 +203,11 @@ pub fn snapshot(sequence: u64, time: Time) -> Arc<PatchSnapshot> {
     let taxels = vec![taxel; TAXELS].into();
     let wall_ns = 1_700_000_000_500_000_000;
     Arc::new(PatchSnapshot { sequence, time, wall_ns, seen: true, simulated: false, force, taxels, tare: None })
+}
+
+/// The health of an engine with one bus.
+pub fn with_a_bus(up: bool) -> Health {
+    Health { buses: vec![BusHealth { up, ..BusHealth::default() }], ..Health::default() }
 }
 
 /// A set of one true model and otherwise excluded taxels.

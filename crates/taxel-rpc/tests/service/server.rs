@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::time::Duration;
-use taxel_engine::snapshot::{BusHealth, Health, StoreHealth};
+use taxel_engine::snapshot::{Health, StoreHealth};
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
 use taxel_rpc::handle::channel;
@@ -14,7 +14,7 @@ use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 
-use crate::fixture::{FOREARM, patient, snapshot, start, start_with};
+use crate::fixture::{FOREARM, patient, snapshot, start, start_with, with_a_bus};
 
 const SERVICES: [&str; 6] = [
     "taxel.v1.ForceService",
@@ -62,13 +62,18 @@ async fn health_follows_the_buses_and_the_force() {
     let mut force = client.watch(request("taxel.v1.ForceService")).await.unwrap().into_inner();
     let mut skin = client.watch(request("taxel.v1.SkinService")).await.unwrap().into_inner();
     let mut whole = client.watch(request("")).await.unwrap().into_inner();
-    for (stream, wanted) in [(&mut force, ServingStatus::NotServing), (&mut skin, ServingStatus::Serving)] {
-        while stream.message().await.unwrap().unwrap().status() != wanted {}
+    for stream in [&mut force, &mut skin] {
+        while stream.message().await.unwrap().unwrap().status() != ServingStatus::NotServing {}
     }
+    daemon.engine().health(Arc::new(with_a_bus(true)));
+    assert_eq!(
+        skin.message().await.unwrap().unwrap().status(),
+        ServingStatus::Serving,
+        "the engine had told of no bus"
+    );
     daemon.engine().patch(0, snapshot(1, Time::default()));
     assert_eq!(force.message().await.unwrap().unwrap().status(), ServingStatus::Serving);
-    let buses = vec![BusHealth { up: false, ..BusHealth::default() }];
-    daemon.engine().health(Arc::new(Health { buses, ..Health::default() }));
+    daemon.engine().health(Arc::new(with_a_bus(false)));
     assert_eq!(skin.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
     while whole.message().await.unwrap().unwrap().status() != ServingStatus::Serving {}
     daemon.shutdown.cancel();
@@ -79,6 +84,7 @@ async fn health_follows_the_buses_and_the_force() {
 #[tokio::test]
 async fn health_tells_a_store_that_is_damaged_and_one_that_takes_nothing_more() {
     let daemon = start().await;
+    daemon.engine().health(Arc::new(with_a_bus(true)));
     let mut client = HealthClient::new(daemon.connect().await);
     let request = |service: &str| HealthCheckRequest { service: service.to_owned() };
     let mut store = client.watch(request("taxel.store")).await.unwrap().into_inner();
@@ -88,10 +94,10 @@ async fn health_tells_a_store_that_is_damaged_and_one_that_takes_nothing_more() 
     }
     let damage = vec!["session 3 is damaged on disk".to_owned()];
     let damaged = StoreHealth { damage: damage.clone(), ..StoreHealth::default() };
-    daemon.engine().health(Arc::new(Health { store: damaged, ..Health::default() }));
+    daemon.engine().health(Arc::new(Health { store: damaged, ..with_a_bus(true) }));
     assert_eq!(store.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
     let full = StoreHealth { problem: Some("the disk is full".to_owned()), damage };
-    daemon.engine().health(Arc::new(Health { store: full, ..Health::default() }));
+    daemon.engine().health(Arc::new(Health { store: full, ..with_a_bus(true) }));
     assert_eq!(calibration.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
 }
 

@@ -1,6 +1,7 @@
 //! An engine that is stuck and a value that has grown too old: every way out says so, without figures, and recovers.
 //! The clock is data here; nothing depends on how fast the test runs.
 
+use std::sync::Arc;
 use std::time::Duration;
 use taxel_proto::v1;
 use taxel_proto::v1::ForceState::{Ok as Good, Stale};
@@ -14,7 +15,7 @@ use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
 use tonic_health::pb::{HealthCheckRequest, HealthCheckResponse};
 
-use crate::fixture::{STALE_AFTER, TAXELS, snapshot, start};
+use crate::fixture::{STALE_AFTER, TAXELS, snapshot, start, with_a_bus};
 
 const BEGUN: Time = Time::from_nanos(10_000_000_000);
 const MS: Duration = Duration::from_millis(1);
@@ -55,6 +56,7 @@ async fn until(stream: &mut Streaming<HealthCheckResponse>, wanted: ServingStatu
 async fn a_stalled_engine_is_told_by_every_stream_and_every_health_and_recovers() {
     let daemon = start().await;
     daemon.set_clock(BEGUN);
+    daemon.engine().health(Arc::new(with_a_bus(true)));
     daemon.engine().patch(0, snapshot(5, BEGUN));
     let channel = daemon.connect().await;
     let (mut each, mut held) = (subscribe(&channel, None).await, subscribe(&channel, Some(100.0)).await);

@@ -9,12 +9,12 @@ use taxel_engine::plan::Plan;
 use taxel_mcap::{Folder, FrameTap, Limits, Queue, Recorder, Status, Topic, open_file};
 use taxel_proto::v1::RecordingHealth;
 use taxel_rpc::Handle;
-use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::{Config, RecordSection};
 use crate::record::follow::{Followed, follow};
 use crate::record::tap::Taps;
+use crate::tasks::Parts;
 
 /// What was gathered goes to the disk after so long.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);
@@ -59,7 +59,7 @@ pub fn begin(
     (config, live): (&Config, bool),
     plan: &Plan,
     handle: Handle,
-    (tasks, cancel): (&mut JoinSet<()>, &CancellationToken),
+    (parts, cancel): (&mut Parts, &CancellationToken),
 ) -> anyhow::Result<(Handle, Taps)> {
     let Some(section) = config.record.as_ref().filter(|_| live) else {
         return Ok((handle, Taps::default()));
@@ -74,7 +74,7 @@ pub fn begin(
     let patches = force.into_iter().zip(taxels).enumerate();
     let patches = patches.filter(|(_, (force, taxels))| force.is_some() || taxels.is_some());
     let patches = patches.map(|(patch, (force, taxels))| Followed { patch, force, taxels }).collect();
-    tasks.spawn(follow((recorder, queue), &handle, patches, events, cancel.clone())?);
+    parts.spawn(follow((recorder, queue), &handle, patches, events, cancel.clone())?);
     Ok((handle, taps))
 }
 

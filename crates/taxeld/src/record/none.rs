@@ -2,11 +2,11 @@
 
 use taxel_engine::plan::Plan;
 use taxel_rpc::Handle;
-use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::Config;
 use crate::record::tap::Taps;
+use crate::tasks::Parts;
 
 /// Begins nothing: a configuration that asks for a recording was refused before.
 ///
@@ -17,7 +17,7 @@ pub fn begin(
     _: (&Config, bool),
     _: &Plan,
     handle: Handle,
-    _: (&mut JoinSet<()>, &CancellationToken),
+    _: (&mut Parts, &CancellationToken),
 ) -> anyhow::Result<(Handle, Taps)> {
     Ok((handle, Taps::default()))
 }
