@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Each test that tests/README.md names in its table of faults exists."""
+"""Each test exists that tests/README.md names in its table of faults, and crates/README.md in that of invariants."""
 
 import pathlib
 import re
@@ -17,5 +17,8 @@ for row in rows:
     found = [name in tests or (ROOT / name).is_file() for name in named]
     if not named or not all(found):
         missing.append(f"{row.split('|')[1].strip()}: {[name for name, there in zip(named, found) if not there]}")
-print(f"{len(rows)} faults in the table")
-sys.exit("\n".join(["no such test:", *missing]) if missing or len(rows) < 50 else 0)
+invariants = (ROOT / "crates" / "README.md").read_text(encoding="utf-8").split("\n| invariant | held by |\n")[1].split("\n\n")[0]
+held_by = re.findall(r"`(\w+)` \(", invariants)
+missing += [f"invariant: {name}" for name in held_by if name not in tests]
+print(f"{len(rows)} faults in the table, {len(held_by)} tests of invariants")
+sys.exit("\n".join(["no such test:", *missing]) if missing or min(len(rows), len(held_by)) < 50 else 0)

@@ -8,8 +8,8 @@ use std::io::{self, Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
-use taxel_wire::TimedFrame;
 use taxel_wire::candump::parse_line_bytes;
+use taxel_wire::{FrameKind, TimedFrame};
 use thiserror::Error;
 
 use crate::log_clock::LogClock;
@@ -173,6 +173,7 @@ impl LogReader {
             return None;
         }
         self.report.frames += 1;
+        self.report.errors += u64::from(parsed.frame.kind == FrameKind::Error);
         let reading = self.clock.read(parsed.time, self.report.lines, &mut self.report.clock);
         self.report.backwards += u64::from(reading.is_late);
         Some(TimedFrame { time: reading.time, frame: parsed.frame })

@@ -41,6 +41,8 @@ pub struct LogReport {
     pub lines: u64,
     /// Lines handed out as frames.
     pub frames: u64,
+    /// Of these, error frames.
+    pub errors: u64,
     /// Frames of interfaces not asked for.
     pub other_interface: u64,
     /// The interfaces of all these frames, in the order in which they came; at most eight.

@@ -147,6 +147,9 @@ impl Replay {
             if self.due(timed.time).is_some_and(|due| due > now) {
                 return;
             }
+            if timed.frame.kind == FrameKind::Error && !batch.frames.is_empty() {
+                return; // what came before it is taken before it is told
+            }
             self.at += 1;
             self.newest = self.newest.max(timed.time);
             match timed.frame.kind {
@@ -260,6 +263,21 @@ mod tests {
         }
         assert_eq!(played.report().backwards, 1);
         assert!(played.log_time() >= Some(Time::from_seconds(102.0)));
+    }
+
+    #[tokio::test]
+    async fn an_error_is_told_between_the_frames_before_and_after_it() {
+        let log = ["301#", "302#", "20000040#", "303#", "30000000#0000000000000000"]
+            .map(|frame| format!("(1.0) can0 {frame}\n"));
+        let (mut played, mut batch) = (replay(&log.concat(), Pace::AsFastAsPossible), Batch::default());
+        let mut told = Vec::new();
+        while !batch.end {
+            played.next(&mut batch).await.unwrap();
+            let errors = batch.events.iter().filter(|event| matches!(event, BusEvent::Error { .. }));
+            told.push((errors.count(), batch.frames.len()));
+        }
+        assert_eq!(told, [(0, 2), (1, 1), (1, 0), (0, 0)]);
+        assert_eq!((played.report().frames, played.report().errors), (5, 2));
     }
 
     #[tokio::test(start_paused = true)]

@@ -15,6 +15,7 @@ use taxel_wire::Frame;
 use taxel_wire::candump::write_line;
 
 use crate::chunks::{Chunks, ReadFault, Record};
+use crate::file::{ABOUT, BOOT, SLEPT_S};
 use crate::frames::frame_of;
 use crate::schema::PACKAGE;
 
@@ -49,6 +50,8 @@ pub struct Ending {
     pub bad: u64,
     /// Frames that the recorder or the kernel lost.
     pub lost: u64,
+    /// Lines of the text that stand for a sleep of the machine ([`Frame::of_sleep`]).
+    pub sleeps: u64,
 }
 
 impl Ending {
@@ -63,6 +66,9 @@ impl Ending {
         if self.lost > 0 {
             lines.push(format!("{} frames are missing in the recording: kernel or disk were behind", self.lost));
         }
+        if self.sleeps > 0 {
+            lines.push(format!("the machine slept while this was recorded: {} times", self.sleeps));
+        }
         lines
     }
 }
@@ -76,8 +82,12 @@ pub struct CandumpText {
     /// Text that is not yet read, from `at` on.
     text: String,
     at: usize,
-    /// A moment on the daemon's clock, in ns, and its label since 1970.
+    /// A moment on the daemon's clock, in ns, and what to add to it for a label since 1970.
     anchor: Option<(i64, i64)>,
+    /// Of which start of a computer the frames are and for how long it had slept by then, where their file says so.
+    awake: Option<Awake>,
+    /// The computer was off or slept between the last frames and those that come.
+    was_off: bool,
     ending: Ending,
     told: Box<dyn Fn(&Ending) + Send>,
 }
@@ -93,6 +103,8 @@ impl CandumpText {
             text: String::new(),
             at: 0,
             anchor: None,
+            awake: None,
+            was_off: false,
             ending: Ending::default(),
             told: Box::new(told),
         }
@@ -116,6 +128,9 @@ impl CandumpText {
                     if !self.text.is_empty() {
                         return true;
                     }
+                }
+                Ok(Some(Found::Awake(awake))) => {
+                    self.was_off |= self.awake.replace(awake) != self.awake;
                 }
                 Ok(Some(Found::Bad)) => self.ending.bad += 1,
                 Ok(None) => self.open = None,
@@ -152,7 +167,9 @@ impl CandumpText {
         if message.slept_ns > 0 {
             let slept = Frame::of_sleep(Duration::from_nanos(message.slept_ns));
             let first = message.frames.first().map_or(0, |frame| frame.after_ns);
-            let _ = write_line(&mut self.text, time(first), name, &slept); // a name that is one fails nowhere
+            if write_line(&mut self.text, time(first), name, &slept).is_ok() {
+                self.ending.sleeps += 1;
+            }
         }
         for frame in &message.frames {
             let Some(decoded) = frame_of(frame) else {
@@ -166,24 +183,36 @@ impl CandumpText {
     }
 
     /// What to add to the daemon's clock for a label since 1970. It is kept, so that a step of the wall clock moves no
-    /// frame against another, until the daemon's own clock begins anew, which is after a restart of the computer.
+    /// frame against another, until the daemon's own clock begins anew or has stood still while nobody recorded. A computer
+    /// without a battery may have forgotten then what time it is.
     fn offset(&mut self, message: &CanFrames) -> i64 {
         let now = message.monotonic_ns;
+        let label = message.time.unwrap_or_default();
+        let wall = label.seconds.saturating_mul(1_000_000_000).saturating_add(i64::from(label.nanos));
         let offset = match self.anchor {
-            Some((newest, offset)) if now >= newest.saturating_sub(RESTART_NS) => offset,
-            _ => {
-                let label = message.time.unwrap_or_default();
-                let wall = label.seconds.saturating_mul(1_000_000_000).saturating_add(i64::from(label.nanos));
-                wall.saturating_sub(now)
+            None => wall.saturating_sub(now),
+            Some((newest, offset)) if self.was_off || now < newest.saturating_sub(BACK_NS) => {
+                let off_until = newest.saturating_add(offset).saturating_add(OFF_NS);
+                wall.max(off_until).saturating_sub(now)
             }
+            Some((_, offset)) => offset,
         };
-        self.anchor = Some((now, offset));
+        (self.anchor, self.was_off) = (Some((now, offset)), false);
         offset
     }
 }
 
 /// Buses are recorded side by side: a clock that goes back by less than this goes on.
-const RESTART_NS: i64 = 5_000_000_000;
+const BACK_NS: i64 = 5_000_000_000;
+
+/// For how long a computer is off at least when it is started anew; no zero outlives a silence of this length.
+const OFF_NS: i64 = 10_000_000_000;
+
+/// Start of a computer and seconds that it had slept by then, as a file has them in its metadata.
+type Awake = [Option<String>; 2];
+
+/// What is longer is neither; ours have 32 characters at most.
+const AWAKE_BYTES_MAX: usize = 64;
 
 /// By which name a log knows the bus of these frames.
 fn name_of(message: &CanFrames) -> &str {
@@ -217,6 +246,8 @@ fn is_frames(name: &str, encoding: &str) -> bool {
 /// What was found in a recording.
 enum Found {
     Frames(CanFrames),
+    /// What follows was recorded on a computer that had slept no more since then.
+    Awake(Awake),
     Bad,
 }
 
@@ -234,10 +265,17 @@ impl Messages {
 
     fn next(&mut self) -> Result<Option<Found>, ReadFault> {
         while let Some(Record { op, body }) = self.chunks.next_record()? {
-            if !matches!(op, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
+            if !matches!(op, op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA) {
                 continue;
             }
             match mcap::parse_record(op, body)? {
+                Parsed::Metadata(about) if about.name == ABOUT => {
+                    let short = |key| about.metadata.get(key).filter(|text| text.len() <= AWAKE_BYTES_MAX).cloned();
+                    let awake = [BOOT, SLEPT_S].map(short);
+                    if awake.iter().any(Option::is_some) {
+                        return Ok(Some(Found::Awake(awake)));
+                    }
+                }
                 Parsed::Schema { header, .. } if is_frames(&header.name, &header.encoding) => {
                     self.schemas.insert(header.id);
                 }

@@ -140,7 +140,7 @@ impl<R: Read> Chunks<R> {
                     return unpack(data, &mut self.content);
                 }
                 Some(Ok(LinearReadEvent::Record { opcode, data })) => {
-                    if matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
+                    if matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA) {
                         self.content.push(opcode);
                         self.content.extend((data.len() as u64).to_le_bytes());
                         self.content.extend(data);

@@ -18,6 +18,15 @@ use crate::sink::{Durable, Identity, Sink};
 /// A chunk that is larger is closed before its time, in bytes before compression.
 const CHUNK_BYTES: u64 = 1 << 20;
 
+/// By this name a file has what it says of itself, as metadata.
+pub(crate) const ABOUT: &str = "taxeld";
+
+/// Among that: since which start of the computer it was recorded, 32 hexadecimal digits.
+pub const BOOT: &str = "boot";
+
+/// And for how long the computer had slept since then when whoever recorded began, in seconds.
+pub const SLEPT_S: &str = "slept_s";
+
 /// A stream of messages of one kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topic {
@@ -68,7 +77,8 @@ pub struct McapFile {
 }
 
 impl McapFile {
-    /// Begins a file with these topics; `about` is kept in it as metadata under the name `taxeld`.
+    /// Begins a file with these topics; `about` is kept in it as metadata under the name `taxeld`, see [`BOOT`] and
+    /// [`SLEPT_S`].
     ///
     /// # Errors
     /// [`McapFault`]
@@ -83,7 +93,7 @@ impl McapFile {
             .disable_seeking(true)
             .library(concat!("taxeld ", env!("CARGO_PKG_VERSION")));
         let mut writer = options.create(NoSeek::new(durable))?;
-        writer.write_metadata(&Metadata { name: "taxeld".to_owned(), metadata: about })?;
+        writer.write_metadata(&Metadata { name: ABOUT.to_owned(), metadata: about })?;
         let mut channels = Vec::with_capacity(topics.len());
         for topic in topics {
             let data = schema_of(topic.message).ok_or(McapFault::NoMessage(topic.message))?;

@@ -20,13 +20,27 @@ pub struct FrameTap {
     kernel_lost: u64,
     /// For how long the machine has slept since the last frames that found room.
     slept: Duration,
+    /// Error frames since then.
+    errors: Vec<TimedFrame>,
 }
+
+/// So many error frames may wait for room: a controller that goes off tells it in a few. Of more the newest are kept.
+const ERRORS_WAITING_MAX: usize = 16;
 
 impl FrameTap {
     /// The tap of a bus, by its name and its network interface, whose frames are this topic.
     #[must_use]
     pub const fn new(queue: Queue, topic: usize, bus: String, interface: String) -> Self {
-        Self { queue, topic, bus, interface, not_recorded: 0, kernel_lost: 0, slept: Duration::ZERO }
+        Self {
+            queue,
+            topic,
+            bus,
+            interface,
+            not_recorded: 0,
+            kernel_lost: 0,
+            slept: Duration::ZERO,
+            errors: Vec::new(),
+        }
     }
 
     /// The machine slept for so long.
@@ -39,27 +53,31 @@ impl FrameTap {
         self.kernel_lost = self.kernel_lost.saturating_add(frames);
     }
 
-    /// Copies frames on their way to the engine, and the error frames of the controller that came with them, each in the order of
-    /// reception. Never waits. `wall_offset_ns` is what to add to a time of the run's clock for nanoseconds since 1970.
+    /// Copies frames on their way to the engine, and the error frames of the controller that came with them, of which the engine
+    /// hears first. Never waits. `wall_offset_ns` is what to add to a time of the run's clock for nanoseconds since 1970.
     pub fn take(&mut self, frames: &[TimedFrame], errors: &[TimedFrame], wall_offset_ns: i64) {
-        let mut frames = [errors, frames].concat();
-        if !errors.is_empty() {
-            frames.sort_by_key(|timed| timed.time); // an error before what came at the same time, as the engine hears it
-        }
+        let things = frames.len() as u64;
+        self.errors.extend(errors);
+        let frames = [&self.errors, frames].concat();
         let Some(first) = frames.first() else { return };
         let wall_ns = first.time.as_nanos().saturating_add(wall_offset_ns);
         let (bus, interface) = (self.bus.clone(), self.interface.clone());
         let (kernel_lost, not_recorded) = (self.kernel_lost, self.not_recorded);
         let slept_ns = u64::try_from(self.slept.as_nanos()).unwrap_or(u64::MAX);
-        let things = frames.len() as u64;
+        let weight = (things, frames.len() * size_of::<TimedFrame>());
         let encode = move || {
             let message = frames_message(&frames, wall_ns);
             CanFrames { bus, interface, kernel_lost, not_recorded, slept_ns, ..message }.encode_to_vec()
         };
-        let weight = (things, things as usize * size_of::<TimedFrame>());
         match self.queue.give_later(self.topic, u64::try_from(wall_ns).unwrap_or(0), weight, encode) {
-            Given::Taken => (self.kernel_lost, self.not_recorded, self.slept) = (0, 0, Duration::ZERO),
-            Given::Lost => self.not_recorded = self.not_recorded.saturating_add(things),
+            Given::Taken => {
+                (self.kernel_lost, self.not_recorded, self.slept) = (0, 0, Duration::ZERO);
+                self.errors.clear();
+            }
+            Given::Lost => {
+                self.not_recorded = self.not_recorded.saturating_add(things);
+                self.errors.drain(..self.errors.len().saturating_sub(ERRORS_WAITING_MAX));
+            }
         }
     }
 }

@@ -52,18 +52,25 @@ impl Tasks {
     /// Has all of them end, and waits for it.
     ///
     /// # Errors
-    /// If some have not ended in time, as on a disk that hangs: whoever ends the process does not wait for them.
+    /// If some have not ended in time, as on a disk that hangs: whoever ends the process does not wait for them. Else the first
+    /// that failed.
     pub async fn close(mut self) -> anyhow::Result<()> {
         self.cancel.cancel();
         let all = async {
             while self.buses.join_next().await.is_some() {}
+            let mut closed = Ok(());
             while let Some(ended) = self.parts.next_end().await {
-                ended.unwrap_or_else(|error| tracing::error!("{error:#}"));
+                match (&closed, ended) {
+                    (Ok(()), ended) => closed = ended,
+                    (Err(_), Err(error)) => tracing::error!("{error:#}"),
+                    (Err(_), Ok(())) => {}
+                }
             }
+            closed
         };
         let seconds = CLOSE_WITHIN.as_secs();
-        tokio::time::timeout(CLOSE_WITHIN, all)
-            .await
-            .map_err(|_| anyhow!("some parts did not close in time, within {seconds} s: the store is as after a kill"))
+        let late =
+            |_| Err(anyhow!("some parts did not close in time, within {seconds} s: the store is as after a kill"));
+        tokio::time::timeout(CLOSE_WITHIN, all).await.unwrap_or_else(late)
     }
 }

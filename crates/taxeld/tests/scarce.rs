@@ -424,6 +424,7 @@ async fn a_sleep_of_the_machine_is_noticed_when_it_wakes_up() {
     let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
     let daemon = Daemon::start(|command, folder| {
         publishing(folder, memory.path());
+        configured(folder, &format!("[record]\npath = \"{}\"\n", folder.join("recordings").display()));
         let library = compiled(folder, include_str!("sleep_faults.c"));
         command.env("LD_PRELOAD", library);
         command.env("SERVICE_WOKE", folder.join("service")).env("SLEPT_AN_HOUR", folder.join("slept"));
@@ -449,4 +450,14 @@ async fn a_sleep_of_the_machine_is_noticed_when_it_wakes_up() {
     let page = std::fs::read(memory.path().join("forearm")).unwrap();
     let slept_ns = u64::from_ne_bytes(page[152..160].try_into().unwrap());
     assert!(slept_ns > 3_599_000_000_000, "{slept_ns} ns");
+    // And so is a replay of what was recorded.
+    let recorded = || {
+        let recordings = daemon.folder.path().join("recordings");
+        let scan = Command::new(env!("CARGO_BIN_EXE_taxeld")).arg("scan").arg(recordings).output().unwrap();
+        String::from_utf8(scan.stdout).unwrap()
+    };
+    while !recorded().contains("the bus: the machine slept for 3600.") {
+        stream.message().await.unwrap().unwrap();
+        assert!(begun.elapsed() < PATIENCE, "{}\n{}", recorded(), daemon.log());
+    }
 }

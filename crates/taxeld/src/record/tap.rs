@@ -53,3 +53,71 @@ impl Tap {
         }
     }
 }
+
+#[cfg(all(test, feature = "record"))]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::io::Read;
+    use std::time::Duration;
+
+    use taxel_can::{Batch, BusError, BusEvent, FrameSource, SendError, SourceError};
+    use taxel_mcap::{CandumpText, Folder, FrameTap, Input, Limits, Recorder, Topic, open_file};
+    use taxel_skin::{BusIndex, Time};
+    use taxel_wire::{CanId, Frame, FrameKind};
+    use tokio::sync::mpsc;
+    use tokio_util::sync::CancellationToken;
+
+    use super::*;
+    use crate::bus::{self, BusEnd, Ends, Rest};
+
+    /// A bus of which the controller goes off, and nothing more comes.
+    struct GoesOff(bool);
+
+    impl FrameSource for GoesOff {
+        async fn next(&mut self, batch: &mut Batch) -> Result<(), SourceError> {
+            batch.clear();
+            batch.end = std::mem::replace(&mut self.0, true);
+            if !batch.end {
+                let off = Frame::new(CanId::Extended(0x40), FrameKind::Error, &[0; 8]);
+                let time = Time::from_nanos(1_000_000_000);
+                batch.errors.extend(off.map(|frame| TimedFrame { time, frame }));
+                batch.events.push(BusEvent::Error { error: BusError::BusOff, local: false });
+            }
+            Ok(())
+        }
+
+        async fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
+            Err(SendError::Log { id: frame.id })
+        }
+    }
+
+    /// A bus that is off has no frames, either.
+    #[tokio::test]
+    async fn what_the_controller_tells_the_engine_is_recorded() {
+        let scratch = tempfile::tempdir().unwrap();
+        let limits = Limits {
+            budget_bytes: 1 << 30,
+            file_bytes: 1 << 20,
+            file_age: Duration::MAX,
+            keep_free_bytes: 0,
+            flush_every: Duration::from_secs(1),
+            retry_after: Duration::from_secs(1),
+        };
+        let topics = vec![Topic { name: "/taxeld/bus/skin".to_owned(), message: "CanFrames" }];
+        let folder = Folder::open(scratch.path()).unwrap();
+        let (recorder, queue) = Recorder::start(folder, limits, topics, BTreeMap::new(), Box::new(open_file)).unwrap();
+        let (to_engine, mut engine) = mpsc::channel(2);
+        let (_to_bus, to_send) = mpsc::channel(1);
+        let taps = Taps::new(vec![Some(FrameTap::new(queue, 0, "skin".to_owned(), "can7".to_owned()))]);
+        let (to_send, tap) = taps.beside(vec![to_send]).pop().flatten().unwrap();
+        let ends = Ends { to_engine, to_send, tap };
+        let end = bus::run(BusIndex(0), GoesOff(false), ends, Rest::never(), CancellationToken::new()).await;
+        assert_eq!((end, engine.recv().await.unwrap().notices), (BusEnd::LogOver, vec![BusNotice::BusOff]));
+        recorder.finish();
+        let files = Folder::list(scratch.path()).unwrap();
+        let inputs = files.iter().map(|(name, _)| Input::File(scratch.path().join(name.to_string()))).collect();
+        let mut text = String::new();
+        CandumpText::new(inputs, None, |_| ()).read_to_string(&mut text).unwrap();
+        assert!(text.ends_with(" can7 20000040#0000000000000000\n") && text.lines().count() == 1, "{text}");
+    }
+}

@@ -13,7 +13,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context as _, bail};
-use taxel_can::{Batch, BusEvent, FrameSource, LogReport, Pace, Replay, SocketCan, SocketCanOptions, SourceError};
+use taxel_can::{
+    Batch, BusError, BusEvent, FrameSource, LogReport, Pace, Replay, SocketCan, SocketCanOptions, SourceError,
+};
 use taxel_skin::BusIndex;
 
 use crate::config::{self, Config, Scene};
@@ -170,6 +172,7 @@ async fn take_all(source: &mut impl FrameSource, survey: &mut Survey) -> Result<
             match event {
                 BusEvent::Up | BusEvent::BufferGranted { .. } => {}
                 BusEvent::Down { reason } => survey.notice(format!("went down: {reason}")),
+                BusEvent::Error { error: error @ BusError::Slept(_), .. } => survey.notice(error.to_string()),
                 BusEvent::Error { error, .. } => survey.error(format!("{error:?}")),
                 BusEvent::Dropped { frames } => survey.notice(format!("the kernel lost {frames} frames")),
                 BusEvent::Malformed { frames } => survey.notice(format!("{frames} reads were no classic CAN frame")),
