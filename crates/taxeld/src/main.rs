@@ -40,6 +40,7 @@ mod page;
 mod pages;
 #[cfg(feature = "report")]
 mod paper;
+mod parts;
 #[cfg(feature = "sim")]
 mod picture;
 mod queues;

@@ -28,6 +28,7 @@ use crate::driver::{Driver, Stage};
 use crate::logs;
 use crate::looking::Problems;
 use crate::low_latency::{self, Awake};
+use crate::parts::Parts;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::Reload;
@@ -37,7 +38,7 @@ use crate::shared_memory::{Keeper, Pages};
 use crate::sockets::Sockets;
 use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
 use crate::systemd;
-use crate::tasks::{Parts, Tasks};
+use crate::tasks::Tasks;
 use crate::upkeep;
 
 /// How model sets become text, for the service.

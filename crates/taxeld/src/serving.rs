@@ -6,8 +6,8 @@ use tokio::sync::oneshot;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::Config;
+use crate::parts::Parts;
 use crate::systemd;
-use crate::tasks::Parts;
 
 /// What the configuration lets clients take.
 pub fn limits(config: &Config) -> Limits {

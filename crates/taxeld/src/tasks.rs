@@ -7,6 +7,7 @@ use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 use crate::bus::BusEnd;
+use crate::parts::Parts;
 
 /// After the end was asked for, the tasks have this long to close.
 const CLOSE_WITHIN: Duration = Duration::from_secs(5);
@@ -21,31 +22,6 @@ pub struct Tasks {
     pub parts: Parts,
     /// One for each bus.
     pub buses: JoinSet<BusEnd>,
-}
-
-/// Parts of a daemon; where one of them ends, the others do.
-#[derive(Default)]
-pub struct Parts(JoinSet<anyhow::Result<()>>);
-
-impl Parts {
-    /// Starts one that ends by itself only when all is to end.
-    pub fn spawn(&mut self, part: impl Future<Output = ()> + Send + 'static) {
-        self.spawn_fallible(async {
-            part.await;
-            Ok(())
-        });
-    }
-
-    /// Starts one that may fail.
-    pub fn spawn_fallible(&mut self, part: impl Future<Output = anyhow::Result<()>> + Send + 'static) {
-        self.0.spawn(part);
-    }
-
-    /// Waits until one of them ends, and gives how; `None` if there is none left.
-    pub async fn next_end(&mut self) -> Option<anyhow::Result<()>> {
-        let fault = |error| Err(anyhow!("a task of the daemon ended by a fault of this program: {error}"));
-        Some(self.0.join_next().await?.unwrap_or_else(fault))
-    }
 }
 
 impl Tasks {

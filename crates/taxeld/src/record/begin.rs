@@ -12,9 +12,9 @@ use taxel_rpc::Handle;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::{Config, RecordSection};
+use crate::parts::Parts;
 use crate::record::follow::{Followed, follow};
 use crate::record::tap::Taps;
-use crate::tasks::Parts;
 
 /// What was gathered goes to the disk after so long.
 const FLUSH_EVERY: Duration = Duration::from_secs(1);

@@ -5,8 +5,8 @@ use taxel_rpc::Handle;
 use tokio_util::sync::CancellationToken;
 
 use crate::config::Config;
+use crate::parts::Parts;
 use crate::record::tap::Taps;
-use crate::tasks::Parts;
 
 /// Begins nothing: a configuration that asks for a recording was refused before.
 ///
