@@ -130,7 +130,8 @@ impl CandumpText {
                     }
                 }
                 Ok(Some(Found::Awake(awake))) => {
-                    self.was_off |= self.awake.replace(awake) != self.awake;
+                    let before = self.awake.replace(awake);
+                    self.was_off |= before != self.awake;
                 }
                 Ok(Some(Found::Bad)) => self.ending.bad += 1,
                 Ok(None) => self.open = None,

@@ -35,7 +35,10 @@ pub fn expect_frames(log: &Path, interface: Option<&str>, report: &LogReport) ->
     let (log, lines) = (log.display(), report.lines);
     match report.first_bad.first() {
         _ if report.frames > report.errors => Ok(()),
-        _ if report.errors > 0 => bail!("{log}: there is no frame in it, only error frames: {}", report.errors),
+        _ if report.errors > 0 => {
+            let of = interface.map(|interface| format!(" of {interface}")).unwrap_or_default();
+            bail!("{log}: there is no frame{of} in it, only error frames: {}", report.errors)
+        }
         _ if report.other_interface > 0 => {
             let (others, interface) = (report.interfaces.join(", "), interface.unwrap_or_default());
             bail!("{log}: none of its {} frames is of {interface}: they are of {others}", report.other_interface)

@@ -176,9 +176,12 @@ fn a_bus_off_or_a_sleep_in_a_log_takes_the_zero_at_full_speed_as_well() {
 
 #[test]
 fn a_log_of_nothing_but_what_a_controller_told_has_no_frame() {
-    let folder = scratch(&[("t.toml", CONFIG), ("t.log", "(1.000000) can0 20000040#0000000000000000\n")]);
+    let folder = scratch(&[
+        ("t.toml", CONFIG),
+        ("t.log", "(1.000000) can0 20000040#0000000000000000\n(1.000000) can1 301#00\n"),
+    ]);
     let [log, config] = ["t.log", "t.toml"].map(|name| path(folder.path(), name));
-    let none = "there is no frame in it, only error frames: 1";
+    let none = "there is no frame of can0 in it, only error frames: 1";
     for how in [&["replay"][..], &["replay", "--speed", "50"], &["scan"]] {
         let said = fails(&[how, &[&log, "--config", &config]].concat());
         assert!(said.contains(none), "{how:?}: {said}");

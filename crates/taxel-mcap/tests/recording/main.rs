@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 mod hostile;
+mod interruptions;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -14,13 +15,13 @@ use std::time::{Duration, Instant};
 
 use prost::Message as _;
 use taxel_mcap::{
-    BOOT, CandumpText, Ending, Folder, FrameTap, Given, Identity, Input, Limits, McapFile, Queue, Recorder, SLEPT_S,
-    Sink, Topic, frames_message, open_file,
+    CandumpText, Ending, Folder, FrameTap, Given, Identity, Input, Limits, McapFile, Queue, Recorder, Sink, Topic,
+    frames_message, open_file,
 };
 use taxel_proto::v1::CanFrames;
 use taxel_skin::Time;
-use taxel_wire::candump::{parse_line, write_line};
-use taxel_wire::{CanId, Frame, FrameKind, TimedFrame};
+use taxel_wire::candump::write_line;
+use taxel_wire::{CanId, Frame, TimedFrame};
 
 const WALL_NS: i64 = 1_795_331_642_000_000_000;
 
@@ -185,47 +186,6 @@ fn only_the_bus_that_is_wanted_is_read_and_files_follow_each_other() {
     assert_eq!((ending.frames, ending.faults.len()), (20, 1));
     let (text, ending) = read(inputs(), Some("can1"));
     assert_eq!((text.as_str(), ending.other_bus), ("", 20));
-}
-
-/// When two frames of each file were received, by what was read of them, in ms after the first. Of each file are given: which
-/// start of the machine it names and how long it had slept, and the clock of the daemon and that of the wall at its first frame.
-fn through_starts(files: &[(Option<[&str; 2]>, i64, i64)]) -> Vec<i64> {
-    let scratch = tempfile::tempdir().unwrap();
-    let mut inputs = Vec::new();
-    for (number, &(awake, clock_ms, wall_ms)) in files.iter().enumerate() {
-        let path = scratch.path().join(number.to_string());
-        let about = awake.map(|[boot, slept_s]| [(BOOT, boot), (SLEPT_S, slept_s)]);
-        let about = about.into_iter().flatten().map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
-        let mut file = McapFile::begin(open_file(&path).unwrap(), &topics(), about).unwrap();
-        for after_ms in [0, 50] {
-            let time = Time::from_nanos((clock_ms + after_ms) * 1_000_000);
-            let frames = [TimedFrame { time, ..frame(7) }];
-            let message = frames_message(&frames, WALL_NS + (wall_ms + after_ms) * 1_000_000);
-            file.write(0, 7, &CanFrames { bus: "can0".to_owned(), ..message }.encode_to_vec()).unwrap();
-        }
-        file.finish().unwrap();
-        inputs.push(Input::File(path));
-    }
-    let (text, ending) = read(inputs, None);
-    assert!(ending.faults.is_empty() && ending.bad == 0, "{ending:?}");
-    let times: Vec<i64> = text.lines().map(|line| parse_line(line).unwrap().time.as_nanos() / 1_000_000).collect();
-    times.iter().map(|time| time - times[0]).collect()
-}
-
-/// A robot without a battery clock may say nothing of how long it was off, and its boards are off with it.
-#[test]
-fn a_start_of_the_machine_is_never_without_a_silence() {
-    let (one, other) = (Some(["0123456789abcdef", "2.0"]), Some(["fedcba9876543210", "0.0"]));
-    let same = through_starts(&[(one, 20_000, 0), (one, 20_100, 7_000)]);
-    assert_eq!(same, [0, 50, 100, 150], "of one start, whatever the wall clock was set to");
-    let as_if_it_went_on = through_starts(&[(one, 20_000, 0), (other, 20_100, 100)]);
-    assert_eq!(as_if_it_went_on, [0, 50, 10_050, 10_100]);
-    let slept_unseen = through_starts(&[(one, 20_000, 0), (Some(["0123456789abcdef", "3602.0"]), 20_100, 3_600_100)]);
-    assert_eq!(slept_unseen, [0, 50, 3_600_100, 3_600_150]);
-    assert_eq!(through_starts(&[(one, 90_000, 0), (other, 9_000, 300_000)]), [0, 50, 300_000, 300_050]);
-    assert_eq!(through_starts(&[(one, 90_000, 0), (other, 9_000, -300_000)]), [0, 50, 10_050, 10_100]);
-    let by_the_clock = through_starts(&[(None, 90_000, 0), (None, 9_000, 100), (None, 9_100, 0)]);
-    assert_eq!(by_the_clock, [0, 50, 10_050, 10_100, 10_150, 10_200], "of files that say nothing");
 }
 
 fn limits() -> Limits {
@@ -443,34 +403,6 @@ fn what_did_not_reach_the_disk_before_its_file_was_removed_is_counted_at_the_end
     let done = recorder.finish();
     assert_eq!((done.lost, done.bytes), (100, 0));
     assert!(done.problem.unwrap().ends_with("the file was removed"));
-}
-
-/// What the daemon took the zero for lost by takes it in a replay, too.
-#[test]
-fn what_a_controller_told_and_a_sleep_stand_where_they_happened() {
-    let scratch = tempfile::tempdir().unwrap();
-    let (recorder, queue) = start(scratch.path(), limits());
-    let off = |number: u64| {
-        let of_bus = Frame::new(CanId::Extended(0x40), FrameKind::Error, &[0; 8]).unwrap();
-        TimedFrame { time: frame(number).time, frame: of_bus }
-    };
-    let mut tap = FrameTap::new(queue, 0, "can0".to_owned(), String::new());
-    tap.take(&[frame(0), frame(1), frame(2)], &[off(1)], WALL_NS);
-    tap.slept(Duration::from_millis(2_500));
-    tap.slept(Duration::from_millis(500));
-    tap.take(&[frame(3)], &[], WALL_NS);
-    tap.take(&[], &[off(4)], WALL_NS);
-    recorder.finish();
-    let files = Folder::list(scratch.path()).unwrap();
-    let inputs = files.iter().map(|(name, _)| Input::File(scratch.path().join(name.to_string()))).collect();
-    let mut expected = String::new();
-    let slept = TimedFrame { frame: Frame::of_sleep(Duration::from_secs(3)), ..frame(3) };
-    // The engine heard of the error before it took the frames that were read with it.
-    for TimedFrame { time, frame } in [off(1), frame(0), frame(1), frame(2), slept, frame(3), off(4)] {
-        write_line(&mut expected, Time::from_nanos(WALL_NS + time.as_nanos()), "can0", &frame).unwrap();
-    }
-    let (text, ending) = read(inputs, None);
-    assert_eq!((text, ending), (expected, Ending { frames: 6, sleeps: 1, ..Ending::default() }));
 }
 
 #[test]

@@ -101,12 +101,11 @@ fn limits(section: &RecordSection) -> Limits {
 /// What each file says of itself.
 fn about(plan: &Plan) -> BTreeMap<String, String> {
     let patches: Vec<&str> = plan.patches.iter().map(|patch| patch.patch.name()).collect();
-    [("version", env!("CARGO_PKG_VERSION").to_owned()), ("patches", patches.join(", "))]
-        .into_iter()
-        .chain([(SLEPT_S, format!("{:.1}", taxel_can::slept().as_secs_f64()))])
-        .chain(boot().map(|boot| (BOOT, boot)))
-        .map(|(key, value)| (key.to_owned(), value))
-        .collect()
+    let slept_s = format!("{:.1}", taxel_can::slept().as_secs_f64());
+    let known =
+        [("version", env!("CARGO_PKG_VERSION").to_owned()), ("patches", patches.join(", ")), (SLEPT_S, slept_s)];
+    let boot = boot().map(|boot| (BOOT, boot));
+    known.into_iter().chain(boot).map(|(key, value)| (key.to_owned(), value)).collect()
 }
 
 /// By this variable the unit tells of which start of the machine this is: it keeps the kernel's file from the daemon.
