@@ -53,8 +53,8 @@ pub const UNSEEN_COUNTS: f64 = 0.15;
 
 /// Noise that an input is credited with at least, counts: rounding and what a short watch did not show.
 const NOISE_MIN_COUNTS: f64 = 0.5;
-/// Noise of a thermal pad, counts.
-const PAD_NOISE_COUNTS: f64 = 0.6;
+/// Noise of a thermal pad, counts: 0.8 before it is rounded to a whole count.
+const PAD_NOISE_COUNTS: f64 = 0.85;
 /// Share of the scans that are conversions of their own: boards repeat some.
 const INDEPENDENT_SHARE: f64 = 0.6;
 /// Variance of a recent mean or a zero over that of a single scan.

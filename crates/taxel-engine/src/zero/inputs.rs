@@ -14,6 +14,8 @@ pub const KEPT: usize = 16;
 const QUARTER: usize = 4;
 /// Weight of a scan in the recent mean: 40 scans.
 const RECENT_SHARE: f32 = 1.0 / 40.0;
+/// Scans that the recent mean begins with: a single noisy one would make a step of every later scan.
+const RECENT_FIRST: u8 = 10;
 
 /// Inputs that are looked at side by side.
 pub const LANES: usize = 16;
@@ -29,7 +31,7 @@ pub struct Block {
     pub quarter: [f32; LANES],
     /// Sums over the last 16 scans.
     pub whole: [f32; LANES],
-    /// Mean over the scans before the last 16; NaN before there is one.
+    /// Mean over the scans before the last 16; NaN before there are [`RECENT_FIRST`].
     pub recent: [f32; LANES],
     /// Scans until all of the last 16 were sound.
     pub unsound: [u8; LANES],
@@ -95,8 +97,11 @@ pub struct Inputs<C: Raw> {
     whole: Vec<C::Sum>,
     /// What `quarter` was one scan and two scans ago.
     earlier: [Vec<C::Sum>; 2],
-    /// Mean over the scans before the last 16; NaN before there is one.
+    /// Mean over the scans before the last 16; NaN before there are [`RECENT_FIRST`].
     recent: Vec<f32>,
+    /// Sum of the first of these scans, and how many are still to come.
+    first: Vec<f32>,
+    to_come: Vec<u8>,
     /// Scans until all of the last 16 were sound.
     unsound: Vec<u8>,
 }
@@ -114,6 +119,8 @@ impl<C: Raw> Inputs<C> {
             earlier: [vec![C::Sum::default(); inputs], vec![C::Sum::default(); inputs]],
             whole: vec![C::Sum::default(); inputs],
             recent: vec![f32::NAN; inputs],
+            first: vec![0.0; inputs],
+            to_come: vec![RECENT_FIRST; inputs],
             unsound: vec![0; inputs],
         }
     }
@@ -125,6 +132,8 @@ impl<C: Raw> Inputs<C> {
         self.earlier.iter_mut().for_each(|sums| sums.fill(C::Sum::default()));
         self.whole.fill(C::Sum::default());
         self.recent.fill(f32::NAN);
+        self.first.fill(0.0);
+        self.to_come.fill(RECENT_FIRST);
         self.unsound.fill(0);
         self.scans = 0;
     }
@@ -145,11 +154,16 @@ impl<C: Raw> Inputs<C> {
             *whole = count.into_sum(*whole, leaves);
         }
         if full {
-            let leaves = &self.rows[newest..][..inputs];
-            for ((recent, &leaves), &unsound) in self.recent.iter_mut().zip(leaves).zip(&self.unsound) {
+            let known = self.recent.iter_mut().zip(&mut self.first).zip(&mut self.to_come);
+            let leaves = self.rows[newest..][..inputs].iter().zip(&self.unsound);
+            for (((recent, first), to_come), (leaves, &unsound)) in known.zip(leaves) {
                 let leaves = leaves.real();
-                let next = if recent.is_nan() { leaves } else { *recent + RECENT_SHARE * (leaves - *recent) };
+                *first += if unsound == 0 { leaves } else { 0.0 };
+                let now = if *to_come == 1 { *first / f32::from(RECENT_FIRST) } else { *recent };
+                // Before there is a mean this stays NaN.
+                let next = if *to_come == 0 { *recent + RECENT_SHARE * (leaves - *recent) } else { now };
                 *recent = if unsound == 0 { next } else { *recent };
+                *to_come = to_come.saturating_sub(u8::from(unsound == 0));
             }
         }
         for (unsound, &sound) in self.unsound.iter_mut().zip(sound) {
@@ -304,11 +318,10 @@ mod tests {
                     counts[(k + 1).saturating_sub(scans)..=k].iter().map(|c| u16::from(*c)).sum::<u16>()
                 };
                 prop_assert_eq!(inputs.sums().map(|sum| sum[0]), [last(4), last(16)]);
-                let mut recent = f32::NAN;
-                for &count in &counts[..(k + 1).saturating_sub(KEPT)] {
-                    let count = f32::from(count);
-                    recent = if recent.is_nan() { count } else { recent + (count - recent) / 40.0 };
-                }
+                let left: Vec<f32> = counts[..(k + 1).saturating_sub(KEPT)].iter().map(|&c| f32::from(c)).collect();
+                let recent = left.split_at_checked(10).map_or(f32::NAN, |(first, then)| {
+                    then.iter().fold(first.iter().sum::<f32>() / 10.0, |mean, count| mean + (count - mean) / 40.0)
+                });
                 prop_assert!((inputs.recent()[0] - recent).abs() < 1e-3 || recent.is_nan());
                 prop_assert_eq!(inputs.recent()[0].is_nan(), recent.is_nan());
             }
@@ -341,7 +354,7 @@ mod tests {
     #[test]
     fn an_unsound_input_is_out_for_sixteen_scans_and_leaves_the_recent_mean_alone() {
         let mut inputs = Inputs::new(2);
-        (0..17).for_each(|_| inputs.push(&[200_u8, 200], &[true, true]));
+        (0..26).for_each(|_| inputs.push(&[200_u8, 200], &[true, true]));
         inputs.push(&[0, 200], &[false, true]);
         assert_eq!(inputs.unsound(), [16, 0]);
         (0..15).for_each(|_| inputs.push(&[200, 200], &[true, true]));

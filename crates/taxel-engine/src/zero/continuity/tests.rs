@@ -4,6 +4,7 @@ use taxel_skin::{Board, BoardAddress, BusIndex, Module, Patch, Time};
 
 use super::*;
 use crate::baseline::{Activation, TaxelBaseline};
+use crate::zero::rest::tests::Noise;
 
 const MODULES: usize = 8;
 const ZERO: u8 = 240;
@@ -123,13 +124,52 @@ fn pads_that_move_are_evidence_in_both_directions() {
         watched.scan(1, |_| 0);
         let Evidence { sums, taxels, pads } = watched.evidence();
         assert_eq!((taxels, pads), (80.0, 16.0));
-        let each = [1.0 / 0.4185, 0.0625 / 0.2085, 0.003_906_25 / 0.096];
+        let each = [1.0 / 0.817_25, 0.0625 / 0.395_791_67, 0.003_906_25 / 0.170_010_42];
         assert!(sums.iter().zip(each).all(|(&sum, each)| is_near(sum, 8.0 * each)), "{sums:?}");
         assert_eq!(watched.continuity.evidence(0, false).0.sums, [0.0; 3], "in a bag nobody asks them");
         watched.pads = [100, much];
         watched.scan(1, |_| 0);
         assert_eq!(watched.evidence().sums[0], 8.0 * EVIDENCE_MAX, "one input counts for so much at most");
     }
+}
+
+/// Sixteen modules with two pads each, all of them with 0.8 counts of noise and rounded: four hundred zeros of a skin that
+/// nothing happens to, watched for 70 scans each.
+#[test]
+fn noise_alone_takes_no_zero_away() {
+    let modules = (0..16).map(|module| (Module::from_nibble(module), ModuleKind::Triangle)).collect();
+    let board = Board { bus: BusIndex(0), address: BoardAddress::new(13).unwrap(), modules };
+    let regions = Regions::new(&Patch::new("arm", vec![board]).unwrap());
+    let mut ground = Ground::new(&regions, Activation { sigmas: 4.0, floor_counts: 2.0 });
+    let mut noise = Noise(11);
+    let mut count = |mean: f64| (mean + 0.8 * noise.normal()).round() as u8;
+    let mut lost = 0;
+    for _ in 0..400 {
+        let zero: Vec<_> = (0..160)
+            .map(|i| TaxelBaseline { mean: f64::from(ZERO) + 0.01 * f64::from(i % 100), noise: 0.85 })
+            .collect();
+        let mut continuity = Continuity::new(&regions, &["13".to_owned()]);
+        continuity.begin(true);
+        ground.take(&zero);
+        continuity.compare_with(&ground);
+        let found = (0..70).any(|k| {
+            let counts: Vec<u8> = zero.iter().map(|taxel| count(taxel.mean)).collect();
+            let pads: Vec<[u8; 2]> = (0..16).map(|_| [count(100.3), count(100.7)]).collect();
+            let scan = Scan {
+                time: Time::from_nanos(k * 50_000_000),
+                whole: true,
+                counts: (&counts).into(),
+                pads: &pads,
+                silent: &[false; 16],
+                sound: &[true; 160],
+                soundness: 0,
+                jumps: &[],
+            };
+            matches!(continuity.on_scan(&scan, Bag::default()), Some((_, Finding::NewZero(_))))
+        });
+        lost += usize::from(found);
+    }
+    assert_eq!(lost, 0, "zeros of 400");
 }
 
 #[test]
