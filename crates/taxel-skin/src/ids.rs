@@ -7,7 +7,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 pub enum IdError {
     /// Board addresses are four bits, 0 is the host and 15 everyone.
-    #[error("board address {0} is not in 1..=14")]
+    #[error("board address {0} is not in 1..=15")]
     BoardAddress(u8),
     /// The message type nibble numbers the modules of a board.
     #[error("module {0} is not in 0..=15")]
@@ -18,18 +18,18 @@ pub enum IdError {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct BusIndex(pub u8);
 
-/// The CAN address of a skin board, 1 to 14.
+/// The CAN address of a skin board, 1 to 15. Commands to 15 go to all boards of the bus: nothing is ever sent to that address.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct BoardAddress(u8);
 
 impl BoardAddress {
     /// # Errors
-    /// [`IdError::BoardAddress`] unless `address` is in 1..=14.
+    /// [`IdError::BoardAddress`] unless `address` is in 1..=15.
     pub const fn new(address: u8) -> Result<Self, IdError> {
-        if address >= 1 && address <= 14 { Ok(Self(address)) } else { Err(IdError::BoardAddress(address)) }
+        if address >= 1 && address <= 15 { Ok(Self(address)) } else { Err(IdError::BoardAddress(address)) }
     }
 
-    /// The address, 1 to 14.
+    /// The address, 1 to 15.
     #[must_use]
     pub const fn get(self) -> u8 {
         self.0

@@ -9,6 +9,7 @@ mod ids;
 mod layout;
 mod polygon;
 mod positions;
+pub mod text;
 mod time;
 mod units;
 mod words;

@@ -85,8 +85,7 @@ pub fn read_text(path: &Path) -> anyhow::Result<String> {
 pub fn read_any_text(path: &Path) -> io::Result<String> {
     let mut bytes = Vec::new();
     read_to_limit(File::open(path)?, &mut bytes)?;
-    let text = String::from_utf8_lossy(&bytes);
-    Ok(text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned())
+    Ok(taxel_skin::text::decode(&bytes))
 }
 
 #[cfg(test)]

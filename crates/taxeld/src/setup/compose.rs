@@ -7,11 +7,14 @@ use taxel_skin::{Module, ModuleKind, PositionFile};
 
 use super::drawing::Drawing;
 use super::part::Part;
-use super::robot_xml::{BoardValues, ModuleValues, RobotXml};
+use super::robot::Source;
+use super::settings::{BoardValues, ModuleValues, Settings};
 use crate::config::KindWord;
 
 /// Shift and converter offset of nearly all modules.
 const USUAL: (i64, i64) = (2, 0x2200);
+/// The address that all boards listen to.
+const EVERYONE: u8 = 15;
 /// Modules of a board.
 const MODULES: usize = 16;
 
@@ -24,6 +27,8 @@ pub struct Sources {
     pub positions: Option<(PathBuf, PositionFile)>,
     /// Its drawing.
     pub drawing: Option<Drawing>,
+    /// What its files call it, beside the part's own name.
+    pub names: Vec<String>,
 }
 
 /// A patch of the configuration, with what is to be said of it in comments.
@@ -35,6 +40,12 @@ pub struct PatchDraft {
     pub geometry: Option<PathBuf>,
     /// Its boards, in the order of the port.
     pub boards: Vec<BoardDraft>,
+    /// Bus and address of each of these in the robot's configuration, those without a module of the part included.
+    pub taken: Vec<(u8, u8)>,
+    /// Whether a board has the address of everyone: whatever is sent to it is sent to all.
+    pub is_shared_address: bool,
+    /// Why the robot's computer has no interface for it, and where its counts are instead.
+    pub out_of_reach: Option<String>,
     /// Period of its boards, milliseconds.
     pub period_ms: i64,
     /// Mean area of a taxel that is no triangle's, mm2, as the distance of its neighbours tells; `None` for triangles alone.
@@ -62,31 +73,42 @@ pub struct BoardDraft {
     pub remarks: Vec<String>,
 }
 
-/// The patch of a part; `robot` is what the configuration of its limb says.
+/// The patch of a part. `source` is its device; `given`: whether there are files of the robot's configuration at all.
 ///
 /// # Errors
 /// If the files contradict each other or have no module.
-pub fn compose(sources: &Sources, robot: Option<&RobotXml>) -> Result<PatchDraft, String> {
+pub fn compose(sources: &Sources, source: Option<&Source>, given: bool) -> Result<PatchDraft, String> {
     let part = sources.part;
     let mut draft = PatchDraft {
         part,
         geometry: sources.positions.as_ref().map(|(path, _)| path.clone()),
         boards: Vec::new(),
+        taken: Vec::new(),
+        is_shared_address: false,
+        out_of_reach: None,
         period_ms: 50,
         area_mm2: None,
         open: Vec::new(),
         remarks: sources.drawing.iter().flat_map(|d| &d.remarks).map(|r| format!("drawing: {r}")).collect(),
     };
-    let said = robot.iter().flat_map(|robot| &robot.remarks);
+    let said = source.iter().flat_map(|source| &source.device.settings.remarks);
     draft.remarks.extend(said.map(|remark| format!("the robot's configuration: {remark}")));
     let modules = choose_modules(sources, &mut draft);
     let boards = 1 + modules.keys().next_back().ok_or("no file has a module of it")? / MODULES;
-    let addresses = addresses(part, boards, robot, &mut draft)?;
+    let addresses = addresses(part, boards, source, given, &mut draft)?;
+    draft.taken = addresses.clone();
+    draft.is_shared_address = addresses.iter().any(|(_, address)| *address == EVERYONE);
     for (position, (bus, address)) in addresses.into_iter().enumerate() {
         let of_board = modules.range(position * MODULES..(position + 1) * MODULES);
         let of_board: Vec<(u8, KindWord)> = of_board.map(|(module, kind)| ((module % MODULES) as u8, *kind)).collect();
         if !of_board.is_empty() {
-            draft.boards.push(board(part, (bus, address), &of_board, robot, &mut draft.open)?);
+            draft.boards.push(board(
+                part,
+                (bus, address),
+                &of_board,
+                source.and_then(Source::settings),
+                &mut draft.open,
+            )?);
         }
     }
     settle_period(&mut draft);
@@ -146,26 +168,30 @@ fn by_board(modules: &[usize]) -> String {
 fn addresses(
     part: Part,
     boards: usize,
-    robot: Option<&RobotXml>,
+    source: Option<&Source>,
+    given: bool,
     draft: &mut PatchDraft,
 ) -> Result<Vec<(u8, u8)>, String> {
     let usual: Vec<(u8, u8)> = part.addresses().iter().map(|address| (0, *address)).collect();
-    let Some(robot) = robot.filter(|robot| !robot.addresses.is_empty()) else {
+    let Some(source) = source.filter(|source| !source.device.addresses.is_empty()) else {
         if boards > usual.len() {
             let most = usual.len();
             return Err(format!("the files have modules on {boards} boards, and the part has {most} on an iCub"));
         }
-        draft.open.push(
-            "addresses as on nearly all iCubs; the robot's own files (--xml) or `taxeld scan` show them".to_owned(),
-        );
+        let how = if given { "no device of the robot's files fits" } else { "the robot's own files (--xml) tell them" };
+        draft.open.push(format!("addresses as on nearly all iCubs: {how}. `taxeld scan` shows what is on the bus"));
         return Ok(usual.into_iter().take(boards).collect());
     };
-    let all = robot.in_order();
-    let first = robot.ports.get(&part.name()).map_or(part.first_board(), |first| first / (MODULES * 12));
-    let first = if all.len() <= part.addresses().len() { first.min(all.len().saturating_sub(boards)) } else { first };
+    let all = source.device.in_order();
+    // Without a port the place is that of most robots, or the end of a list that is only of this part.
+    let usual_place = match part.first_board() {
+        first if all.len() <= part.addresses().len() => first.min(all.len().saturating_sub(boards)),
+        first => first,
+    };
+    let first = source.first_board.unwrap_or(usual_place);
     let own: Vec<(u8, u8)> = all.iter().skip(first).take(boards).copied().collect();
     if own.len() < boards {
-        let device = robot.device.as_deref().unwrap_or("the device");
+        let device = &source.device.name;
         let list: Vec<String> = all.iter().map(|(_, address)| address.to_string()).collect();
         return Err(format!(
             "its {boards} boards would be from place {} on in the list of {device}, which has {}: {}",
@@ -189,7 +215,7 @@ fn board(
     part: Part,
     (bus, address): (u8, u8),
     modules: &[(u8, KindWord)],
-    robot: Option<&RobotXml>,
+    robot: Option<&Settings>,
     open: &mut Vec<String>,
 ) -> Result<BoardDraft, String> {
     let module = |(module, kind): &(u8, KindWord)| {
@@ -197,7 +223,6 @@ fn board(
         Ok((module, kind.at(module).map_err(|e| format!("board {address}: {e}"))?))
     };
     let kinds = modules.iter().map(module).collect::<Result<Vec<_>, String>>()?;
-    let robot = robot.filter(|robot| robot.has_values());
     let values = match robot {
         Some(robot) => robot.board(bus, address),
         None => BoardValues { period_ms: 50, board_type: i64::from(part.is_hand()), no_load: 240 },
@@ -230,7 +255,7 @@ fn board(
 }
 
 /// Where the robot's configuration has other modules than the files of positions.
-fn remainders(robot: &RobotXml, (bus, address): (u8, u8), modules: &[(u8, KindWord)]) -> Vec<String> {
+fn remainders(robot: &Settings, (bus, address): (u8, u8), modules: &[(u8, KindWord)]) -> Vec<String> {
     let here = |module: &u8| modules.iter().any(|(m, _)| m == module);
     let enabled: Vec<u8> = (0..16).filter(|m| robot.module(bus, address, *m).enabled).collect();
     let join = |list: Vec<u8>| list.iter().map(u8::to_string).collect::<Vec<_>>().join(", ");

@@ -1,7 +1,7 @@
 //! iCub's skin drawing files (`conf/skinGui/*.ini`): what each module of a part is.
 //!
 //! A row is `kind module x y degrees gain mirror [layout]`, the module numbered over all boards: 16 x board position +
-//! module. Only kind and module are read. `cardid` is not: it has boards in another order than the port, or lacks some.
+//! module. Only kind and module are used. `cardid` is not: it has boards in another order than the port, or lacks some.
 
 use std::collections::BTreeMap;
 
@@ -38,6 +38,11 @@ impl Drawing {
                     Some(module) => repeated += drawing.row(first, module, line + 1),
                     None => drawing.remarks.push(format!("line {}: `{first}` without a module number", line + 1)),
                 }
+            } else if first.eq_ignore_ascii_case("cardid") {
+                let ids: Vec<&str> = words.collect();
+                drawing
+                    .remarks
+                    .push(format!("cardid {} is not used: it is not in the order of the port", ids.join(" ")));
             } else if first.eq_ignore_ascii_case("robotPart") {
                 drawing.part = words.next().map(str::to_owned);
             }
@@ -107,7 +112,7 @@ mod tests {
         let palm = (8..12).map(|module| (module, KindWord::Palm));
         let tips = [(0, KindWord::Fingertip), (3, KindWord::Fingertip)];
         assert_eq!(drawing.modules, tips.into_iter().chain(palm).collect());
-        assert_eq!(drawing.remarks, Vec::<String>::new());
+        assert_eq!(drawing.remarks, ["cardid 14 is not used: it is not in the order of the port"]);
     }
 
     #[test]

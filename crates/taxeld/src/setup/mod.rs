@@ -1,9 +1,13 @@
 //! `taxeld setup`: from the robot's own files to a configuration.
 
+#[cfg(test)]
+mod chain_tests;
 mod compose;
 mod drawing;
 mod part;
+mod robot;
 mod robot_xml;
+mod settings;
 #[cfg(test)]
 mod tests;
 mod write;
@@ -22,7 +26,7 @@ use crate::say;
 use compose::{PatchDraft, Sources, compose};
 use drawing::Drawing;
 use part::Part;
-use robot_xml::RobotXml;
+use robot::{Robot, Source};
 
 /// What the files are.
 #[derive(Debug, clap::Args)]
@@ -65,10 +69,13 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     if standard {
         say::step_aside();
     }
-    let drafts = drafts(args)?;
+    let (mut drafts, mut notes) = drafts(args)?;
     let interfaces = interfaces(args, &drafts)?;
+    // Whoever names an interface has wired the bus to it.
+    let wired = drafts.iter_mut().filter(|draft| interfaces.contains_key(&draft.part.bus()));
+    notes.extend(wired.filter_map(|draft| draft.out_of_reach.take()));
     let gauge = args.gauge.as_deref().map(|keys| gauge(keys, &drafts)).transpose()?;
-    let folder = args.out.parent().unwrap_or(Path::new(""));
+    let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let text = write::text(&drafts, &interfaces, gauge.as_ref(), folder);
     let parsed = config::parse(&args.out, &text).context("what was made of the files is no configuration")?;
     let scene = config::resolve(&parsed, &args.out).context("what was made of the files is no configuration")?;
@@ -81,20 +88,27 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
             plan.patch.modules().len()
         );
     }
+    for note in drafts.iter().filter_map(|draft| draft.out_of_reach.as_ref()).chain(&notes) {
+        say!("{note}");
+    }
     let open = text.matches(write::CHECK).count() - 1; // the first one explains the mark
     say!("{}: written; {open} lines marked {} say what is left to look at", args.out.display(), write::CHECK);
     Ok(())
 }
 
-/// All that the files say, part by part.
-fn drafts(args: &SetupArgs) -> anyhow::Result<Vec<PatchDraft>> {
-    let mut sources: Vec<Sources> = Vec::new();
+/// All that the files say, part by part, and what of them is not used, a line each.
+fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
+    let (mut sources, mut notes): (Vec<Sources>, Vec<String>) = (Vec::new(), Vec::new());
     for argument in &args.positions {
         let (word, path) = named(argument);
         let text = read(&path)?;
         let file = PositionFile::parse(&text).with_context(|| format!("{}", path.display()))?;
         let part = part(word.as_deref(), &path, file.name())?;
-        let source = of_part(&mut sources, part);
+        let source = of_part(&mut sources, part, [stem(&path), file.name().map(str::to_owned)]);
+        if file.modules().is_empty() {
+            notes.push(format!("{}: not used: all its positions are zero", path.display()));
+            continue;
+        }
         if let Some((other, _)) = &source.positions {
             bail!("{} and {} are both of {}: one is expected", other.display(), path.display(), part.name());
         }
@@ -104,26 +118,49 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<Vec<PatchDraft>> {
         let (word, path) = named(argument);
         let drawing = Drawing::parse(&read(&path)?);
         let part = part(word.as_deref(), &path, drawing.part.as_deref())?;
-        let source = of_part(&mut sources, part);
+        let source = of_part(&mut sources, part, [stem(&path), drawing.part.clone()]);
+        notes.extend(drawing.remarks.iter().map(|remark| format!("{}: {remark}", path.display())));
         if source.drawing.replace(drawing).is_some() {
             bail!("{}: a drawing of {} was given before: one is expected", path.display(), part.name());
         }
     }
-    let robots = robots(&args.xml, &args.out)?;
-    let draft = |sources: &Sources| {
-        let part = sources.part;
-        let robot = robot_of(part, &robots);
-        compose(sources, robot.as_ref()).map_err(|why| anyhow::anyhow!("{}: {why}", part.name()))
-    };
-    sources.iter().map(draft).collect()
+    let robot = Robot::read(&args.xml, &args.out)?;
+    let (mut drafts, mut found): (Vec<PatchDraft>, Vec<Option<Source>>) = (Vec::new(), Vec::new());
+    for sources in &sources {
+        let part = sources.part.name();
+        let wrong = |why: String| anyhow::anyhow!("{part}: {why}");
+        let source = robot.source(sources.part, &sources.names).map_err(wrong)?;
+        let mut draft = compose(sources, source.as_ref(), robot.is_given()).map_err(wrong)?;
+        draft.out_of_reach = source.as_ref().and_then(|source| out_of_reach(&part, source, &robot));
+        drafts.push(draft);
+        found.push(source);
+    }
+    let used = found.iter().zip(&drafts).filter_map(|(source, draft)| Some((source.as_ref()?, draft.taken.clone())));
+    notes.extend(robot.left_over(&used.collect::<Vec<_>>()));
+    Ok((drafts, notes))
 }
 
-fn of_part(sources: &mut Vec<Sources>, part: Part) -> &mut Sources {
+/// Why this computer has no CAN interface for a part, and where its counts are.
+fn out_of_reach(part: &str, source: &Source, robot: &Robot) -> Option<String> {
+    let why = source.device.out_of_reach()?;
+    let port = robot.port(source.port.as_deref().unwrap_or(part));
+    Some(format!(
+        "{part}: {why}, so this robot's computer has no CAN interface for it. Its counts are on the YARP port {port}, which \
+         taxeld does not read yet"
+    ))
+}
+
+fn of_part(sources: &mut Vec<Sources>, part: Part, names: [Option<String>; 2]) -> &mut Sources {
     let position = sources.iter().position(|source| source.part == part).unwrap_or_else(|| {
-        sources.push(Sources { part, positions: None, drawing: None });
+        sources.push(Sources { part, positions: None, drawing: None, names: Vec::new() });
         sources.len() - 1
     });
+    sources[position].names.extend(names.into_iter().flatten());
     &mut sources[position]
+}
+
+fn stem(path: &Path) -> Option<String> {
+    Some(path.file_stem()?.to_str()?.to_owned())
 }
 
 /// `PART=FILE`, or a file alone.
@@ -150,49 +187,6 @@ fn part(said: Option<&str>, path: &Path, inside: Option<&str>) -> anyhow::Result
 
 fn read(path: &Path) -> anyhow::Result<String> {
     read_any_text(path).with_context(|| format!("{}", path.display()))
-}
-
-/// The files of the robot's configuration, each with the name that tells its limb. None of those that they include is `out`.
-fn robots(files: &[PathBuf], out: &Path) -> anyhow::Result<Vec<(String, RobotXml)>> {
-    let mut robots = Vec::new();
-    for path in files {
-        let mut robot = parse_xml(path)?;
-        for include in robot.includes.clone().iter().filter(|include| include.contains("skinSpec")) {
-            let folder = path.parent().unwrap_or(Path::new(""));
-            // Relative to the file, or to the robot's folder two above it.
-            let places = [folder.join(include), folder.join("../..").join(include)];
-            let given = |place: &PathBuf| files.iter().any(|file| file.file_name() == place.file_name());
-            match places.iter().find(|place| place.exists()) {
-                Some(place) if !given(place) => {
-                    refuse_overwriting(&[out], &[place])?;
-                    robot.add(parse_xml(place)?);
-                }
-                Some(_) => {}
-                None if places.iter().any(given) => {}
-                None => robot.remarks.push(format!("{include} is included and not there")),
-            }
-        }
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let name = robot.device.clone().unwrap_or(stem);
-        robots.push((name, robot));
-    }
-    Ok(robots)
-}
-
-fn parse_xml(path: &Path) -> anyhow::Result<RobotXml> {
-    RobotXml::parse(&read(path)?).map_err(|why| anyhow::anyhow!("{}: {why}", path.display()))
-}
-
-/// What the files say of the limb that a part belongs to.
-fn robot_of(part: Part, robots: &[(String, RobotXml)]) -> Option<RobotXml> {
-    let concerns = |(name, robot): &&(String, RobotXml)| {
-        let can_device = part.can_device().is_some_and(|bus| robot.addresses.contains_key(&bus));
-        part.is_of_limb(name) || can_device
-    };
-    let mut of_limb = robots.iter().filter(concerns).map(|(_, robot)| robot.clone());
-    let mut all = of_limb.next()?;
-    of_limb.for_each(|robot| all.add(robot));
-    Some(all)
 }
 
 fn interfaces(args: &SetupArgs, drafts: &[PatchDraft]) -> anyhow::Result<BTreeMap<String, String>> {

@@ -128,17 +128,6 @@ impl Part {
         side == self.side && self.place.limbs.iter().any(|limb| begins_with_word(rest, limb))
     }
 
-    /// The bus number that iCub's older configuration has for its limb.
-    #[must_use]
-    pub fn can_device(self) -> Option<u8> {
-        match (self.side, self.place.bus) {
-            (Side::Left, "arm") => Some(7),
-            (Side::Right, "arm") => Some(8),
-            (Side::Middle, _) => Some(9),
-            _ => None,
-        }
-    }
-
     /// What a module of it is where no file says so.
     #[must_use]
     pub fn kind(self, module: u8) -> KindWord {

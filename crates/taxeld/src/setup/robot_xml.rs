@@ -1,4 +1,5 @@
-//! The skin sections of a robot's configuration: devices with their boards, and what these are configured with.
+//! The skin sections of a robot's configuration: devices with their boards, what these are configured with, and the
+//! wrappers that say which port has the values of which device.
 //!
 //! The files are not all well-formed: comments lie in each other. So comments are taken out first, each up to the nearest
 //! end; what is no XML then is refused.
@@ -7,60 +8,60 @@ use std::collections::BTreeMap;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-/// The host takes so many special sets and no more.
-const SETS_MAX: u32 = 20;
+use super::settings::Settings;
 
-/// What a board is configured with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BoardValues {
-    /// Period in milliseconds.
-    pub period_ms: i64,
-    /// Type in command 0x4D.
-    pub board_type: i64,
-    /// The count of an unloaded value.
-    pub no_load: i64,
-}
-
-/// What a module is configured with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ModuleValues {
-    /// Whether it sends.
-    pub enabled: bool,
-    /// Right shift.
-    pub shift: i64,
-    /// Converter offset.
-    pub cdc_offset: i64,
-}
-
-/// A setting of some boards, or of some modules of a board, on one of a device's buses.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Special<T> {
-    /// Number of the bus, as the device counts them.
-    bus: i64,
-    /// First and last board.
-    boards: (i64, i64),
-    /// First and last module; all of them for settings of boards.
-    modules: (i64, i64),
-    values: T,
-}
-
-/// What was read of one or several files that belong together.
+/// A file of a robot's configuration, as far as it is about skin.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RobotXml {
-    /// The skin device, for example `left_leg-eb10-skin`.
-    pub device: Option<String>,
+    /// Skin devices.
+    pub devices: Vec<SkinDevice>,
+    /// Wrappers of skin devices.
+    pub wrappers: Vec<Wrapper>,
+    /// What boards are configured with, outside of any device: a specification that a device includes.
+    pub settings: Settings,
+    /// Files that it includes outside of any device.
+    pub includes: Vec<String>,
+    /// How the names of the robot's ports begin.
+    pub port_prefix: Option<String>,
+}
+
+/// A skin device, for example `left_leg-eb10-skin`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct SkinDevice {
+    /// Its name.
+    pub name: String,
+    /// Its type: `embObjSkin` behind an Ethernet board, `canBusSkin` on a CAN bus of the robot's computer.
+    pub kind: String,
+    /// The driver of the CAN card, where it has one: `cfw2can`, `ecan`, `socketcan`.
+    pub card: Option<String>,
     /// Addresses on each of the device's buses, by its number.
     pub addresses: BTreeMap<u8, Vec<u8>>,
+    /// What its boards are configured with.
+    pub settings: Settings,
     /// Files that it includes.
     pub includes: Vec<String>,
-    /// Ports by name, each with the first value of the device's that is in it.
-    pub ports: BTreeMap<String, usize>,
-    board: Option<BoardValues>,
-    module: Option<ModuleValues>,
-    special_boards: Vec<Special<BoardValues>>,
-    special_modules: Vec<Special<ModuleValues>>,
-    /// What a user should know, a line each.
-    pub remarks: Vec<String>,
+}
+
+/// What gives a device's values out on ports.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Wrapper {
+    /// Its name.
+    pub name: String,
+    /// The ports.
+    pub ports: Vec<Port>,
+    /// Names of the devices that it takes values from.
+    pub networks: Vec<String>,
+}
+
+/// A port, without the prefix of its robot.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Port {
+    /// `left_forearm`.
+    pub name: String,
+    /// The first of the device's values that is in it.
+    pub first: usize,
+    /// The last one.
+    pub last: usize,
 }
 
 impl RobotXml {
@@ -81,137 +82,77 @@ impl RobotXml {
         let document = Document::parse_with_options(&text, options).map_err(|e| format!("not well-formed XML: {e}"))?;
         let mut read = Self::default();
         for node in document.descendants().filter(Node::is_element) {
-            match (node.tag_name().name(), node.attribute("name")) {
-                ("device", Some(name)) => {
-                    read.device = Some(name.to_owned());
-                    read.legacy(&params(node));
-                }
-                ("include", _) => read.includes.extend(node.attribute("href").map(str::to_owned)),
-                ("group", Some(name)) => read.group(name, &params(node)),
-                ("elem", Some(name)) => {
-                    if let [first, _, _, _] = numbers(node.text().unwrap_or(""))[..]
-                        && let Ok(first) = usize::try_from(first)
-                    {
-                        read.ports.insert(name.to_owned(), first);
-                    }
-                }
+            let in_device = node.ancestors().skip(1).any(|above| above.has_tag_name("device"));
+            match node.tag_name().name() {
+                "robot" => read.port_prefix = read.port_prefix.or(node.attribute("portprefix").map(prefix)),
+                "device" if !in_device => read.device(node),
+                "include" if !in_device => read.includes.extend(node.attribute("href").map(str::to_owned)),
+                "group" if !in_device => read.settings.group(node.attribute("name").unwrap_or(""), &params(node)),
                 _ => {}
             }
         }
         Ok(read)
     }
 
-    fn group(&mut self, name: &str, params: &[(String, String)]) {
-        match name {
-            "patches" => {
-                for (name, value) in params {
-                    let bus = name.strip_prefix("skinCanAddrsPatch").and_then(|n| n.parse().ok());
-                    if let Some(bus) = bus {
-                        self.addresses.insert(bus, addresses(value));
-                    }
+    fn device(&mut self, node: Node<'_, '_>) {
+        let name = node.attribute("name").unwrap_or("").trim().to_owned();
+        let kind = node.attribute("type").unwrap_or("").trim().to_owned();
+        let wrapper = Wrapper::of(node, name.clone());
+        if !wrapper.ports.is_empty() && (kind == "skinWrapper" || value(&params(node), "device") == Some("skinWrapper"))
+        {
+            self.wrappers.push(wrapper);
+            return;
+        }
+        let device = SkinDevice::of(node, name, kind);
+        if matches!(device.kind.as_str(), "embObjSkin" | "canBusSkin") || !device.addresses.is_empty() {
+            self.devices.push(device);
+        }
+    }
+
+    /// Whether it says nothing of any skin.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.devices.is_empty() && self.wrappers.is_empty() && !self.settings.has_values()
+    }
+}
+
+impl SkinDevice {
+    fn of(node: Node<'_, '_>, name: String, kind: String) -> Self {
+        let mut device = Self { name, kind, ..Self::default() };
+        device.params(&params(node));
+        for below in node.descendants().filter(Node::is_element) {
+            match (below.tag_name().name(), below.attribute("name")) {
+                ("include", _) => device.includes.extend(below.attribute("href").map(str::to_owned)),
+                ("group", Some("patches")) => device.patches(&params(below)),
+                ("group", Some(name)) => {
+                    device.params(&params(below));
+                    device.settings.group(name, &params(below));
                 }
+                _ => {}
             }
-            "defaultCfgBoard" => self.board = Some(self.board_values(params)),
-            "defaultCfgTriangle" => self.module = Some(self.module_values(params)),
-            "specialCfgBoards" => {
-                for numbers in self.sets(params, "boardSetCfg", 6) {
-                    let [bus, first, last, period_ms, board_type, no_load] = numbers[..] else { continue };
-                    let values = BoardValues { period_ms, board_type, no_load };
-                    self.special_boards.push(Special { bus, boards: (first, last), modules: (0, 15), values });
-                }
+        }
+        device
+    }
+
+    fn patches(&mut self, params: &[(String, String)]) {
+        for (name, value) in params {
+            if let Some(bus) = name.strip_prefix("skinCanAddrsPatch").and_then(|n| n.parse().ok()) {
+                self.addresses.insert(bus, addresses(value));
             }
-            "specialCfgTriangles" => {
-                for numbers in self.sets(params, "triangleSetCfg", 7) {
-                    let [bus, board, first, last, enabled, shift, cdc_offset] = numbers[..] else { continue };
-                    let values = ModuleValues { enabled: enabled == 1, shift, cdc_offset };
-                    self.special_modules.push(Special { bus, boards: (board, board), modules: (first, last), values });
-                }
-            }
-            _ => self.legacy(params),
         }
     }
 
-    fn board_values(&self, params: &[(String, String)]) -> BoardValues {
-        let number = |name: &str, default| value(params, name).and_then(number).unwrap_or(default);
-        BoardValues {
-            period_ms: number("period", 50),
-            board_type: number("skinType", 0),
-            no_load: number("noLoad", 240),
-        }
-    }
-
-    fn module_values(&mut self, params: &[(String, String)]) -> ModuleValues {
-        let number = |name: &str, default| value(params, name).and_then(number).unwrap_or(default);
-        let word = value(params, "enabled").unwrap_or("false").to_owned();
-        let enabled = flag(&word);
-        if enabled.is_none() {
-            self.remarks.push(format!("enabled = `{}` is neither true nor false: taken as false", word.trim()));
-        }
-        let (shift, cdc_offset) = (number("shift", 2), number("cdcOffset", 0x2200));
-        ModuleValues { enabled: enabled.unwrap_or(false), shift, cdc_offset }
-    }
-
-    /// The numbers of the sets that the host takes.
-    fn sets(&mut self, params: &[(String, String)], prefix: &str, numbers_each: usize) -> Vec<Vec<i64>> {
-        let count = value(params, "numOfSets").and_then(number).unwrap_or(0);
-        let count = u32::try_from(count).unwrap_or(0).min(SETS_MAX);
-        let mut sets = Vec::new();
-        for (name, text) in params.iter().filter(|(name, _)| name.starts_with(prefix)) {
-            let set = name[prefix.len()..].parse::<u32>().ok();
-            let numbers = numbers(text);
-            if set.is_none_or(|set| set == 0 || set > count) {
-                self.remarks.push(format!("{name} is beyond the {count} sets that the host reads: left out"));
-            } else if numbers.len() != numbers_each {
-                let found = numbers.len();
-                self.remarks.push(format!("{name} has {found} numbers, expected {numbers_each}: left out"));
-            } else {
-                sets.push(numbers);
-            }
-        }
-        let mut names: Vec<&String> = params.iter().map(|(name, _)| name).filter(|n| n.starts_with(prefix)).collect();
-        names.sort_unstable();
-        if let Some([name, _]) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            self.remarks.push(format!("{name} is there twice: both count"));
-        }
-        sets
-    }
-
-    /// The older style: one bus with a number, and lists of one entry a board.
-    fn legacy(&mut self, params: &[(String, String)]) {
+    /// What is said of a device that has its CAN bus on the robot's computer.
+    fn params(&mut self, params: &[(String, String)]) {
+        // A card that several devices share is named behind the one that shares it.
+        self.card = self
+            .card
+            .take()
+            .or_else(|| value(params, "physDevice").or(value(params, "canbusDevice")).map(str::to_owned));
         let Some(ids) = value(params, "skinCanIds").map(addresses).filter(|ids| !ids.is_empty()) else { return };
         let bus = value(params, "canDeviceNum").and_then(number).unwrap_or(0);
-        let list = |name: &str| value(params, name).map(numbers).unwrap_or_default();
-        let (low, high, shifts) = (list("4E_EnaL"), list("4E_EnaH"), list("4E_Shift"));
-        for (i, address) in ids.iter().map(|id| i64::from(*id)).enumerate() {
-            let (Some(low), Some(high)) = (low.get(i), high.get(i)) else { continue };
-            let enabled = low & 0xFF | (high & 0xFF) << 8;
-            for module in 0..16 {
-                let values = ModuleValues {
-                    enabled: enabled >> module & 1 == 1,
-                    shift: shifts.get(i).copied().unwrap_or(2),
-                    cdc_offset: 0x2200,
-                };
-                let (boards, modules) = ((address, address), (module, module));
-                self.special_modules.push(Special { bus, boards, modules, values });
-            }
-        }
-        if !low.is_empty() {
-            self.remarks
-                .push("configured in the older style (4C_, 4E_): compare shift and cdc_offset by hand".to_owned());
-        }
+        self.settings.older_style(bus, &ids, params);
         self.addresses.insert(u8::try_from(bus).unwrap_or(0), ids);
-    }
-
-    /// Takes over what another file says, for example the specification that a device includes.
-    pub fn add(&mut self, other: Self) {
-        self.device = self.device.take().or(other.device);
-        self.addresses.extend(other.addresses);
-        self.ports.extend(other.ports);
-        self.board = self.board.or(other.board);
-        self.module = self.module.or(other.module);
-        self.special_boards.extend(other.special_boards);
-        self.special_modules.extend(other.special_modules);
-        self.remarks.extend(other.remarks);
     }
 
     /// The addresses of all boards in the order of the device's values: with two buses, the second's come first.
@@ -221,34 +162,42 @@ impl RobotXml {
         buses.flat_map(|(bus, list)| list.iter().map(|address| (*bus, *address))).collect()
     }
 
-    /// Whether it says what boards are configured with.
+    /// Why the robot's computer has no CAN interface for it, if so.
     #[must_use]
-    pub fn has_values(&self) -> bool {
-        self.board.is_some() || self.module.is_some() || !self.special_modules.is_empty()
-    }
-
-    /// What a board is configured with; `bus` is the device's number of it.
-    #[must_use]
-    pub fn board(&self, bus: u8, address: u8) -> BoardValues {
-        let default = self.board.unwrap_or(BoardValues { period_ms: 50, board_type: 0, no_load: 240 });
-        last_of(&self.special_boards, bus, address, 0).unwrap_or(default)
-    }
-
-    /// What a module is configured with.
-    #[must_use]
-    pub fn module(&self, bus: u8, address: u8, module: u8) -> ModuleValues {
-        let default = self.module.unwrap_or(ModuleValues { enabled: false, shift: 2, cdc_offset: 0x2200 });
-        last_of(&self.special_modules, bus, address, module).unwrap_or(default)
+    pub fn out_of_reach(&self) -> Option<String> {
+        match (self.kind.as_str(), self.card.as_deref()) {
+            ("embObjSkin", _) => Some(format!("its device {} is behind an Ethernet board (embObjSkin)", self.name)),
+            (_, Some(card)) if !card.eq_ignore_ascii_case("socketcan") => {
+                Some(format!("the CAN card of its device {} ({card}) has no SocketCAN driver", self.name))
+            }
+            _ => None,
+        }
     }
 }
 
-/// The last of the settings that concern a module, as the last command counts.
-fn last_of<T: Copy>(list: &[Special<T>], bus: u8, address: u8, module: u8) -> Option<T> {
-    let within = |(first, last): (i64, i64), number: u8| (first..=last).contains(&i64::from(number));
-    let concerns = |special: &&Special<T>| {
-        special.bus == i64::from(bus) && within(special.boards, address) && within(special.modules, module)
-    };
-    list.iter().rfind(concerns).map(|special| special.values)
+impl Wrapper {
+    fn of(node: Node<'_, '_>, name: String) -> Self {
+        let mut wrapper = Self { name, ..Self::default() };
+        for list in node.descendants().filter(|below| below.has_tag_name("paramlist")) {
+            let elems = list.children().filter(|elem| elem.has_tag_name("elem"));
+            for elem in elems {
+                let text = elem.text().unwrap_or("");
+                match (list.attribute("name"), elem.attribute("name")) {
+                    (Some("networks"), _) => wrapper.networks.extend(words(text)),
+                    (Some("ports"), Some(name)) => wrapper.ports.extend(Port::of(name, text)),
+                    _ => {}
+                }
+            }
+        }
+        wrapper
+    }
+}
+
+impl Port {
+    fn of(name: &str, text: &str) -> Option<Self> {
+        let [first, last, _, _] = numbers(text)[..] else { return None };
+        Some(Self { name: name.trim().to_owned(), first: first.try_into().ok()?, last: last.try_into().ok()? })
+    }
 }
 
 /// A text without its comments, each up to the nearest end; lines keep their numbers.
@@ -264,18 +213,33 @@ fn without_comments(text: &str) -> String {
     kept.replace("-->", "") // what an outer comment leaves behind
 }
 
-/// Name and text of the parameters right below a node.
+/// Name and text of the parameters right below a node, or below a `params` there.
 fn params(node: Node<'_, '_>) -> Vec<(String, String)> {
-    let params = node.children().filter(|child| child.has_tag_name("param"));
-    params.filter_map(|p| Some((p.attribute("name")?.to_owned(), p.text().unwrap_or("").to_owned()))).collect()
+    let (inner, own): (Vec<_>, Vec<_>) =
+        node.children().filter(Node::is_element).partition(|child| child.has_tag_name("params"));
+    let inner = inner.into_iter().flat_map(|params| params.children().collect::<Vec<_>>());
+    let all = own.into_iter().chain(inner).filter(|child| child.has_tag_name("param"));
+    all.filter_map(|p| Some((p.attribute("name")?.to_owned(), p.text().unwrap_or("").to_owned()))).collect()
 }
 
-fn value<'a>(params: &'a [(String, String)], name: &str) -> Option<&'a str> {
-    params.iter().find(|(n, _)| n.eq_ignore_ascii_case(name)).map(|(_, value)| value.as_str())
+/// The prefix of a robot's ports, with the slash that some files leave out.
+fn prefix(text: &str) -> String {
+    format!("/{}", text.trim().trim_matches('/'))
+}
+
+/// The value of a parameter, without the quotes that some have.
+pub fn value<'a>(params: &'a [(String, String)], name: &str) -> Option<&'a str> {
+    let (_, value) = params.iter().find(|(n, _)| n.eq_ignore_ascii_case(name))?;
+    Some(value.trim().trim_matches('"').trim())
+}
+
+/// The words of a list; brackets and quotes are tolerated.
+fn words(text: &str) -> impl Iterator<Item = String> {
+    text.split(|c: char| c.is_whitespace() || "(),\"".contains(c)).filter(|word| !word.is_empty()).map(str::to_owned)
 }
 
 /// A number, decimal or hexadecimal.
-fn number(text: &str) -> Option<i64> {
+pub fn number(text: &str) -> Option<i64> {
     let text = text.trim();
     match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
         Some(hex) => i64::from_str_radix(hex, 16).ok(),
@@ -284,27 +248,23 @@ fn number(text: &str) -> Option<i64> {
 }
 
 /// The numbers of a list; brackets and commas are tolerated.
-fn numbers(text: &str) -> Vec<i64> {
+pub fn numbers(text: &str) -> Vec<i64> {
     text.split(|c: char| c.is_whitespace() || "(),;".contains(c)).filter_map(number).collect()
 }
 
 fn addresses(text: &str) -> Vec<u8> {
-    numbers(text).into_iter().filter_map(|n| u8::try_from(n).ok().filter(|n| (1..=14).contains(n))).collect()
-}
-
-/// A truth value, with the spellings that there are on real robots.
-fn flag(text: &str) -> Option<bool> {
-    let word: String = text.chars().filter(|c| !c.is_whitespace()).collect::<String>().to_ascii_lowercase();
-    match word.as_str() {
-        "true" | "1" | "ture" => Some(true),
-        "false" | "0" | "fasle" | "flase" => Some(false),
-        _ => None,
-    }
+    numbers(text).into_iter().filter_map(|n| u8::try_from(n).ok().filter(|n| (1..=15).contains(n))).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::settings::{BoardValues, ModuleValues};
     use super::*;
+
+    /// The only device of a file.
+    fn device(text: &str) -> SkinDevice {
+        RobotXml::parse(text).unwrap().devices.remove(0)
+    }
 
     const DEVICE: &str = r#"<?xml version="1.0" encoding="UTF-8" ?>
 <!DOCTYPE devices PUBLIC "-//YARP//DTD yarprobotinterface 3.0//EN" "http://www.yarp.it/DTD/yarprobotinterfaceV3.0.dtd">
@@ -340,12 +300,13 @@ mod tests {
 
     #[test]
     fn a_device_and_its_specification_say_how_each_module_is_configured() {
-        let mut robot = RobotXml::parse(DEVICE).unwrap();
-        assert_eq!(robot.includes, ["./left_leg-eb10-skinSpec.xml"]);
-        robot.add(RobotXml::parse(SPEC).unwrap());
-        assert_eq!(robot.device.as_deref(), Some("left_leg-eb10-skin"));
-        let order: Vec<u8> = robot.in_order().into_iter().map(|(_, address)| address).collect();
+        let mut device = device(DEVICE);
+        assert_eq!(device.includes, ["./left_leg-eb10-skinSpec.xml"]);
+        assert_eq!(device.name, "left_leg-eb10-skin");
+        let order: Vec<u8> = device.in_order().into_iter().map(|(_, address)| address).collect();
         assert_eq!(order, [13, 12, 8, 9, 10, 11, 1, 2, 3, 4, 5, 6, 7], "the second bus comes first");
+        device.settings.add(RobotXml::parse(SPEC).unwrap().settings);
+        let robot = device.settings;
         assert_eq!(robot.board(2, 13), BoardValues { period_ms: 30, board_type: 1, no_load: 200 });
         assert_eq!(robot.board(1, 13), BoardValues { period_ms: 50, board_type: 0, no_load: 240 });
         let enabled: Vec<u8> = (0..16).filter(|m| robot.module(1, 4, *m).enabled).collect();
@@ -361,11 +322,11 @@ mod tests {
     #[test]
     fn misspelt_truth_values_are_understood() {
         for (word, enabled) in [("true", true), ("1", true), (" TRUE ", true), ("fasle", false), ("fal se", false)] {
-            let robot = RobotXml::parse(&SPEC.replace("fal se", word)).unwrap();
+            let robot = RobotXml::parse(&SPEC.replace("fal se", word)).unwrap().settings;
             assert_eq!(robot.module(1, 9, 0).enabled, enabled, "{word}");
             assert!(!robot.remarks.iter().any(|r| r.contains("neither true nor false")), "{word}");
         }
-        let robot = RobotXml::parse(&SPEC.replace("fal se", "perhaps")).unwrap();
+        let robot = RobotXml::parse(&SPEC.replace("fal se", "perhaps")).unwrap().settings;
         assert!(robot.remarks.iter().any(|r| r.contains("`perhaps` is neither true nor false")));
     }
 
@@ -374,8 +335,8 @@ mod tests {
         let text = "<device name='right_hand-skin' type='canBusSkin'><param name='canDeviceNum'>8</param>\
                     <param name='skinCanIds'>14 13</param><param name='4E_EnaL'>0x1F 0xFF</param>\
                     <param name='4E_EnaH'>0x0F 255</param></device>";
-        let robot = RobotXml::parse(text).unwrap();
-        let enabled: Vec<u8> = (0..16).filter(|m| robot.module(8, 14, *m).enabled).collect();
+        let robot = device(text);
+        let enabled: Vec<u8> = (0..16).filter(|m| robot.settings.module(8, 14, *m).enabled).collect();
         assert_eq!(enabled, [0, 1, 2, 3, 4, 8, 9, 10, 11]);
         assert_eq!(robot.in_order(), [(8, 14), (8, 13)]);
     }
@@ -393,9 +354,12 @@ mod tests {
     fn ports_are_found_and_what_is_no_xml_is_refused_with_its_place() {
         let wrapper = "<devices robot='r'><device name='w' type='skinWrapper'><paramlist name='ports'>\
                        <elem name='left_foot'> 0 383 0 383</elem><elem name='left_leg_lower'>384 1151 0 767</elem>\
-                       </paramlist></device></devices>";
-        let ports = RobotXml::parse(wrapper).unwrap().ports;
-        assert_eq!(ports, [("left_foot".to_owned(), 0), ("left_leg_lower".to_owned(), 384)].into());
+                       </paramlist><action><paramlist name='networks'><elem name='Set'> left_leg-skin </elem></paramlist></action>\
+                       </device></devices>";
+        let wrapper = RobotXml::parse(wrapper).unwrap().wrappers.remove(0);
+        let ports: Vec<_> = wrapper.ports.iter().map(|port| (port.name.as_str(), port.first, port.last)).collect();
+        assert_eq!(ports, [("left_foot", 0, 383), ("left_leg_lower", 384, 1151)]);
+        assert_eq!(wrapper.networks, ["left_leg-skin"]);
         let why = RobotXml::parse("<a>\n<b></a>").unwrap_err();
         assert!(why.contains("2:"), "{why}");
     }

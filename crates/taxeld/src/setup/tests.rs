@@ -205,7 +205,7 @@ fn a_file_that_another_includes_is_not_overwritten() {
     let torso = folder.put("torso.txt", &positions("torso", 4, &[5]));
     let device = folder.put(
         "torso-eb22-skin.xml",
-        "<device xmlns:xi=\"http://www.w3.org/2001/XInclude\" name=\"torso-eb22-skin\">\
+        "<device xmlns:xi=\"http://www.w3.org/2001/XInclude\" name=\"torso-eb22-skin\" type=\"embObjSkin\">\
          <xi:include href=\"torso-eb22-skinSpec.xml\" /></device>",
     );
     let spec = folder.put("torso-eb22-skinSpec.xml", "<params></params>");

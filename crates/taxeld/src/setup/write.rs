@@ -36,8 +36,10 @@ pub fn text(
     }
     for (position, bus) in buses.iter().enumerate() {
         let known = interfaces.get(bus).cloned();
+        let none = drafts.iter().any(|draft| draft.part.bus() == *bus && draft.out_of_reach.is_some());
+        let question = if none { "this computer has none for" } else { "which interface is" };
         let (interface, mark) = known.map_or_else(
-            || (format!("can{position}"), format!(" # {CHECK} which interface is the bus of {bus}?")),
+            || (format!("can{position}"), format!(" # {CHECK} {question} the bus of {bus}")),
             |interface| (interface, String::new()),
         );
         let _ = write!(text, "\n[[bus]]\nname = \"{bus}\"\ninterface = {}{mark}\n", quoted(&interface));
@@ -53,12 +55,16 @@ fn patch(text: &mut String, draft: &PatchDraft, gauge: Option<&toml::Table>, fol
     text.push('\n');
     let taxels: usize = draft.boards.iter().flat_map(|b| &b.modules).map(|(_, kind)| kind.taxel_slots().len()).sum();
     comment(text, &format!("{name}: {taxels} taxels"));
-    draft.open.iter().for_each(|line| comment(text, &format!("{CHECK} {line}")));
+    let out_of_reach = draft.out_of_reach.iter();
+    out_of_reach.chain(&draft.open).for_each(|line| comment(text, &format!("{CHECK} {line}")));
     draft.remarks.iter().for_each(|line| comment(text, line));
     let _ = write!(text, "[[patch]]\nname = \"{name}\"\nbus = \"{bus}\"\n");
-    text.push_str(
-        "listen_only = false # true: the robot's own software configures the boards, nothing is sent to them\n",
-    );
+    let (listen_only, why) = match draft {
+        draft if draft.is_shared_address => (true, "a command to board 15 would go to all boards of the bus"),
+        draft if draft.out_of_reach.is_some() => (true, "the robot's own software configures the boards"),
+        _ => (false, "true: the robot's own software configures the boards, nothing is sent to them"),
+    };
+    let _ = writeln!(text, "listen_only = {listen_only} # {why}");
     let _ = writeln!(text, "period_ms = {}", draft.period_ms);
     if let Some(path) = &draft.geometry {
         let _ = writeln!(text, "geometry = {}", quoted(&relative(path, folder).to_string_lossy()));
@@ -123,8 +129,8 @@ fn comment(text: &mut String, line: &str) {
     text.push('#');
     for word in line.split_whitespace() {
         if width + word.len() > 112 {
-            text.push_str("\n# ");
-            width = 2;
+            text.push_str("\n#");
+            width = 1;
         }
         let _ = write!(text, " {word}");
         width += word.len() + 1;

@@ -1,0 +1,48 @@
+//! Texts of which nobody says in which encoding they are: UTF-8 or, as some editors and shells save them, UTF-16.
+
+/// The text of these bytes, without a byte order mark. Bytes that are none are replaced: what matters in our files is ASCII.
+#[must_use]
+pub fn decode(bytes: &[u8]) -> String {
+    match utf16_order(bytes) {
+        Some(order) => {
+            let units = bytes[2..].chunks_exact(2).map(|pair| order([pair[0], pair[1]]));
+            char::decode_utf16(units).map(|c| c.unwrap_or(char::REPLACEMENT_CHARACTER)).collect()
+        }
+        None => {
+            let text = String::from_utf8_lossy(bytes);
+            text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned()
+        }
+    }
+}
+
+/// Whether a file that begins so is a text in UTF-16.
+#[must_use]
+pub fn is_utf16(begin: &[u8]) -> bool {
+    utf16_order(begin).is_some()
+}
+
+fn utf16_order(begin: &[u8]) -> Option<fn([u8; 2]) -> u16> {
+    match begin {
+        [0xFF, 0xFE, ..] => Some(u16::from_le_bytes),
+        [0xFE, 0xFF, ..] => Some(u16::from_be_bytes),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_byte_order_mark_says_how_a_text_is_read() {
+        let units =
+            |order: fn(u16) -> [u8; 2]| "\u{feff}left \u{e9}\n".encode_utf16().flat_map(order).collect::<Vec<_>>();
+        for bytes in
+            [units(u16::to_le_bytes), units(u16::to_be_bytes), "\u{feff}left \u{e9}\n".into(), "left \u{e9}\n".into()]
+        {
+            assert_eq!(decode(&bytes), "left \u{e9}\n");
+        }
+        assert_eq!(decode(b"a\xFFb"), "a\u{fffd}b");
+        assert!(is_utf16(&[0xFF, 0xFE]) && !is_utf16(b"robotPart"));
+    }
+}
