@@ -174,7 +174,7 @@ fn module_name(name: &v1::ModuleName) -> Result<(u8, u8), Status> {
         let (board, module) = (name.board, name.module);
         invalid(
             "leave_out",
-            format_args!("board {board} module {module}: expected a board of 1 to 14, a module of 0 to 15"),
+            format_args!("board {board} module {module}: expected a board of 1 to 15, a module of 0 to 15"),
         )
     })
 }

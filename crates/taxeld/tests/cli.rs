@@ -238,7 +238,7 @@ fn a_reader_that_goes_away_is_no_failure() {
 fn a_configuration_that_cannot_be_is_refused_with_its_place() {
     for (broken, says) in [
         (CONFIG.replace("modules", "moduls"), "t.toml:13: unknown key `moduls`; did you mean `modules`?"),
-        (CONFIG.replace("address = 13", "address = 31"), "board address 31 is not in 1..=14"),
+        (CONFIG.replace("address = 13", "address = 31"), "board address 31 is not in 1..=15"),
         (CONFIG.replace("\"0-1\"", "\"3-1\""), "modules = \"3-1\": expected ascending"),
         (CONFIG.replace("bus = \"skin\"", "bus = \"leg\""), "bus `leg` is not among the buses: skin"),
         (CONFIG.replace("length_bits = 32", "length_bits = 65"), "gauge: length is 65 bits"),
@@ -265,7 +265,7 @@ fn check_lists_every_error_and_run_lists_the_same_and_begins_nothing() {
     let config = path(folder.path(), "t.toml");
     let said = fails(&["check", "--config", &config]);
     for words in [
-        "patch[0].board[0].address: expected a whole number from 1 to 14, got the text \"13\"",
+        "patch[0].board[0].address: expected a whole number from 1 to 15, got the text \"13\"",
         "unknown key `lenght_bits`; did you mean `length_bits`?",
         "tare.seconds = 100: expected 0.1 to 60",
     ] {

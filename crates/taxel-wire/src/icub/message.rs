@@ -150,7 +150,7 @@ pub enum Refusal {
         expected: &'static [u8],
     },
     /// A skin identifier whose sender cannot be a board.
-    #[error("frame {id} comes from address {found}, expected a board address from 1 to 14")]
+    #[error("frame {id} comes from address {found}, expected a board address from 1 to 15")]
     Address {
         /// The frame's identifier.
         id: CanId,

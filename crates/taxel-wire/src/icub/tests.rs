@@ -12,7 +12,7 @@ fn standard(id: u16, bytes: &[u8]) -> Frame {
 }
 
 fn any_board() -> impl Strategy<Value = BoardAddress> {
-    (1..=14_u8).prop_map(address)
+    (1..=15_u8).prop_map(address)
 }
 
 fn any_module() -> impl Strategy<Value = Module> {
@@ -108,7 +108,7 @@ proptest! {
 fn every_identifier_length_and_marker_is_decoded_as_the_table_says() {
     for id in 0..=0x7FF_u16 {
         let (class, source, low) = (id >> 8, id >> 4 & 0xF, id & 0xF);
-        let is_board = (1..=14).contains(&source);
+        let is_board = (1..=15).contains(&source);
         for length in 0..=8 {
             for first in [0x40, 0xC0, 0x01, 0x1C, 0x00] {
                 let mut bytes = [0x11; 8];
@@ -209,8 +209,8 @@ fn refusals_name_what_is_wrong() {
     assert_eq!(decode(&standard(0xCD5, &[0x40; 8])), Err(Refusal::NotSkin), "no 11-bit identifier");
     let refusal = decode(&standard(0x4D5, &[0x40; 7])).unwrap_err();
     assert_eq!(refusal.to_string(), "frame 4D5 has 7 bytes, expected one of [8]");
-    let refusal = decode(&standard(0x4F5, &[0x40; 8])).unwrap_err();
-    assert_eq!(refusal.to_string(), "frame 4F5 comes from address 15, expected a board address from 1 to 14");
+    let refusal = decode(&standard(0x405, &[0x40; 8])).unwrap_err();
+    assert_eq!(refusal.to_string(), "frame 405 comes from address 0, expected a board address from 1 to 15");
 }
 
 #[test]

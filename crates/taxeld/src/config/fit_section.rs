@@ -38,11 +38,11 @@ impl Default for FitSection {
 #[serde(rename_all = "lowercase")]
 pub enum PlaysWord {
     /// If it wins on a branch that the fit did not see.
-    #[default]
     Auto,
     /// Always.
     On,
-    /// Never.
+    /// Never: the curve is that of rising pressure, and the hysteresis is in its uncertainty.
+    #[default]
     Off,
 }
 

@@ -158,7 +158,7 @@ pub enum OutputWord {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BoardSection {
-    /// CAN address, 1 to 14.
+    /// CAN address, 1 to 15.
     pub address: u8,
     /// Enabled modules: `"0-15"`, `"0-3, 7"`, `"0-4 fingertip, 8-11 palm"`.
     pub modules: Spanned<String>,

@@ -167,6 +167,10 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
     if section.listen_only {
         scene.left_out.push(format!("{name}: board bring-up: listen_only sends nothing"));
     }
+    if let Some(board) = section.board.iter().position(|board| board.address == 15).filter(|_| !section.listen_only) {
+        let words = "15 is the address of all boards of a bus: what is sent to it configures each of them. Set listen_only = true";
+        return Err(Fault::of(format!("board[{board}].address"), words));
+    }
     let setups = of_boards(section, |b| setup(b, section.period_ms))?;
     if section.tare.first_scans.is_some() {
         scene.remarks.push(format!("{name}: tare.first_scans has no effect any more: every zero is watched in full"));

@@ -42,7 +42,7 @@ pub struct SignalsSection {
     /// What is added to the value of the last `mux` from one of them to the next.
     #[serde(default)]
     pub mux_step: u32,
-    /// Which device sends it, 1 to 14: taxels that have power and zero in common.
+    /// Which device sends it, 1 to 15: taxels that have power and zero in common.
     #[serde(default = "first_device")]
     pub device: u8,
 }

@@ -61,7 +61,7 @@ pub fn describe(section: &PatchSection, bus: BusIndex) -> Result<Described, Stri
     let range = numbers(&section.signals, array.numbers)?;
     let (mut boards, mut devices) = (Vec::new(), Vec::new());
     for (device, taxels) in places {
-        let address = BoardAddress::new(device).map_err(|_| format!("device = {device}: expected 1 to 14"))?;
+        let address = BoardAddress::new(device).map_err(|_| format!("device = {device}: expected 1 to 15"))?;
         no_overlap(&taxels).map_err(|why| format!("device {device}: {why}"))?;
         boards.push(Board { bus, address, modules: modules(taxels.len(), array.columns) });
         devices.push(plan(device, taxels, &array, range, section.listen_only)?);

@@ -32,7 +32,7 @@ const EXPECTED: [(&str, &str); 62] = [
     ("patch.area_mm2", "a number of mm2 from 0.01 to 100000"),
     ("patch.area_uncertainty", "a number from 0 to 1"),
     ("patch.outputs", "a list of \"resultant\", \"moment\", \"contacts\" and \"fill\""),
-    ("patch.board.address", "a whole number from 1 to 14"),
+    ("patch.board.address", "a whole number from 1 to 15"),
     ("patch.board.modules", "a text as in \"0-15\" or \"0-3, 7\""),
     ("patch.board.board_type", "a whole number from 0 to 255"),
     ("patch.board.no_load", "a whole number from 0 to 255"),

@@ -100,7 +100,7 @@ fn what_cannot_be_is_refused_with_the_key_and_what_was_expected() {
             "id = 1\nlength_bits = 12\nstart_bit = 4\nmux = [{ length_bits = 4, value = 16 }]",
             "mux: value 16 does not fit",
         ),
-        ("id = 1\nlength_bits = 12\ndevice = 15", "device = 15: expected 1 to 14"),
+        ("id = 1\nlength_bits = 12\ndevice = 16", "device = 16: expected 1 to 15"),
     ] {
         let why = signals(keys);
         assert!(why.contains(expected), "{keys}: {why}");
