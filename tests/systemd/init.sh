@@ -29,6 +29,10 @@ mkdir -p etc/systemd/system "usr/lib/modules"
 ln -sfn "/usr/lib/uml/modules/$(uname -r)" "usr/lib/modules/$(uname -r)"
 touch etc/.updated var/.updated
 [ -s etc/machine-id ] || echo 0123456789abcdef0123456789abcdef >etc/machine-id
+# Nor anything of taxeld's that lies about on the host: machine.py checks it.
+rm -rf etc/taxeld etc/default/taxeld var/lib/taxeld var/lib/private/taxeld usr/bin/taxel* usr/local/bin/taxel*
+rm -f usr/lib/systemd/system/taxel* lib/systemd/system/taxel* etc/udev/rules.d/*taxel* usr/lib/udev/rules.d/*taxel*
+sed -i '/^skin:/d' etc/group etc/gshadow
 # What an image of a container keeps dpkg from: pages of the manual, and starting what it installs.
 rm -f .dockerenv usr/sbin/policy-rc.d etc/dpkg/dpkg.cfg.d/*
 # An index of all the host's pages would take longer than all else.

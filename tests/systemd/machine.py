@@ -8,6 +8,8 @@ import time
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 UNIT = "taxeld.service"
 CONFIG = "/etc/taxeld/taxeld.toml"
+# What an installation makes: the machine is one where taxeld never was.
+PLACES = ["/etc/taxeld", "/var/lib/taxeld", "/var/lib/private/taxeld", "/usr/bin/taxeld", "/usr/local/bin/taxeld"]
 # Nothing that is waited for takes longer, on the slowest machine.
 PATIENCE_S = 120
 
@@ -55,6 +57,8 @@ def serves():
 def job(main):
     """Runs it; where it fails the journal says what the machine saw of it."""
     try:
+        lies_about = [place for place in PLACES if os.path.lexists(place)]
+        assert not lies_about, f"the host's own: {lies_about}"
         told(f"systemd {run('systemctl', '--version').split()[1]} runs")
         main()
         told("all of it")
