@@ -6,6 +6,7 @@ use taxel_model::{End, Extension, Plays, Sign, SkinSlope, TaxelModel};
 
 use crate::baseline::TaxelBaseline;
 use crate::recalibration::evidence::LoadPoint;
+use crate::statistics::{mean, root_mean_square};
 
 /// By how much a skin's gain differs between days, relative standard uncertainty: a calibration of one day cannot know
 /// it. Capacitive insoles differed by -2.9 to +3.0 % between two days under the same loads (Hurkmans et al. 2006, Gait
@@ -215,14 +216,44 @@ pub struct Recorded {
     pub lag_s: f64,
     /// What was found of the gauge's own clock; `None` where it was not looked for.
     pub clock: Option<GaugeClock>,
-    /// How far the counts stay away from their rest when the load has gone: root mean square over the taxels, counts.
-    pub zero_return_counts: f64,
-    /// What of it all taxels have in common, counts; `None` in sets that were made before this was told.
-    pub zero_return_common_counts: Option<f64>,
+    /// How far the counts stay away from their zero when the load has gone; `None` where that was not measured.
+    pub zero_return: Option<ZeroReturn>,
     /// Median error with plays over that without, on the part of the falling branch that neither was fitted to.
     pub plays_error_ratio: Option<f64>,
     /// One entry per taxel; `None` where it was not fitted.
     pub taxels: Vec<Option<RecordedTaxel>>,
+}
+
+impl Recorded {
+    /// Standard uncertainty of a zero after a load, counts; nothing where it was not measured.
+    #[must_use]
+    pub fn zero_return_counts(&self) -> f64 {
+        self.zero_return.map_or(0.0, |zero| zero.rms)
+    }
+
+    /// What of it all taxels have in common, counts.
+    #[must_use]
+    pub fn zero_return_common_counts(&self) -> f64 {
+        self.zero_return.map_or(0.0, |zero| zero.common)
+    }
+}
+
+/// How far taxels end from their zero, counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ZeroReturn {
+    /// Root mean square over the taxels.
+    pub rms: f64,
+    /// What of that they have in common: the mean over the taxels, without its sign.
+    pub common: f64,
+}
+
+impl ZeroReturn {
+    /// Of what each taxel has moved by; `None` of nothing.
+    pub(crate) fn of(moved: &[f64]) -> Option<Self> {
+        let known = || moved.iter().copied().filter(|m| m.is_finite());
+        let (rms, common) = (root_mean_square(known()), mean(known()).0.abs());
+        (rms.is_finite() && common.is_finite()).then_some(Self { rms, common })
+    }
 }
 
 /// The clock of a gauge that another logger has recorded: at the counts' time t its own shows

@@ -208,7 +208,7 @@ fn in_use(recorded: &Recorded) -> v1::InUse {
     v1::InUse {
         smooth_s: recorded.smooth_s,
         lag_s: recorded.lag_s,
-        zero_return_counts: recorded.zero_return_counts,
+        zero_return_counts: recorded.zero_return.map(|zero| zero.rms),
         plays_error_ratio: recorded.plays_error_ratio.and_then(known),
         taxels_with_plays: with_plays as u32,
     }

@@ -16,11 +16,11 @@ use crate::calibration::fit::recipe_options::FitRecipe;
 use crate::calibration::fit::scans::Scans;
 use crate::calibration::fit::skin_fit::{FittedSkin, SkinFit};
 use crate::calibration::fit::workers::OneByOne;
-use crate::calibration::fit::zero::ZeroReturn;
 use crate::calibration::fit::{lag, zero};
 use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
 use crate::calibration::method::{method, plays_in_words};
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
+use crate::model_set::ZeroReturn;
 use crate::model_set::{ModelSet, Recorded};
 use crate::statistics::root_mean_square;
 
@@ -145,13 +145,11 @@ impl FitJob {
     fn recorded(&self, fit: &SkinFit<'_>, fitted: &FittedSkin, rest: &[TaxelBaseline]) -> Recorded {
         let usable = fitted.usable();
         let at_the_end = || zero::zero_return(fit.scans, &fit.masks, &fit.kpa, rest, &usable);
-        let zero_return = self.zero_between_ramps(&usable).unwrap_or_else(at_the_end);
         Recorded {
             smooth_s: self.recipe.smooth_s,
             module_size: self.recipe.module_size,
             lag_s: lag::estimate(fit.scans, &fit.kpa, &fit.masks, fit.course.stretches(), LAG_MAX_S),
-            zero_return_counts: zero_return.rms,
-            zero_return_common_counts: Some(zero_return.common),
+            zero_return: self.zero_between_ramps(&usable).or_else(at_the_end),
             clock: None,
             plays_error_ratio: fitted.plays_error_ratio,
             taxels: fitted.in_use.clone(),
@@ -199,7 +197,7 @@ impl FitJob {
     fn method(&self, plays_on: bool) -> String {
         let branches = match self.recipe.settled().branch {
             Branch::Rising => "",
-            Branch::Both => ", rising and falling",
+            Branch::Both => ", rising, hysteresis from falling",
         };
         let plays = if plays_on { plays_in_words(self.recipe.plays_order) } else { String::new() };
         let numbers: Vec<String> = self.together.iter().map(u64::to_string).collect();

@@ -64,7 +64,7 @@ impl Default for SessionLimits {
             rise_max_kpa_per_s: 5.0,
             fall_max_kpa_per_s: 5.0,
             fall_end: Kilopascal(1.0),
-            plays: PlaysChoice::Auto,
+            plays: PlaysChoice::Off,
             gauge_timeout: Duration::from_millis(500),
             patience: Duration::from_secs(60),
             vented_below: Kilopascal(10.0),

@@ -173,8 +173,7 @@ mod tests {
             module_size: 10,
             lag_s: 0.0,
             clock: None,
-            zero_return_counts: 0.0,
-            zero_return_common_counts: None,
+            zero_return: None,
             plays_error_ratio: None,
             taxels: vec![Some(taxel)],
         };

@@ -187,9 +187,9 @@ impl<'a> Source<'a> {
     fn hysteresis_kpa(&self) -> f64 {
         let (Some(in_use), Some(recorded)) = (self.in_use, self.set.recorded.as_ref()) else { return 0.0 };
         // How far the zero stays away from where it was does not average out either.
-        let common = recorded.zero_return_common_counts.unwrap_or(recorded.zero_return_counts);
+        let common = recorded.zero_return_common_counts();
         let shared_kpa = in_use.shared_kpa(self.set.plays_error_ratio()).hypot(common / in_use.sensitivity);
-        shared_kpa.min(in_use.sigma_kpa(recorded.zero_return_counts))
+        shared_kpa.min(in_use.sigma_kpa(recorded.zero_return_counts()))
     }
 
     /// What a count contributes to a force and to its uncertainty; `newton` is its force without a threshold.
@@ -312,7 +312,7 @@ impl<'a> Source<'a> {
     fn sigma_in_use_kpa(&self) -> Option<f64> {
         let recorded = self.set.recorded.as_ref()?;
         let noise = if recorded.smooth_s > 0.0 { self.place.now.noise.max(NOISE_FLOOR_COUNTS) } else { 0.0 };
-        Some(self.in_use?.sigma_kpa(recorded.zero_return_counts.hypot(noise))).filter(|sigma| sigma.is_finite())
+        Some(self.in_use?.sigma_kpa(recorded.zero_return_counts().hypot(noise))).filter(|sigma| sigma.is_finite())
     }
 }
 

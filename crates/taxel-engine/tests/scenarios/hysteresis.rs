@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use taxel_engine::Restored;
-use taxel_engine::calibration::fit::Branch;
-use taxel_engine::calibration::{Direction, SessionState};
+use taxel_engine::calibration::fit::{Branch, PlaysChoice};
+use taxel_engine::calibration::{Direction, SessionLimits, SessionState};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
+use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::ForceState;
 use taxel_sim::{BagConfig, Config, DielectricConfig, PumpCommand, World};
 
@@ -43,7 +44,14 @@ pub fn calibrated_in(bag: BagConfig) -> (Bench, Arc<ModelSet>) {
         ..DielectricConfig::default()
     };
     let world = World::new(small_skin(), Config { dielectric, bag, ..Config::seeded(5) }).unwrap();
-    let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
+    let mut bench = Bench::new(
+        world,
+        plan(PatchPlan {
+            session: SessionLimits { plays: PlaysChoice::Auto, ..SessionLimits::default() },
+            ..patch_plan(&small().skin)
+        }),
+        Restored::default(),
+    );
     bench.brought_up();
     bench.start_session_over(Branch::Both, Some(60.0));
     for ramp in 0..2 {

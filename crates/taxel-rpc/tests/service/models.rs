@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::known_set::{KnownSet, SetSummary};
-use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel};
+use taxel_engine::model_set::{ModelSet, Recorded, RecordedTaxel, ZeroReturn};
 use taxel_engine::snapshot::Catalogue;
 use taxel_model::{Plays, Sign};
 use taxel_proto::v1;
@@ -30,8 +30,7 @@ fn over_both_branches(id: &str) -> ModelSet {
         smooth_s: 0.5,
         module_size: 10,
         lag_s: -0.1,
-        zero_return_counts: 0.4,
-        zero_return_common_counts: None,
+        zero_return: Some(ZeroReturn { rms: 0.4, common: 0.4 }),
         clock: None,
         plays_error_ratio: Some(0.6),
         taxels,
@@ -49,7 +48,7 @@ async fn hysteresis_and_quality_in_use_are_shown() {
 
     let set = client.get_model_set(v1::GetModelSetRequest::default()).await.unwrap().into_inner();
     let in_use = set.in_use.unwrap();
-    assert_eq!((in_use.smooth_s, in_use.lag_s, in_use.zero_return_counts), (0.5, -0.1, 0.4));
+    assert_eq!((in_use.smooth_s, in_use.lag_s, in_use.zero_return_counts.unwrap()), (0.5, -0.1, 0.4));
     assert_eq!((in_use.plays_error_ratio, in_use.taxels_with_plays), (Some(0.6), 1));
     let first = &set.taxels[0];
     assert_eq!((first.rmse_in_use_kpa, first.hysteresis_kpa, first.has_plays), (Some(1.5), Some(3.0), true));

@@ -1,7 +1,7 @@
 //! What rising and falling pressure together add to MODELS.json.
 
 use serde::{Deserialize, Serialize};
-use taxel_engine::model_set::{GaugeClock, Recorded, RecordedTaxel};
+use taxel_engine::model_set::{GaugeClock, Recorded, RecordedTaxel, ZeroReturn};
 use taxel_model::bounded::List;
 use taxel_model::{Plays, TERMS_MAX};
 
@@ -14,13 +14,20 @@ pub(super) struct Part {
     smooth_s: f64,
     module_size: usize,
     lag_s: f64,
-    zero_return_counts: f64,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    zero_return_common_counts: Option<f64>,
+    zero_return: Option<ZeroReturnCounts>,
     plays_error_ratio: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     clock: Option<Clock>,
     taxels: List<Option<Entry>, TAXELS_MAX>,
+}
+
+/// In counts.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ZeroReturnCounts {
+    rms: f64,
+    common: f64,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -56,8 +63,7 @@ impl Part {
             smooth_s: recorded.smooth_s,
             module_size: recorded.module_size,
             lag_s: recorded.lag_s,
-            zero_return_counts: recorded.zero_return_counts,
-            zero_return_common_counts: recorded.zero_return_common_counts,
+            zero_return: recorded.zero_return.map(|ZeroReturn { rms, common }| ZeroReturnCounts { rms, common }),
             plays_error_ratio: recorded.plays_error_ratio,
             taxels: List(recorded.taxels.iter().map(|taxel| taxel.as_ref().map(entry)).collect()),
         }
@@ -77,8 +83,7 @@ impl Part {
             smooth_s: self.smooth_s,
             module_size: self.module_size,
             lag_s: self.lag_s,
-            zero_return_counts: self.zero_return_counts,
-            zero_return_common_counts: self.zero_return_common_counts,
+            zero_return: self.zero_return.map(|ZeroReturnCounts { rms, common }| ZeroReturn { rms, common }),
             plays_error_ratio: self.plays_error_ratio,
             taxels: self.taxels.0.into_iter().map(|entry| entry.map(taxel)).collect(),
         }
@@ -99,8 +104,10 @@ pub(super) fn check(recorded: &Recorded, taxels: usize) -> Result<(), String> {
     };
     finite("smooth_s", recorded.smooth_s, 0.0)?;
     finite("lag_s", recorded.lag_s, f64::MIN)?;
-    finite("zero_return_counts", recorded.zero_return_counts, 0.0)?;
-    finite("zero_return_common_counts", recorded.zero_return_common_counts.unwrap_or(0.0), 0.0)?;
+    if let Some(zero) = recorded.zero_return {
+        finite("zero_return.rms", zero.rms, 0.0)?;
+        finite("zero_return.common", zero.common, 0.0)?;
+    }
     if let Some(clock) = recorded.clock {
         finite("clock.offset_s", clock.offset_s, f64::MIN)?;
         finite("clock.rate", clock.rate, f64::MIN)?;

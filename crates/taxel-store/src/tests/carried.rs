@@ -1,6 +1,6 @@
 //! What a set carries along, of a recording and of known loads, comes back and is checked.
 
-use taxel_engine::model_set::{GaugeClock, ModelSet, Recalibrated, Recorded, RecordedTaxel};
+use taxel_engine::model_set::{GaugeClock, ModelSet, Recalibrated, Recorded, RecordedTaxel, ZeroReturn};
 use taxel_engine::recalibration::LoadPoint;
 use taxel_model::{Plays, Sign};
 
@@ -21,8 +21,7 @@ fn what_a_recording_adds_comes_back_and_is_checked() {
         smooth_s: 0.5,
         module_size: 10,
         lag_s: -0.1,
-        zero_return_counts: 1.2,
-        zero_return_common_counts: Some(0.9),
+        zero_return: Some(ZeroReturn { rms: 1.2, common: 0.9 }),
         clock: Some(GaugeClock { offset_s: -0.7, rate: 3e-4, error_ratio: 0.8, applied: true }),
         plays_error_ratio: Some(0.58),
         taxels: vec![Some(taxel), None, None, None],

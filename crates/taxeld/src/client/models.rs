@@ -249,10 +249,8 @@ pub fn print_set(set: &ModelSet, places: &Places) -> Outcome {
     }
     if let Some(in_use) = &set.in_use {
         let plays = in_use.taxels_with_plays;
-        say!(
-            "  hysteresis compensated: {plays} taxels; counts return to {:.2} of their rest",
-            in_use.zero_return_counts
-        );
+        let back = in_use.zero_return_counts.map(|counts| format!("; zero after a load: {counts:.2} counts off"));
+        say!("  hysteresis compensated: {plays} taxels{}", back.unwrap_or_default());
     }
     set.board_settings.iter().for_each(|line| say!("  {line}"));
     Ok(())

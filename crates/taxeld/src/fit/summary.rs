@@ -37,7 +37,10 @@ pub fn print_summary(set: &ModelSet) {
         ),
         None => say!("  plays: {plays} taxels"),
     }
-    say!("  zero after the load has gone: {:.2} counts off (root mean square)", recorded.zero_return_counts);
+    match recorded.zero_return {
+        Some(zero) => say!("  zero after the load has gone: {:.2} counts off (root mean square)", zero.rms),
+        None => say!("  zero after the load has gone: not measured, the recording does not end at rest"),
+    }
     if let Some(clock) = recorded.clock {
         let use_of_it = if clock.applied { "used" } else { "not used" };
         say!(

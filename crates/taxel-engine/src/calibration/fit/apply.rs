@@ -209,9 +209,9 @@ impl Reader<'_> {
     fn base(&self, taxel: usize) -> Option<Base> {
         let (recorded, in_use) = (self.set.recorded.as_ref()?, self.set.in_use(taxel)?);
         let day = if self.tared { 0.0 } else { DAY_COUNTS };
-        let zero_counts = recorded.zero_return_counts.hypot(day);
+        let zero_counts = recorded.zero_return_counts().hypot(day);
         // What nobody told may all be common, and the zero of another day mostly is.
-        let common = recorded.zero_return_common_counts.unwrap_or(recorded.zero_return_counts).hypot(day);
+        let common = recorded.zero_return_common_counts().hypot(day);
         let all_kpa = in_use.sigma_kpa(zero_counts);
         let hysteresis_kpa = in_use.shared_kpa(self.set.plays_error_ratio());
         let shared_kpa = hysteresis_kpa.hypot(common / in_use.sensitivity).min(all_kpa);

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::force::tests::{REST, set};
-use crate::model_set::{Recalibrated, Recorded, RecordedTaxel};
+use crate::model_set::{Recalibrated, Recorded, RecordedTaxel, ZeroReturn};
 
 fn near(is: f64, expected: f64) {
     assert!((is - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{is} is not {expected}");
@@ -16,8 +16,7 @@ fn recorded() -> ModelSet {
         module_size: 10,
         lag_s: 0.0,
         clock: None,
-        zero_return_counts: 1.2,
-        zero_return_common_counts: Some(0.9),
+        zero_return: Some(ZeroReturn { rms: 1.2, common: 0.9 }),
         plays_error_ratio: None,
         taxels: vec![Some(taxel); 2],
     };
@@ -42,10 +41,10 @@ fn a_taxel_has_in_common_with_others_its_hysteresis_and_what_of_the_zero_is_comm
         assert!(!tared || base.own_kpa > 0.1, "{tared}: {}", base.own_kpa);
     }
     assert!(reader(&set, true, true).base(2).is_none(), "of no such taxel");
-    let mut old = set;
-    old.recorded.as_mut().unwrap().zero_return_common_counts = None;
-    let base = reader(&old, true, true).base(0).unwrap();
-    near(base.shared_kpa, (1.2 / 12.0_f64.sqrt()).hypot(0.6).min(0.5_f64.hypot(0.6)));
+    let mut unmeasured = set;
+    unmeasured.recorded.as_mut().unwrap().zero_return = None;
+    let base = reader(&unmeasured, true, true).base(0).unwrap();
+    near(base.shared_kpa, 1.2 / 12.0_f64.sqrt()); // the hysteresis alone
     assert!(reader(&set_without_recording(), true, true).base(0).is_none());
 }
 

@@ -7,11 +7,12 @@ use super::lag::{estimate, mean_counts, shifted};
 use super::legs::{legs, rising};
 use super::scans::modules;
 use super::smooth::half_width;
-use super::zero::{ZeroReturn, baseline, rest_scans, zero_return};
+use super::zero::{baseline, rest_scans, zero_return};
 use super::*;
 use crate::baseline::TaxelBaseline;
 use crate::calibration::samples::Sample;
 use crate::intake::faults::{Fault, FaultLimits};
+use crate::model_set::ZeroReturn;
 use crate::zero::rest::verdict::RestVerdict;
 
 /// A recording of so many scans, one each so many seconds, with these columns.
@@ -216,14 +217,12 @@ fn the_return_to_zero_is_that_of_the_last_five_seconds_if_these_are_at_rest() {
     let recording = scans(&time_s, &[&a, &b, &c]);
     let rest = [TaxelBaseline { mean: 100.0, noise: 1.0 }; 3];
     let of = |kpa: &[f64], taxels: &[usize]| zero_return(&recording, &Masks::missing(&recording), kpa, &rest, taxels);
-    let returned = of(&kpa(1.9), &[0, 1]);
+    let returned = of(&kpa(1.9), &[0, 1]).unwrap();
     assert!((returned.rms - 2.5_f64.sqrt()).abs() < 1e-12 && (returned.common - 0.5).abs() < 1e-12, "{returned:?}");
-    let unknown = of(&kpa(2.1), &[0, 1]);
-    assert_eq!((unknown.rms, unknown.common), (1.2, 0.9), "what the recorded skin does");
-    assert_eq!([of(&kpa(f64::NAN), &[0, 1]), of(&kpa(1.9), &[])], [unknown; 2]);
+    assert_eq!([of(&kpa(2.1), &[0, 1]), of(&kpa(f64::NAN), &[0, 1]), of(&kpa(1.9), &[])], [None; 3]);
     // A range does not begin at nothing.
     let high = |end: f64| kpa(end).iter().map(|p| p + 50.0).collect::<Vec<f64>>();
-    assert_eq!([of(&high(1.9), &[0, 1]), of(&high(2.1), &[0, 1])], [returned, unknown]);
+    assert_eq!([of(&high(1.9), &[0, 1]), of(&high(2.1), &[0, 1])], [Some(returned), None]);
 }
 
 /// Forty falling taxels that move by up to a count, six seconds from the seventh on, and what `spoil` does to them.

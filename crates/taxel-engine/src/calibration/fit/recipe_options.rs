@@ -13,6 +13,9 @@ pub struct FitRecipe {
     pub options: FitOptions,
     /// Which part is fitted.
     pub branch: Branch,
+    /// Which part of that the static curves go through. With [`Branch::Rising`] they are those of a load that comes on a skin
+    /// at rest, as in a session, and the falling legs tell the hysteresis alone.
+    pub curve: Branch,
     /// Whether hysteresis is compensated.
     pub plays: PlaysChoice,
     /// Order of the curve that the plays bend; `options` has that of the static one.
@@ -37,6 +40,7 @@ impl Default for FitRecipe {
         Self {
             options: FitOptions::default(),
             branch: Branch::Both,
+            curve: Branch::Both,
             plays: PlaysChoice::default(),
             plays_order: Plays::DEFAULT_ORDER,
             module_size: 10,

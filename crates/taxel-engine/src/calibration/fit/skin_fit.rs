@@ -157,6 +157,13 @@ impl<'a> SkinFit<'a> {
         self.kpa.iter().enumerate().map(|(i, p)| if left_out(i) { f64::NAN } else { *p }).collect()
     }
 
+    /// The pressures that the static curve goes through, else NaN.
+    fn on_the_curve(&self, kpa: &[f64]) -> Vec<f64> {
+        let left_out = |falling: bool| falling && self.recipe.curve == Branch::Rising;
+        let falling = self.course.falling();
+        kpa.iter().zip(falling).map(|(p, falling)| if left_out(*falling) { f64::NAN } else { *p }).collect()
+    }
+
     /// The taxel's count as the models see it in use; NaN where it is not sound.
     fn smoothed(&self, taxel: usize) -> Vec<f64> {
         let (counts, masked) = (self.scans.counts[taxel], self.masks.of(taxel));
@@ -182,7 +189,7 @@ impl<'a> SkinFit<'a> {
             return without(faulty(self.masks.main_fault(taxel), share, first));
         }
         let kpa = self.pressure(taxel);
-        let mut model = self.static_model(self.scans.counts[taxel], &kpa);
+        let mut model = self.static_model(self.scans.counts[taxel], &self.on_the_curve(&kpa));
         let dropouts = self.masks.dropouts(taxel);
         if dropouts > 0 {
             model.flags.push(Flag::Dropouts { samples: u64::from(dropouts) });
@@ -239,7 +246,7 @@ impl<'a> SkinFit<'a> {
         let seen: Vec<f64> =
             kpa.iter().enumerate().map(|(i, p)| if held_out.contains(&i) { f64::NAN } else { *p }).collect();
         let (with, alone) = hysteresis::held_out_errors(&smoothed, &seen, &kpa, held_out, self.recipe.plays_order)?;
-        let curve = self.static_model(self.scans.counts[taxel], &seen);
+        let curve = self.static_model(self.scans.counts[taxel], &self.on_the_curve(&seen));
         let curve = hysteresis::error_on(&read_static(&curve, &smoothed), &kpa, held_out);
         Some(with / curve.min(alone)).filter(|ratio| ratio.is_finite())
     }

@@ -6,7 +6,7 @@ use std::fmt;
 use crate::baseline::TaxelBaseline;
 use crate::calibration::fit::masks::Masks;
 use crate::calibration::fit::scans::{Scans, modules};
-use crate::model_set::ModelSet;
+use crate::model_set::{ModelSet, ZeroReturn};
 use crate::statistics::{mean, root_mean_square};
 use crate::zero::rest::judge::{Reference, judge};
 use crate::zero::rest::limits::RestLimits;
@@ -22,12 +22,6 @@ const BASELINE_SCANS_MIN: usize = 20;
 
 /// The end of a calibration over which the return to zero is looked at, seconds.
 const RETURN_S: f64 = 5.0;
-
-/// What the return to zero is taken for where a calibration does not end at rest: that of the recorded skin, counts.
-const RETURN_COUNTS: f64 = 1.2;
-
-/// What of it all taxels have in common there: the same skin's, counts.
-const RETURN_COMMON_COUNTS: f64 = 0.9;
 
 /// The beginning of a recording that may serve as its zero, seconds.
 const WINDOW_S: f64 = 2.0;
@@ -54,47 +48,26 @@ pub(super) fn baseline(counts: &[f64], masked: &[bool], rest: &[bool]) -> TaxelB
     TaxelBaseline { mean: level, noise: root_mean_square(at_rest().map(|c| c - level)) }
 }
 
-/// How far taxels end from their baseline, counts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ZeroReturn {
-    /// Root mean square over the taxels.
-    pub rms: f64,
-    /// What of that they have in common: the mean over the taxels, without its sign.
-    pub common: f64,
-}
-
-impl ZeroReturn {
-    /// Of what each taxel has moved by; `None` of nothing.
-    pub(crate) fn of(moved: &[f64]) -> Option<Self> {
-        let known = || moved.iter().copied().filter(|m| m.is_finite());
-        let (rms, common) = (root_mean_square(known()), mean(known()).0.abs());
-        (rms.is_finite() && common.is_finite()).then_some(Self { rms, common })
-    }
-
-    /// Where a calibration does not end at rest.
-    const UNKNOWN: Self = Self { rms: RETURN_COUNTS, common: RETURN_COMMON_COUNTS };
-}
-
-/// How far `taxels` end from their baseline.
+/// How far `taxels` end from their baseline; `None` of a calibration that does not end at rest.
 pub(crate) fn zero_return(
     scans: &Scans<'_>,
     masks: &Masks,
     kpa: &[f64],
     baseline: &[TaxelBaseline],
     taxels: &[usize],
-) -> ZeroReturn {
+) -> Option<ZeroReturn> {
     let low = kpa.iter().copied().fold(f64::INFINITY, f64::min);
     let high = kpa.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let tail = scans.len().saturating_sub(scans.scans_in(RETURN_S))..scans.len();
     let (pressure, _) = mean(kpa[tail.clone()].iter().copied());
     if pressure.is_nan() || pressure > low + REST_BAND * (high - low) {
-        return ZeroReturn::UNKNOWN;
+        return None;
     }
     let moved = taxels.iter().map(|&t| {
         let sound = tail.clone().filter(|&i| !masks.of(t)[i]).map(|i| scans.counts[t][i]);
         mean(sound).0 - baseline[t].mean
     });
-    ZeroReturn::of(&moved.collect::<Vec<f64>>()).unwrap_or(ZeroReturn::UNKNOWN)
+    ZeroReturn::of(&moved.collect::<Vec<f64>>())
 }
 
 /// What to do about the zero of a recording.

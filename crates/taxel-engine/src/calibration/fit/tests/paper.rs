@@ -19,7 +19,7 @@ fn the_papers_recipe_is_its_equation_over_every_rising_sample() {
     skin.kpa[900] += 14.0; // a reading of the gauge that is off
     let set = fitted(&skin, &paper());
     assert_eq!(set.method, "order 5, paper, rising");
-    let zero_return = set.recorded.as_ref().unwrap().zero_return_counts;
+    let zero_return = set.recorded.as_ref().unwrap().zero_return.unwrap().rms;
     assert!(zero_return < 2.0, "a broken taxel has no say in where the others come back to: {zero_return}");
     let top = (0..skin.kpa.len()).fold(0, |top, i| if skin.kpa[i] > skin.kpa[top] { i } else { top });
     assert_eq!(top, 1900);
