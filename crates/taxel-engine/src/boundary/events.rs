@@ -1,20 +1,13 @@
 //! What happened that an operator may ask for later: zeros, faults, activations, sessions and buses, with their times.
 //!
 //! [`EventWatch`] derives it from what the engine puts out, so that an event says what every reader was told, and nothing
-//! else. Zeros, sessions, activations and buses are told each; faults of taxels that come and go many times a second are
-//! looked at once a second, so that a flickering contact cannot fill the log.
-
-use std::fmt::Write;
-use std::sync::Arc;
+//! else. Zeros, sessions, activations and buses are told each; of faults of taxels [`FaultLog`] says which.
 
 use crate::boundary::catalogue::Catalogue;
+use crate::boundary::fault_events::FaultLog;
 use crate::boundary::output::Output;
 use crate::boundary::snapshot::{Health, PatchSnapshot};
 use crate::calibration::view::{SessionState, SessionView};
-use crate::intake::faults::fault::{Fault, FaultSet};
-
-/// Faults of a patch are looked at so often.
-const FAULTS_EVERY_NS: i64 = 1_000_000_000;
 
 /// What sort of thing happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -72,8 +65,7 @@ struct PatchSeen {
     epoch: u64,
     /// Whether the zero held.
     held: bool,
-    faults: Arc<[FaultSet]>,
-    faults_at_ns: i64,
+    faults: FaultLog,
     session: Option<(u64, SessionState)>,
     active: Option<String>,
 }
@@ -95,8 +87,7 @@ impl EventWatch {
             name: name.to_owned(),
             epoch: 0,
             held: false,
-            faults: Arc::default(),
-            faults_at_ns: i64::MIN,
+            faults: FaultLog::new(),
             session: None,
             active: in_use(name),
         };
@@ -168,30 +159,9 @@ impl PatchSeen {
     }
 
     fn faults(&mut self, wall_ns: i64, snapshot: &PatchSnapshot, events: &mut Vec<Event>) {
-        let Some(now) = snapshot.taxels.faults().filter(|now| !Arc::ptr_eq(now, &self.faults)) else { return };
-        if wall_ns.saturating_sub(self.faults_at_ns) < FAULTS_EVERY_NS && wall_ns >= self.faults_at_ns {
-            return; // what is different by then is told then
-        }
-        let before = std::mem::replace(&mut self.faults, Arc::clone(now));
-        self.faults_at_ns = wall_ns;
-        let none = FaultSet::default();
-        let of = |set: &[FaultSet], taxel: usize, fault| set.get(taxel).unwrap_or(&none).contains(fault);
-        for (kind, old, new) in [(EventKind::FaultsCame, &before, now), (EventKind::FaultsWent, now, &before)] {
-            let (mut text, mut all) = (String::new(), Vec::new());
-            for fault in Fault::ALL {
-                let changed = |taxel: &usize| of(new, *taxel, fault) && !of(old, *taxel, fault);
-                let taxels: Vec<u16> = (0..now.len().max(before.len())).filter(changed).map(|t| t as u16).collect();
-                if !taxels.is_empty() {
-                    let comma = if text.is_empty() { "" } else { ", " };
-                    let _ = write!(text, "{comma}{} of {} taxels", fault.name(), taxels.len()); // a String takes all
-                }
-                all.extend(taxels);
-            }
-            if !all.is_empty() {
-                all.sort_unstable();
-                all.dedup();
-                events.push(Event { taxels: all, ..Event::new(wall_ns, kind, &self.name, text) });
-            }
+        let Some(now) = snapshot.taxels.faults() else { return };
+        for (kind, text, taxels) in self.faults.look(wall_ns, now) {
+            events.push(Event { taxels, ..Event::new(wall_ns, kind, &self.name, text) });
         }
     }
 

@@ -4,6 +4,7 @@ pub mod audit;
 pub mod catalogue;
 pub mod command;
 pub mod events;
+mod fault_events;
 pub mod input;
 pub mod output;
 pub mod pushed;

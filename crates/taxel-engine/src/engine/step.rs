@@ -343,7 +343,7 @@ impl Engine {
         if (changed && since >= HEALTH_EVERY) || (counted && since >= COUNTERS_EVERY) {
             self.health_shown = Some(now.time);
             self.health_dirty = (false, false);
-            let health = self.look_at_health();
+            let health = self.look_at_health(now.time);
             if health != *self.health {
                 self.health = Arc::new(health);
                 out.push(Output::Health(Arc::clone(&self.health)));
@@ -351,10 +351,10 @@ impl Engine {
         }
     }
 
-    fn look_at_health(&self) -> Health {
+    fn look_at_health(&self, now: Time) -> Health {
         Health {
             buses: self.buses.iter().map(BusState::view).collect(),
-            boards: self.patches.iter().flat_map(Patch::board_health).collect(),
+            boards: self.patches.iter().flat_map(|patch| patch.board_health(now)).collect(),
             problems: self.problems.iter().chain(&self.damage).chain(&self.store_problem).cloned().collect(),
             store: StoreHealth { problem: self.store_problem.clone(), damage: self.damage.clone() },
         }

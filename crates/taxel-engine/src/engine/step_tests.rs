@@ -196,7 +196,7 @@ fn frames_of_a_device_are_counted_by_what_became_of_them_and_are_those_of_its_ow
         let frame = TimedFrame { time: ms(at_ms), frame: Frame::data(id, bytes).unwrap() };
         engine.step(now(at_ms), Input::Frames(BusIndex(1), &[frame]), &mut Vec::new());
         let bus = engine.buses[1].view();
-        let scans = [0, 1].map(|patch: usize| engine.patches[patch].board_health()[0].scans);
+        let scans = [0, 1].map(|patch: usize| engine.patches[patch].board_health(Time::default())[0].scans);
         (bus.frames, bus.foreign, bus.malformed, scans)
     };
     assert_eq!(give(1_000, &[1, 200, 200, 200, 200]), (1, 0, 0, [0, 1]));

@@ -18,7 +18,7 @@ pub fn look(intake: &Intake, now: Time, gauge_timeout: Duration, left_out: &[u16
     if intake.scan().silent.iter().enumerate().any(|(module, silent)| *silent && waited_for(module)) {
         lines.push(intake.silence(now));
     }
-    for board in intake.board_health() {
+    for board in intake.board_health(now) {
         lines.extend(board.warnings.iter().map(|warning| format!("board {}: {warning}", board.address)));
     }
     lines.extend(look_at_gauge(intake, now, gauge_timeout));

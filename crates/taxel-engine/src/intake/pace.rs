@@ -149,10 +149,10 @@ impl Pace {
         (off && last.since(since) >= STEADY).then(|| Duration::from_secs_f64(self.mean_s))
     }
 
-    /// Scans that came when the board cannot have sent them.
+    /// Scans that came when the board cannot have sent them: when the last one did, and how many in all.
     #[must_use]
-    pub const fn excess(&self) -> u64 {
-        self.excess.1
+    pub const fn excess(&self) -> (Option<Time>, u64) {
+        self.excess
     }
 }
 
@@ -200,7 +200,7 @@ mod tests {
         assert!(refused(&mut pace, (0..20).map(|i| f64::from(i) * 50.0)).is_empty());
         let burst = refused(&mut pace, (0..200).map(|i| 1_000.0 + f64::from(i) * 1.25));
         assert!(burst.len() >= 193, "{} of 200 refused", burst.len()); // 251 ms hold six periods
-        assert!(pace.excess() >= 193);
+        assert!(pace.excess().1 >= 193);
     }
 
     #[test]

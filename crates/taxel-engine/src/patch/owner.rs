@@ -441,7 +441,7 @@ impl Patch {
 
     /// One entry per board.
     #[must_use]
-    pub fn board_health(&self) -> Vec<BoardHealth> {
-        self.intake.board_health()
+    pub fn board_health(&self, now: Time) -> Vec<BoardHealth> {
+        self.intake.board_health(now)
     }
 }

@@ -64,7 +64,7 @@ fn faults_that_come_and_go_are_told_with_their_taxels_once_a_second_at_most() {
     bench.inject(fault);
     bench.seconds(20.0);
     bench.repair(fault);
-    bench.seconds(30.0);
+    bench.seconds(90.0);
     let of = |kind| bench.host.events.iter().filter(move |event| event.kind == kind);
     let came: Vec<_> = of(EventKind::FaultsCame).filter(|event| event.taxels.contains(&7)).collect();
     assert!(!came.is_empty() && came[0].text.contains("of 1 taxels"), "{:?}", bench.host.events);

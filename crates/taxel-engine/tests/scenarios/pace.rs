@@ -49,7 +49,7 @@ fn old_scans_that_come_all_at_once_are_not_believed() {
             bench.seconds(3.0);
             bench.is_truthful_since(mark, &format!("200 old scans in 251 ms, silent meanwhile: {silent}"));
             let warnings = bench.host.health().boards[0].warnings.join("; ");
-            assert!(warnings.contains("scans came faster than it can send and were refused"), "{warnings}");
+            assert!(warnings.contains("scans arrived too fast and were ignored (last within a minute)"), "{warnings}");
             bench.until(3.0, "a force again", |host| host.snapshot().force.total.is_some());
         }
     }
@@ -70,7 +70,7 @@ fn second_node(skin: &Calibrated, phase_ms: u64) {
     bench.seconds(4.0);
     bench.is_truthful_since(mark, &format!("a second node {phase_ms} ms after the board"));
     let warnings = bench.host.health().boards[0].warnings.join("; ");
-    assert!(warnings.contains("a second node with its identifiers"), "{phase_ms} ms: {warnings}");
+    assert!(warnings.contains("Does another node use its CAN ids"), "{phase_ms} ms: {warnings}");
 }
 
 #[test]

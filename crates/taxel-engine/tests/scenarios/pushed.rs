@@ -225,7 +225,7 @@ fn scans_that_are_pushed_too_fast_are_refused_as_those_of_a_board() {
     assert_eq!(scene.host.snapshot().force.total, None, "{}", scene.host.reasons());
     scene.host.tick(scene.host.now + Duration::from_millis(1_100));
     let warnings = scene.host.health().boards[0].warnings.join("; ");
-    assert!(warnings.contains("came faster than it can send"), "{warnings}");
+    assert!(warnings.contains("arrived too fast"), "{warnings}");
 }
 
 /// One scan waited while the daemon stood still, and the next ones come in time.

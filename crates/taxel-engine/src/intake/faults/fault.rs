@@ -89,6 +89,18 @@ impl FaultSet {
         Fault::ALL.into_iter().filter(move |&fault| self.contains(fault))
     }
 
+    /// The faults of both.
+    #[must_use]
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Its faults that `other` has not.
+    #[must_use]
+    pub const fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
     pub(super) const fn set(&mut self, fault: Fault, on: bool) {
         let bit = 1 << fault as u16;
         self.0 = if on { self.0 | bit } else { self.0 & !bit };

@@ -33,17 +33,17 @@ impl Intake {
 
     /// One entry per board.
     #[must_use]
-    pub fn board_health(&self) -> Vec<BoardHealth> {
-        (0..self.boards.len()).map(|board| self.health_of(board)).collect()
+    pub fn board_health(&self, now: Time) -> Vec<BoardHealth> {
+        (0..self.boards.len()).map(|board| self.health_of(board, now)).collect()
     }
 
-    fn health_of(&self, position: usize) -> BoardHealth {
+    fn health_of(&self, position: usize, now: Time) -> BoardHealth {
         let (board, state) = (&self.plan.patch.boards()[position], &self.boards[position]);
         let range = self.regions.board_modules()[position].clone();
         let modules = &self.assembler.modules()[range.clone()];
         let names = range.clone().map(|m| (m, self.plan.patch.modules()[m].module.to_string()));
         let mut warnings = state.warnings();
-        warnings.extend(self.pace_warnings(range.clone()));
+        warnings.extend(self.pace_warnings(range.clone(), now));
         warnings.extend(self.jump_warnings(range));
         BoardHealth {
             patch: self.plan.patch.name().to_owned(),
@@ -75,20 +75,44 @@ impl Intake {
     }
 
     /// What is strange about how often the modules of a board send.
-    fn pace_warnings(&self, modules: Range<usize>) -> Vec<String> {
+    fn pace_warnings(&self, modules: Range<usize>, now: Time) -> Vec<String> {
         let paces = &self.paces[modules];
         let mut warnings = Vec::new();
         if let Some(period) = paces.iter().find_map(Pace::unlike_configured) {
             let (is, was) = (period.as_millis(), self.plan.period.as_millis());
             warnings.push(format!("sends every {is} ms, the configuration says {was} ms"));
         }
-        let excess: u64 = paces.iter().map(Pace::excess).sum();
-        if excess > 0 {
+        let excess: u64 = paces.iter().map(|pace| pace.excess().1).sum();
+        if let Some(last) = paces.iter().filter_map(|pace| pace.excess().0).max() {
             warnings.push(format!(
-                "{excess} scans came faster than it can send and were refused: a second node with its identifiers, or \
-                 old frames from a queue"
+                "{excess} scans arrived too fast and were ignored ({}). Does another node use its CAN ids, or was this \
+                 computer overloaded?",
+                last_seen(last, now)
             ));
         }
         warnings
+    }
+}
+
+/// When a thing that may be over happened last. In whole minutes: health is told anew whenever a word of it changes.
+fn last_seen(last: Time, now: Time) -> String {
+    match now.since(last).as_secs() / 60 {
+        0 => "last within a minute".to_owned(),
+        minutes @ 1..120 => format!("last {minutes} min ago"),
+        minutes => format!("last {} h ago", minutes / 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_time_is_told_in_minutes_and_then_in_hours() {
+        let told = |seconds| last_seen(Time::from_seconds(50.0), Time::from_seconds(50.0 + seconds));
+        assert_eq!(told(59.0), "last within a minute");
+        assert_eq!(told(60.0), "last 1 min ago");
+        assert_eq!(told(7_199.0), "last 119 min ago");
+        assert_eq!(told(7_200.0), "last 2 h ago");
     }
 }
