@@ -28,6 +28,11 @@ use crate::threads;
 /// The world is computed so far ahead; a command takes effect at most so much later.
 const AHEAD: Duration = Duration::from_millis(5);
 
+/// A frame that is late by this share of the boards' period is dropped: with half a period scans would count as too fast.
+const LATE_SHARE: f64 = 0.4;
+/// Of boards without a plan.
+const PERIOD: Duration = Duration::from_millis(50);
+
 /// Frames that may wait for the bus's task: as many as a kernel's buffer holds, half a second of a full bus. The forearm
 /// fills that in four seconds. Then the simulation waits.
 const FRAMES_WAITING_MAX: usize = 4_505;
@@ -76,7 +81,9 @@ impl SimBus {
         let (to_bus, frames) = mpsc::channel(FRAMES_WAITING_MAX);
         let (commands, received) = std::sync::mpsc::channel();
         let (pumping, loaded) = (None, false);
-        let simulation = Simulation { world, begun, session, received, to_bus, pumping, places, loaded };
+        let period = plan.patches.iter().map(|patch| patch.period).min().unwrap_or(PERIOD);
+        let late_after = period.mul_f64(LATE_SHARE);
+        let simulation = Simulation { world, begun, session, received, to_bus, pumping, places, loaded, late_after };
         threads::start("sim-bus", move || simulation.run())?;
         Ok(Self { frames, commands, told_up: false })
     }
@@ -107,6 +114,8 @@ struct Simulation {
     pumping: Option<Direction>,
     places: [TaxelIndex; UNDER_THE_MASS.len()],
     loaded: bool,
+    /// Frames that come later than this are dropped: a burst of them would look like a board that sends too fast.
+    late_after: Duration,
 }
 
 impl Simulation {
@@ -122,7 +131,11 @@ impl Simulation {
             self.world.advance(until, &mut frames);
             for frame in frames.drain(..) {
                 sleep_until(frame.time);
-                let stamped = TimedFrame { time: ClockReading::now().time, ..frame };
+                let time = ClockReading::now().time;
+                if time.since(frame.time) > self.late_after {
+                    continue; // as on a bus, where a board that was held up sends no second scan for it
+                }
+                let stamped = TimedFrame { time, ..frame };
                 if self.to_bus.blocking_send(stamped).is_err() {
                     return;
                 }
