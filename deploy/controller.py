@@ -12,6 +12,7 @@ Policy:
 2. Only OK and DEGRADED are forces. STALE, TARE_INVALID and UNCALIBRATED carry none: the loop does without.
 3. The age is the sample's age when it was sent, plus the time that it was on its way, plus the time that passed here since
    it came. How long the way takes shows a question beside the stream: the daemon answered not before the question left.
+   The limit comes with each sample: `max_age_s`.
 4. A stream that ends is opened again; until then the force grows old and is refused.
 """
 
@@ -31,7 +32,6 @@ ASK_EVERY_S = 10.0  # how often the daemon's clock is looked at
 ANSWER_WITHIN_S = 2.0
 DRIFT = 6e-4  # two clocks part by so many seconds a second at most
 ASTRAY_S = 0.05  # on clocks that run no sample comes so long before it was sent
-AGE_MAX_S = 0.120  # an older force is none: two periods of the boards, and a little
 GOOD = ("FORCE_STATE_OK", "FORCE_STATE_DEGRADED")
 # What is not read yet shall wait at the daemon, which replaces it by newer samples; not in this process.
 OPTIONS = [("grpc.http2.lookahead_bytes", 4096), ("grpc.http2.bdp_probe", 0), ("grpc.keepalive_time_ms", 5000)]
@@ -110,8 +110,8 @@ class NewestForce:
         if not math.isfinite(sample.total_n) or not sample.age_s >= 0:
             return None, None, f"{sample.total_n} N, {sample.age_s} s old: that is no force"
         age = sample.age_s + delay + now_s() - came
-        if not age <= AGE_MAX_S:  # also if it is no number
-            return None, None, self.broken or f"{1e3 * age:.0f} ms old, more than {1e3 * AGE_MAX_S:.0f} ms"
+        if not age <= sample.max_age_s:  # also if it is no number
+            return None, None, self.broken or f"{1e3 * age:.0f} ms old, more than {1e3 * sample.max_age_s:.0f} ms"
         return sample.total_n, age, ""
 
 

@@ -21,7 +21,7 @@ int main(int argc, char **argv) {
     if (taxel_force_init(&reader, page) != 0) return 2;
     for (cycle = 0; (double)cycle < seconds * 1000.0; cycle++) {
         taxel_force force;
-        status = taxel_force_follow(&reader, 120000000, &force);
+        status = taxel_force_follow(&reader, 0, &force);
         /* Here the controller acts on force.total_n, if the status is TAXEL_FORCE_GOOD, and does without if it is not. */
         if (cycle % 500 == 0) {
             if (status == TAXEL_FORCE_GOOD)

@@ -25,7 +25,6 @@
 
 using namespace std::chrono_literals;
 
-constexpr double age_max_s = 0.120;  // an older force is none
 constexpr double drift = 6e-4;       // two clocks part by so many seconds a second at most
 constexpr double astray_s = 0.05;    // on clocks that run no sample comes so long before it was sent
 
@@ -90,7 +89,7 @@ public:
                     !broken_.empty() ? "the stream was lost: " + broken_ :
                     taxel::v1::ForceState_Name(sample.state()) + (sample.reasons_size() ? ": " + sample.reasons(0) : "")};
         const double age_s = sample.age_s() + newest_->on_the_way_s + now_s() - newest_->came_s;
-        if (!(age_s >= 0.0 && age_s <= age_max_s))
+        if (!(age_s >= 0.0 && age_s <= sample.max_age_s()))
             return {std::nullopt, age_s, broken_.empty() ? "too old" : "the stream was lost: " + broken_};
         return {sample.total_n(), age_s, ""};
     }

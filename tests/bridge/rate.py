@@ -32,7 +32,6 @@ router = "{router}"
 [[patch]]
 name = "left_forearm"
 rate_hz = {rate}
-age_max_ms = 1000
 """
 
 

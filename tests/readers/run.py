@@ -115,7 +115,7 @@ def over_a_socket(taxel, taxeld, cpp, scratch):
     """)
     daemon = subprocess.Popen([taxeld, "run", "--config", config], stderr=subprocess.DEVNULL)
     try:
-        with taxel.connect(f"unix:{socket}", age_max_s=1.0) as service:
+        with taxel.connect(f"unix:{socket}") as service:
             until("Python over a Unix socket", lambda: "no model set is active" in str(service.force()))
         for command in controllers(cpp, "", f"unix:{socket}")[2:]:
             code, said = run(command)
@@ -126,10 +126,10 @@ def over_a_socket(taxel, taxeld, cpp, scratch):
     print("Python and C++ over gRPC hear the daemon over a Unix socket, too")
 
 
-# Says again and again whether there is a force of at most a minute, or why there is none.
+# Says again and again whether there is a force, or why there is none.
 SLEEPER = '''
 import sys, time, taxel
-with taxel.connect(sys.argv[1], age_max_s=60.0) as service:
+with taxel.connect(sys.argv[1]) as service:
     while True:
         force = service.force()
         print("force" if force else force, flush=True)
@@ -196,7 +196,7 @@ def main(taxeld, scratch):
         memory = taxel.Reader(page)
         assert not memory.force() and memory.force().why is taxel.Why.NO_PAGE
         demo = Demo(taxeld, folder)
-        service = taxel.connect(demo.address, age_max_s=1.0)
+        service = taxel.connect(demo.address)
         same_figures(taxel, memory, service)
         with taxel.connect(demo.address, "nose") as nowhere:
             until("the reason of a refusal", lambda: nowhere.force().codes == ("PATCH_UNKNOWN",))

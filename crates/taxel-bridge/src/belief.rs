@@ -104,9 +104,9 @@ pub fn believe(sample: &ForceSample, waited: Duration, limit: Duration) -> Resul
 }
 
 /// The sample as it may go on, with its age by now: with no figure of the force if it is none.
-pub fn passed_on(sample: &ForceSample, waited: Duration, limit: Duration) -> ForceSample {
+pub fn passed_on(sample: &ForceSample, waited: Duration) -> ForceSample {
     let age_s = sample.age_s.map(|age_s| age(age_s, waited).as_secs_f64());
-    match believe(sample, waited, limit) {
+    match believe(sample, waited, sample.max_age(None)) {
         Ok(_) => ForceSample { age_s, ..sample.clone() },
         Err(NoForce::State { state, reasons }) => {
             let causes = sample.causes.clone();
@@ -137,6 +137,7 @@ pub(crate) mod tests {
             total_n: Some(4.9),
             total_sigma_n: Some(0.5),
             age_s: Some(0.02),
+            max_age_s: 0.15,
             monotonic_ns: Some(1),
             time: Some(Timestamp { seconds: 1_700_000_000, nanos: 5 }),
             resultant_n: vector(1.0, -2.0, 3.0),
@@ -175,7 +176,7 @@ pub(crate) mod tests {
         let cause = ForceReason { code: ReasonCode::RestNotProven.into(), ..ForceReason::default() };
         let (reasons, causes) = (vec!["no rest".into()], vec![cause]);
         let tare = ForceSample { state: ForceState::TareInvalid.into(), reasons, causes, ..good() };
-        let sent = passed_on(&tare, ms(0), LIMIT);
+        let sent = passed_on(&tare, ms(0));
         assert_eq!((sent.state(), sent.total_n, sent.resultant_n), (ForceState::TareInvalid, None, None));
         assert_eq!(sent.reasons, ["no rest"]);
         assert_eq!(codes(&sent), [ReasonCode::RestNotProven], "as the daemon has it");
@@ -199,7 +200,7 @@ pub(crate) mod tests {
         ];
         for (field, sample) in cases {
             assert_eq!(believe(&sample, ms(0), LIMIT), Err(NoForce::NoFigure { field }));
-            let sent = passed_on(&sample, ms(0), LIMIT);
+            let sent = passed_on(&sample, ms(0));
             assert_eq!((sent.state(), sent.total_n, sent.resultant_n), (ForceState::Stale, None, None), "{field}");
             assert_eq!(codes(&sent), [ReasonCode::NoFigure], "{field}");
         }
@@ -207,9 +208,9 @@ pub(crate) mod tests {
 
     #[test]
     fn what_goes_on_carries_its_age_and_loses_its_figures_when_it_is_too_old() {
-        let sent = passed_on(&good(), ms(30), LIMIT);
+        let sent = passed_on(&good(), ms(30));
         assert_eq!((sent.age_s, sent.total_n, sent.state()), (Some(0.05), Some(4.9), ForceState::Ok));
-        let sent = passed_on(&good(), ms(500), LIMIT);
+        let sent = passed_on(&good(), ms(500));
         assert_eq!((sent.age_s, sent.total_n, sent.state()), (Some(0.52), None, ForceState::Stale));
         assert_eq!((sent.resultant_n, sent.moment_nm, sent.centre_of_pressure_m), (None, None, None));
         assert_eq!(sent.reasons, ["the sample is 0.52 s old, the limit is 0.15 s"]);

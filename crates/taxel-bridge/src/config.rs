@@ -11,8 +11,6 @@ use crate::ros::keys;
 
 /// Patches of one bridge; each takes two of the streams that a daemon serves.
 const PATCHES_MAX: usize = 32;
-/// Longest age of a force that can be allowed, in ms.
-const AGE_MAX_MS: u32 = 10_000;
 
 /// The whole file.
 #[derive(Clone, Debug, Deserialize)]
@@ -124,24 +122,12 @@ pub struct PatchSection {
     /// Clouds of taxels per second, 1 to 1000; 0, the default, for none.
     #[serde(default)]
     pub taxels_hz: f64,
-    /// An older force is none, in ms.
-    #[serde(default = "age_max_ms")]
-    age_max_ms: u32,
-}
-
-fn age_max_ms() -> u32 {
-    150
 }
 
 impl PatchSection {
     /// The frame of its coordinates.
     pub fn frame(&self) -> &str {
         self.frame.as_deref().unwrap_or(&self.name)
-    }
-
-    /// An older force is none.
-    pub fn age_max(&self) -> Duration {
-        Duration::from_millis(self.age_max_ms.into())
     }
 }
 
@@ -216,8 +202,6 @@ impl PatchSection {
             let fits = rate.is_none_or(|hz| (1.0..=1000.0).contains(&hz) || hz == least);
             ensure!(fits, "patch {name:?}: {key} = {}: expected 1 to 1000", rate.unwrap_or_default());
         }
-        let age = self.age_max_ms;
-        ensure!((1..=AGE_MAX_MS).contains(&age), "patch {name:?}: age_max_ms = {age}: expected 1 to {AGE_MAX_MS}");
         Ok(())
     }
 }
@@ -241,7 +225,7 @@ mod tests {
         assert_eq!(ros.absolute("tare"), "/skin/tare");
         assert_eq!(RosSection { namespace: "/".into(), ..ros }.absolute("tare"), "/tare");
         let patch = &config.patches[0];
-        assert_eq!((patch.frame(), patch.age_max()), ("left_forearm", Duration::from_millis(150)));
+        assert_eq!(patch.frame(), "left_forearm");
         assert!(config.fleet.is_none());
     }
 
@@ -269,7 +253,6 @@ mod tests {
             (format!("{LEAST}rate_hz = 0.5"), "rate_hz"),
             (format!("{LEAST}rate_hz = nan"), "rate_hz"),
             (format!("{LEAST}taxels_hz = 2000.0"), "taxels_hz"),
-            (format!("{LEAST}age_max_ms = 0"), "age_max_ms"),
             (format!("{LEAST}frame = \"/arm\""), "frame"),
             (format!("{LEAST}[[patch]]\nname = \"left-forearm\""), "same name"),
             (LEAST.replace("left_forearm", "a*"), "patch"),

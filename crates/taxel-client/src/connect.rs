@@ -122,8 +122,8 @@ pub struct Options {
     pub patch: String,
     /// Samples per second, 1 to 1000; absent: each as it comes.
     pub rate_hz: Option<f64>,
-    /// An older force is none. 120 ms unless it is set: two periods of the boards, and a little.
-    pub age_max: Duration,
+    /// The caller's own limit of age, if it has a stricter one than the daemon's (`max_age_s` of the sample).
+    pub age_max: Option<Duration>,
     /// File whose first line is a token to show.
     pub token: Option<PathBuf>,
     /// Certificates, for `https://`.
@@ -132,14 +132,14 @@ pub struct Options {
 }
 
 impl Options {
-    /// Each new sample of the only patch, at most 120 ms old.
+    /// Each new sample of the only patch, as old as the daemon allows.
     #[must_use]
     pub fn new(address: Address) -> Self {
         Self {
             address,
             patch: String::new(),
             rate_hz: None,
-            age_max: Duration::from_millis(120),
+            age_max: None,
             token: None,
             #[cfg(feature = "tls")]
             tls: None,

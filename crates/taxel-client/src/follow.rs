@@ -30,7 +30,7 @@ struct Newest {
 #[derive(Debug)]
 pub struct Forces {
     newest: watch::Receiver<Newest>,
-    age_max: Duration,
+    age_max: Option<Duration>,
     task: Option<JoinHandle<()>>,
 }
 

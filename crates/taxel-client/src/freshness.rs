@@ -109,11 +109,11 @@ impl Received {
         Some(sent_with.saturating_add(self.delayed).saturating_add(now.since(self.at)))
     }
 
-    /// The force in newton and its age.
+    /// The force in newton and its age. `own`: the reader's own limit, where it has a stricter one than the daemon.
     ///
     /// # Errors
     /// [`NoForce`]: why it is not to be acted on.
-    pub fn usable(&self, now: Moment, age_max: Duration) -> Result<(f64, Duration), NoForce> {
+    pub fn usable(&self, now: Moment, own: Option<Duration>) -> Result<(f64, Duration), NoForce> {
         let sample = &self.sample;
         let good = matches!(sample.state(), ForceState::Ok | ForceState::Degraded);
         let newton = sample.total_n.filter(|newton| newton.is_finite());
@@ -121,7 +121,8 @@ impl Received {
             let codes = sample.causes.iter().map(ForceReason::code).collect();
             return Err(NoForce::State(sample.state(), sample.reasons.clone(), codes));
         };
-        if age > age_max { Err(NoForce::TooOld(age, age_max)) } else { Ok((newton, age)) }
+        let limit = sample.max_age(own);
+        if age > limit { Err(NoForce::TooOld(age, limit)) } else { Ok((newton, age)) }
     }
 }
 
@@ -143,6 +144,7 @@ pub fn without_force(sample: &ForceSample) -> ForceSample {
         excluded: sample.excluded,
         uncovered_share: 1.0,
         model_set: sample.model_set.clone(),
+        max_age_s: sample.max_age_s,
         patch: sample.patch.clone(),
         ..ForceSample::default()
     }
@@ -152,13 +154,12 @@ pub fn without_force(sample: &ForceSample) -> ForceSample {
 mod tests {
     use super::*;
 
-    const LIMIT: Duration = Duration::from_millis(120);
-
     fn sample(state: ForceState, sent_ms: i64, age_ms: i64) -> ForceSample {
         ForceSample {
             state: state.into(),
             total_n: Some(4.9),
             age_s: Some(age_ms as f64 * 1e-3),
+            max_age_s: 0.12,
             monotonic_ns: Some((sent_ms - age_ms) * 1_000_000),
             ..ForceSample::default()
         }
@@ -172,10 +173,12 @@ mod tests {
     fn a_force_grows_old_while_nothing_comes() {
         let begun = Moment::now();
         let received = Reader::default().take(sample(ForceState::Ok, 5_000, 20), begun);
-        let (newton, age) = received.usable(begun + ms(80), LIMIT).unwrap();
+        let (newton, age) = received.usable(begun + ms(80), None).unwrap();
         assert_eq!((newton, age.as_millis()), (4.9, 100));
-        let why = received.usable(begun + ms(101), LIMIT).unwrap_err();
+        let why = received.usable(begun + ms(101), None).unwrap_err();
         assert_eq!(why.to_string(), "121 ms old, more than 120 ms");
+        let stricter = received.usable(begun + ms(31), Some(ms(50))).unwrap_err();
+        assert_eq!(stricter.to_string(), "51 ms old, more than 50 ms");
     }
 
     #[test]
@@ -187,7 +190,7 @@ mod tests {
         let late = reader.take(sample(ForceState::Ok, 5_050, 20), at);
         // By a quarter of a millisecond the clocks may have parted meanwhile.
         assert_eq!(late.age(at).unwrap().as_micros(), 319_790);
-        assert!(matches!(late.usable(at, LIMIT), Err(NoForce::TooOld(..))));
+        assert!(matches!(late.usable(at, None), Err(NoForce::TooOld(..))));
     }
 
     #[test]
@@ -200,7 +203,7 @@ mod tests {
         let late = reader.take(sample(ForceState::Ok, 5_010, 20), at);
         let age = late.age(at).unwrap();
         assert!(age >= ms(520) && age < ms(525), "{age:?}: 20 ms when it was sent, 500 ms on the way, 2 ms unknown");
-        assert!(late.usable(at, LIMIT).is_err());
+        assert!(late.usable(at, None).is_err());
     }
 
     #[test]
@@ -246,7 +249,7 @@ mod tests {
         reader.asked(begun, &sample(ForceState::Ok, 5_000, 20));
         let at = begun + ms(50);
         let late = reader.take(sample(ForceState::Ok, 35_000, 20), at);
-        assert!(late.usable(at, LIMIT).is_err() && !reader.knows_the_clock());
+        assert!(late.usable(at, None).is_err() && !reader.knows_the_clock());
         reader.asked(at, &sample(ForceState::Ok, 65_001, 20));
         let late = reader.take(sample(ForceState::Ok, 35_050, 20), at);
         assert!(late.age(at).unwrap() > Duration::from_secs(29));
@@ -276,13 +279,13 @@ mod tests {
             let told = ForceSample { reasons: reasons.clone(), causes, ..sample(state, 5_000, 1) };
             let received = Reader::default().take(told, now);
             let expected = NoForce::State(state, reasons, vec![ReasonCode::ZeroLost]);
-            assert_eq!(received.usable(now, LIMIT), Err(expected));
+            assert_eq!(received.usable(now, None), Err(expected));
         }
         for odd in [f64::NAN, f64::INFINITY, -1.0] {
-            let of = |odd| Reader::default().take(odd, now).usable(now, LIMIT);
+            let of = |odd| Reader::default().take(odd, now).usable(now, None);
             assert!(of(ForceSample { age_s: Some(odd), ..sample(ForceState::Ok, 5_000, 1) }).is_err(), "{odd}");
         }
         let odd = ForceSample { total_n: Some(f64::NAN), ..sample(ForceState::Ok, 5_000, 1) };
-        assert!(Reader::default().take(odd, now).usable(now, LIMIT).is_err());
+        assert!(Reader::default().take(odd, now).usable(now, None).is_err());
     }
 }

@@ -82,7 +82,7 @@ fn daemon_time(origin: Instant) -> Time {
 }
 
 fn at(path: &Path) -> Options {
-    let age_max = Duration::from_secs(2);
+    let age_max = Some(Duration::from_secs(2));
     Options { age_max, ..Options::new(Address::parse(&format!("unix:{}", path.display())).unwrap()) }
 }
 
@@ -166,7 +166,7 @@ async fn a_programme_without_a_runtime_reads_the_same_over_tcp() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let address = Address::parse(&listener.local_addr().unwrap().to_string()).unwrap();
     let daemon = Daemon::start(Listener::Tcp(listener), Rules::open());
-    let options = Options { rate_hz: Some(200.0), age_max: Duration::from_secs(60), ..Options::new(address) };
+    let options = Options { rate_hz: Some(200.0), ..Options::new(address) };
     let read = std::thread::spawn(move || {
         let (forces, begun) = (blocking::follow(options).unwrap(), Instant::now());
         loop {
@@ -205,7 +205,7 @@ async fn with_a_certificate_the_force_comes_over_tls_and_without_the_right_one_i
         let (certificate, key, name) = (certificate.clone(), key.clone(), Some("localhost".to_owned()));
         let tls = Some(TlsOptions { authority: ours.pem(), certificate, key, name });
         let address = Address::parse(&format!("https://127.0.0.1:{port}")).unwrap();
-        Options { tls, age_max: Duration::from_secs(60), ..Options::new(address) }
+        Options { tls, ..Options::new(address) }
     };
     let (allowed, refused) = (follow(options(&client)), follow(options(&stranger)));
     let force = until(&allowed, || daemon.publish(5.0, Duration::ZERO), Result::ok).await;

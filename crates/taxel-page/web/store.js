@@ -4,8 +4,8 @@ import { call, health as askHealth, streams } from "./api.js";
 import { asked, delay, doubt, forget } from "./clock.js";
 import { unroll } from "./unroll.js";
 
-/** A force older than this is not shown as one, whatever it says of itself. */
-export const OLD_S = 0.5;
+/** The daemon sends thirty times a second: when nothing comes for so long, it is not heard. */
+const SILENT_S = 0.5;
 
 /** Values a second that are asked for: what an eye and a screen can use. */
 const RATE_HZ = 30;
@@ -67,10 +67,13 @@ export function age() {
   return state.force.ageS + (late + performance.now() - received) / 1000;
 }
 
-const isSilent = () => hasSlept() || performance.now() - received > OLD_S * 1000;
+const isSilent = () => hasSlept() || performance.now() - received > SILENT_S * 1000;
+
+/** A force older than this is not shown as one: the daemon says so with each. */
+const maxAge = () => state.force?.maxAgeS ?? 0;
 
 /** Whether nothing comes from the daemon, or comes so late, that what is known is not what is. */
-export const isOld = () => isSilent() || !(age() <= OLD_S);
+export const isOld = () => isSilent() || !(age() <= maxAge());
 
 /** How far the force may be trusted, judged here and now: `{ word, kind, shown, reasons }`. */
 export function verdict() {
@@ -82,7 +85,7 @@ export function verdict() {
     return { word: "STALE", kind: "bad", shown: false, reasons: [`nothing has come from the daemon ${since}`] };
   }
   const old = age();
-  if (old > OLD_S) {
+  if (old > maxAge()) {
     const text = Number.isFinite(old) ? `${old.toFixed(1)} s` : "nobody knows how";
     return { word: "STALE", kind: "bad", shown: false, reasons: [`the newest frame is ${text} old`, ...(force.reasons ?? [])] };
   }
@@ -113,7 +116,7 @@ function takeForce(force) {
   const now = performance.now();
   const sent = sentAt(force);
   if (sent !== undefined) late = delay(now, sent);
-  if (late + 1000 * (force.ageS ?? 0) > OLD_S * 1000) askClock(now);
+  if (late + 1000 * (force.ageS ?? 0) > (force.maxAgeS ?? 0) * 1000) askClock(now);
   const newModels = state.force && state.force.modelSet !== force.modelSet;
   received = now;
   state.force = force;

@@ -3,6 +3,7 @@
 //! What every message, field and call means is written in the `.proto` files; the same text is the documentation of
 //! the items here.
 
+mod age;
 mod code_name;
 pub mod refusal;
 

@@ -94,6 +94,7 @@ fn sample(
         detection_floor_n: force.detection_floor.and_then(|floor| known(floor.0)),
         lower_bound: force.lower_bound,
         simulated: snapshot.simulated,
+        max_age_s: plan.live.stale_after.as_secs_f64(),
     }
 }
 
@@ -110,6 +111,7 @@ pub(crate) fn taxels(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sendin
         skipped: sending.skipped,
         taxels: snapshot.taxels.iter().map(sent).collect(),
         count_max: u32::from(plan.patch.counts().top()),
+        max_age_s: plan.live.stale_after.as_secs_f64(),
     }
 }
 

@@ -8,7 +8,7 @@ use taxel_shm::Reader;
 
 fn main() {
     let page = std::env::args().nth(1).unwrap_or_else(|| "/dev/shm/taxeld/left_forearm".to_owned());
-    let mut reader = Reader::new(page, Some(Duration::from_millis(120)));
+    let mut reader = Reader::new(page, None);
     for cycle in 0_u64.. {
         std::thread::sleep(Duration::from_millis(1));
         let force = reader.force();

@@ -7,7 +7,7 @@ from .shm import Reader
 
 
 def main() -> None:
-    reader = Reader(sys.argv[1] if len(sys.argv) > 1 else "/dev/shm/taxeld/left_forearm", age_max_s=0.120)
+    reader = Reader(sys.argv[1] if len(sys.argv) > 1 else "/dev/shm/taxeld/left_forearm")
     cycle = 0
     while True:
         force = reader.force()

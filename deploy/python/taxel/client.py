@@ -44,14 +44,15 @@ def connect(
     patch: str = "",
     *,
     rate_hz: Optional[float] = None,
-    age_max_s: float = 0.120,
+    age_max_s: Optional[float] = None,
     token: Optional[str] = None,
     credentials: Any = None,
 ) -> "Forces":
     """Follows the force of a patch from now on; nobody need answer yet.
 
     `address`: HOST:PORT or unix:PATH; without one the daemon of this machine. `patch`: needed only if the daemon has several.
-    `rate_hz`: 1 to 1000; without it each sample comes. `age_max_s`: an older force is none. `token`: shown with each call.
+    `rate_hz`: 1 to 1000; without it each sample comes. `age_max_s`: the caller's own
+    limit, if it has a stricter one than the daemon. `token`: shown with each call.
     `credentials`: `grpc.ssl_channel_credentials(...)` for a listener with TLS.
     """
     if address is None:
@@ -134,10 +135,11 @@ class Forces:
                 return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}", codes=self._refused)
             return NoForce(Why.STATE, f"{state}: {'; '.join(sample.reasons)}", codes=_codes(sample))
         age_s = sample.age_s + on_the_way + _now() - came
-        if not 0.0 <= age_s <= self._age_max_s:  # also if it is no number
+        limit_s = sample.max_age_s if self._age_max_s is None else min(self._age_max_s, sample.max_age_s)
+        if not 0.0 <= age_s <= limit_s:  # also if it is no number
             if broken:
                 return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}", codes=self._refused)
-            return NoForce(Why.TOO_OLD, f"{1e3 * age_s:.0f} ms old, more than {1e3 * self._age_max_s:.0f} ms")
+            return NoForce(Why.TOO_OLD, f"{1e3 * age_s:.0f} ms old, more than {1e3 * limit_s:.0f} ms")
         return _force(sample, state, age_s)
 
     def close(self) -> None:

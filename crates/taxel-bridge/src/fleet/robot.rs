@@ -68,7 +68,7 @@ fn now(feed: &Feed) -> ForceSample {
     let newest = feed.force.borrow();
     let nothing = ForceSample { patch: feed.section.name.clone(), ..ForceSample::default() };
     match (&newest.received, &newest.lost) {
-        (Some(received), None) => passed_on(&received.sample, received.waited(), feed.section.age_max()),
+        (Some(received), None) => passed_on(&received.sample, received.waited()),
         (received, lost) => {
             let reason = lost.as_deref().unwrap_or("no sample has come yet");
             let last = received.as_ref().map_or(&nothing, |received| &received.sample);

@@ -72,19 +72,13 @@ pub fn centre_of_pressure(sample: &ForceSample, frame: &str) -> Option<PointStam
     Some(PointStamped { header: header(sample.time.as_ref(), frame)?, point })
 }
 
-/// The taxels that have a position, no fault and, at this moment, a pressure that is not older than `limit`; the sample has
-/// waited here for `waited`.
-pub fn taxels(
-    sample: &TaxelSample,
-    skin: &Skin,
-    frame: &str,
-    waited: Duration,
-    limit: Duration,
-) -> Option<PointCloud2> {
+/// The taxels that have a position, no fault and, at this moment, a pressure that is not too old; the sample has waited here
+/// for `waited`.
+pub fn taxels(sample: &TaxelSample, skin: &Skin, frame: &str, waited: Duration) -> Option<PointCloud2> {
     let header = header(sample.time.as_ref(), frame)?;
     let (mut data, mut width, mut is_dense) = (Vec::new(), 0, true);
     for (reading, layout) in sample.taxels.iter().zip(&skin.taxels) {
-        let fresh = reading.age_s.is_some_and(|age_s| belief::age(age_s.into(), waited) <= limit);
+        let fresh = reading.age_s.is_some_and(|age_s| belief::age(age_s.into(), waited) <= sample.max_age());
         // A taxel that hangs or stands at a rail reads some pressure, too; no force has it in.
         let sound = fresh && !reading.stale && reading.faults.is_empty();
         let (Some(kpa), Some(at), true) = (reading.pressure_kpa, &layout.position_m, sound) else {
@@ -198,19 +192,18 @@ mod tests {
                 reading(Some(f32::NAN), Some(0.01), false),
                 TaxelReading { faults: vec![TaxelFault::Frozen.into()], ..reading(Some(2.0), Some(0.01), false) },
             ],
+            max_age_s: 0.15,
             ..TaxelSample::default()
         };
-        let limit = Duration::from_millis(150);
-        let cloud = taxels(&sample, &skin, "f", Duration::ZERO, limit).unwrap();
+        let cloud = taxels(&sample, &skin, "f", Duration::ZERO).unwrap();
         assert_eq!((cloud.width, cloud.point_step, cloud.row_step, cloud.data.len()), (1, 28, 28, 28));
         assert_eq!(cloud.data[12..16], 2000_f32.to_le_bytes());
         assert_eq!((&cloud.data[20..24], &cloud.data[24..28]), (&250_f32.to_le_bytes()[..], &3_u32.to_le_bytes()[..]));
         assert!(cloud.is_dense);
-        let old = taxels(&sample, &skin, "f", Duration::from_millis(141), limit).unwrap();
+        let old = taxels(&sample, &skin, "f", Duration::from_millis(141)).unwrap();
         assert_eq!((old.width, old.data.len()), (0, 0));
         let unknown = TaxelReading { sigma_kpa: None, ..reading(Some(2.0), Some(0.01), false) };
-        let cloud =
-            taxels(&TaxelSample { taxels: vec![unknown], ..sample }, &skin, "f", Duration::ZERO, limit).unwrap();
+        let cloud = taxels(&TaxelSample { taxels: vec![unknown], ..sample }, &skin, "f", Duration::ZERO).unwrap();
         assert!(cloud.data[20..24] == f32::NAN.to_le_bytes() && !cloud.is_dense, "no uncertainty is no small one");
     }
 }

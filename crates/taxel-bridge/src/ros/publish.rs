@@ -78,7 +78,7 @@ impl ForceTopics {
     /// # Errors
     /// If the session is closed.
     pub async fn publish(mut self, mut feed: Feed) -> anyhow::Result<()> {
-        let (frame, age_max) = (feed.section.frame().to_owned(), feed.section.age_max());
+        let frame = feed.section.frame().to_owned();
         let (mut last, mut stamps) = (0, Stamps::default());
         loop {
             feed.force.changed().await?;
@@ -88,7 +88,9 @@ impl ForceTopics {
             feed.counts.skip(received.number - last - 1);
             last = received.number;
             let sample = &received.sample;
-            if believe(sample, received.waited(), age_max).is_err() || !stamps.follows(sample.time.as_ref()) {
+            if believe(sample, received.waited(), sample.max_age(None)).is_err()
+                || !stamps.follows(sample.time.as_ref())
+            {
                 feed.counts.withhold();
                 continue;
             }
@@ -132,9 +134,7 @@ pub async fn taxels(
             layout = skin(&daemon, &section.name).await;
         }
         let fits = layout.as_ref().filter(|skin| skin.taxels.len() == received.sample.taxels.len());
-        let cloud = fits.and_then(|skin| {
-            messages::taxels(&received.sample, skin, section.frame(), received.waited(), section.age_max())
-        });
+        let cloud = fits.and_then(|skin| messages::taxels(&received.sample, skin, section.frame(), received.waited()));
         if let Some(cloud) = cloud {
             topic.publish(&cloud).await?;
         }
@@ -196,10 +196,9 @@ pub async fn diagnostics(
 fn of_patch(robot: &str, feed: &Feed) -> crate::ros::types::DiagnosticStatus {
     let newest = feed.force.borrow();
     let sample = newest.received.as_ref().map(|received| &received.sample);
-    let belief = newest
-        .received
-        .as_ref()
-        .map_or(Err(NoForce::Nothing), |received| believe(&received.sample, received.waited(), feed.section.age_max()));
+    let believed =
+        |received: &Received<ForceSample>| believe(&received.sample, received.waited(), received.sample.max_age(None));
+    let belief = newest.received.as_ref().map_or(Err(NoForce::Nothing), believed);
     let [published, withheld, skipped] = feed.counts.all();
     let lost = newest.lost.as_deref();
     let view = PatchView { patch: &feed.section.name, lost, sample, belief, published, withheld, skipped };

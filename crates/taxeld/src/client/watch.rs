@@ -47,14 +47,14 @@ pub struct WatchArgs {
     /// End after so many samples.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     count: Option<u64>,
-    /// A force that is older is none, in ms.
-    #[arg(long, value_name = "MS", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..))]
-    max_age: u64,
+    /// Values older than this are rejected, in ms, where the daemon's own limit (max_age_s) is not stricter.
+    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..))]
+    max_age: Option<u64>,
 }
 
 impl WatchArgs {
-    fn age_max(&self) -> Duration {
-        Duration::from_millis(self.max_age)
+    fn age_max(&self) -> Option<Duration> {
+        self.max_age.map(Duration::from_millis)
     }
 
     fn rate_hz(&self) -> Option<f64> {
@@ -119,14 +119,14 @@ fn verdict(newest: Option<Judged>) -> Outcome {
 #[derive(Clone)]
 struct Judged {
     received: Received,
-    age_max: Duration,
+    age_max: Option<Duration>,
     age: Option<Duration>,
     /// In newton, and the age; or why it is not to be acted on.
     force: Result<(f64, Duration), NoForce>,
 }
 
 impl Judged {
-    fn new(received: Received, at: Moment, age_max: Duration) -> Self {
+    fn new(received: Received, at: Moment, age_max: Option<Duration>) -> Self {
         Self { age: received.age(at), force: received.usable(at, age_max), received, age_max }
     }
 
@@ -276,8 +276,6 @@ mod tests {
     use taxel_client::Reader;
     use taxel_proto::v1::ForceState;
 
-    const AGE_MAX: Duration = Duration::from_millis(120);
-
     fn judged(state: ForceState, total_n: Option<f64>) -> Judged {
         let reasons = if state == ForceState::Ok { Vec::new() } else { vec!["a module is silent".to_owned()] };
         let sample = ForceSample {
@@ -286,13 +284,14 @@ mod tests {
             total_n,
             total_sigma_n: total_n.map(|_| 0.25),
             age_s: Some(0.02),
+            max_age_s: 0.12,
             monotonic_ns: Some(1),
             active: 18,
             reasons,
             ..ForceSample::default()
         };
         let now = Moment::now();
-        Judged::new(Reader::default().take(sample, now), now, AGE_MAX)
+        Judged::new(Reader::default().take(sample, now), now, None)
     }
 
     #[test]
