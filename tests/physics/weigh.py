@@ -5,7 +5,7 @@ usage: weigh.py TAXELD SCRATCH [--first-seed 1] [--seeds 3] [--placements 24] [-
 
 Per row of the table: mean and bias of the force's error, share of placements whose truth lies within two stated standard
 uncertainties, the bias of the lightest mass, and the force that is read where nothing lies (99 % of the scans below it).
-Rows of "both branches" calibrate over the rise and the fall of the same ramp: their error is at most that of the rise alone.
+Rows of "both branches" calibrate over the rise and the fall of the same log: their error is at most that of the rise alone.
 With --quick a small number of placements, and exit status 1 if the aims are missed.
 """
 
@@ -66,7 +66,7 @@ ROWS = [
 ]
 
 
-def simulate(folder, hysteresis, rest_s, kind, branches, seed, placements):
+def simulate(folder, hysteresis, rest_s, kind, seed, placements):
     """Writes a calibration log, a log of placements and the positions; returns (from s, to s, newton) of each."""
     rng = np.random.default_rng(seed)
     skin = Skin(rng, hysteresis)
@@ -78,21 +78,18 @@ def simulate(folder, hysteresis, rest_s, kind, branches, seed, placements):
             log.scan(skin.scan(zero + pads_kpa(t)), gauge_kpa(t) + rng.normal(0, 0.02))
 
     log = Log(f"{folder}/calibration.log")
-    fall_kpa_per_s = 3.0 if branches == "both" else 6.5
-    rise, fall = (lambda t: min(2 * t, 72.0)), (lambda t: max(0.0, 72 - fall_kpa_per_s * t))
+    rise, fall = (lambda t: min(2 * t, 72.0)), (lambda t: max(0.0, 72 - 3 * t))
     run(log, 4, lambda t: 0.0)
     run(log, 37, rise, rise)
-    run(log, 72.0 / fall_kpa_per_s + 3, fall, fall)
+    run(log, 27, fall, fall)
     log.close()
     for _ in range(round(rest_s / PERIOD_S)):
         skin.scan(zero)
-    # The same placements whatever the calibration was.
-    places = np.random.default_rng([seed, 1])
     log, truth = Log(f"{folder}/placements.log"), []
     run(log, 4, lambda t: 0.0)
     for i in range(placements):
-        newton = MASSES_KG[i % 6] * 9.80665 if kind == "mass" else math.exp(places.uniform(0, math.log(10)))
-        pads = skin.pads_kpa(footprint(places, skin, kind, newton))
+        newton = MASSES_KG[i % 6] * 9.80665 if kind == "mass" else math.exp(rng.uniform(0, math.log(10)))
+        pads = skin.pads_kpa(footprint(rng, skin, kind, newton))
         begin = log.time
         run(log, 3.0, lambda t: pads * min(t / 0.3, 1))
         truth.append((begin + 2.0, log.time - 0.1, newton))
@@ -127,12 +124,12 @@ def weigh(taxeld, folder, area, branches, truth):
 def row(args, what, hysteresis, rest_s, area, kind, branches):
     read, at_rest = [], []
     for seed in range(args.first_seed, args.first_seed + args.seeds):
-        folder = f"{args.scratch}/{hysteresis}-{rest_s}-{kind}-{branches}-{seed}"
+        folder = f"{args.scratch}/{hysteresis}-{rest_s}-{kind}-{seed}"
         os.makedirs(folder, exist_ok=True)
         truth_file = f"{folder}/truth.json"
         if not os.path.exists(truth_file):
             with open(truth_file, "w", encoding="ascii") as out:
-                json.dump(simulate(folder, hysteresis, rest_s, kind, branches, seed, args.placements), out)
+                json.dump(simulate(folder, hysteresis, rest_s, kind, seed, args.placements), out)
         with open(truth_file, encoding="ascii") as file:
             of_seed = weigh(args.taxeld, folder, area, branches, json.load(file))
         read += of_seed[0]
@@ -167,7 +164,7 @@ def main():
         sys.exit("a mean error above 12 %, or fewer than 90 % of the placements within two standard uncertainties")
     for what, (mean, _) in of_rows.items():
         rising = of_rows.get((*what[:-1], "rising"))
-        if mean > 1.02 * rising[0]:
+        if mean > 1.05 * rising[0]:
             sys.exit(f"{what}: both branches err by {100 * mean:.2f} %, the rising one by {100 * rising[0]:.2f} %")
 
 

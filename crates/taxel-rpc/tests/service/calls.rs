@@ -55,7 +55,7 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         time: Some(taxel_proto::Timestamp { seconds: 1_700_000_000, nanos: 500_000_000 }),
         skipped: 0,
         simulated: true,
-        max_age_s: NEVER_STALE.as_secs_f64(),
+        max_age_s: crate::fixture::STALE_AFTER.as_secs_f64(),
         active: 5,
         excluded: 2,
         stale: 3,

@@ -10,6 +10,8 @@ use taxel_skin::{BoardAddress, Module};
 /// The command byte that asks for the firmware version, and begins the reply.
 pub(super) const FIRMWARE_VERSION: u8 = 0x1C;
 
+/// The destination that all boards of a bus obey.
+pub(super) const EVERYONE: u8 = 15;
 const SET_TRANSMIT_MODE: u8 = 0x07;
 const SET_THERMOMETER_PERIOD: u8 = 0x3A;
 const SET_BOARD_CONFIG: u8 = 0x4D;
@@ -100,7 +102,7 @@ impl Command {
         if frame.kind != FrameKind::Data {
             return None;
         }
-        let board = BoardAddress::new(destination).ok()?;
+        let board = BoardAddress::new(destination).ok().filter(|_| destination != EVERYONE)?;
         let command = match *frame.bytes() {
             [SET_BOARD_CONFIG, kind, period_ms, no_load] => {
                 Self::SetBoardConfig(BoardConfig { kind, period_ms, no_load })
