@@ -196,9 +196,9 @@ pub async fn diagnostics(
 fn of_patch(robot: &str, feed: &Feed) -> crate::ros::types::DiagnosticStatus {
     let newest = feed.force.borrow();
     let sample = newest.received.as_ref().map(|received| &received.sample);
-    let believed =
-        |received: &Received<ForceSample>| believe(&received.sample, received.waited(), received.sample.max_age(None));
-    let belief = newest.received.as_ref().map_or(Err(NoForce::Nothing), believed);
+    let belief = newest.received.as_ref().map_or(Err(NoForce::Nothing), |received| {
+        believe(&received.sample, received.waited(), received.sample.max_age(None))
+    });
     let [published, withheld, skipped] = feed.counts.all();
     let lost = newest.lost.as_deref();
     let view = PatchView { patch: &feed.section.name, lost, sample, belief, published, withheld, skipped };

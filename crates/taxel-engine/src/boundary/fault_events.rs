@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn a_taxel_at_its_rail_that_comes_and_goes_is_one_fault_that_ends_after_a_minute_of_rest() {
         let (rail, taxels) = ("rail of 1 taxels".to_owned(), vec![1]);
-        let all = told(3_700, |second| second >= 10 && second < 3_600 && second % 3 != 0);
+        let all = told(3_700, |second| (10..3_600).contains(&second) && second % 3 != 0);
         let expected = [
             (10, EventKind::FaultsCame, rail.clone(), taxels.clone()),
             (3_600 + 60, EventKind::FaultsWent, rail, taxels),

@@ -132,6 +132,17 @@ fn bus_index(config: &Config, key: &str, name: &str) -> Result<BusIndex, Fault> 
     Ok(BusIndex(position as u8))
 }
 
+/// 15 is the address of all boards of a bus: what is sent to it configures each of them.
+fn refuse_commands_to_everyone(section: &PatchSection) -> Result<(), Fault> {
+    match section.board.iter().position(|board| board.address == 15) {
+        Some(board) if !section.listen_only => {
+            let words = "a command to address 15 goes to all boards of the bus: set listen_only = true";
+            Err(Fault::of(format!("board[{board}].address"), words))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &mut Scene) -> Result<PatchPlan, Fault> {
     let bus = bus_index(config, "bus", &section.bus)?;
     let name = &section.name;
@@ -167,10 +178,7 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
     if section.listen_only {
         scene.left_out.push(format!("{name}: board bring-up: listen_only sends nothing"));
     }
-    if let Some(board) = section.board.iter().position(|board| board.address == 15).filter(|_| !section.listen_only) {
-        let words = "15 is the address of all boards of a bus: what is sent to it configures each of them. Set listen_only = true";
-        return Err(Fault::of(format!("board[{board}].address"), words));
-    }
+    refuse_commands_to_everyone(section)?;
     let setups = of_boards(section, |b| setup(b, section.period_ms))?;
     if section.tare.first_scans.is_some() {
         scene.remarks.push(format!("{name}: tare.first_scans has no effect any more: every zero is watched in full"));
