@@ -160,7 +160,8 @@ impl PatchSeen {
 
     fn faults(&mut self, wall_ns: i64, snapshot: &PatchSnapshot, events: &mut Vec<Event>) {
         let Some(now) = snapshot.taxels.faults() else { return };
-        for (kind, text, taxels) in self.faults.look(wall_ns, now) {
+        let told = [EventKind::FaultsCame, EventKind::FaultsWent].into_iter().zip(self.faults.look(wall_ns, now));
+        for (kind, (text, taxels)) in told.filter_map(|(kind, news)| Some((kind, news?))) {
             events.push(Event { taxels, ..Event::new(wall_ns, kind, &self.name, text) });
         }
     }

@@ -6,7 +6,6 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
-use crate::boundary::events::EventKind;
 use crate::intake::faults::fault::{Fault, FaultSet};
 
 /// Taxels are looked at so often.
@@ -30,8 +29,8 @@ pub struct FaultLog {
     looked_ns: i64,
 }
 
-/// A sort of event, what it says, and the taxels that it is about, ascending.
-pub type Told = (EventKind, String, Vec<u16>);
+/// What of the faults is news: in words, and the taxels that it is about, ascending.
+pub type News = (String, Vec<u16>);
 
 impl FaultLog {
     /// Nothing was told yet.
@@ -40,10 +39,10 @@ impl FaultLog {
         Self { taxels: Vec::new(), looked_ns: i64::MIN }
     }
 
-    /// Takes the faults of all taxels at a time, nanoseconds since 1970. Returns what is news.
-    pub fn look(&mut self, wall_ns: i64, now: &Arc<[FaultSet]>) -> Vec<Told> {
+    /// Takes the faults of all taxels at a time, nanoseconds since 1970. Returns which came, and which are over.
+    pub fn look(&mut self, wall_ns: i64, now: &Arc<[FaultSet]>) -> [Option<News>; 2] {
         if wall_ns.saturating_sub(self.looked_ns) < EVERY_NS && wall_ns >= self.looked_ns {
-            return Vec::new(); // what is different by then is told then
+            return [None, None]; // what is different by then is told then
         }
         self.looked_ns = wall_ns;
         self.taxels.resize(now.len().max(self.taxels.len()), Taxel::default());
@@ -61,13 +60,12 @@ impl FaultLog {
                 taxel.told = now;
             }
         }
-        let told = [(EventKind::FaultsCame, came), (EventKind::FaultsWent, went)].into_iter();
-        told.filter_map(|(kind, changed)| in_words(&changed).map(|(text, taxels)| (kind, text, taxels))).collect()
+        [in_words(&came), in_words(&went)]
     }
 }
 
 /// Which faults of how many taxels, and which taxels these are; `None` of none.
-fn in_words(changed: &[FaultSet]) -> Option<(String, Vec<u16>)> {
+fn in_words(changed: &[FaultSet]) -> Option<News> {
     let taxels: Vec<u16> = (0..).zip(changed).filter(|(_, set)| !set.is_empty()).map(|(taxel, _)| taxel).collect();
     let mut text = String::new();
     for fault in Fault::ALL {
@@ -84,38 +82,34 @@ fn in_words(changed: &[FaultSet]) -> Option<(String, Vec<u16>)> {
 mod tests {
     use super::*;
 
+    const CAME: usize = 0;
+    const OVER: usize = 1;
+
     /// What is told second by second of taxel 1 of 3, which has a rail fault in these seconds.
-    fn told(seconds: i64, at_its_rail: impl Fn(i64) -> bool) -> Vec<(i64, EventKind, String, Vec<u16>)> {
+    fn told(seconds: i64, at_its_rail: impl Fn(i64) -> bool) -> Vec<(i64, usize)> {
         let mut log = FaultLog::new();
         let rail = |on: bool| if on { FaultSet::default().with(Fault::Rail) } else { FaultSet::default() };
         let mut all = Vec::new();
         for second in 0..seconds {
             let faults = Arc::from([FaultSet::default(), rail(at_its_rail(second)), FaultSet::default()]);
             let news = log.look(1_700_000_000_000_000_000 + second * 1_000_000_000, &faults);
-            all.extend(news.into_iter().map(|(kind, text, taxels)| (second, kind, text, taxels)));
+            for (sort, (text, taxels)) in news.into_iter().enumerate().filter_map(|(sort, news)| Some((sort, news?))) {
+                assert_eq!((text.as_str(), taxels.as_slice()), ("rail of 1 taxels", &[1][..]));
+                all.push((second, sort));
+            }
         }
         all
     }
 
     #[test]
     fn a_taxel_at_its_rail_that_comes_and_goes_is_one_fault_that_ends_after_a_minute_of_rest() {
-        let (rail, taxels) = ("rail of 1 taxels".to_owned(), vec![1]);
         let all = told(3_700, |second| (10..3_600).contains(&second) && second % 3 != 0);
-        let expected = [
-            (10, EventKind::FaultsCame, rail.clone(), taxels.clone()),
-            (3_600 + 60, EventKind::FaultsWent, rail, taxels),
-        ];
-        assert_eq!(all, expected);
+        assert_eq!(all, [(10, CAME), (3_600 + 60, OVER)]);
     }
 
     #[test]
     fn a_fault_that_comes_again_after_its_end_is_told_again() {
-        let kinds =
-            told(300, |second| second == 5 || second == 200).into_iter().map(|(second, kind, ..)| (second, kind));
-        let came = EventKind::FaultsCame;
-        assert_eq!(
-            kinds.collect::<Vec<_>>(),
-            [(5, came), (66, EventKind::FaultsWent), (200, came), (261, EventKind::FaultsWent)]
-        );
+        let all = told(300, |second| second == 5 || second == 200);
+        assert_eq!(all, [(5, CAME), (66, OVER), (200, CAME), (261, OVER)]);
     }
 }

@@ -4,6 +4,7 @@
 mod chain_tests;
 mod compose;
 mod drawing;
+mod params;
 mod part;
 mod robot;
 mod robot_xml;

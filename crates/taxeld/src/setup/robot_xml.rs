@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
+use super::params::{number, numbers, value};
 use super::settings::Settings;
 
 /// A file of a robot's configuration, as far as it is about skin.
@@ -227,29 +228,9 @@ fn prefix(text: &str) -> String {
     format!("/{}", text.trim().trim_matches('/'))
 }
 
-/// The value of a parameter, without the quotes that some have.
-pub fn value<'a>(params: &'a [(String, String)], name: &str) -> Option<&'a str> {
-    let (_, value) = params.iter().find(|(n, _)| n.eq_ignore_ascii_case(name))?;
-    Some(value.trim().trim_matches('"').trim())
-}
-
 /// The words of a list; brackets and quotes are tolerated.
 fn words(text: &str) -> impl Iterator<Item = String> {
     text.split(|c: char| c.is_whitespace() || "(),\"".contains(c)).filter(|word| !word.is_empty()).map(str::to_owned)
-}
-
-/// A number, decimal or hexadecimal.
-pub fn number(text: &str) -> Option<i64> {
-    let text = text.trim();
-    match text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")) {
-        Some(hex) => i64::from_str_radix(hex, 16).ok(),
-        None => text.parse().ok(),
-    }
-}
-
-/// The numbers of a list; brackets and commas are tolerated.
-pub fn numbers(text: &str) -> Vec<i64> {
-    text.split(|c: char| c.is_whitespace() || "(),;".contains(c)).filter_map(number).collect()
 }
 
 fn addresses(text: &str) -> Vec<u8> {

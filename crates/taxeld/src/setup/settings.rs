@@ -1,6 +1,6 @@
 //! What a robot's configuration says of how boards and modules are configured.
 
-use super::robot_xml::{number, numbers, value};
+use super::params::{number, numbers, value};
 
 /// The host takes so many special sets and no more.
 const SETS_MAX: u32 = 20;
