@@ -2,7 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Read};
-use std::os::unix::fs::{FileTypeExt, PermissionsExt};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
@@ -59,17 +59,7 @@ pub fn no_room_in(folder: &Path) -> Option<String> {
 /// # Errors
 /// The system's reason, or that it is no UTF-8 or longer than a text may be.
 pub fn read_utf8(path: &Path) -> io::Result<String> {
-    utf8(open_file(path)?)
-}
-
-/// A file to be read whole. A pipe by a name of its own is refused: opening it would wait for somebody to write. Pipes that a
-/// shell makes have both ends open already.
-fn open_file(path: &Path) -> io::Result<File> {
-    let made_by_shell = path.starts_with("/dev") || path.starts_with("/proc");
-    if !made_by_shell && std::fs::metadata(path)?.file_type().is_fifo() {
-        return Err(io::Error::new(io::ErrorKind::InvalidInput, "it is a named pipe (FIFO), expected a file"));
-    }
-    File::open(path)
+    utf8(File::open(path)?)
 }
 
 fn utf8(from: impl Read) -> io::Result<String> {
@@ -94,23 +84,13 @@ pub fn read_text(path: &Path) -> anyhow::Result<String> {
 /// The system's reason.
 pub fn read_any_text(path: &Path) -> io::Result<String> {
     let mut bytes = Vec::new();
-    read_to_limit(open_file(path)?, &mut bytes)?;
+    read_to_limit(File::open(path)?, &mut bytes)?;
     Ok(taxel_skin::text::decode(&bytes))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_named_pipe_is_refused_and_not_waited_for() {
-        let folder = tempfile::tempdir().unwrap();
-        let pipe = folder.path().join("taxeld.toml");
-        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-        for read in [read_utf8(&pipe), read_any_text(&pipe)] {
-            assert_eq!(read.unwrap_err().to_string(), "it is a named pipe (FIFO), expected a file");
-        }
-    }
 
     #[test]
     fn what_has_no_end_is_not_read_as_a_text() {
