@@ -205,16 +205,20 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
         outputs,
         live,
         faults: Default::default(),
-        tare: TarePlan {
-            duration: Duration::from_secs_f64(section.tare.seconds),
-            at_start: section.tare.at_start,
-            rest: Default::default(),
-        },
+        tare: tare(section, period),
         drift: DriftPlan { follow: drift.follow && !padless, ..drift },
         session,
         fit,
         patch,
     })
+}
+
+/// A slow array is watched until it has sent what a zero needs.
+fn tare(section: &PatchSection, period: Duration) -> TarePlan {
+    let rest = TarePlan::default().rest;
+    let enough = period.saturating_mul(rest.scans_min as u32);
+    let duration = Duration::from_secs_f64(section.tare.seconds).max(enough);
+    TarePlan { duration, at_start: section.tare.at_start, rest }
 }
 
 /// Whether the scans of a patch are pushed, which its bus must say, too.
