@@ -52,37 +52,51 @@ pub enum BusError {
     },
 }
 
+impl BusError {
+    /// What it is, without its numbers.
+    #[must_use]
+    pub const fn kind(&self) -> &'static str {
+        match self {
+            Self::BusOff => "bus-off: the controller left the bus",
+            Self::Restarted => "the controller is back after bus-off",
+            Self::Warning(_) => "error-warning: many errors on the bus",
+            Self::Passive(_) => "error-passive: very many errors on the bus",
+            Self::Active(_) => "error-active: the errors have become few again",
+            Self::ControllerOverflow { receive: true } => "the controller's receive buffer overran",
+            Self::ControllerOverflow { receive: false } => "the controller's transmit buffer overran",
+            Self::Protocol { .. } => "a frame broke the protocol: wiring, termination or bit rate",
+            Self::TxTimeout => "a frame was not sent in time",
+            Self::LostArbitration => "another node won the arbitration",
+            Self::Transceiver { .. } => "the transceiver reports a fault of the wires",
+            Self::NoAck => "nobody acknowledged a frame: no other node, or another bit rate",
+            Self::Unspecified => "an error on the bus that the controller does not specify",
+            Self::Slept(_) => "the machine slept",
+            Self::Unknown { .. } => "an error frame of an unknown class",
+        }
+    }
+
+    /// The error counters that came with it.
+    #[must_use]
+    pub const fn counters(&self) -> Counters {
+        match self {
+            Self::Warning(counters) | Self::Passive(counters) | Self::Active(counters) => *counters,
+            _ => None,
+        }
+    }
+}
+
 impl fmt::Display for BusError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let with = |f: &mut fmt::Formatter<'_>, what: &str, counters: &Counters| match counters {
-            Some(ErrorCounters { transmit, receive }) => {
-                write!(f, "{what} (error counters: {transmit} sending, {receive} receiving)")
-            }
-            None => f.write_str(what),
-        };
+        f.write_str(self.kind())?;
+        if let Some(ErrorCounters { transmit, receive }) = self.counters() {
+            write!(f, " (error counters: {transmit} sending, {receive} receiving)")?;
+        }
         match self {
-            Self::BusOff => f.write_str("bus-off: the controller left the bus"),
-            Self::Restarted => f.write_str("the controller is back after bus-off"),
-            Self::Warning(counters) => with(f, "error-warning: many errors on the bus", counters),
-            Self::Passive(counters) => with(f, "error-passive: very many errors on the bus", counters),
-            Self::Active(counters) => with(f, "error-active: the errors have become few again", counters),
-            Self::ControllerOverflow { receive: true } => f.write_str("the controller's receive buffer overran"),
-            Self::ControllerOverflow { receive: false } => f.write_str("the controller's transmit buffer overran"),
-            Self::Protocol { violations } => {
-                write!(
-                    f,
-                    "a frame broke the protocol (CAN_ERR_PROT {violations:#04x}): wiring, termination or bit rate"
-                )
-            }
-            Self::TxTimeout => f.write_str("a frame was not sent in time"),
-            Self::LostArbitration => f.write_str("another node won the arbitration"),
-            Self::Transceiver { status } => {
-                write!(f, "the transceiver reports a fault of the wires (CAN_ERR_TRX {status:#04x})")
-            }
-            Self::NoAck => f.write_str("nobody acknowledged a frame: no other node, or another bit rate"),
-            Self::Unspecified => f.write_str("an error on the bus that the controller does not specify"),
-            Self::Slept(slept) => write!(f, "the machine slept for {:.1} s", slept.as_secs_f64()),
-            Self::Unknown { class } => write!(f, "an error frame of an unknown class {class:#x}"),
+            Self::Protocol { violations } => write!(f, " (CAN_ERR_PROT {violations:#04x})"),
+            Self::Transceiver { status } => write!(f, " (CAN_ERR_TRX {status:#04x})"),
+            Self::Slept(slept) => write!(f, " for {:.1} s", slept.as_secs_f64()),
+            Self::Unknown { class } => write!(f, " ({class:#x})"),
+            _ => Ok(()),
         }
     }
 }

@@ -13,7 +13,9 @@ use taxel_wire::{FrameKind, TimedFrame};
 use thiserror::Error;
 
 use crate::log_clock::LogClock;
+use crate::log_format::{ForeignLog, HEAD_BYTES};
 use crate::log_report::{LINE_BYTES_MAX, LineFault, LogReport};
+use crate::lost_line::Lost;
 
 /// Bytes asked of the file at once.
 const BLOCK_BYTES: usize = 256 * 1024;
@@ -43,6 +45,14 @@ pub enum LogFault {
         /// The system's or the decoder's answer.
         error: io::Error,
     },
+    /// Another program's log.
+    #[error("{name}: {format}")]
+    Foreign {
+        /// The log.
+        name: String,
+        /// What it is, and how it becomes one that is read.
+        format: ForeignLog,
+    },
 }
 
 /// A candump log, plain or gzipped, from its first line to its last.
@@ -59,6 +69,8 @@ pub struct LogReader {
     skipping: bool,
     clock: LogClock,
     report: LogReport,
+    /// Frames that the recorder lost behind what was handed out last.
+    lost: u64,
 }
 
 impl LogReader {
@@ -75,7 +87,7 @@ impl LogReader {
     /// As [`LogReader::open`], of anything that can be read; `name` is for errors.
     ///
     /// # Errors
-    /// [`LogFault`] if the first bytes cannot be read.
+    /// [`LogFault`] if the first bytes cannot be read, or are those of another program's log.
     pub fn from_reader(
         name: String,
         mut input: impl Read + Send + 'static,
@@ -92,7 +104,7 @@ impl LogReader {
         } else {
             Box::new(whole)
         };
-        Ok(Self {
+        let mut reader = Self {
             name,
             input,
             interface,
@@ -103,7 +115,20 @@ impl LogReader {
             skipping: false,
             clock: LogClock::default(),
             report: LogReport::default(),
-        })
+            lost: 0,
+        };
+        while reader.end < HEAD_BYTES && !reader.over {
+            reader.fill()?;
+        }
+        match ForeignLog::of(&reader.buffer[..reader.end]) {
+            Some(format) => Err(LogFault::Foreign { name: reader.name, format }),
+            None => Ok(reader),
+        }
+    }
+
+    /// How many frames the recorder lost between what was handed out last and what comes, by its own words; told once.
+    pub fn take_lost(&mut self) -> u64 {
+        std::mem::take(&mut self.lost)
     }
 
     /// What became of the lines so far.
@@ -112,7 +137,8 @@ impl LogReader {
         &self.report
     }
 
-    /// Appends up to `max` frames (of every kind, error frames too) in the order of the log. `false`: the log is over.
+    /// Appends up to `max` frames (of every kind, error frames too) in the order of the log; fewer where the recorder lost
+    /// some behind them ([`LogReader::take_lost`]). `false`: the log is over.
     ///
     /// # Errors
     /// [`LogFault`] if the log cannot be read on; `frames` holds what was read before.
@@ -129,6 +155,8 @@ impl LogReader {
             if let Some(frame) = self.parse(line) {
                 frames.push(frame);
                 room -= 1;
+            } else if self.lost > 0 {
+                return Ok(true);
             }
         }
         Ok(true)
@@ -160,6 +188,12 @@ impl LogReader {
         let parsed = match parse_line_bytes(line) {
             Ok(parsed) => parsed,
             Err(error) => {
+                if let Some(lost) = Lost::read(line) {
+                    let wanted = self.interface.as_deref().is_none_or(|wanted| [wanted, "any"].contains(&lost.interface));
+                    self.lost += if wanted { self.report.note_lost(lost.frames) } else { 0 };
+                    self.report.blank += 1;
+                    return None;
+                }
                 match (line.first(), line.trim_ascii_start().first()) {
                     (Some(b'\t'), _) | (_, None | Some(b'#')) => self.report.blank += 1,
                     _ => self.report.refuse(error.into()),
@@ -174,6 +208,7 @@ impl LogReader {
         }
         self.report.frames += 1;
         self.report.errors += u64::from(parsed.frame.kind == FrameKind::Error);
+        self.report.note_time(parsed.time);
         let reading = self.clock.read(parsed.time, self.report.lines, &mut self.report.clock);
         self.report.backwards += u64::from(reading.is_late);
         Some(TimedFrame { time: reading.time, frame: parsed.frame })

@@ -1,5 +1,6 @@
 //! What became of the lines of a log.
 
+use taxel_skin::Time;
 use taxel_wire::candump::LogError;
 use thiserror::Error;
 
@@ -47,8 +48,15 @@ pub struct LogReport {
     pub other_interface: u64,
     /// The interfaces of all these frames, in the order in which they came; at most eight.
     pub interfaces: Vec<String>,
-    /// Empty lines, comments (`#` first), and the words of `candump -e` for an error frame (a tab first).
+    /// Empty lines, comments (`#` first), the words of `candump -e` for an error frame (a tab first), and what `candump -d`
+    /// says of lost frames.
     pub blank: u64,
+    /// Frames that the recorder lost, by its own words.
+    pub lost: u64,
+    /// The lines in which it says so: the first, and how many.
+    pub lost_lines: Option<(u64, u64)>,
+    /// What is known of the times of the frames handed out.
+    pub times: Times,
     /// Lines refused.
     pub bad: u64,
     /// The first few of them.
@@ -57,6 +65,17 @@ pub struct LogReport {
     pub backwards: u64,
     /// Where times were earlier by more than that, or later by more than a day, and go on from there.
     pub clock: ClockSteps,
+}
+
+/// The times of a log, as they are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Times {
+    /// The first.
+    first: Option<Time>,
+    /// There are others.
+    differ: bool,
+    /// Some are between two seconds.
+    fractions: bool,
 }
 
 impl LogReport {
@@ -68,6 +87,8 @@ impl LogReport {
             lines.push(format!("{} of {} lines are no frame:", self.bad, self.lines));
             lines.extend(self.first_bad.iter().map(|bad| format!("  line {}: {}", bad.line, bad.fault)));
         }
+        lines.extend(self.lost_words());
+        lines.extend(self.time_fault());
         lines.extend(self.clock.words());
         if self.has_differences() {
             lines.push(format!(
@@ -77,6 +98,26 @@ impl LogReport {
             ));
         }
         lines
+    }
+
+    fn lost_words(&self) -> Option<String> {
+        let (line, count) = self.lost_lines?;
+        let more = if count > 1 { format!(" and at {} more places", count - 1) } else { String::new() };
+        Some(format!("candump says that {} frames were lost before line {line}{more}", self.lost))
+    }
+
+    /// Why the times tell nothing of pace and order, so that neither a gauge nor a board can be judged by them.
+    #[must_use]
+    pub fn time_fault(&self) -> Option<String> {
+        let Times { first, differ, fractions } = self.times;
+        let first = first.filter(|_| self.frames >= SUSPICIOUS_FRAMES && !(differ && fractions))?;
+        let frames = self.frames;
+        Some(if differ {
+            format!("all times of its {frames} frames are whole seconds: record with `candump -l`, which writes microseconds")
+        } else {
+            let seconds = first.as_seconds();
+            format!("all {frames} frames share one time ({seconds} s): record without -H")
+        })
     }
 
     /// Whether the times look like those from frame to frame, which go up and down.
@@ -90,6 +131,20 @@ impl LogReport {
         if self.first_bad.len() < BAD_LINES_TOLD {
             self.first_bad.push(BadLine { line: self.lines, fault });
         }
+    }
+
+    /// Notes what the present line says; gives it.
+    pub(crate) fn note_lost(&mut self, frames: u64) -> u64 {
+        self.lost = self.lost.saturating_add(frames);
+        let (first, count) = self.lost_lines.unwrap_or((self.lines, 0));
+        self.lost_lines = Some((first, count + 1));
+        frames
+    }
+
+    pub(crate) fn note_time(&mut self, time: Time) {
+        let first = *self.times.first.get_or_insert(time);
+        self.times.differ |= time != first;
+        self.times.fractions |= time.as_nanos() % 1_000_000_000 != 0;
     }
 
     pub(crate) fn note_interface(&mut self, name: &str) {

@@ -33,13 +33,15 @@ pub enum Pace {
 /// A candump log behind the interface of a bus. Each frame keeps the time that the [`LogReader`] gives it.
 ///
 /// A frame whose time is before that of an earlier one is handed out at once, with its time and in its place; the
-/// report counts it. Error frames of the log become events, as on a real bus.
+/// report counts it. Error frames of the log become events, as on a real bus, and so do frames that the recorder lost.
 pub struct Replay {
     log: LogReader,
     pace: Pace,
     /// Read and not yet handed out: `frames[at..]`.
     frames: Vec<TimedFrame>,
     at: usize,
+    /// Frames that the recorder lost behind all of `frames`.
+    lost: u64,
     over: bool,
     /// What the reader said after the frames that it read before.
     fault: Option<SourceError>,
@@ -68,6 +70,7 @@ impl Replay {
             pace,
             frames: Vec::with_capacity(BATCH_FRAMES),
             at: 0,
+            lost: 0,
             over: false,
             fault: None,
             told_up: false,
@@ -105,7 +108,7 @@ impl Replay {
 
     /// When the first frame was received that is not handed out yet.
     fn first_time(&mut self) -> Result<Option<Time>, SourceError> {
-        if self.at == self.frames.len() && !self.over {
+        while self.at == self.frames.len() && !self.over && self.fault.is_none() {
             self.refill();
         }
         let first = self.frames.get(self.at).map(|timed| timed.time);
@@ -169,6 +172,7 @@ impl Replay {
             Ok(more) => self.over = !more,
             Err(fault) => self.fault = Some(fault.into()),
         }
+        self.lost += self.log.take_lost();
     }
 }
 
@@ -181,6 +185,11 @@ impl FrameSource for Replay {
         }
         loop {
             if self.at == self.frames.len() {
+                if self.lost > 0 {
+                    let frames = std::mem::take(&mut self.lost);
+                    batch.events.push(BusEvent::Dropped { frames });
+                    return Ok(());
+                }
                 if let Some(fault) = self.fault.take() {
                     self.over = true;
                     return Err(fault);
@@ -338,6 +347,28 @@ mod tests {
         assert!(frames.iter().enumerate().all(|(i, (_, timed))| timed.frame.id == CanId::Standard(i as u16 % 0x800)));
         assert_eq!(start.elapsed(), Duration::ZERO, "the paused clock moves only for a wait");
         assert_eq!(played.log_time(), Some(Time::from_seconds(4_999.0)));
+    }
+
+    #[tokio::test]
+    async fn frames_that_candump_lost_are_told_between_those_before_and_after() {
+        let lost = |frames, of| format!("DROPCOUNT: dropped {frames} CAN frame(s) on '{of}' socket (total drops 400)\n");
+        let frame = |at| format!("({at}.5) can0 301#\n");
+        let log = [lost(300, "can0"), frame(1), frame(2), lost(1, "can0"), lost(7, "any"), frame(3)].concat();
+        let mut played = replay(&log, Pace::AsFastAsPossible);
+        let mut told = Vec::new();
+        let mut batch = Batch::default();
+        while !batch.end {
+            played.next(&mut batch).await.unwrap();
+            told.extend(batch.events.iter().filter_map(|event| match event {
+                BusEvent::Dropped { frames } => Some(*frames),
+                _ => None,
+            }));
+            told.extend(batch.frames.iter().map(|_| 0));
+        }
+        assert_eq!(told, [300, 0, 0, 1, 7, 0]);
+        let report = played.report();
+        assert_eq!((report.frames, report.blank, report.bad, report.lost), (3, 3, 0, 308));
+        assert_eq!(report.words(), ["candump says that 308 frames were lost before line 1 and at 2 more places"]);
     }
 
     #[tokio::test]

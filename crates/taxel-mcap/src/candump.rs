@@ -23,9 +23,6 @@ use crate::schema::PACKAGE;
 /// kilobytes.
 const MESSAGE_BYTES_MAX: usize = 256 * 1024;
 
-/// Names of interfaces in a candump log have at most 15 bytes.
-const INTERFACE_BYTES: usize = 15;
-
 /// Stands for a bus whose name a candump log cannot hold.
 const NO_NAME: &str = "bus";
 
@@ -222,7 +219,7 @@ fn name_of(message: &CanFrames) -> &str {
 }
 
 fn is_name(name: &str) -> bool {
-    (1..=INTERFACE_BYTES).contains(&name.len()) && name.bytes().all(|byte| byte.is_ascii_graphic())
+    !name.is_empty() && name.bytes().all(|byte| byte.is_ascii_graphic())
 }
 
 impl Read for CandumpText {

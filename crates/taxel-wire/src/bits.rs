@@ -157,7 +157,7 @@ impl BitField {
 pub struct Selector {
     /// The selecting number.
     pub field: BitField,
-    /// First and last of each run of numbers that select.
+    /// First and last of each run of numbers that select, in order and with a number that does not between two.
     pub values: Vec<(i128, i128)>,
 }
 
@@ -181,6 +181,33 @@ impl FrameMatch {
         frame.id == self.id
             && matches!(frame.kind, FrameKind::Data | FrameKind::Fd)
             && self.selectors.iter().all(selects)
+    }
+
+    /// Whether `other` means every frame that this means.
+    #[must_use]
+    pub fn is_within(&self, other: &Self) -> bool {
+        let held = |wide: &Selector| {
+            self.selectors.iter().any(|narrow| narrow.field == wide.field && narrow.is_within(&wide.values))
+        };
+        self.id == other.id && other.selectors.iter().all(held)
+    }
+
+    /// Whether no frame is meant by both.
+    #[must_use]
+    pub fn excludes(&self, other: &Self) -> bool {
+        let apart = |a: &Selector| other.selectors.iter().any(|b| a.field == b.field && a.excludes(b));
+        self.id != other.id || self.selectors.iter().any(apart)
+    }
+}
+
+impl Selector {
+    fn is_within(&self, wide: &[(i128, i128)]) -> bool {
+        self.values.iter().all(|(first, last)| wide.iter().any(|(low, high)| low <= first && last <= high))
+    }
+
+    fn excludes(&self, other: &Self) -> bool {
+        let meets = |(a, b): &(i128, i128), (c, d): &(i128, i128)| a <= d && c <= b;
+        !self.values.iter().any(|run| other.values.iter().any(|also| meets(run, also)))
     }
 }
 

@@ -14,45 +14,86 @@ use thiserror::Error;
 pub enum PressureUnit {
     /// Pa.
     Pascal,
+    /// hPa, the same as mbar.
+    Hectopascal,
     /// kPa.
     #[default]
     Kilopascal,
+    /// MPa.
+    Megapascal,
     /// bar, 100 kPa.
     Bar,
     /// mbar, 0.1 kPa.
     Millibar,
-    /// Pound-force per square inch, 6.894757293168361 kPa (0.45359237 kg * 9.80665 m/s2 / (25.4 mm)2).
+    /// Pound-force per square inch, 0.45359237 kg * 9.80665 m/s2 / (25.4 mm)2.
     Psi,
+    /// Conventional millimetre of mercury, 13.5951 g/cm3 * 9.80665 m/s2 * 1 mm.
+    MillimetreMercury,
+    /// Conventional inch of mercury, 25.4 mmHg.
+    InchMercury,
+    /// 101,325 / 760 Pa.
+    Torr,
+    /// Conventional millimetre of water, 1 g/cm3 * 9.80665 m/s2 * 1 mm.
+    MillimetreWater,
+    /// 10 mmH2O.
+    CentimetreWater,
+    /// 25.4 mmH2O.
+    InchWater,
+    /// Standard atmosphere, 101,325 Pa.
+    Atmosphere,
+    /// Technical atmosphere, 98,066.5 Pa.
+    KilogramForce,
 }
 
-/// 1 psi in kPa.
-const PSI_KPA: f64 = 6.894_757_293_168_361;
+/// Each unit with its name and what it is in kPa, as a factor and a divisor: 1/1000 has no exact double and 1000 has.
+/// Of NIST SP 811 (2008), appendix B.8, without its rounding.
+const UNITS: [(PressureUnit, &str, f64, f64); 15] = [
+    (PressureUnit::Pascal, "Pa", 1.0, 1e3),
+    (PressureUnit::Hectopascal, "hPa", 1.0, 1e1),
+    (PressureUnit::Kilopascal, "kPa", 1.0, 1.0),
+    (PressureUnit::Megapascal, "MPa", 1e3, 1.0),
+    (PressureUnit::Bar, "bar", 1e2, 1.0),
+    (PressureUnit::Millibar, "mbar", 1.0, 1e1),
+    (PressureUnit::Psi, "psi", 6.894_757_293_168_361, 1.0),
+    (PressureUnit::MillimetreMercury, "mmHg", 133.322_387_415, 1e3),
+    (PressureUnit::InchMercury, "inHg", 3_386.388_640_341, 1e3),
+    (PressureUnit::Torr, "torr", 101.325, 760.0),
+    (PressureUnit::MillimetreWater, "mmH2O", 9.806_65, 1e3),
+    (PressureUnit::CentimetreWater, "cmH2O", 98.066_5, 1e3),
+    (PressureUnit::InchWater, "inH2O", 249.088_91, 1e3),
+    (PressureUnit::Atmosphere, "atm", 101.325, 1.0),
+    (PressureUnit::KilogramForce, "kgf/cm2", 98.066_5, 1.0),
+];
 
 impl PressureUnit {
+    /// The unit of this name, in letters of any size; `None` if it is none of [`PressureUnit::NAMES`].
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let name = name.trim();
+        UNITS.iter().find(|(_, known, ..)| known.eq_ignore_ascii_case(name)).map(|(unit, ..)| *unit)
+    }
+
+    /// The names of all units.
+    pub const NAMES: &str =
+        "Pa, hPa, kPa, MPa, bar, mbar, psi, mmHg, inHg, torr, mmH2O, cmH2O, inH2O, atm, kgf/cm2";
+
     /// `value` of this unit in kPa.
-    ///
-    /// Divides where the factor is a fraction, because 1/1000 has no exact double and 1000 has.
     #[must_use]
     pub fn to_kilopascal(self, value: f64) -> f64 {
-        match self {
-            Self::Pascal => value / 1e3,
-            Self::Kilopascal => value,
-            Self::Bar => value * 1e2,
-            Self::Millibar => value / 1e1,
-            Self::Psi => value * PSI_KPA,
-        }
+        let (factor, divisor) = self.in_kilopascal();
+        value * factor / divisor
     }
 
     /// `kpa` in this unit.
     #[must_use]
     pub fn from_kilopascal(self, kpa: f64) -> f64 {
-        match self {
-            Self::Pascal => kpa * 1e3,
-            Self::Kilopascal => kpa,
-            Self::Bar => kpa / 1e2,
-            Self::Millibar => kpa * 1e1,
-            Self::Psi => kpa / PSI_KPA,
-        }
+        let (factor, divisor) = self.in_kilopascal();
+        kpa * divisor / factor
+    }
+
+    fn in_kilopascal(self) -> (f64, f64) {
+        let row = UNITS.iter().find(|(unit, ..)| *unit == self);
+        row.map_or((1.0, 1.0), |(_, _, factor, divisor)| (*factor, *divisor))
     }
 }
 

@@ -30,7 +30,7 @@ const FRAME_S: f64 = 111e-6;
 /// # Errors
 /// Everything that is wrong with it.
 pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
-    let examined = read_text(path).and_then(|text| examine_with(path, &text, obstacles));
+    let examined = read(path);
     if json {
         let problems = examined.as_ref().err().map(Problems::all).unwrap_or_default();
         let missing = examined.as_ref().map(|(config, scene)| missing(config, &scene.doors)).unwrap_or_default();
@@ -41,6 +41,14 @@ pub fn check(path: &Path, json: bool) -> anyhow::Result<()> {
         print(&config, &scene);
     }
     Ok(())
+}
+
+/// Reads a configuration, and looks for all that would keep a daemon from starting with it here.
+///
+/// # Errors
+/// Everything that is wrong with it.
+pub fn read(path: &Path) -> Result<(Config, Scene), Problems> {
+    read_text(path).and_then(|text| examine_with(path, &text, obstacles))
 }
 
 /// Prints the resolved scene.

@@ -27,6 +27,14 @@ pub fn tell(report: &LogReport) {
     report.words().iter().for_each(|line| error_line(format_args!("{line}")));
 }
 
+/// Refuses a log whose times tell nothing: no pace, no gauge and no pair could be judged by them.
+///
+/// # Errors
+/// The file, what its times are, and how to record it.
+pub fn expect_times(log: &Path, report: &LogReport) -> anyhow::Result<()> {
+    report.time_fault().map_or(Ok(()), |fault| bail!("{}: {fault}", log.display()))
+}
+
 /// Refuses a log that has no frame of `interface`, or of any interface without one.
 ///
 /// # Errors
@@ -41,7 +49,12 @@ pub fn expect_frames(log: &Path, interface: Option<&str>, report: &LogReport) ->
         }
         _ if report.other_interface > 0 => {
             let (others, interface) = (report.interfaces.join(", "), interface.unwrap_or_default());
-            bail!("{log}: none of its {} frames is of {interface}: they are of {others}", report.other_interface)
+            bail!(
+                "{log}: none of its {} frames is of {interface}: they are of {others}. Name one: `--interface {}` of scan, \
+                 or `interface` of the bus in the configuration",
+                report.other_interface,
+                report.interfaces.first().map_or("can0", String::as_str)
+            )
         }
         Some(bad) => bail!("{log}: not one of its {lines} lines is a frame: line {}: {}", bad.line, bad.fault),
         None => bail!("{log}: there is no frame in it"),

@@ -13,7 +13,7 @@ use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Plan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::{Health, PatchSnapshot};
-use taxel_engine::{Engine, Input, Now, Output, Restored};
+use taxel_engine::{BusNotice, Engine, Input, Now, Output, Restored};
 use taxel_skin::{BusIndex, Time};
 use taxel_store::models_json::content_id;
 use taxel_wire::{Frame, FrameKind, TimedFrame};
@@ -96,6 +96,13 @@ impl Offline {
             } else {
                 self.data_frames(bus, same);
             }
+        }
+    }
+
+    /// Frames of a bus were lost behind those that were taken last.
+    pub fn frames_lost(&mut self, bus: BusIndex, frames: u64) {
+        if frames > 0 {
+            self.step(Input::Bus(bus, BusNotice::Dropped(frames)));
         }
     }
 

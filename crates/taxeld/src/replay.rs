@@ -13,7 +13,7 @@ use taxel_engine::calibration::{SessionState, SessionView};
 use taxel_engine::command::Command;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::Sender;
-use taxel_engine::snapshot::BusHealth;
+use taxel_engine::snapshot::{BusHealth, Health};
 use taxel_skin::{BusIndex, Kilopascal};
 use taxel_store::models_json;
 
@@ -21,7 +21,7 @@ use crate::clock::RunClock;
 use crate::config::{BusSource, Config, Scene};
 use crate::files;
 use crate::force_file::ForceFile;
-use crate::log_words::{expect_frames, read_on};
+use crate::log_words::{expect_frames, expect_times, read_on};
 use crate::offline::Offline;
 use crate::open_log::{Wanted, open_log};
 use crate::output;
@@ -109,11 +109,26 @@ async fn paced(log: &Path, speed: f64, config: Config, scene: Scene) -> anyhow::
     daemon.until_the_end().await?;
     tell_once(told.iter().filter_map(|told| told.get()));
     for (section, report) in config.bus.iter().zip(&told).filter_map(|(section, told)| Some((section, told.get()?))) {
+        expect_times(log, report)?;
         expect_frames(log, section.interface.as_deref(), report)?;
     }
     let health = health.borrow();
     let sum = |of: fn(&BusHealth) -> u64| health.buses.iter().map(of).sum::<u64>();
-    expect_understood(sum(|bus| bus.frames), sum(|bus| bus.foreign + bus.malformed))
+    expect_understood(sum(|bus| bus.frames), sum(|bus| bus.foreign + bus.malformed))?;
+    expect_scans(&health)
+}
+
+/// Refuses a log whose skin frames never made a whole scan.
+fn expect_scans(health: &Health) -> anyhow::Result<()> {
+    let orphans: u64 = health.boards.iter().map(|board| board.orphans).sum();
+    if orphans == 0 || health.boards.iter().any(|board| board.scans > 0) {
+        return Ok(());
+    }
+    bail!(
+        "{orphans} frames of the skin, and not one whole scan of them: frames of one scan have to come within half of period_ms. \
+         Compare with `taxeld scan LOG --config FILE`; an array whose frames are spread over the period needs array.scan = \
+         \"frame\" and array.sync (doc/your-skin.md)"
+    )
 }
 
 /// Refuses a log of which nothing was understood; of a log that was over before the health was looked at nothing is known.
@@ -179,12 +194,14 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
         }
         first = first.or(frames.first().map(|f| f.time));
         offline.frames(BusIndex(0), &frames);
+        offline.frames_lost(BusIndex(0), reader.take_lost());
         if let (Some(file), Some(collected)) = (&mut force, &mut offline.collected) {
             file.write(collected.drain(..))?;
         }
     }
     let elapsed = begun.elapsed();
     bar.finish_and_clear();
+    expect_times(&request.log, reader.report())?;
     let end = offline.now() + Duration::from_secs(1);
     offline.advance(end);
     finish_session(&mut offline)?;
@@ -199,6 +216,7 @@ fn at_full_speed(request: &Request, config: &Config, scene: Scene) -> anyhow::Re
     expect_frames(&request.log, section.interface.as_deref(), reader.report())?;
     let understood: u64 = offline.health.buses.iter().map(|bus| bus.frames).sum();
     expect_understood(understood, total - reader.report().errors)?;
+    expect_scans(&offline.health)?;
     if let Some(file) = force {
         say!("{}", file.finish()?);
     }

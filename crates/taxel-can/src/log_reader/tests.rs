@@ -114,6 +114,29 @@ fn what_a_screen_shows_is_read_and_explanations_are_no_fault() {
     );
 }
 
+/// Of a controller without a clock of its own, and of a table of whole seconds.
+#[test]
+fn times_that_tell_nothing_are_named() {
+    let words = |time: fn(u32) -> String| {
+        let text: String = (0..20).map(|i| format!("({}) can0 301#\n", time(i))).collect();
+        let mut log = reader(text.as_bytes(), None);
+        read_all(&mut log);
+        log.report().words()
+    };
+    assert_eq!(words(|_| "0.5".to_owned()), ["all 20 frames share one time (0.5 s): record without -H"]);
+    let whole = words(|i| format!("{}.000000", 7 + i / 5));
+    assert!(whole.len() == 1 && whole[0].starts_with("all times of its 20 frames are whole seconds"), "{whole:?}");
+    assert_eq!(words(|i| format!("7.{i:06}")), Vec::<String>::new());
+}
+
+#[test]
+fn lost_frames_of_another_interface_are_no_loss() {
+    let text = "(1.5) can0 301#\nDROPCOUNT: dropped 1 CAN frame on 'can1' socket (total drops 1)\n";
+    let mut log = reader(text.as_bytes(), Some("can0"));
+    read_all(&mut log);
+    assert_eq!((log.report().lost, log.take_lost(), log.report().words()), (0, 0, Vec::new()));
+}
+
 #[test]
 fn gzip_is_known_by_its_bytes_also_in_several_members() {
     let two = [gzipped(LOG.as_bytes()), gzipped(b"\n(3.0) can0 301#04\n")].concat();
@@ -189,7 +212,7 @@ proptest! {
 
     #[test]
     fn no_bytes_panic_and_all_lines_are_counted(bytes: Vec<u8>) {
-        prop_assume!(!bytes.starts_with(&GZIP_MAGIC));
+        prop_assume!(!bytes.starts_with(&GZIP_MAGIC) && ForeignLog::of(&bytes).is_none());
         let mut log = reader(&bytes, Some("can0"));
         read_all(&mut log);
         let report = log.report();

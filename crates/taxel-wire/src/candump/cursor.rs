@@ -3,9 +3,6 @@
 use super::line::{ERROR_FLAG, EXTENDED_MASK, LogError, STANDARD_MASK};
 use crate::frame::{CanId, FrameKind};
 
-/// Names of network interfaces in Linux have at most 15 bytes.
-const INTERFACE_BYTES: usize = 15;
-
 /// The value of each hexadecimal digit, 0xFF for every other byte.
 const HEX: [u8; 256] = {
     let mut table = [0xFF; 256];
@@ -74,20 +71,15 @@ impl<'a> Cursor<'a> {
         Some(i64::from(digit - b'0'))
     }
 
+    /// Names of Linux have at most 15 characters, those of converters any number.
     pub fn interface(&mut self) -> Result<&'a str, LogError> {
-        const EXPECTED: &str = "an interface name of 1 to 15 visible ASCII characters";
-        let rest = self.rest();
-        let length = rest.iter().take_while(|byte| byte.is_ascii_graphic()).count();
-        if length > INTERFACE_BYTES {
-            self.at += INTERFACE_BYTES;
-            return Err(self.refuse("a space: an interface name has at most 15 characters"));
-        }
-        match str::from_utf8(&rest[..length]) {
+        let length = self.rest().iter().take_while(|byte| byte.is_ascii_graphic()).count();
+        match str::from_utf8(&self.rest()[..length]) {
             Ok(name) if !name.is_empty() => {
                 self.at += length;
                 Ok(name)
             }
-            _ => Err(self.refuse(EXPECTED)),
+            _ => Err(self.refuse("an interface name of visible ASCII characters")),
         }
     }
 
@@ -119,6 +111,14 @@ impl<'a> Cursor<'a> {
             _ if value & ERROR_FLAG != 0 => (CanId::Extended(value & EXTENDED_MASK), FrameKind::Error),
             _ => (CanId::Extended(value), FrameKind::Data),
         })
+    }
+
+    /// The length code of a frame with eight bytes, where it is not 8: `9` to `F`.
+    pub fn raw_length(&mut self) -> Result<(), LogError> {
+        let code = self.peek().and_then(hex).filter(|code| *code > 8);
+        code.ok_or_else(|| self.refuse("a raw length code, `9` to `F`"))?;
+        self.at += 1;
+        Ok(())
     }
 
     /// A data byte in two hexadecimal digits, of which the first must be there; `none` is expected otherwise.

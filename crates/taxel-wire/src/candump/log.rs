@@ -1,8 +1,8 @@
 //! A frame as `candump -l` writes it: `4D0#40F0EFEFF1F1EEF0`.
 //!
 //! Behind the identifier's `#` up to eight data bytes, or `R` and a length digit for a remote frame, or a second `#`, a
-//! digit of flags and up to 64 bytes of a CAN FD frame; then, if candump ran with `-x`, whether the frame was received or
-//! sent.
+//! digit of flags and up to 64 bytes of a CAN FD frame. Behind eight bytes `_9` to `_F` may be there, the length code as
+//! it was on the bus, which means eight too. Then, if candump ran with `-x`, whether the frame was received or sent.
 
 use super::cursor::{Cursor, hex};
 use super::line::{Direction, LogError};
@@ -21,6 +21,10 @@ impl Cursor<'_> {
             }
             _ => (kind, self.data(&mut data[..8], "the end of up to eight data bytes, two hexadecimal digits each")?),
         };
+        if length == 8 && kind != FrameKind::Fd && self.peek() == Some(b'_') {
+            self.at += 1;
+            self.raw_length()?;
+        }
         // Never refused: all lengths are within the kind's.
         Frame::new(id, kind, &data[..length]).ok_or_else(|| self.refuse("at most eight bytes"))
     }
@@ -48,7 +52,7 @@ impl Cursor<'_> {
 
     fn data(&mut self, data: &mut [u8], end: &'static str) -> Result<usize, LogError> {
         let mut length = 0;
-        while self.peek().is_some_and(|byte| byte != b' ') {
+        while self.peek().is_some_and(|byte| byte != b' ' && byte != b'_') {
             let Some(byte) = data.get_mut(length) else {
                 return Err(self.refuse(end));
             };

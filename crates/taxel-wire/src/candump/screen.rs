@@ -50,8 +50,14 @@ impl Cursor<'_> {
         Frame::new(id, kind, &data[..length]).ok_or_else(|| self.refuse("at most eight bytes"))
     }
 
-    /// `[8]`, or `[08]` of a CAN FD frame.
+    /// `[8]`, or `[08]` of a CAN FD frame, or `{F}`: eight bytes whose length code was F on the bus (`candump -8`).
     fn length(&mut self, kind: FrameKind) -> Result<(FrameKind, usize), LogError> {
+        if self.peek() == Some(b'{') {
+            self.at += 1;
+            self.raw_length()?;
+            self.take(b'}', "`}` after the raw length code")?;
+            return Ok((kind, 8));
+        }
         self.take(b'[', "`[` and the length")?;
         let start = self.at;
         let mut length = self.digit().ok_or_else(|| self.refuse("a digit of the length"))?;

@@ -118,6 +118,26 @@ fn the_insoles_chamber_pressure() {
     assert_eq!(INSOLE.encode(Kilopascal(5.8393)), Ok(frame(&[0xCF, 0x16, 0, 0])), "to the nearest pascal");
 }
 
+/// Against NIST SP 811, appendix B.8, which rounds to seven digits.
+#[test]
+fn every_unit_has_its_factor_and_is_known_by_its_name() {
+    let pascal = [
+        ("Pa", 1.0), ("hPa", 1e2), ("kPa", 1e3), ("MPa", 1e6), ("bar", 1e5), ("mbar", 1e2), ("PSI", 6.894_757e3),
+        ("mmHg", 1.333_224e2), ("inHg", 3.386_389e3), ("Torr", 1.333_224e2), ("mmH2O", 9.806_65), ("cmH2O", 98.0665),
+        ("inH2O", 249.0889), ("atm", 101_325.0), ("kgf/cm2", 98_066.5),
+    ];
+    assert_eq!(PressureUnit::NAMES.split(", ").count(), pascal.len());
+    for ((name, pascal), known) in pascal.into_iter().zip(PressureUnit::NAMES.split(", ")) {
+        let unit = PressureUnit::named(name).unwrap();
+        assert_eq!(PressureUnit::named(known), Some(unit));
+        let kpa = unit.to_kilopascal(1.0);
+        assert!((kpa * 1e3 / pascal - 1.0).abs() < 3e-7, "{name}: {kpa} kPa");
+        assert!((unit.from_kilopascal(kpa) - 1.0).abs() < 1e-15, "{name}");
+    }
+    assert_eq!(PressureUnit::Torr.to_kilopascal(760.0), 101.325);
+    assert_eq!(PressureUnit::named("furlong"), None);
+}
+
 #[test]
 fn units_and_the_absolute_bag() {
     let in_unit = |unit| SignalSpec { length_bits: 8, signed: false, unit, ..INSOLE };

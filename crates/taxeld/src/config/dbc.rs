@@ -2,13 +2,14 @@
 //! `[patch.array]`, so that nothing behind this knows where they came from.
 
 use std::cmp::Ordering;
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::path::Path;
 
 use can_dbc::{
-    ByteOrder as DbcOrder, Dbc, Message, MessageId, MultiplexIndicator, Signal, SignalExtendedValueType, ValueType,
+    AttributeValue, ByteOrder as DbcOrder, Dbc, Message, MessageId, MultiplexIndicator, Signal, SignalExtendedValueType, ValueType,
 };
 use taxel_wire::bits::{BitField, ByteOrder};
+use taxel_wire::signal::PressureUnit;
 
 use super::load::beside;
 use super::number_words::{OrderOfBytes, UnitWord};
@@ -20,17 +21,24 @@ use crate::files::read_any_text;
 
 /// The message of a DBC file that holds signals of no message.
 const INDEPENDENT: &str = "VECTOR__INDEPENDENT_SIG_MSG";
-/// Selectors that select each other, at most.
-const MUX_DEPTH_MAX: usize = 8;
+/// Selectors of a signal, with theirs, at most.
+const MUX_MAX: usize = 8;
 
 /// The section with what its DBC file says written out; `config` is the file that it is in.
 ///
 /// # Errors
 /// In words, with the file, the message and the signal.
 pub fn expand(section: &PatchSection, config: &Path) -> Result<PatchSection, String> {
-    let Some((array, name)) = section.array.as_ref().and_then(|array| Some((array, array.dbc.as_ref()?))) else {
-        return Ok(section.clone());
+    let Some(array) = section.array.as_ref() else { return Ok(section.clone()) };
+    let Some(name) = &array.dbc else {
+        return match array.of_dbc() {
+            Some(key) => Err(format!("array.{key} names what is in a DBC file: say also array.dbc = \"FILE.dbc\"")),
+            None => Ok(section.clone()),
+        };
     };
+    if array.gauge.is_none() && array.gauge_is != Default::default() {
+        return Err("array.gauge_is is used for array.gauge only, and that is not set".to_owned());
+    }
     let path = beside(config, name);
     // Comments and units of old files are not always UTF-8; names are letters, digits and `_` in any encoding.
     let text = read_any_text(&path).map_err(|e| format!("dbc {}: {e}", path.display()))?;
@@ -40,12 +48,12 @@ pub fn expand(section: &PatchSection, config: &Path) -> Result<PatchSection, Str
 fn from_text(section: &PatchSection, array: &ArraySection, text: &str) -> Result<PatchSection, String> {
     let file = File::new(text)?;
     let mut section = section.clone();
-    let mut used = Used::default();
+    let mut taxels = Vec::new();
     for pattern in &array.taxels {
-        for place in file.matching(pattern)? {
-            used.note(&place)?;
-            section.signals.push(place.taxel()?);
-        }
+        taxels.extend(file.matching(pattern)?);
+    }
+    for place in &taxels {
+        section.signals.push(place.taxel()?);
     }
     if let Some(name) = &array.gauge {
         if section.gauge.is_some() {
@@ -55,7 +63,9 @@ fn from_text(section: &PatchSection, array: &ArraySection, text: &str) -> Result
     }
     let mut array = array.clone();
     if let Some(name) = &array.dbc_counter {
-        array.counter = Some(file.one(name)?.number());
+        let place = file.one(name)?;
+        place.is_in_all(&taxels)?;
+        array.counter = Some(place.number());
     }
     if let Some(name) = &array.dbc_status {
         let place = file.one(name)?;
@@ -70,19 +80,28 @@ fn from_text(section: &PatchSection, array: &ArraySection, text: &str) -> Result
     Ok(section)
 }
 
-/// The selector of a signal, and first and last of each run of values for which the signal is there.
+/// A selector of a signal, and first and last of each run of values for which the signal is there.
 type Selected<'a> = (&'a str, Vec<[u64; 2]>);
 
 struct File {
     dbc: Dbc,
     /// Identifiers as written, by message: the parser cuts long standard ones.
     raw_ids: HashMap<String, u64>,
+    /// Every signal, as `(message, signal)` in `dbc` and its name as `Message.Signal`.
+    names: Vec<(usize, usize, Name)>,
+}
+
+/// `Message.Signal`. A DBC file holds 32 characters of each; what was longer is in attributes, which other tools show.
+struct Name {
+    full: String,
+    short: String,
 }
 
 /// A signal with all that is known of its place.
 struct Place<'a> {
     message: &'a Message,
     signal: &'a Signal,
+    name: &'a str,
     mux: Vec<MuxSection>,
 }
 
@@ -96,7 +115,8 @@ impl File {
                 raw_ids.insert(name.to_owned(), id);
             }
         }
-        Ok(Self { dbc, raw_ids })
+        let names = names(&dbc);
+        Ok(Self { dbc, raw_ids, names })
     }
 
     /// The signal of this name.
@@ -110,26 +130,31 @@ impl File {
 
     /// All signals that a pattern `Message.Signal` names, in the order of their names, numbers in these as numbers.
     fn matching(&self, pattern: &str) -> Result<Vec<Place<'_>>, String> {
-        let messages = self.dbc.messages.iter().filter(|message| message.name != INDEPENDENT);
-        let signals = messages.flat_map(|message| message.signals.iter().map(move |signal| (message, signal)));
-        let name = |(message, signal): &(&Message, &Signal)| format!("{}.{}", message.name, signal.name);
-        let mut found: Vec<_> = signals.filter(|place| matches(pattern.as_bytes(), name(place).as_bytes())).collect();
-        found.sort_by(|a, b| natural(&name(a), &name(b)));
+        let fits = |name: &str| matches(pattern.as_bytes(), name.as_bytes());
+        let mut found: Vec<_> = self.names.iter().filter(|(.., name)| fits(&name.full)).collect();
+        if found.is_empty() {
+            found = self.names.iter().filter(|(.., name)| fits(&name.short)).collect();
+        }
+        found.sort_by(|(.., a), (.., b)| natural(&a.full, &b.full));
         if found.is_empty() {
             let nearest = self.nearest(pattern).map(|name| format!("; the nearest is `{name}`")).unwrap_or_default();
             return Err(format!("no signal is named `{pattern}` (as `Message.Signal`){nearest}"));
         }
-        found.into_iter().map(|(message, signal)| self.place(message, signal)).collect()
+        if let Some(twice) = found.windows(2).find(|pair| pair[0].2.full == pair[1].2.full) {
+            return Err(format!("two signals are named `{}`: which of them is meant is not known", twice[0].2.full));
+        }
+        found.into_iter().map(|(message, signal, name)| self.place(*message, *signal, &name.full)).collect()
     }
 
-    fn nearest(&self, pattern: &str) -> Option<String> {
-        let names = self.dbc.messages.iter().flat_map(|m| m.signals.iter().map(|s| format!("{}.{}", m.name, s.name)));
-        let close = |name: &String| strsim::jaro_winkler(pattern, name);
-        names.max_by(|a, b| close(a).total_cmp(&close(b)))
+    fn nearest(&self, pattern: &str) -> Option<&str> {
+        let close = |name: &str| strsim::jaro_winkler(pattern, name);
+        self.names.iter().map(|(.., name)| name.full.as_str()).max_by(|a, b| close(a).total_cmp(&close(b)))
     }
 
-    fn place<'a>(&'a self, message: &'a Message, signal: &'a Signal) -> Result<Place<'a>, String> {
-        let named = |why: String| format!("message {}, signal {}: {why}", message.name, signal.name);
+    fn place<'a>(&'a self, message: usize, signal: usize, name: &'a str) -> Result<Place<'a>, String> {
+        let message = &self.dbc.messages[message];
+        let signal = &message.signals[signal];
+        let named = |why: String| format!("signal {name}: {why}");
         let raw = self.raw_ids.get(&message.name).copied();
         if let (MessageId::Standard(_), Some(id)) = (message.id, raw.filter(|id| *id > 0x7FF)) {
             return Err(named(format!(
@@ -143,7 +168,7 @@ impl File {
             return Err(named("it is a floating-point number, expected an integer".to_owned()));
         }
         let mux = self.mux(message, signal).map_err(named)?;
-        let place = Place { message, signal, mux };
+        let place = Place { message, signal, name, mux };
         let field = place.field()?;
         if field.bytes_needed() as u64 > message.size {
             return Err(named(format!("it ends in byte {}, the message has {}", field.bytes_needed(), message.size)));
@@ -151,53 +176,85 @@ impl File {
         Ok(place)
     }
 
-    /// What selects the frames that hold a signal, from the nearest selector to the outermost.
+    /// What selects the frames that hold a signal: its own selectors, then theirs.
     fn mux(&self, message: &Message, signal: &Signal) -> Result<Vec<MuxSection>, String> {
-        let (mut mux, mut name) = (Vec::new(), signal.name.as_str());
-        loop {
-            let of_name = |s: &&Signal| s.name == name;
-            let signal =
-                message.signals.iter().find(of_name).ok_or_else(|| format!("its selector {name} is not there"))?;
-            let Some((selector, runs)) = self.selected_by(message, signal)? else { return Ok(mux) };
-            let [value, _] = *runs.first().ok_or("it is selected by no value")?;
-            let parent = message.signals.iter().find(|s| s.name == selector);
-            let parent = parent.ok_or_else(|| format!("its selector {selector} is not there"))?;
-            let (start_bit, length_bits) = (parent.start_bit as u16, parent.size as u16);
-            mux.push(MuxSection { start_bit, length_bits, byte_order: order(parent), value, also: runs });
-            if mux.len() > MUX_DEPTH_MAX {
-                return Err("its selectors select each other".to_owned());
+        let (mut mux, mut open): (Vec<MuxSection>, _) = (Vec::new(), VecDeque::from([signal]));
+        while let Some(signal) = open.pop_front() {
+            for (selector, runs) in self.selected_by(message, signal)? {
+                let [value, _] = *runs.first().ok_or("it is selected by no value")?;
+                let parent = message.signals.iter().find(|s| s.name == selector);
+                let parent = parent.ok_or_else(|| format!("its selector {selector} is not there"))?;
+                let (start_bit, length_bits) = (parent.start_bit as u16, parent.size as u16);
+                mux.push(MuxSection { start_bit, length_bits, byte_order: order(parent), value, also: runs });
+                if mux.len() > MUX_MAX {
+                    return Err("its selectors select each other".to_owned());
+                }
+                open.push_back(parent);
             }
-            name = &parent.name;
         }
+        Ok(mux)
     }
 
-    /// The selector of a signal and the values for which it is there, first and last of each run.
-    fn selected_by<'a>(&'a self, message: &'a Message, signal: &'a Signal) -> Result<Option<Selected<'a>>, String> {
-        let mut runs = Vec::new();
-        let mut selector = None;
+    /// The selectors of a signal and the values for which it is there: it is where all of them say so.
+    fn selected_by<'a>(&'a self, message: &'a Message, signal: &'a Signal) -> Result<Vec<Selected<'a>>, String> {
+        let mut selected: Vec<Selected<'a>> = Vec::new();
         let own = |e: &&can_dbc::ExtendedMultiplex| e.message_id == message.id && e.signal_name == signal.name;
         for extended in self.dbc.extended_multiplex.iter().filter(own) {
-            selector = Some(extended.multiplexor_signal_name.as_str());
-            runs.extend(extended.mappings.iter().map(|run| [run.min_value, run.max_value]));
-        }
-        if let Some(selector) = selector {
-            return Ok(Some((selector, runs)));
+            let selector = extended.multiplexor_signal_name.as_str();
+            let runs = extended.mappings.iter().map(|run| [run.min_value, run.max_value]);
+            match selected.iter_mut().find(|(known, _)| *known == selector) {
+                Some((_, known)) => known.extend(runs),
+                None => selected.push((selector, runs.collect())),
+            }
         }
         let (MultiplexIndicator::MultiplexedSignal(value) | MultiplexIndicator::MultiplexorAndMultiplexedSignal(value)) =
             signal.multiplexer_indicator
         else {
-            return Ok(None);
+            return Ok(selected);
         };
+        if !selected.is_empty() {
+            return Ok(selected);
+        }
         let selects = |s: &&Signal| s.multiplexer_indicator == MultiplexIndicator::Multiplexor;
-        let selector = message.signals.iter().find(selects);
-        let selector = selector.ok_or("it is multiplexed, and no signal of its message is the selector")?;
-        Ok(Some((selector.name.as_str(), vec![[value, value]])))
+        let mut selectors = message.signals.iter().filter(selects);
+        match (selectors.next(), selectors.next()) {
+            (Some(selector), None) => Ok(vec![(selector.name.as_str(), vec![[value, value]])]),
+            (None, _) => Err("it is multiplexed, and no signal of its message is the selector".to_owned()),
+            (Some(one), Some(other)) => Err(format!(
+                "{} and {} are both selectors of its message, and no SG_MUL_VAL_ line says which is its own",
+                one.name, other.name
+            )),
+        }
     }
+}
+
+/// The names of all signals.
+fn names(dbc: &Dbc) -> Vec<(usize, usize, Name)> {
+    let text = |value: &AttributeValue| match value {
+        AttributeValue::String(text) if !text.is_empty() => Some(text.clone()),
+        _ => None,
+    };
+    let messages = dbc.attribute_values_message.iter().filter(|a| a.name == "SystemMessageLongSymbol");
+    let messages: HashMap<_, _> = messages.filter_map(|a| Some((a.message_id, text(&a.value)?))).collect();
+    let signals = dbc.attribute_values_signal.iter().filter(|a| a.name == "SystemSignalLongSymbol");
+    let signals: HashMap<_, _> =
+        signals.filter_map(|a| Some(((a.message_id, a.signal_name.as_str()), text(&a.value)?))).collect();
+    let used = dbc.messages.iter().enumerate().filter(|(_, message)| message.name != INDEPENDENT);
+    let of = |(m, message): (usize, &Message)| {
+        let long_message = messages.get(&message.id).unwrap_or(&message.name);
+        let of = |(s, signal): (usize, &Signal)| {
+            let long = signals.get(&(message.id, signal.name.as_str())).unwrap_or(&signal.name);
+            let short = format!("{}.{}", message.name, signal.name);
+            (m, s, Name { full: format!("{long_message}.{long}"), short })
+        };
+        message.signals.iter().enumerate().map(of).collect::<Vec<_>>()
+    };
+    used.flat_map(of).collect()
 }
 
 impl Place<'_> {
     fn named(&self, why: impl std::fmt::Display) -> String {
-        format!("message {}, signal {}: {why}", self.message.name, self.signal.name)
+        format!("signal {}: {why}", self.name)
     }
 
     fn field(&self) -> Result<BitField, String> {
@@ -251,7 +308,21 @@ impl Place<'_> {
             id_step: 0,
             mux_step: 0,
             device: 1,
+            name: self.name.to_owned(),
         })
+    }
+
+    /// Whether every frame of these taxels has this number at the same place.
+    fn is_in_all(&self, taxels: &[Self]) -> Result<(), String> {
+        if !self.mux.is_empty() {
+            return Err(self.named("it is multiplexed, expected a counter in every frame of its message"));
+        }
+        let place = |signal: &Signal| (signal.start_bit, signal.size, signal.byte_order);
+        let has = |taxel: &&Self| taxel.message.signals.iter().any(|signal| place(signal) == place(self.signal));
+        match taxels.iter().find(|taxel| !has(taxel)) {
+            Some(taxel) => Err(self.named(format!("expected a counter of all taxels, and {} has none", taxel.name))),
+            None => Ok(()),
+        }
     }
 
     fn gauge(&self, array: &ArraySection) -> Result<GaugeSection, String> {
@@ -259,7 +330,14 @@ impl Place<'_> {
             return Err(self.named("it is multiplexed, expected a gauge in every frame of its message"));
         }
         let (number, is, (id, extended)) = (self.number(), &array.gauge_is, self.id());
-        let unknown = || self.named(format!("its unit is \"{}\": set gauge_is.unit", self.signal.unit));
+        let unknown = || {
+            self.named(format!(
+                "its unit is \"{}\", which is none of {}: say in [patch.array] gauge_is = {{ unit = \"kPa\", scale = 0.1 }} \
+                 with the kPa of a step as scale",
+                self.signal.unit,
+                PressureUnit::NAMES
+            ))
+        };
         Ok(GaugeSection {
             bus: None,
             id,
@@ -268,9 +346,9 @@ impl Place<'_> {
             length_bits: number.length_bits,
             byte_order: number.byte_order,
             signed: number.signed,
-            scale: self.signal.factor,
-            offset: self.signal.offset,
-            unit: is.unit.or_else(|| unit(&self.signal.unit)).ok_or_else(unknown)?,
+            scale: is.scale.unwrap_or(self.signal.factor),
+            offset: is.offset.unwrap_or(self.signal.offset),
+            unit: is.unit.or_else(|| PressureUnit::named(&self.signal.unit).map(UnitWord)).ok_or_else(unknown)?,
             ambient_kpa: is.ambient_kpa,
             gain_uncertainty: is.gain_uncertainty,
             offset_uncertainty_kpa: is.offset_uncertainty_kpa,
@@ -279,39 +357,10 @@ impl Place<'_> {
     }
 }
 
-/// Which taxel has each bit of a frame.
-#[derive(Default)]
-struct Used(HashMap<(u32, Vec<[u64; 2]>, u16), String>);
-
-impl Used {
-    /// No two taxels share a bit of a frame.
-    fn note(&mut self, place: &Place<'_>) -> Result<(), String> {
-        let values: Vec<[u64; 2]> = place.mux.iter().flat_map(|mux| mux.also.clone()).collect();
-        for bit in place.field()?.bits() {
-            let key = (place.message.id.raw(), values.clone(), bit);
-            if let Some(other) = self.0.insert(key, place.signal.name.clone()) {
-                return Err(place.named(format!("bit {bit} is also part of signal {other}")));
-            }
-        }
-        Ok(())
-    }
-}
-
 fn order(signal: &Signal) -> OrderOfBytes {
     match signal.byte_order {
         DbcOrder::LittleEndian => OrderOfBytes::Little,
         DbcOrder::BigEndian => OrderOfBytes::Big,
-    }
-}
-
-fn unit(text: &str) -> Option<UnitWord> {
-    match text.to_ascii_lowercase().as_str() {
-        "pa" => Some(UnitWord::Pa),
-        "kpa" => Some(UnitWord::Kpa),
-        "bar" => Some(UnitWord::Bar),
-        "mbar" | "hpa" => Some(UnitWord::Mbar),
-        "psi" => Some(UnitWord::Psi),
-        _ => None,
     }
 }
 

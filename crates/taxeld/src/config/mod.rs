@@ -25,6 +25,7 @@ mod resolve;
 mod runtime_folder;
 mod service_section;
 mod shared_memory_section;
+mod signal_pages;
 mod signal_parts;
 mod signals;
 

@@ -1,6 +1,7 @@
 //! Words for how a number lies in a frame and what it is in.
 
 use serde::Deserialize;
+use taxel_wire::signal::PressureUnit;
 
 /// Byte order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -13,21 +14,16 @@ pub enum OrderOfBytes {
     Big,
 }
 
-/// Pressure unit.
+/// A pressure unit by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-pub enum UnitWord {
-    /// Pascal.
-    Pa,
-    /// Kilopascal.
-    #[serde(rename = "kPa")]
-    Kpa,
-    /// Bar.
-    #[serde(rename = "bar")]
-    Bar,
-    /// Millibar.
-    #[serde(rename = "mbar")]
-    Mbar,
-    /// Pound-force per square inch.
-    #[serde(rename = "psi")]
-    Psi,
+#[serde(try_from = "String")]
+pub struct UnitWord(pub PressureUnit);
+
+impl TryFrom<String> for UnitWord {
+    type Error = String;
+
+    fn try_from(name: String) -> Result<Self, String> {
+        let expected = || format!("unknown unit `{name}`, expected one of {}", PressureUnit::NAMES);
+        PressureUnit::named(&name).map(Self).ok_or_else(expected)
+    }
 }

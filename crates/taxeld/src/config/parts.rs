@@ -87,9 +87,9 @@ pub struct PatchSection {
     /// Whether the daemon sends nothing to the boards.
     #[serde(default)]
     pub listen_only: bool,
-    /// Period at which the boards send, 1 to 209 ms.
+    /// Period at which whole scans come, in ms: 1 to 209 for skin boards, to 5000 for other arrays.
     #[serde(default = "fifty")]
-    pub period_ms: u8,
+    pub period_ms: u16,
     /// A position file, relative to this one.
     pub geometry: Option<PathBuf>,
     /// How the areas of the taxels are known.
@@ -136,7 +136,7 @@ pub struct PatchSection {
     pub certificate: Option<CertificateSection>,
 }
 
-fn fifty() -> u8 {
+fn fifty() -> u16 {
     50
 }
 

@@ -7,7 +7,7 @@ use taxel_engine::plan::{DevicePlan, DriftPlan, Gauge, Outputs, PatchPlan, Plan,
 use taxel_rpc::Rules;
 use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre};
 use taxel_wire::CanId;
-use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
+use taxel_wire::signal::{ByteOrder, PressureMeaning, SignalSpec};
 
 use super::area_words::AreaFactorWord;
 use super::boards::{board, key_of, placed, setup};
@@ -18,14 +18,16 @@ use super::listen::{Doors, doors};
 use super::load::ConfigError;
 use super::load::beside;
 use super::log_filter::log_filter;
-use super::number_words::{OrderOfBytes, UnitWord};
+use super::number_words::OrderOfBytes;
 use super::parts::{BoardSection, BusSource, GaugeSection, LogSection, OutputWord, PatchSection};
 use super::patch_limits::{drift, fit_options, gauge_uncertainty, live, session};
 use super::signals::{Described, describe, pushed};
 use crate::files::read_any_text;
 
 /// MTB3 holds the period in a 16-bit timer that wraps beyond this.
-const PERIOD_MAX_MS: u8 = 209;
+const PERIOD_OF_BOARDS_MAX_MS: u8 = 209;
+/// A skin that is slower is none that anybody is touched with.
+const PERIOD_MAX_MS: u16 = 5000;
 
 /// What an installation needs, resolved once.
 #[derive(Clone, Debug)]
@@ -150,7 +152,8 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
         return Err(Fault::of("name", "a name is 1 to 64 letters, digits, `_` or `-`"));
     }
     certificate(section.certificate.as_ref())?;
-    within("period_ms", f64::from(section.period_ms), 1.0, f64::from(PERIOD_MAX_MS))?;
+    let period_max = if section.board.is_empty() { PERIOD_MAX_MS } else { u16::from(PERIOD_OF_BOARDS_MAX_MS) };
+    within("period_ms", f64::from(section.period_ms), 1.0, f64::from(period_max))?;
     within("area_mm2", super::area::mean_mm2(section), 0.01, 1e5)?;
     let area_uncertainty = super::area::uncertainty(section);
     within("area_uncertainty", area_uncertainty, 0.0, 1.0)?;
@@ -179,7 +182,7 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
         scene.left_out.push(format!("{name}: board bring-up: listen_only sends nothing"));
     }
     refuse_commands_to_everyone(section)?;
-    let setups = of_boards(section, |b| setup(b, section.period_ms))?;
+    let setups = of_boards(section, |b| setup(b, section.period_ms as u8))?;
     if section.tare.first_scans.is_some() {
         scene.remarks.push(format!("{name}: tare.first_scans has no effect any more: every zero is watched in full"));
     }
@@ -202,16 +205,20 @@ fn resolve_patch(config: &Config, section: &PatchSection, path: &Path, scene: &m
         outputs,
         live,
         faults: Default::default(),
-        tare: TarePlan {
-            duration: Duration::from_secs_f64(section.tare.seconds),
-            at_start: section.tare.at_start,
-            rest: Default::default(),
-        },
+        tare: tare(section, period),
         drift: DriftPlan { follow: drift.follow && !padless, ..drift },
         session,
         fit,
         patch,
     })
+}
+
+/// A slow array is watched until it has sent what a zero needs.
+fn tare(section: &PatchSection, period: Duration) -> TarePlan {
+    let rest = TarePlan::default().rest;
+    let enough = period.saturating_mul(rest.scans_min as u32);
+    let duration = Duration::from_secs_f64(section.tare.seconds).max(enough);
+    TarePlan { duration, at_start: section.tare.at_start, rest }
 }
 
 /// Whether the scans of a patch are pushed, which its bus must say, too.
@@ -365,13 +372,7 @@ fn gauge(config: &Config, section: &GaugeSection, patch_bus: BusIndex) -> Result
         signed: section.signed,
         scale: section.scale,
         offset: section.offset,
-        unit: match section.unit {
-            UnitWord::Pa => PressureUnit::Pascal,
-            UnitWord::Kpa => PressureUnit::Kilopascal,
-            UnitWord::Bar => PressureUnit::Bar,
-            UnitWord::Mbar => PressureUnit::Millibar,
-            UnitWord::Psi => PressureUnit::Psi,
-        },
+        unit: section.unit.0,
         meaning: section
             .ambient_kpa
             .map_or(PressureMeaning::Differential, |ambient_kpa| PressureMeaning::AbsoluteBag { ambient_kpa }),

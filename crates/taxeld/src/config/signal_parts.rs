@@ -45,6 +45,9 @@ pub struct SignalsSection {
     /// Which device sends it, 1 to 15: taxels that have power and zero in common.
     #[serde(default = "first_device")]
     pub device: u8,
+    /// In a DBC file, for messages.
+    #[serde(skip)]
+    pub name: String,
 }
 
 const fn one() -> u16 {
@@ -114,6 +117,21 @@ pub struct ArraySection {
     pub dbc_temperature: Option<String>,
     /// What a DBC file does not say of a gauge.
     pub gauge_is: GaugeIsSection,
+}
+
+impl ArraySection {
+    /// The first of the keys that name something in a DBC file.
+    pub fn of_dbc(&self) -> Option<&'static str> {
+        let keys = [
+            ("taxels", !self.taxels.is_empty()),
+            ("gauge", self.gauge.is_some()),
+            ("gauge_is", self.gauge_is != GaugeIsSection::default()),
+            ("dbc_counter", self.dbc_counter.is_some()),
+            ("dbc_status", self.dbc_status.is_some()),
+            ("dbc_temperature", self.dbc_temperature.is_some()),
+        ];
+        keys.iter().find(|(_, given)| *given).map(|(key, _)| *key)
+    }
 }
 
 /// `[patch.push]`: taxels of a patch on a bus with `source = "push"`.
@@ -245,6 +263,10 @@ pub struct CommandSection {
 pub struct GaugeIsSection {
     /// Its unit, where the file has none that is known here.
     pub unit: Option<UnitWord>,
+    /// In the place of the factor in the file: units a step.
+    pub scale: Option<f64>,
+    /// In the place of the offset in the file: units at 0.
+    pub offset: Option<f64>,
     /// If it reads the absolute bag pressure: the ambient pressure in kPa.
     pub ambient_kpa: Option<f64>,
     /// Relative standard uncertainty of its gain.

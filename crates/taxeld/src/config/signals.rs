@@ -14,6 +14,7 @@ use taxel_wire::{CanId, Frame};
 
 use super::number_words::OrderOfBytes;
 use super::parts::PatchSection;
+use super::signal_pages::{Cell, begins_once, counts_scans, pages};
 use super::signal_parts::{
     ArraySection, FrameSection, MuxSection, NumberSection, PushSection, ScanWord, SignalsSection,
 };
@@ -47,12 +48,13 @@ pub struct Described {
 /// In words, with the key, its value and what was expected.
 pub fn describe(section: &PatchSection, bus: BusIndex) -> Result<Described, String> {
     let array = section.array.clone().unwrap_or_default();
-    let mut places: BTreeMap<u8, Vec<(FrameMatch, BitField)>> = BTreeMap::new();
+    let mut places: BTreeMap<u8, Vec<Cell>> = BTreeMap::new();
     let mut total = 0;
     for (n, signals) in section.signals.iter().enumerate() {
-        let named = |why: String| format!("signals {}: {why}", n + 1);
+        let name = if signals.name.is_empty() { format!("signals {}", n + 1) } else { signals.name.clone() };
+        let named = |why: String| format!("{name}: {why}");
         let of_device = places.entry(signals.device).or_default();
-        spread(signals, of_device).map_err(named)?;
+        spread(signals, &name, of_device).map_err(named)?;
         total = total.max(of_device.len());
         if total > MODULES_MAX * MODULE_TAXELS_MAX {
             return Err(named(format!("device {} has more than {} taxels", signals.device, TAXELS_MAX / 14)));
@@ -62,9 +64,8 @@ pub fn describe(section: &PatchSection, bus: BusIndex) -> Result<Described, Stri
     let (mut boards, mut devices) = (Vec::new(), Vec::new());
     for (device, taxels) in places {
         let address = BoardAddress::new(device).map_err(|_| format!("device = {device}: expected 1 to 15"))?;
-        no_overlap(&taxels).map_err(|why| format!("device {device}: {why}"))?;
         boards.push(Board { bus, address, modules: modules(taxels.len(), array.columns) });
-        devices.push(plan(device, taxels, &array, range, section.listen_only)?);
+        devices.push(plan(device, &taxels, &array, range, section.listen_only)?);
     }
     let patch = Patch::new(&section.name, boards).map_err(|e| e.to_string())?.with_counts(range.counts);
     let grid = grid(&array, patch.taxels().len())?;
@@ -100,7 +101,7 @@ pub fn pushed(section: &PatchSection, push: PushSection, bus: BusIndex) -> Resul
 }
 
 /// Where each taxel of a section lies, in order.
-fn spread(signals: &SignalsSection, taxels: &mut Vec<(FrameMatch, BitField)>) -> Result<(), String> {
+fn spread(signals: &SignalsSection, name: &str, taxels: &mut Vec<Cell>) -> Result<(), String> {
     if !(4..=24).contains(&signals.length_bits) {
         return Err(format!("length_bits = {}: expected 4 to 24", signals.length_bits));
     }
@@ -120,30 +121,7 @@ fn spread(signals: &SignalsSection, taxels: &mut Vec<(FrameMatch, BitField)>) ->
         let frames = FrameMatch { id: identifier(id, signals.extended)?, selectors: selectors(&mux)? };
         for n in 0..signals.count {
             let field = first.shifted(stride.saturating_mul(n)).map_err(|e| format!("taxel {n} of the frame: {e}"))?;
-            taxels.push((frames.clone(), field));
-        }
-    }
-    Ok(())
-}
-
-/// No bit is part of two taxels, or of a taxel and what selects its frame.
-fn no_overlap(taxels: &[(FrameMatch, BitField)]) -> Result<(), String> {
-    let mut frames: Vec<(&FrameMatch, Vec<bool>)> = Vec::new();
-    for (frame, field) in taxels {
-        let known = frames.iter().position(|(other, _)| *other == frame);
-        let at = known.unwrap_or_else(|| {
-            let mut used = vec![false; 512];
-            frame.selectors.iter().flat_map(|s| s.field.bits()).for_each(|bit| used[usize::from(bit)] = true);
-            frames.push((frame, used));
-            frames.len() - 1
-        });
-        for bit in field.bits() {
-            if std::mem::replace(&mut frames[at].1[usize::from(bit)], true) {
-                let id = frame.id;
-                return Err(format!(
-                    "bit {bit} of frame {id} is part of two numbers: look at start_bit and stride_bits"
-                ));
-            }
+            taxels.push(Cell { frames: frames.clone(), field, name: name.to_owned() });
         }
     }
     Ok(())
@@ -187,19 +165,21 @@ fn modules(taxels: usize, columns: Option<u16>) -> Vec<(Module, ModuleKind)> {
 
 fn plan(
     device: u8,
-    taxels: Vec<(FrameMatch, BitField)>,
+    taxels: &[Cell],
     array: &ArraySection,
     range: Numbers,
     listen_only: bool,
 ) -> Result<DevicePlan, String> {
-    let mut frames: Vec<FrameSpec> = Vec::new();
     let Numbers { low, shift, counts } = range;
-    for (taxel, (frame, field)) in (0..).zip(taxels) {
-        let count = (taxel, CountField { field, low, shift, top: counts.top() });
-        match frames.iter_mut().find(|spec| spec.frames == frame) {
-            Some(spec) => spec.counts.push(count),
-            None => frames.push(FrameSpec { frames: frame, counts: vec![count] }),
-        }
+    let of = |taxel: &usize| (*taxel as u16, CountField { field: taxels[*taxel].field, low, shift, top: counts.top() });
+    let pages = pages(taxels)?;
+    let frames =
+        pages.iter().map(|page| FrameSpec { frames: page.frames.clone(), counts: page.taxels.iter().map(of).collect() });
+    let scans = scans(array)?;
+    match &scans {
+        ScanBegin::Time => {}
+        ScanBegin::Frame(sync) => begins_once(sync, &pages)?,
+        ScanBegin::Counter(counter) => counts_scans(*counter, &pages, taxels)?,
     }
     let status = array.status.as_ref().map(|s| Ok::<_, String>((signal(&s.frame, &s.number)?, i128::from(s.good))));
     let temperature = array.temperature.as_ref();
@@ -211,8 +191,8 @@ fn plan(
         Ok::<_, String>((Duration::from_millis(u64::from(command.after_ms)), frame.ok_or_else(wrong)?))
     });
     Ok(DevicePlan {
-        frames,
-        scans: scans(array)?,
+        frames: frames.collect(),
+        scans,
         status: status.transpose()?,
         temperature: temperature.transpose()?,
         commands: commands.collect::<Result<_, _>>()?,
@@ -273,13 +253,27 @@ fn selectors(mux: &[MuxSection]) -> Result<Vec<Selector>, String> {
         let order = byte_order(mux.byte_order);
         let field = BitField::new(mux.start_bit, mux.length_bits, order, false).map_err(|e| format!("mux: {e}"))?;
         let runs = mux.also.iter().map(|[first, last]| (i128::from(*first), i128::from(*last)));
-        let values: Vec<_> = std::iter::once((mux.value.into(), mux.value.into())).chain(runs).collect();
-        match values.iter().find(|(_, last)| *last > field.range().1) {
+        let values = joined(std::iter::once((mux.value.into(), mux.value.into())).chain(runs).collect());
+        match values.iter().find(|(first, last)| first > last || *last > field.range().1) {
+            Some((first, last)) if first > last => Err(format!("mux: no number is from {first} to {last}")),
             Some((_, last)) => Err(format!("mux: value {last} does not fit into {} bits", mux.length_bits)),
             None => Ok(Selector { field, values }),
         }
     };
     mux.iter().map(selector).collect()
+}
+
+/// Runs in order, those that touch as one.
+fn joined(mut runs: Vec<(i128, i128)>) -> Vec<(i128, i128)> {
+    runs.sort_unstable();
+    let mut joined: Vec<(i128, i128)> = Vec::new();
+    for (first, last) in runs {
+        match joined.last_mut().filter(|run| first <= run.1 + 1 && first <= last) {
+            Some(run) => run.1 = run.1.max(last),
+            None => joined.push((first, last)),
+        }
+    }
+    joined
 }
 
 /// A standard or an extended identifier.

@@ -24,13 +24,16 @@ pub fn differences(findings: &Findings, plan: &Plan, bus: BusIndex) -> Vec<Strin
     let configured = configured(plan, bus);
     let mut lines = Vec::new();
     for (address, board) in &configured {
-        match findings.boards.get(address).filter(|found| !found.modules.is_empty()) {
+        match findings.boards.get(address) {
             Some(found) => board_differences(*address, board, found, &mut lines),
+            None if findings.never_whole.contains_key(address) => {
+                lines.push(format!("board {address} is configured and no whole scan of it was heard"));
+            }
             None => lines.push(format!("board {address} is configured and was not heard")),
         }
     }
     for (address, found) in &findings.boards {
-        if !configured.contains_key(address) && !found.modules.is_empty() {
+        if !configured.contains_key(address) {
             let modules = numbers(found.modules.keys());
             lines.push(format!("board {address} sends modules {modules} and is not configured"));
         }

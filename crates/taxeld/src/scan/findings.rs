@@ -13,14 +13,25 @@ pub struct Findings {
     pub frames: u64,
     /// Mean share of a 1 Mbit/s bus that they take, without stuffed bits, 0 to 1.
     pub load: f64,
-    /// Errors that the controller reported, by what they were.
-    pub errors: BTreeMap<String, u64>,
+    /// What the controller reported in error frames, if it did.
+    pub errors: Option<ErrorsFound>,
     /// What else the bus told: that it went down, that frames were lost.
     pub notices: Vec<String>,
-    /// The skin boards, by address.
+    /// The skin boards of which a module's whole scan came, by address, with those of their modules.
     pub boards: BTreeMap<u8, BoardFound>,
+    /// Frames like a skin board's without any whole scan: the modules by address, none for frames of the board itself.
+    pub never_whole: BTreeMap<u8, Vec<u8>>,
     /// All other identifiers.
     pub others: Vec<OtherFound>,
+}
+
+/// Errors on the bus.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct ErrorsFound {
+    /// How often what was reported.
+    pub kinds: BTreeMap<&'static str, u64>,
+    /// Greatest error counters of sending and of receiving, where they were told.
+    pub counters_max: Option<(u8, u8)>,
 }
 
 /// A skin board.

@@ -18,6 +18,7 @@ use taxel_can::{
 };
 use taxel_skin::BusIndex;
 
+use crate::check::read;
 use crate::config::{self, Config, Scene};
 use crate::files;
 use crate::log_words::{cut_off, expect_frames, tell};
@@ -78,13 +79,13 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
     if args.out.as_deref().is_some_and(files::is_standard) {
         say::step_aside();
     }
-    let scene = args.config.as_deref().map(load).transpose()?;
+    let scene = args.config.as_deref().map(read).transpose()?;
     if let (Some(out), Some(file), Some((config, scene))) = (&args.out, &args.config, &scene) {
         refuse_overwriting(&[out], &crate::named_files::named_files(config, &scene.doors, file))?;
     }
     let bus = scene.as_ref().map(|(config, _)| bus_of(config, args.interface.as_deref())).transpose()?;
     let runtime = crate::runtime::runtime()?;
-    let Heard { mut findings, interface } = runtime.block_on(listen(args, scene.as_ref().zip(bus)))?;
+    let Heard { mut findings, interface, .. } = runtime.block_on(listen(args, scene.as_ref().zip(bus)))?;
     let differences = scene.as_ref().zip(bus).map(|((_, scene), bus)| {
         compare::name_no_gauge_among_taxels(&mut findings, &scene.plan, bus);
         compare::differences(&findings, &scene.plan, bus)
@@ -99,12 +100,6 @@ pub fn scan(args: &ScanArgs) -> anyhow::Result<()> {
         Some(out) => write_beginning(&findings, &interface, out),
         None => Ok(()),
     }
-}
-
-fn load(path: &Path) -> anyhow::Result<(Config, Scene)> {
-    let config = config::load(path)?;
-    let scene = config::resolve(&config, path)?;
-    Ok((config, scene))
 }
 
 /// Which bus of the configuration is looked at: that of the interface, or the only one.
@@ -122,36 +117,43 @@ fn bus_of(config: &Config, interface: Option<&str>) -> anyhow::Result<BusIndex> 
 struct Heard {
     findings: Findings,
     interface: String,
+    /// Why the times of a log tell nothing.
+    times: Option<String>,
 }
 
 async fn listen(args: &ScanArgs, scene: Option<(&(Config, Scene), BusIndex)>) -> anyhow::Result<Heard> {
     if let Some(log) = args.log.clone().map(files::named) {
         let interface = scene.and_then(|((config, _), bus)| config.bus[usize::from(bus.0)].interface.clone());
-        return of_log(&log, args.interface.clone().or(interface)).await;
+        let heard = of_log(&log, args.interface.clone().or(interface)).await?;
+        if scene.is_some() || !heard.findings.boards.is_empty() {
+            heard.times.map_or(Ok(()), |fault| bail!("{}: {fault}", log.display()))?;
+        }
+        return Ok(heard);
     }
     let interface = args.interface.clone().unwrap_or_default();
     let options = SocketCanOptions { interface: interface.clone(), ids: None, tx: false };
     let (mut bus, mut survey) = (SocketCan::open(options)?, Survey::default());
     let over = tokio::time::sleep(Duration::from_secs_f64(args.seconds));
     tokio::select! {
-        result = take_all(&mut bus, &mut survey) => result?,
+        result = take_all(&mut bus, &mut survey, false) => result?,
         () = over => {}
     }
-    Ok(Heard { findings: survey.findings(), interface })
+    Ok(Heard { findings: survey.findings(), interface, times: None })
 }
 
 /// All frames of one interface of a log: of the one that is wanted, or of the only one that there is.
 async fn of_log(log: &Path, wanted: Option<String>) -> anyhow::Result<Heard> {
     let reader = open_log(log, Wanted::interface(wanted.clone()))?;
     let (mut replay, mut survey) = (Replay::new(reader, Pace::AsFastAsPossible), Survey::default());
-    if let Err(fault) = take_all(&mut replay, &mut survey).await {
+    if let Err(fault) = take_all(&mut replay, &mut survey, true).await {
         cut_off(&fault);
     }
     let report = replay.report();
+    let times = report.time_fault();
     tell(report);
     expect_frames(log, wanted.as_deref(), report)?;
     let interface = wanted.map_or_else(|| only_interface(report), Ok)?;
-    Ok(Heard { findings: survey.findings(), interface })
+    Ok(Heard { findings: survey.findings(), interface, times })
 }
 
 /// The interface of all frames.
@@ -163,7 +165,7 @@ fn only_interface(report: &LogReport) -> anyhow::Result<String> {
 }
 
 /// Takes all that a source gives, until it ends.
-async fn take_all(source: &mut impl FrameSource, survey: &mut Survey) -> Result<(), SourceError> {
+async fn take_all(source: &mut impl FrameSource, survey: &mut Survey, is_log: bool) -> Result<(), SourceError> {
     let mut batch = Batch::default();
     while !batch.end {
         source.next(&mut batch).await?;
@@ -173,7 +175,8 @@ async fn take_all(source: &mut impl FrameSource, survey: &mut Survey) -> Result<
                 BusEvent::Up | BusEvent::BufferGranted { .. } => {}
                 BusEvent::Down { reason } => survey.notice(format!("went down: {reason}")),
                 BusEvent::Error { error: error @ BusError::Slept(_), .. } => survey.notice(error.to_string()),
-                BusEvent::Error { error, .. } => survey.error(format!("{error:?}")),
+                BusEvent::Error { error, .. } => survey.error(error),
+                BusEvent::Dropped { .. } if is_log => {} // the report of the log says so, and where
                 BusEvent::Dropped { frames } => survey.notice(format!("the kernel lost {frames} frames")),
                 BusEvent::Malformed { frames } => survey.notice(format!("{frames} reads were no classic CAN frame")),
             }
@@ -183,7 +186,7 @@ async fn take_all(source: &mut impl FrameSource, survey: &mut Survey) -> Result<
 }
 
 fn write_beginning(findings: &Findings, interface: &str, out: &Path) -> anyhow::Result<()> {
-    if findings.boards.values().all(|board| board.modules.is_empty()) {
+    if findings.boards.is_empty() {
         bail!("{}: not written, since no skin board was heard", out.display());
     }
     let text = words::beginning(findings, interface);

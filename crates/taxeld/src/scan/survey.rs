@@ -2,11 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use taxel_can::BusError;
 use taxel_skin::{BoardAddress, Module, Time};
 use taxel_wire::icub::{Message, decode};
 use taxel_wire::{CanId, Frame, FrameKind, TimedFrame};
 
-use super::findings::{BoardFound, Findings, OtherFound};
+use super::findings::{BoardFound, ErrorsFound, Findings, OtherFound};
 use super::module::ModuleWatch;
 use super::pressure;
 
@@ -27,7 +28,7 @@ pub struct Survey {
     modules: BTreeMap<(BoardAddress, Module), ModuleWatch>,
     boards: BTreeMap<u8, BoardFound>,
     others: BTreeMap<CanId, OtherWatch>,
-    errors: BTreeMap<String, u64>,
+    errors: Option<ErrorsFound>,
     notices: Vec<String>,
 }
 
@@ -66,8 +67,13 @@ impl Survey {
     }
 
     /// Takes an error that the controller reported.
-    pub fn error(&mut self, what: String) {
-        *self.errors.entry(what).or_default() += 1;
+    pub fn error(&mut self, error: &BusError) {
+        let errors = self.errors.get_or_insert_default();
+        *errors.kinds.entry(error.kind()).or_default() += 1;
+        if let Some(now) = error.counters() {
+            let (sending, receiving) = errors.counters_max.unwrap_or_default();
+            errors.counters_max = Some((sending.max(now.transmit), receiving.max(now.receive)));
+        }
     }
 
     /// Takes something else that the bus told.
@@ -107,10 +113,23 @@ impl Survey {
         for (board, intervals) in &mut intervals {
             self.boards.entry(*board).or_default().period_ms = median(intervals);
         }
+        let mut never_whole: BTreeMap<u8, Vec<u8>> = BTreeMap::new();
         for ((board, module), watch) in &self.modules {
             let found = self.boards.entry(board.get()).or_default();
-            found.modules.insert(module.get(), watch.found(last, found.period_ms));
+            let of_module = watch.found(last, found.period_ms);
+            if of_module.scans > 0 {
+                found.modules.insert(module.get(), of_module);
+            } else {
+                never_whole.entry(board.get()).or_default().push(module.get());
+            }
         }
+        self.boards.retain(|board, found| {
+            let is_board = !found.modules.is_empty();
+            if !is_board {
+                never_whole.entry(*board).or_default();
+            }
+            is_board
+        });
         let other = |(id, watch): (&CanId, &OtherWatch)| OtherFound {
             id: id.to_string(),
             extended: matches!(id, CanId::Extended(_)),
@@ -127,6 +146,7 @@ impl Survey {
             notices: self.notices,
             others: self.others.iter().map(other).collect(),
             boards: self.boards,
+            never_whole,
         }
     }
 }

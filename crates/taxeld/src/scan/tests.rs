@@ -1,5 +1,6 @@
 //! What a survey says of frames whose truth is known.
 
+use taxel_can::{BusError, ErrorCounters};
 use taxel_skin::{BoardAddress, Module, Time};
 use taxel_wire::icub::{Message, StatusWord};
 use taxel_wire::{CanId, Frame, TimedFrame};
@@ -66,7 +67,7 @@ fn surveyed() -> Findings {
         let torque = (scan.wrapping_mul(2_654_435_761) >> 16) as u16; // anything
         other(&mut survey, t + 0.007, 0x113, &torque.to_le_bytes());
     }
-    survey.error("Protocol { violations: 4 }".to_owned());
+    survey.error(&BusError::Protocol { violations: 4 });
     survey.findings()
 }
 
@@ -203,6 +204,42 @@ fn what_was_heard_is_the_beginning_of_a_configuration() {
     assert_eq!((boards, plan.period.as_millis()), (vec![14, 13], 50));
     assert!(plan.bring_up.is_empty() && plan.gauge.is_some(), "{text}");
     assert_eq!(differences(&found, &scene.plan, BusIndex(0)), Vec::<String>::new(), "{text}");
+}
+
+/// Traffic of others, as a car has it, beside a board of which one module lost all its tails.
+#[test]
+fn a_board_without_a_whole_scan_is_no_board() {
+    let mut survey = Survey::default();
+    for scan in 0..10_u32 {
+        let t = f64::from(scan) * 0.05;
+        module(&mut survey, t, (13, 2), at_rest(scan), 0);
+        other(&mut survey, t, 0x4D1, &[0x40, 1, 2, 3, 4, 5, 6, 7]);
+        other(&mut survey, t, 0x496, &[0xC0, 1, 0x7C, 0x1F, 0, 0, 0, 0]);
+    }
+    let found = survey.findings();
+    assert_eq!(found.boards.keys().copied().collect::<Vec<_>>(), [13]);
+    assert_eq!(found.boards[&13].modules.keys().copied().collect::<Vec<_>>(), [2]);
+    let text = words::text(&found, None);
+    assert!(text.contains("frames like those of board 9 (modules 6), board 13 (modules 1), but no whole scan"), "{text}");
+    let beginning = words::beginning(&found, "can0");
+    assert!(beginning.contains("modules = \"2\"") && !beginning.contains("address = 9"), "{beginning}");
+}
+
+#[test]
+fn error_frames_are_one_line_whatever_their_counters() {
+    let mut survey = Survey::default();
+    for (transmit, receive) in [(96, 20), (40, 120)] {
+        survey.error(&BusError::Warning(Some(ErrorCounters { transmit, receive })));
+    }
+    survey.error(&BusError::NoAck);
+    let found = survey.findings();
+    let text = words::text(&found, None);
+    let lines: Vec<&str> = text.lines().filter(|line| line.contains("error")).collect();
+    let expected = "error frames: 2 x error-warning: many errors on the bus; 1 x nobody acknowledged a frame: no other node, or \
+                    another bit rate; error counters up to 96 sending, 120 receiving";
+    assert_eq!(lines, [expected]);
+    let json = serde_json::to_value(&found).unwrap();
+    assert_eq!(json["errors"]["kinds"]["error-warning: many errors on the bus"], 2);
 }
 
 #[test]

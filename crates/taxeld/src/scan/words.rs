@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use taxel_can::BusError;
+
 use super::compare::numbers;
 use super::findings::{BoardFound, Findings, ModuleFound, OtherFound, PressureFound};
 
@@ -17,20 +19,31 @@ pub fn text(findings: &Findings, differences: Option<&[String]>) -> String {
     for notice in &findings.notices {
         let _ = writeln!(text, "the bus: {notice}");
     }
-    for (error, count) in &findings.errors {
-        let _ = writeln!(text, "error frames: {count} x {error}");
+    if let Some(errors) = &findings.errors {
+        let kinds: Vec<String> = errors.kinds.iter().map(|(kind, count)| format!("{count} x {kind}")).collect();
+        let counters = |(sending, receiving)| format!("; error counters up to {sending} sending, {receiving} receiving");
+        let counters = errors.counters_max.map(counters).unwrap_or_default();
+        let _ = writeln!(text, "error frames: {}{counters}", kinds.join("; "));
     }
-    if findings.errors.keys().any(|error| error.starts_with("Protocol")) {
+    if findings.errors.as_ref().is_some_and(|errors| errors.kinds.contains_key(BusError::Protocol { violations: 0 }.kind())) {
         text.push_str(
             "  protocol errors come of wrong bit timing, too: these boards sample at 50 to 60 % of a bit, Linux at 75 %; \
              try sample-point 0.6\n",
         );
     }
-    if findings.boards.values().all(|board| board.modules.is_empty()) {
+    if findings.boards.is_empty() {
         text.push_str("no skin board was heard: boards send once they are configured, `taxeld run` does that\n");
     }
     for (address, found) in &findings.boards {
         board(&mut text, *address, found);
+    }
+    if !findings.never_whole.is_empty() {
+        let boards = findings.never_whole.iter().map(|(address, modules)| match numbers(modules) {
+            modules if modules.is_empty() => format!("board {address}"),
+            modules => format!("board {address} (modules {modules})"),
+        });
+        let boards = boards.collect::<Vec<_>>().join(", ");
+        let _ = writeln!(text, "frames like those of {boards}, but no whole scan: other traffic, or halves that were lost");
     }
     for found in &findings.others {
         other(&mut text, found);
@@ -121,10 +134,14 @@ pub fn beginning(findings: &Findings, interface: &str) -> String {
          name = \"skin\"\nbus = \"skin\"\nlisten_only = true # CHECK: false lets the daemon configure the boards\n",
     );
     let periods = findings.boards.values().filter_map(|board| board.period_ms);
-    let period = periods.fold(0.0_f64, f64::max).round().clamp(1.0, 209.0);
-    let _ = writeln!(text, "period_ms = {period}");
+    match periods.reduce(f64::max) {
+        Some(period) => {
+            let _ = writeln!(text, "period_ms = {}", period.round().clamp(1.0, 209.0));
+        }
+        None => text.push_str("# period_ms = 50 # CHECK: too few scans came to tell\n"),
+    }
     text.push_str("# geometry = \"FILE\" # CHECK: a position file; boards are then in its order\n");
-    for (address, board) in findings.boards.iter().rev().filter(|(_, board)| !board.modules.is_empty()) {
+    for (address, board) in findings.boards.iter().rev() {
         let _ = write!(text, "\n[[patch.board]]\naddress = {address}\nmodules = \"{}\"\n", modules_with_kinds(board));
         if *address == 14 {
             text.push_str("# CHECK: a hand has its fingertips and palm here: modules = \"0-4 fingertip, 8-11 palm\"\n");

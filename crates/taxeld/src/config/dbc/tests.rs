@@ -40,7 +40,7 @@ fn names_become_signals_in_the_order_of_their_numbers() {
     assert!(section.signals.iter().all(|s| (s.id, s.extended) == (0x18FE_F100, true)));
     let gauge = section.gauge.unwrap();
     assert_eq!((gauge.id, gauge.start_bit, gauge.length_bits, gauge.scale, gauge.offset), (257, 7, 16, 0.5, -1.0));
-    assert!(gauge.signed && gauge.byte_order == OrderOfBytes::Big && gauge.unit == UnitWord::Kpa);
+    assert!(gauge.signed && gauge.byte_order == OrderOfBytes::Big && gauge.unit == UnitWord(PressureUnit::Kilopascal));
     let temperature = section.array.unwrap().temperature.unwrap();
     assert_eq!((temperature.scale, temperature.offset, temperature.number.start_bit), (0.5, -40.0, 16));
 }
@@ -79,6 +79,66 @@ SG_MUL_VAL_ 16 X S1 3-3;
     assert_eq!(mux, [(8, vec![[3, 3]]), (0, vec![[1, 2], [5, 5]])]);
 }
 
+/// As CANdb++ and cantools write names of more than 32 characters.
+#[test]
+fn long_names_order_and_name_the_signals() {
+    let dbc = r#"VERSION ""
+NS_ :
+BS_:
+BU_: Host
+BO_ 16 ForearmCells_Short: 8 Sensor
+ SG_ CapacitiveCountsOfTheUpperA_0000 : 0|12@1+ (1,0) [0|0] "" Host
+ SG_ CapacitiveCountsOfTheUpperArmCel : 12|12@1+ (1,0) [0|0] "" Host
+ SG_ Other : 24|12@1+ (1,0) [0|0] "" Host
+
+BA_DEF_ SG_ "SystemSignalLongSymbol" STRING ;
+BA_DEF_ BO_ "SystemMessageLongSymbol" STRING ;
+BA_DEF_DEF_ "SystemSignalLongSymbol" "";
+BA_DEF_DEF_ "SystemMessageLongSymbol" "";
+BA_ "SystemMessageLongSymbol" BO_ 16 "ForearmCells";
+BA_ "SystemSignalLongSymbol" SG_ 16 CapacitiveCountsOfTheUpperA_0000 "CapacitiveCountsOfTheUpperArmCell10";
+BA_ "SystemSignalLongSymbol" SG_ 16 CapacitiveCountsOfTheUpperArmCel "CapacitiveCountsOfTheUpperArmCell9";
+"#;
+    let starts = |keys: &str| expanded(keys, dbc).map(|s| s.signals.iter().map(|s| s.start_bit).collect::<Vec<_>>());
+    assert_eq!(starts("taxels = [\"ForearmCells.Capacitive*Cell*\"]"), Ok(vec![12, 0]));
+    assert_eq!(starts("taxels = [\"ForearmCells.*\"]"), Ok(vec![12, 0, 24]));
+    let short = "taxels = [\"ForearmCells_Short.CapacitiveCountsOfTheUpperA_0000\"]";
+    assert_eq!(starts(short), Ok(vec![0]), "what is written in the file is a name, too");
+}
+
+/// As cantools' issue 506 has it: side by side, and not one within the other.
+#[test]
+fn all_selectors_of_a_signal_have_to_fit() {
+    let dbc = r#"VERSION ""
+NS_ :
+BS_:
+BU_: Host
+BO_ 16 N: 8 Sensor
+ SG_ Part M : 0|4@1+ (1,0) [0|0] "" Host
+ SG_ Row M : 4|4@1+ (1,0) [0|0] "" Host
+ SG_ A m0 : 8|12@1+ (1,0) [0|0] "" Host
+ SG_ B m0 : 8|12@1+ (1,0) [0|0] "" Host
+
+SG_MUL_VAL_ 16 A Part 1-1;
+SG_MUL_VAL_ 16 A Row 0-0;
+SG_MUL_VAL_ 16 B Part 2-2;
+SG_MUL_VAL_ 16 B Row 0-0;
+"#;
+    let section = expanded("taxels = [\"N.A\", \"N.B\"]", dbc).unwrap();
+    let mux = |n: usize| section.signals[n].mux.iter().map(|mux| (mux.start_bit, mux.value)).collect::<Vec<_>>();
+    assert_eq!((mux(0), mux(1)), (vec![(0, 1), (4, 0)], vec![(0, 2), (4, 0)]));
+}
+
+#[test]
+fn the_advice_about_an_unknown_unit_can_be_followed() {
+    let dbc = SKIN.replace("\"kPa\"", "\"ell\"");
+    let advised = "gauge = \"Bag.Pressure\"\ngauge_is = { unit = \"kPa\", scale = 0.1 }";
+    let gauge = expanded(advised, &dbc).unwrap().gauge.unwrap();
+    assert_eq!((gauge.unit, gauge.scale, gauge.offset), (UnitWord(PressureUnit::Kilopascal), 0.1, -1.0));
+    let known = expanded("gauge = \"Bag.Pressure\"", &SKIN.replace("kPa", "mmHg")).unwrap().gauge.unwrap();
+    assert_eq!(known.unit, UnitWord(PressureUnit::MillimetreMercury));
+}
+
 #[test]
 fn what_a_dbc_file_cannot_mean_is_refused_with_message_and_signal() {
     let keys = "taxels = [\"Skin.T*\"]";
@@ -89,14 +149,16 @@ fn what_a_dbc_file_cannot_mean_is_refused_with_message_and_signal() {
             "",
             "no signal is named `Skin.U0` (as `Message.Signal`); the nearest is `Skin.T0`",
         ),
-        ("gauge = \"Bag.*\"", "", "", "signal Analog: it is a floating-point number, expected an integer"),
-        ("gauge = \"Skin.T1\"", "", "", "message Skin, signal T1: it is multiplexed"),
-        ("gauge = \"Bag.Pressure\"", "\"kPa\"", "\"mmHg\"", "message Bag, signal Pressure: its unit is \"mmHg\""),
-        (keys, "T1 m0 : 16|12", "T1 m0 : 12|12", "message Skin, signal T1: bit 12 is also part of signal T0"),
-        (keys, "T1 m0 : 16|12", "T1 m0 : 56|12", "message Skin, signal T1: it ends in byte 9, the message has 8"),
-        (keys, "T1 m0 : 16|12", "T1 m0 : 16|3", "message Skin, signal T1: a taxel of 3 bits, expected 4 to 24"),
-        (keys, "2566844672 Skin", "70000 Skin", "signal T0: identifier 70000 has more than 11 bits"),
-        (keys, "Sel M :", "Sel :", "signal T0: it is multiplexed, and no signal of its message is the selector"),
+        ("gauge = \"Bag.*\"", "", "", "signal Bag.Analog: it is a floating-point number, expected an integer"),
+        ("gauge = \"Skin.T1\"", "", "", "signal Skin.T1: it is multiplexed"),
+        ("gauge = \"Bag.Pressure\"", "\"kPa\"", "\"ell\"", "signal Bag.Pressure: its unit is \"ell\", which is none of Pa, hPa"),
+        (keys, "T1 m0 : 16|12", "T1 m0 : 56|12", "signal Skin.T1: it ends in byte 9, the message has 8"),
+        (keys, "T1 m0 : 16|12", "T1 m0 : 16|3", "signal Skin.T1: a taxel of 3 bits, expected 4 to 24"),
+        (keys, "2566844672 Skin", "70000 Skin", "signal Skin.T0: identifier 70000 has more than 11 bits"),
+        (keys, "T10 m1 : 16", "T1 m1 : 16", "two signals are named `Skin.T1`"),
+        ("taxels = [\"Skin.T*\"]\ndbc_counter = \"Bag.State\"", "", "", "signal Bag.State: expected a counter of all taxels"),
+        (keys, "T10 m1 : 16|12@1-", "T10 M : 32|12@1+", "Sel and T10 are both selectors of its message"),
+        (keys, "Sel M :", "Sel :", "signal Skin.T0: it is multiplexed, and no signal of its message is the selector"),
     ] {
         let dbc = SKIN.replace(from, to);
         let why = expanded(keys, if from.is_empty() { SKIN } else { &dbc }).unwrap_err();

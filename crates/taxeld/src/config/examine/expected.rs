@@ -1,7 +1,9 @@
 //! What each key expects, for whoever wrote something else.
 
+use taxel_wire::signal::PressureUnit;
+
 /// Keys and what they expect. Sections of lists have no numbers here. The ranges are those that `resolve` checks.
-const EXPECTED: [(&str, &str); 62] = [
+const EXPECTED: [(&str, &str); 63] = [
     ("store.path", "the path of a file, as in \"/var/lib/taxeld/taxeld.db\""),
     ("store.budget_mb", "a whole number of megabytes"),
     ("store.keep_model_sets", "a whole number of model sets"),
@@ -25,7 +27,7 @@ const EXPECTED: [(&str, &str); 62] = [
     ("patch.name", "1 to 64 letters, digits, `_` or `-`"),
     ("patch.bus", "the name of a [[bus]]"),
     ("patch.listen_only", "true or false"),
-    ("patch.period_ms", "a whole number of milliseconds from 1 to 209"),
+    ("patch.period_ms", "a whole number of milliseconds from 1 to 209, for an array without boards to 5000"),
     ("patch.geometry", "the path of a position file"),
     ("patch.area", "\"template\", \"equal\" or \"voronoi\""),
     ("patch.area_factor", "\"off\" or \"from-loads\""),
@@ -44,7 +46,8 @@ const EXPECTED: [(&str, &str); 62] = [
     ("patch.gauge.length_bits", "a whole number of bits"),
     ("patch.gauge.byte_order", "\"little\" or \"big\""),
     ("patch.gauge.signed", "true or false"),
-    ("patch.gauge.unit", "\"Pa\", \"kPa\", \"bar\", \"mbar\" or \"psi\""),
+    ("patch.gauge.unit", PressureUnit::NAMES),
+    ("patch.array.gauge_is.unit", PressureUnit::NAMES),
     ("patch.gauge.ambient_kpa", "a number of kPa"),
     ("patch.gauge.gain_uncertainty", "a number from 0 to 1"),
     ("patch.gauge.offset_uncertainty_kpa", "a number of kPa from 0 to 100"),

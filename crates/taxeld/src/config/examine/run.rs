@@ -305,7 +305,7 @@ mod tests {
             .replace("subscribers_max = 128", "subscribrs_max = 128")
             .replace("budget_mb = 4096", "budget_mb = -1")
             .replace("area_mm2 = 42.1", "area_mm2 = 0.0")
-            .replace("unit = \"Pa\"", "unit = \"torr\"")
+            .replace("unit = \"Pa\"", "unit = \"ell\"")
             .replace("interface = \"can0\"", "interface = \"a/very long name\"");
         let found = problems(&text);
         let about = |key: &str| {
@@ -317,7 +317,7 @@ mod tests {
         assert_eq!(
             period.to_string(),
             format!(
-                "t.toml:{}: patch[0].period_ms: expected a whole number of milliseconds from 1 to 209, got the text \"50\"",
+                "t.toml:{}: patch[0].period_ms: expected a whole number of milliseconds from 1 to 209, for an array without boards to 5000, got the text \"50\"",
                 line(&text, "period_ms = \"50\"")
             )
         );
@@ -327,7 +327,7 @@ mod tests {
         assert!(unknown.message.contains("did you mean `subscribers_max`?"), "{unknown}");
         assert_eq!(
             (about("budget_mb").value.as_deref(), about("unit").line),
-            (Some("the number -1"), line(&text, "torr"))
+            (Some("the number -1"), line(&text, "\"ell\""))
         );
         assert_eq!((about("area_mm2").code, about("area_mm2").expected.as_str()), (Code::Value, "0.01 to 100000"));
         assert_eq!((about("interface").code, about("interface").line), (Code::CannotWork, line(&text, "a/very long")));
