@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::model_set::ModelSet;
+use taxel_engine::model_set::{Maker, ModelSet};
 use taxel_model::bounded::{List, Text};
 use thiserror::Error;
 
@@ -82,6 +82,10 @@ struct File {
     patch: Words,
     created_wall_ns: i64,
     session: Option<u64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    fitted_by: Option<Words>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    simulated: bool,
     method: Words,
     board_settings: List<Words, SETTINGS_MAX>,
     /// `null` for a taxel that never gave a value at rest; NaN in memory.
@@ -219,6 +223,7 @@ fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
         taxels: taxels?,
         recorded: file.recorded.map(recorded::Part::read),
         recalibrated: file.recalibrated.map(recalibrated::Part::read),
+        maker: Maker { software: file.fitted_by.map(|words| words.0).unwrap_or_default(), simulated: file.simulated },
     };
     check(&set)?;
     Ok((set, file.id.map(|id| id.0)))
@@ -237,7 +242,7 @@ fn located(error: serde_path_to_error::Error<serde_json::Error>) -> ModelsJsonEr
 }
 
 /// The id of a set's content: `m-` and the first 16 hexadecimal digits of a SHA-256. Hashed are the compact JSON without
-/// `id`, with 0 for `created_wall_ns`, `null` for `session` and an empty list of taxels, and then that of each taxel.
+/// `id`, with 0 for `created_wall_ns`, `null` for `session`, without what made it (`fitted_by`, `simulated`), and with an empty list of taxels, and then that of each taxel.
 #[must_use]
 pub fn content_id(set: &ModelSet) -> String {
     let mut content = Ids::begin(set);
@@ -247,19 +252,20 @@ pub fn content_id(set: &ModelSet) -> String {
     content.end().now
 }
 
-/// When and in which session a set was made.
+/// When, in which session and by what a set was made.
 #[derive(Clone, Copy)]
-struct Origin {
+struct Origin<'a> {
     wall_ns: i64,
     session: Option<u64>,
+    maker: Option<&'a Maker>,
 }
 
-impl Origin {
+impl<'a> Origin<'a> {
     /// What stands in its place where it must not matter.
-    const NONE: Self = Self { wall_ns: 0, session: None };
+    const NONE: Self = Self { wall_ns: 0, session: None, maker: None };
 
-    const fn of(set: &ModelSet) -> Self {
-        Self { wall_ns: set.created_wall_ns, session: set.session }
+    const fn of(set: &'a ModelSet) -> Self {
+        Self { wall_ns: set.created_wall_ns, session: set.session, maker: Some(&set.maker) }
     }
 }
 
@@ -300,7 +306,7 @@ impl ContentIds {
 }
 
 /// Everything but the taxels, as one line that ends with an empty list of them.
-fn head(set: &ModelSet, id: Option<&str>, origin: Origin) -> String {
+fn head(set: &ModelSet, id: Option<&str>, origin: Origin<'_>) -> String {
     let words = |text: &str| Text(text.to_owned());
     let baseline = |rest: &TaxelBaseline| {
         let known = !rest.mean.is_nan() || !rest.noise.is_nan();
@@ -313,6 +319,8 @@ fn head(set: &ModelSet, id: Option<&str>, origin: Origin) -> String {
         patch: words(&set.patch),
         created_wall_ns: origin.wall_ns,
         session: origin.session,
+        fitted_by: origin.maker.map(|maker| &maker.software).filter(|name| !name.is_empty()).map(|name| words(name)),
+        simulated: origin.maker.is_some_and(|maker| maker.simulated),
         method: words(&set.method),
         board_settings: List(set.board_settings.iter().map(|line| words(line)).collect()),
         baseline: List(set.baseline.iter().map(baseline).collect()),

@@ -374,6 +374,7 @@ proptest! {
             taxels: taxels.into_iter().map(|(model, ..)| model).collect(),
             recorded: None,
             recalibrated: None,
+            maker: taxel_engine::model_set::Maker::default(),
         });
         let text = to_json(&set).unwrap();
         let back = from_json(&text).unwrap();
