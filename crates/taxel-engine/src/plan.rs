@@ -203,6 +203,7 @@ impl PatchPlan {
     #[must_use]
     pub fn about(&self, session: &SessionView) -> About {
         About {
+            patch: self.patch.name().to_owned(),
             modules: Regions::new(&self.patch).modules().to_vec(),
             left_out: session.left_out.clone(),
             branches: session.branches,

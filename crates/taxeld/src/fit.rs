@@ -103,7 +103,7 @@ pub struct FitArgs {
     /// Exclude taxels that move by less than so many counts, as the paper does; 0 is off.
     #[arg(long, value_name = "COUNTS", default_value_t = 0.0, value_parser = parse_seconds)]
     min_swing: f64,
-    /// Name of the patch that the models are for [default: the name of the file].
+    /// Name of the patch that the models are for [default: that of the session, else the name of the file].
     #[arg(long)]
     patch: Option<String>,
 }
@@ -179,7 +179,8 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
         args.fit_table(&recording).with_context(named)?
     };
     let took = began.elapsed();
-    set.patch = args.patch.clone().unwrap_or_else(|| stem(&args.data));
+    let patch = args.patch.clone().or_else(|| session::patch(&recording));
+    set.patch = patch.unwrap_or_else(|| stem(&args.data));
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     set.created_wall_ns = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
     set.id = models_json::content_id(&set);

@@ -6,6 +6,7 @@
 //!
 //! | figure | `pressure_kpa` | `c0`, `c1`, ... |
 //! |---|---|---|
+//! | `patch NAME` | | nothing: the patch it is of |
 //! | `rising` or `both` | | nothing: that the session gathered rising pressure, or the fall after it too |
 //! | `simulated` | | nothing: that a simulator or a replayed log sent the scans |
 //! | `module` | | number of the taxel's module, from 0; empty if the session was without it |
@@ -31,6 +32,8 @@ pub const LAST_COLUMNS: [&str; 2] = ["ramp", "figure"];
 /// What is known of a session beside what it gathered.
 #[derive(Clone, Debug, Default)]
 pub struct About {
+    /// Its patch.
+    pub patch: String,
     /// Taxels of each module.
     pub modules: Vec<Range<usize>>,
     /// Positions of the modules that the session was without.
@@ -57,6 +60,9 @@ pub fn table_head(about: &About, samples: &SessionSamples) -> String {
         let cells: String = (0..taxels).map(|taxel| format!(",{}", cell(cells(taxel)))).collect();
         let _ = writeln!(head, ",{}{cells},{ramp},{figure}", cell(kpa)); // writing to a string cannot fail
     };
+    if !about.patch.is_empty() {
+        row(None, &|_| None, "", &format!("patch {}", about.patch));
+    }
     row(None, &|_| None, "", if about.branches == Branch::Both { "both" } else { "rising" });
     if about.simulated {
         row(None, &|_| None, "", "simulated");
@@ -106,10 +112,11 @@ mod tests {
         let sample = Sample { ramp: 0, time_ns: 0, pressure_kpa: 0.0, counts: vec![240, 7].into() };
         let samples = SessionSamples { ramps: vec![ramp(0, Some(5.75)), ramp(1, None)], samples: vec![sample] };
         let gauge = GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.0 };
-        let about = About { modules: vec![0..1, 1..2], left_out: vec![1], branches: Branch::Rising, counts: CountRange::BYTE, gauge, simulated: true };
+        let patch = "palm".to_owned();
+        let about = About { patch, modules: vec![0..1, 1..2], left_out: vec![1], branches: Branch::Rising, counts: CountRange::BYTE, gauge, simulated: true };
         assert_eq!(
             table_head(&about, &samples),
-            "t_s,pressure_kpa,c0,c1,ramp,figure\n,,,,,rising\n,,,,,simulated\n,,0,,,module\n,,255,255,,count_max\n,0.0025,,,,gauge_gain\n\
+            "t_s,pressure_kpa,c0,c1,ramp,figure\n,,,,,patch palm\n,,,,,rising\n,,,,,simulated\n,,0,,,module\n,,255,255,,count_max\n,0.0025,,,,gauge_gain\n\
              ,0.05,,,,gauge_offset\n,0,,,,gauge_noise\n,5.75,240.25,,1,zero\n,,0.5,,1,noise\n,,240.25,,2,zero\n\
              ,,0.5,,2,noise\n"
         );

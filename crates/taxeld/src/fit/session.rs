@@ -19,6 +19,11 @@ pub fn is_session(recording: &Recording) -> bool {
     recording.figures.iter().any(|figure| figure.name == "zero")
 }
 
+/// The patch that it is of.
+pub fn patch(recording: &Recording) -> Option<String> {
+    recording.figures.iter().find_map(|figure| figure.name.strip_prefix("patch ")).map(str::to_owned)
+}
+
 /// The session's own fit with this recipe, over `branch`, or over what was gathered.
 ///
 /// # Errors

@@ -278,7 +278,7 @@ impl Recording {
         }
         let value = |position: usize| number(cell(position)).map_or(f64::NAN, |(value, _)| value);
         let (kpa, first) = if self.pressure_kpa.is_some() { (value(1), 2) } else { (f64::NAN, 1) };
-        let name = shown(name);
+        let name = String::from_utf8_lossy(name).into_owned();
         self.figures.push(Figure { name, ramp, kpa, cells: (first..own).map(value).collect() });
         Ok(None)
     }
