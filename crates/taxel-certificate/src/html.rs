@@ -15,7 +15,8 @@ impl Certificate {
     /// The page.
     #[must_use]
     pub fn to_html(&self) -> String {
-        let kind = if self.simulated { "SIMULATED: specimen of a calibration certificate" } else { "Calibration certificate" };
+        let kind =
+            if self.simulated { "SIMULATED: specimen of a calibration certificate" } else { "Calibration certificate" };
         let title = format!("{kind} {}", self.number);
         let page = html! {
             (DOCTYPE)

@@ -3,7 +3,7 @@
 //! Every finite f64 comes back bit for bit. The id is the hash of the content, so a file that was changed by accident is
 //! refused; one that was changed on purpose has to drop its `id` and gets a new one. When a set was made, and the number of
 //! its session, are no part of that content: the same samples fitted with the same options give the same id whenever and
-//! wherever that is done. Earlier versions hashed both, and sets that have such an id keep it.
+//! wherever that is done.
 
 //!
 //! A text is read once, straight into the set that it describes, and every string and list of it has a bound: what a
@@ -122,7 +122,7 @@ struct Baseline {
 /// [`ModelsJsonError`] if it contradicts itself or holds a number that is not finite: it could not be read again.
 pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
     check(set)?;
-    let (head, mut content) = (head(set, Some(&set.id), Origin::of(set)), Ids::begin(set));
+    let (head, mut content) = (head(set, Some(&set.id), Origin::of(set)), Id::begin(set));
     let mut text = head.strip_suffix("]}").unwrap_or(&head).to_owned();
     for (taxel, model) in set.taxels.iter().enumerate() {
         let line = to_text(&taxel::mirror(taxel, model));
@@ -133,10 +133,10 @@ pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
     }
     text += "\n]}\n";
     let content = content.end();
-    if content.allow(&set.id) {
+    if content == set.id {
         return Ok(text);
     }
-    Err(ModelsJsonError::Id { given: set.id.clone(), content: content.now })
+    Err(ModelsJsonError::Id { given: set.id.clone(), content })
 }
 
 /// Reads a model set. The order of keys and white space do not matter.
@@ -145,7 +145,7 @@ pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
 /// [`ModelsJsonError`], with the place and what was expected.
 pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
     let (mut set, given) = read(text)?;
-    let mut content = Ids::begin(&set);
+    let mut content = Id::begin(&set);
     let mut bytes = head(&set, None, Origin::of(&set)).len();
     for (taxel, model) in set.taxels.iter().enumerate() {
         let line = to_text(&taxel::mirror(taxel, model));
@@ -156,9 +156,9 @@ pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
     check_length(bytes).map_err(ModelsJsonError::TooLarge)?;
     let content = content.end();
     set.id = match given {
-        Some(given) if content.allow(&given) => given,
-        Some(given) => return Err(ModelsJsonError::Id { given, content: content.now }),
-        None => content.now,
+        Some(given) if content == given => given,
+        Some(given) => return Err(ModelsJsonError::Id { given, content }),
+        None => content,
     };
     Ok(set)
 }
@@ -172,13 +172,10 @@ pub fn from_elsewhere(text: &str) -> Result<ModelSet, ModelsJsonError> {
     from_json(text).map(of_no_session)
 }
 
-/// The same models of no session, with the id of their content: one that an earlier version gave counted the session.
+/// The same models of no session.
 #[must_use]
-pub fn of_no_session(mut set: ModelSet) -> ModelSet {
-    if set.session.take().is_some() {
-        set.id = content_id(&set);
-    }
-    set
+pub fn of_no_session(set: ModelSet) -> ModelSet {
+    ModelSet { session: None, ..set }
 }
 
 /// Reads a text that [`to_json`] made and that is proven to be as it was written, so that its id needs no second proof.
@@ -245,11 +242,11 @@ fn located(error: serde_path_to_error::Error<serde_json::Error>) -> ModelsJsonEr
 /// `id`, with 0 for `created_wall_ns`, `null` for `session`, without what made it (`fitted_by`, `simulated`), and with an empty list of taxels, and then that of each taxel.
 #[must_use]
 pub fn content_id(set: &ModelSet) -> String {
-    let mut content = Ids::begin(set);
+    let mut content = Id::begin(set);
     for (taxel, model) in set.taxels.iter().enumerate() {
         content.add(&to_text(&taxel::mirror(taxel, model)));
     }
-    content.end().now
+    content.end()
 }
 
 /// When, in which session and by what a set was made.
@@ -269,39 +266,20 @@ impl<'a> Origin<'a> {
     }
 }
 
-/// The ids that a set may have, on their way: the head, then the line of each taxel.
-struct Ids {
-    now: Sha256,
-    earlier: Sha256,
-}
+/// The id of a set on its way: the head, then the line of each taxel.
+struct Id(Sha256);
 
-impl Ids {
+impl Id {
     fn begin(set: &ModelSet) -> Self {
-        let hash = |origin| Sha256::new_with_prefix(head(set, None, origin));
-        Self { now: hash(Origin::NONE), earlier: hash(Origin::of(set)) }
+        Self(Sha256::new_with_prefix(head(set, None, Origin::NONE)))
     }
 
     fn add(&mut self, line: &str) {
-        self.now.update(line);
-        self.earlier.update(line);
+        self.0.update(line);
     }
 
-    fn end(self) -> ContentIds {
-        let id = |hash: Sha256| hash.finalize()[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"));
-        ContentIds { now: id(self.now), earlier: id(self.earlier) }
-    }
-}
-
-/// The id of a content, and the one that earlier versions gave it, who counted its origin.
-struct ContentIds {
-    now: String,
-    earlier: String,
-}
-
-impl ContentIds {
-    /// Whether a set of this content may have this id.
-    fn allow(&self, id: &str) -> bool {
-        self.now == id || self.earlier == id
+    fn end(self) -> String {
+        self.0.finalize()[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"))
     }
 }
 

@@ -216,7 +216,10 @@ fn the_recipe_of_the_walk_through_ends_with_a_force() {
         let said = text(&done.stdout) + &text(&done.stderr);
         assert!(done.status.success(), "{line}: {said}");
         if line.contains("import") || line.contains("activate") {
-            assert!(said.contains("the zero of its calibration") && said.contains(" taxels usable; m-"), "{line}: {said}");
+            assert!(
+                said.contains("the zero of its calibration") && said.contains(" taxels usable; m-"),
+                "{line}: {said}"
+            );
         }
     }
     demo.until_good(&["watch", "--once", "--quiet", "--within", "10"]);
@@ -265,7 +268,10 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
     demo.succeeds(&["models", "delete", &id, "--yes"]);
     demo.until_good(&["calibrate", "--target", "30"]); // without --yes it ends in review
     let refused = demo.refused(&["sessions", "delete", "1"]);
-    assert!(refused.contains("was not activated yet") && refused.contains("taxeld sessions delete 1 --yes"), "{refused}");
+    assert!(
+        refused.contains("was not activated yet") && refused.contains("taxeld sessions delete 1 --yes"),
+        "{refused}"
+    );
     demo.succeeds(&["sessions", "delete", "1", "--yes"]);
     assert!(demo.refused(&["sessions", "delete", "1"]).contains("no session 1"));
 }

@@ -113,7 +113,15 @@ mod tests {
         let samples = SessionSamples { ramps: vec![ramp(0, Some(5.75)), ramp(1, None)], samples: vec![sample] };
         let gauge = GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.0 };
         let patch = "palm".to_owned();
-        let about = About { patch, modules: vec![0..1, 1..2], left_out: vec![1], branches: Branch::Rising, counts: CountRange::BYTE, gauge, simulated: true };
+        let about = About {
+            patch,
+            modules: vec![0..1, 1..2],
+            left_out: vec![1],
+            branches: Branch::Rising,
+            counts: CountRange::BYTE,
+            gauge,
+            simulated: true,
+        };
         assert_eq!(
             table_head(&about, &samples),
             "t_s,pressure_kpa,c0,c1,ramp,figure\n,,,,,patch palm\n,,,,,rising\n,,,,,simulated\n,,0,,,module\n,,255,255,,count_max\n,0.0025,,,,gauge_gain\n\

@@ -18,7 +18,6 @@ use crate::now::Now;
 use crate::patch::owner::Patch;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
-
 /// Why a target is refused that a chamber could reach.
 const NO_CHAMBER: &str = ": a vacuum bag ends at the ambient pressure; for a chamber under pressure set \
                           `pressurised_chamber = true` in [patch.session]";

@@ -107,5 +107,10 @@ async fn csv(out: &Path, mut blocks: Streaming<SampleBlock>) -> Outcome<Exported
 }
 
 fn row_of(sample: &SessionSample, first_ns: i64) -> String {
-    sample_row(sample.monotonic_ns.saturating_sub(first_ns), sample.pressure_kpa, sample.counts.iter().copied(), sample.ramp)
+    sample_row(
+        sample.monotonic_ns.saturating_sub(first_ns),
+        sample.pressure_kpa,
+        sample.counts.iter().copied(),
+        sample.ramp,
+    )
 }

@@ -29,7 +29,8 @@ pub fn of_patch(plan: &PatchPlan) -> (f64, f64) {
 fn of_bus(plan: &Plan, bus: BusIndex) -> f64 {
     let share = |patch: &PatchPlan| {
         let boards = patch.patch.boards();
-        let on_bus = |module: &&taxel_skin::ModuleSite| boards.get(usize::from(module.board)).is_some_and(|b| b.bus == bus);
+        let on_bus =
+            |module: &&taxel_skin::ModuleSite| boards.get(usize::from(module.board)).is_some_and(|b| b.bus == bus);
         let (modules, all) = (patch.patch.modules().iter().filter(on_bus).count(), patch.patch.modules().len());
         of_patch(patch).1 * modules as f64 / all.max(1) as f64
     };
@@ -54,6 +55,7 @@ pub fn overloaded(config: &Config, plan: &Plan) -> Vec<Fault> {
 /// Buses that are nearly full, in words.
 pub fn crowded(config: &Config, plan: &Plan) -> Vec<String> {
     let shares = (0..config.bus.len()).map(|bus| (bus, of_bus(plan, BusIndex(bus as u8))));
-    let words = |(bus, share)| format!("{}: frames will be late; a greater period_ms leaves room", told(config, bus, share));
+    let words =
+        |(bus, share)| format!("{}: frames will be late; a greater period_ms leaves room", told(config, bus, share));
     shares.filter(|(_, share)| (CROWDED_FROM..=1.0).contains(share)).map(words).collect()
 }

@@ -9,9 +9,9 @@ use taxel_skin::{BusIndex, Geometry, NormalsVerdict, Patch, SquareMillimetre};
 use taxel_wire::CanId;
 use taxel_wire::signal::{ByteOrder, PressureMeaning, PressureUnit, SignalSpec};
 
-use super::bus_load::crowded;
 use super::area_words::AreaFactorWord;
 use super::boards::{board, key_of, placed, setup};
+use super::bus_load::crowded;
 use super::certificate_section::CertificateSection;
 use super::fault::{Fault, within};
 use super::file::Config;

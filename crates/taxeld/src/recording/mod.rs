@@ -194,7 +194,8 @@ impl Recording {
         let found: Vec<OnceLock<anyhow::Result<Self>>> = parts.iter().map(|_| OnceLock::new()).collect();
         threads::each(parts.len(), &|number| {
             let (before, part) = parts[number];
-            let mut recording = Self::with_columns(self.pressure_kpa.is_some(), self.ramps.is_some(), self.counts.len());
+            let mut recording =
+                Self::with_columns(self.pressure_kpa.is_some(), self.ramps.is_some(), self.counts.len());
             let taken = recording.take_rows(reader(part, false), lines_before + before, part);
             let _ = found[number].set(taken.map(|()| recording));
         });

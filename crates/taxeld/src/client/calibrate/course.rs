@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use taxel_proto::v1::{AbortSessionRequest, FinishRampRequest, GetHealthRequest, Session, SessionState, WatchSessionRequest};
+use taxel_proto::v1::{
+    AbortSessionRequest, FinishRampRequest, GetHealthRequest, Session, SessionState, WatchSessionRequest,
+};
 use tokio::sync::mpsc;
 use tonic::{Status, Streaming};
 
