@@ -2,9 +2,9 @@
 """Recomputes every number of a calibration certificate from the exported raw data, and shares no code with taxeld.
 
     taxeld certificate SET --out certificate.json      (the number of the session is in it)
-    taxeld sessions export N --out samples.csv --zeros zeros.csv
+    taxeld sessions export N --out samples.csv
     taxeld models export SET --out models.json
-    python3 certificate.py certificate.json samples.csv zeros.csv models.json
+    python3 certificate.py certificate.json samples.csv models.json
 
 Needs numpy. Exit code 1, with a list of what disagrees, if anything does. The curves are evaluated from the coefficients
 that the certificate states. How each number is defined: crates/taxeld/doc/certificate.md.
@@ -28,9 +28,12 @@ ENTERED = re.compile(
 )
 
 
-def table(text, skip):
+def table(text):
+    """Scans and figures of an exported session: the last two columns are the ramp, and what a row is if it is no scan."""
     rows = [line.split(",") for line in text.splitlines()[1:]]
-    return rows, np.array([[float(cell or "nan") for cell in row[skip:]] for row in rows])
+    numbers = lambda rows: np.array([[float(cell or "nan") for cell in row[:-1]] for row in rows])
+    figures = {name: numbers([row for row in rows if row[-1] == name]) for name in ("zero", "noise")}
+    return numbers([row for row in rows if not row[-1]]), figures
 
 
 def rms(values):
@@ -67,17 +70,13 @@ def steeper_at_rest(models):
 class Session:
     """The raw data in ramps, branches and levels."""
 
-    def __init__(self, samples, zeros, both, top_kpa, per_unit):
-        _, values = table(samples, 0)
-        self.time, self.kpa, self.counts = values[:, 0], values[:, 1], values[:, 2:] / per_unit
-        rows, rest = table(zeros, 3)
-        means = [index for index, row in enumerate(rows) if row[2] == "mean"]
-        gauge = {int(row[0]) - 1: float(row[3]) for row in rows if row[2] == "gauge_kpa"}
-        self.zero, self.noise = rest[means], rest[[index + 1 for index in means]]
-        scans = [int(rows[index][1]) for index in means]
-        self.ramps = len(scans)
-        self.ramp = np.repeat(np.arange(self.ramps), scans)
-        self.gauge = [gauge.get(ramp) for ramp in range(self.ramps)]
+    def __init__(self, samples, both, top_kpa, per_unit):
+        values, figures = table(samples)
+        self.time, self.kpa, self.counts = values[:, 0], values[:, 1], values[:, 2:-1] / per_unit
+        self.ramp = values[:, -1].astype(int) - 1
+        self.zero, self.noise = figures["zero"][:, 2:-1], figures["noise"][:, 2:-1]
+        self.ramps = len(self.zero)
+        self.gauge = [kpa if np.isfinite(kpa) else None for kpa in figures["zero"][:, 1]]
         known = [kpa for kpa in self.gauge if kpa is not None]
         others = np.mean(known) if known else 0.0
         greatest, unknown = max(map(abs, known), default=0.0), np.array([kpa is None for kpa in self.gauge])[self.ramp]
@@ -243,10 +242,10 @@ def loads_part(loads):
     return parts, summary
 
 
-def recompute(stated, samples, zeros, models_text, text):
+def recompute(stated, samples, models_text, text):
     models, smooth_s = json.loads(models_text), stated["set"]["smooth_s"]
     per_unit, top = stated["session"]["counts_per_unit"], models["pressure_max_kpa"]
-    session = Session(samples, zeros, stated["session"]["branches"] == "both", top, per_unit)
+    session = Session(samples, stated["session"]["branches"] == "both", top, per_unit)
     entered = stated["stated"]["reference_expanded_uncertainty_kpa"] or 0.0
     zero_doubt = session.gauge_doubt * steeper_at_rest(models)
     reference = max(np.hypot(models["gauge_gain_rel"] * top, models["gauge_offset_kpa"]), np.hypot(entered / K, zero_doubt))
@@ -286,7 +285,7 @@ def recompute(stated, samples, zeros, models_text, text):
     sha = lambda content: hashlib.sha256(content.encode()).hexdigest()
     return {
         "number": "c-" + sha(numberless)[:16],
-        "hashes": {"samples_csv": sha(samples), "zeros_csv": sha(zeros), "models_json": sha(models_text)},
+        "hashes": {"samples_csv": sha(samples), "models_json": sha(models_text)},
         "set": {"id": models["id"], "patch": models["patch"], "method": models["method"], "usable": len(usable) if usable == [own["taxel"] for own in stated["taxels"]] else usable,
                 "taxels": len(models["taxels"]), "smooth_s": (models.get("recorded") or {}).get("smooth_s", 0.0),
                 **{key: models[key] for key in ("pressure_max_kpa", "gauge_gain_rel", "gauge_offset_kpa", "board_settings")}},
@@ -325,16 +324,16 @@ def disagreements(stated, computed):
 
 
 def main():
-    if len(sys.argv) != 5:
+    if len(sys.argv) != 4:
         sys.exit(__doc__)
     try:
-        text, samples, zeros, models = (pathlib.Path(name).read_bytes().decode() for name in sys.argv[1:])
+        text, samples, models = (pathlib.Path(name).read_bytes().decode() for name in sys.argv[1:])
         stated = json.loads(text)
     except (OSError, ValueError) as error:
         sys.exit(f"cannot read what is to be compared: {error}")
     if not isinstance(stated, dict) or (stated.get("format"), stated.get("version")) != ("taxeld-certificate", 1):
         sys.exit(f"{sys.argv[1]}: expected a taxeld-certificate of version 1")
-    computed = recompute(stated, samples, zeros, models, text)
+    computed = recompute(stated, samples, models, text)
     found = list(disagreements(stated, computed))
     for line in found[:500]:
         print(line)

@@ -42,6 +42,7 @@ noise_kpa = {noise_kpa}
 stale_periods = {stale_periods}
 [patch.session]
 target_kpa = {target_kpa}
+pressurised_chamber = true
 noise_band_kpa = {noise_band_kpa}
 rise_max_kpa_per_s = 50.0
 """

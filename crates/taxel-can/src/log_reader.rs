@@ -189,7 +189,8 @@ impl LogReader {
             Ok(parsed) => parsed,
             Err(error) => {
                 if let Some(lost) = Lost::read(line) {
-                    let wanted = self.interface.as_deref().is_none_or(|wanted| [wanted, "any"].contains(&lost.interface));
+                    let wanted =
+                        self.interface.as_deref().is_none_or(|wanted| [wanted, "any"].contains(&lost.interface));
                     self.lost += if wanted { self.report.note_lost(lost.frames) } else { 0 };
                     self.report.blank += 1;
                     return None;

@@ -14,6 +14,8 @@ pub struct Certificate {
     /// Empty while it is worked out.
     pub(crate) number: String,
     pub(crate) software: String,
+    /// Whether no skin was measured: a simulator or a replayed log sent the samples.
+    pub(crate) simulated: bool,
     pub(crate) set: SetPart,
     pub(crate) stated: Entered,
     pub(crate) session: SessionPart,
@@ -37,6 +39,8 @@ pub(crate) struct SetPart {
     pub patch: String,
     pub made: String,
     pub method: String,
+    /// Name and version of the programme that fitted it, if that is known.
+    pub fitted_by: Option<String>,
     pub board_settings: Vec<String>,
     pub taxels: usize,
     pub usable: usize,
@@ -65,7 +69,6 @@ pub(crate) struct SessionPart {
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Hashes {
     pub samples_csv: String,
-    pub zeros_csv: String,
     pub models_json: String,
 }
 

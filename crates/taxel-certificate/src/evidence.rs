@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use taxel_engine::calibration::export::About;
 use taxel_engine::calibration::{SessionSamples, SessionView};
 use taxel_engine::loads::Load;
 use taxel_engine::model_set::ModelSet;
@@ -19,6 +20,8 @@ pub struct Evidence<'a> {
     pub session: &'a SessionView,
     /// What it gathered.
     pub samples: &'a SessionSamples,
+    /// What the table of them says of the patch.
+    pub about: &'a About,
     /// The known loads of the patch, also those of other sets.
     pub loads: &'a [Arc<Load>],
     /// What people state.
@@ -32,6 +35,11 @@ pub struct Evidence<'a> {
 }
 
 impl Evidence<'_> {
+    /// Whether no skin was measured: a simulator or a replayed log sent the samples.
+    pub(crate) const fn is_simulated(&self) -> bool {
+        self.set.maker.simulated || self.about.simulated
+    }
+
     /// Whether set, session and samples belong together.
     ///
     /// # Errors

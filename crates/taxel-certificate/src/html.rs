@@ -7,11 +7,17 @@ use crate::words::{NOT_STATED, known, number, stated, with_unit};
 
 const STYLE: &str = include_str!("style.css");
 
+/// What a certificate of no real skin says, first and last.
+const NOT_MEASURED: &str = "SIMULATED OR REPLAYED. No skin was measured for this: a simulator or a replayed log sent the counts and \
+    pressures. It certifies nothing and is not to be signed.";
+
 impl Certificate {
     /// The page.
     #[must_use]
     pub fn to_html(&self) -> String {
-        let title = format!("Calibration certificate {}", self.number);
+        let kind =
+            if self.simulated { "SIMULATED: specimen of a calibration certificate" } else { "Calibration certificate" };
+        let title = format!("{kind} {}", self.number);
         let page = html! {
             (DOCTYPE)
             html lang="en" {
@@ -23,9 +29,10 @@ impl Certificate {
                 }
                 body {
                     header {
-                        h1 { "Calibration certificate" }
+                        h1 { @if self.simulated { "Specimen: not a calibration certificate" } @else { "Calibration certificate" } }
                         p { b { (self.number) } br; "model set " (self.set.id) br; (self.set.made) }
                     }
+                    @if self.simulated { p class="simulated" { (NOT_MEASURED) } }
                     (self.result())
                     (self.identity())
                     (self.reference())
@@ -37,7 +44,9 @@ impl Certificate {
                     (self.excluded_table())
                     (self.taxels_table())
                     (self.data())
-                    div class="sign" { div { "Calibrated by, date, signature" } div { "Approved by, date, signature" } }
+                    @if self.simulated { p class="simulated" { (NOT_MEASURED) } } @else {
+                        div class="sign" { div { "Calibrated by, date, signature" } div { "Approved by, date, signature" } }
+                    }
                 }
             }
         };
@@ -261,10 +270,9 @@ impl Certificate {
             h2 { "Data" }
             dl {
                 (hash("Samples (sessions export --out)", &self.hashes.samples_csv))
-                (hash("Zeros (sessions export --zeros)", &self.hashes.zeros_csv))
                 (hash("Models (models export)", &self.hashes.models_json))
                 (row("Certificate made by", &self.software))
-                (row("Models fitted by", "version not recorded with the set"))
+                (row("Models fitted by", self.set.fitted_by.as_deref().unwrap_or("not known: the set does not say")))
             }
             p class="note" { "SHA-256 of the files as they are exported. deploy/certificate.py recomputes every number from them "
                 "and the certificate's JSON. The number of the certificate is made of its content." }

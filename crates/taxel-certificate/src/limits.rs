@@ -7,7 +7,9 @@ use crate::evidence::Evidence;
 
 /// A line each.
 pub(crate) fn limits(evidence: &Evidence<'_>, set: &SetPart, taxels: &[TaxelPart], ramps: usize) -> Vec<String> {
-    let mut limits = vec![
+    let no_skin = "Simulated or replayed: no skin was measured, and nothing is certified.".to_owned();
+    let mut limits: Vec<String> = evidence.is_simulated().then_some(no_skin).into_iter().collect();
+    limits.extend([
         "Pressure along the normals of the skin, slowly changing; shear was not measured.".to_owned(),
         format!(
             "Up to {:.1} kPa, and for each taxel within its own range of counts; a reading beyond it is not certified.",
@@ -16,7 +18,7 @@ pub(crate) fn limits(evidence: &Evidence<'_>, set: &SetPart, taxels: &[TaxelPart
         "The bag presses on all taxels alike. The uncertainties are those of such a pressure; how well a force over a \
          small area is read is shown by known loads alone."
             .to_owned(),
-    ];
+    ]);
     let excluded = set.taxels - set.usable;
     if excluded > 0 {
         let percent = 100.0 * excluded as f64 / set.taxels as f64;

@@ -14,7 +14,7 @@ use crate::levels::{levels, ramps};
 use crate::limits::limits;
 use crate::loads;
 use crate::moment::moment;
-use crate::raw::{samples_sha256, sha256, zeros_csv};
+use crate::raw::{samples_sha256, sha256};
 use crate::taxel::{Examined, examine, per_unit};
 
 /// The word by which a file of this kind is known, and its version.
@@ -68,11 +68,11 @@ impl Certificate {
             version: FORMAT.1,
             number: String::new(),
             software: evidence.software.to_owned(),
+            simulated: evidence.is_simulated(),
             stated: entered.clone(),
             session: session_part(evidence),
             hashes: Hashes {
-                samples_csv: samples_sha256(samples),
-                zeros_csv: sha256(&zeros_csv(samples)),
+                samples_csv: samples_sha256(evidence.about, samples),
                 models_json: sha256(evidence.models_json),
             },
             limits: limits(evidence, &part, &taxels, ramps.len()),
@@ -132,6 +132,7 @@ fn set_part(set: &ModelSet, usable: usize) -> SetPart {
         patch: set.patch.clone(),
         made: moment(set.created_wall_ns),
         method: set.method.clone(),
+        fitted_by: Some(set.maker.software.clone()).filter(|name| !name.is_empty()),
         board_settings: set.board_settings.clone(),
         taxels: set.taxels.len(),
         usable,

@@ -8,9 +8,10 @@ use std::sync::Arc;
 use serde_json::Value;
 use taxel_certificate::{Certificate, Entered, Evidence};
 use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::export::About;
 use taxel_engine::calibration::{Branch, RampBaseline, Sample, SessionSamples, SessionState, SessionView};
 use taxel_engine::loads::{Load, Reading};
-use taxel_engine::model_set::ModelSet;
+use taxel_engine::model_set::{Maker, ModelSet};
 use taxel_model::{Curve, GaugeUncertainty, Sign, Status, TaxelModel};
 
 /// Everything that evidence borrows.
@@ -18,6 +19,7 @@ struct Case {
     set: ModelSet,
     session: SessionView,
     samples: SessionSamples,
+    about: About,
     loads: Vec<Arc<Load>>,
     entered: Entered,
     places: Vec<String>,
@@ -68,6 +70,7 @@ fn case() -> Case {
         taxels: vec![line(), line(), dead],
         recorded: None,
         recalibrated: None,
+        maker: Maker::this(false),
     };
     let session = SessionView {
         number: 4,
@@ -81,7 +84,8 @@ fn case() -> Case {
     };
     let places = (0..3).map(|taxel| format!("board 13 module 0 taxel {taxel}")).collect();
     let samples = SessionSamples { ramps, samples };
-    Case { set, session, samples, loads: Vec::new(), entered: Entered::default(), places }
+    let about = About { modules: vec![0..3], ..About::default() };
+    Case { set, session, samples, about, loads: Vec::new(), entered: Entered::default(), places }
 }
 
 fn certificate(case: &Case) -> Result<Certificate, String> {
@@ -90,6 +94,7 @@ fn certificate(case: &Case) -> Result<Certificate, String> {
         models_json: "{}",
         session: &case.session,
         samples: &case.samples,
+        about: &case.about,
         loads: &case.loads,
         entered: &case.entered,
         places: &case.places,
@@ -228,7 +233,6 @@ fn the_same_evidence_gives_the_same_bytes_and_any_other_another_number() {
     let (one, changed): (Value, Value) =
         [one, changed].map(|c| serde_json::from_str(&c.to_json().unwrap()).unwrap()).into();
     assert_ne!(one["hashes"]["samples_csv"], changed["hashes"]["samples_csv"]);
-    assert_eq!(one["hashes"]["zeros_csv"], changed["hashes"]["zeros_csv"]);
 }
 
 #[test]
@@ -285,4 +289,23 @@ fn a_set_that_is_no_longer_that_of_its_session_says_so() {
     case.session.state = SessionState::Discarded;
     let limits = json(&case)["limits"].to_string();
     assert!(limits.contains("another model set of its own now (m-2)") && limits.contains("DISCARDED"), "{limits}");
+}
+
+#[test]
+fn a_certificate_of_no_real_skin_says_so_first_and_cannot_be_signed() {
+    let real = certificate(&case()).unwrap();
+    assert!(real.to_html().contains("signature") && !real.to_html().contains("SIMULATED"), "{}", real.to_html());
+    assert!(real.to_html().contains("<dt>Models fitted by</dt><dd>taxeld "), "{}", real.to_html());
+    let (mut by_set, mut by_plan) = (case(), case());
+    by_set.set.maker = Maker::this(true);
+    by_plan.about.simulated = true;
+    for case in [by_set, by_plan] {
+        let html = certificate(&case).unwrap().to_html();
+        assert!(!html.contains("signature") && html.matches("SIMULATED OR REPLAYED").count() == 2, "{html}");
+        assert!(html.contains("<title>SIMULATED"), "{html}");
+        let all = json(&case);
+        assert_eq!(all["simulated"], true);
+        assert!(all["limits"][0].as_str().unwrap().starts_with("Simulated or replayed"), "{}", all["limits"]);
+    }
+    assert_eq!(json(&case())["simulated"], false);
 }

@@ -62,6 +62,7 @@ fn tables_us(taxels: usize) -> f64 {
         taxels: vec![model(); taxels],
         recorded: None,
         recalibrated: None,
+        maker: taxel_engine::model_set::Maker::default(),
     });
     let (zero, areas) = (vec![ZERO; taxels], vec![SquareMillimetre(32.4); taxels]);
     let begun = Instant::now();

@@ -60,6 +60,7 @@ fn model_set() -> ModelSet {
         taxels: (0..TAXELS).map(|taxel| shapes[taxel % shapes.len()].clone()).collect(),
         recorded: None,
         recalibrated: None,
+        maker: taxel_engine::model_set::Maker::default(),
     }
 }
 

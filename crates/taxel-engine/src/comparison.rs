@@ -120,6 +120,7 @@ mod tests {
             taxels,
             recorded: None,
             recalibrated: None,
+            maker: crate::model_set::Maker::default(),
         }
     }
 

@@ -42,6 +42,25 @@ pub struct ModelSet {
     pub recorded: Option<Recorded>,
     /// By what known loads corrected another set, where this one came to be that way.
     pub recalibrated: Option<Recalibrated>,
+    /// What made it, of which its id does not depend.
+    pub maker: Maker,
+}
+
+/// What made a model set, and of what.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Maker {
+    /// Name and version of the programme that fitted it, for example `taxeld 0.1.0`; empty if that is not known.
+    pub software: String,
+    /// Whether its samples came of a simulator or of a replayed log.
+    pub simulated: bool,
+}
+
+impl Maker {
+    /// This programme.
+    #[must_use]
+    pub fn this(simulated: bool) -> Self {
+        Self { software: concat!("taxeld ", env!("CARGO_PKG_VERSION")).to_owned(), simulated }
+    }
 }
 
 /// So often a set may be corrected after a correction.
@@ -86,6 +105,19 @@ impl ModelSet {
     #[must_use]
     pub const fn is_of_skin(&self) -> bool {
         self.session.is_some() || self.recorded.is_some() || self.recalibrated.is_some()
+    }
+
+    /// Whether it says what taxels in use read at rest. A set of a table that has no scan at rest does not.
+    #[must_use]
+    pub fn knows_rest(&self) -> bool {
+        let mut usable = self.taxels.iter().zip(&self.baseline).filter(|(model, _)| model.is_usable()).peekable();
+        usable.peek().is_none() || usable.any(|(_, rest)| rest.mean.is_finite())
+    }
+
+    /// The set with `zero` for the rest of its usable taxels, if it says nothing of any.
+    #[must_use]
+    pub fn with_rest(&self, zero: &[TaxelBaseline]) -> Option<Self> {
+        (!self.knows_rest()).then(|| Self { baseline: zero.to_vec(), ..self.clone() })
     }
 
     /// Number of the session whose samples can certify it.

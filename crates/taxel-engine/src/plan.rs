@@ -16,6 +16,8 @@ pub use crate::zero::plan::TarePlan;
 use crate::baseline::Activation;
 use crate::board_settings::{BoardSettings, KnownBoard, difference};
 use crate::calibration::calibration_plan::CalibrationPlan;
+use crate::calibration::export::About;
+use crate::calibration::view::SessionView;
 use crate::force::measure::Layout;
 use crate::force::owner::ForcePlan;
 use crate::intake::faults::limits::FaultLimits;
@@ -193,6 +195,21 @@ impl PatchPlan {
             fit: self.fit_options(),
             faults: self.fault_limits(),
             board_settings: self.board_settings(),
+            simulated: self.simulated,
+        }
+    }
+
+    /// What the table of a session's samples says of it.
+    #[must_use]
+    pub fn about(&self, session: &SessionView) -> About {
+        About {
+            patch: self.patch.name().to_owned(),
+            modules: Regions::new(&self.patch).modules().to_vec(),
+            left_out: session.left_out.clone(),
+            branches: session.branches,
+            counts: self.patch.counts(),
+            gauge: self.fit.gauge,
+            simulated: self.simulated,
         }
     }
 

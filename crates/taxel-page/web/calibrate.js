@@ -75,7 +75,7 @@ function check(signal) {
 }
 
 function begin() {
-  const target = el("input", { type: "number", min: "1", max: "1000", step: "any", placeholder: "as configured", name: "target" });
+  const target = el("input", { type: "number", min: "1", step: "any", placeholder: "as configured", name: "target" });
   const branches = el("select", el("option", { value: "BRANCHES_UNSPECIFIED" }, "as configured"),
     el("option", { value: "BRANCHES_RISING" }, "rising pressure"), el("option", { value: "BRANCHES_BOTH" }, "rising and falling"));
   const by = el("input", { maxLength: 200, placeholder: "nobody: rest must be shown", name: "by" });

@@ -2,6 +2,7 @@
 
 use futures_util::stream::{self, StreamExt};
 use taxel_engine::baseline::TaxelBaseline;
+use taxel_engine::calibration::export::table_head;
 use taxel_engine::calibration::{RampBaseline, Sample, SessionSamples};
 use taxel_proto::v1;
 use tonic::Status;
@@ -23,10 +24,16 @@ impl Service {
         let source = self.handle.samples.clone().ok_or_else(samples_not_kept)?;
         let places = (self.stream_place(caller)?, self.place(What::Export, caller)?);
         let (samples, places) = read(&source, session, places).await?;
+        let view = self.sessions().into_iter().find(|view| view.number == session);
+        let plan =
+            view.as_ref().and_then(|view| self.handle.plan.patches.iter().find(|p| p.patch.name() == view.patch));
+        let head = view.as_deref().zip(plan).map(|(view, plan)| table_head(&plan.about(view), &samples));
+        let head = head.unwrap_or_default();
         let blocks = samples.samples.len().div_ceil(BLOCK_SAMPLES).max(1);
         let message = move |number| {
             let _held = &places; // else they would not move in here
-            Ok(block(&samples, number))
+            let table_head = if number == 0 { head.clone() } else { String::new() };
+            Ok(v1::SampleBlock { table_head, ..block(&samples, number) })
         };
         Ok(stream::iter(0..blocks).map(message).boxed())
     }
@@ -44,7 +51,12 @@ fn block(samples: &SessionSamples, number: usize) -> v1::SampleBlock {
     };
     let those = samples.samples.iter().skip(number * BLOCK_SAMPLES).take(BLOCK_SAMPLES);
     let ramps = if number == 0 { samples.ramps.iter().map(|ramp| zero(samples, ramp)).collect() } else { Vec::new() };
-    v1::SampleBlock { samples: those.map(message).collect(), samples_in_all: samples.samples.len() as u64, ramps }
+    v1::SampleBlock {
+        samples: those.map(message).collect(),
+        samples_in_all: samples.samples.len() as u64,
+        ramps,
+        table_head: String::new(),
+    }
 }
 
 fn zero(samples: &SessionSamples, ramp: &RampBaseline) -> v1::RampZero {

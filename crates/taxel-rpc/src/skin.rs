@@ -120,6 +120,12 @@ impl Service {
     fn patch_health(&self, patch: usize) -> v1::PatchHealth {
         let name = self.plan(patch).patch.name();
         let snapshot = self.snapshot(patch);
+        let plan = self.plan(patch);
+        let active = self.active(name).is_some();
+        let force = convert::force_in_full(plan, &snapshot, self.sending(patch, &snapshot, 0));
+        let no_force = active && force.total_n.is_none();
+        let now = (self.handle.clock)();
+        let gauge = self.handle.health.borrow().gauges.get(patch).copied().flatten();
         let faulty = snapshot.taxels.iter().enumerate().filter(|(_, taxel)| !taxel.faults.is_empty());
         v1::PatchHealth {
             patch: name.to_owned(),
@@ -127,6 +133,10 @@ impl Service {
             faulty: faulty
                 .map(|(taxel, state)| v1::FaultyTaxel { taxel: taxel as u32, faults: convert::faults(state.faults) })
                 .collect(),
+            no_force: if no_force { force.reasons.join("; ") } else { String::new() },
+            gauge_kpa: gauge.map(|gauge| gauge.kpa),
+            gauge_age_s: gauge.map(|gauge| now.seconds_since(gauge.time).max(0.0)),
+            has_gauge: plan.has_gauge(),
         }
     }
 }

@@ -3,7 +3,7 @@
 //! Every finite f64 comes back bit for bit. The id is the hash of the content, so a file that was changed by accident is
 //! refused; one that was changed on purpose has to drop its `id` and gets a new one. When a set was made, and the number of
 //! its session, are no part of that content: the same samples fitted with the same options give the same id whenever and
-//! wherever that is done. Earlier versions hashed both, and sets that have such an id keep it.
+//! wherever that is done.
 
 //!
 //! A text is read once, straight into the set that it describes, and every string and list of it has a bound: what a
@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use sha2::{Digest, Sha256};
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::model_set::ModelSet;
+use taxel_engine::model_set::{Maker, ModelSet};
 use taxel_model::bounded::{List, Text};
 use thiserror::Error;
 
@@ -82,6 +82,10 @@ struct File {
     patch: Words,
     created_wall_ns: i64,
     session: Option<u64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    fitted_by: Option<Words>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    simulated: bool,
     method: Words,
     board_settings: List<Words, SETTINGS_MAX>,
     /// `null` for a taxel that never gave a value at rest; NaN in memory.
@@ -118,7 +122,7 @@ struct Baseline {
 /// [`ModelsJsonError`] if it contradicts itself or holds a number that is not finite: it could not be read again.
 pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
     check(set)?;
-    let (head, mut content) = (head(set, Some(&set.id), Origin::of(set)), Ids::begin(set));
+    let (head, mut content) = (head(set, Some(&set.id), Origin::of(set)), Id::begin(set));
     let mut text = head.strip_suffix("]}").unwrap_or(&head).to_owned();
     for (taxel, model) in set.taxels.iter().enumerate() {
         let line = to_text(&taxel::mirror(taxel, model));
@@ -129,10 +133,10 @@ pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
     }
     text += "\n]}\n";
     let content = content.end();
-    if content.allow(&set.id) {
+    if content == set.id {
         return Ok(text);
     }
-    Err(ModelsJsonError::Id { given: set.id.clone(), content: content.now })
+    Err(ModelsJsonError::Id { given: set.id.clone(), content })
 }
 
 /// Reads a model set. The order of keys and white space do not matter.
@@ -141,7 +145,7 @@ pub fn to_json(set: &ModelSet) -> Result<String, ModelsJsonError> {
 /// [`ModelsJsonError`], with the place and what was expected.
 pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
     let (mut set, given) = read(text)?;
-    let mut content = Ids::begin(&set);
+    let mut content = Id::begin(&set);
     let mut bytes = head(&set, None, Origin::of(&set)).len();
     for (taxel, model) in set.taxels.iter().enumerate() {
         let line = to_text(&taxel::mirror(taxel, model));
@@ -152,9 +156,9 @@ pub fn from_json(text: &str) -> Result<ModelSet, ModelsJsonError> {
     check_length(bytes).map_err(ModelsJsonError::TooLarge)?;
     let content = content.end();
     set.id = match given {
-        Some(given) if content.allow(&given) => given,
-        Some(given) => return Err(ModelsJsonError::Id { given, content: content.now }),
-        None => content.now,
+        Some(given) if content == given => given,
+        Some(given) => return Err(ModelsJsonError::Id { given, content }),
+        None => content,
     };
     Ok(set)
 }
@@ -168,13 +172,10 @@ pub fn from_elsewhere(text: &str) -> Result<ModelSet, ModelsJsonError> {
     from_json(text).map(of_no_session)
 }
 
-/// The same models of no session, with the id of their content: one that an earlier version gave counted the session.
+/// The same models of no session.
 #[must_use]
-pub fn of_no_session(mut set: ModelSet) -> ModelSet {
-    if set.session.take().is_some() {
-        set.id = content_id(&set);
-    }
-    set
+pub fn of_no_session(set: ModelSet) -> ModelSet {
+    ModelSet { session: None, ..set }
 }
 
 /// Reads a text that [`to_json`] made and that is proven to be as it was written, so that its id needs no second proof.
@@ -219,6 +220,7 @@ fn read(text: &str) -> Result<(ModelSet, Option<String>), ModelsJsonError> {
         taxels: taxels?,
         recorded: file.recorded.map(recorded::Part::read),
         recalibrated: file.recalibrated.map(recalibrated::Part::read),
+        maker: Maker { software: file.fitted_by.map(|words| words.0).unwrap_or_default(), simulated: file.simulated },
     };
     check(&set)?;
     Ok((set, file.id.map(|id| id.0)))
@@ -237,70 +239,52 @@ fn located(error: serde_path_to_error::Error<serde_json::Error>) -> ModelsJsonEr
 }
 
 /// The id of a set's content: `m-` and the first 16 hexadecimal digits of a SHA-256. Hashed are the compact JSON without
-/// `id`, with 0 for `created_wall_ns`, `null` for `session` and an empty list of taxels, and then that of each taxel.
+/// `id`, with 0 for `created_wall_ns`, `null` for `session`, without what made it (`fitted_by`, `simulated`), and with an empty list of taxels, and then that of each taxel.
 #[must_use]
 pub fn content_id(set: &ModelSet) -> String {
-    let mut content = Ids::begin(set);
+    let mut content = Id::begin(set);
     for (taxel, model) in set.taxels.iter().enumerate() {
         content.add(&to_text(&taxel::mirror(taxel, model)));
     }
-    content.end().now
+    content.end()
 }
 
-/// When and in which session a set was made.
+/// When, in which session and by what a set was made.
 #[derive(Clone, Copy)]
-struct Origin {
+struct Origin<'a> {
     wall_ns: i64,
     session: Option<u64>,
+    maker: Option<&'a Maker>,
 }
 
-impl Origin {
+impl<'a> Origin<'a> {
     /// What stands in its place where it must not matter.
-    const NONE: Self = Self { wall_ns: 0, session: None };
+    const NONE: Self = Self { wall_ns: 0, session: None, maker: None };
 
-    const fn of(set: &ModelSet) -> Self {
-        Self { wall_ns: set.created_wall_ns, session: set.session }
+    const fn of(set: &'a ModelSet) -> Self {
+        Self { wall_ns: set.created_wall_ns, session: set.session, maker: Some(&set.maker) }
     }
 }
 
-/// The ids that a set may have, on their way: the head, then the line of each taxel.
-struct Ids {
-    now: Sha256,
-    earlier: Sha256,
-}
+/// The id of a set on its way: the head, then the line of each taxel.
+struct Id(Sha256);
 
-impl Ids {
+impl Id {
     fn begin(set: &ModelSet) -> Self {
-        let hash = |origin| Sha256::new_with_prefix(head(set, None, origin));
-        Self { now: hash(Origin::NONE), earlier: hash(Origin::of(set)) }
+        Self(Sha256::new_with_prefix(head(set, None, Origin::NONE)))
     }
 
     fn add(&mut self, line: &str) {
-        self.now.update(line);
-        self.earlier.update(line);
+        self.0.update(line);
     }
 
-    fn end(self) -> ContentIds {
-        let id = |hash: Sha256| hash.finalize()[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"));
-        ContentIds { now: id(self.now), earlier: id(self.earlier) }
-    }
-}
-
-/// The id of a content, and the one that earlier versions gave it, who counted its origin.
-struct ContentIds {
-    now: String,
-    earlier: String,
-}
-
-impl ContentIds {
-    /// Whether a set of this content may have this id.
-    fn allow(&self, id: &str) -> bool {
-        self.now == id || self.earlier == id
+    fn end(self) -> String {
+        self.0.finalize()[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"))
     }
 }
 
 /// Everything but the taxels, as one line that ends with an empty list of them.
-fn head(set: &ModelSet, id: Option<&str>, origin: Origin) -> String {
+fn head(set: &ModelSet, id: Option<&str>, origin: Origin<'_>) -> String {
     let words = |text: &str| Text(text.to_owned());
     let baseline = |rest: &TaxelBaseline| {
         let known = !rest.mean.is_nan() || !rest.noise.is_nan();
@@ -313,6 +297,8 @@ fn head(set: &ModelSet, id: Option<&str>, origin: Origin) -> String {
         patch: words(&set.patch),
         created_wall_ns: origin.wall_ns,
         session: origin.session,
+        fitted_by: origin.maker.map(|maker| &maker.software).filter(|name| !name.is_empty()).map(|name| words(name)),
+        simulated: origin.maker.is_some_and(|maker| maker.simulated),
         method: words(&set.method),
         board_settings: List(set.board_settings.iter().map(|line| words(line)).collect()),
         baseline: List(set.baseline.iter().map(baseline).collect()),

@@ -52,6 +52,7 @@ fn good(taxels: usize) -> String {
         taxels: vec![sums.fit(&FitOptions::default()); taxels],
         recorded: None,
         recalibrated: None,
+        maker: taxel_engine::model_set::Maker::default(),
     };
     set.id = content_id(&set);
     to_json(&set).unwrap()

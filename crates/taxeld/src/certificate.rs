@@ -36,6 +36,7 @@ fn make(of: &CertificateOf, plan: &PatchPlan, entered: &Entered) -> Result<MadeC
         models_json: &of.models_json,
         session: &of.session,
         samples: &of.samples,
+        about: &plan.about(&of.session),
         loads: &of.loads,
         entered,
         places: &places,

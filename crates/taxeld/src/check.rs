@@ -7,6 +7,7 @@ use taxel_engine::plan::{PatchPlan, Plan};
 use taxel_rpc::{Grant, Role, Subject};
 use taxel_skin::{BusIndex, SquareMillimetre, printable};
 
+use crate::config::bus_load;
 use crate::config::{
     BusSource, Config, Door, Doors, Problems, Scene, examine_with, modules_written, read_text, record_written,
     shared_memory_written,
@@ -21,9 +22,6 @@ macro_rules! tell {
 
 /// One socket takes so many kernel filters (`CAN_RAW_FILTER_MAX`); beyond, `taxel-can` merges them.
 const FILTERS_MAX: usize = 512;
-
-/// Bits of a classic frame with eight bytes, unstuffed and with the gap that follows, at 1 Mbit/s in seconds.
-const FRAME_S: f64 = 111e-6;
 
 /// Checks a configuration: prints what it resolves to, or everything that is wrong with it.
 ///
@@ -190,15 +188,11 @@ fn patch(config: &Config, plan: &PatchPlan) {
 
 /// What a patch reads from its bus.
 fn reads(plan: &PatchPlan) {
-    let frames = match plan.devices.iter().map(|device| device.frames.len()).sum::<usize>() {
-        0 => 2 * plan.patch.modules().len(),
-        described => described,
-    };
-    let frames_per_s = frames as f64 / plan.period.as_secs_f64();
+    let (frames_per_s, share) = bus_load::of_patch(plan);
     tell!(
         "  reads: {frames_per_s:.0} frames/s at {} ms: {:.1} % of a 1 Mbit/s bus",
         plan.period.as_millis(),
-        frames_per_s * FRAME_S * 100.0
+        100.0 * share
     );
 }
 

@@ -11,12 +11,13 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::calibration::fit::{Branch, FitRecipe, PlaysChoice, Scans, Workers, legs};
 use taxel_engine::calibration::method;
-use taxel_engine::model_set::ModelSet;
+use taxel_engine::model_set::{Maker, ModelSet};
 use taxel_model::{
     Estimator, FitOptions, Flag, MAX_ORDER, MIN_BINNED_SAMPLES, Order, Plays, Rails, Samples, Shape, Status, TaxelModel,
 };
 use taxel_store::models_json;
 
+mod session;
 mod summary;
 
 use crate::files;
@@ -34,6 +35,12 @@ pub use summary::spread;
 /// A bar is shown for what takes longer.
 const BAR_AFTER: Duration = Duration::from_secs(1);
 
+/// Taxels of a module, unless it is told.
+const MODULE_SIZE: u16 = 10;
+
+/// A clock of the gauge's own is looked for within so many seconds, unless it is told.
+const MAX_CLOCK_S: f64 = 8.0;
+
 /// Steps of that bar.
 const BAR_STEPS: u64 = 1_000;
 
@@ -47,7 +54,7 @@ pub struct FitArgs {
     ///
     /// 280 rows and more of integers within 0..=255 in two columns or more are a recording of a skin: faulty stretches
     /// are left out, and the hysteresis is compensated where that wins; one cell in a hundred may be something else and
-    /// is left out. Anything else is fitted as it stands, decimals as written: the least-squares polynomial of each column,
+    /// is left out. An export of a session is fitted as the session itself is. Anything else is fitted as it stands, decimals as written: the least-squares polynomial of each column,
     /// monotone or not, is written down also where it is no usable model of a taxel.
     data: PathBuf,
     /// Where the models go; `-` is the standard output.
@@ -71,32 +78,33 @@ pub struct FitArgs {
     /// Width of a pressure bin in kPa [default: about 140 bins].
     #[arg(long, value_name = "KPA", value_parser = parse_positive)]
     bin_width: Option<f64>,
-    /// Which part of a recording is fitted.
-    #[arg(long, value_enum, default_value_t = BranchArg::Both)]
-    branch: BranchArg,
-    /// Compensation of hysteresis: `auto` is on if there is enough of it and it wins on a branch that no fit saw.
-    #[arg(long, value_enum, default_value_t = PlaysArg::Auto)]
-    plays: PlaysArg,
+    /// Which part of a recording is fitted [default: both, and of a session what it gathered].
+    #[arg(long, value_enum)]
+    branch: Option<BranchArg>,
+    /// Compensation of hysteresis: `auto` is on if there is enough of it and it wins on a branch that no fit saw [default: auto,
+    /// and off for a session, whose curves are those of its rise].
+    #[arg(long, value_enum)]
+    plays: Option<PlaysArg>,
     /// Seconds over which counts are averaged, here and when the models are applied; 0 is not at all.
     #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = parse_seconds)]
     smooth: f64,
-    /// Neighbouring columns that form a module (a triangle).
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..))]
-    module_size: u16,
+    /// Neighbouring columns that form a module (a triangle) [default: 10].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    module_size: Option<u16>,
     /// Look for one constant lag of at most so many seconds between gauge and counts, and take it out.
-    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = parse_seconds)]
-    max_lag: f64,
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    max_lag: Option<f64>,
     /// Look for a clock of the gauge's own, late by at most so many seconds and fast or slow by up to 2 %, and use it
-    /// where it wins on a stretch that it was not found on; 0 is not at all.
-    #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = parse_seconds)]
-    max_clock: f64,
+    /// where it wins on a stretch that it was not found on; 0 is not at all [default: 8].
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
+    max_clock: Option<f64>,
     /// What the gauge reads in the first two seconds is its own error where nothing moves then: take it off, up to 10 kPa.
     #[arg(long)]
     gauge_zero: bool,
     /// Exclude taxels that move by less than so many counts, as the paper does; 0 is off.
     #[arg(long, value_name = "COUNTS", default_value_t = 0.0, value_parser = parse_seconds)]
     min_swing: f64,
-    /// Name of the patch that the models are for [default: the name of the file].
+    /// Name of the patch that the models are for [default: that of the session, else the name of the file].
     #[arg(long)]
     patch: Option<String>,
 }
@@ -158,18 +166,22 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
     }
     let mut recording = Recording::read(&args.data)?;
     recording.report_refused(&args.data);
-    let notes = check(&mut recording, Wanted::FIT).with_context(|| args.data.display().to_string())?;
+    let named = || args.data.display().to_string();
+    let of_session = session::is_session(&recording);
+    let notes = if of_session { Vec::new() } else { check(&mut recording, Wanted::FIT).with_context(named)? };
     let began = Instant::now();
     let scans = scans_of(&recording);
-    let mut set = if scans.is_recording() {
-        let recipe = args.recipe();
-        taxel_engine::calibration::fit::fit(&scans, &recipe, &Bar::new(began))
-            .with_context(|| args.data.display().to_string())?
+    let mut set = if of_session {
+        args.refuse_for_session().with_context(named)?;
+        session::fit(&recording, args.session_recipe(), args.branch()).with_context(named)?
+    } else if scans.is_recording() {
+        taxel_engine::calibration::fit::fit(&scans, &args.recipe(), &Bar::new(began)).with_context(named)?
     } else {
-        args.fit_table(&recording).with_context(|| args.data.display().to_string())?
+        args.fit_table(&recording).with_context(named)?
     };
     let took = began.elapsed();
-    set.patch = args.patch.clone().unwrap_or_else(|| stem(&args.data));
+    let patch = args.patch.clone().or_else(|| session::patch(&recording));
+    set.patch = patch.unwrap_or_else(|| stem(&args.data));
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
     set.created_wall_ns = i64::try_from(since_1970.as_nanos()).unwrap_or(i64::MAX);
     set.id = models_json::content_id(&set);
@@ -178,7 +190,7 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
     print_summary(&set);
     if set.taxels.iter().all(|model| !model.is_usable()) {
         // Of a regression set the polynomial is what was asked for.
-        if scans.is_recording() || !set.taxels.iter().any(has_polynomial) {
+        if of_session || scans.is_recording() || !set.taxels.iter().any(has_polynomial) {
             bail!("not one of {} taxels got a usable model: nothing is written", set.taxels.len());
         }
         say!("  no column is a usable model of a taxel: what is written are the polynomials alone");
@@ -190,23 +202,29 @@ pub fn fit(args: &FitArgs) -> anyhow::Result<()> {
 }
 
 impl FitArgs {
+    /// As the daemon fits a session, but for what is asked for.
+    fn session_recipe(&self) -> FitRecipe {
+        FitRecipe { curve: Branch::Rising, plays: self.plays().unwrap_or(PlaysChoice::Off), ..self.recipe() }
+    }
+
+    fn plays(&self) -> Option<PlaysChoice> {
+        self.plays.map(|plays| match plays {
+            PlaysArg::Auto => PlaysChoice::Auto,
+            PlaysArg::On => PlaysChoice::On,
+            PlaysArg::Off => PlaysChoice::Off,
+        })
+    }
+
     fn recipe(&self) -> FitRecipe {
         FitRecipe {
             options: self.options(if self.paper { Estimator::Paper } else { Estimator::PressureBinned }),
-            branch: match self.branch {
-                BranchArg::Both => Branch::Both,
-                BranchArg::Rising => Branch::Rising,
-            },
-            plays: match self.plays {
-                PlaysArg::Auto => PlaysChoice::Auto,
-                PlaysArg::On => PlaysChoice::On,
-                PlaysArg::Off => PlaysChoice::Off,
-            },
+            branch: self.branch().unwrap_or(Branch::Both),
+            plays: self.plays().unwrap_or_default(),
             plays_order: self.order.unwrap_or(Plays::DEFAULT_ORDER),
-            module_size: usize::from(self.module_size),
+            module_size: usize::from(self.module_size.unwrap_or(MODULE_SIZE)),
             smooth_s: self.smooth,
-            max_lag_s: self.max_lag,
-            max_clock_s: self.max_clock,
+            max_lag_s: self.max_lag.unwrap_or(0.0),
+            max_clock_s: self.max_clock.unwrap_or(MAX_CLOCK_S),
             gauge_zero: self.gauge_zero,
             ..FitRecipe::default()
         }
@@ -227,12 +245,33 @@ impl FitArgs {
         options
     }
 
+    fn branch(&self) -> Option<Branch> {
+        self.branch.map(|branch| match branch {
+            BranchArg::Both => Branch::Both,
+            BranchArg::Rising => Branch::Rising,
+        })
+    }
+
+    /// Refuses what a session leaves no choice in.
+    fn refuse_for_session(&self) -> anyhow::Result<()> {
+        let asked = [
+            (self.module_size.is_some(), "--module-size", "the file says which taxels are a module"),
+            (self.gauge_zero, "--gauge-zero", "what the gauge read at rest is in the file and is taken off"),
+            (self.max_lag.is_some(), "--max-lag", "one clock pairs its counts and pressures"),
+            (self.max_clock.is_some(), "--max-clock", "one clock pairs its counts and pressures"),
+        ];
+        match asked.iter().find(|(asked, ..)| *asked) {
+            Some((_, option, why)) => bail!("{option} is not for an export of a session: {why}"),
+            None => Ok(()),
+        }
+    }
+
     /// Refuses what only a recording of a skin has.
     fn refuse_for_table(&self) -> anyhow::Result<()> {
         let asked = [
-            (matches!(self.plays, PlaysArg::On), "--plays on"),
+            (matches!(self.plays, Some(PlaysArg::On)), "--plays on"),
             (self.gauge_zero, "--gauge-zero"),
-            (self.max_lag > 0.0, "--max-lag"),
+            (self.max_lag.is_some_and(|lag| lag > 0.0), "--max-lag"),
         ];
         match asked.iter().find(|(asked, _)| *asked) {
             Some((_, option)) => bail!(
@@ -249,7 +288,7 @@ impl FitArgs {
         let Some(pressure) = &recording.pressure_kpa else {
             bail!("there is no column `pressure_kpa` to fit to");
         };
-        let rises_alone = self.paper || matches!(self.branch, BranchArg::Rising);
+        let rises_alone = self.paper || matches!(self.branch, Some(BranchArg::Rising));
         let rising = rises_alone.then(|| legs::rising(&pressure.hi, &legs::legs(&pressure.hi)));
         let pressure = pressure.only(rising.as_deref());
         let fitted = |counts: &Column| {
@@ -297,6 +336,7 @@ impl FitArgs {
             taxels,
             recorded: None,
             recalibrated: None,
+            maker: Maker::this(false),
         })
     }
 }

@@ -132,6 +132,7 @@ mod tests {
             taxels: vec![Accumulator::new().fit(&FitOptions::default()); 230],
             recorded: None,
             recalibrated: None,
+            maker: taxel_engine::model_set::Maker::default(),
         };
         set.id = models_json::content_id(&set);
         Arc::new(set)

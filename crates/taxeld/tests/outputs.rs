@@ -110,7 +110,6 @@ fn no_output_takes_the_name_of_a_file_that_a_connection_is_made_with() {
         &["certificate", "--out", tokens][..],
         &["models", "export", "--out", tokens],
         &["sessions", "export", "1", "--out", tokens],
-        &["sessions", "export", "1", "--zeros", tokens],
     ] {
         let output = taxeld(&[command, &server].concat());
         assert!(text(&output.stderr).contains("would be overwritten by the output"), "{}", text(&output.stderr));

@@ -38,10 +38,21 @@ pub struct Health {
     pub buses: Vec<BusHealth>,
     /// One per board, patch by patch.
     pub boards: Vec<BoardHealth>,
+    /// The newest reading of each patch's gauge, if it has one that was heard.
+    pub gauges: Vec<Option<GaugeReading>>,
     /// What else is wrong, for example the store.
     pub problems: Vec<String>,
     /// What is wrong with the store; part of `problems`, too.
     pub store: StoreHealth,
+}
+
+/// A reading of a pressure gauge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GaugeReading {
+    /// When it came.
+    pub time: Time,
+    /// What it is, kPa.
+    pub kpa: f64,
 }
 
 /// What is wrong with the store.

@@ -287,6 +287,7 @@ impl Calibration {
             wall_ns: now.wall_ns,
             board_settings: view.known_settings().unwrap_or(&plan.board_settings).to_vec(),
             samples: Arc::clone(session.samples()),
+            simulated: plan.simulated,
             modules: plan.modules.clone(),
             left_out: view.left_out.clone(),
             together: Vec::new(),

@@ -28,6 +28,7 @@ fn ms(ms: i64) -> Time {
 
 fn plan() -> CalibrationPlan {
     CalibrationPlan {
+        simulated: false,
         patch: "p".to_owned(),
         modules: vec![0..2, 2..4],
         taxels: TAXELS,

@@ -26,6 +26,8 @@ pub struct CalibrationPlan {
     pub faults: FaultLimits,
     /// Board settings that the counts depend on, in words: one line a board.
     pub board_settings: Vec<String>,
+    /// Whether a simulator or a replayed log sends its scans.
+    pub simulated: bool,
 }
 
 impl CalibrationPlan {

@@ -1,70 +1,134 @@
-//! The samples of a session as text, the same wherever they are written and wherever their hash is made.
+//! The samples of a session as a table, the same wherever it is written and wherever its hash is made.
 //!
-//! The samples are a table that `taxeld fit` reads, with the pressures as the gauge read them. The zeros at which the ramps began
-//! are a table of their own: counts of different ramps can only be compared by their distance from these, and pressures by that
-//! from what the gauge read at rest.
+//! `t_s,pressure_kpa,c0,c1,...,ramp,figure`: a row a scan, of which `figure` is empty, after rows of figures, which have no time.
+//! These are what a fit needs beside the scans, so that a fit of the table is that of the session: counts of different ramps
+//! compare by their distance from the zeros at which these began, and pressures by that from what the gauge read then.
+//!
+//! | figure | `pressure_kpa` | `c0`, `c1`, ... |
+//! |---|---|---|
+//! | `patch NAME` | | nothing: the patch it is of |
+//! | `rising` or `both` | | nothing: that the session gathered rising pressure, or the fall after it too |
+//! | `simulated` | | nothing: that a simulator or a replayed log sent the scans |
+//! | `module` | | number of the taxel's module, from 0; empty if the session was without it |
+//! | `count_max` | | greatest raw count of the taxel's converter |
+//! | `gauge_gain` | relative standard uncertainty of the gauge's gain | |
+//! | `gauge_offset` | standard uncertainty of its offset, kPa | |
+//! | `gauge_noise` | its noise, kPa | |
+//! | `zero` | what the gauge read at the ramp's zero, kPa | mean count at rest, in units |
+//! | `noise` | | standard deviation at rest, in units |
 
 use std::fmt::Write;
+use std::ops::Range;
 
-/// Header of the table of samples.
-#[must_use]
-pub fn samples_header(taxels: usize) -> String {
-    format!("t_s,pressure_kpa{}\n", columns(taxels))
+use taxel_model::GaugeUncertainty;
+use taxel_skin::CountRange;
+
+use crate::calibration::branch::Branch;
+use crate::calibration::samples::{RampBaseline, SessionSamples};
+
+/// The columns after the counts.
+pub const LAST_COLUMNS: [&str; 2] = ["ramp", "figure"];
+
+/// What is known of a session beside what it gathered.
+#[derive(Clone, Debug, Default)]
+pub struct About {
+    /// Its patch.
+    pub patch: String,
+    /// Taxels of each module.
+    pub modules: Vec<Range<usize>>,
+    /// Positions of the modules that the session was without.
+    pub left_out: Vec<u16>,
+    /// Which branches it gathered.
+    pub branches: Branch,
+    /// Range of the converters.
+    pub counts: CountRange,
+    /// What is stated of the gauge.
+    pub gauge: GaugeUncertainty,
+    /// Whether a simulator or a replayed log sent them.
+    pub simulated: bool,
 }
 
-/// One scan: seconds since the first one, kPa, and a raw count per taxel.
+/// What the table begins with: its header, and the rows of figures.
 #[must_use]
-pub fn sample_row(since_first_ns: i64, pressure_kpa: f64, counts: impl Iterator<Item = u32>) -> String {
-    let mut row = format!("{:.6},{pressure_kpa}", since_first_ns as f64 * 1e-9);
-    for count in counts {
-        let _ = write!(row, ",{count}"); // writing to a string cannot fail
-    }
-    row.push('\n');
-    row
-}
-
-/// Header of the table of zeros.
-#[must_use]
-pub fn zeros_header(taxels: usize) -> String {
-    format!("ramp,scans,figure{}\n", columns(taxels))
-}
-
-/// The zero of a ramp, as two rows: mean and noise at rest per taxel, in units; an empty cell where a taxel gave no value. A
-/// third row has what the gauge read, kPa, in its first cell, if that is known. `ramp` counts from 1, `scans` is how many scans
-/// of the session belong to it.
-#[must_use]
-pub fn zero_rows(
-    ramp: u32,
-    scans: usize,
-    zero: impl Iterator<Item = (f64, f64)> + Clone,
-    gauge_kpa: Option<f64>,
-) -> String {
-    let cells = |figure: fn((f64, f64)) -> f64| {
-        let cell = |value: f64| if value.is_finite() { format!(",{value}") } else { ",".to_owned() };
-        zero.clone().map(figure).map(cell).collect::<String>()
+pub fn table_head(about: &About, samples: &SessionSamples) -> String {
+    let of_samples = samples.samples.first().map(|sample| sample.counts.counts().len());
+    let taxels = of_samples.or_else(|| samples.ramps.first().map(|ramp| ramp.taxels.len())).unwrap_or_default();
+    let names: String = (0..taxels).map(|taxel| format!(",c{taxel}")).collect();
+    let mut head = format!("t_s,pressure_kpa{names},{}\n", LAST_COLUMNS.join(","));
+    let mut row = |kpa: Option<f64>, cells: &dyn Fn(usize) -> Option<f64>, ramp: &str, figure: &str| {
+        let cell = |value: Option<f64>| value.filter(|v| v.is_finite()).map_or_else(String::new, |v| v.to_string());
+        let cells: String = (0..taxels).map(|taxel| format!(",{}", cell(cells(taxel)))).collect();
+        let _ = writeln!(head, ",{}{cells},{ramp},{figure}", cell(kpa)); // writing to a string cannot fail
     };
-    let (means, noises) = (cells(|(mean, _)| mean), cells(|(_, noise)| noise));
-    let others = ",".repeat(zero.count().saturating_sub(1));
-    let gauge = gauge_kpa.map_or_else(String::new, |kpa| format!("{ramp},{scans},gauge_kpa,{kpa}{others}\n"));
-    format!("{ramp},{scans},mean{means}\n{ramp},{scans},noise{noises}\n{gauge}")
+    if !about.patch.is_empty() {
+        row(None, &|_| None, "", &format!("patch {}", about.patch));
+    }
+    row(None, &|_| None, "", if about.branches == Branch::Both { "both" } else { "rising" });
+    if about.simulated {
+        row(None, &|_| None, "", "simulated");
+    }
+    // Modules of another layout of the patch say nothing of these samples.
+    if about.modules.last().is_some_and(|last| last.end == taxels) {
+        let module = |taxel: usize| {
+            let module = about.modules.iter().position(|module| module.contains(&taxel))?;
+            (!about.left_out.iter().any(|left| usize::from(*left) == module)).then_some(module as f64)
+        };
+        row(None, &module, "", "module");
+    }
+    row(None, &|_| Some(f64::from(about.counts.top())), "", "count_max");
+    let GaugeUncertainty { gain_rel, offset_kpa, noise_kpa } = about.gauge;
+    for (value, figure) in [(gain_rel, "gauge_gain"), (offset_kpa, "gauge_offset"), (noise_kpa, "gauge_noise")] {
+        row(Some(value), &|_| None, "", figure);
+    }
+    for RampBaseline { ramp, taxels, gauge_kpa } in &samples.ramps {
+        let ramp = (u32::from(*ramp) + 1).to_string();
+        row(*gauge_kpa, &|taxel| taxels.get(taxel).map(|rest| rest.mean), &ramp, "zero");
+        row(None, &|taxel| taxels.get(taxel).map(|rest| rest.noise), &ramp, "noise");
+    }
+    head
 }
 
-fn columns(taxels: usize) -> String {
-    (0..taxels).map(|taxel| format!(",c{taxel}")).collect()
+/// One scan: seconds since the first one, kPa, a raw count per taxel, and its ramp from 1.
+#[must_use]
+pub fn sample_row(since_first_ns: i64, pressure_kpa: f64, counts: impl Iterator<Item = u32>, ramp: u32) -> String {
+    let mut row = format!("{:.9},{pressure_kpa}", since_first_ns as f64 * 1e-9);
+    for count in counts {
+        let _ = write!(row, ",{count}");
+    }
+    let _ = writeln!(row, ",{ramp},");
+    row
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::baseline::TaxelBaseline;
+    use crate::calibration::samples::Sample;
 
     #[test]
-    fn pressures_and_zeros_are_written_to_their_last_bit_and_unknown_ones_are_empty() {
-        assert_eq!(samples_header(2), "t_s,pressure_kpa,c0,c1\n");
-        assert_eq!(sample_row(1_500_000_000, 0.1 + 0.2, [240, 7].into_iter()), "1.500000,0.30000000000000004,240,7\n");
-        let zero = [(240.25, 0.5), (f64::NAN, f64::NAN)];
-        let of_taxels = "ramp,scans,figure,c0,c1\n1,20,mean,240.25,\n1,20,noise,0.5,\n";
-        assert_eq!(zeros_header(2) + &zero_rows(1, 20, zero.into_iter(), None), of_taxels);
-        let with_gauge = zeros_header(2) + &zero_rows(1, 20, zero.into_iter(), Some(5.75));
-        assert_eq!(with_gauge, of_taxels.to_owned() + "1,20,gauge_kpa,5.75,\n");
+    fn a_table_has_what_a_fit_needs_to_the_last_bit_and_leaves_unknown_cells_empty() {
+        let rest = TaxelBaseline { mean: 240.25, noise: 0.5 };
+        let ramp = |ramp, gauge_kpa| RampBaseline { ramp, taxels: vec![rest, TaxelBaseline::UNKNOWN], gauge_kpa };
+        let sample = Sample { ramp: 0, time_ns: 0, pressure_kpa: 0.0, counts: vec![240, 7].into() };
+        let samples = SessionSamples { ramps: vec![ramp(0, Some(5.75)), ramp(1, None)], samples: vec![sample] };
+        let gauge = GaugeUncertainty { gain_rel: 0.0025, offset_kpa: 0.05, noise_kpa: 0.0 };
+        let patch = "palm".to_owned();
+        let about = About {
+            patch,
+            modules: vec![0..1, 1..2],
+            left_out: vec![1],
+            branches: Branch::Rising,
+            counts: CountRange::BYTE,
+            gauge,
+            simulated: true,
+        };
+        assert_eq!(
+            table_head(&about, &samples),
+            "t_s,pressure_kpa,c0,c1,ramp,figure\n,,,,,patch palm\n,,,,,rising\n,,,,,simulated\n,,0,,,module\n,,255,255,,count_max\n,0.0025,,,,gauge_gain\n\
+             ,0.05,,,,gauge_offset\n,0,,,,gauge_noise\n,5.75,240.25,,1,zero\n,,0.5,,1,noise\n,,240.25,,2,zero\n\
+             ,,0.5,,2,noise\n"
+        );
+        let row = sample_row(1_500_000_000, 0.1 + 0.2, [240, 7].into_iter(), 2);
+        assert_eq!(row, "1.500000000,0.30000000000000004,240,7,2,\n");
     }
 }

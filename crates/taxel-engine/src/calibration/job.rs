@@ -20,8 +20,7 @@ use crate::calibration::fit::{lag, zero};
 use crate::calibration::gauge_zero::{GaugeZero, steeper_at_rest};
 use crate::calibration::method::{method, plays_in_words};
 use crate::calibration::samples::{RampBaseline, Sample, SessionSamples};
-use crate::model_set::ZeroReturn;
-use crate::model_set::{ModelSet, Recorded};
+use crate::model_set::{Maker, ModelSet, Recorded, ZeroReturn};
 use crate::statistics::root_mean_square;
 
 /// How far a lag between gauge and counts is looked for, seconds: far beyond what two clocks on one bus make.
@@ -48,6 +47,8 @@ pub struct FitJob {
     pub board_settings: Vec<String>,
     /// All that was gathered.
     pub samples: Arc<SessionSamples>,
+    /// Whether a simulator or a replayed log sent the samples.
+    pub simulated: bool,
     /// Which taxels form each module.
     pub modules: Vec<Range<usize>>,
     /// Modules whose counts are not to be used: positions in `modules`.
@@ -138,6 +139,7 @@ impl FitJob {
             recorded: (branch == Branch::Both).then(|| self.recorded(&fit, &fitted, &ramp.taxels)),
             taxels: fitted.models,
             recalibrated: None,
+            maker: Maker::this(self.simulated),
         })
     }
 

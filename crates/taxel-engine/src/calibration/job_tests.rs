@@ -38,6 +38,7 @@ fn gathered(zeros: &[u8], falls: bool) -> SessionSamples {
 
 fn job(samples: SessionSamples, branch: Branch) -> FitJob {
     let plan = CalibrationPlan {
+        simulated: false,
         patch: "p".to_owned(),
         modules: vec![0..2, 2..4],
         taxels: TAXELS,
@@ -47,6 +48,7 @@ fn job(samples: SessionSamples, branch: Branch) -> FitJob {
         board_settings: vec!["as they are".to_owned()],
     };
     FitJob {
+        simulated: false,
         session: 7,
         together: Vec::new(),
         fit: 1,

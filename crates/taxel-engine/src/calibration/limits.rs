@@ -14,6 +14,8 @@ const SPIKE_BANDS: f64 = 4.0;
 pub struct SessionLimits {
     /// A ramp ends by itself here.
     pub target: Kilopascal,
+    /// Whether the skin lies in a chamber under pressure: then a target may lie above [`BAG_MAX_KPA`].
+    pub pressurised_chamber: bool,
     /// A sample may lie this far behind the furthest pressure so far, on a rise below it: the gauge's noise.
     pub noise_band: Kilopascal,
     /// Which branches of the pressure a ramp gathers, unless its session asks for others.
@@ -40,7 +42,19 @@ pub struct SessionLimits {
     pub responding_counts: u8,
 }
 
+/// A vacuum bag presses with no more than the ambient pressure, and no pump takes out all of it, kPa.
+pub const BAG_MAX_KPA: f64 = 95.0;
+
+/// No chamber for skin has more, kPa.
+const CHAMBER_MAX_KPA: f64 = 1_000.0;
+
 impl SessionLimits {
+    /// The highest target, kPa.
+    #[must_use]
+    pub const fn target_max_kpa(&self) -> f64 {
+        if self.pressurised_chamber { CHAMBER_MAX_KPA } else { BAG_MAX_KPA }
+    }
+
     /// A reading further from the trend is the gauge's own doing. A real pressure that bends by so much within half a second
     /// is beyond the steepest slope anyway.
     #[must_use]
@@ -59,6 +73,7 @@ impl Default for SessionLimits {
     fn default() -> Self {
         Self {
             target: Kilopascal(70.0),
+            pressurised_chamber: false,
             noise_band: Kilopascal(0.3),
             branches: Branch::Rising,
             rise_max_kpa_per_s: 5.0,

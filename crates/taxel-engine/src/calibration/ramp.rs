@@ -135,6 +135,12 @@ impl Ramp {
         self.direction
     }
 
+    /// Whether a sample was accepted on this branch.
+    #[must_use]
+    pub const fn has_begun(&self) -> bool {
+        self.reached > f64::NEG_INFINITY
+    }
+
     /// When the last sample was accepted, or the branch began.
     #[must_use]
     pub const fn progress(&self) -> Time {

@@ -109,12 +109,9 @@ impl Refit {
         for (session, samples) in self.sessions.iter().zip(&samples) {
             self.check_layout(session.view.number, samples)?;
         }
-        // What fell belongs to another curve: fitted together they would give the one between them as that of rising pressure.
         let both = self.sessions.iter().map(|session| session.view.branches == Branch::Both);
-        let samples = samples.into_iter().zip(both).map(|(samples, both)| match self.recipe.branch {
-            Branch::Rising if both => rising_part(samples),
-            _ => samples,
-        });
+        let samples = samples.into_iter().zip(both);
+        let samples = samples.map(|(samples, both)| if both { samples.of_branch(self.recipe.branch) } else { samples });
         let samples: Vec<SessionSamples> = samples.collect();
         let numbers = self.numbers();
         let mut left_out: Vec<u16> = self.sessions.iter().flat_map(|s| s.view.left_out.iter().copied()).collect();
@@ -128,6 +125,7 @@ impl Refit {
             wall_ns,
             board_settings: self.board_settings,
             samples: Arc::new(joined(samples)?),
+            simulated: self.plan.simulated,
             modules: self.plan.modules,
             left_out,
             recipe: self.recipe,
@@ -302,11 +300,18 @@ fn check_options(options: &RefitOptions) -> Result<(), Rejection> {
     Ok(())
 }
 
-/// Of samples over both branches those that were taken up to the top of each ramp.
-fn rising_part(samples: SessionSamples) -> SessionSamples {
-    let falling = Course::of_session(&samples.samples, Branch::Both).falling().to_vec();
-    let rose = samples.samples.into_iter().zip(falling).filter(|(_, falls)| !falls);
-    SessionSamples { samples: rose.map(|(sample, _)| sample).collect(), ..samples }
+impl SessionSamples {
+    /// Over the rising branch those that were taken up to the top of each ramp, else all: what fell belongs to another curve, and
+    /// fitted together they would give the one between them as that of rising pressure.
+    #[must_use]
+    pub fn of_branch(self, branch: Branch) -> Self {
+        if branch == Branch::Both {
+            return self;
+        }
+        let falling = Course::of_session(&self.samples, Branch::Both).falling().to_vec();
+        let rose = self.samples.into_iter().zip(falling).filter(|(_, falls)| !falls);
+        Self { samples: rose.map(|(sample, _)| sample).collect(), ..self }
+    }
 }
 
 /// All samples, with the ramps numbered on.

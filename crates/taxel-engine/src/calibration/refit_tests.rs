@@ -52,6 +52,6 @@ fn of_sessions_over_both_branches_the_rising_fit_has_the_samples_up_to_the_top_o
     };
     let course = [(0, 1.0), (0, 30.0), (0, 70.0), (0, 40.0), (0, 2.0), (1, 1.0), (1, 60.0), (1, 5.0)];
     let samples = SessionSamples { ramps: Vec::new(), samples: course.iter().enumerate().map(sample).collect() };
-    let rose: Vec<i64> = rising_part(samples).samples.iter().map(|sample| sample.time_ns).collect();
+    let rose: Vec<i64> = samples.of_branch(Branch::Rising).samples.iter().map(|sample| sample.time_ns).collect();
     assert_eq!(rose, [0, 1, 2, 5, 6]);
 }

@@ -5,10 +5,12 @@ mod shown;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
+use taxel_model::MIN_BINNED_SAMPLES;
 use taxel_skin::{Kilopascal, Time};
 
 use crate::baseline::TaxelBaseline;
 use crate::calibration::branch::{Branch, Direction};
+use crate::calibration::job::refuse_gaps;
 use crate::calibration::limits::SessionLimits;
 use crate::calibration::ramp::{Gate, Ramp};
 use crate::calibration::rise::{Rise, Stall};
@@ -21,6 +23,9 @@ use crate::now::Now;
 /// A scan enters the session when the zero has stood for so long after it. A board that takes a new zero unseen is
 /// found within that time, and the scans with the wrong zero never get in.
 pub const PROBATION: Duration = Duration::from_secs(1);
+
+/// A rise that gains nothing for so long is told as one that cannot get further.
+const STALLED_AFTER: Duration = Duration::from_secs(5);
 
 /// Scans that wait for the gauge and for the end of their probation: at the longest gauge timeout of 1 s and the
 /// shortest period of 5 ms there are 400.
@@ -79,6 +84,8 @@ pub struct SessionRun {
     extremes: Vec<(f64, f64)>,
     /// Scans whose modules were not all fresh, since the last sample: they explain a failure.
     stale_since_progress: u64,
+    /// Whether it was told that the rise cannot get further.
+    stalled: bool,
     /// When it reached its present state, on the run's clock.
     entered: Time,
 }
@@ -98,6 +105,7 @@ impl SessionRun {
             samples: Arc::default(),
             pending: VecDeque::new(),
             stale_since_progress: 0,
+            stalled: false,
             entered: now.time,
         };
         run.view.responding = (0, taxels as u32);
@@ -220,7 +228,7 @@ impl SessionRun {
         self.view.direction = branch.direction();
         self.ramp = branch;
         self.rise = Rise::default();
-        self.stale_since_progress = 0;
+        (self.stale_since_progress, self.stalled) = (0, false);
     }
 
     /// Takes one scan; `None` if some module was silent.
@@ -332,26 +340,46 @@ impl SessionRun {
         self.stale_since_progress > 0
     }
 
-    /// Ends the ramp that nothing enters any more. A rise has failed; a fall leaves a whole rise to be fitted.
+    /// Says that nothing enters any more, and ends the ramp after a while. What a rise has gathered is fitted where it is enough; a
+    /// fall leaves a whole rise to be fitted.
     fn give_up_if_hopeless(&mut self, now: Time, gauge: &GaugeHistory) -> Progress {
-        if now.since(self.ramp.progress()) <= self.limits.patience + PROBATION {
+        let silence = now.since(self.ramp.progress());
+        let rising = self.ramp.direction() == Direction::Rising;
+        if silence <= self.limits.patience + PROBATION {
+            let stalled = rising && self.ramp.has_begun() && silence > STALLED_AFTER + PROBATION;
+            if stalled {
+                let why = self.why_nothing_enters(now, gauge, STALLED_AFTER);
+                let offer = if self.has_enough() { self.offer() } else { String::new() };
+                self.view.reason = why + &offer;
+            } else if std::mem::replace(&mut self.stalled, stalled) {
+                self.view.reason.clear();
+            }
+            self.stalled = stalled;
             return Progress::On;
         }
-        let why = self.why_nothing_enters(now, gauge);
-        match self.ramp.direction() {
-            Direction::Rising => {
-                self.view.reason = why;
-                Progress::Failed
-            }
-            Direction::Falling => {
-                self.view.reason = format!("the falling branch ended early: {why}");
-                Progress::RampEnded
-            }
+        let why = self.why_nothing_enters(now, gauge, self.limits.patience);
+        let branch = if rising { "rise" } else { "falling branch" };
+        if rising && !self.has_enough() {
+            self.view.reason = why;
+            return Progress::Failed;
         }
+        self.view.reason = format!("the {branch} ended early: {why}");
+        if self.turn(now) { Progress::Turned } else { Progress::RampEnded }
     }
 
-    fn why_nothing_enters(&self, now: Time, gauge: &GaugeHistory) -> String {
-        let seconds = self.limits.patience.as_secs();
+    /// What an operator can do about a rise that cannot get further.
+    fn offer(&self) -> String {
+        let (scans, number) = (self.samples.samples.len(), self.view.number);
+        format!("; to end the ramp here, with {scans} scans: taxeld sessions finish {number}")
+    }
+
+    /// Whether a fit can come of what was gathered.
+    fn has_enough(&self) -> bool {
+        self.samples.samples.len() as u64 >= MIN_BINNED_SAMPLES && refuse_gaps(&self.samples.pressures_kpa()).is_ok()
+    }
+
+    fn why_nothing_enters(&self, now: Time, gauge: &GaugeHistory, patience: Duration) -> String {
+        let seconds = patience.as_secs();
         match gauge.newest() {
             None => format!("no pressure frame came in {seconds} s: is the gauge on, and is its CAN identifier right?"),
             Some((time, _)) if now.since(time) > self.limits.gauge_timeout => {
@@ -367,7 +395,7 @@ impl SessionRun {
                 )
             }
             Some((_, Kilopascal(kpa))) => self.rise.why(Stall {
-                patience: self.limits.patience,
+                patience,
                 kpa: kpa - self.gauge_zero_kpa(),
                 target_kpa: self.limits.target.0,
                 responding_counts: f64::from(self.limits.responding_counts),

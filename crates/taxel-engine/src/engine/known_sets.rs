@@ -97,6 +97,7 @@ mod tests {
             taxels: Vec::new(),
             recorded: None,
             recalibrated: None,
+            maker: crate::model_set::Maker::default(),
         })
     }
 

@@ -191,6 +191,7 @@ mod tests {
             taxels: vec![model],
             recorded: Some(recorded),
             recalibrated: None,
+            maker: crate::model_set::Maker::default(),
         }
     }
 

@@ -18,8 +18,9 @@ use crate::now::Now;
 use crate::patch::owner::Patch;
 use crate::request::{ErrorReason, Rejection, RequestId};
 
-/// Targets beyond this are not a vacuum bag's, nor a pressure chamber's for skin.
-const TARGET_MAX_KPA: f64 = 1_000.0;
+/// Why a target is refused that a chamber could reach.
+const NO_CHAMBER: &str = ": a vacuum bag ends at the ambient pressure; for a chamber under pressure set \
+                          `pressurised_chamber = true` in [patch.session]";
 
 /// What a session is started with.
 pub(super) struct SessionRequest {
@@ -51,12 +52,15 @@ impl Engine {
             return Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why));
         }
         let target = asked.target.unwrap_or(patch.plan().session.target).0;
-        if !(target > 0.0 && target <= TARGET_MAX_KPA) {
-            let problem = format!("{target} is not in (0, {TARGET_MAX_KPA}]");
+        let most = patch.plan().session.target_max_kpa();
+        if !(target > 0.0 && target <= most) {
+            let why = if patch.plan().session.pressurised_chamber { "" } else { NO_CHAMBER };
+            let problem = format!("{target} kPa is not above 0 and at most {most}{why}");
             return Err(Rejection::InvalidArgument { field: "target_kpa", problem });
         }
         patch.calibration().refuse_if_open("finish or abort it first")?;
         patch.check_looked_at()?;
+        patch.check_gauge_heard(now)?;
         patch.check_vented(now)?;
         let left_out = left_out(patch, &asked.leave_out)?;
         let view = SessionView {

@@ -297,6 +297,7 @@ mod tests {
                 taxels: vec![Some(taxel(Some(plays))), Some(taxel(None))],
             }),
             recalibrated: None,
+            maker: crate::model_set::Maker::default(),
         })
     }
 

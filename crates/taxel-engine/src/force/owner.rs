@@ -28,6 +28,10 @@ use crate::zero::boards::HiddenCounts;
 /// Why there is no force without models.
 const NO_MODELS: &str = "no model set is active";
 
+/// What is said while the models in use say nothing of the skin at rest.
+const NO_REST: &str = "the model set has no zero of its own and takes it from the next confirmed tare: unload the skin, then \
+                       taxeld tare --confirmed-by NAME";
+
 /// What the force needs to know of a patch.
 #[derive(Clone, Debug)]
 pub struct ForcePlan {
@@ -305,6 +309,10 @@ impl Force {
             let text = format!("{silent} of {taxels} taxels are silent");
             let why = Reason::about(self.silent(scan), ReasonCode::TaxelsSilent, text);
             return self.nothing(ForceState::Stale, why, silent, taxels);
+        }
+        if self.set.as_ref().is_some_and(|set| !set.knows_rest()) {
+            let why = Reason::new(ReasonCode::RestNotProven, NO_REST);
+            return self.nothing(ForceState::TareInvalid, why, silent, taxels);
         }
         if let Some(why) = &zero.lacks {
             return self.nothing(ForceState::TareInvalid, why.clone(), silent, taxels);

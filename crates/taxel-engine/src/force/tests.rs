@@ -60,6 +60,7 @@ pub fn set(taxels: usize) -> Arc<ModelSet> {
         taxels: vec![model(); taxels],
         recorded: None,
         recalibrated: None,
+        maker: crate::model_set::Maker::default(),
     })
 }
 

@@ -1,6 +1,7 @@
 //! What is asked of a patch: zeros, sessions, models and known loads.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use crate::calibration::job::FitOutcome;
 use crate::calibration::samples::SessionSamples;
@@ -18,6 +19,9 @@ use crate::patch::owner::{BEING_CONFIGURED, Effects, Patch};
 use crate::request::{ErrorReason, Rejection, RequestId};
 use crate::zero::view::TareView;
 use crate::zero::watch::Purpose;
+
+/// A gauge that is heard four times a second, as a ramp needs it, has not been silent for so long.
+const GAUGE_SILENT_AFTER: Duration = Duration::from_secs(2);
 
 impl Patch {
     /// An operator asks for a zero; the answer comes later.
@@ -137,6 +141,25 @@ impl Patch {
         })
     }
 
+    /// Refuses a ramp while the gauge is silent. Just after the start it is still listened for.
+    ///
+    /// # Errors
+    /// [`Rejection::FailedPrecondition`] with when it was last heard.
+    pub fn check_gauge_heard(&self, now: Now) -> Result<(), Rejection> {
+        let heard = self.intake.gauge().newest().map(|(time, _)| now.time.since(time));
+        let what = match heard {
+            Some(age) if age <= GAUGE_SILENT_AFTER => return Ok(()),
+            None if now.time.since(self.started) <= GAUGE_SILENT_AFTER => return Ok(()),
+            Some(age) => format!("its last reading came {:.0} s ago", age.as_secs_f64()),
+            None => "no reading has come since the daemon started".to_owned(),
+        };
+        let why = format!(
+            "the gauge is silent: {what}. Is it on, and is its CAN identifier the one in [patch.gauge]? `taxeld health` shows \
+             its readings as they come"
+        );
+        Err(Rejection::FailedPrecondition(ErrorReason::NoPressureSensor, why))
+    }
+
     /// Refuses the zero of a ramp while the gauge is not heard or moves: what it reads then is its own zero, which is taken off
     /// all pressures of the ramp.
     ///
@@ -213,6 +236,7 @@ impl Patch {
         self.calibration.refuse_unless_possible(command)?; // before what only matters in the right state
         if command == Trigger::StartRamp {
             self.check_looked_at()?;
+            self.check_gauge_heard(now)?;
             self.check_vented(now)?;
         }
         let mut events = Vec::new();

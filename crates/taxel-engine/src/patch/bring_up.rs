@@ -21,6 +21,7 @@ const CONFIGURED_UNSEEN: &str =
 impl Patch {
     /// Starts the boards and waits for rest.
     pub fn start(&mut self, now: Now, effects: &mut Effects<'_>) {
+        self.started = now.time;
         let mut events = Vec::new();
         self.zero.lose(ReasonCode::ZeroNotTaken, "no zero has been taken since start", &mut events);
         self.on_zero_events(now, events, effects);

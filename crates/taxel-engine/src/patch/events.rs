@@ -49,8 +49,11 @@ impl Patch {
                 ZeroEvent::Refused(Purpose::AtStart, _, why) => {
                     // What is held against the boards does not pass by itself.
                     let lasts = self.zero.distrusted().is_some();
-                    let hint =
-                        if lasts { "; tare, and if nothing touches the skin, say so with confirmed_by" } else { "" };
+                    let lacks = self.force.models().is_some_and(|set| !set.knows_rest());
+                    let hint = match lasts || lacks {
+                        true => "; tare, and if nothing touches the skin, say so with confirmed_by",
+                        false => "",
+                    };
                     self.zero.explain(ReasonCode::RestNotProven, format!("rest is not proven: {why}{hint}"));
                 }
                 ZeroEvent::Refused(Purpose::Operator { request, .. }, reason, why) => {
@@ -80,6 +83,11 @@ impl Patch {
     }
 
     pub(super) fn use_zero(&mut self) {
+        // A set that says nothing of the skin at rest takes it from a zero that somebody vouches for.
+        let completed = self.force.models().zip(self.zero.vouched_now()).and_then(|(set, zero)| set.with_rest(zero));
+        if let Some(set) = completed {
+            self.set_models(Arc::new(set));
+        }
         self.force.set_zero(self.zero.in_force(), self.zero.residue_counts());
         self.force.set_hidden(self.zero.hidden(), self.zero.vouched());
         self.zero.weigh(|| self.force.newton_per_count());

@@ -13,6 +13,7 @@ use taxel_wire::{Frame, TimedFrame};
 use crate::boundary::output::Output;
 use crate::boundary::pushed::PushedScan;
 use crate::boundary::record::Record;
+use crate::boundary::snapshot::GaugeReading;
 use crate::calibration::calibrate::Calibration;
 use crate::force::owner::Force;
 use crate::force::reason::ReasonCode;
@@ -104,6 +105,8 @@ pub struct Patch {
     /// The boards are to be configured once it is known that nothing presses on them, or that they are silent.
     pub(super) bring_up_waits: bool,
     pub(super) silent_until: Time,
+    /// When the daemon began to listen.
+    pub(super) started: Time,
     /// There were no models at the start: nothing shows what presses on the boards until they are configured.
     pub(super) without_look: bool,
     /// They may be configured, as far as this patch knows and since when, and wait for patches that share one of them.
@@ -139,6 +142,7 @@ impl Patch {
             cold: true,
             bring_up_waits: false,
             silent_until: Time::default(),
+            started: Time::default(),
             without_look: false,
             ready: None,
             shares_boards,
@@ -443,5 +447,11 @@ impl Patch {
     #[must_use]
     pub fn board_health(&self, now: Time) -> Vec<BoardHealth> {
         self.intake.board_health(now)
+    }
+
+    /// What the gauge read last, if it was heard.
+    #[must_use]
+    pub fn gauge_reading(&self) -> Option<GaugeReading> {
+        self.intake.gauge().newest().map(|(time, kpa)| GaugeReading { time, kpa: kpa.0 })
     }
 }

@@ -73,6 +73,7 @@ pub fn corrected(
         taxels: source.taxels.iter().map(|model| model.scaled(gain, offset)).collect(),
         recorded,
         recalibrated: Some(recalibrated),
+        maker: source.maker.clone(),
     })
 }
 

@@ -130,6 +130,7 @@ impl Run {
     /// The model of the one taxel, by the session's own fit.
     fn model(&self) -> Option<TaxelModel> {
         let job = FitJob {
+            simulated: true,
             session: 1,
             together: Vec::new(),
             fit: 1,

@@ -183,6 +183,7 @@ fn hysteresis() -> Option<Hysteresis> {
             taxels: vec![Some(taxel)],
         }),
         recalibrated: None,
+        maker: crate::model_set::Maker::default(),
     };
     Hysteresis::new(&Arc::new(set), &[REST])
 }

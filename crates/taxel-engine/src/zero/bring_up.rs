@@ -125,6 +125,13 @@ impl Zero {
         self.vouched.as_ref()
     }
 
+    /// The zero that holds, if somebody vouched for this very one.
+    #[must_use]
+    pub fn vouched_now(&self) -> Option<&[TaxelBaseline]> {
+        let (zero, vouched) = (self.baseline()?, self.vouched.as_deref()?);
+        have_same_rest(zero, vouched).then_some(zero)
+    }
+
     /// A session has taken a zero, and `zero` is that of its first ramp, which is the rest of the models that it makes: they are of
     /// the skin as the boards see it now.
     pub fn note_session_rest(&mut self, zero: &[TaxelBaseline]) {

@@ -264,6 +264,7 @@ fn models(rest: f64) -> ModelSet {
         taxels: vec![model; TAXELS],
         recorded: None,
         recalibrated: None,
+        maker: crate::model_set::Maker::default(),
     }
 }
 

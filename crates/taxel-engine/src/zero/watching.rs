@@ -43,6 +43,8 @@ impl Zero {
     /// The watch has seen enough: rest is proven, vouched for, or refused.
     fn conclude(&mut self, now: Now, watch: Watch, models: Option<&ModelSet>, events: &mut Vec<ZeroEvent>) {
         let (purpose, window) = watch.end();
+        // Models without a rest of their own have nothing to compare with.
+        let models = models.filter(|set| set.knows_rest());
         let minutes = now.time.seconds_since(self.taken) / 60.0;
         let reference = Reference {
             models: models.map(|set| set.baseline.as_slice()),

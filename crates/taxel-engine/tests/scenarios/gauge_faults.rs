@@ -247,7 +247,7 @@ fn no_ramp_begins_before_the_gauge_is_heard() {
     let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), Restored::default());
     bench.brought_up();
     bench.inject(Fault::GaugeSilent);
-    bench.seconds(2.0);
+    bench.seconds(1.0);
     let (patch, leave_out) = (String::new(), Vec::new());
     bench.ask(Command::StartSession { patch, target: None, branches: None, confirmed_by: None, leave_out }).unwrap();
     bench.seconds(8.0);

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
+use taxel_engine::baseline::TaxelBaseline;
 use taxel_engine::command::{Command, Done, Rejection};
+use taxel_engine::force::ForceState;
 use taxel_engine::model_set::ModelSet;
 use taxel_model::TaxelModel;
 
@@ -76,6 +78,29 @@ fn what_this_skin_was_calibrated_to_is_taken_as_it_is() {
     let mut bench = Bench::new(small_world(), plan(patch_plan(&small().skin)), small().restored());
     let taken = bench.ask(Command::Import { model_set: changed(|_| ()), insist: false });
     assert!(matches!(taken, Ok(Done::Imported { .. })), "{taken:?}");
+}
+
+/// As a fit of a table without a scan at rest.
+#[test]
+fn a_set_without_a_zero_takes_it_from_the_next_confirmed_tare() {
+    let mut set = ModelSet { id: "m-changed".to_owned(), session: None, ..ModelSet::clone(&small().set) };
+    set.baseline.iter_mut().for_each(|rest| *rest = TaxelBaseline::UNKNOWN);
+    let mut bench = small().in_use();
+    bench.ask(Command::Import { model_set: Arc::new(set), insist: false }).unwrap();
+    bench.activate("m-changed").unwrap();
+    bench.until_force(2.0, ForceState::TareInvalid);
+    let reasons = format!("{:?}", bench.host.snapshot().force.reasons);
+    assert!(reasons.contains("taxeld tare --confirmed-by NAME"), "{reasons}");
+    let refused = format!("{:?}", bench.tare(None));
+    assert!(refused.contains("without a baseline") && refused.contains("confirmed_by"), "{refused}");
+    bench.tare(Some("Ada")).unwrap();
+    bench.until_force(2.0, ForceState::Ok);
+    let laid = bench.lay(0.5, 33);
+    bench.seconds(3.0);
+    let read = bench.host.snapshot().force.total.unwrap();
+    assert!((read.0 / laid.0 - 1.0).abs() < 0.3, "{read:?} of {laid:?}");
+    // From then on the skin can show rest by itself, and does not under the load.
+    assert!(format!("{:?}", bench.tare(None)).contains("loaded"));
 }
 
 /// Whoever insists gets no force that nobody would doubt: what says that it may be off by more than a number holds is none.

@@ -11,7 +11,7 @@ use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_model::{Status, TaxelModel};
 use taxel_sim::{Config, Fault, PumpCommand, Skin, World};
-use taxel_skin::{Board, ModuleKind, Patch, TaxelIndex};
+use taxel_skin::{Board, Kilopascal, ModuleKind, Patch, TaxelIndex};
 
 use crate::bench::{Bench, session_of};
 use crate::rig::{BUS, board, module, patch_plan, plan, small_world};
@@ -62,39 +62,67 @@ fn samples_rise(bench: &Bench, session: u64) {
     }
 }
 
-/// A session that has begun to watch for its zero.
-fn watching(bench: &mut Bench) {
+fn start() -> Command {
     let (patch, leave_out) = (String::new(), Vec::new());
-    bench.ask(Command::StartSession { patch, target: None, branches: None, confirmed_by: None, leave_out }).unwrap();
+    Command::StartSession { patch, target: None, branches: None, confirmed_by: None, leave_out }
 }
 
 #[test]
-fn a_session_without_a_gauge_fails_and_says_so() {
-    let mut bench = fresh(impatient);
+fn a_session_is_refused_at_once_while_the_gauge_is_silent_and_so_is_a_ramp() {
+    let mut bench = fresh(|_| {});
+    let number = bench.start_session(None);
+    bench.ask(Command::AbortSession { session: number }).unwrap();
     bench.inject(Fault::GaugeSilent);
     bench.seconds(3.0);
-    // The gauge was heard while the boards were brought up.
-    watching(&mut bench);
-    bench.until_state(6.0, SessionState::Failed);
+    for command in [start(), Command::StartRamp { session: number }] {
+        let refused = bench.refused(command);
+        assert!(refused.starts_with("the gauge is silent: its last reading came 3 s ago"), "{refused}");
+    }
+    let mut world = small_world();
+    world.inject(Fault::GaugeSilent).unwrap();
+    let mut bench = Bench::new(world, plan(patch_plan(&small().skin)), Restored::default());
+    bench.brought_up();
+    bench.seconds(3.0);
+    let refused = bench.refused(start());
+    assert!(refused.starts_with("the gauge is silent: no reading has come since the daemon started"), "{refused}");
+}
+
+/// A bag that leaks as much as the pump takes out, or ends at the ambient pressure.
+#[test]
+fn a_rise_that_cannot_get_further_says_so_and_ends_with_what_it_has() {
+    let mut bench = fresh(|_| {});
+    let number = bench.start_session(None);
+    bench.ramp(40.0, 2.0);
+    let offer = format!("taxeld sessions finish {number}");
+    bench.until(60.0, "the offer", |host| host.session().reason.contains(&offer));
     let session = bench.host.session();
-    assert!(session.reason.starts_with("rest was never proven: the last pressure frame came"), "{}", session.reason);
-    assert_eq!((session.ramps, session.accepted), (0, 0));
+    assert_eq!(session.state, SessionState::Ramping);
+    assert!(session.reason.starts_with("the pressure did not rise for 5 s: it is 40."), "{}", session.reason);
+    bench.ramp(45.0, 2.0);
+    bench.until(10.0, "no offer", |host| host.session().reason.is_empty());
+    bench.until_state(90.0, SessionState::Review);
+    let session = bench.host.session();
+    assert!(
+        session.reason.starts_with("the rise ended early: the pressure did not rise for 60 s"),
+        "{}",
+        session.reason
+    );
+    let set = bench.host.catalogue.model_sets.last().unwrap().at_hand.clone().unwrap();
+    assert!((44.0..46.0).contains(&set.pressure_max_kpa), "{}", set.pressure_max_kpa);
 }
 
 #[test]
-fn a_gauge_that_was_never_heard_is_told_from_one_that_fell_silent() {
-    let mut patch = patch_plan(&small().skin);
-    impatient(&mut patch);
-    let mut world = small_world();
-    world.inject(Fault::GaugeSilent).unwrap();
-    let mut bench = Bench::new(world, plan(patch), Restored::default());
-    bench.brought_up();
-    watching(&mut bench);
-    bench.until_state(6.0, SessionState::Failed);
-    assert_eq!(
-        bench.host.session().reason,
-        "rest was never proven: no pressure frame came: is the gauge on, and is its CAN identifier right?"
-    );
+fn a_target_that_no_bag_reaches_is_refused_unless_the_skin_lies_in_a_chamber() {
+    let with = |target: f64| {
+        let (patch, leave_out) = (String::new(), Vec::new());
+        Command::StartSession { patch, target: Some(Kilopascal(target)), branches: None, confirmed_by: None, leave_out }
+    };
+    let mut bench = fresh(|_| {});
+    let refused = format!("{:?}", bench.ask(with(700.0)));
+    assert!(refused.contains("at most 95") && refused.contains("pressurised_chamber = true"), "{refused}");
+    bench.ask(with(95.0)).unwrap();
+    let mut bench = fresh(|plan| plan.session.pressurised_chamber = true);
+    bench.ask(with(700.0)).unwrap();
 }
 
 #[test]

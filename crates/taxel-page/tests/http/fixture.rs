@@ -112,6 +112,7 @@ pub fn model_set(id: &str) -> Arc<ModelSet> {
         taxels: Vec::new(),
         recorded: None,
         recalibrated: None,
+        maker: taxel_engine::model_set::Maker::default(),
     })
 }
 

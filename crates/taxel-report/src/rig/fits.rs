@@ -115,6 +115,7 @@ impl Calibration {
             taxels,
             recorded: None,
             recalibrated: None,
+            maker: taxel_engine::model_set::Maker::default(),
         };
         ModelSet { id: content_id(&set), ..set }
     }

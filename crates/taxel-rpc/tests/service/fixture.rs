@@ -234,6 +234,7 @@ pub fn model_set(id: &str, patch: &str) -> Arc<ModelSet> {
         taxels,
         recorded: None,
         recalibrated: None,
+        maker: taxel_engine::model_set::Maker::default(),
     })
 }
 

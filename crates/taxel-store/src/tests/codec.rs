@@ -2,9 +2,8 @@
 
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 use taxel_engine::baseline::TaxelBaseline;
-use taxel_engine::model_set::ModelSet;
+use taxel_engine::model_set::{Maker, ModelSet};
 use taxel_model::{
     Curve, Estimator, FitOptions, Flag, GaugeUncertainty, Order, Quality, Samples, SigmaProfile, Status, TaxelModel,
 };
@@ -93,35 +92,15 @@ fn a_change_needs_a_new_id() {
 }
 
 #[test]
-fn when_and_in_which_session_a_set_was_made_is_no_part_of_its_id() {
+fn when_by_what_and_in_which_session_a_set_was_made_goes_with_it_and_is_no_part_of_its_id() {
     let set = model_set(1);
-    let again = with_id(ModelSet { created_wall_ns: 77, session: None, ..set.clone() });
+    let maker = Maker { software: "taxeld 7".to_owned(), simulated: true };
+    let again = with_id(ModelSet { created_wall_ns: 77, session: None, maker: maker.clone(), ..set.clone() });
     assert_eq!(again.id, set.id);
     let back = from_json(&to_json(&again).unwrap()).unwrap();
-    assert_eq!((back.created_wall_ns, back.session, &back.id), (77, None, &set.id));
+    assert_eq!((back.created_wall_ns, back.session, &back.maker, &back.id), (77, None, &maker, &set.id));
     let other = with_id(ModelSet { method: "order 4".to_owned(), ..set.clone() });
     assert_ne!(other.id, set.id);
-}
-
-#[test]
-fn a_set_keeps_an_id_that_an_earlier_version_gave_it() {
-    let set = model_set(1);
-    let (text, field) = (to_json(&set).unwrap(), format!("\"id\":\"{}\",", set.id));
-    // What concerns all with an empty list of taxels, then each taxel.
-    let mut lines = text.lines();
-    let mut hashed = format!("{}]}}", lines.next().unwrap().replace(&field, ""));
-    lines.filter(|line| *line != "]}").for_each(|line| hashed += line.trim_end_matches(','));
-    let digest = Sha256::digest(hashed.as_bytes());
-    let earlier = digest[..8].iter().fold("m-".to_owned(), |id, byte| format!("{id}{byte:02x}"));
-    assert_ne!(earlier, set.id);
-    let theirs = text.replace(&set.id, &earlier);
-    let back = from_json(&theirs).unwrap();
-    assert_eq!(back.id, earlier);
-    assert_eq!(to_json(&back).unwrap(), theirs);
-    let refused = from_json(&theirs.replace("69.9", "69.8")).unwrap_err();
-    assert!(matches!(refused, ModelsJsonError::Id { .. }), "{refused}");
-    // Without its session it is what a set is now that has none.
-    assert_eq!(bits(&from_elsewhere(&theirs).unwrap()), bits(&ModelSet { session: None, ..set }));
 }
 
 #[test]
@@ -374,6 +353,7 @@ proptest! {
             taxels: taxels.into_iter().map(|(model, ..)| model).collect(),
             recorded: None,
             recalibrated: None,
+            maker: taxel_engine::model_set::Maker::default(),
         });
         let text = to_json(&set).unwrap();
         let back = from_json(&text).unwrap();

@@ -54,6 +54,7 @@ pub fn model_set(created_wall_ns: i64) -> ModelSet {
         taxels: TAXELS.clone(),
         recorded: None,
         recalibrated: None,
+        maker: taxel_engine::model_set::Maker::default(),
     })
 }
 

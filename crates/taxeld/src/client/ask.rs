@@ -2,7 +2,7 @@
 
 use std::io::{BufRead, IsTerminal, Write};
 
-use super::failure::Outcome;
+use super::failure::{Failure, Outcome};
 
 /// Whether there is somebody to ask.
 pub fn somebody() -> bool {
@@ -23,6 +23,22 @@ pub async fn ask(question: &str) -> Outcome<String> {
         Ok(answer.trim().to_lowercase())
     };
     Ok(tokio::task::spawn_blocking(read).await.map_err(std::io::Error::other)??)
+}
+
+/// Asks for yes or no where somebody is there to be asked; Enter is no. `yes` answers for scripts, with the option of that name.
+///
+/// # Errors
+/// The answer is no, or nobody can be asked: `command` is what to type instead.
+pub async fn agree(yes: bool, question: &str, command: &str) -> Outcome {
+    if yes {
+        return Ok(());
+    }
+    if !somebody() {
+        let words = format!("{question}: there is no terminal to answer on. If that is meant: {command} --yes");
+        return Err(Failure::refused(words));
+    }
+    let answer = ask(&format!("{question} [y/N]")).await?;
+    if matches!(answer.as_str(), "y" | "yes") { Ok(()) } else { Err(Failure::refused("nothing was changed")) }
 }
 
 /// Asks for yes or no; Enter is yes.

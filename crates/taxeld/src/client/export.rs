@@ -4,14 +4,13 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use taxel_engine::calibration::export::{sample_row, samples_header};
+use taxel_engine::calibration::export::sample_row;
 use taxel_proto::v1::{ExportSamplesRequest, SampleBlock, SessionSample};
 use tonic::Streaming;
 
 use super::connect::Server;
 use super::exported::Exported;
 use super::failure::{Failure, Outcome};
-use super::zeros::write_zeros;
 use crate::files;
 use crate::output::{Output, quiet_end};
 use crate::same_file::refuse_overwriting;
@@ -30,16 +29,12 @@ pub struct ExportArgs {
     /// What is written [default: by the ending of --out, else csv].
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// Write here the zeros at which its ramps began: counts of different ramps compare by their distance from these. MCAP
-    /// has them in the file itself.
-    #[arg(long, value_name = "ZEROS.csv")]
-    zeros: Option<PathBuf>,
 }
 
 /// What is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 enum Format {
-    /// A table: seconds since the first scan, kPa, and a count a taxel.
+    /// A table: figures of the session and its zeros, then seconds since the first scan, kPa, and a count a taxel.
     Csv,
     /// A container of messages: the session, the zeros of its ramps, its samples.
     #[cfg(feature = "record")]
@@ -61,12 +56,11 @@ impl ExportArgs {
 /// # Errors
 /// No such session, one without samples, a file that cannot be written, or no daemon.
 pub async fn export(args: &ExportArgs) -> Outcome {
-    let outputs: Vec<&PathBuf> = [&args.out].into_iter().chain(&args.zeros).collect();
-    refuse_overwriting(&outputs, &args.server.files()).map_err(|why| Failure::refused(why.to_string()))?;
+    refuse_overwriting(&[&args.out], &args.server.files()).map_err(|why| Failure::refused(why.to_string()))?;
     let daemon = args.server.connect().await?;
     let request = ExportSamplesRequest { session: args.session };
     let blocks = daemon.calibration().export_samples(request).await?.into_inner();
-    let Exported { written, in_all, ramps } = match args.format() {
+    let Exported { written, in_all } = match args.format() {
         Format::Csv => csv(&args.out, blocks).await?,
         #[cfg(feature = "record")]
         Format::Mcap => super::export_mcap::mcap(&daemon, args.session, &args.out, blocks).await?,
@@ -77,7 +71,6 @@ pub async fn export(args: &ExportArgs) -> Outcome {
     if written != in_all {
         return Err(Failure::Broken(anyhow::anyhow!("{written} of {in_all} samples came")));
     }
-    write_zeros(args.zeros.as_deref(), &ramps)?;
     if !files::is_standard(&args.out) {
         say!("{written} scans of session {}: {}", args.session, args.out.display());
     }
@@ -88,21 +81,21 @@ pub async fn export(args: &ExportArgs) -> Outcome {
 async fn csv(out: &Path, mut blocks: Streaming<SampleBlock>) -> Outcome<Exported> {
     let named = || out.display().to_string();
     let mut file: Option<Output> = None;
-    let (mut first_ns, mut done) = (0, Exported::default());
+    let (mut first_ns, mut head, mut done) = (0, String::new(), Exported::default());
     while let Some(block) = blocks.message().await? {
         done.in_all = block.samples_in_all;
-        done.ramps.extend(block.ramps);
+        head += &block.table_head;
         for sample in &block.samples {
-            let (header, file) = match &mut file {
+            let (head, file) = match &mut file {
                 Some(file) => (String::new(), file),
                 None => {
                     first_ns = sample.monotonic_ns;
-                    (samples_header(sample.counts.len()), file.insert(Output::create(out).with_context(named)?))
+                    (std::mem::take(&mut head), file.insert(Output::create(out).with_context(named)?))
                 }
             };
-            if let Err(error) = file.write_all((header + &row_of(sample, first_ns)).as_bytes()) {
+            if let Err(error) = file.write_all((head + &row_of(sample, first_ns)).as_bytes()) {
                 quiet_end(out, Err(error))?;
-                return Ok(Exported { written: done.in_all, ..done }); // who read the standard output had enough
+                return Ok(Exported { written: done.in_all, in_all: done.in_all }); // who read the standard output had enough
             }
             done.written += 1;
         }
@@ -114,5 +107,10 @@ async fn csv(out: &Path, mut blocks: Streaming<SampleBlock>) -> Outcome<Exported
 }
 
 fn row_of(sample: &SessionSample, first_ns: i64) -> String {
-    sample_row(sample.monotonic_ns.saturating_sub(first_ns), sample.pressure_kpa, sample.counts.iter().copied())
+    sample_row(
+        sample.monotonic_ns.saturating_sub(first_ns),
+        sample.pressure_kpa,
+        sample.counts.iter().copied(),
+        sample.ramp,
+    )
 }

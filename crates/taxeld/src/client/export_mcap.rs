@@ -56,7 +56,6 @@ pub async fn mcap(daemon: &Daemon, session: u64, out: &Path, mut blocks: Streami
             file.write(SAMPLES, label(sample.monotonic_ns), &sample.encode_to_vec()).map_err(words)?;
             done.written += 1;
         }
-        done.ramps.extend(block.ramps);
     }
     if let Some((output, file)) = file.filter(|_| done.written == done.in_all) {
         file.finish().map_err(words)?;

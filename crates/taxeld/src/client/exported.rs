@@ -1,7 +1,5 @@
 //! What an export of a session came to.
 
-use taxel_proto::v1::RampZero;
-
 /// What came of a session. Its file is in its place if all samples came.
 #[derive(Default)]
 pub struct Exported {
@@ -9,6 +7,4 @@ pub struct Exported {
     pub written: u64,
     /// Samples that there are.
     pub in_all: u64,
-    /// The zeros of its ramps, which one block has.
-    pub ramps: Vec<RampZero>,
 }

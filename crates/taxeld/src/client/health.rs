@@ -9,7 +9,8 @@ use super::failure::{Failure, Outcome};
 use super::json;
 use super::places::Places;
 
-/// State of buses, boards, zeros and taxels. Exit code 3 if a bus is down, a board is silent or a zero does not hold.
+/// State of buses, boards, gauges, zeros and taxels. Exit code 3 if a bus is down, a board is silent, a zero does not hold, or a
+/// patch with an active model set has no force.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Examples:\n  taxeld health || echo 'look at the skin'\n  taxeld health --json | jq '.problems[]'"
@@ -50,7 +51,14 @@ fn troubles(health: &Health) -> Vec<String> {
     }));
     let lost = health.patches.iter().filter_map(|patch| patch.tare.as_ref()).filter(|tare| !tare.valid);
     wrong.extend(lost.map(|tare| format!("{}: the zero does not hold: {}", tare.patch, tare.reason)));
+    let without = health.patches.iter().filter(|patch| !patch.no_force.is_empty() && holds(patch));
+    wrong.extend(without.map(|patch| format!("{}: no force: {}", patch.patch, patch.no_force)));
     wrong
+}
+
+/// Whether the zero holds: if not, that is what keeps the force away.
+fn holds(patch: &PatchHealth) -> bool {
+    patch.tare.as_ref().is_none_or(|tare| tare.valid)
 }
 
 async fn print(daemon: &Daemon, health: &Health) -> Outcome {
@@ -106,6 +114,10 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
         lines.push(format!("patch {}: zero {} {holds}: {}", patch.patch, tare.epoch, tare.reason));
         lines.extend(tare.wear.as_ref().map(of_wear));
     }
+    lines.extend(of_gauge(patch));
+    if !patch.no_force.is_empty() {
+        lines.push(format!("  NO FORCE: {}", patch.no_force));
+    }
     let mut by_fault: std::collections::BTreeMap<&str, Vec<u32>> = std::collections::BTreeMap::new();
     for faulty in &patch.faulty {
         for fault in faulty.faults() {
@@ -117,6 +129,21 @@ fn of_patch(patch: &PatchHealth, places: &Places) -> Vec<String> {
         lines.push(format!("  {number} taxel{s} {fault}: {}", places.name(taxels.iter().copied())));
     }
     lines
+}
+
+/// A gauge whose last reading is older is silent, in seconds; `calibrate` is refused then.
+const GAUGE_SILENT_S: f64 = 2.0;
+
+/// What the gauge reads, if the patch has one.
+fn of_gauge(patch: &PatchHealth) -> Option<String> {
+    let reading = patch.gauge_kpa.zip(patch.gauge_age_s);
+    patch.has_gauge.then(|| match reading {
+        None => "  gauge: SILENT: no reading has come since the daemon started".to_owned(),
+        Some((kpa, age_s)) if age_s > GAUGE_SILENT_S => {
+            format!("  gauge: SILENT: its last reading, {kpa:.2} kPa, came {age_s:.0} s ago")
+        }
+        Some((kpa, age_s)) => format!("  gauge: {kpa:.2} kPa, {:.0} ms old", 1e3 * age_s),
+    })
 }
 
 /// What may press unseen now, and what to do where that has become much.
@@ -157,6 +184,22 @@ mod tests {
         for part in ["store: full", "bus 0 is down", "2 of 3 modules are silent", "the zero does not hold"] {
             assert!(said.contains(part), "{part}: {said}");
         }
+    }
+
+    #[test]
+    fn a_patch_with_a_model_set_and_no_force_is_a_trouble_and_the_gauge_is_a_line() {
+        let tare = Some(TareStatus { valid: true, ..Default::default() });
+        let patch = PatchHealth { patch: "palm".to_owned(), tare, has_gauge: true, ..Default::default() };
+        let said = |patch: &PatchHealth| of_patch(patch, &Places::default()).join("\n");
+        assert!(said(&patch).contains("gauge: SILENT: no reading has come"), "{}", said(&patch));
+        let heard = PatchHealth { gauge_kpa: Some(0.12), gauge_age_s: Some(0.02), ..patch.clone() };
+        assert!(said(&heard).contains("gauge: 0.12 kPa, 20 ms old"), "{}", said(&heard));
+        let lost = PatchHealth { gauge_age_s: Some(75.0), ..heard };
+        assert!(said(&lost).contains("gauge: SILENT: its last reading, 0.12 kPa, came 75 s ago"), "{}", said(&lost));
+        let without = PatchHealth { no_force: "no taxel has a zero".to_owned(), ..patch };
+        assert!(said(&without).contains("NO FORCE: no taxel has a zero"), "{}", said(&without));
+        let troubles = troubles(&Health { patches: vec![without], ..Health::default() });
+        assert_eq!(troubles, ["palm: no force: no taxel has a zero"]);
     }
 
     #[test]

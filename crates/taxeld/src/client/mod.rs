@@ -33,7 +33,6 @@ mod table;
 mod tare;
 mod text;
 mod watch;
-mod zeros;
 
 use std::process::ExitCode;
 

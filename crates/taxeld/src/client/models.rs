@@ -9,12 +9,12 @@ use taxel_proto::v1::{
     GetTaxelModelRequest, ImportModelSetRequest, ModelSet, ModelSetSummary, TaxelModel,
 };
 
-use super::activate::full_id;
+use super::activate::{SetInWords, full_id};
 use super::compare::{self, fetch};
 use super::connect::{Daemon, Server};
 use super::failure::Outcome;
 use super::places::Places;
-use super::{json, table};
+use super::{ask, json, table};
 use crate::files;
 use crate::output;
 use crate::same_file::refuse_overwriting;
@@ -77,13 +77,16 @@ enum ModelsCommand {
         /// The later set, in the same way.
         new: String,
     },
-    /// Deletes a set that is not in use, for good.
+    /// Deletes a set that is not in use, for good; it asks before that.
     Delete {
         #[command(flatten)]
         of: OfServer,
         /// Id of the set, or its beginning.
         #[arg(value_name = "MODEL_SET")]
         model_set: String,
+        /// Do not ask.
+        #[arg(long)]
+        yes: bool,
     },
 }
 
@@ -121,12 +124,25 @@ pub async fn models(args: ModelsArgs) -> Outcome {
                 return json::print("ImportModelSetResponse", &answer);
             }
             say!("{} is in the store; use it with: taxeld activate {}", answer.model_set, answer.model_set);
+            let set = SetInWords::of(&daemon, &answer.model_set).await?;
+            say!("  {}\n  {}", set.usable(), set.rest());
             Ok(())
         }
         ModelsCommand::Compare { of, old, new } => compare_sets(&of, &old, &new).await,
-        ModelsCommand::Delete { of, model_set } => {
+        ModelsCommand::Delete { of, model_set, yes } => {
             let daemon = of.server.connect().await?;
             let model_set = full_id(&daemon, &model_set).await?;
+            let sets = daemon.model_sets().await?;
+            if let Some(set) = sets.iter().find(|set| set.model_set == model_set && !set.active) {
+                let question = format!(
+                    "delete model set {model_set} of {} for good ({} of {} taxels usable, made {})?",
+                    set.patch,
+                    set.calibrated,
+                    set.taxels,
+                    table::moment(set.created.as_ref())
+                );
+                ask::agree(yes, &question, &format!("taxeld models delete {model_set}")).await?;
+            }
             daemon.models().delete_model_set(DeleteModelSetRequest { model_set: model_set.clone() }).await?;
             say!("{model_set} is deleted");
             Ok(())

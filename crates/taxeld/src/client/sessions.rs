@@ -2,7 +2,7 @@
 
 use taxel_proto::v1::{
     AbortSessionRequest, Branches, DeleteSessionRequest, DiscardSessionRequest, FinishRampRequest, GetSessionRequest,
-    ListSessionsRequest, RefusedScans, Session, StartRampRequest,
+    ListSessionsRequest, RefusedScans, Session, SessionState, StartRampRequest,
 };
 
 use super::connect::Server;
@@ -10,7 +10,7 @@ use super::export::{ExportArgs, export};
 use super::failure::Outcome;
 use super::list::session_word;
 use super::refit::{RefitArgs, merge, refit};
-use super::{json, table};
+use super::{ask, json, table};
 
 /// Calibration sessions.
 #[derive(Debug, clap::Args)]
@@ -39,8 +39,14 @@ enum SessionsCommand {
     Abort(One),
     /// Lays a session aside: its models cannot be activated any more.
     Discard(One),
-    /// Deletes a session with its samples, for good.
-    Delete(One),
+    /// Deletes a session with its samples, for good; it asks before that.
+    Delete {
+        #[command(flatten)]
+        one: One,
+        /// Do not ask.
+        #[arg(long)]
+        yes: bool,
+    },
     /// Fits the stored samples of a session once more; what comes of it is a model set that is not in use.
     #[command(
         after_help = "Without options the fit is the session's own, with the same id.\n\nExamples:\n  taxeld sessions refit 3 --order auto\n  taxeld sessions refit 3 --branch rising && taxeld models compare active newest"
@@ -65,8 +71,7 @@ enum SessionsCommand {
     },
     /// Writes the samples of a session: as a table that `taxeld fit` reads, or as MCAP.
     #[command(
-        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 --out session3.mcap\n  taxeld sessions export 3 | taxeld fit - --order auto --out models.json    (of the pressures as the gauge read them; \
-                      `sessions refit` takes off what it read at rest)"
+        after_help = "Examples:\n  taxeld sessions export 3 --out session3.csv\n  taxeld sessions export 3 --out session3.mcap\n  taxeld sessions export 3 | taxeld fit - --order auto --patch left_forearm --out models.json"
     )]
     Export(ExportArgs),
 }
@@ -97,12 +102,13 @@ pub async fn sessions(args: SessionsArgs) -> Outcome {
         | SessionsCommand::Ramp(one)
         | SessionsCommand::Finish(one)
         | SessionsCommand::Abort(one)
-        | SessionsCommand::Discard(one)
-        | SessionsCommand::Delete(one) => one,
+        | SessionsCommand::Discard(one) => one,
+        SessionsCommand::Delete { one, yes } => return delete(one, *yes).await,
     };
     let (mut service, session) = (one.server.connect().await?.calibration(), one.session);
     let answer = match &args.command {
         SessionsCommand::List { .. }
+        | SessionsCommand::Delete { .. }
         | SessionsCommand::Export(_)
         | SessionsCommand::Refit { .. }
         | SessionsCommand::Merge { .. } => return Ok(()), // answered above
@@ -111,11 +117,6 @@ pub async fn sessions(args: SessionsArgs) -> Outcome {
         SessionsCommand::Finish(_) => service.finish_ramp(FinishRampRequest { session }).await?,
         SessionsCommand::Abort(_) => service.abort_session(AbortSessionRequest { session }).await?,
         SessionsCommand::Discard(_) => service.discard_session(DiscardSessionRequest { session }).await?,
-        SessionsCommand::Delete(_) => {
-            service.delete_session(DeleteSessionRequest { session }).await?;
-            say!("session {session} is deleted");
-            return Ok(());
-        }
     };
     let view = answer.into_inner();
     if one.json {
@@ -123,6 +124,30 @@ pub async fn sessions(args: SessionsArgs) -> Outcome {
     }
     print(&view);
     Ok(())
+}
+
+async fn delete(one: &One, yes: bool) -> Outcome {
+    let (mut service, session) = (one.server.connect().await?.calibration(), one.session);
+    let view = service.get_session(GetSessionRequest { session }).await?.into_inner();
+    ask::agree(yes, &deletion(&view), &format!("taxeld sessions delete {session}")).await?;
+    let answer = service.delete_session(DeleteSessionRequest { session }).await?.into_inner();
+    if one.json {
+        return json::print("DeleteSessionResponse", &answer);
+    }
+    say!("session {session} is deleted");
+    Ok(())
+}
+
+/// What is asked before a session is deleted.
+fn deletion(view: &Session) -> String {
+    let (session, scans, state) = (view.session, view.accepted, session_word(view.state()));
+    let waits = match view.state() {
+        SessionState::Review => {
+            format!(": it waits for review, and its model set {} was not activated yet", view.model_set)
+        }
+        _ => format!(" ({state})"),
+    };
+    format!("delete session {session} of {} with its {scans} scans for good{waits}?", view.patch)
 }
 
 async fn list(server: &Server, as_json: bool) -> Outcome {
@@ -198,4 +223,25 @@ pub fn refusals(refused: Option<&RefusedScans>) -> String {
     ];
     let words: Vec<String> = counted.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
     if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn whoever_deletes_a_session_in_review_is_told_that_its_models_were_never_used() {
+        let review = Session {
+            session: 3,
+            patch: "palm".to_owned(),
+            accepted: 753,
+            state: SessionState::Review.into(),
+            model_set: "m-1".to_owned(),
+            ..Session::default()
+        };
+        let asked = deletion(&review);
+        assert!(asked.contains("its 753 scans") && asked.contains("m-1 was not activated yet"), "{asked}");
+        let active = deletion(&Session { state: SessionState::Active.into(), ..review });
+        assert_eq!(active, "delete session 3 of palm with its 753 scans for good (ACTIVE)?");
+    }
 }

@@ -3,6 +3,7 @@
 mod area;
 mod area_words;
 mod boards;
+pub mod bus_load;
 mod certificate_section;
 mod dbc;
 mod door;

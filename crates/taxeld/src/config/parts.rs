@@ -306,6 +306,8 @@ pub struct DriftSection {
 pub struct SessionSection {
     /// A ramp ends by itself here.
     pub target_kpa: Option<f64>,
+    /// Whether the skin lies in a chamber under pressure, whose targets may lie above what a vacuum bag reaches.
+    pub pressurised_chamber: bool,
     /// Which branches of the pressure a session gathers, unless it asks for others.
     pub branches: BranchesWord,
     /// A sample may lie so far behind the furthest pressure so far.

@@ -72,8 +72,17 @@ pub fn session(section: &SessionSection, plays: PlaysWord) -> Result<SessionLimi
     let seconds = |key: &str, value: Option<f64>, default: Duration, min, max| {
         or(key, value, default.as_secs_f64(), min, max).map(Duration::from_secs_f64)
     };
+    let defaults = SessionLimits { pressurised_chamber: section.pressurised_chamber, ..defaults };
+    let most = defaults.target_max_kpa();
+    if let Some(kpa) = section.target_kpa.filter(|kpa| *kpa > most && !section.pressurised_chamber) {
+        let words = format!(
+            "session.target_kpa is {kpa}, expected 1 to {most}: a vacuum bag ends at the ambient pressure. For a chamber under \
+             pressure set pressurised_chamber = true beside it"
+        );
+        return Err(Fault::of("session.target_kpa", words));
+    }
     Ok(SessionLimits {
-        target: Kilopascal(or("target_kpa", section.target_kpa, defaults.target.0, 1.0, 1000.0)?),
+        target: Kilopascal(or("target_kpa", section.target_kpa, defaults.target.0, 1.0, most)?),
         noise_band: Kilopascal(or("noise_band_kpa", section.noise_band_kpa, defaults.noise_band.0, 0.0, 50.0)?),
         rise_max_kpa_per_s: or(
             "rise_max_kpa_per_s",

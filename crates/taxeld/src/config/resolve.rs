@@ -11,6 +11,7 @@ use taxel_wire::signal::{ByteOrder, PressureMeaning, SignalSpec};
 
 use super::area_words::AreaFactorWord;
 use super::boards::{board, key_of, placed, setup};
+use super::bus_load::crowded;
 use super::certificate_section::CertificateSection;
 use super::fault::{Fault, within};
 use super::file::Config;
@@ -84,6 +85,7 @@ pub fn scene_of(config: &Config, path: &Path) -> Result<Scene, Fault> {
     let unrecordable = config.record.as_ref().and_then(super::record_section::problem);
     unrecordable.map_or(Ok(()), |(key, words)| Err(Fault::of(key, words)))?;
     scene.doors = doors(config, path)?;
+    scene.remarks.extend(crowded(config, &scene.plan));
     Ok(scene)
 }
 

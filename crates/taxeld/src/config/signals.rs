@@ -173,8 +173,9 @@ fn plan(
     let Numbers { low, shift, counts } = range;
     let of = |taxel: &usize| (*taxel as u16, CountField { field: taxels[*taxel].field, low, shift, top: counts.top() });
     let pages = pages(taxels)?;
-    let frames =
-        pages.iter().map(|page| FrameSpec { frames: page.frames.clone(), counts: page.taxels.iter().map(of).collect() });
+    let frames = pages
+        .iter()
+        .map(|page| FrameSpec { frames: page.frames.clone(), counts: page.taxels.iter().map(of).collect() });
     let scans = scans(array)?;
     match &scans {
         ScanBegin::Time => {}

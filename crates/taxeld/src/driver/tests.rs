@@ -139,6 +139,7 @@ fn import(created_wall_ns: i64) -> Command {
         taxels,
         recorded: None,
         recalibrated: None,
+        maker: taxel_engine::model_set::Maker::default(),
     };
     set.id = models_json::content_id(&set);
     Command::Import { model_set: Arc::new(set), insist: false }

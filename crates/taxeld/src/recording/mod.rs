@@ -1,4 +1,5 @@
-//! DATA.csv: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or gzipped.
+//! DATA.csv: `t_s,pressure_kpa,c0,c1,...`, one row a scan, plain or gzipped. That of a session has two columns more and rows of
+//! figures ([`Figure`]).
 
 mod blocks;
 mod column;
@@ -9,6 +10,7 @@ use std::sync::OnceLock;
 
 use anyhow::{Context, bail};
 use flate2::read::MultiGzDecoder;
+use taxel_engine::calibration::export::LAST_COLUMNS;
 use taxel_model::parse_decimal;
 use taxel_skin::printable;
 
@@ -47,8 +49,25 @@ pub struct Recording {
     pub pressure_kpa: Option<Column>,
     /// One column per taxel.
     pub counts: Vec<Column>,
+    /// The ramp of each scan, from 1, where the file is an export of a session.
+    pub ramps: Option<Vec<u16>>,
+    /// What the session says beside its scans.
+    pub figures: Vec<Figure>,
     /// Rows that were left out, and cells that were not numbers.
     pub refused: Refused,
+}
+
+/// A row of an exported session that is no scan; `taxel_engine::calibration::export` has what each is.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Figure {
+    /// What it is.
+    pub name: String,
+    /// The ramp that it is of, from 1; 0 if it is of all.
+    pub ramp: u16,
+    /// Its cell under `pressure_kpa`; NaN if that is empty.
+    pub kpa: f64,
+    /// One per taxel; NaN if the cell is empty.
+    pub cells: Vec<f64>,
 }
 
 /// What of a file could not be used.
@@ -135,13 +154,14 @@ impl Recording {
 
     /// An empty recording with the columns of a header.
     fn under(header: &csv::ByteRecord) -> anyhow::Result<Self> {
-        let has_pressure = check_header(header)?;
-        Ok(Self::with_columns(has_pressure, header.len() - 1 - usize::from(has_pressure)))
+        let (has_pressure, of_session, taxels) = check_header(header)?;
+        Ok(Self::with_columns(has_pressure, of_session, taxels))
     }
 
-    fn with_columns(has_pressure: bool, taxels: usize) -> Self {
+    fn with_columns(has_pressure: bool, of_session: bool, taxels: usize) -> Self {
         Self {
             pressure_kpa: has_pressure.then(Column::default),
+            ramps: of_session.then(Vec::new),
             counts: vec![Column::default(); taxels],
             ..Self::default()
         }
@@ -174,7 +194,8 @@ impl Recording {
         let found: Vec<OnceLock<anyhow::Result<Self>>> = parts.iter().map(|_| OnceLock::new()).collect();
         threads::each(parts.len(), &|number| {
             let (before, part) = parts[number];
-            let mut recording = Self::with_columns(self.pressure_kpa.is_some(), self.counts.len());
+            let mut recording =
+                Self::with_columns(self.pressure_kpa.is_some(), self.ramps.is_some(), self.counts.len());
             let taken = recording.take_rows(reader(part, false), lines_before + before, part);
             let _ = found[number].set(taken.map(|()| recording));
         });
@@ -203,13 +224,22 @@ impl Recording {
     }
 
     fn take_row(&mut self, row: &csv::ByteRecord, line: u64) {
-        let columns = 1 + usize::from(self.pressure_kpa.is_some()) + self.counts.len();
+        let own = 1 + usize::from(self.pressure_kpa.is_some()) + self.counts.len();
+        let columns = own + if self.ramps.is_some() { LAST_COLUMNS.len() } else { 0 };
         if row.len() != columns {
             self.refused.rows += 1;
             let cells = row.len();
             return self.refused.tell(|| format!("line {line}: {cells} cells, the header has {columns}"));
         }
-        let mut cells = row.iter().map(unquoted);
+        let ramp = match self.last_columns(row, own) {
+            Ok(Some(ramp)) => ramp,
+            Ok(None) => return, // a figure
+            Err(why) => {
+                self.refused.rows += 1;
+                return self.refused.tell(|| format!("line {line}: {why}"));
+            }
+        };
+        let mut cells = row.iter().map(unquoted).take(own);
         let first = cells.next().unwrap_or_default();
         let Some((time, _)) = number(first) else {
             self.refused.rows += 1;
@@ -218,6 +248,7 @@ impl Recording {
         };
         self.time_s.push(time);
         self.lines.push(line);
+        self.ramps.iter_mut().for_each(|ramps| ramps.push(ramp));
         let pressure = self.pressure_kpa.as_mut().into_iter();
         for ((cell, column), number_of) in cells.zip(pressure.chain(&mut self.counts)).zip(2..) {
             let (hi, lo) = number(cell).unwrap_or((f64::NAN, 0.0));
@@ -230,12 +261,37 @@ impl Recording {
         }
     }
 
+    /// The ramp of a scan, by the cells after its own; `None` if the row is a figure of a session, which is kept.
+    fn last_columns(&mut self, row: &csv::ByteRecord, own: usize) -> Result<Option<u16>, String> {
+        if self.ramps.is_none() {
+            return Ok(Some(0));
+        }
+        let cell = |position: usize| unquoted(row.get(position).unwrap_or_default());
+        let (ramp, name) = (cell(own), cell(own + 1));
+        // A tool that knows no empty integers writes 1.0.
+        let ramp = match number(ramp) {
+            Some((ramp, _)) if ramp.fract() == 0.0 && (1.0..=f64::from(u16::MAX)).contains(&ramp) => ramp as u16,
+            None if ramp.is_empty() && !name.is_empty() => 0,
+            _ => return Err(format!("ramp is `{}`, expected a number from 1", shown(ramp))),
+        };
+        if name.is_empty() {
+            return Ok(Some(ramp));
+        }
+        let value = |position: usize| number(cell(position)).map_or(f64::NAN, |(value, _)| value);
+        let (kpa, first) = if self.pressure_kpa.is_some() { (value(1), 2) } else { (f64::NAN, 1) };
+        let name = String::from_utf8_lossy(name).into_owned();
+        self.figures.push(Figure { name, ramp, kpa, cells: (first..own).map(value).collect() });
+        Ok(None)
+    }
+
     /// Goes on with the rows of another recording of the same columns.
     fn append(&mut self, other: Self) {
         self.time_s.extend(other.time_s);
         self.lines.extend(other.lines);
         let columns = self.pressure_kpa.as_mut().into_iter().chain(&mut self.counts);
         columns.zip(other.pressure_kpa.iter().chain(&other.counts)).for_each(|(column, other)| column.append(other));
+        self.ramps.iter_mut().zip(other.ramps).for_each(|(ramps, other)| ramps.extend(other));
+        self.figures.extend(other.figures);
         self.refused.append(other.refused);
     }
 
@@ -248,6 +304,7 @@ impl Recording {
     pub fn retain(&mut self, kept: &[bool]) {
         keep(&mut self.time_s, kept);
         keep(&mut self.lines, kept);
+        self.ramps.iter_mut().for_each(|ramps| keep(ramps, kept));
         for column in self.pressure_kpa.as_mut().into_iter().chain(&mut self.counts) {
             keep(&mut column.hi, kept);
             column.lo.iter_mut().for_each(|lo| keep(lo, kept));
@@ -335,8 +392,8 @@ fn unquoted(cell: &[u8]) -> &[u8] {
     inner.map_or(cell, <[u8]>::trim_ascii)
 }
 
-/// Whether there is a pressure column.
-fn check_header(header: &csv::ByteRecord) -> anyhow::Result<bool> {
+/// Whether there is a pressure column, whether the table is one of a session, and how many taxels it has.
+fn check_header(header: &csv::ByteRecord) -> anyhow::Result<(bool, bool, usize)> {
     let columns: Vec<&[u8]> = header.iter().map(unquoted).collect();
     let (has_pressure, taxels) = match columns.as_slice() {
         [b"t_s", b"pressure_kpa", taxels @ ..] => (true, taxels),
@@ -345,6 +402,11 @@ fn check_header(header: &csv::ByteRecord) -> anyhow::Result<bool> {
             "line 1: the header begins with `{}`, expected `t_s,pressure_kpa,c0,c1,...`",
             shown(&columns.join(&b","[..]))
         ),
+    };
+    let of_session = |taxels: &[&[u8]]| taxels.ends_with(&LAST_COLUMNS.map(str::as_bytes));
+    let (of_session, taxels) = match of_session(taxels) {
+        true => (true, &taxels[..taxels.len() - LAST_COLUMNS.len()]),
+        false => (false, taxels),
     };
     if taxels.is_empty() {
         bail!("line 1: the header has no taxel column: expected `t_s,pressure_kpa,c0,c1,...`");
@@ -355,7 +417,7 @@ fn check_header(header: &csv::ByteRecord) -> anyhow::Result<bool> {
             bail!("line 1: column {column} is `{name}`, expected `c{i}`");
         }
     }
-    Ok(has_pressure)
+    Ok((has_pressure, of_session, taxels.len()))
 }
 
 /// A cell as a message shows it: on one line, and nothing that a terminal acts upon.

@@ -17,7 +17,7 @@ use crate::calibration::fit::smooth::running_median;
 use crate::calibration::fit::workers::Workers;
 use crate::calibration::fit::zero::{baseline, rest_scans, zero_return};
 use crate::calibration::method::{method as method_of, plays_in_words};
-use crate::model_set::{ModelSet, Recorded};
+use crate::model_set::{Maker, ModelSet, Recorded};
 
 /// Fits a recording. The set comes without id, patch and time of making.
 ///
@@ -74,6 +74,7 @@ pub fn fit(scans: &Scans<'_>, recipe: &FitRecipe, workers: &dyn Workers) -> Resu
         baseline,
         taxels: fitted.models,
         recalibrated: None,
+        maker: Maker::this(false),
     })
 }
 

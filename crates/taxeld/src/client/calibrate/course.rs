@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use taxel_proto::v1::{AbortSessionRequest, GetHealthRequest, Session, SessionState, WatchSessionRequest};
+use taxel_proto::v1::{
+    AbortSessionRequest, FinishRampRequest, GetHealthRequest, Session, SessionState, WatchSessionRequest,
+};
 use tokio::sync::mpsc;
 use tonic::{Status, Streaming};
 
@@ -25,6 +27,8 @@ pub struct Course {
     pub screen: Screen,
     /// Whether somebody can be asked.
     pub asks: bool,
+    /// The session, ramp and branch of which it was asked whether it shall end where it cannot get further.
+    pub offered: Option<(u64, u32, bool)>,
 }
 
 /// A session and the daemon, about its patch.
@@ -127,6 +131,7 @@ pub async fn follow(course: &mut Course, all: &mut [Followed]) -> Outcome {
                 let before = std::mem::replace(&mut all[position].session, session);
                 let shown = all.iter().position(Followed::is_under_way).unwrap_or(position);
                 course.screen.show(&all[position].session, &before, shown == position)?;
+                offer_to_finish(course, &all[position]).await?;
                 if !all.iter().any(Followed::is_under_way) {
                     return Ok(());
                 }
@@ -137,6 +142,25 @@ pub async fn follow(course: &mut Course, all: &mut [Followed]) -> Outcome {
             }
         }
     }
+}
+
+/// Where a rise cannot get further: end it here, or wait for the pump. It is asked once a ramp.
+async fn offer_to_finish(course: &mut Course, followed: &Followed) -> Outcome {
+    let session = &followed.session;
+    let stalled = session.state() == SessionState::Ramping && !session.falling && !session.reason.is_empty();
+    let ramp = Some((session.session, session.ramps, session.falling));
+    if !stalled || !course.asks || course.offered == ramp {
+        return Ok(());
+    }
+    course.offered = ramp;
+    course.screen.clear();
+    bell();
+    let question = format!("{}\nf: end the ramp here and fit what there is, Enter: go on pumping.", session.reason);
+    if ask::ask(&question).await? == "f" {
+        let request = FinishRampRequest { session: session.session };
+        followed.daemon.calibration().finish_ramp(request).await?;
+    }
+    Ok(())
 }
 
 /// Ctrl-C: abort, leave, or go on.

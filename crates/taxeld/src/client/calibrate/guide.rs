@@ -22,8 +22,8 @@ pub enum Advice {
     GoOn,
     /// The rate is near its limit or beyond it.
     Slower,
-    /// The pressure stands before the end of the branch.
-    Stands,
+    /// The pressure stands before the end of the branch; why, and what can be done, where the daemon says so.
+    Stands(String),
     /// The pressure falls on the rising branch.
     Leak,
     /// Let air in slowly.
@@ -47,7 +47,8 @@ impl Advice {
             Self::Pump => "pump: lower the pressure in the bag slowly".to_owned(),
             Self::GoOn => "go on".to_owned(),
             Self::Slower => "slower".to_owned(),
-            Self::Stands => "the pressure stands: pump on, or `taxeld sessions finish` ends the ramp here".to_owned(),
+            Self::Stands(reason) if reason.is_empty() => "the pressure stands: pump on".to_owned(),
+            Self::Stands(reason) => reason.clone(),
             Self::Leak => "leak: the pressure falls".to_owned(),
             Self::LetAirIn => "let air in slowly".to_owned(),
             Self::NoGauge => "no pressure reading: is the gauge on?".to_owned(),
@@ -81,7 +82,11 @@ impl Guide {
         let Some(kpa) = session.pressure_kpa else { return Advice::NoGauge };
         self.highest_kpa = self.highest_kpa.max(kpa);
         let rate = session.rate_kpa_per_s.unwrap_or(0.0);
-        if session.falling { falling(session, rate) } else { self.rising(session, kpa, rate) }
+        match session.falling {
+            true => falling(session, rate),
+            false if !session.reason.is_empty() => Advice::Stands(session.reason.clone()),
+            false => self.rising(session, kpa, rate),
+        }
     }
 
     fn rising(&self, session: &Session, kpa: f64, rate: f64) -> Advice {
@@ -94,7 +99,7 @@ impl Guide {
         } else if kpa < BEGUN_KPA {
             Advice::Pump
         } else {
-            Advice::Stands
+            Advice::Stands(String::new())
         }
     }
 }
@@ -133,7 +138,7 @@ mod tests {
             (1.0, 1.0, Advice::GoOn),
             (10.0, 4.4, Advice::GoOn),
             (20.0, 4.6, Advice::Slower),
-            (30.0, 0.01, Advice::Stands),
+            (30.0, 0.01, Advice::Stands(String::new())),
             (29.8, -0.2, Advice::Leak),
             (28.9, 0.0, Advice::Leak),
             (31.0, 2.0, Advice::GoOn),

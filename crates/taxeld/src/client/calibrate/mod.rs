@@ -14,6 +14,7 @@ use begin::{Patch, begin, patch};
 use course::{Course, Followed, follow, until_vented};
 use screen::Screen;
 
+use super::activate::SetInWords;
 use super::ask;
 use super::compare::fetch;
 use super::failure::{Failure, Outcome};
@@ -35,7 +36,7 @@ pub async fn calibrate(args: CalibrateArgs) -> Outcome {
     }
     let asks = !args.yes && !args.json && ask::somebody();
     let places = patches.iter().map(|patch| (patch.daemon.patch(), patch.places.clone())).collect();
-    let mut course = Course { screen: Screen::new(places, args.json), asks };
+    let mut course = Course { screen: Screen::new(places, args.json), asks, offered: None };
     let mut all = begin_all(&course, &args, &patches).await?;
     let mut failed = ramps(&mut course, &args, &mut all).await?;
     course.screen.end();
@@ -121,7 +122,15 @@ async fn conclude(course: &Course, args: &CalibrateArgs, session: &Session, patc
     if !args.json {
         review::print(&set, before.as_ref(), places);
     }
-    let activate = args.yes || (course.asks && ask::yes("activate?").await?);
+    let words = SetInWords::of(daemon, &set.id).await?;
+    let asked = format!("{}. Activate?", words.usable());
+    let activate = match (args.yes, course.asks) {
+        (true, _) => true,
+        (false, false) => false,
+        // Enter is no where most of the skin would be lost.
+        (false, true) if words.is_much_less() => ask::agree(false, &asked, "").await.is_ok(),
+        (false, true) => ask::yes(&asked).await?,
+    };
     if !activate {
         course.screen.tell(&format!("not in use yet: taxeld activate {}", set.id));
         return Ok(());

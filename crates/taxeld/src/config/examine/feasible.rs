@@ -4,6 +4,7 @@
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
+use crate::config::bus_load::overloaded;
 use crate::config::fault::Fault;
 use crate::config::file::Config;
 use crate::config::parts::{BusSection, BusSource, PatchSection};
@@ -33,6 +34,7 @@ pub fn impossible(config: &Config, scene: &Scene) -> Vec<Fault> {
             ),
         ));
     }
+    found.extend(overloaded(config, &scene.plan));
     for (number, (section, plan)) in config.patch.iter().zip(&scene.plan.patches).enumerate() {
         let within = |fault: Fault| fault.within(&format!("patch[{number}]"), &format!("patch `{}`", section.name));
         found.extend(session(section, &plan.session).into_iter().map(within));

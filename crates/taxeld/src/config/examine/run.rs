@@ -387,6 +387,30 @@ mod tests {
     }
 
     #[test]
+    fn a_target_that_no_bag_reaches_needs_the_key_of_a_chamber() {
+        let of = |session: &str| problems(&format!("{SMALL}[patch.session]\n{session}"));
+        let found = of("target_kpa = 150\n");
+        assert_eq!(
+            found.iter().map(|problem| problem.key.as_str()).collect::<Vec<_>>(),
+            ["patch[0].session.target_kpa"]
+        );
+        assert!(found[0].message.contains("pressurised_chamber = true"), "{found:#?}");
+        assert!(of("target_kpa = 95\n").is_empty() && of("target_kpa = 150\npressurised_chamber = true\n").is_empty());
+        assert!(!of("target_kpa = 1001\npressurised_chamber = true\n").is_empty());
+    }
+
+    #[test]
+    fn a_bus_that_cannot_carry_its_scans_is_refused() {
+        let full = SMALL.replace("modules = \"0-3\"", "modules = \"0-15\"");
+        let of =
+            |period_ms: u32| problems(&full.replace("name = \"p\"", &format!("name = \"p\"\nperiod_ms = {period_ms}")));
+        let found = of(1);
+        assert_eq!(found.iter().map(|problem| problem.key.as_str()).collect::<Vec<_>>(), ["patch[0].period_ms"]);
+        assert!(found[0].message.contains("355 % of 1 Mbit/s"), "{found:#?}");
+        assert!(of(5).is_empty());
+    }
+
+    #[test]
     fn several_faults_of_syntax_are_told_at_once() {
         let found = lines("[store\npath = 1\n[[bus]]\nname = = 2\n");
         assert!(found.len() >= 2 && found[0].starts_with("t.toml:1: "), "{found:#?}");

@@ -95,7 +95,10 @@ fn what_cannot_be_is_refused_with_the_key_and_what_was_expected() {
         ("id = 1\nlength_bits = 3", "length_bits = 3: expected 4 to 24"),
         ("id = 1\nlength_bits = 12\ncount = 43", "taxel 42 of the frame: 12 bits from start bit 504"),
         ("id = 1\nlength_bits = 12\ncount = 2\nstride_bits = 8", "bit 8 of frame 001 is also part of signals 1"),
-        ("id = 1\nlength_bits = 12\nmux = [{ length_bits = 4, value = 3 }]", "bit 0 of frame 001 is also part of what selects the frame"),
+        (
+            "id = 1\nlength_bits = 12\nmux = [{ length_bits = 4, value = 3 }]",
+            "bit 0 of frame 001 is also part of what selects the frame",
+        ),
         (
             "id = 1\nlength_bits = 12\nstart_bit = 4\nmux = [{ length_bits = 4, value = 16 }]",
             "mux: value 16 does not fit",
@@ -131,13 +134,22 @@ fn a_description_by_which_no_scan_is_ever_whole_is_refused() {
         (also("[[5, 5]]"), "signals 2 and signals 2 are together in some frames 001 and not in others"),
         (also("[[5, 3]]"), "mux: no number is from 5 to 3"),
         (array("scan = \"frame\"\nsync = { id = 1 }"), "array.sync: frames 001 also come in the middle of a scan"),
-        (array(&format!("{counter}0, length_bits = 4 }}")), "array.counter: bit 0 of frame 001 is also part of what selects"),
-        (array(&format!("{counter}20, length_bits = 8 }}")), "array.counter: bit 20 of frame 001 is also part of signals 2"),
+        (
+            array(&format!("{counter}0, length_bits = 4 }}")),
+            "array.counter: bit 0 of frame 001 is also part of what selects",
+        ),
+        (
+            array(&format!("{counter}20, length_bits = 8 }}")),
+            "array.counter: bit 20 of frame 001 is also part of signals 2",
+        ),
     ] {
         let why = plan(&text).unwrap_err();
         assert!(why.contains(expected), "{why}");
     }
-    for keys in ["scan = \"frame\"\nsync = { id = 1, mux = [{ length_bits = 8, value = 0 }] }", &format!("{counter}24, length_bits = 8 }}")] {
+    for keys in [
+        "scan = \"frame\"\nsync = { id = 1, mux = [{ length_bits = 8, value = 0 }] }",
+        &format!("{counter}24, length_bits = 8 }}"),
+    ] {
         plan(&array(keys)).unwrap();
     }
 }
