@@ -3,7 +3,7 @@
 use taxel_wire::signal::PressureUnit;
 
 /// Keys and what they expect. Sections of lists have no numbers here. The ranges are those that `resolve` checks.
-const EXPECTED: [(&str, &str); 63] = [
+const EXPECTED: [(&str, &str); 64] = [
     ("store.path", "the path of a file, as in \"/var/lib/taxeld/taxeld.db\""),
     ("store.budget_mb", "a whole number of megabytes"),
     ("store.keep_model_sets", "a whole number of model sets"),
