@@ -4,7 +4,6 @@
 //! refused; one that was changed on purpose has to drop its `id` and gets a new one. When a set was made, and the number of
 //! its session, are no part of that content: the same samples fitted with the same options give the same id whenever and
 //! wherever that is done.
-
 //!
 //! A text is read once, straight into the set that it describes, and every string and list of it has a bound: what a
 //! hostile text can cost is a few times its own size.

@@ -1,7 +1,7 @@
 //! What each key expects, for whoever wrote something else.
 
 /// Keys and what they expect. Sections of lists have no numbers here. The ranges are those that `resolve` checks.
-const EXPECTED: [(&str, &str); 62] = [
+const EXPECTED: [(&str, &str); 63] = [
     ("store.path", "the path of a file, as in \"/var/lib/taxeld/taxeld.db\""),
     ("store.budget_mb", "a whole number of megabytes"),
     ("store.keep_model_sets", "a whole number of model sets"),
