@@ -3,104 +3,15 @@
 #![cfg(all(feature = "sim", feature = "client"))]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
+mod demo;
+
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// A demo that ends with its test.
-struct Demo {
-    child: Child,
-    server: String,
-}
-
-impl Demo {
-    /// Starts a demo on a port of its own and waits until it says that it is live.
-    fn start(arguments: &[&str]) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-        command.args(["demo", "--listen", "127.0.0.1:0"]).args(arguments);
-        let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let live = lines.find_map(|line| {
-            let line = line.unwrap();
-            line.starts_with("The same skin is now").then(|| line.rsplit_once(" on ").unwrap().1.to_owned())
-        });
-        let address = live.expect("the demo says where it listens");
-        let server = address.trim_end_matches('.').to_owned();
-        std::thread::spawn(move || lines.for_each(drop)); // its text goes on and must not block it
-        Self { child, server }
-    }
-
-    fn command(&self, arguments: &[&str]) -> Output {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_taxeld"));
-        command.args(arguments).env("TAXELD_SERVER", &self.server).stdin(Stdio::null());
-        command.output().unwrap()
-    }
-
-    /// A command of which no file may have more than one block, as on a disk that is full by then: it must fail and leave the
-    /// file at the end of its arguments as it is.
-    fn leaves(&self, arguments: &[&str]) {
-        let out = arguments.last().unwrap();
-        std::fs::write(out, "what was there").unwrap();
-        let mut command = Command::new("sh");
-        command.args(["-c", "trap '' XFSZ; ulimit -f 1; exec \"$0\" \"$@\"", env!("CARGO_BIN_EXE_taxeld")]);
-        let output = command.args(arguments).env("TAXELD_SERVER", &self.server).output().unwrap();
-        let said = text(&output.stderr);
-        assert_eq!(output.status.code(), Some(1), "{arguments:?}: {said}");
-        assert!(said.contains(&format!("{out}: File too large")), "{arguments:?}: {said}");
-        assert_eq!(std::fs::read_to_string(out).unwrap(), "what was there", "{arguments:?}");
-    }
-
-    /// What a command that must succeed prints.
-    fn succeeds(&self, arguments: &[&str]) -> String {
-        let output = self.command(arguments);
-        assert!(output.status.success(), "{arguments:?}: {}{}", text(&output.stdout), text(&output.stderr));
-        text(&output.stdout)
-    }
-
-    /// What a command says that the daemon must refuse.
-    fn refused(&self, arguments: &[&str]) -> String {
-        let output = self.command(arguments);
-        assert_eq!(output.status.code(), Some(3), "{arguments:?}: {}{}", text(&output.stdout), text(&output.stderr));
-        text(&output.stderr)
-    }
-
-    /// The JSON that a command prints, a value a line.
-    fn json(&self, arguments: &[&str]) -> Vec<serde_json::Value> {
-        let printed = self.succeeds(arguments);
-        printed.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
-    }
-
-    /// Repeats a command until it succeeds, as an operator does: the mass comes and goes every five seconds, and a zero
-    /// that is lost (on a busy machine the simulated boards fall silent) is taken again.
-    fn until_good(&self, arguments: &[&str]) -> String {
-        let mut said = String::new();
-        for _ in 0..200 {
-            let output = self.command(arguments);
-            if output.status.success() {
-                return text(&output.stdout);
-            }
-            said = text(&output.stderr);
-            assert_eq!(output.status.code(), Some(3), "{arguments:?}: {said}");
-            if said.contains("zero") {
-                self.command(&["tare"]);
-            }
-        }
-        panic!("{arguments:?} never succeeded: {said}");
-    }
-}
-
-impl Drop for Demo {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
+use demo::{Demo, text};
 
 #[test]
 fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
@@ -187,42 +98,6 @@ fn an_exported_session_is_fitted_as_it_was(demo: &Demo, fitted: &str, id: &str) 
         }
     }
     assert!(own == again, "{own:#}\n{again:#}");
-}
-
-/// The lines of the document that begin so and follow, up to an empty one, as they stand.
-fn recipe(begins: &str) -> Vec<String> {
-    let document = include_str!("../doc/walkthrough.md").lines();
-    let lines = document.skip_while(|line| !line.starts_with(&format!("    $ {begins}")));
-    lines.map_while(|line| line.strip_prefix("    $ ")).map(str::to_owned).collect()
-}
-
-#[test]
-fn the_recipe_of_the_walk_through_ends_with_a_force() {
-    let demo = Demo::start(&["--bare"]);
-    demo.until_good(&["calibrate", "--target", "30", "--yes"]);
-    let folder = tempfile::tempdir().unwrap();
-    let programmes = Path::new(env!("CARGO_BIN_EXE_taxeld")).parent().unwrap().display().to_string();
-    let run = |line: &str| {
-        let mut command = Command::new("sh");
-        let path = format!("{programmes}:{}", std::env::var("PATH").unwrap());
-        command.args(["-c", line]).env("PATH", path).env("TAXELD_SERVER", &demo.server).current_dir(folder.path());
-        command.stdin(Stdio::null()).output().unwrap()
-    };
-    let lines = recipe("taxeld sessions export");
-    assert_eq!(lines.len(), 4, "{lines:?}");
-    for line in &lines {
-        let done = (0..200).map(|_| run(line)).find(|done| done.status.success() || !line.ends_with("tare"));
-        let done = done.unwrap_or_else(|| panic!("{line} never succeeded: {}", text(&run(line).stderr)));
-        let said = text(&done.stdout) + &text(&done.stderr);
-        assert!(done.status.success(), "{line}: {said}");
-        if line.contains("import") || line.contains("activate") {
-            assert!(
-                said.contains("the zero of its calibration") && said.contains(" taxels usable; m-"),
-                "{line}: {said}"
-            );
-        }
-    }
-    demo.until_good(&["watch", "--once", "--quiet", "--within", "10"]);
 }
 
 #[test]
@@ -526,33 +401,4 @@ fn simulated_boards_that_were_held_up_do_not_send_too_fast_afterwards() {
         }
     };
     assert!(!later.to_string().contains("too fast"), "{later}");
-}
-
-/// Each line of the walk-through that begins with `$`, by a shell, in order and in one folder. A line is repeated as an operator
-/// would: the mass comes and goes, and the skin recovers from it.
-#[test]
-fn the_walk_through_holds_as_it_stands() {
-    let demo = Demo::start(&[]);
-    let folder = tempfile::tempdir().unwrap();
-    let programs = Path::new(env!("CARGO_BIN_EXE_taxeld")).parent().unwrap().display();
-    let path = format!("{programs}:{}", std::env::var("PATH").unwrap());
-    let lines: Vec<&str> =
-        include_str!("../doc/walkthrough.md").lines().filter_map(|line| line.strip_prefix("    $ ")).collect();
-    assert!(lines.iter().any(|line| line.starts_with("taxeld calibrate")), "{lines:?}");
-    for line in lines {
-        let run = || {
-            let mut shell = Command::new("bash");
-            shell.args(["-o", "pipefail", "-c", line]).current_dir(folder.path()).env("PATH", &path);
-            shell.env("TAXELD_SERVER", &demo.server).stdin(Stdio::null()).output().unwrap()
-        };
-        let mut output = run();
-        for _ in 0..200 {
-            if output.status.success() {
-                break;
-            }
-            assert_eq!(output.status.code(), Some(3), "{line}: {}{}", text(&output.stdout), text(&output.stderr));
-            output = run();
-        }
-        assert!(output.status.success(), "{line}: {}{}", text(&output.stdout), text(&output.stderr));
-    }
 }

@@ -206,6 +206,7 @@ impl Engine {
         self.patches[index].calibration().refuse_if_open("finish or abort it first")?;
         if command == Trigger::StartRamp {
             self.patches[index].check_looked_at()?;
+            self.patches[index].check_gauge_heard(now)?;
             self.patches[index].check_vented(now)?;
         }
         Ok(index)

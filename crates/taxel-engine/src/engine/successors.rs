@@ -40,6 +40,7 @@ impl Engine {
         }
         patch.calibration().refuse_if_open("finish or abort it first")?;
         patch.check_looked_at()?;
+        patch.check_gauge_heard(now)?;
         patch.check_vented(now)?;
         Ok(index)
     }

@@ -125,6 +125,8 @@ fn pure_crates_do_no_io_and_read_no_clock() {
             files += usize::from(!code.is_empty());
             // `crate::io` is the engine's own boundary.
             let own = code.replace("crate::io", "").replace("mod io", "").replace("use io::", "");
+            // What the compiler knows of the crate is no environment.
+            let own = own.replace("env!(\"CARGO_PKG_VERSION\")", "");
             let found: Vec<&str> = words(&own).filter(|word| banned.contains(word)).collect();
             assert!(found.is_empty(), "{} names {found:?}", path.display());
         }

@@ -19,7 +19,7 @@ impl Model {
                 Answer::Refused
             }
             Step::StartSession => {
-                if self.open().is_some() || self.presses() || self.boards_wait {
+                if self.open().is_some() || self.presses() || self.gauge_gone() || self.boards_wait {
                     return Answer::Refused;
                 }
                 let number = self.next_session;
@@ -32,7 +32,7 @@ impl Model {
             Step::StartRamp(number) if self.state(number) == Some(S::Active) => self.command(Step::StartSession),
             Step::StartRamp(number) => {
                 let can = matches!(self.state(number), Some(S::Review | S::Interrupted | S::Failed | S::Aborted));
-                if !can || self.presses() || self.boards_wait || !self.take_up(number) {
+                if !can || self.presses() || self.gauge_gone() || self.boards_wait || !self.take_up(number) {
                     return Answer::Refused;
                 }
                 self.want_zero(number);

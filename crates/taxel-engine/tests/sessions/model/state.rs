@@ -153,6 +153,11 @@ impl Model {
         self.gauge_fresh && self.kpa > VENTED_KPA
     }
 
+    /// Whether the gauge is known to be silent: the last pass went without it.
+    pub(super) fn gauge_gone(&self) -> bool {
+        self.heard && !self.gauge_fresh
+    }
+
     pub(super) fn enter(&mut self, number: u64, state: S) {
         let session = self.live.sessions.entry(number).or_insert((state, None));
         session.0 = state;

@@ -2,10 +2,10 @@ use std::path::Path;
 
 use super::*;
 use crate::config::resolve::resolve;
+use proptest::prelude::*;
 use taxel_engine::intake::cells::Device;
 use taxel_skin::Time;
 use taxel_wire::TimedFrame;
-use proptest::prelude::*;
 
 const HEAD: &str = "store.path = \"t.db\"\n[[bus]]\nname = \"b\"\ninterface = \"can0\"\n[[patch]]\nname = \"p\"\nbus = \"b\"\nperiod_ms = 20\n";
 
