@@ -18,7 +18,8 @@ impl ForeignLog {
     /// What a log with these first bytes is, where it is none of candump.
     pub(crate) fn of(head: &[u8]) -> Option<Self> {
         let head = head.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(head).trim_ascii_start();
-        let begins = |with: &str| head.get(..with.len()).is_some_and(|bytes| bytes.eq_ignore_ascii_case(with.as_bytes()));
+        let begins =
+            |with: &str| head.get(..with.len()).is_some_and(|bytes| bytes.eq_ignore_ascii_case(with.as_bytes()));
         let known = [
             ("LOGG", "a Vector BLF log", "blf"),
             ("date ", "a Vector ASC log", "asc"),

@@ -8,6 +8,7 @@ use std::io::{self, Cursor, Read};
 use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
+use taxel_skin::text::{decode, is_utf16};
 use taxel_wire::candump::parse_line_bytes;
 use taxel_wire::{FrameKind, TimedFrame};
 use thiserror::Error;
@@ -19,6 +20,8 @@ use crate::lost_line::Lost;
 
 /// Bytes asked of the file at once.
 const BLOCK_BYTES: usize = 256 * 1024;
+/// Longest log in UTF-16.
+const UTF16_BYTES_MAX: u64 = 256 << 20;
 const GZIP_MAGIC: [u8; 2] = [0x1F, 0x8B];
 /// With it some editors begin a file.
 const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
@@ -117,13 +120,35 @@ impl LogReader {
             report: LogReport::default(),
             lost: 0,
         };
-        while reader.end < HEAD_BYTES && !reader.over {
-            reader.fill()?;
+        reader.fill_head()?;
+        if is_utf16(&reader.buffer[..reader.end]) {
+            reader.decode_whole()?;
         }
         match ForeignLog::of(&reader.buffer[..reader.end]) {
             Some(format) => Err(LogFault::Foreign { name: reader.name, format }),
             None => Ok(reader),
         }
+    }
+
+    fn fill_head(&mut self) -> Result<(), LogFault> {
+        while self.end < HEAD_BYTES && !self.over {
+            self.fill()?;
+        }
+        Ok(())
+    }
+
+    /// A text in UTF-16 is read as a whole: shells on Windows redirect into such files, and nobody records for days by that.
+    fn decode_whole(&mut self) -> Result<(), LogFault> {
+        let fault = |error| LogFault::Read { name: self.name.clone(), line: 0, error };
+        let mut bytes = self.buffer[..self.end].to_vec();
+        self.input.by_ref().take(UTF16_BYTES_MAX).read_to_end(&mut bytes).map_err(fault)?;
+        if bytes.len() as u64 > UTF16_BYTES_MAX {
+            let words = "a text in UTF-16 of more than 256 MB: `iconv -f UTF-16 -t UTF-8 IN.log > OUT.log`";
+            return Err(fault(io::Error::new(io::ErrorKind::FileTooLarge, words)));
+        }
+        self.input = Box::new(Cursor::new(decode(&bytes).into_bytes()));
+        (self.start, self.end, self.over) = (0, 0, false);
+        self.fill_head()
     }
 
     /// How many frames the recorder lost between what was handed out last and what comes, by its own words; told once.
@@ -189,7 +214,8 @@ impl LogReader {
             Ok(parsed) => parsed,
             Err(error) => {
                 if let Some(lost) = Lost::read(line) {
-                    let wanted = self.interface.as_deref().is_none_or(|wanted| [wanted, "any"].contains(&lost.interface));
+                    let wanted =
+                        self.interface.as_deref().is_none_or(|wanted| [wanted, "any"].contains(&lost.interface));
                     self.lost += if wanted { self.report.note_lost(lost.frames) } else { 0 };
                     self.report.blank += 1;
                     return None;

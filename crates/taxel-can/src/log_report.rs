@@ -113,7 +113,9 @@ impl LogReport {
         let first = first.filter(|_| self.frames >= SUSPICIOUS_FRAMES && !(differ && fractions))?;
         let frames = self.frames;
         Some(if differ {
-            format!("all times of its {frames} frames are whole seconds: record with `candump -l`, which writes microseconds")
+            format!(
+                "all times of its {frames} frames are whole seconds: record with `candump -l`, which writes microseconds"
+            )
         } else {
             let seconds = first.as_seconds();
             format!("all {frames} frames share one time ({seconds} s): record without -H")

@@ -351,7 +351,8 @@ mod tests {
 
     #[tokio::test]
     async fn frames_that_candump_lost_are_told_between_those_before_and_after() {
-        let lost = |frames, of| format!("DROPCOUNT: dropped {frames} CAN frame(s) on '{of}' socket (total drops 400)\n");
+        let lost =
+            |frames, of| format!("DROPCOUNT: dropped {frames} CAN frame(s) on '{of}' socket (total drops 400)\n");
         let frame = |at| format!("({at}.5) can0 301#\n");
         let log = [lost(300, "can0"), frame(1), frame(2), lost(1, "can0"), lost(7, "any"), frame(3)].concat();
         let mut played = replay(&log, Pace::AsFastAsPossible);

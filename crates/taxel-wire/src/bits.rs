@@ -205,7 +205,9 @@ impl Selector {
         self.values.iter().all(|(first, last)| wide.iter().any(|(low, high)| low <= first && last <= high))
     }
 
-    fn excludes(&self, other: &Self) -> bool {
+    /// Whether no number selects by both.
+    #[must_use]
+    pub fn excludes(&self, other: &Self) -> bool {
         let meets = |(a, b): &(i128, i128), (c, d): &(i128, i128)| a <= d && c <= b;
         !self.values.iter().any(|run| other.values.iter().any(|also| meets(run, also)))
     }

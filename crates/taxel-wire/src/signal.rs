@@ -74,8 +74,7 @@ impl PressureUnit {
     }
 
     /// The names of all units.
-    pub const NAMES: &str =
-        "Pa, hPa, kPa, MPa, bar, mbar, psi, mmHg, inHg, torr, mmH2O, cmH2O, inH2O, atm, kgf/cm2";
+    pub const NAMES: &str = "Pa, hPa, kPa, MPa, bar, mbar, psi, mmHg, inHg, torr, mmH2O, cmH2O, inH2O, atm, kgf/cm2";
 
     /// `value` of this unit in kPa.
     #[must_use]

@@ -143,6 +143,24 @@ fn gzip_is_known_by_its_bytes_also_in_several_members() {
     assert_eq!(read_all(&mut reader(&two, None)).len(), 4);
 }
 
+/// As PowerShell redirects.
+#[test]
+fn a_log_in_utf_16_is_read() {
+    let text = format!("\u{feff}{}", LOG.replace('\n', "\r\n"));
+    let bytes: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    for bytes in [gzipped(&bytes), bytes] {
+        let mut log = reader(&bytes, None);
+        assert_eq!((read_all(&mut log).len(), log.report().lines), (3, 6));
+    }
+}
+
+#[test]
+fn another_program_s_log_is_refused_when_it_is_opened() {
+    let text = b"date Sam Sep 13 12:26:40 2020\nbase hex  timestamps absolute\n".to_vec();
+    let Err(fault) = LogReader::from_reader("d.asc".to_owned(), Cursor::new(text), None) else { panic!("opened") };
+    assert!(fault.to_string().starts_with("d.asc: it is a Vector ASC log, which is not read."), "{fault}");
+}
+
 #[test]
 fn a_cut_gzip_gives_its_lines_and_then_the_fault_with_its_place() {
     let text = "(1.000000) can0 301#01\n".repeat(100_000);
@@ -212,7 +230,7 @@ proptest! {
 
     #[test]
     fn no_bytes_panic_and_all_lines_are_counted(bytes: Vec<u8>) {
-        prop_assume!(!bytes.starts_with(&GZIP_MAGIC) && ForeignLog::of(&bytes).is_none());
+        prop_assume!(!bytes.starts_with(&GZIP_MAGIC) && ForeignLog::of(&bytes).is_none() && !is_utf16(&bytes));
         let mut log = reader(&bytes, Some("can0"));
         read_all(&mut log);
         let report = log.report();

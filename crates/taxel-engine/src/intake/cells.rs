@@ -55,7 +55,7 @@ pub enum Sender {
 /// What is known of a device.
 #[derive(Clone, Debug)]
 pub struct DevicePlan {
-    /// Its taxels, numbered within the device from 0 on, each once.
+    /// Its taxels, numbered within the device from 0 on. One that is in several frames has the newest number.
     pub frames: Vec<FrameSpec>,
     /// What belongs to one scan.
     pub scans: ScanBegin,

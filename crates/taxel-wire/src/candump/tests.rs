@@ -32,7 +32,10 @@ fn the_lines_of_candump() {
     assert_eq!(read("(0.1) can0 3A1#R8"), frame(CanId::Standard(0x3A1), FrameKind::Remote, &[0; 8]));
     for code in ['9', 'E', 'F'] {
         assert_eq!(read(&format!("(0.1) can0 123#0011223344556677_{code} R")).bytes().len(), 8);
-        assert_eq!(read(&format!("(0.1) can0 3A1#R8_{code}")), frame(CanId::Standard(0x3A1), FrameKind::Remote, &[0; 8]));
+        assert_eq!(
+            read(&format!("(0.1) can0 3A1#R8_{code}")),
+            frame(CanId::Standard(0x3A1), FrameKind::Remote, &[0; 8])
+        );
     }
     let fd = frame(CanId::Standard(0x123), FrameKind::Fd, &[0xAB; 64]);
     for flags in ['0', '1', '4', '5'] {
@@ -164,10 +167,7 @@ fn refusals_name_column_and_expectation() {
         ("(1.0123456789) c 001#", "column 13: found `9`, expected `)` after one to nine digits of the fraction"),
         ("(1.0)c 001#", "column 6: found `c`, expected a space"),
         ("(1.0) ", "column 6: found the line's end, expected a space"),
-        (
-            "(1.0) \u{e9}th 001#",
-            "column 7: found `\\xc3`, expected an interface name of visible ASCII characters",
-        ),
+        ("(1.0) \u{e9}th 001#", "column 7: found `\\xc3`, expected an interface name of visible ASCII characters"),
         ("(1.0) c 001#1122334455667788_8", "column 30: found `8`, expected a raw length code, `9` to `F`"),
         ("(1.0) c 001#11_9", "column 15: found `_`, expected the line's end, or a space and the direction"),
         ("(1.0) c 01#", "column 11: found `#`, expected an identifier of three or eight hexadecimal digits"),

@@ -122,9 +122,21 @@ fn the_insoles_chamber_pressure() {
 #[test]
 fn every_unit_has_its_factor_and_is_known_by_its_name() {
     let pascal = [
-        ("Pa", 1.0), ("hPa", 1e2), ("kPa", 1e3), ("MPa", 1e6), ("bar", 1e5), ("mbar", 1e2), ("PSI", 6.894_757e3),
-        ("mmHg", 1.333_224e2), ("inHg", 3.386_389e3), ("Torr", 1.333_224e2), ("mmH2O", 9.806_65), ("cmH2O", 98.0665),
-        ("inH2O", 249.0889), ("atm", 101_325.0), ("kgf/cm2", 98_066.5),
+        ("Pa", 1.0),
+        ("hPa", 1e2),
+        ("kPa", 1e3),
+        ("MPa", 1e6),
+        ("bar", 1e5),
+        ("mbar", 1e2),
+        ("PSI", 6.894_757e3),
+        ("mmHg", 1.333_224e2),
+        ("inHg", 3.386_389e3),
+        ("Torr", 1.333_224e2),
+        ("mmH2O", 9.806_65),
+        ("cmH2O", 98.0665),
+        ("inH2O", 249.0889),
+        ("atm", 101_325.0),
+        ("kgf/cm2", 98_066.5),
     ];
     assert_eq!(PressureUnit::NAMES.split(", ").count(), pascal.len());
     for ((name, pascal), known) in pascal.into_iter().zip(PressureUnit::NAMES.split(", ")) {

@@ -6,7 +6,8 @@ use std::collections::{HashMap, VecDeque};
 use std::path::Path;
 
 use can_dbc::{
-    AttributeValue, ByteOrder as DbcOrder, Dbc, Message, MessageId, MultiplexIndicator, Signal, SignalExtendedValueType, ValueType,
+    AttributeValue, ByteOrder as DbcOrder, Dbc, Message, MessageId, MultiplexIndicator, Signal,
+    SignalExtendedValueType, ValueType,
 };
 use taxel_wire::bits::{BitField, ByteOrder};
 use taxel_wire::signal::PressureUnit;

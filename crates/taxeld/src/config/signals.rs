@@ -173,8 +173,9 @@ fn plan(
     let Numbers { low, shift, counts } = range;
     let of = |taxel: &usize| (*taxel as u16, CountField { field: taxels[*taxel].field, low, shift, top: counts.top() });
     let pages = pages(taxels)?;
-    let frames =
-        pages.iter().map(|page| FrameSpec { frames: page.frames.clone(), counts: page.taxels.iter().map(of).collect() });
+    let frames = pages
+        .iter()
+        .map(|page| FrameSpec { frames: page.frames.clone(), counts: page.taxels.iter().map(of).collect() });
     let scans = scans(array)?;
     match &scans {
         ScanBegin::Time => {}
@@ -260,7 +261,18 @@ fn selectors(mux: &[MuxSection]) -> Result<Vec<Selector>, String> {
             None => Ok(Selector { field, values }),
         }
     };
-    mux.iter().map(selector).collect()
+    let selectors: Vec<Selector> = mux.iter().map(selector).collect::<Result<_, String>>()?;
+    let never = |selector: &&Selector| {
+        let with = |other: &Selector| other.field == selector.field && other.excludes(selector);
+        selectors.iter().any(with)
+    };
+    match selectors.iter().find(never) {
+        Some(selector) => {
+            let bit = selector.field.bits().next().unwrap_or_default();
+            Err(format!("mux: no number of bit {bit} selects the frame: two that exclude each other are asked for"))
+        }
+        None => Ok(selectors),
+    }
 }
 
 /// Runs in order, those that touch as one.

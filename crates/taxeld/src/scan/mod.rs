@@ -126,7 +126,7 @@ async fn listen(args: &ScanArgs, scene: Option<(&(Config, Scene), BusIndex)>) ->
         let interface = scene.and_then(|((config, _), bus)| config.bus[usize::from(bus.0)].interface.clone());
         let heard = of_log(&log, args.interface.clone().or(interface)).await?;
         if scene.is_some() || !heard.findings.boards.is_empty() {
-            heard.times.map_or(Ok(()), |fault| bail!("{}: {fault}", log.display()))?;
+            heard.times.as_ref().map_or(Ok(()), |fault| bail!("{}: {fault}", log.display()))?;
         }
         return Ok(heard);
     }

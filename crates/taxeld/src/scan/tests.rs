@@ -220,7 +220,10 @@ fn a_board_without_a_whole_scan_is_no_board() {
     assert_eq!(found.boards.keys().copied().collect::<Vec<_>>(), [13]);
     assert_eq!(found.boards[&13].modules.keys().copied().collect::<Vec<_>>(), [2]);
     let text = words::text(&found, None);
-    assert!(text.contains("frames like those of board 9 (modules 6), board 13 (modules 1), but no whole scan"), "{text}");
+    assert!(
+        text.contains("frames like those of board 9 (modules 6), board 13 (modules 1), but no whole scan"),
+        "{text}"
+    );
     let beginning = words::beginning(&found, "can0");
     assert!(beginning.contains("modules = \"2\"") && !beginning.contains("address = 9"), "{beginning}");
 }

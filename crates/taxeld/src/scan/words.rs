@@ -21,11 +21,16 @@ pub fn text(findings: &Findings, differences: Option<&[String]>) -> String {
     }
     if let Some(errors) = &findings.errors {
         let kinds: Vec<String> = errors.kinds.iter().map(|(kind, count)| format!("{count} x {kind}")).collect();
-        let counters = |(sending, receiving)| format!("; error counters up to {sending} sending, {receiving} receiving");
+        let counters =
+            |(sending, receiving)| format!("; error counters up to {sending} sending, {receiving} receiving");
         let counters = errors.counters_max.map(counters).unwrap_or_default();
         let _ = writeln!(text, "error frames: {}{counters}", kinds.join("; "));
     }
-    if findings.errors.as_ref().is_some_and(|errors| errors.kinds.contains_key(BusError::Protocol { violations: 0 }.kind())) {
+    if findings
+        .errors
+        .as_ref()
+        .is_some_and(|errors| errors.kinds.contains_key(BusError::Protocol { violations: 0 }.kind()))
+    {
         text.push_str(
             "  protocol errors come of wrong bit timing, too: these boards sample at 50 to 60 % of a bit, Linux at 75 %; \
              try sample-point 0.6\n",
@@ -43,7 +48,8 @@ pub fn text(findings: &Findings, differences: Option<&[String]>) -> String {
             modules => format!("board {address} (modules {modules})"),
         });
         let boards = boards.collect::<Vec<_>>().join(", ");
-        let _ = writeln!(text, "frames like those of {boards}, but no whole scan: other traffic, or halves that were lost");
+        let _ =
+            writeln!(text, "frames like those of {boards}, but no whole scan: other traffic, or halves that were lost");
     }
     for found in &findings.others {
         other(&mut text, found);

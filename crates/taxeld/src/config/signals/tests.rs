@@ -3,6 +3,9 @@ use std::path::Path;
 use super::*;
 use crate::config::resolve::resolve;
 use proptest::prelude::*;
+use taxel_engine::intake::cells::Device;
+use taxel_skin::Time;
+use taxel_wire::TimedFrame;
 
 const HEAD: &str = "store.path = \"t.db\"\n[[bus]]\nname = \"b\"\ninterface = \"can0\"\n[[patch]]\nname = \"p\"\nbus = \"b\"\nperiod_ms = 20\n";
 
@@ -95,7 +98,10 @@ fn what_cannot_be_is_refused_with_the_key_and_what_was_expected() {
         ("id = 1\nlength_bits = 3", "length_bits = 3: expected 4 to 24"),
         ("id = 1\nlength_bits = 12\ncount = 43", "taxel 42 of the frame: 12 bits from start bit 504"),
         ("id = 1\nlength_bits = 12\ncount = 2\nstride_bits = 8", "bit 8 of frame 001 is also part of signals 1"),
-        ("id = 1\nlength_bits = 12\nmux = [{ length_bits = 4, value = 3 }]", "bit 0 of frame 001 is also part of what selects the frame"),
+        (
+            "id = 1\nlength_bits = 12\nmux = [{ length_bits = 4, value = 3 }]",
+            "bit 0 of frame 001 is also part of what selects the frame",
+        ),
         (
             "id = 1\nlength_bits = 12\nstart_bit = 4\nmux = [{ length_bits = 4, value = 16 }]",
             "mux: value 16 does not fit",
@@ -120,6 +126,15 @@ fn a_taxel_that_is_in_every_page_is_read_from_each_of_them() {
     let plan = plan(SHARED).unwrap();
     let taxels = |n: usize| plan.devices[0].frames[n].counts.iter().map(|(taxel, _)| *taxel).collect::<Vec<_>>();
     assert_eq!((plan.devices[0].frames.len(), taxels(0), taxels(1)), (2, vec![0, 1], vec![0, 2]));
+    let mut device = Device::new(&plan.patch, 0, plan.devices[0].clone(), plan.period);
+    for scan in 0..3_u8 {
+        let complete = [[0, 10 + scan, 1], [1, 20 + scan, 2]].map(|bytes| {
+            let time = Time::from_seconds(0.02 * f64::from(scan) + 1e-4 * f64::from(bytes[0]));
+            let brought = device.on_frame(&TimedFrame { time, frame: Frame::of(CanId::Standard(1), bytes) });
+            brought.unwrap().unwrap().modules
+        });
+        assert_eq!((complete, device.counts(0)), ([vec![], vec![0]], [20 + u16::from(scan), 1, 2].as_slice()));
+    }
 }
 
 #[test]
@@ -129,17 +144,43 @@ fn a_description_by_which_no_scan_is_ever_whole_is_refused() {
     let counter = "scan = \"counter\"\ncounter = { start_bit = ";
     for (text, expected) in [
         (also("[[5, 5]]"), "signals 2 and signals 2 are together in some frames 001 and not in others"),
+        (
+            SHARED.replace("value = 0 }", "value = 0 }, { length_bits = 8, value = 7 }"),
+            "mux: no number of bit 0 selects the frame",
+        ),
         (also("[[5, 3]]"), "mux: no number is from 5 to 3"),
         (array("scan = \"frame\"\nsync = { id = 1 }"), "array.sync: frames 001 also come in the middle of a scan"),
-        (array(&format!("{counter}0, length_bits = 4 }}")), "array.counter: bit 0 of frame 001 is also part of what selects"),
-        (array(&format!("{counter}20, length_bits = 8 }}")), "array.counter: bit 20 of frame 001 is also part of signals 2"),
+        (
+            array(&format!("{counter}0, length_bits = 4 }}")),
+            "array.counter: bit 0 of frame 001 is also part of what selects",
+        ),
+        (
+            array(&format!("{counter}20, length_bits = 8 }}")),
+            "array.counter: bit 20 of frame 001 is also part of signals 2",
+        ),
     ] {
         let why = plan(&text).unwrap_err();
         assert!(why.contains(expected), "{why}");
     }
-    for keys in ["scan = \"frame\"\nsync = { id = 1, mux = [{ length_bits = 8, value = 0 }] }", &format!("{counter}24, length_bits = 8 }}")] {
+    for keys in [
+        "scan = \"frame\"\nsync = { id = 1, mux = [{ length_bits = 8, value = 0 }] }",
+        &format!("{counter}24, length_bits = 8 }}"),
+    ] {
         plan(&array(keys)).unwrap();
     }
+}
+
+#[test]
+fn a_slow_array_has_the_time_that_its_period_takes() {
+    let at = |ms: &str| {
+        let path = Path::new("t.toml");
+        let text = format!("{}area_mm2 = 16.0\n[[patch.signals]]\nid = 1\nlength_bits = 8\n", HEAD.replace("= 20", ms));
+        resolve(&crate::config::load::parse(path, &text).unwrap(), path).map(|scene| scene.plan.patches[0].clone())
+    };
+    let plan = at("= 5000").unwrap();
+    let limits = [plan.live.stale_after, plan.live.power_cycle_after, plan.tare.duration];
+    assert_eq!(limits.map(|limit| limit.as_secs()), [15, 15, 50], "three periods, and ten scans for a zero");
+    assert!(at("= 5001").unwrap_err().to_string().contains("period_ms = 5001: expected 1 to 5000"));
 }
 
 #[test]
