@@ -39,7 +39,7 @@ pub fn live(section: &LiveSection, period: Duration) -> Result<LiveLimits, Fault
         )?,
         stale_after: period * periods,
         // No power was lost between two scans of a slow array.
-        power_cycle_after: defaults.power_cycle_after.max(period * periods),
+        power_cycle_after: defaults.power_cycle_after.max(period * 3),
         stale_share_max: or("stale_share_max", section.stale_share_max, defaults.stale_share_max, 0.0, 1.0)?,
         ..defaults
     })
