@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use taxel_can::{LogReader, LogReport};
 use taxel_skin::Time;
+use taxel_skin::text::is_utf16;
 use taxel_wire::TimedFrame;
 use taxel_wire::candump::parse_line_bytes;
 
@@ -18,6 +19,9 @@ const BYTE_ORDER_MARK: &[u8] = "\u{feff}".as_bytes();
 /// The size of the pieces, then the log.
 pub fn run(data: &[u8]) {
     let Some((pieces, log)) = data.split_first() else { return };
+    if is_utf16(log) {
+        return; // it is read as a text of other bytes
+    }
     let (frames, report, whole) = read(log, log.len().max(1), None);
     assert_eq!(frames.len() as u64, report.frames);
     assert_eq!(report.lines, report.frames + report.other_interface + report.blank + report.bad);
@@ -28,7 +32,7 @@ pub fn run(data: &[u8]) {
     assert_eq!(frames[..common], in_pieces.0[..common], "in pieces of {}", 1 + usize::from(*pieces));
     // How much of a damaged gzip is unpacked before the damage is seen depends on its pieces.
     assert!(in_pieces.2 == whole && (!whole || (in_pieces.0.len(), &in_pieces.1) == (common, &report)));
-    if !log.starts_with(&[0x1F, 0x8B]) {
+    if !log.starts_with(&[0x1F, 0x8B]) && (whole || report.lines > 0) {
         assert!(whole, "a plain log is read to its end");
         compare(log, &frames, &report);
     }
@@ -40,7 +44,14 @@ pub fn run(data: &[u8]) {
 /// The frames, what became of the lines, and whether the log was read to its end.
 fn read(log: &[u8], piece: usize, interface: Option<String>) -> (Vec<TimedFrame>, LogReport, bool) {
     let input = Pieces { log: log.to_vec(), at: 0, piece };
-    let mut reader = LogReader::from_reader("a log".to_owned(), input, interface).expect("it can be read");
+    let mut reader = match LogReader::from_reader("a log".to_owned(), input, interface) {
+        Ok(reader) => reader,
+        // Another format, or a gzip that is damaged where it begins.
+        Err(fault) => {
+            assert!(fault.to_string().starts_with("a log: "), "{fault}");
+            return (Vec::new(), LogReport::default(), false);
+        }
+    };
     let mut frames = Vec::new();
     loop {
         let before = frames.len();
