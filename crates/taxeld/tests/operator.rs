@@ -112,10 +112,12 @@ fn a_set_without_a_zero_says_so_and_has_a_force_after_a_confirmed_tare() {
     std::fs::write(file, set.to_string()).unwrap();
     assert!(demo.succeeds(&["models", "import", file]).contains("taxeld tare --confirmed-by NAME"));
     assert!(demo.succeeds(&["activate", "newest"]).contains("taxeld tare --confirmed-by NAME"));
-    let health = demo.command(&["health"]);
-    let said = text(&health.stdout);
-    assert_eq!(health.status.code(), Some(3), "{said}");
-    assert!(said.contains("NO FORCE: the model set has no zero of its own") && said.contains("  gauge: "), "{said}");
+    let wanted = "NO FORCE: the model set has no zero of its own";
+    let health = || demo.command(&["health"]);
+    let told = (0..500).map(|_| health()).find(|health| text(&health.stdout).contains(wanted)).unwrap_or_else(health);
+    let said = text(&told.stdout);
+    assert_eq!(told.status.code(), Some(3), "{said}");
+    assert!(said.contains(wanted) && said.contains("  gauge: "), "{said}");
     let bare = |newton: &str| newton.trim().parse::<f64>().is_ok();
     demo.until_good(&["tare", "--confirmed-by", "Ada"]);
     assert!(bare(&demo.until_good(&["watch", "--once", "--quiet", "--within", "10"])));
@@ -131,6 +133,7 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
     let mut set: serde_json::Value = serde_json::from_str(&demo.succeeds(&["models", "export"])).unwrap();
     set.as_object_mut().unwrap().remove("id");
     for taxel in set["taxels"].as_array_mut().unwrap().iter_mut().skip(30) {
+        taxel.as_object_mut().unwrap().remove("figures");
         taxel["status"] = "no_data".into();
     }
     std::fs::write(file, set.to_string()).unwrap();
@@ -314,7 +317,7 @@ fn a_force_sensor_recalibrates_the_skin_and_only_an_activation_uses_it() {
     let made = sets.iter().find(|set| set["derivedFrom"] == before.as_str()).unwrap();
     assert!(made["active"] != true && made["recalibrationGain"].as_f64().unwrap() > 0.5, "{made}");
     demo.succeeds(&["activate", made["modelSet"].as_str().unwrap()]);
-    assert!(demo.refused(&["models", "delete", &before]).contains("known loads"), "it is kept");
+    assert!(demo.refused(&["models", "delete", &before, "--yes"]).contains("known loads"), "it is kept");
     assert!(
         demo.refused(&["recalibrate"]).contains("0 load points"),
         "loads of the set before say nothing of this one"

@@ -45,6 +45,8 @@ fn scratch() -> tempfile::TempDir {
         std::fs::write(folder.path().join(name), content).unwrap();
     }
     std::os::unix::fs::symlink("s.db-wal", folder.path().join("link.csv")).unwrap();
+    let private = std::os::unix::fs::PermissionsExt::from_mode(0o600);
+    std::fs::set_permissions(folder.path().join("tokens"), private).unwrap();
     std::fs::hard_link(folder.path().join("tokens"), folder.path().join("name.csv")).unwrap();
     folder
 }
