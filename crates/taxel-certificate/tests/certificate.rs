@@ -84,7 +84,7 @@ fn case() -> Case {
     };
     let places = (0..3).map(|taxel| format!("board 13 module 0 taxel {taxel}")).collect();
     let samples = SessionSamples { ramps, samples };
-    let about = About { modules: vec![0..3], ..About::default() };
+    let about = About { modules: std::iter::once(0..3).collect(), ..About::default() };
     Case { set, session, samples, about, loads: Vec::new(), entered: Entered::default(), places }
 }
 
