@@ -1,7 +1,7 @@
 //! What happened that an operator may ask for later: zeros, faults, activations, sessions and buses, with their times.
 //!
 //! [`EventWatch`] derives it from what the engine puts out, so that an event says what every reader was told, and nothing
-//! else. Zeros, sessions, activations and buses are told each; of faults of taxels [`FaultLog`] says which.
+//! else. Zeros, sessions, activations and buses are told each; of faults of taxels those that come and end.
 
 use crate::boundary::catalogue::Catalogue;
 use crate::boundary::fault_events::FaultLog;

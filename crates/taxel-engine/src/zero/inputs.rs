@@ -31,7 +31,7 @@ pub struct Block {
     pub quarter: [f32; LANES],
     /// Sums over the last 16 scans.
     pub whole: [f32; LANES],
-    /// Mean over the scans before the last 16; NaN before there are [`RECENT_FIRST`].
+    /// Mean over the scans before the last 16; NaN before there are ten.
     pub recent: [f32; LANES],
     /// Scans until all of the last 16 were sound.
     pub unsound: [u8; LANES],

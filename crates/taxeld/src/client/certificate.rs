@@ -67,8 +67,7 @@ pub async fn certificate(args: CertificateArgs) -> Outcome {
 
 #[cfg(feature = "certificate")]
 fn offline(config: &Path, args: &CertificateArgs) -> Outcome<Certificate> {
-    let file = crate::config::load(config).map_err(anyhow::Error::from)?;
-    let scene = crate::config::resolve(&file, config).map_err(anyhow::Error::from)?;
+    let (file, scene) = crate::config::examine(config).map_err(anyhow::Error::from)?;
     refuse_overwriting(&args.out, &crate::named_files::named_files(&file, &scene.doors, config))?;
     let wanted = (args.model_set.as_deref(), args.server.patch());
     let (model_set, made) = crate::certificate::of_store(&file, &scene, wanted)?;

@@ -65,7 +65,7 @@ pub fn areas(
 mod tests {
     use super::super::parse;
     #[cfg(feature = "sim")]
-    use super::super::{load, resolve};
+    use super::super::resolve;
     use std::path::Path;
 
     const EXAMPLE: &str = include_str!("../../../../deploy/taxeld.toml");
@@ -105,7 +105,7 @@ mod tests {
             .replace("# geometry = \"left_forearm_mesh.txt\"", "geometry = \"skin.txt\"")
             .replace("area_factor = \"off\"", "area_factor = \"from-loads\"");
         std::fs::write(&file, text).unwrap();
-        let scene = resolve(&load(&file).unwrap(), &file).unwrap();
+        let scene = resolve(&parse(&file, &std::fs::read_to_string(&file).unwrap()).unwrap(), &file).unwrap();
         let plan = &scene.plan.patches[0];
         assert!(plan.area_from_loads);
         let areas: Vec<f64> = plan.areas.iter().map(|area| area.0).collect();

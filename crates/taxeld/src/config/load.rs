@@ -5,7 +5,6 @@ use thiserror::Error;
 
 use super::fault::Fault;
 use super::file::Config;
-use crate::files::read_utf8;
 
 /// So much of an unknown key is repeated, in characters.
 const KEY_CHARS_MAX: usize = 60;
@@ -13,14 +12,6 @@ const KEY_CHARS_MAX: usize = 60;
 /// A configuration that cannot be used.
 #[derive(Debug, Error)]
 pub enum ConfigError {
-    /// The file cannot be read.
-    #[error("{path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
     /// The file is not what it should be.
     #[error("{path}:{line}: {problem}")]
     Invalid {
@@ -44,15 +35,6 @@ pub enum ConfigError {
 /// The path of a file that a configuration names relative to itself.
 pub fn beside(config: &Path, file: &Path) -> PathBuf {
     config.parent().unwrap_or(Path::new("")).join(file)
-}
-
-/// Reads a configuration file.
-///
-/// # Errors
-/// [`ConfigError`] with file, line and what was expected.
-pub fn load(path: &Path) -> Result<Config, ConfigError> {
-    let text = read_utf8(path).map_err(|source| ConfigError::Read { path: path.into(), source })?;
-    parse(path, &text)
 }
 
 /// Reads the text of a configuration file; `path` is for messages.
@@ -129,7 +111,7 @@ mod tests {
     #[test]
     fn the_example_is_complete_and_resolves() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../deploy/taxeld.toml");
-        let config = load(Path::new(path)).unwrap();
+        let config = parse(Path::new(path), EXAMPLE).unwrap();
         let scene = super::super::resolve(&config, Path::new(path)).unwrap();
         assert_eq!(scene.plan.patches[0].patch.taxels().len(), 230);
     }

@@ -39,8 +39,7 @@ pub use file::Config;
 pub use listen::Doors;
 #[cfg(all(test, feature = "tls", feature = "record"))]
 pub use listen::doors;
-pub use load::parse;
-pub use load::{beside, load};
+pub use load::{beside, parse};
 pub use log_filter::log_filter;
 pub use modules::KindWord;
 pub use modules::written as modules_written;

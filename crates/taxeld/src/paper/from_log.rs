@@ -24,8 +24,7 @@ const FRAMES: usize = 256;
 /// # Errors
 /// A configuration or log that cannot be read, a log without a frame, or one without a ramp that a session could take.
 pub(super) fn read(path: &Path, config: &Path) -> anyhow::Result<Data> {
-    let settings = config::load(config)?;
-    let mut scene = config::resolve(&settings, config)?;
+    let (settings, mut scene) = config::examine(config)?;
     let [bus] = settings.bus.as_slice() else {
         bail!("the log of one bus is read, the configuration has {}", settings.bus.len());
     };

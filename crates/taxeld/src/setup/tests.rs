@@ -90,7 +90,7 @@ impl Folder {
     /// The configuration as the daemon takes it.
     fn resolved(&self) -> config::Scene {
         let path = PathBuf::from(self.path("t.toml"));
-        config::resolve(&config::load(&path).unwrap(), &path).unwrap()
+        config::resolve(&config::parse(&path, &self.written()).unwrap(), &path).unwrap()
     }
 }
 
