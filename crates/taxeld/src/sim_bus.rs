@@ -83,7 +83,9 @@ impl SimBus {
         let (pumping, loaded) = (None, false);
         let period = plan.patches.iter().map(|patch| patch.period).min().unwrap_or(PERIOD);
         let late_after = period.mul_f64(LATE_SHARE);
-        let simulation = Simulation { world, begun, session, received, to_bus, pumping, places, loaded, late_after };
+        let (lag, lag_max) = (Duration::ZERO, period);
+        let simulation =
+            Simulation { world, begun, session, received, to_bus, pumping, places, loaded, late_after, lag, lag_max };
         threads::start("sim-bus", move || simulation.run())?;
         Ok(Self { frames, commands, told_up: false })
     }
@@ -116,6 +118,9 @@ struct Simulation {
     loaded: bool,
     /// Frames that come later than this are dropped: a burst of them would look like a board that sends too fast.
     late_after: Duration,
+    /// Frames are handed over so late, which only grows: so two scans of a module never come too close.
+    lag: Duration,
+    lag_max: Duration,
 }
 
 impl Simulation {
@@ -130,10 +135,14 @@ impl Simulation {
             self.lend_a_hand(until);
             self.world.advance(until, &mut frames);
             for frame in frames.drain(..) {
-                sleep_until(frame.time);
+                let due = frame.time + self.lag;
+                sleep_until(due);
                 let time = ClockReading::now().time;
-                if time.since(frame.time) > self.late_after {
-                    continue; // as on a bus, where a board that was held up sends no second scan for it
+                if time.since(due) > self.late_after {
+                    // As on a bus, where a board that was held up sends no second scan for it. What a machine is always late
+                    // by is no hold-up.
+                    self.lag = (self.lag + time.since(due)).min(self.lag_max);
+                    continue;
                 }
                 let stamped = TimedFrame { time, ..frame };
                 if self.to_bus.blocking_send(stamped).is_err() {
