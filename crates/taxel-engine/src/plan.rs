@@ -132,13 +132,13 @@ impl PatchPlan {
         }
     }
 
-    /// A rail is where the converter ends.
+    /// A rail is where the converter ends, and what is silent or still for long depends on the period.
     fn fault_limits(&self) -> FaultLimits {
-        let counts = self.patch.counts();
+        let (counts, limits) = (self.patch.counts(), self.faults.at_period(self.period.as_secs_f32()));
         if counts == CountRange::BYTE {
-            return self.faults;
+            return limits;
         }
-        FaultLimits { rail_high: counts.units(counts.top()) as f32, ..self.faults }
+        FaultLimits { rail_high: counts.units(counts.top()) as f32, ..limits }
     }
 
     /// Counts of more than eight bits are reals in units, whose rails a fit cannot guess.

@@ -39,3 +39,21 @@ impl Default for FaultLimits {
         }
     }
 }
+
+/// The period up to which the times of the default limits are right.
+const PERIOD_MAX_S: f32 = 0.2;
+
+impl FaultLimits {
+    /// The same for scans that come every so many seconds: at slow ones every time is as many scans longer.
+    #[must_use]
+    pub fn at_period(self, period_s: f32) -> Self {
+        let slower = (period_s / PERIOD_MAX_S).max(1.0);
+        Self {
+            frozen_after_s: self.frozen_after_s * slower,
+            dead_after_s: self.dead_after_s * slower,
+            hold_s: self.hold_s * slower,
+            stale_after_s: self.stale_after_s * slower,
+            ..self
+        }
+    }
+}
