@@ -172,3 +172,41 @@ fn files_that_say_nothing_are_named() {
         assert!(notes.contains(says), "{says}: {notes}");
     }
 }
+
+#[test]
+fn parts_on_several_devices_of_a_limb_are_on_buses_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let files = [
+        behind_ethernet("left_arm-a-skin", "14 13 12"),
+        behind_ethernet("left_upperarm-b-skin", "13"),
+        wrapper("wa", "left_forearm", "192 575 0 383", "left_arm-a-skin"),
+        wrapper("wb", "left_arm", "0 191 0 191", "left_upperarm-b-skin"),
+    ];
+    files.iter().for_each(|(name, text)| std::fs::write(at(name), text).unwrap());
+    for (part, module) in [("left_forearm", 0), ("left_arm", 3)] {
+        let text = format!("robotPart {part}\n[SENSORS]\ntriangle_10pad {module} 0 0 0 4 0 0\n");
+        std::fs::write(at(&format!("{part}.ini")), text).unwrap();
+    }
+    let args = SetupArgs {
+        positions: Vec::new(),
+        layout: vec![at("left_forearm.ini"), at("left_arm.ini")],
+        xml: files.iter().map(|(name, _)| at(name)).collect(),
+        gauge: None,
+        interface: Vec::new(),
+        out: at("taxeld.toml"),
+        force: false,
+    };
+    let (drafts, _) = drafts(&args).unwrap();
+    assert_eq!(drafts.iter().map(addresses).collect::<Vec<_>>(), [[13], [13]]);
+    assert_eq!(drafts.iter().map(|draft| draft.bus.as_str()).collect::<Vec<_>>(), ["left_arm", "left_arm_2"]);
+}
+
+#[test]
+fn sets_for_a_bus_that_the_device_does_not_have_are_named() {
+    let inside = "<param name='canDeviceNum'>7</param><param name='skinCanIds'>14</param><group name='specialCfgBoards'>\
+                  <param name='numOfSets'>1</param><param name='boardSetCfg1'>1 14 14 50 1 0xf0</param></group>";
+    let (draft, _) = patch("left_hand", &[0], &[&device("left_hand_skin", "canBusSkin", inside)]).unwrap();
+    let says = "1 special sets are for CAN 1 and not used: the device has CAN 7";
+    assert!(draft.open.iter().any(|line| line.starts_with(says)), "{:?}", draft.open);
+}

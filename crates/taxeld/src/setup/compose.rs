@@ -36,6 +36,8 @@ pub struct Sources {
 pub struct PatchDraft {
     /// Which part.
     pub part: Part,
+    /// Its bus: that of the part, with a number where several devices or CAN ports share the name.
+    pub bus: String,
     /// The position file.
     pub geometry: Option<PathBuf>,
     /// Its boards, in the order of the port.
@@ -81,6 +83,7 @@ pub fn compose(sources: &Sources, source: Option<&Source>, given: bool) -> Resul
     let part = sources.part;
     let mut draft = PatchDraft {
         part,
+        bus: part.bus(),
         geometry: sources.positions.as_ref().map(|(path, _)| path.clone()),
         boards: Vec::new(),
         taken: Vec::new(),
@@ -93,8 +96,13 @@ pub fn compose(sources: &Sources, source: Option<&Source>, given: bool) -> Resul
     };
     let said = source.iter().flat_map(|source| &source.device.settings.remarks);
     draft.remarks.extend(said.map(|remark| format!("the robot's configuration: {remark}")));
+    let own_buses = |source: &Source| source.device.addresses.keys().copied().collect::<Vec<u8>>();
+    let others = source.and_then(|source| source.device.settings.of_other_buses(&own_buses(source)));
+    draft.open.extend(others);
     let modules = choose_modules(sources, &mut draft);
-    let boards = 1 + modules.keys().next_back().ok_or("no file has a module of it")? / MODULES;
+    let boards =
+        1 + modules.keys().next_back().ok_or("no module of it has a position, and no drawing (--layout) names one")?
+            / MODULES;
     let addresses = addresses(part, boards, source, given, &mut draft)?;
     draft.taken = addresses.clone();
     draft.is_shared_address = addresses.iter().any(|(_, address)| *address == EVERYONE);

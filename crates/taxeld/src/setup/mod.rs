@@ -73,7 +73,7 @@ pub fn setup(args: &SetupArgs) -> anyhow::Result<()> {
     let (mut drafts, mut notes) = drafts(args)?;
     let interfaces = interfaces(args, &drafts)?;
     // Whoever names an interface has wired the bus to it.
-    let wired = drafts.iter_mut().filter(|draft| interfaces.contains_key(&draft.part.bus()));
+    let wired = drafts.iter_mut().filter(|draft| interfaces.contains_key(&draft.bus));
     notes.extend(wired.filter_map(|draft| draft.out_of_reach.take()));
     let gauge = args.gauge.as_deref().map(|keys| gauge(keys, &drafts)).transpose()?;
     let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -136,9 +136,28 @@ fn drafts(args: &SetupArgs) -> anyhow::Result<(Vec<PatchDraft>, Vec<String>)> {
         drafts.push(draft);
         found.push(source);
     }
+    name_buses(&mut drafts, &found);
     let used = found.iter().zip(&drafts).filter_map(|(source, draft)| Some((source.as_ref()?, draft.taken.clone())));
     notes.extend(robot.left_over(&used.collect::<Vec<_>>()));
     Ok((drafts, notes))
+}
+
+/// Parts of one limb may be on several devices, or on both CAN ports of one: each is a bus of its own, and the second and later
+/// ones of a name get a number.
+fn name_buses(drafts: &mut [PatchDraft], sources: &[Option<Source>]) {
+    let mut known: Vec<(String, String)> = Vec::new();
+    for (draft, source) in drafts.iter_mut().zip(sources) {
+        let Some((source, port)) = source.as_ref().zip(draft.taken.first().map(|(port, _)| *port)) else { continue };
+        let line = source.device.line(port);
+        let name = draft.part.bus();
+        if !known.contains(&(name.clone(), line.clone())) {
+            known.push((name.clone(), line.clone()));
+        }
+        let mut same = known.iter().filter(|(other, _)| *other == name);
+        if let Some(number) = same.position(|(_, other)| *other == line).filter(|number| *number > 0) {
+            draft.bus = format!("{name}_{}", number + 1);
+        }
+    }
 }
 
 /// Why this computer has no CAN interface for a part, and where its counts are.
@@ -195,8 +214,8 @@ fn interfaces(args: &SetupArgs, drafts: &[PatchDraft]) -> anyhow::Result<BTreeMa
     for word in &args.interface {
         let (bus, interface) =
             word.split_once('=').with_context(|| format!("--interface {word}: expected BUS=INTERFACE"))?;
-        if !drafts.iter().any(|draft| draft.part.bus() == bus) {
-            let mut buses: Vec<String> = drafts.iter().map(|draft| draft.part.bus()).collect();
+        if !drafts.iter().any(|draft| draft.bus == bus) {
+            let mut buses: Vec<String> = drafts.iter().map(|draft| draft.bus.clone()).collect();
             buses.dedup();
             bail!("--interface {word}: there is no bus {bus}, the files need: {}", buses.join(", "));
         }
@@ -209,7 +228,7 @@ fn interfaces(args: &SetupArgs, drafts: &[PatchDraft]) -> anyhow::Result<BTreeMa
 fn gauge(keys: &str, drafts: &[PatchDraft]) -> anyhow::Result<toml::Table> {
     let table: toml::Table = toml::from_str(&format!("gauge = {{ {keys} }}")).context("--gauge")?;
     let keys = table.get("gauge").and_then(toml::Value::as_table).cloned().unwrap_or_default();
-    let buses = |draft: &PatchDraft| draft.part.bus();
+    let buses = |draft: &PatchDraft| draft.bus.clone();
     if !keys.contains_key("bus") && drafts.iter().any(|draft| buses(draft) != buses(&drafts[0])) {
         bail!("--gauge: the robot has several buses: say which one the sensor is on, bus = \"{}\"", buses(&drafts[0]));
     }

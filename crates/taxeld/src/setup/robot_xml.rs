@@ -85,7 +85,10 @@ impl RobotXml {
         for node in document.descendants().filter(Node::is_element) {
             let in_device = node.ancestors().skip(1).any(|above| above.has_tag_name("device"));
             match node.tag_name().name() {
-                "robot" => read.port_prefix = read.port_prefix.or(node.attribute("portprefix").map(prefix)),
+                "robot" => {
+                    read.port_prefix =
+                        read.port_prefix.or(node.attribute("portprefix").or(node.attribute("name")).map(prefix))
+                }
                 "device" if !in_device => read.device(node),
                 "include" if !in_device => read.includes.extend(node.attribute("href").map(str::to_owned)),
                 "group" if !in_device => read.settings.group(node.attribute("name").unwrap_or(""), &params(node)),
@@ -161,6 +164,13 @@ impl SkinDevice {
     pub fn in_order(&self) -> Vec<(u8, u8)> {
         let buses = self.addresses.iter().rev();
         buses.flat_map(|(bus, list)| list.iter().map(|address| (*bus, *address))).collect()
+    }
+
+    /// Which CAN bus of the robot its port is: behind an Ethernet board one of its own, on the computer's card the one of this
+    /// number, which devices may share.
+    #[must_use]
+    pub fn line(&self, port: u8) -> String {
+        if self.kind == "canBusSkin" { format!("CAN {port}") } else { format!("{} {port}", self.name) }
     }
 
     /// Why the robot's computer has no CAN interface for it, if so.

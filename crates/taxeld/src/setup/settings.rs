@@ -142,6 +142,25 @@ impl Settings {
         }
     }
 
+    /// Special sets for buses that the device does not have: the host does not use them either.
+    #[must_use]
+    pub fn of_other_buses(&self, own: &[u8]) -> Option<String> {
+        let boards = self.special_boards.iter().map(|special| special.bus);
+        let buses = boards.chain(self.special_modules.iter().map(|special| special.bus));
+        let mut others: Vec<i64> = buses.filter(|bus| !own.iter().any(|own| i64::from(*own) == *bus)).collect();
+        let sets = others.len();
+        others.sort_unstable();
+        others.dedup();
+        let list: Vec<String> = others.iter().map(i64::to_string).collect();
+        let own: Vec<String> = own.iter().map(u8::to_string).collect();
+        (sets > 0).then(|| {
+            let (list, own) = (list.join(", "), own.join(", "));
+            format!(
+                "{sets} special sets are for CAN {list} and not used: the device has CAN {own}. Is type or gain theirs?"
+            )
+        })
+    }
+
     /// Takes over what another file says, for example the specification that a device includes.
     pub fn add(&mut self, other: Self) {
         self.board = self.board.or(other.board);

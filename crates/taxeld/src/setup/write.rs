@@ -30,13 +30,13 @@ pub fn text(
     );
     let mut buses: Vec<String> = Vec::new();
     for draft in drafts {
-        if !buses.contains(&draft.part.bus()) {
-            buses.push(draft.part.bus());
+        if !buses.contains(&draft.bus) {
+            buses.push(draft.bus.clone());
         }
     }
     for (position, bus) in buses.iter().enumerate() {
         let known = interfaces.get(bus).cloned();
-        let none = drafts.iter().any(|draft| draft.part.bus() == *bus && draft.out_of_reach.is_some());
+        let none = drafts.iter().any(|draft| draft.bus == *bus && draft.out_of_reach.is_some());
         let question = if none { "this computer has none for" } else { "which interface is" };
         let (interface, mark) = known.map_or_else(
             || (format!("can{position}"), format!(" # {CHECK} {question} the bus of {bus}")),
@@ -51,7 +51,7 @@ pub fn text(
 }
 
 fn patch(text: &mut String, draft: &PatchDraft, gauge: Option<&toml::Table>, folder: &Path) {
-    let (name, bus) = (draft.part.name(), draft.part.bus());
+    let (name, bus) = (draft.part.name(), &draft.bus);
     text.push('\n');
     let taxels: usize = draft.boards.iter().flat_map(|b| &b.modules).map(|(_, kind)| kind.taxel_slots().len()).sum();
     comment(text, &format!("{name}: {taxels} taxels"));
