@@ -15,24 +15,30 @@ const EMPTY_FRAME_S: f64 = 47e-6;
 /// From this share on frames wait for each other, and those of one scan come in two.
 const CROWDED_FROM: f64 = 0.8;
 
-/// Frames a second that a patch reads from its buses, and the share of one of 1 Mbit/s that they take at least.
+/// Frames a second that a patch reads from its buses, and the share of one of 1 Mbit/s that they take with eight bytes each.
 pub fn of_patch(plan: &PatchPlan) -> (f64, f64) {
-    let (frames, frame_s) = match plan.devices.iter().map(|device| device.frames.len()).sum::<usize>() {
-        0 => (2 * plan.patch.modules().len(), FRAME_S),
-        described => (described, EMPTY_FRAME_S),
+    let frames = match plan.devices.iter().map(|device| device.frames.len()).sum::<usize>() {
+        0 => 2 * plan.patch.modules().len(),
+        described => described,
     };
     let frames_per_s = frames as f64 / plan.period.as_secs_f64();
-    (frames_per_s, frames_per_s * frame_s)
+    (frames_per_s, frames_per_s * FRAME_S)
 }
 
-/// The share of a bus that its patches take. Boards of one patch may be on several buses: each has its part of the modules.
+/// The share that they take at least: of described frames nobody says how long they are.
+fn least_of_patch(plan: &PatchPlan) -> f64 {
+    let frame_s = if plan.devices.is_empty() { FRAME_S } else { EMPTY_FRAME_S };
+    of_patch(plan).0 * frame_s
+}
+
+/// The share of a bus that its patches take at least. Boards of one patch may be on several buses: each has its part of the modules.
 fn of_bus(plan: &Plan, bus: BusIndex) -> f64 {
     let share = |patch: &PatchPlan| {
         let boards = patch.patch.boards();
         let on_bus =
             |module: &&taxel_skin::ModuleSite| boards.get(usize::from(module.board)).is_some_and(|b| b.bus == bus);
         let (modules, all) = (patch.patch.modules().iter().filter(on_bus).count(), patch.patch.modules().len());
-        of_patch(patch).1 * modules as f64 / all.max(1) as f64
+        least_of_patch(patch) * modules as f64 / all.max(1) as f64
     };
     plan.patches.iter().filter(|patch| patch.pushed.is_none()).map(share).sum()
 }
