@@ -28,6 +28,8 @@ pub struct Robot {
 #[derive(Debug)]
 struct File {
     path: PathBuf,
+    /// The same without links and detours.
+    real: PathBuf,
     read: RobotXml,
     /// Whether the user named it, and did not leave it to another one to include it.
     given: bool,
@@ -70,8 +72,8 @@ impl Robot {
     }
 
     fn take(&mut self, path: &Path, given: bool, out: &Path) -> anyhow::Result<()> {
-        let same = |file: &File| same_place(&file.path, path);
-        if self.files.iter().any(same) {
+        let real = real(path);
+        if self.files.iter().any(|file| file.real == real) {
             return Ok(());
         }
         if self.files.len() >= FILES_MAX {
@@ -85,7 +87,7 @@ impl Robot {
             Err(_) if !given => RobotXml::default(),
             read => read.map_err(|why| anyhow::anyhow!("{}: {why}", path.display()))?,
         };
-        self.files.push(File { path: path.to_owned(), read, given });
+        self.files.push(File { path: path.to_owned(), real, read, given });
         Ok(())
     }
 
@@ -98,6 +100,12 @@ impl Robot {
         let named = |file: &&File| file.path.file_name().is_some_and(|own| own.eq_ignore_ascii_case(name));
         let there = places.into_iter().find(|place| place.is_file());
         there.or_else(|| self.files.iter().filter(|file| file.given).find(named).map(|file| file.path.clone()))
+    }
+
+    /// The file that another one includes, if it was read.
+    fn included(&self, file: usize, href: &str) -> Option<usize> {
+        let real = real(&self.find(file, href)?);
+        self.files.iter().position(|file| file.real == real)
     }
 
     /// The device of a part that the user's files call by these names; `None` where no file has one.
@@ -198,9 +206,7 @@ impl Robot {
         let (mut device, mut files) = (device.clone(), BTreeSet::from([at]));
         let mut missing = Vec::new();
         for href in device.includes.clone() {
-            let path = self.find(at, &href);
-            let found = path.and_then(|path| self.files.iter().position(|file| same_place(&file.path, &path)));
-            match found {
+            match self.included(at, &href) {
                 Some(file) => {
                     device.settings.add(self.files[file].read.settings.clone());
                     files.insert(file);
@@ -233,11 +239,8 @@ impl Robot {
     pub fn left_over(&self, used: &[(&Source, Vec<(u8, u8)>)]) -> Vec<String> {
         let files: BTreeSet<usize> = used.iter().flat_map(|(source, _)| source.files.iter().copied()).collect();
         let unused = |(at, file): &(usize, &File)| {
-            let leads = file.read.port_prefix.is_some()
-                || file.read.includes.iter().any(|href| {
-                    self.find(*at, href)
-                        .is_some_and(|path| files.iter().any(|used| same_place(&self.files[*used].path, &path)))
-                });
+            let included = |href: &String| self.included(*at, href).is_some_and(|found| files.contains(&found));
+            let leads = file.read.port_prefix.is_some() || file.read.includes.iter().any(included);
             file.given && !files.contains(at) && !leads
         };
         let lines = self.files.iter().enumerate().filter(unused);
@@ -301,6 +304,6 @@ impl Source {
     }
 }
 
-fn same_place(a: &Path, b: &Path) -> bool {
-    a == b || std::fs::canonicalize(a).is_ok_and(|a| std::fs::canonicalize(b).is_ok_and(|b| a == b))
+fn real(path: &Path) -> PathBuf {
+    std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
 }
