@@ -44,7 +44,7 @@ typedef enum taxel_force_status {
     TAXEL_FORCE_NO_PAGE = 1,     /* no daemon, another patch, or a page that may not be read or believed */
     TAXEL_FORCE_NOTHING_YET = 2, /* no sample was written yet */
     TAXEL_FORCE_CLOSED = 3,      /* the daemon has ended */
-    TAXEL_FORCE_WRITER_GONE = 4, /* the daemon hangs, was killed, or has not run since a sleep */
+    TAXEL_FORCE_WRITER_GONE = 4, /* the daemon hangs or was killed */
     TAXEL_FORCE_STATE = 5,       /* the state carries no force: see `state` and `reasons` */
     TAXEL_FORCE_TOO_OLD = 6,     /* the newest frame is older than the limit: see `age_ns` */
     TAXEL_FORCE_OTHER_CLOCK = 7  /* stamps of the future: a container with a clock of its own */
@@ -69,9 +69,9 @@ typedef struct taxel_force {
     double moment_nm[3];         /* its moment about the frame's origin, N m */
     double centre_of_pressure_m[3];
     int64_t age_ns;              /* since the arrival of the newest frame in it; -1 if there is none */
-    int64_t monotonic_ns;        /* that arrival, CLOCK_MONOTONIC; 0 if there is none */
+    int64_t monotonic_ns;        /* that arrival, CLOCK_BOOTTIME; 0 if there is none */
     int64_t wall_ns;             /* the same since 1970: a label */
-    int64_t written_ns;          /* when it was written, CLOCK_MONOTONIC */
+    int64_t written_ns;          /* when it was written, CLOCK_BOOTTIME */
     uint64_t sequence;           /* one more for each sample that was published */
     uint32_t state;              /* taxel_force_state */
     uint32_t lower_bound;        /* 1: the true force may be higher by any amount */
@@ -96,7 +96,7 @@ typedef struct taxel_force_reader {
 /* Where things are in the page, in words of eight bytes. */
 enum {
     TAXEL_AT_VERSION = 1, TAXEL_AT_AGE_LIMIT = 4, TAXEL_AT_BEAT_LIMIT = 5, TAXEL_AT_WRITES = 16, TAXEL_AT_BEAT = 17,
-    TAXEL_AT_CLOSED = 18, TAXEL_AT_SLEPT = 19, TAXEL_AT_SAMPLES = 32, TAXEL_SAMPLE_WORDS = 64
+    TAXEL_AT_CLOSED = 18, TAXEL_AT_SAMPLES = 32, TAXEL_SAMPLE_WORDS = 64
 };
 
 /* A relaxed load, ordered by taxel_fence_: all that is defined for atomics in memory that is mapped read-only. */
@@ -115,20 +115,10 @@ static inline uint32_t taxel_half_(uint64_t word, int second) {
     return halves[second];
 }
 
-/* For how many ns the machine has slept since its start, or a little less: what CLOCK_BOOTTIME is ahead of CLOCK_MONOTONIC. */
-#define TAXEL_SLEEP_MIN_NS 100000000u /* shorter ones count as none: writer and reader do not read their clocks at once */
-static inline uint64_t taxel_force_slept_ns(void) {
-    struct timespec with_sleep, awake;
-    int64_t slept;
-    if (clock_gettime(CLOCK_BOOTTIME, &with_sleep) != 0 || clock_gettime(CLOCK_MONOTONIC, &awake) != 0) return 0;
-    slept = ((int64_t)with_sleep.tv_sec - (int64_t)awake.tv_sec) * 1000000000 + with_sleep.tv_nsec - awake.tv_nsec;
-    return slept > 0 ? (uint64_t)slept : 0;
-}
-
-/* CLOCK_MONOTONIC, ns. */
+/* CLOCK_BOOTTIME, ns. */
 static inline int64_t taxel_force_now_ns(void) {
     struct timespec now;
-    if (clock_gettime(CLOCK_MONOTONIC, &now) != 0) return INT64_MIN;
+    if (clock_gettime(CLOCK_BOOTTIME, &now) != 0) return INT64_MIN;
     return (int64_t)now.tv_sec * 1000000000 + (int64_t)now.tv_nsec;
 }
 
@@ -292,6 +282,20 @@ static inline int taxel_take_(const uint64_t *page, uint64_t *words) {
 }
 
 /*
+ * Whether a sample is a force: the rule that the daemon and all its readers share. It is one while its state is OK or DEGRADED,
+ * its total is a number and its age has not passed the daemon's limit or the caller's own, if that is stricter. All times in s;
+ * `age_s`: when it was sent, `waited_s`: since then, `own_s`: NaN without an own limit.
+ */
+static inline taxel_force_status taxel_force_judge(uint32_t state, double total_n, double age_s, double waited_s,
+                                                   double max_age_s, double own_s) {
+    double limit_s = isfinite(max_age_s) && max_age_s > 0.0 ? max_age_s : 0.0;
+    if ((state != TAXEL_STATE_OK && state != TAXEL_STATE_DEGRADED) || !isfinite(total_n) || isnan(age_s))
+        return TAXEL_FORCE_STATE;
+    if (own_s < limit_s) limit_s = own_s;
+    return age_s >= 0.0 && age_s + waited_s <= limit_s ? TAXEL_FORCE_GOOD : TAXEL_FORCE_TOO_OLD;
+}
+
+/*
  * The newest force of the open page, judged now. `age_limit_ns`: the caller's own limit, in force if it is stricter than
  * the page's; 0: the page's. Anything but TAXEL_FORCE_GOOD is no force.
  */
@@ -300,7 +304,7 @@ static inline taxel_force_status taxel_force_read(const taxel_force_reader *read
     uint64_t words[TAXEL_SAMPLE_WORDS];
     taxel_force_status status = TAXEL_FORCE_GOOD;
     const uint64_t *page = reader->page;
-    uint64_t limit, beat_limit, closed, known, slept;
+    uint64_t limit, beat_limit, closed;
     int64_t beat, now;
     int taken;
 
@@ -308,16 +312,12 @@ static inline taxel_force_status taxel_force_read(const taxel_force_reader *read
     taxel_no_figures_(force);
     force->age_ns = -1;
     if (page == NULL) return TAXEL_FORCE_NO_PAGE;
-    known = taxel_load_(page + TAXEL_AT_SLEPT); /* and 1; 0: not said. Before the sample: who learns of a sleep takes the force first */
-    taxel_fence_();
     taken = taxel_take_(page, words);
     beat = (int64_t)taxel_load_(page + TAXEL_AT_BEAT);
     closed = taxel_load_(page + TAXEL_AT_CLOSED);
     limit = taxel_load_(page + TAXEL_AT_AGE_LIMIT);
     beat_limit = taxel_load_(page + TAXEL_AT_BEAT_LIMIT);
-    if (age_limit_ns > 0 && (uint64_t)age_limit_ns < limit) limit = (uint64_t)age_limit_ns;
     taxel_fence_();
-    slept = known != 0 ? taxel_force_slept_ns() : 0;
     now = taxel_force_now_ns(); /* last: nothing that was found can be of a later moment on the same clock */
 
     if (taken) {
@@ -328,11 +328,10 @@ static inline taxel_force_status taxel_force_read(const taxel_force_reader *read
     else if (!taken) status = TAXEL_FORCE_NOTHING_YET;
     else if (now < beat) status = TAXEL_FORCE_OTHER_CLOCK;
     else if ((uint64_t)now - (uint64_t)beat > beat_limit) status = TAXEL_FORCE_WRITER_GONE;
-    else if (known != 0 && slept > known - 1 && slept - (known - 1) > TAXEL_SLEEP_MIN_NS) status = TAXEL_FORCE_WRITER_GONE;
-    else if ((force->state != TAXEL_STATE_OK && force->state != TAXEL_STATE_DEGRADED) || !isfinite(force->total_n) ||
-             force->monotonic_ns == 0) status = TAXEL_FORCE_STATE;
-    else if (now < force->monotonic_ns) status = TAXEL_FORCE_OTHER_CLOCK;
-    else if ((uint64_t)now - (uint64_t)force->monotonic_ns > limit) status = TAXEL_FORCE_TOO_OLD;
+    else if (force->monotonic_ns != 0 && now < force->monotonic_ns) status = TAXEL_FORCE_OTHER_CLOCK;
+    else
+        status = taxel_force_judge(force->state, force->total_n, force->age_ns < 0 ? (double)NAN : (double)force->age_ns * 1e-9,
+                                   0.0, (double)limit * 1e-9, age_limit_ns > 0 ? (double)age_limit_ns * 1e-9 : (double)NAN);
     if (status != TAXEL_FORCE_GOOD) taxel_no_figures_(force);
     return status;
 }

@@ -4,9 +4,9 @@
 // usage: controller_grpc [ADDRESS [PATCH [SECONDS]]]      (127.0.0.1:50051, the only patch, for ever)
 // It shows what it has twice a second. Exit code 3 if the last reading was no force.
 //
-// A thread of its own keeps the newest sample, so that the control loop never waits. Only OK and DEGRADED are forces. The
-// age is the sample's age when it was sent, plus the time since it came, plus the time that it can have been on its way:
-// the daemon is asked once in a while, and answered not before the question left.
+// A thread of its own keeps the newest sample, so that the control loop never waits. taxel_force_judge says whether it is a
+// force. Its age is the age when it was sent, plus the time that it was on its way, by the wall clocks of both machines, plus
+// the time since it came. Another machine than the daemon's needs NTP or PTP.
 #include <grpcpp/grpcpp.h>
 #include <time.h>
 
@@ -22,22 +22,19 @@
 #include <thread>
 
 #include "taxel/v1/force.grpc.pb.h"
+#include "taxel_force.h"
 
 using namespace std::chrono_literals;
 
-constexpr double drift = 6e-4;       // two clocks part by so many seconds a second at most
-constexpr double astray_s = 0.05;    // on clocks that run no sample comes so long before it was sent
+/// By a clock that goes on while this machine is suspended: a force from before is old then.
+static double now_s() { return static_cast<double>(taxel_force_now_ns()) * 1e-9; }
 
-/// By a clock that goes on while this machine sleeps, as that of another machine does: a force from before is old then.
-static double now_s() {
-#ifdef CLOCK_BOOTTIME
-    constexpr clockid_t with_sleep = CLOCK_BOOTTIME;
-#else
-    constexpr clockid_t with_sleep = CLOCK_MONOTONIC;  // of a system without that clock
-#endif
-    timespec now{};
-    clock_gettime(with_sleep, &now);
-    return static_cast<double>(now.tv_sec) + static_cast<double>(now.tv_nsec) * 1e-9;
+/// For how long a sample that just came was on its way; 0 where the daemon's wall clock is ahead of ours.
+static double on_the_way_s(const taxel::v1::ForceSample& sample) {
+    if (!sample.has_sent()) return std::numeric_limits<double>::infinity();
+    const double sent_s = static_cast<double>(sample.sent().seconds()) + sample.sent().nanos() * 1e-9;
+    const auto since_1970 = std::chrono::system_clock::now().time_since_epoch();
+    return std::max(0.0, std::chrono::duration<double>(since_1970).count() - sent_s);
 }
 
 /// A force, or why there is none.
@@ -82,16 +79,15 @@ public:
         const std::lock_guard<std::mutex> lock(mutex_);
         if (!newest_) return {std::nullopt, 0.0, broken_.empty() ? "no sample yet" : broken_};
         const auto& sample = newest_->sample;
-        const bool good = sample.state() == taxel::v1::FORCE_STATE_OK || sample.state() == taxel::v1::FORCE_STATE_DEGRADED;
-        if (!good || !sample.has_total_n() || !sample.has_age_s() || !std::isfinite(sample.total_n()))
-            // What the daemon said last is no reason any more once it cannot be heard.
-            return {std::nullopt, 0.0,
-                    !broken_.empty() ? "the stream was lost: " + broken_ :
-                    taxel::v1::ForceState_Name(sample.state()) + (sample.reasons_size() ? ": " + sample.reasons(0) : "")};
-        const double age_s = sample.age_s() + newest_->on_the_way_s + now_s() - newest_->came_s;
-        if (!(age_s >= 0.0 && age_s <= sample.max_age_s()))
-            return {std::nullopt, age_s, broken_.empty() ? "too old" : "the stream was lost: " + broken_};
-        return {sample.total_n(), age_s, ""};
+        const double waited_s = newest_->on_the_way_s + now_s() - newest_->came_s;
+        const double total_n = sample.has_total_n() ? sample.total_n() : NAN, age_s = sample.has_age_s() ? sample.age_s() : NAN;
+        const auto status = taxel_force_judge(static_cast<uint32_t>(sample.state()), total_n, age_s, waited_s, sample.max_age_s(), NAN);
+        if (status == TAXEL_FORCE_GOOD) return {total_n, age_s + waited_s, ""};
+        // What the daemon said last is no reason any more once it cannot be heard.
+        if (!broken_.empty()) return {std::nullopt, 0.0, "the stream was lost: " + broken_};
+        if (status != TAXEL_FORCE_STATE) return {std::nullopt, age_s + waited_s, taxel_force_words(status)};
+        const auto& reasons = sample.reasons();
+        return {std::nullopt, 0.0, taxel::v1::ForceState_Name(sample.state()) + (reasons.empty() ? "" : ": " + reasons[0])};
     }
 
 private:
@@ -101,78 +97,15 @@ private:
         double on_the_way_s;
     };
 
-    /// The least that our clock less the daemon's can be, and when that was found.
-    struct Known {
-        double value_s = -std::numeric_limits<double>::infinity();
-        double found_s = 0.0;
-        double least_s(double at_s) const { return value_s - drift * std::max(0.0, at_s - found_s); }
-    };
-
-    static bool sent_s(const taxel::v1::ForceSample& sample, double& sent) {
-        if (!sample.has_monotonic_ns() || !sample.has_age_s()) return false;
-        sent = static_cast<double>(sample.monotonic_ns()) * 1e-9 + sample.age_s();
-        return std::isfinite(sent);
-    }
-
-    /// Bounds the daemon's clock: the answer was sent after the question left.
-    grpc::Status look_at_the_clock() {
-        grpc::ClientContext context;
-        context.set_deadline(std::chrono::system_clock::now() + 2s);
-        taxel::v1::GetForceRequest request;
-        request.set_patch(patch_);
-        taxel::v1::ForceSample answer;
-        const double left_s = now_s();
-        const auto status = stub_->GetForce(&context, request, &answer);
-        double sent;
-        if (status.ok() && sent_s(answer, sent) && left_s - sent > now_known_.least_s(left_s)) {
-            if (!std::isinf(now_known_.value_s)) {
-                before_ = now_known_;
-                before_until_s_ = sent;
-            }
-            now_known_ = {left_s - sent, left_s};
-        }
-        asked_s_ = now_s();
-        return status;
-    }
-
-    /// How long a sample was on its way at most. Where the daemon's clock stood still, as in a sleep of its machine, the last
-    /// answer says nothing of samples that were sent before.
-    double on_the_way_s(double came_s, double sent_s) {
-        const auto& known = sent_s < before_until_s_ ? before_ : now_known_;
-        const double took_s = came_s - sent_s - known.least_s(came_s);
-        if (took_s < -astray_s) {  // our clock has stood still: nothing is known of the daemon's any more
-            forget_the_clock();
-            return std::numeric_limits<double>::infinity();
-        }
-        return std::max(0.0, took_s);
-    }
-
-    void forget_the_clock() {
-        now_known_ = before_ = Known{};
-        before_until_s_ = -std::numeric_limits<double>::infinity();
-    }
-
     grpc::Status read(grpc::ClientContext& context) {
-        forget_the_clock();
-        if (const auto status = look_at_the_clock(); !status.ok()) return status;
         taxel::v1::StreamForceRequest request;
         request.set_patch(patch_);
         request.set_rate_hz(200.0);
         auto stream = stub_->StreamForce(&context, request);
         taxel::v1::ForceSample sample;
         while (stream->Read(&sample)) {
-            const double came_s = now_s();
-            double sent = 0.0, way_s = std::numeric_limits<double>::infinity();
-            const bool timed = sent_s(sample, sent);
-            if (came_s - asked_s_ > 10.0 || (timed && std::isinf(now_known_.value_s)))
-                if (const auto status = look_at_the_clock(); !status.ok()) {
-                    context.TryCancel();
-                    stream->Finish();
-                    return status;
-                }
-            if (timed) way_s = on_the_way_s(came_s, sent);
             const std::lock_guard<std::mutex> lock(mutex_);
-            newest_ = Newest{sample, came_s, way_s};
+            newest_ = Newest{sample, now_s(), on_the_way_s(sample)};
             broken_.clear();
         }
         return stream->Finish();
@@ -199,14 +132,11 @@ private:
 
     const std::string patch_;
     std::unique_ptr<taxel::v1::ForceService::Stub> stub_;
-    std::mutex mutex_;  // of what follows, up to the thread's own
+    std::mutex mutex_;  // of what follows
     std::optional<Newest> newest_;
     std::string broken_;
     grpc::ClientContext* context_ = nullptr;
     bool ended_ = false;
-    // The thread's own.
-    Known now_known_, before_;  // before_: until the last answer that raised it, which was sent at before_until_s_
-    double before_until_s_ = -std::numeric_limits<double>::infinity(), asked_s_ = 0.0;
     std::thread thread_;
 };
 

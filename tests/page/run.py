@@ -6,6 +6,7 @@
 Needs chromium, chromedriver and the Python package selenium. Screenshots are left in SCRATCH.
 """
 
+import csv
 import pathlib
 import re
 import signal
@@ -18,6 +19,7 @@ from selenium.common.exceptions import NoSuchElementException, StaleElementRefer
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 
+REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 # The demo's ramp alone takes 37 s; a busy machine may need several times as long.
 PATIENCE_S = 300
 
@@ -232,17 +234,24 @@ def freshness(page, daemon):
     page.go("live")
     page.until("an answer again", lambda: page.text("#verdict") not in ("", "STALE"))
     print("stale while the daemon hangs, and not after", flush=True)
-    # A sleep of the daemon's machine: its clock has stood still by both of the browser's. And one of the browser's own, whose
-    # monotonic clock has: then what was on its way may be old. What comes after either is as fresh as before.
-    both = "const was = performance.now.bind(performance); performance.now = () => was() + 30000;"
-    wall = "const day = Date.now.bind(Date); Date.now = () => day() + 30000;"
-    for whose, sleep in (("daemon", both + wall), ("browser", wall)):
-        page.until("a force", lambda: page.text("#verdict") in ("OK", "DEGRADED"))
-        page.browser.execute_script(sleep + " window.woken = performance.now() / 1000")
-        page.until("a force that is taken for old at first", lambda: page.browser.execute_script(
-            "return import('/store.js').then(({ state }) => state.course.some(({ t, word }) => t >= woken && word === 'STALE'))"), 20)
-        page.until("a force after the sleep", lambda: page.text("#verdict") in ("OK", "DEGRADED"), 20)
-        print(f"as fresh as before after a sleep of the {whose}'s machine", flush=True)
+    # The machine of the browser is suspended, or its clock is set: the force from before is old, and a new connection has a new one.
+    page.until("a force", lambda: page.text("#verdict") in ("OK", "DEGRADED"))
+    page.browser.execute_script(
+        "const day = Date.now.bind(Date); Date.now = () => day() + 30000; window.woken = performance.now() / 1000")
+    page.until("a force that is taken for old at first", lambda: page.browser.execute_script(
+        "return import('/store.js').then(({ state }) => state.course.some(({ t, word }) => t >= woken && word === 'STALE'))"), 20)
+    page.until("a force after it", lambda: page.text("#verdict") in ("OK", "DEGRADED"), 20)
+    print("as fresh as before after a suspend of the browser's machine", flush=True)
+
+
+def judged(page):
+    """The page judges each case of the table as the daemon does."""
+    for case in csv.DictReader((REPOSITORY / "crates/taxel-proto/src/judge.csv").open()):
+        figure = lambda name: {"": "undefined", "nan": "NaN", "inf": "Infinity"}.get(case[name], case[name])
+        call = ", ".join([f"'{case['state']}'", *map(figure, ("total_n", "age_s", "waited_s", "max_age_s", "own_s"))])
+        said = page.browser.execute_script(f"return import('/judge.js').then(({{ judge }}) => judge({call}))")
+        assert said == case["verdict"], (case, said)
+    print("the page judges as the daemon does", flush=True)
 
 
 def main():
@@ -270,6 +279,7 @@ def main():
         validate(page)
         look_around(page)
         freshness(page, daemon)
+        judged(page)
         faults = page.faults()
         assert not faults, faults
         print("the page holds")

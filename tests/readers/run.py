@@ -127,7 +127,7 @@ def over_a_socket(taxel, taxeld, cpp, scratch):
 
 
 # Says again and again whether there is a force, or why there is none.
-SLEEPER = '''
+READER = '''
 import sys, time, taxel
 with taxel.connect(sys.argv[1]) as service:
     while True:
@@ -137,27 +137,27 @@ with taxel.connect(sys.argv[1]) as service:
 '''
 
 
-def over_a_sleep(site, demo, scratch):
-    """The machine of a Python reader sleeps for an hour, by the clocks of its process: the force from before is an hour old, and
+def over_a_suspend(site, demo, scratch):
+    """The machine of a Python reader is suspended for an hour, by the clock of its process: the force from before is an hour old, and
     one that comes then is none."""
-    library, slept = scratch / "sleep.so", scratch / "slept"
-    source = REPOSITORY / "crates/taxeld/tests/sleep_faults.c"
+    library, suspended = scratch / "suspend.so", scratch / "suspended"
+    source = REPOSITORY / "crates/taxeld/tests/suspend.c"
     subprocess.run(["cc", "-shared", "-fPIC", "-o", str(library), str(source)], check=True)
-    environment = {**os.environ, "LD_PRELOAD": str(library), "SLEPT_AN_HOUR": str(slept), "PYTHONPATH": str(site)}
+    environment = {**os.environ, "LD_PRELOAD": str(library), "SUSPENDED_AN_HOUR": str(suspended), "PYTHONPATH": str(site)}
     reader = subprocess.Popen(
-        [sys.executable, "-c", SLEEPER, demo.address], stdout=subprocess.PIPE, text=True, env=environment
+        [sys.executable, "-c", READER, demo.address], stdout=subprocess.PIPE, text=True, env=environment
     )
     try:
         until("a force", lambda: reader.stdout.readline() == "force\n")
         demo.signal(signal.SIGSTOP)
-        slept.touch()
-        said = until("a sleep is told", lambda: (reader.stdout.readline().strip() + "force").split("force")[0])
+        suspended.touch()
+        said = until("a suspend is told", lambda: (reader.stdout.readline().strip() + "force").split("force")[0])
         assert re.search(r"36\d{5} ms old", said), said
         demo.signal(signal.SIGCONT)
-        until("a force after the sleep", lambda: reader.stdout.readline() == "force\n")
+        until("a force after it", lambda: reader.stdout.readline() == "force\n")
     finally:
         reader.kill()
-    print("a reader whose machine slept takes no force from before for a new one, and the next one for what it is")
+    print("a reader whose machine was suspended takes no force from before for a new one, and the next one for what it is")
 
 
 def sessions(taxel, scratch):
@@ -213,7 +213,7 @@ def main(taxeld, scratch):
         # Whether its zero outlived that is the daemon's to say; that it lives, the page's.
         until("it goes on", lambda: memory.force() or memory.force().why is taxel.Why.STATE)
         until("its zero holds or is proven anew", memory.force)
-        over_a_sleep(site, demo, scratch)
+        over_a_suspend(site, demo, scratch)
 
         demo.signal(signal.SIGKILL)
         gone = taxel.Why.WRITER_GONE

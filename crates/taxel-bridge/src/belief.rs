@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use taxel_client::{withheld, without_force};
+use taxel_proto::judge::withheld;
 use taxel_proto::v1::{ForceSample, ForceState, ReasonCode, Vector3};
 
 /// Why there is no force to send.
@@ -103,14 +103,20 @@ pub fn believe(sample: &ForceSample, waited: Duration, limit: Duration) -> Resul
     Ok(age)
 }
 
+/// The oldest that a sample may become.
+pub fn limit_of(sample: &ForceSample) -> Duration {
+    Duration::try_from_secs_f64(sample.max_age_s).unwrap_or_default()
+}
+
 /// The sample as it may go on, with its age by now: with no figure of the force if it is none.
 pub fn passed_on(sample: &ForceSample, waited: Duration) -> ForceSample {
     let age_s = sample.age_s.map(|age_s| age(age_s, waited).as_secs_f64());
-    match believe(sample, waited, sample.max_age(None)) {
+    match believe(sample, waited, limit_of(sample)) {
         Ok(_) => ForceSample { age_s, ..sample.clone() },
         Err(NoForce::State { state, reasons }) => {
             let causes = sample.causes.clone();
-            ForceSample { age_s, state: state.into(), stale: sample.stale, reasons, causes, ..without_force(sample) }
+            let none = withheld(sample, ReasonCode::Unspecified, String::new());
+            ForceSample { age_s, state: state.into(), stale: sample.stale, reasons, causes, ..none }
         }
         Err(why) => ForceSample { age_s, ..withheld(sample, why.code(), why.to_string()) },
     }

@@ -4,10 +4,12 @@
 //! slow misses samples, and sees by `Received::number` how many.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
-use taxel_client::{DaemonClock, Moment};
-use taxel_proto::v1::{ForceSample, GetForceRequest, StreamForceRequest, StreamTaxelsRequest, TaxelSample};
+use taxel_client::Moment;
+use taxel_proto::Timestamp;
+use taxel_proto::judge::on_the_way;
+use taxel_proto::v1::{ForceSample, StreamForceRequest, StreamTaxelsRequest, TaxelSample};
 use tokio::sync::watch;
 use tonic::{Status, Streaming};
 
@@ -16,26 +18,21 @@ use crate::daemon::{Daemon, words};
 /// Between two attempts to open a stream.
 const AGAIN_AFTER: Duration = Duration::from_millis(500);
 
-/// How often the daemon's clock is looked at.
-const ASK_EVERY: Duration = Duration::from_secs(10);
-/// An answer that takes longer says little of the clock.
-const ANSWER_WITHIN: Duration = Duration::from_secs(2);
-
 /// What is followed: samples that say when they were sent.
 pub trait Sample: Send + Sync + 'static {
-    /// The daemon's own time of sending, in s; `None` if the sample has no time.
-    fn sent_s(&self) -> Option<f64>;
+    /// By the daemon's wall clock.
+    fn sent(&self) -> Option<&Timestamp>;
 }
 
 impl Sample for ForceSample {
-    fn sent_s(&self) -> Option<f64> {
-        Some(self.monotonic_ns? as f64 * 1e-9 + self.age_s?)
+    fn sent(&self) -> Option<&Timestamp> {
+        self.sent.as_ref()
     }
 }
 
 impl Sample for TaxelSample {
-    fn sent_s(&self) -> Option<f64> {
-        Some(self.monotonic_ns? as f64 * 1e-9 + self.age_s?)
+    fn sent(&self) -> Option<&Timestamp> {
+        self.sent.as_ref()
     }
 }
 
@@ -77,9 +74,8 @@ impl<T> Newest<T> {
 pub async fn force(daemon: Daemon, patch: String, rate_hz: Option<f64>, newest: watch::Sender<Newest<ForceSample>>) {
     loop {
         let request = StreamForceRequest { patch: patch.clone(), rate_hz };
-        let asked = Asked::first(&daemon, &patch).await;
         let stream = daemon.force().stream_force(request).await;
-        take(stream.map(tonic::Response::into_inner), asked, &newest).await;
+        take(stream.map(tonic::Response::into_inner), &patch, &newest).await;
     }
 }
 
@@ -87,55 +83,15 @@ pub async fn force(daemon: Daemon, patch: String, rate_hz: Option<f64>, newest: 
 pub async fn taxels(daemon: Daemon, patch: String, rate_hz: f64, newest: watch::Sender<Newest<TaxelSample>>) {
     loop {
         let request = StreamTaxelsRequest { patch: patch.clone(), rate_hz: Some(rate_hz) };
-        let asked = Asked::first(&daemon, &patch).await;
         let stream = daemon.skin().stream_taxels(request).await;
-        take(stream.map(tonic::Response::into_inner), asked, &newest).await;
-    }
-}
-
-/// The daemon's clock, asked for beside a stream.
-struct Asked<'a> {
-    daemon: &'a Daemon,
-    patch: &'a str,
-    clock: DaemonClock,
-    last: Moment,
-}
-
-impl<'a> Asked<'a> {
-    /// Before a stream begins, so that a first message which waited on its way is known as old. A daemon that does not
-    /// answer will not stream either, which tells more.
-    async fn first(daemon: &'a Daemon, patch: &'a str) -> Self {
-        let mut asked = Self { daemon, patch, clock: DaemonClock::default(), last: Moment::now() };
-        let _ = asked.ask().await;
-        asked
-    }
-
-    /// How long a message was on its way that came at `at`; asks the daemon first if that is due.
-    async fn delay(&mut self, at: Moment, sent_s: Option<f64>) -> Result<Duration, Status> {
-        // The first frame that the daemon ever received shows its clock only now.
-        let unknown = !self.clock.is_known() && sent_s.is_some();
-        if unknown || self.last.elapsed() > ASK_EVERY {
-            self.ask().await?;
-        }
-        Ok(self.clock.delay(at, sent_s))
-    }
-
-    async fn ask(&mut self) -> Result<(), Status> {
-        self.last = Moment::now();
-        let mut force = self.daemon.force();
-        let question = force.get_force(GetForceRequest { patch: self.patch.to_owned() });
-        let late = |_| Status::deadline_exceeded(format!("no answer within {} s", ANSWER_WITHIN.as_secs()));
-        let answer = tokio::time::timeout(ANSWER_WITHIN, question).await.map_err(late)??;
-        self.clock.asked(self.last, answer.get_ref().sent_s());
-        Ok(())
+        take(stream.map(tonic::Response::into_inner), &patch, &newest).await;
     }
 }
 
 /// Takes a stream to its end, tells why it ended, and waits a little.
-async fn take<T: Sample>(stream: Result<Streaming<T>, Status>, asked: Asked<'_>, newest: &watch::Sender<Newest<T>>) {
-    let patch = asked.patch;
+async fn take<T: Sample>(stream: Result<Streaming<T>, Status>, patch: &str, newest: &watch::Sender<Newest<T>>) {
     let end = match stream {
-        Ok(stream) => read(stream, asked, newest).await,
+        Ok(stream) => read(stream, newest).await,
         Err(status) => words(&status),
     };
     if newest.borrow().lost.as_ref() != Some(&end) {
@@ -145,7 +101,7 @@ async fn take<T: Sample>(stream: Result<Streaming<T>, Status>, asked: Asked<'_>,
     tokio::time::sleep(AGAIN_AFTER).await;
 }
 
-async fn read<T: Sample>(mut stream: Streaming<T>, mut asked: Asked<'_>, newest: &watch::Sender<Newest<T>>) -> String {
+async fn read<T: Sample>(mut stream: Streaming<T>, newest: &watch::Sender<Newest<T>>) -> String {
     loop {
         let sample = match stream.message().await {
             Ok(Some(sample)) => sample,
@@ -153,10 +109,7 @@ async fn read<T: Sample>(mut stream: Streaming<T>, mut asked: Asked<'_>, newest:
             Err(status) => return words(&status),
         };
         let at = Moment::now();
-        let delayed = match asked.delay(at, sample.sent_s()).await {
-            Ok(delayed) => delayed,
-            Err(status) => return words(&status),
-        };
+        let delayed = on_the_way(sample.sent(), SystemTime::now());
         newest.send_modify(|newest| {
             if newest.lost.take().is_some() {
                 tracing::info!("a stream from the daemon runs");

@@ -3,7 +3,6 @@
 //! Layout: `linux/can/error.h`. The identifier holds class bits, the data bytes the details.
 
 use std::fmt;
-use std::time::Duration;
 
 use taxel_wire::{CanId, Frame, FrameKind};
 
@@ -43,8 +42,6 @@ pub enum BusError {
     NoAck,
     /// Bus errors that the controller does not specify.
     Unspecified,
-    /// No error of a controller: of a recording, whose machine slept for so long ([`Frame::slept`]).
-    Slept(Duration),
     /// Class bits that are not known here.
     Unknown {
         /// The bits.
@@ -70,7 +67,6 @@ impl BusError {
             Self::Transceiver { .. } => "the transceiver reports a fault of the wires",
             Self::NoAck => "nobody acknowledged a frame: no other node, or another bit rate",
             Self::Unspecified => "an error on the bus that the controller does not specify",
-            Self::Slept(_) => "the machine slept",
             Self::Unknown { .. } => "an error frame of an unknown class",
         }
     }
@@ -94,7 +90,6 @@ impl fmt::Display for BusError {
         match self {
             Self::Protocol { violations } => write!(f, " (CAN_ERR_PROT {violations:#04x})"),
             Self::Transceiver { status } => write!(f, " (CAN_ERR_TRX {status:#04x})"),
-            Self::Slept(slept) => write!(f, " for {:.1} s", slept.as_secs_f64()),
             Self::Unknown { class } => write!(f, " ({class:#x})"),
             _ => Ok(()),
         }
@@ -128,9 +123,6 @@ const KNOWN: u32 = 0x3FF;
 /// Calls `each` for everything that `frame` reports; for nothing if it is no error frame.
 pub fn decode(frame: &Frame, mut each: impl FnMut(BusError)) {
     let (FrameKind::Error, CanId::Extended(class)) = (frame.kind, frame.id) else { return };
-    if let Some(slept) = frame.slept() {
-        return each(BusError::Slept(slept));
-    }
     let mut data = [0; 8];
     for (to, from) in data.iter_mut().zip(frame.bytes()) {
         *to = *from;
@@ -211,18 +203,6 @@ mod tests {
         assert_eq!(decoded(0x204, [0, 0x10, 0, 0, 0, 0, 130, 128]), [BusError::Passive(counters(130, 128))]);
         assert_eq!(decoded(0x204, [0, 0x40, 0, 0, 0, 0, 0, 0]), [BusError::Active(counters(0, 0))]);
         assert_eq!(decoded(0x88, [0, 0, 0x0A, 0, 0, 0, 0, 0]), [BusError::Protocol { violations: 0x0A }]);
-    }
-
-    #[test]
-    fn a_sleep_of_the_recorded_machine_is_told_with_its_length() {
-        for slept in [Duration::ZERO, Duration::from_millis(3_200), Duration::from_secs(86_400)] {
-            let mut all = Vec::new();
-            decode(&Frame::of_sleep(slept), |error| all.push(error));
-            assert_eq!(all, [BusError::Slept(slept)]);
-        }
-        assert_eq!(BusError::Slept(Duration::from_millis(3_200)).to_string(), "the machine slept for 3.2 s");
-        let short = Frame::new(CanId::Extended(0x1000_0000), FrameKind::Error, &[0; 7]).unwrap();
-        assert_eq!((short.slept(), Frame::of(CanId::Extended(0x1000_0000), [0; 8]).slept()), (None, None));
     }
 
     #[test]

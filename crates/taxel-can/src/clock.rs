@@ -1,6 +1,4 @@
-//! The two clocks: the monotonic one orders, the wall clock labels.
-
-use std::time::Duration;
+//! The two clocks: `CLOCK_BOOTTIME` orders, the wall clock labels.
 
 use nix::time::{ClockId, clock_gettime};
 use taxel_skin::Time;
@@ -8,7 +6,8 @@ use taxel_skin::Time;
 /// Both clocks, read together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ClockReading {
-    /// `CLOCK_MONOTONIC`: the clock of a live run.
+    /// `CLOCK_BOOTTIME`: the clock of a live run. It never steps and goes on while the machine is suspended, so that what
+    /// was received before is simply old.
     pub time: Time,
     /// `CLOCK_REALTIME` in nanoseconds since 1970: only ever a label, because it may be stepped.
     pub wall_ns: i64,
@@ -29,7 +28,7 @@ impl ClockReading {
 
     /// The run's time of an event that the kernel stamped with its wall clock.
     ///
-    /// The age by the wall clock is taken from the present of the monotonic clock. If the wall clock was stepped in
+    /// The age by the wall clock is taken from the present of the run's clock. If the wall clock was stepped in
     /// between, the age is wrong by that step: a step back would put the event into the future, so it counts as now;
     /// a step forward would make it too old, so `floor`, a time that the event cannot precede, bounds it.
     #[must_use]
@@ -37,22 +36,6 @@ impl ClockReading {
         let age_ns = self.wall_ns.saturating_sub(stamp_wall_ns).max(0);
         Time::from_nanos(self.time.as_nanos().saturating_sub(age_ns)).max(floor)
     }
-}
-
-/// For how long this machine has slept since it was started, or a little less: what `CLOCK_BOOTTIME`, which goes on then, is
-/// ahead of `CLOCK_MONOTONIC`.
-#[must_use]
-pub fn slept() -> Duration {
-    // In this order a pause between the two readings makes it less, never more.
-    let with_sleep = nanos(ClockId::CLOCK_BOOTTIME);
-    let awake = nanos(ClockId::CLOCK_MONOTONIC);
-    Duration::from_nanos(with_sleep.saturating_sub(awake).max(0).unsigned_abs())
-}
-
-/// `CLOCK_BOOTTIME`, which goes on while the machine sleeps: not the run's clock, which stands still then.
-#[must_use]
-pub fn time_with_sleep() -> Time {
-    Time::from_nanos(nanos(ClockId::CLOCK_BOOTTIME))
 }
 
 fn nanos(clock: ClockId) -> i64 {

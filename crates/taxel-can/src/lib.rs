@@ -28,7 +28,7 @@ mod sys;
 mod tx;
 
 pub use can_error::{BusError, ErrorCounters, decode as each_bus_error};
-pub use clock::{ClockReading, slept, time_with_sleep};
+pub use clock::ClockReading;
 pub use log_clock::{ClockStep, ClockSteps};
 pub use log_format::ForeignLog;
 pub use log_reader::{LogFault, LogReader};

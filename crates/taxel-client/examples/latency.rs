@@ -18,7 +18,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use taxel_client::{Address, Options, follow};
-use taxel_shm::{Page, monotonic_ns};
+use taxel_shm::{Page, now_ns};
 
 /// Of one scan of the demo's forearm.
 const FRAMES: u32 = 46;
@@ -101,7 +101,7 @@ fn bare(span: Duration) -> Result<Seen, Box<dyn Error>> {
                 let due = Duration::from_millis(50 * scan) + Duration::from_micros(130 * u64::from(frame));
                 std::thread::sleep(due.saturating_sub(begun.elapsed()));
                 let mut bytes = [0; 9];
-                bytes[..8].copy_from_slice(&monotonic_ns().to_ne_bytes());
+                bytes[..8].copy_from_slice(&now_ns().to_ne_bytes());
                 bytes[8] = u8::from(frame + 1 == FRAMES);
                 send.send(&bytes)?;
             }
@@ -112,7 +112,7 @@ fn bare(span: Duration) -> Result<Seen, Box<dyn Error>> {
     let (mut seen, mut bytes) = (Seen::default(), [0; 9]);
     receive.set_read_timeout(Some(Duration::from_secs(1)))?; // the waker has ended
     while receive.recv(&mut bytes).is_ok() {
-        let now_ns = monotonic_ns();
+        let now_ns = now_ns();
         if let [stamp @ .., 1] = &bytes {
             seen.from_frame.push(now_ns - i64::from_ne_bytes(*stamp));
         }
@@ -129,7 +129,7 @@ fn shared_memory(path: &Path, span: Duration, pause: Option<Duration>) -> Result
         if let Ok(force) = page.force(None)
             && force.sample.sequence != last
         {
-            let now_ns = monotonic_ns();
+            let now_ns = now_ns();
             // The first sample may have been there for any time.
             if last != 0 {
                 seen.from_frame.extend(force.sample.monotonic_ns.map(|frame_ns| now_ns - frame_ns));
@@ -156,7 +156,7 @@ fn service(address: Address, span: Duration) -> Result<Seen, String> {
             if let Ok(force) = forces.force()
                 && force.sample.sequence != last
             {
-                let now_ns = monotonic_ns();
+                let now_ns = now_ns();
                 if last != 0 {
                     seen.from_frame.extend(force.sample.monotonic_ns.map(|frame_ns| now_ns - frame_ns));
                 }

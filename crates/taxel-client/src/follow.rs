@@ -9,8 +9,8 @@ use tokio::task::JoinHandle;
 use tonic::Status;
 
 use crate::connect::{ConnectError, Options};
-use crate::freshness::{Force, NoForce, Received};
 use crate::moment::Moment;
+use crate::received::{Force, NoForce, Received};
 use crate::stream::Samples;
 
 /// The first pause before another connection; each is twice the one before.
@@ -60,11 +60,11 @@ impl Forces {
     pub fn force(&self) -> Result<Force, NoForce> {
         let newest = self.newest.borrow();
         let Some(received) = &newest.received else { return Err(NoForce::NothingYet(newest.broken.clone())) };
-        match (received.usable(Moment::now(), self.age_max), &newest.broken) {
-            (Ok((total_n, age)), _) => Ok(Force { total_n, age, sample: received.sample().clone() }),
+        match (received.force(Moment::now(), self.age_max), &newest.broken) {
+            (Ok(force), _) => Ok(Force { total_n: force.total_n, age: force.age, sample: received.sample().clone() }),
             // What the daemon said last is no reason any more once it cannot be heard.
             (Err(_), Some(why)) => Err(NoForce::Lost(why.clone())),
-            (Err(why), None) => Err(why),
+            (Err(why), None) => Err(NoForce::Sample(why)),
         }
     }
 

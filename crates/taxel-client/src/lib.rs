@@ -21,23 +21,22 @@
 //! 1. The control loop never waits and never works through a queue: a task of its own takes samples off the stream at
 //!    once, and small HTTP/2 windows leave what is not read at the daemon, which replaces it.
 //! 2. Only OK and DEGRADED are forces, and only while they are younger than the limit.
-//! 3. An age is never stated too small, also of a sample that waited somewhere on its way, and also after a connection was
-//!    lost and made again (`freshness`).
+//! 3. An age is never stated too small, also of a sample that waited somewhere on its way: the wall clocks of daemon and
+//!    reader say for how long. Another machine than the daemon's needs NTP or PTP; without it, forces are refused as too old
+//!    where the reader's clock is ahead.
 //! 4. A connection that is lost is made again, with pauses that grow up to two seconds; until then the force grows old.
 
 pub mod blocking;
-mod clock;
 mod connect;
 mod follow;
-mod freshness;
 mod moment;
+mod received;
 mod stream;
 
-pub use clock::DaemonClock;
 #[cfg(feature = "tls")]
 pub use connect::TlsOptions;
 pub use connect::{Address, BadAddress, ConnectError, Credential, Line, Options};
 pub use follow::{Forces, follow};
-pub use freshness::{Force, NoForce, Reader, Received, withheld, without_force, word};
 pub use moment::Moment;
+pub use received::{Force, NoForce, Received};
 pub use stream::Samples;

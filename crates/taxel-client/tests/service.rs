@@ -13,6 +13,7 @@ use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair}
 use taxel_client::{Address, Force, Forces, NoForce, Options, TlsOptions, blocking, follow};
 use taxel_engine::plan::{LiveLimits, PatchPlan, Plan};
 use taxel_engine::snapshot::{ForceSample, ForceState, PatchSnapshot};
+use taxel_proto::judge;
 use taxel_rpc::handle::channel;
 use taxel_rpc::{
     Access, Clocks, Drain, Limits, Listener, ModelCodec, Publisher, Role, Rules, ServeError, Tls, TlsFiles, serve,
@@ -114,7 +115,7 @@ async fn the_newest_force_is_there_and_grows_old_while_nothing_comes() {
         assert_eq!(force.sample.patch, "palm");
     }
     let why = until(&forces, || {}, Result::err).await;
-    assert!(matches!(why, NoForce::TooOld(..)), "{why}");
+    assert!(matches!(why, NoForce::Sample(judge::NoForce::TooOld(..))), "{why}");
 }
 
 #[tokio::test]
@@ -139,10 +140,10 @@ async fn after_a_lost_connection_an_old_force_is_never_a_new_one_and_a_new_one_i
         || {},
         |force| match force {
             Ok(force) => panic!("an old force is taken for a new one: {force:?}"),
-            Err(why) => matches!(why, NoForce::TooOld(..)).then_some(why),
+            Err(why) => matches!(why, NoForce::Sample(judge::NoForce::TooOld(..))).then_some(why),
         },
     );
-    let NoForce::TooOld(age, _) = why.await else { panic!() };
+    let NoForce::Sample(judge::NoForce::TooOld(age, _)) = why.await else { panic!() };
     assert!(age >= Duration::from_secs(3_600), "{age:?}");
     let force = until(&forces, || daemon.publish(3.0, Duration::ZERO), Result::ok).await;
     assert_eq!(force.total_n, 3.0);

@@ -5,17 +5,15 @@ use std::collections::{HashSet, VecDeque};
 use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::PathBuf;
-use std::time::Duration;
 
 use mcap::records::{Record as Parsed, op};
 use prost::Message as _;
 use taxel_proto::v1::CanFrames;
 use taxel_skin::Time;
-use taxel_wire::Frame;
 use taxel_wire::candump::write_line;
 
 use crate::chunks::{Chunks, ReadFault, Record};
-use crate::file::{ABOUT, BOOT, SLEPT_S};
+use crate::file::{ABOUT, BOOT};
 use crate::frames::frame_of;
 use crate::schema::PACKAGE;
 
@@ -47,8 +45,6 @@ pub struct Ending {
     pub bad: u64,
     /// Frames that the recorder or the kernel lost.
     pub lost: u64,
-    /// Lines of the text that stand for a sleep of the machine ([`Frame::of_sleep`]).
-    pub sleeps: u64,
 }
 
 impl Ending {
@@ -62,9 +58,6 @@ impl Ending {
         }
         if self.lost > 0 {
             lines.push(format!("{} frames are missing in the recording: kernel or disk were behind", self.lost));
-        }
-        if self.sleeps > 0 {
-            lines.push(format!("the machine slept while this was recorded: {} times", self.sleeps));
         }
         lines
     }
@@ -81,9 +74,9 @@ pub struct CandumpText {
     at: usize,
     /// A moment on the daemon's clock, in ns, and what to add to it for a label since 1970.
     anchor: Option<(i64, i64)>,
-    /// Of which start of a computer the frames are and for how long it had slept by then, where their file says so.
+    /// Of which start of a computer the frames are, where their file says so.
     awake: Option<Awake>,
-    /// The computer was off or slept between the last frames and those that come.
+    /// The computer was off between the last frames and those that come.
     was_off: bool,
     ending: Ending,
     told: Box<dyn Fn(&Ending) + Send>,
@@ -162,13 +155,6 @@ impl CandumpText {
         let name = name_of(message);
         let time =
             |after_ns: i64| Time::from_nanos(message.monotonic_ns.saturating_add(after_ns).saturating_add(offset));
-        if message.slept_ns > 0 {
-            let slept = Frame::of_sleep(Duration::from_nanos(message.slept_ns));
-            let first = message.frames.first().map_or(0, |frame| frame.after_ns);
-            if write_line(&mut self.text, time(first), name, &slept).is_ok() {
-                self.ending.sleeps += 1;
-            }
-        }
         for frame in &message.frames {
             let Some(decoded) = frame_of(frame) else {
                 self.ending.bad += 1;
@@ -206,8 +192,8 @@ const BACK_NS: i64 = 5_000_000_000;
 /// For how long a computer is off at least when it is started anew; no zero outlives a silence of this length.
 const OFF_NS: i64 = 10_000_000_000;
 
-/// Start of a computer and seconds that it had slept by then, as a file has them in its metadata.
-type Awake = [Option<String>; 2];
+/// Start of a computer, as a file has it in its metadata.
+type Awake = [Option<String>; 1];
 
 /// What is longer is neither; ours have 32 characters at most.
 const AWAKE_BYTES_MAX: usize = 64;
@@ -244,7 +230,7 @@ fn is_frames(name: &str, encoding: &str) -> bool {
 /// What was found in a recording.
 enum Found {
     Frames(CanFrames),
-    /// What follows was recorded on a computer that had slept no more since then.
+    /// Of which start of a computer what follows is.
     Awake(Awake),
     Bad,
 }
@@ -269,7 +255,7 @@ impl Messages {
             match mcap::parse_record(op, body)? {
                 Parsed::Metadata(about) if about.name == ABOUT => {
                     let short = |key| about.metadata.get(key).filter(|text| text.len() <= AWAKE_BYTES_MAX).cloned();
-                    let awake = [BOOT, SLEPT_S].map(short);
+                    let awake = [BOOT].map(short);
                     if awake.iter().any(Option::is_some) {
                         return Ok(Some(Found::Awake(awake)));
                     }

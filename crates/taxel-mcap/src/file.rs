@@ -24,9 +24,6 @@ pub(crate) const ABOUT: &str = "taxeld";
 /// Among that: since which start of the computer it was recorded, 32 hexadecimal digits.
 pub const BOOT: &str = "boot";
 
-/// And for how long the computer had slept since then when whoever recorded began, in seconds.
-pub const SLEPT_S: &str = "slept_s";
-
 /// A stream of messages of one kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topic {
@@ -78,7 +75,6 @@ pub struct McapFile {
 
 impl McapFile {
     /// Begins a file with these topics; `about` is kept in it as metadata under the name `taxeld`, see [`BOOT`] and
-    /// [`SLEPT_S`].
     ///
     /// # Errors
     /// [`McapFault`]

@@ -22,7 +22,7 @@ mod status;
 
 pub use candump::{CandumpText, Ending, Input};
 pub use chunks::{CHUNK_BYTES_MAX, Chunks, MAGIC_BYTES, ReadFault, Record};
-pub use file::{BOOT, McapFault, McapFile, SLEPT_S, Topic};
+pub use file::{BOOT, McapFault, McapFile, Topic};
 pub use folder::Folder;
 pub use frames::{FrameTap, frames_message};
 pub use name::FileName;

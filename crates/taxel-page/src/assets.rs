@@ -24,6 +24,7 @@ const FILES: &[(&str, &str, &[u8])] = files! {
     "/api.js", "api.js", SCRIPT;
     "/dom.js", "dom.js", SCRIPT;
     "/clock.js", "clock.js", SCRIPT;
+    "/judge.js", "judge.js", SCRIPT;
     "/store.js", "store.js", SCRIPT;
     "/unroll.js", "unroll.js", SCRIPT;
     "/skin.js", "skin.js", SCRIPT;

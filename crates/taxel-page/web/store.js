@@ -1,7 +1,8 @@
 // What the page knows: newest values, when they came, and how old they are now by this browser's clock.
 
 import { call, health as askHealth, streams } from "./api.js";
-import { asked, delay, doubt, forget } from "./clock.js";
+import { delay, forget } from "./clock.js";
+import { judge } from "./judge.js";
 import { unroll } from "./unroll.js";
 
 /** The daemon sends thirty times a second: when nothing comes for so long, it is not heard. */
@@ -16,8 +17,8 @@ const COURSE_S = 60;
 /** Points that are kept of a ramp for each taxel. */
 const RAMP_POINTS = 3000;
 
-/** While forces come late the daemon is asked so often, in ms, whether its clock has stood still. */
-const ASK_EVERY_MS = 1000;
+/** While forces come late the streams are opened anew, at most so often, in ms: nothing waits in a new connection. */
+const REOPEN_EVERY_MS = 5000;
 
 export const state = {
   patch: "", patches: [], skin: null, layout: null, force: null, taxels: null, session: null, modelSet: null,
@@ -39,35 +40,24 @@ export function emit(name) {
 
 let close = () => {};
 let closeSession = () => {};
-let received = 0;
-let late = 0;
-let askedAt = -Infinity;
+/** When the newest force came, by this browser's two clocks, in ms, and how long it was on its way. */
+let received = { at: -Infinity, wall: -Infinity, late: 0 };
+let openedAt = -Infinity;
 
-/** The wall clock goes on while this machine sleeps, and a page's own may not: by more than this, in ms, they part in no other way
- * but a clock that is set. */
-const ASLEEP_MS = 250;
-const wall = () => Date.now() - performance.now();
-let parted = wall();
+/** How long the newest force has been here, in ms. The page's own clock may stand still while this machine is suspended, and the
+ * wall clock may be set: the longer time counts. */
+const held = () => Math.max(performance.now() - received.at, Date.now() - received.wall);
 
-/** Whether this machine has slept since the last look: then nothing is known of what came before, or was on its way. */
-function hasSlept() {
-  const now = wall();
-  const apart = Math.abs(now - parted);
-  parted = now;
-  if (apart < ASLEEP_MS) return false;
-  [received, askedAt] = [-Infinity, -Infinity];
-  doubt(performance.now());
-  [state.course, state.ramp] = [[], null]; // when that was nobody knows any more
-  return true;
-}
+/** Time since the newest force was sent, in s. */
+const waited = () => (received.late + held()) / 1000;
 
 /** Age of the newest force now, in s: what the daemon said, its time on the way, and the time since. */
 export function age() {
   if (!state.force || state.force.ageS === undefined) return undefined;
-  return state.force.ageS + (late + performance.now() - received) / 1000;
+  return state.force.ageS + waited();
 }
 
-const isSilent = () => hasSlept() || performance.now() - received > SILENT_S * 1000;
+const isSilent = () => held() > SILENT_S * 1000;
 
 /** A force older than this is not shown as one: the daemon says so with each. */
 const maxAge = () => state.force?.maxAgeS ?? 0;
@@ -80,46 +70,31 @@ export function verdict() {
   const force = state.force;
   if (!force) return { word: "NO DATA", kind: "bad", shown: false, reasons: ["nothing has come from the daemon yet"] };
   if (isSilent()) {
-    const silent = (performance.now() - received) / 1000;
-    const since = Number.isFinite(silent) ? `for ${silent.toFixed(1)} s` : "since this machine slept";
-    return { word: "STALE", kind: "bad", shown: false, reasons: [`nothing has come from the daemon ${since}`] };
+    return { word: "STALE", kind: "bad", shown: false, reasons: [`nothing has come from the daemon for ${(held() / 1000).toFixed(1)} s`] };
   }
-  const old = age();
-  if (old > maxAge()) {
-    const text = Number.isFinite(old) ? `${old.toFixed(1)} s` : "nobody knows how";
-    return { word: "STALE", kind: "bad", shown: false, reasons: [`the newest frame is ${text} old`, ...(force.reasons ?? [])] };
+  const name = (force.state ?? "").replace("FORCE_STATE_", "");
+  const judged = judge(name, force.totalN, force.ageS, waited(), maxAge());
+  if (judged === "TOO_OLD") {
+    const reasons = [`the newest frame is ${age().toFixed(1)} s old`, ...(force.reasons ?? [])];
+    return { word: "STALE", kind: "bad", shown: false, reasons };
   }
-  const name = (force.state ?? "").replace("FORCE_STATE_", "").replaceAll("_", " ");
-  const shown = force.totalN !== undefined;
+  const shown = judged === "FORCE";
   const kind = name === "OK" ? "ok" : shown ? "warn" : "bad";
-  return { word: name || "UNKNOWN", kind, shown, reasons: force.reasons ?? [] };
+  return { word: name.replaceAll("_", " ") || "UNKNOWN", kind, shown, reasons: force.reasons ?? [] };
 }
 
-/** When a force was sent, in ms of the daemon's clock; undefined while no frame has come. */
-function sentAt(force) {
-  if (force.monotonicNs === undefined || force.ageS === undefined) return undefined;
-  return Number(force.monotonicNs) / 1e6 + force.ageS * 1000;
-}
-
-/** Messages that come late were long on their way, or the daemon's clock has stood still: an answer tells which. */
-async function askClock(now) {
-  if (now < askedAt + ASK_EVERY_MS) return;
-  askedAt = now;
-  const answer = await call("ForceService/GetForce", { patch: state.patch }).catch(() => ({}));
-  const sent = sentAt(answer);
-  if (sent !== undefined) asked(now, sent);
+/** Forces come late: they wait somewhere on their way, or one of the two clocks was set. */
+function comesLate() {
+  if (performance.now() > openedAt + REOPEN_EVERY_MS) open();
 }
 
 function takeForce(force) {
   if (force.patch !== state.patch) return; // of the one that was shown before
-  hasSlept();
-  const now = performance.now();
-  const sent = sentAt(force);
-  if (sent !== undefined) late = delay(now, sent);
-  if (late + 1000 * (force.ageS ?? 0) > (force.maxAgeS ?? 0) * 1000) askClock(now);
+  const [now, wall] = [performance.now(), Date.now()];
   const newModels = state.force && state.force.modelSet !== force.modelSet;
-  received = now;
+  received = { at: now, wall, late: force.sent === undefined ? Infinity : delay(wall, Date.parse(force.sent)) };
   state.force = force;
+  if (received.late > (force.maxAgeS ?? 0) * 1000) comesLate();
   const { word, shown } = verdict();
   state.course.push({ t: now / 1000, n: shown ? force.totalN : NaN, s: force.totalSigmaN ?? NaN, word });
   while (state.course[0].t < now / 1000 - COURSE_S) state.course.shift();
@@ -161,6 +136,7 @@ export async function loadSkin() {
 export function open() {
   close();
   forget();
+  openedAt = performance.now();
   const fields = { patch: state.patch, rateHz: RATE_HZ };
   close = streams([
     { method: "ForceService/StreamForce", fields, message: takeForce },

@@ -3,8 +3,8 @@
 //! What every message, field and call means is written in the `.proto` files; the same text is the documentation of
 //! the items here.
 
-mod age;
 mod code_name;
+pub mod judge;
 pub mod refusal;
 
 pub use code_name::code_name;

@@ -11,7 +11,6 @@ pub type Clock = Arc<dyn Fn() -> Time + Send + Sync>;
 pub struct Clocks {
     /// The run's clock, the same that stamps the frames: how old is a value? A replay's runs at the speed of the replay.
     pub run: Clock,
-    /// The clock of the process: for how long has the engine not run? Live it is one that goes on while the machine sleeps,
-    /// so that nothing from before counts as good until the engine has had a turn.
+    /// The clock of the process: for how long has the engine not run? Live it is the same clock.
     pub process: Clock,
 }

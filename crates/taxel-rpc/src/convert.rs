@@ -1,5 +1,7 @@
 //! The engine's snapshots as messages. An age is computed here, so this runs last before a message goes out.
 
+use std::time::SystemTime;
+
 use taxel_engine::intake::faults::{Fault, FaultSet};
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::snapshot::{ForceState, PatchSnapshot, RangeFlag, Reason, ReasonCode, TareView, TaxelState, Wear};
@@ -15,7 +17,7 @@ use crate::reasons;
 pub(crate) struct Sending {
     /// The moment of sending on the run's clock.
     pub(crate) now: Time,
-    /// Whether the snapshot may be believed at that moment.
+    /// Whether the snapshot is fresh at that moment.
     pub(crate) freshness: Freshness,
     /// Values that this reader does not get.
     pub(crate) skipped: u64,
@@ -58,12 +60,11 @@ fn sample(
     sending: Sending,
     cause: fn(&Reason) -> v1::ForceReason,
 ) -> v1::ForceSample {
-    let withheld = sending.freshness.withhold(&snapshot.force, plan.patch.taxels().len());
-    let force = withheld.as_ref().unwrap_or(&snapshot.force);
+    let force = &snapshot.force;
     let framed = has_frame(snapshot);
     let unseen = (!framed).then(|| Reason::new(ReasonCode::NoFrame, "no frame of this patch has come yet"));
     let reasons = || unseen.iter().chain(&force.reasons);
-    v1::ForceSample {
+    let message = v1::ForceSample {
         sequence: snapshot.sequence,
         state: force_state(force.state).into(),
         total_n: force.total.and_then(|total| known(total.0)),
@@ -95,7 +96,9 @@ fn sample(
         lower_bound: force.lower_bound,
         simulated: snapshot.simulated,
         max_age_s: plan.live.stale_after.as_secs_f64(),
-    }
+        sent: Some(SystemTime::now().into()),
+    };
+    sending.freshness.sent(message, plan.patch.taxels().len())
 }
 
 pub(crate) fn taxels(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sending) -> v1::TaxelSample {
@@ -112,6 +115,7 @@ pub(crate) fn taxels(plan: &PatchPlan, snapshot: &PatchSnapshot, sending: Sendin
         taxels: snapshot.taxels.iter().map(sent).collect(),
         count_max: u32::from(plan.patch.counts().top()),
         max_age_s: plan.live.stale_after.as_secs_f64(),
+        sent: Some(SystemTime::now().into()),
     }
 }
 

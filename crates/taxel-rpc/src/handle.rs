@@ -18,7 +18,7 @@ use crate::certificate_maker::CertificateMaker;
 use crate::clock::{Clock, Clocks};
 use crate::codec::ModelCodec;
 use crate::event_log::EventLog;
-use crate::freshness::{self, Freshness};
+use crate::freshness::Freshness;
 use crate::heartbeat::Heartbeat;
 use crate::push_line::PushLine;
 use crate::stored_sets::{ModelSetSource, StoredSets};
@@ -370,7 +370,7 @@ impl Handle {
         self.shutdown.is_cancelled()
     }
 
-    /// Whether this snapshot of the patch at this position of the plan may be believed when it is sent now.
+    /// Whether this snapshot of the patch at this position of the plan is fresh when it is sent now.
     pub(crate) fn freshness(&self, patch: usize, snapshot: &PatchSnapshot) -> Freshness {
         self.freshness_at((self.clock)(), patch, snapshot)
     }
@@ -378,7 +378,7 @@ impl Handle {
     /// The same at a moment on the run's clock that was just read.
     pub(crate) fn freshness_at(&self, now: Time, patch: usize, snapshot: &PatchSnapshot) -> Freshness {
         let newest = snapshot.seen.then_some(snapshot.time);
-        freshness::judge(newest, self.stale_after(patch), now, self.heartbeat.stalled_for())
+        Freshness::of(newest, self.stale_after(patch), now, self.heartbeat.stalled_for())
     }
 
     /// Whether there is an engine's task at the other end, running or not.

@@ -35,7 +35,7 @@ pub enum NoForce {
     NothingYet,
     /// The writer has ended in good order.
     Closed,
-    /// The writer was not seen alive for so long, or does not know of a sleep of the machine that was so long.
+    /// The writer was not seen alive for so long.
     WriterGone(Duration),
     /// The state carries no force; with the first reasons.
     State(State, Text<256>),
@@ -73,17 +73,11 @@ pub(crate) struct Found {
     pub(crate) beat_ns: i64,
     pub(crate) closed: bool,
     pub(crate) now_ns: i64,
-    /// For how many ns the machine has slept since its start, and the same as the writer knows it, if that says so.
-    pub(crate) slept_ns: u64,
-    pub(crate) known_ns: Option<u64>,
 }
-
-/// Sleeps that are shorter count as none: two clocks are not read at once, by writer and reader.
-const SLEEP_MIN: Duration = Duration::from_millis(100);
 
 /// The force, if it may be acted on.
 pub(crate) fn judge(found: &Found, limits: Limits) -> Result<Force, NoForce> {
-    let Found { sample, beat_ns, closed, now_ns, slept_ns, known_ns } = found;
+    let Found { sample, beat_ns, closed, now_ns } = found;
     if *closed {
         return Err(NoForce::Closed);
     }
@@ -94,10 +88,6 @@ pub(crate) fn judge(found: &Found, limits: Limits) -> Result<Force, NoForce> {
     let silence = since(*beat_ns)?;
     if silence > limits.beat {
         return Err(NoForce::WriterGone(silence));
-    }
-    let unknown = known_ns.map_or(Duration::ZERO, |known_ns| Duration::from_nanos(slept_ns.saturating_sub(known_ns)));
-    if unknown > SLEEP_MIN {
-        return Err(NoForce::WriterGone(unknown));
     }
     let (Some(total_n), Some(frame_ns), true) = (sample.total_n, sample.monotonic_ns, sample.state.has_force()) else {
         return Err(NoForce::State(sample.state, sample.reasons));
@@ -119,7 +109,7 @@ mod tests {
     fn good() -> Found {
         let sample =
             Sample { state: State::Ok, total_n: Some(4.9), monotonic_ns: Some(1_000 * MS), ..Sample::default() };
-        Found { sample, beat_ns: 1_060 * MS, closed: false, now_ns: 1_080 * MS, slept_ns: 0, known_ns: None }
+        Found { sample, beat_ns: 1_060 * MS, closed: false, now_ns: 1_080 * MS }
     }
 
     #[test]
@@ -140,24 +130,6 @@ mod tests {
             let found = Found { now_ns: now_ms * MS, beat_ns: beat_ms * MS, ..good() };
             let judged = judge(&found, LIMITS).map(|force| force.age.as_millis()).map_err(|why| why.to_string());
             assert_eq!(judged, expected.map_err(str::to_owned), "now {now_ms}, beat {beat_ms}");
-        }
-    }
-
-    #[test]
-    fn a_writer_that_does_not_know_of_a_sleep_gives_no_force() {
-        let ms = |ms: u64| 1_000_000 * ms;
-        for (slept_ns, known_ns, expected) in [
-            (ms(3_600_000), Some(ms(3_600_000)), Ok(())),
-            (ms(100), Some(0), Ok(())),
-            (ms(101), Some(0), Err("the daemon's engine has not run for 101 ms")),
-            (ms(3_600_000), Some(ms(50)), Err("the daemon's engine has not run for 3599950 ms")),
-            // Who reads the clocks a little too early, or has a namespace of its own, finds less.
-            (0, Some(ms(3_600_000)), Ok(())),
-            (ms(3_600_000), None, Ok(())),
-        ] {
-            let judged =
-                judge(&Found { slept_ns, known_ns, ..good() }, LIMITS).map(|_| ()).map_err(|why| why.to_string());
-            assert_eq!(judged, expected.map_err(str::to_owned), "{slept_ns} {known_ns:?}");
         }
     }
 

@@ -27,12 +27,10 @@ pub(crate) const AT_NAME: usize = 6;
 // What changes.
 /// How many samples were written: sample n is in place n % 2.
 pub(crate) const AT_WRITES: usize = 16;
-/// When the writer was last seen alive, in ns of the monotonic clock.
+/// When the writer was last seen alive, in ns of `CLOCK_BOOTTIME`.
 pub(crate) const AT_BEAT: usize = 17;
 /// Not zero once the writer has ended.
 pub(crate) const AT_CLOSED: usize = 18;
-/// 1 more than for how many ns the machine has slept since its start, as far as the writer knows; 0 if it does not say.
-pub(crate) const AT_SLEPT: usize = 19;
 
 /// Where the two samples are.
 pub(crate) const AT_SAMPLES: [usize; 2] = [32, 96];

@@ -2,7 +2,7 @@
 //! writes and any number of readers look at, without a system call and without a word between them.
 //!
 //! Principles:
-//! 1. The reader judges, by its own reading of `CLOCK_MONOTONIC`. A daemon that hangs, is killed or was replaced writes
+//! 1. The reader judges, by its own reading of `CLOCK_BOOTTIME`. A daemon that hangs, is killed or was replaced writes
 //!    nothing any more, so what it wrote grows old and is refused ([`Page::force`]).
 //! 2. A sample is whole or refused. The page holds two samples; the writer never touches the newest one (`latch`).
 //! 3. Readers map the page read-only. Nothing that they do, or leave undone, reaches the writer, which never waits.
@@ -28,7 +28,7 @@ mod text;
 mod trust;
 mod writer;
 
-pub use clock::monotonic_ns;
+pub use clock::now_ns;
 pub use error::PageError;
 pub use folder::Folder;
 pub use force::{Force, Limits, NoForce};

@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use crate::clock::{monotonic_ns, slept_and_monotonic_ns};
+use crate::clock::now_ns;
 use crate::error::PageError;
 use crate::force::{Force, Found, Limits, NoForce, judge};
 use crate::latch;
 use crate::layout::{
-    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_GENERATION, AT_MAGIC, AT_NAME, AT_SLEPT, AT_VERSION_AND_BYTES,
-    MAGIC, NAME_BYTES, PAGE_BYTES, VERSION, decode, get_bytes, unpair,
+    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_GENERATION, AT_MAGIC, AT_NAME, AT_VERSION_AND_BYTES, MAGIC,
+    NAME_BYTES, PAGE_BYTES, VERSION, decode, get_bytes, unpair,
 };
 use crate::map::Map;
 use crate::sample::Sample;
@@ -106,17 +106,15 @@ impl Page {
     /// [`NoForce`]: why it may not.
     pub fn force(&self, age_max: Option<Duration>) -> Result<Force, NoForce> {
         let word = |at: usize| self.map.words()[at].load(Ordering::Relaxed);
-        // Before the sample: a writer that learns of a sleep takes the force away first, and then says that it knows.
-        let known_ns = self.map.words()[AT_SLEPT].load(Ordering::Acquire).checked_sub(1);
         let sample = self.newest();
         let (beat_ns, closed) = (word(AT_BEAT).cast_signed(), word(AT_CLOSED) != 0);
         // Read last: nothing that was found can be of a later moment, unless it has another clock.
-        let (slept_ns, now_ns) = slept_and_monotonic_ns();
+        let now_ns = now_ns();
         let Some(sample) = sample else {
             return Err(if closed { NoForce::Closed } else { NoForce::NothingYet });
         };
         let age = age_max.map_or(self.limits.age, |own| own.min(self.limits.age));
-        judge(&Found { sample, beat_ns, closed, now_ns, slept_ns, known_ns }, Limits { age, ..self.limits })
+        judge(&Found { sample, beat_ns, closed, now_ns }, Limits { age, ..self.limits })
     }
 }
 
@@ -173,7 +171,7 @@ impl Reader {
     }
 
     fn is_due(&mut self) -> bool {
-        let now_ns = monotonic_ns();
+        let now_ns = now_ns();
         let due = now_ns >= self.look_at_ns;
         if due {
             self.look_at_ns = now_ns.saturating_add(LOOK_EVERY.as_nanos() as i64);

@@ -64,11 +64,11 @@ impl State {
 pub struct Sample {
     /// One more for each state of the patch that the daemon published.
     pub sequence: u64,
-    /// Arrival of the newest frame in it, `CLOCK_MONOTONIC` in ns; absent if none has come yet.
+    /// Arrival of the newest frame in it, `CLOCK_BOOTTIME` in ns; absent if none has come yet.
     pub monotonic_ns: Option<i64>,
     /// The same moment in ns since 1970: a label.
     pub wall_ns: i64,
-    /// When it was written, `CLOCK_MONOTONIC` in ns. The writer sets it.
+    /// When it was written, `CLOCK_BOOTTIME` in ns. The writer sets it.
     pub written_ns: i64,
     /// How far the force can be trusted.
     pub state: State,

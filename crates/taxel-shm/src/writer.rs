@@ -6,15 +6,15 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::{SystemTime, UNIX_EPOCH};
 
-use crate::clock::monotonic_ns;
+use crate::clock::now_ns;
 use crate::error::PageError;
 use crate::force::Limits;
 use crate::latch;
 use crate::layout::{
-    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_GENERATION, AT_MAGIC, AT_NAME, AT_PID, AT_SLEPT,
-    AT_VERSION_AND_BYTES, MAGIC, NAME_BYTES, PAGE_BYTES, PAGE_WORDS, VERSION, encode, pair, put_bytes,
+    AT_AGE_LIMIT, AT_BEAT, AT_BEAT_LIMIT, AT_CLOSED, AT_GENERATION, AT_MAGIC, AT_NAME, AT_PID, AT_VERSION_AND_BYTES,
+    MAGIC, NAME_BYTES, PAGE_BYTES, PAGE_WORDS, VERSION, encode, pair, put_bytes,
 };
 use crate::lock::Lock;
 use crate::map::Map;
@@ -104,18 +104,14 @@ impl PageWriter {
 
     /// Writes the next sample.
     pub fn write(&mut self, sample: &Sample) {
-        let now_ns = monotonic_ns();
+        let now_ns = now_ns();
         latch::write(self.map.words(), &encode(&Sample { written_ns: now_ns, ..*sample }));
         self.map.words()[AT_BEAT].store(now_ns.cast_unsigned(), Ordering::Relaxed);
     }
 
-    /// Says that the writer is alive, and for how long the machine has slept since its start as far as it knows: readers
-    /// believe nobody who does not know of a sleep yet. Due more often than the limit of the page.
-    pub fn beat(&self, slept: Option<Duration>) {
-        let slept =
-            slept.map_or(0, |slept| u64::try_from(slept.as_nanos()).map_or(u64::MAX, |ns| ns.saturating_add(1)));
-        self.map.words()[AT_SLEPT].store(slept, Ordering::Release);
-        self.map.words()[AT_BEAT].store(monotonic_ns().cast_unsigned(), Ordering::Relaxed);
+    /// Says that the writer is alive. Due more often than the limit of the page.
+    pub fn beat(&self) {
+        self.map.words()[AT_BEAT].store(now_ns().cast_unsigned(), Ordering::Relaxed);
     }
 }
 
@@ -152,7 +148,7 @@ fn header(patch: &str, limits: Limits) -> [u64; PAGE_WORDS] {
     words[AT_AGE_LIMIT] = ns(limits.age);
     words[AT_BEAT_LIMIT] = ns(limits.beat);
     put_bytes(&mut words[AT_NAME..], Text::<NAME_BYTES>::new(patch).bytes());
-    words[AT_BEAT] = monotonic_ns().cast_unsigned();
+    words[AT_BEAT] = now_ns().cast_unsigned();
     words
 }
 

@@ -9,7 +9,7 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use common::{Child, LIMITS, folder, good, in_memory, plain};
-use taxel_shm::{Folder, Named, NoForce, Page, PageWriter, Reader, Sample, State, monotonic_ns};
+use taxel_shm::{Folder, Named, NoForce, Page, Reader, Sample, State, now_ns};
 
 #[test]
 fn what_was_written_is_read_and_nothing_before_it() {
@@ -33,7 +33,7 @@ fn a_force_that_nobody_renews_grows_old_while_the_writer_lives() {
     let place = in_memory();
     let mut writer = folder(&place).page("palm", LIMITS).unwrap();
     let page = Page::open(writer.path()).unwrap();
-    let hour_ago = monotonic_ns() - 3_600_000_000_000;
+    let hour_ago = now_ns() - 3_600_000_000_000;
     writer.write(&Sample { monotonic_ns: Some(hour_ago), ..good(1) });
     assert!(matches!(page.force(None), Err(NoForce::TooOld(..))));
     writer.write(&good(2));
@@ -318,7 +318,7 @@ fn a_page_that_another_account_can_have_made_is_none() {
             let output = Command::new(&program).args(&arguments).arg(&page).args(owner).output().unwrap();
             String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
         };
-        writer.beat(None);
+        writer.beat();
         let (alone, told) = (said(&[]), said(&["65534"]));
         let led = Command::new(&program).args(&arguments).arg(&by_link).output().unwrap();
         let led = String::from_utf8_lossy(&led.stdout).into_owned() + &String::from_utf8_lossy(&led.stderr);
@@ -338,7 +338,7 @@ fn the_header_for_c_and_the_module_for_python_read_what_rust_reads() {
         let expected = common::printed(&Page::open(writer.path()).unwrap());
         for (program, arguments) in &readers {
             // What can be told only now would differ by the time that the programs take.
-            writer.beat(None);
+            writer.beat();
             let output = Command::new(program).args(arguments).arg(writer.path()).output().unwrap();
             let said = String::from_utf8_lossy(&output.stdout).into_owned();
             let errors = String::from_utf8_lossy(&output.stderr);
@@ -347,34 +347,22 @@ fn the_header_for_c_and_the_module_for_python_read_what_rust_reads() {
     }
 }
 
-/// The clocks of a machine that has slept for an hour, for the readers alone: the engine has not had its turn yet.
+/// C and Python judge each case of the table as the daemon does.
 #[test]
-fn readers_that_wake_up_before_the_engine_have_no_force() {
+fn c_and_python_judge_as_the_daemon_does() {
     let place = in_memory();
-    let mut writer = folder(&place).page("palm", LIMITS).unwrap();
-    let library = place.path().join("sleep.so");
-    let source = common::repository().join("crates/taxeld/tests/sleep_faults.c");
-    let made = Command::new("cc").args(["-shared", "-fPIC", "-o"]).arg(&library).arg(source).status().unwrap();
-    assert!(made.success());
-    let clock = |clock| Duration::from(nix::time::clock_gettime(clock).unwrap());
-    let awake = clock(nix::time::ClockId::CLOCK_MONOTONIC);
-    let slept = clock(nix::time::ClockId::CLOCK_BOOTTIME) - awake;
-    let hour = Duration::from_secs(3_600);
-    for (program, arguments) in readers(place.path()) {
-        let said = |known: Option<Duration>, writer: &PageWriter| {
-            writer.beat(known);
-            let mut command = Command::new(&program);
-            command.args(&arguments).arg(writer.path());
-            command.env("LD_PRELOAD", &library).env("SLEPT_AN_HOUR", writer.path());
-            let output = command.output().unwrap();
-            String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr)
-        };
-        writer.write(&good(1));
-        let (asleep, awake, of_old) =
-            (said(Some(slept), &writer), said(Some(slept + hour), &writer), said(None, &writer));
-        assert!(asleep.starts_with("status 4\n") && asleep.contains("total -\n"), "{}: {asleep}", program.display());
-        assert!(awake.starts_with("status 0\n") && awake.contains("total 1.000\n"), "{}: {awake}", program.display());
-        assert!(of_old.starts_with("status 0\n"), "{}: a daemon that does not say: {of_old}", program.display());
+    let repository = common::repository();
+    let table = repository.join("crates/taxel-proto/src/judge.csv");
+    let program = place.path().join("judge");
+    let mut compile = Command::new("cc");
+    compile.args(["-std=c11", "-Wall", "-Werror", "-I"]).arg(repository.join("deploy")).arg("-o").arg(&program);
+    assert!(compile.arg(repository.join("crates/taxel-shm/tests/judge.c")).arg("-lm").status().unwrap().success());
+    let mut python = Command::new("python3");
+    python.arg(repository.join("deploy/python/tests/judge.py"));
+    for mut command in [Command::new(program), python] {
+        let output = command.arg(&table).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(String::from_utf8(output.stdout).unwrap().trim(), "28 cases");
     }
 }
 

@@ -27,14 +27,14 @@ impl Alarm {
     /// # Errors
     /// If the system has no timer left.
     pub fn new() -> io::Result<Self> {
-        let timer = TimerFd::new(ClockId::CLOCK_MONOTONIC, TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC)?;
+        let timer = TimerFd::new(ClockId::CLOCK_BOOTTIME, TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC)?;
         // Its successor is `unsafe`, for the sake of descriptors that change under it. That of a `TimerFd` does not.
         #[expect(deprecated, reason = "safe for a descriptor that is owned")]
         let timer = AsyncFd::with_interest(Timer(timer), Interest::READABLE)?;
         Ok(Self(timer))
     }
 
-    /// Sets it to a time of `CLOCK_MONOTONIC`; what it was set to before is forgotten. A time that has passed rings at
+    /// Sets it to a time of `CLOCK_BOOTTIME`; what it was set to before is forgotten. A time that has passed rings at
     /// once.
     ///
     /// # Errors

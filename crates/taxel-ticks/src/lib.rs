@@ -39,7 +39,7 @@ pub struct Ticks {
 /// One or more deadlines that have passed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tick {
-    /// The time of `CLOCK_MONOTONIC` at which it was due, or the first of those that passed since the last tick.
+    /// The time of `CLOCK_BOOTTIME` at which it was due, or the first of those that passed since the last tick.
     pub due: Duration,
     /// How long ago that was.
     pub late: Duration,
@@ -79,7 +79,7 @@ impl Ticks {
 
 /// A timer that goes off at each of them.
 fn timer(deadlines: &Deadlines) -> io::Result<TimerFd> {
-    let timer = TimerFd::new(ClockId::CLOCK_MONOTONIC, TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC)?;
+    let timer = TimerFd::new(ClockId::CLOCK_BOOTTIME, TimerFlags::TFD_NONBLOCK | TimerFlags::TFD_CLOEXEC)?;
     let (first, period) = (TimeSpec::from(deadlines.next()), TimeSpec::from(deadlines.period()));
     timer.set(Expiration::IntervalDelayed(first, period), TimerSetTimeFlags::TFD_TIMER_ABSTIME)?;
     Ok(timer)
@@ -95,9 +95,9 @@ fn passed(timer: impl AsFd) -> io::Result<u64> {
     }
 }
 
-/// The time of `CLOCK_MONOTONIC`.
+/// The time of `CLOCK_BOOTTIME`.
 fn now() -> io::Result<Duration> {
-    Ok(clock_gettime(nix::time::ClockId::CLOCK_MONOTONIC)?.into())
+    Ok(clock_gettime(nix::time::ClockId::CLOCK_BOOTTIME)?.into())
 }
 
 #[cfg(test)]

@@ -1,7 +1,6 @@
 //! A CAN frame as all crates know it, independent of any socket library.
 
 use std::fmt;
-use std::time::Duration;
 
 use taxel_skin::Time;
 
@@ -36,9 +35,6 @@ pub enum FrameKind {
     /// Carries data in the format of CAN FD.
     Fd,
 }
-
-/// The class of an error frame that no controller makes: the kernel's classes have lower bits.
-const SLEEP_CLASS: u32 = 0x1000_0000;
 
 /// Most bytes of a classic frame.
 const CLASSIC_BYTES: usize = 8;
@@ -95,21 +91,6 @@ impl Frame {
             i += 1;
         }
         Self { id, kind: FrameKind::Data, len: N as u8, data }
-    }
-
-    /// The error frame that stands in a recording for a sleep of the machine, of so many milliseconds. No bus has it.
-    #[must_use]
-    pub fn of_sleep(slept: Duration) -> Self {
-        let ms = u64::try_from(slept.as_millis()).unwrap_or(u64::MAX);
-        Self { kind: FrameKind::Error, ..Self::of(CanId::Extended(SLEEP_CLASS), ms.to_le_bytes()) }
-    }
-
-    /// For how long the machine slept, of [`Frame::of_sleep`]; `None` of any other.
-    #[must_use]
-    pub fn slept(&self) -> Option<Duration> {
-        let is_sleep = (self.kind, self.id) == (FrameKind::Error, CanId::Extended(SLEEP_CLASS));
-        let ms = is_sleep.then(|| self.bytes().first_chunk()).flatten()?;
-        Some(Duration::from_millis(u64::from_le_bytes(*ms)))
     }
 
     /// The frame's bytes, at most eight, or 64 of CAN FD.

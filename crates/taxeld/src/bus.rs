@@ -134,7 +134,6 @@ fn notice(bus: BusIndex, event: BusEvent) -> Option<BusNotice> {
 pub fn of_controller(error: &BusError) -> BusNotice {
     match error {
         BusError::BusOff => BusNotice::BusOff,
-        BusError::Slept(slept) => BusNotice::Slept(*slept),
         BusError::Active(_) | BusError::Restarted => BusNotice::ControllerRecovered(error.to_string()),
         other => BusNotice::ControllerError(other.to_string()),
     }

@@ -1,4 +1,4 @@
-//! The run's clock: monotonic time live, the log's own time in a replay.
+//! The run's clock: CLOCK_BOOTTIME live, the log's own time in a replay.
 
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -11,7 +11,7 @@ use tokio::time::Instant;
 /// Where "now" comes from. Clones tell the same time.
 #[derive(Clone, Debug)]
 pub enum RunClock {
-    /// The kernel's monotonic clock, on which frames are stamped.
+    /// `CLOCK_BOOTTIME`, on which frames are stamped.
     Live,
     /// A log's time, `speed` times as fast as it was written, from its first frame on.
     Log {
@@ -35,12 +35,11 @@ impl RunClock {
         }
     }
 
-    /// A clock of the process, by which a task is judged to run or to hang. Live it goes on while the machine sleeps, which
-    /// the run's clock does not: what was published before is not to look fresh until the engine has its turn. In a replay
-    /// it stands still with the log's, but has its own speed.
+    /// A clock of the process, by which a task is judged to run or to hang: live the same, in a replay one that does not
+    /// run at the log's speed.
     pub fn of_process(&self) -> Arc<dyn Fn() -> Time + Send + Sync> {
         match self {
-            Self::Live => Arc::new(taxel_can::time_with_sleep),
+            Self::Live => Arc::new(|| ClockReading::now().time),
             Self::Log { .. } => {
                 let begun = Instant::now();
                 Arc::new(move || Time::default() + begun.elapsed())

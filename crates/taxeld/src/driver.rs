@@ -18,7 +18,7 @@ use taxel_engine::plan::Plan;
 use taxel_engine::{BusNotice, Engine, Input, Output, Restored};
 use taxel_rpc::push_line::{PushEvent, Pushed};
 use taxel_rpc::{BEAT_EVERY, Publisher, Request};
-use taxel_skin::{BusIndex, Time};
+use taxel_skin::Time;
 use taxel_store::{Batch, OnDurable, Store, StoreEvent};
 use taxel_wire::Frame;
 use tokio::sync::{mpsc, oneshot, watch};
@@ -30,7 +30,6 @@ use crate::clock::RunClock;
 use crate::queues::{Action, BusBatch, Done, Queues, TellDone};
 use crate::set_loads::SetLoads;
 use crate::shared_memory::Pages;
-use crate::sleep::SleepWatch;
 
 /// Batches taken at once after a stall, so that not even a bus that never pauses puts the next tick off for ever. The
 /// kernel keeps half a second of a full bus, 4,505 frames in 71 reads; beside what waited here that is four buses.
@@ -85,7 +84,6 @@ fn unwritten(why: &str) -> Rejection {
 pub struct Driver {
     engine: Engine,
     clock: RunClock,
-    sleep: SleepWatch,
     publisher: Publisher,
     pages: Pages,
     /// The state of each patch's session as it was last logged.
@@ -126,7 +124,6 @@ impl Driver {
             logged: vec![None; plan.patches.len()],
             stages: vec![None; plan.patches.len()],
             engine: Engine::new(plan, restored),
-            sleep: if matches!(clock, RunClock::Live) { SleepWatch::of_machine() } else { SleepWatch::never() },
             clock,
             publisher,
             pages: Pages::default(),
@@ -170,11 +167,7 @@ impl Driver {
 
     /// One turn; `false` after the last.
     async fn turn(&mut self, queues: &mut Queues, cancel: &CancellationToken) -> bool {
-        // Before any sign of life: until then readers have the force of before, and a clock that stood still meanwhile.
-        if let Some(slept) = self.sleep.look() {
-            self.woke_up(slept);
-        }
-        self.pages.beat(self.sleep.known());
+        self.pages.beat();
         if let Some(gap) = self.publisher.beat() {
             self.resumed(gap);
             self.catch_up(queues).await;
@@ -204,18 +197,6 @@ impl Driver {
             Action::Command(request) => self.take_command(request),
             Action::Done(done) => self.take_done(done),
             Action::Wake | Action::Stop => {}
-        }
-    }
-
-    /// The machine slept. What was published before looks fresh, since the run's clock stood still, and what became of the
-    /// boards nobody knows.
-    fn woke_up(&mut self, slept: Duration) {
-        tracing::warn!(
-            seconds = slept.as_secs_f64(),
-            "the machine slept: no force until the zero is proven or taken anew"
-        );
-        for bus in 0..self.buses.len() {
-            self.step(Input::Bus(BusIndex(bus as u8), BusNotice::Slept(slept)));
         }
     }
 

@@ -63,7 +63,6 @@ mod shared_memory;
 mod show_demo;
 #[cfg(feature = "sim")]
 mod sim_bus;
-mod sleep;
 mod sockets;
 mod soundness;
 mod store_at;

@@ -5,7 +5,6 @@ mod keeper;
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Duration;
 
 pub use keeper::Keeper;
 use taxel_engine::plan::Plan;
@@ -43,11 +42,10 @@ impl Pages {
         self.pages.iter().flatten().map(PageWriter::path)
     }
 
-    /// The engine's task has its turn now: readers judge by this whether the engine runs, and whether it knows for how long
-    /// the machine has `slept`.
-    pub fn beat(&mut self, slept: Option<Duration>) {
+    /// The engine's task has its turn now: readers judge by this whether the engine runs.
+    pub fn beat(&mut self) {
         self.take_made();
-        self.pages.iter().flatten().for_each(|page| page.beat(slept));
+        self.pages.iter().flatten().for_each(PageWriter::beat);
     }
 
     /// A page that takes the place of another has a force with the next scan. The other one says that it is over.

@@ -2,9 +2,8 @@
 
 The messages come from the daemon's own reflection, so there is no generated code. Needs grpcio and grpcio-reflection.
 
-An age is never stated too small. It is the sample's age when it was sent, plus the time that passed here since it came, plus
-the time that it was on its way at most. For that the daemon is asked once in a while: it answered not before the question
-left, which bounds its clock against ours.
+The age is the sample's age when it was sent, plus the time that it was on its way, by the wall clocks of both machines, plus
+the time that passed here since it came. Another machine than the daemon's needs NTP or PTP.
 """
 
 from __future__ import annotations
@@ -15,17 +14,13 @@ import threading
 import time
 from typing import Any, Optional, Tuple, Union
 
-from .force import Force, NoForce, Why, state_name
+from .force import Force, NoForce, Why, judge, state_name
 from .refusal import reason_of
 
 SOCKET = "/run/taxeld/taxeld.sock"
 LOOPBACK = "127.0.0.1:50051"
 
 _PAUSE_FIRST_S, _PAUSE_MOST_S = 0.05, 2.0  # between connections
-_ASK_EVERY_S = 10.0  # how often the daemon's clock is looked at
-_ANSWER_WITHIN_S = 2.0
-_DRIFT = 6e-4  # two clocks part by so many seconds a second at most
-_ASTRAY_S = 0.05  # on clocks that run no sample comes so long before it was sent
 # What is not read yet shall wait at the daemon, which replaces it by newer samples; not in this process.
 _OPTIONS = [("grpc.http2.lookahead_bytes", 4096), ("grpc.http2.bdp_probe", 0), ("grpc.keepalive_time_ms", 5000)]
 # gRPC would take the socket's path for the authority of each call, which HTTP/2 does not allow and the daemon refuses.
@@ -33,7 +28,7 @@ _UNIX_OPTIONS = [*_OPTIONS, ("grpc.default_authority", "localhost")]
 
 
 def _now() -> float:
-    """By a clock that goes on while this machine sleeps, as that of another machine does: a force from before is old then."""
+    """By a clock that goes on while this machine is suspended: a force from before is old then."""
     if hasattr(time, "CLOCK_BOOTTIME"):
         return time.clock_gettime(time.CLOCK_BOOTTIME)
     return time.monotonic()  # a system without that clock
@@ -60,49 +55,10 @@ def connect(
     return Forces(address, patch, rate_hz, age_max_s, token, credentials)
 
 
-class _Clock:
-    """What is known of the daemon's clock against ours."""
-
-    def __init__(self) -> None:
-        self.forget()
-
-    def forget(self) -> None:
-        """Nothing is known."""
-        self._least = -math.inf  # the least that our clock less the daemon's can be
-        self._found = 0.0
-        # The same before the last answer that raised it, and when that was sent: where the daemon's clock stood still meanwhile, as
-        # in a sleep of its machine, the answer says nothing of samples that were sent before.
-        self._before = (-math.inf, 0.0, -math.inf)
-
-    def known(self) -> bool:
-        return self._least > -math.inf
-
-    def asked(self, left: float, sent: float) -> None:
-        """A question left at `left`, and the daemon answered at `sent` of its own clock."""
-        least, found = self._least, self._found
-        if left - sent > least - _DRIFT * max(0.0, left - found):
-            if self.known():
-                self._before = (least, found, sent)
-            self._least, self._found = left - sent, left
-
-    def on_the_way(self, came: float, sent: float) -> float:
-        """How long a sample was on its way at most."""
-        least, found, until = self._before
-        if sent >= until:
-            least, found = self._least, self._found
-        took = came - sent - least + _DRIFT * max(0.0, came - found)
-        if took < -_ASTRAY_S:  # our clock has stood still: nothing is known of the daemon's any more
-            self.forget()
-            return math.inf
-        return max(0.0, took)
-
-
-def _sent(sample: Any) -> Optional[float]:
-    """When the daemon sent this, by its own clock in seconds."""
-    if not (sample.HasField("monotonic_ns") and sample.HasField("age_s")):
-        return None
-    sent = sample.monotonic_ns * 1e-9 + sample.age_s
-    return sent if math.isfinite(sent) else None
+def _on_the_way(sample: Any) -> float:
+    """For how long a sample that just came was on its way, by the wall clocks of both machines; 0 where the daemon's is ahead."""
+    sent = sample.sent.seconds + sample.sent.nanos * 1e-9
+    return max(0.0, time.time() - sent) if sample.HasField("sent") else math.inf
 
 
 class Forces:
@@ -128,19 +84,17 @@ class Forces:
         if newest is None:
             return NoForce(Why.DISCONNECTED, broken, codes=self._refused) if broken else NoForce(Why.NOTHING_YET)
         sample, came, on_the_way = newest
-        state = state_name(sample.state)
-        figures = sample.HasField("total_n") and sample.HasField("age_s") and math.isfinite(sample.total_n)
-        if state not in ("OK", "DEGRADED") or not figures:
-            if broken:  # what the daemon said last is no reason any more once it cannot be heard
-                return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}", codes=self._refused)
-            return NoForce(Why.STATE, f"{state}: {'; '.join(sample.reasons)}", codes=_codes(sample))
-        age_s = sample.age_s + on_the_way + _now() - came
+        state, waited_s = state_name(sample.state), on_the_way + _now() - came
+        total_n, age_s = (getattr(sample, name) if sample.HasField(name) else None for name in ("total_n", "age_s"))
+        why = judge(state, total_n, age_s, waited_s, sample.max_age_s, self._age_max_s)
+        if why is None:
+            return _force(sample, state, age_s + waited_s)
+        if broken:  # what the daemon said last is no reason any more once it cannot be heard
+            return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}", codes=self._refused)
+        if why is Why.STATE:
+            return NoForce(why, f"{state}: {'; '.join(sample.reasons)}", codes=_codes(sample))
         limit_s = sample.max_age_s if self._age_max_s is None else min(self._age_max_s, sample.max_age_s)
-        if not 0.0 <= age_s <= limit_s:  # also if it is no number
-            if broken:
-                return NoForce(Why.DISCONNECTED, f"the stream was lost: {broken}", codes=self._refused)
-            return NoForce(Why.TOO_OLD, f"{1e3 * age_s:.0f} ms old, more than {1e3 * limit_s:.0f} ms")
-        return _force(sample, state, age_s)
+        return NoForce(why, f"{1e3 * (age_s + waited_s):.0f} ms old, more than {1e3 * limit_s:.0f} ms")
 
     def close(self) -> None:
         """Ends the connection."""
@@ -186,34 +140,16 @@ class Forces:
 
         pool = DescriptorPool(_Authorised(ProtoReflectionDescriptorDatabase, channel, self._metadata))
         service = pool.FindServiceByName("taxel.v1.ForceService")
-        get, stream = service.FindMethodByName("GetForce"), service.FindMethodByName("StreamForce")
-        sample_class = GetMessageClass(stream.output_type)
-        question, request = GetMessageClass(get.input_type), GetMessageClass(stream.input_type)
-        ask = channel.unary_unary("/taxel.v1.ForceService/GetForce", question.SerializeToString, sample_class.FromString)
+        stream = service.FindMethodByName("StreamForce")
+        sample_class, request = GetMessageClass(stream.output_type), GetMessageClass(stream.input_type)
         follow = channel.unary_stream(
             "/taxel.v1.ForceService/StreamForce", request.SerializeToString, sample_class.FromString
         )
-        clock, asked = _Clock(), -math.inf
-
-        def look_at_the_clock() -> None:
-            left = _now()
-            answer = ask(question(patch=self._patch), timeout=_ANSWER_WITHIN_S, metadata=self._metadata)
-            sent = _sent(answer)
-            if sent is not None:
-                clock.asked(left, sent)
-
         wanted = request(patch=self._patch)
         if self._rate_hz is not None:
             wanted.rate_hz = self._rate_hz
-        look_at_the_clock()
-        asked = _now()
         for sample in follow(wanted, metadata=self._metadata):
-            came, sent = _now(), _sent(sample)
-            if came - asked > _ASK_EVERY_S or (sent is not None and not clock.known()):
-                look_at_the_clock()
-                asked = _now()
-            on_the_way = clock.on_the_way(came, sent) if sent is not None else math.inf
-            self._newest, self._broken = (sample, came, on_the_way), None
+            self._newest, self._broken = (sample, _now(), _on_the_way(sample)), None
             self._pause_s = _PAUSE_FIRST_S
 
 

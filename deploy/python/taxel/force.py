@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass, field
 from typing import Any, Mapping, Optional, Tuple
 
@@ -14,6 +15,27 @@ _STATES = ("UNSPECIFIED", "OK", "DEGRADED", "STALE", "TARE_INVALID", "UNCALIBRAT
 def state_name(number: int) -> str:
     """The name of a `taxel.v1.ForceState`, without its prefix."""
     return _STATES[number] if 0 <= number < len(_STATES) else "UNSPECIFIED"
+
+
+def judge(
+    state: str,
+    total_n: Optional[float],
+    age_s: Optional[float],
+    waited_s: float,
+    max_age_s: float,
+    own_s: Optional[float] = None,
+) -> Optional["Why"]:
+    """Why a sample is not a force, or None if it is one: the rule that the daemon and all its readers share.
+
+    It is one while its state is OK or DEGRADED, its total is a number and its age has not passed the daemon's limit or the
+    caller's own, if that is stricter. `age_s`: its age when it was sent; `waited_s`: the time since then.
+    """
+    total_n, age_s = (math.nan if figure is None else figure for figure in (total_n, age_s))
+    if state not in ("OK", "DEGRADED") or not math.isfinite(total_n) or math.isnan(age_s):
+        return Why.STATE
+    limit_s = max_age_s if math.isfinite(max_age_s) and max_age_s > 0.0 else 0.0
+    limit_s = limit_s if own_s is None else min(own_s, limit_s)
+    return None if age_s >= 0.0 and age_s + waited_s <= limit_s else Why.TOO_OLD
 
 
 class Why(enum.Enum):

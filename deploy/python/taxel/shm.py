@@ -24,7 +24,7 @@ import time
 import zlib
 from typing import Optional, Tuple, Union
 
-from .force import Force, NoForce, Why, state_name
+from .force import Force, NoForce, Why, judge, state_name
 
 VERSION = 1
 PAGE_BYTES = 4096
@@ -32,8 +32,7 @@ LOOK_EVERY_S = 0.05  # how often a reader without a living page looks for a new 
 
 _MAGIC = b"TAXELFRC"
 _SAMPLE_BYTES, _FIRST_SAMPLE = 512, 256
-_VERSION, _AGE_LIMIT, _BEAT_LIMIT, _WRITES, _BEAT, _CLOSED, _SLEPT = 1, 4, 5, 16, 17, 18, 19  # by word of eight bytes
-_SLEEP_MIN_S = 0.1  # shorter ones count as none: writer and reader do not read their clocks at once
+_VERSION, _AGE_LIMIT, _BEAT_LIMIT, _WRITES, _BEAT, _CLOSED = 1, 4, 5, 16, 17, 18  # by word of eight bytes
 _SAMPLE = struct.Struct("=Qqqq2I3d9d6I2d64s256s8xQ")
 assert _SAMPLE.size == _SAMPLE_BYTES
 _TRIES = 16
@@ -116,11 +115,9 @@ class _Page:
         return None
 
     def force(self, age_max_s: Optional[float]) -> Union[Force, NoForce]:
-        known = self._words[_SLEPT]  # before the sample: a writer that learns of a sleep takes the force away first
         fields = self._newest()
         beat_ns, closed = _signed(self._words[_BEAT]), self._words[_CLOSED]
-        with_sleep_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)
-        now_ns = time.clock_gettime_ns(time.CLOCK_MONOTONIC)  # last: all that was found is earlier on the same clock
+        now_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)  # last: all that was found is earlier on the same clock
         if fields is None:
             return NoForce(Why.CLOSED) if closed else NoForce(Why.NOTHING_YET)
         sample, frame_ns = _decode(fields)
@@ -133,16 +130,14 @@ class _Page:
             return NoForce(Why.OTHER_CLOCK, sample=sample)
         if silence_s > self.beat_limit_s:
             return NoForce(Why.WRITER_GONE, f"the daemon's engine has not run for {1e3 * silence_s:.0f} ms", sample)
-        unknown_s = (with_sleep_ns - now_ns - (known - 1)) * 1e-9 if known else 0.0
-        if unknown_s > _SLEEP_MIN_S:
-            return NoForce(Why.WRITER_GONE, f"the daemon's engine has not run for {1e3 * unknown_s:.0f} ms", sample)
-        if sample["state"] not in ("OK", "DEGRADED") or sample["total_n"] is None or age_s is None:
-            return NoForce(Why.STATE, f"{sample['state']}: {sample['reasons']}", sample)
-        if age_s < 0:
+        if age_s is not None and age_s < 0:
             return NoForce(Why.OTHER_CLOCK, sample=sample)
-        limit_s = self.age_limit_s if age_max_s is None else min(age_max_s, self.age_limit_s)
-        if not age_s <= limit_s:
-            return NoForce(Why.TOO_OLD, f"{1e3 * age_s:.0f} ms old, more than {1e3 * limit_s:.0f} ms", sample)
+        why = judge(sample["state"], sample["total_n"], age_s, 0.0, self.age_limit_s, age_max_s)
+        if why is Why.STATE:
+            return NoForce(why, f"{sample['state']}: {sample['reasons']}", sample)
+        if why is Why.TOO_OLD:
+            limit_s = self.age_limit_s if age_max_s is None else min(age_max_s, self.age_limit_s)
+            return NoForce(why, f"{1e3 * age_s:.0f} ms old, more than {1e3 * limit_s:.0f} ms", sample)
         return Force(**sample)
 
 

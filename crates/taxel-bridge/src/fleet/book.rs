@@ -1,22 +1,18 @@
 //! What is known of all robots of a router, at one moment. Time comes in as data: since the view began, and since 1970.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use serde::Serialize;
-use taxel_client::{DaemonClock, Moment};
+use taxel_proto::judge::on_the_way;
 use taxel_proto::v1::{Drift, DriftState, ForceSample, Health, ModelSetSummary};
 
 use crate::belief::{self, NoForce};
-use crate::follow::Sample;
 
 /// Robots in one view; what more come is counted and not kept.
 const ROBOTS_MAX: usize = 10_000;
 /// Patches of one robot.
 const PATCHES_MAX: usize = 64;
-
-/// Samples of one robot are at most so much out of order, s; else it has begun to count anew.
-const ANOTHER_CLOCK_S: f64 = 10.0;
 
 /// A robot's health comes once a second.
 const HEALTH_AGE_MAX: Duration = Duration::from_secs(5);
@@ -26,7 +22,6 @@ const HEALTH_AGE_MAX: Duration = Duration::from_secs(5);
 pub struct Book {
     robots: BTreeMap<String, Robot>,
     age_max: Duration,
-    begun: Moment,
     refused: u64,
 }
 
@@ -35,9 +30,6 @@ struct Robot {
     here: bool,
     since: Duration,
     forces: BTreeMap<String, Told>,
-    clock: DaemonClock,
-    /// When the newest sample was sent by the robot's own clock, s.
-    sent_s: f64,
     /// When it came, and the health.
     health: Option<(Duration, Health)>,
     models: Vec<ModelSetSummary>,
@@ -91,9 +83,9 @@ pub struct Row {
 }
 
 impl Book {
-    /// Knows nobody yet; an older force than `age_max` is none. The view began at `begun`.
-    pub fn new(age_max: Duration, begun: Moment) -> Self {
-        Self { robots: BTreeMap::new(), age_max, begun, refused: 0 }
+    /// Knows nobody yet; an older force than `age_max` is none.
+    pub fn new(age_max: Duration) -> Self {
+        Self { robots: BTreeMap::new(), age_max, refused: 0 }
     }
 
     /// How many messages were of robots or patches beyond the limits.
@@ -114,7 +106,7 @@ impl Book {
         let Some(robot) = self.robot(robot, now) else { return false };
         let news = robot.here != here;
         if news {
-            (robot.here, robot.since, robot.clock) = (here, now, DaemonClock::default());
+            (robot.here, robot.since) = (here, now);
             robot.health = robot.health.take().filter(|_| here); // of one that comes back it is another
         }
         news
@@ -122,10 +114,9 @@ impl Book {
 
     /// A sample came.
     pub fn force(&mut self, robot: &str, patch: &str, sample: ForceSample, now: Duration) {
-        let at = self.begun + now;
         let Some(robot) = self.robot(robot, now) else { return };
         if robot.forces.contains_key(patch) || robot.forces.len() < PATCHES_MAX {
-            let delayed = robot.delay(at, sample.sent_s());
+            let delayed = on_the_way(sample.sent.as_ref(), SystemTime::now());
             robot.forces.insert(patch.to_owned(), Told { sample, came: now, delayed });
         } else {
             self.refused += 1;
@@ -187,16 +178,6 @@ fn followed(drift: &Drift) -> bool {
 }
 
 impl Robot {
-    /// How long a sample was on its way that came at `at`, beyond what the quickest took. A robot that was switched off and on
-    /// has another clock.
-    fn delay(&mut self, at: Moment, sent_s: Option<f64>) -> Duration {
-        if sent_s.is_some_and(|sent_s| sent_s < self.sent_s - ANOTHER_CLOCK_S) {
-            self.clock = DaemonClock::default();
-        }
-        self.sent_s = sent_s.unwrap_or(self.sent_s);
-        self.clock.delay(at, sent_s)
-    }
-
     fn row(&self, robot: &str, patch: &str, force: Option<&Told>, now: Duration, age_max: Duration) -> Row {
         let waited = force.map_or(Duration::ZERO, |told| now.saturating_sub(told.came).saturating_add(told.delayed));
         let sample = force.map(|told| &told.sample);
@@ -269,7 +250,7 @@ mod tests {
     }
 
     fn book() -> Book {
-        let mut book = Book::new(s(1.0), Moment::now());
+        let mut book = Book::new(s(1.0));
         assert!(book.alive("icub", true, s(1.0)));
         book.force("icub", "arm", sent(102.0), s(2.0));
         book
@@ -346,7 +327,7 @@ mod tests {
 
     #[test]
     fn a_robot_that_has_told_nothing_is_listed_all_the_same() {
-        let mut book = Book::new(s(1.0), Moment::now());
+        let mut book = Book::new(s(1.0));
         book.alive("icub", true, s(0.0));
         let row = book.rows(s(0.5)).remove(0);
         assert_eq!((row.patch.as_str(), row.state.as_str(), row.force_n), ("", "SILENT", None));
@@ -354,7 +335,7 @@ mod tests {
 
     #[test]
     fn more_robots_and_patches_than_a_view_holds_are_counted_and_take_no_memory() {
-        let mut book = Book::new(s(1.0), Moment::now());
+        let mut book = Book::new(s(1.0));
         for n in 0..PATCHES_MAX + 3 {
             book.force("icub", &n.to_string(), good(), s(0.0));
         }

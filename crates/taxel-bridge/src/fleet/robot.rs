@@ -6,7 +6,7 @@
 use std::time::Duration;
 
 use prost::Message;
-use taxel_client::withheld;
+use taxel_proto::judge::withheld;
 use taxel_proto::v1::{ForceSample, ReasonCode};
 use taxel_ticks::Ticks;
 use zenoh::Session;

@@ -82,7 +82,7 @@ pub async fn watch(args: FleetArgs) -> anyhow::Result<()> {
     let forces = tried("listening for forces", session.declare_subscriber(keys::ALL_FORCES).with(queue()).await)?;
     let health = tried("listening for health", session.declare_subscriber(keys::ALL_HEALTH).with(queue()).await)?;
     let begun = Moment::now();
-    let mut view = View { session, book: Book::new(age_max, begun), begun, json: args.json };
+    let mut view = View { session, book: Book::new(age_max), begun, json: args.json };
     let (mut shown, mut ask) = (0, tokio::time::interval(MODELS_EVERY));
     let mut show = tokio::time::interval_at(Instant::now() + every, every);
     // Whoever has not taken the last tables gets no table of then, but the next one of now, and with all that came meanwhile.

@@ -8,7 +8,7 @@ use taxel_proto::v1::{GetSkinRequest, Skin, TaxelSample};
 use tokio::sync::watch;
 use tokio::time::Instant;
 
-use crate::belief::{NoForce, believe};
+use crate::belief::{NoForce, believe, limit_of};
 use crate::config::{PatchSection, RosSection};
 use crate::daemon::{Daemon, words};
 use crate::feed::{Feed, HealthFeed};
@@ -88,9 +88,7 @@ impl ForceTopics {
             feed.counts.skip(received.number - last - 1);
             last = received.number;
             let sample = &received.sample;
-            if believe(sample, received.waited(), sample.max_age(None)).is_err()
-                || !stamps.follows(sample.time.as_ref())
-            {
+            if believe(sample, received.waited(), limit_of(sample)).is_err() || !stamps.follows(sample.time.as_ref()) {
                 feed.counts.withhold();
                 continue;
             }
@@ -197,7 +195,7 @@ fn of_patch(robot: &str, feed: &Feed) -> crate::ros::types::DiagnosticStatus {
     let newest = feed.force.borrow();
     let sample = newest.received.as_ref().map(|received| &received.sample);
     let belief = newest.received.as_ref().map_or(Err(NoForce::Nothing), |received| {
-        believe(&received.sample, received.waited(), received.sample.max_age(None))
+        believe(&received.sample, received.waited(), limit_of(&received.sample))
     });
     let [published, withheld, skipped] = feed.counts.all();
     let lost = newest.lost.as_deref();

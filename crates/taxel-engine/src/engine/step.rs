@@ -27,6 +27,8 @@ use crate::plan::Plan;
 /// The kernel keeps half a second of a full bus, and what it drops began after that: of so long a time frames may lack that it
 /// dropped. A longer pause of the host is told as such.
 const BUFFERED: Duration = Duration::from_millis(500);
+/// After a longer pause of the daemon the boards' zero is in doubt.
+const PAUSE_MAX: Duration = Duration::from_secs(10);
 /// Health is shown this soon after something changed; staleness and faults have their own, faster ways out.
 const HEALTH_EVERY: Duration = Duration::from_millis(250);
 /// Counters alone are shown this often.
@@ -138,9 +140,7 @@ impl Engine {
             Input::Pushed(scan) => self.on_pushed(now, scan, out),
             Input::Bus(bus, notice) => self.on_bus(now, bus, notice, out),
             Input::Tick => self.tick(now, out),
-            Input::Resumed(gap) => {
-                self.patches.iter_mut().for_each(|patch| patch.on_frames_lost(now.time, None, gap));
-            }
+            Input::Resumed(gap) => self.on_resumed(now, gap, out),
             Input::Command(request, command) => self.on_command(now, request, command, out),
             Input::Fitted(outcome) => self.on_fitted(now, outcome, out),
             Input::Committed { ticket, result } => self.on_committed(now, ticket, result, out),
@@ -320,6 +320,24 @@ impl Engine {
             if let Some(why) = &lost {
                 let why = format!("bus {}: {why}", bus.0);
                 self.with_patch(now, index, out, |patch, effects| patch.on_bus_lost(now, bus, &why, effects));
+            }
+        }
+    }
+
+    /// A short pause says nothing of the boards: the kernel kept their frames. After a long one, as when the machine was
+    /// suspended, they may have been without power or have taken a new zero.
+    fn on_resumed(&mut self, now: Now, gap: Duration, out: &mut Vec<Output>) {
+        self.patches.iter_mut().for_each(|patch| patch.on_frames_lost(now.time, None, gap));
+        if gap <= PAUSE_MAX {
+            return;
+        }
+        let seconds = gap.as_secs_f64();
+        let why = format!("the daemon did not run for {seconds:.1} s; boards may have lost their zero unseen");
+        for index in 0..self.patches.len() {
+            for bus in (0..self.buses.len()).map(|bus| BusIndex(bus as u8)) {
+                if self.plan.patches[index].patch.is_on(bus) {
+                    self.with_patch(now, index, out, |patch, effects| patch.on_bus_lost(now, bus, &why, effects));
+                }
             }
         }
     }

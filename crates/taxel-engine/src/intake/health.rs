@@ -1,7 +1,5 @@
 //! The state of buses and boards, as an operator has to know it.
 
-use std::time::Duration;
-
 use taxel_skin::Time;
 use taxel_wire::Frame;
 
@@ -22,8 +20,6 @@ pub enum BusNotice {
     Forged,
     /// The controller left the bus: nothing it sends can be trusted until it is back.
     BusOff,
-    /// The machine slept for so long, which no clock of the run has noticed. What the boards did meanwhile nobody knows.
-    Slept(Duration),
 }
 
 /// One bus, live.
@@ -94,10 +90,6 @@ impl BusState {
             BusNotice::ControllerRecovered(_) if self.reported => self.problem.clear(),
             BusNotice::ControllerRecovered(_) => {}
             BusNotice::Forged => self.forged += 1,
-            BusNotice::Slept(slept) => {
-                let seconds = slept.as_secs_f64();
-                return Some(format!("the machine slept for {seconds:.1} s; boards may have lost their zero unseen"));
-            }
             BusNotice::BusOff => {
                 self.up = false;
                 (self.problem, self.reported) = ("bus-off: the controller left the bus".to_owned(), false);

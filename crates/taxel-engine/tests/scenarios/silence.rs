@@ -100,7 +100,7 @@ fn a_skin_that_was_never_heard_is_stale_and_not_silently_fine() {
     assert_eq!((host.state(), host.snapshot().force.stale), (ForceState::Stale, 80), "{}", host.reasons());
 }
 
-/// A host that was suspended has heard nothing for that time, which says nothing of the boards' power.
+/// A host that stood still has heard nothing for that time, which says nothing of the boards' power.
 #[test]
 fn a_pause_of_the_host_is_no_silence_of_the_boards() {
     let after_a_pause = |told: bool| {

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use taxel_engine::BusNotice;
 use taxel_engine::command::{Command, Done, ErrorReason, Rejection};
 use taxel_engine::plan::PatchPlan;
 use taxel_engine::record::Record;
 use taxel_engine::snapshot::{ForceState, Reason, ReasonCode};
+use taxel_engine::{BusNotice, Input};
 use taxel_sim::Fault;
 use taxel_skin::TaxelIndex;
 
@@ -122,10 +122,11 @@ fn bus_off_invalidates_the_force_until_a_tare() {
 
 /// Boards may have been without power, and the skin may have warmed or cooled: the zero of before proves nothing.
 #[test]
-fn a_sleep_of_the_machine_invalidates_the_force_until_a_tare() {
+fn a_long_pause_of_the_daemon_invalidates_the_force_until_a_tare() {
     let mut bench = small().in_use();
-    bench.host.notice(BusNotice::Slept(Duration::from_secs(3600)));
-    is_lost_until_tared(&mut bench, "the machine slept for 3600.0 s");
+    let now = bench.now();
+    bench.host.input(now, Input::Resumed(Duration::from_secs(3600)));
+    is_lost_until_tared(&mut bench, "the daemon did not run for 3600.0 s");
 }
 
 #[test]

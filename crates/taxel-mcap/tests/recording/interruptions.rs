@@ -1,10 +1,9 @@
-//! What lies between the frames: errors of the controller, sleeps and starts of the machine.
+//! What lies between the frames: errors of the controller and starts of the machine.
 
 use std::path::Path;
-use std::time::Duration;
 
 use prost::Message as _;
-use taxel_mcap::{BOOT, Ending, Folder, FrameTap, Input, Limits, McapFile, SLEPT_S, frames_message, open_file};
+use taxel_mcap::{BOOT, Ending, Folder, FrameTap, Input, Limits, McapFile, frames_message, open_file};
 use taxel_proto::v1::CanFrames;
 use taxel_skin::Time;
 use taxel_wire::candump::{parse_line, write_line};
@@ -26,23 +25,20 @@ fn read_folder(folder: &Path) -> (String, Ending) {
 
 /// What the daemon took the zero for lost by takes it in a replay, too.
 #[test]
-fn what_a_controller_told_and_a_sleep_stand_where_they_happened() {
+fn what_a_controller_told_stands_where_it_happened() {
     let scratch = tempfile::tempdir().unwrap();
     let (recorder, queue) = start(scratch.path(), limits());
     let mut tap = FrameTap::new(queue, 0, "can0".to_owned(), String::new());
     tap.take(&[frame(0), frame(1), frame(2)], &[off(1)], WALL_NS);
-    tap.slept(Duration::from_millis(2_500));
-    tap.slept(Duration::from_millis(500));
     tap.take(&[frame(3)], &[], WALL_NS);
     tap.take(&[], &[off(4)], WALL_NS);
     recorder.finish();
     let mut expected = String::new();
-    let slept = TimedFrame { frame: Frame::of_sleep(Duration::from_secs(3)), ..frame(3) };
     // The engine heard of the error before it took the frames that were read with it.
-    for TimedFrame { time, frame } in [off(1), frame(0), frame(1), frame(2), slept, frame(3), off(4)] {
+    for TimedFrame { time, frame } in [off(1), frame(0), frame(1), frame(2), frame(3), off(4)] {
         write_line(&mut expected, Time::from_nanos(WALL_NS + time.as_nanos()), "can0", &frame).unwrap();
     }
-    assert_eq!(read_folder(scratch.path()), (expected, Ending { frames: 6, sleeps: 1, ..Ending::default() }));
+    assert_eq!(read_folder(scratch.path()), (expected, Ending { frames: 6, ..Ending::default() }));
 }
 
 /// The disk may be behind just then, and the zero is lost all the same.
@@ -72,14 +68,13 @@ fn an_error_that_found_no_room_comes_with_what_does() {
 }
 
 /// When two frames of each file were received, by what was read of them, in ms after the first. Of each file are given: which
-/// start of the machine it names and how long it had slept, and the clock of the daemon and that of the wall at its first frame.
-fn through_starts(files: &[(Option<[&str; 2]>, i64, i64)]) -> Vec<i64> {
+/// start of the machine it names, and the clock of the daemon and that of the wall at its first frame.
+fn through_starts(files: &[(Option<&str>, i64, i64)]) -> Vec<i64> {
     let scratch = tempfile::tempdir().unwrap();
     let mut inputs = Vec::new();
     for (number, &(awake, clock_ms, wall_ms)) in files.iter().enumerate() {
         let path = scratch.path().join(number.to_string());
-        let about = awake.map(|[boot, slept_s]| [(BOOT, boot), (SLEPT_S, slept_s)]);
-        let about = about.into_iter().flatten().map(|(key, value)| (key.to_owned(), value.to_owned())).collect();
+        let about = awake.map(|boot| (BOOT.to_owned(), boot.to_owned())).into_iter().collect();
         let mut file = McapFile::begin(open_file(&path).unwrap(), &topics(), about).unwrap();
         for after_ms in [0, 50] {
             let time = Time::from_nanos((clock_ms + after_ms) * 1_000_000);
@@ -99,13 +94,11 @@ fn through_starts(files: &[(Option<[&str; 2]>, i64, i64)]) -> Vec<i64> {
 /// A robot without a battery clock may say nothing of how long it was off, and its boards are off with it.
 #[test]
 fn a_start_of_the_machine_is_never_without_a_silence() {
-    let (one, other) = (Some(["0123456789abcdef", "2.0"]), Some(["fedcba9876543210", "0.0"]));
+    let (one, other) = (Some("0123456789abcdef"), Some("fedcba9876543210"));
     let same = through_starts(&[(one, 20_000, 0), (one, 20_100, 7_000)]);
     assert_eq!(same, [0, 50, 100, 150], "of one start, whatever the wall clock was set to");
     let as_if_it_went_on = through_starts(&[(one, 20_000, 0), (other, 20_100, 100)]);
     assert_eq!(as_if_it_went_on, [0, 50, 10_050, 10_100]);
-    let slept_unseen = through_starts(&[(one, 20_000, 0), (Some(["0123456789abcdef", "3602.0"]), 20_100, 3_600_100)]);
-    assert_eq!(slept_unseen, [0, 50, 3_600_100, 3_600_150]);
     assert_eq!(through_starts(&[(one, 90_000, 0), (other, 9_000, 300_000)]), [0, 50, 300_000, 300_050]);
     assert_eq!(through_starts(&[(one, 90_000, 0), (other, 9_000, -300_000)]), [0, 50, 10_050, 10_100]);
     let by_the_clock = through_starts(&[(None, 90_000, 0), (None, 9_000, 100), (None, 9_100, 0)]);

@@ -73,12 +73,15 @@ async fn a_force_carries_everything_that_the_engine_knows() {
         filled_share: 0.0625,
         detection_floor_n: Some(0.75),
         lower_bound: true,
+        sent: got.sent,
     };
+    assert!(got.sent.is_some());
     assert_eq!(got, expected);
     let mut stream = client.stream_force(v1::StreamForceRequest::default()).await.unwrap().into_inner();
     let streamed = stream.message().await.unwrap().unwrap();
     let counted = v1::ForceReason { which: Vec::new(), ..expected.causes[0].clone() };
-    assert_eq!(streamed, v1::ForceSample { causes: vec![counted], ..expected }, "a stream has no lists");
+    let sent = streamed.sent;
+    assert_eq!(streamed, v1::ForceSample { causes: vec![counted], sent, ..expected }, "a stream has no lists");
 }
 
 #[tokio::test]

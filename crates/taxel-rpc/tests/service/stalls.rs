@@ -128,7 +128,7 @@ async fn a_value_that_grows_too_old_is_told_once_by_a_stream_without_a_rate() {
     for stream in [&mut held, &mut each] {
         let got = at_age(stream, STALE_AFTER + 10 * MS).await;
         assert_eq!((got.state(), got.sequence, got.skipped), (Stale, 5, 0));
-        assert_eq!(got.reasons, ["the newest frame is 5.01 s old, the limit is 5 s"]);
+        assert_eq!(got.reasons, ["the newest frame is 5010 ms old, more than 5000 ms"]);
     }
     daemon.set_clock(BEGUN + 2 * STALE_AFTER);
     assert_eq!(at_age(&mut held, 2 * STALE_AFTER).await.state(), Stale);

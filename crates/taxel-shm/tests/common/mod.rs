@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use taxel_shm::{Folder, Limits, NoForce, Page, Permissions, Sample, State, Text, monotonic_ns};
+use taxel_shm::{Folder, Limits, NoForce, Page, Permissions, Sample, State, Text, now_ns};
 
 /// Limits that a busy machine does not reach by itself; stamps of tests lie hours beyond them.
 pub const LIMITS: Limits = Limits { age: Duration::from_secs(30), beat: Duration::from_secs(10) };
@@ -32,7 +32,7 @@ pub fn good(sequence: u64) -> Sample {
     let n = sequence as f64;
     Sample {
         sequence,
-        monotonic_ns: Some(monotonic_ns()),
+        monotonic_ns: Some(now_ns()),
         wall_ns: sequence as i64,
         state: State::Ok,
         total_n: Some(n),
@@ -72,8 +72,8 @@ pub fn cases() -> Vec<Sample> {
         Sample { state: State::TareInvalid, total_n: None, ..good(7) },
         Sample { state: State::Ok, total_n: Some(f64::NAN), ..good(8) },
         Sample { monotonic_ns: None, ..good(9) },
-        Sample { monotonic_ns: Some(monotonic_ns() - hour_ns), ..good(10) },
-        Sample { monotonic_ns: Some(monotonic_ns() + hour_ns), ..good(11) },
+        Sample { monotonic_ns: Some(now_ns() - hour_ns), ..good(10) },
+        Sample { monotonic_ns: Some(now_ns() + hour_ns), ..good(11) },
     ]
 }
 

@@ -1,6 +1,6 @@
 //! `taxeld list`: the patches of a daemon at a glance.
 
-use taxel_client::{Moment, Reader, word};
+use taxel_proto::judge::word;
 use taxel_proto::v1::{ForceSample, GetForceRequest, GetSkinRequest, ListSessionsRequest, SessionState, Skin};
 
 use super::connect::{Daemon, Server};
@@ -70,9 +70,8 @@ pub fn session_word(state: SessionState) -> &'static str {
 
 fn row(skin: &Skin, force: ForceSample, session: &str) -> Vec<String> {
     let state = force.state();
-    let received = Reader::default().take(force, Moment::now());
-    let simulated = if received.sample().simulated { ", simulated" } else { "" };
-    let newton = received.sample().total_n.map_or_else(|| "-".to_owned(), |newton| format!("{newton:.2} N{simulated}"));
+    let simulated = if force.simulated { ", simulated" } else { "" };
+    let newton = force.total_n.map_or_else(|| "-".to_owned(), |newton| format!("{newton:.2} N{simulated}"));
     let set = if skin.model_set.is_empty() { "-" } else { &skin.model_set };
     let calibrated = skin.taxels.iter().filter(|taxel| taxel.calibrated).count();
     let taxels = format!("{calibrated} of {}", skin.taxels.len());

@@ -4,8 +4,9 @@ use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::ProgressBar;
-use taxel_client::{Moment, NoForce, Received, Samples, withheld, word};
-use taxel_proto::v1::{ForceSample, ReasonCode};
+use taxel_client::{Moment, Received, Samples};
+use taxel_proto::judge::{Force, NoForce, withheld, word};
+use taxel_proto::v1::ForceSample;
 
 use super::connect::Server;
 use super::failure::{Failure, Outcome};
@@ -121,22 +122,20 @@ struct Judged {
     received: Received,
     age_max: Option<Duration>,
     age: Option<Duration>,
-    /// In newton, and the age; or why it is not to be acted on.
-    force: Result<(f64, Duration), NoForce>,
+    /// Or why it is not to be acted on.
+    force: Result<Force, NoForce>,
 }
 
 impl Judged {
     fn new(received: Received, at: Moment, age_max: Option<Duration>) -> Self {
-        Self { age: received.age(at), force: received.usable(at, age_max), received, age_max }
+        Self { age: received.age(at), force: received.force(at, age_max), received, age_max }
     }
 
     /// The sample with its age by now, and without a force where that is too old to be one.
     fn told(&self) -> ForceSample {
         let sample = ForceSample { age_s: self.age.map(|age| age.as_secs_f64()), ..self.received.sample().clone() };
         match &self.force {
-            Err(why @ NoForce::TooOld(..)) => {
-                ForceSample { age_s: sample.age_s, ..withheld(&sample, ReasonCode::FrameOld, why.to_string()) }
-            }
+            Err(why @ NoForce::TooOld(..)) => withheld(&sample, why.code(), why.to_string()),
             _ => sample,
         }
     }
@@ -199,13 +198,13 @@ impl<'a> Screen<'a> {
 
 /// The newtons alone, of a good force: a bare number could not say that it is none.
 fn quiet(judged: &Judged) -> Option<f64> {
-    judged.force.as_ref().ok().map(|(newton, _)| *newton)
+    judged.force.as_ref().ok().map(|force| force.total_n)
 }
 
 /// A force for people, in one line.
 fn describe(judged: &Judged) -> String {
     let sample = judged.received.sample();
-    let (newton, age) = match &judged.force {
+    let Force { total_n: newton, age } = match &judged.force {
         Ok(force) => force,
         Err(why) => return format!("{}: no force: {why}", sample.patch),
     };
@@ -273,8 +272,7 @@ fn csv(judged: &Judged) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use taxel_client::Reader;
-    use taxel_proto::v1::ForceState;
+    use taxel_proto::v1::{ForceState, ReasonCode};
 
     fn judged(state: ForceState, total_n: Option<f64>) -> Judged {
         let reasons = if state == ForceState::Ok { Vec::new() } else { vec!["a module is silent".to_owned()] };
@@ -286,12 +284,12 @@ mod tests {
             age_s: Some(0.02),
             max_age_s: 0.12,
             monotonic_ns: Some(1),
+            sent: Some(std::time::SystemTime::now().into()),
             active: 18,
             reasons,
             ..ForceSample::default()
         };
-        let now = Moment::now();
-        Judged::new(Reader::default().take(sample, now), now, None)
+        Judged::new(Received::now(sample), Moment::now(), None)
     }
 
     #[test]

@@ -13,7 +13,7 @@ use taxel_model::{Accumulator, FitOptions};
 use taxel_rpc::handle::channel;
 use taxel_rpc::{Clocks, Handle, ModelCodec, STALLED_AFTER};
 use taxel_sim::{BoardsConfig, Config, Skin, World};
-use taxel_skin::Time;
+use taxel_skin::{BusIndex, Time};
 use taxel_store::{OnDurable, QUEUE_BATCHES, QUEUE_BATCHES_ASKED, StoreError, models_json};
 use taxel_wire::{CanId, TimedFrame};
 use tokio::time::{Instant, advance};

@@ -13,9 +13,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::{Context as _, bail};
-use taxel_can::{
-    Batch, BusError, BusEvent, FrameSource, LogReport, Pace, Replay, SocketCan, SocketCanOptions, SourceError,
-};
+use taxel_can::{Batch, BusEvent, FrameSource, LogReport, Pace, Replay, SocketCan, SocketCanOptions, SourceError};
 use taxel_skin::BusIndex;
 
 use crate::check::read;
@@ -174,7 +172,6 @@ async fn take_all(source: &mut impl FrameSource, survey: &mut Survey, is_log: bo
             match event {
                 BusEvent::Up | BusEvent::BufferGranted { .. } => {}
                 BusEvent::Down { reason } => survey.notice(format!("went down: {reason}")),
-                BusEvent::Error { error: error @ BusError::Slept(_), .. } => survey.notice(error.to_string()),
                 BusEvent::Error { error, .. } => survey.error(error),
                 BusEvent::Dropped { .. } if is_log => {} // the report of the log says so, and where
                 BusEvent::Dropped { frames } => survey.notice(format!("the kernel lost {frames} frames")),
