@@ -184,9 +184,9 @@ def calibrate(client, boards, ramp_log, **of):
     boards.play(ramp_log)
     view = session_until(client, session, ("RAMPING", "FITTING", "REVIEW"))
     if enum_name(view, "state") == "SESSION_STATE_RAMPING":
-        client.call("CalibrationService/FinishRamp", session=session)
+        client.call("CalibrationService/AdvanceSession", session=session, action="SESSION_ACTION_FINISH_RAMP")
     view = session_until(client, session, ("REVIEW",))
-    code, text = client.refused("CalibrationService/FinishRamp", session=session)
+    code, text = client.refused("CalibrationService/AdvanceSession", session=session, action="SESSION_ACTION_FINISH_RAMP")
     assert code == "FAILED_PRECONDITION" and "REVIEW" in text, (code, text)
     answer = client.call("ModelService/ActivateModelSet", modelSet=view.model_set, **of)
     assert answer.model_set == view.model_set, answer
@@ -213,7 +213,7 @@ def check_synthetic(taxeld, scratch):
         assert state_of(client.call("ForceService/GetForce")) == "UNCALIBRATED"
         with Boards(rest, ramp) as boards:
             view = calibrate(client, boards, ramp)
-        taxel = client.call("ModelService/GetTaxelModel", modelSet=view.model_set, taxel=13)
+        taxel = client.call("ModelService/GetModelSet", modelSet=view.model_set, curves=[13]).curves[0]
         print(f"taxel 13: {str(taxel)[:200]!r}", flush=True)
         with Player(load):
             force, active = mean_force(client, 40, 5.0)

@@ -144,7 +144,7 @@ def calibrate(client, robot, names):
     robot.say("ramp")
     assert set(robot.answers()) == {"done"}
     for name, session in zip(names, sessions):
-        code, text = client.outcome("CalibrationService/FinishRamp", session=session)
+        code, text = client.outcome("CalibrationService/AdvanceSession", session=session, action="SESSION_ACTION_FINISH_RAMP")
         assert code == "OK" or " is FITTING" in text or " is REVIEW" in text, (name, text)
         view = run.session_until(client, session, ("REVIEW",))
         client.call("ModelService/ActivateModelSet", modelSet=view.model_set, patch=name)

@@ -145,6 +145,7 @@ pub(crate) mod tests {
             age_s: Some(0.02),
             max_age_s: 0.15,
             monotonic_ns: Some(1),
+            sent: Some(std::time::SystemTime::now().into()),
             time: Some(Timestamp { seconds: 1_700_000_000, nanos: 5 }),
             resultant_n: vector(1.0, -2.0, 3.0),
             moment_nm: vector(0.1, 0.2, 0.3),

@@ -91,7 +91,7 @@ function begin() {
 }
 
 const abort = () => button("Abort", async () => {
-  if (await sure("Stop this session? Its samples are kept.", "Stop it")) show(await call("CalibrationService/AbortSession", session()));
+  if (await sure("Stop this session? Its samples are kept.", "Stop it")) show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_ABORT" }));
 }, { kind: "danger", id: "abort" });
 
 /** What should be seen to before the pump runs, found when the session began. */
@@ -158,7 +158,7 @@ function ramping(signal) {
   };
   on("session", update, signal);
   update();
-  const finish = button("End the ramp here", async () => show(await call("CalibrationService/FinishRamp", session())), { id: "finish" });
+  const finish = button("End the ramp here", async () => show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_FINISH_RAMP" })), { id: "finish" });
   return el("div.live",
     el("section.card.spaced", el("h2", state.session.falling ? "Let air in" : "Pump"), advice, pressure, el("div.bar", bar), numbers, found(), el("div.row", finish, abort())),
     el("section.card", el("h2", "Which taxels respond: change of count"), skin.node));
@@ -219,9 +219,9 @@ function review(signal) {
     await call("ModelService/ActivateModelSet", { patch: state.patch, modelSet: s.modelSet });
     await loadSkin();
   }, { kind: "primary", id: "activate", done: "The models are in use, also after a restart." });
-  const more = button("Add a ramp", async () => show(await call("CalibrationService/StartRamp", session())), { id: "more", title: "After venting: its samples join those of this session" });
+  const more = button("Add a ramp", async () => show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_START_RAMP" })), { id: "more", title: "After venting: its samples join those of this session" });
   const drop = button("Discard", async () => {
-    if (await sure("Lay this session aside? Its models cannot be used any more; its samples are kept.", "Discard it")) show(await call("CalibrationService/DiscardSession", session()));
+    if (await sure("Lay this session aside? Its models cannot be used any more; its samples are kept.", "Discard it")) show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_DISCARD" }));
   }, { kind: "danger", id: "discard" });
   return el("div.live",
     el("section.card", el("h2", `Review of session ${s.session}`), figuresAt,
@@ -240,9 +240,9 @@ function finished(anew) {
 
 function ended(now) {
   const s = state.session;
-  const again = now === "DISCARDED" ? null : button("Go on with another ramp", async () => show(await call("CalibrationService/StartRamp", session())), { id: "more" });
+  const again = now === "DISCARDED" ? null : button("Go on with another ramp", async () => show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_START_RAMP" })), { id: "more" });
   const fit = ["INTERRUPTED", "FAILED"].includes(now)
-    ? button("Fit what there is", async () => show(await call("CalibrationService/FinishRamp", session()))) : null;
+    ? button("Fit what there is", async () => show(await call("CalibrationService/AdvanceSession", { ...session(), action: "SESSION_ACTION_FINISH_RAMP" }))) : null;
   return el("section.card", el("h2", `Session ${s.session} is ${word(s.state, "SESSION_STATE_")}`),
     s.reason && el("p", s.reason), el("p.note", `${s.accepted ?? 0} scans count so far.`), el("div.row", again, fit));
 }

@@ -33,11 +33,11 @@ function row(one, update) {
   const request = { session: one.session };
   const now = word(one.state, "SESSION_STATE_");
   const goOn = ["review", "interrupted", "failed", "aborted"].includes(now) && button("Add a ramp", async () => {
-    watch(await call("CalibrationService/StartRamp", request));
+    watch(await call("CalibrationService/AdvanceSession", { ...request, action: "SESSION_ACTION_START_RAMP" }));
     location.hash = "#calibrate";
   });
   const open = !["active", "discarded", "aborted", "failed"].includes(now) && el("a.button", { href: "#calibrate" }, "Open");
-  const discard = ["review", "interrupted"].includes(now) && button("Discard", async () => { await call("CalibrationService/DiscardSession", request); await update(); });
+  const discard = ["review", "interrupted"].includes(now) && button("Discard", async () => { await call("CalibrationService/AdvanceSession", { ...request, action: "SESSION_ACTION_DISCARD" }); await update(); });
   const remove = ["active", "discarded", "aborted", "failed", "review", "interrupted"].includes(now) && button("Delete", async () => {
     if (!(await sure(`Delete session ${one.session} with its samples for good?`, "Delete it"))) return;
     await call("CalibrationService/DeleteSession", request);

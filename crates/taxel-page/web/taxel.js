@@ -16,7 +16,7 @@ export async function model(modelSet, taxel) {
   const key = `${modelSet}/${taxel}`;
   if (!models.has(key)) {
     if (models.size > 500) models.clear();
-    models.set(key, call("ModelService/GetTaxelModel", { modelSet, taxel }).catch((error) => { models.delete(key); throw error; }));
+    models.set(key, call("ModelService/GetModelSet", { modelSet, curves: [taxel] }).then((set) => set.curves[0]).catch((error) => { models.delete(key); throw error; }));
   }
   return models.get(key);
 }

@@ -27,7 +27,6 @@ pub(crate) fn asked(caller: &Caller, method: &'static str, patch: String, comman
 
 /// The arguments of a command, and the name that it claims.
 fn words(command: &Command) -> (String, Option<&str>) {
-    let of_session = |session: &u64| (format!("session {session}"), None);
     match command {
         Command::Tare { confirmed_by, .. } | Command::BringUp { confirmed_by, .. } => {
             (String::new(), confirmed_by.as_deref())
@@ -40,11 +39,11 @@ fn words(command: &Command) -> (String, Option<&str>) {
             let said: Vec<String> = target.into_iter().chain(branches).chain(leave_out).collect();
             (short(&said.join(", ")), confirmed_by.as_deref())
         }
-        Command::StartRamp { session }
-        | Command::FinishRamp { session }
-        | Command::AbortSession { session }
-        | Command::DiscardSession { session }
-        | Command::DeleteSession { session } => of_session(session),
+        Command::StartRamp { session } => (format!("session {session}, another ramp"), None),
+        Command::FinishRamp { session } => (format!("session {session}, its ramp ends"), None),
+        Command::AbortSession { session } => (format!("session {session}, it stops"), None),
+        Command::DiscardSession { session } => (format!("session {session}, it is laid aside"), None),
+        Command::DeleteSession { session } => (format!("session {session}"), None),
         Command::Activate { model_set, expected, .. } => {
             let expected = expected.as_ref().map(|expected| format!(", expected `{}`", short(expected)));
             (format!("model set {}{}", short(model_set), expected.unwrap_or_default()), None)

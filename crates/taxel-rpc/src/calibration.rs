@@ -50,28 +50,20 @@ impl CalibrationService for Service {
         self.session_command(&caller, "StartSession", command).await
     }
 
-    async fn start_ramp(&self, request: Request<v1::StartRampRequest>) -> Answer {
+    async fn advance_session(&self, request: Request<v1::AdvanceSessionRequest>) -> Answer {
         let caller = caller(&request)?;
-        let session = numbered(request.get_ref().session)?;
-        self.session_command(&caller, "StartRamp", Command::StartRamp { session }).await
-    }
-
-    async fn finish_ramp(&self, request: Request<v1::FinishRampRequest>) -> Answer {
-        let caller = caller(&request)?;
-        let session = numbered(request.get_ref().session)?;
-        self.session_command(&caller, "FinishRamp", Command::FinishRamp { session }).await
-    }
-
-    async fn abort_session(&self, request: Request<v1::AbortSessionRequest>) -> Answer {
-        let caller = caller(&request)?;
-        let session = numbered(request.get_ref().session)?;
-        self.session_command(&caller, "AbortSession", Command::AbortSession { session }).await
-    }
-
-    async fn discard_session(&self, request: Request<v1::DiscardSessionRequest>) -> Answer {
-        let caller = caller(&request)?;
-        let session = numbered(request.get_ref().session)?;
-        self.session_command(&caller, "DiscardSession", Command::DiscardSession { session }).await
+        let (session, action) = (numbered(request.get_ref().session)?, request.get_ref().action);
+        let command = match v1::SessionAction::try_from(action) {
+            Ok(v1::SessionAction::StartRamp) => Command::StartRamp { session },
+            Ok(v1::SessionAction::FinishRamp) => Command::FinishRamp { session },
+            Ok(v1::SessionAction::Abort) => Command::AbortSession { session },
+            Ok(v1::SessionAction::Discard) => Command::DiscardSession { session },
+            Ok(v1::SessionAction::Unspecified) | Err(_) => {
+                let problem = "expected START_RAMP, FINISH_RAMP, ABORT or DISCARD";
+                return Err(invalid("action", format_args!("{action}: {problem}")));
+            }
+        };
+        self.session_command(&caller, "AdvanceSession", command).await
     }
 
     async fn delete_session(
@@ -110,16 +102,10 @@ impl CalibrationService for Service {
         Ok(Response::new(self.export(&caller(&request)?, session).await?))
     }
 
-    async fn refit_session(&self, request: Request<v1::RefitSessionRequest>) -> Result<Response<v1::Refit>, Status> {
+    async fn refit_sessions(&self, request: Request<v1::RefitSessionsRequest>) -> Result<Response<v1::Refit>, Status> {
         let caller = caller(&request)?;
-        let v1::RefitSessionRequest { session, options } = request.into_inner();
-        self.refit(&caller, "RefitSession", &[session], &options.unwrap_or_default()).await.map(Response::new)
-    }
-
-    async fn merge_sessions(&self, request: Request<v1::MergeSessionsRequest>) -> Result<Response<v1::Refit>, Status> {
-        let caller = caller(&request)?;
-        let v1::MergeSessionsRequest { sessions, options } = request.into_inner();
-        self.refit(&caller, "MergeSessions", &sessions, &options.unwrap_or_default()).await.map(Response::new)
+        let v1::RefitSessionsRequest { sessions, options } = request.into_inner();
+        self.refit(&caller, &sessions, &options.unwrap_or_default()).await.map(Response::new)
     }
 
     type WatchSessionStream = MessageStream<v1::Session>;

@@ -19,6 +19,9 @@ use crate::service::{Service, caller, line, strange_answer};
 use crate::shares::What;
 use crate::status::invalid;
 
+/// Models in full that one answer may have: each has the curve at every count.
+const CURVES_MAX: usize = 32;
+
 impl Service {
     fn page_of_sets(&self, request: &v1::ListModelSetsRequest) -> Result<v1::ListModelSetsResponse, Status> {
         if !request.patch.is_empty() {
@@ -48,7 +51,9 @@ impl ModelService for Service {
     async fn get_model_set(&self, request: Request<v1::GetModelSetRequest>) -> Result<Response<v1::ModelSet>, Status> {
         let request = request.into_inner();
         let set = self.model_set(&request.model_set, &request.patch).await?;
+        let curves = curves(&set, &request.curves)?;
         Ok(Response::new(v1::ModelSet {
+            curves,
             summary: Some(self.summary(&SetSummary::of(&set))),
             board_settings: set.board_settings.clone(),
             gauge_gain_rel: set.gauge_gain_rel,
@@ -56,20 +61,6 @@ impl ModelService for Service {
             taxels: set.taxels.iter().enumerate().map(|(taxel, model)| taxel_summary(&set, taxel, model)).collect(),
             in_use: set.recorded.as_ref().map(in_use),
         }))
-    }
-
-    async fn get_taxel_model(
-        &self,
-        request: Request<v1::GetTaxelModelRequest>,
-    ) -> Result<Response<v1::TaxelModel>, Status> {
-        let request = request.into_inner();
-        let set = self.model_set(&request.model_set, &request.patch).await?;
-        let (taxel, taxels) = (request.taxel as usize, set.taxels.len());
-        let model = set.taxels.get(taxel).ok_or_else(|| {
-            let last = taxels.saturating_sub(1);
-            invalid("taxel", format_args!("{taxel} is not in 0 to {last}: `{}` has {taxels} taxels", set.id))
-        })?;
-        Ok(Response::new(taxel_model(&set, taxel, model)))
     }
 
     async fn activate_model_set(
@@ -229,6 +220,22 @@ fn taxel_summary(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelM
         hysteresis_kpa: in_use.and_then(|taxel| taxel.hysteresis_kpa).and_then(known),
         has_plays: set.plays(taxel).is_some(),
     }
+}
+
+/// The models in full of these taxels.
+fn curves(set: &ModelSet, taxels: &[u32]) -> Result<Vec<v1::TaxelModel>, Status> {
+    if taxels.len() > CURVES_MAX {
+        return Err(invalid("curves", format_args!("{} taxels, at most {CURVES_MAX}", taxels.len())));
+    }
+    let in_full = |taxel: &u32| {
+        let (taxel, taxels) = (*taxel as usize, set.taxels.len());
+        let model = set.taxels.get(taxel).ok_or_else(|| {
+            let last = taxels.saturating_sub(1);
+            invalid("curves", format_args!("{taxel} is not in 0 to {last}: `{}` has {taxels} taxels", set.id))
+        })?;
+        Ok(taxel_model(set, taxel, model))
+    };
+    taxels.iter().map(in_full).collect()
 }
 
 fn taxel_model(set: &ModelSet, taxel: usize, model: &TaxelModel) -> v1::TaxelModel {

@@ -21,19 +21,15 @@ use crate::shares::{Place, What};
 use crate::status::invalid;
 
 /// A proposal as it is told, and the set with its id.
-pub(crate) struct Proposed {
-    pub(crate) message: v1::RecalibrationProposal,
+struct Proposed {
+    message: v1::Recalibration,
     /// The set, or why there is none.
     set: Result<Arc<ModelSet>, String>,
 }
 
 impl Service {
     /// What the known loads of a patch propose for its active set, with the place of a large answer.
-    pub(crate) async fn recalibration(
-        &self,
-        caller: &Caller,
-        request: &v1::ProposeRecalibrationRequest,
-    ) -> Result<(Proposed, Place), Status> {
+    async fn proposal(&self, caller: &Caller, request: &v1::RecalibrateRequest) -> Result<(Proposed, Place), Status> {
         let patch = self.patch(&request.patch)?;
         let name = self.plan(patch).patch.name();
         let (chosen, assumptions) = asked(request)?;
@@ -54,22 +50,24 @@ impl Service {
         Ok((proposed.map_err(|why| refuse(ErrorReason::NotFitted, why))?, place))
     }
 
-    /// Keeps the set of a proposal.
-    pub(crate) async fn keep_recalibration(
+    /// What the known loads of a patch say of its active set, and the corrected set kept unless it is a dry run. With the
+    /// place of a large answer.
+    pub(crate) async fn recalibration(
         &self,
         caller: &Caller,
-        request: &v1::AcceptRecalibrationRequest,
-    ) -> Result<v1::AcceptRecalibrationResponse, Status> {
+        request: &v1::RecalibrateRequest,
+    ) -> Result<(v1::Recalibration, Place), Status> {
         let wanted = request.model_set.as_str();
-        if wanted.is_empty() {
-            return Err(invalid("model_set", "must name the one that ProposeRecalibration told"));
+        if !request.dry_run && wanted.is_empty() {
+            return Err(invalid("model_set", "must name the one that a `dry_run` told"));
         }
-        let asked = request.proposal.clone().unwrap_or_default();
-        let (proposed, place) = self.recalibration(caller, &asked).await?;
-        drop(place); // what is answered is small
-        let model_set = proposed.set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
+        let (Proposed { message, set }, place) = self.proposal(caller, request).await?;
+        if request.dry_run {
+            return Ok((message, place));
+        }
+        let model_set = set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
         if model_set.id != wanted {
-            let (is, points) = (&model_set.id, proposed.message.points.len());
+            let (is, points) = (&model_set.id, message.points.len());
             let why = format!(
                 "the {points} loads lead to `{is}` now, and not to the set that was proposed: look at a new proposal"
             );
@@ -77,12 +75,8 @@ impl Service {
                 .about("model_set", wanted)
                 .into());
         }
-        match self.command(caller, "AcceptRecalibration", Command::KeepRecalibration { model_set }).await? {
-            Done::RefitKept { model_set, known } => Ok(v1::AcceptRecalibrationResponse {
-                model_set: model_set.id.clone(),
-                source: model_set.origins.first().cloned().unwrap_or_default(),
-                known,
-            }),
+        match self.command(caller, "Recalibrate", Command::KeepRecalibration { model_set }).await? {
+            Done::RefitKept { .. } => Ok((v1::Recalibration { kept: true, ..message }, place)),
             other => Err(strange_answer(&other)),
         }
     }
@@ -106,7 +100,7 @@ fn proposed(
 }
 
 /// What a request asks for.
-fn asked(request: &v1::ProposeRecalibrationRequest) -> Result<(Chosen, Assumptions), Status> {
+fn asked(request: &v1::RecalibrateRequest) -> Result<(Chosen, Assumptions), Status> {
     for (field, numbers) in [("loads", &request.loads), ("leave_out", &request.leave_out)] {
         if numbers.len() > POINTS_MAX {
             return Err(invalid(field, format_args!("{} numbers, at most {POINTS_MAX} are taken", numbers.len())));
@@ -121,7 +115,7 @@ fn asked(request: &v1::ProposeRecalibrationRequest) -> Result<(Chosen, Assumptio
     Ok((chosen, Assumptions { place_rel, ..Assumptions::MASSES }))
 }
 
-fn message(proposal: &Proposal, source: &ModelSet, id: String, view: &Validation) -> v1::RecalibrationProposal {
+fn message(proposal: &Proposal, source: &ModelSet, id: String, view: &Validation) -> v1::Recalibration {
     let found = &proposal.found;
     let mut refused_because = found.refused_because.clone();
     if let Err(why) = &proposal.set
@@ -129,7 +123,7 @@ fn message(proposal: &Proposal, source: &ModelSet, id: String, view: &Validation
     {
         refused_because.push(why.clone());
     }
-    v1::RecalibrationProposal {
+    v1::Recalibration {
         patch: source.patch.clone(),
         source: source.id.clone(),
         model_set: id,
@@ -144,6 +138,7 @@ fn message(proposal: &Proposal, source: &ModelSet, id: String, view: &Validation
         needed: found.is_needed(),
         refused_because,
         place_uncertainty: found.assumptions.place_rel,
+        kept: false,
         area_factor: view.factor.filter(|_| view.applied).map(|factor| factor.value),
     }
 }

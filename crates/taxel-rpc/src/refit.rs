@@ -23,7 +23,6 @@ impl Service {
     pub(crate) async fn refit(
         &self,
         caller: &Caller,
-        name: &'static str,
         numbers: &[u64],
         options: &v1::FitOptions,
     ) -> Result<v1::Refit, Status> {
@@ -68,7 +67,7 @@ impl Service {
         let model_set = fitted.map_err(|why| of_rejection(&why))?;
         let model_set = model_set.map_err(|why| Refusal::failed_precondition(ErrorReason::NotFitted, why))?;
         let fit_s = began.elapsed().as_secs_f64();
-        match self.command(caller, name, Command::KeepRefit { model_set, sessions }).await? {
+        match self.command(caller, "RefitSessions", Command::KeepRefit { model_set, sessions }).await? {
             Done::RefitKept { model_set, known } => {
                 Ok(v1::Refit { model_set: Some(self.summary(model_set.summary())), known, scans, fit_s })
             }

@@ -57,21 +57,13 @@ impl ValidationService for Service {
         self.list(&caller, loads, move || Ok(validation(&view))).await
     }
 
-    async fn propose_recalibration(
+    async fn recalibrate(
         &self,
-        request: Request<v1::ProposeRecalibrationRequest>,
-    ) -> Result<Response<v1::RecalibrationProposal>, Status> {
+        request: Request<v1::RecalibrateRequest>,
+    ) -> Result<Response<v1::Recalibration>, Status> {
         let caller = caller(&request)?;
-        let (proposed, place) = self.recalibration(&caller, request.get_ref()).await?;
-        Ok(with_place(proposed.message, place))
-    }
-
-    async fn accept_recalibration(
-        &self,
-        request: Request<v1::AcceptRecalibrationRequest>,
-    ) -> Result<Response<v1::AcceptRecalibrationResponse>, Status> {
-        let caller = caller(&request)?;
-        self.keep_recalibration(&caller, request.get_ref()).await.map(Response::new)
+        let (answer, place) = self.recalibration(&caller, request.get_ref()).await?;
+        Ok(with_place(answer, place))
     }
 }
 

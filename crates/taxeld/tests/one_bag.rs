@@ -53,7 +53,7 @@ fn start(folder: &Path, config: &str) -> Daemon {
     command.args(["run", "--config", "taxeld.toml"]).current_dir(folder).stderr(Stdio::null());
     let daemon = Daemon(command.spawn().unwrap());
     let limit = Instant::now() + Duration::from_secs(120);
-    while !taxeld(folder, &["list"]).status.success() {
+    while !taxeld(folder, &["sessions", "list"]).status.success() {
         assert!(Instant::now() < limit, "the daemon does not answer");
         std::thread::yield_now();
     }

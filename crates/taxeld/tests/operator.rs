@@ -17,7 +17,7 @@ use demo::{Demo, text};
 fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     let demo = Demo::start(&["--bare"]);
     assert!(demo.refused(&["watch", "--once", "--within", "0.5"]).contains("no model set is active"));
-    assert!(demo.refused(&["activate", "newest"]).contains("there is no model set"));
+    assert!(demo.refused(&["models", "use", "newest"]).contains("there is no model set"));
 
     let printed = demo.until_good(&["calibrate", "--target", "30", "--yes"]);
     for part in ["TARING", "RAMPING", "go on", "FITTING", "the bag is vented", "taxels usable", "is in use"] {
@@ -47,7 +47,10 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     assert!(demo.succeeds(&["models", "import", &models]).contains("is in the store"));
     assert!(demo.succeeds(&["models", "show", &id[..6], "--taxel", "13"]).contains("taxel 13: "));
     for beginning in ["", "m-", &id[..3]] {
-        assert!(demo.refused(&["activate", beginning]).contains("give at least its first 4 characters"), "{beginning}");
+        assert!(
+            demo.refused(&["models", "use", beginning]).contains("give at least its first 4 characters"),
+            "{beginning}"
+        );
     }
     an_exported_session_is_fitted_as_it_was(&demo, &models, id);
 
@@ -82,8 +85,6 @@ fn a_forearm_is_calibrated_weighed_and_watched_through_the_commands_alone() {
     assert!(csv.lines().skip(1).all(|line| line.ends_with(",1")), "{csv}");
     let line = demo.until_good(&["watch", "--count", "1"]);
     assert!(line.contains(", simulated"), "{line}");
-    let list = demo.succeeds(&["list"]);
-    assert!(list.contains("left_forearm") && (list.contains(" N, simulated") || list.contains(" - ")), "{list}");
     demo.until_good(&["health"]);
 }
 
@@ -111,7 +112,7 @@ fn a_set_without_a_zero_says_so_and_has_a_force_after_a_confirmed_tare() {
     set["baseline"].as_array_mut().unwrap().fill(serde_json::Value::Null);
     std::fs::write(file, set.to_string()).unwrap();
     assert!(demo.succeeds(&["models", "import", file]).contains("taxeld tare --confirmed-by NAME"));
-    assert!(demo.succeeds(&["activate", "newest"]).contains("taxeld tare --confirmed-by NAME"));
+    assert!(demo.succeeds(&["models", "use", "newest"]).contains("taxeld tare --confirmed-by NAME"));
     let wanted = "NO FORCE: the model set has no zero of its own";
     let health = || demo.command(&["health"]);
     let told = (0..500).map(|_| health()).find(|health| text(&health.stdout).contains(wanted)).unwrap_or_else(health);
@@ -139,9 +140,9 @@ fn what_destroys_or_loses_most_of_the_skin_is_asked_about_and_refused_without_a_
     std::fs::write(file, set.to_string()).unwrap();
     demo.succeeds(&["models", "import", file]);
     let id = demo.json(&["models", "list", "--json"])[0]["modelSet"].as_str().unwrap().to_owned();
-    let refused = demo.refused(&["activate", &id]);
+    let refused = demo.refused(&["models", "use", &id]);
     assert!(refused.contains(" of 230 taxels usable") && refused.contains(&in_use), "{refused}");
-    assert!(refused.contains(&format!("taxeld activate {id} --yes")), "{refused}");
+    assert!(refused.contains(&format!("taxeld models use {id} --yes")), "{refused}");
     assert!(demo.refused(&["models", "delete", &id]).contains(&format!("taxeld models delete {id} --yes")));
     demo.succeeds(&["models", "delete", &id, "--yes"]);
     demo.until_good(&["calibrate", "--target", "30"]); // without --yes it ends in review
@@ -181,10 +182,8 @@ fn stored_samples_are_fitted_once_more(demo: &Demo, session: &str, own: &str) {
     let id = other["modelSet"]["modelSet"].as_str().unwrap();
     assert_eq!((&other["known"], &other["modelSet"]["active"]), (&false.into(), &false.into()), "{other}");
     assert!(id != own && other["modelSet"]["method"].as_str().unwrap().starts_with("order 3"), "{other}");
-    let merged = &demo.json(&["sessions", "merge", session, "--order", "3", "--json"])[0];
-    assert_eq!((merged["modelSet"]["modelSet"].as_str().unwrap(), &merged["known"]), (id, &true.into()), "{merged}");
     assert!(demo.refused(&["sessions", "refit", session, "--branch", "both"]).contains("rising pressure alone"));
-    assert!(demo.refused(&["sessions", "merge", session, session]).contains("is named twice"));
+    assert!(demo.refused(&["sessions", "refit", session, session]).contains("is named twice"));
     assert!(demo.refused(&["sessions", "refit", "99"]).contains("no session 99"));
 
     let printed = demo.succeeds(&["sessions", "refit", session, "--order", "3"]);
@@ -201,18 +200,9 @@ fn stored_samples_are_fitted_once_more(demo: &Demo, session: &str, own: &str) {
     }
     let gain = compared["gainRatio"].as_f64().unwrap();
     assert!((0.8..1.25).contains(&gain), "{gain}");
-    demo.succeeds(&["activate", id]);
-    let back = demo.succeeds(&["activate", own]);
+    demo.succeeds(&["models", "use", id]);
+    let back = demo.succeeds(&["models", "use", own]);
     assert!(back.contains(&format!("before it: {id}")), "{back}");
-
-    // Another ramp after the session in use is a session of its own, with the samples of that one.
-    let rows = |session: &str| demo.succeeds(&["sessions", "export", session]).lines().count();
-    let next = &demo.json(&["sessions", "ramp", session, "--json"])[0];
-    let number = next["session"].as_str().unwrap().to_owned();
-    assert_eq!((next["predecessor"].as_str().unwrap(), &next["state"]), (session, &"SESSION_STATE_TARING".into()));
-    demo.succeeds(&["sessions", "abort", &number]);
-    assert!(number != session && rows(&number) >= rows(session), "session {number}");
-    assert_eq!(demo.json(&["sessions", "show", session, "--json"])[0]["state"], "SESSION_STATE_ACTIVE");
 }
 
 /// The pump goes on while the daemon hangs: nobody may see the last pressure as the present one.
@@ -310,13 +300,13 @@ fn a_force_sensor_recalibrates_the_skin_and_only_an_activation_uses_it() {
     let output = recalibrate.wait_with_output().unwrap();
     let said = text(&output.stdout) + &text(&output.stderr);
     assert!(output.status.success(), "{said}");
-    for part in ["(5 of 5): 4.90 N by the sensor", "gain ", "from 5 loads", "not in use. Use it: taxeld activate"] {
+    for part in ["(5 of 5): 4.90 N by the sensor", "gain ", "from 5 loads", "not in use. Use it: taxeld models use"] {
         assert!(said.contains(part), "`{part}` is not in: {said}");
     }
     let sets = demo.json(&["models", "list", "--json"]);
     let made = sets.iter().find(|set| set["derivedFrom"] == before.as_str()).unwrap();
     assert!(made["active"] != true && made["recalibrationGain"].as_f64().unwrap() > 0.5, "{made}");
-    demo.succeeds(&["activate", made["modelSet"].as_str().unwrap()]);
+    demo.succeeds(&["models", "use", made["modelSet"].as_str().unwrap()]);
     assert!(demo.refused(&["models", "delete", &before, "--yes"]).contains("known loads"), "it is kept");
     assert!(
         demo.refused(&["recalibrate"]).contains("0 load points"),

@@ -35,7 +35,7 @@ fn the_walk_through_holds_as_it_stands() {
             output = run();
         }
         assert!(output.status.success(), "{line}: {}{}", text(&output.stdout), text(&output.stderr));
-        if line.contains("models import") || line.contains("activate") {
+        if line.contains("models import") || line.contains("models use") {
             let said = text(&output.stdout) + &text(&output.stderr);
             assert!(
                 said.contains("the zero of its calibration") && said.contains(" taxels usable; m-"),

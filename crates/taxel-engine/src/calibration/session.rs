@@ -370,7 +370,7 @@ impl SessionRun {
     /// What an operator can do about a rise that cannot get further.
     fn offer(&self) -> String {
         let (scans, number) = (self.samples.samples.len(), self.view.number);
-        format!("; to end the ramp here, with {scans} scans: taxeld sessions finish {number}")
+        format!("; to end the ramp here, with {scans} scans: taxeld sessions end {number} --fit")
     }
 
     /// Whether a fit can come of what was gathered.

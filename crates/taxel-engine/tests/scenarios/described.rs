@@ -322,7 +322,8 @@ fn a_described_array_is_calibrated_by_the_same_session_and_weighs() {
 /// What the machine's sleep or a bus that was off may have hidden is held against the next zero, as a silence is.
 #[test]
 fn a_load_that_was_gone_after_a_loss_of_the_bus_keeps_a_zero_from_being_proven() {
-    for lost in [BusNotice::BusOff] {
+    {
+        let lost = BusNotice::BusOff;
         let mut scene = Scene::in_use();
         scene.load = (16, 25.0);
         scene.seconds(1.0);

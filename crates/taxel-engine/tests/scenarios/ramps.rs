@@ -93,7 +93,7 @@ fn a_rise_that_cannot_get_further_says_so_and_ends_with_what_it_has() {
     let mut bench = fresh(|_| {});
     let number = bench.start_session(None);
     bench.ramp(40.0, 2.0);
-    let offer = format!("taxeld sessions finish {number}");
+    let offer = format!("taxeld sessions end {number} --fit");
     bench.until(60.0, "the offer", |host| host.session().reason.contains(&offer));
     let session = bench.host.session();
     assert_eq!(session.state, SessionState::Ramping);

@@ -65,7 +65,7 @@ const fn administer(name: &'static str) -> Method {
 pub(crate) const IMPORT: &str = "taxel.v1.ModelService/ImportModelSet";
 
 /// Every method that is served.
-pub(crate) const METHODS: [Method; 41] = [
+pub(crate) const METHODS: [Method; 35] = [
     read("taxel.v1.ForceService/GetForce"),
     stream("taxel.v1.ForceService/StreamForce"),
     read("taxel.v1.SkinService/GetSkin"),
@@ -81,16 +81,11 @@ pub(crate) const METHODS: [Method; 41] = [
     stream("taxel.v1.CalibrationService/WatchSession"),
     stream("taxel.v1.CalibrationService/ExportSamples"),
     Method { name: "taxel.v1.CalibrationService/StartSession", role: Role::Operator, kind: Kind::SessionStart },
-    operate("taxel.v1.CalibrationService/StartRamp"),
-    operate("taxel.v1.CalibrationService/FinishRamp"),
-    operate("taxel.v1.CalibrationService/AbortSession"),
-    operate("taxel.v1.CalibrationService/DiscardSession"),
-    operate("taxel.v1.CalibrationService/RefitSession"),
-    operate("taxel.v1.CalibrationService/MergeSessions"),
+    operate("taxel.v1.CalibrationService/AdvanceSession"),
+    operate("taxel.v1.CalibrationService/RefitSessions"),
     administer("taxel.v1.CalibrationService/DeleteSession"),
     read("taxel.v1.ModelService/ListModelSets"),
     read("taxel.v1.ModelService/GetModelSet"),
-    read("taxel.v1.ModelService/GetTaxelModel"),
     read("taxel.v1.ModelService/ExportModelSet"),
     read("taxel.v1.ModelService/GetCertificate"),
     read("taxel.v1.ModelService/CompareModelSets"),
@@ -99,8 +94,7 @@ pub(crate) const METHODS: [Method; 41] = [
     administer("taxel.v1.ModelService/DeleteModelSet"),
     read("taxel.v1.ValidationService/GetValidation"),
     operate("taxel.v1.ValidationService/RecordLoad"),
-    Method { name: "taxel.v1.ValidationService/ProposeRecalibration", role: Role::Operator, kind: Kind::Read },
-    operate("taxel.v1.ValidationService/AcceptRecalibration"),
+    operate("taxel.v1.ValidationService/Recalibrate"),
     Method { name: "taxel.v1.AuditService/ListAudit", role: Role::Operator, kind: Kind::Read },
     Method { name: "taxel.v1.IngestService/PushScans", role: Role::Operator, kind: Kind::Push },
     read("grpc.health.v1.Health/Check"),

@@ -254,8 +254,8 @@ async fn model_sets_are_shown_activated_exported_and_imported() {
     assert_eq!((summary.session, summary.created.unwrap().seconds), (Some(7), 1_700_000_000));
     assert_eq!((set.taxels[1].status.as_str(), set.taxels[1].rmse_kpa), ("dead", None));
 
-    let request = v1::GetTaxelModelRequest { model_set: "m-a".to_owned(), ..Default::default() };
-    let model = client.get_taxel_model(request).await.unwrap().into_inner();
+    let request = v1::GetModelSetRequest { model_set: "m-a".to_owned(), curves: vec![0], ..Default::default() };
+    let model = client.get_model_set(request).await.unwrap().into_inner().curves.remove(0);
     assert_eq!((model.summary.as_ref().unwrap().status.as_str(), model.falling), ("ok", true));
     assert_eq!(model.coefficients.len(), 6);
     let at_200 = model.points.iter().find(|point| point.count == 200).unwrap();

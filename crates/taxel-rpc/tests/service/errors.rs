@@ -93,15 +93,15 @@ async fn sets_taxels_and_sessions_that_are_not_there_are_named() {
     let model_sets = vec![crate::fixture::model_set("m-a", FOREARM).into()];
     let catalogue = taxel_engine::snapshot::Catalogue { model_sets, ..Default::default() };
     daemon.engine().catalogue(std::sync::Arc::new(catalogue));
-    let request = v1::GetTaxelModelRequest { model_set: "m-a".to_owned(), taxel: 20, ..Default::default() };
-    expect(models.get_taxel_model(request).await.unwrap_err(), Code::InvalidArgument, &["taxel", "20", "0 to 19"]);
+    let request = v1::GetModelSetRequest { model_set: "m-a".to_owned(), curves: vec![20], ..Default::default() };
+    expect(models.get_model_set(request).await.unwrap_err(), Code::InvalidArgument, &["curves", "20", "0 to 19"]);
 
     let mut sessions = CalibrationServiceClient::new(channel);
     let status = sessions.get_session(v1::GetSessionRequest { session: 5 }).await.unwrap_err();
     expect(status, Code::NotFound, &["session 5"]);
     let status = sessions.watch_session(v1::WatchSessionRequest { session: 5 }).await.unwrap_err();
     expect(status, Code::NotFound, &["session 5"]);
-    let status = sessions.abort_session(v1::AbortSessionRequest::default()).await.unwrap_err();
+    let status = sessions.advance_session(v1::AdvanceSessionRequest::default()).await.unwrap_err();
     expect(status, Code::InvalidArgument, &["session", "from 1"]);
     let status = sessions.get_session(v1::GetSessionRequest::default()).await.unwrap_err();
     expect(status, Code::InvalidArgument, &["session"]);

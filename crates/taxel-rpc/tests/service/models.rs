@@ -54,7 +54,8 @@ async fn hysteresis_and_quality_in_use_are_shown() {
     assert_eq!((first.rmse_in_use_kpa, first.hysteresis_kpa, first.has_plays), (Some(1.5), Some(3.0), true));
     assert_eq!((set.taxels[1].rmse_in_use_kpa, set.taxels[1].has_plays), (None, false));
 
-    let model = client.get_taxel_model(v1::GetTaxelModelRequest::default()).await.unwrap().into_inner();
+    let model = client.get_model_set(v1::GetModelSetRequest { curves: vec![0], ..Default::default() }).await;
+    let model = model.unwrap().into_inner().curves.remove(0);
     let plays = model.plays.unwrap();
     assert_eq!((plays.radii_counts, plays.weights_kpa), (vec![4.0, 10.0], vec![0.5, 0.25]));
     assert_eq!((plays.count_min, plays.count_max, plays.curve), (180.0, 240.0, model.curve));

@@ -64,26 +64,31 @@ fn sound() -> Vec<JudgedLoad> {
     (1..=6).map(|number| load(number, 1.0)).collect()
 }
 
-fn accept(model_set: &str) -> v1::AcceptRecalibrationRequest {
-    v1::AcceptRecalibrationRequest { proposal: None, model_set: model_set.to_owned() }
+fn accept(model_set: &str) -> v1::RecalibrateRequest {
+    v1::RecalibrateRequest { model_set: model_set.to_owned(), ..Default::default() }
+}
+
+/// Only what would come of it.
+fn dry_run() -> v1::RecalibrateRequest {
+    v1::RecalibrateRequest { dry_run: true, ..Default::default() }
 }
 
 #[tokio::test]
 async fn what_is_accepted_is_what_was_proposed_and_reaches_the_engine_once() {
     let (mut daemon, mut client) = daemon(sound()).await;
-    let request = v1::ProposeRecalibrationRequest::default();
-    let got = client.propose_recalibration(request).await.unwrap().into_inner();
+    let request = dry_run();
+    let got = client.recalibrate(request).await.unwrap().into_inner();
     assert!(daemon.requests.try_recv().is_err(), "a proposal asks nothing of the engine");
     assert!((got.gain - 1.1).abs() < 1e-9, "of the configured areas: {got:?}");
     assert_eq!((got.source.as_str(), got.contradicts, got.needed), ("m-1", 0, true));
     assert!(got.refused_because.is_empty() && got.points.len() == 6 && got.area_factor == Some(1.05), "{got:?}");
     assert!(got.relative_sigma > 0.03 && got.gain_sigma < 0.03, "{got:?}");
-    let (answer, ()) = tokio::join!(client.accept_recalibration(accept(&got.model_set)), async {
+    let (answer, ()) = tokio::join!(client.recalibrate(accept(&got.model_set)), async {
         let request = daemon.requests.recv().await.unwrap();
         let Command::KeepRecalibration { model_set } = request.command else { panic!("{:?}", request.command) };
         let asked = request.asked.unwrap();
         assert!(asked.what.contains("model set m-1 times 1.1") && asked.what.contains("1, 2, 3, 4, 5, 6"), "{asked:?}");
-        assert_eq!((asked.patch.as_str(), asked.method.as_str()), (FOREARM, "AcceptRecalibration"));
+        assert_eq!((asked.patch.as_str(), asked.method.as_str()), (FOREARM, "Recalibrate"));
         assert_eq!((model_set.id.as_str(), model_set.derived_from()), (got.model_set.as_str(), Some("m-1")));
         let count = 200.0;
         let was = crate::fixture::model_set("m-1", FOREARM).taxels[0].evaluate(count).unwrap().kpa;
@@ -91,12 +96,12 @@ async fn what_is_accepted_is_what_was_proposed_and_reaches_the_engine_once() {
         request.reply.send(Ok(Done::RefitKept { model_set: model_set.into(), known: false })).unwrap();
     });
     let answer = answer.unwrap().into_inner();
-    assert_eq!((answer.model_set, answer.source, answer.known), (got.model_set.clone(), "m-1".to_owned(), false));
+    assert_eq!((answer.model_set, answer.source, answer.kept), (got.model_set.clone(), "m-1".to_owned(), true));
     // Another load has come meanwhile: what was proposed is not what would be kept.
     let mut more = sound();
     more.push(load(7, 1.02));
     publish(&daemon, more);
-    let refused = client.accept_recalibration(accept(&got.model_set)).await.unwrap_err();
+    let refused = client.recalibrate(accept(&got.model_set)).await.unwrap_err();
     assert!(refused.code() == Code::FailedPrecondition && refused.message().contains("look at a new proposal"));
     assert!(daemon.requests.try_recv().is_err());
 }
@@ -106,13 +111,13 @@ async fn a_load_that_contradicts_is_named_and_nothing_can_be_accepted() {
     let mut loads = sound();
     loads[3] = load(4, 2.0);
     let (mut daemon, mut client) = daemon(loads).await;
-    let got = client.propose_recalibration(v1::ProposeRecalibrationRequest::default()).await.unwrap().into_inner();
+    let got = client.recalibrate(dry_run()).await.unwrap().into_inner();
     assert_eq!((got.contradicts, got.model_set.as_str()), (4, ""));
     assert!(got.refused_because[0].contains("point 4 contradicts the others"), "{got:?}");
-    let refused = client.accept_recalibration(accept("m-any")).await.unwrap_err();
+    let refused = client.recalibrate(accept("m-any")).await.unwrap_err();
     assert!(refused.code() == Code::FailedPrecondition && refused.message().contains("point 4"), "{refused}");
-    let without = v1::ProposeRecalibrationRequest { leave_out: vec![4], ..Default::default() };
-    let got = client.propose_recalibration(without).await.unwrap().into_inner();
+    let without = v1::RecalibrateRequest { leave_out: vec![4], ..dry_run() };
+    let got = client.recalibrate(without).await.unwrap().into_inner();
     assert!(got.refused_because.is_empty() && got.points.len() == 5, "{got:?}");
     assert!(daemon.requests.try_recv().is_err());
 }
@@ -120,8 +125,8 @@ async fn a_load_that_contradicts_is_named_and_nothing_can_be_accepted() {
 #[tokio::test]
 async fn what_cannot_be_proposed_is_refused_with_the_reason() {
     let (daemon, mut client) = daemon(sound()).await;
-    let request = |change: fn(&mut v1::ProposeRecalibrationRequest)| {
-        let mut request = v1::ProposeRecalibrationRequest::default();
+    let request = |change: fn(&mut v1::RecalibrateRequest)| {
+        let mut request = dry_run();
         change(&mut request);
         request
     };
@@ -133,13 +138,13 @@ async fn what_cannot_be_proposed_is_refused_with_the_reason() {
         (request(|r| r.loads = vec![1, 99]), Code::FailedPrecondition, "no load 99"),
         (request(|r| r.loads = vec![1, 2, 3]), Code::FailedPrecondition, "3 load points, expected 5"),
     ] {
-        let refused = client.propose_recalibration(asked).await.unwrap_err();
+        let refused = client.recalibrate(asked).await.unwrap_err();
         assert!(refused.code() == code && refused.message().contains(says), "{refused}");
     }
-    let refused = client.accept_recalibration(accept("")).await.unwrap_err();
+    let refused = client.recalibrate(accept("")).await.unwrap_err();
     assert!(refused.code() == Code::InvalidArgument && refused.message().contains("model_set"), "{refused}");
     daemon.engine().catalogue(Arc::default());
-    let refused = client.propose_recalibration(v1::ProposeRecalibrationRequest::default()).await.unwrap_err();
+    let refused = client.recalibrate(dry_run()).await.unwrap_err();
     assert!(refused.code() == Code::FailedPrecondition && refused.message().contains("is active"), "{refused}");
 }
 
@@ -147,12 +152,12 @@ async fn what_cannot_be_proposed_is_refused_with_the_reason() {
 async fn a_proposal_is_a_large_answer_until_it_is_taken() {
     let (daemon, mut client) = daemon(sound()).await;
     let mute = without_room(&daemon).await;
-    let request = v1::ProposeRecalibrationRequest::default();
+    let request = dry_run();
     let mut held = Vec::new();
     for _ in 0..4 {
-        held.push(untaken(&mute, "/taxel.v1.ValidationService/ProposeRecalibration", &request).await);
+        held.push(untaken(&mute, "/taxel.v1.ValidationService/Recalibrate", &request).await);
     }
-    let refused = client.propose_recalibration(request).await.unwrap_err();
+    let refused = client.recalibrate(request).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted);
     assert!(refused.message().contains("4 large answers of loopback TCP are being served"), "{refused}");
 }

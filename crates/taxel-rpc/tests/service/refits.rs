@@ -54,12 +54,12 @@ async fn daemon() -> (Daemon, Client) {
     (daemon, client)
 }
 
-fn merge(sessions: &[u64]) -> v1::MergeSessionsRequest {
-    v1::MergeSessionsRequest { sessions: sessions.to_vec(), options: None }
+fn merge(sessions: &[u64]) -> v1::RefitSessionsRequest {
+    v1::RefitSessionsRequest { sessions: sessions.to_vec(), options: None }
 }
 
-fn refit(session: u64, options: v1::FitOptions) -> v1::RefitSessionRequest {
-    v1::RefitSessionRequest { session, options: Some(options) }
+fn refit(session: u64, options: v1::FitOptions) -> v1::RefitSessionsRequest {
+    v1::RefitSessionsRequest { sessions: vec![session], options: Some(options) }
 }
 
 /// Takes the next command, which must keep a set, and answers that this is done.
@@ -76,13 +76,13 @@ async fn kept(daemon: &mut Daemon, sessions: &[u64], known: bool) {
 async fn a_refit_is_fitted_as_asked_kept_and_told() {
     let (mut daemon, mut client) = daemon().await;
     let options = v1::FitOptions { order: Some(3), ..v1::FitOptions::default() };
-    let (answer, ()) = tokio::join!(client.refit_session(refit(1, options)), kept(&mut daemon, &[1], false));
+    let (answer, ()) = tokio::join!(client.refit_sessions(refit(1, options)), kept(&mut daemon, &[1], false));
     let refit = answer.unwrap().into_inner();
     let set = refit.model_set.unwrap();
     assert_eq!((set.method.as_str(), set.session, set.active), ("order 3, pressure-binned", Some(1), false));
     assert_eq!((set.taxels, set.calibrated), (TAXELS as u32, TAXELS as u32));
     assert_eq!((refit.known, refit.scans), (false, 701));
-    let (answer, ()) = tokio::join!(client.merge_sessions(merge(&[2, 1])), kept(&mut daemon, &[1, 2], true));
+    let (answer, ()) = tokio::join!(client.refit_sessions(merge(&[2, 1])), kept(&mut daemon, &[1, 2], true));
     let merged = answer.unwrap().into_inner();
     assert_eq!((merged.known, merged.scans), (true, 1402));
     assert_eq!(merged.model_set.unwrap().method, "order 5, pressure-binned, of sessions 1, 2 together");
@@ -95,21 +95,21 @@ async fn what_cannot_be_fitted_is_refused_and_never_reaches_the_engine() {
         assert!(status.code() == code && status.message().contains(words), "{status}");
     };
     let default = v1::FitOptions::default;
-    says(client.refit_session(refit(0, default())).await.unwrap_err(), Code::InvalidArgument, "0 is not a session");
-    says(client.refit_session(refit(9, default())).await.unwrap_err(), Code::NotFound, "no session 9");
+    says(client.refit_sessions(refit(0, default())).await.unwrap_err(), Code::InvalidArgument, "0 is not a session");
+    says(client.refit_sessions(refit(9, default())).await.unwrap_err(), Code::NotFound, "no session 9");
     says(
-        client.refit_session(refit(4, default())).await.unwrap_err(),
+        client.refit_sessions(refit(4, default())).await.unwrap_err(),
         Code::FailedPrecondition,
         "session 4 is RAMPING",
     );
-    says(client.refit_session(refit(3, default())).await.unwrap_err(), Code::FailedPrecondition, "session 3: row 7");
-    let laid_aside = client.merge_sessions(merge(&[1, 5])).await.unwrap_err();
+    says(client.refit_sessions(refit(3, default())).await.unwrap_err(), Code::FailedPrecondition, "session 3: row 7");
+    let laid_aside = client.refit_sessions(merge(&[1, 5])).await.unwrap_err();
     says(laid_aside, Code::FailedPrecondition, "session 5 was laid aside");
-    says(client.merge_sessions(merge(&[])).await.unwrap_err(), Code::InvalidArgument, "sessions: none is named");
+    says(client.refit_sessions(merge(&[])).await.unwrap_err(), Code::InvalidArgument, "sessions: none is named");
     // As many as a request holds, and refused before one of them is looked up.
     let many = merge(&[9; 60_000]);
-    says(client.merge_sessions(many).await.unwrap_err(), Code::InvalidArgument, "60000 are named, expected 1 to 32");
-    says(client.merge_sessions(merge(&[1, 1])).await.unwrap_err(), Code::InvalidArgument, "named twice");
+    says(client.refit_sessions(many).await.unwrap_err(), Code::InvalidArgument, "60000 are named, expected 1 to 32");
+    says(client.refit_sessions(merge(&[1, 1])).await.unwrap_err(), Code::InvalidArgument, "named twice");
     for (options, words) in [
         (v1::FitOptions { order: Some(11), ..default() }, "order: 11 is not in 1 to 10"),
         (v1::FitOptions { order: Some(256), ..default() }, "order: 256"),
@@ -118,12 +118,12 @@ async fn what_cannot_be_fitted_is_refused_and_never_reaches_the_engine() {
         (v1::FitOptions { branches: 9, ..default() }, "branches: 9 is not in 0 to 2"),
         (v1::FitOptions { smooth_s: Some(f64::INFINITY), ..default() }, "smooth_s: inf"),
     ] {
-        says(client.refit_session(refit(1, options)).await.unwrap_err(), Code::InvalidArgument, words);
+        says(client.refit_sessions(refit(1, options)).await.unwrap_err(), Code::InvalidArgument, words);
     }
     let both = v1::FitOptions { branches: v1::Branches::Both.into(), ..default() };
-    says(client.refit_session(refit(1, both)).await.unwrap_err(), Code::FailedPrecondition, "rising pressure alone");
+    says(client.refit_sessions(refit(1, both)).await.unwrap_err(), Code::FailedPrecondition, "rising pressure alone");
     let none = v1::FitOptions { min_swing_counts: Some(1e6), ..default() };
-    says(client.refit_session(refit(1, none)).await.unwrap_err(), Code::FailedPrecondition, "none of the 20 taxels");
+    says(client.refit_sessions(refit(1, none)).await.unwrap_err(), Code::FailedPrecondition, "none of the 20 taxels");
     assert!(daemon.requests.try_recv().is_err());
 }
 
@@ -131,12 +131,12 @@ async fn what_cannot_be_fitted_is_refused_and_never_reaches_the_engine() {
 async fn one_fit_runs_at_a_time_and_the_engine_has_the_last_word() {
     let (mut daemon, mut client) = daemon().await;
     let turn = daemon.engine().fits().try_acquire_owned().unwrap();
-    let status = client.refit_session(refit(1, v1::FitOptions::default())).await.unwrap_err();
+    let status = client.refit_sessions(refit(1, v1::FitOptions::default())).await.unwrap_err();
     assert_eq!(status.code(), Code::ResourceExhausted, "{status}");
     drop(turn);
     let refused =
         Err(Rejection::FailedPrecondition(ErrorReason::BeingDeleted, "session 1 is being deleted".to_owned()));
-    let call = client.refit_session(refit(1, v1::FitOptions::default()));
+    let call = client.refit_sessions(refit(1, v1::FitOptions::default()));
     let (answer, ()) = tokio::join!(call, daemon.answer(refused, |_| ()));
     assert_eq!(answer.unwrap_err().message(), "session 1 is being deleted");
 }
@@ -156,12 +156,12 @@ async fn calls_that_are_given_up_do_not_pile_up_in_the_store() {
         question = asked.recv() => waiting.push(question.unwrap()),
     }
     tokio::select! {
-        answer = client.refit_session(refit(1, v1::FitOptions::default())) => panic!("{answer:?}"),
+        answer = client.refit_sessions(refit(1, v1::FitOptions::default())) => panic!("{answer:?}"),
         question = asked.recv() => waiting.push(question.unwrap()),
     }
     let refused = client.export_samples(v1::ExportSamplesRequest { session: 1 }).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
-    let refused = client.refit_session(refit(1, v1::FitOptions::default())).await.unwrap_err();
+    let refused = client.refit_sessions(refit(1, v1::FitOptions::default())).await.unwrap_err();
     assert_eq!(refused.code(), Code::ResourceExhausted, "{refused}");
     // The store answers whom nobody waits for, and there is room again.
     waiting.into_iter().for_each(|(_, told)| told(Ok(SessionSamples::default())));

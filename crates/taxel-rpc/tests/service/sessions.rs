@@ -20,6 +20,10 @@ fn publish(daemon: &Daemon, number: u64, state: SessionState) {
     daemon.engine().session(0, Arc::new(view(number, state)));
 }
 
+fn advance(session: u64, action: v1::SessionAction) -> v1::AdvanceSessionRequest {
+    v1::AdvanceSessionRequest { session, action: action.into() }
+}
+
 #[tokio::test]
 async fn every_session_command_reaches_the_engine_and_shows_the_session() {
     let mut daemon = start().await;
@@ -67,19 +71,19 @@ async fn every_session_command_reaches_the_engine_and_shows_the_session() {
     assert_eq!((session.taxels_responding, session.taxels), (18, 20));
     assert_eq!((session.branches(), session.falling), (v1::Branches::Both, true));
 
-    let call = client.start_ramp(v1::StartRampRequest { session: 8 });
+    let call = client.advance_session(advance(8, v1::SessionAction::StartRamp));
     let (answer, ()) =
         tokio::join!(call, daemon.answer(done(), |c| assert!(matches!(c, Command::StartRamp { session: 8 }))));
     answer.unwrap();
-    let call = client.finish_ramp(v1::FinishRampRequest { session: 8 });
+    let call = client.advance_session(advance(8, v1::SessionAction::FinishRamp));
     let (answer, ()) =
         tokio::join!(call, daemon.answer(done(), |c| assert!(matches!(c, Command::FinishRamp { session: 8 }))));
     answer.unwrap();
-    let call = client.abort_session(v1::AbortSessionRequest { session: 8 });
+    let call = client.advance_session(advance(8, v1::SessionAction::Abort));
     let (answer, ()) =
         tokio::join!(call, daemon.answer(done(), |c| assert!(matches!(c, Command::AbortSession { session: 8 }))));
     answer.unwrap();
-    let call = client.discard_session(v1::DiscardSessionRequest { session: 8 });
+    let call = client.advance_session(advance(8, v1::SessionAction::Discard));
     let (answer, ()) =
         tokio::join!(call, daemon.answer(done(), |c| assert!(matches!(c, Command::DiscardSession { session: 8 }))));
     answer.unwrap();

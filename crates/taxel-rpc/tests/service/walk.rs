@@ -21,21 +21,16 @@ use crate::fixture::{Daemon, FOREARM, patient, serve_on};
 use crate::reasons::reason;
 
 /// Methods that need more than an observer.
-const OPERATOR: [&str; 15] = [
+const OPERATOR: [&str; 10] = [
     "taxel.v1.AuditService/ListAudit",
     "taxel.v1.SkinService/Tare",
     "taxel.v1.SkinService/BringUp",
     "taxel.v1.CalibrationService/StartSession",
-    "taxel.v1.CalibrationService/StartRamp",
-    "taxel.v1.CalibrationService/FinishRamp",
-    "taxel.v1.CalibrationService/AbortSession",
-    "taxel.v1.CalibrationService/DiscardSession",
-    "taxel.v1.CalibrationService/RefitSession",
-    "taxel.v1.CalibrationService/MergeSessions",
     "taxel.v1.ModelService/ActivateModelSet",
     "taxel.v1.ValidationService/RecordLoad",
-    "taxel.v1.ValidationService/ProposeRecalibration",
-    "taxel.v1.ValidationService/AcceptRecalibration",
+    "taxel.v1.CalibrationService/AdvanceSession",
+    "taxel.v1.CalibrationService/RefitSessions",
+    "taxel.v1.ValidationService/Recalibrate",
     "taxel.v1.IngestService/PushScans",
 ];
 const ADMIN: [&str; 3] = [

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use taxel_proto::v1::{Certificate, GetCertificateRequest};
 
-use super::activate::full_id;
 use super::connect::Server;
 use super::failure::Outcome;
+use super::use_set::full_id;
 use crate::files;
 use crate::output;
 use crate::same_file::refuse_overwriting;

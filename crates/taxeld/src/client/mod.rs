@@ -4,7 +4,6 @@
 //! Exit codes: 0 done and good; 1 no daemon, a lost connection, a file; 2 a wrong command line; 3 the daemon said no, or
 //! there is no good force.
 
-mod activate;
 mod ask;
 mod audit;
 mod bring_up;
@@ -20,7 +19,6 @@ mod exported;
 mod failure;
 mod health;
 mod json;
-mod list;
 mod load;
 mod models;
 mod places;
@@ -32,6 +30,7 @@ mod sessions;
 mod table;
 mod tare;
 mod text;
+mod use_set;
 mod watch;
 
 use std::process::ExitCode;
@@ -55,13 +54,9 @@ pub enum ClientCommand {
     Recalibrate(recalibrate::RecalibrateArgs),
     /// Buses, boards, zeros and taxels; exit code 3 if something is wrong.
     Health(health::HealthArgs),
-    /// The patches, what they read, and what they are calibrated with.
-    List(list::ListArgs),
-    /// Uses a model set from now on.
-    Activate(activate::ActivateArgs),
-    /// Model sets: list, show, export, import, delete.
+    /// Model sets: list, show, use, export, import, delete.
     Models(models::ModelsArgs),
-    /// Calibration sessions: list, show, and what can be done with them.
+    /// Calibration sessions: list, show, end, export, refit, delete.
     Sessions(sessions::SessionsArgs),
     /// The calibration certificate of a model set, as a page to be printed and as JSON.
     Certificate(certificate::CertificateArgs),
@@ -98,8 +93,6 @@ async fn one(command: ClientCommand) -> failure::Outcome {
         ClientCommand::Load(args) => load::load(args).await,
         ClientCommand::Recalibrate(args) => recalibrate::recalibrate(args).await,
         ClientCommand::Health(args) => health::health(args).await,
-        ClientCommand::List(args) => list::list(args).await,
-        ClientCommand::Activate(args) => activate::activate(args).await,
         ClientCommand::Models(args) => models::models(args).await,
         ClientCommand::Sessions(args) => sessions::sessions(args).await,
         ClientCommand::Certificate(args) => certificate::certificate(args).await,

@@ -6,14 +6,14 @@ use std::path::PathBuf;
 use taxel_engine::model_set::ModelSet as EngineSet;
 use taxel_proto::v1::{
     CompareModelSetsRequest, DeleteModelSetRequest, ExportModelSetRequest, GetModelSetRequest, GetSkinRequest,
-    GetTaxelModelRequest, ImportModelSetRequest, ModelSet, ModelSetSummary, TaxelModel,
+    ImportModelSetRequest, ModelSet, ModelSetSummary, TaxelModel,
 };
 
-use super::activate::{SetInWords, full_id};
 use super::compare::{self, fetch};
 use super::connect::{Daemon, Server};
 use super::failure::Outcome;
 use super::places::Places;
+use super::use_set::{SetInWords, UseArgs, full_id, use_set};
 use super::{ask, json, table};
 use crate::files;
 use crate::output;
@@ -44,6 +44,8 @@ enum ModelsCommand {
         #[arg(long, value_name = "N")]
         taxel: Option<u32>,
     },
+    /// Uses a set from now on.
+    Use(UseArgs),
     /// Writes a set as MODELS.json, as `taxeld fit` does.
     Export {
         #[command(flatten)]
@@ -67,7 +69,7 @@ enum ModelsCommand {
     },
     /// What changed from one set to another, taxels by place.
     #[command(
-        after_help = "To go back to an earlier set, activate it: taxeld activate m-26dc\n\nExamples:\n  taxeld models compare m-26dc newest\n  taxeld models compare active models.json   # a set of `taxeld fit`"
+        after_help = "To go back to an earlier set, activate it: taxeld models use m-26dc\n\nExamples:\n  taxeld models compare m-26dc newest\n  taxeld models compare active models.json   # a set of `taxeld fit`"
     )]
     Compare {
         #[command(flatten)]
@@ -107,6 +109,7 @@ pub async fn models(args: ModelsArgs) -> Outcome {
     match args.command {
         ModelsCommand::List(of) => list(&of).await,
         ModelsCommand::Show { of, model_set, taxel } => show(&of, model_set.as_deref(), taxel).await,
+        ModelsCommand::Use(args) => use_set(args).await,
         ModelsCommand::Export { of, model_set, out } => {
             refuse_overwriting(&[&out], &of.server.files())?;
             let daemon = of.server.connect().await?;
@@ -123,7 +126,7 @@ pub async fn models(args: ModelsArgs) -> Outcome {
             if of.json {
                 return json::print("ImportModelSetResponse", &answer);
             }
-            say!("{} is in the store; use it with: taxeld activate {}", answer.model_set, answer.model_set);
+            say!("{} is in the store; use it with: taxeld models use {}", answer.model_set, answer.model_set);
             let set = SetInWords::of(&daemon, &answer.model_set).await?;
             say!("  {}\n  {}", set.usable(), set.rest());
             Ok(())
@@ -225,11 +228,13 @@ async fn show(of: &OfServer, model_set: Option<&str>, taxel: Option<u32>) -> Out
     let daemon = of.server.connect().await?;
     let (model_set, patch) = (wanted(&daemon, model_set).await?, daemon.patch());
     if let Some(taxel) = taxel {
-        let request = GetTaxelModelRequest { model_set, patch, taxel };
-        let model = daemon.models().get_taxel_model(request).await?.into_inner();
+        let request = GetModelSetRequest { model_set, patch, curves: vec![taxel] };
+        let set = daemon.models().get_model_set(request).await?.into_inner();
+        let model = set.curves.into_iter().next().unwrap_or_default();
         return if of.json { json::print("TaxelModel", &model) } else { print_taxel(&model) };
     }
-    let set = daemon.models().get_model_set(GetModelSetRequest { model_set, patch }).await?.into_inner();
+    let set =
+        daemon.models().get_model_set(GetModelSetRequest { model_set, patch, curves: Vec::new() }).await?.into_inner();
     if of.json {
         return json::print("ModelSet", &set);
     }

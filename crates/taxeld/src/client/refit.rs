@@ -1,9 +1,8 @@
-//! `taxeld sessions refit` and `merge`: stored samples fitted once more.
+//! `taxeld sessions refit`: stored samples fitted once more.
 
 use taxel_model::Order;
 use taxel_proto::v1::{
-    Branches, FitEstimator, FitOptions, FitPlays, GetModelSetRequest, GetSkinRequest, MergeSessionsRequest, Refit,
-    RefitSessionRequest,
+    Branches, FitEstimator, FitOptions, FitPlays, GetModelSetRequest, GetSkinRequest, Refit, RefitSessionsRequest,
 };
 
 use super::connect::{Daemon, Server};
@@ -13,7 +12,7 @@ use super::models::print_set;
 use super::places::Places;
 use crate::fit::{BranchArg, PlaysArg, parse_order, parse_positive, parse_seconds};
 
-/// What both commands take.
+/// What it takes beside the sessions.
 #[derive(Debug, clap::Args)]
 pub struct RefitArgs {
     #[command(flatten)]
@@ -98,25 +97,14 @@ impl Options {
     }
 }
 
-/// Fits one session once more.
+/// Fits one session once more, or several together.
 ///
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
-pub async fn refit(args: &RefitArgs, session: u64) -> Outcome {
+pub async fn refit(args: &RefitArgs, sessions: Vec<u64>) -> Outcome {
     let daemon = args.server.connect().await?;
-    let request = RefitSessionRequest { session, options: Some(args.options.message()) };
-    let answer = daemon.calibration().refit_session(request).await?.into_inner();
-    tell(args, &daemon, &answer).await
-}
-
-/// Fits several sessions together.
-///
-/// # Errors
-/// Refused with the daemon's reason, or no daemon.
-pub async fn merge(args: &RefitArgs, sessions: Vec<u64>) -> Outcome {
-    let daemon = args.server.connect().await?;
-    let request = MergeSessionsRequest { sessions, options: Some(args.options.message()) };
-    let answer = daemon.calibration().merge_sessions(request).await?.into_inner();
+    let request = RefitSessionsRequest { sessions, options: Some(args.options.message()) };
+    let answer = daemon.calibration().refit_sessions(request).await?.into_inner();
     tell(args, &daemon, &answer).await
 }
 
@@ -126,7 +114,8 @@ async fn tell(args: &RefitArgs, daemon: &Daemon, answer: &Refit) -> Outcome {
     }
     let summary = answer.model_set.as_ref().ok_or_else(|| Failure::refused("the daemon did not say which set"))?;
     say!("{} scans fitted in {:.2} s", answer.scans, answer.fit_s);
-    let request = GetModelSetRequest { model_set: summary.model_set.clone(), patch: summary.patch.clone() };
+    let request =
+        GetModelSetRequest { model_set: summary.model_set.clone(), patch: summary.patch.clone(), curves: Vec::new() };
     let set = daemon.models().get_model_set(request).await?.into_inner();
     let skin = daemon.skin().get_skin(GetSkinRequest { patch: summary.patch.clone() }).await?.into_inner();
     print_set(&set, &Places::of(&skin))?;
@@ -136,7 +125,7 @@ async fn tell(args: &RefitArgs, daemon: &Daemon, answer: &Refit) -> Outcome {
         (known, _) => {
             let before = if known { "the same samples were fitted so before: the set was there already; " } else { "" };
             say!(
-                "{before}it is not in use. What changes: taxeld models compare active {id}; use it: taxeld activate {id}"
+                "{before}it is not in use. What changes: taxeld models compare active {id}; use it: taxeld models use {id}"
             );
         }
     }

@@ -1,15 +1,14 @@
 //! `taxeld sessions`: calibration sessions that are or were.
 
 use taxel_proto::v1::{
-    AbortSessionRequest, Branches, DeleteSessionRequest, DiscardSessionRequest, FinishRampRequest, GetSessionRequest,
-    ListSessionsRequest, RefusedScans, Session, SessionState, StartRampRequest,
+    AdvanceSessionRequest, Branches, DeleteSessionRequest, GetSessionRequest, ListSessionsRequest, RefusedScans,
+    Session, SessionAction, SessionState,
 };
 
-use super::connect::Server;
+use super::connect::{Daemon, Server};
 use super::export::{ExportArgs, export};
 use super::failure::Outcome;
-use super::list::session_word;
-use super::refit::{RefitArgs, merge, refit};
+use super::refit::{RefitArgs, refit};
 use super::{ask, json, table};
 
 /// Calibration sessions.
@@ -31,14 +30,20 @@ enum SessionsCommand {
     },
     /// One session as it is now.
     Show(One),
-    /// Begins a further ramp, after venting.
-    Ramp(One),
-    /// Ends a ramp before its target.
-    Finish(One),
-    /// Stops a session that is under way; its samples are kept.
-    Abort(One),
-    /// Lays a session aside: its models cannot be activated any more.
-    Discard(One),
+    /// Ends a session that is under way; its samples are kept.
+    #[command(
+        after_help = "Examples:\n  taxeld sessions end 3              # stops it\n  taxeld sessions end 3 --fit        # ends the ramp before its target and fits what there is\n  taxeld sessions end 3 --discard    # its models cannot be used any more"
+    )]
+    End {
+        #[command(flatten)]
+        one: One,
+        /// End the ramp before its target, and fit what there is.
+        #[arg(long, conflicts_with = "discard")]
+        fit: bool,
+        /// Lay a session aside that has ended: its models cannot be used any more.
+        #[arg(long)]
+        discard: bool,
+    },
     /// Deletes a session with its samples, for good; it asks before that.
     Delete {
         #[command(flatten)]
@@ -47,22 +52,11 @@ enum SessionsCommand {
         #[arg(long)]
         yes: bool,
     },
-    /// Fits the stored samples of a session once more; what comes of it is a model set that is not in use.
+    /// Fits the stored samples of a session, or of several of one patch together, once more: a model set that is not in use.
     #[command(
-        after_help = "Without options the fit is the session's own, with the same id.\n\nExamples:\n  taxeld sessions refit 3 --order auto\n  taxeld sessions refit 3 --branch rising && taxeld models compare active newest"
+        after_help = "Without options the fit of one session is its own, with the same id.\n\nExamples:\n  taxeld sessions refit 3 --order auto\n  taxeld sessions refit 3 4 7 --branch rising"
     )]
     Refit {
-        #[command(flatten)]
-        args: RefitArgs,
-        /// Number of the session.
-        #[arg(value_name = "SESSION", value_parser = clap::value_parser!(u64).range(1..))]
-        session: u64,
-    },
-    /// Fits the stored samples of several sessions of one patch together: one model set, not in use.
-    #[command(
-        after_help = "Examples:\n  taxeld sessions merge 3 4\n  taxeld sessions merge 3 4 7 --branch rising --json"
-    )]
-    Merge {
         #[command(flatten)]
         args: RefitArgs,
         /// Numbers of the sessions.
@@ -93,36 +87,48 @@ struct One {
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
 pub async fn sessions(args: SessionsArgs) -> Outcome {
-    let one = match &args.command {
-        SessionsCommand::List { server, json } => return list(server, *json).await,
-        SessionsCommand::Export(args) => return export(args).await,
-        SessionsCommand::Refit { args, session } => return refit(args, *session).await,
-        SessionsCommand::Merge { args, sessions } => return merge(args, sessions.clone()).await,
-        SessionsCommand::Show(one)
-        | SessionsCommand::Ramp(one)
-        | SessionsCommand::Finish(one)
-        | SessionsCommand::Abort(one)
-        | SessionsCommand::Discard(one) => one,
-        SessionsCommand::Delete { one, yes } => return delete(one, *yes).await,
-    };
-    let (mut service, session) = (one.server.connect().await?.calibration(), one.session);
-    let answer = match &args.command {
-        SessionsCommand::List { .. }
-        | SessionsCommand::Delete { .. }
-        | SessionsCommand::Export(_)
-        | SessionsCommand::Refit { .. }
-        | SessionsCommand::Merge { .. } => return Ok(()), // answered above
-        SessionsCommand::Show(_) => service.get_session(GetSessionRequest { session }).await?,
-        SessionsCommand::Ramp(_) => service.start_ramp(StartRampRequest { session }).await?,
-        SessionsCommand::Finish(_) => service.finish_ramp(FinishRampRequest { session }).await?,
-        SessionsCommand::Abort(_) => service.abort_session(AbortSessionRequest { session }).await?,
-        SessionsCommand::Discard(_) => service.discard_session(DiscardSessionRequest { session }).await?,
-    };
-    let view = answer.into_inner();
-    if one.json {
-        return json::print("Session", &view);
+    match args.command {
+        SessionsCommand::List { server, json } => list(&server, json).await,
+        SessionsCommand::Export(args) => export(&args).await,
+        SessionsCommand::Refit { args, sessions } => refit(&args, sessions).await,
+        SessionsCommand::Delete { one, yes } => delete(&one, yes).await,
+        SessionsCommand::Show(one) => {
+            let request = GetSessionRequest { session: one.session };
+            let view = one.server.connect().await?.calibration().get_session(request).await?.into_inner();
+            tell(&one, &view)
+        }
+        SessionsCommand::End { one, fit, discard } => {
+            let action = match (fit, discard) {
+                (true, _) => SessionAction::FinishRamp,
+                (false, true) => SessionAction::Discard,
+                (false, false) => SessionAction::Abort,
+            };
+            let view = advance(&one.server.connect().await?, one.session, action).await?;
+            tell(&one, &view)
+        }
     }
-    print(&view);
+}
+
+/// Takes a session a step further.
+///
+/// # Errors
+/// Refused with the daemon's reason, or no daemon.
+pub async fn advance(daemon: &Daemon, session: u64, action: SessionAction) -> Outcome<Session> {
+    let request = AdvanceSessionRequest { session, action: action.into() };
+    Ok(daemon.calibration().advance_session(request).await?.into_inner())
+}
+
+/// The state's name without its prefix.
+pub fn session_word(state: SessionState) -> &'static str {
+    let name = state.as_str_name();
+    name.strip_prefix("SESSION_STATE_").unwrap_or(name)
+}
+
+fn tell(one: &One, view: &Session) -> Outcome {
+    if one.json {
+        return json::print("Session", view);
+    }
+    print(view);
     Ok(())
 }
 

@@ -1,7 +1,8 @@
 //! Which session a patch's calibration follows: one that is under way, one to be taken up, or a new one.
 
+use crate::client::sessions::advance;
 use taxel_proto::v1::{
-    Branches, GetSessionRequest, GetSkinRequest, ListSessionsRequest, Session, SessionState, StartRampRequest,
+    Branches, GetSessionRequest, GetSkinRequest, ListSessionsRequest, Session, SessionAction, SessionState,
     StartSessionRequest,
 };
 
@@ -91,9 +92,9 @@ async fn wants(course: &Course, args: &CalibrateArgs, session: &Session) -> Outc
 
 async fn take_up(daemon: Daemon, session: Session) -> Outcome<Followed> {
     let session = match session.state() {
-        SessionState::Interrupted | SessionState::Failed | SessionState::Aborted => {
-            let request = StartRampRequest { session: session.session };
-            daemon.calibration().start_ramp(request).await?.into_inner()
+        // Of a session whose models are in use it begins a successor.
+        SessionState::Interrupted | SessionState::Failed | SessionState::Aborted | SessionState::Active => {
+            advance(&daemon, session.session, SessionAction::StartRamp).await?
         }
         _ => session,
     };

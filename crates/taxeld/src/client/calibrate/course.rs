@@ -2,9 +2,8 @@
 
 use std::time::Duration;
 
-use taxel_proto::v1::{
-    AbortSessionRequest, FinishRampRequest, GetHealthRequest, Session, SessionState, WatchSessionRequest,
-};
+use crate::client::sessions::advance;
+use taxel_proto::v1::{GetHealthRequest, Session, SessionAction, SessionState, WatchSessionRequest};
 use tokio::sync::mpsc;
 use tonic::{Status, Streaming};
 
@@ -157,8 +156,7 @@ async fn offer_to_finish(course: &mut Course, followed: &Followed) -> Outcome {
     bell();
     let question = format!("{}\nf: end the ramp here and fit what there is, Enter: go on pumping.", session.reason);
     if ask::ask(&question).await? == "f" {
-        let request = FinishRampRequest { session: session.session };
-        followed.daemon.calibration().finish_ramp(request).await?;
+        advance(&followed.daemon, session.session, SessionAction::FinishRamp).await?;
     }
     Ok(())
 }
@@ -177,8 +175,7 @@ async fn interrupt(course: &Course, all: &[Followed]) -> Outcome {
     match answer.as_str() {
         "a" => {
             for followed in under_way {
-                let request = AbortSessionRequest { session: followed.session.session };
-                followed.daemon.calibration().abort_session(request).await?;
+                advance(&followed.daemon, followed.session.session, SessionAction::Abort).await?;
             }
             Err(Failure::refused(format!("{named} is aborted; its samples are kept")))
         }

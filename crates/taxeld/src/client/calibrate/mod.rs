@@ -7,18 +7,19 @@ mod guide;
 mod review;
 mod screen;
 
-use taxel_proto::v1::{AbortSessionRequest, ActivateModelSetRequest, Session, SessionState, StartRampRequest};
+use crate::client::sessions::advance;
+use taxel_proto::v1::{ActivateModelSetRequest, Session, SessionAction, SessionState};
 
 pub use args::CalibrateArgs;
 use begin::{Patch, begin, patch};
 use course::{Course, Followed, follow, until_vented};
 use screen::Screen;
 
-use super::activate::SetInWords;
 use super::ask;
 use super::compare::fetch;
 use super::failure::{Failure, Outcome};
 use super::json;
+use super::use_set::SetInWords;
 
 /// Runs it.
 ///
@@ -60,9 +61,9 @@ async fn begin_all(course: &Course, args: &CalibrateArgs, patches: &[Patch]) -> 
             Ok(followed) => all.push(followed),
             Err(refused) => {
                 for begun in all.iter().filter(|followed| followed.begun) {
-                    let request = AbortSessionRequest { session: begun.session.session };
-                    if let Err(status) = begun.daemon.calibration().abort_session(request).await {
-                        course.screen.tell(&format!("session {}: {}", begun.session.session, status.message()));
+                    let ended = advance(&begun.daemon, begun.session.session, SessionAction::Abort).await;
+                    if let Err(why) = ended {
+                        course.screen.tell(&format!("session {}: {why}", begun.session.session));
                     }
                 }
                 return Err(refused);
@@ -94,15 +95,14 @@ async fn ramps(course: &mut Course, args: &CalibrateArgs, all: &mut Vec<Followed
         }
         course.screen.tell(&format!("ramp {} of {}", taken + 1, args.ramps));
         for followed in all.iter_mut() {
-            let request = StartRampRequest { session: followed.session.session };
-            followed.session = followed.daemon.calibration().start_ramp(request).await?.into_inner();
+            followed.session = advance(&followed.daemon, followed.session.session, SessionAction::StartRamp).await?;
         }
     }
 }
 
 /// Why no models came of it, and what can be done.
 fn failed(session: &Session) -> Failure {
-    let (number, state) = (session.session, super::list::session_word(session.state()));
+    let (number, state) = (session.session, super::sessions::session_word(session.state()));
     let kept = session.accepted;
     Failure::refused(format!(
         "session {number} is {state}: {}; its {kept} scans are kept: `taxeld calibrate --session {number}` adds another ramp",
@@ -132,7 +132,7 @@ async fn conclude(course: &Course, args: &CalibrateArgs, session: &Session, patc
         (false, true) => ask::yes(&asked).await?,
     };
     if !activate {
-        course.screen.tell(&format!("not in use yet: taxeld activate {}", set.id));
+        course.screen.tell(&format!("not in use yet: taxeld models use {}", set.id));
         return Ok(());
     }
     let request =

@@ -10,9 +10,9 @@ use taxel_proto::v1::{Session, SessionState};
 use super::guide::{Advice, Guide};
 use crate::client::failure::Outcome;
 use crate::client::json;
-use crate::client::list::session_word;
 use crate::client::places::Places;
 use crate::client::sessions::refusals;
+use crate::client::sessions::session_word;
 use crate::client::text::style;
 
 /// Plain lines come so often while nothing changes.

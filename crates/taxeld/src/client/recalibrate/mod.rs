@@ -3,16 +3,14 @@
 mod follow;
 mod reference;
 
-use taxel_proto::v1::{
-    AcceptRecalibrationRequest, ProposeRecalibrationRequest, RecalibrationPoint, RecalibrationProposal,
-};
+use taxel_proto::v1::{RecalibrateRequest, Recalibration, RecalibrationPoint};
 
 use super::connect::{Daemon, Server};
 use super::failure::{Failure, Outcome};
 use super::{json, table};
 
 /// Says by what factor the skin reads too little or too much, from known loads at five places or more; with --accept keeps
-/// the corrected model set. It is not in use before `taxeld activate`.
+/// the corrected model set. It is not in use before `taxeld models use`.
 ///
 /// The loads are those of `taxeld load` with the active models, or come from a force sensor with --reference. Exit code 3 if
 /// the loads contradict each other: the one that does is named.
@@ -57,15 +55,17 @@ pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
         Some(path) => follow::follow(&daemon, path, &args.follow, args.json).await?,
         None => args.loads.clone(),
     };
-    let request = ProposeRecalibrationRequest {
+    let request = RecalibrateRequest {
         patch: daemon.patch(),
         loads,
         leave_out: args.leave_out.clone(),
         place_uncertainty: args.place_uncertainty,
+        dry_run: true,
+        model_set: String::new(),
     };
-    let proposal = daemon.validation().propose_recalibration(request.clone()).await?.into_inner();
+    let proposal = daemon.validation().recalibrate(request.clone()).await?.into_inner();
     if args.json {
-        json::print("RecalibrationProposal", &proposal)?;
+        json::print("Recalibration", &proposal)?;
     } else {
         print(&proposal);
     }
@@ -75,23 +75,18 @@ pub async fn recalibrate(args: RecalibrateArgs) -> Outcome {
     if args.accept { accept(&args, &daemon, request, proposal.model_set).await } else { Ok(()) }
 }
 
-async fn accept(
-    args: &RecalibrateArgs,
-    daemon: &Daemon,
-    request: ProposeRecalibrationRequest,
-    model_set: String,
-) -> Outcome {
-    let request = AcceptRecalibrationRequest { proposal: Some(request), model_set };
-    let answer = daemon.validation().accept_recalibration(request).await?.into_inner();
+async fn accept(args: &RecalibrateArgs, daemon: &Daemon, request: RecalibrateRequest, model_set: String) -> Outcome {
+    let request = RecalibrateRequest { dry_run: false, model_set, ..request };
+    let answer = daemon.validation().recalibrate(request).await?.into_inner();
     if args.json {
-        return json::print("AcceptRecalibrationResponse", &answer);
+        return json::print("Recalibration", &answer);
     }
     let (id, source) = (&answer.model_set, &answer.source);
-    say!("kept as {id}, not in use. Use it: taxeld activate {id}; the way back: taxeld activate {source}");
+    say!("kept as {id}, not in use. Use it: taxeld models use {id}; the way back: taxeld models use {source}");
     Ok(())
 }
 
-fn print(proposal: &RecalibrationProposal) {
+fn print(proposal: &Recalibration) {
     let row = |point: &RecalibrationPoint| {
         let off = |read: f64| format!("{:+.1}", 100.0 * (read / point.known_n - 1.0));
         let mark = if point.load == proposal.contradicts { "contradicts the others" } else { "" };

@@ -1,4 +1,4 @@
-//! `taxeld activate`: uses a model set from now on.
+//! `taxeld models use`: uses a model set from now on.
 
 use taxel_proto::v1::{ActivateModelSetRequest, GetModelSetRequest, TaxelModelSummary};
 
@@ -9,9 +9,9 @@ use super::{ask, json};
 /// Uses a model set from now on, also after a restart. Activating the set that was in use before is the way back.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  taxeld activate m-26dc52bea9635074\n  taxeld activate m-26dc          # the beginning is enough if no other set has it\n  taxeld activate newest"
+    after_help = "Examples:\n  taxeld models use m-26dc52bea9635074\n  taxeld models use m-26dc          # the beginning is enough if no other set has it\n  taxeld models use newest"
 )]
-pub struct ActivateArgs {
+pub struct UseArgs {
     #[command(flatten)]
     server: Server,
     /// Id of the set, its beginning, or `newest`.
@@ -32,12 +32,12 @@ pub struct ActivateArgs {
 ///
 /// # Errors
 /// Refused with the daemon's reason, or no daemon.
-pub async fn activate(args: ActivateArgs) -> Outcome {
+pub async fn use_set(args: UseArgs) -> Outcome {
     let daemon = args.server.connect().await?;
     let model_set = full_id(&daemon, &args.model_set).await?;
     let set = SetInWords::of(&daemon, &model_set).await?;
     if set.is_much_less() {
-        ask::agree(args.yes, &format!("{}. Use it?", set.usable()), &format!("taxeld activate {model_set}")).await?;
+        ask::agree(args.yes, &format!("{}. Use it?", set.usable()), &format!("taxeld models use {model_set}")).await?;
     }
     let request = ActivateModelSetRequest { patch: daemon.patch(), model_set, expected: args.expected };
     let answer = daemon.models().activate_model_set(request).await?.into_inner();
@@ -70,7 +70,7 @@ impl SetInWords {
     /// # Errors
     /// No such set, or no daemon.
     pub async fn of(daemon: &Daemon, model_set: &str) -> Outcome<Self> {
-        let request = GetModelSetRequest { model_set: model_set.to_owned(), patch: String::new() };
+        let request = GetModelSetRequest { model_set: model_set.to_owned(), ..GetModelSetRequest::default() };
         let set = daemon.models().get_model_set(request).await?.into_inner();
         let summary = set.summary.unwrap_or_default();
         let sets = daemon.about(&summary.patch).model_sets().await?;
