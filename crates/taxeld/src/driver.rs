@@ -152,6 +152,12 @@ impl Driver {
         self
     }
 
+    /// Takes the engine's first step now, so that whoever asks before its task has a turn is told what the store has.
+    pub fn begun(mut self) -> Self {
+        self.tick_if_due();
+        self
+    }
+
     /// Runs until cancelled; then the store is closed with everything that was recorded.
     pub async fn run(mut self, mut queues: Queues, cancel: CancellationToken) {
         while self.turn(&mut queues, &cancel).await {}

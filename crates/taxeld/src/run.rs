@@ -122,7 +122,8 @@ impl Daemon {
         let handle = if let Some(line) = push { handle.with_push(line) } else { handle };
         let driver = Driver::new(Arc::clone(&plan), restored, clock, publisher, (store, tell_done), senders)
             .telling(session_state)
-            .writing(pages);
+            .writing(pages)
+            .begun();
         let queues = Queues::new(batches, commands, done).with_pushed(pushed);
         parts.spawn(driver.run(queues, cancel.clone()));
         parts.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));

@@ -233,6 +233,14 @@ async fn after_a_stall_what_came_meanwhile_is_taken_before_any_tick() {
 }
 
 #[tokio::test]
+async fn what_the_store_has_is_known_before_the_first_turn() {
+    let Bench { driver, handle, .. } = Bench::new();
+    assert!(handle.stored().active.is_empty());
+    let _driver = driver.begun();
+    assert_eq!(handle.stored().active, [("left_forearm".to_owned(), None)]);
+}
+
+#[tokio::test]
 async fn on_a_full_disk_a_commit_is_refused_with_the_reason_and_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("store.db");
