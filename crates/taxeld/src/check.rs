@@ -57,10 +57,6 @@ fn print(config: &Config, scene: &Scene) {
     tell!("service: gRPC, at most {} streams on {} connections", service.streams(), service.connections_max);
     scene.doors.doors.iter().for_each(|door| tell!("  on {door}"));
     access(&scene.doors).iter().for_each(|line| tell!("  {line}"));
-    if service.low_latency {
-        tell!("low latency: processors are kept awake, buses never rest, the service shares the engine's thread");
-        crate::low_latency::obstacle().iter().for_each(|why| tell!("  as this account: {why}"));
-    }
     if let Some(page) = &config.page {
         tell!("page: http://{}/ (loopback, unencrypted), and the service as JSON", page.listen);
     }
@@ -213,12 +209,8 @@ fn listed(parts: &[(&str, bool)]) -> String {
 /// The threads of `taxeld run` by their names, and what each is for.
 fn threads(config: &Config, doors: &Doors) -> Vec<String> {
     let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
-    let shared = if config.service.low_latency { "the service, " } else { "" };
-    let mut threads =
-        vec![format!("main: bus {}, the engine, {shared}the signal that ends the daemon", buses.join(", "))];
-    if !config.service.low_latency {
-        threads.push("service: subscribers must not hold the engine up".to_owned());
-    }
+    let mut threads = vec![format!("main: bus {}, the engine, the signal that ends the daemon", buses.join(", "))];
+    threads.push("service: subscribers must not hold the engine up".to_owned());
     threads.push("store: a slow disk must not hold the engine up".to_owned());
     threads.push("log: whoever reads the log must not hold the engine up".to_owned());
     threads.push("reload: a configuration on a slow disk must not hold the engine up".to_owned());

@@ -27,7 +27,6 @@ mod judge;
 mod log_words;
 mod logs;
 mod looking;
-mod low_latency;
 mod missing;
 mod named_files;
 mod obstacles;

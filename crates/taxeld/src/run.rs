@@ -20,14 +20,13 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
 use tokio_util::sync::CancellationToken;
 
-use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX, Rest, Rhythm};
+use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX};
 use crate::clock::RunClock;
 use crate::config::{BusSource, Config, Scene};
 use crate::doors::{self, Open, Reloader};
 use crate::driver::{Driver, Stage};
 use crate::logs;
 use crate::looking::Problems;
-use crate::low_latency::{self, Awake};
 use crate::parts::Parts;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
@@ -51,9 +50,6 @@ pub const CODEC: ModelCodec = ModelCodec {
 /// Everything of a daemon but its buses.
 pub struct Daemon {
     plan: Arc<Plan>,
-    /// Whether buses rest between the bursts of their boards: where time is the machine's, and nobody reads the force
-    /// through shared memory, where a caller counts tens of microseconds and the first frames of a burst warm the caches.
-    rests: bool,
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // asked by the demo alone
     handle: Handle,
     to_engine: mpsc::Sender<BusBatch>,
@@ -64,15 +60,12 @@ pub struct Daemon {
     tasks: Tasks,
     /// Listened to since before anybody could see that it serves: until then SIGTERM ends the process as it is.
     terminate: Signal,
-    /// Held where latency has to be low.
-    _awake: Option<Awake>,
     /// What SIGHUP reloads; without it SIGHUP ends the process, as it does by itself.
     reload: Option<(Signal, Reload)>,
 }
 
 impl Daemon {
-    /// Starts engine, store and service; the engine on the present runtime, the other two on threads of their own, but the
-    /// service beside the engine where latency has to be low.
+    /// Starts engine, store and service; the engine on the present runtime, the other two on threads of their own.
     ///
     /// # Errors
     /// If the store cannot be opened or the address cannot be bound; what was started is closed then.
@@ -105,7 +98,6 @@ impl Daemon {
             StoreAt::Memory => Retention::default(),
         };
         let (store, restored) = open_store(store, &tell_done)?;
-        let low_latency = config.service.low_latency && matches!(clock, RunClock::Live);
         let (now, live, patches) = (clock.clone(), matches!(clock, RunClock::Live), plan.patches.len());
         let clocks = Clocks { process: now.of_process(), run: Arc::new(move || now.now().time) };
         let (handle, publisher, commands) = channel(Arc::clone(&plan), clocks, CODEC, cancel.clone());
@@ -130,28 +122,21 @@ impl Daemon {
         let Open { listeners, sockets, access, reloader } = doors::open(&scene.doors)?;
         let handle = looked_after((keeper, sockets), handle, (parts, cancel))?;
         let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
-        let (handle, awake) = if low_latency { awake(handle) } else { (handle, None) };
         let terminate = signal(SignalKind::terminate())?;
         let service = service(handle.clone(), listeners, access, limits(config), share);
-        if low_latency {
-            parts.spawn_fallible(service);
-        } else {
-            parts.spawn_fallible(on_a_thread(service)?);
-        }
+        parts.spawn_fallible(on_a_thread(service)?);
         let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
         let to_buses = taps.beside(receivers);
-        let rests = live && config.shared_memory.is_none() && !low_latency;
-        let (tasks, reload, _awake) = (std::mem::take(started), None, awake);
-        Ok(Self { plan, rests, handle, to_engine, to_buses, session, reloader, tasks, terminate, reload, _awake })
+        let (tasks, reload) = (std::mem::take(started), None);
+        Ok(Self { plan, handle, to_engine, to_buses, session, reloader, tasks, terminate, reload })
     }
 
     /// Adds the source of a bus.
     pub fn add_bus(&mut self, bus: BusIndex, source: impl FrameSource + 'static) {
         let Some((to_send, tap)) = self.to_buses.get_mut(bus.0 as usize).and_then(Option::take) else { return };
         let ends = Ends { to_engine: self.to_engine.clone(), to_send, tap };
-        let rest = if self.rests { Rest::by(Rhythm::new(&self.plan, &self.routes(), bus)) } else { Rest::never() };
-        self.tasks.buses.spawn(bus::run(bus, source, ends, rest, self.tasks.cancel.clone()));
+        self.tasks.buses.spawn(bus::run(bus, source, ends, self.tasks.cancel.clone()));
     }
 
     /// Adds a bus whose scans are pushed: there is nothing to read, and nobody has pushed any yet.
@@ -321,20 +306,6 @@ fn looked_after(
         parts.spawn(end);
     }
     Ok(handle.lacking_now(Arc::new(move || problems.iter().flat_map(Problems::get).collect())))
-}
-
-/// Keeps the machine's processors awake where that can be had; where not, the health says why.
-fn awake(handle: Handle) -> (Handle, Option<Awake>) {
-    match low_latency::keep_awake() {
-        Ok(awake) => {
-            tracing::info!("low latency: the processors of this machine are kept awake");
-            (handle, Some(awake))
-        }
-        Err(why) => {
-            tracing::warn!("{why}");
-            (handle.lacking([why]), None)
-        }
-    }
 }
 
 /// Waits for SIGHUP, where that reloads.

@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 
 use taxel_proto::v1;
 use taxel_proto::v1::force_service_client::ForceServiceClient;
-use taxel_proto::v1::skin_service_client::SkinServiceClient;
 use tempfile::TempDir;
 use tonic::Streaming;
 
@@ -243,23 +242,4 @@ fn why_a_daemon_does_not_start_is_a_line_of_its_log() {
     let line: serde_json::Value =
         serde_json::from_str(&fails(&[&run[..], &["--log-format", "json"]].concat())).unwrap();
     assert_eq!((&line["level"], &line["fields"]["message"]), (&"ERROR".into(), &why.into()));
-}
-
-#[tokio::test]
-async fn with_low_latency_it_serves_on_the_engines_thread_and_tells_whether_processors_are_kept_awake() {
-    let mut service = Service::start_with(None, &[], "low_latency = true");
-    service.until_told("READY=1");
-    next(&mut service.stream().await).await;
-    let threads = std::fs::read_dir(format!("/proc/{}/task", service.child.id())).unwrap();
-    let names = threads.filter_map(|thread| std::fs::read_to_string(thread.unwrap().path().join("comm")).ok());
-    assert!(!names.collect::<Vec<_>>().contains(&"service\n".to_owned()));
-    let mut skin = SkinServiceClient::connect(format!("http://{}", service.address)).await.unwrap();
-    let health = skin.get_health(v1::GetHealthRequest {}).await.unwrap().into_inner();
-    assert_eq!(health.streams_max, 32);
-    // Whether the device can be had is the machine's business. The daemon serves without it, too.
-    let lacks = health.problems.iter().any(|problem| problem.contains("/dev/cpu_dma_latency cannot be held"));
-    service.signal("-TERM");
-    service.until_told("STOPPING=1");
-    service.child.wait().unwrap(); // its log is whole
-    assert_ne!(service.log().contains("processors of this machine are kept awake"), lacks, "{}", service.log());
 }

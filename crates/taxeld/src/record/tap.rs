@@ -68,7 +68,7 @@ mod tests {
     use tokio_util::sync::CancellationToken;
 
     use super::*;
-    use crate::bus::{self, BusEnd, Ends, Rest};
+    use crate::bus::{self, BusEnd, Ends};
 
     /// A bus of which the controller goes off, and nothing more comes.
     struct GoesOff(bool);
@@ -111,7 +111,7 @@ mod tests {
         let taps = Taps::new(vec![Some(FrameTap::new(queue, 0, "skin".to_owned(), "can7".to_owned()))]);
         let (to_send, tap) = taps.beside(vec![to_send]).pop().flatten().unwrap();
         let ends = Ends { to_engine, to_send, tap };
-        let end = bus::run(BusIndex(0), GoesOff(false), ends, Rest::never(), CancellationToken::new()).await;
+        let end = bus::run(BusIndex(0), GoesOff(false), ends, CancellationToken::new()).await;
         assert_eq!((end, engine.recv().await.unwrap().notices), (BusEnd::LogOver, vec![BusNotice::BusOff]));
         recorder.finish();
         let files = Folder::list(scratch.path()).unwrap();
