@@ -200,7 +200,7 @@ fn parse_speed(text: &str) -> Result<f64, String> {
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let is_daemon = matches!(cli.command, Subcommands::Run { .. });
-    let _log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
+    let mut log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
     let done = match cli.command {
         #[cfg(feature = "client")]
         Subcommands::Client(command) => return client::run(command),
@@ -214,7 +214,7 @@ fn main() -> ExitCode {
             if cli.log_format == logs::LogFormat::Json && tracing::enabled!(tracing::Level::ERROR) {
                 tracing::error!("{}", say::short(&why, say::FAILURE_CHARS_MAX));
             } else {
-                say::failure(&why);
+                log.failure(&why);
             }
             ExitCode::FAILURE
         }
