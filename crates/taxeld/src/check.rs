@@ -9,7 +9,7 @@ use taxel_skin::{BusIndex, SquareMillimetre, printable};
 
 use crate::config::bus_load;
 use crate::config::{
-    BusSource, Config, Door, Doors, Problems, Scene, examine_with, modules_written, read_text, record_written,
+    BusSource, Config, Doors, Problems, Scene, examine_with, modules_written, read_text, record_written,
     shared_memory_written,
 };
 use crate::missing::missing;
@@ -72,7 +72,7 @@ fn print(config: &Config, scene: &Scene) {
     }
     scene.plan.patches.iter().for_each(|plan| patch(config, plan));
     tell!("threads:");
-    threads(config, &scene.doors).iter().for_each(|line| tell!("  {line}"));
+    threads(config).iter().for_each(|line| tell!("  {line}"));
     let built = left_out_of_the_build();
     tell!("left out:");
     left_out_buses(config, &routes).iter().chain(&scene.left_out).chain(&built).for_each(|line| tell!("  {line}"));
@@ -207,7 +207,7 @@ fn listed(parts: &[(&str, bool)]) -> String {
 }
 
 /// The threads of `taxeld run` by their names, and what each is for.
-fn threads(config: &Config, doors: &Doors) -> Vec<String> {
+fn threads(config: &Config) -> Vec<String> {
     let buses: Vec<&str> = config.bus.iter().map(|section| section.name.as_str()).collect();
     let mut threads = vec![format!("main: bus {}, the engine, the signal that ends the daemon", buses.join(", "))];
     threads.push("service: subscribers must not hold the engine up".to_owned());
@@ -219,13 +219,6 @@ fn threads(config: &Config, doors: &Doors) -> Vec<String> {
     let sites = listed(&[("page", config.page.is_some()), ("metrics", own_metrics)]);
     if config.page.is_some() || own_metrics {
         threads.push(format!("{sites}: what they cost must not delay a controller's sample"));
-    }
-    let kept = [
-        ("sockets", doors.doors.iter().any(|door| matches!(door, Door::Unix { .. }))),
-        ("pages", config.shared_memory.is_some()),
-    ];
-    if kept.iter().any(|(_, kept)| *kept) {
-        threads.push(format!("{}: whether they still have their names", listed(&kept)));
     }
     if config.record.is_some() {
         threads.push("record, recorder: a slow disk must not hold the engine up".to_owned());

@@ -14,14 +14,11 @@ use taxel_rpc::{Access, Listener, Rules, Tokens};
 use taxel_rpc::{Tls, TlsFiles};
 
 use crate::config::{Door, Doors};
-use crate::sockets::Sockets;
 
 /// The open doors, and who may come in.
 pub struct Open {
     /// What the service accepts connections from.
     pub listeners: Vec<Listener>,
-    /// Looks after the names of those that are Unix sockets.
-    pub sockets: Sockets,
     /// Who may do what.
     pub access: Access,
     /// Reads certificates and tokens again.
@@ -46,14 +43,10 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
         opened: stamps,
     };
     doors.unreached_grants().iter().for_each(|line| tracing::warn!("{line}"));
-    let (mut listeners, mut sockets) = (Vec::new(), Sockets::default());
+    let mut listeners = Vec::new();
     for door in &doors.doors {
         listeners.push(match door {
-            Door::Unix { path, mode, group } => {
-                let listener = bind_unix(path, *mode, group.as_deref())?;
-                sockets.add(path).with_context(|| format!("{}", path.display()))?;
-                Listener::Unix(listener)
-            }
+            Door::Unix { path, mode, group } => Listener::Unix(bind_unix(path, *mode, group.as_deref())?),
             Door::Tcp(address) => {
                 if !address.ip().is_loopback() {
                     tracing::warn!(
@@ -77,7 +70,7 @@ pub fn open(doors: &Doors) -> anyhow::Result<Open> {
     if let Some(path) = &doors.tokens {
         tracing::info!(tokens = %path.display(), "tokens are read");
     }
-    Ok(Open { listeners, sockets, access, reloader })
+    Ok(Open { listeners, access, reloader })
 }
 
 /// What would keep a door shut, as far as can be told without opening it, and for a daemon that may have another account.

@@ -26,7 +26,6 @@ mod force_file;
 mod judge;
 mod log_words;
 mod logs;
-mod looking;
 mod missing;
 mod named_files;
 mod obstacles;
@@ -63,7 +62,6 @@ mod show_demo;
 #[cfg(feature = "sim")]
 mod sim_bus;
 mod sleep;
-mod sockets;
 mod soundness;
 mod store_at;
 mod store_command;

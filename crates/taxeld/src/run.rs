@@ -18,7 +18,6 @@ use taxel_store::{Retention, models_json};
 use taxel_wire::Frame;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::{mpsc, watch};
-use tokio_util::sync::CancellationToken;
 
 use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX};
 use crate::clock::RunClock;
@@ -26,15 +25,12 @@ use crate::config::{BusSource, Config, Scene};
 use crate::doors::{self, Open, Reloader};
 use crate::driver::{Driver, Stage};
 use crate::logs;
-use crate::looking::Problems;
-use crate::parts::Parts;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
 use crate::reload::Reload;
 use crate::reloading::Reloading;
 use crate::serving::{limits, on_a_thread, service, share_with_pages};
-use crate::shared_memory::{Keeper, Pages};
-use crate::sockets::Sockets;
+use crate::shared_memory::Pages;
 use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
 use crate::systemd;
 use crate::tasks::Tasks;
@@ -92,7 +88,7 @@ impl Daemon {
         let plan = Arc::new(scene.plan);
         let (tell_done, done) = TellDone::new();
         let room = room_of(&store, config.store.budget_mb);
-        let (pages, keeper) = pages(config, &plan, &clock)?;
+        let (pages, no_pages) = pages(config, &plan, &clock)?;
         let kept = match &store {
             StoreAt::File(_, kept) => *kept,
             StoreAt::Memory => Retention::default(),
@@ -119,8 +115,8 @@ impl Daemon {
         parts.spawn(driver.run(queues, cancel.clone()));
         parts.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
         let share = share_with_pages(config, cancel, parts)?;
-        let Open { listeners, sockets, access, reloader } = doors::open(&scene.doors)?;
-        let handle = looked_after((keeper, sockets), handle, (parts, cancel))?;
+        let Open { listeners, access, reloader } = doors::open(&scene.doors)?;
+        let handle = handle.lacking(no_pages);
         let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
         let terminate = signal(SignalKind::terminate())?;
         let service = service(handle.clone(), listeners, access, limits(config), share);
@@ -281,31 +277,16 @@ fn push_ways(plan: &Plan) -> (Option<PushLine>, Option<mpsc::Receiver<Pushed>>) 
 
 /// The pages in shared memory, where they are configured. Readers judge ages by the machine's clock, so that a log, which
 /// has its own, has none.
-fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<(Pages, Option<Keeper>)> {
+fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<(Pages, Vec<String>)> {
     let section = config.shared_memory.as_ref();
     if section.is_some() && !matches!(clock, RunClock::Live) {
         tracing::info!("no pages in shared memory: a log has a clock of its own");
-        return Ok((Pages::default(), None));
+        return Ok((Pages::default(), Vec::new()));
     }
-    let (pages, keeper) = Pages::make(section, plan)?;
+    let (pages, problems) = Pages::make(section, plan)?;
     pages.paths().for_each(|page| tracing::info!(page = %page.display(), "in shared memory"));
-    Ok((pages, keeper))
-}
-
-/// Starts those who look after the pages and the sockets; the health tells what is wrong with them.
-fn looked_after(
-    (keeper, sockets): (Option<Keeper>, Sockets),
-    handle: Handle,
-    (parts, cancel): (&mut Parts, &CancellationToken),
-) -> anyhow::Result<Handle> {
-    let problems: Vec<Problems> = keeper.iter().map(Keeper::problems).chain([sockets.problems()]).collect();
-    if let Some(keeper) = keeper {
-        parts.spawn(keeper.keep(cancel.clone())?);
-    }
-    if let Some(end) = sockets.keep(cancel.clone())? {
-        parts.spawn(end);
-    }
-    Ok(handle.lacking_now(Arc::new(move || problems.iter().flat_map(Problems::get).collect())))
+    problems.iter().for_each(|problem| tracing::error!("{problem}"));
+    Ok((pages, problems))
 }
 
 /// Waits for SIGHUP, where that reloads.

@@ -22,7 +22,7 @@ use crate::config::{MetricsSection, PageSection};
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
 use crate::picture;
 use crate::run::Daemon;
-use crate::shared_memory::Pages;
+use crate::shared_memory::try_folder;
 use crate::store_at::StoreAt;
 
 /// What can be asked of the demo.
@@ -72,7 +72,7 @@ pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
         return crate::demo_effects::print(&plan, args.seed..args.seed + args.skins);
     }
     if args.shared_memory.is_some() {
-        Pages::make(Some(&pages_section(args)?), &plan)?; // what cannot be had is told before the work, and not after it
+        try_folder(&pages_section(args)?)?; // what cannot be had is told before the work, and not after it
     }
     say!("A simulated forearm in a vacuum bag: 230 taxels on 23 modules, real frames, no hardware.");
     let outcomes = if args.bare { Vec::new() } else { procedures(args, &plan)? };
@@ -197,10 +197,10 @@ const fn with_page(_: &mut Config) -> anyhow::Result<Option<SocketAddr>> {
 
 /// Gives the demo its page in shared memory, in the folder that was asked for, or in the usual one if it can be had. The
 /// folder, if there is one.
-fn with_shared_memory(args: &DemoArgs, config: &mut Config, plan: &Plan) -> anyhow::Result<Option<PathBuf>> {
+fn with_shared_memory(args: &DemoArgs, config: &mut Config) -> anyhow::Result<Option<PathBuf>> {
     let section = pages_section(args)?;
-    match Pages::make(Some(&section), plan) {
-        Ok(_) => {} // the daemon makes its own
+    match try_folder(&section) {
+        Ok(()) => {} // the daemon takes it
         Err(error) if args.shared_memory.is_some() => return Err(error),
         Err(error) => {
             say!("*** No force in shared memory: {error:#}");
@@ -231,7 +231,7 @@ async fn serve_live(
     let usual = SocketAddr::from((Ipv4Addr::LOCALHOST, 50_051));
     let listen = address(args.listen, usual)?;
     let page = with_page(&mut config)?;
-    let memory = with_shared_memory(args, &mut config, &scene.plan)?;
+    let memory = with_shared_memory(args, &mut config)?;
     // Whoever plays with a simulated skin may do everything with it.
     scene.doors = Doors { doors: vec![Door::Tcp(listen)], rules: Rules::open(), tokens: None, ruled: false };
     let mut daemon = Daemon::start(&config, scene, StoreAt::Memory, RunClock::Live).await?;

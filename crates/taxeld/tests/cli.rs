@@ -316,7 +316,6 @@ fn check_says_what_would_keep_a_daemon_from_starting_and_changes_nothing() {
         ("[access]\ntokens = \"tokens\"", "access.tokens", "tokens: line 1: 2 words, expected three"),
         ("[[listen]]\nunix = \"there\"", "listen[0].unix", "there: is there already and is not a socket"),
         ("[[listen]]\nunix = \"there/socket\"", "listen[0].unix", "there/socket: Not a directory"),
-        ("[shared_memory]\npath = \"/proc/taxeld\"", "shared_memory.path", "shared_memory.path: /proc/taxeld: "),
         ("[record]\npath = \"there\"", "record.path", "record.path = there: "),
         ("[record]\npath = \"there/below\"", "record.path", "record.path = there/below: "),
     ];

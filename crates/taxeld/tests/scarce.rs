@@ -7,6 +7,7 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -226,7 +227,7 @@ fn a_start_without_a_thread_says_so_and_closes_what_it_has_opened() {
     let store = "the store failed: cannot start its thread: ".to_owned();
     let mut said = vec![String::new(), store];
     said.extend(with_runtime("page"));
-    said.extend(["sockets", "recorder"].map(of));
+    said.extend(["recorder"].map(of));
     said.extend(["record", "service"].into_iter().flat_map(with_runtime));
     said.extend(["sim-bus", "reload", "credentials"].map(of));
     let mut number = 2;
@@ -309,21 +310,29 @@ async fn a_log_that_nobody_reads_holds_nothing_up_and_says_later_how_much_it_lac
     assert!(lines.any(|line| line.contains("lines of the log were dropped, since nobody read them")));
 }
 
+/// The tmpfs is full, or any account of the machine has put something in the place of a page or of its folder.
 #[tokio::test]
-async fn without_room_for_pages_the_daemon_serves_all_the_same_and_its_health_says_so() {
-    let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
-    let daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
-        command.env("LD_PRELOAD", library).env("FAULT", "enospc").env("FAULT_DIR", memory.path());
-        publishing(folder, memory.path());
-    });
-    daemon.stream().await.message().await.unwrap().unwrap();
-    let problems = daemon.problems().await;
-    let said = |problem: &String| {
-        problem.starts_with("no force of forearm in shared memory: ") && problem.contains("No space left on device")
-    };
-    assert_eq!(problems.iter().filter(|problem| said(problem)).count(), 1, "{problems:?}");
-    daemon.until_logged("No space left on device");
+async fn a_page_that_cannot_be_made_is_told_by_the_health_and_all_else_runs() {
+    for (why, in_the_way) in [("No space left", ""), ("Is a directory", "forearm"), ("others could put pages", ".")] {
+        let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
+        let daemon = Daemon::start(|command, folder| {
+            publishing(folder, memory.path());
+            match in_the_way {
+                "" => {
+                    let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+                    command.env("LD_PRELOAD", library).env("FAULT", "enospc").env("FAULT_DIR", memory.path());
+                }
+                "." => std::fs::set_permissions(memory.path(), PermissionsExt::from_mode(0o777)).unwrap(),
+                name => std::fs::create_dir(memory.path().join(name)).unwrap(),
+            }
+        });
+        daemon.stream().await.message().await.unwrap().unwrap();
+        let problems = daemon.problems().await;
+        let said =
+            |problem: &&String| problem.starts_with("no force of forearm in shared memory: ") && problem.contains(why);
+        assert_eq!(problems.iter().filter(said).count(), 1, "{why}: {problems:?}");
+        daemon.until_logged(why);
+    }
 }
 
 /// Where the configuration wants warnings alone, and the variable is empty or cannot be used.
@@ -380,41 +389,6 @@ async fn files_that_may_not_grow_are_a_full_disk_and_no_end() {
     let problems = daemon.problems().await;
     assert!(problems.iter().any(|problem| problem.contains("the store")), "{problems:?}");
     assert_eq!(daemon.child.try_wait().unwrap(), None);
-}
-
-/// Whoever cleans up in /dev/shm takes the name along, and readers that come later find nothing.
-#[tokio::test]
-async fn a_page_that_somebody_removed_is_made_again() {
-    let memory = tempfile::Builder::new().prefix("taxeld-test-").tempdir_in("/dev/shm").unwrap();
-    let daemon = Daemon::start(|_, folder| publishing(folder, memory.path()));
-    let mut stream = daemon.stream().await;
-    let path = memory.path().join("forearm");
-    std::fs::remove_file(&path).unwrap();
-    let (begun, mut reader) = (Instant::now(), taxel_shm::Reader::new(&path, None));
-    while !matches!(reader.force(), Err(taxel_shm::NoForce::State(..))) {
-        stream.message().await.unwrap().unwrap();
-        assert!(begun.elapsed() < PATIENCE, "{:?}\n{}", reader.force(), daemon.log());
-    }
-    daemon.until_logged("its page in shared memory was removed: made again");
-    assert!(!daemon.problems().await.iter().any(|problem| problem.contains("shared memory")));
-}
-
-/// Whoever cleans up takes the socket's name along, and a socket cannot be given it again.
-#[tokio::test]
-async fn a_socket_that_somebody_removed_is_told() {
-    let daemon = Daemon::start(|_, folder| {
-        configured(folder, &format!("[[listen]]\nunix = \"{}\"\n", folder.join("socket").display()));
-    });
-    let mut stream = daemon.stream().await;
-    let socket = daemon.folder.path().join("socket");
-    std::fs::remove_file(&socket).unwrap();
-    let said = format!("nobody can connect to the socket {} any more: it was removed", socket.display());
-    let begun = Instant::now();
-    while !daemon.problems().await.iter().any(|problem| problem.starts_with(&said)) {
-        stream.message().await.unwrap().unwrap();
-        assert!(begun.elapsed() < PATIENCE, "{}", daemon.log());
-    }
-    daemon.until_logged(&said);
 }
 
 /// The clocks that go on while the machine sleeps jump by an hour, and the one that stands still does not: for the service
