@@ -213,8 +213,6 @@ fn threads(config: &Config) -> Vec<String> {
     threads.push("service: subscribers must not hold the engine up".to_owned());
     threads.push("store: a slow disk must not hold the engine up".to_owned());
     threads.push("log: whoever reads the log must not hold the engine up".to_owned());
-    threads.push("reload: a configuration on a slow disk must not hold the engine up".to_owned());
-    threads.push("credentials: tokens and certificates are read again also while the configuration is not".to_owned());
     let own_metrics = config.metrics.as_ref().is_some_and(|metrics| metrics.listen.is_some());
     let sites = listed(&[("page", config.page.is_some()), ("metrics", own_metrics)]);
     if config.page.is_some() || own_metrics {
@@ -226,7 +224,8 @@ fn threads(config: &Config) -> Vec<String> {
     if config.bus.iter().any(|section| section.source == BusSource::Sim) {
         threads.push("sim-bus: the simulated forearm, one for each such bus".to_owned());
     }
-    let beside = "models are fitted, sets of them read, accounts looked up; one for each such thing at a time";
+    let beside =
+        "models are fitted, sets of them and files read again, accounts looked up; one for each such thing at a time";
     threads.push(format!("tokio-rt-worker: {beside}, of which engine, service, page and record each keep one"));
     threads
 }
@@ -244,9 +243,6 @@ fn left_out_of_the_build() -> Vec<String> {
     let features = [
         (cfg!(feature = "sim"), "sim", "the simulated bus and `taxeld demo`"),
         (cfg!(feature = "report"), "report", "`taxeld report`"),
-        (cfg!(feature = "page"), "page", "the operator's page"),
-        (cfg!(feature = "tls"), "tls", "TLS"),
-        (cfg!(feature = "record"), "record", "recordings"),
     ];
     let absent = features.iter().filter(|(built, ..)| !built);
     absent.map(|(_, feature, what)| format!("build: {what}: cargo feature `{feature}` is not built in")).collect()

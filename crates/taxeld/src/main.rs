@@ -10,10 +10,10 @@ mod bus;
 #[cfg(feature = "certificate")]
 mod certificate;
 mod check;
-#[cfg(feature = "client")]
 mod client;
 mod clock;
 mod config;
+mod credentials;
 #[cfg(feature = "sim")]
 mod demo;
 #[cfg(feature = "sim")]
@@ -32,9 +32,7 @@ mod obstacles;
 mod offline;
 mod open_log;
 mod output;
-#[cfg(feature = "page")]
 mod page;
-#[cfg(feature = "client")]
 mod pages;
 #[cfg(feature = "report")]
 mod paper;
@@ -45,7 +43,6 @@ mod queues;
 mod record;
 mod recording;
 mod reload;
-mod reloading;
 mod replay;
 #[cfg(feature = "report")]
 mod report;
@@ -73,7 +70,6 @@ mod upkeep;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-#[cfg(feature = "client")]
 use clap::CommandFactory;
 use clap::{Parser, Subcommand};
 use config::{Config, Scene};
@@ -125,9 +121,6 @@ enum Subcommands {
     Setup(setup::SetupArgs),
     /// Listens to a bus, or reads a log, and says what is there: boards, modules, faults, what could be the gauge.
     Scan(scan::ScanArgs),
-    /// Who changed what: the audit log of a store.
-    #[cfg(not(feature = "client"))]
-    Audit(audit_log::AuditArgs),
     /// Fits models to a recording and writes MODELS.json.
     Fit(fit::FitArgs),
     /// Turns the counts of a recording into pressures.
@@ -138,20 +131,17 @@ enum Subcommands {
     /// Every figure and table of the paper that data can draw: of the simulator, a recording, a log or a session.
     #[cfg(feature = "report")]
     Paper(paper::PaperArgs),
-    #[cfg(feature = "client")]
     #[command(flatten)]
     Client(client::ClientCommand),
     /// Compares a recording's pressure with what models say of its counts.
     Judge(judge::JudgeArgs),
     /// Completions of this command line for a shell, on the standard output.
-    #[cfg(feature = "client")]
     #[command(hide = true)]
     Completions {
         /// The shell.
         shell: clap_complete::Shell,
     },
     /// Manual pages of this command line, a file a command.
-    #[cfg(feature = "client")]
     #[command(hide = true)]
     Man {
         /// The folder that they are written to.
@@ -200,7 +190,6 @@ fn main() -> ExitCode {
     let is_daemon = matches!(cli.command, Subcommands::Run { .. });
     let mut log = logs::start(cli.log_format, if is_daemon { logs::Writes::Thread } else { logs::Writes::Itself });
     let done = match cli.command {
-        #[cfg(feature = "client")]
         Subcommands::Client(command) => return client::run(command),
         command => dispatch(command),
     };
@@ -221,11 +210,8 @@ fn main() -> ExitCode {
 
 fn dispatch(command: Subcommands) -> anyhow::Result<()> {
     match command {
-        #[cfg(feature = "client")]
         Subcommands::Completions { shell } => pages::completions(Cli::command(), shell),
-        #[cfg(feature = "client")]
         Subcommands::Man { out } => pages::man(Cli::command(), &out),
-        #[cfg(feature = "client")]
         Subcommands::Client(_) => Ok(()), // has an exit code of its own and went another way
         #[cfg(feature = "sim")]
         Subcommands::Demo(args) => show_demo::demo(&args),
@@ -251,8 +237,6 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         }
         Subcommands::Setup(args) => setup::setup(&args),
         Subcommands::Scan(args) => scan::scan(&args),
-        #[cfg(not(feature = "client"))]
-        Subcommands::Audit(args) => audit_log::audit(&args),
         Subcommands::Fit(args) => fit::fit(&args),
         Subcommands::Apply(args) => apply::apply(&args),
         #[cfg(feature = "report")]

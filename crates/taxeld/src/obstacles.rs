@@ -3,12 +3,13 @@
 //! passes.
 
 use crate::config::{Config, Door, Doors, Fault, RecordSection, Scene};
+use crate::credentials::obstacle_of_tokens;
 use crate::doors;
 use crate::files;
 
 /// Each obstacle, with the key that it is about.
 pub fn obstacles(config: &Config, scene: &Scene) -> Vec<Fault> {
-    let tokens = scene.doors.tokens.as_deref().and_then(doors::obstacle_of_tokens);
+    let tokens = scene.doors.tokens.as_deref().and_then(obstacle_of_tokens);
     let mut found: Vec<Fault> = tokens.into_iter().map(|words| Fault::of("access.tokens", words)).collect();
     found.extend(listeners(config, &scene.doors));
     found.extend(config.record.as_ref().and_then(recordings));

@@ -1,6 +1,5 @@
 //! `taxeld run`: buses, engine, store and service, wired together until a signal ends them.
 
-use std::future::pending;
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -22,13 +21,13 @@ use tokio::sync::{mpsc, watch};
 use crate::bus::{self, BATCHES_WAITING_MAX, BusEnd, Ends, FRAMES_WAITING_MAX};
 use crate::clock::RunClock;
 use crate::config::{BusSource, Config, Scene};
-use crate::doors::{self, Open, Reloader};
+use crate::credentials::Credentials;
+use crate::doors::{self, Open};
 use crate::driver::{Driver, Stage};
 use crate::logs;
 use crate::queues::{BusBatch, Queues, TellDone};
 use crate::record::{self, Tap};
-use crate::reload::Reload;
-use crate::reloading::Reloading;
+use crate::reload::{self, Reload};
 use crate::serving::{limits, on_a_thread, service, share_with_pages};
 use crate::shared_memory::Pages;
 use crate::store_at::{StoreAt, audit_source, model_sets_of, open_store, room_of, samples_of};
@@ -52,7 +51,7 @@ pub struct Daemon {
     to_buses: Vec<Option<(mpsc::Receiver<Frame>, Tap)>>,
     #[cfg_attr(not(feature = "sim"), allow(dead_code))] // read by the simulator alone
     session: watch::Receiver<Option<Stage>>,
-    reloader: Reloader,
+    credentials: Credentials,
     tasks: Tasks,
     /// Listened to since before anybody could see that it serves: until then SIGTERM ends the process as it is.
     terminate: Signal,
@@ -115,17 +114,17 @@ impl Daemon {
         parts.spawn(driver.run(queues, cancel.clone()));
         parts.spawn(upkeep::keep(handle.clone(), size, kept, cancel.clone()));
         let share = share_with_pages(config, cancel, parts)?;
-        let Open { listeners, access, reloader } = doors::open(&scene.doors)?;
+        let Open { listeners, credentials } = doors::open(&scene.doors)?;
         let handle = handle.lacking(no_pages);
         let (handle, taps) = record::begin((config, live), &plan, handle, (parts, cancel))?;
         let terminate = signal(SignalKind::terminate())?;
-        let service = service(handle.clone(), listeners, access, limits(config), share);
+        let service = service(handle.clone(), listeners, credentials.access(), limits(config), share);
         parts.spawn_fallible(on_a_thread(service)?);
         let listen: Vec<String> = scene.doors.doors.iter().map(ToString::to_string).collect();
         tracing::info!(patches, listen = listen.join(", "), "taxeld is up");
         let to_buses = taps.beside(receivers);
         let (tasks, reload) = (std::mem::take(started), None);
-        Ok(Self { plan, handle, to_engine, to_buses, session, reloader, tasks, terminate, reload })
+        Ok(Self { plan, handle, to_engine, to_buses, session, credentials, tasks, terminate, reload })
     }
 
     /// Adds the source of a bus.
@@ -228,42 +227,41 @@ impl Daemon {
     ///
     /// # Errors
     /// If signals cannot be waited for, or if not all closes in time.
-    pub async fn until_the_end(mut self) -> anyhow::Result<()> {
-        let ended = self.end().await;
-        let closed = self.close().await;
+    pub async fn until_the_end(self) -> anyhow::Result<()> {
+        let Self { credentials, reload, mut tasks, mut terminate, .. } = self;
+        tasks.parts.spawn_fallible(reload::keep(credentials, reload, tasks.cancel.clone()));
+        let ended = end(&mut tasks, &mut terminate).await;
+        let closed = close(tasks).await;
         if let (Err(_), Err(late)) = (&ended, &closed) {
             tracing::error!("{late:#}"); // the other one is told at the end
         }
         ended.and(closed)
     }
+}
 
-    /// Waits for what ends it.
-    async fn end(&mut self) -> anyhow::Result<()> {
-        let (mut hangup, reload) = self.reload.take().unzip();
-        let reloading = Reloading::begin(self.reloader.clone(), reload)?;
-        loop {
-            tokio::select! {
-                interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
-                _ = self.terminate.recv() => break,
-                () = hung_up(hangup.as_mut()) => reloading.ask(),
-                ended = self.tasks.buses.join_next() => match ended {
-                    Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
-                    Some(Ok(BusEnd::LogOver)) if !self.tasks.buses.is_empty() => {}
-                    Some(Ok(_)) | None => break,
-                    // Nobody would serve that bus any more, nor say so: the service manager starts all anew.
-                    Some(Err(error)) => anyhow::bail!("the task of a bus ended by a fault of this program: {error}"),
-                },
-                Some(ended) = self.tasks.parts.next_end() => return ended,
-            }
+/// Waits for what ends the daemon.
+async fn end(tasks: &mut Tasks, terminate: &mut Signal) -> anyhow::Result<()> {
+    loop {
+        tokio::select! {
+            interrupted = tokio::signal::ctrl_c() => { interrupted?; break; }
+            _ = terminate.recv() => break,
+            ended = tasks.buses.join_next() => match ended {
+                Some(Ok(BusEnd::Failed)) => {} // the others go on; the health says it
+                Some(Ok(BusEnd::LogOver)) if !tasks.buses.is_empty() => {}
+                Some(Ok(_)) | None => break,
+                // Nobody would serve that bus any more, nor say so: the service manager starts all anew.
+                Some(Err(error)) => anyhow::bail!("the task of a bus ended by a fault of this program: {error}"),
+            },
+            Some(ended) = tasks.parts.next_end() => return ended,
         }
-        Ok(())
     }
+    Ok(())
+}
 
-    async fn close(self) -> anyhow::Result<()> {
-        systemd::stopping();
-        tracing::info!("taxeld stops");
-        self.tasks.close().await
-    }
+async fn close(tasks: Tasks) -> anyhow::Result<()> {
+    systemd::stopping();
+    tracing::info!("taxeld stops");
+    tasks.close().await
 }
 
 /// Both ends of the way of pushed scans, where there is a patch that has any.
@@ -289,14 +287,6 @@ fn pages(config: &Config, plan: &Plan, clock: &RunClock) -> anyhow::Result<(Page
     Ok((pages, problems))
 }
 
-/// Waits for SIGHUP, where that reloads.
-async fn hung_up(hangup: Option<&mut Signal>) {
-    let Some(signal) = hangup else { return pending().await };
-    if signal.recv().await.is_none() {
-        pending().await // there are no more
-    }
-}
-
 /// The daemon on the buses of its configuration, of which `reload` knows the text.
 ///
 /// # Errors
@@ -319,7 +309,7 @@ pub async fn run(config: Config, scene: Scene, reload: Reload) -> anyhow::Result
     match daemon.add_buses(&config) {
         Ok(()) => daemon.until_the_end().await,
         Err(error) => {
-            daemon.close().await.unwrap_or_else(|late| tracing::error!("{late:#}"));
+            close(daemon.tasks).await.unwrap_or_else(|late| tracing::error!("{late:#}"));
             Err(error)
         }
     }

@@ -1,7 +1,7 @@
 //! What a machine may be short of: a disk that takes long for each write, as worn flash does, file descriptors, somebody who
 //! reads the log, memory to share, and the hours for which it slept. The force goes on meanwhile, or is not believed. A write
 //! takes half a second, or as many milliseconds as TAXELD_SLOW_MS says.
-#![cfg(all(feature = "sim", feature = "client"))]
+#![cfg(feature = "sim")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 use std::fs::File;
@@ -229,7 +229,7 @@ fn a_start_without_a_thread_says_so_and_closes_what_it_has_opened() {
     said.extend(with_runtime("page"));
     said.extend(["recorder"].map(of));
     said.extend(["record", "service"].into_iter().flat_map(with_runtime));
-    said.extend(["sim-bus", "reload", "credentials"].map(of));
+    said.extend(["sim-bus"].map(of));
     let mut number = 2;
     for said in said {
         let mut daemon = Daemon::start(|command, folder| {
