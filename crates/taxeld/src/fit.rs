@@ -29,7 +29,6 @@ use crate::soundness::{Wanted, check};
 use crate::threads::Threads;
 
 pub use summary::print_summary;
-#[cfg(feature = "client")]
 pub use summary::spread;
 
 /// A bar is shown for what takes longer.

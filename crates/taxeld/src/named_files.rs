@@ -25,7 +25,7 @@ pub fn named_files(config: &Config, doors: &Doors, path: &Path) -> Vec<PathBuf> 
     files
 }
 
-#[cfg(all(test, feature = "tls", feature = "record"))]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::config::doors;

@@ -47,7 +47,6 @@ impl Output {
     ///
     /// # Errors
     /// The system's reason, or that it is the standard output.
-    #[cfg(all(feature = "client", feature = "record"))]
     pub fn file(&self) -> io::Result<File> {
         match self.to.get_ref() {
             To::Standard(_) => Err(io::Error::other("the standard output is no file of its own")),

@@ -27,7 +27,6 @@ pub fn step_aside() {
 }
 
 /// Whether the reader of the text has gone: who only prints may end.
-#[cfg_attr(not(feature = "client"), allow(dead_code))] // asked by what prints for ever
 pub fn reader_has_gone() -> bool {
     GONE.load(Ordering::Relaxed)
 }

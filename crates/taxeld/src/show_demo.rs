@@ -17,7 +17,6 @@ use taxel_store::models_json;
 
 use crate::clock::RunClock;
 use crate::config::{self, Config, Door, Doors, Scene, SharedMemorySection};
-#[cfg(feature = "page")]
 use crate::config::{MetricsSection, PageSection};
 use crate::demo::{Contact, FINGERS_N, MASSES_KG, Outcome, Weighing, mean, procedure};
 use crate::picture;
@@ -179,20 +178,12 @@ fn print_table(args: &DemoArgs, outcomes: &[Outcome]) {
 /// Gives the demo its page, on another port if the usual one is taken. Its address.
 ///
 /// The port is kept from here on: of several demos that start at one moment each has its own.
-#[cfg(feature = "page")]
 fn with_page(config: &mut Config) -> anyhow::Result<Option<SocketAddr>> {
     let bound = crate::page::bind_some(PageSection::default().listen).context("a port for the page")?;
     let listen = bound.local_addr()?;
     config.page = Some(PageSection { listen, bound: Some(Arc::new(bound)), ..PageSection::default() });
     config.metrics = Some(MetricsSection::default());
     Ok(Some(listen))
-}
-
-/// This build has no page.
-#[cfg(not(feature = "page"))]
-#[allow(clippy::unnecessary_wraps)] // as with a page
-const fn with_page(_: &mut Config) -> anyhow::Result<Option<SocketAddr>> {
-    Ok(None)
 }
 
 /// Gives the demo its page in shared memory, in the folder that was asked for, or in the usual one if it can be had. The

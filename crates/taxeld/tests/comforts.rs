@@ -167,7 +167,6 @@ fn what_a_file_holds_is_not_echoed_at_length() {
     assert!(said.contains("begins with `column0,column1,") && said.len() < 400, "{} bytes: {said}", said.len());
 }
 
-#[cfg(feature = "client")]
 #[test]
 fn completions_and_manual_pages_come_from_the_command_line_itself() {
     for shell in ["bash", "zsh", "fish"] {

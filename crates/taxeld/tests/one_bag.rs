@@ -1,5 +1,5 @@
 //! Two patches in one bag: one command, one ramp, a session and a model set for each.
-#![cfg(all(feature = "sim", feature = "client"))]
+#![cfg(feature = "sim")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 use std::path::Path;

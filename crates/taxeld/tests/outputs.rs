@@ -85,7 +85,7 @@ fn no_output_takes_the_name_of_a_file_of_the_store_or_of_the_configuration() {
         let force = vec!["replay", &log, "--config", &config, "--force", &out];
         let models = vec!["replay", &log, "--config", &config, "--calibrate", "--out", &out];
         let mut commands = vec![force, models];
-        if cfg!(feature = "certificate") && cfg!(feature = "client") && name != "t.log" {
+        if cfg!(feature = "certificate") && name != "t.log" {
             commands.push(vec!["certificate", "--config", &config, "--out", &out]);
         }
         for command in commands {
@@ -101,7 +101,6 @@ fn no_output_takes_the_name_of_a_file_of_the_store_or_of_the_configuration() {
     assert!(text(&output.stderr).contains("would be overwritten by the output"), "{}", text(&output.stderr));
 }
 
-#[cfg(feature = "client")]
 #[test]
 fn no_output_takes_the_name_of_a_file_that_a_connection_is_made_with() {
     let folder = scratch();

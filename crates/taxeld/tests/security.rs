@@ -1,6 +1,6 @@
 //! The documented way to certificates and tokens, word for word, and a daemon that lives by them.
 
-#![cfg(all(feature = "sim", feature = "tls"))]
+#![cfg(feature = "sim")]
 #![allow(clippy::unwrap_used, clippy::panic)] // clippy exempts only functions that are tests themselves
 
 use std::io::Write;
@@ -383,7 +383,6 @@ async fn a_grant_that_was_deleted_while_the_daemon_started_counts_no_more_after_
     assert_eq!(refused.code(), Code::PermissionDenied, "{refused}");
 }
 
-#[cfg(feature = "client")]
 #[tokio::test]
 async fn the_commands_come_over_tls_with_certificates_and_not_without() {
     if !openssl() {

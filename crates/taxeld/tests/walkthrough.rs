@@ -1,5 +1,5 @@
 //! The walk-through as it stands: its lines are run by a shell.
-#![cfg(all(feature = "sim", feature = "client"))]
+#![cfg(feature = "sim")]
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 mod demo;

@@ -37,13 +37,11 @@ enum Format {
     /// A table: figures of the session and its zeros, then seconds since the first scan, kPa, and a count a taxel.
     Csv,
     /// A container of messages: the session, the zeros of its ramps, its samples.
-    #[cfg(feature = "record")]
     Mcap,
 }
 
 impl ExportArgs {
     fn format(&self) -> Format {
-        #[cfg(feature = "record")]
         if self.format.is_none() && self.out.extension().is_some_and(|end| end == "mcap") {
             return Format::Mcap;
         }
@@ -62,7 +60,6 @@ pub async fn export(args: &ExportArgs) -> Outcome {
     let blocks = daemon.calibration().export_samples(request).await?.into_inner();
     let Exported { written, in_all } = match args.format() {
         Format::Csv => csv(&args.out, blocks).await?,
-        #[cfg(feature = "record")]
         Format::Mcap => super::export_mcap::mcap(&daemon, args.session, &args.out, blocks).await?,
     };
     if in_all == 0 && written == 0 {
