@@ -27,7 +27,6 @@ mod judge;
 mod log_words;
 mod logs;
 mod missing;
-mod named_files;
 mod obstacles;
 mod offline;
 mod open_log;
@@ -48,7 +47,6 @@ mod replay;
 mod report;
 mod run;
 mod runtime;
-mod same_file;
 mod scan;
 mod serving;
 mod set_loads;
@@ -228,11 +226,7 @@ fn dispatch(command: Subcommands) -> anyhow::Result<()> {
         Subcommands::Store(args) => store_command::store(&args),
         Subcommands::Replay(args) => {
             let (config, scene) = load(&args.config)?;
-            let ReplayArgs { log, config: file, speed, calibrate, out, models, force } = args;
-            let outputs: Vec<&PathBuf> = out.iter().chain(&force).collect();
-            let mut inputs = crate::named_files::named_files(&config, &scene.doors, &file);
-            inputs.extend(open_log::files_of(&log).into_iter().chain(models.clone()));
-            same_file::refuse_overwriting(&outputs, &inputs)?;
+            let ReplayArgs { log, speed, calibrate, out, models, force, .. } = args;
             replay::replay(replay::Request { log, speed, calibrate, out, models, force }, config, scene)
         }
         Subcommands::Setup(args) => setup::setup(&args),

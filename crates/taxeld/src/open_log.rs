@@ -3,7 +3,7 @@
 
 use std::fs::File;
 use std::io::{Cursor, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Context;
 use taxel_can::LogReader;
@@ -46,16 +46,6 @@ pub fn open_log(path: &Path, wanted: Wanted) -> anyhow::Result<LogReader> {
     } else {
         Ok(LogReader::from_reader(name, whole, wanted.interface)?)
     }
-}
-
-/// The files of a log: itself, or the recordings of a folder.
-pub fn files_of(log: &Path) -> Vec<PathBuf> {
-    if log.is_dir() { files_of_folder(log) } else { vec![log.to_owned()] }
-}
-
-fn files_of_folder(folder: &Path) -> Vec<PathBuf> {
-    let files = taxel_mcap::Folder::list(folder).unwrap_or_default();
-    files.iter().map(|(file, _)| folder.join(file.to_string())).collect()
 }
 
 fn recording(name: String, file: impl Read + Send + 'static, wanted: Wanted) -> anyhow::Result<LogReader> {

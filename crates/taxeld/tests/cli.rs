@@ -412,15 +412,6 @@ fn a_replay_calibrates_counts_what_it_cannot_use_and_is_bit_identical() {
 }
 
 #[test]
-fn a_replay_whose_models_and_force_would_be_one_file_writes_nothing() {
-    let folder = scratch(&[("t.toml", CONFIG), ("t.log", &log())]);
-    let [config, log, out, force] = ["t.toml", "t.log", "new", "./new"].map(|name| path(folder.path(), name));
-    let said = fails(&["replay", &log, "--config", &config, "--calibrate", "70", "--out", &out, "--force", &force]);
-    assert!(said.contains("two outputs go to one file"), "{said}");
-    assert!(!Path::new(&out).exists());
-}
-
-#[test]
 fn a_log_that_is_too_short_or_not_there_is_told() {
     let still: String = log().lines().take(100).map(|line| format!("{line}\n")).collect();
     let folder = scratch(&[("t.toml", CONFIG), ("t.log", &still)]);

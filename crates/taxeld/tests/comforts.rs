@@ -61,34 +61,6 @@ fn scratch() -> (tempfile::TempDir, [String; 3]) {
     (folder, names)
 }
 
-#[test]
-fn an_output_that_is_an_input_is_refused_and_nothing_is_written() {
-    let (_folder, [data, models, _]) = scratch();
-    let before = std::fs::read(&data).unwrap();
-    let said = fails(&taxeld(&["fit", &data, "--out", &data]));
-    assert!(said.contains("would be overwritten"), "{said}");
-    succeeds(&taxeld(&["fit", &data, "--out", &models]));
-    let set = std::fs::read(&models).unwrap();
-    for arguments in [["apply", &models, &data, "--out", &data], ["apply", &models, &data, "--out", &models]] {
-        assert!(fails(&taxeld(&arguments)).contains("would be overwritten"), "{arguments:?}");
-    }
-    let said = fails(&taxeld(&["apply", &models, &data, "--out", "-", "--sigma", &data]));
-    assert!(said.contains("would be overwritten"), "{said}");
-    assert!(std::fs::read(&data).unwrap() == before && std::fs::read(&models).unwrap() == set);
-}
-
-#[test]
-fn two_outputs_that_are_one_are_refused_and_nothing_is_written() {
-    let (_folder, [data, models, pressure]) = scratch();
-    succeeds(&taxeld(&["fit", &data, "--out", &models]));
-    let again = pressure.replace("pressure.csv", "./pressure.csv");
-    for (out, sigma) in [(&pressure, &pressure), (&pressure, &again), (&"-".to_owned(), &"-".to_owned())] {
-        let said = fails(&taxeld(&["apply", &models, &data, "--out", out, "--sigma", sigma]));
-        assert!(said.contains("two outputs go to "), "{said}");
-    }
-    assert!(!std::path::Path::new(&pressure).exists());
-}
-
 /// Models of a table know no count at rest, and a zero that is asked for by the second has nothing to be compared with.
 #[test]
 fn an_apply_that_reads_no_taxel_says_why_and_writes_nothing() {

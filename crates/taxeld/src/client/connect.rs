@@ -65,12 +65,6 @@ impl Server {
         Some(self.patch.as_str()).filter(|patch| !patch.is_empty())
     }
 
-    /// The files that the connection is made with: no output may overwrite one.
-    pub fn files(&self) -> Vec<PathBuf> {
-        let Certificates { ca, certificate, key, .. } = &self.certificates;
-        [&self.token, ca, certificate, key].into_iter().flatten().cloned().collect()
-    }
-
     /// Opens the connection.
     ///
     /// # Errors

@@ -13,7 +13,6 @@ use super::exported::Exported;
 use super::failure::{Failure, Outcome};
 use crate::files;
 use crate::output::{Output, quiet_end};
-use crate::same_file::refuse_overwriting;
 
 /// Which session, and where it goes.
 #[derive(Debug, clap::Args)]
@@ -54,7 +53,6 @@ impl ExportArgs {
 /// # Errors
 /// No such session, one without samples, a file that cannot be written, or no daemon.
 pub async fn export(args: &ExportArgs) -> Outcome {
-    refuse_overwriting(&[&args.out], &args.server.files()).map_err(|why| Failure::refused(why.to_string()))?;
     let daemon = args.server.connect().await?;
     let request = ExportSamplesRequest { session: args.session };
     let blocks = daemon.calibration().export_samples(request).await?.into_inner();

@@ -17,7 +17,6 @@ use super::places::Places;
 use super::{ask, json, table};
 use crate::files;
 use crate::output;
-use crate::same_file::refuse_overwriting;
 
 /// Model sets: what sessions produced.
 #[derive(Debug, clap::Args)]
@@ -108,7 +107,6 @@ pub async fn models(args: ModelsArgs) -> Outcome {
         ModelsCommand::List(of) => list(&of).await,
         ModelsCommand::Show { of, model_set, taxel } => show(&of, model_set.as_deref(), taxel).await,
         ModelsCommand::Export { of, model_set, out } => {
-            refuse_overwriting(&[&out], &of.server.files())?;
             let daemon = of.server.connect().await?;
             let model_set = wanted(&daemon, model_set.as_deref()).await?;
             let request = ExportModelSetRequest { model_set, patch: daemon.patch() };

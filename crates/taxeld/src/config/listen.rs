@@ -39,15 +39,6 @@ pub struct Doors {
 }
 
 impl Doors {
-    /// Sockets, certificates and keys, and the tokens.
-    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
-        let socket = |door: &Door| match door {
-            Door::Unix { path, .. } => Some(path.clone()),
-            Door::Tcp(_) | Door::Tls { .. } => None,
-        };
-        self.doors.iter().filter_map(socket).chain(self.credentials())
-    }
-
     /// Certificates and keys, and the tokens.
     pub fn credentials(&self) -> impl Iterator<Item = PathBuf> {
         let of_door = |door: &Door| match door {

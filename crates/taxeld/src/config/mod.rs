@@ -37,9 +37,7 @@ pub use examine::{Problems, examine, examine_text, examine_with, read_text};
 pub use fault::Fault;
 pub use file::Config;
 pub use listen::Doors;
-#[cfg(test)]
-pub use listen::doors;
-pub use load::{beside, parse};
+pub use load::parse;
 pub use log_filter::log_filter;
 pub use modules::KindWord;
 pub use modules::written as modules_written;
