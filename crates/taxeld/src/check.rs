@@ -226,7 +226,7 @@ fn threads(config: &Config) -> Vec<String> {
     }
     let beside =
         "models are fitted, sets of them and files read again, accounts looked up; one for each such thing at a time";
-    threads.push(format!("tokio-rt-worker: {beside}, of which engine, service, page and record each keep one"));
+    threads.push(format!("tokio-rt-worker: {beside}"));
     threads
 }
 

@@ -16,8 +16,6 @@ mod config;
 mod credentials;
 #[cfg(feature = "sim")]
 mod demo;
-#[cfg(feature = "sim")]
-mod demo_effects;
 mod doors;
 mod driver;
 mod files;

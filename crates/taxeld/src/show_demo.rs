@@ -11,7 +11,7 @@ use indicatif::ProgressBar;
 use taxel_engine::model_set::ModelSet;
 use taxel_engine::plan::{Outputs, Plan};
 use taxel_rpc::Rules;
-use taxel_sim::{Effect, STANDARD_GRAVITY};
+use taxel_sim::STANDARD_GRAVITY;
 use taxel_skin::{BusIndex, Geometry};
 use taxel_store::models_json;
 
@@ -51,10 +51,6 @@ pub struct DemoArgs {
     /// Leave the area of excluded taxels out of the force, as the paper does.
     #[arg(long)]
     no_fill: bool,
-    /// Only say what the force error is made of: a table over what makes a real skin worse than an ideal one, each by
-    /// itself and all together, beside the paper's recipe. Takes a minute for ten skins.
-    #[arg(long, conflicts_with_all = ["svg", "bare", "listen", "shared_memory"])]
-    effects: bool,
     /// Draw measured against true force as a picture.
     #[arg(long, value_name = "FILE")]
     svg: Option<PathBuf>,
@@ -67,9 +63,6 @@ pub struct DemoArgs {
 pub fn demo(args: &DemoArgs) -> anyhow::Result<()> {
     let (config, scene) = scene(!args.no_fill)?;
     let plan = Arc::new(scene.plan.clone());
-    if args.effects {
-        return crate::demo_effects::print(&plan, args.seed..args.seed + args.skins);
-    }
     if args.shared_memory.is_some() {
         try_folder(&pages_section(args)?)?; // what cannot be had is told before the work, and not after it
     }
@@ -118,7 +111,7 @@ fn procedures(args: &DemoArgs, plan: &Arc<Plan>) -> anyhow::Result<Vec<Outcome>>
     let mut outcomes = Vec::new();
     for seed in args.seed..args.seed + args.skins {
         let begun = Instant::now();
-        let outcome = procedure(plan, seed, &Effect::ALL, &|what| {
+        let outcome = procedure(plan, seed, &|what| {
             if begun.elapsed() > Duration::from_secs(1) {
                 bar.set_message(what.to_owned());
             }

@@ -219,60 +219,6 @@ async fn a_disk_that_hangs_does_not_keep_the_process_and_its_exit_code_says_so()
     assert!(daemon.log().contains("some parts did not close in time"), "{}", daemon.log());
 }
 
-/// The threads of a start in their order, behind that of the log, without which it starts all the same.
-#[test]
-fn a_start_without_a_thread_says_so_and_closes_what_it_has_opened() {
-    let of = |thread| format!("starting the thread `{thread}`: ");
-    let with_runtime = |thread| [of(thread), format!("a runtime for the thread `{thread}`: ")];
-    let store = "the store failed: cannot start its thread: ".to_owned();
-    let mut said = vec![String::new(), store];
-    said.extend(with_runtime("page"));
-    said.extend(["recorder"].map(of));
-    said.extend(["record", "service"].into_iter().flat_map(with_runtime));
-    said.extend(["sim-bus"].map(of));
-    let mut number = 2;
-    for said in said {
-        let mut daemon = Daemon::start(|command, folder| {
-            let library = compiled(folder, include_str!("thread_faults.c"));
-            command.env("LD_PRELOAD", library).env("THREAD_AT", number.to_string());
-            let recordings = folder.join("recordings");
-            let sections = "[page]\nlisten = \"127.0.0.1:0\"\n[[listen]]\nunix = \"socket\"\n[record]\npath = ";
-            configured(folder, &format!("{sections}\"{}\"\n", recordings.display()));
-        });
-        assert_eq!(daemon.child.wait().unwrap().code(), Some(1), "{said}{}", daemon.log());
-        let log = daemon.log();
-        let told = format!("{said}Resource temporarily unavailable");
-        assert!(log.contains(&told) && !log.contains("panicked"), "thread {number}, {told}: {log}");
-        let mark = daemon.folder.path().join("disk/store.db-open");
-        assert!(number < 5 || !mark.exists(), "{told}: the store is not closed");
-        // Where there is a thread for a runtime, there is one for its other.
-        number += if said.is_empty() || said.contains("runtime") { 2 } else { 1 };
-    }
-}
-
-/// As under a limit of the unit that others have used up.
-#[tokio::test]
-async fn a_daemon_that_gets_no_further_thread_does_all_it_is_asked_for_and_closes_its_store() {
-    let mut daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("thread_faults.c"));
-        command.env("LD_PRELOAD", library).env("THREAD_WHEN", folder.join("spent"));
-        configured(folder, "[[listen]]\nunix = \"socket\"\n");
-    });
-    let mut stream = daemon.stream().await;
-    daemon.tared(&mut stream).await; // by now all has been started
-    std::fs::write(daemon.folder.path().join("spent"), "").unwrap();
-    daemon.tare().await.unwrap();
-    // Whose account it is, the system is asked beside the streams.
-    let socket = format!("unix:{}", daemon.folder.path().join("socket").display());
-    let audit = Command::new(env!("CARGO_BIN_EXE_taxeld")).args(["audit", "--server", &socket]).output().unwrap();
-    assert!(audit.status.success(), "{}", String::from_utf8_lossy(&audit.stderr));
-    assert!(Command::new("kill").arg(daemon.child.id().to_string()).status().unwrap().success());
-    assert_eq!(daemon.child.wait().unwrap().code(), Some(0), "{}", daemon.log());
-    let log = daemon.log();
-    assert!(!log.contains("panicked") && !log.contains("ERROR"), "{log}");
-    assert!(!daemon.folder.path().join("disk/store.db-open").exists(), "the store is not closed");
-}
-
 #[tokio::test]
 async fn a_daemon_without_a_descriptor_left_goes_on_and_takes_connections_again_when_it_has_some() {
     let daemon = Daemon::start(|command, _| {
