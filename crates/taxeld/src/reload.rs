@@ -45,10 +45,10 @@ pub async fn keep(
         }
         let file = reload.as_ref().filter(|_| asked).map(|(_, reload)| reload.clone());
         let read = tokio::task::spawn_blocking(move || {
+            credentials.look(asked); // before the configuration, of which a disk that hangs may be in the way
             if let Some(rules) = file.and_then(|file| file.again()) {
                 credentials.regrant(rules);
             }
-            credentials.look(asked);
             credentials
         });
         let Some(read) = cancel.run_until_cancelled(read).await else { return Ok(()) };

@@ -1,8 +1,6 @@
 //! What a machine may be short of: a disk that takes long for each write, as worn flash does, file descriptors, somebody who
 //! reads the log, memory to share, and the hours for which it slept. The force goes on meanwhile, or is not believed. A write
 //! takes half a second, or as many milliseconds as TAXELD_SLOW_MS says.
-#![cfg(feature = "sim")]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 use std::fs::File;
 use std::io::{BufRead, BufReader};
@@ -56,7 +54,7 @@ impl Daemon {
     /// One whose disk is slow while there is a file `slow`.
     fn with_slow_disk() -> Self {
         Self::start(|command, folder| {
-            let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+            let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
             let milliseconds = std::env::var("TAXELD_SLOW_MS").unwrap_or_else(|_| "500".to_owned());
             command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", milliseconds);
             command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("slow"));
@@ -193,7 +191,7 @@ async fn the_force_goes_on_while_the_disk_takes_long_for_each_write() {
 fn a_start_that_fails_after_the_store_was_opened_closes_it() {
     let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
     let mut daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+        let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
         command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", "20");
         command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("taxeld.toml"));
         configured(folder, &format!("[metrics]\nlisten = \"{}\"\n", taken.local_addr().unwrap()));
@@ -208,7 +206,7 @@ fn a_start_that_fails_after_the_store_was_opened_closes_it() {
 #[tokio::test]
 async fn a_disk_that_hangs_does_not_keep_the_process_and_its_exit_code_says_so() {
     let mut daemon = Daemon::start(|command, folder| {
-        let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+        let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
         command.env("LD_PRELOAD", library).env("FAULT", "slow").env("FAULT_MS", "3600000");
         command.env("FAULT_DIR", folder.join("disk")).env("FAULT_WHEN", folder.join("hangs"));
     });
@@ -265,7 +263,7 @@ async fn a_page_that_cannot_be_made_is_told_by_the_health_and_all_else_runs() {
             publishing(folder, memory.path());
             match in_the_way {
                 "" => {
-                    let library = compiled(folder, include_str!("../../taxel-store/src/tests/disk_faults.c"));
+                    let library = compiled(folder, include_str!("../../../taxel-store/src/tests/disk_faults.c"));
                     command.env("LD_PRELOAD", library).env("FAULT", "enospc").env("FAULT_DIR", memory.path());
                 }
                 "." => std::fs::set_permissions(memory.path(), PermissionsExt::from_mode(0o777)).unwrap(),
@@ -345,7 +343,7 @@ async fn a_sleep_of_the_machine_is_noticed_when_it_wakes_up() {
     let daemon = Daemon::start(|command, folder| {
         publishing(folder, memory.path());
         configured(folder, &format!("[record]\npath = \"{}\"\n", folder.join("recordings").display()));
-        let library = compiled(folder, include_str!("sleep_faults.c"));
+        let library = compiled(folder, include_str!("../sleep_faults.c"));
         command.env("LD_PRELOAD", library);
         command.env("SERVICE_WOKE", folder.join("service")).env("SLEPT_AN_HOUR", folder.join("slept"));
     });

@@ -1,15 +1,12 @@
 //! What a command line owes its users: no input overwritten, pipes, failures that scripts see, messages of a bearable
 //! length, completions and manual pages.
-#![allow(clippy::unwrap_used, clippy::expect_used)] // a test's helpers fail as the test does
 
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
-fn taxeld(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).stdin(Stdio::null()).output().unwrap()
-}
+use crate::common::{taxeld, text};
 
 /// The same with something on its standard input.
 fn piped(arguments: &[&str], input: &str) -> Output {
@@ -22,10 +19,6 @@ fn piped(arguments: &[&str], input: &str) -> Output {
     let output = child.wait_with_output().unwrap();
     writer.join().unwrap();
     output
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
 }
 
 /// What a command that must fail with code 1 says.

@@ -1,31 +1,10 @@
 //! The programme as its users start it.
-#![allow(clippy::unwrap_used, clippy::expect_used)] // a test's helpers fail as the test does
 
 use std::fmt::Write as _;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
-fn taxeld(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_taxeld")).args(arguments).output().unwrap()
-}
-
-fn text(bytes: &[u8]) -> String {
-    String::from_utf8_lossy(bytes).into_owned()
-}
-
-/// What a command that must succeed prints.
-fn succeeds(arguments: &[&str]) -> String {
-    let output = taxeld(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
-    text(&output.stdout)
-}
-
-/// What a command that must fail says.
-fn fails(arguments: &[&str]) -> String {
-    let output = taxeld(arguments);
-    assert!(!output.status.success(), "{arguments:?} succeeded: {}", text(&output.stdout));
-    text(&output.stderr)
-}
+use crate::common::{fails, path, scratch, succeeds, text};
 
 const CONFIG: &str = r#"
 [store]
@@ -77,18 +56,6 @@ fn log() -> String {
     }
     log.push_str("(1600000040.000000) can0 4D0#40F0F0\n"); // a head that is too short
     log
-}
-
-fn scratch(files: &[(&str, &str)]) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, content) in files {
-        std::fs::write(folder.path().join(name), content).unwrap();
-    }
-    folder
-}
-
-fn path(folder: &Path, name: &str) -> String {
-    folder.join(name).to_str().unwrap().to_owned()
 }
 
 #[test]

@@ -1,7 +1,5 @@
 //! The daemon as a service: what it tells the service manager, and what signals do. A real process, and a socket that
 //! plays the service manager.
-#![cfg(feature = "sim")]
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test's helpers fail as the test does
 
 use std::fs::File;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
